@@ -1,0 +1,17 @@
+//! CANopen without I/O: every protocol is a state machine that is handed frames and an
+//! [`Instant`] and hands back frames and the next instant it wants to be called.
+//!
+//! - [`frame`], [`id`]: what travels on the wire (CAN 2.0A/B, CiA 301 pre-defined connection set)
+//! - [`time`]: instants that are handed in, never read
+//!
+//! Nothing here opens a socket, starts a thread, reads a clock or logs, and nothing allocates
+//! after construction.
+#![forbid(unsafe_code)]
+
+pub mod frame;
+pub mod id;
+pub mod time;
+
+pub use frame::{Frame, Transmit};
+pub use id::{CanId, CobId, NodeId};
+pub use time::Instant;

@@ -1,0 +1,1 @@
+//! The machine: configuration, bring-up, SYNC cycle, supervision, programs, recording, reports.

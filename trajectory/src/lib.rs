@@ -1,0 +1,4 @@
+//! Jerk-limited trajectories: planned exactly, certified by a checker that does not trust the planner.
+//!
+//! This crate knows nothing of CAN. It opens no socket, starts no thread, reads no clock.
+#![forbid(unsafe_code)]
