@@ -1,0 +1,60 @@
+//! The `syncline` command line: one module a subcommand, each with its `Args` and an `execute`.
+
+use clap::{Parser, Subcommand};
+use std::process::ExitCode;
+
+/// Multi-axis motion controller for CANopen servo drives.
+///
+/// Exit codes: 0 finished, 1 stopped by a fault or failed validation, 2 bad input, 130 interrupted.
+#[derive(Debug, Parser)]
+#[command(name = "syncline", version, max_term_width = 100)]
+pub struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {}
+
+impl Cli {
+    /// Runs the chosen subcommand to its end.
+    #[must_use]
+    pub fn execute(self) -> Exit {
+        match self.command {}
+    }
+}
+
+/// How a command ended, as the shell sees it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Exit {
+    /// The program finished or the input is good.
+    Finished,
+    /// A fault stopped the machine, or a validation failed.
+    Stopped,
+    /// The input is bad; nothing moved.
+    BadInput,
+    /// The user stopped the machine.
+    Interrupted,
+}
+
+impl From<Exit> for ExitCode {
+    fn from(exit: Exit) -> Self {
+        Self::from(match exit {
+            Exit::Finished => 0,
+            Exit::Stopped => 1,
+            Exit::BadInput => 2,
+            Exit::Interrupted => 130,
+        })
+    }
+}
+
+/// Prints an error with everything that caused it, one line, to standard error.
+pub fn report(error: &(dyn std::error::Error + 'static)) {
+    eprint!("error: {error}");
+    let mut cause = error.source();
+    while let Some(error) = cause {
+        eprint!(": {error}");
+        cause = error.source();
+    }
+    eprintln!();
+}

@@ -1,0 +1,141 @@
+//! One CAN bus as the cycle uses it.
+//!
+//! The controller never talks to a bus: it fills an [`Outbox`] and is handed [`Received`] frames.
+//! A [`Port`] carries both over one bus with a number of system calls that does not grow with
+//! the number of frames.
+
+use syncline_canopen::{Frame, Instant, Transmit};
+
+/// Most frames in one burst: every R_PDO of a bus in one cycle.
+pub const BURST_CAPACITY: usize = 64;
+
+/// A frame that came in, or one of our own that left (transmit echo).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Received {
+    /// End of frame, as well as the port can tell.
+    pub at: Instant,
+    /// The frame.
+    pub frame: Frame,
+    /// Whether this is the echo of a frame that we sent.
+    pub echo: bool,
+}
+
+/// What the controller wants sent on one bus after one wake-up, by priority band.
+#[derive(Clone, Debug, Default)]
+pub struct Outbox {
+    /// SYNC: leaves first, on its own.
+    pub sync: Option<Frame>,
+    /// The R_PDOs of one cycle: all leave, or none.
+    pub burst: FrameBuf,
+    /// SDO, NMT, heartbeat: in order, behind everything else.
+    pub acyclic: FrameBuf,
+}
+
+impl Outbox {
+    /// Forgets everything.
+    pub fn clear(&mut self) {
+        self.sync = None;
+        self.burst.clear();
+        self.acyclic.clear();
+    }
+}
+
+/// A fixed-capacity run of frames; nothing allocates.
+#[derive(Clone, Debug)]
+pub struct FrameBuf {
+    frames: [Frame; BURST_CAPACITY],
+    len: usize,
+}
+
+impl FrameBuf {
+    /// Forgets everything.
+    pub fn clear(&mut self) {
+        self.len = 0;
+    }
+
+    /// The frames in order.
+    #[must_use]
+    pub fn as_slice(&self) -> &[Frame] {
+        &self.frames[..self.len]
+    }
+
+    /// The frames in order, to be sorted.
+    pub fn as_mut_slice(&mut self) -> &mut [Frame] {
+        &mut self.frames[..self.len]
+    }
+
+    /// Room left, in frames.
+    #[must_use]
+    pub fn room(&self) -> usize {
+        BURST_CAPACITY - self.len
+    }
+}
+
+impl Default for FrameBuf {
+    fn default() -> Self {
+        Self {
+            frames: [Frame::new(syncline_canopen::CobId::SYNC, &[]); BURST_CAPACITY],
+            len: 0,
+        }
+    }
+}
+
+/// Frames beyond the capacity are a defect of the caller.
+impl Transmit for FrameBuf {
+    fn transmit(&mut self, frame: Frame) {
+        self.frames[self.len] = frame;
+        self.len += 1;
+    }
+}
+
+/// What became of a burst.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Burst {
+    /// Every frame is in the transmit queue.
+    Queued,
+    /// The queue was full: no frame of it was queued.
+    Dropped,
+    /// Only the first `queued` frames fitted.
+    Torn {
+        /// Frames queued.
+        queued: usize,
+    },
+}
+
+/// One CAN bus. Errors are those of the interface itself; what a peer does wrong is a frame.
+pub trait Port {
+    /// Hands over everything that arrived since the last call, oldest first.
+    ///
+    /// # Errors
+    /// The interface is gone or reports a bus fault.
+    fn receive(&mut self, sink: &mut dyn FnMut(Received)) -> Result<(), PortError>;
+
+    /// Sends SYNC ahead of everything else.
+    ///
+    /// # Errors
+    /// The interface is gone or its queue is full.
+    fn send_sync(&mut self, frame: &Frame) -> Result<(), PortError>;
+
+    /// Sends one cycle's R_PDOs in the given order: all or none.
+    ///
+    /// # Errors
+    /// The interface is gone.
+    fn send_burst(&mut self, frames: &[Frame]) -> Result<Burst, PortError>;
+
+    /// Sends acyclic frames behind everything else; what does not fit is lost and retried by its
+    /// protocol's time-out.
+    ///
+    /// # Errors
+    /// The interface is gone.
+    fn send_acyclic(&mut self, frames: &[Frame]) -> Result<(), PortError>;
+}
+
+/// Why a bus cannot be used (any longer).
+#[derive(Debug, thiserror::Error)]
+#[error("bus {bus}: {what}")]
+pub struct PortError {
+    /// The bus as the machine file names it.
+    pub bus: String,
+    /// What happened, with what to type to mend it where that is known.
+    pub what: String,
+}
