@@ -1,4 +1,10 @@
 //! Device models, their simulated twins and the simulated CAN bus.
 //!
+//! - [`bus`]: CAN in virtual time
+//! - `twin`: drives that a master cannot tell from the real ones
+//! - `model`: what the controller knows of them
+//!
 //! `twin` never imports `model`: a mistake shared by both would hide itself.
 #![forbid(unsafe_code)]
+
+pub mod bus;
