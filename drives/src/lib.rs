@@ -2,9 +2,10 @@
 //!
 //! - [`bus`]: CAN in virtual time
 //! - `twin`: drives that a master cannot tell from the real ones
-//! - `model`: what the controller knows of them
+//! - [`model`]: what the controller knows of them
 //!
 //! `twin` never imports `model`: a mistake shared by both would hide itself.
 #![forbid(unsafe_code)]
 
 pub mod bus;
+pub mod model;

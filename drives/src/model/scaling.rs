@@ -1,0 +1,233 @@
+//! Millimetres to increments and back: the one place where this happens.
+
+use core::{
+    fmt,
+    ops::{Add, AddAssign, Sub},
+};
+use thiserror::Error;
+
+/// A drive's position in encoder increments. 64 bits, so that sums and differences of what a
+/// drive can send (32 bits) are exact.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Increments(i64);
+
+impl Increments {
+    /// Zero.
+    pub const ZERO: Self = Self(0);
+    /// The least position that a drive's INTEGER32 holds.
+    pub const MIN: Self = Self(i32::MIN as i64);
+    /// The greatest position that a drive's INTEGER32 holds.
+    pub const MAX: Self = Self(i32::MAX as i64);
+
+    /// `count` increments.
+    #[must_use]
+    pub const fn new(count: i64) -> Self {
+        Self(count)
+    }
+
+    /// The count.
+    #[must_use]
+    pub const fn get(self) -> i64 {
+        self.0
+    }
+
+    /// As a drive's object holds it.
+    ///
+    /// # Errors
+    /// If it does not fit an INTEGER32.
+    pub fn to_i32(self) -> Result<i32, OutOfRange> {
+        i32::try_from(self.0).map_err(|_| OutOfRange)
+    }
+}
+
+impl From<i32> for Increments {
+    fn from(count: i32) -> Self {
+        Self(count.into())
+    }
+}
+
+impl Add for Increments {
+    type Output = Self;
+
+    fn add(self, rhs: Self) -> Self {
+        Self(self.0 + rhs.0)
+    }
+}
+
+impl AddAssign for Increments {
+    fn add_assign(&mut self, rhs: Self) {
+        self.0 += rhs.0;
+    }
+}
+
+impl Sub for Increments {
+    type Output = Self;
+
+    fn sub(self, rhs: Self) -> Self {
+        Self(self.0 - rhs.0)
+    }
+}
+
+impl fmt::Display for Increments {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.fmt(f)
+    }
+}
+
+/// A position that no INTEGER32 of increments holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
+#[error("position outside the drive's range of -2147483648…2147483647 increments")]
+pub struct OutOfRange;
+
+/// Which way the motor turns when the axis moves in its positive direction.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Direction {
+    /// The encoder counts up.
+    #[default]
+    Positive,
+    /// The encoder counts down, as on the mirrored side of a gantry.
+    Negative,
+}
+
+/// How an axis's millimetres and a drive's increments belong together.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Scaling {
+    increments_per_revolution: f64,
+    /// Signed by the direction.
+    mm_per_revolution: f64,
+    zero: Increments,
+}
+
+impl Scaling {
+    /// `zero` is what the drive reports at machine position 0.
+    ///
+    /// # Panics
+    /// If `mm_per_revolution` is not positive and finite.
+    #[must_use]
+    pub fn new(
+        increments_per_revolution: u32,
+        mm_per_revolution: f64,
+        direction: Direction,
+        zero: Increments,
+    ) -> Self {
+        assert!(mm_per_revolution > 0.0 && mm_per_revolution.is_finite());
+        Self {
+            increments_per_revolution: increments_per_revolution.into(),
+            mm_per_revolution: match direction {
+                Direction::Positive => mm_per_revolution,
+                Direction::Negative => -mm_per_revolution,
+            },
+            zero,
+        }
+    }
+
+    /// The drive's position at machine position `mm`, to the nearest increment. Halves go away
+    /// from zero, so that the two sides of a mirrored gantry round alike.
+    ///
+    /// Every call converts an absolute position: nothing accumulates.
+    ///
+    /// # Errors
+    /// If the position is not finite or outside the drive's INTEGER32.
+    pub fn to_increments(&self, mm: f64) -> Result<Increments, OutOfRange> {
+        // A power of two per revolution: the product is exact, so that only the quotient rounds.
+        let from_zero = (mm * self.increments_per_revolution / self.mm_per_revolution).round();
+        // Beyond 2⁵³ an f64 has no single increments left; NaN fails the comparison too.
+        if from_zero.abs() < 9_007_199_254_740_992.0 {
+            let position = Increments(from_zero as i64) + self.zero;
+            position.to_i32()?;
+            Ok(position)
+        } else {
+            Err(OutOfRange)
+        }
+    }
+
+    /// The machine position in mm at the drive's `position`.
+    #[must_use]
+    pub fn to_mm(&self, position: Increments) -> f64 {
+        self.length((position - self.zero).0)
+    }
+
+    /// One increment in mm.
+    #[must_use]
+    pub fn resolution(&self) -> f64 {
+        self.length(1).abs()
+    }
+
+    /// A length in increments, rounded up, at least one and at most what an INTEGER32 holds.
+    #[must_use]
+    pub fn magnitude(&self, mm: f64) -> Increments {
+        let count = (mm * self.increments_per_revolution / self.mm_per_revolution).abs();
+        Increments(count.ceil().clamp(1.0, i32::MAX.into()) as i64)
+    }
+
+    fn length(&self, increments: i64) -> f64 {
+        increments as f64 * self.mm_per_revolution / self.increments_per_revolution
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn scaling(direction: Direction, zero: i64) -> Scaling {
+        Scaling::new(131_072, 10.0, direction, Increments::new(zero))
+    }
+
+    #[test]
+    fn a_revolution_is_131072_increments_of_ten_millimetres() {
+        let axis = scaling(Direction::Positive, 1000);
+        assert_eq!(axis.to_increments(0.0), Ok(Increments::new(1000)));
+        assert_eq!(axis.to_increments(10.0), Ok(Increments::new(132_072)));
+        assert_eq!(axis.to_mm(Increments::new(132_072)), 10.0);
+        let mirrored = scaling(Direction::Negative, 1000);
+        assert_eq!(mirrored.to_increments(10.0), Ok(Increments::new(-130_072)));
+        assert_eq!(mirrored.to_mm(Increments::new(-130_072)), 10.0);
+    }
+
+    #[test]
+    fn halves_round_away_from_zero_on_both_sides() {
+        let half = 10.0 / 131_072.0 / 2.0;
+        for direction in [Direction::Positive, Direction::Negative] {
+            let axis = scaling(direction, 0);
+            let up = axis.to_increments(half).unwrap().get();
+            let down = axis.to_increments(-half).unwrap().get();
+            assert_eq!((up.abs(), down), (1, -up));
+        }
+    }
+
+    #[test]
+    fn what_does_not_fit_32_bits_is_refused() {
+        let axis = scaling(Direction::Positive, 0);
+        assert_eq!(
+            axis.to_increments(-163_840.0),
+            Ok(Increments::new(i32::MIN.into()))
+        );
+        for mm in [163_840.0, -163_840.1, f64::NAN, f64::INFINITY, 1e300] {
+            assert_eq!(axis.to_increments(mm), Err(OutOfRange), "{mm}");
+        }
+        assert_eq!(
+            scaling(Direction::Positive, i32::MAX.into()).to_increments(0.001),
+            Err(OutOfRange)
+        );
+    }
+
+    proptest! {
+        #[test]
+        fn every_increment_comes_back(
+            position: i32, zero in -1_000_000i64..1_000_000, pitch in 0.1..500.0, mirrored: bool,
+        ) {
+            let direction = if mirrored { Direction::Negative } else { Direction::Positive };
+            let axis = Scaling::new(131_072, pitch, direction, Increments::new(zero));
+            let position = Increments::from(position);
+            prop_assert_eq!(axis.to_increments(axis.to_mm(position)), Ok(position));
+        }
+
+        #[test]
+        fn no_position_is_off_by_more_than_half_an_increment(mm in -100_000.0..100_000.0) {
+            let axis = scaling(Direction::Positive, 77);
+            let back = axis.to_mm(axis.to_increments(mm).unwrap());
+            prop_assert!((back - mm).abs() <= axis.resolution() * 0.500_001);
+        }
+    }
+}
