@@ -2,14 +2,17 @@
 //! [`Instant`] and hands back frames and the next instant it wants to be called.
 //!
 //! - [`frame`], [`id`]: what travels on the wire (CAN 2.0A/B, CiA 301 pre-defined connection set)
+//! - [`response_time`], [`budget`]: whether a cycle's frames fit their cycle (Davis et al. 2007, 2013)
 //! - [`time`]: instants that are handed in, never read
 //!
 //! Nothing here opens a socket, starts a thread, reads a clock or logs, and nothing allocates
 //! after construction.
 #![forbid(unsafe_code)]
 
+pub mod budget;
 pub mod frame;
 pub mod id;
+pub mod response_time;
 pub mod time;
 
 pub use frame::{Frame, Transmit};
