@@ -4,17 +4,24 @@
 //! - [`frame`], [`id`]: what travels on the wire (CAN 2.0A/B, CiA 301 pre-defined connection set)
 //! - [`response_time`], [`budget`]: whether a cycle's frames fit their cycle (Davis et al. 2007, 2013)
 //! - [`time`]: instants that are handed in, never read
+//! - [`dictionary`]: a device's objects as a table, a node's values of them
+//! - [`sdo`], [`pdo`], [`nmt`]: the services, node's and master's side
 //!
 //! Nothing here opens a socket, starts a thread, reads a clock or logs, and nothing allocates
 //! after construction.
 #![forbid(unsafe_code)]
 
 pub mod budget;
+pub mod dictionary;
 pub mod frame;
 pub mod id;
+pub mod nmt;
+pub mod pdo;
 pub mod response_time;
+pub mod sdo;
 pub mod time;
 
+pub use dictionary::Address;
 pub use frame::{Frame, Transmit};
 pub use id::{CanId, CobId, NodeId};
 pub use time::Instant;

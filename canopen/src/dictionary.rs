@@ -1,0 +1,708 @@
+//! The object dictionary (CiA 301): a device's table of typed entries and one node's values.
+//!
+//! A device's table is one `static`, written so that it reads like the manual's:
+//!
+//! ```
+//! use syncline_canopen::NodeId;
+//! use syncline_canopen::dictionary::{DataType::*, Dictionary, Entry, ro, rw, table};
+//!
+//! static TABLE: [Entry; 4] = table([
+//!     ro(0x1000, 0, "Device type", U32).default(0x0042_0192),
+//!     rw(0x1017, 0, "Producer heartbeat time", U16).default(0).unit("ms"),
+//!     rw(0x1800, 1, "COB-ID T_PDO1", U32).default_plus_node(0x4000_0180),
+//!     rw(0x6060, 0, "Operating mode", I8).range(-6, 10).r_pdo(),
+//! ]);
+//!
+//! let node = NodeId::new(5).ok_or("node")?;
+//! let mut values = Dictionary::new(&TABLE, node);
+//! assert_eq!(values.value(0x1800, 1), Some(0x4000_0185));
+//! # Ok::<(), &str>(())
+//! ```
+
+use crate::id::NodeId;
+use crate::sdo::{AbortCode, Objects};
+use core::fmt;
+
+/// Where an object stands: index and subindex.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Address {
+    /// Index, 0000h…FFFFh.
+    pub index: u16,
+    /// Subindex, 00h…FFh.
+    pub sub: u8,
+}
+
+impl Address {
+    /// The object at `index`:`sub`.
+    #[must_use]
+    pub const fn new(index: u16, sub: u8) -> Self {
+        Self { index, sub }
+    }
+
+    /// Index and subindex as one sortable number.
+    const fn key(self) -> u32 {
+        (self.index as u32) << 8 | self.sub as u32
+    }
+}
+
+/// As manuals print it: `60C2h:1`, `3006h:3D`.
+impl fmt::Display for Address {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{:04X}h:{:X}", self.index, self.sub)
+    }
+}
+
+/// A data type of CiA 301; strings and domains with their greatest length in bytes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum DataType {
+    /// BOOLEAN, one byte in an SDO.
+    Bool,
+    /// INTEGER8.
+    I8,
+    /// INTEGER16.
+    I16,
+    /// INTEGER32.
+    I32,
+    /// INTEGER64.
+    I64,
+    /// UNSIGNED8.
+    U8,
+    /// UNSIGNED16.
+    U16,
+    /// UNSIGNED32.
+    U32,
+    /// UNSIGNED64.
+    U64,
+    /// VISIBLE_STRING of at most so many bytes.
+    Text(u16),
+    /// OCTET_STRING of at most so many bytes.
+    Octets(u16),
+    /// DOMAIN of at most so many bytes.
+    Domain(u16),
+}
+
+impl DataType {
+    /// The type's number in CiA 301, as an EDS writes it.
+    #[must_use]
+    pub const fn code(self) -> u16 {
+        match self {
+            Self::Bool => 0x01,
+            Self::I8 => 0x02,
+            Self::I16 => 0x03,
+            Self::I32 => 0x04,
+            Self::U8 => 0x05,
+            Self::U16 => 0x06,
+            Self::U32 => 0x07,
+            Self::Text(_) => 0x09,
+            Self::Octets(_) => 0x0A,
+            Self::Domain(_) => 0x0F,
+            Self::I64 => 0x15,
+            Self::U64 => 0x1B,
+        }
+    }
+
+    /// Bytes in an SDO: the length of a number, the greatest length of anything else.
+    #[must_use]
+    pub const fn size(self) -> usize {
+        match self {
+            Self::Bool | Self::I8 | Self::U8 => 1,
+            Self::I16 | Self::U16 => 2,
+            Self::I32 | Self::U32 => 4,
+            Self::I64 | Self::U64 => 8,
+            Self::Text(size) | Self::Octets(size) | Self::Domain(size) => size as usize,
+        }
+    }
+
+    /// Whether the value is a number and not a string of bytes.
+    #[must_use]
+    pub const fn is_number(self) -> bool {
+        !matches!(self, Self::Text(_) | Self::Octets(_) | Self::Domain(_))
+    }
+
+    /// Whether the number has a sign.
+    #[must_use]
+    pub const fn is_signed(self) -> bool {
+        matches!(self, Self::I8 | Self::I16 | Self::I32 | Self::I64)
+    }
+
+    /// The value of the low `bits` of `raw`, with its sign if the type has one.
+    #[must_use]
+    pub const fn extend(self, raw: u64, bits: u32) -> i64 {
+        if bits == 0 {
+            return 0;
+        }
+        let unused = 64u32.saturating_sub(bits);
+        if self.is_signed() {
+            (raw << unused) as i64 >> unused
+        } else {
+            (raw << unused >> unused) as i64
+        }
+    }
+}
+
+/// How an object may be accessed by SDO.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Access {
+    /// Constant, read only.
+    Const,
+    /// Read only.
+    Ro,
+    /// Read and write.
+    Rw,
+    /// Write only.
+    Wo,
+}
+
+impl Access {
+    /// Whether an upload is permitted.
+    #[must_use]
+    pub const fn readable(self) -> bool {
+        !matches!(self, Self::Wo)
+    }
+
+    /// Whether a download is permitted.
+    #[must_use]
+    pub const fn writable(self) -> bool {
+        matches!(self, Self::Rw | Self::Wo)
+    }
+}
+
+/// Into which PDOs an object may be mapped.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Mappable {
+    /// Into PDOs that the device receives.
+    pub r_pdo: bool,
+    /// Into PDOs that the device transmits.
+    pub t_pdo: bool,
+}
+
+/// An object's value after power-on, unless another was stored.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Preset {
+    /// The manual prints none; numbers start at 0, strings empty.
+    Unknown,
+    /// A number.
+    Number(i64),
+    /// A number to which the node id is added, as in COB-IDs.
+    PlusNode(i64),
+    /// A string.
+    Bytes(&'static [u8]),
+}
+
+/// One row of a device's object dictionary.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Entry {
+    /// Index and subindex.
+    pub address: Address,
+    /// The parameter's name, as the manual has it.
+    pub name: &'static str,
+    /// Type.
+    pub data_type: DataType,
+    /// Access by SDO.
+    pub access: Access,
+    /// Whether the access is only inferred and not printed in the manual at hand.
+    pub inferred: bool,
+    /// PDO mappability.
+    pub mappable: Mappable,
+    /// Least and greatest value; `None` is the type's own range.
+    pub range: Option<(i64, i64)>,
+    /// Value after power-on.
+    pub preset: Preset,
+    /// Unit, empty if there is none or none is known.
+    pub unit: &'static str,
+    /// Whether the value can be kept over power-off.
+    pub persistent: bool,
+}
+
+const fn entry(
+    index: u16,
+    sub: u8,
+    name: &'static str,
+    data_type: DataType,
+    access: Access,
+) -> Entry {
+    Entry {
+        address: Address::new(index, sub),
+        name,
+        data_type,
+        access,
+        inferred: false,
+        mappable: Mappable {
+            r_pdo: false,
+            t_pdo: false,
+        },
+        range: None,
+        preset: Preset::Unknown,
+        unit: "",
+        persistent: false,
+    }
+}
+
+/// A read-only row.
+#[must_use]
+pub const fn ro(index: u16, sub: u8, name: &'static str, data_type: DataType) -> Entry {
+    entry(index, sub, name, data_type, Access::Ro)
+}
+
+/// A row that can be read and written.
+#[must_use]
+pub const fn rw(index: u16, sub: u8, name: &'static str, data_type: DataType) -> Entry {
+    entry(index, sub, name, data_type, Access::Rw)
+}
+
+/// A write-only row.
+#[must_use]
+pub const fn wo(index: u16, sub: u8, name: &'static str, data_type: DataType) -> Entry {
+    entry(index, sub, name, data_type, Access::Wo)
+}
+
+/// A constant row.
+#[must_use]
+pub const fn constant(index: u16, sub: u8, name: &'static str, data_type: DataType) -> Entry {
+    entry(index, sub, name, data_type, Access::Const)
+}
+
+impl Entry {
+    /// With this value after power-on.
+    #[must_use]
+    pub const fn default(mut self, value: i64) -> Self {
+        self.preset = Preset::Number(value);
+        self
+    }
+
+    /// With this value plus the node id after power-on.
+    #[must_use]
+    pub const fn default_plus_node(mut self, value: i64) -> Self {
+        self.preset = Preset::PlusNode(value);
+        self
+    }
+
+    /// With this string after power-on.
+    #[must_use]
+    pub const fn default_text(mut self, text: &'static str) -> Self {
+        self.preset = Preset::Bytes(text.as_bytes());
+        self
+    }
+
+    /// Only values from `least` to `greatest`, both included.
+    #[must_use]
+    pub const fn range(mut self, least: i64, greatest: i64) -> Self {
+        self.range = Some((least, greatest));
+        self
+    }
+
+    /// In this unit.
+    #[must_use]
+    pub const fn unit(mut self, unit: &'static str) -> Self {
+        self.unit = unit;
+        self
+    }
+
+    /// Mappable into PDOs that the device receives.
+    #[must_use]
+    pub const fn r_pdo(mut self) -> Self {
+        self.mappable.r_pdo = true;
+        self
+    }
+
+    /// Mappable into PDOs that the device transmits.
+    #[must_use]
+    pub const fn t_pdo(mut self) -> Self {
+        self.mappable.t_pdo = true;
+        self
+    }
+
+    /// Kept over power-off once stored.
+    #[must_use]
+    pub const fn persistent(mut self) -> Self {
+        self.persistent = true;
+        self
+    }
+
+    /// With an access that is only inferred.
+    #[must_use]
+    pub const fn inferred(mut self) -> Self {
+        self.inferred = true;
+        self
+    }
+}
+
+/// Passes a table through; does not compile as a `static` if its rows are not in ascending order.
+///
+/// # Panics
+/// If the rows are not in strictly ascending order.
+#[must_use]
+pub const fn table<const N: usize>(entries: [Entry; N]) -> [Entry; N] {
+    let mut row = 1;
+    while row < N {
+        assert!(
+            entries[row - 1].address.key() < entries[row].address.key(),
+            "rows in ascending order"
+        );
+        row += 1;
+    }
+    entries
+}
+
+/// A row's place in its table: looked up once, then used without a search.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Row(u16);
+
+/// Which abort codes a device chooses where CiA 301 leaves the choice.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Refusals {
+    /// A wrong length is 0607 0012h (too long) or 0607 0013h (too short), not 0607 0010h.
+    pub long_and_short: bool,
+    /// A value outside its range is 0609 0031h (too high) or 0609 0032h (too low), not 0609 0030h.
+    pub high_and_low: bool,
+}
+
+impl Default for Refusals {
+    fn default() -> Self {
+        Self {
+            long_and_short: true,
+            high_and_low: false,
+        }
+    }
+}
+
+/// One node's values of a device's table.
+#[derive(Debug)]
+pub struct Dictionary {
+    entries: &'static [Entry],
+    node: NodeId,
+    refusals: Refusals,
+    keys: Vec<u32>,
+    /// Of a number its value, of a string its place in `strings`.
+    values: Vec<i64>,
+    strings: Vec<Vec<u8>>,
+    /// What was stored last; power-on values of the rows that were never stored.
+    stored: Vec<i64>,
+    stored_strings: Vec<Vec<u8>>,
+}
+
+impl Dictionary {
+    /// The values of `node` after its first power-on.
+    ///
+    /// # Panics
+    /// If the rows are not in ascending order (see [`table`]) or more than 65 536.
+    #[must_use]
+    pub fn new(entries: &'static [Entry], node: NodeId) -> Self {
+        let keys: Vec<u32> = entries.iter().map(|entry| entry.address.key()).collect();
+        assert!(keys.is_sorted_by(|a, b| a < b), "rows in ascending order");
+        assert!(entries.len() <= 1 << 16);
+        let mut values = Vec::with_capacity(entries.len());
+        let mut strings = Vec::new();
+        let mut stored_strings = Vec::new();
+        for entry in entries {
+            if entry.data_type.is_number() {
+                values.push(preset_number(entry, node));
+            } else {
+                values.push(strings.len() as i64);
+                for to in [&mut strings, &mut stored_strings] {
+                    let mut string = Vec::with_capacity(entry.data_type.size());
+                    string.extend_from_slice(preset_bytes(entry));
+                    to.push(string);
+                }
+            }
+        }
+        Self {
+            entries,
+            node,
+            refusals: Refusals::default(),
+            keys,
+            stored: values.clone(),
+            values,
+            strings,
+            stored_strings,
+        }
+    }
+
+    /// With other abort codes where the standard leaves the choice.
+    #[must_use]
+    pub const fn refusing(mut self, refusals: Refusals) -> Self {
+        self.refusals = refusals;
+        self
+    }
+
+    /// The device's table.
+    #[must_use]
+    pub const fn entries(&self) -> &'static [Entry] {
+        self.entries
+    }
+
+    /// The row of an object, if the table has it.
+    #[must_use]
+    pub fn row(&self, index: u16, sub: u8) -> Option<Row> {
+        self.find(Address::new(index, sub)).ok()
+    }
+
+    /// The row of an object.
+    ///
+    /// # Errors
+    /// 0602 0000h for an unknown index, 0609 0011h for an unknown subindex.
+    pub fn find(&self, address: Address) -> Result<Row, AbortCode> {
+        let place = self.keys.partition_point(|&key| key < address.key());
+        let at = |place: usize| self.keys.get(place).copied();
+        if at(place) == Some(address.key()) {
+            return Ok(Row(place as u16));
+        }
+        let same_index =
+            |key: Option<u32>| key.is_some_and(|key| (key >> 8) as u16 == address.index);
+        if same_index(at(place)) || same_index(place.checked_sub(1).and_then(at)) {
+            Err(AbortCode::UnknownSubindex)
+        } else {
+            Err(AbortCode::UnknownObject)
+        }
+    }
+
+    /// What the table says of a row.
+    #[must_use]
+    pub fn entry(&self, row: Row) -> &'static Entry {
+        &self.entries[usize::from(row.0)]
+    }
+
+    /// A number's value; 0 for a string.
+    #[must_use]
+    pub fn get(&self, row: Row) -> i64 {
+        if self.entry(row).data_type.is_number() {
+            self.values[usize::from(row.0)]
+        } else {
+            0
+        }
+    }
+
+    /// Sets a number without any check but its width; does nothing to a string.
+    pub fn set(&mut self, row: Row, value: i64) {
+        let data_type = self.entry(row).data_type;
+        if data_type.is_number() {
+            let bits = data_type.size() as u32 * 8;
+            self.values[usize::from(row.0)] = data_type.extend(value as u64, bits);
+        }
+    }
+
+    /// A string's bytes; empty for a number.
+    #[must_use]
+    pub fn bytes(&self, row: Row) -> &[u8] {
+        if self.entry(row).data_type.is_number() {
+            &[]
+        } else {
+            &self.strings[self.values[usize::from(row.0)] as usize]
+        }
+    }
+
+    /// Sets a string, cut to its greatest length; does nothing to a number.
+    pub fn set_bytes(&mut self, row: Row, bytes: &[u8]) {
+        let data_type = self.entry(row).data_type;
+        if !data_type.is_number() {
+            let string = &mut self.strings[self.values[usize::from(row.0)] as usize];
+            string.clear();
+            string.extend_from_slice(&bytes[..bytes.len().min(data_type.size())]);
+        }
+    }
+
+    /// The number at an address, if the table has one there.
+    #[must_use]
+    pub fn value(&self, index: u16, sub: u8) -> Option<i64> {
+        self.row(index, sub).map(|row| self.get(row))
+    }
+
+    /// Sets the number at an address without any check; whether the table has one there.
+    pub fn put(&mut self, index: u16, sub: u8, value: i64) -> bool {
+        let row = self.row(index, sub);
+        if let Some(row) = row {
+            self.set(row, value);
+        }
+        row.is_some()
+    }
+
+    /// The number that a download of `data` means, checked against type and range.
+    ///
+    /// # Errors
+    /// The abort codes for a wrong length and for a value outside the range (see [`Refusals`]).
+    pub fn decode(&self, row: Row, data: &[u8]) -> Result<i64, AbortCode> {
+        let entry = self.entry(row);
+        self.check_length(entry, data.len())?;
+        let mut raw = [0; 8];
+        let size = data.len().min(8);
+        raw[..size].copy_from_slice(&data[..size]);
+        let value = entry
+            .data_type
+            .extend(u64::from_le_bytes(raw), size as u32 * 8);
+        self.check_range(row, value)?;
+        Ok(value)
+    }
+
+    /// Checks a number against a row's range.
+    ///
+    /// # Errors
+    /// The abort code for a value outside the range.
+    pub fn check_range(&self, row: Row, value: i64) -> Result<(), AbortCode> {
+        match self.entry(row).range {
+            Some((least, _)) if value < least => Err(if self.refusals.high_and_low {
+                AbortCode::ValueTooLow
+            } else {
+                AbortCode::InvalidValue
+            }),
+            Some((_, greatest)) if value > greatest => Err(if self.refusals.high_and_low {
+                AbortCode::ValueTooHigh
+            } else {
+                AbortCode::InvalidValue
+            }),
+            _ => Ok(()),
+        }
+    }
+
+    fn check_length(&self, entry: &Entry, length: usize) -> Result<(), AbortCode> {
+        let size = entry.data_type.size();
+        let fits = if entry.data_type.is_number() {
+            length == size
+        } else {
+            length <= size
+        };
+        match length {
+            _ if fits => Ok(()),
+            _ if !self.refusals.long_and_short => Err(AbortCode::LengthMismatch),
+            _ if length > size => Err(AbortCode::TooLong),
+            _ => Err(AbortCode::TooShort),
+        }
+    }
+
+    /// Writes a row's value into `buffer`, little-endian, and returns its length.
+    ///
+    /// # Errors
+    /// 0504 0005h if the buffer is too small.
+    pub fn encode(&self, row: Row, buffer: &mut [u8]) -> Result<usize, AbortCode> {
+        let data_type = self.entry(row).data_type;
+        let raw;
+        let bytes = if data_type.is_number() {
+            raw = self.get(row).to_le_bytes();
+            &raw[..data_type.size()]
+        } else {
+            self.bytes(row)
+        };
+        buffer
+            .get_mut(..bytes.len())
+            .ok_or(AbortCode::OutOfMemory)?
+            .copy_from_slice(bytes);
+        Ok(bytes.len())
+    }
+
+    /// Checks whether a download may begin, and returns how many bytes the row takes at most.
+    ///
+    /// # Errors
+    /// 0601 0002h for a read-only row; the abort codes for a wrong length if `size` is known.
+    pub fn check_download(&self, row: Row, size: Option<usize>) -> Result<usize, AbortCode> {
+        let entry = self.entry(row);
+        if !entry.access.writable() {
+            return Err(AbortCode::ReadOnly);
+        }
+        if let Some(size) = size {
+            self.check_length(entry, size)?;
+        }
+        Ok(entry.data_type.size())
+    }
+
+    /// Stores a download that passed [`Self::check_download`].
+    ///
+    /// # Errors
+    /// The abort codes of [`Self::decode`].
+    pub fn store_download(&mut self, row: Row, data: &[u8]) -> Result<(), AbortCode> {
+        let entry = self.entry(row);
+        if entry.data_type.is_number() {
+            let value = self.decode(row, data)?;
+            self.set(row, value);
+        } else {
+            self.check_length(entry, data.len())?;
+            self.set_bytes(row, data);
+        }
+        Ok(())
+    }
+
+    /// Keeps the present values of those persistent rows that `which` picks, for the next power-on.
+    pub fn store(&mut self, which: impl Fn(&Entry) -> bool) {
+        for (row, entry) in self.entries.iter().enumerate() {
+            if entry.persistent && which(entry) {
+                if entry.data_type.is_number() {
+                    self.stored[row] = self.values[row];
+                } else {
+                    let place = self.values[row] as usize;
+                    let (from, to) = (&self.strings[place], &mut self.stored_strings[place]);
+                    to.clear();
+                    to.extend_from_slice(from);
+                }
+            }
+        }
+    }
+
+    /// Forgets what was stored of the rows that `which` picks: defaults from the next power-on.
+    pub fn forget(&mut self, which: impl Fn(&Entry) -> bool) {
+        for (row, entry) in self.entries.iter().enumerate() {
+            if which(entry) {
+                if entry.data_type.is_number() {
+                    self.stored[row] = preset_number(entry, self.node);
+                } else {
+                    let to = &mut self.stored_strings[self.values[row] as usize];
+                    to.clear();
+                    to.extend_from_slice(preset_bytes(entry));
+                }
+            }
+        }
+    }
+
+    /// Gives the rows that `which` picks the values they have after power-on.
+    pub fn restore(&mut self, which: impl Fn(&Entry) -> bool) {
+        for (row, entry) in self.entries.iter().enumerate() {
+            if which(entry) {
+                if entry.data_type.is_number() {
+                    self.values[row] = self.stored[row];
+                } else {
+                    let place = self.values[row] as usize;
+                    let (from, to) = (&self.stored_strings[place], &mut self.strings[place]);
+                    to.clear();
+                    to.extend_from_slice(from);
+                }
+            }
+        }
+    }
+}
+
+fn preset_number(entry: &Entry, node: NodeId) -> i64 {
+    match entry.preset {
+        Preset::Number(value) => value,
+        Preset::PlusNode(value) => value + i64::from(node.get()),
+        Preset::Unknown | Preset::Bytes(_) => 0,
+    }
+}
+
+const fn preset_bytes(entry: &Entry) -> &'static [u8] {
+    match entry.preset {
+        Preset::Bytes(bytes) => bytes,
+        _ => &[],
+    }
+}
+
+/// A passive node: every access that the table permits reads or writes the values.
+impl Objects for Dictionary {
+    fn upload(&mut self, address: Address, buffer: &mut [u8]) -> Result<usize, AbortCode> {
+        let row = self.find(address)?;
+        if !self.entry(row).access.readable() {
+            return Err(AbortCode::WriteOnly);
+        }
+        self.encode(row, buffer)
+    }
+
+    fn begin_download(
+        &mut self,
+        address: Address,
+        size: Option<usize>,
+    ) -> Result<usize, AbortCode> {
+        self.check_download(self.find(address)?, size)
+    }
+
+    fn download(&mut self, address: Address, data: &[u8]) -> Result<(), AbortCode> {
+        let row = self.find(address)?;
+        self.check_download(row, Some(data.len()))?;
+        self.store_download(row, data)
+    }
+}

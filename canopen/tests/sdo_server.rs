@@ -1,0 +1,138 @@
+//! An SDO server, seen from the bus: messages byte by byte as CiA 301 and the LXM32M's manual
+//! have them.
+
+use syncline_canopen::dictionary::{DataType::*, Dictionary, Entry, constant, ro, rw, table, wo};
+use syncline_canopen::sdo::Server;
+use syncline_canopen::time::Duration;
+use syncline_canopen::{CobId, Frame, Instant, NodeId};
+
+static TABLE: [Entry; 8] = table([
+    constant(0x1000, 0, "Device type", U32).default(0x0042_0192),
+    ro(0x1008, 0, "Device name", Text(8)).default_text("LXM32M  "),
+    rw(0x2000, 1, "Long text", Text(64)),
+    wo(0x2001, 0, "Command", U8),
+    rw(0x6040, 0, "Controlword", U16).r_pdo(),
+    ro(0x6041, 0, "Statusword", U16).t_pdo(),
+    rw(0x6060, 0, "Mode", I8).range(-6, 10).r_pdo(),
+    rw(0x60C1, 1, "Setpoint", I32).r_pdo(),
+]);
+
+struct Bench {
+    server: Server,
+    objects: Dictionary,
+}
+
+impl Bench {
+    fn new() -> Self {
+        let node = NodeId::new(1).expect("node");
+        Self {
+            server: Server::new(CobId::r_sdo(node), CobId::t_sdo(node), 64),
+            objects: Dictionary::new(&TABLE, node),
+        }
+    }
+
+    /// Sends one request and returns the answers as candump prints them.
+    fn ask(&mut self, request: &str) -> Vec<String> {
+        let mut answers = Vec::new();
+        let taken = self.server.on_frame(
+            Instant::ZERO,
+            &frame(0x601, request),
+            &mut self.objects,
+            &mut answers,
+        );
+        assert!(taken);
+        answers.iter().map(|frame| format!("{frame:?}")).collect()
+    }
+
+    #[track_caller]
+    fn expect(&mut self, request: &str, answer: &str) {
+        assert_eq!(self.ask(request), [format!("581#{answer}")], "{request}");
+    }
+}
+
+fn frame(id: u16, hex: &str) -> Frame {
+    let bytes: Vec<u8> = (0..hex.len() / 2)
+        .map(|i| u8::from_str_radix(&hex[2 * i..2 * i + 2], 16).expect("hex"))
+        .collect();
+    Frame::new(CobId::new(id).expect("11 bits"), &bytes)
+}
+
+#[test]
+fn expedited_transfers() {
+    let mut bench = Bench::new();
+    // (lxm32m X-02), (lxm32m 1617), (lxm32m 1629)
+    bench.expect("4000100000000000", "4300100092014200");
+    bench.expect("2B4060000F000000", "6040600000000000");
+    bench.expect("4040600000000000", "4B4060000F000000");
+    bench.expect("2F606000FA000000", "6060600000000000");
+    bench.expect("4060600000000000", "4F606000FA000000");
+    assert_eq!(bench.objects.value(0x6060, 0), Some(-6));
+    // Expedited without a stated size (22h) takes the object's own.
+    bench.expect("22606000FE000000", "6060600000000000");
+    assert_eq!(bench.objects.value(0x6060, 0), Some(-2));
+}
+
+#[test]
+fn segmented_transfers() {
+    let mut bench = Bench::new();
+    bench.expect("4008100000000000", "4108100008000000");
+    bench.expect("6000000000000000", "004C584D33324D20");
+    bench.expect("7000000000000000", "1D20000000000000");
+    bench.expect("210020010A000000", "6000200100000000");
+    bench.expect("0030313233343536", "2000000000000000");
+    bench.expect("1937383900000000", "3000000000000000");
+    bench.expect("4000200100000000", "410020010A000000");
+    bench.expect("6000000000000000", "0030313233343536");
+    bench.expect("7000000000000000", "1937383900000000");
+}
+
+#[test]
+fn refusals() {
+    let mut bench = Bench::new();
+    for (request, answer) in [
+        ("4006100000000000", "8006100000000206"), // unknown object (lxm32m X-04)
+        ("4040600500000000", "8040600511000906"), // unknown subindex (lxm32m X-06)
+        ("2B41600000000000", "8041600002000106"), // read only (lxm32m X-05)
+        ("4001200000000000", "8001200001000106"), // write only
+        ("2F6060000B000000", "8060600030000906"), // out of range (lxm32m X-07)
+        ("2B60600007000000", "8060600012000706"), // too long (lxm32m X-08)
+        ("2F40600007000000", "8040600013000706"), // too short
+        ("2100200141000000", "8000200112000706"), // longer than the object
+        ("E000200100000000", "8000200101000405"), // unknown command
+        ("6000000000000000", "8000000001000405"), // segment without a transfer
+        ("A300000000000000", "8000000001000405"), // block without a transfer
+    ] {
+        bench.expect(request, answer);
+    }
+    bench.expect("4008100000000000", "4108100008000000");
+    bench.expect("7000000000000000", "8008100000000305"); // toggle not alternated
+    assert!(!bench.server.is_busy());
+}
+
+#[test]
+fn silent_client_is_given_up() {
+    let mut bench = Bench::new();
+    bench.server = bench.server.with_timeout(Duration::from_millis(500));
+    bench.expect("4008100000000000", "4108100008000000");
+    let deadline = bench.server.deadline().expect("a transfer is under way");
+    let mut answers = Vec::new();
+    bench.server.poll(Instant::from_nanos(1), &mut answers);
+    assert!(answers.is_empty());
+    bench.server.poll(deadline, &mut answers);
+    assert_eq!(answers, [frame(0x581, "8008100000000405")]);
+    assert_eq!(bench.server.deadline(), None);
+}
+
+#[test]
+fn malformed_and_foreign_frames_get_no_answer() {
+    let mut bench = Bench::new();
+    assert!(bench.ask("40001000").is_empty());
+    let mut answers = Vec::new();
+    let foreign = frame(0x602, "4000100000000000");
+    assert!(
+        !bench
+            .server
+            .on_frame(Instant::ZERO, &foreign, &mut bench.objects, &mut answers)
+    );
+    assert!(answers.is_empty());
+}
