@@ -1,7 +1,11 @@
 //! The machine: configuration, bring-up, SYNC cycle, supervision, programs, recording, reports.
 //!
 //! - [`port`]: one CAN bus as the cycle uses it
+//! - [`realtime`]: what the cycle thread asks of the kernel, and what it got
 //! - [`commands`]: the `syncline` command line
+
+#![deny(unsafe_code)]
 
 pub mod commands;
 pub mod port;
+pub mod realtime;
