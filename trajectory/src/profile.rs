@@ -1,0 +1,425 @@
+//! Profiles of constant-jerk segments: a start state and a fixed-size array of `{duration, jerk}`.
+//!
+//! Units are the caller's: a length (mm, deg) and seconds. Nothing here allocates.
+
+/// Position, velocity and acceleration at one instant.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct State {
+    /// Position (length).
+    pub p: f64,
+    /// Velocity (length/s).
+    pub v: f64,
+    /// Acceleration (length/s²).
+    pub a: f64,
+}
+
+impl State {
+    /// A state at rest.
+    pub const fn at_rest(p: f64) -> Self {
+        State { p, v: 0.0, a: 0.0 }
+    }
+
+    /// The state `t` seconds later under the constant jerk `j`; `t` may be negative.
+    #[inline]
+    pub fn after(self, t: f64, j: f64) -> State {
+        let jt = j * t;
+        State {
+            p: self.p + self.displacement(t, j),
+            v: self.v + t * (self.a + 0.5 * jt),
+            a: self.a + jt,
+        }
+    }
+
+    /// Distance gained in `t` seconds under the constant jerk `j`. More exact than a difference of
+    /// positions where the position is large.
+    #[inline]
+    pub fn displacement(self, t: f64, j: f64) -> f64 {
+        t * (self.v + t * (0.5 * self.a + (1.0 / 6.0) * (j * t)))
+    }
+
+    /// Whether all three numbers are finite.
+    pub fn is_finite(self) -> bool {
+        self.p.is_finite() && self.v.is_finite() && self.a.is_finite()
+    }
+}
+
+/// A stretch of constant jerk.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Segment {
+    /// Duration, ≥ 0 (s).
+    pub duration: f64,
+    /// Jerk (length/s³).
+    pub jerk: f64,
+}
+
+/// The lowest and the highest value that a quantity takes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Range {
+    /// Lowest value.
+    pub min: f64,
+    /// Highest value.
+    pub max: f64,
+}
+
+impl Range {
+    const EMPTY: Range = Range {
+        min: f64::INFINITY,
+        max: f64::NEG_INFINITY,
+    };
+
+    fn take(&mut self, x: f64) {
+        self.min = self.min.min(x);
+        self.max = self.max.max(x);
+    }
+}
+
+/// The ranges of position, velocity, acceleration and jerk over a whole profile, between its
+/// segment ends too.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Extrema {
+    /// Position (length).
+    pub position: Range,
+    /// Velocity (length/s).
+    pub velocity: Range,
+    /// Acceleration (length/s²).
+    pub acceleration: Range,
+    /// Jerk (length/s³); `{0, 0}` where the profile has no segment.
+    pub jerk: Range,
+}
+
+/// A motion of one axis: a start state followed by at most [`Profile::CAPACITY`] segments of
+/// constant jerk. `Copy`, without heap.
+#[derive(Clone, Copy)]
+pub struct Profile {
+    start: State,
+    segments: [Segment; Profile::CAPACITY],
+    len: usize,
+}
+
+impl Profile {
+    /// The most segments that any planner here makes: three that bring a start outside the limits
+    /// back into them, and two extremal plans of seven merged switch by switch.
+    pub const CAPACITY: usize = 20;
+
+    /// A profile that stays at `start` and takes no time.
+    #[inline]
+    pub const fn new(start: State) -> Self {
+        Profile {
+            start,
+            segments: [Segment {
+                duration: 0.0,
+                jerk: 0.0,
+            }; Self::CAPACITY],
+            len: 0,
+        }
+    }
+
+    /// A profile of `segments` after `start`, or `None` where they are more than
+    /// [`Profile::CAPACITY`] or a duration is negative or not finite.
+    pub fn from_segments(start: State, segments: &[Segment]) -> Option<Self> {
+        let mut profile = Profile::new(start);
+        let sound = |s: &Segment| s.duration >= 0.0 && s.duration.is_finite() && s.jerk.is_finite();
+        for segment in segments {
+            if !sound(segment) || !profile.push(*segment) {
+                return None;
+            }
+        }
+        Some(profile)
+    }
+
+    /// Appends a segment; one without duration adds nothing. `false` where the array is full.
+    #[inline]
+    #[must_use]
+    pub fn push(&mut self, segment: Segment) -> bool {
+        debug_assert!(segment.duration >= 0.0, "{segment:?}");
+        if segment.duration > 0.0 {
+            if self.len == Self::CAPACITY {
+                return false;
+            }
+            self.segments[self.len] = segment;
+            self.len += 1;
+        }
+        true
+    }
+
+    /// The state at time 0.
+    #[inline]
+    pub const fn start(&self) -> State {
+        self.start
+    }
+
+    /// The segments in order.
+    #[inline]
+    pub fn segments(&self) -> &[Segment] {
+        &self.segments[..self.len]
+    }
+
+    /// Sum of the segments' durations (s).
+    pub fn duration(&self) -> f64 {
+        self.segments().iter().map(|s| s.duration).sum()
+    }
+
+    /// The state at the end, by integration from the start.
+    pub fn end(&self) -> State {
+        self.fold(f64::INFINITY)
+    }
+
+    /// The state at time `t` (s). Before the start it is the start state, after the end the end
+    /// state: nothing is extrapolated.
+    pub fn at(&self, t: f64) -> State {
+        self.fold(t)
+    }
+
+    /// The jerk at time `t` (length/s³); at a switch that of the segment that begins, outside the
+    /// profile 0.
+    pub fn jerk_at(&self, t: f64) -> f64 {
+        let mut rest = t;
+        if rest < 0.0 {
+            return 0.0;
+        }
+        for segment in self.segments() {
+            if rest < segment.duration {
+                return segment.jerk;
+            }
+            rest -= segment.duration;
+        }
+        0.0
+    }
+
+    // The displacement is summed apart from the start position, so that a short move far from the
+    // origin keeps its digits until the last addition.
+    fn fold(&self, t: f64) -> State {
+        let mut rest = t.max(0.0);
+        let mut state = State {
+            p: 0.0,
+            ..self.start
+        };
+        for segment in self.segments() {
+            if rest < segment.duration {
+                state = state.after(rest, segment.jerk);
+                break;
+            }
+            state = state.after(segment.duration, segment.jerk);
+            rest -= segment.duration;
+        }
+        State {
+            p: self.start.p + state.p,
+            ..state
+        }
+    }
+
+    /// The state at the beginning of each segment with that segment.
+    pub fn pieces(&self) -> impl Iterator<Item = (State, Segment)> + '_ {
+        let mut at = State {
+            p: 0.0,
+            ..self.start
+        };
+        self.segments().iter().map(move |segment| {
+            let begin = State {
+                p: self.start.p + at.p,
+                ..at
+            };
+            at = at.after(segment.duration, segment.jerk);
+            (begin, *segment)
+        })
+    }
+
+    /// Exact ranges of position, velocity and acceleration (to rounding): the candidates are the
+    /// segment ends and, inside a segment, the zeros of the next derivative.
+    pub fn extrema(&self) -> Extrema {
+        let mut e = Extrema {
+            position: Range::EMPTY,
+            velocity: Range::EMPTY,
+            acceleration: Range::EMPTY,
+            jerk: Range::EMPTY,
+        };
+        let take = |e: &mut Extrema, s: State| {
+            e.position.take(s.p);
+            e.velocity.take(s.v);
+            e.acceleration.take(s.a);
+        };
+        take(&mut e, self.start);
+        for (begin, Segment { duration, jerk }) in self.pieces() {
+            take(&mut e, begin.after(duration, jerk));
+            e.jerk.take(jerk);
+            let inside = |t: f64| t > 0.0 && t < duration;
+            let a_zero = -begin.a / jerk;
+            if inside(a_zero) {
+                e.velocity.take(begin.after(a_zero, jerk).v);
+            }
+            for t in zeros(begin.v, begin.a, 0.5 * jerk) {
+                if inside(t) {
+                    e.position.take(begin.after(t, jerk).p);
+                }
+            }
+        }
+        if self.len == 0 {
+            e.jerk = Range { min: 0.0, max: 0.0 };
+        }
+        e
+    }
+
+    /// The same motion in the opposite direction: every position, velocity, acceleration and jerk
+    /// with its sign changed.
+    pub fn mirrored(&self) -> Self {
+        let State { p, v, a } = self.start;
+        let mut mirrored = *self;
+        mirrored.start = State {
+            p: -p,
+            v: -v,
+            a: -a,
+        };
+        for segment in &mut mirrored.segments[..self.len] {
+            segment.jerk = -segment.jerk;
+        }
+        mirrored
+    }
+}
+
+impl PartialEq for Profile {
+    fn eq(&self, other: &Self) -> bool {
+        self.start == other.start && self.segments() == other.segments()
+    }
+}
+
+impl core::fmt::Debug for Profile {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.debug_struct("Profile")
+            .field("start", &self.start)
+            .field("segments", &self.segments())
+            .finish()
+    }
+}
+
+/// The real zeros of `c + b·t + a·t²`, without cancellation; NaN for one that does not exist.
+fn zeros(c: f64, b: f64, a: f64) -> [f64; 2] {
+    let discriminant = b * b - 4.0 * a * c;
+    if discriminant < 0.0 {
+        return [f64::NAN; 2];
+    }
+    let q = -0.5 * (b + discriminant.sqrt().copysign(b));
+    [q / a, c / q]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn profile(start: State, segments: &[(f64, f64)]) -> Profile {
+        let mut p = Profile::new(start);
+        for &(duration, jerk) in segments {
+            assert!(p.push(Segment { duration, jerk }));
+        }
+        p
+    }
+
+    #[test]
+    fn a_rest_to_rest_move_of_four_ramps_ends_at_two_j_t_cubed() {
+        let p = profile(
+            State::at_rest(5.0),
+            &[(1.0, 3.0), (1.0, -3.0), (1.0, -3.0), (1.0, 3.0)],
+        );
+        assert_eq!(p.end(), State::at_rest(5.0 + 2.0 * 3.0));
+        assert_eq!(p.duration(), 4.0);
+        let e = p.extrema();
+        assert_eq!(
+            e.position,
+            Range {
+                min: 5.0,
+                max: 11.0
+            }
+        );
+        assert_eq!(e.velocity, Range { min: 0.0, max: 3.0 });
+        assert_eq!(
+            e.acceleration,
+            Range {
+                min: -3.0,
+                max: 3.0
+            }
+        );
+        assert_eq!(
+            e.jerk,
+            Range {
+                min: -3.0,
+                max: 3.0
+            }
+        );
+    }
+
+    #[test]
+    fn outside_its_time_a_profile_stands_at_its_ends() {
+        let p = profile(
+            State {
+                p: 1.0,
+                v: 2.0,
+                a: 0.0,
+            },
+            &[(0.5, 4.0)],
+        );
+        assert_eq!(p.at(-1.0), p.start());
+        assert_eq!(p.at(9.0), p.end());
+        assert_eq!(p.jerk_at(-0.1), 0.0);
+        assert_eq!(p.jerk_at(0.0), 4.0);
+        assert_eq!(p.jerk_at(0.5), 0.0);
+    }
+
+    #[test]
+    fn a_full_array_refuses_and_a_segment_without_duration_costs_nothing() {
+        let mut p = Profile::new(State::default());
+        assert!(p.push(Segment {
+            duration: 0.0,
+            jerk: 1.0
+        }));
+        for _ in 0..Profile::CAPACITY {
+            assert!(p.push(Segment {
+                duration: 1.0,
+                jerk: 0.0
+            }));
+        }
+        assert!(!p.push(Segment {
+            duration: 1.0,
+            jerk: 0.0
+        }));
+        assert!(Profile::from_segments(p.start(), p.segments()).is_some());
+        let negative = [Segment {
+            duration: -1.0,
+            jerk: 0.0,
+        }];
+        assert!(Profile::from_segments(State::default(), &negative).is_none());
+    }
+
+    proptest! {
+        #[test]
+        fn no_sample_leaves_the_extrema_and_samples_come_near_them(
+            v in -5.0..5.0f64,
+            a in -5.0..5.0f64,
+            segments in proptest::collection::vec((0.0..2.0f64, -8.0..8.0f64), 0..8),
+        ) {
+            let p = profile(State { p: 0.0, v, a }, &segments);
+            let e = p.extrema();
+            let n = 4000;
+            let mut seen = p.start().p;
+            for i in 0..=n {
+                let s = p.at(p.duration() * i as f64 / n as f64);
+                for (x, range) in [(s.p, e.position), (s.v, e.velocity), (s.a, e.acceleration)] {
+                    let slack = 1e-9 * (1.0 + x.abs());
+                    prop_assert!(range.min - slack <= x && x <= range.max + slack);
+                }
+                seen = seen.max(s.p);
+            }
+            prop_assert!(e.position.max - seen <= 0.02 * (1.0 + e.position.max.abs()));
+        }
+
+        #[test]
+        fn a_mirrored_profile_runs_the_mirrored_way(
+            v in -5.0..5.0f64,
+            t in 0.0..3.0f64,
+            segments in proptest::collection::vec((0.0..2.0f64, -8.0..8.0f64), 0..8),
+        ) {
+            let p = profile(State { p: 1.0, v, a: 0.5 }, &segments);
+            let (s, m) = (p.at(t), p.mirrored().at(t));
+            prop_assert_eq!((s.p, s.v, s.a), (-m.p, -m.v, -m.a));
+        }
+    }
+}
