@@ -1,0 +1,481 @@
+//! Curves in N axes, parametrised by path length, with exact derivatives up to the third.
+//!
+//! Path length is measured on the tool path: the first three axes (fewer if N < 3). The others
+//! follow in proportion. A curve that moves none of the first three is measured over all axes.
+
+use thiserror::Error;
+
+/// Arc radii at start and end may differ by this much, mm …
+pub const RADIUS_TOLERANCE: f64 = 0.005;
+/// … or by this fraction of the radius, whichever is greater.
+pub const RADIUS_TOLERANCE_RELATIVE: f64 = 1e-3;
+
+/// Position and its derivatives by path length.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Derivatives<const N: usize> {
+    /// Position, mm.
+    pub q: [f64; N],
+    /// First derivative (tangent), 1.
+    pub d1: [f64; N],
+    /// Second derivative (curvature), 1/mm.
+    pub d2: [f64; N],
+    /// Third derivative, 1/mm².
+    pub d3: [f64; N],
+}
+
+/// The plane of an arc, by the two axes that span it: from the first towards the second is
+/// counterclockwise.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Plane {
+    /// G17
+    Xy,
+    /// G18
+    Zx,
+    /// G19
+    Yz,
+}
+
+impl Plane {
+    /// Indices of the two axes.
+    pub fn axes(self) -> (usize, usize) {
+        match self {
+            Plane::Xy => (0, 1),
+            Plane::Zx => (2, 0),
+            Plane::Yz => (1, 2),
+        }
+    }
+}
+
+/// Why there is no such curve.
+#[derive(Debug, Clone, Copy, PartialEq, Error)]
+pub enum CurveError {
+    /// The curve has no length.
+    #[error("the curve has no length")]
+    NoLength,
+    /// A coordinate is not finite.
+    #[error("a coordinate is not a finite number")]
+    NotFinite,
+    /// The start or the end lies in the centre.
+    #[error("the arc's radius is zero")]
+    NoRadius,
+    /// Start and end are not equally far from the centre.
+    #[error(
+        "the arc's radius is {start} mm at its start and {end} mm at its end; they may differ by {allowed} mm"
+    )]
+    RadiiDiffer {
+        /// mm
+        start: f64,
+        /// mm
+        end: f64,
+        /// mm
+        allowed: f64,
+    },
+    /// The plane names an axis that the machine does not have.
+    #[error("the arc's plane needs more axes than there are")]
+    NoSuchAxis,
+}
+
+/// A straight line.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Line<const N: usize> {
+    start: [f64; N],
+    end: [f64; N],
+    direction: [f64; N],
+    length: f64,
+}
+
+impl<const N: usize> Line<N> {
+    /// The line between two points.
+    ///
+    /// # Errors
+    /// The points coincide, or a coordinate is not finite.
+    pub fn new(start: [f64; N], end: [f64; N]) -> Result<Self, CurveError> {
+        if !start.iter().chain(&end).all(|x| x.is_finite()) {
+            return Err(CurveError::NotFinite);
+        }
+        let delta: [f64; N] = std::array::from_fn(|i| end[i] - start[i]);
+        let length = path_norm(&delta);
+        if length <= 0.0 || !length.is_finite() {
+            return Err(CurveError::NoLength);
+        }
+        Ok(Line {
+            start,
+            end,
+            direction: delta.map(|d| d / length),
+            length,
+        })
+    }
+
+    fn at(&self, s: f64) -> Derivatives<N> {
+        // From the nearer end, so that both end points are met to the bit.
+        let q = if s + s <= self.length {
+            std::array::from_fn(|i| self.start[i] + self.direction[i] * s)
+        } else {
+            std::array::from_fn(|i| self.end[i] - self.direction[i] * (self.length - s))
+        };
+        Derivatives {
+            q,
+            d1: self.direction,
+            d2: [0.0; N],
+            d3: [0.0; N],
+        }
+    }
+}
+
+/// A circular arc or helix. Where start and end are not equally far from the centre (within the
+/// tolerance), the radius changes in proportion to the angle.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Arc<const N: usize> {
+    start: [f64; N],
+    end: [f64; N],
+    plane: (usize, usize),
+    centre: (f64, f64),
+    /// Angle of the start, rad.
+    from: f64,
+    /// Angle swept, rad, counterclockwise positive.
+    sweep: f64,
+    /// Radius at the start, and its change per radian swept (by magnitude).
+    radius: f64,
+    spiral: f64,
+    /// Change of every axis outside the plane per radian swept (by magnitude); zero for the plane's.
+    pitch: [f64; N],
+    /// Sum of squares of the tool path's share of `pitch`.
+    rise: f64,
+    length: f64,
+}
+
+/// An [`Arc`] as a program states it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ArcDefinition<const N: usize> {
+    /// Where it begins.
+    pub start: [f64; N],
+    /// Where it ends; axes outside the plane make it a helix.
+    pub end: [f64; N],
+    /// The plane of the circle.
+    pub plane: Plane,
+    /// The centre in the plane's two axes.
+    pub centre: (f64, f64),
+    /// As seen against the plane's third axis: G2 is clockwise, G3 is not.
+    pub clockwise: bool,
+    /// Whole turns beyond the first passage of the end (P word minus one). An arc whose end is its
+    /// start is a full circle.
+    pub turns: u32,
+}
+
+impl<const N: usize> Arc<N> {
+    /// The arc as a program states it.
+    ///
+    /// # Errors
+    /// See [`CurveError`].
+    pub fn new(definition: ArcDefinition<N>) -> Result<Self, CurveError> {
+        let ArcDefinition {
+            start,
+            end,
+            plane,
+            centre,
+            clockwise,
+            turns,
+        } = definition;
+        let plane = plane.axes();
+        if plane.0 >= N || plane.1 >= N {
+            return Err(CurveError::NoSuchAxis);
+        }
+        if !start
+            .iter()
+            .chain(&end)
+            .chain([&centre.0, &centre.1])
+            .all(|x| x.is_finite())
+        {
+            return Err(CurveError::NotFinite);
+        }
+        let arm = |p: &[f64; N]| (p[plane.0] - centre.0, p[plane.1] - centre.1);
+        let (sx, sy) = arm(&start);
+        let (ex, ey) = arm(&end);
+        let (radius, end_radius) = (libm::hypot(sx, sy), libm::hypot(ex, ey));
+        if radius <= 0.0 || end_radius <= 0.0 {
+            return Err(CurveError::NoRadius);
+        }
+        let allowed = RADIUS_TOLERANCE.max(RADIUS_TOLERANCE_RELATIVE * radius.max(end_radius));
+        if (radius - end_radius).abs() > allowed {
+            return Err(CurveError::RadiiDiffer {
+                start: radius,
+                end: end_radius,
+                allowed,
+            });
+        }
+        let from = libm::atan2(sy, sx);
+        // Angle from start to end, in (0, 2π] in the sense of rotation. The cross product is
+        // exactly zero for a full circle.
+        let between = libm::atan2(sx * ey - sy * ex, sx * ex + sy * ey);
+        let full = std::f64::consts::TAU;
+        let mut swept = if clockwise { -between } else { between };
+        if swept <= 0.0 {
+            swept += full;
+        }
+        swept += full * f64::from(turns);
+        let spiral = (end_radius - radius) / swept;
+        let pitch: [f64; N] = std::array::from_fn(|i| {
+            if i == plane.0 || i == plane.1 {
+                0.0
+            } else {
+                (end[i] - start[i]) / swept
+            }
+        });
+        let rise = pitch[..N.min(3)].iter().map(|p| p * p).sum();
+        let mut arc = Arc {
+            start,
+            end,
+            plane,
+            centre,
+            from,
+            sweep: if clockwise { -swept } else { swept },
+            radius,
+            spiral,
+            pitch,
+            rise,
+            length: 0.0,
+        };
+        arc.length = arc.length_to(swept);
+        Ok(arc)
+    }
+
+    /// Path length per radian at the angle `t` ≥ 0 from the start.
+    fn rate(&self, t: f64) -> f64 {
+        let r = self.radius + self.spiral * t;
+        (r * r + self.spiral * self.spiral + self.rise).sqrt()
+    }
+
+    /// Path length up to the angle `t`. The integrand is constant but for the radius tolerance,
+    /// so four Gauss points leave nothing.
+    fn length_to(&self, t: f64) -> f64 {
+        if self.spiral == 0.0 {
+            return t * self.rate(0.0);
+        }
+        GAUSS4
+            .iter()
+            .map(|&(x, w)| w * self.rate(t * x))
+            .sum::<f64>()
+            * t
+    }
+
+    fn angle(&self, s: f64) -> f64 {
+        let mut t = self.sweep.abs() * (s / self.length);
+        if self.spiral != 0.0 {
+            for _ in 0..4 {
+                t -= (self.length_to(t) - s) / self.rate(t);
+            }
+        }
+        t
+    }
+
+    fn at(&self, s: f64) -> Derivatives<N> {
+        let t = self.angle(s);
+        let turn = self.sweep.signum();
+        let (sin, cos) = libm::sincos(self.from + turn * t);
+        let r = self.radius + self.spiral * t;
+        let k = self.spiral;
+        // By the angle t: radial and tangential parts of the first three derivatives.
+        let parts = [(r, 0.0), (k, r), (-r, 2.0 * k), (-3.0 * k, -r)];
+        let plane = parts.map(|(radial, tangential)| {
+            let along = tangential * turn;
+            (radial * cos - along * sin, radial * sin + along * cos)
+        });
+        let mut by_angle = [[0.0; N]; 4];
+        for (order, row) in by_angle.iter_mut().enumerate() {
+            row[self.plane.0] = plane[order].0;
+            row[self.plane.1] = plane[order].1;
+        }
+        by_angle[0][self.plane.0] += self.centre.0;
+        by_angle[0][self.plane.1] += self.centre.1;
+        for (i, pitch) in self.pitch.iter().enumerate() {
+            if i != self.plane.0 && i != self.plane.1 {
+                by_angle[0][i] = self.start[i] + pitch * t;
+                by_angle[1][i] = *pitch;
+            }
+        }
+        let [q, u1, u2, u3] = by_angle;
+        // σ = ds/dt and its derivatives by t.
+        let sigma = self.rate(t);
+        let sigma1 = r * k / sigma;
+        let sigma2 = (k * k - sigma1 * sigma1) / sigma;
+        let mut out = by_length(q, &u1, &u2, &u3, sigma, sigma1, sigma2);
+        if s <= 0.0 {
+            out.q = self.start;
+        } else if s >= self.length {
+            out.q = self.end;
+        }
+        out
+    }
+}
+
+/// Derivatives by path length from those by any parameter u, with σ = ds/du, σ′, σ″.
+fn by_length<const N: usize>(
+    q: [f64; N],
+    u1: &[f64; N],
+    u2: &[f64; N],
+    u3: &[f64; N],
+    sigma: f64,
+    sigma1: f64,
+    sigma2: f64,
+) -> Derivatives<N> {
+    // u(s): u′ = 1/σ, u″ = −σ′/σ³, u‴ = (3σ′² − σσ″)/σ⁵
+    let a = 1.0 / sigma;
+    let b = -sigma1 * a * a * a;
+    let c = (3.0 * sigma1 * sigma1 - sigma * sigma2) * a * a * a * a * a;
+    Derivatives {
+        q,
+        d1: std::array::from_fn(|i| u1[i] * a),
+        d2: std::array::from_fn(|i| u2[i] * a * a + u1[i] * b),
+        d3: std::array::from_fn(|i| u3[i] * a * a * a + 3.0 * u2[i] * a * b + u1[i] * c),
+    }
+}
+
+/// Gauss–Legendre nodes and weights on [0, 1].
+const GAUSS4: [(f64, f64); 4] = [
+    (0.069_431_844_202_973_71, 0.173_927_422_568_726_93),
+    (0.330_009_478_207_571_87, 0.326_072_577_431_273_07),
+    (0.669_990_521_792_428_1, 0.326_072_577_431_273_07),
+    (0.930_568_155_797_026_3, 0.173_927_422_568_726_93),
+];
+
+/// Path length of a straight displacement.
+fn path_norm<const N: usize>(delta: &[f64; N]) -> f64 {
+    let norm = |part: &[f64]| {
+        let scale = part.iter().fold(0.0_f64, |m, d| m.max(d.abs()));
+        if scale == 0.0 {
+            return 0.0;
+        }
+        scale
+            * part
+                .iter()
+                .map(|d| (d / scale) * (d / scale))
+                .sum::<f64>()
+                .sqrt()
+    };
+    let tool = norm(&delta[..N.min(3)]);
+    if tool > 0.0 { tool } else { norm(delta) }
+}
+
+/// Any of the curves.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Curve<const N: usize> {
+    /// A straight line.
+    Line(Line<N>),
+    /// A circular arc or helix.
+    Arc(Arc<N>),
+}
+
+impl<const N: usize> Curve<N> {
+    /// A straight line; see [`Line::new`].
+    ///
+    /// # Errors
+    /// The points coincide, or a coordinate is not finite.
+    pub fn line(start: [f64; N], end: [f64; N]) -> Result<Self, CurveError> {
+        Line::new(start, end).map(Curve::Line)
+    }
+
+    /// A circular arc or helix; see [`Arc::new`].
+    ///
+    /// # Errors
+    /// See [`CurveError`].
+    pub fn arc(definition: ArcDefinition<N>) -> Result<Self, CurveError> {
+        Arc::new(definition).map(Curve::Arc)
+    }
+
+    /// Path length, mm.
+    pub fn length(&self) -> f64 {
+        match self {
+            Curve::Line(line) => line.length,
+            Curve::Arc(arc) => arc.length,
+        }
+    }
+
+    /// The first point.
+    pub fn start(&self) -> [f64; N] {
+        match self {
+            Curve::Line(line) => line.start,
+            Curve::Arc(arc) => arc.start,
+        }
+    }
+
+    /// The last point.
+    pub fn end(&self) -> [f64; N] {
+        match self {
+            Curve::Line(line) => line.end,
+            Curve::Arc(arc) => arc.end,
+        }
+    }
+
+    /// Position and derivatives at the path length `s` from the start, which is brought into
+    /// [0, [`length`](Self::length)].
+    pub fn at(&self, s: f64) -> Derivatives<N> {
+        let s = s.clamp(0.0, self.length());
+        match self {
+            Curve::Line(line) => line.at(s),
+            Curve::Arc(arc) => arc.at(s),
+        }
+    }
+
+    /// The greatest magnitudes of every axis's first, second and third derivative on the curve
+    /// (upper bounds, exact for lines and circles of more than a quarter turn).
+    pub fn derivative_bounds(&self) -> [[f64; N]; 3] {
+        match self {
+            Curve::Line(line) => [line.direction.map(f64::abs), [0.0; N], [0.0; N]],
+            Curve::Arc(arc) => {
+                let k = arc.spiral.abs();
+                let end = arc.radius + arc.spiral * arc.sweep.abs();
+                let (least, most) = (arc.radius.min(end), arc.radius.max(end));
+                let sigma = (least * least + k * k + arc.rise).sqrt();
+                // σ′ and σ″ are of the order of the tolerated spiral; zero for true circles.
+                let b = k * most / sigma / (sigma * sigma * sigma);
+                let c = 4.0 * k * k / (sigma * sigma * sigma * sigma * sigma);
+                let (p1, p2, p3) = (libm::hypot(most, k), most + 2.0 * k, most + 3.0 * k);
+                let by_angle = |i: usize| {
+                    let in_plane = i == arc.plane.0 || i == arc.plane.1;
+                    if in_plane {
+                        (p1, p2, p3)
+                    } else {
+                        (arc.pitch[i].abs(), 0.0, 0.0)
+                    }
+                };
+                let (r, rr) = (1.0 / sigma, 1.0 / (sigma * sigma));
+                [
+                    std::array::from_fn(|i| by_angle(i).0 * r),
+                    std::array::from_fn(|i| by_angle(i).1 * rr + by_angle(i).0 * b),
+                    std::array::from_fn(|i| {
+                        let (u1, u2, u3) = by_angle(i);
+                        u3 * rr * r + 3.0 * u2 * b * r + u1 * c
+                    }),
+                ]
+            }
+        }
+    }
+
+    /// The smallest box that holds the curve: lower and upper corner. Soft limits are checked on it.
+    pub fn bounds(&self) -> ([f64; N], [f64; N]) {
+        let (start, end) = (self.start(), self.end());
+        let mut low: [f64; N] = std::array::from_fn(|i| start[i].min(end[i]));
+        let mut high: [f64; N] = std::array::from_fn(|i| start[i].max(end[i]));
+        if let Curve::Arc(arc) = self {
+            // Extremes of a circle lie at whole quarter turns; of a spiral of the tolerated kind
+            // within spiral²/radius of them, which the larger radius covers.
+            let quarter = std::f64::consts::FRAC_PI_2;
+            let (a, b) = (arc.from, arc.from + arc.sweep);
+            let first = (a.min(b) / quarter).ceil() as i64;
+            let last = (a.max(b) / quarter).floor() as i64;
+            let radius = arc.radius.max(arc.radius + arc.spiral * arc.sweep.abs());
+            for n in first..=last.min(first + 3) {
+                let (axis, centre, sign) = match n.rem_euclid(4) {
+                    0 => (arc.plane.0, arc.centre.0, 1.0),
+                    1 => (arc.plane.1, arc.centre.1, 1.0),
+                    2 => (arc.plane.0, arc.centre.0, -1.0),
+                    _ => (arc.plane.1, arc.centre.1, -1.0),
+                };
+                let extreme = centre + sign * radius;
+                low[axis] = low[axis].min(extreme);
+                high[axis] = high[axis].max(extreme);
+            }
+        }
+        (low, high)
+    }
+}

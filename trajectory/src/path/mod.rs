@@ -1,0 +1,165 @@
+//! Motion along a programmed path: geometry, the time law along it, and its execution.
+//!
+//! ```text
+//! Item (curve, feed, exit) ──► Planner ──► Command ──► Executor ──► Setpoint, one a cycle
+//! ```
+//!
+//! - [`curve`]: lines, arcs and helices with their derivatives by arc length,
+//! - [`planner`]: turns items into [`Piece`]s of constant jerk along the path; whatever it has
+//!   handed over ends at rest,
+//! - [`executor`]: what the cycle calls: where every axis has to be at the path's own clock, and a
+//!   stop on the path at any instant.
+//!
+//! Units: mm (or deg for rotary axes), s, and their quotients.
+
+pub mod curve;
+pub mod executor;
+pub mod planner;
+
+pub use curve::{Arc, Curve, CurveError, Derivatives, Line, Plane};
+pub use executor::{Executor, Setpoint};
+pub use planner::{PathError, Planner};
+
+/// What every axis is allowed, symmetric in both directions, all positive and finite.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Limits<const N: usize> {
+    /// mm/s
+    pub velocity: [f64; N],
+    /// mm/s²
+    pub acceleration: [f64; N],
+    /// mm/s³
+    pub jerk: [f64; N],
+}
+
+/// How fast the tool may go along the path.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Feed {
+    /// As fast as the axes' limits allow (G0).
+    Rapid,
+    /// Path speed in mm/s (G1, G2, G3).
+    Rate(f64),
+}
+
+impl Feed {
+    /// The path speed that is asked for, mm/s; infinite for [`Feed::Rapid`].
+    pub fn speed(self) -> f64 {
+        match self {
+            Feed::Rapid => f64::INFINITY,
+            Feed::Rate(speed) => speed,
+        }
+    }
+}
+
+/// How the tool leaves a move for the next one.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Exit {
+    /// At rest in the end point (G61.1, and every move before a dwell or a tool change).
+    Stop,
+    /// Through the end point within the tolerance in mm, without a stop where the path is smooth (G61).
+    Exact(f64),
+    /// Round the corner, nowhere further from the programmed path than the tolerance in mm (G64 P).
+    Blend(f64),
+}
+
+/// One move along a curve.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Move<const N: usize> {
+    /// Where it goes.
+    pub curve: Curve<N>,
+    /// How fast.
+    pub feed: Feed,
+    /// How it joins the next move.
+    pub exit: Exit,
+    /// The caller's mark, as a rule the program line; comes back in [`Setpoint::tag`].
+    pub tag: u32,
+}
+
+/// What the program feeds to the [`Planner`], one by one.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Item<const N: usize> {
+    /// Motion.
+    Move(Move<N>),
+    /// Rest in place (G4); a duration of zero is an exact stop.
+    Dwell {
+        /// s
+        duration: f64,
+        /// As [`Move::tag`].
+        tag: u32,
+    },
+}
+
+/// A stretch of constant jerk on the path's clock.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Piece {
+    /// s
+    pub duration: f64,
+    /// Path distance at its start, from the start of its section (the last rest), mm.
+    pub distance: f64,
+    /// Path speed at its start, mm/s.
+    pub speed: f64,
+    /// Path acceleration at its start, mm/s².
+    pub acceleration: f64,
+    /// Path jerk throughout, mm/s³.
+    pub jerk: f64,
+}
+
+impl Piece {
+    /// Distance since the piece's start, speed and acceleration at `t` seconds into it.
+    pub fn at(&self, t: f64) -> (f64, f64, f64) {
+        let &Piece {
+            speed: v,
+            acceleration: a,
+            jerk: j,
+            ..
+        } = self;
+        (
+            t * (v + t * (a / 2.0 + t * (j / 6.0))),
+            v + t * (a + t * (j / 2.0)),
+            a + t * j,
+        )
+    }
+}
+
+/// What the [`Planner`] hands to the [`Executor`], in order. It can travel through a bounded queue.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Command<const N: usize> {
+    /// A section begins: from rest, distance 0.
+    Section,
+    /// The section's geometry goes on with this curve.
+    Span(Span<N>),
+    /// The section's time law goes on with this piece.
+    Piece(Piece),
+    /// Rest for `duration` s, under `tag`.
+    Dwell {
+        /// s
+        duration: f64,
+        /// As [`Move::tag`].
+        tag: u32,
+    },
+    /// What was handed over so far ends at rest and may be executed.
+    Commit,
+}
+
+/// A curve in its place along the section.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Span<const N: usize> {
+    /// Path distance of its start from the start of the section, mm.
+    pub start: f64,
+    /// The geometry.
+    pub curve: Curve<N>,
+    /// The programmed path speed, mm/s; infinite for rapid.
+    pub feed: f64,
+    /// As [`Move::tag`].
+    pub tag: u32,
+    /// How hard the path may be braked on this curve from any speed the plan has there.
+    pub brake: Brake,
+}
+
+/// Path deceleration and jerk that are inside every axis's limits.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Brake {
+    /// mm/s²
+    pub acceleration: f64,
+    /// mm/s³
+    pub jerk: f64,
+}

@@ -1,0 +1,220 @@
+//! The path from outside: items in, setpoints out.
+
+use proptest::prelude::*;
+use syncline_trajectory::path::{
+    Curve, Executor, Exit, Feed, Item, Limits, Move, Plane, Planner, Setpoint, curve::ArcDefinition,
+};
+
+const LIMITS: Limits<3> = Limits {
+    velocity: [500.0, 400.0, 200.0],
+    acceleration: [5_000.0, 3_000.0, 2_000.0],
+    jerk: [80_000.0, 50_000.0, 40_000.0],
+};
+const PERIOD: f64 = 0.002;
+
+fn go(curve: Curve<3>, feed: f64, tag: u32) -> Item<3> {
+    Item::Move(Move {
+        curve,
+        feed: Feed::Rate(feed),
+        exit: Exit::Stop,
+        tag,
+    })
+}
+
+fn execute(start: [f64; 3], items: &[Item<3>], period: f64) -> (Executor<3>, Vec<Setpoint<3>>) {
+    let mut planner = Planner::new(LIMITS, start);
+    let mut executor = Executor::new(start, period, 4096);
+    let mut rows = vec![executor.setpoint()];
+    let mut items = items.iter();
+    loop {
+        while executor.room() > 64 {
+            if planner.ready() == 0 {
+                let Some(item) = items.next() else { break };
+                planner.push(*item).unwrap();
+            }
+            while let Some(command) = planner.pop() {
+                assert!(executor.accept(command));
+            }
+        }
+        if executor.is_idle() {
+            return (executor, rows);
+        }
+        rows.push(executor.advance());
+        assert!(rows.len() < 5_000_000);
+    }
+}
+
+fn inside_limits(p: &Setpoint<3>) -> Result<(), TestCaseError> {
+    for i in 0..3 {
+        prop_assert!(
+            p.velocity[i].abs() <= LIMITS.velocity[i] * (1.0 + 1e-12),
+            "{p:?}"
+        );
+        prop_assert!(
+            p.acceleration[i].abs() <= LIMITS.acceleration[i] * (1.0 + 1e-12),
+            "{p:?}"
+        );
+        prop_assert!(p.jerk[i].abs() <= LIMITS.jerk[i] * (1.0 + 1e-12), "{p:?}");
+    }
+    Ok(())
+}
+
+fn point() -> impl Strategy<Value = [f64; 3]> {
+    prop::array::uniform3(-300.0..300.0)
+}
+
+/// An arc or helix whose radii differ by what is allowed, or not at all.
+fn arc() -> impl Strategy<Value = Curve<3>> {
+    let plane = prop_oneof![Just(Plane::Xy), Just(Plane::Zx), Just(Plane::Yz)];
+    (
+        plane,
+        point(),
+        -3.0..3.0_f64,
+        0.05..6.25_f64,
+        -40.0..40.0_f64,
+        any::<bool>(),
+        0..3_u32,
+        prop_oneof![Just(0.0), -1.0..1.0],
+    )
+        .prop_map(
+            |(plane, start, log_radius, angle, rise, clockwise, turns, uneven)| {
+                let (a, b) = plane.axes();
+                let radius = 10.0_f64.powf(log_radius);
+                let centre = (start[a] - radius, start[b]);
+                let end_radius = radius + uneven * 0.005;
+                let mut end = start;
+                end[a] = centre.0 + end_radius * angle.cos();
+                end[b] = centre.1 + end_radius * angle.sin();
+                end[3 - a - b] += rise;
+                Curve::arc(ArcDefinition {
+                    start,
+                    end,
+                    plane,
+                    centre,
+                    clockwise,
+                    turns,
+                })
+            },
+        )
+        .prop_filter_map("radius too small to be uneven", |arc| arc.ok())
+}
+
+fn curve() -> impl Strategy<Value = Curve<3>> {
+    let line = (point(), point()).prop_filter_map("no length", |(a, b)| Curve::line(a, b).ok());
+    prop_oneof![line, arc()]
+}
+
+proptest! {
+    #[test]
+    fn derivatives_are_those_of_the_position(curve in curve(), at in 0.01..0.99_f64) {
+        let length = curve.length();
+        let s = at * length;
+        let here = curve.at(s);
+        let greatest = |d: [f64; 3]| d.iter().fold(1e-300_f64, |m, x| m.max(x.abs()));
+        let turn = greatest(here.d3) / greatest(here.d2); // rad/mm
+        let h = (1e-3 * length).min(1e-3 / turn);
+        let tool: f64 = here.d1.iter().map(|x| x * x).sum();
+        prop_assert!((tool - 1.0).abs() < 1e-12, "|q'|² = {tool}");
+        let (before, after) = (curve.at(s - h), curve.at(s + h));
+        for i in 0..3 {
+            let scale = |f: fn(&syncline_trajectory::path::Derivatives<3>) -> [f64; 3]| {
+                [before, here, after].iter().flat_map(f).fold(0.0_f64, |m, x| m.max(x.abs()))
+            };
+            let noise = 1e-13 * scale(|d| d.q) / h;
+            // Central differences are off by h²/6 of the derivative two orders higher.
+            let close = |d: f64, e: f64, size: f64, noise: f64| (d - e).abs() <= 1e-6 * size + noise;
+            prop_assert!(close((after.q[i] - before.q[i]) / (2.0 * h), here.d1[i], 1.0, noise));
+            prop_assert!(close((after.d1[i] - before.d1[i]) / (2.0 * h), here.d2[i], scale(|d| d.d2), 1e-12 / h));
+            prop_assert!(close((after.d2[i] - before.d2[i]) / (2.0 * h), here.d3[i], scale(|d| d.d3), 1e-12 * scale(|d| d.d2) / h));
+        }
+        let [m1, m2, m3] = curve.derivative_bounds();
+        for i in 0..3 {
+            prop_assert!(here.d1[i].abs() <= m1[i] * (1.0 + 1e-12));
+            prop_assert!(here.d2[i].abs() <= m2[i] * (1.0 + 1e-12));
+            prop_assert!(here.d3[i].abs() <= m3[i] * (1.0 + 1e-12));
+        }
+        let (low, high) = curve.bounds();
+        for i in 0..3 {
+            prop_assert!(low[i] - 1e-9 <= here.q[i] && here.q[i] <= high[i] + 1e-9);
+        }
+    }
+
+    #[test]
+    fn a_move_keeps_every_limit_and_ends_in_its_end(curve in curve(), feed in 1.0..1000.0_f64) {
+        let (executor, rows) = execute(curve.start(), &[go(curve, feed, 7)], PERIOD);
+        for row in &rows {
+            inside_limits(row)?;
+            prop_assert!(row.speed <= feed * (1.0 + 1e-12));
+        }
+        let last = executor.setpoint();
+        prop_assert_eq!(last.position, curve.end());
+        prop_assert_eq!(last.tag, 7);
+        prop_assert!((last.distance - curve.length()).abs() <= 1e-9 * curve.length());
+    }
+
+    #[test]
+    fn setpoints_are_a_function_of_the_cycle_number(curve in curve()) {
+        let (_, coarse) = execute(curve.start(), &[go(curve, 300.0, 1)], PERIOD);
+        let (_, fine) = execute(curve.start(), &[go(curve, 300.0, 1)], PERIOD / 2.0);
+        for (c, f) in coarse.iter().zip(fine.iter().step_by(2)) {
+            for i in 0..3 {
+                prop_assert!((c.position[i] - f.position[i]).abs() <= 1e-9);
+            }
+        }
+    }
+
+    #[test]
+    fn a_stop_at_any_instant_ends_at_rest_on_the_path(curve in curve(), feed in 1.0..1000.0_f64, when in 0.0..1.0_f64) {
+        let items = [go(curve, feed, 1)];
+        let (_, rows) = execute(curve.start(), &items, PERIOD);
+        let mut planner = Planner::new(LIMITS, curve.start());
+        let mut executor = Executor::new(curve.start(), PERIOD, 64);
+        planner.push(items[0]).unwrap();
+        while let Some(command) = planner.pop() {
+            executor.accept(command);
+        }
+        for _ in 0..(when * rows.len() as f64) as usize {
+            executor.advance();
+        }
+        executor.stop();
+        let mut before = executor.setpoint();
+        let mut cycles = 0;
+        while !executor.is_idle() {
+            let now = executor.advance();
+            inside_limits(&now)?;
+            prop_assert!(now.distance >= before.distance);
+            let on_curve = curve.at(now.distance).q;
+            for (is, should) in now.position.iter().zip(on_curve) {
+                prop_assert!((is - should).abs() < 1e-8);
+            }
+            before = now;
+            cycles += 1;
+            prop_assert!(cycles <= rows.len());
+        }
+        prop_assert_eq!(before.speed, 0.0);
+        prop_assert_eq!(executor.advance().position, before.position);
+    }
+}
+
+#[test]
+fn a_dwell_rests_for_its_time_under_its_tag() {
+    let a = Curve::line([0.0; 3], [10.0, 0.0, 0.0]).unwrap();
+    let b = Curve::line([10.0, 0.0, 0.0], [10.0, 20.0, 0.0]).unwrap();
+    let items = [
+        go(a, 100.0, 1),
+        Item::Dwell {
+            duration: 0.5,
+            tag: 2,
+        },
+        go(b, 100.0, 3),
+    ];
+    let (executor, rows) = execute([0.0; 3], &items, PERIOD);
+    let resting = rows.iter().filter(|r| r.tag == 2).count();
+    assert!((249..=251).contains(&resting), "{resting} cycles");
+    assert!(
+        rows.iter()
+            .filter(|r| r.tag == 2)
+            .all(|r| r.position == [10.0, 0.0, 0.0])
+    );
+    assert_eq!(executor.setpoint().position, [10.0, 20.0, 0.0]);
+}
