@@ -12,6 +12,7 @@
 #![forbid(unsafe_code)]
 
 pub mod budget;
+pub mod cia402;
 pub mod dictionary;
 pub mod frame;
 pub mod id;
