@@ -1,5 +1,6 @@
 //! The machine: configuration, bring-up, SYNC cycle, supervision, programs, recording, reports.
 //!
+//! - [`machine`]: the machine file
 //! - [`port`]: one CAN bus as the cycle uses it
 //! - [`realtime`]: what the cycle thread asks of the kernel, and what it got
 //! - [`commands`]: the `syncline` command line
@@ -7,5 +8,6 @@
 #![deny(unsafe_code)]
 
 pub mod commands;
+pub mod machine;
 pub mod port;
 pub mod realtime;

@@ -153,6 +153,16 @@ impl Scaling {
         self.length(1).abs()
     }
 
+    /// Which way the drive counts.
+    #[must_use]
+    pub fn direction(&self) -> Direction {
+        if self.mm_per_revolution > 0.0 {
+            Direction::Positive
+        } else {
+            Direction::Negative
+        }
+    }
+
     /// A length in increments, rounded up, at least one and at most what an INTEGER32 holds.
     #[must_use]
     pub fn magnitude(&self, mm: f64) -> Increments {

@@ -1,0 +1,218 @@
+//! The machine file: buses, drives, axes, limits and supervision times of one machine, in TOML.
+//!
+//! Reading is strict: what is unknown, missing, doubled, out of range or contradictory is an
+//! [`Invalid`] that says for each mistake where it stands, what is allowed and what was probably
+//! meant. `docs/machine-file.md` is the reference of all keys.
+
+mod diagnostic;
+mod read;
+mod table;
+
+pub use diagnostic::{Diagnostic, Invalid};
+
+use std::{
+    fs, io,
+    path::{Path, PathBuf},
+    time::Duration,
+};
+use syncline_canopen::NodeId;
+use syncline_drives::model::{
+    Actuator, Direction, Heartbeat, Increments, Model, Scaling, Settings, Write,
+};
+use thiserror::Error;
+
+/// One machine, checked.
+#[derive(Clone, Debug)]
+pub struct Machine {
+    /// For reports and messages.
+    pub name: String,
+    /// Base cycle: the SYNC period, and the time between two setpoints.
+    pub cycle: Duration,
+    /// The controller itself: its place on the bus, time-outs, supervision.
+    pub controller: Controller,
+    /// In the order of the file, at least one.
+    pub buses: Vec<Bus>,
+    /// In the order of the file, at least one; each belongs to one axis.
+    pub drives: Vec<Drive>,
+    /// In the order of the file, at least one.
+    pub axes: Vec<Axis>,
+    assumptions: Vec<(&'static Model, Vec<(&'static str, u32)>)>,
+}
+
+/// The controller's own settings.
+#[derive(Clone, Debug)]
+pub struct Controller {
+    /// Its node id on every bus.
+    pub node: NodeId,
+    /// Time between two heartbeats, its own and the drives' alike.
+    pub heartbeat: Duration,
+    /// Time without a heartbeat after which the other side is lost, for both.
+    pub heartbeat_timeout: Duration,
+    /// Time for one SDO answer.
+    pub sdo_timeout: Duration,
+    /// How often an SDO without an answer is tried again.
+    pub sdo_retries: u32,
+    /// Time from reset communication to boot-up.
+    pub boot_timeout: Duration,
+    /// Time for a drive's clock to follow SYNC.
+    pub sync_lock_timeout: Duration,
+    /// Time for one change of a drive's state.
+    pub state_timeout: Duration,
+    /// T_PDOs missing in a row that are a fault.
+    pub t_pdo_misses: u32,
+    /// Time from SYNC to the setpoint burst; `None` takes it from the bus budget.
+    pub setpoint_offset: Option<Duration>,
+}
+
+/// A CAN bus.
+#[derive(Clone, Debug)]
+pub struct Bus {
+    /// As drives name it.
+    pub name: String,
+    /// bit/s.
+    pub bitrate: u32,
+    /// `sim`, or what to open.
+    pub port: String,
+}
+
+/// A drive on a bus.
+#[derive(Clone, Debug)]
+pub struct Drive {
+    /// As axes and messages name it.
+    pub name: String,
+    /// Index of its bus in [`Machine::buses`].
+    pub bus: usize,
+    /// Its node id, unique on the bus.
+    pub node: NodeId,
+    /// What it is.
+    pub model: &'static Model,
+    /// Index of its axis in [`Machine::axes`].
+    pub axis: usize,
+    /// Its axis's millimetres and its own increments.
+    pub scaling: Scaling,
+    /// Written after the standard set-up, in this order.
+    pub objects: Vec<Write>,
+}
+
+/// An axis: one drive, or two for a gantry pair.
+#[derive(Clone, Debug)]
+pub struct Axis {
+    /// `X`, `Y` or `Z`.
+    pub name: String,
+    /// Indices of its drives in [`Machine::drives`]; one, or two for a gantry pair.
+    pub drives: Vec<usize>,
+    /// mm per motor revolution.
+    pub mm_per_revolution: f64,
+    /// mm/s.
+    pub max_velocity: f64,
+    /// mm/s².
+    pub max_acceleration: f64,
+    /// mm/s³.
+    pub max_jerk: f64,
+    /// Machine positions in mm that no setpoint leaves: least and greatest.
+    pub soft_limits: (f64, f64),
+    /// mm between setpoint and actual position that is a fault.
+    pub following_error_limit: f64,
+    /// mm between the two sides of a gantry pair that is a fault; `Some` for two drives.
+    pub skew_limit: Option<f64>,
+    /// mm that an actual position may leave its place before the program starts.
+    pub standstill_window: f64,
+    /// Whether the drives supervise [`following_error_limit`](Self::following_error_limit) too.
+    pub drive_following_error: bool,
+    /// Whether the drives supervise [`soft_limits`](Self::soft_limits) too.
+    pub drive_soft_limits: bool,
+}
+
+/// A machine file that cannot be used.
+#[derive(Debug, Error)]
+pub enum MachineError {
+    /// It cannot be read.
+    #[error("cannot read {}", file.display())]
+    Read {
+        /// The file as it was named.
+        file: PathBuf,
+        /// Why.
+        source: io::Error,
+    },
+    /// It does not describe a machine.
+    #[error(transparent)]
+    Invalid(#[from] Invalid),
+}
+
+impl Machine {
+    /// Reads and checks a machine file.
+    ///
+    /// # Errors
+    /// If it cannot be read, or with everything that is wrong in it.
+    pub fn load(file: &Path) -> Result<Self, MachineError> {
+        let source = fs::read_to_string(file).map_err(|source| MachineError::Read {
+            file: file.into(),
+            source,
+        })?;
+        Ok(Self::parse(file, &source)?)
+    }
+
+    /// Checks a machine file's text; `file` only names it in messages.
+    ///
+    /// # Errors
+    /// Everything that is wrong in it.
+    pub fn parse(file: &Path, source: &str) -> Result<Self, Invalid> {
+        read::machine(source).map_err(|diagnostics| Invalid {
+            file: file.into(),
+            diagnostics,
+        })
+    }
+
+    /// What the controller needs to know of the drive with that index.
+    #[must_use]
+    pub fn actuator(&self, drive: usize) -> Box<dyn Actuator> {
+        let Drive {
+            node,
+            model,
+            axis,
+            scaling,
+            objects,
+            ..
+        } = &self.drives[drive];
+        let axis = &self.axes[*axis];
+        let assumptions = self
+            .assumptions
+            .iter()
+            .find(|(of, _)| of.name == model.name)
+            .map_or(Vec::new(), |(_, values)| values.clone());
+        (model.actuator)(&Settings {
+            node: *node,
+            cycle: self.cycle,
+            heartbeat: Heartbeat {
+                controller: self.controller.node,
+                producer: self.controller.heartbeat,
+                consumer: self.controller.heartbeat_timeout,
+            },
+            following_error_limit: axis
+                .drive_following_error
+                .then(|| scaling.magnitude(axis.following_error_limit)),
+            soft_limits: axis
+                .drive_soft_limits
+                .then(|| drive_soft_limits(axis, scaling)),
+            objects: objects.clone(),
+            assumptions,
+        })
+    }
+}
+
+/// The soft limits as a drive supervises them: its actual position follows the setpoint only to
+/// within the following error, so they stand that much further out.
+fn drive_soft_limits(axis: &Axis, scaling: &Scaling) -> (Increments, Increments) {
+    let (least, most) = axis.soft_limits;
+    let widened = [
+        least - axis.following_error_limit,
+        most + axis.following_error_limit,
+    ];
+    // Beyond what the drive can count there is nothing to supervise.
+    let end = |mm, otherwise| scaling.to_increments(mm).unwrap_or(otherwise);
+    let (least, most) = match scaling.direction() {
+        Direction::Positive => (widened[0], widened[1]),
+        Direction::Negative => (widened[1], widened[0]),
+    };
+    (end(least, Increments::MIN), end(most, Increments::MAX))
+}

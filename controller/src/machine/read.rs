@@ -1,0 +1,699 @@
+//! From a machine file's text to a [`Machine`], in three stages: TOML; each table on its own; how
+//! they fit together. Each stage reports all it finds, and the next starts only on what is clean,
+//! so that one mistake does not cause complaints about another thing.
+
+use super::{
+    Axis, Bus, Controller, Drive, Machine,
+    diagnostic::{Diagnostic, Log},
+    table::{Table, integer, nearest, one_of},
+};
+use std::{collections::BTreeMap, ops::Range, time::Duration};
+use syncline_canopen::NodeId;
+use syncline_drives::model::{Direction, Increments, MODELS, Model, ObjectType, Scaling, Write};
+use toml::{
+    Spanned,
+    de::{DeTable, DeValue},
+};
+
+/// The axes that a program can name.
+const AXES: [&str; 3] = ["X", "Y", "Z"];
+
+/// CAN bit rates that CANopen uses (CiA 301), in bit/s.
+const BITRATES: [i64; 8] = [
+    10_000, 20_000, 50_000, 125_000, 250_000, 500_000, 800_000, 1_000_000,
+];
+
+pub(super) fn machine(source: &str) -> Result<Machine, Vec<Diagnostic>> {
+    let mut log = Log::new(source);
+    let (document, errors) = DeTable::parse_recoverable(source);
+    for error in errors {
+        log.report(
+            error.span().unwrap_or(0..0),
+            format!("not TOML: {}", error.message()),
+            "allowed: tables, keys and values as on https://toml.io",
+        );
+    }
+    let machine = log
+        .is_empty()
+        .then(|| Tables::read(&mut log, document.get_ref()))
+        .flatten()
+        .filter(|_| log.is_empty())
+        .and_then(|tables| tables.join(&mut log));
+    match machine {
+        Some(machine) if log.is_empty() => Ok(machine),
+        _ => Err(log.into_diagnostics()),
+    }
+}
+
+/// All tables, each good on its own.
+struct Tables {
+    name: String,
+    cycle: Spanned<i64>,
+    controller: ControllerTable,
+    buses: Vec<BusTable>,
+    drives: Vec<DriveTable>,
+    axes: Vec<AxisTable>,
+    assumptions: Vec<(&'static Model, Vec<(&'static str, u32)>)>,
+}
+
+impl Tables {
+    fn read(log: &mut Log<'_>, document: &DeTable<'_>) -> Option<Self> {
+        let mut file = Table::new("machine file", 0..0, document);
+        let machine = file.table(log, "machine", true);
+        let controller = file.table(log, "controller", false);
+        let buses = file.tables(log, "bus");
+        let drives = file.tables(log, "drive");
+        let axes = file.tables(log, "axis");
+        let model = file.table(log, "model", false);
+        file.finish(log);
+
+        let machine = machine.and_then(|mut table| {
+            let name = name(log, &mut table);
+            let cycle = table.integer(log, "cycle_us", 1..=1_000_000, " (µs)");
+            table.finish(log);
+            Some((name?.into_inner(), cycle?))
+        });
+        let empty = DeTable::new();
+        let controller = controller.unwrap_or_else(|| Table::new("controller", 0..0, &empty));
+        let controller = ControllerTable::read(log, controller);
+        let buses: Vec<_> = buses.into_iter().map(|t| BusTable::read(log, t)).collect();
+        let drives: Vec<_> = drives
+            .into_iter()
+            .map(|t| DriveTable::read(log, t))
+            .collect();
+        let axes: Vec<_> = axes.into_iter().map(|t| AxisTable::read(log, t)).collect();
+        let assumptions = model.map_or(Vec::new(), |table| assumptions(log, table));
+        let (name, cycle) = machine?;
+        Some(Self {
+            name,
+            cycle,
+            controller: controller?,
+            buses: buses.into_iter().collect::<Option<_>>()?,
+            drives: drives.into_iter().collect::<Option<_>>()?,
+            axes: axes.into_iter().collect::<Option<_>>()?,
+            assumptions,
+        })
+    }
+
+    /// Checks what concerns several tables, and resolves names.
+    fn join(self, log: &mut Log<'_>) -> Option<Machine> {
+        unique(log, "bus", self.buses.iter().map(|bus| &bus.name));
+        unique(log, "drive", self.drives.iter().map(|drive| &drive.name));
+        unique(log, "axis", self.axes.iter().map(|axis| &axis.name));
+        let cycle = Duration::from_micros(*self.cycle.get_ref() as u64);
+        let controller = self.controller.join(log, cycle);
+
+        // Node ids are unique on a bus; the controller is on every one of them.
+        let bus_of: Vec<_> = self
+            .drives
+            .iter()
+            .map(|drive| drive.resolve_bus(log, &self.buses))
+            .collect();
+        let mut nodes = BTreeMap::new();
+        for (drive, bus) in self.drives.iter().zip(&bus_of) {
+            let Some(bus) = *bus else { continue };
+            let node = drive.node.get_ref();
+            let other = if *node == controller.node {
+                Some("the controller")
+            } else {
+                nodes.insert((bus, *node), drive.name.get_ref().as_str())
+            };
+            if let Some(other) = other {
+                log.report(
+                    drive.node.span(),
+                    format!(
+                        "{}: node {node} is already {other} on bus \"{}\"",
+                        drive.title(),
+                        self.buses[bus].name.get_ref()
+                    ),
+                    "allowed: 1…127, each once on a bus",
+                );
+            }
+        }
+        for (drive, bus) in self.drives.iter().zip(&bus_of) {
+            drive.check_model(log, &self.cycle, bus.map(|bus| &self.buses[bus]));
+        }
+
+        let axis_of = self.assign(log);
+        let bus_of: Option<Vec<usize>> = bus_of.into_iter().collect();
+        let axis_of: Option<Vec<usize>> = axis_of.into_iter().collect();
+        let drives: Vec<_> = self
+            .drives
+            .into_iter()
+            .zip(bus_of?)
+            .zip(axis_of?)
+            .map(|((drive, bus), axis)| drive.join(log, bus, axis, &self.axes[axis]))
+            .collect();
+        let axes = self
+            .axes
+            .into_iter()
+            .map(|axis| {
+                let index = |name: &Spanned<String>| {
+                    drives
+                        .iter()
+                        .position(|drive| drive.name == *name.get_ref())
+                };
+                let own = axis.drives.get_ref().iter().filter_map(index).collect();
+                axis.join(own)
+            })
+            .collect();
+        Some(Machine {
+            name: self.name,
+            cycle,
+            controller,
+            buses: self.buses.into_iter().map(BusTable::join).collect(),
+            drives,
+            axes,
+            assumptions: self.assumptions,
+        })
+    }
+
+    /// The axis of each drive: exactly one.
+    fn assign(&self, log: &mut Log<'_>) -> Vec<Option<usize>> {
+        let mut axis_of = vec![None; self.drives.len()];
+        let mut misnamed = false;
+        for (index, axis) in self.axes.iter().enumerate() {
+            for name in axis.drives.get_ref() {
+                let names = self
+                    .drives
+                    .iter()
+                    .map(|drive| drive.name.get_ref().as_str());
+                let Some(drive) = names.clone().position(|other| other == name.get_ref()) else {
+                    unknown(log, &axis.title(), "drive", name, names);
+                    misnamed = true;
+                    continue;
+                };
+                if let Some(other) = axis_of[drive].replace(index) {
+                    misnamed = true;
+                    log.report(
+                        name.span(),
+                        format!(
+                            "{}: drive \"{}\" already moves {}",
+                            axis.title(),
+                            name.get_ref(),
+                            self.axes[other].title()
+                        ),
+                        "allowed: each drive once",
+                    );
+                }
+            }
+        }
+        for (drive, axis) in self.drives.iter().zip(&axis_of) {
+            if axis.is_none() && !misnamed {
+                log.report(
+                    drive.name.span(),
+                    format!("{}: no axis names it", drive.title()),
+                    "name it in the `drives` of an [[axis]], or remove it",
+                );
+            }
+        }
+        axis_of
+    }
+}
+
+struct ControllerTable {
+    controller: Controller,
+    setpoint_offset: Option<Spanned<i64>>,
+    heartbeat_timeout: Range<usize>,
+}
+
+impl ControllerTable {
+    fn read(log: &mut Log<'_>, mut table: Table<'_, '_>) -> Option<Self> {
+        const MS: &str = " (ms)";
+        let node = table.integer_or(log, "node", 127, 1..=127, "");
+        let mut millis = |key, default, most| {
+            let ms = table.integer_or(log, key, default, 1..=most, MS);
+            Duration::from_millis(ms as u64)
+        };
+        let heartbeat = millis("heartbeat_ms", 100, 65_534);
+        let heartbeat_timeout = millis("heartbeat_timeout_ms", 300, 65_535);
+        let sdo_timeout = millis("sdo_timeout_ms", 200, 60_000);
+        let boot_timeout = millis("boot_timeout_ms", 5_000, 600_000);
+        let sync_lock_timeout = millis("sync_lock_timeout_ms", 5_000, 600_000);
+        let state_timeout = millis("state_timeout_ms", 2_000, 600_000);
+        let sdo_retries = table.integer_or(log, "sdo_retries", 2, 0..=100, "");
+        let t_pdo_misses = table.integer_or(log, "t_pdo_misses", 2, 1..=100, "");
+        let setpoint_offset = table.integer_if(log, "setpoint_offset_us", 1..=1_000_000, " (µs)");
+        let span = table
+            .span_of("heartbeat_timeout_ms")
+            .or(table.span_of("heartbeat_ms"));
+        table.finish(log);
+        Some(Self {
+            controller: Controller {
+                node: node_id(node)?,
+                heartbeat,
+                heartbeat_timeout,
+                sdo_timeout,
+                sdo_retries: sdo_retries as u32,
+                boot_timeout,
+                sync_lock_timeout,
+                state_timeout,
+                t_pdo_misses: t_pdo_misses as u32,
+                setpoint_offset: None,
+            },
+            setpoint_offset,
+            heartbeat_timeout: span.unwrap_or(0..0),
+        })
+    }
+
+    fn join(&self, log: &mut Log<'_>, cycle: Duration) -> Controller {
+        let mut controller = self.controller.clone();
+        if controller.heartbeat_timeout <= controller.heartbeat {
+            log.report(
+                self.heartbeat_timeout.clone(),
+                format!(
+                    "controller: `heartbeat_timeout_ms` is {} with `heartbeat_ms` at {}",
+                    controller.heartbeat_timeout.as_millis(),
+                    controller.heartbeat.as_millis()
+                ),
+                "allowed: a time-out clearly longer than the heartbeat, two to three of it",
+            );
+        }
+        if let Some(offset) = &self.setpoint_offset {
+            let time = Duration::from_micros(*offset.get_ref() as u64);
+            if time >= cycle {
+                log.report(
+                    offset.span(),
+                    format!("controller: `setpoint_offset_us` is {}", offset.get_ref()),
+                    format!("allowed: less than the cycle of {} µs", cycle.as_micros()),
+                );
+            }
+            controller.setpoint_offset = Some(time);
+        }
+        controller
+    }
+}
+
+struct BusTable {
+    name: Spanned<String>,
+    bitrate: Spanned<i64>,
+    port: String,
+}
+
+impl BusTable {
+    fn read(log: &mut Log<'_>, mut table: Table<'_, '_>) -> Option<Self> {
+        let name = name(log, &mut table);
+        let rates = BITRATES.map(|rate| rate.to_string()).join(", ");
+        let bitrate = table.number(log, "bitrate", &format!("{rates} (bit/s)"), |rate| {
+            BITRATES.iter().any(|allowed| *allowed as f64 == rate)
+        });
+        let allowed = "\"sim\" for simulated drives, or the name of a CAN interface, \"can0\"";
+        let port = table.text_or(log, "port", "sim", allowed, |text| !text.trim().is_empty());
+        table.finish(log);
+        let bitrate = bitrate?;
+        Some(Self {
+            name: name?,
+            bitrate: Spanned::new(bitrate.span(), *bitrate.get_ref() as i64),
+            port,
+        })
+    }
+
+    fn join(self) -> Bus {
+        Bus {
+            name: self.name.into_inner(),
+            bitrate: *self.bitrate.get_ref() as u32,
+            port: self.port,
+        }
+    }
+}
+
+struct DriveTable {
+    name: Spanned<String>,
+    bus: Spanned<String>,
+    node: Spanned<NodeId>,
+    model: &'static Model,
+    direction: Direction,
+    zero: Increments,
+    objects: Vec<Write>,
+}
+
+impl DriveTable {
+    fn read(log: &mut Log<'_>, mut table: Table<'_, '_>) -> Option<Self> {
+        let name = name(log, &mut table);
+        let bus = table.text(log, "bus", "the `name` of a [[bus]]", |_| true);
+        let node = table.integer(log, "node", 1..=127, "");
+        let models = MODELS.iter().map(|model| model.name);
+        let model = table.choice(log, "model", models);
+        let model = model.and_then(|name| Model::by_name(name.get_ref()));
+        let directions = ["positive", "negative"].into_iter();
+        let direction = table.choice_or(log, "direction", "positive", directions);
+        let (least, most) = (i64::from(i32::MIN), i64::from(i32::MAX));
+        let zero = table.integer_or(log, "zero", 0, least..=most, " (increments)");
+        let entries = table.items(log, "sdo", SDO);
+        let objects: Vec<_> = match model {
+            Some(model) => entries
+                .iter()
+                .map(|entry| sdo_entry(log, &table.title, model, entry))
+                .collect(),
+            None => Vec::new(),
+        };
+        table.finish(log);
+        let node = node?;
+        Some(Self {
+            name: name?,
+            bus: bus?,
+            node: Spanned::new(node.span(), node_id(*node.get_ref())?),
+            model: model?,
+            direction: match direction.as_str() {
+                "negative" => Direction::Negative,
+                _ => Direction::Positive,
+            },
+            zero: Increments::new(zero),
+            objects: objects.into_iter().collect::<Option<_>>()?,
+        })
+    }
+
+    fn title(&self) -> String {
+        format!("drive \"{}\"", self.name.get_ref())
+    }
+
+    fn resolve_bus(&self, log: &mut Log<'_>, buses: &[BusTable]) -> Option<usize> {
+        let names = buses.iter().map(|bus| bus.name.get_ref().as_str());
+        let found = names.clone().position(|name| name == self.bus.get_ref());
+        if found.is_none() {
+            unknown(log, &self.title(), "bus", &self.bus, names);
+        }
+        found
+    }
+
+    /// Whether the drive takes the machine's cycle and its bus's bit rate.
+    fn check_model(&self, log: &mut Log<'_>, cycle: &Spanned<i64>, bus: Option<&BusTable>) {
+        let model = self.model;
+        if !model.takes_cycle(Duration::from_micros(*cycle.get_ref() as u64)) {
+            log.report(
+                cycle.span(),
+                format!(
+                    "machine: `cycle_us` is {}, which {} ({}) does not take",
+                    cycle.get_ref(),
+                    self.title(),
+                    model.title
+                ),
+                format!(
+                    "allowed: {}…{} µs in steps of {} µs",
+                    model.cycles.start().as_micros(),
+                    model.cycles.end().as_micros(),
+                    model.cycle_step.as_micros()
+                ),
+            );
+        }
+        if let Some(bus) = bus
+            && !model
+                .bitrates
+                .iter()
+                .any(|rate| i64::from(*rate) == *bus.bitrate.get_ref())
+        {
+            let rates: Vec<_> = model.bitrates.iter().map(u32::to_string).collect();
+            log.report(
+                bus.bitrate.span(),
+                format!(
+                    "bus \"{}\": `bitrate` is {}, which {} ({}) does not take",
+                    bus.name.get_ref(),
+                    bus.bitrate.get_ref(),
+                    self.title(),
+                    model.title
+                ),
+                format!("allowed: {} (bit/s)", rates.join(", ")),
+            );
+        }
+    }
+
+    fn join(self, log: &mut Log<'_>, bus: usize, axis: usize, table: &AxisTable) -> Drive {
+        let scaling = Scaling::new(
+            self.model.increments_per_revolution,
+            table.mm_per_revolution(),
+            self.direction,
+            self.zero,
+        );
+        let (least, most) = *table.soft_limits.get_ref();
+        if scaling.to_increments(least).is_err() || scaling.to_increments(most).is_err() {
+            let mut ends = [Increments::MIN, Increments::MAX].map(|end| scaling.to_mm(end));
+            ends.sort_by(f64::total_cmp);
+            log.report(
+                table.soft_limits.span(),
+                format!(
+                    "{}: `soft_limits` [{least}, {most}] are beyond what {} can count",
+                    table.title(),
+                    self.title(),
+                ),
+                format!(
+                    "allowed: {:.3}…{:.3} mm (-2147483648…2147483647 increments, {} for each \
+                     revolution of {} mm, `zero` at {})",
+                    ends[0],
+                    ends[1],
+                    self.model.increments_per_revolution,
+                    table.mm_per_revolution(),
+                    self.zero
+                ),
+            );
+        }
+        Drive {
+            name: self.name.into_inner(),
+            bus,
+            node: self.node.into_inner(),
+            model: self.model,
+            axis,
+            scaling,
+            objects: self.objects,
+        }
+    }
+}
+
+/// What a `sdo` entry looks like.
+const SDO: &str = "a list of [object, value] pairs such as [\"3012:3\", 5], with the type as a \
+                   third item, [\"3012:3\", 5, \"u16\"], for an object that is not in the \
+                   dictionary at hand";
+
+fn sdo_entry(
+    log: &mut Log<'_>,
+    title: &str,
+    model: &Model,
+    entry: &Spanned<DeValue<'_>>,
+) -> Option<Write> {
+    let mut refuse = |span: Range<usize>, problem: String, help: &str| {
+        log.report(span, format!("{title}: `sdo`: {problem}"), help);
+        None
+    };
+    let items = entry.get_ref().as_array().map(|items| &items[..]);
+    let (Some([object, value]) | Some([object, value, _])) = items else {
+        let problem = "this entry is not an object with a value".into();
+        return refuse(entry.span(), problem, &format!("allowed: {SDO}"));
+    };
+    let Some(address) = object.get_ref().as_str().and_then(|text| text.parse().ok()) else {
+        let problem = "this is no object".into();
+        let help = "allowed: \"index:sub\" in hexadecimal, such as \"3012:3\"";
+        return refuse(object.span(), problem, help);
+    };
+    if (model.reserved)(address) {
+        let problem = format!("{address} is the controller's own");
+        let help = "allowed: objects outside communication, operating mode, cycle, scaling and \
+                    synchronisation, which the controller sets from this file's keys";
+        return refuse(object.span(), problem, help);
+    }
+    let kind = match items {
+        Some([_, _, kind]) => {
+            let named = kind.get_ref().as_str();
+            let found = ObjectType::NAMES
+                .iter()
+                .find(|(name, _)| named == Some(name));
+            let Some((_, kind_found)) = found else {
+                let allowed = one_of(ObjectType::NAMES.iter().map(|(name, _)| *name));
+                let problem = format!("the type of {address} is unknown");
+                return refuse(kind.span(), problem, &format!("allowed: {allowed}"));
+            };
+            *kind_found
+        }
+        _ => match (model.object_type)(address) {
+            Some(kind) => kind,
+            None => {
+                let problem = format!("the type of {address} is not in the dictionary at hand");
+                let allowed = one_of(ObjectType::NAMES.iter().map(|(name, _)| *name));
+                let help = format!("add it as a third item: {allowed}");
+                return refuse(entry.span(), problem, &help);
+            }
+        },
+    };
+    let data = integer(value.get_ref()).and_then(|value| kind.encode(value));
+    match data {
+        Some(data) => Some(Write { address, data }),
+        None => {
+            let (least, most) = kind.range();
+            let problem = format!("the value of {address} does not fit its type");
+            refuse(
+                value.span(),
+                problem,
+                &format!("allowed: a whole number {least}…{most}"),
+            )
+        }
+    }
+}
+
+struct AxisTable {
+    name: Spanned<String>,
+    drives: Spanned<Vec<Spanned<String>>>,
+    pitch: f64,
+    gear: f64,
+    max_velocity: f64,
+    max_acceleration: f64,
+    max_jerk: f64,
+    soft_limits: Spanned<(f64, f64)>,
+    following_error_limit: f64,
+    skew_limit: Option<f64>,
+    standstill_window: f64,
+    drive_following_error: bool,
+    drive_soft_limits: bool,
+}
+
+impl AxisTable {
+    fn read(log: &mut Log<'_>, mut table: Table<'_, '_>) -> Option<Self> {
+        let name = table.choice(log, "name", AXES.into_iter());
+        let allowed = "the name of one [[drive]], or of two for a gantry pair";
+        let drives = table.texts(log, "drives", allowed, 1..=2);
+        let pitch = table.positive(log, "pitch", "(mm per turn of the screw or pinion)");
+        let gear = table.positive_or(log, "gear", 1.0, "(motor turns per turn of the screw)");
+        let max_velocity = table.positive(log, "max_velocity", "(mm/s)");
+        let max_acceleration = table.positive(log, "max_acceleration", "(mm/s²)");
+        let max_jerk = table.positive(log, "max_jerk", "(mm/s³)");
+        let allowed = "[least, greatest] machine position in mm, the first below the second";
+        let soft_limits = table.interval(log, "soft_limits", allowed);
+        let following_error_limit = table.positive(log, "following_error_limit", "(mm)");
+        let pair = drives
+            .as_ref()
+            .is_some_and(|drives| drives.get_ref().len() == 2);
+        let skew_limit = if pair {
+            table.positive(
+                log,
+                "skew_limit",
+                "(mm), the difference of a gantry's two sides",
+            )
+        } else {
+            let skew_limit = table.positive_if(log, "skew_limit", "(mm)");
+            if let (Some(skew_limit), true) = (&skew_limit, drives.is_some()) {
+                log.report(
+                    skew_limit.span(),
+                    format!("{}: `skew_limit` for one drive", table.title),
+                    "allowed: only where `drives` names two, a gantry pair",
+                );
+            }
+            None
+        };
+        let standstill_window = table.positive_or(log, "standstill_window", 0.1, "(mm)");
+        let drive_following_error = table.flag_or(log, "drive_following_error", false);
+        let drive_soft_limits = table.flag_or(log, "drive_soft_limits", false);
+        if let (Some(pitch), true) = (&pitch, log.is_empty())
+            && !(pitch.get_ref() / gear).is_normal()
+        {
+            let problem = format!("{}: `pitch` / `gear` is no usable number", table.title);
+            log.report(
+                pitch.span(),
+                problem,
+                "allowed: mm per motor revolution above 0",
+            );
+        }
+        table.finish(log);
+        Some(Self {
+            name: name?,
+            drives: drives?,
+            pitch: pitch?.into_inner(),
+            gear,
+            max_velocity: max_velocity?.into_inner(),
+            max_acceleration: max_acceleration?.into_inner(),
+            max_jerk: max_jerk?.into_inner(),
+            soft_limits: soft_limits?,
+            following_error_limit: following_error_limit?.into_inner(),
+            skew_limit: skew_limit.map(Spanned::into_inner),
+            standstill_window,
+            drive_following_error,
+            drive_soft_limits,
+        })
+    }
+
+    fn title(&self) -> String {
+        format!("axis \"{}\"", self.name.get_ref())
+    }
+
+    fn mm_per_revolution(&self) -> f64 {
+        self.pitch / self.gear
+    }
+
+    fn join(self, drives: Vec<usize>) -> Axis {
+        Axis {
+            mm_per_revolution: self.mm_per_revolution(),
+            name: self.name.into_inner(),
+            drives,
+            max_velocity: self.max_velocity,
+            max_acceleration: self.max_acceleration,
+            max_jerk: self.max_jerk,
+            soft_limits: self.soft_limits.into_inner(),
+            following_error_limit: self.following_error_limit,
+            skew_limit: self.skew_limit,
+            standstill_window: self.standstill_window,
+            drive_following_error: self.drive_following_error,
+            drive_soft_limits: self.drive_soft_limits,
+        }
+    }
+}
+
+/// `[model.<name>]`: what a model's manual leaves open, as this machine's drives have it.
+fn assumptions(
+    log: &mut Log<'_>,
+    mut tables: Table<'_, '_>,
+) -> Vec<(&'static Model, Vec<(&'static str, u32)>)> {
+    let mut stated = Vec::new();
+    for model in MODELS {
+        let Some(mut table) = tables.table(log, model.name, false) else {
+            continue;
+        };
+        let mut values = Vec::new();
+        for assumption in model.assumptions {
+            let (least, most) = assumption.allowed.clone().into_inner();
+            let range = i64::from(least)..=i64::from(most);
+            if let Some(value) = table.integer_if(log, assumption.name, range, "") {
+                values.push((assumption.name, *value.get_ref() as u32));
+            }
+        }
+        table.finish(log);
+        stated.push((model, values));
+    }
+    tables.finish(log);
+    stated
+}
+
+fn name(log: &mut Log<'_>, table: &mut Table<'_, '_>) -> Option<Spanned<String>> {
+    table.text(log, "name", "a text that is not empty", |text| {
+        !text.trim().is_empty()
+    })
+}
+
+fn node_id(number: i64) -> Option<NodeId> {
+    u8::try_from(number).ok().and_then(NodeId::new)
+}
+
+/// Reports every name that an earlier table of the kind has already.
+fn unique<'t>(log: &mut Log<'_>, kind: &str, names: impl Iterator<Item = &'t Spanned<String>>) {
+    let mut seen = BTreeMap::new();
+    for name in names {
+        if seen.insert(name.get_ref(), ()).is_some() {
+            log.report(
+                name.span(),
+                format!("{kind} \"{}\": `name` is taken", name.get_ref()),
+                format!("allowed: a name that no other [[{kind}]] has"),
+            );
+        }
+    }
+}
+
+/// Reports a name that refers to nothing.
+fn unknown<'n>(
+    log: &mut Log<'_>,
+    title: &str,
+    kind: &str,
+    name: &Spanned<String>,
+    names: impl Iterator<Item = &'n str> + Clone,
+) {
+    let nearest = nearest(name.get_ref(), names.clone()).unwrap_or_default();
+    log.report(
+        name.span(),
+        format!("{title}: there is no {kind} \"{}\"", name.get_ref()),
+        format!("allowed: {}; nearest: \"{nearest}\"", one_of(names)),
+    );
+}

@@ -1,0 +1,430 @@
+//! The machine file as people write it, well and badly.
+
+use std::path::Path;
+use std::time::Duration;
+use syncline_controller::machine::{Invalid, Machine};
+use syncline_drives::model::Increments;
+
+const PORTAL: &str = include_str!("../../examples/portal/machine.toml");
+const XYZ: &str = include_str!("../../examples/xyz/machine.toml");
+
+fn parse(text: &str) -> Result<Machine, Invalid> {
+    Machine::parse(Path::new("machine.toml"), text)
+}
+
+/// The portal's file with its first `from` replaced.
+fn portal_with(from: &str, to: &str) -> String {
+    assert!(PORTAL.contains(from), "{from}");
+    PORTAL.replacen(from, to, 1)
+}
+
+#[test]
+fn the_portal() {
+    let machine = parse(PORTAL).unwrap();
+    assert_eq!(machine.cycle, Duration::from_millis(2));
+    assert_eq!(machine.controller.node.get(), 127);
+    assert_eq!(machine.buses[0].bitrate, 1_000_000);
+    let names: Vec<_> = machine.axes.iter().map(|axis| axis.name.as_str()).collect();
+    assert_eq!(names, ["X", "Y", "Z"]);
+    assert_eq!(machine.axes[0].drives, [0, 1]);
+    assert_eq!(machine.axes[0].skew_limit, Some(0.5));
+    assert_eq!(machine.axes[1].skew_limit, None);
+    assert_eq!(machine.axes[0].mm_per_revolution, 20.0);
+
+    // One turn of the motor is 20 mm; the second side is mirrored.
+    let position = |drive: usize, mm| machine.drives[drive].scaling.to_increments(mm).unwrap();
+    assert_eq!(position(0, 20.0), Increments::new(1_250_000 + 131_072));
+    assert_eq!(position(1, 20.0), Increments::new(-843_776 - 131_072));
+
+    // 6065h and 607Dh as each side counts: 2 mm further out than the soft limits.
+    let setup = |drive: usize| machine.actuator(drive).setup()[30..33].to_vec();
+    let shown: Vec<_> = setup(1)
+        .iter()
+        .map(|write| (write.address.to_string(), write.data.bits() as i32))
+        .collect();
+    let increments = |mm: f64| (mm / 20.0 * 131_072.0).round() as i32;
+    assert_eq!(
+        shown,
+        [
+            ("6065h:0".into(), increments(2.0) + 1), // 13107.2, up
+            ("607Dh:1".into(), -843_776 - increments(1502.0)),
+            ("607Dh:2".into(), -843_776 + increments(2.0)),
+        ]
+    );
+}
+
+#[test]
+fn nothing_is_wired_to_the_portal() {
+    let machine = parse(XYZ).unwrap();
+    assert_eq!(machine.cycle, Duration::from_millis(4));
+    assert_eq!(machine.controller.node.get(), 64);
+    let moves: Vec<_> = machine
+        .axes
+        .iter()
+        .map(|axis| {
+            (
+                axis.name.as_str(),
+                machine.drives[axis.drives[0]].node.get(),
+            )
+        })
+        .collect();
+    assert_eq!(moves, [("Z", 33), ("X", 17), ("Y", 9)]);
+    // What the file leaves out.
+    assert_eq!(machine.buses[0].port, "sim");
+    assert_eq!(machine.controller.t_pdo_misses, 2);
+    assert_eq!(machine.axes[0].standstill_window, 0.1);
+    let drive = machine.actuator(2);
+    assert_eq!(drive.setup()[30].address.to_string(), "3012h:6");
+    assert_eq!(drive.interpolation_delay(), 1);
+}
+
+/// One mistake each: what is replaced by what, with § before the place that must be named, how the
+/// complaint begins and what it advises.
+#[test]
+fn every_mistake_is_found_named_and_placed() {
+    let cases = [
+        // Keys.
+        (
+            "max_velocity = 700.0",
+            "§max_velocty = 700.0",
+            "axis \"X\": unknown key `max_velocty`",
+            "nearest valid key: `max_velocity`; allowed: name, drives, pitch",
+        ),
+        (
+            "[machine]\nname = \"portal\"\ncycle_us = 2000\n",
+            "§[machine]\nname = \"portal\"\n",
+            "machine: missing key `cycle_us`",
+            "add `cycle_us`: a whole number",
+        ),
+        (
+            "[controller]",
+            "[§controler]",
+            "machine file: unknown key `controler`",
+            "nearest valid key: `controller`; allowed: machine, controller, bus",
+        ),
+        (
+            "node = 127",
+            "node = 127\n§node = 5",
+            "not TOML: duplicate key",
+            "toml.io",
+        ),
+        (
+            "[machine]",
+            "[machine§",
+            "not TOML: unclosed table",
+            "toml.io",
+        ),
+        // Names.
+        (
+            "model = \"lxm32m\"",
+            "model = §\"lxm23m\"",
+            "drive \"X1\": `model` is \"lxm23m\"",
+            "allowed: \"lxm32m\"; nearest: \"lxm32m\"",
+        ),
+        (
+            "bus = \"portal\"\nnode = 3",
+            "bus = §\"potral\"\nnode = 3",
+            "drive \"Y\": there is no bus \"potral\"",
+            "nearest: \"portal\"",
+        ),
+        (
+            "drives = [\"Y\"]",
+            "drives = [§\"YY\"]",
+            "axis \"Y\": there is no drive \"YY\"",
+            "allowed: \"X1\", \"X2\", \"Y\" or \"Z\"; nearest: \"Y\"",
+        ),
+        (
+            "drives = [\"Y\"]",
+            "drives = [§\"X1\"]",
+            "axis \"Y\": drive \"X1\" already moves axis \"X\"",
+            "each drive once",
+        ),
+        (
+            "name = \"X2\"",
+            "name = §\"X1\"",
+            "drive \"X1\": `name` is taken",
+            "a name that no other [[drive]] has",
+        ),
+        (
+            "name = \"Y\"\ndrives",
+            "name = §\"X\"\ndrives",
+            "axis \"X\": `name` is taken",
+            "",
+        ),
+        (
+            "name = \"Z\"\ndrives",
+            "name = §\"W\"\ndrives",
+            "axis \"W\": `name` is \"W\"",
+            "\"X\", \"Y\" or \"Z\"",
+        ),
+        (
+            "drives = [\"X1\", \"X2\"]",
+            "drives = §[]",
+            "axis \"X\": `drives` is []",
+            "one [[drive]], or of two",
+        ),
+        (
+            "[[axis]]\nname = \"X\"",
+            "[[drive]]\nname = §\"A\"\nbus = \"portal\"\nnode = 9\nmodel = \"lxm32m\"\n\n\
+             [[axis]]\nname = \"X\"",
+            "drive \"A\": no axis names it",
+            "or remove it",
+        ),
+        // Nodes.
+        (
+            "node = 2",
+            "node = §1",
+            "drive \"X2\": node 1 is already X1 on bus \"portal\"",
+            "each once on a bus",
+        ),
+        (
+            "node = 2",
+            "node = §127",
+            "drive \"X2\": node 127 is already the controller on bus \"portal\"",
+            "each once on a bus",
+        ),
+        (
+            "node = 2",
+            "node = §128",
+            "drive \"X2\": `node` is 128",
+            "a whole number 1…127",
+        ),
+        (
+            "node = 2",
+            "node = §\"2\"",
+            "drive \"X2\": `node` is \"2\"",
+            "a whole number 1…127",
+        ),
+        // Limits.
+        (
+            "max_velocity = 700.0",
+            "max_velocity = §0",
+            "axis \"X\": `max_velocity` is 0",
+            "a number above 0 (mm/s)",
+        ),
+        (
+            "max_acceleration = 3000.0",
+            "max_acceleration = §-3000.0",
+            "axis \"X\": `max_acceleration` is -3000.0",
+            "a number above 0 (mm/s²)",
+        ),
+        (
+            "max_jerk = 60_000.0",
+            "max_jerk = §inf",
+            "axis \"X\": `max_jerk` is inf",
+            "above 0",
+        ),
+        (
+            "max_jerk = 60_000.0",
+            "max_jerk = §nan",
+            "axis \"X\": `max_jerk` is nan",
+            "above 0",
+        ),
+        (
+            "max_jerk = 60_000.0",
+            "max_jerk = §1e999",
+            "axis \"X\": `max_jerk`",
+            "above 0",
+        ),
+        (
+            "following_error_limit = 2.0",
+            "following_error_limit = §0.0",
+            "axis \"X\": `following_error_limit` is 0.0",
+            "above 0 (mm)",
+        ),
+        (
+            "soft_limits = [0.0, 1500.0]",
+            "soft_limits = §[1500.0, 0.0]",
+            "axis \"X\": `soft_limits` is [1500.0, 0.0]",
+            "the first below the second",
+        ),
+        (
+            "[[axis]]\nname = \"Y\"\ndrives = [\"Y\"]",
+            "§[[axis]]\nname = \"Y\"\ndrives = [\"Y\", \"X2\"]",
+            "axis \"Y\": missing key `skew_limit`",
+            "add `skew_limit`: a number above 0 (mm)",
+        ),
+        (
+            "soft_limits = [0.0, 1000.0]",
+            "soft_limits = [0.0, 1000.0]\nskew_limit = §1",
+            "axis \"Y\": `skew_limit` for one drive",
+            "a gantry pair",
+        ),
+        (
+            "soft_limits = [-300.0, 0.0]",
+            "soft_limits = §[-300.0, 163_500]",
+            "axis \"Z\": `soft_limits` [-300, 163500] are beyond what drive \"Z\" can count",
+            "allowed: -164221.470…163458.530 mm (-2147483648…2147483647 increments, 131072 for each",
+        ),
+        // Cycle and bit rate.
+        (
+            "cycle_us = 2000",
+            "cycle_us = §2500",
+            "machine: `cycle_us` is 2500, which drive \"X1\" (LXM32M) does not take",
+            "allowed: 1000…20000 µs in steps of 1000 µs",
+        ),
+        (
+            "cycle_us = 2000",
+            "cycle_us = §21000",
+            "machine: `cycle_us` is 21000",
+            "1000…20000",
+        ),
+        (
+            "cycle_us = 2000",
+            "cycle_us = §0",
+            "machine: `cycle_us` is 0",
+            "1…1000000 (µs)",
+        ),
+        (
+            "cycle_us = 2000",
+            "cycle_us = §2.0",
+            "machine: `cycle_us` is 2.0",
+            "whole number",
+        ),
+        (
+            "bitrate = 1_000_000",
+            "bitrate = §800_000",
+            "bus \"portal\": `bitrate` is 800000, which drive \"X1\" (LXM32M) does not take",
+            "allowed: 50000, 125000, 250000, 500000, 1000000 (bit/s)",
+        ),
+        (
+            "bitrate = 1_000_000",
+            "bitrate = §1",
+            "bus \"portal\": `bitrate` is 1",
+            "500000",
+        ),
+        // Supervision.
+        (
+            "heartbeat_timeout_ms = 300",
+            "heartbeat_timeout_ms = §100",
+            "controller: `heartbeat_timeout_ms` is 100 with `heartbeat_ms` at 100",
+            "clearly longer",
+        ),
+        (
+            "sdo_retries = 2",
+            "setpoint_offset_us = §2000",
+            "controller: `setpoint_offset_us` is 2000",
+            "less than the cycle of 2000 µs",
+        ),
+        // Objects.
+        (
+            "zero = 402_131",
+            "sdo = [§[\"3012:3\"]]",
+            "drive \"Y\": `sdo`: this entry is not an object with a value",
+            "[\"3012:3\", 5]",
+        ),
+        (
+            "zero = 402_131",
+            "sdo = [[§\"3012.3\", 5]]",
+            "drive \"Y\": `sdo`: this is no object",
+            "\"index:sub\" in hexadecimal",
+        ),
+        (
+            "zero = 402_131",
+            "sdo = [[\"3012:3\", §65536, \"u16\"]]",
+            "drive \"Y\": `sdo`: the value of 3012h:3 does not fit its type",
+            "a whole number 0…65535",
+        ),
+        (
+            "zero = 402_131",
+            "sdo = [[\"3012:3\", 5, §\"word\"]]",
+            "drive \"Y\": `sdo`: the type of 3012h:3 is unknown",
+            "\"u16\"",
+        ),
+        (
+            "zero = 402_131",
+            "sdo = [[§\"60C2:1\", 4, \"u8\"]]",
+            "drive \"Y\": `sdo`: 60C2h:1 is the controller's own",
+            "objects outside communication",
+        ),
+        (
+            "zero = 402_131",
+            "zero = §3_000_000_000",
+            "drive \"Y\": `zero` is 3000000000",
+            "",
+        ),
+        (
+            "direction = \"negative\"",
+            "direction = §\"neg\"",
+            "drive \"X2\": `direction` is \"neg\"",
+            "\"positive\" or \"negative\"; nearest: \"negative\"",
+        ),
+        (
+            "drive_soft_limits = true",
+            "drive_soft_limits = §1",
+            "axis \"X\": `drive_soft_limits` is 1",
+            "true or false",
+        ),
+        (
+            "[machine]",
+            "[model.lxm32m]\n§sync_loked = 1\n[machine]",
+            "lxm32m: unknown key `sync_loked`",
+            "nearest valid key: `sync_locked`; allowed: interpolation_delay, sync_locked",
+        ),
+    ];
+    for (from, to, problem, help) in cases {
+        let marked = portal_with(from, to);
+        let place = marked.find('§').expect(to);
+        let line = marked[..place].matches('\n').count() + 1;
+        let column = marked[..place]
+            .chars()
+            .rev()
+            .take_while(|c| *c != '\n')
+            .count()
+            + 1;
+        let error = parse(&marked.replace('§', "")).expect_err(to).to_string();
+        assert!(
+            error.starts_with(&format!("machine.toml:{line}:{column}: {problem}"))
+                && error.contains(help),
+            "`{to}` gave\n{error}"
+        );
+    }
+    let error = parse("").unwrap_err().to_string();
+    assert!(error.starts_with("machine.toml:1:1: machine file: missing key `machine`"));
+}
+
+#[test]
+fn several_mistakes_are_told_at_once_in_the_order_of_the_file() {
+    let text = portal_with("node = 127", "node = 0")
+        .replace("cycle_us = 2000", "cycle_us = \"fast\"")
+        .replace("max_jerk = 80_000.0", "max_jerk = 0\ncolour = \"red\"");
+    let error = parse(&text).unwrap_err();
+    let lines: Vec<_> = error.diagnostics.iter().map(|found| found.line).collect();
+    assert_eq!(lines, [6, 9, 85, 86]);
+    let expected = "machine.toml:6:12: machine: `cycle_us` is \"fast\"\n  \
+                      6 | cycle_us = \"fast\"\n    \
+                        |            ^^^^^^\n    \
+                        = allowed: a whole number 1…1000000 (µs)\n\
+                    machine.toml:9:8: ";
+    assert!(error.to_string().starts_with(expected), "{error}");
+}
+
+#[test]
+fn text_that_is_no_machine_never_panics() {
+    for text in [
+        "",
+        "\u{feff}",
+        "x",
+        "[",
+        "[[axis]]",
+        "machine = 3",
+        "bus = []",
+        "drive = [1]",
+        "é = 'ü'\n[é",
+    ] {
+        let error = parse(text).expect_err(text);
+        assert!(!error.diagnostics.is_empty() && !error.to_string().is_empty());
+    }
+    // Every prefix of a good file, and every line left out.
+    for end in 0..PORTAL.len() {
+        if let Some(text) = PORTAL.get(..end) {
+            drop(parse(text));
+        }
+    }
+    let lines: Vec<_> = PORTAL.lines().collect();
+    for left_out in 0..lines.len() {
+        let mut lines = lines.clone();
+        lines.remove(left_out);
+        drop(parse(&lines.join("\n")));
+    }
+}
