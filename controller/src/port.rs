@@ -4,6 +4,9 @@
 //! A [`Port`] carries both over one bus with a number of system calls that does not grow with
 //! the number of frames.
 
+pub mod bus_fault;
+pub mod socketcan;
+
 use syncline_canopen::{Frame, Instant, Transmit};
 
 /// Most frames in one burst: every R_PDO of a bus in one cycle.

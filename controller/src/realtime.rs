@@ -258,6 +258,12 @@ pub fn now() -> Instant {
     read_clock(libc::CLOCK_MONOTONIC)
 }
 
+/// How far CLOCK_REALTIME is ahead of CLOCK_MONOTONIC, in nanoseconds.
+pub(crate) fn wall_clock_offset() -> u64 {
+    let wall = read_clock(libc::CLOCK_REALTIME).as_nanos();
+    wall.wrapping_sub(now().as_nanos())
+}
+
 /// Processor time that the calling thread has used.
 #[must_use]
 pub fn thread_time() -> Duration {
@@ -266,7 +272,7 @@ pub fn thread_time() -> Duration {
 
 fn read_clock(clock: libc::clockid_t) -> Instant {
     let mut time = MaybeUninit::<libc::timespec>::uninit();
-    // SAFETY: the kernel fills `time`; both clocks exist on every Linux, so the call succeeds.
+    // SAFETY: the kernel fills `time`; these clocks exist on every Linux, so the call succeeds.
     let time = unsafe {
         let result = libc::clock_gettime(clock, time.as_mut_ptr());
         assert_eq!(result, 0, "clock_gettime");

@@ -1,0 +1,188 @@
+//! What a CAN controller reports of its own bus, and what the machine does about it.
+
+use socketcan::errors::{CanError, ControllerProblems, ErrorCause};
+use std::fmt;
+
+/// A condition on the bus that the adapter reported in an error frame, or the kernel beside one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BusFault {
+    /// The adapter counted 256 transmit errors and left the bus (ISO 11898-1, bus off).
+    BusOff,
+    /// More than 127 errors: the adapter may no longer signal errors to others.
+    ErrorPassive,
+    /// More than 96 errors.
+    ErrorWarning,
+    /// The adapter or the kernel had no room for a received frame.
+    ReceiveOverrun,
+    /// The adapter had no room for a frame to send.
+    TransmitOverrun,
+    /// The driver gave up on a frame that did not leave.
+    TransmitTimeout,
+    /// Nobody acknowledged a frame: the controller is alone on the bus.
+    NoAcknowledge,
+    /// Another frame won the arbitration; the adapter repeats ours.
+    ArbitrationLost,
+    /// A frame was damaged: bit, stuff, form or checksum error.
+    Damaged,
+    /// The adapter restarted after bus off; what it had queued is lost.
+    Restarted,
+}
+
+/// What the machine does about a [`BusFault`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Reaction {
+    /// Counted; what it costs shows as a late setpoint or a missing T_PDO.
+    Count,
+    /// The bus cannot be relied on any longer: a coordinated stop.
+    Stop,
+}
+
+impl BusFault {
+    /// Every fault, in the order of [`FaultCounts`].
+    pub const ALL: [Self; 10] = [
+        Self::BusOff,
+        Self::ErrorPassive,
+        Self::ErrorWarning,
+        Self::ReceiveOverrun,
+        Self::TransmitOverrun,
+        Self::TransmitTimeout,
+        Self::NoAcknowledge,
+        Self::ArbitrationLost,
+        Self::Damaged,
+        Self::Restarted,
+    ];
+
+    /// What the machine does about it.
+    #[must_use]
+    pub const fn reaction(self) -> Reaction {
+        match self {
+            Self::BusOff | Self::ErrorPassive | Self::TransmitTimeout | Self::Restarted => {
+                Reaction::Stop
+            }
+            Self::ErrorWarning
+            | Self::ReceiveOverrun
+            | Self::TransmitOverrun
+            | Self::NoAcknowledge
+            | Self::ArbitrationLost
+            | Self::Damaged => Reaction::Count,
+        }
+    }
+
+    /// The faults that an error frame reports.
+    pub(super) fn of(error: &CanError) -> impl Iterator<Item = Self> + '_ {
+        error.causes().filter_map(|cause| {
+            Some(match cause {
+                ErrorCause::BusOff => Self::BusOff,
+                ErrorCause::TransmitTimeout => Self::TransmitTimeout,
+                ErrorCause::NoAck => Self::NoAcknowledge,
+                ErrorCause::LostArbitration(_) => Self::ArbitrationLost,
+                ErrorCause::Protocol { .. }
+                | ErrorCause::BusError
+                | ErrorCause::Transceiver { .. } => Self::Damaged,
+                ErrorCause::Restarted => Self::Restarted,
+                ErrorCause::Controller(problems) => Self::of_controller(*problems)?,
+                _ => return None,
+            })
+        })
+    }
+
+    /// The worst of what one status byte reports; none for the return to error active.
+    fn of_controller(problems: ControllerProblems) -> Option<Self> {
+        use ControllerProblems as P;
+        [
+            (P::RX_PASSIVE | P::TX_PASSIVE, Self::ErrorPassive),
+            (P::RX_OVERFLOW, Self::ReceiveOverrun),
+            (P::TX_OVERFLOW, Self::TransmitOverrun),
+            (P::RX_WARNING | P::TX_WARNING, Self::ErrorWarning),
+        ]
+        .into_iter()
+        .find_map(|(bits, fault)| problems.intersects(bits).then_some(fault))
+    }
+}
+
+impl fmt::Display for BusFault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::BusOff => {
+                "bus off, check cable, termination and bit rate, then `sudo ip link set DEV type can restart`"
+            }
+            Self::ErrorPassive => "error passive, check cable, termination and bit rate",
+            Self::ErrorWarning => "error warning",
+            Self::ReceiveOverrun => "receive overrun",
+            Self::TransmitOverrun => "transmit overrun",
+            Self::TransmitTimeout => "a frame did not leave the adapter in time",
+            Self::NoAcknowledge => "no other node acknowledges",
+            Self::ArbitrationLost => "arbitration lost",
+            Self::Damaged => "damaged frame",
+            Self::Restarted => "the adapter restarted, queued frames are lost",
+        })
+    }
+}
+
+/// How often each fault was seen.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct FaultCounts([u64; BusFault::ALL.len()]);
+
+impl FaultCounts {
+    /// One more of `fault`, or several at once.
+    pub(super) fn add(&mut self, fault: BusFault, times: u64) {
+        self.0[fault as usize] += times;
+    }
+
+    /// Each fault that was seen, with its count.
+    pub fn seen(&self) -> impl Iterator<Item = (BusFault, u64)> + '_ {
+        BusFault::ALL
+            .into_iter()
+            .zip(self.0)
+            .filter(|&(_, count)| count > 0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use socketcan::CanErrorFrame;
+
+    fn decode(class: u32, data: &[u8]) -> Vec<BusFault> {
+        let error = CanErrorFrame::new_error(class, data).unwrap().into_error();
+        BusFault::of(&error).collect()
+    }
+
+    /// Class bits and data bytes of linux/can/error.h.
+    #[test]
+    fn error_frames_decode_to_typed_faults() {
+        let cases: [(u32, &[u8], &[BusFault]); 12] = [
+            (0x001, &[], &[BusFault::TransmitTimeout]),
+            (0x002, &[7], &[BusFault::ArbitrationLost]),
+            (0x004, &[0, 0x01], &[BusFault::ReceiveOverrun]),
+            (0x004, &[0, 0x02], &[BusFault::TransmitOverrun]),
+            (0x004, &[0, 0x0C], &[BusFault::ErrorWarning]),
+            (0x004, &[0, 0x30], &[BusFault::ErrorPassive]),
+            (0x004, &[0, 0x40], &[]),
+            (0x008, &[0, 0, 0x04, 0x03], &[BusFault::Damaged]),
+            (0x020, &[], &[BusFault::NoAcknowledge]),
+            (0x040, &[], &[BusFault::BusOff]),
+            (0x100, &[], &[BusFault::Restarted]),
+            (
+                0x024,
+                &[0, 0x20],
+                &[BusFault::ErrorPassive, BusFault::NoAcknowledge],
+            ),
+        ];
+        for (class, data, faults) in cases {
+            assert_eq!(decode(class, data), faults, "{class:03X} {data:02X?}");
+        }
+        assert_eq!(BusFault::BusOff.reaction(), Reaction::Stop);
+        assert_eq!(BusFault::ArbitrationLost.reaction(), Reaction::Count);
+    }
+
+    #[test]
+    fn counts_keep_the_faults_apart() {
+        let mut counts = FaultCounts::default();
+        for (times, fault) in BusFault::ALL.into_iter().enumerate() {
+            counts.add(fault, times as u64);
+        }
+        let seen: Vec<u64> = counts.seen().map(|(_, count)| count).collect();
+        assert_eq!(seen, (1..10).collect::<Vec<u64>>());
+    }
+}

@@ -1,0 +1,693 @@
+//! A Linux SocketCAN interface as a [`Port`].
+//!
+//! Three raw sockets, one for each band of pfifo_fast: SYNC first, the burst second, acyclic
+//! frames last. The burst's socket also receives: kernel filters for exactly the identifiers in
+//! use, its own frames echoed when they have left. Each call of the port is one system call
+//! however many frames it carries.
+//!
+//! The echo is the driver's word that a frame is on the wire; it also says how many of ours still
+//! wait, so that a burst is queued only where all of it fits behind what waits already.
+#![allow(unsafe_code)]
+
+use super::bus_fault::{BusFault, FaultCounts, Reaction};
+use super::{BURST_CAPACITY, Burst, Port, PortError, Received};
+use crate::realtime;
+use libc::{c_int, can_frame, iovec, mmsghdr, timespec};
+use socketcan::nl::CanState;
+use socketcan::{
+    CanErrorFrame, CanFilter, CanFrame, CanInterface, CanSocket, Socket, SocketOptions,
+};
+use std::io;
+use std::mem::{size_of, zeroed};
+use std::os::fd::AsRawFd;
+use syncline_canopen::{CanId, CobId, Frame, Instant};
+
+/// SO_PRIORITY values and the band of pfifo_fast that each lands in (tc-prio(8), default map).
+const FIRST_BAND: c_int = 6;
+const MIDDLE_BAND: c_int = 0;
+const LAST_BAND: c_int = 1;
+
+/// Frames that one receive call takes beyond one of each identifier.
+const BATCH_SLACK: usize = 32;
+
+/// Receive calls in a row before the rest is left to the next wake-up, so that a flooded bus
+/// cannot hold the cycle.
+const MOST_CALLS: usize = 4;
+
+/// What the port is opened for.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Options {
+    /// The bit rate that the interface must run at; not checked where it has none (vcan).
+    pub bit_rate: u32,
+    /// Identifiers to receive: T_PDOs, SDO answers, EMCY, error control.
+    pub receive: Vec<CobId>,
+    /// Identifiers of the burst: the R_PDOs. At most [`BURST_CAPACITY`].
+    pub burst: Vec<CobId>,
+}
+
+/// Where [`Received::at`] comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum StampSource {
+    /// The adapter stamps frames as they pass the wire.
+    Hardware,
+    /// The kernel stamps frames when the driver hands them over.
+    Software,
+}
+
+/// A SocketCAN interface.
+pub struct SocketCan {
+    name: String,
+    sync: CanSocket,
+    burst: CanSocket,
+    acyclic: CanSocket,
+    /// Frames in one burst.
+    burst_length: usize,
+    batch: Batch,
+    wire_clock: WireClock,
+    /// Frames of the burst that have not been echoed.
+    waiting: usize,
+    /// SYNCs that have not come back to the receiving socket.
+    syncs_waiting: usize,
+    faults: FaultCounts,
+    /// Frames that the socket had no room for, as the kernel last told it.
+    overruns: u32,
+    stamps: StampSource,
+    notes: Vec<String>,
+}
+
+impl SocketCan {
+    /// Opens `interface` for one machine's traffic.
+    ///
+    /// # Errors
+    /// With what to type to mend it: no SocketCAN in the kernel, no such interface, interface
+    /// down or off the bus, another bit rate, a transmit queue shorter than the burst.
+    pub fn open(interface: &str, options: &Options) -> Result<Self, PortError> {
+        let fail = |what: String| PortError {
+            bus: interface.into(),
+            what,
+        };
+        check_interface(interface, options.bit_rate).map_err(fail)?;
+        let sockets = || -> io::Result<_> {
+            let burst = receiving_socket(interface, options)?;
+            let sync = sending_socket(interface, FIRST_BAND)?;
+            let acyclic = sending_socket(interface, LAST_BAND)?;
+            Ok((sync, burst, acyclic))
+        };
+        let (sync, burst, acyclic) =
+            sockets().map_err(|error| fail(format!("cannot open its sockets: {error}")))?;
+        let stamps = if burst.has_hw_timestamps() {
+            StampSource::Hardware
+        } else {
+            StampSource::Software
+        };
+        let mut notes = Vec::new();
+        let length = options.burst.len().max(1);
+        fit_transmit_queue(interface, &burst, length, &mut notes).map_err(fail)?;
+        Ok(Self {
+            name: interface.into(),
+            sync,
+            burst,
+            acyclic,
+            burst_length: options.burst.len(),
+            batch: Batch::new(options.receive.len() + options.burst.len() + BATCH_SLACK),
+            wire_clock: WireClock::default(),
+            waiting: 0,
+            syncs_waiting: 0,
+            faults: FaultCounts::default(),
+            overruns: 0,
+            stamps,
+            notes,
+        })
+    }
+
+    /// Where the stamps come from.
+    #[must_use]
+    pub fn stamps(&self) -> StampSource {
+        self.stamps
+    }
+
+    /// Faults that the adapter has reported since the port was opened.
+    #[must_use]
+    pub fn faults(&self) -> FaultCounts {
+        self.faults
+    }
+
+    /// What is worth knowing about the interface although it was taken.
+    #[must_use]
+    pub fn notes(&self) -> &[String] {
+        &self.notes
+    }
+
+    fn fail(&self, doing: &str, error: &io::Error) -> PortError {
+        PortError {
+            bus: self.name.clone(),
+            what: match error.raw_os_error() {
+                Some(libc::ENETDOWN) => format!(
+                    "{doing}: the interface went down, `sudo ip link set {} up`",
+                    self.name
+                ),
+                Some(libc::ENODEV | libc::ENXIO) => format!("{doing}: the interface is gone"),
+                _ => format!("{doing}: {error}"),
+            },
+        }
+    }
+
+    /// Counts a fault; an error if the bus cannot be used any longer.
+    fn fault(&mut self, fault: BusFault) -> Result<(), PortError> {
+        self.faults.add(fault, 1);
+        if matches!(fault, BusFault::BusOff | BusFault::Restarted) {
+            self.waiting = 0;
+            self.syncs_waiting = 0;
+        }
+        match fault.reaction() {
+            Reaction::Count => Ok(()),
+            Reaction::Stop => Err(PortError {
+                bus: self.name.clone(),
+                what: fault.to_string().replace("DEV", &self.name),
+            }),
+        }
+    }
+
+    /// Whether a frame is one of ours that left. The burst's own socket marks its frames; SYNC
+    /// comes from another socket of this port, so as many are ours as were sent.
+    fn is_echo(&mut self, frame: &Frame, flags: c_int) -> bool {
+        if flags & libc::MSG_CONFIRM != 0 {
+            self.waiting = self.waiting.saturating_sub(1);
+            return true;
+        }
+        let sync = frame.id() == CobId::SYNC.into() && flags & libc::MSG_DONTROUTE != 0;
+        if sync && self.syncs_waiting > 0 {
+            self.syncs_waiting -= 1;
+            return true;
+        }
+        false
+    }
+}
+
+impl Port for SocketCan {
+    fn receive(&mut self, sink: &mut dyn FnMut(Received)) -> Result<(), PortError> {
+        for _ in 0..MOST_CALLS {
+            let count = match self.batch.receive(&self.burst) {
+                Ok(count) => count,
+                Err(error) if error.kind() == io::ErrorKind::WouldBlock => return Ok(()),
+                Err(error) => return Err(self.fail("receiving", &error)),
+            };
+            // The kernel stamps by CLOCK_REALTIME. Both clocks are read without a system call,
+            // so a step of it can only disturb what was on its way during the step.
+            let offset = realtime::wall_clock_offset();
+            let mut failed = None;
+            for index in 0..count {
+                let message = self.batch.message(index);
+                if let Some(overruns) = message.overruns {
+                    let lost = overruns.wrapping_sub(self.overruns);
+                    self.faults.add(BusFault::ReceiveOverrun, lost.into());
+                    self.overruns = overruns;
+                }
+                if message.raw.can_id & libc::CAN_ERR_FLAG != 0 {
+                    if let CanFrame::Error(error) = CanFrame::from(message.raw) {
+                        failed = self.error_frame(error).err().or(failed);
+                    }
+                    continue;
+                }
+                let Some(frame) = from_raw(&message.raw) else {
+                    continue;
+                };
+                let echo = self.is_echo(&frame, message.flags);
+                let kernel = message.software.map_or_else(
+                    || realtime::now().as_nanos(),
+                    |stamp| stamp.wrapping_sub(offset),
+                );
+                let at = match message.hardware {
+                    Some(wire) => self.wire_clock.monotonic(wire, kernel),
+                    None => kernel,
+                };
+                sink(Received {
+                    at: Instant::from_nanos(at),
+                    frame,
+                    echo,
+                });
+            }
+            if let Some(error) = failed {
+                return Err(error);
+            }
+            if count < self.batch.capacity() {
+                return Ok(());
+            }
+        }
+        Ok(())
+    }
+
+    fn send_sync(&mut self, frame: &Frame) -> Result<(), PortError> {
+        match send_all(&self.sync, std::slice::from_ref(frame)) {
+            Ok(_) => {
+                self.syncs_waiting += 1;
+                Ok(())
+            }
+            Err(error) => Err(self.fail("sending SYNC", &error)),
+        }
+    }
+
+    fn send_burst(&mut self, frames: &[Frame]) -> Result<Burst, PortError> {
+        if frames.len() + self.waiting > self.burst_length {
+            return Ok(Burst::Dropped);
+        }
+        match send_all(&self.burst, frames) {
+            Ok(queued) => {
+                self.waiting += queued;
+                Ok(if queued == frames.len() {
+                    Burst::Queued
+                } else {
+                    Burst::Torn { queued }
+                })
+            }
+            Err(error) if is_full(&error) => Ok(Burst::Dropped),
+            Err(error) => Err(self.fail("sending setpoints", &error)),
+        }
+    }
+
+    fn send_acyclic(&mut self, frames: &[Frame]) -> Result<(), PortError> {
+        match send_all(&self.acyclic, frames) {
+            Err(error) if !is_full(&error) => Err(self.fail("sending", &error)),
+            _ => Ok(()),
+        }
+    }
+}
+
+impl SocketCan {
+    fn error_frame(&mut self, frame: CanErrorFrame) -> Result<(), PortError> {
+        let error = frame.into_error();
+        BusFault::of(&error).try_for_each(|fault| self.fault(fault))
+    }
+}
+
+/// A socket whose frames go to one band of the transmit queue, never waiting.
+fn socket_in_band(interface: &str, band: c_int) -> io::Result<CanSocket> {
+    let socket = CanSocket::open(interface)?;
+    socket.set_nonblocking(true)?;
+    socket.set_socket_option_int(libc::SOL_SOCKET, libc::SO_PRIORITY, band)?;
+    Ok(socket)
+}
+
+/// A socket that receives nothing.
+fn sending_socket(interface: &str, band: c_int) -> io::Result<CanSocket> {
+    let socket = socket_in_band(interface, band)?;
+    socket.set_filter_drop_all()?;
+    Ok(socket)
+}
+
+/// The burst's socket: receives what the machine uses and the echo of its own frames, with
+/// stamps, error frames, and the count of what was lost.
+fn receiving_socket(interface: &str, options: &Options) -> io::Result<CanSocket> {
+    let socket = socket_in_band(interface, MIDDLE_BAND)?;
+    let ids = options.receive.iter().chain(&options.burst);
+    let filters: Vec<CanFilter> = ids.chain([&CobId::SYNC]).map(exactly).collect();
+    socket.set_filters(&filters)?;
+    socket.set_recv_own_msgs(true)?;
+    socket.set_error_filter(libc::CAN_ERR_MASK)?;
+    let stamping = libc::SOF_TIMESTAMPING_RX_SOFTWARE
+        | libc::SOF_TIMESTAMPING_SOFTWARE
+        | libc::SOF_TIMESTAMPING_RX_HARDWARE
+        | libc::SOF_TIMESTAMPING_RAW_HARDWARE;
+    for (option, value) in [
+        (libc::SO_RXQ_OVFL, 1),
+        (libc::SO_TIMESTAMPING, stamping as c_int),
+    ] {
+        socket.set_socket_option_int(libc::SOL_SOCKET, option, value)?;
+    }
+    Ok(socket)
+}
+
+/// A filter that passes this standard data frame and nothing else; in this form the kernel finds
+/// it by table, not by search.
+fn exactly(id: &CobId) -> CanFilter {
+    CanFilter::new(
+        id.get().into(),
+        libc::CAN_SFF_MASK | libc::CAN_EFF_FLAG | libc::CAN_RTR_FLAG,
+    )
+}
+
+fn is_full(error: &io::Error) -> bool {
+    matches!(
+        error.raw_os_error(),
+        Some(libc::ENOBUFS | libc::EAGAIN | libc::ENOMEM)
+    )
+}
+
+/// What must hold before sockets are opened.
+fn check_interface(interface: &str, bit_rate: u32) -> Result<(), String> {
+    let bring_up = if interface.starts_with('v') {
+        format!(
+            "`sudo ip link add dev {interface} type vcan; sudo ip link set {interface} up` makes a virtual one"
+        )
+    } else {
+        "`ip -details link show type can` lists what there is; is the adapter's driver loaded?"
+            .into()
+    };
+    if let Err(error) = CanSocket::open_iface(0)
+        && matches!(
+            error.raw_os_error(),
+            Some(libc::EAFNOSUPPORT | libc::EPROTONOSUPPORT)
+        )
+    {
+        return Err("this kernel has no SocketCAN: `sudo modprobe can-raw`".into());
+    }
+    let Ok(device) = CanInterface::open(interface) else {
+        return Err(format!("no such interface: {bring_up}"));
+    };
+    let set_up = format!(
+        "`sudo ip link set {interface} down; sudo ip link set {interface} up type can bitrate {bit_rate}`"
+    );
+    let details = device
+        .details()
+        .map_err(|error| format!("cannot be asked for its state: {error}"))?;
+    if !details.is_up {
+        return Err(match details.can.bit_timing {
+            None if details.can.state.is_none() => {
+                format!("is down: `sudo ip link set {interface} up`")
+            }
+            _ => format!("is down: {set_up}"),
+        });
+    }
+    if let Some(timing) = details.can.bit_timing
+        && timing.bitrate != bit_rate
+    {
+        return Err(format!(
+            "runs at {} bit/s, the machine file says {bit_rate}: {set_up}",
+            timing.bitrate
+        ));
+    }
+    if matches!(
+        details.can.state,
+        Some(CanState::BusOff | CanState::Stopped)
+    ) {
+        return Err(format!(
+            "is off the bus: check cable and termination, then `sudo ip link set {interface} type can restart`"
+        ));
+    }
+    Ok(())
+}
+
+/// Sizes the interface's transmit queue to one burst: a longer one can replay old setpoints, a
+/// shorter one cannot take a cycle's.
+fn fit_transmit_queue(
+    interface: &str,
+    socket: &CanSocket,
+    burst: usize,
+    notes: &mut Vec<String>,
+) -> Result<(), String> {
+    let grant = format!("`sudo ip link set {interface} txqueuelen {burst}`");
+    let length = transmit_queue(interface, socket, None)
+        .map_err(|error| format!("cannot read its transmit queue length: {error}"))?;
+    if length == burst || transmit_queue(interface, socket, Some(burst)).is_ok() {
+        return Ok(());
+    }
+    if length < burst {
+        return Err(format!(
+            "its transmit queue takes {length} frames, one cycle's burst is {burst}: {grant}"
+        ));
+    }
+    notes.push(format!(
+        "{interface}: transmit queue of {length} frames left as it is (not permitted to change it), one burst is {burst}: {grant}"
+    ));
+    Ok(())
+}
+
+/// Reads an interface's transmit queue length, or sets it.
+fn transmit_queue(interface: &str, socket: &CanSocket, set: Option<usize>) -> io::Result<usize> {
+    // SAFETY: ifreq is plain data for which all zeroes is valid.
+    let mut request: libc::ifreq = unsafe { zeroed() };
+    for (to, from) in request.ifr_name.iter_mut().zip(interface.bytes()).take(15) {
+        *to = from as libc::c_char;
+    }
+    let call = match set {
+        Some(length) => {
+            request.ifr_ifru.ifru_metric = length as c_int;
+            libc::SIOCSIFTXQLEN
+        }
+        None => libc::SIOCGIFTXQLEN,
+    };
+    // SAFETY: both calls read and write one ifreq, which outlives them. The queue length is the
+    // same int in the union as the metric (netdevice(7): ifr_qlen).
+    unsafe {
+        if libc::ioctl(socket.as_raw_fd(), call as _, &raw mut request) < 0 {
+            return Err(io::Error::last_os_error());
+        }
+        Ok(request.ifr_ifru.ifru_metric.max(0) as usize)
+    }
+}
+
+fn to_raw(frame: &Frame) -> can_frame {
+    // SAFETY: can_frame is plain data for which all zeroes is valid.
+    let mut raw: can_frame = unsafe { zeroed() };
+    raw.can_id = match frame.id() {
+        CanId::Standard(id) => id.into(),
+        CanId::Extended(id) => id | libc::CAN_EFF_FLAG,
+    };
+    if frame.is_remote() {
+        raw.can_id |= libc::CAN_RTR_FLAG;
+    }
+    raw.can_dlc = frame.dlc();
+    raw.data[..frame.data().len()].copy_from_slice(frame.data());
+    raw
+}
+
+/// `None` for what the kernel could not have sent.
+fn from_raw(raw: &can_frame) -> Option<Frame> {
+    let id = if raw.can_id & libc::CAN_EFF_FLAG != 0 {
+        CanId::extended(raw.can_id & libc::CAN_EFF_MASK)?
+    } else {
+        CanId::standard((raw.can_id & libc::CAN_SFF_MASK) as u16)?
+    };
+    if raw.can_id & libc::CAN_RTR_FLAG != 0 {
+        return Frame::remote(id, raw.can_dlc);
+    }
+    Frame::try_new(id, raw.data.get(..raw.can_dlc.into())?)
+}
+
+/// Sends frames in one call and says how many were queued, at least one; an error if none was.
+fn send_all(socket: &CanSocket, frames: &[Frame]) -> io::Result<usize> {
+    let count = frames.len().min(BURST_CAPACITY);
+    if count == 0 {
+        return Ok(0);
+    }
+    // SAFETY: all three are plain data for which all zeroes is valid.
+    let mut raw: [can_frame; BURST_CAPACITY] = unsafe { zeroed() };
+    let mut vectors: [iovec; BURST_CAPACITY] = unsafe { zeroed() };
+    let mut headers: [mmsghdr; BURST_CAPACITY] = unsafe { zeroed() };
+    for (index, frame) in frames[..count].iter().enumerate() {
+        raw[index] = to_raw(frame);
+        vectors[index] = iovec {
+            iov_base: (&raw mut raw[index]).cast(),
+            iov_len: size_of::<can_frame>(),
+        };
+        headers[index].msg_hdr.msg_iov = &raw mut vectors[index];
+        headers[index].msg_hdr.msg_iovlen = 1;
+    }
+    // SAFETY: the first `count` headers point to one vector each and that to one frame, all alive
+    // on this stack during the call.
+    let sent = unsafe {
+        libc::sendmmsg(
+            socket.as_raw_fd(),
+            headers.as_mut_ptr(),
+            count as libc::c_uint,
+            libc::MSG_DONTWAIT,
+        )
+    };
+    usize::try_from(sent).map_err(|_| io::Error::last_os_error())
+}
+
+/// Room for the control messages of one frame: SCM_TIMESTAMPING (three timespec) and SO_RXQ_OVFL.
+#[repr(C, align(8))]
+#[derive(Clone, Copy)]
+struct Control([u8; 88]);
+
+/// The buffers of one receive call.
+struct Batch {
+    raw: Vec<can_frame>,
+    control: Vec<Control>,
+    vectors: Vec<iovec>,
+    headers: Vec<mmsghdr>,
+}
+
+// SAFETY: the pointers in `vectors` and `headers` are written anew before every call and point
+// into this Batch's own buffers; nobody follows one that was written before a move.
+unsafe impl Send for Batch {}
+
+/// One received frame as the kernel hands it over.
+struct Message {
+    raw: can_frame,
+    flags: c_int,
+    /// Nanoseconds of CLOCK_REALTIME, by the kernel.
+    software: Option<u64>,
+    /// Nanoseconds of the adapter's own clock.
+    hardware: Option<u64>,
+    /// Frames lost so far for want of room in the socket.
+    overruns: Option<u32>,
+}
+
+impl Batch {
+    fn new(capacity: usize) -> Self {
+        // SAFETY: iovec, mmsghdr and can_frame are plain data for which all zeroes is valid.
+        unsafe {
+            Self {
+                raw: vec![zeroed(); capacity],
+                control: vec![Control([0; 88]); capacity],
+                vectors: vec![zeroed(); capacity],
+                headers: vec![zeroed(); capacity],
+            }
+        }
+    }
+
+    fn capacity(&self) -> usize {
+        self.raw.len()
+    }
+
+    /// Takes what has arrived, up to the capacity.
+    fn receive(&mut self, socket: &CanSocket) -> io::Result<usize> {
+        for index in 0..self.capacity() {
+            self.vectors[index] = iovec {
+                iov_base: (&raw mut self.raw[index]).cast(),
+                iov_len: size_of::<can_frame>(),
+            };
+            let header = &mut self.headers[index].msg_hdr;
+            header.msg_iov = &raw mut self.vectors[index];
+            header.msg_iovlen = 1;
+            header.msg_control = (&raw mut self.control[index]).cast();
+            header.msg_controllen = size_of::<Control>() as _;
+        }
+        // SAFETY: each header points to one vector, its frame and its control buffer, with their
+        // true sizes, all in `self` and alive during the call.
+        let count = unsafe {
+            libc::recvmmsg(
+                socket.as_raw_fd(),
+                self.headers.as_mut_ptr(),
+                self.capacity() as libc::c_uint,
+                libc::MSG_DONTWAIT as _,
+                std::ptr::null_mut(),
+            )
+        };
+        usize::try_from(count).map_err(|_| io::Error::last_os_error())
+    }
+
+    /// The frame at `index` of the last call.
+    fn message(&self, index: usize) -> Message {
+        let header = &self.headers[index].msg_hdr;
+        let mut message = Message {
+            raw: self.raw[index],
+            flags: header.msg_flags,
+            software: None,
+            hardware: None,
+            overruns: None,
+        };
+        // SAFETY: the kernel wrote whole control messages into the buffer and their total length
+        // into the header, and the CMSG macros stay within it; the payloads are read unaligned.
+        unsafe {
+            let mut control = libc::CMSG_FIRSTHDR(header);
+            while let Some(found) = control.as_ref() {
+                let data = libc::CMSG_DATA(control);
+                if found.cmsg_level == libc::SOL_SOCKET {
+                    if found.cmsg_type == libc::SCM_TIMESTAMPING {
+                        let [software, _, hardware] =
+                            data.cast::<[timespec; 3]>().read_unaligned().map(nanos);
+                        message.software = software;
+                        message.hardware = hardware;
+                    } else if found.cmsg_type == libc::SO_RXQ_OVFL {
+                        message.overruns = Some(data.cast::<u32>().read_unaligned());
+                    }
+                }
+                control = libc::CMSG_NXTHDR(header, control);
+            }
+        }
+        message
+    }
+}
+
+/// `None` for the zero that stands for "no stamp".
+fn nanos(time: timespec) -> Option<u64> {
+    let nanos = time.tv_sec as u64 * 1_000_000_000 + time.tv_nsec as u64;
+    (nanos > 0).then_some(nanos)
+}
+
+/// The adapter's clock in terms of CLOCK_MONOTONIC: the kernel's stamp is the adapter's plus an
+/// offset and a delay that is never negative, so the least difference seen is the best offset;
+/// it may grow by as much as the clocks may drift.
+#[derive(Clone, Copy, Debug, Default)]
+struct WireClock {
+    last: Option<(u64, i64)>,
+}
+
+impl WireClock {
+    /// Drift that two crystals may have, as a divisor: 200 ppm.
+    const DRIFT: u64 = 5_000;
+
+    /// The CLOCK_MONOTONIC instant of the adapter's stamp `wire`, given the kernel's.
+    fn monotonic(&mut self, wire: u64, kernel: u64) -> u64 {
+        let seen = kernel.wrapping_sub(wire) as i64;
+        let offset = match self.last {
+            Some((last, offset)) => {
+                let drift = wire.saturating_sub(last) / Self::DRIFT;
+                seen.min(offset.saturating_add(drift as i64))
+            }
+            None => seen,
+        };
+        self.last = Some((wire, offset));
+        wire.wrapping_add(offset as u64)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use syncline_canopen::NodeId;
+
+    #[test]
+    fn frames_survive_the_kernel_layout() {
+        let node = NodeId::new(5).unwrap();
+        for frame in [
+            Frame::new(CobId::SYNC, &[]),
+            Frame::new(CobId::r_pdo(2, node), &[1, 2, 3, 4, 5, 6]),
+            Frame::new(CanId::extended(0x1234_5678).unwrap(), &[9; 8]),
+            Frame::remote(CobId::error_control(node), 1).unwrap(),
+        ] {
+            assert_eq!(from_raw(&to_raw(&frame)), Some(frame));
+        }
+        let mut long = to_raw(&Frame::new(CobId::SYNC, &[]));
+        long.can_dlc = 9;
+        assert_eq!(from_raw(&long), None);
+    }
+
+    /// Offset and drift are found again under delays that are never negative.
+    #[test]
+    fn the_wire_clock_follows_the_least_delay() {
+        let mut clock = WireClock::default();
+        let truth = |wire: u64| 5_000_000_000 + wire + wire / 20_000;
+        let mut worst = 0;
+        for cycle in 0..10_000_u64 {
+            let wire = 1_000_000 * cycle;
+            let delay = 3_000 + (cycle * 7919) % 50_000;
+            let mapped = clock.monotonic(wire, truth(wire) + delay);
+            assert!(mapped >= truth(wire));
+            if cycle > 100 {
+                worst = worst.max(mapped - truth(wire));
+            }
+        }
+        assert!(worst < 12_000, "{worst} ns over the least delay of 3 us");
+    }
+
+    #[test]
+    fn without_an_interface_the_refusal_says_what_to_type() {
+        let options = Options {
+            bit_rate: 1_000_000,
+            receive: Vec::new(),
+            burst: Vec::new(),
+        };
+        let Err(error) = SocketCan::open("can-none", &options) else {
+            panic!("there is no such interface");
+        };
+        let text = error.to_string();
+        assert!(
+            text.contains("modprobe") || text.contains("ip -details"),
+            "{text}"
+        );
+    }
+}
