@@ -1,6 +1,7 @@
 //! The machine: configuration, bring-up, SYNC cycle, supervision, programs, recording, reports.
 //!
 //! - [`machine`]: the machine file
+//! - [`gcode`]: RS-274/NGC programs into canonical commands
 //! - [`port`]: one CAN bus as the cycle uses it
 //! - [`realtime`]: what the cycle thread asks of the kernel, and what it got
 //! - [`commands`]: the `syncline` command line
@@ -8,6 +9,7 @@
 #![deny(unsafe_code)]
 
 pub mod commands;
+pub mod gcode;
 pub mod machine;
 pub mod port;
 pub mod realtime;

@@ -1,0 +1,164 @@
+//! Axis letters, sets of them, and points over them.
+
+use std::fmt;
+use std::ops::{Index, IndexMut};
+
+/// An axis by its program letter. X Y Z U V W are linear (mm), A B C rotary (degrees).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Axis {
+    /// Linear.
+    X,
+    /// Linear.
+    Y,
+    /// Linear.
+    Z,
+    /// Rotary about X.
+    A,
+    /// Rotary about Y.
+    B,
+    /// Rotary about Z.
+    C,
+    /// Linear, parallel to X.
+    U,
+    /// Linear, parallel to Y.
+    V,
+    /// Linear, parallel to Z.
+    W,
+}
+
+impl Axis {
+    /// All axes in the order in which RS-274/NGC numbers them.
+    pub const ALL: [Axis; 9] = [
+        Axis::X,
+        Axis::Y,
+        Axis::Z,
+        Axis::A,
+        Axis::B,
+        Axis::C,
+        Axis::U,
+        Axis::V,
+        Axis::W,
+    ];
+
+    /// The axis's place in [`Axis::ALL`].
+    pub const fn index(self) -> usize {
+        self as usize
+    }
+
+    /// The upper-case program letter.
+    pub const fn letter(self) -> char {
+        match self {
+            Axis::X => 'X',
+            Axis::Y => 'Y',
+            Axis::Z => 'Z',
+            Axis::A => 'A',
+            Axis::B => 'B',
+            Axis::C => 'C',
+            Axis::U => 'U',
+            Axis::V => 'V',
+            Axis::W => 'W',
+        }
+    }
+
+    /// The axis of a letter in either case.
+    pub fn from_letter(letter: char) -> Option<Axis> {
+        let letter = letter.to_ascii_uppercase();
+        Axis::ALL.into_iter().find(|axis| axis.letter() == letter)
+    }
+
+    /// Whether the axis is measured in mm; otherwise in degrees.
+    pub const fn is_linear(self) -> bool {
+        !matches!(self, Axis::A | Axis::B | Axis::C)
+    }
+}
+
+impl fmt::Display for Axis {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}", self.letter())
+    }
+}
+
+/// The axes that a machine has.
+#[derive(Clone, Copy, Default, PartialEq, Eq)]
+pub struct AxisSet(u16);
+
+impl AxisSet {
+    /// X, Y and Z.
+    pub const XYZ: AxisSet = AxisSet(0b111);
+
+    /// Whether the set has the axis.
+    pub const fn contains(self, axis: Axis) -> bool {
+        self.0 & (1 << axis.index()) != 0
+    }
+
+    /// Adds an axis.
+    pub fn insert(&mut self, axis: Axis) {
+        self.0 |= 1 << axis.index();
+    }
+
+    /// Whether there is no axis in the set.
+    pub const fn is_empty(self) -> bool {
+        self.0 == 0
+    }
+
+    /// The axes in the order of [`Axis::ALL`].
+    pub fn iter(self) -> impl Iterator<Item = Axis> {
+        Axis::ALL
+            .into_iter()
+            .filter(move |axis| self.contains(*axis))
+    }
+}
+
+impl FromIterator<Axis> for AxisSet {
+    fn from_iter<T: IntoIterator<Item = Axis>>(axes: T) -> Self {
+        let mut set = AxisSet::default();
+        axes.into_iter().for_each(|axis| set.insert(axis));
+        set
+    }
+}
+
+impl fmt::Display for AxisSet {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut separator = "";
+        for axis in self.iter() {
+            write!(f, "{separator}{axis}")?;
+            separator = " ";
+        }
+        Ok(())
+    }
+}
+
+impl fmt::Debug for AxisSet {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "AxisSet({self})")
+    }
+}
+
+/// A position or an offset: one value per axis, mm or degrees. Axes that the machine does not have
+/// stay at zero.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Point(pub [f64; 9]);
+
+impl Point {
+    /// The origin.
+    pub const ZERO: Point = Point([0.0; 9]);
+
+    /// A point with X, Y and Z given.
+    pub const fn xyz(x: f64, y: f64, z: f64) -> Point {
+        Point([x, y, z, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    }
+}
+
+impl Index<Axis> for Point {
+    type Output = f64;
+
+    fn index(&self, axis: Axis) -> &f64 {
+        &self.0[axis.index()]
+    }
+}
+
+impl IndexMut<Axis> for Point {
+    fn index_mut(&mut self, axis: Axis) -> &mut f64 {
+        &mut self.0[axis.index()]
+    }
+}

@@ -1,0 +1,185 @@
+//! Why a program is refused: where, the block, what is wrong and what to do.
+
+use std::io;
+
+use super::axes::{Axis, AxisSet};
+use super::lexer::Columns;
+use super::modal::Code;
+
+/// A refused program.
+#[derive(Debug, thiserror::Error)]
+#[error("{file}:{line}:{}: {fault}\n  {}\n  {}", columns.start, shown(block), marker(block, *columns))]
+pub struct Error {
+    /// The program's name, or that of a subroutine file.
+    pub file: String,
+    /// Line number, from 1.
+    pub line: u32,
+    /// The columns of what is wrong.
+    pub columns: Columns,
+    /// The line's text.
+    pub block: String,
+    /// What is wrong and what to do.
+    pub fault: Fault,
+}
+
+/// The block with what a terminal would act upon replaced.
+fn shown(block: &str) -> String {
+    block
+        .chars()
+        .map(|c| if c.is_control() { ' ' } else { c })
+        .collect()
+}
+
+fn marker(block: &str, columns: Columns) -> String {
+    let room = block.chars().count() + 1;
+    let start = (columns.start as usize).clamp(1, room);
+    let length = (columns.end as usize).clamp(start + 1, room + 1) - start;
+    format!("{:indent$}{:^<length$}", "", "", indent = start - 1)
+}
+
+/// A fault and its columns, before it is known in which line.
+#[derive(Debug)]
+pub(crate) struct Refusal {
+    pub(crate) columns: Columns,
+    pub(crate) fault: Box<Fault>,
+}
+
+impl Refusal {
+    pub(crate) fn new(columns: Columns, fault: Fault) -> Refusal {
+        Refusal {
+            columns,
+            fault: Box::new(fault),
+        }
+    }
+}
+
+/// What is wrong with a block. The text says what to do.
+#[derive(Debug, thiserror::Error)]
+#[allow(missing_docs, reason = "each variant's message is its documentation")]
+pub enum Fault {
+    // The text.
+    #[error("cannot read the program: {0}")]
+    Read(#[from] io::Error),
+    #[error("the line has more than {allowed} bytes: break it up; is this a program?")]
+    LineTooLong { allowed: usize },
+    #[error("{0:?} means nothing here: remove it")]
+    Character(char),
+    #[error("`{0}` is not a number: digits with at most one point, and not beyond 1e308")]
+    Number(String),
+    #[error("the comment has no end: add `)`")]
+    UnclosedComment,
+    #[error("comments do not nest: remove this `(`")]
+    NestedComment,
+    #[error("the name has no end: add `>`")]
+    UnclosedName,
+    #[error("the name is empty: write it between `<` and `>`")]
+    EmptyName,
+    #[error("found {found}: write {what}")]
+    Expected { what: &'static str, found: String },
+    #[error("nested deeper than {allowed}: compute a part in a block of its own")]
+    TooDeep { allowed: u32 },
+    #[error("the line number must be first: move N to the front of the block")]
+    LineNumberPlace,
+    #[error("an O-word stands alone in its block: give it a line of its own")]
+    FlowPlace,
+
+    // Values.
+    #[error("no parameter #{0}: numbers from 1 to 5602 can be used")]
+    ParameterIndex(f64),
+    #[error("parameter #<{0}> has no value: set it first")]
+    ParameterUnset(String),
+    #[error("parameter {0} cannot be set: it shows the machine's state")]
+    ParameterReadOnly(String),
+    #[error("no result: a division by zero, or a value that the function is not defined for")]
+    NoResult,
+    #[error("{letter}{value} is out of range: {allowed}")]
+    Value {
+        letter: char,
+        value: f64,
+        allowed: &'static str,
+    },
+    #[error("{axis} would go to {value}: coordinates end at ±{allowed}")]
+    Coordinate {
+        axis: Axis,
+        value: f64,
+        allowed: f64,
+    },
+
+    // Words.
+    #[error("the machine has no axis {axis}: use {axes}")]
+    NoSuchAxis { axis: Axis, axes: AxisSet },
+    #[error("{0} is not a code of this controller: remove it")]
+    UnknownCode(Code),
+    #[error("{code} is not supported: {reason}")]
+    Unsupported { code: Code, reason: &'static str },
+    #[error("{letter} is written twice: keep one")]
+    DuplicateWord { letter: char },
+    #[error("{second} contradicts {first} (both are {group}): write them in two blocks")]
+    Conflict {
+        first: Code,
+        second: Code,
+        group: &'static str,
+    },
+    #[error("nothing in this block uses {letter}: remove it, or add the code that it belongs to")]
+    UnusedWord { letter: char },
+    #[error("both {first} and {second} use {letter}: write them in two blocks")]
+    SharedWord {
+        letter: char,
+        first: Code,
+        second: Code,
+    },
+    #[error("{code} needs {words}: add it")]
+    MissingWord { code: Code, words: &'static str },
+
+    // Motion.
+    #[error("{code} has no feed: write F in this block or before")]
+    NoFeed { code: Code },
+    #[error("{code} under G93 has no time: write F in this block (F2 is half a minute)")]
+    NoInverseTime { code: Code },
+    #[error("axis words without a motion: write G0, G1, G2 or G3 (G80 ended the last one)")]
+    NoMotion,
+    #[error("{first} and {second} both use the axis words: write them in two blocks")]
+    SharedAxisWords { first: Code, second: Code },
+    #[error("G53 goes with G0 or G1 only: add one of them")]
+    MachineCoordinatesWithout,
+    #[error("the arc has neither centre nor radius: write {0}")]
+    ArcUndefined(&'static str),
+    #[error("{letter} is not in the plane of the arc: use {allowed}, or select the plane")]
+    ArcOffsetPlane { letter: char, allowed: &'static str },
+    #[error("the arc has both a radius and a centre: keep one")]
+    ArcOverdefined,
+    #[error("the arc's centre is its start: correct the offsets")]
+    ArcNoRadius,
+    #[error(
+        "the arc's end is {end:.4} mm from the centre, its start {start:.4} mm: {difference:.4} mm \
+         apart, {allowed:.4} mm allowed: correct the end or the centre"
+    )]
+    ArcRadii {
+        start: f64,
+        end: f64,
+        difference: f64,
+        allowed: f64,
+    },
+    #[error("an arc of a radius cannot end where it starts: write the centre for a full circle")]
+    ArcRadiusSamePoint,
+    #[error("radius {radius} mm does not reach the end {length:.4} mm away: correct R or the end")]
+    ArcTooFar { radius: f64, length: f64 },
+    #[error(
+        "{axis} would go to {value:.4}, its soft limits are {least} to {greatest} (machine \
+         coordinates): move the work, the offset or the limit"
+    )]
+    SoftLimit {
+        axis: Axis,
+        value: f64,
+        least: f64,
+        greatest: f64,
+    },
+
+    // The program as a whole.
+    #[error("O-words are not executed yet: write the blocks out")]
+    NoFlow,
+    #[error("the program begins with `%` and ends without: is the file complete? Add `%` or M30")]
+    NoEnd,
+    #[error("{allowed} blocks were executed without an end: end the loop, or run it with --stream")]
+    TooManyBlocks { allowed: u64 },
+}

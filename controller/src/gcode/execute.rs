@@ -1,0 +1,522 @@
+//! What a block does: the modal state, the position, and the commands that come of it.
+//!
+//! The items of a block take effect in the order of RS-274/NGC (feed, speed, tool, spindle,
+//! coolant, dwell, modes, offsets, motion, stop), with one exception: units count for the whole
+//! block, so that `G20 F10` is ten inches a minute.
+
+use std::collections::VecDeque;
+
+use super::Setup;
+use super::arc::{Arc, Direction, Plane};
+use super::axes::{Axis, Point};
+use super::block::{Block, Target};
+use super::command::{Action, Feed, PathMode, Stop, Turning};
+use super::error::{Fault, Refusal};
+use super::expression::Scope;
+use super::modal::{Code, Group, Modes, Motion, ProgrammedFeed};
+use super::parameters::{self, Parameters};
+use super::words::{Words, out_of_range, whole};
+
+/// Coordinates beyond this are a mistake and would lose digits. mm or degrees.
+const COORDINATE_LIMIT: f64 = 1e9;
+/// A position may be outside of the soft limits by this much: what conversions round. mm.
+const LIMIT_ROUNDING: f64 = 1e-9;
+
+/// What executing a program knows between two blocks.
+pub(crate) struct State {
+    pub(crate) setup: Setup,
+    pub(crate) modes: Modes,
+    /// The programmed position in machine coordinates.
+    pub(crate) at: Point,
+    pub(crate) parameters: Parameters,
+    stack: Vec<f64>,
+}
+
+impl State {
+    pub(crate) fn new(setup: Setup) -> State {
+        State {
+            at: setup.start,
+            setup,
+            modes: Modes::default(),
+            parameters: Parameters::default(),
+            stack: Vec::new(),
+        }
+    }
+
+    /// Executes the words and parameter settings of a block.
+    pub(crate) fn execute(
+        &mut self,
+        block: &Block,
+        commands: &mut VecDeque<Action>,
+    ) -> Result<(), Refusal> {
+        let mut words = self.evaluate(block)?;
+        self.speeds(&mut words, commands)?;
+        self.dwell(&mut words, commands)?;
+        self.set_modes(&mut words, commands)?;
+        self.motion(block, &mut words, commands)?;
+        words.all_used()?;
+        self.stop(&words, commands);
+        Ok(())
+    }
+
+    /// Evaluates every word and setting with the parameters as they were before the block.
+    fn evaluate(&mut self, block: &Block) -> Result<Words, Refusal> {
+        let mut stack = std::mem::take(&mut self.stack);
+        let mut words = Words::default();
+        for word in &block.words {
+            if let Some(axis) = Axis::from_letter(char::from(word.letter))
+                && !self.setup.axes.contains(axis)
+            {
+                let axes = self.setup.axes;
+                return Err(Refusal::new(word.columns, Fault::NoSuchAxis { axis, axes }));
+            }
+            let value = block.evaluate(&word.value, self, &mut stack)?;
+            words.add(word.letter, value, word.columns)?;
+        }
+        let mut settings = Vec::with_capacity(block.settings.len());
+        for setting in &block.settings {
+            let value = block.evaluate(&setting.value, self, &mut stack)?;
+            let index = match &setting.target {
+                Target::Numbered(index) => Some(block.evaluate(index, self, &mut stack)?),
+                Target::Named(_) => None,
+            };
+            settings.push((setting, index, value));
+        }
+        for (setting, index, value) in settings {
+            match (&setting.target, index) {
+                (Target::Named(name), _) => self.parameters.set_named(block.name(name), value),
+                (Target::Numbered(_), index) => self.set_numbered(index.unwrap_or_default(), value),
+            }
+            .map_err(|fault| Refusal::new(setting.columns, fault))?;
+        }
+        self.stack = stack;
+        Ok(words)
+    }
+
+    fn speeds(
+        &mut self,
+        words: &mut Words,
+        commands: &mut VecDeque<Action>,
+    ) -> Result<(), Refusal> {
+        if let Some(units) = words.code(Group::Units) {
+            self.modes.inches = units == Code::G(200);
+        }
+        if let Some(mode) = words.code(Group::FeedMode) {
+            let inverse_time = mode == Code::G(930);
+            if inverse_time != self.modes.inverse_time {
+                self.modes.feed = None;
+            }
+            self.modes.inverse_time = inverse_time;
+        }
+        if let Some(number) = words.take_free(b'F') {
+            if number <= 0.0 {
+                return Err(words.refuse(b'F', out_of_range('F', number, "a feed above 0")));
+            }
+            if !self.modes.inverse_time {
+                self.modes.feed = Some(ProgrammedFeed {
+                    number,
+                    unit: self.modes.unit(),
+                });
+            }
+        }
+        let mut spindle = self.modes.spindle;
+        if let Some(speed) = words.take_free(b'S') {
+            if speed < 0.0 {
+                return Err(words.refuse(b'S', out_of_range('S', speed, "a speed from 0")));
+            }
+            spindle.speed = speed;
+        }
+        if let Some(tool) = words.take_free(b'T') {
+            let tool = whole(tool, 1e-4)
+                .filter(|tool| *tool <= 99_999)
+                .ok_or_else(|| {
+                    words.refuse(
+                        b'T',
+                        out_of_range('T', tool, "a whole number from 0 to 99999"),
+                    )
+                })?;
+            self.modes.selected_tool = tool;
+            commands.push_back(Action::SelectTool(tool));
+        }
+        if words.code(Group::ToolChange).is_some() {
+            self.modes.tool = self.modes.selected_tool;
+            commands.push_back(Action::Stop(Stop::ToolChange {
+                tool: self.modes.tool,
+            }));
+        }
+        match words.code(Group::Spindle) {
+            Some(Code::M(3)) => spindle.turning = Turning::Clockwise,
+            Some(Code::M(4)) => spindle.turning = Turning::Counterclockwise,
+            Some(_) => spindle.turning = Turning::Off,
+            None => {}
+        }
+        if spindle != self.modes.spindle {
+            self.modes.spindle = spindle;
+            commands.push_back(Action::Spindle(spindle));
+        }
+        let mut coolant = self.modes.coolant;
+        let (mist, flood) = (words.code(Group::Mist), words.code(Group::Coolant));
+        if let (Some(first), Some(second @ Code::M(9))) = (mist, flood) {
+            let columns = words.code_columns(Group::Coolant).unwrap_or_default();
+            let group = Group::Coolant.name();
+            return Err(Refusal::new(
+                columns,
+                Fault::Conflict {
+                    first,
+                    second,
+                    group,
+                },
+            ));
+        }
+        coolant.mist |= mist.is_some();
+        match flood {
+            Some(Code::M(8)) => coolant.flood = true,
+            Some(_) => coolant = Default::default(),
+            None => {}
+        }
+        if coolant != self.modes.coolant {
+            self.modes.coolant = coolant;
+            commands.push_back(Action::Coolant(coolant));
+        }
+        Ok(())
+    }
+
+    fn dwell(&mut self, words: &mut Words, commands: &mut VecDeque<Action>) -> Result<(), Refusal> {
+        let Some(code) = words.code(Group::Dwell) else {
+            return Ok(());
+        };
+        match words.take(b'P', code)? {
+            Some(seconds) if seconds >= 0.0 => {
+                commands.push_back(Action::Dwell { seconds });
+                Ok(())
+            }
+            Some(seconds) => Err(words.refuse(b'P', out_of_range('P', seconds, "a time from 0 s"))),
+            None => Err(missing(words, Group::Dwell, code, "P, the time in seconds")),
+        }
+    }
+
+    fn set_modes(
+        &mut self,
+        words: &mut Words,
+        commands: &mut VecDeque<Action>,
+    ) -> Result<(), Refusal> {
+        if let Some(plane) = words.code(Group::Plane) {
+            self.modes.plane = match plane {
+                Code::G(180) => Plane::Zx,
+                Code::G(190) => Plane::Yz,
+                _ => Plane::Xy,
+            };
+        }
+        if let Some(Code::G(tenths)) = words.code(Group::WorkOffset) {
+            self.modes.work_offset = match tenths {
+                591..=593 => usize::from(tenths) - 585,
+                _ => usize::from(tenths / 10) - 54,
+            };
+        }
+        if let Some(code) = words.code(Group::PathMode) {
+            let mode = match code {
+                Code::G(610) => PathMode::ExactPath,
+                Code::G(611) => PathMode::ExactStop,
+                _ => {
+                    let unit = self.modes.unit();
+                    let mut length = |letter| match words.take(letter, code)? {
+                        Some(value) if value <= 0.0 => Err(words.refuse(
+                            letter,
+                            out_of_range(
+                                char::from(letter),
+                                value,
+                                "a distance above 0; G61 keeps the path exactly",
+                            ),
+                        )),
+                        value => Ok(value.map(|value| value * unit)),
+                    };
+                    PathMode::Blend {
+                        tolerance: length(b'P')?,
+                        merge: length(b'Q')?,
+                    }
+                }
+            };
+            self.modes.path_mode = Some(mode);
+            commands.push_back(Action::PathMode(mode));
+        }
+        if let Some(code) = words.code(Group::Distance) {
+            self.modes.incremental = code == Code::G(910);
+        }
+        if let Some(code) = words.code(Group::ArcDistance) {
+            self.modes.absolute_centers = code == Code::G(901);
+        }
+        Ok(())
+    }
+
+    fn motion(
+        &mut self,
+        block: &Block,
+        words: &mut Words,
+        commands: &mut VecDeque<Action>,
+    ) -> Result<(), Refusal> {
+        let explicit = words.code(Group::Motion);
+        if let Some(code) = explicit {
+            self.modes.motion = match code {
+                Code::G(0) => Motion::Rapid,
+                Code::G(10) => Motion::Feed,
+                Code::G(20) => Motion::Arc(Direction::Clockwise),
+                Code::G(30) => Motion::Arc(Direction::Counterclockwise),
+                _ => Motion::None,
+            };
+        }
+        let motion = self.modes.motion;
+        let code = motion.code();
+        let machine = words.code(Group::MachineCoordinates).is_some();
+        if machine && !matches!(motion, Motion::Rapid | Motion::Feed) {
+            let columns = words.code_columns(Group::MachineCoordinates);
+            return Err(Refusal::new(
+                columns.unwrap_or_default(),
+                Fault::MachineCoordinatesWithout,
+            ));
+        }
+        let arc = matches!(motion, Motion::Arc(_)) && (explicit.is_some() || words.has_arc());
+        if !words.has_axes() && !arc {
+            return Ok(());
+        }
+        let to = self.target(words, code, machine)?;
+        let motion_columns = words
+            .code_columns(Group::Motion)
+            .unwrap_or_else(|| block.columns());
+        let action = match motion {
+            Motion::None => {
+                let first = Axis::ALL
+                    .iter()
+                    .filter_map(|axis| words.columns(axis.letter() as u8))
+                    .min_by_key(|columns| columns.start);
+                return Err(Refusal::new(
+                    first.unwrap_or(motion_columns),
+                    Fault::NoMotion,
+                ));
+            }
+            Motion::Rapid => Action::Rapid { to },
+            Motion::Feed => Action::Feed {
+                to,
+                feed: self
+                    .feed(words, code, to)
+                    .map_err(|fault| Refusal::new(motion_columns, fault))?,
+            },
+            Motion::Arc(direction) => {
+                let arc = self.arc(words, code, to, direction, motion_columns)?;
+                Action::Arc {
+                    arc,
+                    feed: self
+                        .feed(words, code, to)
+                        .map_err(|fault| Refusal::new(motion_columns, fault))?,
+                }
+            }
+        };
+        self.within_limits(&action).map_err(|(axis, fault)| {
+            let columns = words.columns(axis.letter() as u8);
+            Refusal::new(columns.unwrap_or(motion_columns), fault)
+        })?;
+        self.at = to;
+        commands.push_back(action);
+        Ok(())
+    }
+
+    /// Where the axis words lead, machine coordinates.
+    fn target(&self, words: &mut Words, code: Code, machine: bool) -> Result<Point, Refusal> {
+        let mut to = self.at;
+        for axis in self.setup.axes.iter() {
+            let letter = axis.letter() as u8;
+            let Some(number) = words.take(letter, code)? else {
+                continue;
+            };
+            let length = number * self.unit(axis);
+            to[axis] = if machine {
+                length
+            } else if self.modes.incremental {
+                self.at[axis] + length
+            } else {
+                length + self.offset(axis)
+            };
+            if to[axis].abs() > COORDINATE_LIMIT {
+                return Err(words.refuse(
+                    letter,
+                    Fault::Coordinate {
+                        axis,
+                        value: to[axis],
+                        allowed: COORDINATE_LIMIT,
+                    },
+                ));
+            }
+        }
+        Ok(to)
+    }
+
+    /// The unit of an axis's words, mm or degrees.
+    fn unit(&self, axis: Axis) -> f64 {
+        if axis.is_linear() {
+            self.modes.unit()
+        } else {
+            1.0
+        }
+    }
+
+    /// What lies between program and machine coordinates.
+    fn offset(&self, axis: Axis) -> f64 {
+        self.setup.work_offsets[self.modes.work_offset][axis]
+    }
+
+    fn feed(&self, words: &mut Words, code: Code, to: Point) -> Result<Feed, Fault> {
+        if self.modes.inverse_time {
+            return match words.take_free(b'F') {
+                Some(number) => Ok(Feed::Duration(60.0 / number)),
+                None => Err(Fault::NoInverseTime { code }),
+            };
+        }
+        let feed = self.modes.feed.ok_or(Fault::NoFeed { code })?;
+        let moves = |axis: Axis| to[axis] != self.at[axis];
+        let only_rotary = matches!(code, Code::G(10))
+            && Axis::ALL.into_iter().any(moves)
+            && !Axis::ALL
+                .into_iter()
+                .any(|axis| axis.is_linear() && moves(axis));
+        let unit = if only_rotary { 1.0 } else { feed.unit };
+        Ok(Feed::Rate(feed.number * unit / 60.0))
+    }
+
+    fn arc(
+        &self,
+        words: &mut Words,
+        code: Code,
+        to: Point,
+        direction: Direction,
+        columns: super::Columns,
+    ) -> Result<Arc, Refusal> {
+        let refuse = |fault| Refusal::new(columns, fault);
+        let plane = self.modes.plane;
+        let axes = plane.axes();
+        let missing_axes = axes[..2]
+            .iter()
+            .find(|axis| !self.setup.axes.contains(**axis));
+        if let Some(axis) = missing_axes {
+            return Err(refuse(Fault::NoSuchAxis {
+                axis: *axis,
+                axes: self.setup.axes,
+            }));
+        }
+        let turns = words
+            .take_whole(b'P', code, 1..=100_000, "whole turns from 1 to 100000")?
+            .unwrap_or(1);
+        words.offsets_in_plane(plane)?;
+        let letters = plane.offset_letters();
+        let offsets = [words.take(letters[0], code)?, words.take(letters[1], code)?];
+        let radius = words.take(b'R', code)?;
+        let unit = self.modes.unit();
+        let arc = match (radius, offsets) {
+            (Some(_), [Some(_), _] | [_, Some(_)]) => {
+                return Err(words.refuse(b'R', Fault::ArcOverdefined));
+            }
+            (Some(radius), _) => {
+                Arc::with_radius(plane, self.at, to, radius * unit, direction, turns)
+            }
+            (None, [None, None]) => {
+                return Err(refuse(Fault::ArcUndefined(match plane {
+                    Plane::Xy => "I and J, or R",
+                    Plane::Zx => "I and K, or R",
+                    Plane::Yz => "J and K, or R",
+                })));
+            }
+            (None, [first, second]) if !self.modes.absolute_centers => {
+                let offset = |value: Option<f64>| value.unwrap_or(0.0) * unit;
+                let center = [
+                    self.at[axes[0]] + offset(first),
+                    self.at[axes[1]] + offset(second),
+                ];
+                Arc::about(plane, self.at, to, center, direction, turns)
+            }
+            (None, [Some(first), Some(second)]) => {
+                let center = [
+                    first * unit + self.offset(axes[0]),
+                    second * unit + self.offset(axes[1]),
+                ];
+                Arc::about(plane, self.at, to, center, direction, turns)
+            }
+            (None, _) => {
+                return Err(refuse(Fault::ArcUndefined(
+                    "both offsets of the centre, as G90.1 asks for",
+                )));
+            }
+        };
+        arc.map_err(refuse)
+    }
+
+    /// Refuses a motion that leaves the soft limits anywhere.
+    fn within_limits(&self, action: &Action) -> Result<(), (Axis, Fault)> {
+        for axis in self.setup.axes.iter() {
+            let Some((least, greatest)) = self.setup.limits[axis.index()] else {
+                continue;
+            };
+            let (low, high) = match action {
+                Action::Arc { arc, .. } => arc.extent(axis),
+                Action::Rapid { to } | Action::Feed { to, .. } => (to[axis], to[axis]),
+                _ => continue,
+            };
+            // A start outside of the limits is for the caller to judge.
+            let low = if low < self.at[axis] {
+                low
+            } else {
+                low.max(least)
+            };
+            let high = if high > self.at[axis] {
+                high
+            } else {
+                high.min(greatest)
+            };
+            let value = if low < least - LIMIT_ROUNDING {
+                low
+            } else if high > greatest + LIMIT_ROUNDING {
+                high
+            } else {
+                continue;
+            };
+            let fault = Fault::SoftLimit {
+                axis,
+                value,
+                least,
+                greatest,
+            };
+            return Err((axis, fault));
+        }
+        Ok(())
+    }
+
+    fn stop(&mut self, words: &Words, commands: &mut VecDeque<Action>) {
+        let action = match words.code(Group::Stopping) {
+            Some(Code::M(0)) => Action::Stop(Stop::Program),
+            Some(Code::M(1)) if self.setup.optional_stop => Action::Stop(Stop::Optional),
+            Some(Code::M(2 | 30)) => Action::End,
+            _ => return,
+        };
+        commands.push_back(action);
+    }
+
+    fn set_numbered(&mut self, index: f64, value: f64) -> Result<(), Fault> {
+        let index = parameters::index(index)?;
+        self.parameters.set_numbered(index, value)
+    }
+}
+
+impl Scope for State {
+    fn numbered(&self, index: f64) -> Result<f64, Fault> {
+        let index = parameters::index(index)?;
+        Ok(self.parameters.numbered(index))
+    }
+
+    fn named(&self, name: &str) -> Option<f64> {
+        self.parameters.named(name)
+    }
+}
+
+fn missing(words: &Words, group: Group, code: Code, what: &'static str) -> Refusal {
+    Refusal::new(
+        words.code_columns(group).unwrap_or_default(),
+        Fault::MissingWord { code, words: what },
+    )
+}

@@ -1,0 +1,231 @@
+//! A line's characters become tokens, each with its columns.
+//!
+//! Blanks mean nothing outside comments and letters have no case, as in RS-274/NGC: `g0 x 1 2.5` is
+//! `G0X12.5`. Letters come one by one; the parser knows where they make a name such as `SQRT`.
+
+use std::ops::Range;
+
+use super::error::{Fault, Refusal};
+
+/// The columns of a token, block or word: counted in characters from 1, `end` is the one behind.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Columns {
+    /// First column.
+    pub start: u32,
+    /// The column behind the last.
+    pub end: u32,
+}
+
+impl Columns {
+    /// From the start of `self` to the end of `last`.
+    pub(crate) fn to(self, last: Columns) -> Columns {
+        Columns {
+            start: self.start,
+            end: last.end.max(self.end),
+        }
+    }
+}
+
+/// What a token is.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum Kind {
+    /// An upper-case ASCII letter.
+    Letter(u8),
+    /// A number without its sign.
+    Number(f64),
+    /// `<name>`: lower case, without blanks; a range of [`Tokens::names`].
+    Name(Range<usize>),
+    /// A comment's text without its brackets; a range of the line.
+    Comment(Range<usize>),
+    Plus,
+    Minus,
+    Star,
+    Power,
+    Slash,
+    Open,
+    Close,
+    Hash,
+    Equals,
+    Percent,
+    /// The end of the line.
+    End,
+}
+
+/// A token and its columns.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Token {
+    pub(crate) kind: Kind,
+    pub(crate) columns: Columns,
+}
+
+/// The tokens of one line; reused from line to line.
+#[derive(Debug, Default)]
+pub(crate) struct Tokens {
+    /// Ends with exactly one [`Kind::End`].
+    pub(crate) list: Vec<Token>,
+    pub(crate) names: String,
+    digits: String,
+}
+
+impl Tokens {
+    /// Replaces the tokens by those of `line`.
+    pub(crate) fn read(&mut self, line: &str) -> Result<(), Refusal> {
+        self.list.clear();
+        self.names.clear();
+        let mut cursor = Cursor {
+            line,
+            offset: 0,
+            column: 1,
+        };
+        loop {
+            cursor.skip_blanks();
+            let start = cursor.column;
+            let Some(character) = cursor.next() else {
+                self.push(Kind::End, start, start + 1);
+                return Ok(());
+            };
+            let kind = match character {
+                'a'..='z' | 'A'..='Z' => Kind::Letter(character.to_ascii_uppercase() as u8),
+                '0'..='9' | '.' => self.number(character, &mut cursor)?,
+                '<' => self.name(start, &mut cursor)?,
+                '(' => comment(start, &mut cursor)?,
+                ';' => {
+                    let from = cursor.offset;
+                    while cursor.next().is_some() {}
+                    Kind::Comment(from..cursor.offset)
+                }
+                '*' => {
+                    let after_star = cursor.clone();
+                    cursor.skip_blanks();
+                    if cursor.next() == Some('*') {
+                        Kind::Power
+                    } else {
+                        cursor = after_star;
+                        Kind::Star
+                    }
+                }
+                '+' => Kind::Plus,
+                '-' => Kind::Minus,
+                '/' => Kind::Slash,
+                '[' => Kind::Open,
+                ']' => Kind::Close,
+                '#' => Kind::Hash,
+                '=' => Kind::Equals,
+                '%' => Kind::Percent,
+                other => {
+                    return Err(Refusal::new(
+                        Columns {
+                            start,
+                            end: start + 1,
+                        },
+                        Fault::Character(other),
+                    ));
+                }
+            };
+            self.push(kind, start, cursor.column);
+        }
+    }
+
+    fn push(&mut self, kind: Kind, start: u32, end: u32) {
+        self.list.push(Token {
+            kind,
+            columns: Columns { start, end },
+        });
+    }
+
+    /// Digits with at most one decimal point and at least one digit.
+    fn number(&mut self, first: char, cursor: &mut Cursor<'_>) -> Result<Kind, Refusal> {
+        let start = cursor.column - 1;
+        let mut point = first == '.';
+        self.digits.clear();
+        self.digits.push(first);
+        let mut behind = cursor.clone();
+        loop {
+            cursor.skip_blanks();
+            match cursor.next() {
+                Some(digit @ '0'..='9') => self.digits.push(digit),
+                Some('.') if !point => {
+                    point = true;
+                    self.digits.push('.');
+                }
+                _ => break,
+            }
+            behind = cursor.clone();
+        }
+        // Blanks behind the last digit are not the number's.
+        *cursor = behind;
+        match self.digits.parse::<f64>() {
+            Ok(value) if value.is_finite() => Ok(Kind::Number(value)),
+            _ => Err(Refusal::new(
+                Columns {
+                    start,
+                    end: cursor.column,
+                },
+                Fault::Number(self.digits.clone()),
+            )),
+        }
+    }
+
+    fn name(&mut self, start: u32, cursor: &mut Cursor<'_>) -> Result<Kind, Refusal> {
+        let from = self.names.len();
+        loop {
+            match cursor.next() {
+                Some('>') => break,
+                Some(' ' | '\t') => {}
+                Some(character) => self.names.extend(character.to_lowercase()),
+                None => return Err(Refusal::new(cursor.since(start), Fault::UnclosedName)),
+            }
+        }
+        if self.names.len() == from {
+            return Err(Refusal::new(cursor.since(start), Fault::EmptyName));
+        }
+        Ok(Kind::Name(from..self.names.len()))
+    }
+}
+
+fn comment(start: u32, cursor: &mut Cursor<'_>) -> Result<Kind, Refusal> {
+    let from = cursor.offset;
+    loop {
+        let (offset, column) = (cursor.offset, cursor.column);
+        match cursor.next() {
+            Some(')') => return Ok(Kind::Comment(from..offset)),
+            Some('(') => return Err(Refusal::new(cursor.since(column), Fault::NestedComment)),
+            Some(_) => {}
+            None => return Err(Refusal::new(cursor.since(start), Fault::UnclosedComment)),
+        }
+    }
+}
+
+/// Walks over a line's characters.
+#[derive(Clone)]
+struct Cursor<'a> {
+    line: &'a str,
+    offset: usize,
+    column: u32,
+}
+
+impl Cursor<'_> {
+    fn next(&mut self) -> Option<char> {
+        let character = self.line[self.offset..].chars().next()?;
+        self.offset += character.len_utf8();
+        self.column += 1;
+        Some(character)
+    }
+
+    fn skip_blanks(&mut self) {
+        while matches!(
+            self.line.as_bytes().get(self.offset),
+            Some(b' ' | b'\t' | b'\x0c')
+        ) {
+            self.offset += 1;
+            self.column += 1;
+        }
+    }
+
+    fn since(&self, start: u32) -> Columns {
+        Columns {
+            start,
+            end: self.column,
+        }
+    }
+}

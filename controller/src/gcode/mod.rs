@@ -1,0 +1,71 @@
+//! RS-274/NGC programs: text in, canonical commands in machine coordinates out.
+//!
+//! A line's bytes ([`source`]) become tokens ([`lexer`]), the tokens a block ([`parser`], [`block`]),
+//! its values numbers ([`expression`], [`parameters`]), its words take effect on the modal state
+//! ([`words`], [`modal`], [`execute`]), and [`Interpreter`] hands out the [`Command`]s that come of
+//! it, one block at a time. What a program may not do is refused with an [`Error`] that shows the
+//! place, the block, what is wrong and what to do.
+
+#![allow(dead_code, reason = "O-words are parsed and not executed yet")]
+
+mod arc;
+mod axes;
+mod block;
+mod command;
+mod error;
+mod execute;
+mod expression;
+mod interpreter;
+mod lexer;
+mod modal;
+mod parameters;
+mod parser;
+mod source;
+mod words;
+
+pub use arc::{Arc, Direction, Plane, RADIUS_RATIO, RADIUS_TOLERANCE};
+pub use axes::{Axis, AxisSet, Point};
+pub use command::{Action, Command, Coolant, Feed, PathMode, Span, Spindle, Stop, Turning};
+pub use error::{Error, Fault};
+pub use interpreter::Interpreter;
+pub use lexer::Columns;
+pub use modal::{Code, Modes, Motion, ProgrammedFeed};
+pub use source::{Input, MAX_LINE};
+
+/// Blocks after which a program that does not end is refused.
+pub const MAX_BLOCKS: u64 = 10_000_000;
+
+/// What a program needs to know of the machine and of the operator's switches.
+#[derive(Clone, Debug)]
+pub struct Setup {
+    /// The axes that the machine has; words of others are refused.
+    pub axes: AxisSet,
+    /// Where the machine stands when the program starts, machine coordinates.
+    pub start: Point,
+    /// Origins of G54 … G59.3 in machine coordinates.
+    pub work_offsets: [Point; 9],
+    /// Soft limits by [`Axis::index`]: least and greatest machine coordinate. A motion that leaves
+    /// them anywhere is refused.
+    pub limits: [Option<(f64, f64)>; 9],
+    /// Skip blocks that begin with `/`.
+    pub block_delete: bool,
+    /// Stop at M1.
+    pub optional_stop: bool,
+    /// Refuse a program that executes more blocks; `None` for one that runs as it is read.
+    pub max_blocks: Option<u64>,
+}
+
+impl Setup {
+    /// A machine with these axes at its zero, without offsets and limits, switches off.
+    pub fn new(axes: AxisSet) -> Setup {
+        Setup {
+            axes,
+            start: Point::ZERO,
+            work_offsets: [Point::ZERO; 9],
+            limits: [None; 9],
+            block_delete: false,
+            optional_stop: false,
+            max_blocks: Some(MAX_BLOCKS),
+        }
+    }
+}

@@ -1,0 +1,287 @@
+//! G- and M-codes in their modal groups, and the modal state.
+
+use std::fmt;
+
+use super::arc::{Direction, Plane};
+use super::command::{Coolant, PathMode, Spindle, Turning};
+
+/// A G- or M-code, in tenths: G91.1 is `Code::G(911)`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Code {
+    /// A G-code in tenths.
+    G(u16),
+    /// An M-code.
+    M(u16),
+}
+
+impl fmt::Display for Code {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match *self {
+            Code::G(tenths) if tenths % 10 == 0 => write!(f, "G{}", tenths / 10),
+            Code::G(tenths) => write!(f, "G{}.{}", tenths / 10, tenths % 10),
+            Code::M(number) => write!(f, "M{number}"),
+        }
+    }
+}
+
+/// A set of codes of which a block may have one (RS-274/NGC tables of modal groups).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Group {
+    Dwell,
+    /// G53
+    MachineCoordinates,
+    /// The non-modal codes that use axis words: G10, G28, G30, G92 …
+    Offsets,
+    Motion,
+    Plane,
+    Distance,
+    ArcDistance,
+    FeedMode,
+    Units,
+    CutterCompensation,
+    ToolLength,
+    CycleReturn,
+    WorkOffset,
+    PathMode,
+    SpindleMode,
+    Stopping,
+    ToolChange,
+    Spindle,
+    /// M7
+    Mist,
+    /// M8, M9
+    Coolant,
+    Overrides,
+}
+
+impl Group {
+    pub(crate) const COUNT: usize = Group::Overrides as usize + 1;
+
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Group::Dwell => "dwells",
+            Group::MachineCoordinates => "machine coordinates",
+            Group::Offsets => "offsets and reference points",
+            Group::Motion => "motions",
+            Group::Plane => "planes",
+            Group::Distance => "distance modes",
+            Group::ArcDistance => "arc distance modes",
+            Group::FeedMode => "feed modes",
+            Group::Units => "units",
+            Group::CutterCompensation => "cutter compensation",
+            Group::ToolLength => "tool length offsets",
+            Group::CycleReturn => "return modes of cycles",
+            Group::WorkOffset => "work offsets",
+            Group::PathMode => "path modes",
+            Group::SpindleMode => "spindle speed modes",
+            Group::Stopping => "stops",
+            Group::ToolChange => "tool changes",
+            Group::Spindle => "spindle commands",
+            Group::Mist | Group::Coolant => "coolant commands",
+            Group::Overrides => "override switches",
+        }
+    }
+}
+
+/// What is known of a code.
+pub(crate) enum Standing {
+    /// It belongs to a group.
+    Supported(Group),
+    /// It is a code of RS-274/NGC or LinuxCNC that this controller refuses, for a reason.
+    Refused(&'static str),
+    /// It is none.
+    Unknown,
+}
+
+const NO_SYNCHRONISED_SPINDLE: &str =
+    "it moves in step with the spindle, whose angle the controller does not know";
+const NO_LATHE: &str = "it is for lathes";
+const NO_SPLINE: &str = "write the curve as lines and arcs";
+
+impl Code {
+    /// The code's group, or why it is refused.
+    pub(crate) fn standing(self) -> Standing {
+        use Standing::{Refused, Supported, Unknown};
+        match self {
+            Code::G(tenths) => match tenths {
+                0 | 10 | 20 | 30 | 800 => Supported(Group::Motion),
+                40 => Supported(Group::Dwell),
+                50..=53 => Refused(NO_SPLINE),
+                70 | 80 => Refused(NO_LATHE),
+                170 | 180 | 190 => Supported(Group::Plane),
+                171 | 181 | 191 => Refused("planes of U V W have no arcs: use G17, G18 or G19"),
+                200 | 210 => Supported(Group::Units),
+                330 | 331 | 740 | 760 | 840 => Refused(NO_SYNCHRONISED_SPINDLE),
+                382..=385 => Refused("the controller has no probe input"),
+                400 => Supported(Group::CutterCompensation),
+                410 | 411 | 420 | 421 => {
+                    Refused("have the tool's radius compensated where the program is made")
+                }
+                490 => Supported(Group::ToolLength),
+                530 => Supported(Group::MachineCoordinates),
+                540 | 550 | 560 | 570 | 580 | 590..=593 => Supported(Group::WorkOffset),
+                610 | 611 | 640 => Supported(Group::PathMode),
+                700 | 710 | 711 | 712 | 720 | 721 | 722 => Refused(NO_LATHE),
+                900 | 910 => Supported(Group::Distance),
+                901 | 911 => Supported(Group::ArcDistance),
+                930 | 940 => Supported(Group::FeedMode),
+                950 => Refused(NO_SYNCHRONISED_SPINDLE),
+                960 => Refused("there is no constant surface speed: write G97 and S in 1/min"),
+                970 => Supported(Group::SpindleMode),
+                _ => Unknown,
+            },
+            Code::M(number) => match number {
+                0 | 1 | 2 | 30 => Supported(Group::Stopping),
+                3..=5 => Supported(Group::Spindle),
+                6 => Supported(Group::ToolChange),
+                7 => Supported(Group::Mist),
+                8 | 9 => Supported(Group::Coolant),
+                19 => Refused(NO_SYNCHRONISED_SPINDLE),
+                48 => Supported(Group::Overrides),
+                49..=53 => Refused("the overrides stay with the operator"),
+                60 => Refused("there is no pallet changer: write M0"),
+                66 => Refused("a program does not wait for inputs"),
+                70..=73 => Refused("set the modes that you need by their own codes"),
+                _ => Unknown,
+            },
+        }
+    }
+}
+
+/// The motion that axis words alone go on with (group 1).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Motion {
+    /// G80
+    #[default]
+    None,
+    /// G0
+    Rapid,
+    /// G1
+    Feed,
+    /// G2, G3
+    Arc(Direction),
+}
+
+impl Motion {
+    /// The code of the motion.
+    pub fn code(self) -> Code {
+        Code::G(match self {
+            Motion::None => 800,
+            Motion::Rapid => 0,
+            Motion::Feed => 10,
+            Motion::Arc(Direction::Clockwise) => 20,
+            Motion::Arc(Direction::Counterclockwise) => 30,
+        })
+    }
+}
+
+/// An F word under G94.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ProgrammedFeed {
+    /// As written: units of length or degrees per minute.
+    pub number: f64,
+    /// The unit of length that it was written in, mm.
+    pub unit: f64,
+}
+
+/// The modal state between two blocks. `Default` is the state at the start of a program: G17 G21
+/// G40 G49 G54 G80 G90 G91.1 G94, spindle and coolant off.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Modes {
+    /// Group 1.
+    pub motion: Motion,
+    /// Group 2.
+    pub plane: Plane,
+    /// G91 instead of G90.
+    pub incremental: bool,
+    /// G90.1 instead of G91.1.
+    pub absolute_centers: bool,
+    /// G93 instead of G94.
+    pub inverse_time: bool,
+    /// G20 instead of G21.
+    pub inches: bool,
+    /// Work offset: 0 is G54, 8 is G59.3.
+    pub work_offset: usize,
+    /// G61, G61.1 or G64 if the program said so; else the machine's default.
+    pub path_mode: Option<PathMode>,
+    /// F under G94.
+    pub feed: Option<ProgrammedFeed>,
+    /// M3, M4, M5 and S.
+    pub spindle: Spindle,
+    /// M7, M8, M9.
+    pub coolant: Coolant,
+    /// T: the tool that the next M6 loads.
+    pub selected_tool: u32,
+    /// The tool that the last M6 loaded; 0: none.
+    pub tool: u32,
+}
+
+impl Modes {
+    /// The unit of length, mm.
+    pub fn unit(&self) -> f64 {
+        if self.inches { 25.4 } else { 1.0 }
+    }
+
+    /// The code of the work offset.
+    pub fn work_offset_code(&self) -> Code {
+        Code::G(match self.work_offset {
+            index @ 0..=5 => 540 + 10 * index as u16,
+            index => 585 + index as u16,
+        })
+    }
+}
+
+impl fmt::Display for Modes {
+    /// The codes that set this state.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let plane = match self.plane {
+            Plane::Xy => "G17",
+            Plane::Zx => "G18",
+            Plane::Yz => "G19",
+        };
+        let pick = |second: bool, codes: [&'static str; 2]| codes[usize::from(second)];
+        write!(
+            f,
+            "{} {plane} {} G40 G49 {} {} {} {}",
+            self.motion.code(),
+            pick(self.inches, ["G21", "G20"]),
+            self.work_offset_code(),
+            pick(self.incremental, ["G90", "G91"]),
+            pick(self.absolute_centers, ["G91.1", "G90.1"]),
+            pick(self.inverse_time, ["G94", "G93"]),
+        )?;
+        match self.path_mode {
+            Some(PathMode::ExactPath) => f.write_str(" G61")?,
+            Some(PathMode::ExactStop) => f.write_str(" G61.1")?,
+            Some(PathMode::Blend { tolerance, merge }) => {
+                f.write_str(" G64")?;
+                for (letter, value) in [('P', tolerance), ('Q', merge)] {
+                    if let Some(value) = value {
+                        write!(f, " {letter}{}", value / self.unit())?;
+                    }
+                }
+            }
+            None => {}
+        }
+        if let Some(feed) = self.feed {
+            write!(f, " F{}", feed.number * feed.unit / self.unit())?;
+        }
+        let spindle = match self.spindle.turning {
+            Turning::Off => "M5",
+            Turning::Clockwise => "M3",
+            Turning::Counterclockwise => "M4",
+        };
+        write!(f, " S{} {spindle}", self.spindle.speed)?;
+        match self.coolant {
+            Coolant {
+                mist: false,
+                flood: false,
+            } => f.write_str(" M9")?,
+            Coolant { mist, flood } => {
+                f.write_str(if mist { " M7" } else { "" })?;
+                f.write_str(if flood { " M8" } else { "" })?;
+            }
+        }
+        write!(f, " T{}", self.tool)
+    }
+}

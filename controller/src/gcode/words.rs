@@ -1,0 +1,204 @@
+//! The words of a block by letter and modal group, and who uses them.
+
+use super::arc::Plane;
+use super::axes::Axis;
+use super::error::{Fault, Refusal};
+use super::lexer::Columns;
+use super::modal::{Code, Group, Standing};
+
+/// How far from a whole number a value may be that has to be one (RS-274/NGC: 0.0001).
+const WHOLE: f64 = 1e-4;
+
+/// A word's value and who used it.
+#[derive(Clone, Copy, Debug)]
+struct Letter {
+    value: f64,
+    columns: Columns,
+    user: Option<Code>,
+}
+
+/// A block's evaluated words.
+#[derive(Debug, Default)]
+pub(crate) struct Words {
+    letters: [Option<Letter>; 26],
+    codes: [Option<(Code, Columns)>; Group::COUNT],
+}
+
+impl Words {
+    /// Adds an evaluated word.
+    pub(crate) fn add(&mut self, letter: u8, value: f64, columns: Columns) -> Result<(), Refusal> {
+        let refuse = |fault| Err(Refusal::new(columns, fault));
+        let code = match letter {
+            b'G' => match whole(value * 10.0, WHOLE * 10.0) {
+                Some(tenths @ 0..=999) => Code::G(tenths as u16),
+                _ => return refuse(out_of_range('G', value, "G0 to G99.9, one decimal at most")),
+            },
+            b'M' => match whole(value, WHOLE) {
+                Some(number @ 0..=199) => Code::M(number as u16),
+                _ => return refuse(out_of_range('M', value, "M0 to M199, a whole number")),
+            },
+            _ => {
+                let slot = &mut self.letters[usize::from(letter - b'A')];
+                if slot.is_some() {
+                    return refuse(Fault::DuplicateWord {
+                        letter: char::from(letter),
+                    });
+                }
+                *slot = Some(Letter {
+                    value,
+                    columns,
+                    user: None,
+                });
+                return Ok(());
+            }
+        };
+        match code.standing() {
+            Standing::Supported(group) => {
+                let slot = &mut self.codes[group as usize];
+                if let Some((first, _)) = *slot {
+                    return refuse(Fault::Conflict {
+                        first,
+                        second: code,
+                        group: group.name(),
+                    });
+                }
+                *slot = Some((code, columns));
+                Ok(())
+            }
+            Standing::Refused(reason) => refuse(Fault::Unsupported { code, reason }),
+            Standing::Unknown => refuse(Fault::UnknownCode(code)),
+        }
+    }
+
+    /// The block's code of a group.
+    pub(crate) fn code(&self, group: Group) -> Option<Code> {
+        self.codes[group as usize].map(|(code, _)| code)
+    }
+
+    /// The columns of a group's code, if the block has one.
+    pub(crate) fn code_columns(&self, group: Group) -> Option<Columns> {
+        self.codes[group as usize].map(|(_, columns)| columns)
+    }
+
+    /// Whether the letter is there, used or not.
+    pub(crate) fn has(&self, letter: u8) -> bool {
+        self.letters[usize::from(letter - b'A')].is_some()
+    }
+
+    /// Whether there is a word of an axis.
+    pub(crate) fn has_axes(&self) -> bool {
+        Axis::ALL.iter().any(|axis| self.has(axis.letter() as u8))
+    }
+
+    /// Whether there is a word that describes an arc.
+    pub(crate) fn has_arc(&self) -> bool {
+        b"IJKR".iter().any(|letter| self.has(*letter))
+    }
+
+    /// The columns of a letter's word.
+    pub(crate) fn columns(&self, letter: u8) -> Option<Columns> {
+        self.letters[usize::from(letter - b'A')].map(|word| word.columns)
+    }
+
+    /// The value of a letter for a code that uses it.
+    pub(crate) fn take(&mut self, letter: u8, user: Code) -> Result<Option<f64>, Refusal> {
+        let Some(word) = &mut self.letters[usize::from(letter - b'A')] else {
+            return Ok(None);
+        };
+        match word.user.replace(user) {
+            Some(first) if first != user => Err(Refusal::new(
+                word.columns,
+                Fault::SharedWord {
+                    letter: char::from(letter),
+                    first,
+                    second: user,
+                },
+            )),
+            _ => Ok(Some(word.value)),
+        }
+    }
+
+    /// The value of a letter that has to be a whole number of a range.
+    pub(crate) fn take_whole(
+        &mut self,
+        letter: u8,
+        user: Code,
+        range: std::ops::RangeInclusive<u32>,
+        allowed: &'static str,
+    ) -> Result<Option<u32>, Refusal> {
+        let Some(value) = self.take(letter, user)? else {
+            return Ok(None);
+        };
+        match whole(value, WHOLE) {
+            Some(number) if range.contains(&number) => Ok(Some(number)),
+            _ => Err(self.refuse(letter, out_of_range(char::from(letter), value, allowed))),
+        }
+    }
+
+    /// Marks a letter that needs no code (F, S, T).
+    pub(crate) fn take_free(&mut self, letter: u8) -> Option<f64> {
+        let word = self.letters[usize::from(letter - b'A')].as_mut()?;
+        word.user = Some(Code::G(0));
+        Some(word.value)
+    }
+
+    /// A fault at a letter's word.
+    pub(crate) fn refuse(&self, letter: u8, fault: Fault) -> Refusal {
+        Refusal::new(self.columns(letter).unwrap_or_default(), fault)
+    }
+
+    /// Refuses a word that no code used.
+    pub(crate) fn all_used(&self) -> Result<(), Refusal> {
+        let unused = (b'A'..=b'Z')
+            .zip(&self.letters)
+            .filter_map(|(letter, word)| Some((letter, word.as_ref()?)))
+            .filter(|(_, word)| word.user.is_none())
+            .min_by_key(|(_, word)| word.columns.start);
+        match unused {
+            Some((letter, word)) => Err(Refusal::new(
+                word.columns,
+                Fault::UnusedWord {
+                    letter: char::from(letter),
+                },
+            )),
+            None => Ok(()),
+        }
+    }
+
+    /// Refuses an offset of the centre that is not in the plane.
+    pub(crate) fn offsets_in_plane(&self, plane: Plane) -> Result<(), Refusal> {
+        let letters = plane.offset_letters();
+        for letter in *b"IJK" {
+            if self.has(letter) && !letters.contains(&letter) {
+                return Err(self.refuse(
+                    letter,
+                    Fault::ArcOffsetPlane {
+                        letter: char::from(letter),
+                        allowed: match plane {
+                            Plane::Xy => "I and J under G17",
+                            Plane::Zx => "I and K under G18",
+                            Plane::Yz => "J and K under G19",
+                        },
+                    },
+                ));
+            }
+        }
+        Ok(())
+    }
+}
+
+pub(crate) fn out_of_range(letter: char, value: f64, allowed: &'static str) -> Fault {
+    Fault::Value {
+        letter,
+        value,
+        allowed,
+    }
+}
+
+/// The whole number within `tolerance` of a value.
+pub(crate) fn whole(value: f64, tolerance: f64) -> Option<u32> {
+    let rounded = value.round();
+    let fits =
+        (value - rounded).abs() <= tolerance && (0.0..=f64::from(u32::MAX)).contains(&rounded);
+    fits.then_some(rounded as u32)
+}

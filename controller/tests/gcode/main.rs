@@ -1,0 +1,6 @@
+//! The RS-274/NGC front end from outside: programs as text, canonical commands and refusals.
+
+mod arcs;
+mod listing;
+mod motion;
+mod refusals;

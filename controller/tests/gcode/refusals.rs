@@ -1,0 +1,210 @@
+//! What is refused, where, and what the message says to do.
+
+use proptest::prelude::*;
+use syncline_controller::gcode::{Interpreter, MAX_LINE};
+
+use super::listing::{refusal, refusal_with, run, xyz};
+
+/// Each program with the place of its fault; the messages are in the snapshot.
+#[test]
+fn each_with_its_place() {
+    let programs = [
+        // The text.
+        ("G0 X1 !", "1:7"),
+        ("G0 X1 (to the left", "1:7"),
+        ("G0 (a (b) c) X1", "1:7"),
+        ("#<depth = 1", "1:2"),
+        ("#<> = 1", "1:2"),
+        ("G0 X", "1:5"),
+        ("G0 X(1)1", "1:5"),
+        ("G0 X1.2.3", "1:8"),
+        ("G0 X.", "1:5"),
+        ("G0 X[1 + ]", "1:10"),
+        ("G0 X[1", "1:7"),
+        ("G0 X[ATAN[1]]", "1:13"),
+        ("G0 X[EXISTS[#1]]", "1:14"),
+        ("G0 XFOO[1]", "1:5"),
+        ("#1 = ", "1:6"),
+        ("#1 X5", "1:4"),
+        ("G0 N10 X1", "1:4"),
+        ("N-1 G0", "1:2"),
+        ("G0 X1 O100", "1:7"),
+        ("O100 FOO", "1:6"),
+        ("O100 IF", "1:8"),
+        ("O100 SUB G0", "1:10"),
+        ("% G0", "1:3"),
+        // Values.
+        ("G0 X#0", "1:5"),
+        ("G0 X#6000", "1:5"),
+        ("G0 X#1.5", "1:5"),
+        ("G0 X#<nothing>", "1:5"),
+        ("#500 = 1 #5555 = 2", "1:10"),
+        ("G0 X[1/0]", "1:7"),
+        ("G0 XSQRT[-1]", "1:5"),
+        ("G0 XLN[0]", "1:5"),
+        ("G0 XACOS[2]", "1:5"),
+        ("G0 X[-2 ** 0.5]", "1:9"),
+        ("G1 X1 F0", "1:7"),
+        ("S-1 M3", "1:1"),
+        ("T1.5", "1:1"),
+        ("G100", "1:1"),
+        ("G1.25 X1", "1:1"),
+        ("M3.5", "1:1"),
+        ("G0 X1e5", "1:6"),
+        ("G0 X10000000000", "1:4"),
+        // Words.
+        ("G0 A1", "1:4"),
+        ("G6 X1", "1:1"),
+        ("M77", "1:1"),
+        ("G33 Z-5 K1", "1:1"),
+        ("G76 Z-5", "1:1"),
+        ("G41 D1", "1:1"),
+        ("G38.2 Z-5", "1:1"),
+        ("G5.1 X1 Y1", "1:1"),
+        ("G0 X1 X2", "1:7"),
+        ("G0 G1 X1", "1:4"),
+        ("G90 G91", "1:5"),
+        ("G20\nG17 G18", "2:5"),
+        ("M3 M4", "1:4"),
+        ("M7 M9", "1:4"),
+        ("G0 X1 P5", "1:7"),
+        ("G1 X1 F100 I5", "1:12"),
+        ("H1", "1:1"),
+        ("G4 G64 P1", "1:8"),
+        ("G4", "1:1"),
+        ("G4 P-1", "1:4"),
+        ("G64 P0", "1:5"),
+        // Motion.
+        ("G1 X1", "1:1"),
+        ("F100 G93 G1 X1\nG1 X2", "2:1"),
+        ("F100\nG93\nG1 X1", "3:1"),
+        ("F100 G93\nG94 G1 X1", "2:5"),
+        ("X1", "1:1"),
+        ("G80 Y2 X1", "1:5"),
+        ("G53 X1", "1:1"),
+        ("G53 G2 X1 I1 F100", "1:1"),
+        ("F100 G2", "1:6"),
+        ("F100 G2 X5", "1:6"),
+        ("F100 G2 X10 K5", "1:13"),
+        ("F100 G18 G2 X10 J5", "1:17"),
+        ("F100 G2 X10 I5 R5", "1:16"),
+        ("F100 G2 I0", "1:6"),
+        ("F100 G2 X10 I5.01", "1:6"),
+        ("F100 G2 R5", "1:6"),
+        ("F100 G2 X10 R4", "1:6"),
+        ("F100 G2 X10 I5 P0", "1:16"),
+        ("F100 G2 X10 I5 P1.5", "1:16"),
+        ("F100 G90.1 G2 X10 I5", "1:12"),
+        ("G2 X10 I5", "1:1"),
+        // The program.
+        ("%\nG0 X1\n", "3:1"),
+    ];
+    let mut messages = String::new();
+    for (program, place) in programs {
+        let message = refusal(program);
+        messages += &format!("{message}\n");
+        assert!(
+            message.starts_with(&format!("part.ngc:{place}: ")),
+            "{program:?} is at {place}: {message}"
+        );
+    }
+    insta::assert_snapshot!(messages);
+}
+
+#[test]
+fn soft_limits_hold_for_the_whole_motion() {
+    let mut setup = xyz();
+    setup.limits[0] = Some((0.0, 100.0));
+    setup.limits[1] = Some((0.0, 50.0));
+    setup.limits[2] = Some((-30.0, 0.0));
+    setup.work_offsets[1][syncline_controller::gcode::Axis::X] = 20.0;
+    let programs = [
+        ("G0 X100 Y50 Z-30\nX100.001", "2:1"),
+        ("G0 Y-0.5 X1", "1:4"),
+        ("G91 G0 X60\nX60", "2:1"),
+        ("G55 G0 X80.5", "1:8"),
+        ("G0 X10 Y45\nG2 X20 R5 F100\nG2 X30 Y45.001 R5", "3:8"),
+        ("G0 X99 Y10\nG3 X99 Y20 J5 F100", "2:4"),
+        ("G0 X20 Y20\nG19 G3 J4 K-10 P2 F100 X25", "2:5"),
+        ("G0 X50 Y25 Z-10\nG17 G2 I30 F100 Z-20", "2:5"),
+    ];
+    let mut messages = String::new();
+    for (program, place) in programs {
+        let message = refusal_with(setup.clone(), program);
+        messages += &format!("{message}\n");
+        assert!(
+            message.starts_with(&format!("part.ngc:{place}: ")),
+            "{message}"
+        );
+    }
+    insta::assert_snapshot!(messages);
+}
+
+#[test]
+fn nothing_of_a_refused_block_is_handed_out() {
+    let mut program = Interpreter::from_text("part.ngc", "M3 S100 G1 X1\nG0 X1", xyz());
+    assert!(program.next().unwrap().is_err());
+    assert!(program.next().is_none());
+}
+
+#[test]
+fn a_long_line_is_refused() {
+    let message = refusal(&format!("G0 X1 ({})", "x".repeat(MAX_LINE)));
+    assert!(
+        message.starts_with("part.ngc:1:1: the line has more than"),
+        "{message}"
+    );
+}
+
+#[test]
+fn deep_nesting_is_refused() {
+    for open in ["[", "-", "#", "[-#"] {
+        let message = refusal(&format!("G0 X{}1", open.repeat(500)));
+        assert!(message.contains("nested deeper"), "{message}");
+    }
+}
+
+#[test]
+fn what_a_terminal_acts_upon_is_not_shown() {
+    let message = refusal("G0 X1 (\x1b[2J\x07) !");
+    assert!(!message.contains(['\x1b', '\x07']), "{message:?}");
+}
+
+#[test]
+fn a_comment_may_hold_any_bytes() {
+    let program = b"G21 (\xd8 6 mm \xff)\n; \x80\nM2\n".to_vec();
+    let commands: Result<Vec<_>, _> =
+        Interpreter::new("part.ngc", std::io::Cursor::new(program), xyz()).collect();
+    assert_eq!(commands.unwrap().len(), 1);
+}
+
+#[test]
+fn the_example_reads_well() {
+    insta::assert_snapshot!(refusal("N10 G21\nN20 G1 X10 Y5\n"));
+}
+
+proptest! {
+    #[test]
+    fn random_bytes_never_panic(bytes: Vec<u8>) {
+        let _ = Interpreter::new("x", std::io::Cursor::new(bytes), xyz()).count();
+    }
+
+    #[test]
+    fn random_words_never_panic(
+        program in proptest::collection::vec(
+            "[ ]?(G|M|X|Y|Z|I|J|K|P|R|F|S|T|L|Q|O|N|#|=|\\[|\\]|-|\\.|[0-9]{1,4}|SIN|MOD|\\*\\*|<a>|\n|/|%|\\(a\\))",
+            0..40,
+        )
+    ) {
+        let _ = Interpreter::from_text("x", program.concat(), xyz()).count();
+    }
+
+    #[test]
+    fn numbers_round_trip(value in -1e9f64..1e9) {
+        let commands = run(&format!("G0 X{value}\nM2")).unwrap();
+        let syncline_controller::gcode::Action::Rapid { to } = commands[0].action else {
+            panic!("{commands:?}")
+        };
+        prop_assert_eq!(to.0[0], value);
+    }
+}
