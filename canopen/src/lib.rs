@@ -5,7 +5,9 @@
 //! - [`response_time`], [`budget`]: whether a cycle's frames fit their cycle (Davis et al. 2007, 2013)
 //! - [`time`]: instants that are handed in, never read
 //! - [`dictionary`]: a device's objects as a table, a node's values of them
-//! - [`sdo`], [`pdo`], [`nmt`]: the services, node's and master's side
+//! - [`sdo`], [`pdo`], [`nmt`], [`sync`], [`emcy`], [`heartbeat`], [`guarding`]: the services,
+//!   node's and master's side
+//! - [`cia402`]: a drive's words and states
 //!
 //! Nothing here opens a socket, starts a thread, reads a clock or logs, and nothing allocates
 //! after construction.
@@ -14,12 +16,16 @@
 pub mod budget;
 pub mod cia402;
 pub mod dictionary;
+pub mod emcy;
 pub mod frame;
+pub mod guarding;
+pub mod heartbeat;
 pub mod id;
 pub mod nmt;
 pub mod pdo;
 pub mod response_time;
 pub mod sdo;
+pub mod sync;
 pub mod time;
 
 pub use dictionary::Address;

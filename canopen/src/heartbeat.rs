@@ -1,0 +1,142 @@
+//! Heartbeat (CiA 301): a node tells its state at a fixed pace, others watch for it.
+
+use crate::nmt::State;
+use crate::{CanId, CobId, Frame, Instant, NodeId, Transmit, time::Duration};
+
+/// A node's heartbeat or boot-up message.
+#[must_use]
+pub fn encode(node: NodeId, state: State) -> Frame {
+    Frame::new(CobId::error_control(node), &[state as u8])
+}
+
+/// Whose heartbeat, boot-up ([`State::Initialising`]) or guarding answer a frame is, and the
+/// state in it.
+#[must_use]
+pub fn decode(frame: &Frame) -> Option<(NodeId, State)> {
+    let CanId::Standard(id) = frame.id() else {
+        return None;
+    };
+    let node = NodeId::new((id.checked_sub(0x700)?).try_into().ok()?)?;
+    let &[byte] = frame.data() else {
+        return None;
+    };
+    Some((node, State::from_byte(byte & 0x7F)?))
+}
+
+/// A node's own heartbeat (1017h).
+#[derive(Clone, Debug, Default)]
+pub struct Producer {
+    period: Duration,
+    next: Option<Instant>,
+}
+
+impl Producer {
+    /// No heartbeat yet.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self {
+            period: Duration::ZERO,
+            next: None,
+        }
+    }
+
+    /// Sets the period and starts anew; zero is no heartbeat.
+    pub fn set_period(&mut self, now: Instant, period: Duration) {
+        self.period = period;
+        self.next = (!period.is_zero()).then(|| now + period);
+    }
+
+    /// Whether heartbeats are sent.
+    #[must_use]
+    pub const fn is_on(&self) -> bool {
+        self.next.is_some()
+    }
+
+    /// When the next heartbeat is due.
+    #[must_use]
+    pub const fn deadline(&self) -> Option<Instant> {
+        self.next
+    }
+
+    /// Sends the heartbeat that is due; after a long silence one, not several.
+    pub fn poll(&mut self, now: Instant, node: NodeId, state: State, tx: &mut impl Transmit) {
+        let Some(due) = self.next.filter(|&due| now >= due) else {
+            return;
+        };
+        tx.transmit(encode(node, state));
+        let next = due + self.period;
+        self.next = Some(if next > now { next } else { now + self.period });
+    }
+}
+
+/// What a watched node's messages tell.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Event {
+    /// The node has started anew.
+    BootUp,
+    /// The node has entered this state, or is heard for the first time.
+    State(State),
+}
+
+/// One node watched by its heartbeat (one entry of 1016h).
+#[derive(Clone, Debug)]
+pub struct Consumer {
+    node: NodeId,
+    time: Duration,
+    state: Option<State>,
+    expires: Option<Instant>,
+}
+
+impl Consumer {
+    /// Watches `node`: from its first heartbeat on, none may be later than `time`.
+    #[must_use]
+    pub const fn new(node: NodeId, time: Duration) -> Self {
+        Self {
+            node,
+            time,
+            state: None,
+            expires: None,
+        }
+    }
+
+    /// The node watched.
+    #[must_use]
+    pub const fn node(&self) -> NodeId {
+        self.node
+    }
+
+    /// The state last heard; `None` before the first heartbeat and after a missed one.
+    #[must_use]
+    pub const fn state(&self) -> Option<State> {
+        self.state
+    }
+
+    /// When [`Self::poll`] wants to be called.
+    #[must_use]
+    pub const fn deadline(&self) -> Option<Instant> {
+        self.expires
+    }
+
+    /// Takes a frame if it comes from the node; tells only what is new.
+    pub fn on_frame(&mut self, now: Instant, frame: &Frame) -> Option<Event> {
+        let (_, state) = decode(frame).filter(|&(node, _)| node == self.node)?;
+        if state == State::Initialising {
+            // A boot-up message is not a heartbeat: watching starts with the first of those.
+            self.state = None;
+            self.expires = None;
+            return Some(Event::BootUp);
+        }
+        self.expires = Some(now + self.time);
+        (self.state.replace(state) != Some(state)).then_some(Event::State(state))
+    }
+
+    /// Whether the heartbeat is missing: true once, then again only after another heartbeat.
+    pub fn poll(&mut self, now: Instant) -> bool {
+        let missing = self.expires.is_some_and(|expires| now >= expires);
+        if missing {
+            self.state = None;
+            self.expires = None;
+        }
+        missing
+    }
+}
