@@ -21,7 +21,8 @@
 
 use crate::id::NodeId;
 use crate::sdo::{AbortCode, Objects};
-use core::fmt;
+use core::{fmt, str::FromStr};
+use thiserror::Error;
 
 /// Where an object stands: index and subindex.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -49,6 +50,28 @@ impl Address {
 impl fmt::Display for Address {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{:04X}h:{:X}", self.index, self.sub)
+    }
+}
+
+/// Not `index:sub` in hexadecimal.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
+#[error("not an object: write index:sub in hexadecimal, such as 3012:6")]
+pub struct ParseAddressError;
+
+/// As people write it: `3012:6`, `3012h:6`, `6065` (subindex 0); hexadecimal both.
+impl FromStr for Address {
+    type Err = ParseAddressError;
+
+    fn from_str(text: &str) -> Result<Self, ParseAddressError> {
+        let hex = |digits: &str, most: usize| {
+            let digits = digits.strip_suffix(['h', 'H']).unwrap_or(digits);
+            ((1..=most).contains(&digits.len()) && digits.bytes().all(|b| b.is_ascii_hexdigit()))
+                .then(|| u16::from_str_radix(digits, 16).ok())
+                .flatten()
+                .ok_or(ParseAddressError)
+        };
+        let (index, sub) = text.split_once(':').unwrap_or((text, "0"));
+        Ok(Self::new(hex(index, 4)?, hex(sub, 2)? as u8))
     }
 }
 
@@ -704,5 +727,28 @@ impl Objects for Dictionary {
         let row = self.find(address)?;
         self.check_download(row, Some(data.len()))?;
         self.store_download(row, data)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn addresses_are_read_as_people_write_them() {
+        for (text, index, sub) in [
+            ("3012:6", 0x3012, 6),
+            ("60C2h:1", 0x60C2, 1),
+            ("6065", 0x6065, 0),
+            ("3006:3D", 0x3006, 0x3D),
+            ("3006:3Dh", 0x3006, 0x3D),
+        ] {
+            assert_eq!(text.parse(), Ok(Address::new(index, sub)), "{text}");
+        }
+        for text in [
+            "", ":", "3012:", ":6", "30122:6", "3012:100", "+301:1", "x", "3012:6:1",
+        ] {
+            assert_eq!(text.parse::<Address>(), Err(ParseAddressError), "{text}");
+        }
     }
 }

@@ -9,7 +9,7 @@ use super::{
 };
 use std::{collections::BTreeMap, ops::Range, time::Duration};
 use syncline_canopen::NodeId;
-use syncline_drives::model::{Direction, Increments, MODELS, Model, ObjectType, Scaling, Write};
+use syncline_drives::model::{Data, Direction, Increments, MODELS, Model, Scaling, Write};
 use toml::{
     Spanned,
     de::{DeTable, DeValue},
@@ -492,11 +492,9 @@ fn sdo_entry(
     let kind = match items {
         Some([_, _, kind]) => {
             let named = kind.get_ref().as_str();
-            let found = ObjectType::NAMES
-                .iter()
-                .find(|(name, _)| named == Some(name));
+            let found = Data::TYPES.iter().find(|(name, _)| named == Some(name));
             let Some((_, kind_found)) = found else {
-                let allowed = one_of(ObjectType::NAMES.iter().map(|(name, _)| *name));
+                let allowed = one_of(Data::TYPES.iter().map(|(name, _)| *name));
                 let problem = format!("the type of {address} is unknown");
                 return refuse(kind.span(), problem, &format!("allowed: {allowed}"));
             };
@@ -506,17 +504,17 @@ fn sdo_entry(
             Some(kind) => kind,
             None => {
                 let problem = format!("the type of {address} is not in the dictionary at hand");
-                let allowed = one_of(ObjectType::NAMES.iter().map(|(name, _)| *name));
+                let allowed = one_of(Data::TYPES.iter().map(|(name, _)| *name));
                 let help = format!("add it as a third item: {allowed}");
                 return refuse(entry.span(), problem, &help);
             }
         },
     };
-    let data = integer(value.get_ref()).and_then(|value| kind.encode(value));
+    let data = integer(value.get_ref()).and_then(|value| Data::encode(kind, value));
     match data {
         Some(data) => Some(Write { address, data }),
         None => {
-            let (least, most) = kind.range();
+            let (least, most) = Data::range(kind);
             let problem = format!("the value of {address} does not fit its type");
             refuse(
                 value.span(),

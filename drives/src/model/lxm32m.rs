@@ -4,10 +4,16 @@
 
 use super::{
     Actuator, Address, Assumption, ClockLock, Data, Device, Feedback, Identity, Increments, Model,
-    NotFollowing, ObjectType, OutOfRange, Pdo, Sample, Settings, Write,
+    NotFollowing, OutOfRange, Sample, Settings, Write,
 };
 use core::time::Duration;
-use syncline_canopen::{CobId, Frame, NodeId};
+use syncline_canopen::{
+    CobId, Frame, NodeId,
+    budget::{Direction, NodeTraffic, Pdo},
+    cia402::{Controlword, State, Statusword},
+    dictionary::DataType,
+    pdo::CobIdWord,
+};
 
 /// The LXM32M.
 ///
@@ -19,7 +25,12 @@ pub static LXM32M: Model = Model {
     cycle_step: Duration::from_millis(1),
     cycles: Duration::from_millis(1)..=Duration::from_millis(20),
     increments_per_revolution: 131_072, // (1602)
-    assumptions: &[INTERPOLATION_DELAY, SYNC_LOCKED],
+    assumptions: &[
+        INTERPOLATION_DELAY,
+        SYNC_LOCKED,
+        T_PDO_RESPONSE,
+        SDO_RESPONSE,
+    ],
     object_type,
     reserved,
     actuator: |settings| Box::new(Lxm32m::new(settings)),
@@ -40,11 +51,21 @@ const SYNC_LOCKED: Assumption = Assumption {
     meaning: "value of SyncMechStatus (3022h:6) once the drive's clock follows SYNC",
 };
 
+const T_PDO_RESPONSE: Assumption = Assumption {
+    name: "t_pdo_response_us",
+    default: 100,
+    allowed: 0..=1_000_000,
+    meaning: "longest time in µs from the end of SYNC until the drive queues its T_PDO",
+};
+
+const SDO_RESPONSE: Assumption = Assumption {
+    name: "sdo_response_us",
+    default: 300,
+    allowed: 0..=1_000_000,
+    meaning: "longest time in µs from the end of an SDO request until the drive queues its answer",
+};
+
 const INTERPOLATED_POSITION: i8 = 7;
-const START_INTERPOLATION: u16 = 0x0010; // controlword bit 4 (1641)
-const MODE_STARTED: u16 = 0x1000; // statusword bit 12 (1650)
-const REMOTE: u16 = 0x0200; // statusword bit 9 (1327)
-const X_ERR: u16 = 0x2000; // statusword bit 13 (1343)
 
 const IDENTITY: [Identity; 2] = [
     Identity {
@@ -79,6 +100,8 @@ struct Lxm32m {
     read_back: Vec<Write>,
     interpolation_delay: u32,
     sync_locked: u32,
+    t_pdo_response: Duration,
+    sdo_response: Duration,
 }
 
 impl Lxm32m {
@@ -104,8 +127,11 @@ impl Lxm32m {
                 read_back.push(*write);
             }
         }
+        let micros = |assumption| Duration::from_micros(settings.assumed(assumption).into());
         Self {
             node: settings.node,
+            t_pdo_response: micros(&T_PDO_RESPONSE),
+            sdo_response: micros(&SDO_RESPONSE),
             setup,
             read_back,
             interpolation_delay: settings.assumed(&INTERPOLATION_DELAY),
@@ -117,9 +143,13 @@ impl Lxm32m {
 /// The initialisation sequence of Interpolated Position in its printed order (1604-1636), with
 /// the node id and the cycle put in.
 fn standard_setup(node: NodeId, cycle: Duration) -> [Write; 30] {
-    const INACTIVE: u32 = 0x8000_0000; // COB-ID word, bit 31 (3531)
-    let cob_id = |active: bool, base: CobId| {
-        Data::u32(u32::from(base.get()) | if active { 0 } else { INACTIVE })
+    let cob_id = |active: bool, cob_id: CobId| {
+        let word = if active {
+            CobIdWord::valid
+        } else {
+            CobIdWord::invalid
+        };
+        Data::u32(word(cob_id).0)
     };
     let r_pdo = |n, active| cob_id(active, CobId::r_pdo(n, node));
     let t_pdo = |n, active| cob_id(active, CobId::t_pdo(n, node));
@@ -188,7 +218,7 @@ fn reserved(Address { index, sub }: Address) -> bool {
     )
 }
 
-fn object_type(_: Address) -> Option<ObjectType> {
+fn object_type(_: Address) -> Option<DataType> {
     None
 }
 
@@ -242,6 +272,19 @@ impl Device for Lxm32m {
         &RELEASE
     }
 
+    fn traffic(&self) -> NodeTraffic {
+        NodeTraffic {
+            node: self.node,
+            divider: 1,
+            response: self.t_pdo_response,
+            pdos: vec![self.t_pdo(), self.r_pdo()],
+        }
+    }
+
+    fn sdo_response(&self) -> Duration {
+        self.sdo_response
+    }
+
     /// The manual at hand has no table of them (1953); this one is from the vendor's public
     /// answer FAQ000270642.
     fn error_meaning(&self, code: u16) -> Option<&'static str> {
@@ -252,8 +295,9 @@ impl Device for Lxm32m {
 impl Feedback for Lxm32m {
     fn t_pdo(&self) -> Pdo {
         Pdo {
+            direction: Direction::Transmit,
             cob_id: CobId::t_pdo(2, self.node),
-            len: 6,
+            bytes: 6,
         }
     }
 
@@ -262,7 +306,7 @@ impl Feedback for Lxm32m {
             return None;
         };
         Some(Sample {
-            statusword: u16::from_le_bytes([s0, s1]),
+            statusword: Statusword(u16::from_le_bytes([s0, s1])),
             position: i32::from_le_bytes([p0, p1, p2, p3]).into(),
         })
     }
@@ -274,37 +318,43 @@ impl Actuator for Lxm32m {
     }
 
     fn start_mode(&self) -> u16 {
-        START_INTERPOLATION
+        Controlword::MODE_4 // (1641)
     }
 
-    fn mode_started(&self, statusword: u16) -> bool {
-        statusword & MODE_STARTED != 0
+    fn mode_started(&self, statusword: Statusword) -> bool {
+        statusword.has(Statusword::MODE_12) // (1650)
     }
 
-    /// States by the table at (1301-1311). Bit 13 counts only in Operation Enabled: the manual's
-    /// own examples show it set at rest in state 4 (1755).
-    fn follows(&self, statusword: u16, started: bool) -> Result<(), NotFollowing> {
-        let state_4_bits = statusword & 0x4F;
-        match (state_4_bits, statusword & 0x6F) {
-            (0x0F | 0x08, _) => Err(NotFollowing::Fault),
-            (_, 0x07) => Err(NotFollowing::QuickStop),
-            (_, 0x27) if statusword & REMOTE == 0 => Err(NotFollowing::NotRemote),
-            (_, 0x27) if statusword & X_ERR != 0 => Err(NotFollowing::Error),
-            (_, 0x27) if started && !self.mode_started(statusword) => Err(NotFollowing::ModeEnded),
-            (_, 0x27) => Ok(()),
-            _ => Err(NotFollowing::PowerStageOff),
+    /// Bit 13, x_err, counts only in Operation Enabled: the manual's own examples show it set at
+    /// rest in state 4 (1343, 1755).
+    fn follows(&self, statusword: Statusword, started: bool) -> Result<(), NotFollowing> {
+        match statusword.state() {
+            Some(State::OperationEnabled) => {}
+            Some(State::QuickStopActive) => return Err(NotFollowing::QuickStop),
+            Some(State::Fault | State::FaultReactionActive) => return Err(NotFollowing::Fault),
+            _ => return Err(NotFollowing::PowerStageOff),
+        }
+        if !statusword.has(Statusword::REMOTE) {
+            Err(NotFollowing::NotRemote)
+        } else if statusword.has(Statusword::BIT_13) {
+            Err(NotFollowing::Error)
+        } else if started && !self.mode_started(statusword) {
+            Err(NotFollowing::ModeEnded)
+        } else {
+            Ok(())
         }
     }
 
     fn r_pdo(&self) -> Pdo {
         Pdo {
+            direction: Direction::Receive,
             cob_id: CobId::r_pdo(2, self.node),
-            len: 6,
+            bytes: 6,
         }
     }
 
-    fn command(&self, controlword: u16, setpoint: Increments) -> Result<Frame, OutOfRange> {
-        let [c0, c1] = controlword.to_le_bytes();
+    fn command(&self, controlword: Controlword, setpoint: Increments) -> Result<Frame, OutOfRange> {
+        let [c0, c1] = controlword.0.to_le_bytes();
         let [p0, p1, p2, p3] = setpoint.to_i32()?.to_le_bytes();
         Ok(Frame::new(self.r_pdo().cob_id, &[c0, c1, p0, p1, p2, p3]))
     }
@@ -453,14 +503,16 @@ mod tests {
     #[test]
     fn process_image() {
         let drive = Lxm32m::new(&settings(1, 2));
-        let frame = drive.command(0x1F, Increments::new(-2)).unwrap();
+        let frame = drive
+            .command(Controlword(0x1F), Increments::new(-2))
+            .unwrap();
         assert_eq!(format!("{frame:?}"), "301#1F00FEFFFFFF");
         assert_eq!(
-            drive.command(0x1F, Increments::new(1 << 31)),
+            drive.command(Controlword(0x1F), Increments::new(1 << 31)),
             Err(OutOfRange)
         );
         let sample = drive.sample(&[0x37, 0x12, 0x00, 0x00, 0x02, 0x00]).unwrap();
-        assert_eq!(sample.statusword, 0x1237);
+        assert_eq!(sample.statusword, Statusword(0x1237));
         assert_eq!(sample.position, Increments::new(131_072));
         assert_eq!(drive.sample(&[0x37, 0x12, 0, 0, 0]), None);
     }
@@ -485,7 +537,11 @@ mod tests {
             (0x221F, true, Err(N::Fault)),
             (0x2238, true, Err(N::Fault)),
         ] {
-            assert_eq!(drive.follows(word, started), expected, "{word:04X}");
+            assert_eq!(
+                drive.follows(Statusword(word), started),
+                expected,
+                "{word:04X}"
+            );
         }
     }
 

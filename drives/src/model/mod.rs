@@ -10,11 +10,17 @@ mod object;
 mod scaling;
 
 pub use lxm32m::LXM32M;
-pub use object::{Address, Data, ObjectType, ParseAddressError, Write};
+pub use object::{Data, Write};
 pub use scaling::{Direction, Increments, OutOfRange, Scaling};
+pub use syncline_canopen::Address;
 
 use core::{fmt, ops::RangeInclusive, time::Duration};
-use syncline_canopen::{CobId, Frame, NodeId};
+use syncline_canopen::{
+    Frame, NodeId,
+    budget::{NodeTraffic, Pdo},
+    cia402::{Controlword, Statusword},
+    dictionary::DataType,
+};
 
 /// Every model, by which a machine file may name a drive.
 pub static MODELS: [&Model; 1] = [&LXM32M];
@@ -37,7 +43,7 @@ pub struct Model {
     /// What the manual leaves open, with the value taken unless the machine file says otherwise.
     pub assumptions: &'static [Assumption],
     /// The type of an object that a user may write, where the dictionary has it.
-    pub object_type: fn(Address) -> Option<ObjectType>,
+    pub object_type: fn(Address) -> Option<DataType>,
     /// Whether the controller itself writes or owns the object, so that a user must not.
     pub reserved: fn(Address) -> bool,
     /// Makes the device.
@@ -133,20 +139,11 @@ pub struct ClockLock {
     pub locked: u32,
 }
 
-/// A process data object of the cycle: what filters and bus-time arithmetic need.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Pdo {
-    /// Its identifier.
-    pub cob_id: CobId,
-    /// Its data bytes, 0…8.
-    pub len: u8,
-}
-
 /// What a T_PDO brought.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Sample {
     /// 6041h.
-    pub statusword: u16,
+    pub statusword: Statusword,
     /// 6064h, as sampled by the device.
     pub position: Increments,
 }
@@ -212,6 +209,13 @@ pub trait Device: fmt::Debug + Send {
     /// The writes that take the set-up's cyclic part back, after the device is disabled.
     fn release(&self) -> &[Write];
 
+    /// What the device adds to a cycle of its bus.
+    fn traffic(&self) -> NodeTraffic;
+
+    /// Longest time from the end of an SDO request until its answer stands in the device's
+    /// transmit queue.
+    fn sdo_response(&self) -> Duration;
+
     /// What a vendor error code (603Fh; EMCY bytes 6 and 7) means, where it is known.
     fn error_meaning(&self, code: u16) -> Option<&'static str>;
 }
@@ -234,13 +238,13 @@ pub trait Actuator: Feedback {
     fn start_mode(&self) -> u16;
 
     /// Whether the statusword says that the mode runs.
-    fn mode_started(&self, statusword: u16) -> bool;
+    fn mode_started(&self, statusword: Statusword) -> bool;
 
     /// Whether a drive that was enabled, in its mode if `started`, still follows.
     ///
     /// # Errors
     /// Why it does not.
-    fn follows(&self, statusword: u16, started: bool) -> Result<(), NotFollowing>;
+    fn follows(&self, statusword: Statusword, started: bool) -> Result<(), NotFollowing>;
 
     /// The PDO that carries controlword and setpoint.
     fn r_pdo(&self) -> Pdo;
@@ -249,7 +253,7 @@ pub trait Actuator: Feedback {
     ///
     /// # Errors
     /// If the setpoint does not fit the drive's 32 bits.
-    fn command(&self, controlword: u16, setpoint: Increments) -> Result<Frame, OutOfRange>;
+    fn command(&self, controlword: Controlword, setpoint: Increments) -> Result<Frame, OutOfRange>;
 
     /// Cycles from the SYNC that latches a setpoint until the drive's position reference has
     /// reached it.

@@ -1,117 +1,7 @@
 //! Objects as a set-up writes them.
 
-use core::{fmt, str::FromStr};
-use thiserror::Error;
-
-/// Where an object stands in a device's dictionary.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub struct Address {
-    /// 0000h…FFFFh.
-    pub index: u16,
-    /// 00h…FFh.
-    pub sub: u8,
-}
-
-impl Address {
-    /// The object `index:sub`.
-    #[must_use]
-    pub const fn new(index: u16, sub: u8) -> Self {
-        Self { index, sub }
-    }
-}
-
-/// `60C2h:1`, as manuals and people write it.
-impl fmt::Display for Address {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{:04X}h:{:X}", self.index, self.sub)
-    }
-}
-
-impl fmt::Debug for Address {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        fmt::Display::fmt(self, f)
-    }
-}
-
-/// Not `index:sub` in hexadecimal.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
-#[error("not an object: write index:sub in hexadecimal, such as \"3012:6\"")]
-pub struct ParseAddressError;
-
-/// `3012:6`, `3012h:6`, `6065` (subindex 0): hexadecimal both.
-impl FromStr for Address {
-    type Err = ParseAddressError;
-
-    fn from_str(text: &str) -> Result<Self, ParseAddressError> {
-        let hex = |digits: &str, most: usize| {
-            let digits = digits.strip_suffix(['h', 'H']).unwrap_or(digits);
-            ((1..=most).contains(&digits.len()) && digits.bytes().all(|b| b.is_ascii_hexdigit()))
-                .then(|| u16::from_str_radix(digits, 16).ok())
-                .flatten()
-                .ok_or(ParseAddressError)
-        };
-        let (index, sub) = text.split_once(':').unwrap_or((text, "0"));
-        Ok(Self::new(hex(index, 4)?, hex(sub, 2)? as u8))
-    }
-}
-
-/// The type of an object of at most four bytes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum ObjectType {
-    /// INTEGER8.
-    I8,
-    /// INTEGER16.
-    I16,
-    /// INTEGER32.
-    I32,
-    /// UNSIGNED8.
-    U8,
-    /// UNSIGNED16.
-    U16,
-    /// UNSIGNED32.
-    U32,
-}
-
-impl ObjectType {
-    /// Every type with its name in a machine file.
-    pub const NAMES: [(&'static str, Self); 6] = [
-        ("i8", Self::I8),
-        ("i16", Self::I16),
-        ("i32", Self::I32),
-        ("u8", Self::U8),
-        ("u16", Self::U16),
-        ("u32", Self::U32),
-    ];
-
-    /// The least and the greatest value.
-    #[must_use]
-    pub const fn range(self) -> (i64, i64) {
-        match self {
-            Self::I8 => (i8::MIN as i64, i8::MAX as i64),
-            Self::I16 => (i16::MIN as i64, i16::MAX as i64),
-            Self::I32 => (i32::MIN as i64, i32::MAX as i64),
-            Self::U8 => (0, u8::MAX as i64),
-            Self::U16 => (0, u16::MAX as i64),
-            Self::U32 => (0, u32::MAX as i64),
-        }
-    }
-
-    /// The bytes of `value`, or `None` outside [`range`](Self::range).
-    #[must_use]
-    pub fn encode(self, value: i64) -> Option<Data> {
-        let (least, most) = self.range();
-        let len = match self {
-            Self::I8 | Self::U8 => 1,
-            Self::I16 | Self::U16 => 2,
-            Self::I32 | Self::U32 => 4,
-        };
-        (least..=most).contains(&value).then(|| Data {
-            // Two's complement: the low bytes of a value in range are its own.
-            bytes: (value as u32).to_le_bytes(),
-            len,
-        })
-    }
-}
+use core::fmt;
+use syncline_canopen::{Address, dictionary::DataType};
 
 /// One to four bytes of an object, little-endian.
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
@@ -156,6 +46,42 @@ impl Data {
             bytes: value.to_le_bytes(),
             len: 4,
         }
+    }
+
+    /// The types whose values fit, with their names in a machine file.
+    pub const TYPES: [(&'static str, DataType); 6] = [
+        ("i8", DataType::I8),
+        ("i16", DataType::I16),
+        ("i32", DataType::I32),
+        ("u8", DataType::U8),
+        ("u16", DataType::U16),
+        ("u32", DataType::U32),
+    ];
+
+    /// The least and the greatest value of one of [`TYPES`](Self::TYPES).
+    #[must_use]
+    pub const fn range(data_type: DataType) -> (i64, i64) {
+        let bits = 8 * data_type.size();
+        if data_type.is_signed() {
+            (-1 << (bits - 1), (1 << (bits - 1)) - 1)
+        } else {
+            (0, (1 << bits) - 1)
+        }
+    }
+
+    /// `value` as one of [`TYPES`](Self::TYPES) holds it; `None` for another type or outside its
+    /// [`range`](Self::range).
+    #[must_use]
+    pub fn encode(data_type: DataType, value: i64) -> Option<Self> {
+        if !Self::TYPES.iter().any(|(_, known)| *known == data_type) {
+            return None;
+        }
+        let (least, most) = Self::range(data_type);
+        (least..=most).contains(&value).then(|| Self {
+            // Two's complement: the low bytes of a value in range are its own.
+            bytes: (value as u32).to_le_bytes(),
+            len: data_type.size() as u8,
+        })
     }
 
     /// The bytes as they travel.
@@ -214,35 +140,21 @@ mod tests {
     use super::*;
 
     #[test]
-    fn addresses_are_read_as_people_write_them() {
-        for (text, index, sub) in [
-            ("3012:6", 0x3012, 6),
-            ("60C2h:1", 0x60C2, 1),
-            ("6065", 0x6065, 0),
-            ("3006:3D", 0x3006, 0x3D),
-            ("3006:3Dh", 0x3006, 0x3D),
-        ] {
-            assert_eq!(text.parse(), Ok(Address::new(index, sub)), "{text}");
-        }
-        for text in [
-            "", ":", "3012:", ":6", "30122:6", "3012:100", "+301:1", "x", "3012:6:1",
-        ] {
-            assert_eq!(text.parse::<Address>(), Err(ParseAddressError), "{text}");
-        }
-    }
-
-    #[test]
     fn every_type_keeps_to_its_range() {
-        for (_, kind) in ObjectType::NAMES {
-            let (least, most) = kind.range();
-            assert_eq!(kind.encode(least - 1), None);
-            assert_eq!(kind.encode(most + 1), None);
-            assert!(kind.encode(least).is_some());
+        for (_, data_type) in Data::TYPES {
+            let (least, most) = Data::range(data_type);
+            assert_eq!(Data::encode(data_type, least - 1), None);
+            assert_eq!(Data::encode(data_type, most + 1), None);
+            for end in [least, most] {
+                let data = Data::encode(data_type, end).unwrap();
+                assert_eq!(data.bytes().len(), data_type.size());
+                let bits = 8 * data_type.size() as u32;
+                assert_eq!(data_type.extend(data.bits().into(), bits), end);
+            }
         }
-        assert_eq!(ObjectType::I16.encode(-2).unwrap().bytes(), [0xFE, 0xFF]);
         assert_eq!(
-            ObjectType::U32.encode(0x8000_0201).unwrap().bytes(),
-            [1, 2, 0, 0x80]
+            Data::encode(DataType::I16, -2).unwrap().bytes(),
+            [0xFE, 0xFF]
         );
     }
 }
