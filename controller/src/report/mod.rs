@@ -1,0 +1,15 @@
+//! One self-contained HTML file about a run: verdict, tool path, every axis against its limits,
+//! following error, distribution of cycle times. No network, no script.
+
+mod data;
+mod html;
+
+pub use data::{AxisReport, Distribution, Report, Violation};
+
+impl Report {
+    /// The file's text.
+    #[must_use]
+    pub fn to_html(&self) -> String {
+        html::page(self)
+    }
+}
