@@ -4,14 +4,13 @@
 //! - [`gcode`]: RS-274/NGC programs into canonical commands
 //! - [`port`]: one CAN bus as the cycle uses it
 //! - [`realtime`]: what the cycle thread asks of the kernel, and what it got
-//! - [`report`]: what a run leaves to look at
 //! - [`commands`]: the `syncline` command line
 
 #![deny(unsafe_code)]
 
 pub mod commands;
+pub mod control;
 pub mod gcode;
 pub mod machine;
 pub mod port;
 pub mod realtime;
-pub mod report;

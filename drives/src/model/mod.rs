@@ -179,7 +179,7 @@ impl fmt::Display for NotFollowing {
 }
 
 /// What every device on the bus has.
-pub trait Device: fmt::Debug + Send {
+pub trait Device: fmt::Debug + Send + Sync {
     /// Its kind.
     fn model(&self) -> &'static Model;
 

@@ -1,0 +1,203 @@
+//! One axis in the cycle: planned position to increments, actual position back, following error.
+
+use super::fault::{AxisIndex, Fault};
+use super::layout;
+use super::node::Node;
+use syncline_drives::model::{Increments, OutOfRange};
+
+/// Setpoints that are kept to look back by a drive's interpolation delay.
+const HISTORY: usize = 16;
+
+/// What one side of an axis keeps.
+#[derive(Clone, Copy, Debug, Default)]
+struct Side {
+    /// Increments to add to the converted plan, captured when the setpoint was frozen: the side
+    /// stays where it is, whatever the other side does.
+    offset: Increments,
+}
+
+/// One axis.
+#[derive(Debug)]
+pub(super) struct Axis {
+    index: AxisIndex,
+    spec: layout::Axis,
+    sides: Vec<Side>,
+    /// Planned positions by cycle, newest at `cycle % HISTORY`, mm.
+    planned: [f64; HISTORY],
+    cycle: u64,
+    /// Statistics since the last [`Axis::freeze`].
+    pub(super) following: Following,
+}
+
+/// Following error over a run, mm.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Following {
+    /// Greatest absolute value.
+    pub max: f64,
+    sum_of_squares: f64,
+    samples: u64,
+}
+
+impl Following {
+    fn record(&mut self, error: f64) {
+        self.max = self.max.max(error.abs());
+        self.sum_of_squares += error * error;
+        self.samples += 1;
+    }
+
+    /// Root of the mean square.
+    #[must_use]
+    pub fn rms(&self) -> f64 {
+        if self.samples == 0 {
+            0.0
+        } else {
+            (self.sum_of_squares / self.samples as f64).sqrt()
+        }
+    }
+}
+
+/// What an axis did at one SYNC.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct AxisSample {
+    /// The setpoint that the drives latched, before quantisation, mm.
+    pub set: f64,
+    /// Actual position in the plan's frame, mm; of a gantry the side that is worse off.
+    pub act: f64,
+    /// Setpoint minus actual position after removing the interpolation delay, mm.
+    pub following_error: f64,
+}
+
+impl Axis {
+    pub(super) fn new(index: AxisIndex, spec: layout::Axis) -> Self {
+        Self {
+            index,
+            sides: vec![Side::default(); spec.drives.len()],
+            spec,
+            planned: [0.0; HISTORY],
+            cycle: 0,
+            following: Following::default(),
+        }
+    }
+
+    /// Checks where the axis stands before it is enabled, and returns its machine position in mm.
+    pub(super) fn locate(&self, nodes: &[Node]) -> Result<f64, Fault> {
+        let axis = self.index;
+        let sides = self
+            .spec
+            .drives
+            .iter()
+            .map(|&drive| nodes[drive].actual_mm());
+        let (least, most) = sides.fold((f64::INFINITY, f64::NEG_INFINITY), |(least, most), mm| {
+            (least.min(mm), most.max(mm))
+        });
+        if most - least > self.spec.skew_limit {
+            let difference = most - least;
+            return Err(Fault::Skew { axis, difference });
+        }
+        for position in [least, most] {
+            if !(self.spec.soft_limits.0..=self.spec.soft_limits.1).contains(&position) {
+                return Err(Fault::OutsideSoftLimits { axis, position });
+            }
+        }
+        Ok(least + (most - least) / 2.0)
+    }
+
+    /// Freezes the axis where its drives' setpoints are; the plan starts from the returned
+    /// machine position in mm.
+    pub(super) fn freeze(&mut self, nodes: &[Node]) -> Result<f64, Fault> {
+        let position = self.locate(nodes)?;
+        for (side, &drive) in self.sides.iter_mut().zip(&self.spec.drives) {
+            let node = &nodes[drive];
+            let planned = node
+                .scaling()
+                .to_increments(position)
+                .map_err(|OutOfRange| Fault::PositionRange { drive })?;
+            side.offset = node.setpoint - planned;
+        }
+        self.planned = [position; HISTORY];
+        self.following = Following::default();
+        Ok(position)
+    }
+
+    /// Takes the planned position that SYNC `cycle` latches and hands it to the drives.
+    pub(super) fn plan(
+        &mut self,
+        cycle: u64,
+        position: f64,
+        nodes: &mut [Node],
+    ) -> Result<(), Fault> {
+        self.cycle = cycle;
+        self.planned[cycle as usize % HISTORY] = position;
+        for (side, &drive) in self.sides.iter().zip(&self.spec.drives) {
+            let node = &mut nodes[drive];
+            node.setpoint = node
+                .scaling()
+                .to_increments(position)
+                .map_err(|OutOfRange| Fault::PositionRange { drive })?
+                + side.offset;
+        }
+        Ok(())
+    }
+
+    /// The planned position latched at SYNC `cycle`; the newest 16 are kept.
+    fn planned(&self, cycle: u64) -> f64 {
+        self.planned[cycle as usize % HISTORY]
+    }
+
+    /// What the axis did at SYNC `cycle`, which has just been answered by its T_PDOs.
+    pub(super) fn sample(&self, cycle: u64, nodes: &[Node]) -> AxisSample {
+        let set = self.planned(cycle);
+        let mut worst = AxisSample {
+            set,
+            act: set,
+            following_error: 0.0,
+        };
+        for (index, (side, &drive)) in self.sides.iter().zip(&self.spec.drives).enumerate() {
+            let node = &nodes[drive];
+            let act = node.scaling().to_mm(node.actual() - side.offset);
+            let latched = self.planned(cycle - u64::from(node.device().interpolation_delay()));
+            let following_error = latched - act;
+            if index == 0 || following_error.abs() > worst.following_error.abs() {
+                worst.act = act;
+                worst.following_error = following_error;
+            }
+        }
+        worst
+    }
+
+    /// Whether the axis has arrived where the plan is at rest.
+    pub(super) fn is_in_position(&self, sample: &AxisSample) -> bool {
+        sample.following_error.abs() <= self.spec.standstill_window
+    }
+
+    /// Checks a sample while the setpoint is frozen.
+    pub(super) fn check_standstill(&self, sample: &AxisSample) -> Result<(), Fault> {
+        let distance = (sample.set - sample.act).abs();
+        if distance > self.spec.standstill_window {
+            let axis = self.index;
+            return Err(Fault::Standstill { axis, distance });
+        }
+        Ok(())
+    }
+
+    /// Checks a sample while the setpoint moves, and counts it.
+    pub(super) fn check_motion(
+        &mut self,
+        sample: &AxisSample,
+        nodes: &[Node],
+    ) -> Result<(), Fault> {
+        let axis = self.index;
+        self.following.record(sample.following_error);
+        if sample.following_error.abs() > self.spec.following_error_limit {
+            let error = sample.following_error;
+            return Err(Fault::FollowingError { axis, error });
+        }
+        if let [one, other] = self.spec.drives[..] {
+            let difference = (nodes[one].actual_mm() - nodes[other].actual_mm()).abs();
+            if difference > self.spec.skew_limit {
+                return Err(Fault::Skew { axis, difference });
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,132 @@
+//! What the controller has to tell, as plain numbers; the text is made outside of the cycle.
+
+use super::fault::{AxisIndex, BusIndex, DriveIndex, Fault};
+use syncline_canopen::sdo::AbortCode;
+use syncline_drives::model::Address;
+
+/// Something worth a line in the log.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Event {
+    /// The machine entered this phase.
+    Phase(Phase),
+    /// A drive did not answer before its reset; it may just be starting up.
+    Silent {
+        /// Which drive.
+        drive: DriveIndex,
+    },
+    /// A drive was found with its power stage on and is being disabled.
+    FoundEnabled {
+        /// Which drive.
+        drive: DriveIndex,
+        /// Its statusword.
+        statusword: u16,
+    },
+    /// What a drive remembers of its last error, read before the set-up wipes it.
+    History {
+        /// Which drive.
+        drive: DriveIndex,
+        /// The object.
+        object: Address,
+        /// Its value.
+        value: u32,
+    },
+    /// A drive would not have an object read or written where that is no fault.
+    Refused {
+        /// Which drive.
+        drive: DriveIndex,
+        /// The object.
+        object: Address,
+        /// Its reason.
+        code: AbortCode,
+    },
+    /// A drive's class 0 warning came (statusword bit 7).
+    Warning {
+        /// Which drive.
+        drive: DriveIndex,
+    },
+    /// A drive told that its error is gone (EMCY code 0000h).
+    ErrorReset {
+        /// Which drive.
+        drive: DriveIndex,
+    },
+    /// An axis stands here, its setpoint frozen.
+    Ready {
+        /// Which axis.
+        axis: AxisIndex,
+        /// Machine position, mm.
+        position: f64,
+    },
+    /// A drive's T_PDO did not come in time.
+    MissedTPdo {
+        /// Which drive.
+        drive: DriveIndex,
+    },
+    /// A cycle's setpoints were dropped or left too late for their SYNC.
+    LateSetpoint {
+        /// Which bus.
+        bus: BusIndex,
+        /// The cycle.
+        cycle: u64,
+    },
+    /// The program waits for a person.
+    Paused {
+        /// Program line.
+        line: u32,
+        /// Why.
+        reason: Pause,
+    },
+    /// The person went on.
+    Resumed,
+    /// The user asked for the end.
+    Interrupted,
+    /// A fault began the stop, or came on top of it.
+    Fault(Fault),
+}
+
+/// Why a program waits.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Pause {
+    /// M0.
+    ProgramStop,
+    /// M1.
+    OptionalStop,
+    /// M6 with this tool.
+    ToolChange(u32),
+}
+
+/// Where the machine is between power-up and the end.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Phase {
+    /// Reads every drive's state; disables what is found enabled.
+    Survey,
+    /// Resets communication and waits for the boot-up messages.
+    Boot,
+    /// Checks identity, writes and reads back the set-up.
+    SetUp,
+    /// SYNC runs; waits for Operational and for every drive's first T_PDO.
+    Start,
+    /// Waits until every drive's clock follows SYNC.
+    Lock,
+    /// Controlword 0000h.
+    Disabled,
+    /// Controlword 0006h.
+    ReadyToSwitchOn,
+    /// Controlword 000Fh; then the setpoint is frozen.
+    OperationEnabled,
+    /// Starts the operating mode on the frozen setpoint.
+    ModeStart,
+    /// Setpoints follow the program.
+    Program,
+    /// A stop on the path.
+    Stop,
+    /// Ends the operating mode.
+    ModeEnd,
+    /// Controlword 0006h, then 0000h.
+    Disable,
+    /// Stops the drives' synchronisation to SYNC.
+    Release,
+    /// NMT Pre-Operational; SYNC goes last.
+    PreOperational,
+    /// Nothing is sent any more.
+    Done,
+}

@@ -1,0 +1,414 @@
+//! Why the machine stopped. Plain numbers and indices: a fault is raised inside the cycle, the
+//! text is made outside of it by [`Fault::describe`].
+
+use std::fmt;
+use syncline_canopen::NodeId;
+use syncline_canopen::cia402::Statusword;
+use syncline_canopen::nmt;
+use syncline_canopen::sdo::AbortCode;
+use syncline_drives::model::{Address, NotFollowing};
+
+/// A drive by its place in the machine file.
+pub type DriveIndex = usize;
+/// An axis by its place in the machine file.
+pub type AxisIndex = usize;
+/// A bus by its place in the machine file.
+pub type BusIndex = usize;
+
+/// What stopped the machine. It stays stopped until a person starts it again.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Fault {
+    /// A drive did not send its boot-up message after the reset.
+    NoBootUp {
+        /// Which drive.
+        drive: DriveIndex,
+    },
+    /// An object that identifies the device has another value than the configured model.
+    WrongIdentity {
+        /// Which drive.
+        drive: DriveIndex,
+        /// The object.
+        object: Address,
+        /// What the model has there.
+        expected: u32,
+        /// What the device answered.
+        found: u32,
+    },
+    /// A drive refused an SDO transfer.
+    SdoAborted {
+        /// Which drive.
+        drive: DriveIndex,
+        /// The object.
+        object: Address,
+        /// The value written; none for a read.
+        value: Option<u32>,
+        /// The drive's reason.
+        code: AbortCode,
+    },
+    /// A drive did not answer an SDO request, retries included.
+    SdoTimeout {
+        /// Which drive.
+        drive: DriveIndex,
+        /// The object.
+        object: Address,
+    },
+    /// A set-up value reads back as something else.
+    ReadBack {
+        /// Which drive.
+        drive: DriveIndex,
+        /// The object.
+        object: Address,
+        /// What was written.
+        expected: u32,
+        /// What came back.
+        found: u32,
+    },
+    /// A drive found enabled at the start would not let itself be disabled.
+    StaysEnabled {
+        /// Which drive.
+        drive: DriveIndex,
+        /// Its last statusword.
+        statusword: Statusword,
+    },
+    /// A drive did not synchronise its interpolation clock to SYNC in time.
+    NoSyncLock {
+        /// Which drive.
+        drive: DriveIndex,
+        /// The last status it reported.
+        status: u32,
+    },
+    /// A drive did not reach the state that its controlword asks for.
+    StateTimeout {
+        /// Which drive.
+        drive: DriveIndex,
+        /// What it should have reached.
+        wanted: Wanted,
+        /// Its last statusword.
+        statusword: Statusword,
+    },
+    /// A drive runs another operating mode than the one selected.
+    WrongMode {
+        /// Which drive.
+        drive: DriveIndex,
+        /// 6061h as read.
+        found: i8,
+    },
+    /// An axis stands outside its soft limits at the start.
+    OutsideSoftLimits {
+        /// Which axis.
+        axis: AxisIndex,
+        /// Where it stands, mm.
+        position: f64,
+    },
+    /// A drive's position is not within the range of the axis' conversion.
+    PositionRange {
+        /// Which drive.
+        drive: DriveIndex,
+    },
+    /// The two sides of a gantry axis are further apart than allowed.
+    Skew {
+        /// Which axis.
+        axis: AxisIndex,
+        /// The difference, mm.
+        difference: f64,
+    },
+    /// An axis left its frozen position before or after the program.
+    Standstill {
+        /// Which axis.
+        axis: AxisIndex,
+        /// Distance from the frozen position, mm.
+        distance: f64,
+    },
+    /// An axis lags its setpoint by more than allowed.
+    FollowingError {
+        /// Which axis.
+        axis: AxisIndex,
+        /// Setpoint minus actual position, mm.
+        error: f64,
+    },
+    /// A drive sent an EMCY message.
+    Emergency {
+        /// Which drive.
+        drive: DriveIndex,
+        /// CiA 301 error code.
+        code: u16,
+        /// Error register 1001h.
+        register: u8,
+        /// Manufacturer's error number (603Fh on an LXM32M).
+        vendor: u16,
+    },
+    /// A statusword shows a fault.
+    DriveFault {
+        /// Which drive.
+        drive: DriveIndex,
+        /// The statusword.
+        statusword: Statusword,
+    },
+    /// A drive does not follow its setpoints any longer without having been told so.
+    NotFollowing {
+        /// Which drive.
+        drive: DriveIndex,
+        /// The statusword.
+        statusword: Statusword,
+        /// What it says.
+        why: NotFollowing,
+    },
+    /// A drive's heartbeat stayed away.
+    HeartbeatLost {
+        /// Which drive.
+        drive: DriveIndex,
+    },
+    /// A drive reports another NMT state than Operational.
+    NmtState {
+        /// Which drive.
+        drive: DriveIndex,
+        /// The state that its heartbeat carried, if any came.
+        state: Option<nmt::State>,
+    },
+    /// A drive booted in the middle of the run.
+    Rebooted {
+        /// Which drive.
+        drive: DriveIndex,
+    },
+    /// A drive's T_PDO stayed away.
+    MissingTPdo {
+        /// Which drive.
+        drive: DriveIndex,
+        /// Cycles in a row.
+        misses: u32,
+    },
+    /// Too many bursts were dropped or late.
+    LateSetpoints {
+        /// Which bus.
+        bus: BusIndex,
+        /// Bursts that missed their SYNC so far.
+        count: u64,
+    },
+    /// A burst left in part: the axes of one cycle no longer act together.
+    TornBurst {
+        /// Which bus.
+        bus: BusIndex,
+    },
+    /// The interface of a bus failed; its message is in the event log.
+    BusFailed {
+        /// Which bus.
+        bus: BusIndex,
+    },
+    /// The cycle woke up too late, and the run is strict about it.
+    LateWakeUp {
+        /// How late, ns.
+        late_ns: u64,
+    },
+    /// The program could not go on; its message is in the event log.
+    Program,
+}
+
+/// What a controlword asks a drive to reach.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Wanted {
+    /// Power stage off.
+    Disabled,
+    /// CiA 402 Ready To Switch On.
+    ReadyToSwitchOn,
+    /// CiA 402 Operation Enabled.
+    OperationEnabled,
+    /// Operating mode started (statusword bit 12).
+    ModeStarted,
+    /// Operating mode ended (statusword bit 12 = 0).
+    ModeEnded,
+}
+
+impl fmt::Display for Wanted {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Disabled => "power stage off",
+            Self::ReadyToSwitchOn => "Ready To Switch On",
+            Self::OperationEnabled => "Operation Enabled",
+            Self::ModeStarted => "operating mode started (bit 12 = 1)",
+            Self::ModeEnded => "operating mode ended (bit 12 = 0)",
+        })
+    }
+}
+
+/// Names and limits that a fault's text needs.
+pub trait Names {
+    /// A drive's node id, name and model.
+    fn drive(&self, drive: DriveIndex) -> (NodeId, &str, &str);
+    /// An axis.
+    fn axis(&self, axis: AxisIndex) -> &super::layout::Axis;
+    /// A bus' name.
+    fn bus(&self, bus: BusIndex) -> &str;
+    /// What a vendor error code means, as `": meaning"`, where it is known.
+    fn meaning(&self, drive: DriveIndex, vendor: u16) -> String;
+}
+
+impl Fault {
+    /// What happened, to whom, and what to do next, in words.
+    #[must_use]
+    pub fn describe(&self, names: &impl Names) -> String {
+        let who = |drive| {
+            let (node, name, model) = names.drive(drive);
+            format!("node {node} ({name}, {model})")
+        };
+        match *self {
+            Self::NoBootUp { drive } => format!(
+                "{}: no boot-up message after the reset: check power, cabling, node id and bit rate",
+                who(drive)
+            ),
+            Self::WrongIdentity {
+                drive,
+                object,
+                expected,
+                found,
+            } => format!(
+                "{}: object {object} reads {found:08X}h, expected {expected:08X}h: another device \
+                 has this node id",
+                who(drive)
+            ),
+            Self::SdoAborted {
+                drive,
+                object,
+                value: Some(value),
+                code,
+            } => format!(
+                "{}: SDO write {object} = {value} aborted {code}",
+                who(drive)
+            ),
+            Self::SdoAborted {
+                drive,
+                object,
+                value: None,
+                code,
+            } => format!("{}: SDO read {object} aborted {code}", who(drive)),
+            Self::SdoTimeout { drive, object } => format!(
+                "{}: no answer to SDO {object}: check that the drive is on the bus",
+                who(drive)
+            ),
+            Self::ReadBack {
+                drive,
+                object,
+                expected,
+                found,
+            } => format!(
+                "{}: object {object} reads back {found} ({found:X}h), expected {expected} \
+                 ({expected:X}h)",
+                who(drive)
+            ),
+            Self::StaysEnabled { drive, statusword } => format!(
+                "{}: found enabled and does not switch off with controlword 0000h, statusword \
+                 {statusword}: switch it off by hand",
+                who(drive)
+            ),
+            Self::NoSyncLock { drive, status } => format!(
+                "{}: not synchronised to SYNC, status {status}: check the cycle time and the \
+                 model's `sync_locked`",
+                who(drive)
+            ),
+            Self::StateTimeout {
+                drive,
+                wanted,
+                statusword,
+            } => format!(
+                "{}: expected {wanted}, statusword stays {statusword}: check supply, enable \
+                 inputs and the drive's error memory",
+                who(drive)
+            ),
+            Self::WrongMode { drive, found } => format!(
+                "{}: operating mode 6061h reads {found}, not the one selected",
+                who(drive)
+            ),
+            Self::OutsideSoftLimits { axis, position } => {
+                let axis = names.axis(axis);
+                let (least, most) = axis.soft_limits;
+                format!(
+                    "axis {} stands at {position:.3} mm, outside its soft limits {least}…{most} \
+                     mm: move it inside, or check the drive's `zero`",
+                    axis.name
+                )
+            }
+            Self::PositionRange { drive } => format!(
+                "{}: setpoint outside the drive's position range: check `zero` and the travel",
+                who(drive)
+            ),
+            Self::Skew { axis, difference } => {
+                let axis = names.axis(axis);
+                format!(
+                    "axis {}: its two sides are {difference:.3} mm apart, allowed {} mm: align \
+                     the gantry, or check the drives' `zero`",
+                    axis.name, axis.skew_limit
+                )
+            }
+            Self::Standstill { axis, distance } => {
+                let axis = names.axis(axis);
+                format!(
+                    "axis {} left its frozen position by {distance:.4} mm, allowed {} mm",
+                    axis.name, axis.standstill_window
+                )
+            }
+            Self::FollowingError { axis, error } => {
+                let axis = names.axis(axis);
+                format!(
+                    "axis {}: following error {error:.3} mm, allowed {} mm: look for a blocked \
+                     axis, a weak loop or too high limits",
+                    axis.name, axis.following_error_limit
+                )
+            }
+            Self::Emergency {
+                drive,
+                code,
+                register,
+                vendor,
+            } => {
+                format!(
+                    "{}: EMCY {code:04X}h, error register {register:02X}h, vendor error \
+                     {vendor:04X}h{}",
+                    who(drive),
+                    names.meaning(drive, vendor)
+                )
+            }
+            Self::DriveFault { drive, statusword } => {
+                format!("{}: drive fault, statusword {statusword}", who(drive))
+            }
+            Self::NotFollowing {
+                drive,
+                statusword,
+                why,
+            } => format!("{}: {why}, statusword {statusword}", who(drive)),
+            Self::HeartbeatLost { drive } => {
+                format!("{}: heartbeat lost: check cabling and supply", who(drive))
+            }
+            Self::NmtState {
+                drive,
+                state: Some(state),
+            } => format!(
+                "{}: NMT state is {state:?}, expected Operational",
+                who(drive)
+            ),
+            Self::NmtState { drive, state: None } => {
+                format!("{}: no heartbeat after NMT start", who(drive))
+            }
+            Self::Rebooted { drive } => {
+                format!("{}: booted in the middle of the run", who(drive))
+            }
+            Self::MissingTPdo { drive, misses } => format!(
+                "{}: no T_PDO in {misses} cycles in a row: check the bus load and the drive",
+                who(drive)
+            ),
+            Self::LateSetpoints { bus, count } => format!(
+                "bus {}: setpoints missed their SYNC {count} times: this host or bus does not \
+                 hold the cycle",
+                names.bus(bus)
+            ),
+            Self::TornBurst { bus } => format!(
+                "bus {}: only a part of one cycle's setpoints could be queued",
+                names.bus(bus)
+            ),
+            Self::BusFailed { bus } => format!("bus {}: the interface failed", names.bus(bus)),
+            Self::LateWakeUp { late_ns } => format!(
+                "the cycle woke up {:.3} ms late, and --strict allows none",
+                late_ns as f64 * 1e-6
+            ),
+            Self::Program => "the program could not go on".to_owned(),
+        }
+    }
+}

@@ -1,0 +1,116 @@
+//! The machine as the controller needs it, made once from the machine file.
+
+use super::fault::{AxisIndex, BusIndex, DriveIndex, Names};
+use syncline_canopen::time::Duration;
+use syncline_canopen::{CanId, Frame, NodeId};
+use syncline_drives::model::{Actuator, Increments, Scaling};
+
+/// Buses, drives, axes and times.
+#[derive(Debug)]
+pub struct Layout {
+    /// Base cycle: from SYNC to SYNC; above zero.
+    pub cycle: Duration,
+    /// From SYNC to receiving, supervising and sending the setpoints of the next SYNC.
+    pub setpoint_offset: Duration,
+    /// From SYNC to the last instant at which a burst still reaches the drives before the next one.
+    pub latest_burst: Duration,
+    /// The controller's own node id.
+    pub node: NodeId,
+    /// Between two of the controller's own heartbeats.
+    pub heartbeat: Duration,
+    /// For the answer to one SDO request.
+    pub sdo_timeout: Duration,
+    /// Further requests after one that was not answered.
+    pub sdo_retries: u32,
+    /// For the boot-up message after a reset.
+    pub boot_timeout: Duration,
+    /// For a drive's clock to follow SYNC.
+    pub lock_timeout: Duration,
+    /// For a drive to reach the state that its controlword asks for.
+    pub state_timeout: Duration,
+    /// Cycles in a row without a drive's T_PDO that are a fault.
+    pub t_pdo_misses: u32,
+    /// Buses, in the order of the machine file.
+    pub buses: Vec<Bus>,
+    /// Drives, in the order of the machine file.
+    pub drives: Vec<Drive>,
+    /// Axes, in the order of the machine file.
+    pub axes: Vec<Axis>,
+}
+
+/// One bus.
+#[derive(Debug)]
+pub struct Bus {
+    /// As the machine file names it.
+    pub name: String,
+    /// SDO requests, with their answers, that fit beside one cycle's SYNC and PDOs.
+    pub sdo_per_cycle: usize,
+    /// The drives on it.
+    pub drives: Vec<DriveIndex>,
+    /// By node id: the drive.
+    pub by_node: [Option<DriveIndex>; 128],
+}
+
+impl Bus {
+    /// The drive whose node id is in the frame's identifier.
+    pub(super) fn node_of(&self, frame: &Frame) -> Option<DriveIndex> {
+        match frame.id() {
+            CanId::Standard(id) => self.by_node[usize::from(id & 0x7F)],
+            CanId::Extended(_) => None,
+        }
+    }
+}
+
+/// One drive.
+#[derive(Debug)]
+pub struct Drive {
+    /// As the machine file names it.
+    pub name: String,
+    /// The bus it is on.
+    pub bus: BusIndex,
+    /// What the controller knows of it.
+    pub device: Box<dyn Actuator>,
+    /// Machine millimetres to increments.
+    pub scaling: Scaling,
+    /// Without a heartbeat for so long it is lost.
+    pub heartbeat_timeout: Duration,
+    /// Standing still is moving less than this.
+    pub standstill_window: Increments,
+}
+
+/// One axis: a drive, or the two sides of a gantry.
+#[derive(Clone, Debug)]
+pub struct Axis {
+    /// The program's letter or the machine file's name.
+    pub name: String,
+    /// Its drives.
+    pub drives: Vec<DriveIndex>,
+    /// Least and greatest machine position, mm.
+    pub soft_limits: (f64, f64),
+    /// Greatest |setpoint − actual position|, mm.
+    pub following_error_limit: f64,
+    /// Greatest difference between the two sides of a gantry, mm.
+    pub skew_limit: f64,
+    /// Greatest distance from a frozen setpoint, mm.
+    pub standstill_window: f64,
+}
+
+impl Names for Layout {
+    fn drive(&self, drive: DriveIndex) -> (NodeId, &str, &str) {
+        let drive = &self.drives[drive];
+        (drive.device.node(), &drive.name, drive.device.model().title)
+    }
+
+    fn axis(&self, axis: AxisIndex) -> &Axis {
+        &self.axes[axis]
+    }
+
+    fn bus(&self, bus: BusIndex) -> &str {
+        &self.buses[bus].name
+    }
+
+    fn meaning(&self, drive: DriveIndex, vendor: u16) -> String {
+        let meaning = self.drives[drive].device.error_meaning(vendor);
+        meaning.map_or_else(String::new, |meaning| format!(": {meaning}"))
+    }
+}

@@ -1,0 +1,544 @@
+//! The controller: bring-up, SYNC cycle, supervision and end, without I/O.
+//!
+//! It is handed frames ([`Controller::receive`]) and woken at two instants a cycle
+//! ([`Controller::next_wake`]); it fills one [`Outbox`] a bus. Nothing here asks what time it is,
+//! so that real time and virtual time drive the same code.
+//!
+//! ```text
+//!  t_k             t_k + d                                            t_k+1
+//!   │ SYNC k │ T_PDO × N │ R_PDO × N (for SYNC k+1) │ SDO … │ quiet │ SYNC k+1
+//!  Wake::Sync      Wake::Setpoint: supervise, sample, send the burst
+//! ```
+//!
+//! - [`layout`]: the machine as the controller needs it
+//! - [`Phase`]: bring-up, program, end, in their order
+//! - [`fault`], [`event`]: why it stopped, what it tells
+//! - `node`, `script`: one drive over its bus; what it is asked by SDO
+//! - `axis`: planned position to increments, following error
+
+mod axis;
+pub mod event;
+pub mod fault;
+mod lateness;
+pub mod layout;
+mod node;
+mod phases;
+mod script;
+
+pub use axis::{AxisSample, Following};
+pub use event::{Event, Pause, Phase};
+pub use fault::Fault;
+pub use layout::Layout;
+
+use crate::port::{Burst, Outbox, Received};
+use axis::Axis;
+use fault::BusIndex;
+use lateness::Lateness;
+use node::Node;
+use std::collections::VecDeque;
+use std::sync::Arc;
+use syncline_canopen::{CanId, CobId, Frame, Instant, Transmit, nmt};
+use syncline_trajectory::path::{Command as PathCommand, Executor, Setpoint};
+
+/// Plan commands that the cycle holds at most.
+const PLAN_CAPACITY: usize = 4096;
+/// Events that wait to be fetched at most; more are dropped, newest first.
+const EVENT_CAPACITY: usize = 1024;
+/// Cycles that a drive has to stand still before its setpoint is frozen, and an axis has to be in
+/// position before its mode ends.
+const STILL_CYCLES: u32 = 5;
+/// Cycles that a controlword stands at least, so that its effect is seen in a T_PDO.
+const COMMAND_CYCLES: u64 = 3;
+
+/// When the controller wants to be woken, and for what.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Wake {
+    /// To send SYNC.
+    Sync(Instant),
+    /// To supervise and to send the setpoints for the next SYNC.
+    Setpoint(Instant),
+}
+
+impl Wake {
+    /// The instant.
+    #[must_use]
+    pub fn at(self) -> Instant {
+        match self {
+            Self::Sync(at) | Self::Setpoint(at) => at,
+        }
+    }
+}
+
+/// What the program feeds to the cycle.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Instruction<const N: usize> {
+    /// The next command of the plan.
+    Plan(PathCommand<N>),
+    /// Rest with drives enabled until a person goes on.
+    Pause {
+        /// Why.
+        reason: Pause,
+        /// Program line.
+        line: u32,
+    },
+    /// The program is complete.
+    End,
+}
+
+/// What happened at one SYNC of the program: a row of the trace.
+#[derive(Clone, Copy, Debug)]
+pub struct Row<const N: usize> {
+    /// Cycles since the mode was started.
+    pub cycle: u64,
+    /// The plan at the setpoint that this SYNC latched.
+    pub plan: Setpoint<N>,
+    /// By axis.
+    pub axes: [AxisSample; N],
+}
+
+/// How a run ended.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum End {
+    /// The program finished.
+    Finished,
+    /// The user asked for the end.
+    Interrupted,
+    /// A fault.
+    Fault(Fault),
+}
+
+/// Controls one machine of at most `N` axes.
+#[derive(Debug)]
+pub struct Controller<const N: usize> {
+    layout: Arc<Layout>,
+    nodes: Vec<Node>,
+    axes: Vec<Axis>,
+    events: VecDeque<Event>,
+
+    /// SYNC of the running cycle, as scheduled.
+    sync_at: Instant,
+    cycle: u64,
+    setpoint_is_next: bool,
+    sync_on: bool,
+    /// When the running cycle's SYNC left.
+    sync_sent: Option<Instant>,
+    heartbeat_due: Instant,
+    lateness: Vec<Lateness>,
+    /// By bus: the drive whose turn it is to use the acyclic room.
+    turn: Vec<usize>,
+
+    phase: Phase,
+    phase_cycle: u64,
+    end: Option<End>,
+
+    executor: Executor<N>,
+    /// The plan at the setpoint that the next SYNC latches.
+    planned: Setpoint<N>,
+    /// Cycle of the first row.
+    mode_cycle: u64,
+    /// The axes are where the plan says; before, setpoints follow the actual positions.
+    frozen: bool,
+    row: Option<Row<N>>,
+    in_position: u32,
+    pause: Option<(Pause, u32)>,
+    pause_told: bool,
+    program_ended: bool,
+}
+
+impl<const N: usize> Controller<N> {
+    /// A controller that wants to be woken first at `start`.
+    ///
+    /// # Panics
+    /// If the layout has more than `N` axes.
+    #[must_use]
+    pub fn new(layout: Arc<Layout>, start: Instant) -> Self {
+        assert!(layout.axes.len() <= N, "at most {N} axes");
+        let executor = Executor::new([0.0; N], layout.cycle.as_secs_f64(), 1);
+        Self {
+            nodes: (0..layout.drives.len())
+                .map(|drive| Node::new(drive, &layout))
+                .collect(),
+            axes: (layout.axes.iter().cloned().enumerate())
+                .map(|(index, axis)| Axis::new(index, axis))
+                .collect(),
+            events: VecDeque::with_capacity(EVENT_CAPACITY),
+            sync_at: start,
+            cycle: 0,
+            setpoint_is_next: false,
+            sync_on: false,
+            sync_sent: None,
+            heartbeat_due: start,
+            lateness: (0..layout.buses.len()).map(Lateness::new).collect(),
+            turn: vec![0; layout.buses.len()],
+            phase: Phase::Survey,
+            phase_cycle: 0,
+            end: None,
+            planned: executor.setpoint(),
+            executor,
+            mode_cycle: 0,
+            frozen: false,
+            row: None,
+            in_position: 0,
+            pause: None,
+            pause_told: false,
+            program_ended: false,
+            layout,
+        }
+    }
+
+    // --- the two instants of the cycle ---
+
+    /// When to call [`Controller::wake`] next; `None` once the machine is at its end.
+    #[must_use]
+    pub fn next_wake(&self) -> Option<Wake> {
+        match self.phase {
+            Phase::Done => None,
+            _ if self.setpoint_is_next => {
+                Some(Wake::Setpoint(self.sync_at + self.layout.setpoint_offset))
+            }
+            _ => Some(Wake::Sync(self.sync_at)),
+        }
+    }
+
+    /// The wake-up that [`Controller::next_wake`] asked for, at the instant at which it came.
+    /// Every frame that arrived until then has been handed in; `out` has one outbox a bus.
+    pub fn wake(&mut self, now: Instant, out: &mut [Outbox]) {
+        if self.setpoint_is_next {
+            self.on_setpoint(now, out);
+            self.cycle += 1;
+            self.sync_at += self.layout.cycle;
+        } else {
+            self.on_sync(now, out);
+        }
+        self.setpoint_is_next = !self.setpoint_is_next;
+    }
+
+    fn on_sync(&mut self, now: Instant, out: &mut [Outbox]) {
+        if self.phase == Phase::Survey && self.phase_cycle == self.cycle {
+            self.enter(Phase::Survey, out);
+        }
+        if self.sync_on {
+            for (bus, outbox) in out.iter_mut().enumerate() {
+                outbox.sync = Some(Frame::new(CobId::SYNC, &[]));
+                if self.lateness[bus].unsent > 0 {
+                    self.lateness[bus].unsent = 0;
+                    self.miss(bus);
+                }
+            }
+            self.sync_sent = Some(now);
+            for node in &mut self.nodes {
+                node.on_sync();
+            }
+        }
+    }
+
+    fn on_setpoint(&mut self, now: Instant, out: &mut [Outbox]) {
+        self.row = None;
+        if let Err(fault) = self.supervise(now) {
+            self.fail(fault);
+        }
+        if let Err(fault) = self.step(out) {
+            self.fail(fault);
+        }
+        if let Err(fault) = self.command(now, out) {
+            self.fail(fault);
+        }
+        self.send_acyclic(now, out);
+    }
+
+    /// Takes a frame of a bus, before the wake-up that follows its arrival.
+    pub fn receive(&mut self, bus: BusIndex, received: &Received) {
+        let Received { at, frame, echo } = received;
+        let Some(drive) = self.layout.buses[bus].node_of(frame) else {
+            return;
+        };
+        let node = &mut self.nodes[drive];
+        if *echo {
+            if frame.id() == CanId::from(node.device().r_pdo().cob_id) {
+                let unsent = &mut self.lateness[bus].unsent;
+                *unsent = unsent.saturating_sub(1);
+            }
+            return;
+        }
+        let mut events = event_sink(&mut self.events);
+        let outcome = node.receive(*at, frame, self.sync_sent, &mut events);
+        drop(events);
+        if let Err(fault) = outcome {
+            self.fail(fault);
+        }
+    }
+
+    /// What became of the burst of the last wake-up on a bus.
+    pub fn burst_sent(&mut self, bus: BusIndex, frames: usize, burst: Burst, echoes: bool) {
+        match burst {
+            Burst::Queued if echoes => self.lateness[bus].unsent = frames as u32,
+            Burst::Queued => {}
+            Burst::Dropped => self.miss(bus),
+            Burst::Torn { .. } => self.fail(Fault::TornBurst { bus }),
+        }
+    }
+
+    /// A bus' interface failed.
+    pub fn bus_failed(&mut self, bus: BusIndex) {
+        self.fail(Fault::BusFailed { bus });
+    }
+
+    fn miss(&mut self, bus: BusIndex) {
+        let cycle = self.cycle;
+        self.tell(Event::LateSetpoint { bus, cycle });
+        if let Err(fault) = self.lateness[bus].miss(cycle) {
+            self.fail(fault);
+        }
+    }
+
+    // --- supervision ---
+
+    fn supervise(&mut self, now: Instant) -> Result<(), Fault> {
+        let layout = Arc::clone(&self.layout);
+        for (node, drive) in self.nodes.iter_mut().zip(&layout.drives) {
+            node.watch_standstill(drive.standstill_window);
+        }
+        if (Phase::Program..=Phase::Stop).contains(&self.phase) {
+            self.sample_axes();
+        }
+        if self.is_faulty() || !(Phase::Lock..=Phase::Stop).contains(&self.phase) {
+            return Ok(());
+        }
+        let mut events = event_sink(&mut self.events);
+        for node in &mut self.nodes {
+            node.check_alive(now, &mut events)?;
+            match self.phase {
+                Phase::ModeStart => node.check_follows(false)?,
+                Phase::Program | Phase::Stop => node.check_follows(true)?,
+                _ => node.check_no_fault()?,
+            }
+        }
+        if self.phase == Phase::ModeStart {
+            for axis in &self.axes {
+                axis.check_standstill(&axis.sample(self.cycle, &self.nodes))?;
+            }
+        }
+        if let Some(row) = &self.row {
+            for (axis, sample) in self.axes.iter_mut().zip(&row.axes) {
+                axis.check_motion(sample, &self.nodes)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Compares what the axes did at this SYNC with the plan, and keeps it as the trace's row.
+    fn sample_axes(&mut self) {
+        let mut samples = [AxisSample::default(); N];
+        let mut in_position = self.executor.is_idle();
+        for (axis, sample) in self.axes.iter().zip(&mut samples) {
+            *sample = axis.sample(self.cycle, &self.nodes);
+            in_position &= axis.is_in_position(sample);
+        }
+        self.in_position = if in_position { self.in_position + 1 } else { 0 };
+        self.row = Some(Row {
+            cycle: self.cycle.saturating_sub(self.mode_cycle),
+            plan: self.planned,
+            axes: samples,
+        });
+    }
+
+    /// Records a fault and begins the end; the first one counts.
+    fn fail(&mut self, fault: Fault) {
+        if !self.is_faulty() {
+            self.tell(Event::Fault(fault));
+            self.finish(End::Fault(fault));
+        }
+    }
+
+    fn tell(&mut self, event: Event) {
+        event_sink(&mut self.events)(event);
+    }
+
+    // --- what is sent ---
+
+    /// The burst of setpoints for the next SYNC: of every drive, or of none.
+    fn command(&mut self, now: Instant, out: &mut [Outbox]) -> Result<(), Fault> {
+        let streams = (Phase::Start..=Phase::Disable).contains(&self.phase) && self.sync_on;
+        if !streams {
+            return Ok(());
+        }
+        if !self.frozen {
+            for node in &mut self.nodes {
+                node.setpoint = node.actual();
+            }
+        } else {
+            if (Phase::Program..=Phase::Stop).contains(&self.phase) {
+                self.planned = self.executor.advance();
+            }
+            for (axis, &position) in self.axes.iter_mut().zip(&self.planned.position) {
+                axis.plan(self.cycle + 1, position, &mut self.nodes)?;
+            }
+        }
+        if self.phase == Phase::Start && !self.nodes.iter().all(Node::is_sampled) {
+            return Ok(());
+        }
+        if now > self.sync_at + self.layout.latest_burst {
+            (0..out.len()).for_each(|bus| self.miss(bus));
+            return Ok(());
+        }
+        for (bus, outbox) in out.iter_mut().enumerate() {
+            let drives = self.layout.buses[bus].drives.iter();
+            for node in drives.map(|&drive| &self.nodes[drive]) {
+                if node.is_sampled() {
+                    outbox.burst.transmit(node.command()?);
+                }
+            }
+            let by_identifier = |frame: &Frame| frame.id().raw();
+            outbox
+                .burst
+                .as_mut_slice()
+                .sort_unstable_by_key(by_identifier);
+        }
+        Ok(())
+    }
+
+    /// The controller's heartbeat and as many SDO requests as fit beside the cyclic frames.
+    fn send_acyclic(&mut self, now: Instant, out: &mut [Outbox]) {
+        if now >= self.heartbeat_due {
+            self.heartbeat_due = now + self.layout.heartbeat;
+            let state = nmt::State::Operational as u8;
+            let heartbeat = Frame::new(CobId::error_control(self.layout.node), &[state]);
+            for outbox in out.iter_mut() {
+                outbox.acyclic.transmit(heartbeat);
+            }
+        }
+        for (bus, outbox) in out.iter_mut().enumerate() {
+            if let Err(fault) = self.ask_nodes(now, bus, &mut outbox.acyclic) {
+                self.fail(fault);
+            }
+        }
+    }
+
+    /// Lets the nodes of a bus ask, as many as there is room for, in turn.
+    fn ask_nodes(
+        &mut self,
+        now: Instant,
+        bus: BusIndex,
+        tx: &mut impl Transmit,
+    ) -> Result<(), Fault> {
+        let layout = Arc::clone(&self.layout);
+        let layout::Bus {
+            drives,
+            sdo_per_cycle,
+            ..
+        } = &layout.buses[bus];
+        let mut left = if self.sync_on {
+            *sdo_per_cycle
+        } else {
+            drives.len()
+        };
+        let first = self.turn[bus];
+        let mut events = event_sink(&mut self.events);
+        for place in (0..drives.len()).map(|turn| (first + turn) % drives.len()) {
+            if self.nodes[drives[place]].ask(now, left > 0, tx, &mut events)? {
+                left -= 1;
+                self.turn[bus] = place + 1;
+            }
+        }
+        Ok(())
+    }
+
+    // --- the program, from outside the cycle ---
+
+    /// Where the plan has to start, machine coordinates in mm, once the machine is ready for its
+    /// program.
+    #[must_use]
+    pub fn ready(&self) -> Option<[f64; N]> {
+        (self.phase == Phase::Program).then_some(self.planned.position)
+    }
+
+    /// How many more instructions are taken now.
+    #[must_use]
+    pub fn room(&self) -> usize {
+        if self.pause.is_some() || self.program_ended || self.phase != Phase::Program {
+            0
+        } else {
+            self.executor.room()
+        }
+    }
+
+    /// Takes the next instruction of the program; false if there is no room for it.
+    pub fn accept(&mut self, instruction: Instruction<N>) -> bool {
+        if self.room() == 0 {
+            return false;
+        }
+        match instruction {
+            Instruction::Plan(command) => return self.executor.accept(command),
+            Instruction::Pause { reason, line } => self.pause = Some((reason, line)),
+            Instruction::End => self.program_ended = true,
+        }
+        true
+    }
+
+    /// A person ends a pause.
+    pub fn go_on(&mut self) {
+        if self.pause_told {
+            self.pause = None;
+            self.pause_told = false;
+            self.tell(Event::Resumed);
+        }
+    }
+
+    /// Stops on the path and ends the run in an orderly way.
+    pub fn interrupt(&mut self) {
+        if self.end.is_none() {
+            self.tell(Event::Interrupted);
+            self.finish(End::Interrupted);
+        }
+    }
+
+    /// The program cannot go on: stops on the path.
+    pub fn abandon(&mut self) {
+        self.fail(Fault::Program);
+    }
+
+    // --- what it tells ---
+
+    /// The next thing worth a line in the log.
+    pub fn event(&mut self) -> Option<Event> {
+        self.events.pop_front()
+    }
+
+    /// What happened at the SYNC before the last setpoint wake-up, while a program runs.
+    #[must_use]
+    pub fn row(&self) -> Option<&Row<N>> {
+        self.row.as_ref()
+    }
+
+    /// Where the machine is.
+    #[must_use]
+    pub fn phase(&self) -> Phase {
+        self.phase
+    }
+
+    /// How the run ends, as soon as that is decided.
+    #[must_use]
+    pub fn end(&self) -> Option<End> {
+        self.end
+    }
+
+    /// Bursts that missed their SYNC, of all buses.
+    #[must_use]
+    pub fn late_setpoints(&self) -> u64 {
+        self.lateness.iter().map(|bus| bus.count).sum()
+    }
+
+    /// An axis' following error since the program began.
+    #[must_use]
+    pub fn following(&self, axis: fault::AxisIndex) -> Following {
+        self.axes[axis].following
+    }
+}
+
+fn event_sink(events: &mut VecDeque<Event>) -> impl FnMut(Event) {
+    |event| {
+        if events.len() < EVENT_CAPACITY {
+            events.push_back(event);
+        }
+    }
+}

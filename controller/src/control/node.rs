@@ -1,0 +1,345 @@
+//! One drive as the controller sees it over its bus: what it last told and what it is told.
+
+use super::event::Event;
+use super::fault::{DriveIndex, Fault, Wanted};
+use super::layout::{Drive, Layout};
+use super::script::{Script, Step, is_powered};
+use crate::port::FrameBuf;
+use std::sync::Arc;
+use syncline_canopen::cia402::{Controlword, State, Statusword};
+use syncline_canopen::emcy::{self, Emergency};
+use syncline_canopen::{CanId, CobId, Frame, Instant, Transmit, nmt};
+use syncline_drives::model::{Actuator, Increments, Scaling};
+
+/// One drive.
+#[derive(Debug)]
+pub(super) struct Node {
+    layout: Arc<Layout>,
+    index: DriveIndex,
+    script: Script,
+    /// What an SDO transfer of several messages goes on with, until the next wake-up.
+    replies: FrameBuf,
+
+    /// The last sign of life on 700h + id.
+    heard: Option<Instant>,
+    state: Option<nmt::State>,
+    booted: bool,
+
+    statusword: Statusword,
+    actual: Increments,
+    /// A T_PDO has come at all, and one has come since the last SYNC.
+    sampled: bool,
+    fresh: bool,
+    misses: u32,
+    /// Cycles in a row within the standstill window around `still_at`.
+    still: u32,
+    still_at: Increments,
+
+    pub(super) controlword: Controlword,
+    pub(super) setpoint: Increments,
+}
+
+impl Node {
+    pub(super) fn new(index: DriveIndex, layout: &Arc<Layout>) -> Self {
+        Self {
+            script: Script::new(index, layout),
+            layout: Arc::clone(layout),
+            index,
+            replies: FrameBuf::default(),
+            heard: None,
+            state: None,
+            booted: false,
+            statusword: Statusword(0),
+            actual: Increments::ZERO,
+            sampled: false,
+            fresh: false,
+            misses: 0,
+            still: 0,
+            still_at: Increments::ZERO,
+            controlword: Controlword::DISABLE_VOLTAGE,
+            setpoint: Increments::ZERO,
+        }
+    }
+
+    fn spec(&self) -> &Drive {
+        &self.layout.drives[self.index]
+    }
+
+    pub(super) fn device(&self) -> &dyn Actuator {
+        &*self.spec().device
+    }
+
+    pub(super) fn scaling(&self) -> &Scaling {
+        &self.spec().scaling
+    }
+
+    pub(super) fn is_script_done(&self) -> bool {
+        self.script.is_done()
+    }
+
+    /// Looks for an SDO time-out and, if it `may_send`, sends the next request; whether it did.
+    pub(super) fn ask(
+        &mut self,
+        now: Instant,
+        may_send: bool,
+        tx: &mut impl Transmit,
+        events: &mut impl FnMut(Event),
+    ) -> Result<bool, Fault> {
+        for reply in self.replies.as_slice() {
+            tx.transmit(*reply);
+        }
+        self.replies.clear();
+        self.script.poll(now, tx, events)?;
+        let sends = may_send && self.script.wants_to_send();
+        if sends {
+            self.script.advance(now, tx);
+        }
+        Ok(sends)
+    }
+
+    // --- what it tells ---
+
+    /// Takes a frame of this node's bus; `since` is when the running cycle's SYNC left.
+    pub(super) fn receive(
+        &mut self,
+        at: Instant,
+        frame: &Frame,
+        since: Option<Instant>,
+        events: &mut impl FnMut(Event),
+    ) -> Result<(), Fault> {
+        let drive = self.index;
+        let node = self.device().node();
+        let is = |cob_id: CobId| frame.id() == CanId::from(cob_id);
+        if is(self.device().t_pdo().cob_id) {
+            if let Some(sample) = self.device().sample(frame.data()) {
+                if sample.statusword.has(Statusword::WARNING)
+                    && !self.statusword.has(Statusword::WARNING)
+                {
+                    events(Event::Warning { drive });
+                }
+                self.statusword = sample.statusword;
+                self.actual = sample.position;
+                self.sampled = true;
+                self.fresh |= since.is_some_and(|sync| at >= sync);
+            }
+        } else if is(CobId::t_sdo(node)) {
+            self.script.receive(at, frame, &mut self.replies, events)?;
+        } else if is(CobId::emcy(node)) {
+            let Some(emergency) = Emergency::decode(frame.data()) else {
+                return Ok(());
+            };
+            let Emergency {
+                code,
+                register,
+                vendor: [.., v0, v1],
+            } = emergency;
+            if code != emcy::code::NO_ERROR {
+                return Err(Fault::Emergency {
+                    drive,
+                    code,
+                    register,
+                    vendor: u16::from_le_bytes([v0, v1]),
+                });
+            }
+            events(Event::ErrorReset { drive });
+        } else if is(CobId::error_control(node))
+            && let &[byte] = frame.data()
+        {
+            self.heard = Some(at);
+            self.state = nmt::State::from_byte(byte);
+            self.booted |= self.state == Some(nmt::State::Initialising);
+        }
+        Ok(())
+    }
+
+    /// The machine position that the drive reports, mm.
+    pub(super) fn actual_mm(&self) -> f64 {
+        self.scaling().to_mm(self.actual)
+    }
+
+    pub(super) fn actual(&self) -> Increments {
+        self.actual
+    }
+
+    /// Whether a T_PDO has come at all.
+    pub(super) fn is_sampled(&self) -> bool {
+        self.sampled
+    }
+
+    pub(super) fn statusword(&self) -> Statusword {
+        self.statusword
+    }
+
+    /// Forgets the boot-up messages so far.
+    pub(super) fn expect_boot(&mut self) {
+        self.booted = false;
+        self.heard = None;
+        self.state = None;
+        self.sampled = false;
+    }
+
+    pub(super) fn has_booted(&self) -> bool {
+        self.booted
+    }
+
+    pub(super) fn is_operational(&self) -> bool {
+        self.state == Some(nmt::State::Operational)
+    }
+
+    /// Whether the state that `wanted` names is reported.
+    pub(super) fn has_reached(&self, wanted: Wanted) -> bool {
+        let statusword = self.statusword;
+        match wanted {
+            Wanted::Disabled => !is_powered(statusword),
+            Wanted::ReadyToSwitchOn => statusword.state() == Some(State::ReadyToSwitchOn),
+            Wanted::OperationEnabled => statusword.state() == Some(State::OperationEnabled),
+            Wanted::ModeStarted => self.device().mode_started(self.statusword),
+            Wanted::ModeEnded => !self.device().mode_started(self.statusword),
+        }
+    }
+
+    /// Cycles in a row that the drive has stood still.
+    pub(super) fn still(&self) -> u32 {
+        self.still
+    }
+
+    // --- supervision ---
+
+    /// SYNC leaves: what came before it no longer counts.
+    pub(super) fn on_sync(&mut self) {
+        self.fresh = false;
+    }
+
+    /// Whether the drive answers every SYNC and shows signs of life in Operational.
+    pub(super) fn check_alive(
+        &mut self,
+        now: Instant,
+        events: &mut impl FnMut(Event),
+    ) -> Result<(), Fault> {
+        let drive = self.index;
+        if self.booted {
+            return Err(Fault::Rebooted { drive });
+        }
+        if self.fresh {
+            self.misses = 0;
+        } else {
+            self.misses += 1;
+            events(Event::MissedTPdo { drive });
+        }
+        if self.misses >= self.layout.t_pdo_misses {
+            let misses = self.misses;
+            return Err(Fault::MissingTPdo { drive, misses });
+        }
+        match self.heard {
+            Some(heard) if now.saturating_since(heard) <= self.spec().heartbeat_timeout => {}
+            _ => return Err(Fault::HeartbeatLost { drive }),
+        }
+        match self.state {
+            Some(nmt::State::Operational) => Ok(()),
+            _ => Err(self.did_not_start()),
+        }
+    }
+
+    /// Why a drive that should run in Operational does not.
+    pub(super) fn did_not_start(&self) -> Fault {
+        let drive = self.index;
+        match self.state {
+            Some(nmt::State::Operational) => Fault::MissingTPdo {
+                drive,
+                misses: self.misses,
+            },
+            state => Fault::NmtState { drive, state },
+        }
+    }
+
+    /// Whether a drive that is not enabled yet reports no fault.
+    pub(super) fn check_no_fault(&self) -> Result<(), Fault> {
+        let statusword = self.statusword;
+        let state = statusword.state();
+        if matches!(state, Some(State::Fault | State::FaultReactionActive)) {
+            let drive = self.index;
+            return Err(Fault::DriveFault { drive, statusword });
+        }
+        Ok(())
+    }
+
+    /// Whether an enabled drive, in its mode if `started`, still does as it is told.
+    pub(super) fn check_follows(&self, started: bool) -> Result<(), Fault> {
+        self.check_no_fault()?;
+        self.device()
+            .follows(self.statusword, started)
+            .map_err(|why| Fault::NotFollowing {
+                drive: self.index,
+                statusword: self.statusword,
+                why,
+            })
+    }
+
+    /// Counts the cycles in which the drive has stood within `window` increments.
+    pub(super) fn watch_standstill(&mut self, window: Increments) {
+        if (self.actual - self.still_at).get().abs() <= window.get() {
+            self.still = self.still.saturating_add(1);
+        } else {
+            self.still_at = self.actual;
+            self.still = 0;
+        }
+    }
+
+    // --- what it is told ---
+
+    /// The R_PDO for the next SYNC.
+    pub(super) fn command(&self) -> Result<Frame, Fault> {
+        self.device()
+            .command(self.controlword, self.setpoint)
+            .map_err(|_| Fault::PositionRange { drive: self.index })
+    }
+
+    pub(super) fn nmt(&self, command: nmt::Command) -> Frame {
+        nmt::Request {
+            command,
+            node: Some(self.device().node()),
+        }
+        .encode()
+    }
+
+    /// The steps from a drive in an unknown state to one that may be reset.
+    pub(super) fn ask_survey(&mut self) {
+        let history = self.layout.drives[self.index].device.history();
+        self.script.extend([Step::Survey]);
+        self.script
+            .extend(history.iter().copied().map(Step::History));
+    }
+
+    /// The steps from the boot-up message to a drive that is set up.
+    pub(super) fn ask_set_up(&mut self) {
+        self.booted = false;
+        let device = &self.layout.drives[self.index].device;
+        let identity = device.identity().iter().copied().map(Step::Identity);
+        let writes = device.setup().iter().copied().map(Step::Write);
+        let read_back = device.read_back().iter().copied().map(Step::ReadBack);
+        self.script.extend(identity.chain(writes).chain(read_back));
+    }
+
+    /// The steps until the drive's clock follows SYNC.
+    pub(super) fn ask_lock(&mut self) {
+        let lock = self.device().clock_lock();
+        self.script.extend(lock.map(Step::AwaitLock));
+    }
+
+    /// The step that checks the operating mode.
+    pub(super) fn ask_mode(&mut self) {
+        let mode = self.device().mode();
+        self.script.extend([Step::Mode(mode)]);
+    }
+
+    /// The steps that take the set-up's cyclic part back.
+    pub(super) fn ask_release(&mut self) {
+        self.script.clear();
+        if !self.script.has_identified() {
+            return;
+        }
+        let device = &self.layout.drives[self.index].device;
+        self.script
+            .extend(device.release().iter().copied().map(Step::Release));
+    }
+}

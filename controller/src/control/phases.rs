@@ -1,0 +1,234 @@
+//! From power-up to the program and from its end to power-down, one phase after the other.
+
+use super::fault::{Fault, Wanted};
+use super::{COMMAND_CYCLES, Controller, End, Event, Node, PLAN_CAPACITY, Phase, STILL_CYCLES};
+use crate::port::Outbox;
+use syncline_canopen::cia402::Controlword;
+use syncline_canopen::time::Duration;
+use syncline_canopen::{Transmit, nmt};
+use syncline_trajectory::path::Executor;
+
+impl<const N: usize> Controller<N> {
+    /// Does what the phase has to do in this cycle, and goes on to the next one when it is
+    /// through.
+    pub(super) fn step(&mut self, out: &mut [Outbox]) -> Result<(), Fault> {
+        match self.phase {
+            Phase::Survey => self.go_on_if(self.scripts_done(), Phase::Boot, out),
+            Phase::Boot => {
+                if self.timed_out(self.layout.boot_timeout) {
+                    let missing = self.nodes.iter().position(|node| !node.has_booted());
+                    missing.map_or(Ok(()), |drive| Err(Fault::NoBootUp { drive }))?;
+                }
+                let booted = self.nodes.iter().all(Node::has_booted);
+                self.go_on_if(booted, Phase::SetUp, out);
+            }
+            Phase::SetUp => self.go_on_if(self.scripts_done(), Phase::Start, out),
+            Phase::Start => {
+                if self.cycle == self.phase_cycle + 1 {
+                    self.send_nmt(nmt::Command::Start, out);
+                }
+                let started = |node: &Node| node.is_sampled() && node.is_operational();
+                if self.timed_out(self.layout.boot_timeout)
+                    && let Some(drive) = self.nodes.iter().position(|node| !started(node))
+                {
+                    return Err(self.nodes[drive].did_not_start());
+                }
+                let started = self.nodes.iter().all(started);
+                self.go_on_if(started, Phase::Lock, out);
+            }
+            Phase::Lock => {
+                let locked = self.scripts_done();
+                if locked {
+                    for axis in &self.axes {
+                        axis.locate(&self.nodes)?;
+                    }
+                }
+                self.go_on_if(locked, Phase::Disabled, out);
+            }
+            Phase::Disabled => self.await_all(Wanted::Disabled, Phase::ReadyToSwitchOn, out)?,
+            Phase::ReadyToSwitchOn => {
+                self.await_all(Wanted::ReadyToSwitchOn, Phase::OperationEnabled, out)?;
+            }
+            Phase::OperationEnabled => {
+                let still = self.nodes.iter().all(|node| node.still() >= STILL_CYCLES);
+                if still || self.timed_out(self.layout.state_timeout) {
+                    self.await_all(Wanted::OperationEnabled, Phase::ModeStart, out)?;
+                }
+            }
+            Phase::ModeStart => {
+                if self.scripts_done() {
+                    self.await_all(Wanted::ModeStarted, Phase::Program, out)?;
+                }
+            }
+            Phase::Program => self.step_program(),
+            Phase::Stop => {
+                let settled = self.in_position >= STILL_CYCLES;
+                let waited = self.timed_out(self.layout.state_timeout);
+                let over = self.executor.is_idle() && (settled || waited || self.is_faulty());
+                self.go_on_if(over, Phase::ModeEnd, out);
+            }
+            Phase::ModeEnd => self.await_some(Wanted::ModeEnded, Phase::Disable, out),
+            Phase::Disable => {
+                if self.cycle == self.phase_cycle + COMMAND_CYCLES {
+                    self.set_controlword(Controlword::DISABLE_VOLTAGE);
+                } else if self.cycle > self.phase_cycle + COMMAND_CYCLES {
+                    self.await_some(Wanted::Disabled, Phase::Release, out);
+                }
+            }
+            Phase::Release => self.go_on_if(self.scripts_done(), Phase::PreOperational, out),
+            Phase::PreOperational => {
+                let sent = self.cycle >= self.phase_cycle + COMMAND_CYCLES;
+                self.go_on_if(sent, Phase::Done, out);
+            }
+            Phase::Done => {}
+        }
+        Ok(())
+    }
+
+    /// Enters a phase: what it sends or asks once.
+    pub(super) fn enter(&mut self, phase: Phase, out: &mut [Outbox]) {
+        self.phase = phase;
+        self.phase_cycle = self.cycle;
+        self.tell(Event::Phase(phase));
+        match phase {
+            Phase::Survey => self.ask(Node::ask_survey),
+            Phase::Boot => {
+                self.ask(Node::expect_boot);
+                self.send_nmt(nmt::Command::ResetCommunication, out);
+            }
+            Phase::SetUp => self.ask(Node::ask_set_up),
+            Phase::Start => self.sync_on = true,
+            Phase::Lock => self.ask(Node::ask_lock),
+            Phase::Disabled => self.set_controlword(Controlword::DISABLE_VOLTAGE),
+            Phase::ReadyToSwitchOn | Phase::Disable => self.set_controlword(Controlword::SHUTDOWN),
+            Phase::OperationEnabled | Phase::ModeEnd => {
+                self.set_controlword(Controlword::ENABLE_OPERATION);
+            }
+            Phase::ModeStart => {
+                if let Err(fault) = self.freeze() {
+                    return self.fail(fault);
+                }
+                for node in &mut self.nodes {
+                    let start = Controlword::ENABLE_OPERATION.with(node.device().start_mode());
+                    node.controlword = start;
+                    node.ask_mode();
+                }
+            }
+            Phase::Program => self.mode_cycle = self.cycle + 1,
+            Phase::Stop => self.executor.stop(),
+            Phase::Release => self.ask(Node::ask_release),
+            Phase::PreOperational => self.send_nmt(nmt::Command::EnterPreOperational, out),
+            Phase::Done => self.sync_on = false,
+        }
+    }
+
+    /// Decides how the run ends and begins the way down from wherever the machine is.
+    pub(super) fn finish(&mut self, end: End) {
+        self.end = Some(end);
+        let next = match self.phase {
+            Phase::Survey | Phase::Boot | Phase::SetUp => Phase::Release,
+            Phase::Start | Phase::Lock => Phase::Release,
+            Phase::Disabled | Phase::ReadyToSwitchOn | Phase::OperationEnabled => Phase::Disable,
+            Phase::ModeStart => Phase::ModeEnd,
+            Phase::Program => Phase::Stop,
+            Phase::Stop
+            | Phase::ModeEnd
+            | Phase::Disable
+            | Phase::Release
+            | Phase::PreOperational
+            | Phase::Done => return,
+        };
+        // Nothing on these phases' entry is sent at once.
+        self.enter(next, &mut []);
+    }
+
+    fn step_program(&mut self) {
+        if !self.executor.is_idle() {
+            return;
+        }
+        if self.program_ended {
+            self.finish(End::Finished);
+        } else if let Some((reason, line)) = self.pause
+            && !self.pause_told
+        {
+            self.pause_told = true;
+            self.tell(Event::Paused { line, reason });
+        }
+    }
+
+    /// Freezes every drive's setpoint where it stands; the plan starts there.
+    fn freeze(&mut self) -> Result<(), Fault> {
+        for node in &mut self.nodes {
+            node.setpoint = node.actual();
+        }
+        let mut position = [0.0; N];
+        for (axis, position) in self.axes.iter_mut().zip(&mut position) {
+            *position = axis.freeze(&self.nodes)?;
+        }
+        let period = self.layout.cycle.as_secs_f64();
+        self.executor = Executor::new(position, period, PLAN_CAPACITY);
+        self.planned = self.executor.setpoint();
+        self.frozen = true;
+        Ok(())
+    }
+
+    fn go_on_if(&mut self, through: bool, next: Phase, out: &mut [Outbox]) {
+        if through {
+            self.enter(next, out);
+        }
+    }
+
+    /// Goes on once every drive reports `wanted`; one that does not in time is a fault.
+    fn await_all(&mut self, wanted: Wanted, next: Phase, out: &mut [Outbox]) -> Result<(), Fault> {
+        let missing = self.nodes.iter().position(|node| !node.has_reached(wanted));
+        match missing {
+            None => {
+                let seen = self.cycle >= self.phase_cycle + COMMAND_CYCLES;
+                self.go_on_if(seen, next, out);
+                Ok(())
+            }
+            Some(drive) if self.timed_out(self.layout.state_timeout) => Err(Fault::StateTimeout {
+                drive,
+                wanted,
+                statusword: self.nodes[drive].statusword(),
+            }),
+            Some(_) => Ok(()),
+        }
+    }
+
+    /// On the way down: as [`Self::await_all`], but goes on in any case.
+    fn await_some(&mut self, wanted: Wanted, next: Phase, out: &mut [Outbox]) {
+        if let Err(fault) = self.await_all(wanted, next, out) {
+            self.fail(fault);
+            self.enter(next, out);
+        }
+    }
+
+    fn timed_out(&self, limit: Duration) -> bool {
+        self.layout.cycle * (self.cycle - self.phase_cycle) as u32 >= limit
+    }
+
+    pub(super) fn is_faulty(&self) -> bool {
+        matches!(self.end, Some(End::Fault(_)))
+    }
+
+    fn scripts_done(&self) -> bool {
+        self.nodes.iter().all(Node::is_script_done)
+    }
+
+    fn ask(&mut self, what: impl Fn(&mut Node)) {
+        self.nodes.iter_mut().for_each(what);
+    }
+
+    fn set_controlword(&mut self, controlword: Controlword) {
+        self.ask(|node| node.controlword = controlword);
+    }
+
+    fn send_nmt(&self, command: nmt::Command, out: &mut [Outbox]) {
+        for (bus, outbox) in self.layout.buses.iter().zip(out) {
+            for &drive in &bus.drives {
+                outbox.acyclic.transmit(self.nodes[drive].nmt(command));
+            }
+        }
+    }
+}

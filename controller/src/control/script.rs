@@ -1,0 +1,317 @@
+//! What a node is asked by SDO, step after step: survey, identity, set-up, release.
+
+use super::event::Event;
+use super::fault::{DriveIndex, Fault};
+use super::layout::Layout;
+use std::collections::VecDeque;
+use std::sync::Arc;
+use syncline_canopen::cia402::Statusword;
+use syncline_canopen::sdo::{self, Failure, Reason};
+use syncline_canopen::{Frame, Instant, Transmit};
+use syncline_drives::model::{Address, ClockLock, Data, Identity, Write};
+
+const CONTROLWORD: Address = Address::new(0x6040, 0);
+const STATUSWORD: Address = Address::new(0x6041, 0);
+const MODE_DISPLAY: Address = Address::new(0x6061, 0);
+
+/// What an upload brought.
+struct Reading {
+    bytes: [u8; LONGEST],
+    len: usize,
+}
+
+impl Reading {
+    fn of(outcome: Result<&[u8], Failure>) -> Result<Self, Failure> {
+        outcome.map(|data| {
+            let len = data.len().min(LONGEST);
+            let mut bytes = [0; LONGEST];
+            bytes[..len].copy_from_slice(&data[..len]);
+            Self { bytes, len }
+        })
+    }
+
+    fn bytes(&self) -> &[u8] {
+        &self.bytes[..self.len]
+    }
+
+    /// The first four bytes, little-endian.
+    fn number(&self) -> u32 {
+        let [a, b, c, d, ..] = self.bytes;
+        u32::from_le_bytes([a, b, c, d])
+    }
+}
+
+/// Whether the power stage is on, or the word means nothing and it might be.
+pub(super) fn is_powered(statusword: Statusword) -> bool {
+    statusword.state().is_none_or(|state| state.is_powered())
+}
+
+/// One step.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Step {
+    /// Reads the statusword of a drive in an unknown state; disables it if its power stage is on.
+    Survey,
+    /// Reads the statusword until the power stage is off.
+    AwaitDisabled,
+    /// Reads an object for the log.
+    History(Address),
+    /// Reads an object that must be the model's.
+    Identity(Identity),
+    /// Writes; a refusal is a fault.
+    Write(Write),
+    /// Reads what was written; a refusal to be read is an event, another value a fault.
+    ReadBack(Write),
+    /// Reads a status until the drive's clock follows SYNC.
+    AwaitLock(ClockLock),
+    /// Reads 6061h, which must be this mode.
+    Mode(i8),
+    /// Writes on the way out; a refusal is an event.
+    Release(Write),
+}
+
+impl Step {
+    fn address(&self) -> Address {
+        match self {
+            Self::Survey | Self::AwaitDisabled => STATUSWORD,
+            Self::History(address) => *address,
+            Self::Identity(identity) => identity.address,
+            Self::Write(write) | Self::ReadBack(write) | Self::Release(write) => write.address,
+            Self::AwaitLock(lock) => lock.address,
+            Self::Mode(_) => MODE_DISPLAY,
+        }
+    }
+
+    fn write(&self) -> Option<&Write> {
+        match self {
+            Self::Write(write) | Self::Release(write) => Some(write),
+            _ => None,
+        }
+    }
+
+    /// Whether a drive that says nothing may be passed over.
+    fn may_fail(&self) -> bool {
+        matches!(self, Self::Survey | Self::History(_) | Self::Release(_))
+    }
+}
+
+/// Runs the steps of one node over its SDO client, one request outstanding.
+#[derive(Debug)]
+pub(super) struct Script {
+    layout: Arc<Layout>,
+    drive: DriveIndex,
+    client: sdo::Client,
+    steps: VecDeque<Step>,
+    /// Requests sent for the first step without an answer.
+    tries: u32,
+    /// When the polling of the first step gives up.
+    give_up: Option<Instant>,
+    /// The device has shown to be the configured model.
+    identified: bool,
+}
+
+/// The longest object that a script reads, in bytes.
+const LONGEST: usize = 8;
+
+impl Script {
+    pub(super) fn new(drive: DriveIndex, layout: &Arc<Layout>) -> Self {
+        let node = layout.drives[drive].device.node();
+        Self {
+            layout: Arc::clone(layout),
+            drive,
+            client: sdo::Client::new(node, layout.sdo_timeout, LONGEST),
+            steps: VecDeque::with_capacity(128),
+            tries: 0,
+            give_up: None,
+            identified: false,
+        }
+    }
+
+    /// Whether the device has shown to be the configured model.
+    pub(super) fn has_identified(&self) -> bool {
+        self.identified
+    }
+
+    /// Adds steps behind those that are left.
+    pub(super) fn extend(&mut self, steps: impl IntoIterator<Item = Step>) {
+        self.steps.extend(steps);
+    }
+
+    /// Forgets the steps that are left; an answer under way is awaited and dropped.
+    pub(super) fn clear(&mut self) {
+        self.steps.clear();
+        self.tries = 0;
+        self.give_up = None;
+    }
+
+    /// Whether nothing is left to do.
+    pub(super) fn is_done(&self) -> bool {
+        self.steps.is_empty() && !self.client.is_busy()
+    }
+
+    /// Whether the next call of [`Script::advance`] sends a request.
+    pub(super) fn wants_to_send(&self) -> bool {
+        !self.steps.is_empty() && !self.client.is_busy()
+    }
+
+    /// Sends the next request if none is outstanding.
+    pub(super) fn advance(&mut self, now: Instant, tx: &mut impl Transmit) {
+        let Some(step) = self.steps.front() else {
+            return;
+        };
+        let sent = match step.write() {
+            Some(write) => self
+                .client
+                .download(now, write.address, write.data.bytes(), tx),
+            None => self.client.upload(now, step.address(), tx),
+        };
+        self.tries += u32::from(sent.is_ok());
+    }
+
+    /// Takes an answer.
+    pub(super) fn receive(
+        &mut self,
+        now: Instant,
+        frame: &Frame,
+        tx: &mut impl Transmit,
+        events: &mut impl FnMut(Event),
+    ) -> Result<(), Fault> {
+        let outcome = self.client.on_frame(now, frame, tx).map(Reading::of);
+        outcome.map_or(Ok(()), |outcome| self.conclude(now, outcome, events))
+    }
+
+    /// Looks for a time-out.
+    pub(super) fn poll(
+        &mut self,
+        now: Instant,
+        tx: &mut impl Transmit,
+        events: &mut impl FnMut(Event),
+    ) -> Result<(), Fault> {
+        let outcome = self.client.poll(now, tx).map(Err);
+        outcome.map_or(Ok(()), |outcome| self.conclude(now, outcome, events))
+    }
+
+    /// What an answer, or none, means for the first step.
+    fn conclude(
+        &mut self,
+        now: Instant,
+        outcome: Result<Reading, Failure>,
+        events: &mut impl FnMut(Event),
+    ) -> Result<(), Fault> {
+        let drive = self.drive;
+        let Some(step) = self.steps.front().copied() else {
+            return Ok(());
+        };
+        let object = step.address();
+        let reading = match outcome {
+            Ok(reading) => reading,
+            Err(failure) => match failure.reason {
+                Reason::TimedOut if self.tries <= self.layout.sdo_retries => return Ok(()),
+                Reason::TimedOut if step.may_fail() => {
+                    events(Event::Silent { drive });
+                    self.clear();
+                    return Ok(());
+                }
+                Reason::TimedOut => return Err(Fault::SdoTimeout { drive, object }),
+                Reason::Refused(code) | Reason::GivenUp(code) => {
+                    if !step.may_fail() && !matches!(step, Step::ReadBack(_)) {
+                        let value = step.write().map(|write| write.data.bits());
+                        return Err(Fault::SdoAborted {
+                            drive,
+                            object,
+                            value,
+                            code,
+                        });
+                    }
+                    events(Event::Refused {
+                        drive,
+                        object,
+                        code,
+                    });
+                    self.next();
+                    return Ok(());
+                }
+            },
+        };
+        let value = reading.number();
+        match step {
+            Step::Survey => {
+                let statusword = value as u16;
+                self.next();
+                if is_powered(Statusword(statusword)) {
+                    events(Event::FoundEnabled { drive, statusword });
+                    self.steps.push_front(Step::AwaitDisabled);
+                    self.steps.push_front(Step::Write(Write::new(
+                        CONTROLWORD.index,
+                        0,
+                        Data::u16(0),
+                    )));
+                }
+            }
+            Step::AwaitDisabled => {
+                let statusword = Statusword(value as u16);
+                if !is_powered(statusword) {
+                    self.next();
+                } else if self.out_of_patience(now) {
+                    return Err(Fault::StaysEnabled { drive, statusword });
+                }
+            }
+            Step::History(object) => {
+                events(Event::History {
+                    drive,
+                    object,
+                    value,
+                });
+                self.next();
+            }
+            Step::Identity(identity) if value != identity.value => {
+                return Err(Fault::WrongIdentity {
+                    drive,
+                    object,
+                    expected: identity.value,
+                    found: value,
+                });
+            }
+            Step::ReadBack(write)
+                if !self.layout.drives[drive]
+                    .device
+                    .agrees(&write, reading.bytes()) =>
+            {
+                return Err(Fault::ReadBack {
+                    drive,
+                    object,
+                    expected: write.data.bits(),
+                    found: value,
+                });
+            }
+            Step::AwaitLock(lock) => {
+                if value == lock.locked {
+                    self.next();
+                } else if self.out_of_patience(now) {
+                    let status = value;
+                    return Err(Fault::NoSyncLock { drive, status });
+                }
+            }
+            Step::Mode(mode) if value as i8 != mode => {
+                let found = value as i8;
+                return Err(Fault::WrongMode { drive, found });
+            }
+            Step::Identity(_) => {
+                self.next();
+                self.identified = !matches!(self.steps.front(), Some(Step::Identity(_)));
+            }
+            Step::Write(_) | Step::ReadBack(_) | Step::Mode(_) | Step::Release(_) => self.next(),
+        }
+        Ok(())
+    }
+
+    fn next(&mut self) {
+        self.steps.pop_front();
+        self.tries = 0;
+        self.give_up = None;
+    }
+
+    fn out_of_patience(&mut self, now: Instant) -> bool {
+        self.tries = 0;
+        now >= *self.give_up.get_or_insert(now + self.layout.lock_timeout)
+    }
+}
