@@ -4,7 +4,9 @@ use std::fmt;
 use std::ops::{Index, IndexMut};
 
 /// An axis by its program letter. X Y Z U V W are linear (mm), A B C rotary (degrees).
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(
+    Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize, serde::Deserialize,
+)]
 pub enum Axis {
     /// Linear.
     X,

@@ -59,6 +59,9 @@ pub enum Action {
     Coolant(Coolant),
     /// The tool that the next change loads (T).
     SelectTool(u32),
+    /// A command for the machine's outputs (M62 … M65, M100 … M199), to be given when the motion
+    /// before it is done.
+    Output(Output),
     /// How the path is followed from here on (G61, G61.1, G64).
     PathMode(PathMode),
     /// The end of the program (M2, M30, closing `%`, end of file): always the last command.
@@ -108,6 +111,17 @@ pub enum Turning {
     Clockwise,
     /// M4
     Counterclockwise,
+}
+
+/// An M-code that the controller hands on.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Output {
+    /// The M-code's number.
+    pub code: u16,
+    /// Its P word.
+    pub p: Option<f64>,
+    /// Its Q word.
+    pub q: Option<f64>,
 }
 
 /// Which coolant runs.

@@ -131,6 +131,9 @@ pub enum Fault {
     #[error("{code} needs {words}: add it")]
     MissingWord { code: Code, words: &'static str },
 
+    #[error("tool {number} is not in the tool table: add it, or set it with G10 L1 P{number}")]
+    NoSuchTool { number: u32 },
+
     // Motion.
     #[error("{code} has no feed: write F in this block or before")]
     NoFeed { code: Code },
@@ -138,8 +141,6 @@ pub enum Fault {
     NoInverseTime { code: Code },
     #[error("axis words without a motion: write G0, G1, G2 or G3 (G80 ended the last one)")]
     NoMotion,
-    #[error("{first} and {second} both use the axis words: write them in two blocks")]
-    SharedAxisWords { first: Code, second: Code },
     #[error("G53 goes with G0 or G1 only: add one of them")]
     MachineCoordinatesWithout,
     #[error("the arc has neither centre nor radius: write {0}")]

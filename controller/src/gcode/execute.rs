@@ -10,9 +10,10 @@ use super::Setup;
 use super::arc::{Arc, Direction, Plane};
 use super::axes::{Axis, Point};
 use super::block::{Block, Target};
-use super::command::{Action, Feed, PathMode, Stop, Turning};
+use super::command::{Action, Feed, Output, PathMode, Stop, Turning};
 use super::error::{Fault, Refusal};
 use super::expression::Scope;
+use super::lexer::Columns;
 use super::modal::{Code, Group, Modes, Motion, ProgrammedFeed};
 use super::parameters::{self, Parameters};
 use super::words::{Words, out_of_range, whole};
@@ -28,7 +29,13 @@ pub(crate) struct State {
     pub(crate) modes: Modes,
     /// The programmed position in machine coordinates.
     pub(crate) at: Point,
+    /// What G43 and G43.1 added.
+    pub(crate) tool_offset: Point,
+    /// Whether the shift of G92 and G52 is in effect.
+    pub(crate) g92_applies: bool,
     pub(crate) parameters: Parameters,
+    /// The line of the block that is being executed.
+    pub(crate) line: u32,
     stack: Vec<f64>,
 }
 
@@ -38,7 +45,10 @@ impl State {
             at: setup.start,
             setup,
             modes: Modes::default(),
+            tool_offset: Point::ZERO,
+            g92_applies: false,
             parameters: Parameters::default(),
+            line: 0,
             stack: Vec::new(),
         }
     }
@@ -53,6 +63,7 @@ impl State {
         self.speeds(&mut words, commands)?;
         self.dwell(&mut words, commands)?;
         self.set_modes(&mut words, commands)?;
+        self.offsets(&mut words, commands)?;
         self.motion(block, &mut words, commands)?;
         words.all_used()?;
         self.stop(&words, commands);
@@ -84,7 +95,7 @@ impl State {
         }
         for (setting, index, value) in settings {
             match (&setting.target, index) {
-                (Target::Named(name), _) => self.parameters.set_named(block.name(name), value),
+                (Target::Named(name), _) => self.set_named(block.name(name), value),
                 (Target::Numbered(_), index) => self.set_numbered(index.unwrap_or_default(), value),
             }
             .map_err(|fault| Refusal::new(setting.columns, fault))?;
@@ -178,6 +189,13 @@ impl State {
             self.modes.coolant = coolant;
             commands.push_back(Action::Coolant(coolant));
         }
+        if let Some(code @ Code::M(number)) = words.code(Group::Output) {
+            commands.push_back(Action::Output(Output {
+                code: number,
+                p: words.take(b'P', code)?,
+                q: words.take(b'Q', code)?,
+            }));
+        }
         Ok(())
     }
 
@@ -207,6 +225,7 @@ impl State {
                 _ => Plane::Xy,
             };
         }
+        self.tool_length(words)?;
         if let Some(Code::G(tenths)) = words.code(Group::WorkOffset) {
             self.modes.work_offset = match tenths {
                 591..=593 => usize::from(tenths) - 585,
@@ -275,7 +294,14 @@ impl State {
             ));
         }
         let arc = matches!(motion, Motion::Arc(_)) && (explicit.is_some() || words.has_arc());
-        if !words.has_axes() && !arc {
+        // Another code that uses the axis words suspends the motion mode for its block.
+        let suspended = explicit.is_none()
+            && (words.code(Group::ToolLength) == Some(Code::G(431))
+                || matches!(
+                    words.code(Group::Offsets),
+                    Some(Code::G(100 | 280 | 300 | 520 | 920))
+                ));
+        if suspended || !(words.has_axes() || arc) {
             return Ok(());
         }
         let to = self.target(words, code, machine)?;
@@ -310,17 +336,37 @@ impl State {
                 }
             }
         };
+        self.go(action, words, motion_columns, commands)
+    }
+
+    /// Hands out a motion within the soft limits.
+    pub(crate) fn go(
+        &mut self,
+        action: Action,
+        words: &Words,
+        columns: Columns,
+        commands: &mut VecDeque<Action>,
+    ) -> Result<(), Refusal> {
         self.within_limits(&action).map_err(|(axis, fault)| {
-            let columns = words.columns(axis.letter() as u8);
-            Refusal::new(columns.unwrap_or(motion_columns), fault)
+            let word = words.columns(axis.letter() as u8);
+            Refusal::new(word.unwrap_or(columns), fault)
         })?;
-        self.at = to;
+        match &action {
+            Action::Rapid { to } | Action::Feed { to, .. } => self.at = *to,
+            Action::Arc { arc, .. } => self.at = arc.to,
+            _ => {}
+        }
         commands.push_back(action);
         Ok(())
     }
 
     /// Where the axis words lead, machine coordinates.
-    fn target(&self, words: &mut Words, code: Code, machine: bool) -> Result<Point, Refusal> {
+    pub(crate) fn target(
+        &self,
+        words: &mut Words,
+        code: Code,
+        machine: bool,
+    ) -> Result<Point, Refusal> {
         let mut to = self.at;
         for axis in self.setup.axes.iter() {
             let letter = axis.letter() as u8;
@@ -350,17 +396,12 @@ impl State {
     }
 
     /// The unit of an axis's words, mm or degrees.
-    fn unit(&self, axis: Axis) -> f64 {
+    pub(crate) fn unit(&self, axis: Axis) -> f64 {
         if axis.is_linear() {
             self.modes.unit()
         } else {
             1.0
         }
-    }
-
-    /// What lies between program and machine coordinates.
-    fn offset(&self, axis: Axis) -> f64 {
-        self.setup.work_offsets[self.modes.work_offset][axis]
     }
 
     fn feed(&self, words: &mut Words, code: Code, to: Point) -> Result<Feed, Fault> {
@@ -497,8 +538,19 @@ impl State {
         commands.push_back(action);
     }
 
+    fn set_named(&mut self, name: &str, value: f64) -> Result<(), Fault> {
+        if self.system_named(name).is_some() {
+            return Err(Fault::ParameterReadOnly(format!("#<{name}>")));
+        }
+        self.parameters.set_named(name, value);
+        Ok(())
+    }
+
     fn set_numbered(&mut self, index: f64, value: f64) -> Result<(), Fault> {
         let index = parameters::index(index)?;
+        if self.set_system(index, value) {
+            return Ok(());
+        }
         self.parameters.set_numbered(index, value)
     }
 }
@@ -506,15 +558,19 @@ impl State {
 impl Scope for State {
     fn numbered(&self, index: f64) -> Result<f64, Fault> {
         let index = parameters::index(index)?;
-        Ok(self.parameters.numbered(index))
+        Ok(self
+            .system(index)
+            .unwrap_or_else(|| self.parameters.numbered(index)))
     }
 
     fn named(&self, name: &str) -> Option<f64> {
-        self.parameters.named(name)
+        self.parameters
+            .named(name)
+            .or_else(|| self.system_named(name))
     }
 }
 
-fn missing(words: &Words, group: Group, code: Code, what: &'static str) -> Refusal {
+pub(crate) fn missing(words: &Words, group: Group, code: Code, what: &'static str) -> Refusal {
     Refusal::new(
         words.code_columns(group).unwrap_or_default(),
         Fault::MissingWord { code, words: what },

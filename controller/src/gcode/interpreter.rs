@@ -14,6 +14,7 @@ use super::execute::State;
 use super::lexer::Columns;
 use super::modal::Modes;
 use super::source::{Input, Lines, MAX_LINE, Read1};
+use super::tables::Tables;
 
 /// Interprets a program block by block: an iterator of its commands, with memory for one block.
 ///
@@ -92,6 +93,12 @@ impl Interpreter {
         self.state.at
     }
 
+    /// Offsets, reference points and tools as the program left them so far. The caller saves them
+    /// when the program has run.
+    pub fn tables(&self) -> &Tables {
+        &self.state.setup.tables
+    }
+
     /// How many blocks were read and executed.
     pub fn executed(&self) -> u64 {
         self.executed
@@ -164,6 +171,7 @@ impl Interpreter {
         if let Some(flow) = &self.block.flow {
             return Err(Refusal::new(flow.columns, Fault::NoFlow));
         }
+        self.state.line = self.line;
         self.state.execute(&self.block, &mut self.pending)?;
         self.ended |= self.pending.back() == Some(&Action::End);
         Ok(())

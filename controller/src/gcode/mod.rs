@@ -18,19 +18,23 @@ mod expression;
 mod interpreter;
 mod lexer;
 mod modal;
+mod offsets;
 mod parameters;
 mod parser;
 mod source;
+mod system;
+mod tables;
 mod words;
 
 pub use arc::{Arc, Direction, Plane, RADIUS_RATIO, RADIUS_TOLERANCE};
 pub use axes::{Axis, AxisSet, Point};
-pub use command::{Action, Command, Coolant, Feed, PathMode, Span, Spindle, Stop, Turning};
+pub use command::{Action, Command, Coolant, Feed, Output, PathMode, Span, Spindle, Stop, Turning};
 pub use error::{Error, Fault};
 pub use interpreter::Interpreter;
 pub use lexer::Columns;
 pub use modal::{Code, Modes, Motion, ProgrammedFeed};
 pub use source::{Input, MAX_LINE};
+pub use tables::{Tables, TablesError, Tool};
 
 /// Blocks after which a program that does not end is refused.
 pub const MAX_BLOCKS: u64 = 10_000_000;
@@ -42,8 +46,9 @@ pub struct Setup {
     pub axes: AxisSet,
     /// Where the machine stands when the program starts, machine coordinates.
     pub start: Point,
-    /// Origins of G54 … G59.3 in machine coordinates.
-    pub work_offsets: [Point; 9],
+    /// Work offsets, reference points and tools; the interpreter keeps what the program makes of
+    /// them, see [`Interpreter::tables`].
+    pub tables: Tables,
     /// Soft limits by [`Axis::index`]: least and greatest machine coordinate. A motion that leaves
     /// them anywhere is refused.
     pub limits: [Option<(f64, f64)>; 9],
@@ -61,7 +66,7 @@ impl Setup {
         Setup {
             axes,
             start: Point::ZERO,
-            work_offsets: [Point::ZERO; 9],
+            tables: Tables::default(),
             limits: [None; 9],
             block_delete: false,
             optional_stop: false,

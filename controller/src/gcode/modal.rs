@@ -24,6 +24,15 @@ impl fmt::Display for Code {
     }
 }
 
+impl Code {
+    /// The code's number: of a G-code in tenths.
+    pub(crate) fn number(self) -> u16 {
+        match self {
+            Code::G(number) | Code::M(number) => number,
+        }
+    }
+}
+
 /// A set of codes of which a block may have one (RS-274/NGC tables of modal groups).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Group {
@@ -52,10 +61,12 @@ pub(crate) enum Group {
     /// M8, M9
     Coolant,
     Overrides,
+    /// M62 … M65, M100 … M199
+    Output,
 }
 
 impl Group {
-    pub(crate) const COUNT: usize = Group::Overrides as usize + 1;
+    pub(crate) const COUNT: usize = Group::Output as usize + 1;
 
     pub(crate) fn name(self) -> &'static str {
         match self {
@@ -79,6 +90,7 @@ impl Group {
             Group::Spindle => "spindle commands",
             Group::Mist | Group::Coolant => "coolant commands",
             Group::Overrides => "override switches",
+            Group::Output => "output commands",
         }
     }
 }
@@ -106,6 +118,7 @@ impl Code {
             Code::G(tenths) => match tenths {
                 0 | 10 | 20 | 30 | 800 => Supported(Group::Motion),
                 40 => Supported(Group::Dwell),
+                100 | 280 | 281 | 300 | 301 | 520 | 920..=923 => Supported(Group::Offsets),
                 50..=53 => Refused(NO_SPLINE),
                 70 | 80 => Refused(NO_LATHE),
                 170 | 180 | 190 => Supported(Group::Plane),
@@ -117,7 +130,7 @@ impl Code {
                 410 | 411 | 420 | 421 => {
                     Refused("have the tool's radius compensated where the program is made")
                 }
-                490 => Supported(Group::ToolLength),
+                430 | 431 | 490 => Supported(Group::ToolLength),
                 530 => Supported(Group::MachineCoordinates),
                 540 | 550 | 560 | 570 | 580 | 590..=593 => Supported(Group::WorkOffset),
                 610 | 611 | 640 => Supported(Group::PathMode),
@@ -138,6 +151,10 @@ impl Code {
                 8 | 9 => Supported(Group::Coolant),
                 19 => Refused(NO_SYNCHRONISED_SPINDLE),
                 48 => Supported(Group::Overrides),
+                61 => Refused("write T and M6"),
+                62..=65 => Supported(Group::Output),
+                67 | 68 => Refused("there are no analog outputs"),
+                100..=199 => Supported(Group::Output),
                 49..=53 => Refused("the overrides stay with the operator"),
                 60 => Refused("there is no pallet changer: write M0"),
                 66 => Refused("a program does not wait for inputs"),
@@ -202,6 +219,8 @@ pub struct Modes {
     pub inches: bool,
     /// Work offset: 0 is G54, 8 is G59.3.
     pub work_offset: usize,
+    /// G43 or G43.1 instead of G49.
+    pub tool_length: bool,
     /// G61, G61.1 or G64 if the program said so; else the machine's default.
     pub path_mode: Option<PathMode>,
     /// F under G94.
@@ -242,9 +261,10 @@ impl fmt::Display for Modes {
         let pick = |second: bool, codes: [&'static str; 2]| codes[usize::from(second)];
         write!(
             f,
-            "{} {plane} {} G40 G49 {} {} {} {}",
+            "{} {plane} {} G40 {} {} {} {} {}",
             self.motion.code(),
             pick(self.inches, ["G21", "G20"]),
+            pick(self.tool_length, ["G49", "G43"]),
             self.work_offset_code(),
             pick(self.incremental, ["G90", "G91"]),
             pick(self.absolute_centers, ["G91.1", "G90.1"]),

@@ -59,7 +59,7 @@ impl Parameters {
         names.get(name).copied()
     }
 
-    pub(crate) fn set_named(&mut self, name: &str, value: f64) -> Result<(), Fault> {
+    pub(crate) fn set_named(&mut self, name: &str, value: f64) {
         let names = if name.starts_with('_') {
             &mut self.globals
         } else {
@@ -71,6 +71,5 @@ impl Parameters {
                 names.insert(name.to_owned(), value);
             }
         }
-        Ok(())
     }
 }

@@ -3,4 +3,5 @@
 mod arcs;
 mod listing;
 mod motion;
+mod offsets;
 mod refusals;

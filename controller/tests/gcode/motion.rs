@@ -53,8 +53,8 @@ M2"
 fn offsets_and_machine_coordinates() {
     let mut setup = xyz();
     setup.start = Point::xyz(1.0, 2.0, 3.0);
-    setup.work_offsets[0] = Point::xyz(100.0, 200.0, -50.0);
-    setup.work_offsets[8] = Point::xyz(-1.0, 0.0, 0.0);
+    setup.tables.work_offsets[0] = Point::xyz(100.0, 200.0, -50.0);
+    setup.tables.work_offsets[8] = Point::xyz(-1.0, 0.0, 0.0);
     insta::assert_snapshot!(listing_with(
         setup,
         "G0 X0
@@ -71,7 +71,7 @@ M30"
 fn a_motion_keeps_the_axes_that_it_does_not_name() {
     let mut setup = xyz();
     setup.start = Point::xyz(0.1, 0.2, 0.3);
-    setup.work_offsets[0] = Point::xyz(0.1, 0.7, 0.1);
+    setup.tables.work_offsets[0] = Point::xyz(0.1, 0.7, 0.1);
     let commands: Vec<_> = Interpreter::from_text("part.ngc", "G0 Z1\nM2", setup)
         .collect::<Result<_, _>>()
         .unwrap();

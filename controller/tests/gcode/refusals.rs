@@ -117,7 +117,7 @@ fn soft_limits_hold_for_the_whole_motion() {
     setup.limits[0] = Some((0.0, 100.0));
     setup.limits[1] = Some((0.0, 50.0));
     setup.limits[2] = Some((-30.0, 0.0));
-    setup.work_offsets[1][syncline_controller::gcode::Axis::X] = 20.0;
+    setup.tables.work_offsets[1][syncline_controller::gcode::Axis::X] = 20.0;
     let programs = [
         ("G0 X100 Y50 Z-30\nX100.001", "2:1"),
         ("G0 Y-0.5 X1", "1:4"),

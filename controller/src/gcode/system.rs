@@ -1,0 +1,144 @@
+//! Parameters that show or set the state of the machine: `#5161` … `#5428`, `#<_x>`, `#<_feed>` …
+//!
+//! Positions are in the program's units, stored points and offsets in mm, as RS-274/NGC keeps them.
+
+use super::arc::Plane;
+use super::axes::{Axis, Point};
+use super::command::Turning;
+use super::execute::State;
+
+/// A point that parameters can set.
+enum Stored {
+    G28,
+    G30,
+    G92,
+    Work(usize),
+}
+
+impl State {
+    fn stored(index: usize) -> Option<(Stored, Axis)> {
+        let (which, axis) = match index {
+            5161..=5169 => (Stored::G28, index - 5161),
+            5181..=5189 => (Stored::G30, index - 5181),
+            5211..=5219 => (Stored::G92, index - 5211),
+            5221..=5389 if (index - 5221) % 20 < 9 => {
+                (Stored::Work((index - 5221) / 20), (index - 5221) % 20)
+            }
+            _ => return None,
+        };
+        Some((which, Axis::ALL[axis]))
+    }
+
+    fn stored_point(&mut self, which: &Stored) -> &mut Point {
+        let tables = &mut self.setup.tables;
+        match which {
+            Stored::G28 => &mut tables.g28,
+            Stored::G30 => &mut tables.g30,
+            Stored::G92 => &mut tables.g92,
+            Stored::Work(index) => &mut tables.work_offsets[*index],
+        }
+    }
+
+    /// Sets a parameter of a stored point; `false` if the number is none.
+    pub(crate) fn set_system(&mut self, index: usize, value: f64) -> bool {
+        match State::stored(index) {
+            Some((which, axis)) => {
+                self.stored_point(&which)[axis] = value;
+                true
+            }
+            None => false,
+        }
+    }
+
+    /// A parameter that shows the machine's state.
+    pub(crate) fn system(&self, index: usize) -> Option<f64> {
+        let tables = &self.setup.tables;
+        if let Some((which, axis)) = State::stored(index) {
+            return Some(match which {
+                Stored::G28 => tables.g28[axis],
+                Stored::G30 => tables.g30[axis],
+                Stored::G92 => tables.g92[axis],
+                Stored::Work(index) => tables.work_offsets[index][axis],
+            });
+        }
+        let tool = tables.tools.get(&self.modes.tool);
+        Some(match index {
+            5021..=5029 => self.absolute(Axis::ALL[index - 5021]),
+            5081..=5089 => {
+                let axis = Axis::ALL[index - 5081];
+                self.tool_offset[axis] / self.unit(axis)
+            }
+            5210 => flag(self.g92_applies),
+            5220 => self.modes.work_offset as f64 + 1.0,
+            5400 => f64::from(self.modes.tool),
+            5401..=5409 => tool.map_or(0.0, |tool| tool.offset[Axis::ALL[index - 5401]]),
+            5410 => tool.map_or(0.0, |tool| tool.diameter),
+            5420..=5428 => self.relative(Axis::ALL[index - 5420]),
+            _ => return None,
+        })
+    }
+
+    /// A named parameter that shows the machine's state.
+    pub(crate) fn system_named(&self, name: &str) -> Option<f64> {
+        let axis = |letters: &str| {
+            let mut letters = letters.chars();
+            match (letters.next(), letters.next()) {
+                (Some(letter), None) => Axis::from_letter(letter),
+                _ => None,
+            }
+        };
+        let name = name.strip_prefix('_')?;
+        if let Some(axis) = axis(name) {
+            return Some(self.relative(axis));
+        }
+        if let Some(axis) = name.strip_prefix("abs_").and_then(axis) {
+            return Some(self.absolute(axis));
+        }
+        let modes = &self.modes;
+        Some(match name {
+            "line" => f64::from(self.line),
+            "motion_mode" => f64::from(modes.motion.code().number()),
+            "plane" => match modes.plane {
+                Plane::Xy => 170.0,
+                Plane::Zx => 180.0,
+                Plane::Yz => 190.0,
+            },
+            "ccomp" => 400.0,
+            "metric" => flag(!modes.inches),
+            "imperial" => flag(modes.inches),
+            "absolute" => flag(!modes.incremental),
+            "incremental" => flag(modes.incremental),
+            "inverse_time" => flag(modes.inverse_time),
+            "units_per_minute" => flag(!modes.inverse_time),
+            "units_per_rev" => 0.0,
+            "coord_system" => f64::from(modes.work_offset_code().number()),
+            "tool_offset" => flag(modes.tool_length),
+            "ijk_absolute_mode" => flag(modes.absolute_centers),
+            "spindle_rpm_mode" => 1.0,
+            "spindle_css_mode" => 0.0,
+            "spindle_on" => flag(modes.spindle.turning != Turning::Off),
+            "spindle_cw" => flag(modes.spindle.turning == Turning::Clockwise),
+            "mist" => flag(modes.coolant.mist),
+            "flood" => flag(modes.coolant.flood),
+            "feed" => modes
+                .feed
+                .map_or(0.0, |feed| feed.number * feed.unit / modes.unit()),
+            "rpm" => modes.spindle.speed,
+            "current_tool" => f64::from(modes.tool),
+            "selected_tool" => f64::from(modes.selected_tool),
+            _ => return None,
+        })
+    }
+
+    fn absolute(&self, axis: Axis) -> f64 {
+        self.at[axis] / self.unit(axis)
+    }
+
+    fn relative(&self, axis: Axis) -> f64 {
+        (self.at[axis] - self.offset(axis)) / self.unit(axis)
+    }
+}
+
+fn flag(condition: bool) -> f64 {
+    f64::from(u8::from(condition))
+}
