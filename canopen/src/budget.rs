@@ -142,8 +142,13 @@ pub struct Budget {
     pub burst_out: Duration,
     /// Before SYNC, no acyclic frame may be started that long: its longest frame.
     pub quiet_window: Duration,
+    /// After SYNC's instant, the last one at which a burst still leaves before the next SYNC if
+    /// nothing is in its way.
+    pub latest_burst: Duration,
     /// What is left of the cycle for SDO.
     pub sdo_room: Duration,
+    /// Requests with their answers that fit into `sdo_room`.
+    pub sdo_transfers: u32,
 }
 
 impl Traffic {
@@ -211,6 +216,8 @@ impl Traffic {
         let burst = time(r_pdo_bits);
         let setpoint_offset = self.setpoint_offset(t_pdos_in, burst, blocking);
 
+        let sdo_room = self.cycle.saturating_sub(demand);
+
         let in_time = pdo_times.iter().all(|pdo| {
             pdo.response
                 .is_some_and(|response| response <= pdo.deadline)
@@ -236,7 +243,9 @@ impl Traffic {
             setpoint_offset,
             burst_out: setpoint_offset + blocking + burst,
             quiet_window: blocking,
-            sdo_room: self.cycle.saturating_sub(demand),
+            latest_burst: self.cycle.saturating_sub(burst),
+            sdo_room,
+            sdo_transfers: (sdo_room.as_nanos() / (2 * blocking).as_nanos()) as u32,
         }
     }
 

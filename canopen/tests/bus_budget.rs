@@ -76,6 +76,8 @@ fn six_axes_at_two_milliseconds_fit() {
     assert_eq!(budget.demand, Duration::from_micros(1570));
     assert_eq!(budget.verdict, Verdict::Fits);
     assert_eq!(budget.sdo_room, Duration::from_micros(430));
+    assert_eq!(budget.sdo_transfers, 1);
+    assert_eq!(budget.latest_burst, Duration::from_micros(1310));
     assert_eq!(budget.sync_jitter, Duration::from_micros(135));
     let slowest = budget.pdos.iter().filter_map(|pdo| pdo.response).max();
     assert_eq!(slowest, Some(budget.demand));

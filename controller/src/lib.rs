@@ -2,12 +2,14 @@
 //!
 //! - [`machine`]: the machine file
 //! - [`gcode`]: RS-274/NGC programs into canonical commands
+//! - [`budget`]: whether its frames fit its cycle
 //! - [`port`]: one CAN bus as the cycle uses it
 //! - [`realtime`]: what the cycle thread asks of the kernel, and what it got
 //! - [`commands`]: the `syncline` command line
 
 #![deny(unsafe_code)]
 
+pub mod budget;
 pub mod commands;
 pub mod control;
 pub mod gcode;

@@ -1,5 +1,7 @@
 //! The `syncline` command line: one module a subcommand, each with its `Args` and an `execute`.
 
+mod budget;
+
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
 
@@ -14,13 +16,17 @@ pub struct Cli {
 }
 
 #[derive(Debug, Subcommand)]
-enum Command {}
+enum Command {
+    Budget(budget::Args),
+}
 
 impl Cli {
     /// Runs the chosen subcommand to its end.
     #[must_use]
     pub fn execute(self) -> Exit {
-        match self.command {}
+        match self.command {
+            Command::Budget(args) => args.execute(),
+        }
     }
 }
 

@@ -44,7 +44,7 @@ mod port;
 mod wire;
 
 pub use port::{Band, Port, Received};
-pub use wire::BitRate;
+pub use wire::{BitRate, frame_bits};
 
 use std::collections::VecDeque;
 use syncline_canopen::time::Duration;

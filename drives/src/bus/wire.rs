@@ -40,7 +40,8 @@ impl BitRate {
 }
 
 /// Bits of a frame from its first through the intermission, with its actual stuff bits.
-pub(super) fn frame_bits(frame: &Frame) -> u32 {
+#[must_use]
+pub fn frame_bits(frame: &Frame) -> u32 {
     let mut stuffed = Stuffed::default();
     let remote = u64::from(frame.is_remote());
     stuffed.put(0, 1); // start of frame

@@ -359,6 +359,18 @@ impl Actuator for Lxm32m {
         Ok(Frame::new(self.r_pdo().cob_id, &[c0, c1, p0, p1, p2, p3]))
     }
 
+    fn in_motion(&self, position: Increments) -> Result<[Frame; 2], OutOfRange> {
+        let operation_enabled = 0x0037; // 0237h while a mode runs (1761)
+        let statusword = operation_enabled | Statusword::REMOTE | Statusword::MODE_12;
+        let [s0, s1] = statusword.to_le_bytes();
+        let [p0, p1, p2, p3] = position.to_i32()?.to_le_bytes();
+        let controlword = Controlword(0x000F | self.start_mode());
+        Ok([
+            Frame::new(self.t_pdo().cob_id, &[s0, s1, p0, p1, p2, p3]),
+            self.command(controlword, position)?,
+        ])
+    }
+
     fn interpolation_delay(&self) -> u32 {
         self.interpolation_delay
     }

@@ -255,6 +255,12 @@ pub trait Actuator: Feedback {
     /// If the setpoint does not fit the drive's 32 bits.
     fn command(&self, controlword: Controlword, setpoint: Increments) -> Result<Frame, OutOfRange>;
 
+    /// Its T_PDO and R_PDO of one cycle in motion, at `position`: what the bus typically carries.
+    ///
+    /// # Errors
+    /// If the position does not fit the drive's 32 bits.
+    fn in_motion(&self, position: Increments) -> Result<[Frame; 2], OutOfRange>;
+
     /// Cycles from the SYNC that latches a setpoint until the drive's position reference has
     /// reached it.
     fn interpolation_delay(&self) -> u32;

@@ -1,0 +1,356 @@
+//! Whether a machine's frames fit its cycle: each bus's budget, and when the setpoints leave.
+
+use crate::machine::Machine;
+use std::fmt;
+use std::time::Duration;
+use syncline_canopen::budget::{Budget, Traffic, Verdict};
+use syncline_canopen::response_time::bit_time;
+use syncline_canopen::{CobId, Frame};
+use syncline_drives::bus::frame_bits;
+use syncline_drives::model::Actuator;
+use thiserror::Error;
+
+/// The budget of one bus of a machine.
+#[derive(Clone, Debug)]
+pub struct BusBudget {
+    /// As the machine file names it.
+    pub bus: String,
+    /// What the nodes on it add to a cycle.
+    pub traffic: Traffic,
+    /// Worst case.
+    pub budget: Budget,
+    /// Share of the bus's time that frames take on average in motion, by their exact lengths.
+    pub typical_load: f64,
+    /// The least cycle that fits and that all its drives take.
+    pub smallest_cycle: Option<Duration>,
+}
+
+/// All of a machine's buses, and the one instant of the cycle that they share.
+#[derive(Clone, Debug)]
+pub struct MachineBudget {
+    /// In the order of the machine file.
+    pub buses: Vec<BusBudget>,
+    /// From SYNC to receiving, supervising and sending the setpoints: the machine file's, or the
+    /// latest of the buses' defaults.
+    pub setpoint_offset: Duration,
+    /// From SYNC, the last instant at which every bus's burst still leaves before the next one.
+    pub latest_burst: Duration,
+}
+
+/// Why a machine's cycle cannot be held.
+#[derive(Clone, Debug, Error, PartialEq, Eq)]
+pub enum DoesNotFit {
+    /// A bus has more to carry than its cycle takes.
+    #[error("bus {bus}: {arithmetic}; {advice}")]
+    Bus {
+        /// As the machine file names it.
+        bus: String,
+        /// The sum that decides.
+        arithmetic: String,
+        /// What would fit.
+        advice: String,
+    },
+    /// The machine file's `setpoint_offset_us` leaves too little time before it or behind it.
+    #[error(
+        "bus {bus}: setpoint_offset_us = {offset}: T_PDOs may arrive until {earliest}, and the \
+         setpoints must leave from {latest}; leave the key out or set {earliest}…{latest}",
+        offset = .offset.as_micros(), earliest = .earliest.as_micros(), latest = .latest.as_micros()
+    )]
+    Offset {
+        /// As the machine file names it.
+        bus: String,
+        /// What the file says.
+        offset: Duration,
+        /// The least that it may say.
+        earliest: Duration,
+        /// The most that it may say.
+        latest: Duration,
+    },
+}
+
+impl MachineBudget {
+    /// A machine's budget, whether it fits or not.
+    #[must_use]
+    pub fn of(machine: &Machine) -> Self {
+        let buses: Vec<BusBudget> = (0..machine.buses.len())
+            .map(|bus| BusBudget::of(machine, bus))
+            .collect();
+        let default = buses.iter().map(|bus| bus.budget.setpoint_offset).max();
+        let latest = buses.iter().map(|bus| bus.budget.latest_burst).min();
+        Self {
+            setpoint_offset: machine
+                .controller
+                .setpoint_offset
+                .or(default)
+                .unwrap_or_default(),
+            latest_burst: latest.unwrap_or(machine.cycle),
+            buses,
+        }
+    }
+
+    /// The start-up check.
+    ///
+    /// # Errors
+    /// The first bus that does not fit, with the arithmetic and what would.
+    pub fn check(&self) -> Result<(), DoesNotFit> {
+        for bus in &self.buses {
+            if bus.budget.verdict == Verdict::DoesNotFit {
+                return Err(DoesNotFit::Bus {
+                    bus: bus.bus.clone(),
+                    arithmetic: bus.budget.to_string(),
+                    advice: bus.advice(),
+                });
+            }
+            let allowed = bus.budget.t_pdos_in..=bus.budget.latest_burst;
+            if !allowed.contains(&self.setpoint_offset) {
+                return Err(DoesNotFit::Offset {
+                    bus: bus.bus.clone(),
+                    offset: self.setpoint_offset,
+                    earliest: *allowed.start(),
+                    latest: *allowed.end(),
+                });
+            }
+        }
+        Ok(())
+    }
+}
+
+impl BusBudget {
+    fn of(machine: &Machine, bus: usize) -> Self {
+        let drives: Vec<usize> = (0..machine.drives.len())
+            .filter(|&drive| machine.drives[drive].bus == bus)
+            .collect();
+        let devices: Vec<Box<dyn Actuator>> = drives
+            .iter()
+            .map(|&drive| machine.actuator(drive))
+            .collect();
+        let traffic = Traffic {
+            bit_rate: machine.buses[bus].bitrate,
+            cycle: machine.cycle,
+            nodes: devices.iter().map(|device| device.traffic()).collect(),
+        };
+        let taken_by_all = |cycle: &Duration| {
+            let mut models = drives.iter().map(|&drive| machine.drives[drive].model);
+            models.all(|model| model.takes_cycle(*cycle))
+        };
+        let cycles = (1..=LONGEST_CYCLE_MS)
+            .map(Duration::from_millis)
+            .filter(taken_by_all);
+        Self {
+            bus: machine.buses[bus].name.clone(),
+            budget: traffic.budget(),
+            typical_load: typical_load(machine, &drives, &devices, traffic.bit_rate),
+            smallest_cycle: traffic.smallest_cycle(cycles),
+            traffic,
+        }
+    }
+
+    /// What would fit, or fit better, in words.
+    #[must_use]
+    pub fn advice(&self) -> String {
+        let cycle = match self.smallest_cycle {
+            Some(cycle) => format!("the least cycle that fits is {}", Millis(cycle)),
+            None => "no cycle that its drives take fits".into(),
+        };
+        let budgets = self.traffic.on_two_buses().map(|half| half.budget());
+        let [most, _] = &budgets;
+        let verdict = if budgets
+            .iter()
+            .all(|half| half.verdict != Verdict::DoesNotFit)
+        {
+            most.verdict
+        } else {
+            Verdict::DoesNotFit
+        };
+        format!(
+            "{cycle}; on two buses it is {} of {} each: {verdict}",
+            Millis(most.demand),
+            Millis(most.cycle)
+        )
+    }
+}
+
+/// No drive of ours takes a longer one.
+const LONGEST_CYCLE_MS: u64 = 100;
+
+/// Positions along each axis that the typical load is averaged over.
+const POSITIONS: u32 = 256;
+
+/// Mean exact bits of SYNC, PDOs and heartbeats over the axes' whole travel, as a share of time.
+fn typical_load(
+    machine: &Machine,
+    drives: &[usize],
+    devices: &[Box<dyn Actuator>],
+    bit_rate: u32,
+) -> f64 {
+    let bits = |frame: &Frame| f64::from(frame_bits(frame));
+    let mut per_cycle = bits(&Frame::new(CobId::SYNC, &[]));
+    for (&drive, device) in drives.iter().zip(devices) {
+        let drive = &machine.drives[drive];
+        let (least, most) = machine.axes[drive.axis].soft_limits;
+        let lengths: Vec<f64> = (0..POSITIONS)
+            .map(|step| least + (most - least) * f64::from(step) / f64::from(POSITIONS))
+            .filter_map(|mm| drive.scaling.to_increments(mm).ok())
+            .filter_map(|position| device.in_motion(position).ok())
+            .map(|frames| frames.iter().map(bits).sum())
+            .collect();
+        per_cycle += lengths.iter().sum::<f64>() / lengths.len().max(1) as f64;
+    }
+    let operational = [0x05];
+    let heartbeats: f64 = drives
+        .iter()
+        .map(|&drive| machine.drives[drive].node)
+        .chain([machine.controller.node])
+        .map(|node| bits(&Frame::new(CobId::error_control(node), &operational)))
+        .sum();
+    let seconds = |bits: f64| bits / f64::from(bit_rate);
+    seconds(per_cycle) / machine.cycle.as_secs_f64()
+        + seconds(heartbeats) / machine.controller.heartbeat.as_secs_f64()
+}
+
+/// A time as messages show it: milliseconds, three decimals.
+struct Millis(Duration);
+
+impl fmt::Display for Millis {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{:.3} ms", self.0.as_secs_f64() * 1e3)
+    }
+}
+
+/// The whole answer in words.
+impl fmt::Display for BusBudget {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let budget = &self.budget;
+        writeln!(f, "bus {}: {}", self.bus, budget.verdict)?;
+        writeln!(f, "  {budget}")?;
+        writeln!(f, "  {}", self.advice())?;
+        writeln!(f)?;
+        writeln!(f, "  PDO     node  id      bits   response    deadline")?;
+        for pdo in &budget.pdos {
+            let kind = match pdo.pdo.direction {
+                syncline_canopen::budget::Direction::Transmit => "T_PDO",
+                syncline_canopen::budget::Direction::Receive => "R_PDO",
+            };
+            let response = pdo
+                .response
+                .map_or_else(|| "no bound".into(), |it| Millis(it).to_string());
+            writeln!(
+                f,
+                "  {kind}   {:<4}  {:03X}h   {:>4}  {response:>9}   {:>9}",
+                pdo.node,
+                pdo.pdo.cob_id.get(),
+                pdo.bits,
+                Millis(pdo.deadline).to_string()
+            )?;
+        }
+        writeln!(f)?;
+        let late = if budget.burst_out > budget.cycle {
+            ": a frame sent unasked just before the burst makes setpoints late"
+        } else {
+            ""
+        };
+        let burst = Millis(bit_time(budget.r_pdo_bits, budget.bit_rate));
+        for (name, value) in [
+            (
+                "SYNC jitter",
+                format!(
+                    "0…{}, by one frame that is already on its way",
+                    Millis(budget.sync_jitter)
+                ),
+            ),
+            (
+                "T_PDOs in",
+                format!("{} after SYNC", Millis(budget.t_pdos_in)),
+            ),
+            (
+                "setpoint offset",
+                format!(
+                    "{} after SYNC, the burst takes {burst}",
+                    Millis(budget.setpoint_offset)
+                ),
+            ),
+            (
+                "burst out",
+                format!("{} after SYNC{late}", Millis(budget.burst_out)),
+            ),
+            (
+                "quiet window",
+                format!(
+                    "{} before SYNC no SDO is under way",
+                    Millis(budget.quiet_window)
+                ),
+            ),
+            (
+                "room for SDO",
+                format!(
+                    "{}, {} transfers a cycle",
+                    Millis(budget.sdo_room),
+                    budget.sdo_transfers
+                ),
+            ),
+            (
+                "typical load",
+                format!("{:.1} % of the bus", self.typical_load * 100.0),
+            ),
+        ] {
+            writeln!(f, "  {name:<16}{value}")?;
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::path::Path;
+
+    fn machine(drives: u32, cycle_us: u32, setpoint_offset: &str) -> Machine {
+        let mut file = format!(
+            "[machine]\nname = \"m\"\ncycle_us = {cycle_us}\n\
+             [controller]\n{setpoint_offset}\n\
+             [[bus]]\nname = \"one\"\nbitrate = 1_000_000\nport = \"sim\"\n"
+        );
+        for (axis, name) in ["X", "Y", "Z", "A", "B", "C"]
+            .iter()
+            .take(drives as usize)
+            .enumerate()
+        {
+            file += &format!(
+                "[[drive]]\nname = \"{name}1\"\nbus = \"one\"\nnode = {}\nmodel = \"lxm32m\"\nzero = 0\n\
+                 [[axis]]\nname = \"{name}\"\ndrives = [\"{name}1\"]\npitch = 10.0\ngear = 1.0\n\
+                 max_velocity = 100.0\nmax_acceleration = 1000.0\nmax_jerk = 10000.0\n\
+                 soft_limits = [0.0, 500.0]\nfollowing_error_limit = 1.0\nstandstill_window = 0.1\n",
+                axis + 1
+            );
+        }
+        Machine::parse(Path::new("m.toml"), &file).unwrap_or_else(|error| panic!("{error}"))
+    }
+
+    #[test]
+    fn a_machine_that_does_not_fit_is_refused_with_the_arithmetic() {
+        let file = std::fs::read_to_string("../examples/portal/machine.toml").unwrap();
+        let file = file.replace("cycle_us = 2000", "cycle_us = 1000");
+        let portal = Machine::parse(Path::new("portal.toml"), &file).unwrap();
+        let refused = MachineBudget::of(&portal).check().unwrap_err();
+        assert_eq!(
+            refused.to_string(),
+            "bus portal: SYNC 55 + 4 T_PDO 460 + 4 R_PDO 460 + one blocking frame 135 = 1110 bits \
+             at 1000 kbit/s = 1.110 ms of 1.000 ms (111.0 %): does not fit; the least cycle that \
+             fits is 2.000 ms; on two buses it is 0.650 ms of 1.000 ms each: fits"
+        );
+    }
+
+    #[test]
+    fn an_offset_that_the_file_states_is_checked() {
+        for (offset, good) in [("500", false), ("900", true), ("1700", false)] {
+            let machine = machine(3, 2000, &format!("setpoint_offset_us = {offset}"));
+            let budget = MachineBudget::of(&machine);
+            assert_eq!(
+                budget.check().is_ok(),
+                good,
+                "{offset}: {:?}",
+                budget.check()
+            );
+        }
+    }
+}
