@@ -208,6 +208,8 @@ pub enum Preset {
     Number(i64),
     /// A number to which the node id is added, as in COB-IDs.
     PlusNode(i64),
+    /// A number that the manual does not print and a simulated device assumes.
+    Assumed(i64),
     /// A string.
     Bytes(&'static [u8]),
 }
@@ -290,6 +292,13 @@ impl Entry {
     #[must_use]
     pub const fn default(mut self, value: i64) -> Self {
         self.preset = Preset::Number(value);
+        self
+    }
+
+    /// With this value after power-on, which is an assumption: the manual prints none.
+    #[must_use]
+    pub const fn assumed(mut self, value: i64) -> Self {
+        self.preset = Preset::Assumed(value);
         self
     }
 
@@ -692,7 +701,7 @@ impl Dictionary {
 
 fn preset_number(entry: &Entry, node: NodeId) -> i64 {
     match entry.preset {
-        Preset::Number(value) => value,
+        Preset::Number(value) | Preset::Assumed(value) => value,
         Preset::PlusNode(value) => value + i64::from(node.get()),
         Preset::Unknown | Preset::Bytes(_) => 0,
     }

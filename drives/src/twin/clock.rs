@@ -1,0 +1,123 @@
+//! The clock that paces a drive's loops: its own oscillator, or that oscillator locked to SYNC.
+
+use super::control::SPEED_STEP_NS;
+use syncline_canopen::Instant;
+
+/// Steps of the speed loop in a cycle without SYNC: the drive's millisecond.
+const FREE_STEPS: u32 = 16;
+
+/// Share of a phase error that the next cycle's boundary and the estimated period take over.
+const PHASE_GAIN: f64 = 0.2;
+const PERIOD_GAIN: f64 = 0.02;
+
+/// How far, of the nominal period, the estimated one may stray.
+const PULL_RANGE: f64 = 0.005;
+
+/// Divides time into cycles and each cycle into equal steps of the speed loop.
+///
+/// A cycle is the interpolation period while locked to SYNC, a millisecond otherwise.
+#[derive(Clone, Debug)]
+pub struct Clock {
+    /// True nanoseconds per nominal nanosecond of the oscillator.
+    rate: f64,
+    boundary: u64,
+    nominal: f64,
+    period: f64,
+    steps: u32,
+    coming: u32,
+}
+
+impl Clock {
+    /// A free-running clock that starts at `now` with an oscillator `ppm` parts per million slow.
+    #[must_use]
+    pub fn new(now: Instant, ppm: f64) -> Self {
+        Self::cycles(1.0 + ppm * 1e-6, now, u64::from(FREE_STEPS) * SPEED_STEP_NS)
+    }
+
+    fn cycles(rate: f64, now: Instant, nominal_ns: u64) -> Self {
+        let nominal = nominal_ns as f64 * rate;
+        Self {
+            rate,
+            boundary: now.as_nanos(),
+            nominal,
+            period: nominal,
+            steps: (nominal_ns / SPEED_STEP_NS).max(1) as u32,
+            coming: 1,
+        }
+    }
+
+    /// When the present step of the speed loop ends.
+    #[must_use]
+    pub fn step_end(&self) -> Instant {
+        self.step_instant(self.coming)
+    }
+
+    /// The present step's number within the cycle, from 0, and its true length in seconds.
+    #[must_use]
+    pub fn step(&self) -> (u32, f64) {
+        let length = self.period / f64::from(self.steps);
+        (self.coming - 1, length * 1e-9)
+    }
+
+    /// Time that has passed in the present step, s.
+    #[must_use]
+    pub fn since_step(&self, now: Instant) -> f64 {
+        let begin = self.step_instant(self.coming - 1);
+        now.saturating_since(begin).as_nanos() as f64 * 1e-9
+    }
+
+    /// Steps of a cycle.
+    #[must_use]
+    pub fn steps(&self) -> u32 {
+        self.steps
+    }
+
+    /// Goes on to the next step; true if it is the first of a cycle.
+    pub fn next_step(&mut self) -> bool {
+        if self.coming < self.steps {
+            self.coming += 1;
+            return false;
+        }
+        self.boundary = self.step_instant(self.steps).as_nanos();
+        self.coming = 1;
+        true
+    }
+
+    /// Starts cycles of `nominal_ns` at the SYNC that arrived at `now`.
+    pub fn lock(&mut self, now: Instant, nominal_ns: u64) {
+        *self = Self::cycles(self.rate, now, nominal_ns);
+    }
+
+    /// Runs free again from `now`.
+    pub fn unlock(&mut self, now: Instant) {
+        *self = Self::cycles(self.rate, now, u64::from(FREE_STEPS) * SPEED_STEP_NS);
+    }
+
+    /// How long after the nearest boundary `now` lies, nanoseconds; negative if before.
+    #[must_use]
+    pub fn phase_error(&self, now: Instant) -> i64 {
+        let since = now.as_nanos().saturating_sub(self.boundary) as i64;
+        let period = self.period as i64;
+        if since > period / 2 {
+            since - period
+        } else {
+            since
+        }
+    }
+
+    /// Pulls the clock by the phase error of a SYNC.
+    pub fn correct(&mut self, error_ns: i64) {
+        let error = error_ns as f64;
+        let stray = self.nominal * PULL_RANGE;
+        let period = self.period + PERIOD_GAIN * error;
+        self.period = period.clamp(self.nominal - stray, self.nominal + stray);
+        self.boundary = self
+            .boundary
+            .saturating_add_signed((PHASE_GAIN * error) as i64);
+    }
+
+    fn step_instant(&self, step: u32) -> Instant {
+        let into = self.period * f64::from(step) / f64::from(self.steps);
+        Instant::from_nanos(self.boundary + into as u64)
+    }
+}

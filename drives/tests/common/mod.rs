@@ -1,0 +1,192 @@
+//! A small master for tests: SDO and NMT over a simulated bus, one virtual instant after another.
+#![allow(dead_code, unreachable_pub)]
+
+use syncline_canopen::time::Duration;
+use syncline_canopen::{CanId, CobId, Frame, Instant, NodeId, nmt};
+use syncline_drives::bus::{Band, BitRate, Received, SimBus};
+use syncline_drives::twin::lxm32m::{Twin, TwinConfig};
+
+pub struct Bench {
+    pub bus: SimBus<Twin>,
+    /// Everything that came from the nodes, oldest first.
+    pub log: Vec<Received>,
+}
+
+pub fn id(node: u8) -> NodeId {
+    NodeId::new(node).unwrap()
+}
+
+pub fn ms(millis: u64) -> Duration {
+    Duration::from_millis(millis)
+}
+
+impl Bench {
+    /// Twins with these configurations at 1 Mbit/s, booted.
+    pub fn new(configs: impl IntoIterator<Item = TwinConfig>) -> Self {
+        let mut bus = SimBus::new(BitRate::from_kbit(1000).unwrap());
+        for config in configs {
+            bus.attach(Twin::new(config));
+        }
+        let mut bench = Self { bus, log: vec![] };
+        bench.wait(ms(5));
+        bench
+    }
+
+    pub fn one() -> Self {
+        Self::new([TwinConfig::new(id(1))])
+    }
+
+    pub fn twin(&mut self) -> &mut Twin {
+        self.bus.node_mut(0)
+    }
+
+    pub fn now(&self) -> Instant {
+        self.bus.now()
+    }
+
+    pub fn wait(&mut self, time: Duration) {
+        self.run_to(self.bus.now() + time);
+    }
+
+    pub fn run_to(&mut self, until: Instant) {
+        self.bus.advance_to(until, &mut |_| {});
+        while let Some(received) = self.bus.receive() {
+            if !received.own {
+                self.log.push(received);
+            }
+        }
+    }
+
+    pub fn send(&mut self, id: u16, data: &[u8]) {
+        self.bus
+            .send(Band::Acyclic, Frame::new(CanId::Standard(id), data));
+    }
+
+    pub fn sync(&mut self) {
+        self.bus.send(Band::Sync, Frame::new(CobId::SYNC, &[]));
+    }
+
+    /// The first frame with this identifier that came since `from` of the log, waiting for it.
+    pub fn expect(&mut self, from: usize, id: u16, within: Duration) -> Option<Frame> {
+        let end = self.now() + within;
+        loop {
+            let found = self.log[from..]
+                .iter()
+                .find(|received| received.frame.id() == CanId::Standard(id));
+            if let Some(found) = found {
+                return Some(found.frame);
+            }
+            if self.now() >= end {
+                return None;
+            }
+            self.wait(Duration::from_micros(100));
+        }
+    }
+
+    pub fn request(&mut self, node: u8, request: [u8; 8]) -> [u8; 8] {
+        let from = self.log.len();
+        self.send(0x600 + u16::from(node), &request);
+        let answer = self
+            .expect(from, 0x580 + u16::from(node), ms(50))
+            .expect("an SDO answer");
+        answer.data().try_into().expect("8 bytes")
+    }
+
+    /// Expedited download; the abort code if it is refused.
+    pub fn write(&mut self, node: u8, index: u16, sub: u8, bytes: &[u8]) -> Result<(), u32> {
+        let [low, high] = index.to_le_bytes();
+        let mut request = [
+            0x23 | (4 - bytes.len() as u8) << 2,
+            low,
+            high,
+            sub,
+            0,
+            0,
+            0,
+            0,
+        ];
+        request[4..4 + bytes.len()].copy_from_slice(bytes);
+        let answer = self.request(node, request);
+        assert_eq!(answer[1..4], request[1..4], "multiplexer");
+        match answer[0] {
+            0x60 => Ok(()),
+            0x80 => Err(u32::from_le_bytes(answer[4..].try_into().unwrap())),
+            other => panic!("command {other:02X}"),
+        }
+    }
+
+    /// Expedited upload; the abort code if it is refused.
+    pub fn read(&mut self, node: u8, index: u16, sub: u8) -> Result<Vec<u8>, u32> {
+        let [low, high] = index.to_le_bytes();
+        let answer = self.request(node, [0x40, low, high, sub, 0, 0, 0, 0]);
+        assert_eq!(answer[1..4], [low, high, sub], "multiplexer");
+        match answer[0] {
+            0x80 => Err(u32::from_le_bytes(answer[4..].try_into().unwrap())),
+            command => {
+                assert_eq!(command & 0xF3, 0x43, "an expedited answer");
+                Ok(answer[4..8 - usize::from(command >> 2 & 3)].to_vec())
+            }
+        }
+    }
+
+    pub fn read_i32(&mut self, node: u8, index: u16, sub: u8) -> i32 {
+        let bytes = self.read(node, index, sub).unwrap();
+        i32::from_le_bytes(bytes.try_into().unwrap())
+    }
+
+    pub fn read_u16(&mut self, node: u8, index: u16, sub: u8) -> u16 {
+        let bytes = self.read(node, index, sub).unwrap();
+        u16::from_le_bytes(bytes.try_into().unwrap())
+    }
+
+    pub fn nmt(&mut self, command: nmt::Command, node: u8) {
+        self.send(0x000, &[command as u8, node]);
+        self.wait(ms(1));
+    }
+
+    pub fn controlword(&mut self, node: u8, word: u16) {
+        self.write(node, 0x6040, 0, &word.to_le_bytes()).unwrap();
+        self.wait(ms(10));
+    }
+}
+
+/// I-01…I-30 of the manual's set-up for Interpolated Position (lxm32m 1604-1636) for a node and
+/// a period in milliseconds: index, subindex, bytes.
+pub fn interpolation_setup(node: u8, period: u8) -> Vec<(u16, u8, Vec<u8>)> {
+    let cob = |word: u32| (word + u32::from(node)).to_le_bytes().to_vec();
+    let u8 = |value: u8| vec![value];
+    let u16 = |value: u16| value.to_le_bytes().to_vec();
+    let u32 = |value: u32| value.to_le_bytes().to_vec();
+    vec![
+        (0x1400, 1, cob(0x8000_0200)),
+        (0x1800, 1, cob(0x8000_0180)),
+        (0x1401, 1, cob(0x0000_0300)),
+        (0x1801, 1, cob(0x0000_0280)),
+        (0x1402, 1, cob(0x8000_0400)),
+        (0x1802, 1, cob(0x8000_0380)),
+        (0x1403, 1, cob(0x8000_0500)),
+        (0x1803, 1, cob(0x8000_0480)),
+        (0x1401, 2, u8(1)),
+        (0x1801, 2, u8(1)),
+        (0x6040, 0, u16(0)),
+        (0x6040, 0, u16(0x80)),
+        (0x1601, 0, u8(0)),
+        (0x1601, 1, u32(0x6040_0010)),
+        (0x1601, 2, u32(0x60C1_0120)),
+        (0x1601, 0, u8(2)),
+        (0x1A01, 0, u8(0)),
+        (0x1A01, 1, u32(0x6041_0010)),
+        (0x1A01, 2, u32(0x6064_0020)),
+        (0x1A01, 0, u8(2)),
+        (0x3006, 0x07, u32(0x2_0000)),
+        (0x3006, 0x08, u32(1)),
+        (0x6060, 0, u8(7)),
+        (0x3006, 0x3D, u16(1)),
+        (0x60C2, 1, u8(period)),
+        (0x3012, 0x06, u16(1000)),
+        (0x3013, 0x06, u16(1000)),
+        (0x3006, 0x06, u16(1)),
+        (0x3022, 0x04, u16(1)),
+        (0x3022, 0x05, u16(2)),
+    ]
+}
