@@ -15,4 +15,5 @@ pub mod control;
 pub mod gcode;
 pub mod machine;
 pub mod port;
+pub mod program;
 pub mod realtime;

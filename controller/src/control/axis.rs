@@ -24,7 +24,6 @@ pub(super) struct Axis {
     sides: Vec<Side>,
     /// Planned positions by cycle, newest at `cycle % HISTORY`, mm.
     planned: [f64; HISTORY],
-    cycle: u64,
     /// Statistics since the last [`Axis::freeze`].
     pub(super) following: Following,
 }
@@ -74,9 +73,13 @@ impl Axis {
             sides: vec![Side::default(); spec.drives.len()],
             spec,
             planned: [0.0; HISTORY],
-            cycle: 0,
             following: Following::default(),
         }
+    }
+
+    /// Its place in the plan's coordinates.
+    pub(super) fn coordinate(&self) -> usize {
+        self.spec.coordinate
     }
 
     /// Checks where the axis stands before it is enabled, and returns its machine position in mm.
@@ -94,8 +97,11 @@ impl Axis {
             let difference = most - least;
             return Err(Fault::Skew { axis, difference });
         }
+        // The encoder's noise on a limit is not outside.
+        let window = self.spec.standstill_window;
+        let allowed = self.spec.soft_limits.0 - window..=self.spec.soft_limits.1 + window;
         for position in [least, most] {
-            if !(self.spec.soft_limits.0..=self.spec.soft_limits.1).contains(&position) {
+            if !allowed.contains(&position) {
                 return Err(Fault::OutsideSoftLimits { axis, position });
             }
         }
@@ -123,10 +129,10 @@ impl Axis {
     pub(super) fn plan(
         &mut self,
         cycle: u64,
-        position: f64,
+        positions: &[f64],
         nodes: &mut [Node],
     ) -> Result<(), Fault> {
-        self.cycle = cycle;
+        let position = positions[self.spec.coordinate];
         self.planned[cycle as usize % HISTORY] = position;
         for (side, &drive) in self.sides.iter().zip(&self.spec.drives) {
             let node = &mut nodes[drive];

@@ -92,7 +92,7 @@ pub struct Row<const N: usize> {
     pub cycle: u64,
     /// The plan at the setpoint that this SYNC latched.
     pub plan: Setpoint<N>,
-    /// By axis.
+    /// By coordinate of the plan.
     pub axes: [AxisSample; N],
 }
 
@@ -107,7 +107,7 @@ pub enum End {
     Fault(Fault),
 }
 
-/// Controls one machine of at most `N` axes.
+/// Controls one machine along plans of `N` coordinates.
 #[derive(Debug)]
 pub struct Controller<const N: usize> {
     layout: Arc<Layout>,
@@ -149,10 +149,10 @@ impl<const N: usize> Controller<N> {
     /// A controller that wants to be woken first at `start`.
     ///
     /// # Panics
-    /// If the layout has more than `N` axes.
+    /// If an axis of the layout is beyond `N` coordinates.
     #[must_use]
     pub fn new(layout: Arc<Layout>, start: Instant) -> Self {
-        assert!(layout.axes.len() <= N, "at most {N} axes");
+        assert!(layout.axes.iter().all(|axis| axis.coordinate < N));
         let executor = Executor::new([0.0; N], layout.cycle.as_secs_f64(), 1);
         Self {
             nodes: (0..layout.drives.len())
@@ -319,8 +319,8 @@ impl<const N: usize> Controller<N> {
             }
         }
         if let Some(row) = &self.row {
-            for (axis, sample) in self.axes.iter_mut().zip(&row.axes) {
-                axis.check_motion(sample, &self.nodes)?;
+            for axis in &mut self.axes {
+                axis.check_motion(&row.axes[axis.coordinate()], &self.nodes)?;
             }
         }
         Ok(())
@@ -330,9 +330,10 @@ impl<const N: usize> Controller<N> {
     fn sample_axes(&mut self) {
         let mut samples = [AxisSample::default(); N];
         let mut in_position = self.executor.is_idle();
-        for (axis, sample) in self.axes.iter().zip(&mut samples) {
-            *sample = axis.sample(self.cycle, &self.nodes);
-            in_position &= axis.is_in_position(sample);
+        for axis in &self.axes {
+            let sample = axis.sample(self.cycle, &self.nodes);
+            in_position &= axis.is_in_position(&sample);
+            samples[axis.coordinate()] = sample;
         }
         self.in_position = if in_position { self.in_position + 1 } else { 0 };
         self.row = Some(Row {
@@ -370,8 +371,8 @@ impl<const N: usize> Controller<N> {
             if (Phase::Program..=Phase::Stop).contains(&self.phase) {
                 self.planned = self.executor.advance();
             }
-            for (axis, &position) in self.axes.iter_mut().zip(&self.planned.position) {
-                axis.plan(self.cycle + 1, position, &mut self.nodes)?;
+            for axis in &mut self.axes {
+                axis.plan(self.cycle + 1, &self.planned.position, &mut self.nodes)?;
             }
         }
         if self.phase == Phase::Start && !self.nodes.iter().all(Node::is_sampled) {

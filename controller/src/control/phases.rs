@@ -162,8 +162,8 @@ impl<const N: usize> Controller<N> {
             node.setpoint = node.actual();
         }
         let mut position = [0.0; N];
-        for (axis, position) in self.axes.iter_mut().zip(&mut position) {
-            *position = axis.freeze(&self.nodes)?;
+        for axis in &mut self.axes {
+            position[axis.coordinate()] = axis.freeze(&self.nodes)?;
         }
         let period = self.layout.cycle.as_secs_f64();
         self.executor = Executor::new(position, period, PLAN_CAPACITY);

@@ -10,6 +10,7 @@ mod table;
 
 pub use diagnostic::{Diagnostic, Invalid};
 
+use crate::gcode;
 use std::{
     fs, io,
     path::{Path, PathBuf},
@@ -137,6 +138,15 @@ pub enum MachineError {
     /// It does not describe a machine.
     #[error(transparent)]
     Invalid(#[from] Invalid),
+}
+
+impl Axis {
+    /// The program's letter for it.
+    #[must_use]
+    pub fn letter(&self) -> gcode::Axis {
+        let letter = self.name.chars().next().and_then(gcode::Axis::from_letter);
+        letter.expect("the machine file was checked for axis letters")
+    }
 }
 
 impl Machine {

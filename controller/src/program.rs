@@ -1,0 +1,325 @@
+//! A part program on its way into the cycle: interpreted, turned into curves, planned.
+//!
+//! ```text
+//! file ──► gcode::Interpreter ──► Feeder ──► path::Planner ──► Instruction, to the controller
+//! ```
+//!
+//! The plan's coordinates are the letters X Y Z A B C U V W, whatever axes the machine has.
+
+use crate::control::{Instruction, Pause};
+use crate::gcode::{self, Action, AxisSet, Interpreter};
+use crate::machine::Machine;
+use std::collections::VecDeque;
+use std::path::{Path, PathBuf};
+use syncline_trajectory::path::curve::ArcDefinition;
+use syncline_trajectory::path::{
+    Curve, CurveError, Exit, Feed, Item, Limits, Move, PathError, Plane, Planner,
+};
+
+/// Coordinates of a plan: the letters X Y Z A B C U V W.
+pub const COORDINATES: usize = 9;
+
+/// A position in machine coordinates, mm or degrees, by letter.
+pub type Position = [f64; COORDINATES];
+
+/// Operator switches and the place a program starts from.
+#[derive(Clone, Debug)]
+pub struct Program {
+    file: PathBuf,
+    setup: gcode::Setup,
+    limits: Limits<COORDINATES>,
+}
+
+/// One programmed move, as recorders and checkers need it.
+#[derive(Clone, Debug)]
+pub struct ProgramMove {
+    /// Program line.
+    pub line: u32,
+    /// Its geometry, machine coordinates.
+    pub curve: Curve<COORDINATES>,
+}
+
+/// What a program amounts to.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Extent {
+    /// Blocks executed.
+    pub blocks: u64,
+    /// Length of all moves, mm.
+    pub length: f64,
+}
+
+/// Why a program cannot be run.
+#[derive(Debug, thiserror::Error)]
+pub enum ProgramError {
+    /// A block is wrong or not supported.
+    #[error(transparent)]
+    Block(#[from] gcode::Error),
+    /// A move has no curve.
+    #[error("{file}:{line}: this move cannot be followed")]
+    Curve {
+        /// The program.
+        file: String,
+        /// The line.
+        line: u32,
+        /// Why.
+        source: CurveError,
+    },
+    /// A move cannot be planned.
+    #[error("{file}:{line}: this move cannot be planned")]
+    Plan {
+        /// The program.
+        file: String,
+        /// The line.
+        line: u32,
+        /// Why.
+        source: PathError,
+    },
+}
+
+impl Program {
+    /// A program for a machine.
+    #[must_use]
+    pub fn new(file: &Path, machine: &Machine) -> Self {
+        let mut axes = AxisSet::default();
+        // A coordinate without an axis never moves; any limit will do.
+        let mut limits = Limits {
+            velocity: [1.0; COORDINATES],
+            acceleration: [1.0; COORDINATES],
+            jerk: [1.0; COORDINATES],
+        };
+        let mut soft_limits = [None; COORDINATES];
+        for axis in &machine.axes {
+            axes.insert(axis.letter());
+            let coordinate = axis.letter().index();
+            limits.velocity[coordinate] = axis.max_velocity;
+            limits.acceleration[coordinate] = axis.max_acceleration;
+            limits.jerk[coordinate] = axis.max_jerk;
+            soft_limits[coordinate] = Some(axis.soft_limits);
+        }
+        let mut setup = gcode::Setup::new(axes);
+        setup.limits = soft_limits;
+        Self {
+            file: file.to_owned(),
+            setup,
+            limits,
+        }
+    }
+
+    /// Whether M1 stops.
+    #[must_use]
+    pub fn optional_stop(mut self, stops: bool) -> Self {
+        self.setup.optional_stop = stops;
+        self
+    }
+
+    /// Whether blocks that begin with `/` are skipped.
+    #[must_use]
+    pub fn block_delete(mut self, skips: bool) -> Self {
+        self.setup.block_delete = skips;
+        self
+    }
+
+    /// Interprets the whole program from `start` without moving anything.
+    ///
+    /// # Errors
+    /// The first block that cannot be run.
+    pub fn check(&self, start: Position) -> Result<Extent, ProgramError> {
+        let mut interpreter = self.interpret(start)?;
+        let mut source = MoveSource::new(&self.file, start);
+        let mut extent = Extent::default();
+        for command in interpreter.by_ref() {
+            if let Some(motion) = source.curve(&command?)? {
+                extent.length += motion.curve.length();
+            }
+        }
+        extent.blocks = interpreter.executed();
+        Ok(extent)
+    }
+
+    /// Starts the program from `start`.
+    ///
+    /// # Errors
+    /// The file cannot be read.
+    pub fn feeder(&self, start: Position) -> Result<Feeder, ProgramError> {
+        Ok(Feeder {
+            interpreter: self.interpret(start)?,
+            source: MoveSource::new(&self.file, start),
+            planner: Planner::new(self.limits, start),
+            exit: Exit::Stop,
+            then: None,
+            moves: VecDeque::new(),
+            first: 0,
+            ended: false,
+        })
+    }
+
+    fn interpret(&self, start: Position) -> Result<Interpreter, ProgramError> {
+        let mut setup = self.setup.clone();
+        setup.start = gcode::Point(start);
+        Ok(Interpreter::open(&self.file, setup)?)
+    }
+}
+
+/// Turns motion commands into curves.
+struct MoveSource {
+    file: String,
+    at: Position,
+}
+
+impl MoveSource {
+    fn new(file: &Path, at: Position) -> Self {
+        Self {
+            file: file.display().to_string(),
+            at,
+        }
+    }
+
+    /// The move that a command asks for; `None` if it asks for none, or for one of no length.
+    fn curve(&mut self, command: &gcode::Command) -> Result<Option<ProgramMove>, ProgramError> {
+        let line = command.span.line;
+        let (curve, to) = match &command.action {
+            Action::Rapid { to } | Action::Feed { to, .. } => (Curve::line(self.at, to.0), to.0),
+            Action::Arc { arc, .. } => {
+                let whole_turns = arc.sweep.abs() / std::f64::consts::TAU;
+                let definition = ArcDefinition {
+                    start: self.at,
+                    end: arc.to.0,
+                    plane: match arc.plane {
+                        gcode::Plane::Xy => Plane::Xy,
+                        gcode::Plane::Zx => Plane::Zx,
+                        gcode::Plane::Yz => Plane::Yz,
+                    },
+                    centre: (arc.center[0], arc.center[1]),
+                    clockwise: arc.direction() == gcode::Direction::Clockwise,
+                    turns: ((whole_turns - 1e-9).ceil() - 1.0).max(0.0) as u32,
+                };
+                (Curve::arc(definition), arc.to.0)
+            }
+            _ => return Ok(None),
+        };
+        match curve {
+            Ok(curve) => {
+                self.at = to;
+                Ok(Some(ProgramMove { line, curve }))
+            }
+            Err(CurveError::NoLength) => Ok(None),
+            Err(source) => Err(ProgramError::Curve {
+                file: self.file.clone(),
+                line,
+                source,
+            }),
+        }
+    }
+}
+
+/// A running program: hands out one [`Instruction`] after the other and remembers the moves that
+/// the machine has not passed yet.
+pub struct Feeder {
+    interpreter: Interpreter,
+    source: MoveSource,
+    planner: Planner<COORDINATES>,
+    exit: Exit,
+    /// What follows once the planner is empty.
+    then: Option<Instruction<COORDINATES>>,
+    moves: VecDeque<ProgramMove>,
+    /// Tag of the first of `moves`.
+    first: u32,
+    ended: bool,
+}
+
+impl Feeder {
+    /// The next instruction; after [`Instruction::End`] none.
+    ///
+    /// # Errors
+    /// The block that cannot be run. Nothing comes after it.
+    pub fn next_instruction(&mut self) -> Result<Option<Instruction<COORDINATES>>, ProgramError> {
+        loop {
+            if let Some(command) = self.planner.pop() {
+                return Ok(Some(Instruction::Plan(command)));
+            }
+            if let Some(instruction) = self.then.take() {
+                return Ok(Some(instruction));
+            }
+            if self.ended {
+                return Ok(None);
+            }
+            let Some(command) = self.interpreter.next() else {
+                self.stop_then(Instruction::End);
+                self.ended = true;
+                continue;
+            };
+            self.take(&command?)?;
+        }
+    }
+
+    fn take(&mut self, command: &gcode::Command) -> Result<(), ProgramError> {
+        let line = command.span.line;
+        if let Some(motion) = self.source.curve(command)? {
+            let feed = match &command.action {
+                Action::Feed { feed, .. } | Action::Arc { feed, .. } => match *feed {
+                    gcode::Feed::Rate(rate) => Feed::Rate(rate),
+                    gcode::Feed::Duration(seconds) => Feed::Rate(motion.curve.length() / seconds),
+                },
+                _ => Feed::Rapid,
+            };
+            let item = Item::Move(Move {
+                curve: motion.curve,
+                feed,
+                exit: self.exit,
+                tag: self.first + self.moves.len() as u32,
+            });
+            self.moves.push_back(motion);
+            return self.push(line, item);
+        }
+        match &command.action {
+            Action::Dwell { seconds } => {
+                let item = Item::Dwell {
+                    duration: *seconds,
+                    tag: (self.first + self.moves.len() as u32).saturating_sub(1),
+                };
+                self.push(line, item)?;
+            }
+            Action::Stop(stop) => {
+                let reason = match *stop {
+                    gcode::Stop::Program => Pause::ProgramStop,
+                    gcode::Stop::Optional => Pause::OptionalStop,
+                    gcode::Stop::ToolChange { tool } => Pause::ToolChange(tool),
+                };
+                self.stop_then(Instruction::Pause { reason, line });
+            }
+            Action::End => self.stop_then(Instruction::End),
+            _ => {}
+        }
+        self.ended |= command.action == Action::End;
+        Ok(())
+    }
+
+    fn push(&mut self, line: u32, item: Item<COORDINATES>) -> Result<(), ProgramError> {
+        self.planner
+            .push(item)
+            .map_err(|source| ProgramError::Plan {
+                file: self.source.file.clone(),
+                line,
+                source,
+            })
+    }
+
+    /// Comes to rest, then `instruction`.
+    fn stop_then(&mut self, instruction: Instruction<COORDINATES>) {
+        self.planner.finish();
+        self.then = Some(instruction);
+    }
+
+    /// The move behind a setpoint's tag, unless it was forgotten.
+    #[must_use]
+    pub fn motion(&self, tag: u32) -> Option<&ProgramMove> {
+        self.moves.get(tag.checked_sub(self.first)? as usize)
+    }
+
+    /// Forgets the moves before `tag`.
+    pub fn passed(&mut self, tag: u32) {
+        while self.first < tag && self.moves.pop_front().is_some() {
+            self.first += 1;
+        }
+    }
+}
