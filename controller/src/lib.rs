@@ -5,6 +5,7 @@
 //! - [`budget`]: whether its frames fit its cycle
 //! - [`port`]: one CAN bus as the cycle uses it
 //! - [`realtime`]: what the cycle thread asks of the kernel, and what it got
+//! - [`report`]: what a run leaves to look at
 //! - [`commands`]: the `syncline` command line
 
 #![deny(unsafe_code)]
@@ -17,3 +18,4 @@ pub mod machine;
 pub mod port;
 pub mod program;
 pub mod realtime;
+pub mod report;

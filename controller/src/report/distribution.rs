@@ -1,0 +1,138 @@
+//! How often a time was how long.
+
+use super::{
+    Distribution,
+    html::escape,
+    scale::{Scale, count, number},
+};
+use hdrhistogram::Histogram;
+use std::fmt::Write;
+
+const WIDTH: f64 = 560.0;
+const HEIGHT: f64 = 210.0;
+const LEFT: f64 = 50.0;
+const BARS: usize = 64;
+
+/// Percentiles that enough values stand behind: at least ten beyond each.
+pub fn percentiles(histogram: &Histogram<u64>) -> Vec<(&'static str, u64)> {
+    let n = histogram.len() as f64;
+    [
+        ("p50", 0.5),
+        ("p90", 0.9),
+        ("p99", 0.99),
+        ("p99.9", 0.999),
+        ("p99.99", 0.9999),
+        ("p99.999", 0.99999),
+    ]
+    .into_iter()
+    .filter(|(_, p)| n * (1.0 - p) >= 10.0 - 1e-6)
+    .map(|(name, p)| (name, histogram.value_at_quantile(p)))
+    .collect()
+}
+
+/// A card with bars, both axes logarithmic but for narrow distributions, and percentiles.
+pub(super) fn card(distribution: &Distribution) -> String {
+    let Distribution { name, histogram } = distribution;
+    let mut html = format!("<figure><figcaption>{}</figcaption>", escape(name));
+    if histogram.is_empty() {
+        return html + "<p class=quiet>No values.</p></figure>";
+    }
+    let micros = |nanos: u64| nanos as f64 * 1e-3;
+    let (least, most) = (micros(histogram.min()), micros(histogram.max()));
+    let logarithmic = most > 8.0 * least.max(1e-3);
+    let place = |value: f64| {
+        if logarithmic {
+            value.max(0.1).log10()
+        } else {
+            value
+        }
+    };
+    let x = Scale::new((place(least), place(most)), (LEFT, WIDTH - 12.0));
+
+    let mut bars = [0u64; BARS];
+    for recorded in histogram.iter_recorded() {
+        let value = place(micros(recorded.value_iterated_to()).clamp(least, most));
+        let share = (value - x.domain.0) / (x.domain.1 - x.domain.0);
+        bars[((share * BARS as f64) as usize).min(BARS - 1)] += recorded.count_at_value();
+    }
+    let tallest = bars.iter().copied().max().unwrap_or(1).max(1);
+    let floor = HEIGHT - 30.0;
+    let y = Scale::new((-0.3, (tallest as f64).log10().max(0.7)), (floor, 12.0));
+    _ = write!(
+        html,
+        "<svg class=view viewBox='0 0 {WIDTH} {HEIGHT}' role=img aria-label='{}'>",
+        escape(name)
+    );
+    for decade in 0..=(tallest as f64).log10() as u32 {
+        let at = y.at(f64::from(decade));
+        _ = write!(
+            html,
+            "<path class=grid d='M{LEFT} {at:.1}H{:.1}'/>\
+             <text class=tick x={:.1} y={:.1} text-anchor=end>{}</text>",
+            WIDTH - 12.0,
+            LEFT - 6.0,
+            at + 3.5,
+            count(10u64.pow(decade))
+        );
+    }
+    let cell = (x.range.1 - x.range.0) / BARS as f64;
+    for (n, bar) in bars.iter().enumerate().filter(|(_, bar)| **bar > 0) {
+        let top = y.at((*bar as f64).log10());
+        _ = write!(
+            html,
+            "<rect class=bar x={:.1} y={top:.1} width={:.1} height={:.1}><title>{}</title></rect>",
+            x.range.0 + n as f64 * cell,
+            cell - 1.0,
+            floor - top,
+            count(*bar)
+        );
+    }
+    let ticks: Vec<f64> = if logarithmic {
+        let decades = x.domain.0.floor() as i32..=x.domain.1.ceil() as i32;
+        decades
+            .flat_map(|decade| [1.0, 2.0, 5.0].map(|n| n * 10f64.powi(decade)))
+            .filter(|tick| (x.domain.0..=x.domain.1).contains(&tick.log10()))
+            .collect()
+    } else {
+        x.ticks(6)
+    };
+    let every = ticks.len().div_ceil(9).max(1);
+    for tick in ticks.into_iter().step_by(every) {
+        _ = write!(
+            html,
+            "<text class=tick x={:.1} y={:.1} text-anchor=middle>{}</text>",
+            x.at(place(tick)),
+            floor + 16.0,
+            number(tick)
+        );
+    }
+    _ = write!(
+        html,
+        "<text class=tick x={:.1} y={:.1} text-anchor=end>µs</text></svg><p class=quiet>{} values",
+        WIDTH - 12.0,
+        HEIGHT - 1.0,
+        count(histogram.len())
+    );
+    for (name, value) in percentiles(histogram) {
+        _ = write!(html, " · {name} {} µs", number(micros(value)));
+    }
+    _ = write!(html, " · max {} µs</p></figure>", number(most));
+    html
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_percentile_stands_only_on_ten_values_beyond_it() {
+        let mut histogram = Histogram::new(3).unwrap();
+        histogram.record_n(5, 1000).unwrap();
+        let names: Vec<_> = percentiles(&histogram).iter().map(|p| p.0).collect();
+        assert_eq!(names, ["p50", "p90", "p99"]);
+        histogram.record_n(7, 8_999).unwrap();
+        assert_eq!(percentiles(&histogram).len(), 3);
+        histogram.record(7).unwrap();
+        assert_eq!(percentiles(&histogram).len(), 4);
+    }
+}

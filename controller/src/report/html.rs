@@ -1,0 +1,322 @@
+//! The page and its parts.
+
+use super::{
+    AxisReport, Report, Violation,
+    chart::{self, Line, Mark, Strip},
+    distribution,
+    scale::{count, number},
+    toolpath::ToolPath,
+};
+use std::fmt::Write;
+
+/// Violations listed; more are counted.
+const LISTED: usize = 200;
+
+/// The whole file.
+pub(super) fn page(report: &Report) -> String {
+    let mut html = format!(
+        "<!doctype html>\n<html lang=en>\n<head>\n<meta charset=utf-8>\n\
+         <meta name=viewport content='width=device-width, initial-scale=1'>\n\
+         <meta name=color-scheme content='light dark'>\n\
+         <title>{} · {}</title>\n<style>\n{}</style>\n</head>\n<body>\n<main>\n",
+        escape(&report.machine),
+        escape(&report.program),
+        include_str!("style.css")
+    );
+    html += &head(report);
+    html += &violations(&report.violations);
+    html += &limits(&report.axes);
+    html += &toolpath(report);
+    html += &path_over_time(report);
+    for axis in &report.axes {
+        html += &axis_over_time(report, axis);
+    }
+    html += &distributions(report);
+    html + "</main>\n</body>\n</html>\n"
+}
+
+/// Verdict, what ran, and the facts.
+fn head(report: &Report) -> String {
+    let (class, word) = if report.passed {
+        ("pass", "Pass")
+    } else {
+        ("fail", "Fail")
+    };
+    let mut html = format!(
+        "<header class={class}>\n<div><h1>{} <span>{}</span></h1>\n<p class=quiet>{}</p></div>\n\
+         <div class=verdict><b>{word}</b><p>{}</p></div>\n</header>\n<dl class=facts>\n",
+        escape(&report.machine),
+        escape(&report.program),
+        escape(&report.mode),
+        escape(&report.outcome),
+    );
+    for (name, value) in &report.facts {
+        // A hash gets a line of its own.
+        let class = if value.len() > 24 { " class=wide" } else { "" };
+        _ = writeln!(
+            html,
+            "<div{class}><dt>{}</dt><dd>{}</dd></div>",
+            escape(name),
+            escape(value)
+        );
+    }
+    html + "</dl>\n"
+}
+
+fn violations(violations: &[Violation]) -> String {
+    if violations.is_empty() {
+        return String::new();
+    }
+    let mut html = format!(
+        "<section class=violations>\n<h2>{} violation{}</h2>\n<div class=scroll><table>\n<tr>\
+         <th>What<th>Axis<th class=n>Time<th class=n>Line<th class=n>Value<th class=n>Limit</tr>\n",
+        count(violations.len() as u64),
+        if violations.len() == 1 { "" } else { "s" }
+    );
+    for violation in violations.iter().take(LISTED) {
+        let unit = escape(violation.unit);
+        _ = writeln!(
+            html,
+            "<tr><td>{}<td>{}<td class=n>{:.4} s<td class=n>{}<td class=n>{} {unit}<td class=n>{} \
+             {unit}</tr>",
+            escape(&violation.what),
+            escape(violation.axis.as_deref().unwrap_or("–")),
+            violation.time,
+            line(violation.line),
+            number(violation.value),
+            number(violation.limit),
+        );
+    }
+    html += "</table></div>\n";
+    if violations.len() > LISTED {
+        let rest = count((violations.len() - LISTED) as u64);
+        _ = writeln!(html, "<p class=quiet>… and {rest} more.</p>");
+    }
+    html + "</section>\n"
+}
+
+fn line(line: u32) -> String {
+    if line == 0 {
+        "–".into()
+    } else {
+        line.to_string()
+    }
+}
+
+/// Each axis's greatest values against its limits.
+fn limits(axes: &[AxisReport]) -> String {
+    if axes.is_empty() {
+        return String::new();
+    }
+    let mut html = String::from(
+        "<section>\n<h2>Against the limits</h2>\n<div class=scroll><table class=limits>\n<tr><th>\
+         Axis<th>Velocity <i>mm/s</i><th>Acceleration <i>mm/s²</i><th>Jerk <i>mm/s³</i>\
+         <th>Following error <i>mm</i><th class=n>RMS <i>mm</i></tr>\n",
+    );
+    for axis in axes {
+        _ = write!(html, "<tr><th>{}</th>", escape(&axis.name));
+        for (value, limit) in [
+            (axis.max_velocity, axis.velocity_limit),
+            (axis.max_acceleration, axis.acceleration_limit),
+            (axis.max_jerk, axis.jerk_limit),
+            (axis.max_following_error, axis.following_error_limit),
+        ] {
+            let share = if limit > 0.0 { value / limit } else { 0.0 };
+            // The plan is allowed its rounding (issue: relative 1e-6).
+            let class = if share > 1.0 + 1e-6 {
+                " class=over"
+            } else {
+                ""
+            };
+            _ = write!(
+                html,
+                "<td{class}><div class=meter><div style='width:{:.1}%'></div></div>{} \
+                 <span>of {} · {:.0} %</span>",
+                (share * 100.0).clamp(0.0, 100.0),
+                number(value),
+                number(limit),
+                share * 100.0
+            );
+        }
+        _ = writeln!(
+            html,
+            "<td class=n>{}</tr>",
+            number(axis.rms_following_error)
+        );
+    }
+    html + "</table></div>\n</section>\n"
+}
+
+fn toolpath(report: &Report) -> String {
+    ToolPath::new(report).map_or_else(String::new, |path| {
+        format!(
+            "<section>\n<h2>Tool path</h2>\n<div class=pair>\n<figure><figcaption>From above\
+             </figcaption>{}</figure>\n<figure><figcaption>In space</figcaption>{}</figure>\n</div>\
+             \n{}\n</section>\n",
+            path.above(),
+            path.in_space(),
+            path.legend()
+        )
+    })
+}
+
+fn path_over_time(report: &Report) -> String {
+    let lines: Vec<f64> = report.line.iter().map(|line| f64::from(*line)).collect();
+    let fastest = report.feed.iter().copied().fold(0.0, f64::max);
+    let strips = [
+        Strip {
+            title: "Feed",
+            unit: "mm/s",
+            note: format!("max {}", number(fastest)),
+            lines: vec![Line {
+                class: "set",
+                values: &report.feed,
+                stepped: false,
+            }],
+            limits: Vec::new(),
+        },
+        Strip {
+            title: "Program line",
+            unit: "",
+            note: String::new(),
+            lines: vec![Line {
+                class: "set",
+                values: &lines,
+                stepped: true,
+            }],
+            limits: Vec::new(),
+        },
+    ];
+    let all: Vec<Mark> = report.violations.iter().take(LISTED).map(mark).collect();
+    section(
+        "Along the path",
+        chart::strips("Feed and program line", &report.time, &strips, &all),
+    )
+}
+
+fn axis_over_time(report: &Report, axis: &AxisReport) -> String {
+    let strip = |title, unit, values, limit: f64, max: f64, stepped| Strip {
+        title,
+        unit,
+        note: format!("max {} · limit {}", number(max), number(limit)),
+        lines: vec![Line {
+            class: "set",
+            values,
+            stepped,
+        }],
+        limits: vec![limit, -limit],
+    };
+    let (least, most) = axis.soft_limits;
+    let strips = [
+        Strip {
+            title: "Position",
+            unit: "mm",
+            note: format!("soft limits {} … {}", number(least), number(most)),
+            lines: vec![
+                Line {
+                    class: "act",
+                    values: &axis.act,
+                    stepped: false,
+                },
+                Line {
+                    class: "set",
+                    values: &axis.set,
+                    stepped: false,
+                },
+            ],
+            limits: vec![least, most],
+        },
+        strip(
+            "Velocity",
+            "mm/s",
+            &axis.velocity,
+            axis.velocity_limit,
+            axis.max_velocity,
+            false,
+        ),
+        strip(
+            "Acceleration",
+            "mm/s²",
+            &axis.acceleration,
+            axis.acceleration_limit,
+            axis.max_acceleration,
+            false,
+        ),
+        strip(
+            "Jerk",
+            "mm/s³",
+            &axis.jerk,
+            axis.jerk_limit,
+            axis.max_jerk,
+            true,
+        ),
+        strip(
+            "Following error",
+            "mm",
+            &axis.following_error,
+            axis.following_error_limit,
+            axis.max_following_error,
+            false,
+        ),
+    ];
+    let own: Vec<Mark> = report
+        .violations
+        .iter()
+        .filter(|violation| {
+            violation
+                .axis
+                .as_ref()
+                .is_none_or(|name| *name == axis.name)
+        })
+        .take(LISTED)
+        .map(mark)
+        .collect();
+    let title = format!("Axis {}", axis.name);
+    section(&title, chart::strips(&title, &report.time, &strips, &own))
+}
+
+fn mark(violation: &Violation) -> Mark {
+    Mark {
+        time: violation.time,
+        text: format!(
+            "{} {}: {} {unit}, limit {} {unit}, line {}",
+            violation.axis.as_deref().unwrap_or_default(),
+            violation.what,
+            number(violation.value),
+            number(violation.limit),
+            line(violation.line),
+            unit = violation.unit,
+        ),
+    }
+}
+
+fn distributions(report: &Report) -> String {
+    let cards: String = report
+        .distributions
+        .iter()
+        .map(distribution::card)
+        .collect();
+    if cards.is_empty() {
+        return cards;
+    }
+    format!("<section>\n<h2>Times of the cycle</h2>\n<div class=pair>{cards}</div>\n</section>\n")
+}
+
+fn section(title: &str, content: String) -> String {
+    if content.is_empty() {
+        return content;
+    }
+    format!(
+        "<section>\n<h2>{}</h2>\n{content}\n</section>\n",
+        escape(title)
+    )
+}
+
+/// Text as HTML shows it, in an attribute too.
+pub(super) fn escape(text: &str) -> String {
+    text.replace('&', "&amp;")
+        .replace('<', "&lt;")
+        .replace('>', "&gt;")
+        .replace('"', "&quot;")
+        .replace('\'', "&#39;")
+}

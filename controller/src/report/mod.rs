@@ -1,0 +1,20 @@
+//! One self-contained HTML file about a run: verdict, tool path, every axis against its limits,
+//! following error, distribution of cycle times. No network, no script.
+
+mod chart;
+mod data;
+mod distribution;
+mod html;
+mod scale;
+mod toolpath;
+
+pub use data::{AxisReport, Distribution, Report, Violation};
+pub use distribution::percentiles;
+
+impl Report {
+    /// The file's text.
+    #[must_use]
+    pub fn to_html(&self) -> String {
+        html::page(self)
+    }
+}

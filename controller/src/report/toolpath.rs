@@ -1,0 +1,299 @@
+//! The tool's path: from above, and in parallel projection from the front right.
+
+use super::{
+    Report,
+    scale::{Scale, extent, number},
+};
+use std::fmt::Write;
+
+const WIDTH: f64 = 560.0;
+const HEIGHT: f64 = 470.0;
+const MARGIN: f64 = 44.0;
+/// Points nearer than this to the last one drawn are left out, in pixels.
+const RESOLUTION: f64 = 0.3;
+
+/// Slow to fast, readable on white and on black.
+const RAMP: [(u8, u8, u8); 5] = [
+    (59, 110, 246),
+    (16, 170, 160),
+    (118, 184, 30),
+    (240, 150, 16),
+    (228, 52, 72),
+];
+const SHADES: usize = 32;
+
+/// A position in machine coordinates, mm.
+type Point = [f64; 3];
+
+/// The path with the speed at each point.
+pub(super) struct ToolPath {
+    points: Vec<Point>,
+    speed: Vec<f64>,
+    fastest: f64,
+}
+
+impl ToolPath {
+    /// The commanded path; `None` with no axis that is X, Y or Z, or with no finite point.
+    pub(super) fn new(report: &Report) -> Option<Self> {
+        let axis = |name: &str| report.axes.iter().find(|axis| axis.name == name);
+        let axes = [axis("X"), axis("Y"), axis("Z")];
+        axes.iter().flatten().next()?;
+        let (mut points, mut speed) = (Vec::new(), Vec::new());
+        for n in 0..report.time.len() {
+            let point = axes.map(|axis| axis.map_or(Some(0.0), |axis| axis.set.get(n).copied()));
+            if let [Some(x), Some(y), Some(z)] = point
+                && x.is_finite()
+                && y.is_finite()
+                && z.is_finite()
+            {
+                points.push([x, y, z]);
+                let feed = report.feed.get(n).copied().unwrap_or(0.0);
+                speed.push(if feed.is_finite() { feed } else { 0.0 });
+            }
+        }
+        let fastest = speed.iter().copied().fold(0.0, f64::max);
+        (!points.is_empty()).then_some(Self {
+            points,
+            speed,
+            fastest,
+        })
+    }
+
+    fn shade(&self, speed: f64) -> usize {
+        if self.fastest > 0.0 {
+            ((speed / self.fastest * SHADES as f64) as usize).min(SHADES - 1)
+        } else {
+            0
+        }
+    }
+
+    /// The path as `project` places it, one SVG path for each run of one shade.
+    fn draw(&self, svg: &mut String, project: impl Fn(&Point) -> (f64, f64)) {
+        let mut run: Option<(usize, String, (f64, f64))> = None;
+        let mut flush = |run: &Option<(usize, String, (f64, f64))>| {
+            if let Some((shade, d, _)) = run {
+                _ = write!(
+                    svg,
+                    "<path class=path stroke='{}' d='{d}'/>",
+                    colour(*shade)
+                );
+            }
+        };
+        for (point, speed) in self.points.iter().zip(&self.speed) {
+            let (x, y) = project(point);
+            let shade = self.shade(*speed);
+            match &mut run {
+                Some((of, d, last)) if *of == shade => {
+                    if (x - last.0).abs().max((y - last.1).abs()) >= RESOLUTION {
+                        _ = write!(d, "L{x:.1} {y:.1}");
+                        *last = (x, y);
+                    }
+                }
+                _ => {
+                    // A run starts where the one before it ended.
+                    let (x0, y0) = run.as_ref().map_or((x, y), |(_, _, last)| *last);
+                    flush(&run);
+                    let d = format!("M{x0:.1} {y0:.1}L{x:.1} {y:.1}");
+                    run = Some((shade, d, (x, y)));
+                }
+            }
+        }
+        flush(&run);
+    }
+
+    /// The outline only, as a shadow on the floor.
+    fn shadow(&self, svg: &mut String, project: impl Fn(&Point) -> (f64, f64)) {
+        let mut d = String::new();
+        let mut last = (f64::NEG_INFINITY, 0.0);
+        for point in &self.points {
+            let (x, y) = project(point);
+            if (x - last.0).abs().max((y - last.1).abs()) >= 1.0 {
+                let command = if d.is_empty() { 'M' } else { 'L' };
+                _ = write!(d, "{command}{x:.1} {y:.1}");
+                last = (x, y);
+            }
+        }
+        _ = write!(svg, "<path class=shadow d='{d}'/>");
+    }
+
+    fn extents(&self) -> [(f64, f64); 3] {
+        [0, 1, 2]
+            .map(|axis| extent(self.points.iter().map(|point| point[axis])).unwrap_or((0.0, 0.0)))
+    }
+
+    /// X to the right, Y up.
+    pub(super) fn above(&self) -> String {
+        let [x, y, _] = self.extents();
+        let (sx, sy) = equal_scales(x, y, (MARGIN + 6.0, WIDTH - 14.0), (HEIGHT - 34.0, 14.0));
+        let mut svg = open("Tool path from above");
+        let ((left, right), (bottom, top)) = (sx.range, sy.range);
+        for tick in sx.ticks(6) {
+            let at = sx.at(tick);
+            _ = write!(
+                svg,
+                "<path class=grid d='M{at:.1} {bottom:.1}V{top:.1}'/>\
+                 <text class=tick x={at:.1} y={:.1} text-anchor=middle>{}</text>",
+                bottom + 16.0,
+                number(tick)
+            );
+        }
+        for tick in sy.ticks(6) {
+            let at = sy.at(tick);
+            _ = write!(
+                svg,
+                "<path class=grid d='M{left:.1} {at:.1}H{right:.1}'/>\
+                 <text class=tick x={:.1} y={:.1} text-anchor=end>{}</text>",
+                left - 6.0,
+                at + 3.5,
+                number(tick)
+            );
+        }
+        _ = write!(
+            svg,
+            "<text class=name x={right:.1} y={:.1} text-anchor=end>X <tspan class=unit>mm</tspan>\
+             </text><text class=name x={:.1} y={:.1}>Y <tspan class=unit>mm</tspan></text>",
+            bottom - 6.0,
+            left + 6.0,
+            top + 13.0
+        );
+        let project = |p: &Point| (sx.at(p[0]), sy.at(p[1]));
+        self.draw(&mut svg, project);
+        self.ends(&mut svg, project);
+        svg + "</svg>"
+    }
+
+    /// X to the right and a little down, Y away and up, Z up.
+    pub(super) fn in_space(&self) -> String {
+        // Turned by 30° about Z, seen from 30° above.
+        const COS: f64 = 0.866_025_403_784_438_6;
+        const SIN: f64 = 0.5;
+        let flat = |[x, y, z]: &Point| {
+            let (across, away) = (x * COS - y * SIN, x * SIN + y * COS);
+            (across, away * SIN + z * COS)
+        };
+        let [x, y, z] = self.extents();
+        let corner = |n: usize| {
+            let end =
+                |axis: (f64, f64), bit: usize| if n >> bit & 1 == 0 { axis.0 } else { axis.1 };
+            [end(x, 0), end(y, 1), end(z, 2)]
+        };
+        let corners: Vec<Point> = (0..8).map(corner).collect();
+        let across = extent(corners.iter().map(|p| flat(p).0)).unwrap_or((0.0, 1.0));
+        let up = extent(corners.iter().map(|p| flat(p).1)).unwrap_or((0.0, 1.0));
+        let (sx, sy) = equal_scales(across, up, (MARGIN, WIDTH - MARGIN), (HEIGHT - 40.0, 30.0));
+        let project = |p: &Point| {
+            let (across, up) = flat(p);
+            (sx.at(across), sy.at(up))
+        };
+
+        let mut svg = open("Tool path in space");
+        for (a, b) in (0..8).flat_map(|a| [1, 2, 4].map(|bit| (a, a | bit))) {
+            if a != b {
+                let ((xa, ya), (xb, yb)) = (project(&corners[a]), project(&corners[b]));
+                _ = write!(
+                    svg,
+                    "<path class=box d='M{xa:.1} {ya:.1}L{xb:.1} {yb:.1}'/>"
+                );
+            }
+        }
+        let floor = z.0;
+        self.shadow(&mut svg, |p| project(&[p[0], p[1], floor]));
+        self.draw(&mut svg, project);
+        self.ends(&mut svg, project);
+        for (name, from, to) in [
+            ("X", corners[0], corners[1]),
+            ("Y", corners[1], corners[3]),
+            ("Z", corners[0], corners[4]),
+        ] {
+            let ((xa, ya), (xb, yb)) = (project(&from), project(&to));
+            let (dx, dy, anchor) = match name {
+                "X" => (-6.0, 16.0, "end"),
+                "Y" => (8.0, 14.0, "start"),
+                _ => (-8.0, 0.0, "end"),
+            };
+            let length: f64 = (0..3).map(|axis| to[axis] - from[axis]).sum();
+            _ = write!(
+                svg,
+                "<text class=name x={:.1} y={:.1} text-anchor={anchor}>{name} <tspan class=unit>\
+                 {} mm</tspan></text>",
+                (xa + xb) / 2.0 + dx,
+                (ya + yb) / 2.0 + dy,
+                number(length)
+            );
+        }
+        svg + "</svg>"
+    }
+
+    /// Where it starts (a ring) and ends (a dot).
+    fn ends(&self, svg: &mut String, project: impl Fn(&Point) -> (f64, f64)) {
+        if let (Some(first), Some(last)) = (self.points.first(), self.points.last()) {
+            let ((xa, ya), (xb, yb)) = (project(first), project(last));
+            _ = write!(
+                svg,
+                "<circle class=end cx={xb:.1} cy={yb:.1} r=3><title>end</title></circle>\
+                 <circle class=start cx={xa:.1} cy={ya:.1} r=5><title>start</title></circle>"
+            );
+        }
+    }
+
+    /// What the colours mean.
+    pub(super) fn legend(&self) -> String {
+        let mut svg =
+            String::from("<svg class=legend viewBox='0 0 330 34' role=img aria-label='Feed'>");
+        let cell = 250.0 / SHADES as f64;
+        for shade in 0..SHADES {
+            _ = write!(
+                svg,
+                "<rect x={:.2} y=4 width={:.2} height=8 fill='{}'/>",
+                shade as f64 * cell,
+                cell + 0.3,
+                colour(shade)
+            );
+        }
+        for (share, anchor) in [(0.0, "start"), (0.5, "middle"), (1.0, "end")] {
+            _ = write!(
+                svg,
+                "<text class=tick x={:.1} y=26 text-anchor={anchor}>{}</text>",
+                250.0 * share,
+                number(self.fastest * share)
+            );
+        }
+        svg + "<text class=tick x=260 y=12>feed, mm/s</text></svg>"
+    }
+}
+
+fn open(label: &str) -> String {
+    format!("<svg class=view viewBox='0 0 {WIDTH} {HEIGHT}' role=img aria-label='{label}'>")
+}
+
+/// Two scales with the same pixels per mm that hold both extents and fill the rectangle; `y` goes
+/// up, from `vertical.0` at the bottom to `vertical.1` at the top.
+fn equal_scales(
+    x: (f64, f64),
+    y: (f64, f64),
+    horizontal: (f64, f64),
+    vertical: (f64, f64),
+) -> (Scale, Scale) {
+    let (width, height) = (horizontal.1 - horizontal.0, vertical.0 - vertical.1);
+    let needed = ((x.1 - x.0) / width).max((y.1 - y.0) / height) * 1.04;
+    let mm_per_pixel = needed.max(1.0 / width);
+    let domain = |(least, most): (f64, f64), pixels: f64| {
+        let (middle, half) = ((least + most) / 2.0, pixels * mm_per_pixel / 2.0);
+        (middle - half, middle + half)
+    };
+    (
+        Scale::new(domain(x, width), horizontal),
+        Scale::new(domain(y, height), vertical),
+    )
+}
+
+fn colour(shade: usize) -> String {
+    let at = shade as f64 / (SHADES - 1) as f64 * (RAMP.len() - 1) as f64;
+    let low = (at as usize).min(RAMP.len() - 2);
+    let mix = |a: u8, b: u8| {
+        let (a, b) = (f64::from(a), f64::from(b));
+        (a + (b - a) * (at - low as f64)).round() as u8
+    };
+    let ((r0, g0, b0), (r1, g1, b1)) = (RAMP[low], RAMP[low + 1]);
+    format!("#{:02x}{:02x}{:02x}", mix(r0, r1), mix(g0, g1), mix(b0, b1))
+}
