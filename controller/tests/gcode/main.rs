@@ -1,6 +1,7 @@
 //! The RS-274/NGC front end from outside: programs as text, canonical commands and refusals.
 
 mod arcs;
+mod examples;
 mod listing;
 mod motion;
 mod offsets;
