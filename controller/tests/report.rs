@@ -1,0 +1,275 @@
+//! The report of runs from nothing at all to many minutes.
+
+use hdrhistogram::Histogram;
+use syncline_controller::report::{AxisReport, Distribution, Report, Violation};
+use syncline_trajectory::path::curve::ArcDefinition;
+use syncline_trajectory::path::{Curve, Executor, Exit, Feed, Item, Limits, Move, Plane, Planner};
+
+const PERIOD: f64 = 0.002;
+const LIMITS: Limits<3> = Limits {
+    velocity: [700.0, 800.0, 500.0],
+    acceleration: [3000.0, 5000.0, 4000.0],
+    jerk: [60_000.0, 100_000.0, 80_000.0],
+};
+
+/// A plate with rounded corners and a ring of bores, `layers` deep.
+fn plate(layers: u32) -> Vec<Item<3>> {
+    let mut items = Vec::new();
+    let mut at = [0.0, 0.0, 0.0];
+    let mut tag = 0;
+    let mut go = |at: &mut [f64; 3], to: [f64; 3], arc: Option<(f64, f64)>, feed: Feed| {
+        tag += 1;
+        let curve = match arc {
+            None => Curve::line(*at, to),
+            Some(centre) => Curve::arc(ArcDefinition {
+                start: *at,
+                end: to,
+                plane: Plane::Xy,
+                centre,
+                clockwise: false,
+                turns: 0,
+            }),
+        };
+        items.push(Item::Move(Move {
+            curve: curve.unwrap(),
+            feed,
+            exit: Exit::Stop,
+            tag,
+        }));
+        *at = to;
+    };
+    for layer in 1..=layers {
+        let z = -120.0 - 4.0 * f64::from(layer);
+        go(&mut at, [340.0, 200.0, -100.0], None, Feed::Rapid);
+        go(&mut at, [340.0, 200.0, z], None, Feed::Rate(50.0));
+        let cut = Feed::Rate(250.0);
+        for (corner, centre, end) in [
+            ([860.0, 200.0], (860.0, 240.0), [900.0, 240.0]),
+            ([900.0, 560.0], (860.0, 560.0), [860.0, 600.0]),
+            ([340.0, 600.0], (340.0, 560.0), [300.0, 560.0]),
+            ([300.0, 240.0], (340.0, 240.0), [340.0, 200.0]),
+        ] {
+            go(&mut at, [corner[0], corner[1], z], None, cut);
+            go(&mut at, [end[0], end[1], z], Some(centre), cut);
+        }
+        go(&mut at, [340.0, 200.0, -100.0], None, Feed::Rapid);
+        for (x, y) in [
+            (600.0, 500.0),
+            (686.6, 450.0),
+            (686.6, 350.0),
+            (600.0, 300.0),
+            (513.4, 350.0),
+            (513.4, 450.0),
+        ] {
+            go(&mut at, [x + 15.0, y, -100.0], None, Feed::Rapid);
+            go(&mut at, [x + 15.0, y, -110.0], None, Feed::Rate(80.0));
+            // A helix down, a turn on the ground.
+            go(&mut at, [x + 15.0, y, z], Some((x, y)), Feed::Rate(120.0));
+            go(
+                &mut at,
+                [x + 15.0, y, z - 0.001],
+                Some((x, y)),
+                Feed::Rate(120.0),
+            );
+            go(&mut at, [x + 15.0, y, -100.0], None, Feed::Rapid);
+        }
+    }
+    items
+}
+
+fn report(items: &[Item<3>]) -> Report {
+    let mut planner = Planner::new(LIMITS, [0.0; 3]);
+    let mut executor = Executor::new([0.0; 3], PERIOD, 100_000);
+    for item in items {
+        planner.push(*item).unwrap();
+    }
+    planner.finish();
+    while let Some(command) = planner.pop() {
+        assert!(executor.accept(command));
+    }
+    let mut report = Report {
+        machine: "portal".into(),
+        program: "plate <1>.ngc".into(),
+        mode: "Validated in virtual time on simulated drives, seed 1".into(),
+        passed: true,
+        outcome: "Finished; every axis inside its limits".into(),
+        axes: ["X", "Y", "Z"]
+            .iter()
+            .enumerate()
+            .map(|(n, name)| AxisReport {
+                name: (*name).into(),
+                soft_limits: [(0.0, 1500.0), (0.0, 1000.0), (-300.0, 0.0)][n],
+                velocity_limit: LIMITS.velocity[n],
+                acceleration_limit: LIMITS.acceleration[n],
+                jerk_limit: LIMITS.jerk[n],
+                following_error_limit: 2.0,
+                ..AxisReport::default()
+            })
+            .collect(),
+        ..Report::default()
+    };
+    while !executor.is_idle() {
+        let now = executor.advance();
+        report.time.push(report.time.len() as f64 * PERIOD);
+        report.line.push(now.tag);
+        report.feed.push(now.speed);
+        for (n, axis) in report.axes.iter_mut().enumerate() {
+            let error = now.acceleration[n] * 8e-6 + now.velocity[n] * 2e-5;
+            axis.set.push(now.position[n]);
+            axis.act.push(now.position[n] - error);
+            axis.velocity.push(now.velocity[n]);
+            axis.acceleration.push(now.acceleration[n]);
+            axis.jerk.push(now.jerk[n]);
+            axis.following_error.push(error);
+            axis.max_velocity = axis.max_velocity.max(now.velocity[n].abs());
+            axis.max_acceleration = axis.max_acceleration.max(now.acceleration[n].abs());
+            axis.max_jerk = axis.max_jerk.max(now.jerk[n].abs());
+            axis.max_following_error = axis.max_following_error.max(error.abs());
+            axis.rms_following_error = 0.011;
+        }
+    }
+    let cycles = report.time.len();
+    for (name, value) in [
+        ("Motion time", format!("{:.2} s", cycles as f64 * PERIOD)),
+        ("Cycles", cycles.to_string()),
+        ("Late setpoints", "0".into()),
+        ("Path length", "12 345.6 mm".into()),
+        ("Greatest contour error", "0.043 mm".into()),
+        ("Busiest cycle, portal", "48.6 %".into()),
+        (
+            "Frames, SHA-256",
+            "9f86d081884c7d659a2feaa0c55ad015a3bf4f1b2b0b822cd15d6c15b0f00a08".into(),
+        ),
+    ] {
+        report.facts.push((name.into(), value));
+    }
+    let mut latency = Histogram::new(3).unwrap();
+    let mut cycle = Histogram::new(3).unwrap();
+    for n in 0..cycles as u64 {
+        let late = 3_000 + n * 7_919 % 9_000 + if n % 997 == 0 { 400_000 } else { 0 };
+        latency.record(late).unwrap();
+        cycle.record(2_000_000 + n * 7_919 % 900 - 450).unwrap();
+    }
+    report.distributions = vec![
+        Distribution {
+            name: "Wake-up latency".into(),
+            histogram: latency,
+        },
+        Distribution {
+            name: "SYNC to SYNC".into(),
+            histogram: cycle,
+        },
+    ];
+    report
+}
+
+fn violations(count: usize) -> Vec<Violation> {
+    (0..count)
+        .map(|n| Violation {
+            what: "following error".into(),
+            axis: Some("X".into()),
+            time: 1.5 + n as f64 * 0.1,
+            line: 12,
+            value: 2.345,
+            limit: 2.0,
+            unit: "mm",
+        })
+        .collect()
+}
+
+/// What must hold of every report.
+fn check(html: &str) {
+    assert!(html.starts_with("<!doctype html>") && html.trim_end().ends_with("</html>"));
+    for forbidden in [
+        "http", "<script", "url(", "NaN", "inf ", "inf'", "<img", "@import",
+    ] {
+        assert!(!html.contains(forbidden), "{forbidden}");
+    }
+    for tag in ["svg", "section", "table", "figure", "div", "dl"] {
+        let opened =
+            html.matches(&format!("<{tag} ")).count() + html.matches(&format!("<{tag}>")).count();
+        assert_eq!(opened, html.matches(&format!("</{tag}>")).count(), "{tag}");
+    }
+}
+
+#[test]
+fn a_part() {
+    let report = report(&plate(1));
+    let html = report.to_html();
+    check(&html);
+    assert!(html.contains("plate &lt;1&gt;.ngc") && html.contains("<b>Pass</b>"));
+    assert!(html.contains("SHA-256") && html.contains("p99.9 "));
+    assert!(!html.contains("violation<") && !html.contains("class=over"));
+    save("part", &html);
+}
+
+#[test]
+fn a_failure_says_what_where_and_when() {
+    let mut report = report(&plate(1));
+    report.passed = false;
+    report.outcome = "Stopped: axis X, following error 2.345 mm > 2 mm in line 12".into();
+    report.violations = violations(3);
+    report.axes[0].max_following_error = 2.345;
+    let html = report.to_html();
+    check(&html);
+    assert!(html.contains("<b>Fail</b>") && html.contains("3 violations"));
+    assert!(html.contains(
+        "<td>following error<td>X<td class=n>1.5000 s<td class=n>12<td class=n>2.345 mm"
+    ));
+    // On the path and on the axis that it concerns: two and five strips.
+    assert_eq!(html.matches("class=mark").count(), 3 * (2 + 5));
+    assert_eq!(html.matches("class=over").count(), 1);
+    save("failure", &html);
+}
+
+#[test]
+fn three_cycles_one_cycle_none() {
+    let full = report(&plate(1));
+    for cycles in [3, 1, 0] {
+        let mut report = full.clone();
+        report.time.truncate(cycles);
+        report.line.truncate(cycles);
+        report.feed.truncate(cycles);
+        for axis in &mut report.axes {
+            for values in [
+                &mut axis.set,
+                &mut axis.act,
+                &mut axis.velocity,
+                &mut axis.acceleration,
+                &mut axis.jerk,
+                &mut axis.following_error,
+            ] {
+                values.truncate(cycles);
+            }
+        }
+        let html = report.to_html();
+        check(&html);
+        save(&format!("cycles-{cycles}"), &html);
+    }
+    check(&Report::default().to_html());
+    let mut odd = full;
+    odd.violations = violations(1000);
+    odd.axes[1].set.fill(f64::NAN);
+    odd.axes[2].act.clear();
+    let html = odd.to_html();
+    check(&html);
+    assert!(html.contains("and 800 more"));
+}
+
+#[test]
+fn a_long_run_stays_small() {
+    let report = report(&plate(12));
+    assert!(report.time.len() > 100_000, "{}", report.time.len());
+    let html = report.to_html();
+    check(&html);
+    assert!(html.len() < 4_000_000, "{} bytes", html.len());
+    save("long", &html);
+}
+
+/// For eyes: `SYNCLINE_REPORTS=folder cargo test --test report`.
+fn save(name: &str, html: &str) {
+    if let Some(folder) = std::env::var_os("SYNCLINE_REPORTS") {
+        let file = std::path::Path::new(&folder).join(format!("{name}.html"));
+        std::fs::write(file, html).unwrap();
+    }
+}
