@@ -3,7 +3,10 @@
 //! - [`machine`]: the machine file
 //! - [`gcode`]: RS-274/NGC programs into canonical commands
 //! - [`budget`]: whether its frames fit its cycle
+//! - [`program`]: from commands to a plan
+//! - [`control`]: the controller itself, without I/O
 //! - [`port`]: one CAN bus as the cycle uses it
+//! - [`run`]: the controller in virtual and in real time
 //! - [`realtime`]: what the cycle thread asks of the kernel, and what it got
 //! - [`report`]: what a run leaves to look at
 //! - [`commands`]: the `syncline` command line
@@ -19,3 +22,4 @@ pub mod port;
 pub mod program;
 pub mod realtime;
 pub mod report;
+pub mod run;

@@ -5,6 +5,7 @@
 //! the number of frames.
 
 pub mod bus_fault;
+pub mod sim;
 pub mod socketcan;
 
 use syncline_canopen::{Frame, Instant, Transmit};
@@ -107,6 +108,12 @@ pub enum Burst {
 
 /// One CAN bus. Errors are those of the interface itself; what a peer does wrong is a frame.
 pub trait Port {
+    /// Time has come to `now`; a simulated bus lives up to it, a real one does so by itself.
+    fn advance_to(&mut self, _now: Instant) {}
+
+    /// Whether the port tells by [`Received::echo`] that a frame has left.
+    fn echoes(&self) -> bool;
+
     /// Hands over everything that arrived since the last call, oldest first.
     ///
     /// # Errors
@@ -131,6 +138,32 @@ pub trait Port {
     /// # Errors
     /// The interface is gone.
     fn send_acyclic(&mut self, frames: &[Frame]) -> Result<(), PortError>;
+}
+
+impl<P: Port + ?Sized> Port for Box<P> {
+    fn advance_to(&mut self, now: Instant) {
+        (**self).advance_to(now);
+    }
+
+    fn echoes(&self) -> bool {
+        (**self).echoes()
+    }
+
+    fn receive(&mut self, sink: &mut dyn FnMut(Received)) -> Result<(), PortError> {
+        (**self).receive(sink)
+    }
+
+    fn send_sync(&mut self, frame: &Frame) -> Result<(), PortError> {
+        (**self).send_sync(frame)
+    }
+
+    fn send_burst(&mut self, frames: &[Frame]) -> Result<Burst, PortError> {
+        (**self).send_burst(frames)
+    }
+
+    fn send_acyclic(&mut self, frames: &[Frame]) -> Result<(), PortError> {
+        (**self).send_acyclic(frames)
+    }
 }
 
 /// Why a bus cannot be used (any longer).

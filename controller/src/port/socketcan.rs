@@ -185,6 +185,10 @@ impl SocketCan {
 }
 
 impl Port for SocketCan {
+    fn echoes(&self) -> bool {
+        true
+    }
+
     fn receive(&mut self, sink: &mut dyn FnMut(Received)) -> Result<(), PortError> {
         for _ in 0..MOST_CALLS {
             let count = match self.batch.receive(&self.burst) {

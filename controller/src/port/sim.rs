@@ -1,0 +1,105 @@
+//! A simulated bus with its twins as a port.
+
+use super::{Burst, Port, PortError, Received};
+use crate::machine::Machine;
+use syncline_canopen::{Frame, Instant};
+use syncline_drives::bus::{Band, BitRate, SimBus, Transmission};
+use syncline_drives::twin::lxm32m::{Twin, TwinConfig};
+
+/// A bus of the machine with a twin for each of its drives. Its time is what
+/// [`Port::advance_to`] says.
+pub struct SimPort {
+    bus: SimBus<Twin>,
+    observer: Box<dyn FnMut(&Transmission) + Send>,
+}
+
+impl SimPort {
+    /// The bus with index `bus` of a machine, its axes standing as near to machine zero as their
+    /// soft limits allow. `observer` sees every frame in bus order.
+    ///
+    /// `seed` varies encoder noise, response delays and oscillator errors.
+    ///
+    /// # Errors
+    /// If the simulated bus cannot run at the bit rate.
+    pub fn new(
+        machine: &Machine,
+        bus: usize,
+        seed: u64,
+        observer: impl FnMut(&Transmission) + Send + 'static,
+    ) -> Result<Self, PortError> {
+        let spec = &machine.buses[bus];
+        let bit_rate = BitRate::from_kbit(spec.bitrate / 1000).ok_or_else(|| PortError {
+            bus: spec.name.clone(),
+            what: format!("cannot simulate {} bit/s", spec.bitrate),
+        })?;
+        let mut sim = SimBus::new(bit_rate);
+        for (index, drive) in machine.drives.iter().enumerate() {
+            if drive.bus == bus {
+                sim.attach(Twin::new(TwinConfig {
+                    seed: seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ index as u64,
+                    initial_position: initial_position(machine, index),
+                    ..TwinConfig::new(drive.node)
+                }));
+            }
+        }
+        Ok(Self {
+            bus: sim,
+            observer: Box::new(observer),
+        })
+    }
+
+    /// The twin that is the `index`-th drive of this bus, to interfere with it.
+    pub fn twin(&mut self, index: usize) -> &mut Twin {
+        self.bus.node_mut(index)
+    }
+}
+
+/// Where a drive's encoder stands when its axis is as near to machine zero as its soft limits
+/// allow, increments.
+fn initial_position(machine: &Machine, drive: usize) -> i64 {
+    let drive = &machine.drives[drive];
+    let (least, most) = machine.axes[drive.axis].soft_limits;
+    // The machine file was checked: the soft limits are within the drive's range.
+    let position = drive.scaling.to_increments(0f64.clamp(least, most));
+    position.map_or(0, |position| position.get())
+}
+
+impl Port for SimPort {
+    fn advance_to(&mut self, now: Instant) {
+        self.bus.advance_to(now, &mut self.observer);
+    }
+
+    fn receive(&mut self, sink: &mut dyn FnMut(Received)) -> Result<(), PortError> {
+        while let Some(received) = self.bus.receive() {
+            sink(Received {
+                at: received.at,
+                frame: received.frame,
+                echo: received.own,
+            });
+        }
+        Ok(())
+    }
+
+    fn send_sync(&mut self, frame: &Frame) -> Result<(), PortError> {
+        self.bus.send(Band::Sync, *frame);
+        Ok(())
+    }
+
+    fn send_burst(&mut self, frames: &[Frame]) -> Result<Burst, PortError> {
+        for frame in frames {
+            self.bus.send(Band::Pdo, *frame);
+        }
+        Ok(Burst::Queued)
+    }
+
+    fn send_acyclic(&mut self, frames: &[Frame]) -> Result<(), PortError> {
+        for frame in frames {
+            self.bus.send(Band::Acyclic, *frame);
+        }
+        Ok(())
+    }
+
+    fn echoes(&self) -> bool {
+        true
+    }
+}

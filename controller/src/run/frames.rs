@@ -1,0 +1,106 @@
+//! What the simulated buses carried.
+
+use crate::machine::Machine;
+use sha2::{Digest, Sha256};
+use std::collections::VecDeque;
+use syncline_canopen::time::Duration;
+use syncline_canopen::{CanId, CobId, Instant};
+use syncline_drives::bus::Transmission;
+
+/// Longer than any frame takes at the lowest bit rate of CANopen.
+const LONGEST_FRAME: Duration = Duration::from_millis(20);
+
+/// A digest of all frames and the load of each bus.
+///
+/// The digest is SHA-256 over, per frame by start of frame and then by bus: bus index u8, start
+/// of frame in ns u64 LE, identifier u32 LE, data length code u8, data.
+#[derive(Debug)]
+pub struct FrameLog {
+    digest: Sha256,
+    buses: Vec<BusLog>,
+}
+
+#[derive(Debug)]
+struct BusLog {
+    /// Frames that have ended but may have started after one of another bus.
+    pending: VecDeque<Transmission>,
+    /// Bits since the last SYNC.
+    bits: u64,
+    /// Most bits from SYNC to SYNC.
+    peak_bits: u64,
+    synced: bool,
+    /// Bits in one cycle.
+    capacity: f64,
+}
+
+impl FrameLog {
+    /// For a machine's buses.
+    #[must_use]
+    pub fn new(machine: &Machine) -> Self {
+        let bus = |bitrate: u32| BusLog {
+            pending: VecDeque::new(),
+            bits: 0,
+            peak_bits: 0,
+            synced: false,
+            capacity: f64::from(bitrate) * machine.cycle.as_secs_f64(),
+        };
+        Self {
+            digest: Sha256::new(),
+            buses: machine.buses.iter().map(|spec| bus(spec.bitrate)).collect(),
+        }
+    }
+
+    /// Takes a frame of a bus, in bus order.
+    pub fn record(&mut self, bus: usize, frame: &Transmission) {
+        let log = &mut self.buses[bus];
+        log.pending.push_back(*frame);
+        if frame.frame.id() == CanId::from(CobId::SYNC) {
+            if log.synced {
+                log.peak_bits = log.peak_bits.max(log.bits);
+            }
+            log.synced = true;
+            log.bits = 0;
+        }
+        log.bits += u64::from(frame.bits);
+        self.digest_before(frame.start, LONGEST_FRAME);
+    }
+
+    /// Digests what can no longer be overtaken: what started `margin` before `now`.
+    fn digest_before(&mut self, now: Instant, margin: Duration) {
+        loop {
+            let heads = self.buses.iter().enumerate();
+            let first = heads
+                .filter_map(|(bus, log)| Some((log.pending.front()?.start, bus)))
+                .min();
+            match first {
+                Some((start, bus)) if start + margin <= now => self.digest_first(bus),
+                _ => return,
+            }
+        }
+    }
+
+    fn digest_first(&mut self, bus: usize) {
+        if let Some(Transmission { start, frame, .. }) = self.buses[bus].pending.pop_front() {
+            self.digest.update([bus as u8]);
+            self.digest.update(start.as_nanos().to_le_bytes());
+            self.digest.update(frame.id().raw().to_le_bytes());
+            self.digest.update([frame.dlc()]);
+            self.digest.update(frame.data());
+        }
+    }
+
+    /// The digest of everything so far, in hexadecimal.
+    #[must_use]
+    pub fn sha256(&mut self) -> String {
+        self.digest_before(Instant::from_nanos(u64::MAX), Duration::ZERO);
+        let digest = self.digest.clone().finalize();
+        digest.iter().map(|byte| format!("{byte:02x}")).collect()
+    }
+
+    /// Per bus: bits of the busiest interval from SYNC to SYNC, by the bits of a cycle.
+    #[must_use]
+    pub fn peak_utilisation(&self) -> Vec<f64> {
+        let peak = |log: &BusLog| log.peak_bits as f64 / log.capacity;
+        self.buses.iter().map(peak).collect()
+    }
+}
