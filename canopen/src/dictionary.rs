@@ -548,19 +548,27 @@ impl Dictionary {
         row.is_some()
     }
 
-    /// The number that a download of `data` means, checked against type and range.
+    /// The number that `data` means, little-endian.
     ///
     /// # Errors
-    /// The abort codes for a wrong length and for a value outside the range (see [`Refusals`]).
-    pub fn decode(&self, row: Row, data: &[u8]) -> Result<i64, AbortCode> {
+    /// The abort codes for a wrong length (see [`Refusals`]).
+    pub fn number(&self, row: Row, data: &[u8]) -> Result<i64, AbortCode> {
         let entry = self.entry(row);
         self.check_length(entry, data.len())?;
         let mut raw = [0; 8];
         let size = data.len().min(8);
         raw[..size].copy_from_slice(&data[..size]);
-        let value = entry
+        Ok(entry
             .data_type
-            .extend(u64::from_le_bytes(raw), size as u32 * 8);
+            .extend(u64::from_le_bytes(raw), size as u32 * 8))
+    }
+
+    /// The number that a download of `data` means, checked against type and range.
+    ///
+    /// # Errors
+    /// The abort codes for a wrong length and for a value outside the range (see [`Refusals`]).
+    pub fn decode(&self, row: Row, data: &[u8]) -> Result<i64, AbortCode> {
+        let value = self.number(row, data)?;
         self.check_range(row, value)?;
         Ok(value)
     }

@@ -115,7 +115,7 @@ impl Producer {
         now: Instant,
         cob_id: CobId,
         emergency: Emergency,
-        tx: &mut impl Transmit,
+        tx: &mut (impl Transmit + ?Sized),
     ) {
         if let Some(place) = self.queue.get_mut(self.waiting) {
             *place = emergency;
@@ -131,7 +131,7 @@ impl Producer {
     }
 
     /// Sends what waits and may go.
-    pub fn poll(&mut self, now: Instant, cob_id: CobId, tx: &mut impl Transmit) {
+    pub fn poll(&mut self, now: Instant, cob_id: CobId, tx: &mut (impl Transmit + ?Sized)) {
         while self.waiting > 0 && self.allowed.is_none_or(|allowed| now >= allowed) {
             tx.transmit(self.queue[0].encode(cob_id));
             self.queue.copy_within(1..self.waiting, 0);

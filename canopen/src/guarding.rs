@@ -30,7 +30,13 @@ impl Slave {
     }
 
     /// Answers a guarding request with state and toggle bit.
-    pub fn answer(&mut self, now: Instant, node: NodeId, state: State, tx: &mut impl Transmit) {
+    pub fn answer(
+        &mut self,
+        now: Instant,
+        node: NodeId,
+        state: State,
+        tx: &mut (impl Transmit + ?Sized),
+    ) {
         let byte = state as u8 | u8::from(self.toggle) << 7;
         tx.transmit(Frame::new(CobId::error_control(node), &[byte]));
         self.toggle = !self.toggle;
@@ -101,7 +107,7 @@ impl Master {
     }
 
     /// Asks when it is time to; tells once when the node is lost.
-    pub fn poll(&mut self, now: Instant, tx: &mut impl Transmit) -> Option<Event> {
+    pub fn poll(&mut self, now: Instant, tx: &mut (impl Transmit + ?Sized)) -> Option<Event> {
         if now < self.next {
             return None;
         }

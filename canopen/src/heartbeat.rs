@@ -59,7 +59,13 @@ impl Producer {
     }
 
     /// Sends the heartbeat that is due; after a long silence one, not several.
-    pub fn poll(&mut self, now: Instant, node: NodeId, state: State, tx: &mut impl Transmit) {
+    pub fn poll(
+        &mut self,
+        now: Instant,
+        node: NodeId,
+        state: State,
+        tx: &mut (impl Transmit + ?Sized),
+    ) {
         let Some(due) = self.next.filter(|&due| now >= due) else {
             return;
         };

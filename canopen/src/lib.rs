@@ -7,6 +7,7 @@
 //! - [`dictionary`]: a device's objects as a table, a node's values of them
 //! - [`sdo`], [`pdo`], [`nmt`], [`sync`], [`emcy`], [`heartbeat`], [`guarding`]: the services,
 //!   node's and master's side
+//! - [`node`]: a whole slave of them, for a device to be embedded in
 //! - [`cia402`]: a drive's words and states
 //!
 //! Nothing here opens a socket, starts a thread, reads a clock or logs, and nothing allocates
@@ -22,6 +23,7 @@ pub mod guarding;
 pub mod heartbeat;
 pub mod id;
 pub mod nmt;
+pub mod node;
 pub mod pdo;
 pub mod response_time;
 pub mod sdo;

@@ -151,7 +151,7 @@ impl Slave {
     }
 
     /// Ends the initialisation: boot-up message, then Pre-Operational.
-    pub fn boot(&mut self, tx: &mut impl Transmit) {
+    pub fn boot(&mut self, tx: &mut (impl Transmit + ?Sized)) {
         tx.transmit(Frame::new(CobId::error_control(self.node), &[0]));
         self.state = State::PreOperational;
     }
@@ -161,29 +161,21 @@ impl Slave {
         self.state = state;
     }
 
-    /// Obeys a frame if it is an NMT command to this node.
+    /// Obeys a frame if it is an NMT command to this node; tells only what is new.
     pub fn on_frame(&mut self, frame: &Frame) -> Option<Event> {
         let request = Request::decode(frame)?;
         if !request.addresses(self.node) || self.state == State::Initialising {
             return None;
         }
-        Some(match request.command {
-            Command::Start => self.entered(State::Operational),
-            Command::Stop => self.entered(State::Stopped),
-            Command::EnterPreOperational => self.entered(State::PreOperational),
-            Command::ResetNode => {
-                self.state = State::Initialising;
-                Event::ResetNode
+        let (state, event) = match request.command {
+            Command::Start => (State::Operational, Event::Entered(State::Operational)),
+            Command::Stop => (State::Stopped, Event::Entered(State::Stopped)),
+            Command::EnterPreOperational => {
+                (State::PreOperational, Event::Entered(State::PreOperational))
             }
-            Command::ResetCommunication => {
-                self.state = State::Initialising;
-                Event::ResetCommunication
-            }
-        })
-    }
-
-    fn entered(&mut self, state: State) -> Event {
-        self.state = state;
-        Event::Entered(state)
+            Command::ResetNode => (State::Initialising, Event::ResetNode),
+            Command::ResetCommunication => (State::Initialising, Event::ResetCommunication),
+        };
+        (core::mem::replace(&mut self.state, state) != state).then_some(event)
     }
 }

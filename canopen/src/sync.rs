@@ -65,7 +65,7 @@ impl Producer {
     }
 
     /// Sends the SYNC that is due, and returns it; missed ones are not made up for.
-    pub fn poll(&mut self, now: Instant, tx: &mut impl Transmit) -> Option<Sync> {
+    pub fn poll(&mut self, now: Instant, tx: &mut (impl Transmit + ?Sized)) -> Option<Sync> {
         let due = self.next.filter(|&due| now >= due)?;
         let behind = now.saturating_since(due).as_nanos() / self.period.as_nanos().max(1);
         let periods = u32::try_from(behind).unwrap_or(u32::MAX).saturating_add(1);

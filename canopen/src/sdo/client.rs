@@ -196,7 +196,7 @@ impl Client {
         &mut self,
         now: Instant,
         address: Address,
-        tx: &mut impl Transmit,
+        tx: &mut (impl Transmit + ?Sized),
     ) -> Result<(), NotStarted> {
         self.start(
             now,
@@ -219,7 +219,7 @@ impl Client {
         now: Instant,
         address: Address,
         data: &[u8],
-        tx: &mut impl Transmit,
+        tx: &mut (impl Transmit + ?Sized),
     ) -> Result<(), NotStarted> {
         self.start(
             now,
@@ -248,7 +248,7 @@ impl Client {
         now: Instant,
         address: Address,
         block_size: u8,
-        tx: &mut impl Transmit,
+        tx: &mut (impl Transmit + ?Sized),
     ) -> Result<(), NotStarted> {
         let block_size = block_size.clamp(1, 127);
         let step = UploadStep::InitiateBlock { block_size };
@@ -266,7 +266,7 @@ impl Client {
         now: Instant,
         address: Address,
         data: &[u8],
-        tx: &mut impl Transmit,
+        tx: &mut (impl Transmit + ?Sized),
     ) -> Result<(), NotStarted> {
         let step = DownloadStep::InitiateBlock;
         self.start(now, data.len(), State::Download { address, step })?;
@@ -279,7 +279,7 @@ impl Client {
     }
 
     /// Aborts a transfer under way.
-    pub fn abort(&mut self, code: AbortCode, tx: &mut impl Transmit) {
+    pub fn abort(&mut self, code: AbortCode, tx: &mut (impl Transmit + ?Sized)) {
         if let State::Upload { address, .. } | State::Download { address, .. } = self.state {
             self.end();
             self.send(tx, wire::abort(address, code));
@@ -292,7 +292,7 @@ impl Client {
         &mut self,
         now: Instant,
         frame: &Frame,
-        tx: &mut impl Transmit,
+        tx: &mut (impl Transmit + ?Sized),
     ) -> Option<Result<&[u8], Failure>> {
         if frame.id() != CanId::from(self.response) {
             return None;
@@ -342,7 +342,7 @@ impl Client {
     }
 
     /// Gives up a transfer whose answer is overdue.
-    pub fn poll(&mut self, now: Instant, tx: &mut impl Transmit) -> Option<Failure> {
+    pub fn poll(&mut self, now: Instant, tx: &mut (impl Transmit + ?Sized)) -> Option<Failure> {
         if self.deadline.is_none_or(|deadline| now < deadline) {
             return None;
         }
@@ -382,7 +382,7 @@ impl Client {
         }
     }
 
-    fn send(&self, tx: &mut impl Transmit, message: Message) {
+    fn send(&self, tx: &mut (impl Transmit + ?Sized), message: Message) {
         tx.transmit(Frame::new(self.request, &message));
     }
 
@@ -391,7 +391,7 @@ impl Client {
         step: UploadStep,
         address: Address,
         message: &Message,
-        tx: &mut impl Transmit,
+        tx: &mut (impl Transmit + ?Sized),
     ) -> Result<Progress, AbortCode> {
         match step {
             UploadStep::Initiate => self.on_upload_initiated(address, message, tx),
@@ -481,7 +481,7 @@ impl Client {
         &mut self,
         address: Address,
         message: &Message,
-        tx: &mut impl Transmit,
+        tx: &mut (impl Transmit + ?Sized),
     ) -> Result<Progress, AbortCode> {
         if message[0] >> 5 != 2 || wire::address(message) != address {
             return wrong(address, message);
@@ -501,7 +501,7 @@ impl Client {
         &self,
         stated: Option<usize>,
         toggle: bool,
-        tx: &mut impl Transmit,
+        tx: &mut (impl Transmit + ?Sized),
     ) -> Result<Progress, AbortCode> {
         self.send(tx, [0x60 | u8::from(toggle) << 4, 0, 0, 0, 0, 0, 0, 0]);
         Ok(Progress::Continues(To::Upload(UploadStep::Segments {
@@ -539,7 +539,7 @@ impl Client {
         step: DownloadStep,
         address: Address,
         message: &Message,
-        tx: &mut impl Transmit,
+        tx: &mut (impl Transmit + ?Sized),
     ) -> Result<Progress, AbortCode> {
         match step {
             DownloadStep::Initiate => {
@@ -604,7 +604,12 @@ impl Client {
         }
     }
 
-    fn send_segment(&self, from: usize, toggle: bool, tx: &mut impl Transmit) -> Progress {
+    fn send_segment(
+        &self,
+        from: usize,
+        toggle: bool,
+        tx: &mut (impl Transmit + ?Sized),
+    ) -> Progress {
         let sent = (from + 7).min(self.size);
         let last = sent == self.size;
         self.send(tx, wire::segment(toggle, &self.buffer[from..sent], last));
@@ -616,7 +621,7 @@ impl Client {
         crc: bool,
         confirmed: usize,
         block_size: u8,
-        tx: &mut impl Transmit,
+        tx: &mut (impl Transmit + ?Sized),
     ) -> Result<Progress, AbortCode> {
         if !wire::is_block_size(block_size) {
             return Err(AbortCode::BlockSize);

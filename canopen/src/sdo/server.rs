@@ -148,7 +148,7 @@ impl Server {
     }
 
     /// Gives up a transfer whose client has been silent for too long.
-    pub fn poll(&mut self, now: Instant, tx: &mut impl Transmit) {
+    pub fn poll(&mut self, now: Instant, tx: &mut (impl Transmit + ?Sized)) {
         if self.deadline.is_some_and(|deadline| now >= deadline) {
             let address = self.address();
             self.reset();
@@ -162,7 +162,7 @@ impl Server {
         now: Instant,
         frame: &Frame,
         objects: &mut impl Objects,
-        tx: &mut impl Transmit,
+        tx: &mut (impl Transmit + ?Sized),
     ) -> bool {
         let Some((request, _)) = self.channel else {
             return false;
@@ -184,7 +184,7 @@ impl Server {
         true
     }
 
-    fn send(&self, tx: &mut impl Transmit, message: Message) {
+    fn send(&self, tx: &mut (impl Transmit + ?Sized), message: Message) {
         if let Some((_, response)) = self.channel {
             tx.transmit(Frame::new(response, &message));
         }
@@ -205,7 +205,7 @@ impl Server {
         &mut self,
         message: &Message,
         objects: &mut impl Objects,
-        tx: &mut impl Transmit,
+        tx: &mut (impl Transmit + ?Sized),
     ) -> Result<(), (Address, AbortCode)> {
         if message[0] == wire::ABORT {
             self.state = State::Idle;
@@ -256,7 +256,7 @@ impl Server {
         &mut self,
         address: Address,
         objects: &mut impl Objects,
-        tx: &mut impl Transmit,
+        tx: &mut (impl Transmit + ?Sized),
     ) -> Result<(), AbortCode> {
         let capacity = self.buffer.len() - 7;
         let size = objects.upload(address, &mut self.buffer[..capacity])?;
@@ -264,7 +264,7 @@ impl Server {
         Ok(())
     }
 
-    fn answer_upload(&mut self, address: Address, size: usize, tx: &mut impl Transmit) {
+    fn answer_upload(&mut self, address: Address, size: usize, tx: &mut (impl Transmit + ?Sized)) {
         if (1..=4).contains(&size) {
             self.state = State::Idle;
             self.send(tx, wire::expedited(0x40, address, &self.buffer[..size]));
@@ -285,7 +285,7 @@ impl Server {
     fn upload_segment(
         &mut self,
         message: &Message,
-        tx: &mut impl Transmit,
+        tx: &mut (impl Transmit + ?Sized),
     ) -> Result<(), AbortCode> {
         let State::Upload {
             size, sent, toggle, ..
@@ -313,7 +313,7 @@ impl Server {
         address: Address,
         message: &Message,
         objects: &mut impl Objects,
-        tx: &mut impl Transmit,
+        tx: &mut (impl Transmit + ?Sized),
     ) -> Result<(), AbortCode> {
         self.state = State::Idle;
         let sized = message[0] & 0x01 != 0;
@@ -353,7 +353,7 @@ impl Server {
         &mut self,
         message: &Message,
         objects: &mut impl Objects,
-        tx: &mut impl Transmit,
+        tx: &mut (impl Transmit + ?Sized),
     ) -> Result<(), AbortCode> {
         let State::Download {
             address,
@@ -392,7 +392,7 @@ impl Server {
         address: Address,
         message: &Message,
         objects: &mut impl Objects,
-        tx: &mut impl Transmit,
+        tx: &mut (impl Transmit + ?Sized),
     ) -> Result<(), AbortCode> {
         if self.block_size.is_none() {
             return Err(AbortCode::CommandSpecifier);
@@ -423,7 +423,11 @@ impl Server {
         Ok(())
     }
 
-    fn block_upload(&mut self, message: &Message, tx: &mut impl Transmit) -> Result<(), AbortCode> {
+    fn block_upload(
+        &mut self,
+        message: &Message,
+        tx: &mut (impl Transmit + ?Sized),
+    ) -> Result<(), AbortCode> {
         let State::BlockUpload {
             size,
             confirmed,
@@ -486,7 +490,7 @@ impl Server {
         address: Address,
         message: &Message,
         objects: &mut impl Objects,
-        tx: &mut impl Transmit,
+        tx: &mut (impl Transmit + ?Sized),
     ) -> Result<(), AbortCode> {
         let Some(block_size) = self.block_size else {
             return Err(AbortCode::CommandSpecifier);
@@ -510,7 +514,7 @@ impl Server {
     fn block_download_segment(
         &mut self,
         message: &Message,
-        tx: &mut impl Transmit,
+        tx: &mut (impl Transmit + ?Sized),
     ) -> Result<(), AbortCode> {
         let block_size = self.block_size.unwrap_or(127);
         let State::BlockDownload {
@@ -548,7 +552,7 @@ impl Server {
         &mut self,
         message: &Message,
         objects: &mut impl Objects,
-        tx: &mut impl Transmit,
+        tx: &mut (impl Transmit + ?Sized),
     ) -> Result<(), AbortCode> {
         let State::BlockDownload {
             address,

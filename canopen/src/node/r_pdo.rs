@@ -1,0 +1,115 @@
+//! PDOs that the node receives (1400h…15FFh, 1600h…17FFh).
+
+use super::communication::{MAX_MAPPED, mapping_of};
+use super::{Application, Origin};
+use crate::dictionary::{Dictionary, Row};
+use crate::pdo::{CobIdWord, Mapped, TransmissionType, Unpacker};
+use crate::{CanId, Frame, Instant};
+
+/// One R_PDO: its parameters, and a payload that waits for SYNC.
+#[derive(Debug)]
+pub(super) struct RPdo {
+    pub(super) number: u16,
+    id: Option<CanId>,
+    kind: TransmissionType,
+    /// The objects in order; `None` is a gap.
+    mapping: Vec<(Option<Row>, u8)>,
+    waiting: Option<[u8; 8]>,
+}
+
+/// What a frame is to an R_PDO.
+pub(super) enum Reception {
+    /// Another message.
+    Foreign,
+    /// Its payload, to be written at once.
+    Now([u8; 8]),
+    /// Its payload, kept for the next SYNC.
+    AtSync,
+    /// Its payload with fewer bytes than are mapped.
+    Short,
+}
+
+impl RPdo {
+    pub(super) fn new(number: u16) -> Self {
+        Self {
+            number,
+            id: None,
+            kind: TransmissionType::EventProfile,
+            mapping: Vec::with_capacity(MAX_MAPPED),
+            waiting: None,
+        }
+    }
+
+    pub(super) fn load(&mut self, objects: &Dictionary) {
+        let parameter = 0x1400 + self.number - 1;
+        let value = |sub| objects.value(parameter, sub);
+        let word = CobIdWord(value(1).unwrap_or(i64::from(CobIdWord::INVALID)) as u32);
+        self.id = word.is_valid().then(|| word.can_id());
+        self.kind = TransmissionType::from(value(2).unwrap_or(255) as u8);
+        self.mapping.clear();
+        let mapping = 0x1600 + self.number - 1;
+        self.mapping
+            .extend(mapping_of(objects, mapping).map(|mapped| {
+                let Mapped { address, bits } = mapped;
+                (objects.find(address).ok(), bits)
+            }));
+        self.waiting = None;
+    }
+
+    pub(super) fn is_valid(&self) -> bool {
+        self.id.is_some()
+    }
+
+    /// Forgets a payload that waits for SYNC.
+    pub(super) fn reset(&mut self) {
+        self.waiting = None;
+    }
+
+    pub(super) fn receive(&mut self, frame: &Frame) -> Reception {
+        if self.id != Some(frame.id()) || self.mapping.is_empty() {
+            return Reception::Foreign;
+        }
+        let bits: usize = self
+            .mapping
+            .iter()
+            .map(|&(_, bits)| usize::from(bits))
+            .sum();
+        let data = frame.data();
+        if data.len() < bits.div_ceil(8) {
+            return Reception::Short;
+        }
+        let mut payload = [0; 8];
+        payload[..data.len()].copy_from_slice(data);
+        if self.kind.is_synchronous() {
+            self.waiting = Some(payload);
+            Reception::AtSync
+        } else {
+            Reception::Now(payload)
+        }
+    }
+
+    pub(super) fn take_waiting(&mut self) -> Option<[u8; 8]> {
+        self.waiting.take()
+    }
+
+    /// Writes a payload to the objects mapped. A value that its object refuses is dropped.
+    pub(super) fn write(&self, now: Instant, payload: [u8; 8], app: &mut impl Application) {
+        let mut payload = Unpacker::new(&payload);
+        for &(row, bits) in &self.mapping {
+            let Some(raw) = payload.unsigned(bits) else {
+                return;
+            };
+            let Some(row) = row else { continue };
+            let objects = app.objects();
+            let value = objects.entry(row).data_type.extend(raw, u32::from(bits));
+            let origin = Origin::Pdo(self.number);
+            if objects.check_range(row, value).is_ok()
+                && app.check_write(now, row, value, origin).is_ok()
+            {
+                // There is nobody to tell of a refusal: a PDO has no answer.
+                let _ = app.write(now, row, value, origin);
+            }
+        }
+        app.on_r_pdo(now, self.number);
+    }
+}
