@@ -233,19 +233,15 @@ impl Drive {
         }
     }
 
+    /// The reference at the beginning of this position step, and its velocity during it.
     fn interpolate(&mut self, step: u32) {
+        self.ramp.position += self.ramp.velocity * POSITION_STEP;
         if let Some(target) = self.interpolation.target {
             let steps_left = (self.clock.steps() - step) / SPEED_STEPS;
-            let part = (target - self.ramp.position) / f64::from(steps_left.max(1));
-            self.ramp.position += part;
-            self.ramp.velocity = part / POSITION_STEP;
-        } else {
-            match self.policies.setpoint_gap {
-                SetpointGap::Extrapolate => {
-                    self.ramp.position += self.ramp.velocity * POSITION_STEP
-                }
-                SetpointGap::Hold => self.ramp.velocity = 0.0,
-            }
+            let distance = target - self.ramp.position;
+            self.ramp.velocity = distance / (f64::from(steps_left.max(1)) * POSITION_STEP);
+        } else if self.policies.setpoint_gap == SetpointGap::Hold {
+            self.ramp.velocity = 0.0;
         }
     }
 
