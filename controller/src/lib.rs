@@ -7,6 +7,7 @@
 //! - [`control`]: the controller itself, without I/O
 //! - [`port`]: one CAN bus as the cycle uses it
 //! - [`run`]: the controller in virtual and in real time
+//! - [`doctor`]: what the host has that helps or hurts a cycle
 //! - [`realtime`]: what the cycle thread asks of the kernel, and what it got
 //! - [`report`]: what a run leaves to look at
 //! - [`commands`]: the `syncline` command line
@@ -16,6 +17,7 @@
 pub mod budget;
 pub mod commands;
 pub mod control;
+pub mod doctor;
 pub mod gcode;
 pub mod machine;
 pub mod port;

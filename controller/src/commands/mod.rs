@@ -1,6 +1,7 @@
 //! The `syncline` command line: one module a subcommand, each with its `Args` and an `execute`.
 
 mod budget;
+mod doctor;
 
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
@@ -18,6 +19,7 @@ pub struct Cli {
 #[derive(Debug, Subcommand)]
 enum Command {
     Budget(budget::Args),
+    Doctor(doctor::Args),
 }
 
 impl Cli {
@@ -26,6 +28,7 @@ impl Cli {
     pub fn execute(self) -> Exit {
         match self.command {
             Command::Budget(args) => args.execute(),
+            Command::Doctor(args) => args.execute(),
         }
     }
 }
