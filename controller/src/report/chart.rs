@@ -2,7 +2,7 @@
 
 use super::{
     html::escape,
-    scale::{Scale, extent, number},
+    scale::{Scale, extent},
 };
 use std::fmt::Write;
 
@@ -16,6 +16,8 @@ const GAP: f64 = 24.0;
 pub(super) struct Line<'a> {
     /// CSS class: its colour.
     pub(super) class: &'static str,
+    /// Its name, where a strip has several.
+    pub(super) name: &'static str,
     pub(super) values: &'a [f64],
     /// Held from one value to the next instead of joined by a slope.
     pub(super) stepped: bool,
@@ -54,13 +56,12 @@ pub(super) fn strips(label: &str, time: &[f64], strips: &[Strip<'_>], marks: &[M
         draw(&mut svg, strip, time, x, top, marks);
     }
     let foot = height - 26.0;
-    for tick in x.ticks(10) {
-        let at = x.at(tick);
+    for (tick, label) in x.ticks(10) {
         _ = write!(
             svg,
-            "<text class=tick x={at:.1} y={:.1} text-anchor=middle>{} s</text>",
+            "<text class=tick x={:.1} y={:.1} text-anchor=middle>{label} s</text>",
+            x.at(tick),
             foot + 16.0,
-            number(tick)
         );
     }
     svg + "</svg>"
@@ -83,9 +84,20 @@ fn draw(svg: &mut String, strip: &Strip<'_>, time: &[f64], x: Scale, top: f64, m
     let y = Scale::new((least - margin, most + margin), (top + STRIP, top));
 
     let (x0, x1) = x.range;
+    let keys: String = strip
+        .lines
+        .iter()
+        .filter(|line| !line.name.is_empty())
+        .map(|line| {
+            format!(
+                "<tspan class=key-{} dx=10>{}</tspan>",
+                line.class, line.name
+            )
+        })
+        .collect();
     _ = write!(
         svg,
-        "<text class=name x={x0} y={:.1}>{} <tspan class=unit>{}</tspan></text>\
+        "<text class=name x={x0} y={:.1}>{} <tspan class=unit>{}</tspan>{keys}</text>\
          <text class=note x={x1} y={:.1} text-anchor=end>{}</text>\
          <rect class=frame x={x0} y={top} width={:.1} height={STRIP} />",
         top - 5.0,
@@ -95,19 +107,18 @@ fn draw(svg: &mut String, strip: &Strip<'_>, time: &[f64], x: Scale, top: f64, m
         escape(&strip.note),
         x1 - x0,
     );
-    for tick in y.ticks(4) {
+    for (tick, label) in y.ticks(4) {
         let at = y.at(tick);
         let class = if tick == 0.0 { "zero" } else { "grid" };
         _ = write!(
             svg,
             "<path class={class} d='M{x0} {at:.1}H{x1}'/>\
-             <text class=tick x={:.1} y={:.1} text-anchor=end>{}</text>",
+             <text class=tick x={:.1} y={:.1} text-anchor=end>{label}</text>",
             x0 - 6.0,
             at + 3.5,
-            number(tick)
         );
     }
-    for tick in x.ticks(10) {
+    for (tick, _) in x.ticks(10) {
         _ = write!(
             svg,
             "<path class=grid d='M{:.1} {top}v{STRIP}'/>",
@@ -143,7 +154,7 @@ fn draw(svg: &mut String, strip: &Strip<'_>, time: &[f64], x: Scale, top: f64, m
         }
         // The last value holds to the end; a single value is a dot.
         if line.values.len() == 1 {
-            d += "h.1";
+            d += "h3";
         }
         _ = write!(svg, "<path class='line {}' d='{d}'/>", line.class);
     }

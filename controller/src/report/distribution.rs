@@ -87,23 +87,23 @@ pub(super) fn card(distribution: &Distribution) -> String {
             count(*bar)
         );
     }
-    let ticks: Vec<f64> = if logarithmic {
+    let ticks: Vec<(f64, String)> = if logarithmic {
         let decades = x.domain.0.floor() as i32..=x.domain.1.ceil() as i32;
         decades
             .flat_map(|decade| [1.0, 2.0, 5.0].map(|n| n * 10f64.powi(decade)))
-            .filter(|tick| (x.domain.0..=x.domain.1).contains(&tick.log10()))
+            .map(|tick| (tick.log10(), number(tick)))
+            .filter(|(at, _)| (x.domain.0..=x.domain.1).contains(at))
             .collect()
     } else {
         x.ticks(6)
     };
     let every = ticks.len().div_ceil(9).max(1);
-    for tick in ticks.into_iter().step_by(every) {
+    for (tick, label) in ticks.into_iter().step_by(every) {
         _ = write!(
             html,
-            "<text class=tick x={:.1} y={:.1} text-anchor=middle>{}</text>",
-            x.at(place(tick)),
+            "<text class=tick x={:.1} y={:.1} text-anchor=middle>{label}</text>",
+            x.at(tick),
             floor + 16.0,
-            number(tick)
         );
     }
     _ = write!(

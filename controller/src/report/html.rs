@@ -170,6 +170,7 @@ fn path_over_time(report: &Report) -> String {
             note: format!("max {}", number(fastest)),
             lines: vec![Line {
                 class: "set",
+                name: "",
                 values: &report.feed,
                 stepped: false,
             }],
@@ -181,6 +182,7 @@ fn path_over_time(report: &Report) -> String {
             note: String::new(),
             lines: vec![Line {
                 class: "set",
+                name: "",
                 values: &lines,
                 stepped: true,
             }],
@@ -201,6 +203,7 @@ fn axis_over_time(report: &Report, axis: &AxisReport) -> String {
         note: format!("max {} · limit {}", number(max), number(limit)),
         lines: vec![Line {
             class: "set",
+            name: "",
             values,
             stepped,
         }],
@@ -215,11 +218,13 @@ fn axis_over_time(report: &Report, axis: &AxisReport) -> String {
             lines: vec![
                 Line {
                     class: "act",
+                    name: "actual",
                     values: &axis.act,
                     stepped: false,
                 },
                 Line {
                     class: "set",
+                    name: "set",
                     values: &axis.set,
                     stepped: false,
                 },

@@ -31,8 +31,8 @@ impl Scale {
         self.range.0 + share * (self.range.1 - self.range.0)
     }
 
-    /// Round values inside the domain, `count` of them or a few more or less.
-    pub(super) fn ticks(&self, count: usize) -> Vec<f64> {
+    /// Round values inside the domain with their labels, `count` of them or a few more or less.
+    pub(super) fn ticks(&self, count: usize) -> Vec<(f64, String)> {
         let (least, most) = self.domain;
         let rough = (most - least) / count.max(1) as f64;
         let decade = 10f64.powf(rough.log10().floor());
@@ -43,7 +43,11 @@ impl Scale {
             .unwrap_or(decade);
         let first = (least / step - 1e-9).ceil() as i64;
         let last = (most / step + 1e-9).floor() as i64;
-        (first..=last).map(|n| n as f64 * step).collect()
+        let decimals = (-step.log10().floor()).clamp(0.0, 9.0) as usize;
+        (first..=last)
+            .map(|n| n as f64 * step)
+            .map(|value| (value, grouped(&format!("{value:.decimals$}"))))
+            .collect()
     }
 }
 
@@ -108,11 +112,19 @@ mod tests {
 
     #[test]
     fn ticks_are_round_and_inside() {
-        let ticks = |least, most, count| Scale::new((least, most), (0.0, 1.0)).ticks(count);
+        let ticks = |least, most, count| {
+            let ticks = Scale::new((least, most), (0.0, 1.0)).ticks(count);
+            ticks.into_iter().map(|tick| tick.0).collect::<Vec<_>>()
+        };
         assert_eq!(ticks(0.0, 10.0, 5), [0.0, 2.0, 4.0, 6.0, 8.0, 10.0]);
         assert_eq!(ticks(-0.3, 0.31, 3), [-0.2, 0.0, 0.2]);
         assert_eq!(ticks(1.0, 1.0, 2), [0.5, 1.0, 1.5]);
         assert!(ticks(f64::NAN, f64::INFINITY, 3).len() > 1);
+        let labels = Scale::new((1999.6, 2001.0), (0.0, 1.0)).ticks(3);
+        assert_eq!(
+            labels.iter().map(|t| &*t.1).collect::<Vec<_>>(),
+            ["2000.0", "2000.5", "2001.0"]
+        );
     }
 
     #[test]

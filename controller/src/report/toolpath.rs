@@ -127,25 +127,23 @@ impl ToolPath {
         let (sx, sy) = equal_scales(x, y, (MARGIN + 6.0, WIDTH - 14.0), (HEIGHT - 34.0, 14.0));
         let mut svg = open("Tool path from above");
         let ((left, right), (bottom, top)) = (sx.range, sy.range);
-        for tick in sx.ticks(6) {
+        for (tick, label) in sx.ticks(6) {
             let at = sx.at(tick);
             _ = write!(
                 svg,
                 "<path class=grid d='M{at:.1} {bottom:.1}V{top:.1}'/>\
-                 <text class=tick x={at:.1} y={:.1} text-anchor=middle>{}</text>",
+                 <text class=tick x={at:.1} y={:.1} text-anchor=middle>{label}</text>",
                 bottom + 16.0,
-                number(tick)
             );
         }
-        for tick in sy.ticks(6) {
+        for (tick, label) in sy.ticks(6) {
             let at = sy.at(tick);
             _ = write!(
                 svg,
                 "<path class=grid d='M{left:.1} {at:.1}H{right:.1}'/>\
-                 <text class=tick x={:.1} y={:.1} text-anchor=end>{}</text>",
+                 <text class=tick x={:.1} y={:.1} text-anchor=end>{label}</text>",
                 left - 6.0,
                 at + 3.5,
-                number(tick)
             );
         }
         _ = write!(
@@ -164,12 +162,14 @@ impl ToolPath {
 
     /// X to the right and a little down, Y away and up, Z up.
     pub(super) fn in_space(&self) -> String {
-        // Turned by 30° about Z, seen from 30° above.
+        // Turned by 30° about Z, seen from 37° above.
         const COS: f64 = 0.866_025_403_784_438_6;
         const SIN: f64 = 0.5;
+        const RISE: f64 = 0.6;
+        const LIFT: f64 = 0.8;
         let flat = |[x, y, z]: &Point| {
             let (across, away) = (x * COS - y * SIN, x * SIN + y * COS);
-            (across, away * SIN + z * COS)
+            (across, away * RISE + z * LIFT)
         };
         let [x, y, z] = self.extents();
         let corner = |n: usize| {
@@ -180,7 +180,7 @@ impl ToolPath {
         let corners: Vec<Point> = (0..8).map(corner).collect();
         let across = extent(corners.iter().map(|p| flat(p).0)).unwrap_or((0.0, 1.0));
         let up = extent(corners.iter().map(|p| flat(p).1)).unwrap_or((0.0, 1.0));
-        let (sx, sy) = equal_scales(across, up, (MARGIN, WIDTH - MARGIN), (HEIGHT - 40.0, 30.0));
+        let (sx, sy) = equal_scales(across, up, (76.0, WIDTH - 20.0), (HEIGHT - 30.0, 20.0));
         let project = |p: &Point| {
             let (across, up) = flat(p);
             (sx.at(across), sy.at(up))
@@ -202,14 +202,14 @@ impl ToolPath {
         self.ends(&mut svg, project);
         for (name, from, to) in [
             ("X", corners[0], corners[1]),
-            ("Y", corners[1], corners[3]),
-            ("Z", corners[0], corners[4]),
+            ("Y", corners[0], corners[2]),
+            ("Z", corners[2], corners[6]),
         ] {
             let ((xa, ya), (xb, yb)) = (project(&from), project(&to));
             let (dx, dy, anchor) = match name {
-                "X" => (-6.0, 16.0, "end"),
-                "Y" => (8.0, 14.0, "start"),
-                _ => (-8.0, 0.0, "end"),
+                "X" => (8.0, 14.0, "start"),
+                "Y" => (-8.0, 14.0, "end"),
+                _ => (-8.0, 3.5, "end"),
             };
             let length: f64 = (0..3).map(|axis| to[axis] - from[axis]).sum();
             _ = write!(
@@ -238,8 +238,9 @@ impl ToolPath {
 
     /// What the colours mean.
     pub(super) fn legend(&self) -> String {
-        let mut svg =
-            String::from("<svg class=legend viewBox='0 0 330 34' role=img aria-label='Feed'>");
+        let mut svg = String::from(
+            "<svg class=legend viewBox='0 0 330 34' shape-rendering=crispEdges role=img aria-label='Feed'>",
+        );
         let cell = 250.0 / SHADES as f64;
         for shade in 0..SHADES {
             _ = write!(
