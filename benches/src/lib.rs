@@ -1,1 +1,5 @@
-//! Criterion benches live in `benches/benches`.
+//! Problems and peers for the benches in `benches/benches`, and campaigns against them.
+
+pub mod campaign;
+pub mod cases;
+pub mod peer;

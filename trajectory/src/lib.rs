@@ -3,8 +3,17 @@
 //! This crate knows nothing of CAN. It opens no socket, starts no thread, reads no clock.
 //!
 //! - [`profile`]: motions of one axis as constant-jerk segments; evaluation and exact extrema.
+//! - [`state_to_state`]: one axis from any state to any state, as fast as its [`limits`] allow.
+//! - [`synchronise`]: several axes on a line, together, or each on its own.
 //! - [`path`]: motion of all axes along programmed geometry, and its execution.
+//! - [`verify`]: certifies plans, in arithmetic of its own.
 #![forbid(unsafe_code)]
 
+mod double;
+mod extremal;
+pub mod limits;
 pub mod path;
 pub mod profile;
+pub mod state_to_state;
+pub mod synchronise;
+pub mod verify;

@@ -142,6 +142,13 @@ impl Profile {
         true
     }
 
+    /// [`Profile::push`] for a planner that knows how many segments it makes.
+    #[inline]
+    pub(crate) fn append(&mut self, duration: f64, jerk: f64) {
+        let room = self.push(Segment { duration, jerk });
+        debug_assert!(room, "more segments than any plan has");
+    }
+
     /// The state at time 0.
     #[inline]
     pub const fn start(&self) -> State {

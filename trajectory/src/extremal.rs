@@ -1,0 +1,694 @@
+//! The extremal plans: for every duration the plan that gets furthest.
+//!
+//! Among all plans of duration `T` between two states, those of greatest displacement `D(T)` have
+//! the jerk pattern *up, hold, down, (cruise,) down, hold, up* (Pontryagin: the adjoint of the
+//! acceleration is a convex parabola, so at most two switches; a limit on the acceleration or the
+//! velocity only inserts a hold). For a given duration all plans form a convex set, so every
+//! displacement between the smallest and the greatest can be had, and the shortest plan over a
+//! given displacement is the first point where `D(T)` of the one or the other direction passes it.
+//! The smallest displacement is the greatest of the mirrored axis.
+//!
+//! With `m = 1/j_max`, `n = 1/|j_min|`, `k = (m + n)/2`, peak accelerations `a1 ≥ a2` and holds
+//! `t2` (at `a_max`) and `t6` (at `a_min`), the end velocity demands
+//!
+//! ```text
+//! k (a1² − a2²) + a_max t2 + a_min t6 = v_f − v_0 + m (a_0² − a_f²)/2 =: W
+//! ```
+//!
+//! which leaves a curve of plans, ordered by duration: `T = 2k (a1 − a2) + t2 + t6 + const`. It is
+//! walked region by region (no hold, one, the other, both, cruise). By the envelope theorem
+//! `dD/dT = H = v + a1·t3/2` at the end of the first hold, so `H` grows and `D` is convex wherever
+//! `a2 ≤ 0 ≤ a1`: there the last passage of a displacement is the only one after any point
+//! below it.
+//! `W < 0` is the same motion backwards in time, so `W ≥ 0` is the only case solved.
+
+use crate::limits::Limits;
+
+/// What is between the ends of a plan, seen from the start: velocities, accelerations, distance.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Gap {
+    pub(crate) v0: f64,
+    pub(crate) a0: f64,
+    pub(crate) vf: f64,
+    pub(crate) af: f64,
+    /// Displacement wanted.
+    pub(crate) distance: f64,
+    /// How far the end may miss `distance` where meeting it would need another kind of plan: the
+    /// rounding of the positions that it is the difference of.
+    pub(crate) slack: f64,
+}
+
+/// Durations of *up, hold, down, cruise, down, hold, up*, where up is positive jerk, or negative
+/// where `mirrored`.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Phases {
+    pub(crate) t: [f64; 7],
+    pub(crate) mirrored: bool,
+}
+
+impl Phases {
+    pub(crate) fn duration(&self) -> f64 {
+        self.t.iter().sum()
+    }
+
+    /// The jerk of each phase.
+    pub(crate) fn jerks(&self, limits: &Limits) -> [f64; 7] {
+        let (up, down) = if self.mirrored {
+            (limits.j_min, limits.j_max)
+        } else {
+            (limits.j_max, limits.j_min)
+        };
+        [up, 0.0, down, 0.0, down, 0.0, up]
+    }
+}
+
+/// Which accelerations are held at their limits along a region of the curve of plans.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Held {
+    Neither,
+    Upper,
+    Lower,
+    Both,
+    Cruise,
+}
+
+/// A plan on the curve.
+#[derive(Clone, Copy, Debug)]
+struct Plan {
+    t: [f64; 7],
+    /// Acceleration after the first and before the last ramp.
+    a1: f64,
+    a2: f64,
+}
+
+impl Plan {
+    fn duration(&self) -> f64 {
+        self.t.iter().sum()
+    }
+}
+
+/// A stretch of the curve: from `plan` on, parameter 0 to `extent`.
+#[derive(Clone, Copy, Debug)]
+struct Region {
+    held: Held,
+    plan: Plan,
+    extent: f64,
+    /// Duration and displacement at the beginning.
+    time: f64,
+}
+
+/// The displacement of a plan, its derivative by duration, and the sum of the phases' lengths.
+#[derive(Clone, Copy)]
+struct Reach {
+    d: f64,
+    h: f64,
+    length: f64,
+}
+
+const REGIONS: usize = 7;
+
+/// The curve of extremal plans for one direction, in a frame where `W ≥ 0`.
+pub(crate) struct Curve {
+    v0: f64,
+    a0: f64,
+    m: f64,
+    n: f64,
+    k: f64,
+    j_up: f64,
+    j_down: f64,
+    /// Acceleration limits, both positive.
+    upper: f64,
+    lower: f64,
+    v_max: f64,
+    /// Mean of the velocities at which the first and the last ramp, prolonged, have acceleration 0.
+    c: f64,
+    reversed: bool,
+    mirrored: bool,
+    regions: [Region; REGIONS],
+    len: usize,
+    /// Index of the first region after the interval of durations that no plan has.
+    after_gap: Option<usize>,
+}
+
+/// A difference of velocities, relative to the limits, that is taken for rounding.
+pub(crate) const VELOCITY_ROUNDING: f64 = 4e-15;
+/// A difference of displacements, relative to the displacement, that is taken for rounding.
+const DISPLACEMENT_ROUNDING: f64 = 1e-13;
+
+impl Curve {
+    /// The curve of greatest displacements, or of smallest ones where `mirrored`.
+    pub(crate) fn new(gap: &Gap, limits: &Limits, mirrored: bool) -> Self {
+        let (l, sign) = if mirrored {
+            (limits.mirrored(), -1.0)
+        } else {
+            (*limits, 1.0)
+        };
+        let (j_up, j_down) = (l.j_max, -l.j_min);
+        let (m, n) = (1.0 / j_up, 1.0 / j_down);
+        let k = 0.5 * (m + n);
+        let (mut v0, mut a0) = (sign * gap.v0, sign * gap.a0);
+        let (mut vf, mut af) = (sign * gap.vf, sign * gap.af);
+        let (mut upper, mut lower) = (l.a_max, -l.a_min);
+        let w = (vf - v0) + 0.5 * m * (a0 - af) * (a0 + af);
+        let rounding = VELOCITY_ROUNDING * (l.v_max - l.v_min);
+        // To rounding the single ramp up is a plan of either frame; it is found where the
+        // accelerations are positive.
+        let reversed = if w.abs() <= rounding {
+            a0 + af < 0.0
+        } else {
+            w < 0.0
+        };
+        if reversed {
+            (v0, vf) = (vf, v0);
+            (a0, af) = (-af, -a0);
+            (upper, lower) = (lower, upper);
+        }
+        let w = if reversed { -w } else { w }.max(0.0);
+        let plan = Plan {
+            t: [0.0; 7],
+            a1: 0.0,
+            a2: 0.0,
+        };
+        let region = Region {
+            held: Held::Neither,
+            plan,
+            extent: 0.0,
+            time: 0.0,
+        };
+        let mut curve = Curve {
+            v0,
+            a0,
+            m,
+            n,
+            k,
+            j_up,
+            j_down,
+            upper,
+            lower,
+            v_max: l.v_max,
+            c: 0.5 * ((v0 + vf) - 0.5 * m * (a0 * a0 + af * af)),
+            reversed,
+            mirrored,
+            regions: [region; REGIONS],
+            len: 0,
+            after_gap: None,
+        };
+        curve.walk(vf, af, w, rounding);
+        curve
+    }
+
+    fn walk(&mut self, vf: f64, af: f64, w: f64, rounding: f64) {
+        let (a0, m, n, k) = (self.a0, self.m, self.n, self.k);
+        let q = w / k;
+        // What a single ramp from a0 to af leaves to be gained.
+        let ramp = if af >= a0 { m } else { -n };
+        let rest = (vf - self.v0) - 0.5 * ramp * (af - a0) * (af + a0);
+        if rest < -rounding && q < a0 * a0 {
+            self.walk_from_valley(q, af);
+            return;
+        }
+        let mut plan = self.peak(af, rest.max(0.0));
+        if af > 0.0 {
+            let gap = q < a0 * a0 && a0 > 0.0;
+            let valley = if gap {
+                ((a0 - q.sqrt()) * (a0 + q.sqrt())).sqrt()
+            } else {
+                0.0
+            };
+            if gap && valley >= af {
+                // The single ramp itself, to rounding.
+                self.after_gap = Some(self.len);
+                self.walk_from_valley(q, af);
+                return;
+            }
+            if plan.t[1] > 0.0 {
+                let released = plan.a2 * plan.a2 - self.upper * plan.t[1] / k;
+                let a2 = if released > 0.0 { released.sqrt() } else { 0.0 };
+                plan = self.extend(Held::Upper, plan, plan.a2 - a2);
+                if a2 > 0.0 {
+                    plan.t[1] = 0.0;
+                }
+            }
+            if plan.a2 > valley {
+                let a1 = if gap { a0 } else { q.sqrt().min(plan.a1) };
+                let growth = if gap { q / (a0 + valley) } else { a1 } - (plan.a1 - plan.a2);
+                if plan.t[1] == 0.0 {
+                    self.extend(Held::Neither, plan, growth);
+                    plan.t[0] = (plan.t[0] + m * (a1 - plan.a1)).max(0.0);
+                    plan.t[2] += n * growth.max(0.0);
+                    plan.t[6] += m * (plan.a2 - valley);
+                    plan.a1 = a1;
+                    plan.a2 = valley;
+                }
+            }
+            if gap {
+                self.after_gap = Some(self.len);
+                self.walk_from_valley(q, af);
+                return;
+            }
+            plan.a2 = 0.0;
+            self.walk_crossing(plan, vf - 0.5 * m * af * af);
+        } else {
+            self.walk_crossing(plan, vf + 0.5 * n * af * af);
+        }
+    }
+
+    /// The plan without a last ramp: up, hold, down to `af`, gaining `rest` more than the single
+    /// ramp does.
+    fn peak(&self, af: f64, rest: f64) -> Plan {
+        let (a0, k) = (self.a0, self.k);
+        let base = a0.max(af);
+        let extra = rest / k;
+        let root = (base * base + extra).sqrt();
+        let mut above = if base > 0.0 {
+            extra / (base + root)
+        } else {
+            root - base
+        };
+        let mut t2 = 0.0;
+        let mut a1 = base + above;
+        if a1 > self.upper {
+            above = (self.upper - base).max(0.0);
+            t2 = (rest - k * above * (above + 2.0 * base)).max(0.0) / self.upper;
+            a1 = self.upper;
+        }
+        let (up, down) = if a0 >= af {
+            (above, above + (a0 - af))
+        } else {
+            (above + (af - a0), above)
+        };
+        Plan {
+            t: [up * self.m, t2, down * self.n, 0.0, 0.0, 0.0, 0.0],
+            a1,
+            a2: af,
+        }
+    }
+
+    /// From the plan without a first ramp (down, hold, up) on.
+    fn walk_from_valley(&mut self, q: f64, af: f64) {
+        let (a0, m, n, k) = (self.a0, self.m, self.n, self.k);
+        let root = q.sqrt();
+        let mut valley = ((a0 - root) * (a0 + root)).max(0.0).sqrt();
+        let mut t6 = 0.0;
+        if valley > self.lower {
+            t6 = k * (valley - self.lower) * (valley + self.lower) / self.lower;
+            valley = self.lower;
+        }
+        let t = [
+            0.0,
+            0.0,
+            (a0 + valley) * n,
+            0.0,
+            0.0,
+            t6,
+            (af + valley).max(0.0) * m,
+        ];
+        let v_peak = self.v0 + 0.5 * n * a0 * a0;
+        self.walk_crossing(
+            Plan {
+                t,
+                a1: a0,
+                a2: -valley,
+            },
+            v_peak,
+        );
+    }
+
+    /// From a plan with `a2 ≤ 0 ≤ a1` and the velocity `v_peak` where the acceleration is zero.
+    fn walk_crossing(&mut self, mut plan: Plan, v_peak: f64) {
+        let mut room = (self.v_max - v_peak).max(0.0);
+        let (k, upper, lower) = (self.k, self.upper, self.lower);
+        loop {
+            let up = (upper - plan.a1) * (upper + plan.a1);
+            let down = (lower + plan.a2) * (lower - plan.a2);
+            let (held, square) = match (up <= 0.0, down <= 0.0) {
+                (false, false) => (Held::Neither, up.min(down)),
+                (true, false) => (Held::Upper, down),
+                (false, true) => (Held::Lower, up),
+                (true, true) => (Held::Both, f64::INFINITY),
+            };
+            if held == Held::Both {
+                plan = self.extend(held, plan, room);
+                break;
+            }
+            let last = k * square >= room;
+            let square = square.min(room / k);
+            let a1 = (plan.a1 * plan.a1 + square).sqrt();
+            let a2 = (plan.a2 * plan.a2 + square).sqrt();
+            let (rise, fall) = (square / (a1 + plan.a1), square / (a2 - plan.a2));
+            let (rise, fall) = if square > 0.0 {
+                (rise, fall)
+            } else {
+                (0.0, 0.0)
+            };
+            let extent = match held {
+                Held::Neither => rise + fall,
+                Held::Upper => fall,
+                _ => rise,
+            };
+            let met_upper = !last && held != Held::Upper && (held == Held::Lower || up <= down);
+            let met_lower = !last && held != Held::Lower && (held == Held::Upper || down <= up);
+            plan = self.extend(held, plan, extent);
+            room -= k * square;
+            if last {
+                break;
+            }
+            if met_upper {
+                plan.a1 = upper;
+            }
+            if met_lower {
+                plan.a2 = -lower;
+            }
+        }
+        // From here on both ends of the cruise are ramps of their own.
+        let whole = plan.t[2];
+        plan.t[4] = (-plan.a2 * self.n).min(whole);
+        plan.t[2] = whole - plan.t[4];
+        self.push(Region {
+            held: Held::Cruise,
+            plan,
+            extent: f64::INFINITY,
+            time: plan.duration(),
+        });
+    }
+
+    fn push(&mut self, region: Region) {
+        self.regions[self.len] = region;
+        self.len += 1;
+    }
+
+    /// Appends a region and returns the plan at its end.
+    fn extend(&mut self, held: Held, plan: Plan, extent: f64) -> Plan {
+        if extent <= 0.0 {
+            return plan;
+        }
+        self.push(Region {
+            held,
+            plan,
+            extent,
+            time: plan.duration(),
+        });
+        self.plan(held, &plan, extent)
+    }
+
+    /// The plan at parameter `y` of a region that begins at `start`.
+    #[inline]
+    fn plan(&self, held: Held, start: &Plan, y: f64) -> Plan {
+        let (m, n, k) = (self.m, self.n, self.k);
+        let mut p = *start;
+        match held {
+            // y = growth of a1 − a2 along a1² − a2² = const.
+            Held::Neither => {
+                let u = (start.a1 - start.a2) + y;
+                let skew = if y > 0.0 {
+                    (start.a1 + start.a2) / u
+                } else {
+                    0.0
+                };
+                let fall = 0.5 * y * (1.0 + skew);
+                let rise = 0.5 * y * (1.0 - skew);
+                p.t[0] = (p.t[0] + m * rise).max(0.0);
+                p.t[2] += n * y;
+                p.t[6] += m * fall;
+                p.a1 += rise;
+                p.a2 -= fall;
+            }
+            // y = fall of a2.
+            Held::Upper => {
+                p.t[1] = (p.t[1] + k * y * (y - 2.0 * start.a2) / self.upper).max(0.0);
+                p.t[2] += n * y;
+                p.t[6] += m * y;
+                p.a2 -= y;
+            }
+            // y = rise of a1.
+            Held::Lower => {
+                p.t[0] += m * y;
+                p.t[2] += n * y;
+                p.t[5] += k * y * (y + 2.0 * start.a1) / self.lower;
+                p.a1 += y;
+            }
+            // y = rise of the peak velocity.
+            Held::Both => {
+                p.t[1] += y / self.upper;
+                p.t[5] += y / self.lower;
+            }
+            // y = duration of the cruise.
+            Held::Cruise => p.t[3] += y,
+        }
+        p
+    }
+
+    /// dT/dy at parameter `y`.
+    #[inline]
+    fn pace(&self, held: Held, start: &Plan, y: f64) -> f64 {
+        let k2 = 2.0 * self.k;
+        match held {
+            Held::Neither => k2,
+            Held::Upper => k2 * (1.0 + (y - start.a2) / self.upper),
+            Held::Lower => k2 * (1.0 + (y + start.a1) / self.lower),
+            Held::Both => 1.0 / self.upper + 1.0 / self.lower,
+            Held::Cruise => 1.0,
+        }
+    }
+
+    /// The parameter at which a region's duration has grown by `time`.
+    fn parameter(&self, region: &Region, time: f64) -> f64 {
+        let k = self.k;
+        let y = match region.held {
+            Held::Neither => time / (2.0 * k),
+            Held::Upper => {
+                let b = k * (1.0 - region.plan.a2 / self.upper);
+                time / (b + (b * b + k * time / self.upper).max(0.0).sqrt())
+            }
+            Held::Lower => {
+                let b = k * (1.0 + region.plan.a1 / self.lower);
+                time / (b + (b * b + k * time / self.lower).max(0.0).sqrt())
+            }
+            Held::Both => time / (1.0 / self.upper + 1.0 / self.lower),
+            Held::Cruise => time,
+        };
+        if y > 0.0 { y.min(region.extent) } else { 0.0 }
+    }
+
+    #[inline]
+    fn reach(&self, plan: &Plan) -> Reach {
+        let t = &plan.t;
+        let (mut v, mut a) = (self.v0, self.a0);
+        let mut d = 0.0;
+        let mut length = 0.0;
+        let mut phase = |t: f64, j: f64| {
+            let jt = j * t;
+            let step = t * (v + t * (0.5 * a + (1.0 / 6.0) * jt));
+            v += t * (a + 0.5 * jt);
+            a += jt;
+            d += step;
+            length += step.abs();
+            v
+        };
+        phase(t[0], self.j_up);
+        let v1 = phase(t[1], 0.0);
+        phase(t[2], -self.j_down);
+        if t[3] > 0.0 || t[4] > 0.0 {
+            phase(t[3], 0.0);
+            phase(t[4], -self.j_down);
+        }
+        phase(t[5], 0.0);
+        phase(t[6], self.j_up);
+        Reach {
+            d,
+            h: v1 + 0.5 * plan.a1 * t[2],
+            length,
+        }
+    }
+
+    fn phases(&self, plan: &Plan) -> Phases {
+        let mut t = plan.t;
+        if t[3] == 0.0 {
+            t[2] += t[4];
+            t[4] = 0.0;
+        }
+        if self.reversed {
+            t.reverse();
+        }
+        Phases {
+            t,
+            mirrored: self.mirrored,
+        }
+    }
+
+    fn regions(&self) -> &[Region] {
+        &self.regions[..self.len]
+    }
+
+    /// The shortest plan of the curve: the fastest change of velocity and acceleration alone.
+    pub(crate) fn first(&self) -> (Phases, f64) {
+        let plan = &self.regions[0].plan;
+        (self.phases(plan), self.signed(self.reach(plan).d))
+    }
+
+    fn signed(&self, d: f64) -> f64 {
+        if self.mirrored { -d } else { d }
+    }
+
+    /// The first plan after the gap, where there is one.
+    pub(crate) fn first_after_gap(&self) -> Option<(Phases, f64)> {
+        let plan = &self.regions[self.after_gap?].plan;
+        Some((self.phases(plan), self.signed(self.reach(plan).d)))
+    }
+
+    /// The first plan over `distance`, no shorter than `from`, given that the plan at `from` (or the
+    /// first of its piece) falls short of it.
+    pub(crate) fn first_over(&self, distance: f64, from: From) -> Option<Phases> {
+        let distance = self.signed(distance);
+        let slack = DISPLACEMENT_ROUNDING * distance.abs();
+        let (mut index, time) = match from {
+            From::Start => (0, 0.0),
+            From::AfterGap => (self.after_gap?, 0.0),
+            From::Time(time) => (self.index_at(time)?, time),
+        };
+        let mut first = self.regions[index];
+        let skip = self.parameter(&first, time - first.time);
+        if skip > 0.0 {
+            first.plan = self.plan(first.held, &first.plan, skip);
+            first.extent -= skip;
+        }
+        let crossing = self.crossing();
+        while index < crossing {
+            if let Some(plan) = self.rise_over(&first, distance, slack) {
+                return Some(self.phases(&plan));
+            }
+            index += 1;
+            if self.after_gap == Some(index) {
+                return None;
+            }
+            first = self.regions[index];
+        }
+        // From here on D is convex: the last region that begins below holds the only passage.
+        for i in (index..self.len).rev() {
+            let region = if i == index { first } else { self.regions[i] };
+            let reach = self.reach(&region.plan);
+            if reach.d <= distance || i == index {
+                let plan = self.solve(&region, distance, reach);
+                return Some(self.phases(&plan));
+            }
+        }
+        None
+    }
+
+    /// Index of the first region with `a2 ≤ 0 ≤ a1` throughout.
+    fn crossing(&self) -> usize {
+        if let Some(i) = self.after_gap {
+            return i;
+        }
+        self.regions()
+            .iter()
+            .position(|r| r.plan.a2 <= 0.0)
+            .unwrap_or(self.len)
+    }
+
+    /// The first plan of a region before the crossing over `distance`; there `D` may rise, fall and
+    /// rise again.
+    fn rise_over(&self, region: &Region, distance: f64, slack: f64) -> Option<Plan> {
+        let start = self.reach(&region.plan);
+        if region.held == Held::Neither {
+            // D(u) = α u³ + β u − δ/u + const with u = a1 − a2 and T = 2k u + const, so
+            // H = a u² + b + c/u² and D has at most one maximum, at the lower zero.
+            let u0 = region.plan.a1 - region.plan.a2;
+            let q = u0 * (region.plan.a1 + region.plan.a2);
+            let a = 0.125 * (self.m + 2.0 * self.n);
+            let b = self.c;
+            let c = 0.125 * self.m * q * q;
+            let discriminant = b * b - 4.0 * a * c;
+            if b < 0.0 && discriminant > 0.0 {
+                let top = (2.0 * c / (-b + discriminant.sqrt())).sqrt() - u0;
+                if top > 0.0 && top < region.extent {
+                    let risen = Region {
+                        extent: top,
+                        ..*region
+                    };
+                    if self.reach(&self.plan(region.held, &region.plan, top)).d >= distance {
+                        return Some(self.solve(&risen, distance, start));
+                    }
+                }
+            }
+        }
+        let end = self.plan(region.held, &region.plan, region.extent);
+        let d = self.reach(&end).d;
+        if d >= distance {
+            Some(self.solve(region, distance, start))
+        } else if d >= distance - slack {
+            Some(end)
+        } else {
+            None
+        }
+    }
+
+    /// The plan of a region at which `D` rises over `distance`: safeguarded Newton.
+    fn solve(&self, region: &Region, distance: f64, start: Reach) -> Plan {
+        if region.held == Held::Cruise {
+            let y = ((distance - start.d) / self.v_max).max(0.0);
+            return self.plan(region.held, &region.plan, y);
+        }
+        let (mut low, mut high) = (0.0, region.extent);
+        let mut y = high;
+        let mut plan = self.plan(region.held, &region.plan, y);
+        for _ in 0..100 {
+            let reach = self.reach(&plan);
+            let over = reach.d - distance;
+            if over.abs() <= 2.0 * f64::EPSILON * reach.length {
+                break;
+            }
+            if over > 0.0 {
+                high = y;
+            } else {
+                low = y;
+            }
+            let slope = reach.h * self.pace(region.held, &region.plan, y);
+            let mut next = y - over / slope;
+            if !(next > low && next < high) {
+                next = 0.5 * (low + high);
+            }
+            if next == y || !(next > low && next < high) {
+                break;
+            }
+            y = next;
+            plan = self.plan(region.held, &region.plan, y);
+        }
+        plan
+    }
+
+    /// The plan of duration `time`, with its displacement; `None` where no plan lasts so long.
+    pub(crate) fn at(&self, time: f64) -> Option<(Phases, f64)> {
+        let index = self.index_at(time)?;
+        let region = &self.regions[index];
+        let y = self.parameter(region, time - region.time);
+        let plan = self.plan(region.held, &region.plan, y);
+        Some((self.phases(&plan), self.signed(self.reach(&plan).d)))
+    }
+
+    fn index_at(&self, time: f64) -> Option<usize> {
+        let time = time * (1.0 + 4.0 * f64::EPSILON);
+        let index = self.regions().iter().rposition(|r| r.time <= time)?;
+        let region = &self.regions[index];
+        if self.after_gap == Some(index + 1) {
+            let end = self
+                .plan(region.held, &region.plan, region.extent)
+                .duration();
+            if time > end {
+                return None;
+            }
+        }
+        Some(index)
+    }
+}
+
+/// Where on the curve a search begins.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum From {
+    /// At the shortest plan.
+    Start,
+    /// At the shortest plan after the gap.
+    AfterGap,
+    /// At the plan of this duration.
+    Time(f64),
+}

@@ -1,0 +1,578 @@
+//! One axis: from any state to any state as fast as the limits allow, or in a stated time.
+//!
+//! Every threshold is a ratio and every operation keeps its dimension, so metres and micrometres,
+//! seconds and milliseconds give the same plan.
+
+use crate::double::Double;
+use crate::extremal::{Curve, From, Gap, Phases, VELOCITY_ROUNDING};
+use crate::limits::{Limits, PositionLimits};
+use crate::profile::{Profile, Segment, State};
+
+/// Where an axis is to arrive.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Target {
+    /// In this state.
+    State(State),
+    /// At this velocity and acceleration, wherever: a jog, a stop.
+    Velocity {
+        /// Velocity (length/s).
+        v: f64,
+        /// Acceleration (length/s²).
+        a: f64,
+    },
+}
+
+/// What one axis is to do and what it must keep.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Axis {
+    /// Where it is. A start outside the limits is brought back into them first.
+    pub start: State,
+    /// Where it goes.
+    pub target: Target,
+    /// What it keeps on the way.
+    pub limits: Limits,
+    /// Where it must stay.
+    pub bounds: Option<PositionLimits>,
+}
+
+/// Why there is no plan.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum PlanError {
+    /// A state or a limit is not a finite number.
+    #[error("a state or a limit is not a finite number")]
+    NotANumber,
+    /// A limit leaves no room: each must be on its own side of zero.
+    #[error("a limit of velocity, acceleration or jerk is zero or has the wrong sign")]
+    ZeroLimit,
+    /// The target is outside the velocity or acceleration limits, or can only be reached from outside.
+    #[error(
+        "the target state breaks a velocity or acceleration limit, or can only be reached by breaking it"
+    )]
+    TargetBreaksLimit,
+    /// The target position is outside the position limits.
+    #[error("the target is outside the position limits")]
+    TargetOutsidePosition,
+    /// The start position is outside the position limits.
+    #[error("the start is outside the position limits")]
+    StartOutsidePosition,
+    /// The axes cannot stay on the straight line between start and target.
+    #[error("start and target states do not lie along one straight line")]
+    NotStraight,
+    /// The minimum duration is not a duration that a plan can have.
+    #[error("the minimum duration is negative, not a number, or cannot be kept")]
+    MinDuration,
+    /// No plan within the position limits leads from the start to the target.
+    #[error("the target cannot be reached within the position limits")]
+    Unreachable,
+}
+
+impl Axis {
+    /// A move from `start` to `target` without position limits.
+    pub const fn new(start: State, target: State, limits: Limits) -> Self {
+        Axis {
+            start,
+            target: Target::State(target),
+            limits,
+            bounds: None,
+        }
+    }
+
+    /// A change to the velocity `v` at acceleration 0.
+    pub const fn to_velocity(start: State, v: f64, limits: Limits) -> Self {
+        Axis {
+            start,
+            target: Target::Velocity { v, a: 0.0 },
+            limits,
+            bounds: None,
+        }
+    }
+
+    fn target_rates(&self) -> (f64, f64) {
+        match self.target {
+            Target::State(s) => (s.v, s.a),
+            Target::Velocity { v, a } => (v, a),
+        }
+    }
+
+    fn target_position(&self) -> Option<f64> {
+        match self.target {
+            Target::State(s) => Some(s.p),
+            Target::Velocity { .. } => None,
+        }
+    }
+
+    /// Refuses what cannot be planned whatever the way.
+    pub(crate) fn check(&self) -> Result<(), PlanError> {
+        let l = &self.limits;
+        let (vf, af) = self.target_rates();
+        let numbers = [l.v_max, l.v_min, l.a_max, l.a_min, l.j_max, l.j_min, vf, af];
+        let finite = numbers.iter().all(|x| x.is_finite())
+            && self.start.is_finite()
+            && self.target_position().is_none_or(f64::is_finite)
+            && self
+                .bounds
+                .is_none_or(|b| !b.min.is_nan() && !b.max.is_nan());
+        if !finite {
+            return Err(PlanError::NotANumber);
+        }
+        let room = l.v_max > 0.0 && l.a_max > 0.0 && l.j_max > 0.0;
+        if !(room && l.v_min < 0.0 && l.a_min < 0.0 && l.j_min < 0.0) {
+            return Err(PlanError::ZeroLimit);
+        }
+        // Where the acceleration that the target asks for began from zero, at full jerk.
+        let before = vf - 0.5 * af * af / if af > 0.0 { l.j_max } else { l.j_min };
+        let v_slack = TARGET_SLACK * (l.v_max - l.v_min);
+        let a_slack = TARGET_SLACK * (l.a_max - l.a_min);
+        let v_fits = |v: f64| v <= l.v_max + v_slack && v >= l.v_min - v_slack;
+        if !(v_fits(vf) && v_fits(before) && af <= l.a_max + a_slack && af >= l.a_min - a_slack) {
+            return Err(PlanError::TargetBreaksLimit);
+        }
+        if let Some(bounds) = self.bounds {
+            let within = |p: f64| p >= bounds.min && p <= bounds.max;
+            if self.target_position().is_some_and(|p| !within(p)) {
+                return Err(PlanError::TargetOutsidePosition);
+            }
+            if !within(self.start.p) {
+                return Err(PlanError::StartOutsidePosition);
+            }
+        }
+        Ok(())
+    }
+}
+
+/// A target this far over a limit, relative, is on it.
+const TARGET_SLACK: f64 = 1e-13;
+
+/// The fastest plan of one axis that lasts at least `min_duration` (s).
+pub fn plan(axis: &Axis, min_duration: f64) -> Result<Profile, PlanError> {
+    axis.check()?;
+    check_duration(min_duration)?;
+    let route = Route::new(axis);
+    let mut course = route.fastest();
+    if route.duration(&course) < min_duration {
+        course = route.no_shorter(min_duration);
+    }
+    Ok(route.profile(&course))
+}
+
+pub(crate) fn check_duration(min_duration: f64) -> Result<(), PlanError> {
+    let sound = min_duration >= 0.0 && min_duration.is_finite();
+    if sound {
+        Ok(())
+    } else {
+        Err(PlanError::MinDuration)
+    }
+}
+
+/// A problem of one axis, split into the way back into the limits and the gap that is left.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Route {
+    start: State,
+    limits: Limits,
+    entry: Entry,
+    gap: Gap,
+    /// Whether the displacement matters.
+    position: bool,
+}
+
+/// A way over the gap.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Course {
+    /// An extremal plan, and a hold of the end state after it.
+    Extremal(Phases, f64),
+    /// The convex combination of two extremal plans of one duration, `(1 + mix)/2` of the first: as
+    /// the limits are convex, it keeps them too.
+    Between { up: Phases, down: Phases, mix: f64 },
+}
+
+/// The segments that lead back into the limits.
+#[derive(Clone, Copy, Debug)]
+struct Entry {
+    segments: [Segment; 4],
+    duration: f64,
+}
+
+impl Route {
+    pub(crate) fn new(axis: &Axis) -> Self {
+        let (entry, reached) = enter(axis.start, &axis.limits);
+        let (vf, af) = axis.target_rates();
+        let target = axis.target_position();
+        let gap = Gap {
+            v0: reached.v,
+            a0: reached.a,
+            vf,
+            af,
+            distance: target.map_or(0.0, |p| (p - axis.start.p) - reached.p),
+            slack: 8.0 * f64::EPSILON * axis.start.p.abs().max(target.unwrap_or(0.0).abs()),
+        };
+        let position = target.is_some();
+        Route {
+            start: axis.start,
+            limits: axis.limits,
+            entry,
+            gap,
+            position,
+        }
+    }
+
+    pub(crate) fn duration(&self, course: &Course) -> f64 {
+        self.entry.duration
+            + match course {
+                Course::Extremal(phases, hold) => phases.duration() + hold,
+                Course::Between { up, .. } => up.duration(),
+            }
+    }
+
+    /// The shortest course.
+    pub(crate) fn fastest(&self) -> Course {
+        let phases = if self.position {
+            fastest(&self.gap, &self.limits)
+        } else {
+            Curve::new(&self.gap, &self.limits, false).first().0
+        };
+        Course::Extremal(phases, 0.0)
+    }
+
+    /// A course of this duration, or the shortest of those that last longer where there is none.
+    /// `duration` is more than that of the fastest.
+    pub(crate) fn no_shorter(&self, duration: f64) -> Course {
+        let time = duration - self.entry.duration;
+        let gap = &self.gap;
+        let up = Curve::new(gap, &self.limits, false);
+        let (first, _) = up.first();
+        if !self.position && gap.af == 0.0 {
+            return Course::Extremal(first, time - first.duration());
+        }
+        let down = Curve::new(gap, &self.limits, true);
+        let (highest, lowest) = (up.at(time), down.at(time));
+        let mut longer = None;
+        if let (Some((high, most)), Some((low, least))) = (highest, lowest) {
+            let rounding = slack(gap, most).max(slack(gap, least));
+            if !self.position {
+                return Course::Between {
+                    up: high,
+                    down: low,
+                    mix: 0.0,
+                };
+            } else if gap.distance > most + rounding {
+                longer = up.first_over(gap.distance, From::Time(time));
+            } else if gap.distance < least - rounding {
+                longer = down.first_over(gap.distance, From::Time(time));
+            } else {
+                return self.between(high, most, low, least);
+            }
+        }
+        // Otherwise the duration is one that no change of velocity and acceleration has.
+        let phases = longer.unwrap_or_else(|| match up.first_after_gap() {
+            None => first,
+            Some((second, _)) if !self.position => second,
+            Some((second, d)) => {
+                let miss = gap.distance - d;
+                let curve = if miss < 0.0 { &down } else { &up };
+                if miss.abs() <= slack(gap, d) {
+                    second
+                } else {
+                    curve
+                        .first_over(gap.distance, From::AfterGap)
+                        .unwrap_or(second)
+                }
+            }
+        });
+        Course::Extremal(phases, 0.0)
+    }
+
+    fn between(&self, up: Phases, most: f64, down: Phases, least: f64) -> Course {
+        let half = 0.5 * (most - least);
+        if half <= 0.0 {
+            return Course::Extremal(up, 0.0);
+        }
+        let bound = |mix: f64| mix.clamp(-1.0, 1.0);
+        let mut mix =
+            bound(0.5 * ((self.gap.distance - least) - (most - self.gap.distance)) / half);
+        // The displacement is linear in the mix, but for rounding.
+        for _ in 0..2 {
+            let steps = Steps::between(&up, &down, mix, &self.limits);
+            let miss = self.gap.distance - steps.displacement(self.gap.v0, self.gap.a0);
+            mix = bound(mix + miss / half);
+        }
+        Course::Between { up, down, mix }
+    }
+
+    pub(crate) fn profile(&self, course: &Course) -> Profile {
+        self.profile_along(course, self.start, 1.0)
+    }
+
+    /// The profile of an axis that moves `factor` times as far as this one does, from a start of
+    /// its own.
+    pub(crate) fn profile_along(&self, course: &Course, start: State, factor: f64) -> Profile {
+        let mut profile = Profile::new(start);
+        for segment in self.entry.segments {
+            profile.append(segment.duration, factor * segment.jerk);
+        }
+        let steps = match course {
+            Course::Extremal(phases, hold) => Steps::extremal(phases, *hold, &self.limits),
+            Course::Between { up, down, mix } => Steps::between(up, down, *mix, &self.limits),
+        };
+        for step in steps.iter() {
+            let mut duration = step.duration;
+            if step.cruise {
+                duration -= settle(&mut profile, duration, factor.abs() * self.limits.a_max);
+            }
+            profile.append(duration, factor * step.jerk);
+        }
+        profile
+    }
+}
+
+/// Phases with their jerks; `cruise` where the acceleration is to be zero.
+#[derive(Clone, Copy, Default)]
+struct Step {
+    duration: f64,
+    jerk: f64,
+    cruise: bool,
+}
+
+struct Steps {
+    steps: [Step; 14],
+    len: usize,
+}
+
+impl Steps {
+    fn iter(&self) -> impl Iterator<Item = &Step> {
+        self.steps[..self.len].iter()
+    }
+
+    fn push(&mut self, duration: f64, jerk: f64, cruise: bool) {
+        if duration > 0.0 {
+            self.steps[self.len] = Step {
+                duration,
+                jerk,
+                cruise,
+            };
+            self.len += 1;
+        }
+    }
+
+    fn extremal(phases: &Phases, hold: f64, limits: &Limits) -> Self {
+        let mut steps = Steps {
+            steps: [Step::default(); 14],
+            len: 0,
+        };
+        for (i, (duration, jerk)) in phases.t.into_iter().zip(phases.jerks(limits)).enumerate() {
+            steps.push(duration, jerk, i == 3);
+        }
+        steps.push(hold, 0.0, true);
+        steps
+    }
+
+    fn between(up: &Phases, down: &Phases, mix: f64, limits: &Limits) -> Self {
+        let mut steps = Steps {
+            steps: [Step::default(); 14],
+            len: 0,
+        };
+        let (up_jerks, down_jerks) = (up.jerks(limits), down.jerks(limits));
+        let together = 4.0 * f64::EPSILON * up.duration();
+        let (mut i, mut k) = (0, 0);
+        let (mut rest_up, mut rest_down) = (up.t[0], down.t[0]);
+        while i < 7 && k < 7 {
+            let duration = rest_up.min(rest_down);
+            let (x, y) = (up_jerks[i], down_jerks[k]);
+            steps.push(duration, 0.5 * ((x + y) + mix * (x - y)), i == 3 && k == 3);
+            rest_up -= duration;
+            rest_down -= duration;
+            if rest_up <= together {
+                i += 1;
+                rest_up = if i < 7 { up.t[i] } else { 0.0 };
+            }
+            if rest_down <= together {
+                k += 1;
+                rest_down = if k < 7 { down.t[k] } else { 0.0 };
+            }
+        }
+        steps
+    }
+
+    fn displacement(&self, v0: f64, a0: f64) -> f64 {
+        let mut state = State {
+            p: 0.0,
+            v: v0,
+            a: a0,
+        };
+        for step in self.iter() {
+            state = state.after(step.duration, step.jerk);
+        }
+        state.p
+    }
+}
+
+/// What the ramps leave of the acceleration by rounding, a long cruise would integrate to a wrong
+/// velocity. Brings it to zero in a first small part of the cruise; returns that part's duration.
+fn settle(profile: &mut Profile, cruise: f64, a_scale: f64) -> f64 {
+    let speed = profile.end().v.abs();
+    if 8.0 * f64::EPSILON * a_scale * cruise <= 1e-13 * speed {
+        return 0.0;
+    }
+    let mut left = Double::from(profile.start().a);
+    for s in profile.segments() {
+        left = left + Double::product(s.jerk, s.duration);
+    }
+    let part = cruise / (1_u32 << 30) as f64;
+    if left.value() == 0.0 || left.value().abs() > 1e-12 * a_scale {
+        return 0.0;
+    }
+    profile.append(part, -left.value() / part);
+    part
+}
+
+/// The fastest phases over a gap whose ends are inside the limits.
+fn fastest(gap: &Gap, limits: &Limits) -> Phases {
+    let mut curve = Curve::new(gap, limits, false);
+    let (first, d) = curve.first();
+    let miss = gap.distance - d;
+    if miss.abs() <= slack(gap, d) {
+        return first;
+    }
+    let mirrored = miss < 0.0;
+    if mirrored {
+        curve = Curve::new(gap, limits, true);
+    }
+    if let Some(phases) = curve.first_over(gap.distance, From::Start) {
+        return phases;
+    }
+    let Some((second, d)) = curve.first_after_gap() else {
+        return first;
+    };
+    let miss = gap.distance - d;
+    if miss.abs() <= slack(gap, d) {
+        return second;
+    }
+    if (miss < 0.0) != mirrored {
+        curve = Curve::new(gap, limits, !mirrored);
+    }
+    curve
+        .first_over(gap.distance, From::AfterGap)
+        .unwrap_or(second)
+}
+
+/// By how much a plan of displacement `d` may miss the distance and still be taken for it.
+fn slack(gap: &Gap, d: f64) -> f64 {
+    let rounding = 2e-13 * d.abs().max(gap.distance.abs());
+    if d == 0.0 {
+        rounding
+    } else {
+        rounding + gap.slack
+    }
+}
+
+/// Brings a start outside the limits, or bound to leave them, back into them: the acceleration at
+/// full jerk, then the velocity to its limit at acceleration 0, as fast as the limits allow. The
+/// state that is reached, with the displacement for its position.
+fn enter(start: State, limits: &Limits) -> (Entry, State) {
+    let l = limits;
+    let mut entry = Entry {
+        segments: [Segment::default(); 4],
+        duration: 0.0,
+    };
+    let mut state = State { p: 0.0, ..start };
+    let a_slack = VELOCITY_ROUNDING * (l.a_max - l.a_min);
+    let mut ramp = |to: f64, jerk: f64| {
+        let duration = (to - state.a) / jerk;
+        entry.segments[0] = Segment { duration, jerk };
+        state = State {
+            a: to,
+            ..state.after(duration, jerk)
+        };
+    };
+    if start.a > l.a_max + a_slack {
+        ramp(l.a_max, l.j_min);
+    } else if start.a < l.a_min - a_slack {
+        ramp(l.a_min, l.j_max);
+    }
+    // The velocity at which full jerk makes the acceleration zero.
+    let stop = state.v - 0.5 * state.a * state.a / if state.a > 0.0 { l.j_min } else { l.j_max };
+    let v_slack = VELOCITY_ROUNDING * (l.v_max - l.v_min);
+    let limit = if stop > l.v_max + v_slack {
+        Some(l.v_max)
+    } else if stop < l.v_min - v_slack {
+        Some(l.v_min)
+    } else {
+        None
+    };
+    if let Some(v) = limit {
+        let gap = Gap {
+            v0: state.v,
+            a0: state.a,
+            vf: v,
+            af: 0.0,
+            distance: 0.0,
+            slack: 0.0,
+        };
+        let (phases, displacement) = Curve::new(&gap, l, false).first();
+        let mut next = 1;
+        for (duration, jerk) in phases.t.into_iter().zip(phases.jerks(l)) {
+            if duration > 0.0 {
+                entry.segments[next] = Segment { duration, jerk };
+                next += 1;
+            }
+        }
+        state = State {
+            p: state.p + displacement,
+            v,
+            a: 0.0,
+        };
+    }
+    entry.duration = entry.segments.iter().map(|s| s.duration).sum();
+    (entry, state)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::verify;
+
+    fn moving(p: f64, v: f64, a: f64) -> State {
+        State { p, v, a }
+    }
+
+    #[test]
+    fn the_known_trap_at_the_velocity_limit_takes_67_seconds() {
+        let limits = Limits::symmetric(
+            0.103_282_156_590_749_05,
+            11.396_041_595_944_988,
+            8.609_394_122_614_317,
+        );
+        let start = moving(0.0, 0.085_420_196_882_301_74, 0.554_582_096_595_770_2);
+        let axis = Axis::new(start, State::at_rest(6.896_574_314_072_619), limits);
+        let plan = plan(&axis, 0.0).unwrap();
+        assert!(
+            (plan.duration() - 66.89).abs() < 0.01,
+            "{}",
+            plan.duration()
+        );
+        assert!(verify::axis(&plan, &axis).holds(1e-12));
+    }
+
+    #[test]
+    fn lowering_the_velocity_limit_in_motion_neither_dips_nor_turns_back() {
+        for lowered in [0.1, 0.05] {
+            let limits = Limits::symmetric(lowered, 2.0, 20.0);
+            let axis = Axis::new(moving(0.0, 1.0, 2.0), State::at_rest(50.0), limits);
+            let plan = plan(&axis, 0.0).unwrap();
+            assert!(verify::axis(&plan, &axis).holds(1e-12));
+            let braking = plan.segments().last().unwrap().duration + 2.0;
+            let lowest = (0..1000)
+                .map(|i| plan.at(i as f64 / 1000.0 * (plan.duration() - braking)).v)
+                .fold(f64::INFINITY, f64::min);
+            assert!(lowest >= lowered * (1.0 - 1e-12), "{lowest} < {lowered}");
+        }
+    }
+
+    #[test]
+    fn a_stop_needs_no_position() {
+        let limits = Limits::symmetric(1.0, 2.0, 10.0);
+        let axis = Axis::to_velocity(moving(3.0, 0.9, 0.4), 0.0, limits);
+        let plan = plan(&axis, 0.0).unwrap();
+        assert!(verify::axis(&plan, &axis).holds(1e-12));
+        assert!(plan.duration() < 1.0);
+    }
+}

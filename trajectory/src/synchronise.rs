@@ -1,0 +1,188 @@
+//! Several axes at once.
+
+use crate::limits::Limits;
+use crate::profile::{Profile, State};
+use crate::state_to_state::{Axis, Course, PlanError, Route, Target, check_duration};
+
+/// The most axes that are planned together.
+pub const MAX_AXES: usize = 16;
+
+/// How several axes belong together.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Synchronisation {
+    /// The tool stays on the straight line from start to target.
+    #[default]
+    Line,
+    /// All arrive at the same instant.
+    Time,
+    /// Each as fast as it can.
+    None,
+}
+
+/// Plans all axes, at least `min_duration` (s) long. `profiles` receives one for each axis; the
+/// result is the duration of the longest.
+///
+/// `axes` and `profiles` are equally long and at most [`MAX_AXES`].
+pub fn plan(
+    axes: &[Axis],
+    synchronisation: Synchronisation,
+    min_duration: f64,
+    profiles: &mut [Profile],
+) -> Result<f64, PlanError> {
+    assert!(
+        axes.len() == profiles.len() && axes.len() <= MAX_AXES,
+        "one profile for each axis"
+    );
+    for axis in axes {
+        axis.check()?;
+    }
+    check_duration(min_duration)?;
+    match synchronisation {
+        Synchronisation::Line => line(axes, min_duration, profiles),
+        Synchronisation::Time => time(axes, min_duration, profiles),
+        Synchronisation::None => {
+            let mut longest = 0.0_f64;
+            for (axis, profile) in axes.iter().zip(profiles) {
+                *profile = crate::state_to_state::plan(axis, min_duration)?;
+                longest = longest.max(profile.duration());
+            }
+            Ok(longest)
+        }
+    }
+}
+
+/// The shortest duration that every axis can have: the longest of the shortest ones, moved on over
+/// the intervals of durations that some axis cannot have.
+fn time(axes: &[Axis], min_duration: f64, profiles: &mut [Profile]) -> Result<f64, PlanError> {
+    const NONE: Option<(Route, Course, f64)> = None;
+    let mut routes = [NONE; MAX_AXES];
+    let mut duration = min_duration;
+    for (slot, axis) in routes.iter_mut().zip(axes) {
+        let route = Route::new(axis);
+        let course = route.fastest();
+        let shortest = route.duration(&course);
+        duration = duration.max(shortest);
+        *slot = Some((route, course, shortest));
+    }
+    // Each axis has at most two such intervals, so this ends.
+    let mut settled = false;
+    while !settled {
+        settled = true;
+        for (route, course, time) in routes.iter_mut().flatten() {
+            if *time < duration * (1.0 - 4.0 * f64::EPSILON) {
+                *course = route.no_shorter(duration);
+                *time = route.duration(course);
+                if *time > duration * (1.0 + 1e-14) {
+                    duration = *time;
+                    settled = false;
+                } else {
+                    *time = duration;
+                }
+            }
+        }
+    }
+    for ((route, course, _), profile) in routes.iter().flatten().zip(profiles) {
+        *profile = route.profile(course);
+    }
+    Ok(duration)
+}
+
+type Part = fn(&(State, State)) -> f64;
+
+/// Relative difference of direction that is taken for rounding.
+const STRAIGHT: f64 = 1e-13;
+
+fn line(axes: &[Axis], min_duration: f64, profiles: &mut [Profile]) -> Result<f64, PlanError> {
+    let mut direction = [0.0; MAX_AXES];
+    let direction = &mut direction[..axes.len()];
+    let mut ends = [(State::default(), State::default()); MAX_AXES];
+    for (end, axis) in ends.iter_mut().zip(axes) {
+        let target = match axis.target {
+            Target::State(s) => s,
+            Target::Velocity { v, a } => State {
+                p: axis.start.p,
+                v,
+                a,
+            },
+        };
+        *end = (
+            State {
+                p: 0.0,
+                ..axis.start
+            },
+            State {
+                p: target.p - axis.start.p,
+                ..target
+            },
+        );
+    }
+    let ends = &ends[..axes.len()];
+    let position = matches!(
+        axes.first(),
+        Some(Axis {
+            target: Target::State(_),
+            ..
+        })
+    );
+    if axes
+        .iter()
+        .any(|a| matches!(a.target, Target::State(_)) != position)
+    {
+        return Err(PlanError::NotStraight);
+    }
+    // The direction is that of the displacement, or else of any rate that there is.
+    let parts: [Part; 5] = [|e| e.1.p, |e| e.0.v, |e| e.1.v, |e| e.0.a, |e| e.1.a];
+    let mut lead = None;
+    for part in parts {
+        let longest =
+            (0..ends.len()).max_by(|&i, &k| part(&ends[i]).abs().total_cmp(&part(&ends[k]).abs()));
+        if let Some(i) = longest.filter(|&i| part(&ends[i]) != 0.0) {
+            for (d, end) in direction.iter_mut().zip(ends) {
+                *d = part(end) / part(&ends[i]);
+            }
+            lead = Some(i);
+            break;
+        }
+    }
+    let Some(lead) = lead else {
+        for (axis, profile) in axes.iter().zip(profiles) {
+            *profile = Profile::new(axis.start);
+        }
+        return if min_duration > 0.0 {
+            Err(PlanError::MinDuration)
+        } else {
+            Ok(0.0)
+        };
+    };
+    for part in parts {
+        let along = part(&ends[lead]);
+        for (d, end) in direction.iter().zip(ends) {
+            if (part(end) - d * along).abs() > STRAIGHT * along.abs() {
+                return Err(PlanError::NotStraight);
+            }
+        }
+    }
+    let mut limits: Option<Limits> = None;
+    for (axis, &d) in axes.iter().zip(direction.iter()) {
+        if d != 0.0 {
+            let own = axis.limits.projected(d);
+            limits = Some(limits.map_or(own, |l| l.intersection(&own)));
+        }
+    }
+    let projected = Axis {
+        start: axes[lead].start,
+        target: axes[lead].target,
+        limits: limits.unwrap_or(axes[lead].limits),
+        bounds: None,
+    };
+    projected.check()?;
+    let route = Route::new(&projected);
+    let mut course = route.fastest();
+    if route.duration(&course) < min_duration {
+        course = route.no_shorter(min_duration);
+    }
+    for ((axis, profile), &d) in axes.iter().zip(profiles).zip(direction.iter()) {
+        *profile = route.profile_along(&course, axis.start, d);
+    }
+    Ok(route.duration(&course))
+}
