@@ -10,6 +10,7 @@
 //! - [`doctor`]: what the host has that helps or hurts a cycle
 //! - [`realtime`]: what the cycle thread asks of the kernel, and what it got
 //! - [`report`]: what a run leaves to look at
+//! - [`timing`]: how punctual a cycle was
 //! - [`commands`]: the `syncline` command line
 
 #![deny(unsafe_code)]
@@ -25,3 +26,4 @@ pub mod program;
 pub mod realtime;
 pub mod report;
 pub mod run;
+pub mod timing;
