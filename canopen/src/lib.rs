@@ -7,6 +7,7 @@
 //! - [`dictionary`]: a device's objects as a table, a node's values of them
 //! - [`sdo`], [`pdo`], [`nmt`], [`sync`], [`emcy`], [`heartbeat`], [`guarding`]: the services,
 //!   node's and master's side
+//! - [`eds`]: electronic data sheets (CiA 306), read, written and compared
 //! - [`node`]: a whole slave of them, for a device to be embedded in
 //! - [`cia402`]: a drive's words and states
 //!
@@ -17,6 +18,7 @@
 pub mod budget;
 pub mod cia402;
 pub mod dictionary;
+pub mod eds;
 pub mod emcy;
 pub mod frame;
 pub mod guarding;
