@@ -165,6 +165,18 @@ pub enum Fault {
     ArcRadiusSamePoint,
     #[error("radius {radius} mm does not reach the end {length:.4} mm away: correct R or the end")]
     ArcTooFar { radius: f64, length: f64 },
+    #[error("{code} has no axis words: write where, or G80 to end the cycle")]
+    CycleNowhere { code: Code },
+    #[error("{code} is not possible under G93: write G94 and a feed per minute")]
+    CycleInverseTime { code: Code },
+    #[error("{code} stops a spindle that does not turn: write M3 or M4 before")]
+    CycleSpindle { code: Code },
+    #[error("{code} does not move {axis}: use the axes of the plane and the one across it")]
+    CycleAxis { code: Code, axis: Axis },
+    #[error("{code} would start below its end: raise R, or lower {axis}")]
+    CycleBelow { code: Code, axis: Axis },
+    #[error("the block makes more than {allowed} moves: correct Q or L")]
+    CycleTooLong { allowed: usize },
     #[error(
         "{axis} would go to {value:.4}, its soft limits are {least} to {greatest} (machine \
          coordinates): move the work, the offset or the limit"
@@ -177,8 +189,41 @@ pub enum Fault {
     },
 
     // The program as a whole.
-    #[error("O-words are not executed yet: write the blocks out")]
-    NoFlow,
+    #[error("O{label} has no {missing}: add it")]
+    NoEndOf {
+        label: String,
+        missing: &'static str,
+    },
+    #[error("no {what} O{label} is open here: correct the label, or how they nest")]
+    NotOpen { label: String, what: &'static str },
+    #[error("O{label} is in use by a construct around this one: give each its own label")]
+    LabelInUse { label: String },
+    #[error("loops and branches nest deeper than {allowed}: move a part into a subroutine")]
+    NestedTooDeep { allowed: usize },
+    #[error("a SUB inside a SUB: end the one before")]
+    NestedSub,
+    #[error("O{label} is defined twice: give each subroutine its own label")]
+    DefinedTwice { label: String },
+    #[error("there is no subroutine O{label}: define it in this file, or in {label}.ngc beside it")]
+    NoSubroutine { label: String },
+    #[error("there is no subprogram O{number}: add it behind the end of the program")]
+    NoSubprogram { number: u32 },
+    #[error("the subprogram has no M99: add it")]
+    NoSubprogramEnd,
+    #[error("M99 ends subprograms of M98: write ENDSUB or RETURN here")]
+    SubprogramEndInSub,
+    #[error(
+        "the program runs into subprogram O{label}: end it with M2 or M30, a subprogram with M99"
+    )]
+    RunsInto { label: String },
+    #[error("subroutines call each other deeper than {allowed}: does a recursion not end?")]
+    CallsTooDeep { allowed: usize },
+    #[error("a computed O-word can only be called: write the number or `<name>`")]
+    ComputedLabel,
+    #[error("O{0} is no label: it has to be a whole number")]
+    LabelNumber(f64),
+    #[error("{0} is not a number of repetitions: it has to be whole")]
+    RepeatCount(f64),
     #[error("the program begins with `%` and ends without: is the file complete? Add `%` or M30")]
     NoEnd,
     #[error("{allowed} blocks were executed without an end: end the loop, or run it with --stream")]

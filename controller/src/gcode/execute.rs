@@ -11,8 +11,9 @@ use super::arc::{Arc, Direction, Plane};
 use super::axes::{Axis, Point};
 use super::block::{Block, Target};
 use super::command::{Action, Feed, Output, PathMode, Stop, Turning};
+use super::cycles::{Cycle, Series};
 use super::error::{Fault, Refusal};
-use super::expression::Scope;
+use super::expression::{Scope, Value};
 use super::lexer::Columns;
 use super::modal::{Code, Group, Modes, Motion, ProgrammedFeed};
 use super::parameters::{self, Parameters};
@@ -22,6 +23,22 @@ use super::words::{Words, out_of_range, whole};
 const COORDINATE_LIMIT: f64 = 1e9;
 /// A position may be outside of the soft limits by this much: what conversions round. mm.
 const LIMIT_ROUNDING: f64 = 1e-9;
+
+/// Where the program goes on after a block.
+pub(crate) enum Continuation {
+    /// In the next line.
+    Next,
+    /// M2, M30
+    End,
+    /// M98
+    CallSubprogram {
+        number: u32,
+        repeats: u32,
+        columns: Columns,
+    },
+    /// M99
+    EndSubprogram { columns: Columns },
+}
 
 /// What executing a program knows between two blocks.
 pub(crate) struct State {
@@ -34,8 +51,12 @@ pub(crate) struct State {
     /// Whether the shift of G92 and G52 is in effect.
     pub(crate) g92_applies: bool,
     pub(crate) parameters: Parameters,
+    /// What canned cycles keep from block to block.
+    pub(crate) series: Series,
     /// The line of the block that is being executed.
     pub(crate) line: u32,
+    /// How many subroutines deep that is.
+    pub(crate) call_level: usize,
     stack: Vec<f64>,
 }
 
@@ -48,7 +69,9 @@ impl State {
             tool_offset: Point::ZERO,
             g92_applies: false,
             parameters: Parameters::default(),
+            series: Series::default(),
             line: 0,
+            call_level: 0,
             stack: Vec::new(),
         }
     }
@@ -58,16 +81,16 @@ impl State {
         &mut self,
         block: &Block,
         commands: &mut VecDeque<Action>,
-    ) -> Result<(), Refusal> {
+    ) -> Result<Continuation, Refusal> {
         let mut words = self.evaluate(block)?;
         self.speeds(&mut words, commands)?;
         self.dwell(&mut words, commands)?;
         self.set_modes(&mut words, commands)?;
         self.offsets(&mut words, commands)?;
         self.motion(block, &mut words, commands)?;
+        let continuation = self.stop(&mut words, commands)?;
         words.all_used()?;
-        self.stop(&words, commands);
-        Ok(())
+        Ok(continuation)
     }
 
     /// Evaluates every word and setting with the parameters as they were before the block.
@@ -102,6 +125,14 @@ impl State {
         }
         self.stack = stack;
         Ok(words)
+    }
+
+    /// Evaluates one value of a block.
+    pub(crate) fn value(&mut self, block: &Block, value: &Value) -> Result<f64, Refusal> {
+        let mut stack = std::mem::take(&mut self.stack);
+        let result = block.evaluate(value, self, &mut stack);
+        self.stack = stack;
+        result
     }
 
     fn speeds(
@@ -264,6 +295,9 @@ impl State {
         if let Some(code) = words.code(Group::ArcDistance) {
             self.modes.absolute_centers = code == Code::G(901);
         }
+        if let Some(code) = words.code(Group::CycleReturn) {
+            self.modes.retract_to_r = code == Code::G(990);
+        }
         Ok(())
     }
 
@@ -280,11 +314,14 @@ impl State {
                 Code::G(10) => Motion::Feed,
                 Code::G(20) => Motion::Arc(Direction::Clockwise),
                 Code::G(30) => Motion::Arc(Direction::Counterclockwise),
-                _ => Motion::None,
+                code => Cycle::of(code.number()).map_or(Motion::None, Motion::Cycle),
             };
         }
         let motion = self.modes.motion;
         let code = motion.code();
+        if !matches!(motion, Motion::Cycle(_)) {
+            self.end_series();
+        }
         let machine = words.code(Group::MachineCoordinates).is_some();
         if machine && !matches!(motion, Motion::Rapid | Motion::Feed) {
             let columns = words.code_columns(Group::MachineCoordinates);
@@ -301,15 +338,23 @@ impl State {
                     words.code(Group::Offsets),
                     Some(Code::G(100 | 280 | 300 | 520 | 920))
                 ));
-        if suspended || !(words.has_axes() || arc) {
-            return Ok(());
-        }
-        let to = self.target(words, code, machine)?;
         let motion_columns = words
             .code_columns(Group::Motion)
             .unwrap_or_else(|| block.columns());
+        if suspended || !(words.has_axes() || arc) {
+            return match motion {
+                Motion::Cycle(_) if explicit.is_some() => {
+                    Err(Refusal::new(motion_columns, Fault::CycleNowhere { code }))
+                }
+                _ => Ok(()),
+            };
+        }
+        if let Motion::Cycle(cycle) = motion {
+            return self.cycle(cycle, words, motion_columns, commands);
+        }
+        let to = self.target(words, code, machine)?;
         let action = match motion {
-            Motion::None => {
+            Motion::None | Motion::Cycle(_) => {
                 let first = Axis::ALL
                     .iter()
                     .filter_map(|axis| words.columns(axis.letter() as u8))
@@ -404,7 +449,7 @@ impl State {
         }
     }
 
-    fn feed(&self, words: &mut Words, code: Code, to: Point) -> Result<Feed, Fault> {
+    pub(crate) fn feed(&self, words: &mut Words, code: Code, to: Point) -> Result<Feed, Fault> {
         if self.modes.inverse_time {
             return match words.take_free(b'F') {
                 Some(number) => Ok(Feed::Duration(60.0 / number)),
@@ -528,14 +573,37 @@ impl State {
         Ok(())
     }
 
-    fn stop(&mut self, words: &Words, commands: &mut VecDeque<Action>) {
-        let action = match words.code(Group::Stopping) {
-            Some(Code::M(0)) => Action::Stop(Stop::Program),
-            Some(Code::M(1)) if self.setup.optional_stop => Action::Stop(Stop::Optional),
-            Some(Code::M(2 | 30)) => Action::End,
-            _ => return,
+    /// The codes that stop, end or go elsewhere.
+    fn stop(
+        &mut self,
+        words: &mut Words,
+        commands: &mut VecDeque<Action>,
+    ) -> Result<Continuation, Refusal> {
+        let Some(code @ Code::M(number)) = words.code(Group::Stopping) else {
+            return Ok(Continuation::Next);
         };
-        commands.push_back(action);
+        let columns = words.code_columns(Group::Stopping).unwrap_or_default();
+        match number {
+            0 => commands.push_back(Action::Stop(Stop::Program)),
+            1 if self.setup.optional_stop => commands.push_back(Action::Stop(Stop::Optional)),
+            1 => {}
+            98 => {
+                let allowed = "the number of a subprogram";
+                let Some(number) = words.take_whole(b'P', code, 0..=99_999_999, allowed)? else {
+                    return Err(missing(words, Group::Stopping, code, "P, the subprogram"));
+                };
+                let allowed = "a whole number of repetitions";
+                let repeats = words.take_whole(b'L', code, 0..=99_999_999, allowed)?;
+                return Ok(Continuation::CallSubprogram {
+                    number,
+                    repeats: repeats.unwrap_or(1),
+                    columns,
+                });
+            }
+            99 => return Ok(Continuation::EndSubprogram { columns }),
+            _ => return Ok(Continuation::End),
+        }
+        Ok(Continuation::Next)
     }
 
     fn set_named(&mut self, name: &str, value: f64) -> Result<(), Fault> {

@@ -3,49 +3,80 @@
 use std::collections::VecDeque;
 use std::fs::File;
 use std::io::Cursor;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-use super::Setup;
 use super::axes::Point;
 use super::block::Block;
 use super::command::{Action, Command, Span};
 use super::error::{Error, Fault, Refusal};
-use super::execute::State;
+use super::execute::{Continuation, State};
+use super::flow::{At, Control};
 use super::lexer::Columns;
 use super::modal::Modes;
 use super::source::{Input, Lines, MAX_LINE, Read1};
 use super::tables::Tables;
+use super::{MAX_BLOCKS, Setup};
 
 /// Interprets a program block by block: an iterator of its commands, with memory for one block.
 ///
 /// The last command is [`Action::End`]; an error is the last item, and nothing of its block was
 /// handed out before it.
 pub struct Interpreter {
-    file: String,
-    lines: Lines,
+    /// The program, then the files of subroutines that it called.
+    pub(super) files: Vec<ProgramFile>,
+    /// The file that is being read.
+    pub(super) current: usize,
+    /// Where files of subroutines are.
+    pub(super) directory: Option<PathBuf>,
     bytes: Vec<u8>,
-    block: Block,
+    pub(super) block: Block,
     /// The line that `block` was read from.
-    line: u32,
-    state: State,
+    pub(super) line: u32,
+    pub(super) state: State,
+    pub(super) control: Control,
     pending: VecDeque<Action>,
+    /// Where the pending commands come from.
+    span: Span,
     executed: u64,
+    /// Blocks since the last command: a loop that does nothing is refused even while streaming.
+    idle: u64,
     /// Whether something but blanks was read.
-    started: bool,
+    pub(super) started: bool,
+    /// Whether a block with more than comments was read.
+    pub(super) words_seen: bool,
     /// Whether the program began with `%`.
     percent: bool,
     ended: bool,
 }
 
+/// A file and its name.
+pub(super) struct ProgramFile {
+    name: String,
+    pub(super) lines: Lines,
+}
+
+impl ProgramFile {
+    pub(super) fn new(name: String, input: impl Input + 'static) -> ProgramFile {
+        ProgramFile {
+            name,
+            lines: Lines::new(Box::new(input)),
+        }
+    }
+}
+
 impl Interpreter {
-    /// A program in a file.
+    /// A program in a file. Subroutines that it does not define are looked for beside it.
     ///
     /// # Errors
     /// The file cannot be opened.
     pub fn open(path: &Path, setup: Setup) -> Result<Interpreter, Error> {
         let name = path.display().to_string();
         match File::open(path) {
-            Ok(file) => Ok(Interpreter::new(name, file, setup)),
+            Ok(file) => {
+                let mut program = Interpreter::new(name, file, setup);
+                program.directory = path.parent().map(Path::to_owned);
+                Ok(program)
+            }
             Err(error) => Err(Error {
                 file: name,
                 line: 1,
@@ -64,15 +95,20 @@ impl Interpreter {
     /// A program from anything that can be read and go back.
     pub fn new(name: impl Into<String>, input: impl Input + 'static, setup: Setup) -> Self {
         Interpreter {
-            file: name.into(),
-            lines: Lines::new(Box::new(input)),
+            files: vec![ProgramFile::new(name.into(), input)],
+            current: 0,
+            directory: None,
             bytes: Vec::new(),
             block: Block::default(),
             line: 0,
             state: State::new(setup),
+            control: Control::default(),
             pending: VecDeque::new(),
+            span: Span::default(),
             executed: 0,
+            idle: 0,
             started: false,
+            words_seen: false,
             percent: false,
             ended: false,
         }
@@ -81,6 +117,13 @@ impl Interpreter {
     /// The text of the block that the last command came from.
     pub fn block(&self) -> &str {
         &self.block.text
+    }
+
+    /// The name of a file of the program by [`Span::file`].
+    pub fn file(&self, index: u16) -> &str {
+        self.files
+            .get(usize::from(index))
+            .map_or("", |file| &file.name)
     }
 
     /// The modal state after the block that the last command came from.
@@ -99,7 +142,7 @@ impl Interpreter {
         &self.state.setup.tables
     }
 
-    /// How many blocks were read and executed.
+    /// How many blocks were read.
     pub fn executed(&self) -> u64 {
         self.executed
     }
@@ -107,48 +150,70 @@ impl Interpreter {
     /// Reads and executes blocks until there is a command.
     fn advance(&mut self) -> Result<(), Refusal> {
         while self.pending.is_empty() && !self.ended {
-            let line = self.lines.place().line;
-            let read = self.lines.read(&mut self.bytes);
-            self.line = line;
-            let at_start = Columns { start: 1, end: 2 };
-            if !matches!(read, Ok(Read1::Line)) {
-                self.block.parse("")?;
-            }
-            match read {
-                Ok(Read1::Line) => {}
-                Ok(Read1::End) => {
-                    if self.percent {
-                        return Err(Refusal::new(at_start, Fault::NoEnd));
-                    }
-                    self.end();
-                    return Ok(());
-                }
-                Ok(Read1::TooLong) => {
-                    return Err(Refusal::new(
-                        at_start,
-                        Fault::LineTooLong { allowed: MAX_LINE },
-                    ));
-                }
-                Err(error) => {
-                    return Err(Refusal::new(at_start, Fault::Read(error)));
-                }
-            }
-            let bytes = match line {
-                1 => self
-                    .bytes
-                    .strip_prefix(b"\xef\xbb\xbf")
-                    .unwrap_or(&self.bytes),
-                _ => &self.bytes,
+            let this = At {
+                file: self.current,
+                place: self.files[self.current].lines.place(),
             };
-            self.block.parse(&String::from_utf8_lossy(bytes))?;
-            self.execute()?;
+            if self.read_block()? {
+                self.execute(this)?;
+                continue;
+            }
+            if self.percent && self.current == 0 {
+                return Err(Refusal::new(self.block.columns(), Fault::NoEnd));
+            }
+            self.check_end_of_file()
+                .map_err(|fault| Refusal::new(self.block.columns(), fault))?;
+            self.span = self.span();
+            self.end();
         }
         Ok(())
     }
 
-    fn execute(&mut self) -> Result<(), Refusal> {
+    /// Reads the next line of the current file into the block; `false` at the file's end.
+    pub(super) fn read_block(&mut self) -> Result<bool, Refusal> {
+        let lines = &mut self.files[self.current].lines;
+        self.line = lines.place().line;
+        let read = lines.read(&mut self.bytes);
+        if !matches!(read, Ok(Read1::Line)) {
+            self.block.parse("")?;
+        }
+        let refuse = |fault| Err(Refusal::new(Columns { start: 1, end: 2 }, fault));
+        match read {
+            Ok(Read1::Line) => {}
+            Ok(Read1::End) => return Ok(false),
+            Ok(Read1::TooLong) => return refuse(Fault::LineTooLong { allowed: MAX_LINE }),
+            Err(error) => return refuse(Fault::Read(error)),
+        }
+        let bytes = match self.line {
+            1 => self
+                .bytes
+                .strip_prefix(b"\xef\xbb\xbf")
+                .unwrap_or(&self.bytes),
+            _ => &self.bytes,
+        };
+        self.block.parse(&String::from_utf8_lossy(bytes))?;
+        self.executed += 1;
+        self.idle += 1;
+        let bounds = [
+            (self.state.setup.max_blocks, self.executed),
+            (Some(MAX_BLOCKS), self.idle),
+        ];
+        for (allowed, blocks) in bounds {
+            if let Some(allowed) = allowed.filter(|allowed| blocks > *allowed) {
+                let fault = Fault::TooManyBlocks { allowed };
+                return Err(Refusal::new(self.block.columns(), fault));
+            }
+        }
+        Ok(true)
+    }
+
+    /// Executes the block, which starts at `this`.
+    fn execute(&mut self, this: At) -> Result<(), Refusal> {
+        self.span = self.span();
         if self.block.percent {
             if self.started {
+                self.check_end_of_file()
+                    .map_err(|fault| Refusal::new(self.block.columns(), fault))?;
                 self.end();
             }
             self.percent = true;
@@ -159,22 +224,33 @@ impl Interpreter {
         if self.block.delete && self.state.setup.block_delete {
             return Ok(());
         }
-        self.executed += 1;
-        if let Some(allowed) = self.state.setup.max_blocks
-            && self.executed > allowed
-        {
-            return Err(Refusal::new(
-                self.block.columns(),
-                Fault::TooManyBlocks { allowed },
-            ));
-        }
-        if let Some(flow) = &self.block.flow {
-            return Err(Refusal::new(flow.columns, Fault::NoFlow));
-        }
         self.state.line = self.line;
-        self.state.execute(&self.block, &mut self.pending)?;
-        self.ended |= self.pending.back() == Some(&Action::End);
+        if let Some(flow) = self.block.flow.clone() {
+            self.execute_flow(&flow, this)?;
+            self.words_seen = true;
+            return Ok(());
+        }
+        self.words_seen |= !self.block.words.is_empty() || !self.block.settings.is_empty();
+        let continuation = self.state.execute(&self.block, &mut self.pending)?;
+        match continuation {
+            Continuation::Next => {}
+            Continuation::End => self.end(),
+            Continuation::CallSubprogram {
+                number,
+                repeats,
+                columns,
+            } => self.call_subprogram(number, repeats, columns)?,
+            Continuation::EndSubprogram { columns } => self.end_subprogram(columns)?,
+        }
         Ok(())
+    }
+
+    fn span(&self) -> Span {
+        Span {
+            file: u16::try_from(self.current).unwrap_or(u16::MAX),
+            line: self.line,
+            columns: self.block.columns(),
+        }
     }
 
     fn end(&mut self) {
@@ -191,21 +267,16 @@ impl Iterator for Interpreter {
             self.ended = true;
             self.pending.clear();
             return Some(Err(Error {
-                file: self.file.clone(),
+                file: self.files[self.current].name.clone(),
                 line: self.line,
                 columns: refusal.columns,
                 block: self.block.text.clone(),
                 fault: *refusal.fault,
             }));
         }
+        self.idle = 0;
         let action = self.pending.pop_front()?;
-        Some(Ok(Command {
-            span: Span {
-                file: 0,
-                line: self.line,
-                columns: self.block.columns(),
-            },
-            action,
-        }))
+        let span = self.span;
+        Some(Ok(Command { span, action }))
     }
 }

@@ -6,15 +6,15 @@
 //! it, one block at a time. What a program may not do is refused with an [`Error`] that shows the
 //! place, the block, what is wrong and what to do.
 
-#![allow(dead_code, reason = "O-words are parsed and not executed yet")]
-
 mod arc;
 mod axes;
 mod block;
 mod command;
+mod cycles;
 mod error;
 mod execute;
 mod expression;
+mod flow;
 mod interpreter;
 mod lexer;
 mod modal;
@@ -29,6 +29,7 @@ mod words;
 pub use arc::{Arc, Direction, Plane, RADIUS_RATIO, RADIUS_TOLERANCE};
 pub use axes::{Axis, AxisSet, Point};
 pub use command::{Action, Command, Coolant, Feed, Output, PathMode, Span, Spindle, Stop, Turning};
+pub use cycles::Cycle;
 pub use error::{Error, Fault};
 pub use interpreter::Interpreter;
 pub use lexer::Columns;

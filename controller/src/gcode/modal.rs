@@ -4,6 +4,7 @@ use std::fmt;
 
 use super::arc::{Direction, Plane};
 use super::command::{Coolant, PathMode, Spindle, Turning};
+use super::cycles::Cycle;
 
 /// A G- or M-code, in tenths: G91.1 is `Code::G(911)`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -85,7 +86,7 @@ impl Group {
             Group::WorkOffset => "work offsets",
             Group::PathMode => "path modes",
             Group::SpindleMode => "spindle speed modes",
-            Group::Stopping => "stops",
+            Group::Stopping => "stops and subprograms",
             Group::ToolChange => "tool changes",
             Group::Spindle => "spindle commands",
             Group::Mist | Group::Coolant => "coolant commands",
@@ -116,7 +117,11 @@ impl Code {
         use Standing::{Refused, Supported, Unknown};
         match self {
             Code::G(tenths) => match tenths {
-                0 | 10 | 20 | 30 | 800 => Supported(Group::Motion),
+                0 | 10 | 20 | 30 | 730 | 800..=830 | 850 | 860 | 890 if tenths % 10 == 0 => {
+                    Supported(Group::Motion)
+                }
+                870 | 880 => Refused("write the moves out"),
+                980 | 990 => Supported(Group::CycleReturn),
                 40 => Supported(Group::Dwell),
                 100 | 280 | 281 | 300 | 301 | 520 | 920..=923 => Supported(Group::Offsets),
                 50..=53 => Refused(NO_SPLINE),
@@ -144,7 +149,7 @@ impl Code {
                 _ => Unknown,
             },
             Code::M(number) => match number {
-                0 | 1 | 2 | 30 => Supported(Group::Stopping),
+                0 | 1 | 2 | 30 | 98 | 99 => Supported(Group::Stopping),
                 3..=5 => Supported(Group::Spindle),
                 6 => Supported(Group::ToolChange),
                 7 => Supported(Group::Mist),
@@ -177,6 +182,8 @@ pub enum Motion {
     Feed,
     /// G2, G3
     Arc(Direction),
+    /// G73, G81 …
+    Cycle(Cycle),
 }
 
 impl Motion {
@@ -188,6 +195,7 @@ impl Motion {
             Motion::Feed => 10,
             Motion::Arc(Direction::Clockwise) => 20,
             Motion::Arc(Direction::Counterclockwise) => 30,
+            Motion::Cycle(cycle) => cycle.tenths(),
         })
     }
 }
@@ -202,7 +210,7 @@ pub struct ProgrammedFeed {
 }
 
 /// The modal state between two blocks. `Default` is the state at the start of a program: G17 G21
-/// G40 G49 G54 G80 G90 G91.1 G94, spindle and coolant off.
+/// G40 G49 G54 G80 G90 G91.1 G94 G98, spindle and coolant off.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Modes {
     /// Group 1.
@@ -217,6 +225,8 @@ pub struct Modes {
     pub inverse_time: bool,
     /// G20 instead of G21.
     pub inches: bool,
+    /// G99 instead of G98.
+    pub retract_to_r: bool,
     /// Work offset: 0 is G54, 8 is G59.3.
     pub work_offset: usize,
     /// G43 or G43.1 instead of G49.
@@ -261,7 +271,7 @@ impl fmt::Display for Modes {
         let pick = |second: bool, codes: [&'static str; 2]| codes[usize::from(second)];
         write!(
             f,
-            "{} {plane} {} G40 {} {} {} {} {}",
+            "{} {plane} {} G40 {} {} {} {} {} {}",
             self.motion.code(),
             pick(self.inches, ["G21", "G20"]),
             pick(self.tool_length, ["G49", "G43"]),
@@ -269,6 +279,7 @@ impl fmt::Display for Modes {
             pick(self.incremental, ["G90", "G91"]),
             pick(self.absolute_centers, ["G91.1", "G90.1"]),
             pick(self.inverse_time, ["G94", "G93"]),
+            pick(self.retract_to_r, ["G98", "G99"]),
         )?;
         match self.path_mode {
             Some(PathMode::ExactPath) => f.write_str(" G61")?,

@@ -7,6 +7,8 @@ use super::words::whole;
 
 /// The greatest parameter number.
 const LAST: usize = 5602;
+/// `#1` to `#30` are a subroutine's own.
+const ARGUMENTS: usize = 30;
 
 /// The number of a parameter.
 pub(crate) fn index(value: f64) -> Result<usize, Fault> {
@@ -22,6 +24,15 @@ pub(crate) struct Parameters {
     numbered: Vec<f64>,
     globals: BTreeMap<String, f64>,
     locals: BTreeMap<String, f64>,
+    /// What the last ENDSUB or RETURN handed back.
+    result: Option<f64>,
+}
+
+/// A caller's own parameters while its subroutine has the floor.
+#[derive(Debug)]
+pub(crate) struct Caller {
+    arguments: [f64; ARGUMENTS],
+    locals: BTreeMap<String, f64>,
 }
 
 impl Default for Parameters {
@@ -30,6 +41,7 @@ impl Default for Parameters {
             numbered: vec![0.0; LAST + 1],
             globals: BTreeMap::new(),
             locals: BTreeMap::new(),
+            result: None,
         }
     }
 }
@@ -51,12 +63,12 @@ impl Parameters {
 
     /// A named parameter: global if its name begins with `_`.
     pub(crate) fn named(&self, name: &str) -> Option<f64> {
-        let names = if name.starts_with('_') {
-            &self.globals
-        } else {
-            &self.locals
-        };
-        names.get(name).copied()
+        match name {
+            "_value" => Some(self.result.unwrap_or_default()),
+            "_value_returned" => Some(f64::from(u8::from(self.result.is_some()))),
+            _ if name.starts_with('_') => self.globals.get(name).copied(),
+            _ => self.locals.get(name).copied(),
+        }
     }
 
     pub(crate) fn set_named(&mut self, name: &str, value: f64) {
@@ -71,5 +83,28 @@ impl Parameters {
                 names.insert(name.to_owned(), value);
             }
         }
+    }
+
+    /// Gives a subroutine its arguments as `#1` … and no named parameters of its own; what it does
+    /// not get keeps the caller's value.
+    pub(crate) fn call(&mut self, arguments: &[f64]) -> Caller {
+        let own = &mut self.numbered[1..=ARGUMENTS];
+        let mut caller = Caller {
+            arguments: [0.0; ARGUMENTS],
+            locals: std::mem::take(&mut self.locals),
+        };
+        caller.arguments.copy_from_slice(own);
+        for (parameter, argument) in own.iter_mut().zip(arguments) {
+            *parameter = *argument;
+        }
+        self.result = None;
+        caller
+    }
+
+    /// Gives the caller its own back, with the subroutine's result.
+    pub(crate) fn return_to(&mut self, caller: Caller, result: Option<f64>) {
+        self.numbered[1..=ARGUMENTS].copy_from_slice(&caller.arguments);
+        self.locals = caller.locals;
+        self.result = result;
     }
 }

@@ -96,6 +96,8 @@ impl State {
         }
         let modes = &self.modes;
         Some(match name {
+            "call_level" => self.call_level as f64,
+            "value" | "value_returned" => return self.parameters.named(&format!("_{name}")),
             "line" => f64::from(self.line),
             "motion_mode" => f64::from(modes.motion.code().number()),
             "plane" => match modes.plane {
@@ -113,6 +115,8 @@ impl State {
             "units_per_rev" => 0.0,
             "coord_system" => f64::from(modes.work_offset_code().number()),
             "tool_offset" => flag(modes.tool_length),
+            "retract_r_plane" => flag(modes.retract_to_r),
+            "retract_old_z" => flag(!modes.retract_to_r),
             "ijk_absolute_mode" => flag(modes.absolute_centers),
             "spindle_rpm_mode" => 1.0,
             "spindle_css_mode" => 0.0,

@@ -32,12 +32,20 @@ pub(crate) fn refusal(program: &str) -> String {
 
 /// One line a command: line of the program, action.
 pub(crate) fn listing_with(setup: Setup, program: &str) -> String {
-    let axes = setup.axes;
+    show_all(Interpreter::from_text("part.ngc", program, setup))
+}
+
+/// One line a command: line of the program, its file if it is another, action.
+pub(crate) fn show_all(mut program: Interpreter) -> String {
     let mut text = String::new();
-    for command in Interpreter::from_text("part.ngc", program, setup) {
+    while let Some(command) = program.next() {
         match command {
             Ok(Command { span, action }) => {
-                writeln!(text, "{:3}: {}", span.line, show(axes, &action)).unwrap();
+                let file = match span.file {
+                    0 => String::new(),
+                    other => format!("{}:", program.file(other)),
+                };
+                writeln!(text, "{file}{:3}: {}", span.line, show(&action)).unwrap();
             }
             Err(error) => writeln!(text, "{error}").unwrap(),
         }
@@ -49,17 +57,17 @@ pub(crate) fn listing(program: &str) -> String {
     listing_with(xyz(), program)
 }
 
-fn show(axes: AxisSet, action: &Action) -> String {
+fn show(action: &Action) -> String {
     match action {
-        Action::Rapid { to } => format!("rapid {}", point(axes, to)),
-        Action::Feed { to, feed } => format!("feed {} {}", point(axes, to), rate(feed)),
+        Action::Rapid { to } => format!("rapid {}", point(to)),
+        Action::Feed { to, feed } => format!("feed {} {}", point(to), rate(feed)),
         Action::Arc { arc, feed } => format!(
             "{} {} centre {} {} radius {} {} sweep {}° {}",
             match arc.direction() {
                 Direction::Clockwise => "cw",
                 Direction::Counterclockwise => "ccw",
             },
-            point(axes, &arc.to),
+            point(&arc.to),
             round(arc.center[0]),
             round(arc.center[1]),
             round(arc.start_radius),
@@ -71,10 +79,10 @@ fn show(axes: AxisSet, action: &Action) -> String {
     }
 }
 
-fn point(axes: AxisSet, point: &Point) -> String {
+fn point(point: &Point) -> String {
     let words: Vec<String> = Axis::ALL
         .into_iter()
-        .filter(|axis| axes.contains(*axis))
+        .filter(|axis| AxisSet::XYZ.contains(*axis) || point[*axis] != 0.0)
         .map(|axis| format!("{axis}{}", round(point[axis])))
         .collect();
     words.join(" ")
