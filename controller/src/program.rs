@@ -7,7 +7,7 @@
 //! The plan's coordinates are the letters X Y Z A B C U V W, whatever axes the machine has.
 
 use crate::control::{Instruction, Pause};
-use crate::gcode::{self, Action, AxisSet, Interpreter};
+use crate::gcode::{self, Action, AxisSet, Interpreter, Tables};
 use crate::machine::Machine;
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
@@ -103,6 +103,13 @@ impl Program {
             setup,
             limits,
         }
+    }
+
+    /// The work offsets, reference points and tools that hold at its start.
+    #[must_use]
+    pub fn tables(mut self, tables: Tables) -> Self {
+        self.setup.tables = tables;
+        self
     }
 
     /// Whether M1 stops.

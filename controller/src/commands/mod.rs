@@ -1,6 +1,7 @@
 //! The `syncline` command line: one module a subcommand, each with its `Args` and an `execute`.
 
 mod budget;
+mod check;
 mod doctor;
 
 use clap::{Parser, Subcommand};
@@ -18,6 +19,7 @@ pub struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    Check(check::Args),
     Budget(budget::Args),
     Doctor(doctor::Args),
 }
@@ -27,6 +29,7 @@ impl Cli {
     #[must_use]
     pub fn execute(self) -> Exit {
         match self.command {
+            Command::Check(args) => args.execute(),
             Command::Budget(args) => args.execute(),
             Command::Doctor(args) => args.execute(),
         }

@@ -147,6 +147,13 @@ impl Axis {
         let letter = self.name.chars().next().and_then(gcode::Axis::from_letter);
         letter.expect("the machine file was checked for axis letters")
     }
+
+    /// The machine position nearest to zero that its soft limits allow, mm: where a simulated
+    /// axis stands when it is switched on.
+    #[must_use]
+    pub fn rest(&self) -> f64 {
+        0f64.clamp(self.soft_limits.0, self.soft_limits.1)
+    }
 }
 
 impl Machine {

@@ -54,13 +54,11 @@ impl SimPort {
     }
 }
 
-/// Where a drive's encoder stands when its axis is as near to machine zero as its soft limits
-/// allow, increments.
+/// Where a drive's encoder stands when its axis is at rest, increments.
 fn initial_position(machine: &Machine, drive: usize) -> i64 {
     let drive = &machine.drives[drive];
-    let (least, most) = machine.axes[drive.axis].soft_limits;
     // The machine file was checked: the soft limits are within the drive's range.
-    let position = drive.scaling.to_increments(0f64.clamp(least, most));
+    let position = drive.scaling.to_increments(machine.axes[drive.axis].rest());
     position.map_or(0, |position| position.get())
 }
 

@@ -1,0 +1,97 @@
+//! `syncline check`: is the input good?
+
+use super::{Exit, report};
+use crate::budget::MachineBudget;
+use crate::gcode::Tables;
+use crate::machine::Machine;
+use crate::program::{COORDINATES, Extent, Program};
+use std::error::Error;
+use std::path::{Path, PathBuf};
+
+/// Check a machine file, and a program for it, and move nothing.
+///
+/// The machine file: every key, the drives and axes it ties together, and whether its frames fit
+/// its cycle. The program: every block, as the machine would execute it from its zero, with the
+/// work offsets and tools that stand beside the machine file (portal.toml: portal.tables.toml),
+/// every motion inside the soft limits.
+///
+/// Good input: exit code 0. Bad input: every mistake of the machine file, or the first of the
+/// program, with file:line:column, what is allowed and what to do; exit code 2.
+///
+/// Example: syncline check examples/portal/machine.toml examples/portal/bracket.ngc
+#[derive(Debug, clap::Args)]
+pub(super) struct Args {
+    /// Machine file
+    machine: PathBuf,
+    /// G-code program
+    program: Option<PathBuf>,
+    /// Skip blocks that begin with `/`
+    #[arg(long)]
+    block_delete: bool,
+}
+
+impl Args {
+    /// Prints what the input amounts to, or what is wrong with it.
+    pub(super) fn execute(&self) -> Exit {
+        match self.check() {
+            Ok(()) => Exit::Finished,
+            Err(error) => {
+                report(&*error);
+                Exit::BadInput
+            }
+        }
+    }
+
+    fn check(&self) -> Result<(), Box<dyn Error>> {
+        let machine = Machine::load(&self.machine)?;
+        let budget = MachineBudget::of(&machine);
+        budget.check()?;
+        describe(&machine, &budget);
+        if let Some(program) = &self.program {
+            let extent = self.check_program(&machine, program)?;
+            println!(
+                "program {}: {} blocks, {:.1} mm of path",
+                program.display(),
+                extent.blocks,
+                extent.length
+            );
+        }
+        Ok(())
+    }
+
+    fn check_program(&self, machine: &Machine, file: &Path) -> Result<Extent, Box<dyn Error>> {
+        let mut start = [0.0; COORDINATES];
+        for axis in &machine.axes {
+            start[axis.letter().index()] = axis.rest();
+        }
+        let tables = Tables::load(&Tables::beside(&self.machine))?;
+        let program = Program::new(file, machine)
+            .tables(tables)
+            .block_delete(self.block_delete);
+        Ok(program.check(start)?)
+    }
+}
+
+fn describe(machine: &Machine, budget: &MachineBudget) {
+    let axes: Vec<String> = machine
+        .axes
+        .iter()
+        .map(|axis| {
+            let drives = axis.drives.iter().map(|drive| &machine.drives[*drive]);
+            let drives: Vec<String> = drives
+                .map(|drive| format!("{} at node {}", drive.name, drive.node))
+                .collect();
+            format!("{} ({})", axis.name, drives.join(" + "))
+        })
+        .collect();
+    println!("machine {}: {}", machine.name, axes.join(", "));
+    for bus in &budget.buses {
+        println!(
+            "bus {}: {} kbit/s, cycle {} µs, taken {:.0} % in the worst case",
+            bus.bus,
+            bus.budget.bit_rate / 1000,
+            bus.budget.cycle.as_micros(),
+            bus.budget.demand.as_secs_f64() / bus.budget.cycle.as_secs_f64() * 100.0
+        );
+    }
+}

@@ -1,0 +1,154 @@
+//! `syncline check` as a user meets it.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+fn root() -> &'static Path {
+    Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/.."))
+}
+
+fn check(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_syncline"))
+        .arg("check")
+        .args(arguments)
+        .current_dir(root())
+        .output()
+        .unwrap()
+}
+
+fn text(bytes: &[u8]) -> &str {
+    std::str::from_utf8(bytes).unwrap()
+}
+
+/// The output of a check that refuses: exit code 2, and the complaint.
+fn refused(arguments: &[&str]) -> String {
+    let output = check(arguments);
+    let error = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{arguments:?}: {error}");
+    error.to_owned()
+}
+
+const PORTAL: &str = "examples/portal/machine.toml";
+
+#[test]
+fn every_example_is_good() {
+    for machine in ["portal", "xyz"] {
+        let folder = root().join("examples").join(machine);
+        let file = format!("examples/{machine}/machine.toml");
+        let programs: Vec<PathBuf> = fs::read_dir(folder)
+            .unwrap()
+            .map(|entry| entry.unwrap().path())
+            .filter(|path| path.extension().is_some_and(|extension| extension == "ngc"))
+            .collect();
+        assert!(programs.len() >= 2);
+        for program in programs {
+            let output = check(&[&file, program.to_str().unwrap()]);
+            let (good, bad) = (text(&output.stdout), text(&output.stderr));
+            assert_eq!(output.status.code(), Some(0), "{bad}");
+            assert!(bad.is_empty() && good.contains("mm of path"), "{good}{bad}");
+        }
+        let output = check(&[&file]);
+        assert_eq!(output.status.code(), Some(0));
+        assert_eq!(text(&output.stdout).lines().count(), 2);
+    }
+}
+
+#[test]
+fn a_bad_machine_file_is_told_with_its_places() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("machine.toml");
+    let good = fs::read_to_string(root().join(PORTAL)).unwrap();
+    let bad = good
+        .replace("node = 3", "node = 300")
+        .replace("max_jerk = 100_000.0", "max_jrek = 100_000.0");
+    fs::write(&file, bad).unwrap();
+    let file = file.to_str().unwrap();
+    let error = refused(&[file, "examples/portal/bracket.ngc"]);
+    assert!(
+        error.starts_with(&format!("error: {file}:39:8: drive \"Y\": `node` is 300\n")),
+        "{error}"
+    );
+    assert!(error.contains(&format!(
+        "{file}:72:1: axis \"Y\": unknown key `max_jrek`\n"
+    )));
+    assert!(error.contains("nearest valid key: `max_jerk`"), "{error}");
+
+    assert!(refused(&["no/such/file.toml"]).starts_with("error: cannot read no/such/file.toml: "));
+    assert!(refused(&["examples"]).starts_with("error: cannot read examples: "));
+    fs::write(folder.path().join("latin.toml"), b"name = \"Fr\xE4se\"").unwrap();
+    let latin = folder.path().join("latin.toml");
+    assert!(refused(&[latin.to_str().unwrap()]).contains("UTF-8"));
+}
+
+#[test]
+fn a_machine_that_does_not_fit_its_cycle_is_refused_with_the_arithmetic() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("machine.toml");
+    let good = fs::read_to_string(root().join(PORTAL)).unwrap();
+    fs::write(&file, good.replace("cycle_us = 2000", "cycle_us = 1000")).unwrap();
+    let error = refused(&[file.to_str().unwrap()]);
+    // SYNC + 8 PDOs of 6 bytes + one blocking frame: 55 + 8·115 + 135 bits.
+    assert!(error.starts_with("error: bus portal: "), "{error}");
+    assert!(error.contains("1110") || error.contains("1.110"), "{error}");
+}
+
+/// Each program with the place, and a word of the advice.
+#[test]
+fn a_bad_program_is_refused_before_anything_moves() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("part.ngc");
+    for (program, place, words) in [
+        ("G0 X10\nG1 X20\n", "2:", "F"),
+        ("G0 X10\nG33 X20 K1\n", "2:1", "G33"),
+        (
+            "G0 X10 Y10 F100\nG2 X20 Y10 I4 J0\n",
+            "2:",
+            "from the centre",
+        ),
+        ("G0 X1501\n", "1:", "X"),
+        ("G0 X-600 Y10\nG2 X-600 Y20 I0 J5 F100\n", "2:", "X"),
+        ("G0 X[1+]\n", "1:", ""),
+        ("G0 Xten\n", "1:5", ""),
+        ("G0 A10\n", "1:4", "A"),
+        ("G1 X10 F0\n", "1:", "F"),
+        ("M99\n", "1:1", "M99"),
+    ] {
+        fs::write(&file, program).unwrap();
+        let file = file.to_str().unwrap();
+        let error = refused(&[PORTAL, file]);
+        assert!(
+            error.starts_with(&format!("error: {file}:{place}")) && error.contains(words),
+            "{program}{error}"
+        );
+        let line = place.split(':').next().unwrap().parse::<usize>().unwrap();
+        let block = program.lines().nth(line - 1).unwrap();
+        assert!(error.contains(block), "{error}");
+    }
+    assert!(refused(&[PORTAL, "no/such/part.ngc"]).contains("no/such/part.ngc"));
+}
+
+#[test]
+fn block_delete_is_the_operators_choice() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("part.ngc");
+    fs::write(&file, "G0 X10\n/G0 X5000\n").unwrap();
+    let file = file.to_str().unwrap();
+    assert!(refused(&[PORTAL, file]).starts_with(&format!("error: {file}:2:")));
+    let output = check(&[PORTAL, file, "--block-delete"]);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+}
+
+#[test]
+fn help_reads_like_a_manual() {
+    let output = check(&["--help"]);
+    let help = text(&output.stdout);
+    for part in [
+        "exit code 2",
+        "Example: syncline check",
+        "<MACHINE>",
+        "[PROGRAM]",
+    ] {
+        assert!(help.contains(part), "{part}");
+    }
+}
