@@ -31,7 +31,7 @@ fn table_becomes_an_eds() {
     let lines = text.replace("\r\n", "\n");
     for part in [
         "[FileInfo]\nFileName=lxm32m.eds\n",
-        "NrOfRXPDO=0\nNrOfTXPDO=1\n",
+        "NrOfRXPDO=0\nNrOfTXPDO=1\nLSS_Supported=0\n",
         "[DummyUsage]\nDummy0001=0\nDummy0002=0\n",
         "[MandatoryObjects]\nSupportedObjects=2\n1=0x1000\n2=0x1018\n",
         "[ManufacturerObjects]\nSupportedObjects=1\n1=0x3006\n",

@@ -236,10 +236,28 @@ impl Eds {
             );
         }
         let count = |range: core::ops::Range<u16>| objects.range(range).count().to_string();
-        let device = vec![
-            ("NrOfRXPDO".into(), count(0x1400..0x1600)),
-            ("NrOfTXPDO".into(), count(0x1800..0x1A00)),
+        let identity = |sub| {
+            let mut entries = entries.iter();
+            let entry = entries.find(|entry| entry.address == Address::new(0x1018, sub));
+            match entry.map(|entry| entry.preset) {
+                Some(Preset::Number(number)) => format!("0x{number:08X}"),
+                _ => "0".into(),
+            }
+        };
+        let device = [
+            ("VendorNumber", identity(1)),
+            ("ProductNumber", identity(2)),
+            ("RevisionNumber", identity(3)),
+            ("SimpleBootUpMaster", "0".into()),
+            ("SimpleBootUpSlave", "1".into()),
+            ("Granularity", "8".into()),
+            ("DynamicChannelsSupported", "0".into()),
+            ("GroupMessaging", "0".into()),
+            ("NrOfRXPDO", count(0x1400..0x1600)),
+            ("NrOfTXPDO", count(0x1800..0x1A00)),
+            ("LSS_Supported", "0".into()),
         ];
+        let device = device.map(|(key, value)| (key.to_owned(), value)).to_vec();
         Self {
             file: Vec::new(),
             device,

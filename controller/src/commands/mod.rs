@@ -3,6 +3,7 @@
 mod budget;
 mod check;
 mod doctor;
+mod eds;
 
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
@@ -22,6 +23,7 @@ enum Command {
     Check(check::Args),
     Budget(budget::Args),
     Doctor(doctor::Args),
+    Eds(eds::Args),
 }
 
 impl Cli {
@@ -32,6 +34,7 @@ impl Cli {
             Command::Check(args) => args.execute(),
             Command::Budget(args) => args.execute(),
             Command::Doctor(args) => args.execute(),
+            Command::Eds(args) => args.execute(),
         }
     }
 }

@@ -31,6 +31,7 @@ pub static LXM32M: Model = Model {
         T_PDO_RESPONSE,
         SDO_RESPONSE,
     ],
+    dictionary: &crate::dictionary::LXM32M,
     object_type,
     reserved,
     actuator: |settings| Box::new(Lxm32m::new(settings)),

@@ -19,7 +19,7 @@ use syncline_canopen::{
     Frame, NodeId,
     budget::{NodeTraffic, Pdo},
     cia402::{Controlword, Statusword},
-    dictionary::DataType,
+    dictionary::{DataType, Entry},
 };
 
 /// Every model, by which a machine file may name a drive.
@@ -42,6 +42,8 @@ pub struct Model {
     pub increments_per_revolution: u32,
     /// What the manual leaves open, with the value taken unless the machine file says otherwise.
     pub assumptions: &'static [Assumption],
+    /// Its object dictionary.
+    pub dictionary: &'static [Entry],
     /// The type of an object that a user may write, where the dictionary has it.
     pub object_type: fn(Address) -> Option<DataType>,
     /// Whether the controller itself writes or owns the object, so that a user must not.

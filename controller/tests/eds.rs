@@ -1,0 +1,65 @@
+//! `syncline eds`: writes a node's data sheet, and finds where another one departs from it.
+
+use std::process::Command;
+use syncline_canopen::eds::Eds;
+
+const MACHINE: &str = concat!(
+    env!("CARGO_MANIFEST_DIR"),
+    "/../examples/portal/machine.toml"
+);
+
+fn eds(args: &[&str]) -> (i32, String, String) {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_syncline"));
+    let output = command.arg("eds").arg(MACHINE).args(args).output();
+    let output = output.expect("runs");
+    (
+        output.status.code().expect("exits"),
+        String::from_utf8(output.stdout).expect("UTF-8"),
+        String::from_utf8(output.stderr).expect("UTF-8"),
+    )
+}
+
+#[test]
+fn data_sheet_of_a_node() {
+    let (code, text, _) = eds(&["3"]);
+    assert_eq!(code, 0);
+    let sheet = Eds::parse(&text).expect("an EDS");
+    assert_eq!(sheet.device_info("VendorNumber"), Some("0x0800005A"));
+    assert_eq!(sheet.device_info("NrOfTXPDO"), Some("4"));
+    assert!(text.contains("[60C1sub1]\r\nParameterName=IPp_target\r\n"));
+    assert!(text.contains("DefaultValue=$NODEID+0x40000180\r\n"));
+}
+
+#[test]
+fn comparison() {
+    let (_, ours, _) = eds(&["1"]);
+    let directory = tempfile::tempdir().expect("a directory");
+    let file = directory.path().join("theirs.eds");
+    let compare = |text: &str| {
+        std::fs::write(&file, text).expect("written");
+        eds(&["1", "--compare", file.to_str().expect("UTF-8")])
+    };
+    assert_eq!(compare(&ours), (0, String::new(), String::new()));
+    let changed = ours.replace("HighLimit=35", "HighLimit=37");
+    let (code, text, _) = compare(&changed);
+    assert_eq!(
+        (code, text.as_str()),
+        (1, "6098h:0 HighLimit: 37, built in 35\n")
+    );
+    let (code, _, error) = compare("[1000]\nobject\n");
+    assert_eq!(code, 2);
+    assert!(
+        error.ends_with("theirs.eds: line 2: neither [section] nor key=value\n"),
+        "{error}"
+    );
+}
+
+#[test]
+fn unknown_node() {
+    let (code, _, error) = eds(&["9"]);
+    assert_eq!(code, 2);
+    assert!(
+        error.ends_with("no drive with node id 9, only 1 (X1), 2 (X2), 3 (Y), 4 (Z)\n"),
+        "{error}"
+    );
+}
