@@ -1,7 +1,7 @@
 //! Durations and soundness beside rsruckig on random problems of twelve classes:
 //! `cargo bench -p syncline-benches --bench optimality -- [CASES [SEED [SHOWN]]]`.
 
-use syncline_benches::campaign::{Tally, run};
+use syncline_benches::campaign::{Tally, run, together};
 use syncline_benches::cases::Class;
 
 fn main() {
@@ -52,4 +52,12 @@ fn main() {
             format!("{class:?}")
         );
     }
+    let mut left = shown;
+    let tally = together(cases / 12, seed, |what, case, by| {
+        if left > 0 {
+            left -= 1;
+            println!("  {what} by {by:e}: {case:?}");
+        }
+    });
+    println!("three axes together: {tally:?}");
 }

@@ -476,7 +476,8 @@ impl Curve {
         let (mut v, mut a) = (self.v0, self.a0);
         let mut d = 0.0;
         let mut length = 0.0;
-        let mut phase = |t: f64, j: f64| {
+        let mut phase = |t: f64, a0: Option<f64>, j: f64| {
+            a = a0.unwrap_or(a);
             let jt = j * t;
             let step = t * (v + t * (0.5 * a + (1.0 / 6.0) * jt));
             v += t * (a + 0.5 * jt);
@@ -485,15 +486,15 @@ impl Curve {
             length += step.abs();
             v
         };
-        phase(t[0], self.j_up);
-        let v1 = phase(t[1], 0.0);
-        phase(t[2], -self.j_down);
+        phase(t[0], None, self.j_up);
+        let v1 = phase(t[1], None, 0.0);
+        phase(t[2], None, -self.j_down);
         if t[3] > 0.0 || t[4] > 0.0 {
-            phase(t[3], 0.0);
-            phase(t[4], -self.j_down);
+            phase(t[3], Some(0.0), 0.0);
+            phase(t[4], None, -self.j_down);
         }
-        phase(t[5], 0.0);
-        phase(t[6], self.j_up);
+        phase(t[5], None, 0.0);
+        phase(t[6], None, self.j_up);
         Reach {
             d,
             h: v1 + 0.5 * plan.a1 * t[2],

@@ -149,6 +149,11 @@ impl Profile {
         debug_assert!(room, "more segments than any plan has");
     }
 
+    /// Adds to the jerk of a segment.
+    pub(crate) fn bend(&mut self, segment: usize, jerk: f64) {
+        self.segments[segment].jerk += jerk;
+    }
+
     /// The state at time 0.
     #[inline]
     pub const fn start(&self) -> State {

@@ -190,6 +190,7 @@ pub(crate) enum Course {
 struct Entry {
     segments: [Segment; 4],
     duration: f64,
+    displacement: f64,
 }
 
 impl Route {
@@ -299,12 +300,23 @@ impl Route {
     }
 
     pub(crate) fn profile(&self, course: &Course) -> Profile {
-        self.profile_along(course, self.start, 1.0)
+        self.profile_along(
+            course,
+            self.start,
+            self.gap.distance + self.entry.displacement,
+            1.0,
+        )
     }
 
     /// The profile of an axis that moves `factor` times as far as this one does, from a start of
-    /// its own.
-    pub(crate) fn profile_along(&self, course: &Course, start: State, factor: f64) -> Profile {
+    /// its own over a `distance` of its own.
+    pub(crate) fn profile_along(
+        &self,
+        course: &Course,
+        start: State,
+        distance: f64,
+        factor: f64,
+    ) -> Profile {
         let mut profile = Profile::new(start);
         for segment in self.entry.segments {
             profile.append(segment.duration, factor * segment.jerk);
@@ -313,12 +325,31 @@ impl Route {
             Course::Extremal(phases, hold) => Steps::extremal(phases, *hold, &self.limits),
             Course::Between { up, down, mix } => Steps::between(up, down, *mix, &self.limits),
         };
+        let mut settled = None;
+        let between = matches!(course, Course::Between { .. });
+        let share = if between { SETTLE_AND_MEET } else { SETTLE };
         for step in steps.iter() {
             let mut duration = step.duration;
-            if step.cruise {
-                duration -= settle(&mut profile, duration, factor.abs() * self.limits.a_max);
+            if step.cruise
+                && let Some(part) = settle(
+                    &mut profile,
+                    duration,
+                    factor.abs() * self.limits.a_max,
+                    share,
+                )
+            {
+                duration -= 2.0 * part;
+                settled = Some((profile.segments().len() - 2, part, duration));
             }
             profile.append(duration, factor * step.jerk);
+        }
+        // A cruise slower than the rates around it multiplies their rounding: set its velocity by
+        // what it leaves of the distance.
+        if let Some((first, part, cruise)) = settled.filter(|_| between && self.position) {
+            let miss = Double::from(distance) - displacement(&profile);
+            let jerk = miss.value() / ((cruise + part) * part * part);
+            profile.bend(first, jerk);
+            profile.bend(first + 1, -jerk);
         }
         profile
     }
@@ -342,7 +373,8 @@ impl Steps {
         self.steps[..self.len].iter()
     }
 
-    fn push(&mut self, duration: f64, jerk: f64, cruise: bool) {
+    /// Returns `true`, to go on.
+    fn push(&mut self, duration: f64, jerk: f64, cruise: bool) -> bool {
         if duration > 0.0 {
             self.steps[self.len] = Step {
                 duration,
@@ -351,6 +383,7 @@ impl Steps {
             };
             self.len += 1;
         }
+        true
     }
 
     fn extremal(phases: &Phases, hold: f64, limits: &Limits) -> Self {
@@ -371,24 +404,43 @@ impl Steps {
             len: 0,
         };
         let (up_jerks, down_jerks) = (up.jerks(limits), down.jerks(limits));
-        let together = 4.0 * f64::EPSILON * up.duration();
-        let (mut i, mut k) = (0, 0);
-        let (mut rest_up, mut rest_down) = (up.t[0], down.t[0]);
-        while i < 7 && k < 7 {
-            let duration = rest_up.min(rest_down);
+        let jerk = |i: usize, k: usize| {
             let (x, y) = (up_jerks[i], down_jerks[k]);
-            steps.push(duration, 0.5 * ((x + y) + mix * (x - y)), i == 3 && k == 3);
-            rest_up -= duration;
-            rest_down -= duration;
-            if rest_up <= together {
-                i += 1;
-                rest_up = if i < 7 { up.t[i] } else { 0.0 };
-            }
-            if rest_down <= together {
-                k += 1;
-                rest_down = if k < 7 { down.t[k] } else { 0.0 };
-            }
+            0.5 * ((x + y) + mix * (x - y))
+        };
+        let sum = |t: &[f64]| t.iter().sum::<f64>();
+        let before = sum(&up.t[..3]).max(sum(&down.t[..3]));
+        let after = sum(&up.t[4..]).max(sum(&down.t[4..]));
+        let cruise = up.duration() - before - after;
+        let whole = up.t[3] > 0.0 && down.t[3] > 0.0 && cruise > 0.0;
+        if !whole {
+            merge(&up.t, &down.t, |i, k, duration| {
+                steps.push(duration, jerk(i, k), false)
+            });
+            return steps;
         }
+        // Durations beside a long cruise keep their digits: up to it from the start, after it from
+        // the end.
+        merge(&up.t, &down.t, |i, k, duration| {
+            if i < 3 || k < 3 {
+                steps.push(duration, jerk(i, k), false);
+            }
+            i < 3 || k < 3
+        });
+        steps.push(cruise, 0.0, true);
+        let first = steps.len;
+        let reverse = |t: &[f64; 7]| {
+            let mut t = *t;
+            t.reverse();
+            t
+        };
+        merge(&reverse(&up.t), &reverse(&down.t), |i, k, duration| {
+            if i < 3 || k < 3 {
+                steps.push(duration, jerk(6 - i, 6 - k), false);
+            }
+            i < 3 || k < 3
+        });
+        steps.steps[first..steps.len].reverse();
         steps
     }
 
@@ -399,29 +451,76 @@ impl Steps {
             a: a0,
         };
         for step in self.iter() {
+            if step.cruise {
+                state.a = 0.0;
+            }
             state = state.after(step.duration, step.jerk);
         }
         state.p
     }
 }
 
+/// Hands on each stretch in which neither of two sequences changes: both indices and the duration,
+/// until one of them ends or `take` returns `false`.
+fn merge(a: &[f64; 7], b: &[f64; 7], mut take: impl FnMut(usize, usize, f64) -> bool) {
+    let mut elapsed = 0.0;
+    let (mut i, mut k) = (0, 0);
+    let (mut rest_a, mut rest_b) = (a[0], b[0]);
+    while i < 7 && k < 7 {
+        let duration = rest_a.min(rest_b);
+        if !take(i, k, duration) {
+            break;
+        }
+        rest_a -= duration;
+        rest_b -= duration;
+        elapsed += duration;
+        let together = 4.0 * f64::EPSILON * elapsed;
+        if rest_a <= together {
+            i += 1;
+            rest_a = if i < 7 { a[i] } else { 0.0 };
+        }
+        if rest_b <= together {
+            k += 1;
+            rest_b = if k < 7 { b[k] } else { 0.0 };
+        }
+    }
+}
+
+/// The part of a cruise in which its acceleration is brought to zero: short, so that the velocity
+/// stays; longer where the velocity too is to be adjusted.
+const SETTLE: f64 = 1.0 / (1_u32 << 30) as f64;
+const SETTLE_AND_MEET: f64 = 1.0 / (1_u32 << 20) as f64;
+
 /// What the ramps leave of the acceleration by rounding, a long cruise would integrate to a wrong
-/// velocity. Brings it to zero in a first small part of the cruise; returns that part's duration.
-fn settle(profile: &mut Profile, cruise: f64, a_scale: f64) -> f64 {
+/// velocity. Brings it to zero in two first small parts of the cruise; returns the duration of one.
+fn settle(profile: &mut Profile, cruise: f64, a_scale: f64, share: f64) -> Option<f64> {
     let speed = profile.end().v.abs();
     if 8.0 * f64::EPSILON * a_scale * cruise <= 1e-13 * speed {
-        return 0.0;
+        return None;
     }
     let mut left = Double::from(profile.start().a);
     for s in profile.segments() {
         left = left + Double::product(s.jerk, s.duration);
     }
-    let part = cruise / (1_u32 << 30) as f64;
-    if left.value() == 0.0 || left.value().abs() > 1e-12 * a_scale {
-        return 0.0;
+    let part = cruise * share;
+    // From a to zero with no change of velocity.
+    let jerk = -0.5 * left.value() / part;
+    profile.append(part, 3.0 * jerk);
+    profile.append(part, -jerk);
+    Some(part)
+}
+
+fn displacement(profile: &Profile) -> Double {
+    let (mut p, mut v) = (Double::ZERO, Double::from(profile.start().v));
+    let mut a = Double::from(profile.start().a);
+    for s in profile.segments() {
+        let t = Double::from(s.duration);
+        let step = Double::product(s.jerk, s.duration);
+        p = p + t * (v + t * (a.half() + step * Double::SIXTH));
+        v = v + t * (a + step.half());
+        a = a + step;
     }
-    profile.append(part, -left.value() / part);
-    part
+    p
 }
 
 /// The fastest phases over a gap whose ends are inside the limits.
@@ -472,6 +571,7 @@ fn enter(start: State, limits: &Limits) -> (Entry, State) {
     let mut entry = Entry {
         segments: [Segment::default(); 4],
         duration: 0.0,
+        displacement: 0.0,
     };
     let mut state = State { p: 0.0, ..start };
     let a_slack = VELOCITY_ROUNDING * (l.a_max - l.a_min);
@@ -522,6 +622,7 @@ fn enter(start: State, limits: &Limits) -> (Entry, State) {
         };
     }
     entry.duration = entry.segments.iter().map(|s| s.duration).sum();
+    entry.displacement = state.p;
     (entry, state)
 }
 

@@ -181,8 +181,8 @@ fn line(axes: &[Axis], min_duration: f64, profiles: &mut [Profile]) -> Result<f6
     if route.duration(&course) < min_duration {
         course = route.no_shorter(min_duration);
     }
-    for ((axis, profile), &d) in axes.iter().zip(profiles).zip(direction.iter()) {
-        *profile = route.profile_along(&course, axis.start, d);
+    for (((axis, profile), &d), end) in axes.iter().zip(profiles).zip(direction.iter()).zip(ends) {
+        *profile = route.profile_along(&course, axis.start, end.1.p, d);
     }
     Ok(route.duration(&course))
 }
