@@ -1,34 +1,28 @@
-//! The drive behind the CANopen node: state machine, loops, monitoring.
+//! The drive behind the CANopen node: loops, monitoring, what its objects show.
 
-use super::fault::{DriveError, ErrorClass, Errors};
-use super::motion::Ramp;
-use super::policy::{Policies, SetpointGap};
+use super::fault::{DriveError, Errors};
+use super::modes::{Gear, Homing, Interpolation, Jog, Mode, ProfilePosition, Sequence};
+use super::motion::{Motion, Ramp};
+use super::policy::Policies;
 use super::rows::Rows;
-use super::synchronisation::{self, SyncStatus, Synchronisation, Verdict};
+use super::switches::{Pulses, Switches};
+use super::synchronisation::{Synchronisation, Verdict};
 use crate::twin::clock::Clock;
 use crate::twin::control::{Cascade, POSITION_STEP_NS, Reference, SPEED_STEP_NS, SPEED_STEPS};
 use crate::twin::plant::{INCREMENTS_PER_REVOLUTION, Plant};
 use syncline_canopen::Instant;
-use syncline_canopen::cia402::{Command, Controlword, State, Statusword};
+use syncline_canopen::cia402::{Controlword, State, Statusword};
 use syncline_canopen::dictionary::{Dictionary, Row};
-use syncline_canopen::sdo::AbortCode;
-use syncline_canopen::time::Duration;
 
 /// Nominal seconds per step of the speed loop and of the position loop.
 const SPEED_STEP: f64 = SPEED_STEP_NS as f64 * 1e-9;
-const POSITION_STEP: f64 = POSITION_STEP_NS as f64 * 1e-9;
+pub(super) const POSITION_STEP: f64 = POSITION_STEP_NS as f64 * 1e-9;
 
 /// Position steps over which 606Ch averages: 8 ms.
 const VELOCITY_WINDOW: usize = 32;
 
 /// Speed below which the motor counts as standing, increments/s (10 rpm).
 const STANDSTILL: f64 = INCREMENTS_PER_REVOLUTION / 6.0;
-
-/// Least time that statusword bit 7 stays (lxm32m 1319).
-const WARNING_TIME: Duration = Duration::from_millis(100);
-
-/// Interpolated Position (lxm32m 1596).
-const INTERPOLATED_POSITION: i64 = 7;
 
 /// How a write reaches an object.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -37,64 +31,50 @@ pub(super) enum Channel {
     Pdo,
 }
 
-/// What the profile generator does.
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Motion {
-    /// The reference rests.
-    Hold,
-    /// It brakes with this deceleration, increments/s².
-    Stop(f64),
-    /// It runs from setpoint to setpoint, one a SYNC cycle.
-    Interpolate,
-}
-
-/// Interpolated Position: setpoints on their way to the reference.
-#[derive(Clone, Copy, Debug, Default)]
-struct Interpolation {
-    /// The reference gets there at the end of this cycle; `None` in a gap.
-    target: Option<f64>,
-    /// For the next cycle: its SYNC came a little early.
-    pending: Option<f64>,
-    /// 60C1h:1 has been written since the last SYNC.
-    fresh: bool,
-    /// SYNCs in a row without a setpoint.
-    gaps: u32,
-    /// A rising edge of bit 4 came by SDO (lxm32m 1641).
-    edge: bool,
-    /// The mode was ended by Halt, Quick Stop or an error: bit 4 has to fall first.
-    spent: bool,
-}
-
 /// A drive without its bus.
 pub(super) struct Drive {
     pub(super) objects: Dictionary,
     pub(super) rows: Rows,
     pub(super) policies: Policies,
     pub(super) errors: Errors,
-    now: Instant,
-    state: State,
-    state_since: Instant,
-    controlword: Controlword,
-    clock: Clock,
+    pub(super) switches: Switches,
+    pub(super) pulses: Pulses,
+    pub(super) now: Instant,
+
+    pub(super) state: State,
+    pub(super) state_since: Instant,
+    pub(super) enable_at: Option<Instant>,
+    pub(super) controlword: Controlword,
+    pub(super) quick_stopping: bool,
+    pub(super) warning_until: Instant,
+
+    pub(super) clock: Clock,
+    pub(super) sync: Synchronisation,
     plant: Plant,
-    cascade: Cascade,
-    encoder: i64,
+    pub(super) cascade: Cascade,
+    pub(super) encoder: i64,
     /// Encoder reading at user position 0.
-    zero: i64,
+    pub(super) zero: i64,
     recent: [i64; VELOCITY_WINDOW],
     recent_place: usize,
-    ramp: Ramp,
-    motion: Motion,
-    sync: Synchronisation,
-    interpolation: Interpolation,
-    enable_at: Option<Instant>,
-    quick_stopping: bool,
-    warning_until: Instant,
-    mode_bit_12: bool,
-    target_reached: bool,
-    x_err: bool,
-    x_end: bool,
-    ref_ok: bool,
+    velocity: f64,
+    pub(super) ramp: Ramp,
+    pub(super) motion: Motion,
+
+    /// The active mode; 6060h may ask for another until the motor stands.
+    pub(super) mode: Mode,
+    pub(super) interpolation: Interpolation,
+    pub(super) position: ProfilePosition,
+    pub(super) jog: Jog,
+    pub(super) homing: Homing,
+    pub(super) gear: Gear,
+    pub(super) sequence: Sequence,
+
+    pub(super) bit_12: bool,
+    pub(super) target_reached: bool,
+    pub(super) x_err: bool,
+    pub(super) x_end: bool,
+    pub(super) ref_ok: bool,
     status_event: bool,
 }
 
@@ -102,6 +82,7 @@ impl Drive {
     pub(super) fn new(
         objects: Dictionary,
         policies: Policies,
+        switches: Switches,
         clock: Clock,
         mut plant: Plant,
         cascade: Cascade,
@@ -112,25 +93,34 @@ impl Drive {
             objects,
             policies,
             errors: Errors::new(),
+            switches,
+            pulses: Pulses::default(),
             now: Instant::ZERO,
             state: State::SwitchOnDisabled,
             state_since: Instant::ZERO,
+            enable_at: None,
             controlword: Controlword(0),
+            quick_stopping: false,
+            warning_until: Instant::ZERO,
             clock,
+            sync: Synchronisation::new(),
             plant,
             cascade,
             encoder,
             zero: 0,
             recent: [encoder; VELOCITY_WINDOW],
             recent_place: 0,
+            velocity: 0.0,
             ramp: Ramp::at(encoder as f64),
             motion: Motion::Hold,
-            sync: Synchronisation::new(),
+            mode: Mode::None,
             interpolation: Interpolation::default(),
-            enable_at: None,
-            quick_stopping: false,
-            warning_until: Instant::ZERO,
-            mode_bit_12: false,
+            position: ProfilePosition::default(),
+            jog: Jog::default(),
+            homing: Homing::default(),
+            gear: Gear::default(),
+            sequence: Sequence::default(),
+            bit_12: false,
             target_reached: false,
             x_err: false,
             x_end: true,
@@ -161,6 +151,12 @@ impl Drive {
         self.state.is_powered()
     }
 
+    /// The statusword's row if something happened that it shows although its value may be the
+    /// same as before.
+    pub(super) fn take_status_event(&mut self) -> Option<Row> {
+        core::mem::take(&mut self.status_event).then_some(self.rows.statusword)
+    }
+
     // ---- time ----
 
     /// Lets the loops and the shaft run up to `now`.
@@ -187,443 +183,180 @@ impl Drive {
         self.plant.step(dt, torque, self.is_powered());
         self.encoder = self.plant.encoder(0.0);
         if self.clock.next_step() {
-            self.interpolation.target = self.interpolation.pending.take();
+            self.interpolation.next_cycle();
         }
     }
 
     fn position_step(&mut self, step: u32) {
-        self.recent[self.recent_place] = self.encoder;
+        let oldest = core::mem::replace(&mut self.recent[self.recent_place], self.encoder);
+        let moved = (self.encoder - oldest) as f64;
+        self.velocity = moved / (POSITION_STEP * VELOCITY_WINDOW as f64);
         self.recent_place = (self.recent_place + 1) % VELOCITY_WINDOW;
+        self.pulses.advance(POSITION_STEP);
         if step == self.clock.steps() / 2 / SPEED_STEPS * SPEED_STEPS {
             let verdict = self.sync.on_mid_cycle(&self.policies);
             self.judge_sync(verdict);
         }
         self.change_state();
-        self.move_reference(step);
+        if self.is_powered() {
+            self.step_mode();
+            self.move_reference(step);
+            self.monitor();
+        } else {
+            self.ramp = Ramp::at(self.encoder as f64);
+        }
         let reference = self.loop_reference();
         self.cascade
             .position_step(reference, self.encoder, INCREMENTS_PER_REVOLUTION);
-        self.monitor();
     }
 
     fn loop_reference(&self) -> Reference {
-        if self.is_powered() {
-            Reference::Position {
+        if !self.is_powered() {
+            return Reference::Off;
+        }
+        match self.motion {
+            Motion::Torque(torque) => Reference::Torque(torque),
+            _ => Reference::Position {
                 position: self.ramp.position,
                 velocity: self.ramp.velocity,
-            }
-        } else {
-            Reference::Off
+            },
         }
     }
 
     fn move_reference(&mut self, step: u32) {
-        if !self.is_powered() {
-            self.ramp = Ramp::at(self.encoder as f64);
-            return;
-        }
+        let ramp = &mut self.ramp;
         match self.motion {
-            Motion::Hold => self.ramp.velocity = 0.0,
+            Motion::Hold => ramp.velocity = 0.0,
             Motion::Stop(deceleration) => {
-                if self.ramp.towards_velocity(0.0, deceleration, POSITION_STEP) {
+                if ramp.brake(deceleration, POSITION_STEP) {
+                    self.motion = Motion::Hold;
+                }
+            }
+            Motion::Velocity(target, limits) => {
+                if ramp.towards_velocity(target, &limits, POSITION_STEP) && target == 0.0 {
+                    self.motion = Motion::Hold;
+                }
+            }
+            Motion::Position(target, limits) => {
+                if ramp.towards_position(target, &limits, POSITION_STEP) {
+                    self.motion = Motion::Hold;
+                }
+            }
+            Motion::Through(target, limits) => {
+                let direction = (target - ramp.position).signum();
+                ramp.towards_velocity(direction * limits.velocity, &limits, POSITION_STEP);
+                if (target - ramp.position) * direction <= 0.0 {
                     self.motion = Motion::Hold;
                 }
             }
             Motion::Interpolate => self.interpolate(step),
-        }
-    }
-
-    /// The reference at the beginning of this position step, and its velocity during it.
-    fn interpolate(&mut self, step: u32) {
-        self.ramp.position += self.ramp.velocity * POSITION_STEP;
-        if let Some(target) = self.interpolation.target {
-            let steps_left = (self.clock.steps() - step) / SPEED_STEPS;
-            let distance = target - self.ramp.position;
-            self.ramp.velocity = distance / (f64::from(steps_left.max(1)) * POSITION_STEP);
-        } else if self.policies.setpoint_gap == SetpointGap::Hold {
-            self.ramp.velocity = 0.0;
+            Motion::Gear => self.follow_pulses(),
+            Motion::Torque(_) => {
+                self.ramp = Ramp {
+                    position: self.encoder as f64,
+                    velocity: self.actual_velocity(),
+                }
+            }
         }
     }
 
     fn monitor(&mut self) {
-        let deviation = self.ramp.position - self.encoder as f64;
-        let standing = self.actual_velocity().abs() < STANDSTILL;
-        let at_rest = self.motion == Motion::Hold && standing;
-        if self.state == State::OperationEnabled || self.state == State::QuickStopActive {
-            let limit = self.increments_of(self.objects.get(self.rows.following_error_limit));
-            if deviation.abs() > limit {
-                self.raise(DriveError::FOLLOWING_ERROR);
+        if let Some(error) = self.limit_switch_hit().or_else(|| self.following_fault()) {
+            self.raise(error);
+            return;
+        }
+        let at_rest = self.is_at_rest();
+        if self.quick_stopping && at_rest {
+            self.quick_stopping = false;
+            if self.state == State::FaultReactionActive {
+                self.enter(State::Fault);
                 return;
             }
+            self.target_reached = true;
         }
-        if self.motion == Motion::Interpolate {
-            let window = self.increments_of(self.objects.get(self.rows.standstill_window));
-            self.target_reached = self.ramp.velocity == 0.0 && deviation.abs() <= window;
-        } else if at_rest && !self.x_end {
+        self.watch_target();
+        if at_rest && !self.x_end && !self.mode_is_busy() {
             self.x_end = true;
             self.target_reached |= self.controlword.has(Controlword::HALT);
         }
-        if self.quick_stopping && at_rest {
-            self.quick_stopping = false;
-            match self.state {
-                State::FaultReactionActive => self.enter(State::Fault),
-                _ => self.target_reached = true,
-            }
-        }
     }
 
-    // ---- state machine ----
-
-    fn enter(&mut self, state: State) {
-        if state == self.state {
-            return;
-        }
-        let was_powered = self.is_powered();
-        self.state = state;
-        self.state_since = self.now;
-        self.enable_at = None;
-        if self.is_powered() && !was_powered {
-            self.cascade.reset();
-            self.ramp = Ramp::at(self.encoder as f64);
-            self.motion = Motion::Hold;
-            self.x_err = false;
-            self.target_reached = false;
-        }
-        if was_powered && !self.is_powered() {
-            self.end_mode();
-            self.motion = Motion::Hold;
-            self.quick_stopping = false;
-            self.x_end = true;
-        }
+    /// Whether reference and motor stand.
+    pub(super) fn is_at_rest(&self) -> bool {
+        self.motion == Motion::Hold && self.actual_velocity().abs() < STANDSTILL
     }
 
-    /// The changes that need no command.
-    fn change_state(&mut self) {
-        match self.state {
-            // Factory setting of 301Bh:13: the examples show state 4 before any controlword (D-28).
-            State::SwitchOnDisabled
-                if self.objects.get(self.rows.ds402_compatible) == 0
-                    && self.now.saturating_since(self.state_since) >= Duration::from_millis(1) =>
-            {
-                self.enter(State::ReadyToSwitchOn);
-            }
-            State::SwitchedOn if self.enable_at.is_some_and(|at| self.now >= at) => {
-                self.enter(State::OperationEnabled);
-            }
-            _ => {}
-        }
+    /// Reference minus actual position, increments.
+    pub(super) fn deviation(&self) -> f64 {
+        self.ramp.position - self.encoder as f64
     }
 
-    /// A controlword (lxm32m 1360-1393).
-    fn command(&mut self, word: Controlword, channel: Channel) {
-        let previous = core::mem::replace(&mut self.controlword, word);
-        if word.resets_fault(previous) {
-            self.reset_errors();
-        }
-        if matches!(self.state, State::FaultReactionActive | State::Fault) {
-            return;
-        }
-        match (word.command(), self.state) {
-            (Some(Command::DisableVoltage), State::ReadyToSwitchOn)
-                if self.objects.get(self.rows.ds402_compatible) == 0 => {} // T7, and back at once
-            (Some(Command::DisableVoltage), _)
-            | (Some(Command::QuickStop), State::ReadyToSwitchOn | State::SwitchedOn) => {
-                self.enter(State::SwitchOnDisabled);
-            }
-            (Some(Command::QuickStop), State::OperationEnabled) => {
-                self.enter(State::QuickStopActive);
-                self.x_err = true;
-                self.quick_stop();
-            }
-            (Some(Command::Shutdown), State::SwitchOnDisabled)
-            | (Some(Command::Shutdown), State::SwitchedOn | State::OperationEnabled) => {
-                self.enter(State::ReadyToSwitchOn);
-            }
-            (Some(Command::SwitchOn), State::ReadyToSwitchOn | State::OperationEnabled) => {
-                self.enter(State::SwitchedOn);
-            }
-            (Some(Command::SwitchOn), State::SwitchedOn) => self.enable_at = None,
-            (Some(Command::EnableOperation), State::ReadyToSwitchOn | State::SwitchedOn) => {
-                self.enter(State::SwitchedOn);
-                self.enable_at
-                    .get_or_insert(self.now + self.policies.enable_time);
-            }
-            (Some(Command::EnableOperation), State::QuickStopActive)
-                if self.errors.active.is_none() =>
-            {
-                self.enter(State::OperationEnabled);
-                self.x_err = false;
-            }
-            _ => {}
-        }
-        self.mode_command(previous, channel);
+    /// Whether the actual position is within the standstill window of the reference.
+    pub(super) fn is_in_window(&self) -> bool {
+        let window = self.increments_of(self.objects.get(self.rows.standstill_window));
+        self.deviation().abs() <= window
     }
 
-    fn mode_command(&mut self, previous: Controlword, channel: Channel) {
-        let word = self.controlword;
-        let enabled = self.state == State::OperationEnabled;
-        if word.has(Controlword::HALT) && !previous.has(Controlword::HALT) && enabled {
-            self.end_mode();
-            self.stop(self.profile_deceleration());
+    /// The part of the deviation that a load causes: without the lag that a position loop has at
+    /// constant velocity with less than full feed-forward.
+    fn following_fault(&self) -> Option<DriveError> {
+        if matches!(self.motion, Motion::Torque(_)) {
+            return None;
         }
-        if !word.has(Controlword::MODE_4) {
-            self.interpolation.edge = false;
-            self.interpolation.spent = false;
-            if self.motion == Motion::Interpolate {
-                self.end_mode();
-                self.stop(self.profile_deceleration());
-            }
-        } else if channel == Channel::Pdo || (enabled && !previous.has(Controlword::MODE_4)) {
-            self.interpolation.edge = true;
-        }
+        let gains = &self.cascade.gains;
+        let lag = self.ramp.velocity * (1.0 - gains.velocity_feed_forward) / gains.position;
+        let limit = self.increments_of(self.objects.get(self.rows.following_error_limit));
+        ((self.deviation() - lag).abs() > limit).then_some(DriveError::FOLLOWING_ERROR)
     }
 
-    fn end_mode(&mut self) {
-        self.mode_bit_12 = false;
-        let edge = self.interpolation.edge;
-        self.interpolation = Interpolation {
-            edge,
-            spent: edge,
-            ..Interpolation::default()
-        };
+    /// A limit switch in the direction of movement (homing may run onto it).
+    fn limit_switch_hit(&self) -> Option<DriveError> {
+        if self.homing.is_active() || self.quick_stopping {
+            return None;
+        }
+        let position = self.plant.position();
+        let velocity = self.ramp.velocity;
+        let hit = velocity < 0.0 && self.switches.negative_limit_active(position)
+            || velocity > 0.0 && self.switches.positive_limit_active(position);
+        hit.then_some(DriveError::LIMIT_SWITCH)
     }
 
-    fn stop(&mut self, deceleration: f64) {
-        self.motion = Motion::Stop(deceleration);
-    }
-
-    fn quick_stop(&mut self) {
-        self.end_mode();
-        self.quick_stopping = true;
-        self.stop(self.acceleration_of(self.objects.get(self.rows.quick_stop_ramp)));
-    }
-
-    fn profile_deceleration(&self) -> f64 {
-        self.acceleration_of(self.objects.get(self.rows.profile_deceleration))
-    }
-
-    /// Power is gone: nothing moves the shaft, and every error is forgotten.
-    pub(super) fn power_off(&mut self) {
-        self.enter(State::NotReadyToSwitchOn);
-        self.errors = Errors::new();
-    }
-
-    /// The application starts with the objects as they were stored.
-    pub(super) fn restart(&mut self) {
-        if !matches!(self.state, State::Fault | State::FaultReactionActive) {
-            self.enter(State::NotReadyToSwitchOn);
-            self.enter(State::SwitchOnDisabled);
-            self.x_err = false;
-        }
-        self.controlword = Controlword(0);
-        self.sync.stop(&mut self.clock, self.now);
-        for row in [self.rows.feed_forward, self.rows.velocity_limit] {
-            self.written(row, Channel::Sdo);
-        }
-    }
-
-    /// The statusword's row if something happened that it shows although its value may be the
-    /// same as before.
-    pub(super) fn take_status_event(&mut self) -> Option<Row> {
-        core::mem::take(&mut self.status_event).then_some(self.rows.statusword)
-    }
-
-    /// Puts an enabled drive on the bus: somebody left it so.
-    pub(super) fn start_enabled(&mut self) {
-        self.controlword = Controlword::ENABLE_OPERATION;
-        self.enter(State::OperationEnabled);
-    }
-
-    // ---- errors ----
-
-    /// Raises an error and reacts as its class says.
-    pub(super) fn raise(&mut self, error: DriveError) {
-        if error.class == ErrorClass::Warning {
-            self.objects
-                .set(self.rows.last_warning, error.number.into());
-            self.objects.set(self.rows.warnings_active, 1);
-            self.objects.set(self.rows.warnings_latched, 1);
-            self.warning_until = self.now + WARNING_TIME;
-            return;
-        }
-        // The first error is the one to tell, unless a worse one follows.
-        if self
-            .errors
-            .active
-            .is_some_and(|active| active.class >= error.class)
-        {
-            return;
-        }
-        self.errors.active = Some(error);
-        self.errors.tell(error, 0);
-        self.objects.set(self.rows.last_error, error.number.into());
-        self.x_err = true;
-        let powered = self.is_powered();
-        match error.class {
-            ErrorClass::QuickStop if powered => {
-                self.enter(State::QuickStopActive);
-                self.quick_stop();
-            }
-            ErrorClass::StopAndSwitchOff if powered => {
-                self.enter(State::FaultReactionActive);
-                self.quick_stop();
-            }
-            _ => {
-                self.enter(State::Fault);
-            }
-        }
-    }
-
-    fn reset_errors(&mut self) {
-        self.warning_until = self.now;
-        self.objects.set(self.rows.warnings_active, 0);
-        let Some(active) = self.errors.active else {
-            return;
-        };
-        if active.class == ErrorClass::Fatal
-            || self.errors.cause_persists
-            || self.state == State::FaultReactionActive
-        {
-            return;
-        }
-        self.errors.active = None;
-        self.x_err = false;
-        if self.policies.emcy_on_reset {
-            self.errors.tell_reset();
-        }
-        if self.state == State::Fault {
-            self.enter(State::SwitchOnDisabled);
-        }
-    }
-
-    // ---- SYNC ----
-
-    /// A SYNC, after the synchronous R_PDOs have been put into effect.
-    pub(super) fn on_sync(&mut self, now: Instant) {
-        let early = self.sync.is_paced() && self.clock.phase_error(now) < 0;
-        let verdict = self.sync.on_sync(&mut self.clock, now, &self.policies);
-        self.judge_sync(verdict);
-        self.start_interpolation();
-        if self.motion != Motion::Interpolate {
-            self.interpolation.fresh = false;
-            return;
-        }
-        let setpoint = core::mem::take(&mut self.interpolation.fresh).then(|| self.setpoint());
-        if setpoint.is_some() {
-            self.interpolation.gaps = 0;
-        } else {
-            self.interpolation.gaps += 1;
-            let most = self.policies.missing_setpoints;
-            if most.is_some_and(|most| self.interpolation.gaps > most) {
-                self.raise(DriveError::SETPOINTS_MISSING);
-                return;
-            }
-        }
-        if early {
-            self.interpolation.pending = setpoint;
-        } else {
-            self.interpolation.target = setpoint;
-        }
-    }
-
-    fn judge_sync(&mut self, verdict: Verdict) {
+    pub(super) fn judge_sync(&mut self, verdict: Verdict) {
         if verdict == Verdict::Lost && self.is_powered() {
             self.raise(DriveError::SYNC_LOST);
         }
     }
 
-    fn start_interpolation(&mut self) {
-        let ready = self.state == State::OperationEnabled
-            && self.motion == Motion::Hold
-            && self.objects.get(self.rows.mode) == INTERPOLATED_POSITION
-            && !self.controlword.has(Controlword::HALT)
-            && self.interpolation.edge
-            && !self.interpolation.spent
-            && self.interpolation.fresh;
-        let locked = self.sync.status() == SyncStatus::Synchronised;
-        if !ready || (self.policies.start_needs_lock && !locked) {
-            return;
+    // ---- movement ----
+
+    /// A movement begins: x_end falls (lxm32m 1347), and the statusword is told even if another
+    /// movement was under way (the Jog example, lxm32m 1762).
+    pub(super) fn begin(&mut self, motion: Motion) {
+        if matches!(self.motion, Motion::Torque(_)) && !matches!(motion, Motion::Torque(_)) {
+            self.cascade.reset();
         }
-        let distance = (self.setpoint() - self.ramp.position) / INCREMENTS_PER_REVOLUTION;
-        if let Some(window) = self.policies.first_setpoint_window
-            && distance.abs() > window
-        {
-            self.raise(DriveError::SETPOINT_JUMP);
-            return;
-        }
-        self.motion = Motion::Interpolate;
-        self.status_event = true;
-        self.mode_bit_12 = true;
+        self.motion = motion;
         self.x_end = false;
+        self.target_reached = false;
+        self.status_event = true;
     }
 
-    /// The interpolation period of 60C2h in nanoseconds.
-    fn period_ns(&self) -> u64 {
-        let value = self.objects.get(self.rows.period_value).max(1) as u64;
-        let exponent = self.objects.get(self.rows.period_index) + 9;
-        let unit = 10u64.pow(exponent.clamp(4, 9) as u32);
-        (value * unit).max(POSITION_STEP_NS)
+    /// Brings the motor to rest with a deceleration in increments/s².
+    pub(super) fn stop(&mut self, deceleration: f64) {
+        if matches!(self.motion, Motion::Torque(_)) {
+            self.cascade.reset();
+        }
+        if self.motion != Motion::Hold {
+            self.motion = Motion::Stop(deceleration);
+        }
     }
 
-    fn setpoint(&self) -> f64 {
-        self.increments_of(self.objects.get(self.rows.setpoint)) + self.zero as f64
+    /// Announces a change that may leave the statusword's value as it was.
+    pub(super) fn note_status(&mut self) {
+        self.status_event = true;
     }
 
     // ---- objects ----
-
-    /// Whether the drive's state permits this write.
-    pub(super) fn check_write(&self, row: Row, value: i64) -> Result<(), AbortCode> {
-        let rows = &self.rows;
-        let positive = [
-            rows.position_denominator,
-            rows.position_numerator,
-            rows.velocity_denominator,
-            rows.velocity_numerator,
-            rows.ramp_denominator,
-            rows.ramp_numerator,
-        ];
-        if positive.contains(&row) {
-            if value < 1 {
-                return Err(AbortCode::InvalidValue);
-            }
-            if self.is_powered() {
-                return Err(AbortCode::DeviceState);
-            }
-        }
-        if row == rows.error_count && value != 0 {
-            return Err(AbortCode::InvalidValue);
-        }
-        if row == rows.mode && value != 0 && value != INTERPOLATED_POSITION {
-            return Err(AbortCode::InvalidValue);
-        }
-        Ok(())
-    }
-
-    /// A value has been written that the tables and [`Self::check_write`] permit.
-    pub(super) fn written(&mut self, row: Row, channel: Channel) {
-        let rows = self.rows;
-        if row == rows.setpoint {
-            self.interpolation.fresh = true;
-        } else if row == rows.controlword {
-            let word = Controlword(self.objects.get(row) as u16);
-            self.command(word, channel);
-        } else if row == rows.error_count {
-            self.errors.history = 0;
-        } else if row == rows.feed_forward {
-            self.cascade.gains.velocity_feed_forward = self.objects.get(row) as f64 * 1e-3;
-        } else if row == rows.velocity_limit {
-            let limit = self.velocity_of(self.objects.get(row));
-            self.cascade.gains.speed_limit = limit / INCREMENTS_PER_REVOLUTION;
-        } else if row == rows.sync_start {
-            if self.objects.get(row) == synchronisation::START {
-                let unit = self.policies.sync_tolerance_unit.as_nanos() as u64;
-                let tolerance = self.objects.get(rows.sync_tolerance) as u64 * unit;
-                self.sync.start(self.period_ns(), tolerance);
-            } else {
-                self.sync.stop(&mut self.clock, self.now);
-            }
-        }
-    }
 
     /// Brings the objects that show the drive's condition up to `now`.
     pub(super) fn publish(&mut self, now: Instant) {
@@ -631,31 +364,36 @@ impl Drive {
         let encoder = self.plant.encoder(self.clock.since_step(now)) - self.zero;
         let reference = self.ramp.position as i64 - self.zero;
         let velocity = self.actual_velocity();
-        let objects = &mut self.objects;
-        objects.set(rows.position_internal, encoder);
-        objects.set(rows.reference_internal, reference);
         let rpm = velocity * 60.0 / INCREMENTS_PER_REVOLUTION;
-        objects.set(rows.speed, libm::round(rpm) as i64);
-        let continuous = self.cascade.gains.continuous_torque;
-        let torque = libm::round(self.cascade.torque() / continuous * 1000.0) as i64;
-        objects.set(rows.torque, torque);
-        objects.set(rows.sync_status, self.sync.status() as i64);
-        objects.set(rows.error_register, self.errors.register().into());
-        objects.set(rows.error_field, self.errors.history.into());
-        objects.set(rows.error_count, (self.errors.history != 0).into());
-        objects.set(rows.mode_active, objects.get(rows.mode));
+        let torque = self.cascade.torque() / self.cascade.gains.continuous_torque * 1000.0;
         let position = self.user_position(encoder);
-        let reference = self.user_position(reference);
-        let actual = self.user_velocity(velocity);
-        let generated = self.user_velocity(self.ramp.velocity);
-        let statusword = self.statusword();
-        let objects = &mut self.objects;
-        objects.set(rows.position, position);
-        objects.set(rows.reference, reference);
-        objects.set(rows.position_deviation, reference - position);
-        objects.set(rows.velocity, actual);
-        objects.set(rows.velocity_reference, generated);
-        objects.set(rows.statusword, statusword.0.into());
+        let user_reference = self.user_position(reference);
+        let shown = [
+            (rows.position_internal, encoder),
+            (rows.reference_internal, reference),
+            (rows.speed, libm::round(rpm) as i64),
+            (rows.torque, libm::round(torque) as i64),
+            (rows.sync_status, self.sync.status() as i64),
+            (rows.error_register, self.errors.register().into()),
+            (rows.error_field, self.errors.history.into()),
+            (rows.error_count, (self.errors.history != 0).into()),
+            (rows.mode_active, self.mode as i64),
+            (rows.position, position),
+            (rows.reference, user_reference),
+            (rows.position_deviation, user_reference - position),
+            (rows.velocity, self.user_velocity(velocity)),
+            (
+                rows.velocity_reference,
+                self.user_velocity(self.ramp.velocity),
+            ),
+            (rows.pulse_position, self.pulses.position as i64),
+            (rows.pulse_velocity, self.pulses.frequency as i64),
+            (rows.sequence_data_set, self.sequence.active_number()),
+            (rows.statusword, self.statusword().0.into()),
+        ];
+        for (row, value) in shown {
+            self.objects.set(row, value);
+        }
     }
 
     /// 6041h (lxm32m 1301-1351).
@@ -666,7 +404,7 @@ impl Drive {
             (self.controlword.has(Controlword::HALT), Statusword::HALT),
             (true, Statusword::REMOTE),
             (self.target_reached, Statusword::TARGET_REACHED),
-            (self.mode_bit_12, Statusword::MODE_12),
+            (self.bit_12, Statusword::MODE_12),
             (self.x_err, Statusword::BIT_13),
             (self.x_end, Statusword::BIT_14),
             (self.ref_ok, Statusword::BIT_15),
@@ -680,52 +418,7 @@ impl Drive {
     }
 
     /// Increments/s, averaged over the window.
-    fn actual_velocity(&self) -> f64 {
-        let moved = self.encoder - self.recent[self.recent_place];
-        moved as f64 / (POSITION_STEP * VELOCITY_WINDOW as f64)
-    }
-
-    // ---- units: usr_p, usr_v, usr_a (numerator / denominator revolutions, rpm, rpm/s) ----
-
-    fn scale(&self, numerator: Row, denominator: Row) -> f64 {
-        let numerator = self.objects.get(numerator).max(1) as f64;
-        numerator / self.objects.get(denominator).max(1) as f64
-    }
-
-    fn increments_of(&self, position: i64) -> f64 {
-        let rows = &self.rows;
-        position as f64
-            * (self.scale(rows.position_numerator, rows.position_denominator)
-                * INCREMENTS_PER_REVOLUTION)
-    }
-
-    fn user_position(&self, increments: i64) -> i64 {
-        let numerator = i128::from(self.objects.get(self.rows.position_numerator).max(1));
-        let denominator = i128::from(self.objects.get(self.rows.position_denominator).max(1));
-        let unit = numerator * INCREMENTS_PER_REVOLUTION as i128;
-        (i128::from(increments) * denominator + unit / 2).div_euclid(unit) as i64
-    }
-
-    fn velocity_of(&self, velocity: i64) -> f64 {
-        let rows = &self.rows;
-        velocity as f64
-            * (self.scale(rows.velocity_numerator, rows.velocity_denominator)
-                * INCREMENTS_PER_REVOLUTION
-                / 60.0)
-    }
-
-    fn user_velocity(&self, velocity: f64) -> i64 {
-        let rows = &self.rows;
-        let unit = self.scale(rows.velocity_numerator, rows.velocity_denominator)
-            * INCREMENTS_PER_REVOLUTION
-            / 60.0;
-        libm::round(velocity / unit) as i64
-    }
-
-    fn acceleration_of(&self, acceleration: i64) -> f64 {
-        let rows = &self.rows;
-        acceleration.max(1) as f64
-            * (self.scale(rows.ramp_numerator, rows.ramp_denominator) * INCREMENTS_PER_REVOLUTION
-                / 60.0)
+    pub(super) fn actual_velocity(&self) -> f64 {
+        self.velocity
     }
 }

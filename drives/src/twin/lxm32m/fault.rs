@@ -59,6 +59,11 @@ impl DriveError {
     pub const FOLLOWING_ERROR: Self =
         Self::new(ErrorClass::SwitchOff, 0xA320, 0x8611, DEVICE_PROFILE);
 
+    /// A limit switch was reached.
+    pub const LIMIT_SWITCH: Self = Self::new(ErrorClass::QuickStop, 0xA302, 0x1000, DEVICE_PROFILE);
+    /// Homing did not find what it searched for, or cannot be done.
+    pub const HOMING_FAILED: Self =
+        Self::new(ErrorClass::QuickStop, 0xA30F, 0x1000, DEVICE_PROFILE);
     /// A received PDO is shorter than its mapping.
     pub(super) const SHORT_PDO: Self = Self::new(ErrorClass::Warning, 0, 0x8210, COMMUNICATION);
 

@@ -33,16 +33,21 @@
 
 mod drive;
 mod fault;
+mod modes;
 mod monitoring;
 mod motion;
 mod outbox;
 mod pdo;
 mod policy;
 mod rows;
+mod state;
+mod switches;
 mod synchronisation;
+mod units;
 
 pub use fault::{DriveError, ErrorClass};
 pub use policy::{Policies, SetpointGap};
+pub use switches::Switches;
 pub use synchronisation::SyncStatus;
 
 use super::clock::Clock;
@@ -82,6 +87,8 @@ pub struct TwinConfig {
     pub mechanics: Mechanics,
     /// Gains of the control loops.
     pub gains: Gains,
+    /// The switches along it.
+    pub switches: Switches,
     /// What the manual leaves open.
     pub policies: Policies,
     /// Who the drive says it is.
@@ -106,6 +113,7 @@ impl TwinConfig {
             initial_position: 0,
             mechanics: Mechanics::default(),
             gains: Gains::default(),
+            switches: Switches::default(),
             policies: Policies::default(),
             identity: Identity::default(),
             t_pdo_delay: Duration::from_micros(30)..Duration::from_micros(90),
@@ -173,6 +181,7 @@ impl Twin {
         let drive = Drive::new(
             objects,
             config.policies.clone(),
+            config.switches.clone(),
             Clock::new(Instant::ZERO, ppm),
             Plant::new(config.mechanics.clone(), revolutions, stream(1)),
             Cascade::new(config.gains.clone(), config.initial_position),
@@ -289,6 +298,17 @@ impl Twin {
         self.reboot = true;
     }
 
+    /// Pulses/s at the PTI interface, the reference of Electronic Gear.
+    pub fn set_pulse_frequency(&mut self, frequency: f64) {
+        self.drive.pulses.frequency = frequency;
+    }
+
+    /// Presets statusword bits 10 and 13, which the manual's examples find set without a cause.
+    pub fn preset_status(&mut self, target_reached: bool, x_err: bool) {
+        self.drive.target_reached = target_reached;
+        self.drive.x_err = x_err;
+    }
+
     // ---- the node ----
 
     fn boot(&mut self, now: Instant, reset: nmt::Event) {
@@ -339,7 +359,9 @@ impl Twin {
         if operational {
             let (outbox, dropped) = (&mut self.outbox, &mut self.dropped_t_pdos);
             self.pdos.sample(&self.drive.objects, |frame| {
-                send_t_pdo(now, outbox, dropped, &self.config, frame);
+                if dropped.checked_sub(1).map(|left| *dropped = left).is_none() {
+                    outbox.send_within(now, &self.config.t_pdo_delay, frame);
+                }
             });
             self.pdos.apply(&mut self.drive);
         }
@@ -410,7 +432,9 @@ impl Twin {
             let trigger = self.drive.take_status_event();
             let (outbox, dropped) = (&mut self.outbox, &mut self.dropped_t_pdos);
             self.pdos.poll(now, &self.drive.objects, trigger, |frame| {
-                send_t_pdo(now, outbox, dropped, &self.config, frame);
+                if dropped.checked_sub(1).map(|left| *dropped = left).is_none() {
+                    outbox.send_behind(now, &self.config.t_pdo_delay, frame);
+                }
             });
         }
     }
@@ -510,20 +534,6 @@ fn stamp(objects: &mut Dictionary, identity: &Identity) {
     objects.put(0x1018, 3, identity.revision.into());
     if let Some(row) = objects.row(0x1008, 0) {
         objects.set_bytes(row, identity.name.as_bytes());
-    }
-}
-
-fn send_t_pdo(
-    now: Instant,
-    outbox: &mut Outbox,
-    dropped: &mut u32,
-    config: &TwinConfig,
-    frame: Frame,
-) {
-    if *dropped > 0 {
-        *dropped -= 1;
-    } else {
-        outbox.send_within(now, &config.t_pdo_delay, frame);
     }
 }
 

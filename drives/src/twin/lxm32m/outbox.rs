@@ -5,7 +5,7 @@ use core::ops::Range;
 use syncline_canopen::time::Duration;
 use syncline_canopen::{Frame, Instant, Transmit};
 
-/// Frames that leave after a delay, those with one delay range in order.
+/// Frames that leave after a delay.
 #[derive(Clone, Debug)]
 pub(super) struct Outbox {
     random: Random,
@@ -37,18 +37,33 @@ impl Outbox {
     /// Sends a frame after a random delay within `delay`, not before an earlier one of the same
     /// identifier.
     pub(super) fn send_within(&mut self, now: Instant, delay: &Range<Duration>, frame: Frame) {
-        if self.muted {
-            return;
-        }
-        let span = delay.end.saturating_sub(delay.start).as_nanos() as f64;
-        let wait = delay.start + Duration::from_nanos((self.random.unit() * span) as u64);
         let earlier = self
             .frames
             .iter()
             .filter(|(_, waiting)| waiting.id() == frame.id())
             .map(|(due, _)| *due)
             .max();
-        let due = earlier.map_or(now + wait, |earlier| earlier.max(now + wait));
+        let due = now + self.pick(delay);
+        self.queue(earlier.map_or(due, |earlier| earlier.max(due)), frame);
+    }
+
+    /// Sends a frame a random delay within `delay` after everything that waits: an event is told
+    /// after the SDO answer that confirms its cause (the order of the manual's examples).
+    pub(super) fn send_behind(&mut self, now: Instant, delay: &Range<Duration>, frame: Frame) {
+        let last = self.frames.last().map_or(now, |(due, _)| *due);
+        let due = last.max(now) + self.pick(delay);
+        self.queue(due, frame);
+    }
+
+    fn pick(&mut self, delay: &Range<Duration>) -> Duration {
+        let span = delay.end.saturating_sub(delay.start).as_nanos() as f64;
+        delay.start + Duration::from_nanos((self.random.unit() * span) as u64)
+    }
+
+    fn queue(&mut self, due: Instant, frame: Frame) {
+        if self.muted {
+            return;
+        }
         let place = self.frames.partition_point(|(other, _)| *other <= due);
         self.frames.insert(place, (due, frame));
     }

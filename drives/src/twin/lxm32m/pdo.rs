@@ -300,9 +300,12 @@ fn event_mask(objects: &Dictionary, n: u16) -> u8 {
     objects.value(0x3041, 0x0B + n as u8).unwrap_or(0) as u8
 }
 
+/// All objects get their values before any of them takes effect: a new target counts for the
+/// controlword that stands in front of it.
 fn unpack(mapping: &Mapping, frame: &Frame, drive: &mut Drive) {
     let mut unpacker = Unpacker::new(frame.data());
-    for (row, bits) in mapping.objects() {
+    let mut written = [None; ENTRIES];
+    for (place, (row, bits)) in mapping.objects().enumerate() {
         let signed = drive.objects.entry(row).data_type.is_signed();
         let value = if signed {
             unpacker.signed(bits)
@@ -315,8 +318,11 @@ fn unpack(mapping: &Mapping, frame: &Frame, drive: &mut Drive) {
             && drive.check_write(row, value).is_ok()
         {
             drive.objects.set(row, value);
-            drive.written(row, Channel::Pdo);
+            written[place] = Some(row);
         }
+    }
+    for row in written.into_iter().flatten() {
+        drive.written(row, Channel::Pdo);
     }
 }
 

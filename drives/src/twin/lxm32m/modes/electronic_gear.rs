@@ -1,0 +1,69 @@
+//! Electronic Gear (lxm32m 1449-1481): the motor follows the pulse source.
+
+use super::Mode;
+use crate::twin::lxm32m::drive::{Drive, POSITION_STEP};
+use crate::twin::lxm32m::motion::Motion;
+
+/// 301Bh:12 `GEARreference` (lxm32m 1461).
+const WITHOUT_COMPENSATION: i64 = 1;
+const WITH_COMPENSATION: i64 = 2;
+const VELOCITY: i64 = 3;
+
+/// What the gear is engaged with.
+#[derive(Clone, Copy, Debug, Default)]
+pub(in crate::twin::lxm32m) struct Gear {
+    /// Pulses that belong to the reference's present position.
+    pulses: f64,
+}
+
+impl Drive {
+    /// 301Bh:12 was written.
+    pub(super) fn set_gear(&mut self) {
+        if self.mode != Mode::ElectronicGear || !self.may_move() {
+            return;
+        }
+        match self.objects.get(self.rows.gear_reference) {
+            WITHOUT_COMPENSATION => {
+                self.gear.pulses = self.pulses.position;
+                self.begin(Motion::Gear);
+            }
+            WITH_COMPENSATION | VELOCITY => self.begin(Motion::Gear),
+            _ => self.stop(self.profile_deceleration()),
+        }
+    }
+
+    /// The reference goes where the pulses say, no faster than 3026h:9 (0: as 607Fh says).
+    pub(in crate::twin::lxm32m) fn follow_pulses(&mut self) {
+        let ratio = self.gear_ratio();
+        let velocity = self.pulses.frequency * ratio;
+        let most = match self.objects.get(self.rows.gear_velocity_limit) {
+            0 => i64::MAX,
+            limit => limit,
+        };
+        let limits = self.profile_limits(most);
+        if self.objects.get(self.rows.gear_reference) == VELOCITY {
+            let velocity = velocity.clamp(-limits.velocity, limits.velocity);
+            self.ramp.towards_velocity(velocity, &limits, POSITION_STEP);
+            self.gear.pulses = self.pulses.position;
+            return;
+        }
+        let step = (self.pulses.position - self.gear.pulses) * ratio;
+        let most = limits.velocity * POSITION_STEP;
+        let moved = step.clamp(-most, most);
+        self.gear.pulses += moved / ratio;
+        self.ramp.position += moved;
+        self.ramp.velocity = moved / POSITION_STEP;
+    }
+
+    /// Motor increments per pulse: 3026h:4 over 3026h:3, or the second pair if 3026h:E picks it.
+    fn gear_ratio(&self) -> f64 {
+        let rows = &self.rows;
+        let (numerator, denominator) = match self.objects.get(rows.gear_select) {
+            1 => (rows.gear_numerator_2, rows.gear_denominator_2),
+            _ => (rows.gear_numerator, rows.gear_denominator),
+        };
+        let numerator = self.objects.get(numerator);
+        let numerator = if numerator == 0 { 1 } else { numerator };
+        numerator as f64 / self.objects.get(denominator).max(1) as f64
+    }
+}

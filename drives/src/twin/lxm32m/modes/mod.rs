@@ -1,0 +1,215 @@
+//! The operating modes (lxm32m 1395-1746).
+//!
+//! A mode is chosen by 6060h; it takes over when the motor stands. Its movement is started by
+//! what the manual names for it: a controlword bit, or the write of a target.
+
+mod electronic_gear;
+mod homing;
+mod interpolated_position;
+mod jog;
+mod motion_sequence;
+mod profile_position;
+mod profile_torque;
+mod profile_velocity;
+
+pub(super) use electronic_gear::Gear;
+pub(super) use homing::Homing;
+pub(super) use interpolated_position::Interpolation;
+pub(super) use jog::Jog;
+pub(super) use motion_sequence::Sequence;
+pub(super) use profile_position::ProfilePosition;
+
+use super::drive::{Channel, Drive};
+use super::synchronisation;
+use syncline_canopen::cia402::{Controlword, State};
+use syncline_canopen::dictionary::Row;
+use syncline_canopen::sdo::AbortCode;
+
+/// The modes that the manual describes for CANopen (lxm32m 1405).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(i8)]
+pub(super) enum Mode {
+    None = 0,
+    MotionSequence = -3,
+    ElectronicGear = -2,
+    Jog = -1,
+    ProfilePosition = 1,
+    ProfileVelocity = 3,
+    ProfileTorque = 4,
+    Homing = 6,
+    InterpolatedPosition = 7,
+}
+
+impl Mode {
+    /// The mode with this number in 6060h, if the twin has it.
+    fn of(number: i64) -> Option<Self> {
+        const ALL: [Mode; 9] = [
+            Mode::None,
+            Mode::MotionSequence,
+            Mode::ElectronicGear,
+            Mode::Jog,
+            Mode::ProfilePosition,
+            Mode::ProfileVelocity,
+            Mode::ProfileTorque,
+            Mode::Homing,
+            Mode::InterpolatedPosition,
+        ];
+        ALL.into_iter().find(|mode| *mode as i64 == number)
+    }
+}
+
+impl Drive {
+    /// Whether movements may be commanded.
+    fn may_move(&self) -> bool {
+        self.state == State::OperationEnabled && !self.controlword.has(Controlword::HALT)
+    }
+
+    /// The mode's own part of a controlword.
+    pub(super) fn mode_command(&mut self, previous: Controlword, channel: Channel) {
+        let word = self.controlword;
+        let enabled = self.state == State::OperationEnabled;
+        if enabled && word.has(Controlword::HALT) && !previous.has(Controlword::HALT) {
+            self.end_mode();
+            self.stop(self.profile_deceleration());
+        }
+        let start = word.has(Controlword::MODE_4) && !previous.has(Controlword::MODE_4);
+        self.command_interpolation(start, channel);
+        match self.mode {
+            Mode::ProfilePosition => self.command_position(start),
+            Mode::Homing if start && self.may_move() => self.start_homing(),
+            Mode::MotionSequence if start && self.may_move() => self.start_sequence(),
+            _ => {}
+        }
+    }
+
+    /// The mode's part of a step of the position loop.
+    pub(super) fn step_mode(&mut self) {
+        self.change_mode();
+        match self.mode {
+            Mode::Jog => self.step_jog(),
+            Mode::ProfilePosition => self.step_position(),
+            Mode::ProfileTorque => self.step_torque(),
+            Mode::Homing => self.step_homing(),
+            Mode::MotionSequence => self.step_sequence(),
+            _ => {}
+        }
+    }
+
+    /// Whether the mode has more to do after the present movement.
+    pub(super) fn mode_is_busy(&self) -> bool {
+        self.jog.is_busy()
+            || self.position.is_busy()
+            || self.homing.is_active()
+            || self.sequence.is_moving()
+    }
+
+    /// Bit 10 while a movement is under way or just over.
+    pub(super) fn watch_target(&mut self) {
+        match self.mode {
+            Mode::ProfileVelocity => self.watch_velocity(),
+            Mode::ProfileTorque => self.watch_torque(),
+            Mode::InterpolatedPosition => self.watch_interpolation(),
+            Mode::ProfilePosition => self.watch_position(),
+            _ => {}
+        }
+    }
+
+    /// Halt, Quick Stop, an error or another mode: whatever the mode was doing is over.
+    pub(super) fn end_mode(&mut self) {
+        self.bit_12 = false;
+        self.interpolation.end();
+        self.position = ProfilePosition::default();
+        self.jog = Jog::default();
+        self.homing = Homing::default();
+        self.sequence.end();
+        self.objects.set(self.rows.gear_reference, 0);
+    }
+
+    /// Another mode was asked for: it takes over at standstill; what moves is stopped.
+    pub(super) fn change_mode(&mut self) {
+        let wanted = Mode::of(self.objects.get(self.rows.mode)).unwrap_or(self.mode);
+        if wanted == self.mode {
+            return;
+        }
+        if self.is_powered() && !self.is_at_rest() {
+            if !self.quick_stopping {
+                self.end_mode();
+                self.stop(self.profile_deceleration());
+            }
+            return;
+        }
+        self.end_mode();
+        self.mode = wanted;
+    }
+
+    // ---- objects ----
+
+    /// Whether the drive's state permits this write.
+    pub(super) fn check_write(&self, row: Row, value: i64) -> Result<(), AbortCode> {
+        let rows = &self.rows;
+        let scaling = [
+            rows.position_denominator,
+            rows.position_numerator,
+            rows.velocity_denominator,
+            rows.velocity_numerator,
+            rows.ramp_denominator,
+            rows.ramp_numerator,
+        ];
+        if scaling.contains(&row) {
+            if value < 1 {
+                return Err(AbortCode::InvalidValue);
+            }
+            if self.is_powered() {
+                return Err(AbortCode::DeviceState);
+            }
+        }
+        if row == rows.error_count && value != 0 {
+            return Err(AbortCode::InvalidValue);
+        }
+        if row == rows.mode && Mode::of(value).is_none() {
+            return Err(AbortCode::InvalidValue);
+        }
+        if row == rows.data_set_number && !(0..128).contains(&value) {
+            return Err(AbortCode::InvalidValue);
+        }
+        Ok(())
+    }
+
+    /// A value has been written that the tables and [`Self::check_write`] permit.
+    pub(super) fn written(&mut self, row: Row, channel: Channel) {
+        let rows = self.rows;
+        let value = self.objects.get(row);
+        if row == rows.setpoint {
+            self.interpolation.offer();
+        } else if row == rows.controlword {
+            self.command(Controlword(value as u16), channel);
+        } else if row == rows.mode {
+            self.change_mode();
+        } else if row == rows.velocity_target {
+            self.set_velocity();
+        } else if row == rows.torque_target {
+            self.set_torque();
+        } else if row == rows.jog_activate {
+            self.set_jog();
+        } else if row == rows.gear_reference {
+            self.set_gear();
+        } else if row == rows.error_count {
+            self.errors.history = 0;
+        } else if row == rows.feed_forward {
+            self.cascade.gains.velocity_feed_forward = value as f64 * 1e-3;
+        } else if row == rows.velocity_limit {
+            let limit = self.velocity_of(value);
+            self.cascade.gains.speed_limit = limit / crate::twin::plant::INCREMENTS_PER_REVOLUTION;
+        } else if row == rows.sync_start {
+            if value == synchronisation::START {
+                let unit = self.policies.sync_tolerance_unit.as_nanos() as u64;
+                let tolerance = self.objects.get(rows.sync_tolerance) as u64 * unit;
+                self.sync.start(self.period_ns(), tolerance);
+            } else {
+                self.sync.stop(&mut self.clock, self.now);
+            }
+        } else {
+            self.data_set_written(row);
+        }
+    }
+}

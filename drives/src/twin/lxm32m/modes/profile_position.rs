@@ -1,0 +1,92 @@
+//! Profile Position (lxm32m 1554-1594).
+
+use crate::twin::lxm32m::drive::Drive;
+use crate::twin::lxm32m::motion::{Limits, Motion};
+use syncline_canopen::cia402::Controlword;
+
+/// A target with the values that were taken over with it (lxm32m 1576).
+#[derive(Clone, Copy, Debug)]
+struct Target {
+    position: f64,
+    limits: Limits,
+}
+
+/// The target under way and one more.
+#[derive(Clone, Copy, Debug, Default)]
+pub(in crate::twin::lxm32m) struct ProfilePosition {
+    active: Option<Target>,
+    next: Option<Target>,
+}
+
+impl ProfilePosition {
+    pub(super) fn is_busy(&self) -> bool {
+        self.next.is_some()
+    }
+}
+
+impl Drive {
+    /// Bits 4, 5, 6 and 9 (lxm32m 1568-1576).
+    pub(super) fn command_position(&mut self, start: bool) {
+        let word = self.controlword;
+        if !word.has(Controlword::MODE_4) && self.position.next.is_none() {
+            self.bit_12 = false;
+        }
+        if !start || !self.may_move() {
+            return;
+        }
+        let mut position = self.objects.get(self.rows.position_target);
+        let base = match (word.has(Controlword::MODE_6), self.position) {
+            (false, _) => self.zero as f64,
+            (true, waiting) => waiting
+                .next
+                .or(waiting.active)
+                .map_or(self.ramp.position, |target| target.position),
+        };
+        position = position.clamp(i32::MIN.into(), i32::MAX.into());
+        let target = Target {
+            position: base + self.increments_of(position),
+            limits: self.profile_limits(self.objects.get(self.rows.profile_velocity)),
+        };
+        let moving = self.position.active.is_some() && self.motion != Motion::Hold;
+        if !moving || word.has(Controlword::MODE_5) {
+            self.go(target);
+        } else if self.position.next.is_none() {
+            self.position.next = Some(target);
+            // Change on set-point: the first target is passed, not stopped at.
+            if word.has(Controlword::MODE_9)
+                && let Motion::Position(position, limits) = self.motion
+            {
+                self.motion = Motion::Through(position, limits);
+            }
+        } else {
+            return;
+        }
+        self.bit_12 = true;
+    }
+
+    fn go(&mut self, target: Target) {
+        self.position = ProfilePosition {
+            active: Some(target),
+            next: None,
+        };
+        self.begin(Motion::Position(target.position, target.limits));
+    }
+
+    pub(super) fn step_position(&mut self) {
+        if self.motion != Motion::Hold {
+            return;
+        }
+        if let Some(next) = self.position.next {
+            self.go(next);
+            self.bit_12 = self.controlword.has(Controlword::MODE_4);
+        }
+    }
+
+    /// Bit 10: target position reached.
+    pub(super) fn watch_position(&mut self) {
+        if self.position.active.is_some() && self.is_at_rest() && self.is_in_window() {
+            self.position.active = None;
+            self.target_reached = true;
+        }
+    }
+}

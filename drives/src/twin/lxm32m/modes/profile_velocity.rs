@@ -1,0 +1,36 @@
+//! Profile Velocity (lxm32m 1517-1552).
+
+use super::Mode;
+use crate::twin::lxm32m::drive::Drive;
+use crate::twin::lxm32m::motion::Motion;
+
+impl Drive {
+    /// 60FFh was written. A target of 0 ends a movement and starts none (lxm32m 1795).
+    pub(super) fn set_velocity(&mut self) {
+        if self.mode != Mode::ProfileVelocity || !self.may_move() {
+            return;
+        }
+        let target = self.objects.get(self.rows.velocity_target);
+        let limits = self.profile_limits(target.saturating_abs());
+        let velocity = limits.velocity.copysign(target as f64);
+        match self.motion {
+            Motion::Velocity(same, _) if same == velocity => {}
+            Motion::Hold if target == 0 => {}
+            Motion::Velocity(..) => {
+                self.motion = Motion::Velocity(velocity, limits);
+                self.note_status();
+            }
+            _ => self.begin(Motion::Velocity(velocity, limits)),
+        }
+    }
+
+    /// Bit 10: target velocity reached, within the window of 606Dh. Bit 12, velocity 0, stays 0
+    /// as in the examples (D-31).
+    pub(super) fn watch_velocity(&mut self) {
+        if let Motion::Velocity(target, _) = self.motion {
+            let window = self.velocity_of(self.objects.get(self.rows.velocity_window));
+            let reached = (self.actual_velocity() - target).abs() <= window;
+            self.target_reached = reached && self.ramp.velocity == target;
+        }
+    }
+}

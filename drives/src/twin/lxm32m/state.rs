@@ -1,0 +1,199 @@
+//! The CiA 402 state machine (lxm32m 1295-1393) and what errors do to it.
+
+use super::drive::{Channel, Drive};
+use super::fault::{DriveError, ErrorClass, Errors};
+use super::motion::{Motion, Ramp};
+use syncline_canopen::cia402::{Command, Controlword, State};
+use syncline_canopen::time::Duration;
+
+/// Least time that statusword bit 7 stays (lxm32m 1319).
+const WARNING_TIME: Duration = Duration::from_millis(100);
+
+/// Time in state 3 before the automatic change to 4.
+const SELF_TEST: Duration = Duration::from_millis(1);
+
+impl Drive {
+    pub(super) fn enter(&mut self, state: State) {
+        if state == self.state {
+            return;
+        }
+        let was_powered = self.is_powered();
+        self.state = state;
+        self.state_since = self.now;
+        self.enable_at = None;
+        if self.is_powered() && !was_powered {
+            self.cascade.reset();
+            self.ramp = Ramp::at(self.encoder as f64);
+            self.motion = Motion::Hold;
+            self.x_err = false;
+            self.target_reached = false;
+        }
+        if was_powered && !self.is_powered() {
+            self.end_mode();
+            self.motion = Motion::Hold;
+            self.quick_stopping = false;
+            self.x_end = true;
+        }
+    }
+
+    /// The changes that need no command.
+    pub(super) fn change_state(&mut self) {
+        match self.state {
+            // Factory setting of 301Bh:13: the examples show state 4 before any controlword (D-28).
+            State::SwitchOnDisabled
+                if self.becomes_ready_alone()
+                    && self.now.saturating_since(self.state_since) >= SELF_TEST =>
+            {
+                self.enter(State::ReadyToSwitchOn);
+            }
+            State::SwitchedOn if self.enable_at.is_some_and(|at| self.now >= at) => {
+                self.enter(State::OperationEnabled);
+            }
+            _ => {}
+        }
+    }
+
+    fn becomes_ready_alone(&self) -> bool {
+        self.objects.get(self.rows.ds402_compatible) == 0
+    }
+
+    /// A controlword (lxm32m 1360-1393).
+    pub(super) fn command(&mut self, word: Controlword, channel: Channel) {
+        let previous = core::mem::replace(&mut self.controlword, word);
+        if word.resets_fault(previous) {
+            self.reset_errors();
+        }
+        if matches!(self.state, State::FaultReactionActive | State::Fault) {
+            return;
+        }
+        let Some(command) = word.command() else {
+            return;
+        };
+        match (command, self.state) {
+            (Command::DisableVoltage, State::ReadyToSwitchOn) if self.becomes_ready_alone() => {
+                // T7, and back at once.
+            }
+            (Command::DisableVoltage, _)
+            | (Command::QuickStop, State::ReadyToSwitchOn | State::SwitchedOn) => {
+                self.enter(State::SwitchOnDisabled);
+            }
+            (Command::QuickStop, State::OperationEnabled) => {
+                self.enter(State::QuickStopActive);
+                self.x_err = true;
+                self.quick_stop();
+            }
+            (
+                Command::Shutdown,
+                State::SwitchOnDisabled | State::SwitchedOn | State::OperationEnabled,
+            ) => self.enter(State::ReadyToSwitchOn),
+            (Command::SwitchOn, State::ReadyToSwitchOn | State::OperationEnabled) => {
+                self.enter(State::SwitchedOn);
+            }
+            (Command::SwitchOn, State::SwitchedOn) => self.enable_at = None,
+            (Command::EnableOperation, State::ReadyToSwitchOn | State::SwitchedOn) => {
+                self.enter(State::SwitchedOn);
+                let enabled = self.now + self.policies.enable_time;
+                self.enable_at.get_or_insert(enabled);
+            }
+            (Command::EnableOperation, State::QuickStopActive) if self.errors.active.is_none() => {
+                self.enter(State::OperationEnabled);
+                self.quick_stopping = false;
+                self.x_err = false;
+            }
+            _ => {}
+        }
+        self.mode_command(previous, channel);
+    }
+
+    /// Brakes with the quick stop ramp; the mode is ended.
+    fn quick_stop(&mut self) {
+        self.end_mode();
+        self.quick_stopping = true;
+        let ramp = self.objects.get(self.rows.quick_stop_ramp);
+        self.stop(self.acceleration_of(ramp));
+    }
+
+    /// Puts an enabled drive on the bus: somebody left it so.
+    pub(super) fn start_enabled(&mut self) {
+        self.controlword = Controlword::ENABLE_OPERATION;
+        self.enter(State::OperationEnabled);
+    }
+
+    /// Power is gone: nothing drives the shaft, and every error is forgotten.
+    pub(super) fn power_off(&mut self) {
+        self.enter(State::NotReadyToSwitchOn);
+        self.errors = Errors::new();
+    }
+
+    /// The application starts with the objects as they were stored; an error stays.
+    pub(super) fn restart(&mut self) {
+        if !matches!(self.state, State::Fault | State::FaultReactionActive) {
+            self.enter(State::NotReadyToSwitchOn);
+            self.enter(State::SwitchOnDisabled);
+            self.x_err = false;
+        }
+        self.controlword = Controlword(0);
+        self.zero = 0;
+        self.ref_ok = false;
+        self.change_mode();
+        self.sync.stop(&mut self.clock, self.now);
+        for row in [self.rows.feed_forward, self.rows.velocity_limit] {
+            self.written(row, Channel::Sdo);
+        }
+    }
+
+    /// Raises an error and reacts as its class says.
+    pub(super) fn raise(&mut self, error: DriveError) {
+        let rows = self.rows;
+        if error.class == ErrorClass::Warning {
+            self.objects.set(rows.last_warning, error.number.into());
+            self.objects.set(rows.warnings_active, 1);
+            self.objects.set(rows.warnings_latched, 1);
+            self.warning_until = self.now + WARNING_TIME;
+            return;
+        }
+        // The first error is the one to tell, unless a worse one follows.
+        let active = self.errors.active.map(|active| active.class);
+        if active.is_some_and(|active| active >= error.class) {
+            return;
+        }
+        self.errors.active = Some(error);
+        self.errors.tell(error, 0);
+        self.objects.set(rows.last_error, error.number.into());
+        self.x_err = true;
+        let powered = self.is_powered();
+        match error.class {
+            ErrorClass::QuickStop if powered => {
+                self.enter(State::QuickStopActive);
+                self.quick_stop();
+            }
+            ErrorClass::StopAndSwitchOff if powered => {
+                self.enter(State::FaultReactionActive);
+                self.quick_stop();
+            }
+            _ => self.enter(State::Fault),
+        }
+    }
+
+    fn reset_errors(&mut self) {
+        self.warning_until = self.now;
+        self.objects.set(self.rows.warnings_active, 0);
+        let Some(active) = self.errors.active else {
+            return;
+        };
+        if active.class == ErrorClass::Fatal
+            || self.errors.cause_persists
+            || self.state == State::FaultReactionActive
+        {
+            return;
+        }
+        self.errors.active = None;
+        self.x_err = false;
+        if self.policies.emcy_on_reset {
+            self.errors.tell_reset();
+        }
+        if self.state == State::Fault {
+            self.enter(State::SwitchOnDisabled);
+        }
+    }
+}

@@ -1,0 +1,67 @@
+//! What else is wired to the drive: limit and reference switches, the index pulse, a pulse source.
+
+use core::ops::Range;
+
+/// Switches along the axis, in revolutions from the encoder's zero. The index pulse comes at
+/// every whole revolution. By default none is fitted.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Switches {
+    /// LIMN: active below this position.
+    pub negative_limit: Option<f64>,
+    /// LIMP: active above this position.
+    pub positive_limit: Option<f64>,
+    /// REF: active within.
+    pub reference: Option<Range<f64>>,
+}
+
+/// One of the switches.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Switch {
+    NegativeLimit,
+    PositiveLimit,
+    Reference,
+}
+
+impl Switches {
+    pub(super) fn is_fitted(&self, switch: Switch) -> bool {
+        match switch {
+            Switch::NegativeLimit => self.negative_limit.is_some(),
+            Switch::PositiveLimit => self.positive_limit.is_some(),
+            Switch::Reference => self.reference.is_some(),
+        }
+    }
+
+    pub(super) fn is_active(&self, switch: Switch, position: f64) -> bool {
+        match switch {
+            Switch::NegativeLimit => self.negative_limit_active(position),
+            Switch::PositiveLimit => self.positive_limit_active(position),
+            Switch::Reference => self
+                .reference
+                .as_ref()
+                .is_some_and(|range| range.contains(&position)),
+        }
+    }
+
+    pub(super) fn negative_limit_active(&self, position: f64) -> bool {
+        self.negative_limit.is_some_and(|limit| position < limit)
+    }
+
+    pub(super) fn positive_limit_active(&self, position: f64) -> bool {
+        self.positive_limit.is_some_and(|limit| position > limit)
+    }
+}
+
+/// The simulated pulse source at the PTI interface.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Pulses {
+    /// Pulses counted.
+    pub(super) position: f64,
+    /// Pulses/s.
+    pub(super) frequency: f64,
+}
+
+impl Pulses {
+    pub(super) fn advance(&mut self, dt: f64) {
+        self.position += self.frequency * dt;
+    }
+}

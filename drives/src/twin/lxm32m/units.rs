@@ -1,0 +1,77 @@
+//! User units: usr_p, usr_v, usr_a are fractions of a revolution, of an rpm, of an rpm/s, as the
+//! scaling objects say (lxm32m 1602, 2244, 2263, 2274; the meaning of the last two assumed).
+
+use super::drive::Drive;
+use super::motion::Limits;
+use crate::twin::plant::INCREMENTS_PER_REVOLUTION;
+use syncline_canopen::dictionary::Row;
+
+/// Increments/s in an rpm.
+const RPM: f64 = INCREMENTS_PER_REVOLUTION / 60.0;
+
+impl Drive {
+    fn scale(&self, numerator: Row, denominator: Row) -> f64 {
+        let numerator = self.objects.get(numerator).max(1) as f64;
+        numerator / self.objects.get(denominator).max(1) as f64
+    }
+
+    /// A distance in usr_p as increments.
+    pub(super) fn increments_of(&self, position: i64) -> f64 {
+        let rows = &self.rows;
+        let scale = self.scale(rows.position_numerator, rows.position_denominator);
+        position as f64 * (scale * INCREMENTS_PER_REVOLUTION)
+    }
+
+    /// A position in usr_p as increments from the encoder's zero.
+    pub(super) fn target_of(&self, position: i64) -> f64 {
+        self.increments_of(position) + self.zero as f64
+    }
+
+    /// Increments as usr_p, to the nearest.
+    pub(super) fn user_position(&self, increments: i64) -> i64 {
+        let numerator = i128::from(self.objects.get(self.rows.position_numerator).max(1));
+        let denominator = i128::from(self.objects.get(self.rows.position_denominator).max(1));
+        let unit = numerator * INCREMENTS_PER_REVOLUTION as i128;
+        (i128::from(increments) * denominator + unit / 2).div_euclid(unit) as i64
+    }
+
+    /// A velocity in usr_v as increments/s.
+    pub(super) fn velocity_of(&self, velocity: i64) -> f64 {
+        let rows = &self.rows;
+        velocity as f64 * (self.scale(rows.velocity_numerator, rows.velocity_denominator) * RPM)
+    }
+
+    /// Increments/s as usr_v, to the nearest.
+    pub(super) fn user_velocity(&self, velocity: f64) -> i64 {
+        let rows = &self.rows;
+        let unit = self.scale(rows.velocity_numerator, rows.velocity_denominator) * RPM;
+        libm::round(velocity / unit) as i64
+    }
+
+    /// An acceleration in usr_a as increments/s².
+    pub(super) fn acceleration_of(&self, acceleration: i64) -> f64 {
+        let rows = &self.rows;
+        let scale = self.scale(rows.ramp_numerator, rows.ramp_denominator);
+        acceleration.max(1) as f64 * (scale * RPM)
+    }
+
+    /// A profile's limits at a velocity in usr_v: capped by 607Fh and 3011h:10 (lxm32m 1529),
+    /// with the ramps of 6083h and 6084h.
+    pub(super) fn profile_limits(&self, velocity: i64) -> Limits {
+        let rows = &self.rows;
+        let most = self
+            .objects
+            .get(rows.profile_velocity_limit)
+            .min(self.objects.get(rows.velocity_limit));
+        Limits {
+            velocity: self.velocity_of(velocity.clamp(0, most)),
+            acceleration: self.acceleration_of(self.objects.get(rows.profile_acceleration)),
+            deceleration: self.profile_deceleration(),
+        }
+    }
+
+    /// 6084h in increments/s².
+    pub(super) fn profile_deceleration(&self) -> f64 {
+        self.acceleration_of(self.objects.get(self.rows.profile_deceleration))
+    }
+}
