@@ -73,6 +73,8 @@ pub struct Arc {
     pub start_radius: f64,
     /// Distance of the end from the centre, mm; all but `start_radius`.
     pub end_radius: f64,
+    /// Whole turns before the last, possibly partial, one.
+    pub turns: u32,
     /// Angle of the start about the centre from the plane's first axis, rad.
     pub start_angle: f64,
     /// Angle swept, rad: positive counterclockwise; beyond a full circle for turns.
@@ -85,12 +87,17 @@ impl Arc {
     pub(crate) fn about(
         plane: Plane,
         from: Point,
-        to: Point,
+        mut to: Point,
         center: [f64; 2],
         direction: Direction,
         turns: u32,
     ) -> Result<Arc, Fault> {
         let [first, second, _] = plane.axes();
+        // What the conversions rounded must not make a full circle of nothing, or the reverse.
+        let chord = libm::hypot(to[first] - from[first], to[second] - from[second]);
+        if chord < SAME_POINT {
+            (to[first], to[second]) = (from[first], from[second]);
+        }
         let start = [from[first] - center[0], from[second] - center[1]];
         let end = [to[first] - center[0], to[second] - center[1]];
         let start_radius = libm::hypot(start[0], start[1]);
@@ -114,17 +121,13 @@ impl Arc {
             start[0] * end[1] - start[1] * end[0],
             start[0] * end[0] + start[1] * end[1],
         );
-        let chord = libm::hypot(to[first] - from[first], to[second] - from[second]);
-        let part = if chord < SAME_POINT {
-            TAU
-        } else {
-            match direction {
-                Direction::Counterclockwise if between <= 0.0 => between + TAU,
-                Direction::Clockwise if between >= 0.0 => TAU - between,
-                _ => between.abs(),
-            }
+        let part = match direction {
+            Direction::Counterclockwise if between <= 0.0 => between + TAU,
+            Direction::Clockwise if between >= 0.0 => TAU - between,
+            _ => between.abs(),
         };
-        let whole = part + TAU * f64::from(turns.saturating_sub(1));
+        let turns = turns.saturating_sub(1);
+        let whole = part + TAU * f64::from(turns);
         Ok(Arc {
             plane,
             from,
@@ -132,6 +135,7 @@ impl Arc {
             center,
             start_radius,
             end_radius,
+            turns,
             start_angle,
             sweep: match direction {
                 Direction::Counterclockwise => whole,

@@ -226,6 +226,8 @@ pub enum Fault {
     RepeatCount(f64),
     #[error("the program begins with `%` and ends without: is the file complete? Add `%` or M30")]
     NoEnd,
+    #[error("the program ends before line {line}: name a line that it comes to")]
+    NoSuchLine { line: u32 },
     #[error("{allowed} blocks were executed without an end: end the loop, or run it with --stream")]
     TooManyBlocks { allowed: u64 },
 }

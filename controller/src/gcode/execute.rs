@@ -405,6 +405,52 @@ impl State {
         Ok(())
     }
 
+    /// Commands that bring a machine at `start` into this state.
+    pub(crate) fn resume(
+        &mut self,
+        start: Point,
+        commands: &mut VecDeque<Action>,
+    ) -> Result<(), Refusal> {
+        let initial = Modes::default();
+        let modes = self.modes.clone();
+        if modes.tool != initial.tool {
+            let tool = modes.tool;
+            commands.push_back(Action::Stop(Stop::ToolChange { tool }));
+        }
+        if modes.selected_tool != initial.selected_tool {
+            commands.push_back(Action::SelectTool(modes.selected_tool));
+        }
+        if modes.spindle != initial.spindle {
+            commands.push_back(Action::Spindle(modes.spindle));
+        }
+        if modes.coolant != initial.coolant {
+            commands.push_back(Action::Coolant(modes.coolant));
+        }
+        if let Some(mode) = modes.path_mode {
+            commands.push_back(Action::PathMode(mode));
+        }
+        let across = modes.plane.axes()[2];
+        let goal = std::mem::replace(&mut self.at, start);
+        let down = goal[across] < start[across];
+        let mut over = if down { goal } else { start };
+        over[across] = start[across].max(goal[across]);
+        for to in [over, goal] {
+            let action = match self.modes.feed {
+                // What is below may not have been cut yet.
+                Some(rate) if down && to == goal => Action::Feed {
+                    to,
+                    feed: Feed::Rate(rate.number * rate.unit / 60.0),
+                },
+                _ => Action::Rapid { to },
+            };
+            if to != self.at {
+                let columns = Columns { start: 1, end: 2 };
+                self.go(action, &Words::default(), columns, commands)?;
+            }
+        }
+        Ok(())
+    }
+
     /// Where the axis words lead, machine coordinates.
     pub(crate) fn target(
         &self,

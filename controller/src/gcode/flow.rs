@@ -538,6 +538,11 @@ impl Interpreter {
         }
     }
 
+    /// Whether no subroutine is being executed.
+    pub(super) fn in_main_program(&self) -> bool {
+        self.control.calls.is_empty()
+    }
+
     /// What is open where a file ends.
     pub(super) fn check_end_of_file(&self) -> Result<(), Fault> {
         if let Some(construct) = self.control.constructs.last() {

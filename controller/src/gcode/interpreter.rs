@@ -147,25 +147,69 @@ impl Interpreter {
         self.executed
     }
 
+    /// Begins in the middle: executes the program up to a line without handing out its commands.
+    /// After this [`Interpreter::modes`] and [`Interpreter::position`] show what the line starts
+    /// from, for the operator to confirm, and the next commands set it up: tool, spindle, coolant,
+    /// path mode, and the way to the position, last along the axis across the plane when that goes
+    /// down. In a loop or subroutine the line counts where it is met first.
+    ///
+    /// # Errors
+    /// A block before the line is refused, or the program ends before it.
+    pub fn start_at_line(&mut self, line: u32) -> Result<(), Error> {
+        let result = self.skip_to(line);
+        result.map_err(|refusal| self.error(refusal))
+    }
+
+    fn skip_to(&mut self, line: u32) -> Result<(), Refusal> {
+        let start = self.state.at;
+        loop {
+            let next = self.files[self.current].lines.place().line;
+            let passed = next > line && self.in_main_program();
+            if self.current == 0 && (next == line || passed) {
+                break;
+            }
+            self.step()?;
+            self.pending.clear();
+            self.idle = 0;
+            if self.ended {
+                return Err(Refusal::new(
+                    self.block.columns(),
+                    Fault::NoSuchLine { line },
+                ));
+            }
+        }
+        self.span = Span {
+            file: 0,
+            line,
+            columns: Columns { start: 1, end: 2 },
+        };
+        self.state.resume(start, &mut self.pending)
+    }
+
     /// Reads and executes blocks until there is a command.
     fn advance(&mut self) -> Result<(), Refusal> {
         while self.pending.is_empty() && !self.ended {
-            let this = At {
-                file: self.current,
-                place: self.files[self.current].lines.place(),
-            };
-            if self.read_block()? {
-                self.execute(this)?;
-                continue;
-            }
-            if self.percent && self.current == 0 {
-                return Err(Refusal::new(self.block.columns(), Fault::NoEnd));
-            }
-            self.check_end_of_file()
-                .map_err(|fault| Refusal::new(self.block.columns(), fault))?;
-            self.span = self.span();
-            self.end();
+            self.step()?;
         }
+        Ok(())
+    }
+
+    /// Reads and executes one block.
+    fn step(&mut self) -> Result<(), Refusal> {
+        let this = At {
+            file: self.current,
+            place: self.files[self.current].lines.place(),
+        };
+        if self.read_block()? {
+            return self.execute(this);
+        }
+        if self.percent && self.current == 0 {
+            return Err(Refusal::new(self.block.columns(), Fault::NoEnd));
+        }
+        self.check_end_of_file()
+            .map_err(|fault| Refusal::new(self.block.columns(), fault))?;
+        self.span = self.span();
+        self.end();
         Ok(())
     }
 
@@ -253,6 +297,19 @@ impl Interpreter {
         }
     }
 
+    /// The error of a refusal: the program goes no further.
+    fn error(&mut self, refusal: Refusal) -> Error {
+        self.ended = true;
+        self.pending.clear();
+        Error {
+            file: self.files[self.current].name.clone(),
+            line: self.line,
+            columns: refusal.columns,
+            block: self.block.text.clone(),
+            fault: *refusal.fault,
+        }
+    }
+
     fn end(&mut self) {
         self.pending.push_back(Action::End);
         self.ended = true;
@@ -264,15 +321,7 @@ impl Iterator for Interpreter {
 
     fn next(&mut self) -> Option<Self::Item> {
         if let Err(refusal) = self.advance() {
-            self.ended = true;
-            self.pending.clear();
-            return Some(Err(Error {
-                file: self.files[self.current].name.clone(),
-                line: self.line,
-                columns: refusal.columns,
-                block: self.block.text.clone(),
-                fault: *refusal.fault,
-            }));
+            return Some(Err(self.error(refusal)));
         }
         self.idle = 0;
         let action = self.pending.pop_front()?;

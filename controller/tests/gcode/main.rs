@@ -8,3 +8,4 @@ mod listing;
 mod motion;
 mod offsets;
 mod refusals;
+mod resume;
