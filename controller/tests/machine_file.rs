@@ -321,19 +321,31 @@ fn every_mistake_is_found_named_and_placed() {
         ),
         (
             "zero = 402_131",
-            "sdo = [[\"3012:3\", §65536, \"u16\"]]",
-            "drive \"Y\": `sdo`: the value of 3012h:3 does not fit its type",
+            "sdo = [[\"3012:3\", §65536]]",
+            "drive \"Y\": `sdo`: this is no value for 3012h:3 (CTRL1_KPp)",
             "a whole number 0…65535",
         ),
         (
             "zero = 402_131",
-            "sdo = [[\"3012:3\", 5, §\"word\"]]",
-            "drive \"Y\": `sdo`: the type of 3012h:3 is unknown",
-            "\"u16\"",
+            "sdo = [[\"3012:3\", §5.5]]",
+            "drive \"Y\": `sdo`: this is no value for 3012h:3 (CTRL1_KPp)",
+            "a whole number 0…65535",
         ),
         (
             "zero = 402_131",
-            "sdo = [[§\"60C2:1\", 4, \"u8\"]]",
+            "sdo = [[\"3012:3\", 5], [§\"3012:FF\", 5]]",
+            "drive \"Y\": `sdo`: the LXM32M has no object 3012h:FF",
+            "lists as writable",
+        ),
+        (
+            "zero = 402_131",
+            "sdo = [[§\"6064\", 5]]",
+            "drive \"Y\": `sdo`: 6064h:0 (_p_act) is read-only",
+            "lists as writable",
+        ),
+        (
+            "zero = 402_131",
+            "sdo = [[§\"60C2:1\", 4]]",
             "drive \"Y\": `sdo`: 60C2h:1 is the controller's own",
             "objects outside communication",
         ),
@@ -426,5 +438,39 @@ fn text_that_is_no_machine_never_panics() {
         let mut lines = lines.clone();
         lines.remove(left_out);
         drop(parse(&lines.join("\n")));
+    }
+}
+
+/// `docs/machine-file.md` has a row for each key that the reader knows, and no other.
+#[test]
+fn the_reference_is_complete() {
+    let reference = include_str!("../../docs/machine-file.md");
+    let chapters: Vec<&str> = reference.split("\n## ").skip(1).collect();
+    let documented = |table: &str| -> Vec<String> {
+        let chapter = chapters
+            .iter()
+            .find(|chapter| {
+                chapter.starts_with(&format!("`[{table}"))
+                    || chapter.starts_with(&format!("`[[{table}"))
+            })
+            .expect(table);
+        let rows = chapter.lines().filter_map(|line| line.strip_prefix("| `"));
+        rows.map(|row| row.split('`').next().unwrap().to_owned())
+            .collect()
+    };
+    let text = PORTAL.to_owned() + "\n[model.lxm32m]\n";
+    for (table, header) in [
+        ("machine", "[machine]"),
+        ("controller", "[controller]"),
+        ("bus", "[[bus]]"),
+        ("drive", "[[drive]]"),
+        ("axis", "[[axis]]"),
+        ("model.lxm32m", "[model.lxm32m]"),
+    ] {
+        let text = text.replacen(header, &format!("{header}\nno_such_key = 1"), 1);
+        let error = parse(&text).unwrap_err();
+        let (_, allowed) = error.diagnostics[0].help.split_once("allowed: ").unwrap();
+        let allowed: Vec<_> = allowed.split(", ").map(str::to_owned).collect();
+        assert_eq!(documented(table), allowed, "[{table}]");
     }
 }

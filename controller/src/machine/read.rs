@@ -8,7 +8,7 @@ use super::{
     table::{Table, integer, nearest, one_of},
 };
 use std::{collections::BTreeMap, ops::Range, time::Duration};
-use syncline_canopen::NodeId;
+use syncline_canopen::{Address, NodeId};
 use syncline_drives::model::{Data, Direction, Increments, MODELS, Model, Scaling, Write};
 use toml::{
     Spanned,
@@ -219,19 +219,14 @@ struct ControllerTable {
 
 impl ControllerTable {
     fn read(log: &mut Log<'_>, mut table: Table<'_, '_>) -> Option<Self> {
-        const MS: &str = " (ms)";
         let node = table.integer_or(log, "node", 127, 1..=127, "");
-        let mut millis = |key, default, most| {
-            let ms = table.integer_or(log, key, default, 1..=most, MS);
-            Duration::from_millis(ms as u64)
-        };
-        let heartbeat = millis("heartbeat_ms", 100, 65_534);
-        let heartbeat_timeout = millis("heartbeat_timeout_ms", 300, 65_535);
-        let sdo_timeout = millis("sdo_timeout_ms", 200, 60_000);
-        let boot_timeout = millis("boot_timeout_ms", 5_000, 600_000);
-        let sync_lock_timeout = millis("sync_lock_timeout_ms", 5_000, 600_000);
-        let state_timeout = millis("state_timeout_ms", 2_000, 600_000);
+        let heartbeat = table.millis_or(log, "heartbeat_ms", 100, 65_534);
+        let heartbeat_timeout = table.millis_or(log, "heartbeat_timeout_ms", 300, 65_535);
+        let sdo_timeout = table.millis_or(log, "sdo_timeout_ms", 200, 60_000);
         let sdo_retries = table.integer_or(log, "sdo_retries", 2, 0..=100, "");
+        let boot_timeout = table.millis_or(log, "boot_timeout_ms", 5_000, 600_000);
+        let sync_lock_timeout = table.millis_or(log, "sync_lock_timeout_ms", 5_000, 600_000);
+        let state_timeout = table.millis_or(log, "state_timeout_ms", 2_000, 600_000);
         let t_pdo_misses = table.integer_or(log, "t_pdo_misses", 2, 1..=100, "");
         let setpoint_offset = table.integer_if(log, "setpoint_offset_us", 1..=1_000_000, " (µs)");
         let span = table
@@ -459,9 +454,7 @@ impl DriveTable {
 }
 
 /// What a `sdo` entry looks like.
-const SDO: &str = "a list of [object, value] pairs such as [\"3012:3\", 5], with the type as a \
-                   third item, [\"3012:3\", 5, \"u16\"], for an object that is not in the \
-                   dictionary at hand";
+const SDO: &str = "a list of [object, value] pairs such as [\"3012:3\", 5]";
 
 fn sdo_entry(
     log: &mut Log<'_>,
@@ -469,58 +462,56 @@ fn sdo_entry(
     model: &Model,
     entry: &Spanned<DeValue<'_>>,
 ) -> Option<Write> {
-    let mut refuse = |span: Range<usize>, problem: String, help: &str| {
+    let mut refuse = |span: Range<usize>, problem: String, help: String| {
         log.report(span, format!("{title}: `sdo`: {problem}"), help);
         None
     };
     let items = entry.get_ref().as_array().map(|items| &items[..]);
-    let (Some([object, value]) | Some([object, value, _])) = items else {
+    let Some([object, value]) = items else {
         let problem = "this entry is not an object with a value".into();
-        return refuse(entry.span(), problem, &format!("allowed: {SDO}"));
+        return refuse(entry.span(), problem, format!("allowed: {SDO}"));
     };
-    let Some(address) = object.get_ref().as_str().and_then(|text| text.parse().ok()) else {
+    let address = object.get_ref().as_str().map(str::parse::<Address>);
+    let Some(Ok(address)) = address else {
         let problem = "this is no object".into();
-        let help = "allowed: \"index:sub\" in hexadecimal, such as \"3012:3\"";
+        let help = "allowed: \"index:sub\" in hexadecimal, such as \"3012:3\"".into();
         return refuse(object.span(), problem, help);
     };
     if (model.reserved)(address) {
         let problem = format!("{address} is the controller's own");
         let help = "allowed: objects outside communication, operating mode, cycle, scaling and \
                     synchronisation, which the controller sets from this file's keys";
-        return refuse(object.span(), problem, help);
+        return refuse(object.span(), problem, help.into());
     }
-    let kind = match items {
-        Some([_, _, kind]) => {
-            let named = kind.get_ref().as_str();
-            let found = Data::TYPES.iter().find(|(name, _)| named == Some(name));
-            let Some((_, kind_found)) = found else {
-                let allowed = one_of(Data::TYPES.iter().map(|(name, _)| *name));
-                let problem = format!("the type of {address} is unknown");
-                return refuse(kind.span(), problem, &format!("allowed: {allowed}"));
-            };
-            *kind_found
-        }
-        _ => match (model.object_type)(address) {
-            Some(kind) => kind,
-            None => {
-                let problem = format!("the type of {address} is not in the dictionary at hand");
-                let allowed = one_of(Data::TYPES.iter().map(|(name, _)| *name));
-                let help = format!("add it as a third item: {allowed}");
-                return refuse(entry.span(), problem, &help);
-            }
-        },
+    let known = model
+        .dictionary
+        .iter()
+        .find(|known| known.address == address);
+    let Some(known) = known.filter(|known| known.access.writable()) else {
+        let problem = match known {
+            Some(known) => format!("{address} ({}) is read-only", known.name),
+            None => format!("the {} has no object {address}", model.title),
+        };
+        let help = "allowed: objects that the drive's manual lists as writable".into();
+        return refuse(object.span(), problem, help);
     };
-    let data = integer(value.get_ref()).and_then(|value| Data::encode(kind, value));
+    let Some(range) = known.range.or_else(|| Data::range(known.data_type)) else {
+        let problem = format!("{address} ({}) is not a number", known.name);
+        return refuse(
+            object.span(),
+            problem,
+            "allowed: objects that are numbers".into(),
+        );
+    };
+    let data = integer(value.get_ref())
+        .filter(|value| (range.0..=range.1).contains(value))
+        .and_then(|value| Data::encode(known.data_type, value));
     match data {
         Some(data) => Some(Write { address, data }),
         None => {
-            let (least, most) = Data::range(kind);
-            let problem = format!("the value of {address} does not fit its type");
-            refuse(
-                value.span(),
-                problem,
-                &format!("allowed: a whole number {least}…{most}"),
-            )
+            let problem = format!("this is no value for {address} ({})", known.name);
+            let help = format!("allowed: a whole number {}…{}", range.0, range.1);
+            refuse(value.span(), problem, help)
         }
     }
 }

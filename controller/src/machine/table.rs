@@ -4,6 +4,7 @@ use super::diagnostic::Log;
 use std::{
     fmt::Display,
     ops::{Range, RangeInclusive},
+    time::Duration,
 };
 use toml::{
     Spanned,
@@ -208,6 +209,18 @@ impl<'a, 'i> Table<'a, 'i> {
     ) -> i64 {
         self.integer_if(log, key, range, unit)
             .map_or(default, Spanned::into_inner)
+    }
+
+    /// 1…`most` milliseconds, or `default`.
+    pub(super) fn millis_or(
+        &mut self,
+        log: &mut Log<'_>,
+        key: &'static str,
+        default: i64,
+        most: i64,
+    ) -> Duration {
+        let ms = self.integer_or(log, key, default, 1..=most, " (ms)");
+        Duration::from_millis(ms as u64)
     }
 
     /// A whole number in `range`, if the key is there.

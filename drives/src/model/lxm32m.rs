@@ -6,12 +6,12 @@ use super::{
     Actuator, Address, Assumption, ClockLock, Data, Device, Feedback, Identity, Increments, Model,
     NotFollowing, OutOfRange, Sample, Settings, Write,
 };
+use crate::dictionary;
 use core::time::Duration;
 use syncline_canopen::{
     CobId, Frame, NodeId,
     budget::{Direction, NodeTraffic, Pdo},
     cia402::{Controlword, State, Statusword},
-    dictionary::DataType,
     pdo::CobIdWord,
 };
 
@@ -31,8 +31,7 @@ pub static LXM32M: Model = Model {
         T_PDO_RESPONSE,
         SDO_RESPONSE,
     ],
-    dictionary: &crate::dictionary::LXM32M,
-    object_type,
+    dictionary: &dictionary::LXM32M,
     reserved,
     actuator: |settings| Box::new(Lxm32m::new(settings)),
 };
@@ -217,10 +216,6 @@ fn reserved(Address { index, sub }: Address) -> bool {
             | (0x3006, 0x07 | 0x08 | 0x3D)
             | (0x3022, 5)
     )
-}
-
-fn object_type(_: Address) -> Option<DataType> {
-    None
 }
 
 impl Device for Lxm32m {

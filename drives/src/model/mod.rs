@@ -19,7 +19,7 @@ use syncline_canopen::{
     Frame, NodeId,
     budget::{NodeTraffic, Pdo},
     cia402::{Controlword, Statusword},
-    dictionary::{DataType, Entry},
+    dictionary::Entry,
 };
 
 /// Every model, by which a machine file may name a drive.
@@ -44,8 +44,6 @@ pub struct Model {
     pub assumptions: &'static [Assumption],
     /// Its object dictionary.
     pub dictionary: &'static [Entry],
-    /// The type of an object that a user may write, where the dictionary has it.
-    pub object_type: fn(Address) -> Option<DataType>,
     /// Whether the controller itself writes or owns the object, so that a user must not.
     pub reserved: fn(Address) -> bool,
     /// Makes the device.
