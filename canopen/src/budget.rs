@@ -288,14 +288,6 @@ impl Traffic {
     }
 }
 
-impl Budget {
-    /// Time that all R_PDOs take on the wire.
-    #[must_use]
-    pub fn burst(&self) -> Duration {
-        bit_time(self.r_pdo_bits, self.bit_rate)
-    }
-}
-
 impl fmt::Display for Verdict {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {

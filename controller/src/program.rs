@@ -19,6 +19,9 @@ use syncline_trajectory::path::{
 /// Coordinates of a plan: the letters X Y Z A B C U V W.
 pub const COORDINATES: usize = 9;
 
+/// Rounding of a setpoint on a curve, mm.
+const ON_THE_PATH: f64 = 1e-9;
+
 /// A position in machine coordinates, mm or degrees, by letter.
 pub type Position = [f64; COORDINATES];
 
@@ -37,6 +40,8 @@ pub struct ProgramMove {
     pub line: u32,
     /// Its geometry, machine coordinates.
     pub curve: Curve<COORDINATES>,
+    /// How far the path may leave it, mm.
+    pub tolerance: f64,
 }
 
 /// What a program amounts to.
@@ -207,7 +212,11 @@ impl MoveSource {
         match curve {
             Ok(curve) => {
                 self.at = to;
-                Ok(Some(ProgramMove { line, curve }))
+                Ok(Some(ProgramMove {
+                    line,
+                    curve,
+                    tolerance: ON_THE_PATH,
+                }))
             }
             Err(CurveError::NoLength) => Ok(None),
             Err(source) => Err(ProgramError::Curve {

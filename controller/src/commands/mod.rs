@@ -4,6 +4,8 @@ mod budget;
 mod check;
 mod doctor;
 mod eds;
+mod output;
+mod validate;
 
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
@@ -21,6 +23,7 @@ pub struct Cli {
 #[derive(Debug, Subcommand)]
 enum Command {
     Check(check::Args),
+    Validate(validate::Args),
     Budget(budget::Args),
     Doctor(doctor::Args),
     Eds(eds::Args),
@@ -32,6 +35,7 @@ impl Cli {
     pub fn execute(self) -> Exit {
         match self.command {
             Command::Check(args) => args.execute(),
+            Command::Validate(args) => args.execute(),
             Command::Budget(args) => args.execute(),
             Command::Doctor(args) => args.execute(),
             Command::Eds(args) => args.execute(),
@@ -61,6 +65,12 @@ impl From<Exit> for ExitCode {
             Exit::Interrupted => 130,
         })
     }
+}
+
+/// Reports input that cannot be used.
+fn bad_input(error: &(dyn std::error::Error + 'static)) -> Exit {
+    report(error);
+    Exit::BadInput
 }
 
 /// Prints an error with everything that caused it, one line, to standard error.

@@ -1,6 +1,7 @@
 //! What the controller has to tell, as plain numbers; the text is made outside of the cycle.
 
-use super::fault::{AxisIndex, BusIndex, DriveIndex, Fault};
+use super::fault::{AxisIndex, BusIndex, DriveIndex, Fault, Names};
+use std::fmt;
 use syncline_canopen::sdo::AbortCode;
 use syncline_drives::model::Address;
 
@@ -50,7 +51,7 @@ pub enum Event {
         drive: DriveIndex,
     },
     /// An axis stands here, its setpoint frozen.
-    Ready {
+    Frozen {
         /// Which axis.
         axis: AxisIndex,
         /// Machine position, mm.
@@ -129,4 +130,86 @@ pub enum Phase {
     PreOperational,
     /// Nothing is sent any more.
     Done,
+}
+
+impl fmt::Display for Phase {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Survey => "reading the drives' states",
+            Self::Boot => "resetting the drives' communication",
+            Self::SetUp => "setting up the drives",
+            Self::Start => "SYNC on, starting the nodes",
+            Self::Lock => "waiting until the drives' clocks follow SYNC",
+            Self::Disabled => "controlword 0000h",
+            Self::ReadyToSwitchOn => "controlword 0006h",
+            Self::OperationEnabled => "controlword 000Fh: power stages on",
+            Self::ModeStart => "setpoints frozen, starting the operating mode",
+            Self::Program => "ready",
+            Self::Stop => "coming to rest",
+            Self::ModeEnd => "ending the operating mode",
+            Self::Disable => "switching the power stages off",
+            Self::Release => "ending the synchronisation",
+            Self::PreOperational => "NMT Pre-Operational",
+            Self::Done => "SYNC off",
+        })
+    }
+}
+
+impl fmt::Display for Pause {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::ProgramStop => f.write_str("program stop (M0)"),
+            Self::OptionalStop => f.write_str("optional stop (M1)"),
+            Self::ToolChange(0) => f.write_str("tool change (M6): remove the tool"),
+            Self::ToolChange(tool) => write!(f, "tool change (M6): load tool {tool}"),
+        }
+    }
+}
+
+impl Event {
+    /// The log's line; `None` for what is not worth one.
+    #[must_use]
+    pub fn describe(&self, names: &impl Names) -> Option<String> {
+        let who = |drive| {
+            let (node, name, model) = names.drive(drive);
+            format!("node {node} ({name}, {model})")
+        };
+        Some(match *self {
+            Self::Phase(phase) => phase.to_string(),
+            Self::Silent { drive } => {
+                format!("{}: no answer; it may just be starting", who(drive))
+            }
+            Self::FoundEnabled { drive, statusword } => format!(
+                "{}: found with its power stage on, statusword {statusword:04X}h: switching it off",
+                who(drive)
+            ),
+            Self::History { value: 0, .. } => return None,
+            Self::History {
+                drive,
+                object,
+                value,
+            } => format!("{}: before the set-up {object} was {value:X}h", who(drive)),
+            Self::Refused {
+                drive,
+                object,
+                code,
+            } => format!("{}: {object} refused: {code}", who(drive)),
+            Self::Warning { drive } => {
+                format!("{}: warning pending (statusword bit 7)", who(drive))
+            }
+            Self::ErrorReset { drive } => format!("{}: error reset", who(drive)),
+            Self::Frozen { axis, position } => {
+                format!("axis {} stands at {position:.4} mm", names.axis(axis).name)
+            }
+            Self::MissedTPdo { drive } => format!("{}: T_PDO missing in one cycle", who(drive)),
+            Self::LateSetpoint { bus, cycle } => format!(
+                "bus {}: the setpoints of cycle {cycle} missed their SYNC",
+                names.bus(bus)
+            ),
+            Self::Paused { line, reason } => format!("line {line}: {reason}"),
+            Self::Resumed => "going on".to_owned(),
+            Self::Interrupted => "interrupted: stopping on the path".to_owned(),
+            Self::Fault(fault) => format!("FAULT: {}", fault.describe(names)),
+        })
+    }
 }

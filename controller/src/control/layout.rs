@@ -1,8 +1,9 @@
 //! The machine as the controller needs it, made once from the machine file.
 
 use super::fault::{AxisIndex, BusIndex, DriveIndex, Names};
+use crate::budget::{BusBudget, DoesNotFit, MachineBudget};
 use crate::machine::Machine;
-use syncline_canopen::budget::{BLOCKING_BITS, Budget, Traffic, Verdict};
+use syncline_canopen::budget::BLOCKING_BITS;
 use syncline_canopen::response_time::bit_time;
 use syncline_canopen::time::Duration;
 use syncline_canopen::{CanId, Frame, NodeId};
@@ -46,8 +47,6 @@ pub struct Layout {
 pub struct Bus {
     /// As the machine file names it.
     pub name: String,
-    /// Its cyclic traffic against the cycle.
-    pub budget: Budget,
     /// SDO requests, with their answers, that fit beside one cycle's SYNC and PDOs; at least one,
     /// as none is sent while axes move.
     pub sdo_per_cycle: usize,
@@ -103,22 +102,14 @@ pub struct Axis {
     pub standstill_window: f64,
 }
 
-/// A machine whose frames do not fit its cycle.
-#[derive(Debug, thiserror::Error)]
-#[error("bus {bus}: {budget}: take a longer cycle, or spread the drives over more buses")]
-pub struct DoesNotFit {
-    /// The bus as the machine file names it.
-    pub bus: String,
-    /// The arithmetic.
-    pub budget: Box<Budget>,
-}
-
 impl Layout {
     /// A machine's layout.
     ///
     /// # Errors
     /// If the frames of a bus do not fit the cycle.
     pub fn new(machine: &Machine) -> Result<Self, DoesNotFit> {
+        let budget = MachineBudget::of(machine);
+        budget.check()?;
         let drives: Vec<Drive> = (machine.drives.iter().enumerate())
             .map(|(index, drive)| Drive {
                 name: drive.name.clone(),
@@ -130,22 +121,14 @@ impl Layout {
                     .magnitude(machine.axes[drive.axis].standstill_window),
             })
             .collect();
-        let buses = (machine.buses.iter().enumerate())
-            .map(|(index, bus)| Bus::new(index, bus, &drives, machine.cycle))
-            .collect::<Result<Vec<_>, _>>()?;
-        let latest = |offset: fn(&Budget) -> Duration| {
-            (buses.iter())
-                .map(|bus: &Bus| offset(&bus.budget))
-                .max()
-                .unwrap_or_default()
-        };
-        let burst = latest(Budget::burst);
+        let buses = (budget.buses.iter().enumerate())
+            .map(|(index, bus)| Bus::new(index, bus, &drives))
+            .collect();
         let controller = &machine.controller;
         Ok(Self {
             cycle: machine.cycle,
-            setpoint_offset: (controller.setpoint_offset)
-                .unwrap_or_else(|| latest(|budget| budget.setpoint_offset)),
-            latest_burst: machine.cycle.saturating_sub(burst),
+            setpoint_offset: budget.setpoint_offset,
+            latest_burst: budget.latest_burst,
             node: controller.node,
             heartbeat: controller.heartbeat,
             sdo_timeout: controller.sdo_timeout,
@@ -172,43 +155,25 @@ impl Layout {
 }
 
 impl Bus {
-    fn new(
-        index: BusIndex,
-        bus: &crate::machine::Bus,
-        drives: &[Drive],
-        cycle: Duration,
-    ) -> Result<Self, DoesNotFit> {
+    fn new(index: BusIndex, bus: &BusBudget, drives: &[Drive]) -> Self {
         let own: Vec<DriveIndex> = (0..drives.len())
             .filter(|&drive| drives[drive].bus == index)
             .collect();
-        let devices = || own.iter().map(|&drive| &drives[drive].device);
-        let budget = Traffic {
-            bit_rate: bus.bitrate,
-            cycle,
-            nodes: devices().map(|device| device.traffic()).collect(),
-        }
-        .budget();
-        if budget.verdict == Verdict::DoesNotFit {
-            return Err(DoesNotFit {
-                bus: bus.name.clone(),
-                budget: Box::new(budget),
-            });
-        }
-        let transfer = bit_time(2 * BLOCKING_BITS, bus.bitrate);
-        let answer = devices().map(|device| device.sdo_response()).max();
-        let busy = budget.burst_out + budget.quiet_window + answer.unwrap_or_default();
-        let room = cycle.saturating_sub(busy).as_nanos() / transfer.as_nanos();
+        let budget = &bus.budget;
+        let transfer = bit_time(2 * BLOCKING_BITS, budget.bit_rate);
+        let answers = own.iter().map(|&drive| drives[drive].device.sdo_response());
+        let busy = budget.burst_out + budget.quiet_window + answers.max().unwrap_or_default();
+        let room = budget.cycle.saturating_sub(busy).as_nanos() / transfer.as_nanos();
         let mut by_node = [None; 128];
         for &drive in &own {
             by_node[usize::from(drives[drive].device.node().get())] = Some(drive);
         }
-        Ok(Self {
-            name: bus.name.clone(),
+        Self {
+            name: bus.bus.clone(),
             sdo_per_cycle: room.clamp(1, own.len().max(1) as u128) as usize,
-            budget,
             drives: own,
             by_node,
-        })
+        }
     }
 }
 

@@ -214,6 +214,7 @@ impl<const N: usize> Controller<N> {
     }
 
     fn on_sync(&mut self, now: Instant, out: &mut [Outbox]) {
+        self.row = None;
         if self.phase == Phase::Survey && self.phase_cycle == self.cycle {
             self.enter(Phase::Survey, out);
         }

@@ -162,8 +162,14 @@ impl<const N: usize> Controller<N> {
             node.setpoint = node.actual();
         }
         let mut position = [0.0; N];
-        for axis in &mut self.axes {
-            position[axis.coordinate()] = axis.freeze(&self.nodes)?;
+        for index in 0..self.axes.len() {
+            let axis = &mut self.axes[index];
+            let frozen = axis.freeze(&self.nodes)?;
+            position[axis.coordinate()] = frozen;
+            self.tell(Event::Frozen {
+                axis: index,
+                position: frozen,
+            });
         }
         let period = self.layout.cycle.as_secs_f64();
         self.executor = Executor::new(position, period, PLAN_CAPACITY);

@@ -1,6 +1,7 @@
 //! What a report is made of; whoever ran the machine fills it in.
 
 use hdrhistogram::Histogram;
+use serde::Serialize;
 
 /// One run or validation.
 #[derive(Clone, Debug, Default)]
@@ -33,13 +34,15 @@ pub struct Report {
 }
 
 /// Something that must not be.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Violation {
     /// What: `following error`, `velocity`.
     pub what: String,
     /// Whose, where it is an axis's.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub axis: Option<String>,
     /// When, s on [`Report::time`].
+    #[serde(rename = "time_s")]
     pub time: f64,
     /// Line of the program; 0 where none.
     pub line: u32,

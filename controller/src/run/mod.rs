@@ -2,9 +2,12 @@
 //!
 //! - [`virtual_time`]: as fast as the CPU allows, deterministic
 //! - [`real_time`]: on the host's clock
+//! - [`recorder`]: what a run leaves: summary, violations, trace, report
 //! - [`frames`]: what the simulated buses carried: hash, utilisation
 
+pub mod deviation;
 pub mod frames;
+pub mod recorder;
 pub mod virtual_time;
 
 use crate::control::{Controller, Wake};

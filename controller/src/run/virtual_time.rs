@@ -131,20 +131,15 @@ impl VirtualMachine {
         &mut self.controller
     }
 
-    /// The program's moves that are not passed yet, once it runs.
-    pub fn feeder(&mut self) -> Option<&mut Feeder> {
-        self.feeder.as_mut()
-    }
-
     /// The next thing worth a line in the log.
     pub fn event(&mut self) -> Option<Event> {
         self.controller.event()
     }
 
-    /// What happened at the last SYNC, after a step that supervised.
-    #[must_use]
-    pub fn row(&self) -> Option<&Row<COORDINATES>> {
-        self.controller.row()
+    /// What happened at the last SYNC, after a step that supervised, and the program's moves that
+    /// are not passed yet.
+    pub fn row(&mut self) -> (Option<&Row<COORDINATES>>, Option<&mut Feeder>) {
+        (self.controller.row(), self.feeder.as_mut())
     }
 
     /// The simulated bus with this index, to interfere with its drives.

@@ -1,0 +1,100 @@
+//! What `run` and `validate` leave in files.
+
+use crate::control::layout::Layout;
+use crate::control::{Controller, End};
+use crate::program::COORDINATES;
+use crate::report::Report;
+use crate::run::recorder::Summary;
+use std::fs::{self, File};
+use std::io::{self, BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+/// A result that cannot be written.
+#[derive(Debug, thiserror::Error)]
+#[error("cannot write {}", file.display())]
+pub(super) struct WriteError {
+    file: PathBuf,
+    source: io::Error,
+}
+
+/// Where results go.
+#[derive(Debug, clap::Args)]
+pub(super) struct Output {
+    /// Write the result as JSON (`-`: to standard output).
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+    /// Write setpoint and actual position of every cycle as CSV.
+    #[arg(long, value_name = "FILE")]
+    trace: Option<PathBuf>,
+    /// Write a report as one self-contained HTML file.
+    #[arg(long, value_name = "FILE")]
+    report: Option<PathBuf>,
+}
+
+impl Output {
+    pub(super) fn wants_report(&self) -> bool {
+        self.report.is_some()
+    }
+
+    pub(super) fn json_to_stdout(&self) -> bool {
+        self.json.as_deref() == Some(Path::new("-"))
+    }
+
+    /// The trace's file, opened before anything moves.
+    pub(super) fn trace(&self) -> Result<Option<Box<dyn Write>>, WriteError> {
+        let Some(file) = &self.trace else {
+            return Ok(None);
+        };
+        match File::create(file) {
+            Ok(opened) => Ok(Some(Box::new(BufWriter::new(opened)))),
+            Err(source) => Err(error(file, source)),
+        }
+    }
+
+    /// Writes JSON and report.
+    pub(super) fn write(
+        &self,
+        summary: &Summary,
+        report: Option<Report>,
+        program: &Path,
+        mode: String,
+        controller: &Controller<COORDINATES>,
+        layout: &Layout,
+    ) -> Result<(), WriteError> {
+        if let Some(file) = &self.json {
+            let mut text = serde_json::to_string_pretty(summary)
+                .map_err(|source| error(file, source.into()))?;
+            text.push('\n');
+            let written = if self.json_to_stdout() {
+                io::stdout().write_all(text.as_bytes())
+            } else {
+                fs::write(file, text)
+            };
+            written.map_err(|source| error(file, source))?;
+        }
+        if let (Some(file), Some(mut report)) = (&self.report, report) {
+            report.program = program.display().to_string();
+            report.mode = mode;
+            report.outcome = outcome(controller.end(), layout);
+            fs::write(file, report.to_html()).map_err(|source| error(file, source))?;
+        }
+        Ok(())
+    }
+}
+
+/// How a run ended, in words.
+pub(super) fn outcome(end: Option<End>, layout: &Layout) -> String {
+    match end {
+        Some(End::Finished) => "program finished".to_owned(),
+        Some(End::Interrupted) => "interrupted by the user".to_owned(),
+        Some(End::Fault(fault)) => format!("stopped: {}", fault.describe(layout)),
+        None => "not ended".to_owned(),
+    }
+}
+
+fn error(file: &Path, source: io::Error) -> WriteError {
+    WriteError {
+        file: file.to_owned(),
+        source,
+    }
+}

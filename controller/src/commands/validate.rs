@@ -1,0 +1,127 @@
+//! `syncline validate`: proof before metal moves.
+
+use super::output::Output;
+use super::{Exit, report};
+use crate::control::fault::Names;
+use crate::control::{Controller, Event, Layout};
+use crate::machine::Machine;
+use crate::port::sim;
+use crate::program::{COORDINATES, Program};
+use crate::run::recorder::{Recorder, Summary};
+use crate::run::virtual_time::VirtualMachine;
+use std::error::Error;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+/// Run a program on simulated drives in virtual time and judge it.
+///
+/// The same controller that runs the machine brings up simulated drives over a simulated CAN bus
+/// and runs the program, as fast as the CPU allows. The same machine, program and seed give the
+/// same frames, byte for byte. Program stops (M0, M1, M6) go on at once.
+#[derive(Debug, clap::Args)]
+pub(super) struct Args {
+    /// Machine file (TOML).
+    machine: PathBuf,
+    /// Part program (RS-274/NGC).
+    program: PathBuf,
+    #[command(flatten)]
+    output: Output,
+    /// Varies encoder noise, response delays and oscillator errors of the simulated drives.
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+    /// Stop at M1.
+    #[arg(long)]
+    optional_stop: bool,
+    /// Skip blocks that begin with `/`.
+    #[arg(long)]
+    block_delete: bool,
+    /// Tell what the controller does.
+    #[arg(short, long)]
+    verbose: bool,
+}
+
+impl Args {
+    pub(super) fn execute(self) -> Exit {
+        let machine = match Machine::load(&self.machine) {
+            Ok(machine) => machine,
+            Err(error) => return super::bad_input(&error),
+        };
+        let layout = match Layout::new(&machine) {
+            Ok(layout) => Arc::new(layout),
+            Err(error) => return super::bad_input(&error),
+        };
+        let program = Program::new(&self.program, &machine)
+            .optional_stop(self.optional_stop)
+            .block_delete(self.block_delete);
+        if let Err(error) = program.check(sim::start(&machine)) {
+            return super::bad_input(&error);
+        }
+        match self.validate(&machine, &layout, program) {
+            Ok(summary) => {
+                self.print(&summary);
+                if summary.verdict == "pass" {
+                    Exit::Finished
+                } else {
+                    Exit::Stopped
+                }
+            }
+            Err(error) => {
+                report(&*error);
+                Exit::Stopped
+            }
+        }
+    }
+
+    fn validate(
+        &self,
+        machine: &Machine,
+        layout: &Arc<Layout>,
+        program: Program,
+    ) -> Result<Summary, Box<dyn Error>> {
+        let mut virtual_machine =
+            VirtualMachine::new(machine, Arc::clone(layout), program, self.seed)?;
+        let mut recorder =
+            Recorder::new(machine, self.output.trace()?, self.output.wants_report())?;
+        let mut failure = None;
+        loop {
+            match virtual_machine.step() {
+                Ok(true) => {}
+                Ok(false) => break,
+                Err(error) => failure = failure.or(Some(error)),
+            }
+            while let Some(event) = virtual_machine.event() {
+                if let Event::Paused { .. } = event {
+                    virtual_machine.controller().go_on();
+                }
+                self.tell(&event, &**layout);
+            }
+            let (row, feeder) = virtual_machine.row();
+            if let Some(row) = row {
+                recorder.record(row, feeder)?;
+            }
+        }
+        if let Some(error) = failure {
+            report(&error);
+        }
+        let frames = Some(virtual_machine.frames());
+        let controller: &Controller<COORDINATES> = virtual_machine.controller();
+        let (summary, rows) = recorder.finish(machine, layout, controller, frames)?;
+        let title = format!("validated in virtual time, seed {}", self.seed);
+        (self.output).write(&summary, rows, &self.program, title, controller, layout)?;
+        Ok(summary)
+    }
+
+    fn tell(&self, event: &Event, names: &impl Names) {
+        if (self.verbose || matches!(event, Event::Fault(_)))
+            && let Some(text) = event.describe(names)
+        {
+            eprintln!("{text}");
+        }
+    }
+
+    fn print(&self, summary: &Summary) {
+        if !self.output.json_to_stdout() {
+            print!("{summary}");
+        }
+    }
+}

@@ -1,0 +1,508 @@
+//! What a run leaves: statistics, violations, trace, report.
+
+use super::deviation::distance;
+use crate::control::layout::{self, Layout};
+use crate::control::{Controller, End, Row};
+use crate::machine::Machine;
+use crate::program::{COORDINATES, Feeder, Position, ProgramMove};
+use crate::report::{AxisReport, Report, Violation};
+use serde::Serialize;
+use std::fmt::{self, Write as _};
+use std::io::{self, Write};
+
+/// A plan may exceed a limit by this part of it: rounding.
+const ROUNDING: f64 = 1e-9;
+/// Moves kept behind the setpoint's: the tool follows later than the setpoint.
+const BEHIND: u32 = 8;
+
+/// The result of a run, as `--json` writes it.
+#[derive(Clone, Debug, Serialize)]
+pub struct Summary {
+    /// `pass` or `fail`.
+    pub verdict: &'static str,
+    /// From the first to the last motion, s.
+    pub duration_s: f64,
+    /// Cycles while the program ran.
+    pub cycles: u64,
+    /// Bursts that missed their SYNC.
+    pub late_setpoints: u64,
+    /// Digest of all frames of the simulated buses; see [`super::frames::FrameLog`].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub frames_sha256: Option<String>,
+    /// The path.
+    pub path: PathSummary,
+    /// The buses.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub bus: Vec<BusSummary>,
+    /// The axes.
+    pub axes: Vec<AxisSummary>,
+    /// Everything that must not be.
+    pub violations: Vec<Violation>,
+}
+
+/// The path of a run.
+#[derive(Clone, Copy, Debug, Default, Serialize)]
+pub struct PathSummary {
+    /// Programmed length run, mm.
+    pub length_mm: f64,
+    /// Greatest distance of a setpoint from the programmed geometry, mm.
+    pub max_deviation_mm: f64,
+    /// Greatest distance of an actual position from the programmed geometry, mm.
+    pub max_contour_error_mm: f64,
+}
+
+/// A bus during a run.
+#[derive(Clone, Debug, Serialize)]
+pub struct BusSummary {
+    /// As the machine file names it.
+    pub name: String,
+    /// Bits of the busiest interval from SYNC to SYNC by the bits of a cycle.
+    pub peak_utilisation: f64,
+}
+
+/// An axis during a run: of the plan, mm/s, mm/s², mm/s³, and how the drives followed it.
+#[derive(Clone, Debug, Serialize)]
+pub struct AxisSummary {
+    /// As the machine file names it.
+    pub name: String,
+    /// Greatest velocity, mm/s.
+    pub max_velocity: f64,
+    /// Greatest acceleration, mm/s².
+    pub max_acceleration: f64,
+    /// Greatest jerk, mm/s³.
+    pub max_jerk: f64,
+    /// mm/s
+    pub velocity_limit: f64,
+    /// mm/s²
+    pub acceleration_limit: f64,
+    /// mm/s³
+    pub jerk_limit: f64,
+    /// Greatest absolute following error, mm.
+    pub max_following_error_mm: f64,
+    /// Root mean square of the following error, mm.
+    pub rms_following_error_mm: f64,
+}
+
+/// As a person reads it.
+impl fmt::Display for Summary {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { path, .. } = self;
+        writeln!(f, "verdict            {}", self.verdict)?;
+        writeln!(f, "motion time        {:.3} s", self.duration_s)?;
+        writeln!(
+            f,
+            "cycles             {}, late setpoints {}",
+            self.cycles, self.late_setpoints
+        )?;
+        writeln!(
+            f,
+            "path               {:.3} mm; setpoints within {:.1e} mm, tool within {:.4} mm of it",
+            path.length_mm, path.max_deviation_mm, path.max_contour_error_mm
+        )?;
+        for bus in &self.bus {
+            writeln!(
+                f,
+                "bus {:<14} busiest cycle {:.1} %",
+                bus.name,
+                bus.peak_utilisation * 100.0
+            )?;
+        }
+        for axis in &self.axes {
+            writeln!(
+                f,
+                "axis {:<13} velocity {:.1} of {} mm/s, acceleration {:.0} of {} mm/s², jerk {:.0} \
+                 of {} mm/s³, following error max {:.4} rms {:.4} mm",
+                axis.name,
+                axis.max_velocity,
+                axis.velocity_limit,
+                axis.max_acceleration,
+                axis.acceleration_limit,
+                axis.max_jerk,
+                axis.jerk_limit,
+                axis.max_following_error_mm,
+                axis.rms_following_error_mm
+            )?;
+        }
+        for violation in &self.violations {
+            write!(f, "VIOLATION          {}", violation.what)?;
+            if let Some(axis) = &violation.axis {
+                write!(f, " of axis {axis}")?;
+            }
+            write!(f, ", line {} at {:.3} s", violation.line, violation.time)?;
+            if violation.unit.is_empty() {
+                writeln!(f)?;
+            } else {
+                writeln!(
+                    f,
+                    ": {} {}, allowed {}",
+                    violation.value, violation.unit, violation.limit
+                )?;
+            }
+        }
+        if let Some(digest) = &self.frames_sha256 {
+            writeln!(f, "frames SHA-256     {digest}")?;
+        }
+        Ok(())
+    }
+}
+
+/// A violation that may be going on.
+#[derive(Debug, Default)]
+struct Watch {
+    worst: Option<Violation>,
+}
+
+/// What is watched for each axis, and its unit.
+const AXIS_WATCHES: [(&str, &str); 4] = [
+    ("velocity", "mm/s"),
+    ("acceleration", "mm/s²"),
+    ("jerk", "mm/s³"),
+    ("following_error", "mm"),
+];
+
+#[derive(Debug)]
+struct AxisRecord {
+    name: String,
+    coordinate: usize,
+    /// In the order of [`AXIS_WATCHES`].
+    limits: [f64; 4],
+    max: [f64; 4],
+    watches: [Watch; 4],
+}
+
+/// Records a run row by row.
+pub struct Recorder {
+    cycle_s: f64,
+    axes: Vec<AxisRecord>,
+    deviation: Watch,
+    violations: Vec<Violation>,
+    path: PathSummary,
+    line: u32,
+    cycles: u64,
+    motion: Option<(u64, u64)>,
+    trace: Option<Box<dyn Write>>,
+    text: String,
+    report: Option<Report>,
+}
+
+impl Recorder {
+    /// A recorder for a machine; `trace` takes the CSV rows, `report` says whether a report will
+    /// be wanted.
+    ///
+    /// # Errors
+    /// The trace's header cannot be written.
+    pub fn new(
+        machine: &Machine,
+        mut trace: Option<Box<dyn Write>>,
+        report: bool,
+    ) -> io::Result<Self> {
+        if let Some(trace) = &mut trace {
+            write!(trace, "t_s,line")?;
+            for axis in &machine.axes {
+                write!(trace, ",{0}_set,{0}_act", axis.name)?;
+            }
+            writeln!(trace)?;
+        }
+        Ok(Self {
+            cycle_s: machine.cycle.as_secs_f64(),
+            axes: (machine.axes.iter())
+                .map(|axis| AxisRecord {
+                    name: axis.name.clone(),
+                    coordinate: axis.letter().index(),
+                    limits: [
+                        axis.max_velocity,
+                        axis.max_acceleration,
+                        axis.max_jerk,
+                        axis.following_error_limit,
+                    ],
+                    max: [0.0; 4],
+                    watches: Default::default(),
+                })
+                .collect(),
+            deviation: Watch::default(),
+            violations: Vec::new(),
+            path: PathSummary::default(),
+            line: 0,
+            cycles: 0,
+            motion: None,
+            trace,
+            text: String::new(),
+            report: report.then(|| new_report(machine)),
+        })
+    }
+
+    /// Takes what happened at one SYNC.
+    ///
+    /// # Errors
+    /// The trace cannot be written.
+    pub fn record(
+        &mut self,
+        row: &Row<COORDINATES>,
+        feeder: Option<&mut Feeder>,
+    ) -> io::Result<()> {
+        let time = row.cycle as f64 * self.cycle_s;
+        self.cycles += 1;
+        if row.plan.speed > 0.0 {
+            let (first, _) = self.motion.unwrap_or((row.cycle.saturating_sub(1), 0));
+            self.motion = Some((first, row.cycle));
+        } else if let Some((first, last)) = self.motion
+            && last + 1 == row.cycle
+        {
+            // The move's last step ends at rest.
+            self.motion = Some((first, row.cycle));
+        }
+        self.path.length_mm = row.plan.distance;
+        if let Some(feeder) = feeder {
+            self.follow_path(time, row, feeder);
+        }
+        for axis in &mut self.axes {
+            let at = axis.coordinate;
+            let values = [
+                row.plan.velocity[at],
+                row.plan.acceleration[at],
+                row.plan.jerk[at],
+                row.axes[at].following_error,
+            ];
+            for (watch, value) in values.map(f64::abs).into_iter().enumerate() {
+                axis.max[watch] = axis.max[watch].max(value);
+                let (what, unit) = AXIS_WATCHES[watch];
+                axis.watches[watch].look(&mut self.violations, value, axis.limits[watch], || {
+                    Violation {
+                        what: what.to_owned(),
+                        axis: Some(axis.name.clone()),
+                        time,
+                        line: self.line,
+                        value,
+                        limit: axis.limits[watch],
+                        unit,
+                    }
+                });
+            }
+        }
+        if let Some(report) = &mut self.report {
+            report.time.push(time);
+            report.line.push(self.line);
+            report.feed.push(row.plan.speed);
+            for (axis, record) in report.axes.iter_mut().zip(&self.axes) {
+                let at = record.coordinate;
+                axis.set.push(row.axes[at].set);
+                axis.act.push(row.axes[at].act);
+                axis.velocity.push(row.plan.velocity[at]);
+                axis.acceleration.push(row.plan.acceleration[at]);
+                axis.jerk.push(row.plan.jerk[at]);
+                axis.following_error.push(row.axes[at].following_error);
+            }
+        }
+        if let Some(trace) = &mut self.trace {
+            self.text.clear();
+            // Writing to a string does not fail.
+            let _ = write!(self.text, "{time},{}", self.line);
+            for axis in &self.axes {
+                let sample = &row.axes[axis.coordinate];
+                let _ = write!(self.text, ",{},{}", sample.set, sample.act);
+            }
+            self.text.push('\n');
+            trace.write_all(self.text.as_bytes())?;
+        }
+        Ok(())
+    }
+
+    /// Compares setpoint and actual position with the programmed geometry.
+    fn follow_path(&mut self, time: f64, row: &Row<COORDINATES>, feeder: &mut Feeder) {
+        let tag = row.plan.tag;
+        feeder.passed(tag.saturating_sub(BEHIND));
+        let Some(motion) = feeder.motion(tag) else {
+            return;
+        };
+        self.line = motion.line;
+        let near = |point: &Position, good_enough: f64| {
+            let mut nearest = f64::INFINITY;
+            let tags = (tag.saturating_sub(BEHIND)..=tag).rev().chain([tag + 1]);
+            for ProgramMove { curve, .. } in tags.filter_map(|tag| feeder.motion(tag)) {
+                nearest = nearest.min(distance(curve, point));
+                if nearest <= good_enough {
+                    break;
+                }
+            }
+            nearest
+        };
+        let deviation = near(&row.plan.position, 1e-9);
+        let mut actual = row.plan.position;
+        for axis in &self.axes {
+            actual[axis.coordinate] = row.axes[axis.coordinate].act;
+        }
+        self.path.max_deviation_mm = self.path.max_deviation_mm.max(deviation);
+        let contour_error = near(&actual, 0.0);
+        self.path.max_contour_error_mm = self.path.max_contour_error_mm.max(contour_error);
+        self.deviation
+            .look(&mut self.violations, deviation, motion.tolerance, || {
+                Violation {
+                    what: "path_deviation".to_owned(),
+                    axis: None,
+                    time,
+                    line: motion.line,
+                    value: deviation,
+                    limit: motion.tolerance,
+                    unit: "mm",
+                }
+            });
+    }
+
+    /// The program line of the last row.
+    #[must_use]
+    pub fn line(&self) -> u32 {
+        self.line
+    }
+
+    /// Ends the record: writes what is still to be written and sums up.
+    ///
+    /// # Errors
+    /// The trace cannot be written.
+    pub fn finish(
+        mut self,
+        machine: &Machine,
+        layout: &Layout,
+        controller: &Controller<COORDINATES>,
+        frames: Option<(String, Vec<f64>)>,
+    ) -> io::Result<(Summary, Option<Report>)> {
+        if let Some(trace) = &mut self.trace {
+            trace.flush()?;
+        }
+        for axis in &mut self.axes {
+            for watch in &mut axis.watches {
+                watch.close(&mut self.violations);
+            }
+        }
+        self.deviation.close(&mut self.violations);
+        if let Some(End::Fault(fault)) = controller.end() {
+            self.violations.push(Violation {
+                what: format!("fault: {}", fault.describe(layout)),
+                axis: None,
+                time: self.cycles.saturating_sub(1) as f64 * self.cycle_s,
+                line: self.line,
+                value: 1.0,
+                limit: 0.0,
+                unit: "",
+            });
+        }
+        let late_setpoints = controller.late_setpoints();
+        let passed = self.violations.is_empty()
+            && late_setpoints == 0
+            && controller.end() == Some(End::Finished);
+        let (digest, loads) = frames.unzip();
+        let following = |coordinate| {
+            let at = |axis: &layout::Axis| axis.coordinate == coordinate;
+            let axis = layout.axes.iter().position(at);
+            axis.map(|axis| controller.following(axis))
+                .unwrap_or_default()
+        };
+        let summary = Summary {
+            verdict: if passed { "pass" } else { "fail" },
+            duration_s: (self.motion)
+                .map_or(0.0, |(first, last)| (last - first) as f64 * self.cycle_s),
+            cycles: self.cycles,
+            late_setpoints,
+            frames_sha256: digest,
+            path: self.path,
+            bus: (machine.buses.iter().zip(loads.unwrap_or_default()))
+                .map(|(bus, peak_utilisation)| BusSummary {
+                    name: bus.name.clone(),
+                    peak_utilisation,
+                })
+                .collect(),
+            axes: (self.axes.iter())
+                .map(|axis| AxisSummary {
+                    name: axis.name.clone(),
+                    max_velocity: axis.max[0],
+                    max_acceleration: axis.max[1],
+                    max_jerk: axis.max[2],
+                    velocity_limit: axis.limits[0],
+                    acceleration_limit: axis.limits[1],
+                    jerk_limit: axis.limits[2],
+                    max_following_error_mm: following(axis.coordinate).max,
+                    rms_following_error_mm: following(axis.coordinate).rms(),
+                })
+                .collect(),
+            violations: self.violations,
+        };
+        if let Some(report) = &mut self.report {
+            fill(report, &summary);
+        }
+        Ok((summary, self.report))
+    }
+}
+
+impl Watch {
+    /// Looks at a value: a stretch above the limit is one violation, at its worst.
+    fn look(
+        &mut self,
+        violations: &mut Vec<Violation>,
+        value: f64,
+        limit: f64,
+        violation: impl FnOnce() -> Violation,
+    ) {
+        if value <= limit * (1.0 + ROUNDING) {
+            self.close(violations);
+        } else if self.worst.as_ref().is_none_or(|worst| value > worst.value) {
+            self.worst = Some(violation());
+        }
+    }
+
+    fn close(&mut self, violations: &mut Vec<Violation>) {
+        violations.extend(self.worst.take());
+    }
+}
+
+/// A report about a machine that has not moved yet.
+fn new_report(machine: &Machine) -> Report {
+    Report {
+        machine: machine.name.clone(),
+        axes: (machine.axes.iter())
+            .map(|axis| AxisReport {
+                name: axis.name.clone(),
+                soft_limits: axis.soft_limits,
+                velocity_limit: axis.max_velocity,
+                acceleration_limit: axis.max_acceleration,
+                jerk_limit: axis.max_jerk,
+                following_error_limit: axis.following_error_limit,
+                ..AxisReport::default()
+            })
+            .collect(),
+        ..Report::default()
+    }
+}
+
+/// Adds the result to a report that has the rows.
+fn fill(report: &mut Report, summary: &Summary) {
+    report.passed = summary.verdict == "pass";
+    report.violations.clone_from(&summary.violations);
+    for (axis, sum) in report.axes.iter_mut().zip(&summary.axes) {
+        axis.max_velocity = sum.max_velocity;
+        axis.max_acceleration = sum.max_acceleration;
+        axis.max_jerk = sum.max_jerk;
+        axis.max_following_error = sum.max_following_error_mm;
+        axis.rms_following_error = sum.rms_following_error_mm;
+    }
+    let mut fact = |name: &str, value: String| report.facts.push((name.to_owned(), value));
+    fact("motion time", format!("{:.3} s", summary.duration_s));
+    fact("cycles", summary.cycles.to_string());
+    fact("late setpoints", summary.late_setpoints.to_string());
+    fact("path length", format!("{:.3} mm", summary.path.length_mm));
+    fact(
+        "greatest distance of setpoints from the path",
+        format!("{:.6} mm", summary.path.max_deviation_mm),
+    );
+    fact(
+        "greatest distance of actual positions from the path",
+        format!("{:.4} mm", summary.path.max_contour_error_mm),
+    );
+    for bus in &summary.bus {
+        fact(
+            &format!("busiest cycle on bus {}", bus.name),
+            format!("{:.1} %", bus.peak_utilisation * 100.0),
+        );
+    }
+    if let Some(digest) = &summary.frames_sha256 {
+        fact("frames, SHA-256", digest.clone());
+    }
+}
