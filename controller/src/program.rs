@@ -7,7 +7,7 @@
 //! The plan's coordinates are the letters X Y Z A B C U V W, whatever axes the machine has.
 
 use crate::control::{Instruction, Pause};
-use crate::gcode::{self, Action, AxisSet, Interpreter, Tables};
+use crate::gcode::{self, Action, AxisSet, Interpreter, Tables, TablesError};
 use crate::machine::Machine;
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
@@ -82,9 +82,11 @@ pub enum ProgramError {
 }
 
 impl Program {
-    /// A program for a machine.
-    #[must_use]
-    pub fn new(file: &Path, machine: &Machine) -> Self {
+    /// A program for a machine, with the tables beside the machine's file.
+    ///
+    /// # Errors
+    /// The tables cannot be used.
+    pub fn new(file: &Path, machine: &Machine, machine_file: &Path) -> Result<Self, TablesError> {
         let mut axes = AxisSet::default();
         // A coordinate without an axis never moves; any limit will do.
         let mut limits = Limits {
@@ -103,18 +105,12 @@ impl Program {
         }
         let mut setup = gcode::Setup::new(axes);
         setup.limits = soft_limits;
-        Self {
+        setup.tables = Tables::load(&Tables::beside(machine_file))?;
+        Ok(Self {
             file: file.to_owned(),
             setup,
             limits,
-        }
-    }
-
-    /// The work offsets, reference points and tools that hold at its start.
-    #[must_use]
-    pub fn tables(mut self, tables: Tables) -> Self {
-        self.setup.tables = tables;
-        self
+        })
     }
 
     /// Whether M1 stops.

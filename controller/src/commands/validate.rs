@@ -50,9 +50,12 @@ impl Args {
             Ok(layout) => Arc::new(layout),
             Err(error) => return super::bad_input(&error),
         };
-        let program = Program::new(&self.program, &machine)
-            .optional_stop(self.optional_stop)
-            .block_delete(self.block_delete);
+        let program = match Program::new(&self.program, &machine, &self.machine) {
+            Ok(program) => program
+                .optional_stop(self.optional_stop)
+                .block_delete(self.block_delete),
+            Err(error) => return super::bad_input(&error),
+        };
         if let Err(error) = program.check(sim::start(&machine)) {
             return super::bad_input(&error);
         }

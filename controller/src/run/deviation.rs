@@ -3,48 +3,50 @@
 use crate::program::{COORDINATES, Position};
 use syncline_trajectory::path::Curve;
 
-/// Places on a curve from which the nearest one is searched.
-const STARTS: usize = 8;
-/// Steps of Newton's method from each.
+/// Angle of the tangent between two places from which the nearest one is searched, rad.
+const SWEEP: f64 = 0.5;
+/// Steps of Newton's method.
 const STEPS: usize = 12;
 
-/// Distance of `point` from `curve`, mm.
+/// Distance of `point` from `curve`, mm; exact for points nearer than the curve's radius.
 ///
 /// Independent of what the planner made of the curve: only its definition by length is used.
 #[must_use]
 pub fn distance(curve: &Curve<COORDINATES>, point: &Position) -> f64 {
     let length = curve.length();
-    let mut nearest = f64::INFINITY;
-    for start in 0..=STARTS {
-        let mut s = length * start as f64 / STARTS as f64;
-        for _ in 0..STEPS {
-            let at = curve.at(s);
-            nearest = nearest.min(norm(&at.q, point));
-            // The foot of the perpendicular: (q − p)·q′ = 0.
-            let (mut slope, mut curvature) = (0.0, 0.0);
-            for (i, (q, p)) in at.q.iter().zip(point).enumerate() {
-                let apart = q - p;
-                slope += apart * at.d1[i];
-                curvature += at.d1[i] * at.d1[i] + apart * at.d2[i];
-            }
-            let step = if curvature > 0.0 {
-                slope / curvature
-            } else {
-                slope
-            };
-            let next = (s - step).clamp(0.0, length);
-            if (next - s).abs() <= length * 1e-15 {
-                break;
-            }
-            s = next;
+    let bend = norm(&curve.at(0.0).d2, &Position::default()) * length;
+    let places = 1 + (bend / SWEEP).ceil() as usize;
+    let place = |index: usize| length * index as f64 / places as f64;
+    let apart = |s: f64| norm(&curve.at(s).q, point);
+    let nearest = (0..=places).map(|index| apart(place(index)));
+    let nearest = nearest.fold(f64::INFINITY, f64::min);
+    // A foot nearer than that lies within half a step of a place that is hardly further.
+    let step = length / places as f64;
+    (0..=places)
+        .filter(|&index| apart(place(index)) <= nearest + step)
+        .map(|index| descend(curve, point, place(index)))
+        .fold(nearest, f64::min)
+}
+
+/// Distance at the foot of the perpendicular that is found from `s`, (q − p)·q′ = 0.
+fn descend(curve: &Curve<COORDINATES>, point: &Position, mut s: f64) -> f64 {
+    let length = curve.length();
+    for _ in 0..STEPS {
+        let at = curve.at(s);
+        let (mut slope, mut change) = (0.0, 0.0);
+        for (i, (q, p)) in at.q.iter().zip(point).enumerate() {
+            slope += (q - p) * at.d1[i];
+            change += at.d1[i] * at.d1[i] + (q - p) * at.d2[i];
         }
-        nearest = nearest.min(norm(&curve.at(s).q, point));
-        // A line has one foot only, and so has whatever lies this near.
-        if matches!(curve, Curve::Line(_)) || nearest < 1e-9 {
+        let step = if change > 0.0 { slope / change } else { slope };
+        let next = (s - step).clamp(0.0, length);
+        let arrived = (next - s).abs() <= length * 1e-15;
+        s = next;
+        if arrived {
             break;
         }
     }
-    nearest
+    norm(&curve.at(s).q, point)
 }
 
 fn norm(a: &Position, b: &Position) -> f64 {

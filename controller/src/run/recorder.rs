@@ -9,6 +9,7 @@ use crate::report::{AxisReport, Report, Violation};
 use serde::Serialize;
 use std::fmt::{self, Write as _};
 use std::io::{self, Write};
+use std::time::Duration;
 
 /// A plan may exceed a limit by this part of it: rounding.
 const ROUNDING: f64 = 1e-9;
@@ -172,7 +173,7 @@ struct AxisRecord {
 
 /// Records a run row by row.
 pub struct Recorder {
-    cycle_s: f64,
+    cycle: Duration,
     axes: Vec<AxisRecord>,
     deviation: Watch,
     violations: Vec<Violation>,
@@ -204,7 +205,7 @@ impl Recorder {
             writeln!(trace)?;
         }
         Ok(Self {
-            cycle_s: machine.cycle.as_secs_f64(),
+            cycle: machine.cycle,
             axes: (machine.axes.iter())
                 .map(|axis| AxisRecord {
                     name: axis.name.clone(),
@@ -240,7 +241,7 @@ impl Recorder {
         row: &Row<COORDINATES>,
         feeder: Option<&mut Feeder>,
     ) -> io::Result<()> {
-        let time = row.cycle as f64 * self.cycle_s;
+        let time = self.seconds(row.cycle);
         self.cycles += 1;
         if row.plan.speed > 0.0 {
             let (first, _) = self.motion.unwrap_or((row.cycle.saturating_sub(1), 0));
@@ -305,6 +306,11 @@ impl Recorder {
             trace.write_all(self.text.as_bytes())?;
         }
         Ok(())
+    }
+
+    /// The nearest number of seconds to so many cycles.
+    fn seconds(&self, cycles: u64) -> f64 {
+        (u128::from(cycles) * self.cycle.as_nanos()) as f64 / 1e9
     }
 
     /// Compares setpoint and actual position with the programmed geometry.
@@ -378,7 +384,7 @@ impl Recorder {
             self.violations.push(Violation {
                 what: format!("fault: {}", fault.describe(layout)),
                 axis: None,
-                time: self.cycles.saturating_sub(1) as f64 * self.cycle_s,
+                time: self.seconds(self.cycles.saturating_sub(1)),
                 line: self.line,
                 value: 1.0,
                 limit: 0.0,
@@ -398,8 +404,7 @@ impl Recorder {
         };
         let summary = Summary {
             verdict: if passed { "pass" } else { "fail" },
-            duration_s: (self.motion)
-                .map_or(0.0, |(first, last)| (last - first) as f64 * self.cycle_s),
+            duration_s: (self.motion).map_or(0.0, |(first, last)| self.seconds(last - first)),
             cycles: self.cycles,
             late_setpoints,
             frames_sha256: digest,
