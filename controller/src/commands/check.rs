@@ -2,9 +2,8 @@
 
 use super::{Exit, report};
 use crate::budget::MachineBudget;
-use crate::gcode::Tables;
 use crate::machine::Machine;
-use crate::program::{COORDINATES, Extent, Program};
+use crate::program::{Extent, Program};
 use std::error::Error;
 use std::path::{Path, PathBuf};
 
@@ -60,15 +59,8 @@ impl Args {
     }
 
     fn check_program(&self, machine: &Machine, file: &Path) -> Result<Extent, Box<dyn Error>> {
-        let mut start = [0.0; COORDINATES];
-        for axis in &machine.axes {
-            start[axis.letter().index()] = axis.rest();
-        }
-        let tables = Tables::load(&Tables::beside(&self.machine))?;
-        let program = Program::new(file, machine)
-            .tables(tables)
-            .block_delete(self.block_delete);
-        Ok(program.check(start)?)
+        let program = Program::new(file, machine, &self.machine)?.block_delete(self.block_delete);
+        Ok(program.check(machine.rest())?)
     }
 }
 

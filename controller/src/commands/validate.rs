@@ -5,7 +5,6 @@ use super::{Exit, report};
 use crate::control::fault::Names;
 use crate::control::{Controller, Event, Layout};
 use crate::machine::Machine;
-use crate::port::sim;
 use crate::program::{COORDINATES, Program};
 use crate::run::recorder::{Recorder, Summary};
 use crate::run::virtual_time::VirtualMachine;
@@ -56,7 +55,7 @@ impl Args {
                 .block_delete(self.block_delete),
             Err(error) => return super::bad_input(&error),
         };
-        if let Err(error) = program.check(sim::start(&machine)) {
+        if let Err(error) = program.check(machine.rest()) {
             return super::bad_input(&error);
         }
         match self.validate(&machine, &layout, program) {

@@ -11,6 +11,7 @@ mod table;
 pub use diagnostic::{Diagnostic, Invalid};
 
 use crate::gcode;
+use crate::program::Position;
 use std::{
     fs, io,
     path::{Path, PathBuf},
@@ -157,6 +158,17 @@ impl Axis {
 }
 
 impl Machine {
+    /// Where the simulated axes stand when they are switched on, and where programs are checked
+    /// from.
+    #[must_use]
+    pub fn rest(&self) -> Position {
+        let mut rest = Position::default();
+        for axis in &self.axes {
+            rest[axis.letter().index()] = axis.rest();
+        }
+        rest
+    }
+
     /// Reads and checks a machine file.
     ///
     /// # Errors
