@@ -182,18 +182,6 @@ impl<N: Node> SimBus<N> {
         self.port.receive()
     }
 
-    /// The controller's frames that are still waiting for the bus.
-    #[must_use]
-    pub fn unsent(&self) -> usize {
-        self.port.waiting()
-    }
-
-    /// Drops the controller's frames of a band that have not started, newest and oldest alike;
-    /// returns how many.
-    pub fn discard(&mut self, band: Band) -> usize {
-        self.port.discard(band)
-    }
-
     /// The earliest instant after which something may have changed: a frame ends or a node acts.
     /// `None` if nothing will happen until somebody sends.
     #[must_use]

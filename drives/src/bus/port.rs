@@ -55,17 +55,6 @@ impl Port {
         }
     }
 
-    pub(super) fn waiting(&self) -> usize {
-        self.bands.iter().map(VecDeque::len).sum()
-    }
-
-    pub(super) fn discard(&mut self, band: Band) -> usize {
-        let band = &mut self.bands[band as usize];
-        let discarded = band.len();
-        band.clear();
-        discarded
-    }
-
     pub(super) fn deliver(&mut self, sent: &Transmission) {
         self.received.push_back(Received {
             at: sent.end,

@@ -124,7 +124,8 @@ impl TwinConfig {
     }
 }
 
-/// 1000h, 1008h, 1018h. Product code, revision and name are not in the manual at hand.
+/// 1000h, Objects 1000h, 1008h…100Ah and 1018h. Product code, revision and texts are not in the
+/// manual at hand.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Identity {
     /// 1000h (lxm32m 2965).
@@ -135,8 +136,12 @@ pub struct Identity {
     pub product_code: u32,
     /// 1018h:3.
     pub revision: u32,
-    /// 1008h, at most 8 bytes.
+    /// 1008h; padded with spaces to 8 bytes like the next two.
     pub name: String,
+    /// 1009h.
+    pub hardware: String,
+    /// 100Ah.
+    pub software: String,
 }
 
 impl Default for Identity {
@@ -147,6 +152,8 @@ impl Default for Identity {
             product_code: 0,
             revision: 0,
             name: "LXM32M".into(),
+            hardware: String::new(),
+            software: "V01.00".into(),
         }
     }
 }
@@ -532,8 +539,15 @@ fn stamp(objects: &mut Dictionary, identity: &Identity) {
     objects.put(0x1018, 1, identity.vendor_id.into());
     objects.put(0x1018, 2, identity.product_code.into());
     objects.put(0x1018, 3, identity.revision.into());
-    if let Some(row) = objects.row(0x1008, 0) {
-        objects.set_bytes(row, identity.name.as_bytes());
+    let texts = [
+        (0x1008, &identity.name),
+        (0x1009, &identity.hardware),
+        (0x100A, &identity.software),
+    ];
+    for (index, text) in texts {
+        if let Some(row) = objects.row(index, 0) {
+            objects.set_bytes(row, format!("{text:<8}").as_bytes());
+        }
     }
 }
 
