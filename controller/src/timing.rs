@@ -70,6 +70,21 @@ impl Distribution {
         self.greatest
     }
 
+    /// The least and the greatest time, if there is one.
+    #[must_use]
+    pub fn extent(&self) -> Option<(Duration, Duration)> {
+        let (greatest, _) = self.greatest?;
+        Some((Duration::from_nanos(self.histogram.min()), greatest))
+    }
+
+    /// The times that were recorded, to the resolution, each with its count, ascending.
+    pub fn counts(&self) -> impl Iterator<Item = (Duration, u64)> + '_ {
+        self.histogram.iter_recorded().map(|recorded| {
+            let time = Duration::from_nanos(recorded.value_iterated_to());
+            (time, recorded.count_at_value())
+        })
+    }
+
     /// The time that `percent` of the samples do not exceed; `None` where fewer than ten samples
     /// lie beyond.
     #[must_use]

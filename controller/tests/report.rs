@@ -1,7 +1,9 @@
 //! The report of runs from nothing at all to many minutes.
 
-use hdrhistogram::Histogram;
-use syncline_controller::report::{AxisReport, Distribution, Report, Violation};
+use std::time::Duration;
+use syncline_canopen::Instant;
+use syncline_controller::report::{AxisReport, Report, Violation};
+use syncline_controller::timing::Distribution;
 use syncline_trajectory::path::curve::ArcDefinition;
 use syncline_trajectory::path::{Curve, Executor, Exit, Feed, Item, Limits, Move, Plane, Planner};
 
@@ -143,23 +145,16 @@ fn report(items: &[Item<3>]) -> Report {
     ] {
         report.facts.push((name.into(), value));
     }
-    let mut latency = Histogram::new(3).unwrap();
-    let mut cycle = Histogram::new(3).unwrap();
+    let mut latency = Distribution::new("wake-up latency");
+    let mut cycle = Distribution::new("SYNC to SYNC");
     for n in 0..cycles as u64 {
+        let at = Instant::from_nanos(n * 2_000_000);
         let late = 3_000 + n * 7_919 % 9_000 + if n % 997 == 0 { 400_000 } else { 0 };
-        latency.record(late).unwrap();
-        cycle.record(2_000_000 + n * 7_919 % 900 - 450).unwrap();
+        latency.record(Duration::from_nanos(late), at);
+        let period = 2_000_000 + n * 7_919 % 900 - 450;
+        cycle.record(Duration::from_nanos(period), at);
     }
-    report.distributions = vec![
-        Distribution {
-            name: "Wake-up latency".into(),
-            histogram: latency,
-        },
-        Distribution {
-            name: "SYNC to SYNC".into(),
-            histogram: cycle,
-        },
-    ];
+    report.distributions = vec![latency, cycle];
     report
 }
 

@@ -1,6 +1,6 @@
 //! What a report is made of; whoever ran the machine fills it in.
 
-use hdrhistogram::Histogram;
+use crate::timing::Distribution;
 use serde::Serialize;
 
 /// One run or validation.
@@ -91,13 +91,4 @@ pub struct AxisReport {
     pub jerk: Vec<f64>,
     /// Setpoint minus actual position after the drive's delay, the worse side of a gantry; mm.
     pub following_error: Vec<f64>,
-}
-
-/// How often a time was how long.
-#[derive(Clone, Debug)]
-pub struct Distribution {
-    /// `wake-up latency`.
-    pub name: String,
-    /// In nanoseconds.
-    pub histogram: Histogram<u64>,
 }

@@ -1,44 +1,26 @@
 //! How often a time was how long.
 
 use super::{
-    Distribution,
     html::escape,
     scale::{Scale, count, number},
 };
-use hdrhistogram::Histogram;
-use std::fmt::Write;
+use crate::timing::{self, Distribution};
+use std::{fmt::Write, time::Duration};
 
 const WIDTH: f64 = 560.0;
 const HEIGHT: f64 = 210.0;
 const LEFT: f64 = 50.0;
 const BARS: usize = 64;
 
-/// Percentiles that enough values stand behind: at least ten beyond each.
-pub fn percentiles(histogram: &Histogram<u64>) -> Vec<(&'static str, u64)> {
-    let n = histogram.len() as f64;
-    [
-        ("p50", 0.5),
-        ("p90", 0.9),
-        ("p99", 0.99),
-        ("p99.9", 0.999),
-        ("p99.99", 0.9999),
-        ("p99.999", 0.99999),
-    ]
-    .into_iter()
-    .filter(|(_, p)| n * (1.0 - p) >= 10.0 - 1e-6)
-    .map(|(name, p)| (name, histogram.value_at_quantile(p)))
-    .collect()
-}
-
 /// A card with bars, both axes logarithmic but for narrow distributions, and percentiles.
 pub(super) fn card(distribution: &Distribution) -> String {
-    let Distribution { name, histogram } = distribution;
+    let name = distribution.name();
     let mut html = format!("<figure><figcaption>{}</figcaption>", escape(name));
-    if histogram.is_empty() {
+    let Some((least, greatest)) = distribution.extent() else {
         return html + "<p class=quiet>No values.</p></figure>";
-    }
-    let micros = |nanos: u64| nanos as f64 * 1e-3;
-    let (least, most) = (micros(histogram.min()), micros(histogram.max()));
+    };
+    let micros = |time: Duration| time.as_nanos() as f64 * 1e-3;
+    let (least, most) = (micros(least), micros(greatest));
     let logarithmic = most > 8.0 * least.max(1e-3);
     let place = |value: f64| {
         if logarithmic {
@@ -50,10 +32,10 @@ pub(super) fn card(distribution: &Distribution) -> String {
     let x = Scale::new((place(least), place(most)), (LEFT, WIDTH - 12.0));
 
     let mut bars = [0u64; BARS];
-    for recorded in histogram.iter_recorded() {
-        let value = place(micros(recorded.value_iterated_to()).clamp(least, most));
+    for (time, count) in distribution.counts() {
+        let value = place(micros(time).clamp(least, most));
         let share = (value - x.domain.0) / (x.domain.1 - x.domain.0);
-        bars[((share * BARS as f64) as usize).min(BARS - 1)] += recorded.count_at_value();
+        bars[((share * BARS as f64) as usize).min(BARS - 1)] += count;
     }
     let tallest = bars.iter().copied().max().unwrap_or(1).max(1);
     let floor = HEIGHT - 30.0;
@@ -111,28 +93,11 @@ pub(super) fn card(distribution: &Distribution) -> String {
         "<text class=tick x={:.1} y={:.1} text-anchor=end>µs</text></svg><p class=quiet>{} values",
         WIDTH - 12.0,
         HEIGHT - 1.0,
-        count(histogram.len())
+        count(distribution.count())
     );
-    for (name, value) in percentiles(histogram) {
-        _ = write!(html, " · {name} {} µs", number(micros(value)));
+    for (percent, time) in distribution.percentiles() {
+        _ = write!(html, " · p{percent} {} µs", timing::micros(time));
     }
-    _ = write!(html, " · max {} µs</p></figure>", number(most));
+    _ = write!(html, " · max {} µs</p></figure>", timing::micros(greatest));
     html
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_percentile_stands_only_on_ten_values_beyond_it() {
-        let mut histogram = Histogram::new(3).unwrap();
-        histogram.record_n(5, 1000).unwrap();
-        let names: Vec<_> = percentiles(&histogram).iter().map(|p| p.0).collect();
-        assert_eq!(names, ["p50", "p90", "p99"]);
-        histogram.record_n(7, 8_999).unwrap();
-        assert_eq!(percentiles(&histogram).len(), 3);
-        histogram.record(7).unwrap();
-        assert_eq!(percentiles(&histogram).len(), 4);
-    }
 }

@@ -8,8 +8,7 @@ mod html;
 mod scale;
 mod toolpath;
 
-pub use data::{AxisReport, Distribution, Report, Violation};
-pub use distribution::percentiles;
+pub use data::{AxisReport, Report, Violation};
 
 impl Report {
     /// The file's text.
