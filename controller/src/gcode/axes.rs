@@ -136,6 +136,9 @@ impl fmt::Debug for AxisSet {
     }
 }
 
+/// The greatest coordinate that is taken for one, mm or degrees.
+pub(crate) const COORDINATE_LIMIT: f64 = 1e9;
+
 /// A position or an offset: one value per axis, mm or degrees. Axes that the machine does not have
 /// stay at zero.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

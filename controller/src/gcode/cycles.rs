@@ -7,7 +7,7 @@ use std::collections::VecDeque;
 use super::axes::Axis;
 use super::command::{Action, Spindle, Turning};
 use super::error::{Fault, Refusal};
-use super::execute::State;
+use super::execute::{DWELL_LIMIT, State};
 use super::lexer::Columns;
 use super::modal::{Code, Motion};
 use super::words::{Words, out_of_range};
@@ -135,12 +135,11 @@ impl State {
         for _ in 0..repeats {
             // Under G91 each repetition goes on by the words; under G90 it is the same place.
             for axis in [plane[0], plane[1]] {
-                if let Some(value) = words.take(axis.letter() as u8, code)? {
-                    let length = value * self.unit(axis);
+                if let Some(value) = self.coordinate(words, axis, code)? {
                     place[axis] = if self.modes.incremental {
-                        place[axis] + length
+                        place[axis] + value
                     } else {
-                        length + self.offset(axis)
+                        value + self.offset(axis)
                     };
                 }
             }
@@ -211,8 +210,10 @@ impl State {
             peck => peck.unwrap_or_default(),
         };
         let dwell = match self.series.dwell {
-            Some(dwell) if dwell < 0.0 => {
-                return Err(words.refuse(b'P', out_of_range('P', dwell, "a time from 0 s")));
+            Some(dwell) if !(0.0..=DWELL_LIMIT).contains(&dwell) => {
+                return Err(
+                    words.refuse(b'P', out_of_range('P', dwell, "a time from 0 to 1000000 s"))
+                );
             }
             None if cycle.dwells() && cycle != Cycle::BoringWithStop => {
                 return Err(need("P, the dwell in seconds"));

@@ -8,7 +8,7 @@ use std::collections::VecDeque;
 
 use super::Setup;
 use super::arc::{Arc, Direction, Plane};
-use super::axes::{Axis, Point};
+use super::axes::{Axis, COORDINATE_LIMIT, Point};
 use super::block::{Block, Target};
 use super::command::{Action, Feed, Output, PathMode, Stop, Turning};
 use super::cycles::{Cycle, Series};
@@ -19,8 +19,10 @@ use super::modal::{Code, Group, Modes, Motion, ProgrammedFeed};
 use super::parameters::{self, Parameters};
 use super::words::{Words, out_of_range, whole};
 
-/// Coordinates beyond this are a mistake and would lose digits. mm or degrees.
-const COORDINATE_LIMIT: f64 = 1e9;
+/// Arcs beyond this radius are a mistake, or lines. mm.
+const RADIUS_LIMIT: f64 = 1e7;
+/// The longest dwell, s.
+pub(crate) const DWELL_LIMIT: f64 = 1e6;
 /// A position may be outside of the soft limits by this much: what conversions round. mm.
 const LIMIT_ROUNDING: f64 = 1e-9;
 
@@ -151,8 +153,9 @@ impl State {
             self.modes.inverse_time = inverse_time;
         }
         if let Some(number) = words.take_free(b'F') {
-            if number <= 0.0 {
-                return Err(words.refuse(b'F', out_of_range('F', number, "a feed above 0")));
+            if !(0.001..=1e7).contains(&number) {
+                let allowed = "a feed from 0.001 to 10000000";
+                return Err(words.refuse(b'F', out_of_range('F', number, allowed)));
             }
             if !self.modes.inverse_time {
                 self.modes.feed = Some(ProgrammedFeed {
@@ -235,11 +238,14 @@ impl State {
             return Ok(());
         };
         match words.take(b'P', code)? {
-            Some(seconds) if seconds >= 0.0 => {
+            Some(seconds) if (0.0..=DWELL_LIMIT).contains(&seconds) => {
                 commands.push_back(Action::Dwell { seconds });
                 Ok(())
             }
-            Some(seconds) => Err(words.refuse(b'P', out_of_range('P', seconds, "a time from 0 s"))),
+            Some(seconds) => Err(words.refuse(
+                b'P',
+                out_of_range('P', seconds, "a time from 0 to 1000000 s"),
+            )),
             None => Err(missing(words, Group::Dwell, code, "P, the time in seconds")),
         }
     }
@@ -460,11 +466,9 @@ impl State {
     ) -> Result<Point, Refusal> {
         let mut to = self.at;
         for axis in self.setup.axes.iter() {
-            let letter = axis.letter() as u8;
-            let Some(number) = words.take(letter, code)? else {
+            let Some(length) = self.coordinate(words, axis, code)? else {
                 continue;
             };
-            let length = number * self.unit(axis);
             to[axis] = if machine {
                 length
             } else if self.modes.incremental {
@@ -472,18 +476,26 @@ impl State {
             } else {
                 length + self.offset(axis)
             };
-            if to[axis].abs() > COORDINATE_LIMIT {
-                return Err(words.refuse(
-                    letter,
-                    Fault::Coordinate {
-                        axis,
-                        value: to[axis],
-                        allowed: COORDINATE_LIMIT,
-                    },
-                ));
-            }
         }
         Ok(to)
+    }
+
+    /// The value of an axis's word, mm or degrees.
+    pub(crate) fn coordinate(
+        &self,
+        words: &mut Words,
+        axis: Axis,
+        code: Code,
+    ) -> Result<Option<f64>, Refusal> {
+        let letter = axis.letter() as u8;
+        let Some(number) = words.take(letter, code)? else {
+            return Ok(None);
+        };
+        let value = number * self.unit(axis);
+        match in_range(axis, value) {
+            Ok(()) => Ok(Some(value)),
+            Err(fault) => Err(words.refuse(letter, fault)),
+        }
     }
 
     /// The unit of an axis's words, mm or degrees.
@@ -540,6 +552,13 @@ impl State {
         let letters = plane.offset_letters();
         let offsets = [words.take(letters[0], code)?, words.take(letters[1], code)?];
         let radius = words.take(b'R', code)?;
+        for letter in [letters[0], letters[1], b'R'] {
+            let value = words.take(letter, code)?.unwrap_or_default() * self.modes.unit();
+            if value.abs() > RADIUS_LIMIT {
+                let allowed = "within 10 km; write a line";
+                return Err(words.refuse(letter, out_of_range(char::from(letter), value, allowed)));
+            }
+        }
         let unit = self.modes.unit();
         let arc = match (radius, offsets) {
             (Some(_), [Some(_), _] | [_, Some(_)]) => {
@@ -582,6 +601,9 @@ impl State {
     /// Refuses a motion that leaves the soft limits anywhere.
     fn within_limits(&self, action: &Action) -> Result<(), (Axis, Fault)> {
         for axis in self.setup.axes.iter() {
+            if let Action::Rapid { to } | Action::Feed { to, .. } = action {
+                in_range(axis, to[axis]).map_err(|fault| (axis, fault))?;
+            }
             let Some((least, greatest)) = self.setup.limits[axis.index()] else {
                 continue;
             };
@@ -662,7 +684,7 @@ impl State {
 
     fn set_numbered(&mut self, index: f64, value: f64) -> Result<(), Fault> {
         let index = parameters::index(index)?;
-        if self.set_system(index, value) {
+        if self.set_system(index, value)? {
             return Ok(());
         }
         self.parameters.set_numbered(index, value)
@@ -682,6 +704,18 @@ impl Scope for State {
             .named(name)
             .or_else(|| self.system_named(name))
     }
+}
+
+/// Refuses coordinates beyond every machine, which would lose digits, and what is no number.
+pub(crate) fn in_range(axis: Axis, value: f64) -> Result<(), Fault> {
+    if value.abs() <= COORDINATE_LIMIT {
+        return Ok(());
+    }
+    Err(Fault::Coordinate {
+        axis,
+        value,
+        allowed: COORDINATE_LIMIT,
+    })
 }
 
 pub(crate) fn missing(words: &Words, group: Group, code: Code, what: &'static str) -> Refusal {

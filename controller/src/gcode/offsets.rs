@@ -56,8 +56,8 @@ impl State {
                     return Err(missing(words, Group::ToolLength, code, "axis words"));
                 }
                 for axis in self.setup.axes.iter() {
-                    if let Some(value) = words.take(axis.letter() as u8, code)? {
-                        self.tool_offset[axis] = value * self.unit(axis);
+                    if let Some(value) = self.coordinate(words, axis, code)? {
+                        self.tool_offset[axis] = value;
                     }
                 }
             }
@@ -110,8 +110,7 @@ impl State {
             self.g92_applies = true;
         }
         for axis in self.setup.axes.iter() {
-            if let Some(value) = words.take(axis.letter() as u8, code)? {
-                let value = value * self.unit(axis);
+            if let Some(value) = self.coordinate(words, axis, code)? {
                 let shift = if code == Code::G(520) {
                     value
                 } else {
@@ -139,8 +138,7 @@ impl State {
                     None => return Err(missing(words, Group::Offsets, code, allowed)),
                 };
                 for axis in self.setup.axes.iter() {
-                    if let Some(value) = words.take(axis.letter() as u8, code)? {
-                        let value = value * self.unit(axis);
+                    if let Some(value) = self.coordinate(words, axis, code)? {
                         let work = self.setup.tables.work_offsets[self.modes.work_offset][axis];
                         let others = self.offset(axis) - work;
                         self.setup.tables.work_offsets[index][axis] = match kind {
@@ -164,8 +162,7 @@ impl State {
                     .cloned()
                     .unwrap_or_default();
                 for axis in self.setup.axes.iter() {
-                    if let Some(value) = words.take(axis.letter() as u8, code)? {
-                        let value = value * self.unit(axis);
+                    if let Some(value) = self.coordinate(words, axis, code)? {
                         tool.offset[axis] = match kind {
                             1 => value,
                             10 => self.at[axis] - self.origin(axis) - value,

@@ -5,7 +5,8 @@
 use super::arc::Plane;
 use super::axes::{Axis, Point};
 use super::command::Turning;
-use super::execute::State;
+use super::error::Fault;
+use super::execute::{State, in_range};
 
 /// A point that parameters can set.
 enum Stored {
@@ -40,14 +41,13 @@ impl State {
     }
 
     /// Sets a parameter of a stored point; `false` if the number is none.
-    pub(crate) fn set_system(&mut self, index: usize, value: f64) -> bool {
-        match State::stored(index) {
-            Some((which, axis)) => {
-                self.stored_point(&which)[axis] = value;
-                true
-            }
-            None => false,
-        }
+    pub(crate) fn set_system(&mut self, index: usize, value: f64) -> Result<bool, Fault> {
+        let Some((which, axis)) = State::stored(index) else {
+            return Ok(false);
+        };
+        in_range(axis, value)?;
+        self.stored_point(&which)[axis] = value;
+        Ok(true)
     }
 
     /// A parameter that shows the machine's state.

@@ -23,7 +23,7 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use super::axes::{Axis, Point};
+use super::axes::{Axis, COORDINATE_LIMIT, Point};
 
 /// The names of the work offsets, in the order of their numbers 1 to 9.
 const WORK_OFFSETS: [&str; 9] = [
@@ -268,8 +268,10 @@ impl From<&Tables> for Document {
 fn point(what: &str, values: &Values) -> Result<Point, String> {
     let mut point = Point::ZERO;
     for (axis, value) in values {
-        if !value.is_finite() {
-            return Err(format!("{what}.{axis} has to be a finite number"));
+        if value.is_nan() || value.abs() > COORDINATE_LIMIT {
+            return Err(format!(
+                "{what}.{axis} has to be a number within ±{COORDINATE_LIMIT}"
+            ));
         }
         point[*axis] = *value;
     }

@@ -1,7 +1,7 @@
 //! What is refused, where, and what the message says to do.
 
 use proptest::prelude::*;
-use syncline_controller::gcode::{Interpreter, MAX_LINE};
+use syncline_controller::gcode::{Action, Interpreter, MAX_LINE};
 
 use super::listing::{refusal, refusal_with, run, xyz};
 
@@ -183,6 +183,34 @@ fn the_example_reads_well() {
     insta::assert_snapshot!(refusal("N10 G21\nN20 G1 X10 Y5\n"));
 }
 
+/// Runs a program for a while; what it hands out has to be numbers within reach.
+fn judge(program: &str) {
+    let mut setup = xyz();
+    setup.max_blocks = Some(500);
+    let reach = |point: &syncline_controller::gcode::Point| {
+        assert!(
+            point.0.iter().all(|value| value.abs() <= 1e10),
+            "{program:?}"
+        );
+    };
+    for command in Interpreter::from_text("x", program, setup).take(2000) {
+        match command.map(|command| command.action) {
+            Ok(Action::Rapid { to }) => reach(&to),
+            Ok(Action::Feed { to, .. }) => reach(&to),
+            Ok(Action::Arc { arc, .. }) => {
+                reach(&arc.to);
+                reach(&arc.from);
+                assert!(arc.sweep.is_finite() && arc.sweep != 0.0, "{program:?}");
+                assert!(
+                    arc.center.iter().all(|value| value.is_finite()),
+                    "{program:?}"
+                );
+            }
+            _ => {}
+        }
+    }
+}
+
 proptest! {
     #[test]
     fn random_bytes_never_panic(bytes: Vec<u8>) {
@@ -192,17 +220,50 @@ proptest! {
     #[test]
     fn random_words_never_panic(
         program in proptest::collection::vec(
-            "[ ]?(G|M|X|Y|Z|I|J|K|P|R|F|S|T|L|Q|O|N|#|=|\\[|\\]|-|\\.|[0-9]{1,4}|SIN|MOD|\\*\\*|<a>|\n|/|%|\\(a\\))",
+            "[ ]?(G|M|X|Y|Z|I|J|K|P|R|F|S|T|L|Q|O|N|#|=|\\[|\\]|-|\\.|[0-9]{1,4}|9{300}|SIN|MOD|\\*\\*|<a>|\n|/|%|\\(a\\))",
             0..40,
         )
     ) {
-        let _ = Interpreter::from_text("x", program.concat(), xyz()).count();
+        judge(&program.concat());
+    }
+
+    /// Sentences of the language rather than its letters: most are accepted somewhere.
+    #[test]
+    fn random_blocks_never_panic(
+        program in proptest::collection::vec(
+            "(G(0|1|2|3|28|30|43.1|52|53 G0|80|81|82|83|73|85|89|91|90|90.1|91.1|92|92.1|92.3|10 L2|10 L20|10 L1) )?\
+             (G(17|18|19|20|21|93|94|98|99|54|55) )?(F[1-9]00 )?(S1 M3 )?\
+             (X-?[0-9]{1,3} )?(Y#[1-3] )?(Z\\[#1\\*2-3\\] )?(I[0-9] )?(J-[0-9] )?(R[0-9] )?(P[0-9] )?(L[0-9] )?(Q[1-9] )?\
+             |#[123] ?= ?(\\[#[123] ?(\\+|-|MOD|\\*|/|GT) ?[0-9.]\\]|-?[0-9]{1,9})\
+             |#(5161|5211|5221|5241|<a>|<_b>)=(-?9{1,310}|#1)\
+             |o[123] (sub|endsub|call \\[#1\\]|return|if \\[#2\\]|else|endif|while \\[#1\\]|endwhile|do|repeat \\[3\\]|endrepeat|break|continue)\
+             |o[123]|M98 P[123]( L2)?|M99|M2|%|T1 M6|/G0 X1",
+            1..30,
+        )
+    ) {
+        judge(&program.join("\n"));
+    }
+
+    /// The same with what a program without a mistake has: loops that end where they should.
+    #[test]
+    fn nested_flow_is_followed(depth in 1usize..8, count in 1u32..4) {
+        let mut program = "G91\n".to_owned();
+        for label in 0..depth {
+            program += &format!("o{label} repeat [{count}]\n");
+        }
+        program += "G0 X1\n";
+        for label in (0..depth).rev() {
+            program += &format!("o{label} endrepeat\n");
+        }
+        program += "M2";
+        let commands = run(&program).unwrap();
+        prop_assert_eq!(commands.len(), count.pow(depth as u32) as usize + 1);
     }
 
     #[test]
     fn numbers_round_trip(value in -1e9f64..1e9) {
         let commands = run(&format!("G0 X{value}\nM2")).unwrap();
-        let syncline_controller::gcode::Action::Rapid { to } = commands[0].action else {
+        let Action::Rapid { to } = commands[0].action else {
             panic!("{commands:?}")
         };
         prop_assert_eq!(to.0[0], value);
