@@ -11,14 +11,18 @@
 //! - [`realtime`]: what the cycle thread asks of the kernel, and what it got
 //! - [`report`]: what a run leaves to look at
 //! - [`timing`]: how punctual a cycle was
+//! - [`drive_host`]: simulated drives on a real bus
+//! - [`bench`]: measures cycles and what simulations are made of
 //! - [`commands`]: the `syncline` command line
 
 #![deny(unsafe_code)]
 
+pub mod bench;
 pub mod budget;
 pub mod commands;
 pub mod control;
 pub mod doctor;
+pub mod drive_host;
 pub mod gcode;
 pub mod machine;
 pub mod port;

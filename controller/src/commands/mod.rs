@@ -1,5 +1,6 @@
 //! The `syncline` command line: one module a subcommand, each with its `Args` and an `execute`.
 
+mod bench;
 mod budget;
 mod check;
 mod doctor;
@@ -24,6 +25,7 @@ pub struct Cli {
 enum Command {
     Check(check::Args),
     Validate(validate::Args),
+    Bench(bench::Args),
     Budget(budget::Args),
     Doctor(doctor::Args),
     Eds(eds::Args),
@@ -36,6 +38,7 @@ impl Cli {
         match self.command {
             Command::Check(args) => args.execute(),
             Command::Validate(args) => args.execute(),
+            Command::Bench(args) => args.execute(),
             Command::Budget(args) => args.execute(),
             Command::Doctor(args) => args.execute(),
             Command::Eds(args) => args.execute(),

@@ -32,20 +32,32 @@ impl SimPort {
             bus: spec.name.clone(),
             what: format!("cannot simulate {} bit/s", spec.bitrate),
         })?;
-        let mut sim = SimBus::new(bit_rate);
-        for (index, drive) in machine.drives.iter().enumerate() {
-            if drive.bus == bus {
-                sim.attach(Twin::new(TwinConfig {
-                    seed: seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ index as u64,
-                    initial_position: initial_position(machine, index),
-                    ..TwinConfig::new(drive.node)
-                }));
-            }
+        let drives = machine.drives.iter().enumerate();
+        let twins = drives.filter(|(_, drive)| drive.bus == bus);
+        let twins = twins.map(|(index, drive)| {
+            Twin::new(TwinConfig {
+                seed: seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ index as u64,
+                initial_position: initial_position(machine, index),
+                ..TwinConfig::new(drive.node)
+            })
+        });
+        Ok(Self::of_twins(bit_rate, twins, observer))
+    }
+
+    /// A bus with these twins on it.
+    pub fn of_twins(
+        bit_rate: BitRate,
+        twins: impl IntoIterator<Item = Twin>,
+        observer: impl FnMut(&Transmission) + Send + 'static,
+    ) -> Self {
+        let mut bus = SimBus::new(bit_rate);
+        for twin in twins {
+            bus.attach(twin);
         }
-        Ok(Self {
-            bus: sim,
+        Self {
+            bus,
             observer: Box::new(observer),
-        })
+        }
     }
 
     /// The twin that is the `index`-th drive of this bus, to interfere with it.

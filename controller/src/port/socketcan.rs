@@ -20,6 +20,7 @@ use socketcan::{
 use std::io;
 use std::mem::{size_of, zeroed};
 use std::os::fd::AsRawFd;
+use std::time::Duration;
 use syncline_canopen::{CanId, CobId, Frame, Instant};
 
 /// SO_PRIORITY values and the band of pfifo_fast that each lands in (tc-prio(8), default map).
@@ -139,17 +140,7 @@ impl SocketCan {
     }
 
     fn fail(&self, doing: &str, error: &io::Error) -> PortError {
-        PortError {
-            bus: self.name.clone(),
-            what: match error.raw_os_error() {
-                Some(libc::ENETDOWN) => format!(
-                    "{doing}: the interface went down, `sudo ip link set {} up`",
-                    self.name
-                ),
-                Some(libc::ENODEV | libc::ENXIO) => format!("{doing}: the interface is gone"),
-                _ => format!("{doing}: {error}"),
-            },
-        }
+        failure(&self.name, doing, error)
     }
 
     /// Counts a fault; an error if the bus cannot be used any longer.
@@ -217,10 +208,7 @@ impl Port for SocketCan {
                     continue;
                 };
                 let echo = self.is_echo(&frame, message.flags);
-                let kernel = message.software.map_or_else(
-                    || realtime::now().as_nanos(),
-                    |stamp| stamp.wrapping_sub(offset),
-                );
+                let kernel = message.arrival(offset);
                 let at = match message.hardware {
                     Some(wire) => self.wire_clock.monotonic(wire, kernel),
                     None => kernel,
@@ -308,17 +296,104 @@ fn receiving_socket(interface: &str, options: &Options) -> io::Result<CanSocket>
     socket.set_filters(&filters)?;
     socket.set_recv_own_msgs(true)?;
     socket.set_error_filter(libc::CAN_ERR_MASK)?;
+    socket.set_socket_option_int(libc::SOL_SOCKET, libc::SO_RXQ_OVFL, 1)?;
+    stamp_frames(&socket)?;
+    Ok(socket)
+}
+
+/// Has received frames stamped by the kernel, and by the adapter if it can.
+fn stamp_frames(socket: &CanSocket) -> io::Result<()> {
     let stamping = libc::SOF_TIMESTAMPING_RX_SOFTWARE
         | libc::SOF_TIMESTAMPING_SOFTWARE
         | libc::SOF_TIMESTAMPING_RX_HARDWARE
         | libc::SOF_TIMESTAMPING_RAW_HARDWARE;
-    for (option, value) in [
-        (libc::SO_RXQ_OVFL, 1),
-        (libc::SO_TIMESTAMPING, stamping as c_int),
-    ] {
-        socket.set_socket_option_int(libc::SOL_SOCKET, option, value)?;
+    socket.set_socket_option_int(libc::SOL_SOCKET, libc::SO_TIMESTAMPING, stamping as c_int)
+}
+
+/// A raw socket for simulated drives: receives all that others send, sends at the adapter's pace.
+pub(crate) struct DriveSocket {
+    name: String,
+    socket: CanSocket,
+    batch: Batch,
+}
+
+impl DriveSocket {
+    /// # Errors
+    /// As [`SocketCan::open`].
+    pub(crate) fn open(interface: &str, bit_rate: u32) -> Result<Self, PortError> {
+        let fail = |what: String| PortError {
+            bus: interface.into(),
+            what,
+        };
+        check_interface(interface, bit_rate).map_err(fail)?;
+        let socket = socket_in_band(interface, MIDDLE_BAND)
+            .and_then(|socket| stamp_frames(&socket).map(|()| socket))
+            .map_err(|error| fail(format!("cannot open its socket: {error}")))?;
+        Ok(Self {
+            name: interface.into(),
+            socket,
+            batch: Batch::new(BATCH_SLACK),
+        })
     }
-    Ok(socket)
+
+    fn fail(&self, doing: &str, error: &io::Error) -> PortError {
+        failure(&self.name, doing, error)
+    }
+
+    /// Sleeps until something arrives, for `most` at most.
+    pub(crate) fn wait(&self, most: Duration) -> Result<(), PortError> {
+        let mut wanted = libc::pollfd {
+            fd: self.socket.as_raw_fd(),
+            events: libc::POLLIN,
+            revents: 0,
+        };
+        let timeout = timespec {
+            tv_sec: most.as_secs() as libc::time_t,
+            tv_nsec: most.subsec_nanos().into(),
+        };
+        // SAFETY: one pollfd and one timespec, both alive during the call; no signal mask.
+        let ready =
+            unsafe { libc::ppoll(&raw mut wanted, 1, &raw const timeout, std::ptr::null()) };
+        if ready < 0 {
+            let error = io::Error::last_os_error();
+            if error.kind() != io::ErrorKind::Interrupted {
+                return Err(self.fail("waiting", &error));
+            }
+        }
+        Ok(())
+    }
+
+    /// Hands over some of what has arrived, with its instant of arrival; false if nothing had.
+    pub(crate) fn receive(
+        &mut self,
+        sink: &mut dyn FnMut(Instant, &Frame),
+    ) -> Result<bool, PortError> {
+        let count = match self.batch.receive(&self.socket) {
+            Ok(count) => count,
+            Err(error) if error.kind() == io::ErrorKind::WouldBlock => return Ok(false),
+            Err(error) => return Err(self.fail("receiving", &error)),
+        };
+        let offset = realtime::wall_clock_offset();
+        for index in 0..count {
+            let message = self.batch.message(index);
+            if let Some(frame) = from_raw(&message.raw) {
+                sink(Instant::from_nanos(message.arrival(offset)), &frame);
+            }
+        }
+        Ok(count > 0)
+    }
+
+    /// Sends frames in order; what the queue does not take stays in `frames`.
+    pub(crate) fn send(&self, frames: &mut Vec<Frame>) -> Result<(), PortError> {
+        while !frames.is_empty() {
+            match send_all(&self.socket, frames) {
+                Ok(sent) => drop(frames.drain(..sent)),
+                Err(error) if is_full(&error) => break,
+                Err(error) => return Err(self.fail("sending", &error)),
+            }
+        }
+        Ok(())
+    }
 }
 
 /// A filter that passes this standard data frame and nothing else; in this form the kernel finds
@@ -335,6 +410,20 @@ fn is_full(error: &io::Error) -> bool {
         error.raw_os_error(),
         Some(libc::ENOBUFS | libc::EAGAIN | libc::ENOMEM)
     )
+}
+
+/// What a failed call means.
+fn failure(interface: &str, doing: &str, error: &io::Error) -> PortError {
+    PortError {
+        bus: interface.into(),
+        what: match error.raw_os_error() {
+            Some(libc::ENETDOWN) => {
+                format!("{doing}: the interface went down, `sudo ip link set {interface} up`")
+            }
+            Some(libc::ENODEV | libc::ENXIO) => format!("{doing}: the interface is gone"),
+            _ => format!("{doing}: {error}"),
+        },
+    }
 }
 
 /// What must hold before sockets are opened.
@@ -527,6 +616,16 @@ struct Message {
     hardware: Option<u64>,
     /// Frames lost so far for want of room in the socket.
     overruns: Option<u32>,
+}
+
+impl Message {
+    /// When the kernel took it in, on CLOCK_MONOTONIC; now, if it did not say.
+    fn arrival(&self, offset: u64) -> u64 {
+        self.software.map_or_else(
+            || realtime::now().as_nanos(),
+            |stamp| stamp.wrapping_sub(offset),
+        )
+    }
 }
 
 impl Batch {

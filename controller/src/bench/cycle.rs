@@ -1,0 +1,475 @@
+//! The real-time cycle on this host, stage by stage.
+//!
+//! ```text
+//!  t_k: wake ► compute ► SYNC out      t_k + d: wake ► receive ► compute ► burst out
+//!                                      later, with --control: wake, and nothing else
+//! ```
+
+use super::compare::{Difference, quantile_difference};
+use super::rig::{Rig, Shape, Shuttle};
+use crate::control::{End, Instruction, Wake};
+use crate::drive_host;
+use crate::port::socketcan::{Options as SocketOptions, SocketCan, StampSource};
+use crate::port::{Port, PortError, Received};
+use crate::realtime::{self, Granted, Settings};
+use crate::timing::Distribution;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread;
+use std::time::Duration;
+use syncline_canopen::{CanId, CobId, Instant};
+
+/// A wake-up later than this share of the period is late.
+const LATE_SHARE: u32 = 10;
+
+/// Instructions under way from the planner's thread to the cycle.
+const PLAN_QUEUE: usize = 1024;
+
+/// Bring-up on a bus that lives in real time.
+const BRING_UP: Duration = Duration::from_secs(30);
+
+/// What to measure.
+#[derive(Clone, Debug)]
+pub struct Options {
+    /// The machine.
+    pub shape: Shape,
+    /// SocketCAN interfaces, one a bus of the shape; none for simulated buses.
+    pub interfaces: Vec<String>,
+    /// Cycles to measure.
+    pub cycles: u64,
+    /// Interleave a bare wake-up loop.
+    pub control: bool,
+    /// What the thread asks for.
+    pub realtime: Settings,
+    /// Awake that long before each instant.
+    pub spin: Duration,
+}
+
+/// What was measured.
+#[derive(Debug)]
+pub struct Outcome {
+    /// What the thread was granted, and what not.
+    pub granted: Granted,
+    /// Where the stamps of received frames come from.
+    pub stamps: &'static str,
+    /// When measuring began.
+    pub start: Instant,
+    /// Each stage's times.
+    pub distributions: Vec<Distribution>,
+    /// Cycles measured.
+    pub cycles: u64,
+    /// Wake-ups later than a tenth of the period.
+    pub late: u64,
+    /// Bursts that missed their SYNC, as the controller counted them.
+    pub dropped: u64,
+    /// Cycles left out of the compute times since the processor was taken away in them.
+    pub preempted: u64,
+    /// The cycle whose setpoints were ready latest.
+    pub worst: Stages,
+    /// Controller minus bare loop, wake-up latency in ns: median and p99.
+    pub control: Option<[(&'static str, Difference); 2]>,
+}
+
+/// Where a cycle's time went, from the instant it was due until its setpoints were handed over.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Stages {
+    /// When, from the start of measuring.
+    pub at: Duration,
+    /// Until the thread ran.
+    pub wake: Duration,
+    /// Taking what had arrived.
+    pub receive: Duration,
+    /// The controller.
+    pub compute: Duration,
+    /// Handing over the burst.
+    pub send: Duration,
+}
+
+impl Stages {
+    /// All of them.
+    #[must_use]
+    pub fn total(&self) -> Duration {
+        self.wake + self.receive + self.compute + self.send
+    }
+
+    /// The longest stage's name.
+    #[must_use]
+    pub fn longest(&self) -> &'static str {
+        let stages = [
+            (self.wake, "wake-up"),
+            (self.receive, "receive"),
+            (self.compute, "compute"),
+            (self.send, "send"),
+        ];
+        stages
+            .iter()
+            .max_by_key(|(time, _)| *time)
+            .map_or("", |(_, name)| name)
+    }
+}
+
+/// Measures on a thread of its own.
+///
+/// # Errors
+/// A bus cannot be used or failed.
+///
+/// # Panics
+/// If the measuring thread does.
+pub fn measure(options: &Options) -> Result<Outcome, PortError> {
+    let axes = options.shape.axes;
+    // The plan of `run` has nine coordinates, the letters of a program.
+    match axes {
+        ..=9 => measure_with::<9>(options),
+        10..=16 => measure_with::<16>(options),
+        _ => measure_with::<64>(options),
+    }
+}
+
+fn measure_with<const N: usize>(options: &Options) -> Result<Outcome, PortError> {
+    let stop = Arc::new(AtomicBool::new(false));
+    let hosts: Vec<_> = options
+        .interfaces
+        .iter()
+        .enumerate()
+        .map(|(bus, interface)| {
+            let interface = interface.clone();
+            let mut twins: Vec<_> = options.shape.twins(bus).collect();
+            let stop = Arc::clone(&stop);
+            thread::spawn(move || drive_host::host(&interface, 1_000_000, &mut twins, &stop))
+        })
+        .collect();
+    let (mut plan_in, plan_out) = rtrb::RingBuffer::<Instruction<N>>::new(PLAN_QUEUE);
+    let planner = {
+        let stop = Arc::clone(&stop);
+        let mut shuttle = Shuttle::<N>::new(options.shape.axes);
+        thread::spawn(move || {
+            while !stop.load(Ordering::Relaxed) {
+                while !plan_in.is_full() {
+                    let _ = plan_in.push(shuttle.instruction());
+                }
+                thread::sleep(Duration::from_millis(10));
+            }
+        })
+    };
+    let cycle = {
+        let options = options.clone();
+        thread::spawn(move || Cycle::<N>::new(options, plan_out)?.run())
+    };
+    let outcome = cycle.join();
+    stop.store(true, Ordering::Relaxed);
+    let _ = planner.join();
+    for host in hosts {
+        if let Ok(ended) = host.join() {
+            ended?;
+        }
+    }
+    match outcome {
+        Ok(outcome) => outcome,
+        Err(panic) => std::panic::resume_unwind(panic),
+    }
+}
+
+/// The measuring thread.
+struct Cycle<const N: usize> {
+    options: Options,
+    rig: Rig<N>,
+    plan: rtrb::Consumer<Instruction<N>>,
+    granted: Granted,
+    stamps: &'static str,
+    /// The host's clock minus the controller's, ns; zero on real buses.
+    ahead: u64,
+}
+
+/// All that is recorded while measuring.
+struct Record {
+    start: Instant,
+    sync_wake: Distribution,
+    sync_sent: Distribution,
+    sync_stamped: Distribution,
+    setpoint_wake: Distribution,
+    receive: Distribution,
+    compute: Distribution,
+    compute_axis: Distribution,
+    send: Distribution,
+    arrival: Distribution,
+    margin: Distribution,
+    bare: Distribution,
+    ours: Vec<u32>,
+    theirs: Vec<u32>,
+    late: u64,
+    preempted: u64,
+    worst: Stages,
+}
+
+impl Record {
+    fn new(start: Instant, cycles: u64) -> Self {
+        // Filled and emptied, so that no sample touches a page for the first time.
+        let samples = || {
+            let mut samples = vec![u32::MAX; cycles as usize];
+            samples.clear();
+            samples
+        };
+        Self {
+            start,
+            sync_wake: Distribution::new("wake-up for SYNC"),
+            sync_sent: Distribution::new("SYNC handed over"),
+            sync_stamped: Distribution::new("SYNC stamped"),
+            setpoint_wake: Distribution::new("wake-up for setpoints"),
+            receive: Distribution::new("receive"),
+            compute: Distribution::new("compute per cycle"),
+            compute_axis: Distribution::new("compute per axis"),
+            send: Distribution::new("send"),
+            arrival: Distribution::new("T_PDO after SYNC"),
+            margin: Distribution::new("setpoints before SYNC"),
+            bare: Distribution::new("bare wake-up"),
+            ours: samples(),
+            theirs: samples(),
+            late: 0,
+            preempted: 0,
+            worst: Stages::default(),
+        }
+    }
+}
+
+impl<const N: usize> Cycle<N> {
+    fn new(options: Options, plan: rtrb::Consumer<Instruction<N>>) -> Result<Self, PortError> {
+        let granted = realtime::enter(&options.realtime);
+        let mut stamps = "simulated bus";
+        let mut ports: Vec<Box<dyn Port + Send>> = Vec::new();
+        for (bus, interface) in options.interfaces.iter().enumerate() {
+            let (receive, burst) = options.shape.identifiers(bus);
+            let port = SocketCan::open(
+                interface,
+                &SocketOptions {
+                    bit_rate: 1_000_000,
+                    receive,
+                    burst,
+                },
+            )?;
+            stamps = match port.stamps() {
+                StampSource::Hardware => "adapter",
+                StampSource::Software => "kernel",
+            };
+            ports.push(Box::new(port));
+        }
+        let (rig, ahead) = if ports.is_empty() {
+            let rig = Rig::simulated(&options.shape);
+            let next = rig.controller.next_wake().map_or(Instant::ZERO, Wake::at);
+            let start = realtime::now() + Duration::from_millis(1);
+            (rig, start.as_nanos() - next.as_nanos())
+        } else {
+            let start = realtime::now() + options.shape.period;
+            (Rig::new(&options.shape, ports, start), 0)
+        };
+        Ok(Self {
+            options,
+            rig,
+            plan,
+            granted,
+            stamps,
+            ahead,
+        })
+    }
+
+    fn run(mut self) -> Result<Outcome, PortError> {
+        self.bring_up()?;
+        let mut record = Record::new(realtime::now(), self.options.cycles);
+        for _ in 0..self.options.cycles {
+            let sync_at = self.sync(&mut record)?;
+            self.setpoints(sync_at, &mut record)?;
+            if self.options.control {
+                self.bare(sync_at, &mut record);
+            }
+            if let Some(End::Fault(fault)) = self.rig.controller.end() {
+                return Err(PortError {
+                    bus: "bench".into(),
+                    what: format!("the machine stopped: {fault:?}"),
+                });
+            }
+        }
+        Ok(self.outcome(record))
+    }
+
+    fn bring_up(&mut self) -> Result<(), PortError> {
+        let give_up = realtime::now() + BRING_UP;
+        while self.rig.controller.ready().is_none() {
+            let wake = self
+                .rig
+                .controller
+                .next_wake()
+                .filter(|_| realtime::now() < give_up);
+            let Some(wake) = wake else {
+                return Err(PortError {
+                    bus: "bench".into(),
+                    what: format!("no bring-up: {:?}", self.rig.controller.end()),
+                });
+            };
+            realtime::sleep_until(wake.at(), self.options.spin);
+            self.rig.step(realtime::now())?;
+        }
+        while matches!(self.rig.controller.next_wake(), Some(Wake::Setpoint(_))) {
+            let wake = self
+                .rig
+                .controller
+                .next_wake()
+                .map_or(Instant::ZERO, Wake::at);
+            let (_, now) = self.sleep_until(wake);
+            self.rig.step(now)?;
+        }
+        Ok(())
+    }
+
+    /// Sleeps to an instant of the controller's clock. Gives the lateness, and the instant of the
+    /// controller's clock at which it woke. Simulated buses live by the cycle: there it wakes in
+    /// time, and a late wake-up delays controller and drives together.
+    fn sleep_until(&mut self, instant: Instant) -> (Duration, Instant) {
+        let due = instant + Duration::from_nanos(self.ahead);
+        realtime::sleep_until(due, self.options.spin);
+        let late = realtime::now().saturating_since(due);
+        if !self.options.interfaces.is_empty() {
+            return (late, instant + late);
+        }
+        if late > self.options.shape.period / LATE_SHARE {
+            self.ahead += late.as_nanos() as u64;
+        }
+        (late, instant)
+    }
+
+    /// Since an instant of the controller's clock.
+    fn since(&self, instant: Instant) -> Duration {
+        realtime::now().saturating_since(instant + Duration::from_nanos(self.ahead))
+    }
+
+    fn sync(&mut self, record: &mut Record) -> Result<Instant, PortError> {
+        let due = self
+            .rig
+            .controller
+            .next_wake()
+            .map_or(Instant::ZERO, Wake::at);
+        let (late, now) = self.sleep_until(due);
+        record.late += u64::from(late > self.options.shape.period / LATE_SHARE);
+        self.rig.step(now)?;
+        let sent = self.since(due);
+        let at = realtime::now();
+        record.sync_wake.record(late, at);
+        record.sync_sent.record(sent, at);
+        record
+            .ours
+            .push(late.as_nanos().min(u32::MAX.into()) as u32);
+        Ok(due)
+    }
+
+    fn setpoints(&mut self, sync_at: Instant, record: &mut Record) -> Result<(), PortError> {
+        let due = self
+            .rig
+            .controller
+            .next_wake()
+            .map_or(Instant::ZERO, Wake::at);
+        let (late, now) = self.sleep_until(due);
+        record.late += u64::from(late > self.options.shape.period / LATE_SHARE);
+        let woken = realtime::now();
+        for (_, received) in self.rig.collect(now)? {
+            arrived(received, sync_at, woken, record);
+        }
+        let received = realtime::now();
+        while self.rig.controller.room() > 0
+            && let Ok(instruction) = self.plan.pop()
+        {
+            self.rig.controller.accept(instruction);
+        }
+        let switches = realtime::usage().involuntary_switches;
+        let (began, clock) = (realtime::now(), realtime::thread_time());
+        self.rig.compute(now);
+        let used = realtime::thread_time().saturating_sub(clock);
+        let computed = realtime::now();
+        if realtime::usage().involuntary_switches == switches {
+            record.compute.record(used, woken);
+            let per_axis = used / self.options.shape.axes as u32;
+            record.compute_axis.record(per_axis, woken);
+        } else {
+            record.preempted += 1;
+        }
+        let before_send = realtime::now();
+        self.rig.send()?;
+        let done = realtime::now();
+
+        record.setpoint_wake.record(late, woken);
+        let stages = Stages {
+            at: woken.saturating_since(record.start),
+            wake: late,
+            receive: received.saturating_since(woken),
+            compute: computed.saturating_since(began),
+            send: done.saturating_since(before_send),
+        };
+        record.receive.record(stages.receive, woken);
+        record.send.record(stages.send, woken);
+        if stages.total() > record.worst.total() {
+            record.worst = stages;
+        }
+        let next_sync = sync_at + self.options.shape.period;
+        let next_sync = next_sync + Duration::from_nanos(self.ahead);
+        record
+            .margin
+            .record(next_sync.saturating_since(done), woken);
+        Ok(())
+    }
+
+    /// Wakes between the setpoints and the next SYNC and does nothing: what cyclictest measures.
+    fn bare(&mut self, sync_at: Instant, record: &mut Record) {
+        let passed = self.since(sync_at);
+        let free = self.options.shape.period.saturating_sub(passed);
+        let due = sync_at + Duration::from_nanos(self.ahead) + passed + free / 2;
+        realtime::sleep_until(due, self.options.spin);
+        let late = realtime::now().saturating_since(due);
+        record.bare.record(late, due);
+        record
+            .theirs
+            .push(late.as_nanos().min(u32::MAX.into()) as u32);
+    }
+
+    fn outcome(self, record: Record) -> Outcome {
+        let control = self.options.control.then(|| {
+            let difference = |quantile| quantile_difference(&record.ours, &record.theirs, quantile);
+            Some([("median", difference(0.5)?), ("p99", difference(0.99)?)])
+        });
+        let mut distributions = vec![
+            record.sync_wake,
+            record.sync_sent,
+            record.sync_stamped,
+            record.setpoint_wake,
+            record.receive,
+            record.compute,
+            record.compute_axis,
+            record.send,
+            record.arrival,
+            record.margin,
+            record.bare,
+        ];
+        distributions.retain(|distribution| distribution.count() > 0);
+        Outcome {
+            granted: self.granted,
+            stamps: self.stamps,
+            start: record.start,
+            distributions,
+            cycles: self.options.cycles,
+            late: record.late,
+            dropped: self.rig.controller.late_setpoints(),
+            preempted: record.preempted,
+            worst: record.worst,
+            control: control.flatten(),
+        }
+    }
+}
+
+/// Records how long after SYNC's instant a frame came.
+fn arrived(received: &Received, sync_at: Instant, now: Instant, record: &mut Record) {
+    let after = received.at.saturating_since(sync_at);
+    let id = received.frame.id();
+    if received.echo {
+        if id == CobId::SYNC.into() {
+            record.sync_stamped.record(after, now);
+        }
+    } else if matches!(id, CanId::Standard(id) if id & 0x780 == 0x280) {
+        record.arrival.record(after, now);
+    }
+}

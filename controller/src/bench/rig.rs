@@ -1,0 +1,384 @@
+//! A machine of any number of axes to measure with: each an LXM32M of its own, moving to and fro.
+
+use crate::budget::DoesNotFit;
+use crate::control::{Controller, Instruction, Layout, layout};
+use crate::port::sim::SimPort;
+use crate::port::{Outbox, Port, PortError, Received};
+use std::sync::Arc;
+use std::time::Duration;
+use syncline_canopen::budget::{NodeTraffic, Traffic, Verdict};
+use syncline_canopen::{CobId, Instant, NodeId};
+use syncline_drives::bus::BitRate;
+use syncline_drives::model::{
+    Actuator, Direction, Heartbeat, Increments, LXM32M, Scaling, Settings,
+};
+use syncline_drives::twin::lxm32m::{Twin, TwinConfig};
+use syncline_trajectory::path::{Curve, Exit, Feed, Item, Limits, Move, Planner};
+
+/// Of every bus.
+const BIT_RATE: u32 = 1_000_000;
+
+/// Each axis goes this far, mm …
+const STROKE: f64 = 100.0;
+
+/// … at this many mm/s.
+const SPEED: f64 = 50.0;
+
+/// Bring-up takes a few hundred cycles; this many mean that it hangs.
+const BRING_UP_CYCLES: u32 = 100_000;
+
+/// A machine of `axes` axes spread over `buses` buses.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Shape {
+    /// 1…`N`.
+    pub axes: usize,
+    /// At least one.
+    pub buses: usize,
+    /// SYNC to SYNC.
+    pub period: Duration,
+}
+
+impl Shape {
+    /// The axes on as few buses as take them.
+    ///
+    /// # Errors
+    /// If one axis alone does not fit the period.
+    pub fn on_fewest_buses(axes: usize, period: Duration) -> Result<Self, DoesNotFit> {
+        let shape = |buses| Self {
+            axes,
+            buses,
+            period,
+        };
+        (1..axes)
+            .map(shape)
+            .find(|shape| shape.check().is_ok())
+            .map_or_else(|| shape(axes).check().map(|()| shape(axes)), Ok)
+    }
+
+    /// # Errors
+    /// If a bus does not fit the period.
+    pub fn check(&self) -> Result<(), DoesNotFit> {
+        // The first bus has the most axes.
+        let traffic = self.traffic(0);
+        let budget = traffic.budget();
+        if budget.verdict != Verdict::DoesNotFit {
+            return Ok(());
+        }
+        Err(DoesNotFit::Bus {
+            bus: bus_name(0),
+            arithmetic: budget.to_string(),
+            advice: "take a longer period or more buses".into(),
+        })
+    }
+
+    fn axes_of(&self, bus: usize) -> impl Iterator<Item = usize> + use<> {
+        (bus..self.axes).step_by(self.buses)
+    }
+
+    fn node(&self, axis: usize) -> NodeId {
+        NodeId::new((axis / self.buses + 1) as u8).expect("at most 64 axes on a bus")
+    }
+
+    fn device(&self, axis: usize) -> Box<dyn Actuator> {
+        (LXM32M.actuator)(&Settings {
+            node: self.node(axis),
+            cycle: self.period,
+            heartbeat: Heartbeat {
+                controller: NodeId::new(127).expect("a node id"),
+                producer: Duration::from_millis(100),
+                consumer: Duration::from_millis(300),
+            },
+            following_error_limit: None,
+            soft_limits: None,
+            objects: Vec::new(),
+            assumptions: Vec::new(),
+        })
+    }
+
+    fn traffic(&self, bus: usize) -> Traffic {
+        let nodes: Vec<NodeTraffic> = self
+            .axes_of(bus)
+            .map(|axis| self.device(axis).traffic())
+            .collect();
+        Traffic {
+            bit_rate: BIT_RATE,
+            cycle: self.period,
+            nodes,
+        }
+    }
+
+    /// Identifiers that the controller receives and sends on a bus.
+    #[must_use]
+    pub fn identifiers(&self, bus: usize) -> (Vec<CobId>, Vec<CobId>) {
+        let nodes: Vec<NodeId> = self.axes_of(bus).map(|axis| self.node(axis)).collect();
+        let receive = nodes
+            .iter()
+            .flat_map(|&node| {
+                [
+                    CobId::emcy(node),
+                    CobId::t_pdo(2, node),
+                    CobId::t_sdo(node),
+                    CobId::error_control(node),
+                ]
+            })
+            .collect();
+        let burst = nodes.iter().map(|&node| CobId::r_pdo(2, node)).collect();
+        (receive, burst)
+    }
+
+    /// The twins of a bus.
+    pub fn twins(&self, bus: usize) -> impl Iterator<Item = Twin> + use<> {
+        let shape = *self;
+        self.axes_of(bus).map(move |axis| {
+            Twin::new(TwinConfig {
+                seed: axis as u64,
+                ..TwinConfig::new(shape.node(axis))
+            })
+        })
+    }
+
+    /// Its simulated buses.
+    ///
+    /// # Panics
+    /// Never: the bit rate can be simulated.
+    #[must_use]
+    pub fn sim_ports(&self) -> Vec<Box<dyn Port + Send>> {
+        let bit_rate = BitRate::from_kbit(BIT_RATE / 1000).expect("1 Mbit/s");
+        (0..self.buses)
+            .map(|bus| -> Box<dyn Port + Send> {
+                Box::new(SimPort::of_twins(bit_rate, self.twins(bus), |_| ()))
+            })
+            .collect()
+    }
+
+    fn layout(&self) -> Layout {
+        let budgets: Vec<_> = (0..self.buses)
+            .map(|bus| self.traffic(bus).budget())
+            .collect();
+        let latest = |offset: fn(&syncline_canopen::budget::Budget) -> Duration| {
+            budgets.iter().map(offset).max().unwrap_or_default()
+        };
+        let scaling = Scaling::new(131_072, 10.0, Direction::Positive, Increments::from(0));
+        Layout {
+            cycle: self.period,
+            setpoint_offset: latest(|budget| budget.setpoint_offset),
+            latest_burst: budgets
+                .iter()
+                .map(|budget| budget.latest_burst)
+                .min()
+                .unwrap_or(self.period),
+            node: NodeId::new(127).expect("a node id"),
+            heartbeat: Duration::from_millis(100),
+            sdo_timeout: Duration::from_secs(1),
+            sdo_retries: 2,
+            boot_timeout: Duration::from_secs(5),
+            lock_timeout: Duration::from_secs(5),
+            state_timeout: Duration::from_secs(5),
+            t_pdo_misses: 2,
+            buses: budgets
+                .into_iter()
+                .enumerate()
+                .map(|(bus, budget)| {
+                    let mut by_node = [None; 128];
+                    for axis in self.axes_of(bus) {
+                        by_node[usize::from(self.node(axis).get())] = Some(axis);
+                    }
+                    layout::Bus {
+                        name: bus_name(bus),
+                        sdo_per_cycle: (budget.sdo_transfers as usize).max(1),
+                        drives: self.axes_of(bus).collect(),
+                        by_node,
+                    }
+                })
+                .collect(),
+            drives: (0..self.axes)
+                .map(|axis| layout::Drive {
+                    name: format!("drive {axis}"),
+                    bus: axis % self.buses,
+                    device: self.device(axis),
+                    scaling,
+                    heartbeat_timeout: Duration::from_millis(300),
+                    standstill_window: scaling.magnitude(0.05),
+                })
+                .collect(),
+            axes: (0..self.axes)
+                .map(|axis| layout::Axis {
+                    name: format!("axis {axis}"),
+                    coordinate: axis,
+                    drives: vec![axis],
+                    soft_limits: (-1.0, STROKE + 1.0),
+                    following_error_limit: 5.0,
+                    skew_limit: f64::INFINITY,
+                    standstill_window: 0.1,
+                })
+                .collect(),
+        }
+    }
+}
+
+fn bus_name(bus: usize) -> String {
+    format!("bus {bus}")
+}
+
+/// Moves all axes to and fro along one line, for ever.
+pub struct Shuttle<const N: usize> {
+    planner: Planner<N>,
+    axes: usize,
+    out: bool,
+}
+
+impl<const N: usize> Shuttle<N> {
+    /// For the first `axes` of `N` coordinates, starting in zero.
+    #[must_use]
+    pub fn new(axes: usize) -> Self {
+        let limits = Limits {
+            velocity: [SPEED; N],
+            acceleration: [500.0; N],
+            jerk: [10_000.0; N],
+        };
+        Self {
+            planner: Planner::new(limits, [0.0; N]),
+            axes,
+            out: false,
+        }
+    }
+
+    /// The next instruction of the plan.
+    pub fn instruction(&mut self) -> Instruction<N> {
+        loop {
+            if let Some(command) = self.planner.pop() {
+                return Instruction::Plan(command);
+            }
+            self.push();
+        }
+    }
+
+    /// Plans one move whole and forgets it.
+    pub fn one_move(&mut self) {
+        self.push();
+        while self.planner.pop().is_some() {}
+    }
+
+    fn push(&mut self) {
+        let place = |out| {
+            let end = if out { STROKE } else { 0.0 };
+            core::array::from_fn(|axis| if axis < self.axes { end } else { 0.0 })
+        };
+        let line = Curve::line(place(self.out), place(!self.out)).expect("a line");
+        self.out = !self.out;
+        let item = Item::Move(Move {
+            curve: line,
+            feed: Feed::Rapid,
+            exit: Exit::Stop,
+            tag: 1,
+        });
+        self.planner.push(item).expect("within the limits");
+    }
+}
+
+/// A controller with its ports, woken by hand.
+pub struct Rig<const N: usize> {
+    /// The controller under measurement.
+    pub controller: Controller<N>,
+    /// One a bus.
+    pub ports: Vec<Box<dyn Port + Send>>,
+    /// One a bus.
+    pub outboxes: Vec<Outbox>,
+    /// What each wake-up received, by bus.
+    inbox: Vec<(usize, Received)>,
+}
+
+impl<const N: usize> Rig<N> {
+    /// A machine that is switched on at `start`.
+    #[must_use]
+    pub fn new(shape: &Shape, ports: Vec<Box<dyn Port + Send>>, start: Instant) -> Self {
+        Self {
+            controller: Controller::new(Arc::new(shape.layout()), start),
+            outboxes: vec![Outbox::default(); ports.len()],
+            inbox: Vec::with_capacity(8 * shape.axes + 64),
+            ports,
+        }
+    }
+
+    /// A simulated machine that is ready for its program, and the instant of its next wake-up.
+    ///
+    /// # Panics
+    /// If it does not get there.
+    #[must_use]
+    pub fn simulated(shape: &Shape) -> Self {
+        let mut rig = Self::new(shape, shape.sim_ports(), Instant::ZERO);
+        for _ in 0..2 * BRING_UP_CYCLES {
+            if rig.controller.ready().is_some() {
+                return rig;
+            }
+            let Some(wake) = rig.controller.next_wake() else {
+                break;
+            };
+            rig.step(wake.at()).expect("a simulated bus does not fail");
+        }
+        panic!("no bring-up: {:?}", rig.controller.end());
+    }
+
+    /// Takes what has arrived until `now`, without handing it to the controller.
+    ///
+    /// # Errors
+    /// A bus fails.
+    pub fn collect(&mut self, now: Instant) -> Result<&[(usize, Received)], PortError> {
+        self.inbox.clear();
+        for (bus, port) in self.ports.iter_mut().enumerate() {
+            port.advance_to(now);
+            let inbox = &mut self.inbox;
+            port.receive(&mut |received| {
+                // Beyond the capacity is a flooded bus: dropped like a full socket would.
+                if inbox.len() < inbox.capacity() {
+                    inbox.push((bus, received));
+                }
+            })?;
+        }
+        Ok(&self.inbox)
+    }
+
+    /// What the controller does at a wake-up, and nothing else: this is its compute time.
+    pub fn compute(&mut self, now: Instant) {
+        for (bus, received) in &self.inbox {
+            self.controller.receive(*bus, received);
+        }
+        self.outboxes.iter_mut().for_each(Outbox::clear);
+        self.controller.wake(now, &mut self.outboxes);
+    }
+
+    /// Sends what the controller wants sent.
+    ///
+    /// # Errors
+    /// A bus fails.
+    pub fn send(&mut self) -> Result<(), PortError> {
+        for (port, outbox) in self.ports.iter_mut().zip(&self.outboxes) {
+            if let Some(sync) = &outbox.sync {
+                port.send_sync(sync)?;
+            }
+        }
+        for (bus, (port, outbox)) in self.ports.iter_mut().zip(&self.outboxes).enumerate() {
+            let burst = outbox.burst.as_slice();
+            if !burst.is_empty() {
+                let sent = port.send_burst(burst)?;
+                self.controller
+                    .burst_sent(bus, burst.len(), sent, port.echoes());
+            }
+            let acyclic = outbox.acyclic.as_slice();
+            if !acyclic.is_empty() {
+                port.send_acyclic(acyclic)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// One whole wake-up.
+    ///
+    /// # Errors
+    /// A bus fails.
+    pub fn step(&mut self, now: Instant) -> Result<(), PortError> {
+        self.collect(now)?;
+        self.compute(now);
+        self.send()
+    }
+}

@@ -1,0 +1,435 @@
+//! `syncline bench`: measure this host.
+
+use super::{Exit, report};
+use crate::bench::cycle::{self, Outcome};
+use crate::bench::offline::{self, Throughput};
+use crate::bench::rig::Shape;
+use crate::realtime;
+use crate::report::Report;
+use crate::timing;
+use clap::{Args as ClapArgs, Subcommand};
+use serde_json::{Value, json};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+use std::{fs, io, thread};
+
+/// Measure this host: the cycle, and the parts of a simulation.
+///
+/// Times are in µs; a percentile is stated only where at least ten samples lie beyond it.
+#[derive(Debug, ClapArgs)]
+pub(super) struct Args {
+    #[command(subcommand)]
+    what: What,
+}
+
+#[derive(Debug, Subcommand)]
+enum What {
+    Cycle(CycleArgs),
+    /// Simulated bus: how many cycles of frames a second
+    Bus(OfflineArgs),
+    /// Simulated drives: how many cycles of control loops and mechanics a second
+    Plant(OfflineArgs),
+    /// Path planner: how many moves a second
+    Plan(OfflineArgs),
+}
+
+/// The real-time cycle, stage by stage: wake-up, SYNC, receive, compute, send, and how long before
+/// the next SYNC the setpoints were out.
+///
+/// Drives are simulated: on simulated buses, or behind SocketCAN interfaces of this host (vcan).
+/// Compute is the thread's processor time; cycles in which the processor was taken away are left
+/// out of it and counted.
+#[derive(Debug, ClapArgs)]
+struct CycleArgs {
+    /// `sim`, or SocketCAN interfaces without drives on them, one for each bus: vcan0,vcan1
+    #[arg(long, default_value = "sim", value_delimiter = ',')]
+    bus: Vec<String>,
+    /// Axes, 1…64, spread over as few simulated buses as take them
+    #[arg(long, default_value_t = 4, value_parser = clap::value_parser!(u8).range(1..=64))]
+    axes: u8,
+    /// SYNC to SYNC: 500us, 1ms, 2ms …
+    #[arg(long, default_value = "2ms", value_parser = duration)]
+    period: Duration,
+    /// How long to measure
+    #[arg(long, default_value = "60s", value_parser = duration)]
+    duration: Duration,
+    /// Keep all processors busy meanwhile
+    #[arg(long)]
+    load: bool,
+    /// Interleave a bare wake-up loop and tell what the controller adds, with 95 % intervals
+    #[arg(long)]
+    control: bool,
+    /// The core to run on
+    #[arg(long)]
+    core: Option<usize>,
+    /// SCHED_FIFO priority
+    #[arg(long, default_value_t = 80, value_parser = clap::value_parser!(u8).range(1..=99))]
+    priority: u8,
+    /// Stay awake that long before each instant, for a core of its own
+    #[arg(long, default_value = "0us", value_parser = duration)]
+    spin: Duration,
+    #[command(flatten)]
+    output: Output,
+}
+
+/// What a simulation is made of, as fast as the processor allows.
+#[derive(Debug, ClapArgs)]
+struct OfflineArgs {
+    /// Axes, 1…64
+    #[arg(long, default_value_t = 4, value_parser = clap::value_parser!(u8).range(1..=64))]
+    axes: u8,
+    /// SYNC to SYNC
+    #[arg(long, default_value = "2ms", value_parser = duration)]
+    period: Duration,
+    /// How many to measure
+    #[arg(long, default_value_t = 20_000)]
+    steps: u64,
+    #[command(flatten)]
+    output: Output,
+}
+
+#[derive(Debug, ClapArgs)]
+struct Output {
+    /// Print JSON instead of text
+    #[arg(long)]
+    json: bool,
+    /// Write a self-contained HTML report
+    #[arg(long, value_name = "FILE")]
+    report: Option<PathBuf>,
+    /// Write each distribution as a percentile table for HdrHistogram's plotter:
+    /// FILE becomes FILE-<name>.hgrm
+    #[arg(long, value_name = "FILE")]
+    hgrm: Option<PathBuf>,
+}
+
+impl Args {
+    /// Measures and prints.
+    pub(super) fn execute(&self) -> Exit {
+        match &self.what {
+            What::Cycle(args) => args.execute(),
+            What::Bus(args) => args.execute(offline::bus),
+            What::Plant(args) => args.execute(offline::plant),
+            What::Plan(args) => args.execute(offline::plan),
+        }
+    }
+}
+
+impl CycleArgs {
+    fn execute(&self) -> Exit {
+        let axes = usize::from(self.axes);
+        let interfaces = if self.bus == ["sim"] {
+            Vec::new()
+        } else {
+            self.bus.clone()
+        };
+        let shape = if interfaces.is_empty() {
+            Shape::on_fewest_buses(axes, self.period)
+        } else {
+            let shape = Shape {
+                axes,
+                buses: interfaces.len().min(axes),
+                period: self.period,
+            };
+            shape.check().map(|()| shape)
+        };
+        let shape = match shape {
+            Ok(shape) => shape,
+            Err(refused) => {
+                report(&refused);
+                return Exit::BadInput;
+            }
+        };
+        let cycles = self.duration.as_nanos() / self.period.as_nanos().max(1);
+        let options = cycle::Options {
+            shape,
+            interfaces,
+            cycles: cycles.clamp(1, 1 << 32) as u64,
+            control: self.control,
+            realtime: realtime::Settings {
+                priority: self.priority,
+                core: self.core,
+            },
+            spin: self.spin,
+        };
+        let load = self.load.then(Load::new);
+        let measured = cycle::measure(&options);
+        drop(load);
+        let outcome = match measured {
+            Ok(outcome) => outcome,
+            Err(error) => {
+                report(&error);
+                return Exit::Stopped;
+            }
+        };
+        let facts = self.facts(&options, &outcome);
+        if self.output.json {
+            println!("{:#}", cycle_json(&facts, &outcome));
+        } else {
+            print_facts(&facts);
+            println!("{}", outcome.granted);
+            for distribution in &outcome.distributions {
+                println!("{}", distribution.line(outcome.start));
+            }
+        }
+        self.output
+            .write("bench cycle", &facts, &outcome.distributions)
+    }
+
+    fn facts(&self, options: &cycle::Options, outcome: &Outcome) -> Vec<(String, String)> {
+        let worst = &outcome.worst;
+        let mut facts = vec![
+            ("axes".into(), self.axes.to_string()),
+            (
+                "buses".into(),
+                format!("{}, {}", options.shape.buses, outcome.stamps),
+            ),
+            (
+                "period".into(),
+                format!("{} us", timing::micros(self.period)),
+            ),
+            (
+                "load".into(),
+                if self.load { "all processors" } else { "none" }.into(),
+            ),
+            ("cycles".into(), outcome.cycles.to_string()),
+            ("late wake-ups".into(), outcome.late.to_string()),
+            ("late setpoints".into(), outcome.dropped.to_string()),
+            ("preempted".into(), outcome.preempted.to_string()),
+            (
+                "worst cycle".into(),
+                format!(
+                    "at {:.3} s: wake-up {}, receive {}, compute {}, send {} us: {}",
+                    worst.at.as_secs_f64(),
+                    timing::micros(worst.wake),
+                    timing::micros(worst.receive),
+                    timing::micros(worst.compute),
+                    timing::micros(worst.send),
+                    worst.longest()
+                ),
+            ),
+        ];
+        for (name, difference) in outcome.control.iter().flatten() {
+            facts.push((
+                format!("controller − bare, {name}"),
+                format!(
+                    "{:.3} us, 95 % interval {:.3}…{:.3} us",
+                    difference.estimate / 1e3,
+                    difference.low / 1e3,
+                    difference.high / 1e3
+                ),
+            ));
+        }
+        facts
+    }
+}
+
+fn cycle_json(facts: &[(String, String)], outcome: &Outcome) -> Value {
+    let distributions: serde_json::Map<String, Value> = outcome
+        .distributions
+        .iter()
+        .map(|it| (it.name().to_owned(), it.json(outcome.start)))
+        .collect();
+    let control: serde_json::Map<String, Value> = outcome
+        .control
+        .iter()
+        .flatten()
+        .map(|(name, difference)| {
+            let micros = |nanos: f64| nanos / 1e3;
+            (
+                (*name).to_owned(),
+                json!({
+                    "difference_us": micros(difference.estimate),
+                    "low_us": micros(difference.low),
+                    "high_us": micros(difference.high),
+                }),
+            )
+        })
+        .collect();
+    let granted = outcome
+        .granted
+        .requests()
+        .iter()
+        .map(|request| json!({ "what": request.what, "granted": request.refused.is_none() }));
+    json!({
+        "facts": facts_json(facts),
+        "cycles": outcome.cycles,
+        "late_wakeups": outcome.late,
+        "late_setpoints": outcome.dropped,
+        "preempted": outcome.preempted,
+        "worst_stage": outcome.worst.longest(),
+        "realtime": granted.collect::<Vec<_>>(),
+        "control": control,
+        "distributions": distributions,
+    })
+}
+
+fn facts_json(facts: &[(String, String)]) -> Value {
+    Value::Object(
+        facts
+            .iter()
+            .map(|(name, value)| (name.clone(), json!(value)))
+            .collect(),
+    )
+}
+
+fn print_facts(facts: &[(String, String)]) {
+    for (name, value) in facts {
+        println!("{name:<26}{value}");
+    }
+}
+
+impl OfflineArgs {
+    fn execute(&self, measure: fn(&Shape, u64) -> Throughput) -> Exit {
+        let shape = Shape {
+            axes: self.axes.into(),
+            buses: 1,
+            period: self.period,
+        };
+        let throughput = measure(&shape, self.steps.max(1));
+        let facts = vec![
+            ("axes".to_owned(), self.axes.to_string()),
+            ("speed".to_owned(), throughput.speed()),
+        ];
+        let distribution = &throughput.distribution;
+        if self.output.json {
+            println!(
+                "{:#}",
+                json!({
+                    "facts": facts_json(&facts),
+                    "steps_per_second": throughput.steps as f64 / throughput.total.as_secs_f64(),
+                    "distributions": { distribution.name(): distribution.json(throughput.start) },
+                })
+            );
+        } else {
+            print_facts(&facts);
+            println!("{}", distribution.line(throughput.start));
+        }
+        self.output.write(
+            distribution.name(),
+            &facts,
+            std::slice::from_ref(distribution),
+        )
+    }
+}
+
+impl Output {
+    /// Writes the files that were asked for.
+    fn write(
+        &self,
+        what: &str,
+        facts: &[(String, String)],
+        distributions: &[timing::Distribution],
+    ) -> Exit {
+        let written = (|| {
+            if let Some(file) = &self.report {
+                write(file, &html(what, facts, distributions))?;
+            }
+            for distribution in self.hgrm.iter().flat_map(|_| distributions) {
+                let name = distribution.name().replace(' ', "-");
+                let mut file = self.hgrm.clone().unwrap_or_default().into_os_string();
+                file.push(format!("-{name}.hgrm"));
+                write(Path::new(&file), &distribution.hgrm())?;
+            }
+            Ok(())
+        })();
+        match written {
+            Ok(()) => Exit::Finished,
+            Err((file, error)) => {
+                eprintln!("error: cannot write {}: {error}", file.display());
+                Exit::BadInput
+            }
+        }
+    }
+}
+
+fn write(file: &Path, text: &str) -> Result<(), (PathBuf, io::Error)> {
+    fs::write(file, text).map_err(|error| (file.into(), error))
+}
+
+fn html(what: &str, facts: &[(String, String)], distributions: &[timing::Distribution]) -> String {
+    let host = fs::read_to_string("/proc/version").unwrap_or_default();
+    Report {
+        machine: what.into(),
+        program: String::new(),
+        mode: host.trim().into(),
+        passed: true,
+        outcome: "measured".into(),
+        violations: Vec::new(),
+        facts: facts.to_vec(),
+        time: Vec::new(),
+        line: Vec::new(),
+        feed: Vec::new(),
+        axes: Vec::new(),
+        distributions: distributions.to_vec(),
+    }
+    .to_html()
+}
+
+/// A duration as people write it: `500us`, `1ms`, `60s`, `2min`.
+fn duration(text: &str) -> Result<Duration, String> {
+    let digits = text.trim_end_matches(|c: char| c.is_ascii_alphabetic());
+    let scale = match &text[digits.len()..] {
+        "us" => 1e-6,
+        "ms" => 1e-3,
+        "s" => 1.0,
+        "min" => 60.0,
+        _ => return Err("give a number and us, ms, s or min".into()),
+    };
+    let number: f64 = digits.parse().map_err(|_| "not a number".to_owned())?;
+    Duration::try_from_secs_f64(number * scale).map_err(|error| error.to_string())
+}
+
+/// Threads that keep every processor and its caches busy until dropped.
+struct Load {
+    stop: Arc<AtomicBool>,
+    threads: Vec<thread::JoinHandle<()>>,
+}
+
+impl Load {
+    fn new() -> Self {
+        let stop = Arc::new(AtomicBool::new(false));
+        let count = thread::available_parallelism().map_or(2, usize::from);
+        let threads = (0..count)
+            .map(|_| {
+                let stop = Arc::clone(&stop);
+                thread::spawn(move || {
+                    let mut memory = vec![0_u64; 4 << 20];
+                    let mut at = 1_usize;
+                    while !stop.load(Ordering::Relaxed) {
+                        for _ in 0..4096 {
+                            at = at.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+                            let place = (at >> 20) % memory.len();
+                            memory[place] = memory[place].wrapping_add(at as u64);
+                        }
+                    }
+                })
+            })
+            .collect();
+        Self { stop, threads }
+    }
+}
+
+impl Drop for Load {
+    fn drop(&mut self) {
+        self.stop.store(true, Ordering::Relaxed);
+        for thread in self.threads.drain(..) {
+            let _ = thread.join();
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::duration;
+    use std::time::Duration;
+
+    #[test]
+    fn durations_are_read_as_people_write_them() {
+        assert_eq!(duration("500us"), Ok(Duration::from_micros(500)));
+        assert_eq!(duration("1.5ms"), Ok(Duration::from_micros(1500)));
+        assert_eq!(duration("2min"), Ok(Duration::from_secs(120)));
+        assert!(duration("5").is_err() && duration("ms").is_err() && duration("-1s").is_err());
+    }
+}
