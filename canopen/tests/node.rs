@@ -616,6 +616,33 @@ fn sync_producer() {
     );
 }
 
+/// What cannot be done must not stay due: whoever drives the node would never get past it.
+#[test]
+fn no_deadline_stays_due() {
+    let mut bench = Bench::new();
+    bench.set(0x1005, 0, 0x4000_0080);
+    bench.set(0x1006, 0, 10_000);
+    bench.set(0x1800, 5, 20);
+    bench.set(0x1800, 1, 0x8000_0181);
+    bench.send("000#0101");
+    assert_eq!(bench.pass(25), ["10 080#", "20 080#"]);
+    bench.send("000#0201");
+    assert!(bench.pass(20).is_empty());
+    bench.send("000#8001");
+    assert_eq!(bench.pass(15), ["55 080#"], "starts anew");
+}
+
+#[test]
+fn event_timer_waits_for_the_inhibit_time() {
+    let mut bench = Bench::new();
+    bench.set(0x1800, 1, 0x8000_0181);
+    bench.set(0x1800, 3, 300); // 30 ms
+    bench.set(0x1800, 5, 20);
+    bench.set(0x1800, 1, 0x181);
+    bench.send("000#0101");
+    assert_eq!(bench.pass(70), ["30 181#3162", "60 181#3162"]);
+}
+
 #[test]
 fn second_sdo_server() {
     let mut bench = Bench::new();

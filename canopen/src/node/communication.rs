@@ -95,15 +95,15 @@ impl Communication {
     pub(super) fn deadline(&self) -> Option<Instant> {
         let watched = self.watched.iter().filter_map(|watched| watched.deadline());
         let t_pdos = self.t_pdos.iter().filter_map(TPdo::deadline);
-        let single = [
-            self.heartbeat.deadline(),
-            self.guarding.deadline(),
-            self.emcy.deadline(),
-            self.sync.as_ref().and_then(sync::Producer::deadline),
-        ];
+        let always = [self.heartbeat.deadline(), self.guarding.deadline()];
+        let sync = self.sync.as_ref().and_then(sync::Producer::deadline);
+        // Neither is sent while the node is Stopped.
+        let communicating =
+            [self.emcy.deadline(), sync].map(|due| due.filter(|_| self.nmt.state().communicates()));
         watched
             .chain(t_pdos)
-            .chain(single.into_iter().flatten())
+            .chain(always.into_iter().flatten())
+            .chain(communicating.into_iter().flatten())
             .min()
     }
 
@@ -186,7 +186,17 @@ impl Communication {
     }
 
     /// The node's state changes to one without reset.
-    pub(super) fn enter(&mut self, now: Instant, state: State, app: &mut impl Application) {
+    pub(super) fn enter(
+        &mut self,
+        now: Instant,
+        from: State,
+        state: State,
+        app: &mut impl Application,
+    ) {
+        if !from.communicates() && state.communicates() {
+            // SYNC starts anew, and its counter with it.
+            self.load_1005_sync(now, app.objects());
+        }
         self.nmt.enter(state);
         self.r_pdos.iter_mut().for_each(RPdo::reset);
         for pdo in &mut self.t_pdos {
@@ -216,13 +226,10 @@ impl Communication {
         if self.guarding.poll(now) {
             self.on_lost(now, CommunicationError::LifeGuarding, app, tx);
         }
-        if self.nmt.state().communicates() {
-            if let Some(sync) = self.sync.as_mut().and_then(|sync| sync.poll(now, tx)) {
-                self.on_sync(now, sync, app, tx);
-            }
-            if let Some(id) = self.emcy_id {
-                self.emcy.poll(now, id, tx);
-            }
+        if self.nmt.state().communicates()
+            && let Some(sync) = self.sync.as_mut().and_then(|sync| sync.poll(now, tx))
+        {
+            self.on_sync(now, sync, app, tx);
         }
     }
 
@@ -237,11 +244,12 @@ impl Communication {
         if let Some(emergency) = app.on_communication_error(now, error) {
             self.emergency(now, emergency, app, tx);
         }
+        let state = self.nmt.state();
         match app.objects().value(0x1029, 1).unwrap_or(0) {
-            0 if self.nmt.state() == State::Operational => {
-                self.enter(now, State::PreOperational, app);
+            0 if state == State::Operational => {
+                self.enter(now, state, State::PreOperational, app);
             }
-            2 => self.enter(now, State::Stopped, app),
+            2 if state != State::Stopped => self.enter(now, state, State::Stopped, app),
             _ => {}
         }
     }
@@ -280,14 +288,19 @@ impl Communication {
         }
     }
 
-    /// Sends the T_PDOs that an event or their event timer asks for.
+    /// Sends the emergencies that have waited long enough, and the T_PDOs that an event or their
+    /// event timer asks for.
     pub(super) fn send_events(
         &mut self,
         now: Instant,
         app: &mut impl Application,
         tx: &mut (impl Transmit + ?Sized),
     ) {
-        if self.nmt.state() == State::Operational {
+        let state = self.nmt.state();
+        if let Some(id) = self.emcy_id.filter(|_| state.communicates()) {
+            self.emcy.poll(now, id, tx);
+        }
+        if state == State::Operational {
             for pdo in &mut self.t_pdos {
                 pdo.send_event(now, app, tx);
             }

@@ -353,7 +353,7 @@ impl Node {
         }
         if frame.id() == CanId::from(CobId::NMT) {
             match self.communication.nmt.on_frame(frame) {
-                Some(nmt::Event::Entered(state)) => self.communication.enter(now, state, app),
+                Some(nmt::Event::Entered(to)) => self.communication.enter(now, state, to, app),
                 Some(event) => return self.reset(now, event, app, tx),
                 None => {}
             }

@@ -89,16 +89,13 @@ impl TPdo {
     }
 
     pub(super) fn deadline(&self) -> Option<Instant> {
-        let inhibited = self.allowed.filter(|_| self.event);
-        match (inhibited, self.timer) {
-            (Some(allowed), Some(timer)) => Some(allowed.min(timer)),
-            (allowed, timer) => allowed.or(timer),
-        }
+        // An event timer that runs out meanwhile waits for the inhibit time as well.
+        self.allowed.filter(|_| self.event).or(self.timer)
     }
 
     fn start_timer(&mut self, now: Instant) {
-        let runs = self.kind.is_event_driven() && !self.event_time.is_zero();
-        self.timer = runs.then(|| now + self.event_time);
+        let runs = self.is_valid() && self.kind.is_event_driven();
+        self.timer = (runs && !self.event_time.is_zero()).then(|| now + self.event_time);
     }
 
     fn sample(&self, now: Instant, app: &mut impl Application) -> Packer {
