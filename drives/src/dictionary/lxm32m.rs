@@ -14,7 +14,7 @@ use syncline_canopen::dictionary::{Entry, ro, rw, table};
 
 /// The table, in ascending order.
 #[rustfmt::skip]
-pub static LXM32M: [Entry; 848] = table([
+pub static LXM32M: [Entry; 848] = table(keep_settings([
     // 1xxxh: communication profile. Nothing here is stored (lxm32m 2945-4524).
     ro(0x1000, 0, "Device type", U32).default(0x0042_0192),                                          // 2947-2973
     ro(0x1001, 0, "Error register", U8),                                                             // 2975-3008
@@ -866,4 +866,15 @@ pub static LXM32M: [Entry; 848] = table([
     ro(0x60F4, 0, "_p_dif", I32).t_pdo().inferred(),                                                 // 2941  Position deviation including dynamic part
     rw(0x60FF, 0, "PVv_target", I32).default(0).unit("usr_v").r_pdo(),                               // 2942  Target velocity (usr_v), capped by CTRL_v_max and RAMP_v_max
     ro(0x6502, 0, "_SuppDriveModes", U32).assumed(109).t_pdo().inferred(),                           // 2943  Supported operating modes per DSP402 (bit mask
-]);
+]));
+
+/// Which settings survive power-off once stored is in the drive's own manual: all those without a
+/// printed word on it, assumed.
+const fn keep_settings<const N: usize>(mut rows: [Entry; N]) -> [Entry; N] {
+    let mut row = 0;
+    while row < N {
+        rows[row].persistent = rows[row].inferred && rows[row].access.writable();
+        row += 1;
+    }
+    rows
+}

@@ -297,8 +297,8 @@ impl Drive {
         self.deviation().abs() <= window
     }
 
-    /// The part of the deviation that a load causes: without the lag that a position loop has at
-    /// constant velocity with less than full feed-forward.
+    /// Supervises the part of the deviation that a load causes: a position loop with less than
+    /// full feed-forward may lag as it does at constant velocity.
     fn following_fault(&self) -> Option<DriveError> {
         if matches!(self.motion, Motion::Torque(_)) {
             return None;
@@ -306,7 +306,9 @@ impl Drive {
         let gains = &self.cascade.gains;
         let lag = self.ramp.velocity * (1.0 - gains.velocity_feed_forward) / gains.position;
         let limit = self.increments_of(self.objects.get(self.rows.following_error_limit));
-        ((self.deviation() - lag).abs() > limit).then_some(DriveError::FOLLOWING_ERROR)
+        let deviation = self.deviation();
+        let by_load = deviation.abs().min((deviation - lag).abs());
+        (by_load > limit).then_some(DriveError::FOLLOWING_ERROR)
     }
 
     /// A limit switch in the direction of movement (homing may run onto it).
@@ -361,8 +363,9 @@ impl Drive {
     /// Brings the objects that show the drive's condition up to `now`.
     pub(super) fn publish(&mut self, now: Instant) {
         let rows = self.rows;
-        let encoder = self.plant.encoder(self.clock.since_step(now)) - self.zero;
-        let reference = self.ramp.position as i64 - self.zero;
+        let encoder = self.plant.encoder(self.clock.since_step(now));
+        let encoder = encoder.saturating_sub(self.zero);
+        let reference = (self.ramp.position as i64).saturating_sub(self.zero);
         let velocity = self.actual_velocity();
         let rpm = velocity * 60.0 / INCREMENTS_PER_REVOLUTION;
         let torque = self.cascade.torque() / self.cascade.gains.continuous_torque * 1000.0;
@@ -380,7 +383,10 @@ impl Drive {
             (rows.mode_active, self.mode as i64),
             (rows.position, position),
             (rows.reference, user_reference),
-            (rows.position_deviation, user_reference - position),
+            (
+                rows.position_deviation,
+                user_reference.saturating_sub(position),
+            ),
             (rows.velocity, self.user_velocity(velocity)),
             (
                 rows.velocity_reference,

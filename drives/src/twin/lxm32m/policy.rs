@@ -3,6 +3,7 @@
 //! Every default here is an **assumption** of the twin, never a fact about the drive. Lines are
 //! those of the manual's text, D-24 and the like the doubts listed in `docs/lxm32m.md`.
 
+use core::ops::RangeInclusive;
 use syncline_canopen::time::Duration;
 
 /// Options where the manual is silent; see the [module](self).
@@ -10,6 +11,8 @@ use syncline_canopen::time::Duration;
 pub struct Policies {
     /// Time from the command to enable until the power stage is on and the brake open.
     pub enable_time: Duration,
+    /// What 60C2h:1 takes, milliseconds with the default of 60C2h:2.
+    pub periods: RangeInclusive<i64>,
     /// What 3022h:4 `SyncMechTol` counts: a SYNC may be off by its value times this.
     pub sync_tolerance_unit: Duration,
     /// SYNCs within tolerance in a row until 3022h:6 says synchronised.
@@ -45,6 +48,7 @@ impl Default for Policies {
     fn default() -> Self {
         Self {
             enable_time: Duration::from_millis(4),
+            periods: 1..=20,
             sync_tolerance_unit: Duration::from_micros(250),
             lock_cycles: 20,
             missing_syncs: Some(2),

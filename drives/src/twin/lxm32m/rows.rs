@@ -29,6 +29,8 @@ rows! {
     last_warning = 0x301C:0x09;
     warnings_active = 0x301C:0x0B;
     warnings_latched = 0x301C:0x0C;
+    store_parameters = 0x3004:0x01;
+    reset_parameters = 0x3004:0x08;
     position_denominator = 0x3006:0x07;
     position_numerator = 0x3006:0x08;
     velocity_denominator = 0x3006:0x21;
@@ -76,6 +78,10 @@ rows! {
     data_set_next = 0x302D:0x17;
     data_set_condition = 0x302D:0x18;
     data_set_condition_value = 0x302D:0x19;
+    clear_error_memory = 0x303B:0x04;
+    memory_number = 0x303C:0x01;
+    memory_class = 0x303C:0x02;
+    memory_time = 0x303C:0x03;
     last_error = 0x603F:0;
     controlword = 0x6040:0;
     statusword = 0x6041:0;

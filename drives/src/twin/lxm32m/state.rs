@@ -160,6 +160,7 @@ impl Drive {
         self.errors.active = Some(error);
         self.errors.tell(error, 0);
         self.objects.set(rows.last_error, error.number.into());
+        self.remember(error.number.into(), error.class as i64);
         self.x_err = true;
         let powered = self.is_powered();
         match error.class {
@@ -173,6 +174,16 @@ impl Drive {
             }
             _ => self.enter(State::Fault),
         }
+    }
+
+    /// Enters an error in the error memory, whose newest entry alone can be read here: how the
+    /// others are reached is not in the manual at hand.
+    pub(super) fn remember(&mut self, number: i64, class: i64) {
+        let rows = self.rows;
+        self.objects.set(rows.memory_number, number);
+        self.objects.set(rows.memory_class, class);
+        let seconds = self.now.as_nanos() / 1_000_000_000;
+        self.objects.set(rows.memory_time, seconds as i64);
     }
 
     fn reset_errors(&mut self) {

@@ -2,7 +2,7 @@
 
 use super::Mode;
 use crate::twin::lxm32m::drive::{Drive, POSITION_STEP};
-use crate::twin::lxm32m::motion::Motion;
+use crate::twin::lxm32m::motion::{Motion, Ramp};
 
 /// 301Bh:12 `GEARreference` (lxm32m 1461).
 const WITHOUT_COMPENSATION: i64 = 1;
@@ -12,8 +12,9 @@ const VELOCITY: i64 = 3;
 /// What the gear is engaged with.
 #[derive(Clone, Copy, Debug, Default)]
 pub(in crate::twin::lxm32m) struct Gear {
-    /// Pulses that belong to the reference's present position.
+    /// Pulses, and the reference's position that belongs to them.
     pulses: f64,
+    position: f64,
 }
 
 impl Drive {
@@ -24,7 +25,7 @@ impl Drive {
         }
         match self.objects.get(self.rows.gear_reference) {
             WITHOUT_COMPENSATION => {
-                self.gear.pulses = self.pulses.position;
+                self.engage();
                 self.begin(Motion::Gear);
             }
             WITH_COMPENSATION | VELOCITY => self.begin(Motion::Gear),
@@ -32,7 +33,15 @@ impl Drive {
         }
     }
 
-    /// The reference goes where the pulses say, no faster than 3026h:9 (0: as 607Fh says).
+    fn engage(&mut self) {
+        self.gear = Gear {
+            pulses: self.pulses.position,
+            position: self.ramp.position,
+        };
+    }
+
+    /// The reference goes where the pulses say; what it lags behind it makes up for along the
+    /// profile's ramps, no faster than 3026h:9 (0: as 607Fh says).
     pub(in crate::twin::lxm32m) fn follow_pulses(&mut self) {
         let ratio = self.gear_ratio();
         let velocity = self.pulses.frequency * ratio;
@@ -41,18 +50,24 @@ impl Drive {
             limit => limit,
         };
         let limits = self.profile_limits(most);
+        let velocity = velocity.clamp(-limits.velocity, limits.velocity);
         if self.objects.get(self.rows.gear_reference) == VELOCITY {
-            let velocity = velocity.clamp(-limits.velocity, limits.velocity);
             self.ramp.towards_velocity(velocity, &limits, POSITION_STEP);
-            self.gear.pulses = self.pulses.position;
+            self.engage();
             return;
         }
-        let step = (self.pulses.position - self.gear.pulses) * ratio;
-        let most = limits.velocity * POSITION_STEP;
-        let moved = step.clamp(-most, most);
-        self.gear.pulses += moved / ratio;
-        self.ramp.position += moved;
-        self.ramp.velocity = moved / POSITION_STEP;
+        let pulses = self.pulses.position - self.gear.pulses;
+        let target = self.gear.position + pulses * ratio;
+        // Seen from the target, which moves with the pulses, the lag goes to rest at 0.
+        let mut lag = Ramp {
+            position: self.ramp.position - (target - velocity * POSITION_STEP),
+            velocity: self.ramp.velocity - velocity,
+        };
+        lag.towards_position(0.0, &limits, POSITION_STEP);
+        self.ramp = Ramp {
+            position: target + lag.position,
+            velocity: velocity + lag.velocity,
+        };
     }
 
     /// Motor increments per pulse: 3026h:4 over 3026h:3, or the second pair if 3026h:E picks it.

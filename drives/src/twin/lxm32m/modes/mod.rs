@@ -169,6 +169,9 @@ impl Drive {
         if row == rows.mode && Mode::of(value).is_none() {
             return Err(AbortCode::InvalidValue);
         }
+        if row == rows.period_value && !self.policies.periods.contains(&value) {
+            return Err(AbortCode::InvalidValue);
+        }
         if row == rows.data_set_number && !(0..128).contains(&value) {
             return Err(AbortCode::InvalidValue);
         }
@@ -208,6 +211,15 @@ impl Drive {
             } else {
                 self.sync.stop(&mut self.clock, self.now);
             }
+        } else if row == rows.store_parameters && value == 1 {
+            self.objects.set(row, 0);
+            self.objects.store(|_| true);
+        } else if row == rows.reset_parameters && value == 1 {
+            self.objects.set(row, 0);
+            self.objects.forget(|entry| entry.persistent);
+        } else if row == rows.clear_error_memory && value == 1 {
+            self.objects.set(row, 0);
+            self.remember(0, 0);
         } else {
             self.data_set_written(row);
         }

@@ -193,7 +193,7 @@ impl Drive {
     fn data_set_done(&self) -> bool {
         match self.motion {
             Motion::Velocity(target, _) => self.ramp.velocity == target,
-            _ => self.is_at_rest(),
+            _ => self.is_at_rest() && self.is_in_window(),
         }
     }
 }

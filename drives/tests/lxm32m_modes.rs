@@ -1,0 +1,392 @@
+//! The operating modes from the bus: start, monitoring bits, ending, Halt, Quick Stop.
+
+mod common;
+
+use common::{Bench, id, ms};
+use syncline_canopen::cia402::{State, Statusword};
+use syncline_drives::twin::lxm32m::{Switches, TwinConfig};
+
+const TARGET_REACHED: u16 = Statusword::TARGET_REACHED;
+const BIT_12: u16 = Statusword::MODE_12;
+const X_ERR: u16 = Statusword::BIT_13;
+const X_END: u16 = Statusword::BIT_14;
+const REF_OK: u16 = Statusword::BIT_15;
+const HALT: u16 = 0x0100;
+
+fn enabled(config: TwinConfig, mode: i8) -> Bench {
+    let mut bench = Bench::new([config]);
+    for word in [0x0006, 0x000F] {
+        bench.controlword(1, word);
+    }
+    bench.write(1, 0x6060, 0, &[mode as u8]).unwrap();
+    assert_eq!(bench.read(1, 0x6061, 0).unwrap(), [mode as u8]);
+    bench
+}
+
+fn drive(mode: i8) -> Bench {
+    enabled(TwinConfig::new(id(1)), mode)
+}
+
+fn set(bench: &mut Bench, index: u16, sub: u8, value: i32) {
+    let bytes = value.to_le_bytes();
+    let size = bench.read(1, index, sub).unwrap().len();
+    assert_eq!(
+        bench.write(1, index, sub, &bytes[..size]),
+        Ok(()),
+        "{index:04X}:{sub:X}"
+    );
+}
+
+fn status(bench: &mut Bench) -> u16 {
+    bench.read_u16(1, 0x6041, 0)
+}
+
+/// Waits until these statusword bits are set.
+fn wait_for(bench: &mut Bench, bits: u16, seconds: u64) {
+    for _ in 0..seconds * 100 {
+        if status(bench) & bits == bits {
+            return;
+        }
+        bench.wait(ms(10));
+    }
+    panic!("bits {bits:04X} of {:04X}", status(bench));
+}
+
+fn rpm(bench: &mut Bench) -> f64 {
+    bench.twin().velocity() * 60.0
+}
+
+#[test]
+fn velocity_reaches_its_target_along_its_ramp_and_halts() {
+    let mut bench = drive(3);
+    set(&mut bench, 0x6083, 0, 1000);
+    set(&mut bench, 0x60FF, 0, -600);
+    bench.wait(ms(300));
+    assert!(
+        (-330.0..-270.0).contains(&rpm(&mut bench)),
+        "{}",
+        rpm(&mut bench)
+    );
+    assert_eq!(status(&mut bench) & (TARGET_REACHED | X_END), 0);
+    wait_for(&mut bench, TARGET_REACHED, 2);
+    bench.wait(ms(100));
+    assert!((rpm(&mut bench) + 600.0).abs() < 3.0);
+    bench.controlword(1, 0x000F | HALT);
+    assert_ne!(status(&mut bench) & HALT, 0);
+    wait_for(&mut bench, X_END | TARGET_REACHED, 3);
+    assert!(rpm(&mut bench).abs() < 3.0);
+    assert_eq!(bench.twin().state(), State::OperationEnabled);
+}
+
+#[test]
+fn velocity_is_capped_by_both_limits() {
+    let mut bench = drive(3);
+    for (index, sub) in [(0x607F, 0), (0x3011, 0x10)] {
+        set(&mut bench, index, sub, 200);
+        set(&mut bench, 0x60FF, 0, 3000);
+        bench.wait(ms(1500));
+        assert!((rpm(&mut bench) - 200.0).abs() < 3.0, "{}", rpm(&mut bench));
+        set(&mut bench, 0x60FF, 0, 0);
+        wait_for(&mut bench, X_END, 3);
+        set(&mut bench, index, sub, 13_200);
+    }
+}
+
+#[test]
+fn torque_drives_and_quick_stop_holds() {
+    let mut bench = drive(4);
+    set(&mut bench, 0x6071, 0, -200);
+    bench.wait(ms(100));
+    let actual = bench.read(1, 0x6077, 0).unwrap();
+    assert_eq!(i16::from_le_bytes(actual.try_into().unwrap()), -200);
+    assert!(rpm(&mut bench) < -100.0);
+    bench.controlword(1, 0x000B);
+    wait_for(&mut bench, X_END | X_ERR, 3);
+    bench.wait(ms(100));
+    assert_eq!(bench.twin().state(), State::QuickStopActive);
+    assert!(rpm(&mut bench).abs() < 3.0);
+    bench.controlword(1, 0x000F);
+    assert_eq!(status(&mut bench) & (X_ERR | 0x6F), 0x27);
+}
+
+#[test]
+fn positions_absolute_relative_queued_and_at_once() {
+    let mut bench = drive(1);
+    for (index, value) in [(0x6081, 600), (0x6083, 6000), (0x6084, 6000)] {
+        set(&mut bench, index, 0, value);
+    }
+    let go = |bench: &mut Bench, target: i32, bits: u16| {
+        bench.controlword(1, 0x000F);
+        set(bench, 0x607A, 0, target);
+        bench
+            .write(1, 0x6040, 0, &(0x001F | bits).to_le_bytes())
+            .unwrap();
+        bench.wait(ms(1));
+        assert_ne!(status(bench) & BIT_12, 0);
+    };
+    let at = |bench: &mut Bench| {
+        wait_for(bench, X_END | TARGET_REACHED, 10);
+        bench.read_i32(1, 0x6064, 0)
+    };
+    go(&mut bench, 40_000, 0);
+    assert_eq!(status(&mut bench) & (TARGET_REACHED | X_END), 0);
+    assert!((at(&mut bench) - 40_000).abs() <= 16);
+    go(&mut bench, -10_000, 0x40);
+    assert!((at(&mut bench) - 30_000).abs() <= 16);
+    // One target more is taken over and executed at the first one's end.
+    go(&mut bench, 60_000, 0);
+    go(&mut bench, 50_000, 0);
+    assert!((at(&mut bench) - 50_000).abs() <= 16);
+    // Immediately: the axis never gets near the first target.
+    go(&mut bench, 500_000, 0);
+    bench.wait(ms(200));
+    go(&mut bench, 20_000, 0x20);
+    assert!((at(&mut bench) - 20_000).abs() <= 16);
+    // Bit 12 follows bit 4.
+    bench.controlword(1, 0x000F);
+    assert_eq!(status(&mut bench) & BIT_12, 0);
+}
+
+#[test]
+fn change_on_set_point_does_not_stop_at_the_first_target() {
+    let slowest = |bit_9: u16| {
+        let mut bench = drive(1);
+        for (index, value) in [(0x6081, 600), (0x6083, 6000), (0x6084, 6000)] {
+            set(&mut bench, index, 0, value);
+        }
+        for target in [40_000, 80_000] {
+            bench.controlword(1, 0x000F);
+            set(&mut bench, 0x607A, 0, target);
+            bench.controlword(1, 0x001F | bit_9);
+        }
+        let mut slowest = f64::MAX;
+        while bench.twin().position() * 16384.0 < 70_000.0 {
+            if (bench.twin().position() * 16384.0 - 40_000.0).abs() < 2_000.0 {
+                slowest = slowest.min(rpm(&mut bench));
+            }
+            bench.wait(ms(1));
+        }
+        wait_for(&mut bench, X_END | TARGET_REACHED, 5);
+        assert!((bench.read_i32(1, 0x6064, 0) - 80_000).abs() <= 16);
+        slowest
+    };
+    assert!(slowest(0x0200) > 500.0);
+    assert!(slowest(0) < 50.0);
+}
+
+#[test]
+fn jog_by_step_then_on() {
+    let mut bench = drive(-1);
+    set(&mut bench, 0x3029, 3, 1);
+    set(&mut bench, 0x3029, 7, 1000);
+    set(&mut bench, 0x3029, 8, 300);
+    set(&mut bench, 0x301B, 9, 2);
+    bench.wait(ms(400));
+    assert!((bench.read_i32(1, 0x6064, 0) + 1000).abs() <= 16);
+    assert_eq!(
+        status(&mut bench) & X_END,
+        0,
+        "the pause is part of the movement"
+    );
+    bench.wait(ms(800));
+    assert!((rpm(&mut bench) + 60.0).abs() < 3.0, "{}", rpm(&mut bench));
+    set(&mut bench, 0x301B, 9, 0);
+    wait_for(&mut bench, X_END, 2);
+}
+
+#[test]
+fn gear_follows_the_pulse_source() {
+    let mut bench = drive(-2);
+    bench.twin().set_pulse_frequency(1000.0);
+    set(&mut bench, 0x3026, 4, 100);
+    set(&mut bench, 0x301B, 0x12, 1);
+    bench.wait(ms(1000));
+    let (start, at) = (bench.twin().position(), bench.now());
+    bench.wait(ms(1000));
+    let moved = (bench.twin().position() - start) * 131_072.0;
+    let seconds = (bench.now() - at).as_secs_f64();
+    assert!((moved - 100_000.0 * seconds).abs() < 300.0, "{moved}");
+    set(&mut bench, 0x301B, 0x12, 0);
+    wait_for(&mut bench, X_END, 2);
+    // Compensated: pulses that came meanwhile are made up for.
+    let before = bench.twin().position();
+    bench.wait(ms(500));
+    set(&mut bench, 0x301B, 0x12, 2);
+    bench.wait(ms(50));
+    bench.twin().set_pulse_frequency(0.0);
+    bench.wait(ms(2000));
+    let moved = (bench.twin().position() - before) * 131_072.0;
+    assert!(moved > 50_000.0, "{moved}, {:?}", bench.twin().state());
+}
+
+#[test]
+fn a_sequence_of_data_sets() {
+    let mut bench = drive(-3);
+    let mut data_set = |number: i32, fields: [i32; 9]| {
+        set(&mut bench, 0x302D, 0x10, number);
+        for (sub, value) in (0x11..).zip(fields) {
+            set(&mut bench, 0x302D, sub, value);
+        }
+    };
+    // type, acceleration, velocity, target, deceleration, transition, next, condition, value
+    data_set(5, [1, 6000, 600, 20_000, 6000, 1, 6, 1, 200]);
+    data_set(6, [2, 6000, 600, 10_000, 6000, 0, 0, 0, 0]);
+    set(&mut bench, 0x302D, 0x10, 5);
+    assert_eq!(bench.read_i32(1, 0x302D, 0x14), 20_000);
+    set(&mut bench, 0x301B, 0x0A, 5);
+    // The single data set, then the sequence from it.
+    bench.controlword(1, 0x001F);
+    wait_for(&mut bench, X_END, 5);
+    assert!((bench.read_i32(1, 0x6064, 0) - 20_000).abs() <= 16);
+    assert_eq!(status(&mut bench) & TARGET_REACHED, 0);
+    bench.controlword(1, 0x000F);
+    bench.controlword(1, 0x007F);
+    wait_for(&mut bench, X_END | TARGET_REACHED, 5);
+    let at = bench.read_i32(1, 0x6064, 0);
+    assert!((at - 30_000).abs() <= 16, "{at}");
+}
+
+#[test]
+fn another_mode_takes_over_at_standstill() {
+    let mut bench = drive(3);
+    set(&mut bench, 0x60FF, 0, 300);
+    bench.wait(ms(1000));
+    bench.write(1, 0x6060, 0, &[1]).unwrap();
+    assert_eq!(bench.read(1, 0x6061, 0).unwrap(), [3]);
+    wait_for(&mut bench, X_END, 2);
+    bench.wait(ms(10));
+    assert_eq!(bench.read(1, 0x6061, 0).unwrap(), [1]);
+    assert!(rpm(&mut bench).abs() < 3.0);
+}
+
+// ---- homing ----
+
+/// Switches: LIMN below -3, REF 0.3…0.8, LIMP above 3.4; index pulses at whole revolutions.
+fn homing(method: u8, start: f64) -> Bench {
+    let mut bench = enabled(
+        TwinConfig {
+            initial_position: (start * 131_072.0) as i64,
+            switches: Switches {
+                negative_limit: Some(-3.3),
+                positive_limit: Some(3.4),
+                reference: Some(0.3..0.8),
+            },
+            ..TwinConfig::new(id(1))
+        },
+        6,
+    );
+    for (index, sub, value) in [
+        (0x6099, 1, 300),
+        (0x6099, 2, 60),
+        (0x6083, 0, 6000),
+        (0x6084, 0, 6000),
+        (0x3028, 7, 1024),
+        (0x3028, 0x0B, 5000),
+    ] {
+        set(&mut bench, index, sub, value);
+    }
+    bench.write(1, 0x6098, 0, &[method]).unwrap();
+    bench.controlword(1, 0x001F);
+    bench
+}
+
+/// Where each method has its reference point, revolutions: an edge and the 1024/16384 beyond it,
+/// or the index pulse beyond it.
+const REFERENCE_POINTS: [(u8, f64); 22] = [
+    (1, -3.0),
+    (2, 3.0),
+    (7, 0.0),
+    (8, 1.0),
+    (9, 0.0),
+    (10, 1.0),
+    (11, 1.0),
+    (12, 0.0),
+    (13, 1.0),
+    (14, 0.0),
+    (17, -3.3 + 0.0625),
+    (18, 3.4 - 0.0625),
+    (23, 0.3 - 0.0625),
+    (24, 0.3 + 0.0625),
+    (25, 0.8 - 0.0625),
+    (26, 0.8 + 0.0625),
+    (27, 0.8 + 0.0625),
+    (28, 0.8 - 0.0625),
+    (29, 0.3 + 0.0625),
+    (30, 0.3 - 0.0625),
+    (33, 0.0),
+    (34, 0.0),
+];
+
+#[test]
+fn every_method_finds_its_reference_point_from_everywhere() {
+    for (method, point) in REFERENCE_POINTS {
+        for start in [-1.6, 0.55, 2.2] {
+            let point = match method {
+                33 => f64::floor(start),
+                34 => f64::ceil(start),
+                _ => point,
+            };
+            let mut bench = homing(method, start);
+            assert_eq!(
+                status(&mut bench) & (X_END | BIT_12 | REF_OK),
+                0,
+                "{method}"
+            );
+            wait_for(&mut bench, X_END | BIT_12 | TARGET_REACHED | REF_OK, 30);
+            let user = f64::from(bench.read_i32(1, 0x6064, 0)) - 5000.0;
+            let actual = bench.twin().position();
+            let referenced = actual - user / 16384.0;
+            assert!(
+                (referenced - point).abs() < 2e-3,
+                "method {method} from {start}: {referenced}, expected {point}"
+            );
+            assert!(
+                (actual - point).abs() < 5e-3,
+                "method {method}: it rests there"
+            );
+        }
+    }
+}
+
+#[test]
+fn position_setting_moves_nothing() {
+    let mut bench = homing(35, 1.25);
+    set(&mut bench, 0x301B, 0x16, 777);
+    bench.controlword(1, 0x000F);
+    bench.controlword(1, 0x001F);
+    wait_for(&mut bench, X_END | BIT_12 | TARGET_REACHED | REF_OK, 1);
+    assert!((bench.read_i32(1, 0x6064, 0) - 777).abs() <= 1);
+    assert!((bench.twin().position() - 1.25).abs() < 1e-3);
+}
+
+#[test]
+fn methods_that_the_manual_does_not_define_or_that_find_nothing_fail() {
+    for method in [3, 15, 19, 31] {
+        let mut bench = homing(method, 0.0);
+        assert_eq!(bench.twin().state(), State::QuickStopActive, "{method}");
+        assert_eq!(status(&mut bench) & (X_ERR | REF_OK), X_ERR);
+    }
+    let mut bench = drive(6);
+    bench.write(1, 0x6098, 0, &[17]).unwrap();
+    bench.controlword(1, 0x001F);
+    assert_eq!(
+        bench.twin().state(),
+        State::QuickStopActive,
+        "no switch is fitted"
+    );
+    bench.controlword(1, 0x0000);
+    bench.controlword(1, 0x0080);
+    bench.controlword(1, 0x0000);
+    assert_eq!(bench.twin().state(), State::ReadyToSwitchOn);
+}
+
+#[test]
+fn a_limit_switch_stops_a_profile_movement() {
+    let mut bench = homing(35, 1.0);
+    bench.controlword(1, 0x000F);
+    bench.write(1, 0x6060, 0, &[3]).unwrap();
+    set(&mut bench, 0x60FF, 0, 300);
+    wait_for(&mut bench, X_ERR | X_END, 5);
+    assert_eq!(bench.twin().state(), State::QuickStopActive);
+    assert!((3.3..3.9).contains(&bench.twin().position()));
+}
