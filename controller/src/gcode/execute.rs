@@ -59,7 +59,9 @@ pub(crate) struct State {
     pub(crate) line: u32,
     /// How many subroutines deep that is.
     pub(crate) call_level: usize,
+    /// Working memory: the values of an expression, and each setting's index and value.
     stack: Vec<f64>,
+    settings: Vec<(f64, f64)>,
 }
 
 impl State {
@@ -75,6 +77,7 @@ impl State {
             line: 0,
             call_level: 0,
             stack: Vec::new(),
+            settings: Vec::new(),
         }
     }
 
@@ -109,22 +112,24 @@ impl State {
             let value = block.evaluate(&word.value, self, &mut stack)?;
             words.add(word.letter, value, word.columns)?;
         }
-        let mut settings = Vec::with_capacity(block.settings.len());
+        let mut settings = std::mem::take(&mut self.settings);
+        settings.clear();
         for setting in &block.settings {
             let value = block.evaluate(&setting.value, self, &mut stack)?;
             let index = match &setting.target {
-                Target::Numbered(index) => Some(block.evaluate(index, self, &mut stack)?),
-                Target::Named(_) => None,
+                Target::Numbered(index) => block.evaluate(index, self, &mut stack)?,
+                Target::Named(_) => 0.0,
             };
-            settings.push((setting, index, value));
+            settings.push((index, value));
         }
-        for (setting, index, value) in settings {
-            match (&setting.target, index) {
-                (Target::Named(name), _) => self.set_named(block.name(name), value),
-                (Target::Numbered(_), index) => self.set_numbered(index.unwrap_or_default(), value),
+        for (setting, (index, value)) in block.settings.iter().zip(&settings) {
+            match &setting.target {
+                Target::Named(name) => self.set_named(block.name(name), *value),
+                Target::Numbered(_) => self.set_numbered(*index, *value),
             }
             .map_err(|fault| Refusal::new(setting.columns, fault))?;
         }
+        self.settings = settings;
         self.stack = stack;
         Ok(words)
     }
