@@ -683,6 +683,86 @@ impl Curve {
     }
 }
 
+/// The fastest change of velocity and acceleration, regardless of the position.
+pub(crate) fn fastest_change(v0: f64, a0: f64, vf: f64, af: f64, limits: &Limits) -> Change {
+    let base_down = af < a0;
+    let ramp = 0.5 * (af - a0) * (af + a0)
+        / if base_down {
+            limits.j_min
+        } else {
+            limits.j_max
+        };
+    let rest = (vf - v0) - ramp;
+    if rest.abs() <= VELOCITY_ROUNDING * (limits.v_max - limits.v_min) {
+        let jerk = if base_down {
+            limits.j_min
+        } else {
+            limits.j_max
+        };
+        return Change {
+            t: [(af - a0) / jerk, 0.0, 0.0],
+            j: [jerk, 0.0, -jerk],
+        };
+    }
+    // Seen with the axis's direction such that more has to be gained.
+    let s = 1.0_f64.copysign(rest);
+    let (a0, af, rest) = (s * a0, s * af, s * rest);
+    let (j_up, j_down, top) = if s > 0.0 {
+        (limits.j_max, -limits.j_min, limits.a_max)
+    } else {
+        (-limits.j_min, limits.j_max, -limits.a_min)
+    };
+    let (m, n) = (1.0 / j_up, 1.0 / j_down);
+    let k = 0.5 * (m + n);
+    let base = a0.max(af);
+    let extra = rest / k;
+    let root = (base * base + extra).sqrt();
+    let mut above = if base > 0.0 {
+        extra / (base + root)
+    } else {
+        root - base
+    };
+    let mut hold = 0.0;
+    if base + above > top {
+        above = (top - base).max(0.0);
+        hold = (rest - k * above * (above + 2.0 * base)).max(0.0) / top;
+    }
+    let (up, down) = if a0 >= af {
+        (above, above + (a0 - af))
+    } else {
+        (above + (af - a0), above)
+    };
+    Change {
+        t: [up * m, hold, down * n],
+        j: [s * j_up, 0.0, -s * j_down],
+    }
+}
+
+/// A change of velocity and acceleration in three phases.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Change {
+    pub(crate) t: [f64; 3],
+    pub(crate) j: [f64; 3],
+}
+
+impl Change {
+    pub(crate) fn duration(&self) -> f64 {
+        self.t[0] + self.t[1] + self.t[2]
+    }
+
+    pub(crate) fn displacement(&self, v0: f64, a0: f64) -> f64 {
+        let mut state = crate::profile::State {
+            p: 0.0,
+            v: v0,
+            a: a0,
+        };
+        for (t, j) in self.t.into_iter().zip(self.j) {
+            state = state.after(t, j);
+        }
+        state.p
+    }
+}
+
 /// Where on the curve a search begins.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum From {

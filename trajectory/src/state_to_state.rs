@@ -4,7 +4,7 @@
 //! seconds and milliseconds give the same plan.
 
 use crate::double::Double;
-use crate::extremal::{Curve, From, Gap, Phases, VELOCITY_ROUNDING};
+use crate::extremal::{Change, Curve, From, Gap, Phases, VELOCITY_ROUNDING, fastest_change};
 use crate::limits::{Limits, PositionLimits};
 use crate::profile::{Profile, Segment, State};
 
@@ -119,8 +119,7 @@ impl Axis {
         if !(room && l.v_min < 0.0 && l.a_min < 0.0 && l.j_min < 0.0) {
             return Err(PlanError::ZeroLimit);
         }
-        // Where the acceleration that the target asks for began from zero, at full jerk.
-        let before = vf - 0.5 * af * af / if af > 0.0 { l.j_max } else { l.j_min };
+        let before = before(vf, af, l);
         let v_slack = TARGET_SLACK * (l.v_max - l.v_min);
         let a_slack = TARGET_SLACK * (l.a_max - l.a_min);
         let v_fits = |v: f64| v <= l.v_max + v_slack && v >= l.v_min - v_slack;
@@ -140,6 +139,11 @@ impl Axis {
     }
 }
 
+/// The velocity from which a single ramp from acceleration zero leads to `v` and `a`.
+fn before(v: f64, a: f64, limits: &Limits) -> f64 {
+    v - 0.5 * a * a / if a > 0.0 { limits.j_max } else { limits.j_min }
+}
+
 /// A target this far over a limit, relative, is on it.
 const TARGET_SLACK: f64 = 1e-13;
 
@@ -148,9 +152,9 @@ pub fn plan(axis: &Axis, min_duration: f64) -> Result<Profile, PlanError> {
     axis.check()?;
     check_duration(min_duration)?;
     let route = Route::new(axis);
-    let mut course = route.fastest();
+    let mut course = route.fastest()?;
     if route.duration(&course) < min_duration {
-        course = route.no_shorter(min_duration);
+        course = route.no_shorter(min_duration)?;
     }
     Ok(route.profile(&course))
 }
@@ -173,13 +177,23 @@ pub(crate) struct Route {
     gap: Gap,
     /// Whether the displacement matters.
     position: bool,
+    /// The position limits, as displacements from the start.
+    bounds: Option<PositionLimits>,
 }
 
 /// A way over the gap.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Course {
-    /// An extremal plan, and a hold of the end state after it.
-    Extremal(Phases, f64),
+    /// An extremal plan.
+    Extremal(Phases),
+    /// To a velocity, a cruise, and from it to the end.
+    Cruise(Change, f64, Change),
+    /// An extremal plan to a state without velocity, a hold there, and another to the end.
+    Via {
+        first: Phases,
+        hold: f64,
+        second: Phases,
+    },
     /// The convex combination of two extremal plans of one duration, `(1 + mix)/2` of the first: as
     /// the limits are convex, it keeps them too.
     Between { up: Phases, down: Phases, mix: f64 },
@@ -206,6 +220,10 @@ impl Route {
             distance: target.map_or(0.0, |p| (p - axis.start.p) - reached.p),
             slack: 8.0 * f64::EPSILON * axis.start.p.abs().max(target.unwrap_or(0.0).abs()),
         };
+        let bounds = axis.bounds.map(|b| PositionLimits {
+            min: b.min - axis.start.p,
+            max: b.max - axis.start.p,
+        });
         let position = target.is_some();
         Route {
             start: axis.start,
@@ -213,37 +231,61 @@ impl Route {
             entry,
             gap,
             position,
+            bounds,
         }
     }
 
     pub(crate) fn duration(&self, course: &Course) -> f64 {
         self.entry.duration
             + match course {
-                Course::Extremal(phases, hold) => phases.duration() + hold,
+                Course::Extremal(phases) => phases.duration(),
+                Course::Cruise(into, cruise, out) => into.duration() + cruise + out.duration(),
+                Course::Via {
+                    first,
+                    hold,
+                    second,
+                } => first.duration() + hold + second.duration(),
                 Course::Between { up, .. } => up.duration(),
             }
     }
 
     /// The shortest course.
-    pub(crate) fn fastest(&self) -> Course {
-        let phases = if self.position {
+    pub(crate) fn fastest(&self) -> Result<Course, PlanError> {
+        let free = Course::Extremal(if self.position {
             fastest(&self.gap, &self.limits)
         } else {
             Curve::new(&self.gap, &self.limits, false).first().0
-        };
-        Course::Extremal(phases, 0.0)
+        });
+        match self.bounds {
+            Some(bounds) if !self.stays(&free) => {
+                self.touching(&bounds).ok_or(PlanError::Unreachable)
+            }
+            _ => Ok(free),
+        }
     }
 
     /// A course of this duration, or the shortest of those that last longer where there is none.
     /// `duration` is more than that of the fastest.
-    pub(crate) fn no_shorter(&self, duration: f64) -> Course {
+    pub(crate) fn no_shorter(&self, duration: f64) -> Result<Course, PlanError> {
         let time = duration - self.entry.duration;
+        if let Some(course) = self.cruise(time)
+            && self.stays(&course)
+        {
+            return Ok(course);
+        }
+        let course = self.extremes(time);
+        if self.stays(&course) {
+            return Ok(course);
+        }
+        self.resting(time).ok_or(PlanError::MinDuration)
+    }
+
+    /// A course between the two extremal ones of this duration, or the shortest of those that last
+    /// longer.
+    fn extremes(&self, time: f64) -> Course {
         let gap = &self.gap;
         let up = Curve::new(gap, &self.limits, false);
         let (first, _) = up.first();
-        if !self.position && gap.af == 0.0 {
-            return Course::Extremal(first, time - first.duration());
-        }
         let down = Curve::new(gap, &self.limits, true);
         let (highest, lowest) = (up.at(time), down.at(time));
         let mut longer = None;
@@ -279,13 +321,194 @@ impl Route {
                 }
             }
         });
-        Course::Extremal(phases, 0.0)
+        Course::Extremal(phases)
+    }
+
+    /// A course of this duration with a cruise, where there is one. Its displacement grows with the
+    /// cruise's velocity, as the velocity does at every instant.
+    fn cruise(&self, time: f64) -> Option<Course> {
+        let Gap {
+            v0,
+            a0,
+            vf,
+            af,
+            distance,
+            ..
+        } = self.gap;
+        let l = &self.limits;
+        let change = |v: f64| {
+            let into = fastest_change(v0, a0, v, 0.0, l);
+            let out = fastest_change(v, 0.0, vf, af, l);
+            (into, time - into.duration() - out.duration(), out)
+        };
+        if !self.position {
+            // At the velocity from which a single ramp leads to the end.
+            let (into, cruise, out) = change(before(vf, af, l));
+            return (cruise >= 0.0).then_some(Course::Cruise(into, cruise, out));
+        }
+        let (mut low, mut high) = (l.v_min, l.v_max);
+        let mut v = (distance / time).clamp(low, high);
+        for _ in 0..60 {
+            let (into, cruise, out) = change(v);
+            let length = v * cruise;
+            let d = into.displacement(v0, a0) + length + out.displacement(v, 0.0);
+            let miss = distance - d;
+            let rounding = 4.0 * f64::EPSILON * (distance.abs() + length.abs());
+            let slope = time
+                - (into.t[0] + into.t[1] + 0.5 * into.t[2])
+                - (0.5 * out.t[0] + out.t[1] + out.t[2]);
+            if miss > 0.0 {
+                low = v;
+            } else {
+                high = v;
+            }
+            let mut next = v + miss / slope;
+            if !(next > low && next < high) {
+                next = 0.5 * (low + high);
+            }
+            if miss.abs() <= rounding || next == v || !(next > low && next < high) {
+                let met = miss.abs() <= 1e-13 * (distance.abs() + length.abs());
+                return (cruise >= 0.0 && met).then_some(Course::Cruise(into, cruise, out));
+            }
+            v = next;
+        }
+        None
+    }
+
+    /// Whether a course keeps the position limits.
+    fn stays(&self, course: &Course) -> bool {
+        self.bounds.is_none_or(|bounds| {
+            let start = State {
+                p: 0.0,
+                ..self.start
+            };
+            let range = self
+                .profile_along(course, start, self.distance(), 1.0)
+                .extrema()
+                .position;
+            let slack = 1e-13 * (range.max - range.min);
+            range.min >= bounds.min - slack && range.max <= bounds.max + slack
+        })
+    }
+
+    fn distance(&self) -> f64 {
+        self.gap.distance + self.entry.displacement
+    }
+
+    /// By way of the displacement `by`, velocity zero and acceleration `a`.
+    fn via(&self, by: f64, a: f64, hold: f64) -> Course {
+        let on_the_way = by - self.entry.displacement;
+        let first = Gap {
+            vf: 0.0,
+            af: a,
+            distance: on_the_way,
+            ..self.gap
+        };
+        let distance = self.gap.distance - on_the_way;
+        let second = Gap {
+            v0: 0.0,
+            a0: a,
+            distance,
+            ..self.gap
+        };
+        let second = if self.position {
+            fastest(&second, &self.limits)
+        } else {
+            Curve::new(&second, &self.limits, false).first().0
+        };
+        Course::Via {
+            first: fastest(&first, &self.limits),
+            hold,
+            second,
+        }
+    }
+
+    /// The shortest course that touches a position limit: there the velocity is zero, and what is
+    /// free is the acceleration, which points inwards.
+    fn touching(&self, bounds: &PositionLimits) -> Option<Course> {
+        const STEPS: i32 = 64;
+        let l = &self.limits;
+        let mut best: Option<(Course, f64)> = None;
+        for (by, deepest) in [
+            (
+                bounds.max,
+                -(-l.a_min)
+                    .min((-2.0 * l.j_min * l.v_max).sqrt())
+                    .min((-2.0 * l.j_max * l.v_min).sqrt()),
+            ),
+            (
+                bounds.min,
+                l.a_max
+                    .min((-2.0 * l.j_max * l.v_min).sqrt())
+                    .min((-2.0 * l.j_min * l.v_max).sqrt()),
+            ),
+        ] {
+            if !by.is_finite() {
+                continue;
+            }
+            let mut take = |share: f64| {
+                let course = self.via(by, deepest * share, 0.0);
+                let duration = self.duration(&course);
+                let better = best.is_none_or(|(_, d)| duration < d) && self.stays(&course);
+                if better {
+                    best = Some((course, duration));
+                }
+                better
+            };
+            let mut at = None;
+            for i in 0..=STEPS {
+                let share = f64::from(i) / f64::from(STEPS);
+                if take(share) {
+                    at = Some(share);
+                }
+            }
+            // Closer, by halving steps around the best.
+            if let Some(mut share) = at {
+                let mut step = 0.5 / f64::from(STEPS);
+                for _ in 0..45 {
+                    for next in [share - step, share + step] {
+                        if (0.0..=1.0).contains(&next) && take(next) {
+                            share = next;
+                            break;
+                        }
+                    }
+                    step *= 0.5;
+                }
+            }
+        }
+        best.map(|(course, _)| course)
+    }
+
+    /// A course that rests on the way: where the axis can stop soonest, or at a position limit.
+    fn resting(&self, time: f64) -> Option<Course> {
+        let Gap { v0, a0, .. } = self.gap;
+        let stop = self.entry.displacement
+            + fastest_change(v0, a0, 0.0, 0.0, &self.limits).displacement(v0, a0);
+        let bounds = self.bounds?;
+        let mut best: Option<(Course, f64)> = None;
+        for by in [stop, bounds.max, bounds.min] {
+            if by.is_finite()
+                && let Course::Via { first, second, .. } = self.via(by, 0.0, 0.0)
+            {
+                let moving = first.duration() + second.duration();
+                let course = Course::Via {
+                    first,
+                    hold: (time - moving).max(0.0),
+                    second,
+                };
+                let whole = moving.max(time);
+                if best.is_none_or(|(_, d)| whole < d) && self.stays(&course) {
+                    best = Some((course, whole));
+                }
+            }
+        }
+        best.map(|(course, _)| course)
     }
 
     fn between(&self, up: Phases, most: f64, down: Phases, least: f64) -> Course {
         let half = 0.5 * (most - least);
         if half <= 0.0 {
-            return Course::Extremal(up, 0.0);
+            return Course::Extremal(up);
         }
         let bound = |mix: f64| mix.clamp(-1.0, 1.0);
         let mut mix =
@@ -322,12 +545,18 @@ impl Route {
             profile.append(segment.duration, factor * segment.jerk);
         }
         let steps = match course {
-            Course::Extremal(phases, hold) => Steps::extremal(phases, *hold, &self.limits),
+            Course::Extremal(phases) => Steps::extremal(phases, &self.limits),
+            Course::Cruise(into, cruise, out) => Steps::cruise(into, *cruise, out),
+            Course::Via {
+                first,
+                hold,
+                second,
+            } => Steps::via(first, *hold, second, &self.limits),
             Course::Between { up, down, mix } => Steps::between(up, down, *mix, &self.limits),
         };
         let mut settled = None;
-        let between = matches!(course, Course::Between { .. });
-        let share = if between { SETTLE_AND_MEET } else { SETTLE };
+        let slow = matches!(course, Course::Cruise(..) | Course::Between { .. });
+        let share = if slow { SETTLE_AND_MEET } else { SETTLE };
         for step in steps.iter() {
             let mut duration = step.duration;
             if step.cruise
@@ -345,7 +574,7 @@ impl Route {
         }
         // A cruise slower than the rates around it multiplies their rounding: set its velocity by
         // what it leaves of the distance.
-        if let Some((first, part, cruise)) = settled.filter(|_| between && self.position) {
+        if let Some((first, part, cruise)) = settled.filter(|_| slow && self.position) {
             let miss = Double::from(distance) - displacement(&profile);
             let jerk = miss.value() / ((cruise + part) * part * part);
             profile.bend(first, jerk);
@@ -364,7 +593,7 @@ struct Step {
 }
 
 struct Steps {
-    steps: [Step; 14],
+    steps: [Step; 15],
     len: usize,
 }
 
@@ -386,21 +615,44 @@ impl Steps {
         true
     }
 
-    fn extremal(phases: &Phases, hold: f64, limits: &Limits) -> Self {
+    fn extremal(phases: &Phases, limits: &Limits) -> Self {
         let mut steps = Steps {
-            steps: [Step::default(); 14],
+            steps: [Step::default(); 15],
             len: 0,
         };
         for (i, (duration, jerk)) in phases.t.into_iter().zip(phases.jerks(limits)).enumerate() {
             steps.push(duration, jerk, i == 3);
         }
+        steps
+    }
+
+    fn via(first: &Phases, hold: f64, second: &Phases, limits: &Limits) -> Self {
+        let mut steps = Self::extremal(first, limits);
         steps.push(hold, 0.0, true);
+        for (i, (duration, jerk)) in second.t.into_iter().zip(second.jerks(limits)).enumerate() {
+            steps.push(duration, jerk, i == 3);
+        }
+        steps
+    }
+
+    fn cruise(into: &Change, cruise: f64, out: &Change) -> Self {
+        let mut steps = Steps {
+            steps: [Step::default(); 15],
+            len: 0,
+        };
+        for (duration, jerk) in into.t.into_iter().zip(into.j) {
+            steps.push(duration, jerk, false);
+        }
+        steps.push(cruise, 0.0, true);
+        for (duration, jerk) in out.t.into_iter().zip(out.j) {
+            steps.push(duration, jerk, false);
+        }
         steps
     }
 
     fn between(up: &Phases, down: &Phases, mix: f64, limits: &Limits) -> Self {
         let mut steps = Steps {
-            steps: [Step::default(); 14],
+            steps: [Step::default(); 15],
             len: 0,
         };
         let (up_jerks, down_jerks) = (up.jerks(limits), down.jerks(limits));
@@ -501,6 +753,9 @@ fn settle(profile: &mut Profile, cruise: f64, a_scale: f64, share: f64) -> Optio
     let mut left = Double::from(profile.start().a);
     for s in profile.segments() {
         left = left + Double::product(s.jerk, s.duration);
+    }
+    if share == SETTLE && left.value().abs() * cruise <= 1e-14 * speed {
+        return None;
     }
     let part = cruise * share;
     // From a to zero with no change of velocity.

@@ -1,6 +1,6 @@
 //! Several axes at once.
 
-use crate::limits::Limits;
+use crate::limits::{Limits, PositionLimits};
 use crate::profile::{Profile, State};
 use crate::state_to_state::{Axis, Course, PlanError, Route, Target, check_duration};
 
@@ -59,7 +59,7 @@ fn time(axes: &[Axis], min_duration: f64, profiles: &mut [Profile]) -> Result<f6
     let mut duration = min_duration;
     for (slot, axis) in routes.iter_mut().zip(axes) {
         let route = Route::new(axis);
-        let course = route.fastest();
+        let course = route.fastest()?;
         let shortest = route.duration(&course);
         duration = duration.max(shortest);
         *slot = Some((route, course, shortest));
@@ -70,7 +70,7 @@ fn time(axes: &[Axis], min_duration: f64, profiles: &mut [Profile]) -> Result<f6
         settled = true;
         for (route, course, time) in routes.iter_mut().flatten() {
             if *time < duration * (1.0 - 4.0 * f64::EPSILON) {
-                *course = route.no_shorter(duration);
+                *course = route.no_shorter(duration)?;
                 *time = route.duration(course);
                 if *time > duration * (1.0 + 1e-14) {
                     duration = *time;
@@ -147,12 +147,9 @@ fn line(axes: &[Axis], min_duration: f64, profiles: &mut [Profile]) -> Result<f6
     let Some(lead) = lead else {
         for (axis, profile) in axes.iter().zip(profiles) {
             *profile = Profile::new(axis.start);
+            profile.append(min_duration, 0.0);
         }
-        return if min_duration > 0.0 {
-            Err(PlanError::MinDuration)
-        } else {
-            Ok(0.0)
-        };
+        return Ok(min_duration);
     };
     for part in parts {
         let along = part(&ends[lead]);
@@ -169,17 +166,34 @@ fn line(axes: &[Axis], min_duration: f64, profiles: &mut [Profile]) -> Result<f6
             limits = Some(limits.map_or(own, |l| l.intersection(&own)));
         }
     }
+    // Position limits as seen by the leading axis.
+    let mut bounds = PositionLimits {
+        min: f64::NEG_INFINITY,
+        max: f64::INFINITY,
+    };
+    for (axis, &d) in axes.iter().zip(direction.iter()) {
+        if let (Some(b), true) = (axis.bounds, d != 0.0) {
+            let (x, y) = ((b.min - axis.start.p) / d, (b.max - axis.start.p) / d);
+            bounds.min = bounds.min.max(x.min(y));
+            bounds.max = bounds.max.min(x.max(y));
+        }
+    }
+    let at = axes[lead].start.p;
+    let bounded = axes.iter().any(|a| a.bounds.is_some());
     let projected = Axis {
         start: axes[lead].start,
         target: axes[lead].target,
         limits: limits.unwrap_or(axes[lead].limits),
-        bounds: None,
+        bounds: bounded.then_some(PositionLimits {
+            min: at + bounds.min,
+            max: at + bounds.max,
+        }),
     };
     projected.check()?;
     let route = Route::new(&projected);
-    let mut course = route.fastest();
+    let mut course = route.fastest()?;
     if route.duration(&course) < min_duration {
-        course = route.no_shorter(min_duration);
+        course = route.no_shorter(min_duration)?;
     }
     for (((axis, profile), &d), end) in axes.iter().zip(profiles).zip(direction.iter()).zip(ends) {
         *profile = route.profile_along(&course, axis.start, end.1.p, d);

@@ -6,6 +6,7 @@ mod check;
 mod doctor;
 mod eds;
 mod output;
+mod plan;
 mod validate;
 
 use clap::{Parser, Subcommand};
@@ -29,6 +30,7 @@ enum Command {
     Budget(budget::Args),
     Doctor(doctor::Args),
     Eds(eds::Args),
+    Plan(plan::Args),
 }
 
 impl Cli {
@@ -42,6 +44,7 @@ impl Cli {
             Command::Budget(args) => args.execute(),
             Command::Doctor(args) => args.execute(),
             Command::Eds(args) => args.execute(),
+            Command::Plan(args) => args.execute(),
         }
     }
 }
