@@ -37,6 +37,7 @@ use lateness::Lateness;
 use node::Node;
 use std::collections::VecDeque;
 use std::sync::Arc;
+use syncline_canopen::time::Duration;
 use syncline_canopen::{CanId, CobId, Frame, Instant, Transmit, nmt};
 use syncline_trajectory::path::{Command as PathCommand, Executor, Setpoint};
 
@@ -219,12 +220,8 @@ impl<const N: usize> Controller<N> {
             self.enter(Phase::Survey, out);
         }
         if self.sync_on {
-            for (bus, outbox) in out.iter_mut().enumerate() {
+            for outbox in out.iter_mut() {
                 outbox.sync = Some(Frame::new(CobId::SYNC, &[]));
-                if self.lateness[bus].unsent > 0 {
-                    self.lateness[bus].unsent = 0;
-                    self.miss(bus);
-                }
             }
             self.sync_sent = Some(now);
             for node in &mut self.nodes {
@@ -235,6 +232,12 @@ impl<const N: usize> Controller<N> {
 
     fn on_setpoint(&mut self, now: Instant, out: &mut [Outbox]) {
         self.row = None;
+        for bus in 0..self.lateness.len() {
+            // What has not left by now has missed this cycle's SYNC.
+            if std::mem::take(&mut self.lateness[bus].unsent) > 0 {
+                self.miss(bus);
+            }
+        }
         if let Err(fault) = self.supervise(now) {
             self.fail(fault);
         }
@@ -247,7 +250,7 @@ impl<const N: usize> Controller<N> {
         self.send_acyclic(now, out);
     }
 
-    /// Takes a frame of a bus, before the wake-up that follows its arrival.
+    /// Takes a frame of a bus, before the wake-up for the setpoints that follows its arrival.
     pub fn receive(&mut self, bus: BusIndex, received: &Received) {
         let Received { at, frame, echo } = received;
         let Some(drive) = self.layout.buses[bus].node_of(frame) else {
@@ -255,7 +258,8 @@ impl<const N: usize> Controller<N> {
         };
         let node = &mut self.nodes[drive];
         if *echo {
-            if frame.id() == CanId::from(node.device().r_pdo().cob_id) {
+            let in_time = self.sync_sent.is_none_or(|sync| *at <= sync);
+            if in_time && frame.id() == CanId::from(node.device().r_pdo().cob_id) {
                 let unsent = &mut self.lateness[bus].unsent;
                 *unsent = unsent.saturating_sub(1);
             }
@@ -277,6 +281,12 @@ impl<const N: usize> Controller<N> {
             Burst::Dropped => self.miss(bus),
             Burst::Torn { .. } => self.fail(Fault::TornBurst { bus }),
         }
+    }
+
+    /// A wake-up came so late that a strict run ends.
+    pub fn woke_late(&mut self, late: Duration) {
+        let late_ns = late.as_nanos() as u64;
+        self.fail(Fault::LateWakeUp { late_ns });
     }
 
     /// A bus' interface failed.

@@ -7,6 +7,7 @@
 
 pub mod deviation;
 pub mod frames;
+pub mod real_time;
 pub mod recorder;
 pub mod virtual_time;
 
@@ -18,7 +19,8 @@ use syncline_canopen::Instant;
 /// A bus whose interface failed.
 type Failure = (usize, PortError);
 
-/// Hands the controller everything that its buses received until `now`.
+/// Hands the controller everything that its buses received until `now`: once a cycle, before the
+/// wake-up for the setpoints.
 fn receive<P: Port>(
     controller: &mut Controller<COORDINATES>,
     ports: &mut [P],
@@ -32,7 +34,7 @@ fn receive<P: Port>(
     Ok(())
 }
 
-/// Wakes the controller and sends what it wants sent: SYNC before anything else.
+/// Wakes the controller and sends what it wants sent. Nothing stands in front of SYNC.
 fn wake<P: Port>(
     controller: &mut Controller<COORDINATES>,
     ports: &mut [P],
@@ -40,6 +42,7 @@ fn wake<P: Port>(
     now: Instant,
 ) -> Result<(), Failure> {
     outboxes.iter_mut().for_each(Outbox::clear);
+    ports.iter_mut().for_each(|port| port.advance_to(now));
     controller.wake(now, outboxes);
     for (bus, (port, outbox)) in ports.iter_mut().zip(&*outboxes).enumerate() {
         if let Some(sync) = &outbox.sync {

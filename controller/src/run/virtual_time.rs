@@ -76,13 +76,12 @@ impl VirtualMachine {
             return Ok(false);
         };
         self.now = next.at();
-        let received = receive(&mut self.controller, &mut self.ports, self.now);
-        self.note(received)?;
-        let fed = if is_setpoint(next) {
-            self.feed()
-        } else {
-            Ok(())
-        };
+        let mut fed = Ok(());
+        if is_setpoint(next) {
+            fed = self.feed();
+            let received = receive(&mut self.controller, &mut self.ports, self.now);
+            self.note(received)?;
+        }
         if fed.is_err() {
             self.controller.abandon();
         }

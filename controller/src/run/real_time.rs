@@ -1,0 +1,316 @@
+//! A machine on the host's clock: the cycle in a thread of its own, everything else outside.
+//!
+//! ```text
+//!  instructions, orders ──► cycle thread ──► news: events, rows, progress
+//! ```
+//!
+//! One bounded queue of orders goes in, one of news comes out; the plan has a queue of its own.
+//! Nothing else is shared.
+
+use super::{Failure, is_setpoint, receive, wake};
+use crate::control::{Controller, Event, Instruction, Layout, Phase, Row};
+use crate::port::{Outbox, Port};
+use crate::program::{COORDINATES, Position};
+use crate::realtime::{self, Granted};
+use hdrhistogram::Histogram;
+use rtrb::{Consumer, Producer, PushError, RingBuffer};
+use std::sync::Arc;
+use std::time::Duration;
+use syncline_canopen::Instant;
+
+/// Instructions on their way into the cycle.
+const INSTRUCTIONS: usize = 8192;
+/// Orders on their way into the cycle.
+const ORDERS: usize = 64;
+/// News on their way out of the cycle.
+const NEWS: usize = 16_384;
+/// Longest time that a histogram tells apart, ns.
+const LONGEST: u64 = 10_000_000_000;
+/// How long the cycle of a simulated machine waits for its plan at a time.
+const NAP: Duration = Duration::from_micros(200);
+
+/// A machine's buses.
+pub type Ports = Vec<Box<dyn Port + Send>>;
+
+/// What a person, or the program's feeder, orders.
+#[derive(Clone, Copy, Debug)]
+pub enum Order {
+    /// Ends a pause.
+    GoOn,
+    /// Stops on the path and ends the run.
+    Interrupt,
+    /// The program cannot go on.
+    Abandon,
+}
+
+/// What the cycle tells.
+#[derive(Debug)]
+#[allow(clippy::large_enum_variant)] // a ring's slots are all of one size
+pub enum News {
+    /// Something worth a line in the log.
+    Event(Event),
+    /// The machine is ready; the plan has to start here.
+    Ready(Position),
+    /// What happened at one SYNC.
+    Row(Row<COORDINATES>),
+    /// A bus' interface failed.
+    BusFailed(crate::port::PortError),
+}
+
+/// How the cycle treats time.
+#[derive(Clone, Copy, Debug)]
+pub struct Timing {
+    /// What the thread asks of the kernel.
+    pub settings: realtime::Settings,
+    /// Time before each wake-up that is spent spinning.
+    pub spin: Duration,
+    /// Every bus is simulated: its time goes with the cycle, and a late wake-up delays both.
+    pub lockstep: bool,
+    /// A late wake-up is a fault.
+    pub strict: bool,
+}
+
+/// What the cycle measured.
+#[derive(Clone, Debug)]
+pub struct Measured {
+    /// From the instant asked for to waking up, ns.
+    pub wake_up: Histogram<u64>,
+    /// |From SYNC to SYNC − cycle|, ns.
+    pub sync_jitter: Histogram<u64>,
+    /// From waking up for the setpoints until they are sent, ns.
+    pub compute: Histogram<u64>,
+    /// Wake-ups later than [`late_after`].
+    pub late: u64,
+    /// News that nobody fetched in time.
+    pub lost: u64,
+}
+
+/// A wake-up later than this counts as late: a quarter of the cycle.
+#[must_use]
+pub fn late_after(cycle: Duration) -> Duration {
+    cycle / 4
+}
+
+/// The outer ends of the queues.
+pub struct Link {
+    instructions: Producer<Instruction<COORDINATES>>,
+    orders: Producer<Order>,
+    news: Consumer<News>,
+}
+
+impl Link {
+    /// Room for instructions.
+    #[must_use]
+    pub fn room(&self) -> usize {
+        self.instructions.slots()
+    }
+
+    /// Gives the next instruction; the caller has made sure of [`Link::room`].
+    pub fn give(&mut self, instruction: Instruction<COORDINATES>) {
+        let given = self.instructions.push(instruction);
+        debug_assert!(given.is_ok(), "there is room");
+    }
+
+    /// Orders something; false if the cycle has too many orders waiting.
+    pub fn order(&mut self, order: Order) -> bool {
+        self.orders.push(order).is_ok()
+    }
+
+    /// The next news.
+    pub fn news(&mut self) -> Option<News> {
+        self.news.pop().ok()
+    }
+}
+
+/// The cycle, to be run in a thread of its own.
+pub struct Cycle {
+    controller: Controller<COORDINATES>,
+    ports: Ports,
+    outboxes: Vec<Outbox>,
+    timing: Timing,
+    period: Duration,
+    instructions: Consumer<Instruction<COORDINATES>>,
+    orders: Consumer<Order>,
+    news: Producer<News>,
+    told_ready: bool,
+    measured: Measured,
+}
+
+impl Cycle {
+    /// The cycle of a machine whose buses are open, and the outer ends of its queues.
+    #[must_use]
+    pub fn new(layout: &Arc<Layout>, ports: Ports, timing: Timing) -> (Self, Link) {
+        let (give, instructions) = RingBuffer::new(INSTRUCTIONS);
+        let (order, orders) = RingBuffer::new(ORDERS);
+        let (tell, news) = RingBuffer::new(NEWS);
+        let start = if timing.lockstep {
+            Instant::ZERO
+        } else {
+            realtime::now() + 10 * layout.cycle
+        };
+        let cycle = Self {
+            controller: Controller::new(Arc::clone(layout), start),
+            outboxes: vec![Outbox::default(); ports.len()],
+            ports,
+            timing,
+            period: layout.cycle,
+            instructions,
+            orders,
+            news: tell,
+            told_ready: false,
+            measured: Measured {
+                wake_up: histogram(),
+                sync_jitter: histogram(),
+                compute: histogram(),
+                late: 0,
+                lost: 0,
+            },
+        };
+        let link = Link {
+            instructions: give,
+            orders: order,
+            news,
+        };
+        (cycle, link)
+    }
+
+    /// Runs the machine to its end; `started` is told what the kernel granted.
+    pub fn run(
+        mut self,
+        started: impl FnOnce(Granted) -> Granted,
+    ) -> (Controller<COORDINATES>, Measured) {
+        let _granted = started(realtime::enter(&self.timing.settings));
+        // Where the simulated machine's time stands on the host's clock.
+        let mut origin = Duration::ZERO;
+        if self.timing.lockstep {
+            origin = Duration::from_nanos(realtime::now().as_nanos()) + self.period;
+        }
+        let mut last_sync = None;
+        while let Some(next) = self.controller.next_wake() {
+            let due = next.at() + origin;
+            realtime::sleep_until(due, self.timing.spin);
+            let woke = realtime::now();
+            let late = woke.saturating_since(due);
+            record(&mut self.measured.wake_up, late);
+            if late > late_after(self.period) {
+                self.measured.late += 1;
+                if self.timing.lockstep {
+                    origin += late;
+                }
+                if self.timing.strict {
+                    self.controller.woke_late(late);
+                }
+            }
+            let now = if self.timing.lockstep {
+                next.at()
+            } else {
+                woke
+            };
+            if is_setpoint(next) {
+                self.obey();
+                origin += self.take_plan();
+                let received = receive(&mut self.controller, &mut self.ports, now);
+                self.note(received);
+            }
+            let sent = wake(
+                &mut self.controller,
+                &mut self.ports,
+                &mut self.outboxes,
+                now,
+            );
+            self.note(sent);
+            if is_setpoint(next) {
+                record(
+                    &mut self.measured.compute,
+                    realtime::now().saturating_since(woke),
+                );
+                self.tell_all();
+            } else {
+                let interval = last_sync
+                    .replace(woke)
+                    .map(|last| woke.saturating_since(last));
+                if let Some(interval) = interval {
+                    record(
+                        &mut self.measured.sync_jitter,
+                        interval.abs_diff(self.period),
+                    );
+                }
+            }
+        }
+        (self.controller, self.measured)
+    }
+
+    fn obey(&mut self) {
+        while let Ok(order) = self.orders.pop() {
+            match order {
+                Order::GoOn => self.controller.go_on(),
+                Order::Interrupt => self.controller.interrupt(),
+                Order::Abandon => self.controller.abandon(),
+            }
+        }
+    }
+
+    /// Fills the controller's plan. A simulated machine waits until it is full, so that its motion
+    /// does not depend on the host; returns how long.
+    fn take_plan(&mut self) -> Duration {
+        let mut waited = Duration::ZERO;
+        while self.controller.phase() == Phase::Program && self.controller.room() > 0 {
+            if !self.told_ready
+                && let Some(start) = self.controller.ready()
+            {
+                self.told_ready = true;
+                self.tell(News::Ready(start));
+            }
+            match self.instructions.pop() {
+                Ok(instruction) => {
+                    self.controller.accept(instruction);
+                }
+                Err(_) if self.timing.lockstep => {
+                    std::thread::sleep(NAP);
+                    waited += NAP;
+                    self.obey();
+                }
+                Err(_) => break,
+            }
+        }
+        waited
+    }
+
+    fn note(&mut self, outcome: Result<(), Failure>) {
+        if let Err((bus, error)) = outcome {
+            self.controller.bus_failed(bus);
+            self.tell(News::BusFailed(error));
+        }
+    }
+
+    fn tell_all(&mut self) {
+        while let Some(event) = self.controller.event() {
+            self.tell(News::Event(event));
+        }
+        if let Some(row) = self.controller.row() {
+            let row = News::Row(*row);
+            self.tell(row);
+        }
+    }
+
+    /// Tells something; what finds no room is lost and counted, but a simulated machine waits.
+    fn tell(&mut self, mut news: News) {
+        while let Err(PushError::Full(back)) = self.news.push(news) {
+            if !self.timing.lockstep || self.news.is_abandoned() {
+                self.measured.lost += 1;
+                return;
+            }
+            std::thread::sleep(NAP);
+            news = back;
+        }
+    }
+}
+
+/// Three digits up to [`LONGEST`]; never grows.
+fn histogram() -> Histogram<u64> {
+    Histogram::new_with_bounds(1, LONGEST, 3).expect("these bounds are valid")
+}
+
+fn record(histogram: &mut Histogram<u64>, time: Duration) {
+    histogram.saturating_record(time.as_nanos().clamp(1, u128::from(LONGEST)) as u64);
+}
