@@ -6,12 +6,13 @@
 //! ```
 
 use super::compare::{Difference, quantile_difference};
-use super::rig::{Rig, Shape, Shuttle};
+use super::rig::{Shape, Shuttle, ready_machine};
 use crate::control::{End, Instruction, Wake};
 use crate::drive_host;
 use crate::port::socketcan::{Options as SocketOptions, SocketCan, StampSource};
 use crate::port::{Port, PortError, Received};
 use crate::realtime::{self, Granted, Settings};
+use crate::run::driver::Driver;
 use crate::timing::Distribution;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -172,7 +173,7 @@ fn measure_with<const N: usize>(options: &Options) -> Result<Outcome, PortError>
 /// The measuring thread.
 struct Cycle<const N: usize> {
     options: Options,
-    rig: Rig<N>,
+    driver: Driver<N, Box<dyn Port + Send>>,
     plan: rtrb::Consumer<Instruction<N>>,
     granted: Granted,
     stamps: &'static str,
@@ -252,18 +253,24 @@ impl<const N: usize> Cycle<N> {
             };
             ports.push(Box::new(port));
         }
-        let (rig, ahead) = if ports.is_empty() {
-            let rig = Rig::simulated(&options.shape);
-            let next = rig.controller.next_wake().map_or(Instant::ZERO, Wake::at);
+        let (driver, ahead) = if ports.is_empty() {
+            let driver = ready_machine(&options.shape);
+            let next = driver
+                .controller
+                .next_wake()
+                .map_or(Instant::ZERO, Wake::at);
             let start = realtime::now() + Duration::from_millis(1);
-            (rig, start.as_nanos() - next.as_nanos())
+            (driver, start.as_nanos() - next.as_nanos())
         } else {
             let start = realtime::now() + options.shape.period;
-            (Rig::new(&options.shape, ports, start), 0)
+            (
+                Driver::new(Arc::new(options.shape.layout()), ports, start),
+                0,
+            )
         };
         Ok(Self {
             options,
-            rig,
+            driver,
             plan,
             granted,
             stamps,
@@ -280,7 +287,7 @@ impl<const N: usize> Cycle<N> {
             if self.options.control {
                 self.bare(sync_at, &mut record);
             }
-            if let Some(End::Fault(fault)) = self.rig.controller.end() {
+            if let Some(End::Fault(fault)) = self.driver.controller.end() {
                 return Err(PortError {
                     bus: "bench".into(),
                     what: format!("the machine stopped: {fault:?}"),
@@ -292,29 +299,29 @@ impl<const N: usize> Cycle<N> {
 
     fn bring_up(&mut self) -> Result<(), PortError> {
         let give_up = realtime::now() + BRING_UP;
-        while self.rig.controller.ready().is_none() {
+        while self.driver.controller.ready().is_none() {
             let wake = self
-                .rig
+                .driver
                 .controller
                 .next_wake()
                 .filter(|_| realtime::now() < give_up);
             let Some(wake) = wake else {
                 return Err(PortError {
                     bus: "bench".into(),
-                    what: format!("no bring-up: {:?}", self.rig.controller.end()),
+                    what: format!("no bring-up: {:?}", self.driver.controller.end()),
                 });
             };
             realtime::sleep_until(wake.at(), self.options.spin);
-            self.rig.step(realtime::now())?;
+            self.driver.step(realtime::now())?;
         }
-        while matches!(self.rig.controller.next_wake(), Some(Wake::Setpoint(_))) {
+        while matches!(self.driver.controller.next_wake(), Some(Wake::Setpoint(_))) {
             let wake = self
-                .rig
+                .driver
                 .controller
                 .next_wake()
                 .map_or(Instant::ZERO, Wake::at);
             let (_, now) = self.sleep_until(wake);
-            self.rig.step(now)?;
+            self.driver.step(now)?;
         }
         Ok(())
     }
@@ -342,13 +349,13 @@ impl<const N: usize> Cycle<N> {
 
     fn sync(&mut self, record: &mut Record) -> Result<Instant, PortError> {
         let due = self
-            .rig
+            .driver
             .controller
             .next_wake()
             .map_or(Instant::ZERO, Wake::at);
         let (late, now) = self.sleep_until(due);
         record.late += u64::from(late > self.options.shape.period / LATE_SHARE);
-        self.rig.step(now)?;
+        self.driver.step(now)?;
         let sent = self.since(due);
         let at = realtime::now();
         record.sync_wake.record(late, at);
@@ -361,25 +368,25 @@ impl<const N: usize> Cycle<N> {
 
     fn setpoints(&mut self, sync_at: Instant, record: &mut Record) -> Result<(), PortError> {
         let due = self
-            .rig
+            .driver
             .controller
             .next_wake()
             .map_or(Instant::ZERO, Wake::at);
         let (late, now) = self.sleep_until(due);
         record.late += u64::from(late > self.options.shape.period / LATE_SHARE);
         let woken = realtime::now();
-        for (_, received) in self.rig.collect(now)? {
+        for (_, received) in self.driver.collect(now)? {
             arrived(received, sync_at, woken, record);
         }
         let received = realtime::now();
-        while self.rig.controller.room() > 0
+        while self.driver.controller.room() > 0
             && let Ok(instruction) = self.plan.pop()
         {
-            self.rig.controller.accept(instruction);
+            self.driver.controller.accept(instruction);
         }
         let switches = realtime::usage().involuntary_switches;
         let (began, clock) = (realtime::now(), realtime::thread_time());
-        self.rig.compute(now);
+        self.driver.compute(now);
         let used = realtime::thread_time().saturating_sub(clock);
         let computed = realtime::now();
         if realtime::usage().involuntary_switches == switches {
@@ -390,7 +397,7 @@ impl<const N: usize> Cycle<N> {
             record.preempted += 1;
         }
         let before_send = realtime::now();
-        self.rig.send()?;
+        self.driver.send()?;
         let done = realtime::now();
 
         record.setpoint_wake.record(late, woken);
@@ -453,7 +460,7 @@ impl<const N: usize> Cycle<N> {
             distributions,
             cycles: self.options.cycles,
             late: record.late,
-            dropped: self.rig.controller.late_setpoints(),
+            dropped: self.driver.controller.late_setpoints(),
             preempted: record.preempted,
             worst: record.worst,
             control: control.flatten(),

@@ -1,9 +1,10 @@
 //! A machine of any number of axes to measure with: each an LXM32M of its own, moving to and fro.
 
 use crate::budget::DoesNotFit;
-use crate::control::{Controller, Instruction, Layout, layout};
+use crate::control::{Instruction, Layout, layout};
+use crate::port::Port;
 use crate::port::sim::SimPort;
-use crate::port::{Outbox, Port, PortError, Received};
+use crate::run::driver::Driver;
 use std::sync::Arc;
 use std::time::Duration;
 use syncline_canopen::budget::{NodeTraffic, Traffic, Verdict};
@@ -151,7 +152,7 @@ impl Shape {
             .collect()
     }
 
-    fn layout(&self) -> Layout {
+    pub(super) fn layout(&self) -> Layout {
         let budgets: Vec<_> = (0..self.buses)
             .map(|bus| self.traffic(bus).budget())
             .collect();
@@ -276,109 +277,24 @@ impl<const N: usize> Shuttle<N> {
     }
 }
 
-/// A controller with its ports, woken by hand.
-pub struct Rig<const N: usize> {
-    /// The controller under measurement.
-    pub controller: Controller<N>,
-    /// One a bus.
-    pub ports: Vec<Box<dyn Port + Send>>,
-    /// One a bus.
-    pub outboxes: Vec<Outbox>,
-    /// What each wake-up received, by bus.
-    inbox: Vec<(usize, Received)>,
-}
-
-impl<const N: usize> Rig<N> {
-    /// A machine that is switched on at `start`.
-    #[must_use]
-    pub fn new(shape: &Shape, ports: Vec<Box<dyn Port + Send>>, start: Instant) -> Self {
-        Self {
-            controller: Controller::new(Arc::new(shape.layout()), start),
-            outboxes: vec![Outbox::default(); ports.len()],
-            inbox: Vec::with_capacity(8 * shape.axes + 64),
-            ports,
+/// A simulated machine that is ready for its program, and waits for its next wake-up.
+///
+/// # Panics
+/// If it does not get there.
+#[must_use]
+pub fn ready_machine<const N: usize>(shape: &Shape) -> Driver<N, Box<dyn Port + Send>> {
+    let layout = Arc::new(shape.layout());
+    let mut driver = Driver::new(layout, shape.sim_ports(), Instant::ZERO);
+    for _ in 0..2 * BRING_UP_CYCLES {
+        if driver.controller.ready().is_some() {
+            return driver;
         }
+        let Some(wake) = driver.controller.next_wake() else {
+            break;
+        };
+        driver
+            .step(wake.at())
+            .expect("a simulated bus does not fail");
     }
-
-    /// A simulated machine that is ready for its program, and the instant of its next wake-up.
-    ///
-    /// # Panics
-    /// If it does not get there.
-    #[must_use]
-    pub fn simulated(shape: &Shape) -> Self {
-        let mut rig = Self::new(shape, shape.sim_ports(), Instant::ZERO);
-        for _ in 0..2 * BRING_UP_CYCLES {
-            if rig.controller.ready().is_some() {
-                return rig;
-            }
-            let Some(wake) = rig.controller.next_wake() else {
-                break;
-            };
-            rig.step(wake.at()).expect("a simulated bus does not fail");
-        }
-        panic!("no bring-up: {:?}", rig.controller.end());
-    }
-
-    /// Takes what has arrived until `now`, without handing it to the controller.
-    ///
-    /// # Errors
-    /// A bus fails.
-    pub fn collect(&mut self, now: Instant) -> Result<&[(usize, Received)], PortError> {
-        self.inbox.clear();
-        for (bus, port) in self.ports.iter_mut().enumerate() {
-            port.advance_to(now);
-            let inbox = &mut self.inbox;
-            port.receive(&mut |received| {
-                // Beyond the capacity is a flooded bus: dropped like a full socket would.
-                if inbox.len() < inbox.capacity() {
-                    inbox.push((bus, received));
-                }
-            })?;
-        }
-        Ok(&self.inbox)
-    }
-
-    /// What the controller does at a wake-up, and nothing else: this is its compute time.
-    pub fn compute(&mut self, now: Instant) {
-        for (bus, received) in &self.inbox {
-            self.controller.receive(*bus, received);
-        }
-        self.outboxes.iter_mut().for_each(Outbox::clear);
-        self.controller.wake(now, &mut self.outboxes);
-    }
-
-    /// Sends what the controller wants sent.
-    ///
-    /// # Errors
-    /// A bus fails.
-    pub fn send(&mut self) -> Result<(), PortError> {
-        for (port, outbox) in self.ports.iter_mut().zip(&self.outboxes) {
-            if let Some(sync) = &outbox.sync {
-                port.send_sync(sync)?;
-            }
-        }
-        for (bus, (port, outbox)) in self.ports.iter_mut().zip(&self.outboxes).enumerate() {
-            let burst = outbox.burst.as_slice();
-            if !burst.is_empty() {
-                let sent = port.send_burst(burst)?;
-                self.controller
-                    .burst_sent(bus, burst.len(), sent, port.echoes());
-            }
-            let acyclic = outbox.acyclic.as_slice();
-            if !acyclic.is_empty() {
-                port.send_acyclic(acyclic)?;
-            }
-        }
-        Ok(())
-    }
-
-    /// One whole wake-up.
-    ///
-    /// # Errors
-    /// A bus fails.
-    pub fn step(&mut self, now: Instant) -> Result<(), PortError> {
-        self.collect(now)?;
-        self.compute(now);
-        self.send()
-    }
+    panic!("no bring-up: {:?}", driver.controller.end());
 }

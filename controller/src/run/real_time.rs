@@ -7,12 +7,12 @@
 //! One bounded queue of orders goes in, one of news comes out; the plan has a queue of its own.
 //! Nothing else is shared.
 
-use super::{Failure, is_setpoint, receive, wake};
+use super::driver::Driver;
 use crate::control::{Controller, Event, Instruction, Layout, Phase, Row};
-use crate::port::{Outbox, Port};
+use crate::port::{Port, PortError};
 use crate::program::{COORDINATES, Position};
 use crate::realtime::{self, Granted};
-use hdrhistogram::Histogram;
+use crate::timing::Distribution;
 use rtrb::{Consumer, Producer, PushError, RingBuffer};
 use std::sync::Arc;
 use std::time::Duration;
@@ -24,8 +24,6 @@ const INSTRUCTIONS: usize = 8192;
 const ORDERS: usize = 64;
 /// News on their way out of the cycle.
 const NEWS: usize = 16_384;
-/// Longest time that a histogram tells apart, ns.
-const LONGEST: u64 = 10_000_000_000;
 /// How long the cycle of a simulated machine waits for its plan at a time.
 const NAP: Duration = Duration::from_micros(200);
 
@@ -54,7 +52,7 @@ pub enum News {
     /// What happened at one SYNC.
     Row(Row<COORDINATES>),
     /// A bus' interface failed.
-    BusFailed(crate::port::PortError),
+    BusFailed(PortError),
 }
 
 /// How the cycle treats time.
@@ -73,12 +71,12 @@ pub struct Timing {
 /// What the cycle measured.
 #[derive(Clone, Debug)]
 pub struct Measured {
-    /// From the instant asked for to waking up, ns.
-    pub wake_up: Histogram<u64>,
-    /// |From SYNC to SYNC − cycle|, ns.
-    pub sync_jitter: Histogram<u64>,
-    /// From waking up for the setpoints until they are sent, ns.
-    pub compute: Histogram<u64>,
+    /// From the instant asked for to waking up.
+    pub wake_up: Distribution,
+    /// |From SYNC to SYNC − cycle|.
+    pub sync_jitter: Distribution,
+    /// From waking up for the setpoints until they are sent.
+    pub compute: Distribution,
     /// Wake-ups later than [`late_after`].
     pub late: u64,
     /// News that nobody fetched in time.
@@ -124,9 +122,7 @@ impl Link {
 
 /// The cycle, to be run in a thread of its own.
 pub struct Cycle {
-    controller: Controller<COORDINATES>,
-    ports: Ports,
-    outboxes: Vec<Outbox>,
+    driver: Driver<COORDINATES, Box<dyn Port + Send>>,
     timing: Timing,
     period: Duration,
     instructions: Consumer<Instruction<COORDINATES>>,
@@ -149,9 +145,7 @@ impl Cycle {
             realtime::now() + 10 * layout.cycle
         };
         let cycle = Self {
-            controller: Controller::new(Arc::clone(layout), start),
-            outboxes: vec![Outbox::default(); ports.len()],
-            ports,
+            driver: Driver::new(Arc::clone(layout), ports, start),
             timing,
             period: layout.cycle,
             instructions,
@@ -159,9 +153,9 @@ impl Cycle {
             news: tell,
             told_ready: false,
             measured: Measured {
-                wake_up: histogram(),
-                sync_jitter: histogram(),
-                compute: histogram(),
+                wake_up: Distribution::new("wake-up latency"),
+                sync_jitter: Distribution::new("SYNC jitter"),
+                compute: Distribution::new("setpoint wake-up"),
                 late: 0,
                 lost: 0,
             },
@@ -186,19 +180,19 @@ impl Cycle {
             origin = Duration::from_nanos(realtime::now().as_nanos()) + self.period;
         }
         let mut last_sync = None;
-        while let Some(next) = self.controller.next_wake() {
+        while let Some(next) = self.driver.controller.next_wake() {
             let due = next.at() + origin;
             realtime::sleep_until(due, self.timing.spin);
             let woke = realtime::now();
             let late = woke.saturating_since(due);
-            record(&mut self.measured.wake_up, late);
+            self.measured.wake_up.record(late, woke);
             if late > late_after(self.period) {
                 self.measured.late += 1;
                 if self.timing.lockstep {
                     origin += late;
                 }
                 if self.timing.strict {
-                    self.controller.woke_late(late);
+                    self.driver.controller.woke_late(late);
                 }
             }
             let now = if self.timing.lockstep {
@@ -206,46 +200,32 @@ impl Cycle {
             } else {
                 woke
             };
-            if is_setpoint(next) {
+            let setpoints = self.driver.setpoints_are_next();
+            if setpoints {
                 self.obey();
                 origin += self.take_plan();
-                let received = receive(&mut self.controller, &mut self.ports, now);
-                self.note(received);
             }
-            let sent = wake(
-                &mut self.controller,
-                &mut self.ports,
-                &mut self.outboxes,
-                now,
-            );
-            self.note(sent);
-            if is_setpoint(next) {
-                record(
-                    &mut self.measured.compute,
-                    realtime::now().saturating_since(woke),
-                );
+            if let Err(error) = self.driver.step(now) {
+                self.tell(News::BusFailed(error));
+            }
+            if setpoints {
+                let took = realtime::now().saturating_since(woke);
+                self.measured.compute.record(took, woke);
                 self.tell_all();
-            } else {
-                let interval = last_sync
-                    .replace(woke)
-                    .map(|last| woke.saturating_since(last));
-                if let Some(interval) = interval {
-                    record(
-                        &mut self.measured.sync_jitter,
-                        interval.abs_diff(self.period),
-                    );
-                }
+            } else if let Some(last) = last_sync.replace(woke) {
+                let jitter = woke.saturating_since(last).abs_diff(self.period);
+                self.measured.sync_jitter.record(jitter, woke);
             }
         }
-        (self.controller, self.measured)
+        (self.driver.controller, self.measured)
     }
 
     fn obey(&mut self) {
         while let Ok(order) = self.orders.pop() {
             match order {
-                Order::GoOn => self.controller.go_on(),
-                Order::Interrupt => self.controller.interrupt(),
-                Order::Abandon => self.controller.abandon(),
+                Order::GoOn => self.driver.controller.go_on(),
+                Order::Interrupt => self.driver.controller.interrupt(),
+                Order::Abandon => self.driver.controller.abandon(),
             }
         }
     }
@@ -254,16 +234,17 @@ impl Cycle {
     /// does not depend on the host; returns how long.
     fn take_plan(&mut self) -> Duration {
         let mut waited = Duration::ZERO;
-        while self.controller.phase() == Phase::Program && self.controller.room() > 0 {
+        while self.driver.controller.phase() == Phase::Program && self.driver.controller.room() > 0
+        {
             if !self.told_ready
-                && let Some(start) = self.controller.ready()
+                && let Some(start) = self.driver.controller.ready()
             {
                 self.told_ready = true;
                 self.tell(News::Ready(start));
             }
             match self.instructions.pop() {
                 Ok(instruction) => {
-                    self.controller.accept(instruction);
+                    self.driver.controller.accept(instruction);
                 }
                 Err(_) if self.timing.lockstep => {
                     std::thread::sleep(NAP);
@@ -276,18 +257,11 @@ impl Cycle {
         waited
     }
 
-    fn note(&mut self, outcome: Result<(), Failure>) {
-        if let Err((bus, error)) = outcome {
-            self.controller.bus_failed(bus);
-            self.tell(News::BusFailed(error));
-        }
-    }
-
     fn tell_all(&mut self) {
-        while let Some(event) = self.controller.event() {
+        while let Some(event) = self.driver.controller.event() {
             self.tell(News::Event(event));
         }
-        if let Some(row) = self.controller.row() {
+        if let Some(row) = self.driver.controller.row() {
             let row = News::Row(*row);
             self.tell(row);
         }
@@ -304,13 +278,4 @@ impl Cycle {
             news = back;
         }
     }
-}
-
-/// Three digits up to [`LONGEST`]; never grows.
-fn histogram() -> Histogram<u64> {
-    Histogram::new_with_bounds(1, LONGEST, 3).expect("these bounds are valid")
-}
-
-fn record(histogram: &mut Histogram<u64>, time: Duration) {
-    histogram.saturating_record(time.as_nanos().clamp(1, u128::from(LONGEST)) as u64);
 }

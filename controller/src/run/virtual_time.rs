@@ -1,11 +1,11 @@
 //! A machine in virtual time: the real controller against simulated drives.
 
+use super::driver::Driver;
 use super::frames::FrameLog;
-use super::{Failure, is_setpoint, receive, wake};
-use crate::control::{Controller, Event, Layout, Phase, Row};
+use crate::control::{Controller, Event, Layout, Row};
 use crate::machine::Machine;
+use crate::port::PortError;
 use crate::port::sim::SimPort;
-use crate::port::{Outbox, PortError};
 use crate::program::{COORDINATES, Feeder, Program, ProgramError};
 use std::sync::{Arc, Mutex, PoisonError};
 use syncline_canopen::Instant;
@@ -14,9 +14,7 @@ use syncline_canopen::Instant;
 ///
 /// The same machine, program and seed give the same frames, byte for byte.
 pub struct VirtualMachine {
-    controller: Controller<COORDINATES>,
-    ports: Vec<SimPort>,
-    outboxes: Vec<Outbox>,
+    driver: Driver<COORDINATES, SimPort>,
     frames: Arc<Mutex<FrameLog>>,
     program: Program,
     feeder: Option<Feeder>,
@@ -56,9 +54,7 @@ impl VirtualMachine {
             })
             .collect::<Result<Vec<_>, _>>()?;
         Ok(Self {
-            controller: Controller::new(layout, Instant::ZERO),
-            outboxes: vec![Outbox::default(); ports.len()],
-            ports,
+            driver: Driver::new(layout, ports, Instant::ZERO),
             frames,
             program,
             feeder: None,
@@ -72,44 +68,24 @@ impl VirtualMachine {
     /// If the program turns out not to run; the machine comes to its end all the same when this
     /// is called further.
     pub fn step(&mut self) -> Result<bool, RunError> {
-        let Some(next) = self.controller.next_wake() else {
+        let Some(next) = self.driver.controller.next_wake() else {
             return Ok(false);
         };
         self.now = next.at();
-        let mut fed = Ok(());
-        if is_setpoint(next) {
-            fed = self.feed();
-            let received = receive(&mut self.controller, &mut self.ports, self.now);
-            self.note(received)?;
-        }
+        let fed = self.feed();
         if fed.is_err() {
-            self.controller.abandon();
+            self.driver.controller.abandon();
         }
-        let sent = wake(
-            &mut self.controller,
-            &mut self.ports,
-            &mut self.outboxes,
-            self.now,
-        );
-        self.note(sent)?;
+        self.driver.step(self.now)?;
         fed?;
         Ok(true)
     }
 
-    fn note(&mut self, outcome: Result<(), Failure>) -> Result<(), PortError> {
-        outcome.map_err(|(bus, error)| {
-            self.controller.bus_failed(bus);
-            error
-        })
-    }
-
     /// Keeps the controller's plan full.
     fn feed(&mut self) -> Result<(), ProgramError> {
-        if self.controller.phase() != Phase::Program {
-            return Ok(());
-        }
+        let controller = &mut self.driver.controller;
         if self.feeder.is_none()
-            && let Some(start) = self.controller.ready()
+            && let Some(start) = controller.ready()
         {
             self.program.check(start)?;
             self.feeder = Some(self.program.feeder(start)?);
@@ -117,33 +93,33 @@ impl VirtualMachine {
         let Some(feeder) = &mut self.feeder else {
             return Ok(());
         };
-        while self.controller.room() > 0
+        while controller.room() > 0
             && let Some(instruction) = feeder.next_instruction()?
         {
-            self.controller.accept(instruction);
+            controller.accept(instruction);
         }
         Ok(())
     }
 
     /// The controller.
     pub fn controller(&mut self) -> &mut Controller<COORDINATES> {
-        &mut self.controller
+        &mut self.driver.controller
     }
 
     /// The next thing worth a line in the log.
     pub fn event(&mut self) -> Option<Event> {
-        self.controller.event()
+        self.driver.controller.event()
     }
 
     /// What happened at the last SYNC, after a step that supervised, and the program's moves that
     /// are not passed yet.
     pub fn row(&mut self) -> (Option<&Row<COORDINATES>>, Option<&mut Feeder>) {
-        (self.controller.row(), self.feeder.as_mut())
+        (self.driver.controller.row(), self.feeder.as_mut())
     }
 
     /// The simulated bus with this index, to interfere with its drives.
     pub fn bus(&mut self, bus: usize) -> &mut SimPort {
-        &mut self.ports[bus]
+        &mut self.driver.ports[bus]
     }
 
     /// Virtual time.

@@ -1,0 +1,119 @@
+//! A controller on its buses: what one wake-up takes, in its three stages.
+
+use crate::control::{Controller, Layout, Wake};
+use crate::port::{Outbox, Port, PortError, Received};
+use std::sync::Arc;
+use syncline_canopen::Instant;
+
+/// A controller with its ports. Nothing allocates after construction.
+pub struct Driver<const N: usize, P> {
+    /// The controller.
+    pub controller: Controller<N>,
+    /// One a bus.
+    pub ports: Vec<P>,
+    outboxes: Vec<Outbox>,
+    /// What the last collection brought, by bus.
+    inbox: Vec<(usize, Received)>,
+}
+
+impl<const N: usize, P: Port> Driver<N, P> {
+    /// A machine on its buses, one port for each, that is switched on at `start`.
+    #[must_use]
+    pub fn new(layout: Arc<Layout>, ports: Vec<P>, start: Instant) -> Self {
+        Self {
+            outboxes: vec![Outbox::default(); ports.len()],
+            inbox: Vec::with_capacity(8 * layout.drives.len() + 64),
+            controller: Controller::new(layout, start),
+            ports,
+        }
+    }
+
+    /// Whether the next wake-up supervises and sends setpoints.
+    #[must_use]
+    pub fn setpoints_are_next(&self) -> bool {
+        matches!(self.controller.next_wake(), Some(Wake::Setpoint(_)))
+    }
+
+    /// Lets simulated buses live up to `now`, and before setpoints takes what has arrived: one
+    /// receive call a bus and cycle, and nothing in front of SYNC.
+    ///
+    /// # Errors
+    /// The interface of a bus failed; the controller has been told.
+    pub fn collect(&mut self, now: Instant) -> Result<&[(usize, Received)], PortError> {
+        self.inbox.clear();
+        let receives = self.setpoints_are_next();
+        for (bus, port) in self.ports.iter_mut().enumerate() {
+            port.advance_to(now);
+            if !receives {
+                continue;
+            }
+            let inbox = &mut self.inbox;
+            let received = port.receive(&mut |received| {
+                // Beyond the capacity is a flooded bus: dropped like a full socket would.
+                if inbox.len() < inbox.capacity() {
+                    inbox.push((bus, received));
+                }
+            });
+            if let Err(error) = received {
+                self.controller.bus_failed(bus);
+                return Err(error);
+            }
+        }
+        Ok(&self.inbox)
+    }
+
+    /// What the controller does at a wake-up, and nothing else: this is its compute time.
+    pub fn compute(&mut self, now: Instant) {
+        for (bus, received) in &self.inbox {
+            self.controller.receive(*bus, received);
+        }
+        self.outboxes.iter_mut().for_each(Outbox::clear);
+        self.controller.wake(now, &mut self.outboxes);
+    }
+
+    /// Sends what the controller wants sent: SYNC of all buses before anything else.
+    ///
+    /// # Errors
+    /// The interface of a bus failed; the controller has been told.
+    pub fn send(&mut self) -> Result<(), PortError> {
+        for bus in 0..self.ports.len() {
+            if let Some(sync) = &self.outboxes[bus].sync
+                && let Err(error) = self.ports[bus].send_sync(sync)
+            {
+                self.controller.bus_failed(bus);
+                return Err(error);
+            }
+        }
+        for bus in 0..self.ports.len() {
+            if let Err(error) = self.send_rest(bus) {
+                self.controller.bus_failed(bus);
+                return Err(error);
+            }
+        }
+        Ok(())
+    }
+
+    fn send_rest(&mut self, bus: usize) -> Result<(), PortError> {
+        let (port, outbox) = (&mut self.ports[bus], &self.outboxes[bus]);
+        let burst = outbox.burst.as_slice();
+        if !burst.is_empty() {
+            let sent = port.send_burst(burst)?;
+            (self.controller).burst_sent(bus, burst.len(), sent, port.echoes());
+        }
+        let acyclic = outbox.acyclic.as_slice();
+        if !acyclic.is_empty() {
+            port.send_acyclic(acyclic)?;
+        }
+        Ok(())
+    }
+
+    /// One whole wake-up. All its stages take place even if a bus fails.
+    ///
+    /// # Errors
+    /// The interface of a bus failed; the controller has been told.
+    pub fn step(&mut self, now: Instant) -> Result<(), PortError> {
+        let collected = self.collect(now).map(|_| ());
+        self.compute(now);
+        collected.and(self.send())
+    }
+}
