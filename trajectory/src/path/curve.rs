@@ -390,6 +390,22 @@ impl<const N: usize> Curve<N> {
         }
     }
 
+    /// The tangent, if it is the same everywhere.
+    pub fn direction(&self) -> Option<[f64; N]> {
+        match self {
+            Curve::Line(line) => Some(line.direction),
+            Curve::Arc(_) => None,
+        }
+    }
+
+    /// Greatest turn of the tangent per path length, rad/mm.
+    pub fn turn_rate(&self) -> f64 {
+        match self {
+            Curve::Line(_) => 0.0,
+            Curve::Arc(arc) => arc.sweep.abs() / arc.length,
+        }
+    }
+
     /// The first point.
     pub fn start(&self) -> [f64; N] {
         match self {
@@ -457,12 +473,14 @@ impl<const N: usize> Curve<N> {
         let mut low: [f64; N] = std::array::from_fn(|i| start[i].min(end[i]));
         let mut high: [f64; N] = std::array::from_fn(|i| start[i].max(end[i]));
         if let Curve::Arc(arc) = self {
-            // Extremes of a circle lie at whole quarter turns; of a spiral of the tolerated kind
-            // within spiral²/radius of them, which the larger radius covers.
+            // Extremes of a circle lie at whole quarter turns, those of a spiral a little off; the
+            // larger radius covers them.
             let quarter = std::f64::consts::FRAC_PI_2;
             let (a, b) = (arc.from, arc.from + arc.sweep);
-            let first = (a.min(b) / quarter).ceil() as i64;
-            let last = (a.max(b) / quarter).floor() as i64;
+            let least = arc.radius.min(arc.radius + arc.spiral * arc.sweep.abs());
+            let slack = libm::atan2(arc.spiral.abs(), least);
+            let first = ((a.min(b) - slack) / quarter).ceil() as i64;
+            let last = ((a.max(b) + slack) / quarter).floor() as i64;
             let radius = arc.radius.max(arc.radius + arc.spiral * arc.sweep.abs());
             for n in first..=last.min(first + 3) {
                 let (axis, centre, sign) = match n.rem_euclid(4) {

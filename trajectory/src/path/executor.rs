@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use super::{Command, Piece, Span};
+use super::{Command, Derivatives, Limits, Piece, Span};
 
 /// Where every axis has to be, and what the path does there.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -28,8 +28,8 @@ pub struct Setpoint<const N: usize> {
 }
 
 #[derive(Debug, Clone, Copy)]
-enum Step {
-    Section,
+enum Step<const N: usize> {
+    Section(Limits<N>),
     Piece(Piece),
     Dwell { duration: f64, tag: u32 },
 }
@@ -42,6 +42,16 @@ struct Clock {
     offset: f64,
 }
 
+/// How far a stop on the path has come.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Stop {
+    /// Nobody asked for one.
+    No,
+    /// The plan is followed to its rest until a shorter way is found, so many tries ago.
+    Sought(u32),
+    /// The shorter way is being followed.
+    Found,
+}
 /// Holds the plan and samples it. Allocates only in [`Executor::new`].
 ///
 /// The setpoint of a cycle is a function of its number and of the plan alone: polynomials are
@@ -50,36 +60,52 @@ struct Clock {
 pub struct Executor<const N: usize> {
     period: f64,
     cycle: u64,
+    limits: Option<Limits<N>>,
     spans: VecDeque<Span<N>>,
-    steps: VecDeque<Step>,
+    steps: VecDeque<Step<N>>,
     /// How many of `steps` end at rest and may run.
     committed: usize,
+    /// Number of the first of `steps`.
+    number: u64,
+    /// The step that the uncommitted ones replace.
+    splice: Option<u64>,
+    late: bool,
     /// When the first of `steps` began; meaningless when idle.
     began: Clock,
-    /// Path distance before the current section.
+    /// Path distance before the current section, and where on it the path came to rest last.
     passed: f64,
+    reached: f64,
+    /// The first of `spans` belongs to a section that has begun.
+    entered: bool,
     rest: [f64; N],
     tag: u32,
-    stopping: bool,
+    stop: Stop,
 }
 
 impl<const N: usize> Executor<N> {
-    /// At rest in `position`, with a cycle of `period` s and room for `capacity` commands.
+    /// At rest in `position`, with a cycle of `period` s and room for `capacity` commands; a
+    /// planner's windows need 4,096.
     pub fn new(position: [f64; N], period: f64, capacity: usize) -> Self {
         Executor {
             period,
             cycle: 0,
+            limits: None,
             spans: VecDeque::with_capacity(capacity),
             steps: VecDeque::with_capacity(capacity),
             committed: 0,
+            number: 0,
+            splice: None,
+            late: false,
             began: Clock {
                 cycle: 0,
                 offset: 0.0,
             },
             passed: 0.0,
+            reached: 0.0,
+            entered: false,
             rest: position,
             tag: 0,
-            stopping: false,
+            stop: Stop::No,
         }
     }
 
@@ -91,28 +117,46 @@ impl<const N: usize> Executor<N> {
     /// Takes the next command of the plan; false, and nothing taken, if there is no room for it.
     /// After [`stop`](Self::stop) commands are taken and dropped.
     pub fn accept(&mut self, command: Command<N>) -> bool {
-        if self.stopping {
+        if self.stop != Stop::No || self.late {
             return true;
         }
         if self.room() == 0 {
             return false;
         }
         match command {
-            Command::Section => self.steps.push_back(Step::Section),
+            Command::Section(limits) => self.steps.push_back(Step::Section(limits)),
+            Command::Splice(step) => self.splice = Some(step),
             Command::Span(span) => self.spans.push_back(span),
             Command::Piece(piece) => self.steps.push_back(Step::Piece(piece)),
             Command::Dwell { duration, tag } => self.steps.push_back(Step::Dwell { duration, tag }),
-            Command::Commit => {
-                if self.committed == 0 {
-                    self.began = Clock {
-                        cycle: self.cycle,
-                        offset: 0.0,
-                    };
-                }
-                self.committed = self.steps.len();
-            }
+            Command::Commit => self.commit(),
         }
         true
+    }
+
+    fn commit(&mut self) {
+        if let Some(step) = self.splice.take() {
+            // A step that has begun cannot be replaced any more.
+            if step <= self.number {
+                self.steps.truncate(self.committed);
+                self.late = true;
+                return;
+            }
+            let keep = (step - self.number) as usize;
+            self.steps.drain(keep.min(self.committed)..self.committed);
+        } else if self.committed == 0 {
+            self.began = Clock {
+                cycle: self.cycle,
+                offset: 0.0,
+            };
+        }
+        self.committed = self.steps.len();
+    }
+
+    /// A part of the plan came after the path had gone past the point from where it applied. The
+    /// path comes to rest as planned before, and no more commands are taken.
+    pub fn is_late(&self) -> bool {
+        self.late
     }
 
     /// Nothing is left to execute; the axes rest.
@@ -127,27 +171,25 @@ impl<const N: usize> Executor<N> {
 
     /// The current setpoint.
     pub fn setpoint(&self) -> Setpoint<N> {
-        let at_rest = |tag, distance, busy| Setpoint {
-            position: self.rest,
-            velocity: [0.0; N],
-            acceleration: [0.0; N],
-            jerk: [0.0; N],
-            tag,
-            distance,
-            speed: 0.0,
-            feed: 0.0,
-            busy,
-        };
         let (Some(Step::Piece(piece)), Some(span)) = (self.current(), self.spans.front()) else {
-            return at_rest(self.tag, self.passed, !self.is_idle());
+            return Setpoint {
+                position: self.rest,
+                velocity: [0.0; N],
+                acceleration: [0.0; N],
+                jerk: [0.0; N],
+                tag: self.tag,
+                distance: self.passed + self.reached,
+                speed: 0.0,
+                feed: 0.0,
+                busy: !self.is_idle(),
+            };
         };
         let t = self.since(self.began).clamp(0.0, piece.duration);
         let (ds, v, a) = piece.at(t);
         let v = v.max(0.0);
         let j = piece.jerk;
         // The two starts first: they are large and constant, the rest is small and exact.
-        let local = (piece.distance - span.start) + ds;
-        let at = span.curve.at(local);
+        let at = span.curve.at((piece.distance - span.start) + ds);
         Setpoint {
             position: at.q,
             velocity: at.d1.map(|x| x * v),
@@ -168,7 +210,7 @@ impl<const N: usize> Executor<N> {
         self.cycle += 1;
         while let Some(step) = self.current() {
             let duration = match step {
-                Step::Section => 0.0,
+                Step::Section(_) => 0.0,
                 Step::Piece(Piece { duration, .. }) | Step::Dwell { duration, .. } => duration,
             };
             if self.since(self.began) < duration {
@@ -179,11 +221,12 @@ impl<const N: usize> Executor<N> {
         if let Some(Step::Piece(piece)) = self.current() {
             let (ds, _, _) = piece.at(self.since(self.began));
             self.enter_span_at(piece.distance + ds);
+            self.seek_stop();
         }
         self.setpoint()
     }
 
-    fn current(&self) -> Option<Step> {
+    fn current(&self) -> Option<Step<N>> {
         if self.committed > 0 {
             self.steps.front().copied()
         } else {
@@ -196,43 +239,60 @@ impl<const N: usize> Executor<N> {
         (self.cycle - then.cycle) as f64 * self.period - then.offset
     }
 
-    fn finish_step(&mut self, step: Step, duration: f64) {
+    fn finish_step(&mut self, step: Step<N>, duration: f64) {
         let offset = self.began.offset + duration;
         let cycles = (offset / self.period).floor();
         self.began.cycle += cycles as u64;
         self.began.offset = (offset - cycles * self.period).max(0.0);
         self.steps.pop_front();
+        self.number += 1;
         self.committed -= 1;
-        let next = self.current();
-        if let Step::Piece(piece) = step
-            && !matches!(next, Some(Step::Piece(_)))
-        {
-            self.finish_section(piece.distance + piece.at(duration).0);
+        match step {
+            Step::Section(limits) => {
+                self.limits = Some(limits);
+                self.passed += std::mem::take(&mut self.reached);
+                while self.entered
+                    && self
+                        .spans
+                        .front()
+                        .is_some_and(|s| s.start > 0.0 || self.spans.len() > 1)
+                {
+                    self.spans.pop_front();
+                    if self.spans.front().is_none_or(|s| s.start == 0.0) {
+                        break;
+                    }
+                }
+                self.entered = true;
+            }
+
+            Step::Piece(piece) if !matches!(self.current(), Some(Step::Piece(_))) => {
+                self.finish_run(piece.distance + piece.at(duration).0);
+            }
+            _ => {}
         }
-        if let Some(Step::Dwell { tag, .. }) = next {
+        if let Some(Step::Dwell { tag, .. }) = self.current() {
             self.tag = tag;
         }
     }
 
     /// The axes have come to rest at `end` on the section.
-    fn finish_section(&mut self, end: f64) {
+    fn finish_run(&mut self, end: f64) {
         self.enter_span_at(end);
-        if let Some(span) = self.spans.pop_front() {
+        if let Some(span) = self.spans.front() {
             let whole = span.start + span.curve.length();
-            let stopped_short = self.stopping && end < whole;
-            self.rest = if stopped_short {
-                span.curve.at(end - span.start).q
-            } else {
+            let complete = end >= whole - 1e-9;
+            self.rest = if complete {
                 span.curve.end()
+            } else {
+                span.curve.at(end - span.start).q
             };
-            self.passed += if stopped_short { end } else { whole };
             self.tag = span.tag;
+            self.reached = end;
         }
-        if self.stopping {
+        if self.stop != Stop::No {
             self.spans.clear();
         }
     }
-
     /// Drops the spans that end before `distance`, but never the last of the section.
     fn enter_span_at(&mut self, distance: f64) {
         while let (Some(span), Some(next)) = (self.spans.front(), self.spans.get(1)) {
@@ -245,44 +305,194 @@ impl<const N: usize> Executor<N> {
 
     /// Comes to rest on the path as soon as the limits allow and drops the rest of the plan.
     /// Effective from the current cycle on; the next setpoints lead to rest.
+    ///
+    /// On a line that is the closed form. On curves it is tried cycle by cycle whether braking as
+    /// hard as the axes allow from here on leads to rest inside all limits; until that is so, the
+    /// plan, which ends at rest, too, is followed.
     pub fn stop(&mut self) {
-        if self.stopping {
+        if self.stop != Stop::No {
             return;
         }
-        self.stopping = true;
-        let (Some(Step::Piece(piece)), Some(&span)) = (self.current(), self.spans.front()) else {
-            self.steps.clear();
+        self.steps.truncate(self.committed);
+        let run = self.steps.iter().position(|s| !matches!(s, Step::Piece(_)));
+        self.steps.truncate(run.unwrap_or(self.steps.len()));
+        self.committed = self.steps.len();
+        self.stop = Stop::Sought(0);
+        self.seek_stop();
+        if self.is_idle() {
             self.spans.clear();
-            self.committed = 0;
+        }
+    }
+
+    /// Replaces the plan by a shorter way to rest if there is one.
+    fn seek_stop(&mut self) {
+        let (Stop::Sought(tries), Some(Step::Piece(piece))) = (self.stop, self.current()) else {
             return;
         };
+        self.stop = Stop::Sought(tries + 1);
         let (ds, v, a) = piece.at(self.since(self.began).clamp(0.0, piece.duration));
-        let section_end = self
-            .steps
-            .iter()
-            .position(|s| !matches!(s, Step::Piece(_)))
-            .unwrap_or(self.steps.len());
-        let plan_end = match self.steps.get(section_end - 1) {
-            Some(Step::Piece(last)) => last.distance + last.at(last.duration).0,
-            _ => piece.distance,
-        };
-        self.steps.truncate(section_end);
-        let brake = span.brake;
-        let from = piece.distance + ds;
-        if let Some(pieces) = brake_from(from, v, a, brake.acceleration, brake.jerk) {
-            let last = &pieces[2];
-            // Otherwise the plan is already braking as hard as it can: leave it.
-            if last.distance + last.at(last.duration).0 < plan_end - 1e-9 {
-                self.steps.clear();
+        // Where the plan does nothing but come to rest, it does so as fast as it can.
+        let brakes = |s: &Step<N>| matches!(s, Step::Piece(p) if p.at(p.duration).2 <= 1e-9);
+        if a <= 0.0 && self.steps.iter().all(brakes) {
+            self.stop = Stop::Found;
+            return;
+        }
+        let force = FORCES[tries as usize % FORCES.len()];
+        if self.lay_brake(piece.distance + ds, v, a, force).is_some() {
+            self.steps.drain(..self.committed);
+            self.number += self.committed as u64;
+            self.began = Clock {
+                cycle: self.cycle,
+                offset: 0.0,
+            };
+            self.stop = Stop::Found;
+            self.committed = self.steps.len();
+        } else {
+            self.steps.truncate(self.committed);
+        }
+    }
+
+    /// Appends pieces that brake with the part `force` of the limits down to rest; None if a limit
+    /// breaks on the way.
+    fn lay_brake(&mut self, mut distance: f64, mut v: f64, mut a: f64, force: f64) -> Option<()> {
+        let limits = self.limits?;
+        let mut index = 0;
+        for _ in 0..MOST_STEPS {
+            while self
+                .spans
+                .get(index + 1)
+                .is_some_and(|s| s.start > 0.0 && s.start <= distance)
+            {
+                index += 1;
+            }
+            let span = self.spans.get(index)?;
+            let least = |limit: &[f64; N], along: &[f64; N]| {
+                (0..N)
+                    .map(|i| limit[i] / along[i].abs())
+                    .fold(f64::INFINITY, f64::min)
+            };
+            if let Some(along) = span.curve.direction()
+                && let Some(pieces) = brake_from(
+                    distance,
+                    v,
+                    a,
+                    least(&limits.acceleration, &along),
+                    least(&limits.jerk, &along),
+                )
+                && pieces[2].distance + pieces[2].at(pieces[2].duration).0
+                    <= span.start + span.curve.length()
+            {
                 self.steps.extend(pieces.map(Step::Piece));
-                self.began = Clock {
-                    cycle: self.cycle,
-                    offset: 0.0,
+                return Some(());
+            }
+            let here = span.curve.at(distance - span.start);
+            let landing = force * LANDING * least(&limits.jerk, &here.d1);
+            if a < 0.0 && a * a >= 2.0 * v * landing {
+                let piece = Piece {
+                    duration: -2.0 * v / a,
+                    distance,
+                    speed: v,
+                    acceleration: a,
+                    jerk: a * a / (2.0 * v),
                 };
+                let complete =
+                    distance + piece.at(piece.duration).0 <= span.start + span.curve.length();
+                if !complete || !inside(&piece, span, &limits) {
+                    return None;
+                }
+                self.steps.push_back(Step::Piece(piece));
+                return Some(());
+            }
+            let t = self.period;
+            let ahead = distance + t * (v + 0.5 * t * a);
+            let next = self
+                .spans
+                .get(index + 1)
+                .filter(|s| s.start > 0.0 && s.start <= ahead)
+                .unwrap_or(span);
+            let there = next.curve.at(ahead - next.start);
+            let jerk = braking_jerk(&limits, force, &here, &there, v, a, t, landing);
+            let piece = Piece {
+                duration: t,
+                distance,
+                speed: v,
+                acceleration: a,
+                jerk,
+            };
+            if !inside(&piece, span, &limits) || self.steps.len() == self.steps.capacity() {
+                return None;
+            }
+            self.steps.push_back(Step::Piece(piece));
+            let (ds, speed, acceleration) = piece.at(t);
+            if speed <= 0.0 {
+                return None;
+            }
+            (distance, v, a) = (distance + ds, speed, acceleration);
+        }
+        None
+    }
+}
+
+/// Whether every axis keeps its limits at the start, in the middle and at the end of the piece.
+fn inside<const N: usize>(piece: &Piece, span: &Span<N>, limits: &Limits<N>) -> bool {
+    [0.0, 0.5, 1.0].iter().all(|part| {
+        let (ds, v, a) = piece.at(part * piece.duration);
+        let at = span.curve.at(piece.distance - span.start + ds);
+        (0..N).all(|i| {
+            let acceleration = at.d2[i] * v * v + at.d1[i] * a;
+            let jerk = (at.d3[i] * v * v + 3.0 * at.d2[i] * a) * v + at.d1[i] * piece.jerk;
+            acceleration.abs() <= limits.acceleration[i] && jerk.abs() <= limits.jerk[i]
+        })
+    })
+}
+
+/// Parts of the limits that a stop on a curve tries to use, in turn. What is left is for what
+/// happens within a cycle.
+const FORCES: [f64; 3] = [0.98, 0.7, 0.4];
+/// Cycles of a stop that are laid out at most.
+const MOST_STEPS: usize = 400;
+/// Part of the jerk limit with which a stop on a curve lands; the rest is for the curvature.
+const LANDING: f64 = 0.9;
+
+/// The hardest braking for the next `t` seconds that, with the part `force` of them, keeps every axis inside its limits and can
+/// still land with the path jerk `landing`.
+#[allow(clippy::too_many_arguments)] // the law's own
+fn braking_jerk<const N: usize>(
+    limits: &Limits<N>,
+    force: f64,
+    here: &Derivatives<N>,
+    there: &Derivatives<N>,
+    v: f64,
+    a: f64,
+    t: f64,
+    landing: f64,
+) -> f64 {
+    // Acceleration at the end of the step, from what its end and its landing allow …
+    let speed = (v + a * t).max(0.0);
+    let mut least = -(2.0 * landing * speed).sqrt();
+    let mut most = f64::INFINITY;
+    for i in 0..N {
+        let d = there.d1[i].abs();
+        if d > 0.0 {
+            let curve = there.d2[i] * there.d1[i].signum() * speed * speed;
+            least = least.max((-force * limits.acceleration[i] - curve) / d);
+            most = most.min((force * limits.acceleration[i] - curve) / d);
+        }
+    }
+    // … and jerk, from what both ends allow.
+    let (mut low, mut high) = (f64::NEG_INFINITY, f64::INFINITY);
+    for (at, v, a) in [(here, v, a), (there, speed, a.min(0.0))] {
+        for i in 0..N {
+            let d = at.d1[i].abs();
+            if d > 0.0 {
+                let curve = (at.d3[i] * v * v + 3.0 * at.d2[i] * a) * v * at.d1[i].signum();
+                low = low.max((-force * limits.jerk[i] - curve) / d);
+                high = high.min((force * limits.jerk[i] - curve) / d);
             }
         }
-        self.committed = self.steps.len();
     }
+    let wish = least.min(most).max(a + low * t);
+    ((wish - a) / t).min(high).max(low.min(high))
 }
 
 /// The shortest way to rest from path speed `v` ≥ 0 and acceleration `a`: jerk −j, deceleration

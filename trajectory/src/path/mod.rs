@@ -12,9 +12,15 @@
 //!
 //! Units: mm (or deg for rotary axes), s, and their quotients.
 
+// Most loops over the axes walk several arrays at once.
+#![allow(clippy::needless_range_loop)]
+
+pub mod certify;
 pub mod curve;
 pub mod executor;
 pub mod planner;
+pub mod time_law;
+pub mod window;
 
 pub use curve::{Arc, Curve, CurveError, Derivatives, Line, Plane};
 pub use executor::{Executor, Setpoint};
@@ -123,8 +129,11 @@ impl Piece {
 /// What the [`Planner`] hands to the [`Executor`], in order. It can travel through a bounded queue.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Command<const N: usize> {
-    /// A section begins: from rest, distance 0.
-    Section,
+    /// A section begins, from rest, at distance 0, inside these limits.
+    Section(Limits<N>),
+    /// What follows replaces the step of that number and all after it. Steps are the sections,
+    /// pieces and dwells that were not replaced, counted from 0.
+    Splice(u64),
     /// The section's geometry goes on with this curve.
     Span(Span<N>),
     /// The section's time law goes on with this piece.
@@ -151,15 +160,4 @@ pub struct Span<const N: usize> {
     pub feed: f64,
     /// As [`Move::tag`].
     pub tag: u32,
-    /// How hard the path may be braked on this curve from any speed the plan has there.
-    pub brake: Brake,
-}
-
-/// Path deceleration and jerk that are inside every axis's limits.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Brake {
-    /// mm/s²
-    pub acceleration: f64,
-    /// mm/s³
-    pub jerk: f64,
 }

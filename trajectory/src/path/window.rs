@@ -1,0 +1,467 @@
+//! Plans a stretch of a section: cuts it into cells, solves for the time law, turns it into pieces
+//! and certifies them.
+
+use super::certify::load;
+use super::planner::{Bounds, rest_to_rest};
+use super::time_law::{Cell, Node, Slope, TimeLaw};
+use super::{Limits, Piece, Span};
+
+/// Where a stretch begins: distance along the section, speed and acceleration.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Departure {
+    /// mm
+    pub distance: f64,
+    /// mm/s
+    pub speed: f64,
+    /// mm/s²
+    pub acceleration: f64,
+}
+
+/// Ramps of the acceleration are cut into this many cells.
+const CELLS_PER_RAMP: f64 = 10.0;
+/// Cells of a stretch, about.
+const MOST_CELLS: usize = 600;
+/// Greatest turn of the tangent within a cell, rad.
+const CELL_TURN: f64 = 0.1;
+
+/// Heat of the first solution and of those with tightened limits.
+const COLD: f64 = 0.3;
+const WARM: f64 = 0.01;
+/// Tolerance of the optimisation, as a part of the motion time.
+const TOLERANCE: f64 = 3e-4;
+/// Rounds of solving with limits tightened where the law broke them between nodes.
+const ROUNDS: usize = 6;
+/// What is taken off a broken limit beyond the excess.
+const MARGIN: f64 = 5e-4;
+/// What is kept of the acceleration and jerk limits on curves from the first, for what happens
+/// between the nodes.
+const CURVE_SHARE: f64 = 5e-4;
+/// Part of the speed limit that is planned, so that rounding stays inside.
+const SPEED_SHARE: f64 = 1.0 - 2e-5;
+/// Excess over a limit that is rounding, as a part of it.
+const ROUNDING: f64 = 1e-9;
+
+/// Part of the path over which the estimate of the speed is one formula.
+#[derive(Debug, Clone, Copy)]
+struct Stretch {
+    from: f64,
+    to: f64,
+    /// Greatest ṡ² by feed, axis speeds and curvature.
+    cap: f64,
+    /// Greatest acceleration and jerk along the tangent.
+    acceleration: f64,
+    jerk: f64,
+    straight: bool,
+    /// Estimate of ṡ² at both ends.
+    w: [f64; 2],
+}
+
+/// The law of a stretch could not be found.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct NoLaw;
+
+/// Scratch space of the planning of a stretch.
+#[derive(Debug, Clone, Default)]
+pub struct Window<const N: usize> {
+    stretches: Vec<Stretch>,
+    nodes: Vec<f64>,
+    estimate: Vec<f64>,
+    cells: Vec<Cell<N>>,
+    span_of: Vec<usize>,
+    law: TimeLaw<N>,
+    pieces: Vec<Piece>,
+    /// Newton steps spent, for the curious.
+    pub steps: usize,
+}
+
+impl<const N: usize> Window<N> {
+    /// The result of the last plan.
+    pub fn pieces(&self) -> &[Piece] {
+        &self.pieces
+    }
+
+    /// The fastest motion along a straight span from rest to rest, in closed form.
+    pub fn straight(&mut self, span: &Span<N>, limits: &Limits<N>) {
+        self.pieces.clear();
+        self.pieces.extend(rest_to_rest(
+            span.start,
+            span.curve.length(),
+            Bounds::along(span, limits),
+        ));
+    }
+
+    /// A motion from rest at `from` to rest at the end of the span there that needs no search.
+    pub fn crawl(&mut self, spans: &[Span<N>], from: f64, limits: &Limits<N>) {
+        self.pieces.clear();
+        if let Some(span) = spans.iter().rfind(|s| s.start <= from) {
+            let length = span.start + span.curve.length() - from;
+            self.pieces
+                .extend(rest_to_rest(from, length, Bounds::along(span, limits)));
+        }
+    }
+
+    /// The fastest motion along `spans` from `departure` to rest at `end` or, where that takes too
+    /// many cells, before it; inside `limits` and each span's feed.
+    ///
+    /// # Errors
+    /// No law was found that the certificate passes.
+    pub fn plan(
+        &mut self,
+        spans: &[Span<N>],
+        limits: &Limits<N>,
+        departure: Departure,
+        end: f64,
+    ) -> Result<(), NoLaw> {
+        self.survey(spans, limits, departure, end);
+        self.cut(departure);
+        if self.nodes.len() > MOST_CELLS {
+            self.survey(spans, limits, departure, self.nodes[MOST_CELLS * 9 / 10]);
+            self.cut(departure);
+        }
+        self.fill(spans, limits);
+        let start = Node {
+            w: departure.speed * departure.speed,
+            a: departure.acceleration,
+        };
+
+        let mut known = Vec::new();
+        for round in 0..ROUNDS {
+            let outcome = if round == 0 {
+                let guess = guess(&self.nodes, &self.estimate, start);
+                self.law
+                    .solve(&self.cells, limits, start, guess, COLD, TOLERANCE)
+            } else {
+                known.clear();
+                known.extend_from_slice(self.law.nodes());
+                self.law.solve(
+                    &self.cells,
+                    limits,
+                    start,
+                    known.iter().copied(),
+                    WARM,
+                    TOLERANCE,
+                )
+            };
+            self.steps += outcome.iterations;
+
+            if !outcome.converged {
+                return Err(NoLaw);
+            }
+            self.read();
+            if !self.tighten(spans, limits) {
+                return Ok(());
+            }
+        }
+        Err(NoLaw)
+    }
+
+    /// Estimates the speed along the stretch, for the grid and the first guess only.
+    fn survey(&mut self, spans: &[Span<N>], limits: &Limits<N>, departure: Departure, end: f64) {
+        self.stretches.clear();
+        for span in spans {
+            let length = span.curve.length();
+            let (from, to) = (
+                (departure.distance - span.start).max(0.0),
+                (end - span.start).min(length),
+            );
+            if from >= to {
+                continue;
+            }
+            let straight = span.curve.direction().is_some();
+            let parts = if straight {
+                1
+            } else {
+                ((to - from) * span.curve.turn_rate() / CELL_TURN)
+                    .ceil()
+                    .max(1.0) as usize
+            };
+            let step = (to - from) / parts as f64;
+            let mut before = Rates::at(&span.curve.at(from).into(), limits, span.feed);
+            for part in 0..parts {
+                let (s0, s1) = (from + part as f64 * step, from + (part + 1) as f64 * step);
+                let after = if straight {
+                    before
+                } else {
+                    Rates::at(&span.curve.at(s1).into(), limits, span.feed)
+                };
+                let rates = before.least(after);
+                self.stretches.push(Stretch {
+                    from: span.start + s0,
+                    to: if part + 1 == parts {
+                        span.start + to
+                    } else {
+                        span.start + s1
+                    },
+
+                    cap: rates.cap,
+                    acceleration: rates.acceleration,
+                    jerk: rates.jerk,
+                    straight,
+                    w: [rates.cap; 2],
+                });
+                before = after;
+            }
+        }
+        let mut w = departure.speed * departure.speed;
+        let mut from_rest = w == 0.0;
+        for s in &mut self.stretches {
+            let length = s.to - s.from;
+            s.w[0] = s.w[0].min(w);
+            w = (w + 2.0 * s.acceleration * length).min(s.cap);
+            if from_rest {
+                w = w.min(rise(s.jerk, length));
+                from_rest = false;
+            }
+            s.w[1] = w;
+        }
+        let mut w = 0.0;
+        let mut to_rest = true;
+        for s in self.stretches.iter_mut().rev() {
+            let length = s.to - s.from;
+            s.w[1] = s.w[1].min(w);
+            w += 2.0 * s.acceleration * length;
+            if to_rest {
+                w = w.min(rise(s.jerk, length));
+                to_rest = false;
+            }
+            s.w[0] = s.w[0].min(w);
+            w = s.w[0];
+        }
+    }
+
+    /// Lays the nodes: about equal times apart, by the estimate.
+    fn cut(&mut self, departure: Departure) {
+        self.nodes.clear();
+        self.estimate.clear();
+        let mut s = departure.distance;
+        self.nodes.push(s);
+        self.estimate.push(departure.speed * departure.speed);
+        let last = self.stretches.len() - 1;
+        for k in 0..self.stretches.len() {
+            let stretch = self.stretches[k];
+            let ramp = stretch.ramp();
+            let tick = ramp / CELLS_PER_RAMP;
+            // From and to rest the speed goes with the square of time.
+            let tip = stretch.jerk * tick * tick * tick / 6.0;
+            loop {
+                let rest = stretch.to - s;
+                let v = stretch.estimate(s, k == 0, k == last).sqrt();
+                let mut step = (v * tick).max(tip);
+                if stretch.straight {
+                    // Far from where the speed has to change, long cells do.
+                    let cruise = v * ramp;
+                    let clear = (s - stretch.from).min(rest - step) - 3.0 * cruise;
+                    if clear > 0.0 && v * v >= 0.999 * stretch.cap {
+                        step = step.max(clear.min(cruise));
+                    }
+                }
+                if k == last && rest <= 27.0 * tip * 1.01 {
+                    // t³ apart from the end: 27, 8, 1.
+                    for cubes in [8.0, 1.0] {
+                        let next = stretch.to - cubes * tip;
+                        if next > s + 0.2 * tip {
+                            self.push(next, stretch.estimate(next, k == 0, true));
+                            s = next;
+                        }
+                    }
+                    step = stretch.to - s;
+                }
+                if rest <= 1.5 * step {
+                    self.push(stretch.to, stretch.w[1]);
+                    s = stretch.to;
+                    break;
+                }
+                if rest < 2.0 * step && k != last {
+                    step = 0.5 * rest;
+                }
+                s += step;
+                self.push(s, stretch.estimate(s, k == 0, k == last));
+            }
+        }
+        // Three cells at least.
+        while self.nodes.len() < 5 {
+            let (i, _) = (0..self.nodes.len() - 1)
+                .map(|i| (i, self.nodes[i + 1] - self.nodes[i]))
+                .fold((0, 0.0), |best, x| if x.1 > best.1 { x } else { best });
+            let middle = 0.5 * (self.nodes[i] + self.nodes[i + 1]);
+            let w = 0.5 * (self.estimate[i] + self.estimate[i + 1]);
+            self.nodes.insert(i + 1, middle);
+            self.estimate.insert(i + 1, w);
+        }
+    }
+
+    /// Takes the geometry and the limits of every cell.
+    fn fill(&mut self, spans: &[Span<N>], limits: &Limits<N>) {
+        self.cells.clear();
+        self.span_of.clear();
+        let mut index = 0;
+        let mut before = f64::INFINITY;
+        for ends in self.nodes.windows(2) {
+            while ends[0] >= spans[index].start + spans[index].curve.length()
+                && index + 1 < spans.len()
+            {
+                index += 1;
+            }
+            let span = &spans[index];
+            let slopes: [Slope<N>; 2] =
+                [ends[0], ends[1]].map(|s| span.curve.at(s - span.start).into());
+            let [first, second] = slopes.map(|slope| Rates::at(&slope, limits, span.feed).fast);
+            self.cells.push(Cell {
+                length: ends[1] - ends[0],
+                ends: slopes,
+                speed: [
+                    SPEED_SHARE * before.min(first).sqrt(),
+                    SPEED_SHARE * first.min(second).sqrt(),
+                ],
+                share: if span.curve.direction().is_some() {
+                    [1.0; 2]
+                } else {
+                    [1.0 - CURVE_SHARE; 2]
+                },
+            });
+            self.span_of.push(index);
+            before = second;
+        }
+    }
+
+    /// Reads the pieces off the solution.
+    fn read(&mut self) {
+        self.pieces.clear();
+        for ((&distance, node), (duration, jerk)) in self
+            .nodes
+            .iter()
+            .zip(self.law.nodes())
+            .zip(self.law.motions())
+        {
+            self.pieces.push(Piece {
+                duration,
+                distance,
+                speed: node.w.sqrt(),
+                acceleration: node.a,
+                jerk,
+            });
+        }
+    }
+
+    /// Lowers the shares of the limits in the cells that break one; false if none does.
+    fn tighten(&mut self, spans: &[Span<N>], limits: &Limits<N>) -> bool {
+        let mut broken = false;
+        for k in 0..self.pieces.len() {
+            let load = load(&self.pieces[k], &spans[self.span_of[k]], limits);
+            let over = |x: f64| {
+                if x > 1.0 + ROUNDING {
+                    x * (1.0 + MARGIN)
+                } else {
+                    1.0
+                }
+            };
+            let (v, a, j) = (
+                over(load.velocity),
+                over(load.acceleration),
+                over(load.jerk),
+            );
+            broken |= v > 1.0 || a > 1.0 || j > 1.0;
+            self.cells[k].share[0] /= a;
+            self.cells[k].share[1] /= j;
+            self.cells[k].speed = self.cells[k].speed.map(|x| x / v);
+            if let Some(next) = self.cells.get_mut(k + 1) {
+                next.share[0] /= a;
+                next.speed[0] /= v;
+            }
+        }
+        broken
+    }
+
+    fn push(&mut self, s: f64, w: f64) {
+        self.nodes.push(s);
+        self.estimate.push(w);
+    }
+}
+
+/// What the axes allow at a point of the path.
+#[derive(Debug, Clone, Copy)]
+struct Rates {
+    fast: f64,
+    cap: f64,
+    acceleration: f64,
+    jerk: f64,
+}
+
+impl Rates {
+    fn at<const N: usize>(slope: &Slope<N>, limits: &Limits<N>, feed: f64) -> Self {
+        let mut r = Rates {
+            fast: feed * feed,
+            cap: f64::INFINITY,
+            acceleration: f64::INFINITY,
+            jerk: f64::INFINITY,
+        };
+        for i in 0..N {
+            let (d1, d2, d3) = (slope.d1[i].abs(), slope.d2[i].abs(), slope.d3[i].abs());
+            let v = limits.velocity[i] / d1;
+            r.fast = r.fast.min(v * v);
+            let bend = libm::cbrt(limits.jerk[i] / d3);
+            r.cap = r.cap.min(limits.acceleration[i] / d2).min(bend * bend);
+            r.acceleration = r.acceleration.min(limits.acceleration[i] / d1);
+            r.jerk = r.jerk.min(limits.jerk[i] / d1);
+        }
+        r.cap = r.cap.min(r.fast);
+        r
+    }
+
+    fn least(self, other: Rates) -> Rates {
+        Rates {
+            fast: self.fast.min(other.fast),
+            cap: self.cap.min(other.cap),
+            acceleration: self.acceleration.min(other.acceleration),
+            jerk: self.jerk.min(other.jerk),
+        }
+    }
+}
+
+/// ṡ² at the distance `s` from rest under constant jerk: s = j t³/6, ṡ = j t²/2.
+fn rise(jerk: f64, s: f64) -> f64 {
+    let v = jerk * libm::cbrt(6.0 * s / jerk) * libm::cbrt(6.0 * s / jerk) / 2.0;
+    v * v
+}
+
+impl Stretch {
+    fn ramp(&self) -> f64 {
+        let v = self.cap.sqrt();
+        (self.acceleration / self.jerk).min((v / self.jerk).sqrt())
+    }
+
+    fn estimate(&self, s: f64, from_rest: bool, to_rest: bool) -> f64 {
+        let (before, after) = ((s - self.from).max(0.0), (self.to - s).max(0.0));
+        let up = if from_rest && self.w[0] == 0.0 {
+            rise(self.jerk, before).min(2.0 * self.acceleration * before)
+        } else {
+            self.w[0] + 2.0 * self.acceleration * before
+        };
+        let down = if to_rest {
+            rise(self.jerk, after).min(2.0 * self.acceleration * after)
+        } else {
+            self.w[1] + 2.0 * self.acceleration * after
+        };
+        up.min(down).min(self.cap)
+    }
+}
+
+/// First iterate: a slow motion of the shape of the estimate.
+fn guess(nodes: &[f64], estimate: &[f64], start: Node) -> impl Iterator<Item = Node> {
+    const SLOW: f64 = 0.3;
+    let last = nodes.len() - 1;
+    (0..=last).map(move |k| {
+        if k == 0 {
+            return start;
+        }
+        if k == last {
+            return Node::default();
+        }
+        let w = |k: usize| if k == 0 { start.w } else { SLOW * estimate[k] };
+        let a = 0.5 * (w(k + 1) - w(k - 1)) / (nodes[k + 1] - nodes[k - 1]);
+        Node {
+            w: w(k).max(1e-12),
+            a,
+        }
+    })
+}
