@@ -527,7 +527,7 @@ fn a_mapping_beyond_eight_bytes_is_refused() {
     assert_eq!(bench.write(1, 0x1A03, 0, &[2]), Ok(()));
     assert_eq!(
         bench.write(1, 0x1A03, 0, &[5]),
-        Err(AbortCode::InvalidValue.code())
+        Err(AbortCode::PdoLength.code())
     );
 }
 

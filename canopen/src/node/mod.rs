@@ -163,6 +163,13 @@ pub trait Application {
         0
     }
 
+    /// Whether something has happened to an object that sends the T_PDOs it is mapped into, even
+    /// if its value is the same as before.
+    fn happened(&self, row: Row) -> bool {
+        let _ = row;
+        false
+    }
+
     /// Which mapped objects of T_PDO `number` send it by a change of their value: bit k is the
     /// (k+1)-th object.
     fn event_mask(&self, number: u16) -> u64 {

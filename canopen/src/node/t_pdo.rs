@@ -117,23 +117,24 @@ impl TPdo {
         self.event = false;
     }
 
-    /// Whether an object that counts as an event has another value than when last sent.
+    /// Whether an object that counts as an event has another value than when last sent, or
+    /// something has happened to it.
     fn has_changed(&self, payload: Packer, app: &impl Application) -> bool {
         let Some(last) = self.last else {
             return true;
         };
         let differs = u64::from_le_bytes(payload.bytes()) ^ u64::from_le_bytes(last.bytes());
-        if differs == 0 {
-            return false;
-        }
         let events = app.event_mask(self.number);
         let mut shift = 0;
-        self.mapping.iter().enumerate().any(|(place, &(_, bits))| {
-            let object = differs.checked_shr(shift).unwrap_or(0);
-            shift += u32::from(bits);
-            let mask = u64::MAX >> (64 - u32::from(bits.clamp(1, 64)));
-            events >> place & 1 != 0 && object & mask != 0
-        })
+        self.mapping
+            .iter()
+            .enumerate()
+            .any(|(place, &(row, bits))| {
+                let object = differs.checked_shr(shift).unwrap_or(0);
+                shift += u32::from(bits);
+                let mask = u64::MAX >> (64 - u32::from(bits.clamp(1, 64)));
+                events >> place & 1 != 0 && (object & mask != 0 || app.happened(row))
+            })
     }
 
     /// Sends it if its values have changed or its event timer has run out.

@@ -1,5 +1,6 @@
 //! The drive behind the CANopen node: loops, monitoring, what its objects show.
 
+use super::Identity;
 use super::fault::{DriveError, Errors};
 use super::modes::{Gear, Homing, Interpolation, Jog, Mode, ProfilePosition, Sequence};
 use super::motion::{Motion, Ramp};
@@ -10,9 +11,10 @@ use super::synchronisation::{Synchronisation, Verdict};
 use crate::twin::clock::Clock;
 use crate::twin::control::{Cascade, POSITION_STEP_NS, Reference, SPEED_STEP_NS, SPEED_STEPS};
 use crate::twin::plant::{INCREMENTS_PER_REVOLUTION, Plant};
-use syncline_canopen::Instant;
 use syncline_canopen::cia402::{Controlword, State, Statusword};
 use syncline_canopen::dictionary::{Dictionary, Row};
+use syncline_canopen::sdo::AbortCode;
+use syncline_canopen::{Address, Instant};
 
 /// Nominal seconds per step of the speed loop and of the position loop.
 const SPEED_STEP: f64 = SPEED_STEP_NS as f64 * 1e-9;
@@ -23,13 +25,6 @@ const VELOCITY_WINDOW: usize = 32;
 
 /// Speed below which the motor counts as standing, increments/s (10 rpm).
 const STANDSTILL: f64 = INCREMENTS_PER_REVOLUTION / 6.0;
-
-/// How a write reaches an object.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Channel {
-    Sdo,
-    Pdo,
-}
 
 /// A drive without its bus.
 pub(super) struct Drive {
@@ -75,12 +70,25 @@ pub(super) struct Drive {
     pub(super) x_err: bool,
     pub(super) x_end: bool,
     pub(super) ref_ok: bool,
-    status_event: bool,
+    /// Something has happened that the statusword's value may not show.
+    pub(super) status_event: bool,
+    /// The objects do not show the present condition yet.
+    pub(super) stale: bool,
+    /// Objects that an R_PDO has set, to take effect together.
+    pub(super) r_pdo_rows: Vec<Row>,
+    /// SYNC has come; its consequences follow once the R_PDOs are in effect.
+    pub(super) sync_waits: bool,
+    /// NMT has reset the node.
+    pub(super) was_reset: bool,
+    pub(super) identity: Identity,
+    /// Tests: writes to these are refused.
+    pub(super) refusals: Vec<(Address, AbortCode)>,
 }
 
 impl Drive {
     pub(super) fn new(
         objects: Dictionary,
+        identity: Identity,
         policies: Policies,
         switches: Switches,
         clock: Clock,
@@ -126,6 +134,12 @@ impl Drive {
             x_end: true,
             ref_ok: false,
             status_event: false,
+            stale: true,
+            r_pdo_rows: Vec::with_capacity(8),
+            sync_waits: false,
+            was_reset: false,
+            identity,
+            refusals: Vec::new(),
         }
     }
 
@@ -149,12 +163,6 @@ impl Drive {
     /// Whether the power stage is on.
     pub(super) fn is_powered(&self) -> bool {
         self.state.is_powered()
-    }
-
-    /// The statusword's row if something happened that it shows although its value may be the
-    /// same as before.
-    pub(super) fn take_status_event(&mut self) -> Option<Row> {
-        core::mem::take(&mut self.status_event).then_some(self.rows.statusword)
     }
 
     // ---- time ----
@@ -378,8 +386,6 @@ impl Drive {
             (rows.torque, libm::round(torque) as i64),
             (rows.sync_status, self.sync.status() as i64),
             (rows.error_register, self.errors.register().into()),
-            (rows.error_field, self.errors.history.into()),
-            (rows.error_count, (self.errors.history != 0).into()),
             (rows.mode_active, self.mode as i64),
             (rows.position, position),
             (rows.reference, user_reference),

@@ -31,13 +31,12 @@
 //! [`Twin::block_axis`], [`Twin::start_enabled`], [`Twin::refuse_write`], [`Twin::reboot`] and
 //! [`TwinConfig::identity`].
 
+mod application;
 mod drive;
 mod fault;
 mod modes;
-mod monitoring;
 mod motion;
 mod outbox;
-mod pdo;
 mod policy;
 mod rows;
 mod state;
@@ -57,14 +56,13 @@ use super::random::Random;
 use crate::bus::Node;
 use crate::dictionary::LXM32M;
 use core::ops::Range;
-use drive::{Channel, Drive};
-use monitoring::Monitoring;
+use drive::Drive;
 use outbox::Outbox;
-use pdo::Pdos;
 use syncline_canopen::cia402::{State, Statusword};
-use syncline_canopen::dictionary::{Dictionary, Entry, Row};
+use syncline_canopen::dictionary::Dictionary;
+use syncline_canopen::node::{Node as CanopenNode, Options, ParameterRules};
 use syncline_canopen::pdo::CobIdWord;
-use syncline_canopen::sdo::{AbortCode, Objects, Server};
+use syncline_canopen::sdo::AbortCode;
 use syncline_canopen::time::Duration;
 use syncline_canopen::{Address, CobId, Frame, Instant, NodeId, Transmit, nmt};
 
@@ -161,18 +159,25 @@ impl Default for Identity {
 /// A Lexium 32M on a bus; see the [module](self).
 pub struct Twin {
     config: TwinConfig,
-    nmt: nmt::Slave,
-    boot_at: Option<(Instant, nmt::Event)>,
+    node: CanopenNode,
     drive: Drive,
-    pdos: Pdos,
-    monitoring: Monitoring,
-    servers: [Server; 2],
     outbox: Outbox,
+    /// What the node has just sent.
+    sent: Vec<Frame>,
+    /// When the node starts, while it does not run.
+    starts_at: Option<Start>,
     next_task: Instant,
-    emcy_blocked_until: Instant,
-    reboot: bool,
+    power_cycle: bool,
     dropped_t_pdos: u32,
-    refusals: Vec<(Address, AbortCode)>,
+}
+
+/// A start of the node that is under way.
+#[derive(Clone, Copy, Debug)]
+enum Start {
+    /// Power came on; the node boots then.
+    PowerOn(Instant),
+    /// NMT reset it; it has booted, but is deaf until then.
+    Reset(Instant),
 }
 
 impl Twin {
@@ -181,40 +186,37 @@ impl Twin {
     pub fn new(config: TwinConfig) -> Self {
         let stream =
             |purpose: u64| Random::new(config.seed, u64::from(config.node.get()) << 8 | purpose);
-        let mut objects = Dictionary::new(&LXM32M, config.node);
-        stamp(&mut objects, &config.identity);
+        let objects = Dictionary::new(&LXM32M, config.node);
+        let options = Options {
+            parameters: ParameterRules::Lenient {
+                // Bit 31 and the identifier (lxm32m 3528-3536, D-05).
+                pdo: 0x8000_07FF,
+                // The function code (lxm32m 3079-3085, 3228-3236).
+                sync_and_emcy: 0x0000_0780,
+            },
+            dummy_mapping: false,
+            block_transfer: false,
+            sdo_timeout: None,
+        };
         let ppm = stream(0).between(-config.oscillator_ppm, config.oscillator_ppm);
         let revolutions = config.initial_position as f64 / INCREMENTS_PER_REVOLUTION;
-        let drive = Drive::new(
-            objects,
-            config.policies.clone(),
-            config.switches.clone(),
-            Clock::new(Instant::ZERO, ppm),
-            Plant::new(config.mechanics.clone(), revolutions, stream(1)),
-            Cascade::new(config.gains.clone(), config.initial_position),
-        );
-        let node = config.node;
         Self {
-            nmt: nmt::Slave::new(node),
-            boot_at: Some((Instant::ZERO, nmt::Event::ResetNode)),
-            pdos: Pdos::new(&drive.objects),
-            monitoring: Monitoring::new(node, &drive.objects, Instant::ZERO),
-            servers: [
-                Server::new(CobId::r_sdo(node), CobId::t_sdo(node), 16).without_block_transfer(),
-                {
-                    let mut second = Server::new(CobId::r_sdo(node), CobId::t_sdo(node), 16)
-                        .without_block_transfer();
-                    second.set_channel(None);
-                    second
-                },
-            ],
+            node: CanopenNode::new(config.node, &objects, options),
+            drive: Drive::new(
+                objects,
+                config.identity.clone(),
+                config.policies.clone(),
+                config.switches.clone(),
+                Clock::new(Instant::ZERO, ppm),
+                Plant::new(config.mechanics.clone(), revolutions, stream(1)),
+                Cascade::new(config.gains.clone(), config.initial_position),
+            ),
             outbox: Outbox::new(stream(2)),
-            drive,
+            sent: Vec::with_capacity(16),
+            starts_at: Some(Start::PowerOn(Instant::ZERO)),
             next_task: Instant::ZERO,
-            emcy_blocked_until: Instant::ZERO,
-            reboot: false,
+            power_cycle: false,
             dropped_t_pdos: 0,
-            refusals: Vec::new(),
             config,
         }
     }
@@ -254,7 +256,11 @@ impl Twin {
     /// NMT state of the node.
     #[must_use]
     pub fn nmt_state(&self) -> nmt::State {
-        self.nmt.state()
+        if self.is_starting() {
+            nmt::State::Initialising
+        } else {
+            self.node.state()
+        }
     }
 
     /// Node id.
@@ -297,12 +303,12 @@ impl Twin {
 
     /// Refuses every SDO write to an object.
     pub fn refuse_write(&mut self, address: Address, code: AbortCode) {
-        self.refusals.push((address, code));
+        self.drive.refusals.push((address, code));
     }
 
     /// Power fails and returns; the boot-up message comes after the boot time.
     pub fn reboot(&mut self) {
-        self.reboot = true;
+        self.power_cycle = true;
     }
 
     /// Pulses/s at the PTI interface, the reference of Electronic Gear.
@@ -318,196 +324,92 @@ impl Twin {
 
     // ---- the node ----
 
-    fn boot(&mut self, now: Instant, reset: nmt::Event) {
-        let communication = |entry: &Entry| entry.address.index < 0x2000;
-        let objects = &mut self.drive.objects;
-        if reset == nmt::Event::ResetNode {
-            objects.restore(|_| true);
-            self.drive.restart();
-        } else {
-            objects.restore(communication);
-        }
-        let objects = &mut self.drive.objects;
-        stamp(objects, &self.config.identity);
-        self.pdos = Pdos::new(objects);
-        self.monitoring = Monitoring::new(self.config.node, objects, now);
-        self.servers[0].reset();
-        self.servers[1].set_channel(None);
-        let mut boot_up = Single(None);
-        self.nmt.boot(&mut boot_up);
-        if let Some(frame) = boot_up.0 {
-            self.outbox
-                .send_within(now, &self.config.t_pdo_delay, frame);
-        }
+    fn is_starting(&self) -> bool {
+        self.starts_at.is_some()
     }
 
-    fn on_nmt(&mut self, now: Instant, event: nmt::Event) {
-        match event {
-            nmt::Event::Entered(nmt::State::Operational) => self.pdos.start(),
-            nmt::Event::Entered(nmt::State::Stopped) => {
-                if self.drive.is_powered() {
-                    self.drive.raise(DriveError::NMT_STOP);
-                }
+    fn advance(&mut self, now: Instant) {
+        self.drive.advance(now);
+        self.drive.stale = true;
+        if core::mem::take(&mut self.power_cycle) {
+            self.outbox.clear();
+            self.drive.power_off();
+            self.starts_at = Some(Start::PowerOn(now + self.config.boot_time));
+        }
+        match self.starts_at {
+            Some(Start::PowerOn(at)) if at <= now => {
+                self.starts_at = None;
+                self.node.boot(now, &mut self.drive, &mut self.sent);
+                self.drive.was_reset = false;
             }
-            nmt::Event::Entered(_) => {}
-            nmt::Event::ResetNode | nmt::Event::ResetCommunication => {
-                if self.drive.is_powered() {
-                    self.drive.raise(DriveError::NMT_RESET);
-                }
-                self.outbox.clear();
-                self.boot_at = Some((now + self.config.boot_time, event));
+            Some(Start::Reset(at)) if at <= now => self.starts_at = None,
+            _ => {}
+        }
+    }
+
+    /// Passes on what the node has sent: delayed as a drive's processor delays it.
+    fn dispatch(&mut self, now: Instant, at_sync: bool) {
+        self.drive.status_event = false;
+        let config = &self.config;
+        if core::mem::take(&mut self.drive.was_reset) {
+            let at = now + config.boot_time;
+            self.starts_at = Some(Start::Reset(at));
+            self.outbox.clear();
+            for frame in self.sent.drain(..) {
+                self.outbox.send_at(at, frame);
             }
-        }
-    }
-
-    fn on_sync(&mut self, now: Instant) {
-        self.drive.publish(now);
-        let operational = self.nmt.state() == nmt::State::Operational;
-        if operational {
-            let (outbox, dropped) = (&mut self.outbox, &mut self.dropped_t_pdos);
-            self.pdos.sample(&self.drive.objects, |frame| {
-                if dropped.checked_sub(1).map(|left| *dropped = left).is_none() {
-                    outbox.send_within(now, &self.config.t_pdo_delay, frame);
-                }
-            });
-            self.pdos.apply(&mut self.drive);
-        }
-        self.drive.on_sync(now);
-    }
-
-    fn on_sdo(&mut self, now: Instant, frame: &Frame) -> bool {
-        let mut answer = Single(None);
-        let mut access = Access {
-            now,
-            drive: &mut self.drive,
-            pdos: &mut self.pdos,
-            monitoring: &mut self.monitoring,
-            refusals: &self.refusals,
-            moved_server: false,
-        };
-        let served = self
-            .servers
-            .iter_mut()
-            .any(|server| server.on_frame(now, frame, &mut access, &mut answer));
-        if access.moved_server {
-            let word = |sub| {
-                let word = self.drive.objects.value(0x1201, sub).unwrap_or(0);
-                let word = CobIdWord(word as u32);
-                word.cob_id().filter(|_| word.is_valid())
-            };
-            self.servers[1].set_channel(word(1).zip(word(2)));
-        }
-        if let Some(frame) = answer.0 {
-            self.outbox.send_within(now, &self.config.sdo_delay, frame);
-        }
-        served
-    }
-
-    fn on_r_pdo(&mut self, n: usize, frame: &Frame) {
-        if self.nmt.state() != nmt::State::Operational {
             return;
         }
-        if self.pdos.receive(n, frame, &mut self.drive).is_err()
-            && self.config.policies.emcy_on_short_pdo
-        {
-            self.drive.errors.tell(DriveError::SHORT_PDO, n as u8 + 1);
-        }
-    }
-
-    /// Sends what has become due or true.
-    fn settle(&mut self, now: Instant) {
-        if self.monitoring.lost(now) {
-            // 1029h:1 (lxm32m 3401-3406).
-            match self.drive.objects.value(0x1029, 1) {
-                Some(0) if self.nmt.state() == nmt::State::Operational => {
-                    self.nmt.enter(nmt::State::PreOperational);
-                }
-                Some(2) => self.nmt.enter(nmt::State::Stopped),
-                _ => {}
+        for frame in self.sent.drain(..) {
+            if self.dropped_t_pdos > 0 && is_t_pdo(&self.drive.objects, &frame) {
+                self.dropped_t_pdos -= 1;
+            } else if is_sdo(&self.drive.objects, config.node, &frame) {
+                self.outbox.send_within(now, &config.sdo_delay, frame);
+            } else if at_sync {
+                self.outbox.send_within(now, &config.t_pdo_delay, frame);
+            } else {
+                self.outbox.send_behind(now, &config.t_pdo_delay, frame);
             }
-            self.drive.raise(DriveError::CONNECTION_LOST);
-        }
-        let delay = &self.config.t_pdo_delay;
-        if let Some(heartbeat) = self.monitoring.produce(now, self.nmt.state()) {
-            self.outbox.send_within(now, delay, heartbeat);
-        }
-        if self.nmt.state().communicates() && now >= self.emcy_blocked_until {
-            self.send_emcy(now);
-        }
-        if self.nmt.state() == nmt::State::Operational {
-            self.drive.publish(now);
-            let trigger = self.drive.take_status_event();
-            let (outbox, dropped) = (&mut self.outbox, &mut self.dropped_t_pdos);
-            self.pdos.poll(now, &self.drive.objects, trigger, |frame| {
-                if dropped.checked_sub(1).map(|left| *dropped = left).is_none() {
-                    outbox.send_behind(now, &self.config.t_pdo_delay, frame);
-                }
-            });
         }
     }
+}
 
-    fn send_emcy(&mut self, now: Instant) {
-        let word = self.drive.objects.value(0x1014, 0).unwrap_or(0);
-        let word = CobIdWord(word as u32);
-        let Some(cob_id) = word.cob_id().filter(|_| word.is_valid()) else {
-            return;
-        };
-        if let Some(payload) = self.drive.errors.next_emcy() {
-            let frame = Frame::new(cob_id, &payload);
-            self.outbox
-                .send_within(now, &self.config.t_pdo_delay, frame);
-            let inhibit = self.drive.objects.value(0x1015, 0).unwrap_or(0) as u32;
-            self.emcy_blocked_until = now + Duration::from_micros(100) * inhibit;
-        }
-    }
+fn is_sdo(objects: &Dictionary, node: NodeId, frame: &Frame) -> bool {
+    frame.id() == CobId::t_sdo(node).into() || is_identifier_of(objects, 0x1201, 2, frame)
+}
 
-    fn sync_id(&self) -> Option<CobId> {
-        let word = self.drive.objects.value(0x1005, 0).unwrap_or(0);
-        CobIdWord(word as u32).cob_id()
-    }
+fn is_t_pdo(objects: &Dictionary, frame: &Frame) -> bool {
+    (0x1800..0x1804).any(|index| is_identifier_of(objects, index, 1, frame))
+}
+
+fn is_identifier_of(objects: &Dictionary, index: u16, sub: u8, frame: &Frame) -> bool {
+    let word = CobIdWord(objects.value(index, sub).unwrap_or(0) as u32);
+    word.is_valid() && word.can_id() == frame.id()
 }
 
 impl Node for Twin {
     fn on_frame(&mut self, now: Instant, frame: &Frame, tx: &mut dyn Transmit) {
-        self.drive.advance(now);
-        if self.nmt.state() == nmt::State::Initialising {
-            return;
-        }
-        let communicates = self.nmt.state().communicates();
-        if let Some(event) = self.nmt.on_frame(frame) {
-            self.on_nmt(now, event);
-        } else if communicates && self.sync_id().is_some_and(|id| frame.id() == id.into()) {
-            self.on_sync(now);
-        } else if let Some(n) = self.pdos.addressed(frame) {
-            self.on_r_pdo(n, frame);
-        } else if communicates && self.on_sdo(now, frame) {
-        } else if let Some(answer) = self.monitoring.on_frame(now, frame, self.nmt.state()) {
-            self.outbox
-                .send_within(now, &self.config.t_pdo_delay, answer);
-        } else if frame.is_remote() && self.nmt.state() == nmt::State::Operational {
-            self.drive.publish(now);
-            if let Some(answer) = self.pdos.requested(frame, &self.drive.objects) {
-                self.outbox
-                    .send_within(now, &self.config.t_pdo_delay, answer);
+        self.advance(now);
+        if !self.is_starting() {
+            self.node
+                .on_frame(now, frame, &mut self.drive, &mut self.sent);
+            let at_sync = core::mem::take(&mut self.drive.sync_waits);
+            self.dispatch(now, at_sync);
+            if at_sync {
+                self.drive.on_sync(now);
+                self.drive.stale = true;
+                self.node.poll(now, &mut self.drive, &mut self.sent);
+                self.dispatch(now, false);
             }
         }
-        self.settle(now);
         self.outbox.flush(now, tx);
     }
 
     fn poll(&mut self, now: Instant, tx: &mut dyn Transmit) {
-        self.drive.advance(now);
-        if core::mem::take(&mut self.reboot) {
-            self.outbox.clear();
-            self.drive.power_off();
-            self.nmt = nmt::Slave::new(self.config.node);
-            self.boot_at = Some((now + self.config.boot_time, nmt::Event::ResetNode));
-        }
-        if let Some((_, reset)) = self.boot_at.take_if(|(at, _)| *at <= now) {
-            self.boot(now, reset);
-        }
-        if self.nmt.state() != nmt::State::Initialising {
-            self.settle(now);
+        self.advance(now);
+        if !self.is_starting() {
+            self.node.poll(now, &mut self.drive, &mut self.sent);
+            self.dispatch(now, false);
         }
         self.outbox.flush(now, tx);
         if self.next_task <= now {
@@ -516,110 +418,13 @@ impl Node for Twin {
     }
 
     fn deadline(&self) -> Option<Instant> {
-        let communication = [
-            self.monitoring.deadline(),
-            self.pdos
-                .deadline()
-                .filter(|_| self.nmt.state() == nmt::State::Operational),
-        ];
-        let communication = communication
-            .into_iter()
-            .filter(|_| self.nmt.state() != nmt::State::Initialising)
-            .flatten();
-        communication
-            .chain(self.outbox.deadline())
-            .chain(self.boot_at.map(|(at, _)| at))
-            .chain([self.next_task])
-            .min()
-    }
-}
-
-fn stamp(objects: &mut Dictionary, identity: &Identity) {
-    objects.put(0x1000, 0, identity.device_type.into());
-    objects.put(0x1018, 1, identity.vendor_id.into());
-    objects.put(0x1018, 2, identity.product_code.into());
-    objects.put(0x1018, 3, identity.revision.into());
-    let texts = [
-        (0x1008, &identity.name),
-        (0x1009, &identity.hardware),
-        (0x100A, &identity.software),
-    ];
-    for (index, text) in texts {
-        if let Some(row) = objects.row(index, 0) {
-            objects.set_bytes(row, format!("{text:<8}").as_bytes());
-        }
-    }
-}
-
-/// Catches the one frame that a state machine answers with.
-struct Single(Option<Frame>);
-
-impl Transmit for Single {
-    fn transmit(&mut self, frame: Frame) {
-        self.0 = Some(frame);
-    }
-}
-
-/// The drive's objects as its SDO servers reach them.
-struct Access<'a> {
-    now: Instant,
-    drive: &'a mut Drive,
-    pdos: &'a mut Pdos,
-    monitoring: &'a mut Monitoring,
-    refusals: &'a [(Address, AbortCode)],
-    moved_server: bool,
-}
-
-impl Access<'_> {
-    fn write(&mut self, row: Row, address: Address, data: &[u8]) -> Result<(), AbortCode> {
-        let Address { index, sub } = address;
-        let value = self.drive.objects.decode(row, data)?;
-        self.drive.check_write(row, value)?;
-        let value = match index {
-            // Of SYNC's and EMCY's identifier the function code can be changed (lxm32m 3079-3085,
-            // 3228-3236).
-            0x1005 | 0x1014 => {
-                let kept = self.drive.objects.get(row);
-                kept & !0x0780 | value & 0x0780
-            }
-            _ => pdo::check_write(&self.drive.objects, index, sub, value)?,
+        let node = match self.starts_at {
+            Some(Start::PowerOn(at) | Start::Reset(at)) => Some(at),
+            None => self.node.deadline(),
         };
-        self.drive.objects.set(row, value);
-        self.pdos.reconfigure(&self.drive.objects, index);
-        self.monitoring
-            .reconfigure(&self.drive.objects, index, self.now);
-        self.moved_server |= index == 0x1201;
-        self.drive.written(row, Channel::Sdo);
-        Ok(())
-    }
-}
-
-impl Objects for Access<'_> {
-    fn upload(&mut self, address: Address, buffer: &mut [u8]) -> Result<usize, AbortCode> {
-        let row = self.drive.objects.find(address)?;
-        self.drive.publish(self.now);
-        self.drive.objects.encode(row, buffer)
-    }
-
-    fn begin_download(
-        &mut self,
-        address: Address,
-        size: Option<usize>,
-    ) -> Result<usize, AbortCode> {
-        let row = self.drive.objects.find(address)?;
-        self.drive.objects.check_download(row, size)
-    }
-
-    fn download(&mut self, address: Address, data: &[u8]) -> Result<(), AbortCode> {
-        let refused = self
-            .refusals
-            .iter()
-            .find(|(refused, _)| *refused == address);
-        if let Some((_, code)) = refused {
-            return Err(*code);
-        }
-        let row = self.drive.objects.find(address)?;
-        self.drive.objects.check_download(row, Some(data.len()))?;
-        self.write(row, address, data)
+        [node, self.outbox.deadline(), Some(self.next_task)]
+            .into_iter()
+            .flatten()
+            .min()
     }
 }

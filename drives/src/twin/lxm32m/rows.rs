@@ -24,8 +24,6 @@ macro_rules! rows {
 
 rows! {
     error_register = 0x1001:0;
-    error_count = 0x1003:0;
-    error_field = 0x1003:1;
     last_warning = 0x301C:0x09;
     warnings_active = 0x301C:0x0B;
     warnings_latched = 0x301C:0x0C;

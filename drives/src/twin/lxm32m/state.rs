@@ -1,9 +1,11 @@
 //! The CiA 402 state machine (lxm32m 1295-1393) and what errors do to it.
 
-use super::drive::{Channel, Drive};
+use super::drive::Drive;
 use super::fault::{DriveError, ErrorClass, Errors};
 use super::motion::{Motion, Ramp};
 use syncline_canopen::cia402::{Command, Controlword, State};
+use syncline_canopen::emcy::Emergency;
+use syncline_canopen::node::Origin;
 use syncline_canopen::time::Duration;
 
 /// Least time that statusword bit 7 stays (lxm32m 1319).
@@ -58,7 +60,7 @@ impl Drive {
     }
 
     /// A controlword (lxm32m 1360-1393).
-    pub(super) fn command(&mut self, word: Controlword, channel: Channel) {
+    pub(super) fn command(&mut self, word: Controlword, origin: Origin) {
         let previous = core::mem::replace(&mut self.controlword, word);
         if word.resets_fault(previous) {
             self.reset_errors();
@@ -102,7 +104,7 @@ impl Drive {
             }
             _ => {}
         }
-        self.mode_command(previous, channel);
+        self.mode_command(previous, origin);
     }
 
     /// Brakes with the quick stop ramp; the mode is ended.
@@ -138,7 +140,7 @@ impl Drive {
         self.change_mode();
         self.sync.stop(&mut self.clock, self.now);
         for row in [self.rows.feed_forward, self.rows.velocity_limit] {
-            self.written(row, Channel::Sdo);
+            self.written(row, Origin::Sdo);
         }
     }
 
@@ -158,7 +160,7 @@ impl Drive {
             return;
         }
         self.errors.active = Some(error);
-        self.errors.tell(error, 0);
+        self.errors.tell(error.emergency(0));
         self.objects.set(rows.last_error, error.number.into());
         self.remember(error.number.into(), error.class as i64);
         self.x_err = true;
@@ -201,7 +203,7 @@ impl Drive {
         self.errors.active = None;
         self.x_err = false;
         if self.policies.emcy_on_reset {
-            self.errors.tell_reset();
+            self.errors.tell(Emergency::default());
         }
         if self.state == State::Fault {
             self.enter(State::SwitchOnDisabled);

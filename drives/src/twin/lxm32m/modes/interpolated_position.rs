@@ -2,7 +2,7 @@
 
 use super::Mode;
 use crate::twin::control::{POSITION_STEP_NS, SPEED_STEPS};
-use crate::twin::lxm32m::drive::{Channel, Drive, POSITION_STEP};
+use crate::twin::lxm32m::drive::{Drive, POSITION_STEP};
 use crate::twin::lxm32m::fault::DriveError;
 use crate::twin::lxm32m::motion::Motion;
 use crate::twin::lxm32m::policy::SetpointGap;
@@ -10,6 +10,7 @@ use crate::twin::lxm32m::synchronisation::SyncStatus;
 use crate::twin::plant::INCREMENTS_PER_REVOLUTION;
 use syncline_canopen::Instant;
 use syncline_canopen::cia402::{Controlword, State};
+use syncline_canopen::node::Origin;
 
 /// Setpoints on their way to the reference.
 #[derive(Clone, Copy, Debug, Default)]
@@ -50,7 +51,7 @@ impl Interpolation {
 }
 
 impl Drive {
-    pub(super) fn command_interpolation(&mut self, start: bool, channel: Channel) {
+    pub(super) fn command_interpolation(&mut self, start: bool, origin: Origin) {
         if !self.controlword.has(Controlword::MODE_4) {
             self.interpolation.asked = false;
             self.interpolation.spent = false;
@@ -58,7 +59,9 @@ impl Drive {
                 self.end_mode();
                 self.stop(self.profile_deceleration());
             }
-        } else if channel == Channel::Pdo || (start && self.state == State::OperationEnabled) {
+        } else if matches!(origin, Origin::Pdo(_))
+            || (start && self.state == State::OperationEnabled)
+        {
             self.interpolation.asked = true;
         }
     }

@@ -19,10 +19,11 @@ pub(super) use jog::Jog;
 pub(super) use motion_sequence::Sequence;
 pub(super) use profile_position::ProfilePosition;
 
-use super::drive::{Channel, Drive};
+use super::drive::Drive;
 use super::synchronisation;
 use syncline_canopen::cia402::{Controlword, State};
 use syncline_canopen::dictionary::Row;
+use syncline_canopen::node::Origin;
 use syncline_canopen::sdo::AbortCode;
 
 /// The modes that the manual describes for CANopen (lxm32m 1405).
@@ -65,7 +66,7 @@ impl Drive {
     }
 
     /// The mode's own part of a controlword.
-    pub(super) fn mode_command(&mut self, previous: Controlword, channel: Channel) {
+    pub(super) fn mode_command(&mut self, previous: Controlword, origin: Origin) {
         let word = self.controlword;
         let enabled = self.state == State::OperationEnabled;
         if enabled && word.has(Controlword::HALT) && !previous.has(Controlword::HALT) {
@@ -73,7 +74,7 @@ impl Drive {
             self.stop(self.profile_deceleration());
         }
         let start = word.has(Controlword::MODE_4) && !previous.has(Controlword::MODE_4);
-        self.command_interpolation(start, channel);
+        self.command_interpolation(start, origin);
         match self.mode {
             Mode::ProfilePosition => self.command_position(start),
             Mode::Homing if start && self.may_move() => self.start_homing(),
@@ -163,9 +164,6 @@ impl Drive {
                 return Err(AbortCode::DeviceState);
             }
         }
-        if row == rows.error_count && value != 0 {
-            return Err(AbortCode::InvalidValue);
-        }
         if row == rows.mode && Mode::of(value).is_none() {
             return Err(AbortCode::InvalidValue);
         }
@@ -179,13 +177,13 @@ impl Drive {
     }
 
     /// A value has been written that the tables and [`Self::check_write`] permit.
-    pub(super) fn written(&mut self, row: Row, channel: Channel) {
+    pub(super) fn written(&mut self, row: Row, origin: Origin) {
         let rows = self.rows;
         let value = self.objects.get(row);
         if row == rows.setpoint {
             self.interpolation.offer();
         } else if row == rows.controlword {
-            self.command(Controlword(value as u16), channel);
+            self.command(Controlword(value as u16), origin);
         } else if row == rows.mode {
             self.change_mode();
         } else if row == rows.velocity_target {
@@ -196,8 +194,6 @@ impl Drive {
             self.set_jog();
         } else if row == rows.gear_reference {
             self.set_gear();
-        } else if row == rows.error_count {
-            self.errors.history = 0;
         } else if row == rows.feed_forward {
             self.cascade.gains.velocity_feed_forward = value as f64 * 1e-3;
         } else if row == rows.velocity_limit {

@@ -1,0 +1,153 @@
+//! What the CANopen node asks of the drive behind it.
+
+use super::drive::Drive;
+use super::fault::DriveError;
+use syncline_canopen::dictionary::{Dictionary, Row};
+use syncline_canopen::emcy::{self, Emergency};
+use syncline_canopen::node::{Application, CommunicationError, Origin};
+use syncline_canopen::sdo::AbortCode;
+use syncline_canopen::sync::Sync;
+use syncline_canopen::{Instant, nmt};
+
+impl Application for Drive {
+    fn objects(&self) -> &Dictionary {
+        &self.objects
+    }
+
+    fn objects_mut(&mut self) -> &mut Dictionary {
+        &mut self.objects
+    }
+
+    fn refresh(&mut self, now: Instant, _: Row) {
+        if core::mem::take(&mut self.stale) {
+            self.publish(now);
+        }
+    }
+
+    fn check_write(
+        &mut self,
+        _: Instant,
+        row: Row,
+        value: i64,
+        origin: Origin,
+    ) -> Result<(), AbortCode> {
+        if origin == Origin::Sdo && !self.refusals.is_empty() {
+            let address = self.objects.entry(row).address;
+            let mut refusals = self.refusals.iter();
+            if let Some((_, code)) = refusals.find(|(refused, _)| *refused == address) {
+                return Err(*code);
+            }
+        }
+        Drive::check_write(self, row, value)
+    }
+
+    fn write(&mut self, _: Instant, row: Row, value: i64, origin: Origin) -> Result<(), AbortCode> {
+        self.stale = true;
+        self.objects.set(row, value);
+        match origin {
+            Origin::Sdo => self.written(row, origin),
+            Origin::Pdo(_) => self.r_pdo_rows.push(row),
+        }
+        Ok(())
+    }
+
+    /// All objects have their values before any of them takes effect: a new target counts for
+    /// the controlword that stands in front of it.
+    fn on_r_pdo(&mut self, _: Instant, number: u16) {
+        for place in 0..self.r_pdo_rows.len() {
+            self.written(self.r_pdo_rows[place], Origin::Pdo(number));
+        }
+        self.r_pdo_rows.clear();
+    }
+
+    fn on_sync(&mut self, _: Instant, _: Sync) {
+        self.stale = true;
+        self.sync_waits = true;
+    }
+
+    fn on_nmt(&mut self, _: Instant, event: nmt::Event) {
+        match event {
+            nmt::Event::Entered(nmt::State::Stopped) if self.is_powered() => {
+                self.raise(DriveError::NMT_STOP);
+            }
+            nmt::Event::Entered(_) => {}
+            nmt::Event::ResetNode | nmt::Event::ResetCommunication => {
+                // D-25: Reset Node, which includes Reset Communication, is an error like it.
+                if self.is_powered() {
+                    self.raise(DriveError::NMT_RESET);
+                }
+                if event == nmt::Event::ResetNode {
+                    self.restart();
+                }
+                self.identify();
+                // D-23: the default printed is 1, but there is no error.
+                self.objects.put(0x1003, 0, 0);
+                self.was_reset = true;
+            }
+        }
+    }
+
+    fn on_communication_error(
+        &mut self,
+        _: Instant,
+        error: CommunicationError,
+    ) -> Option<Emergency> {
+        match error {
+            CommunicationError::ShortPdo(number) => self
+                .policies
+                .emcy_on_short_pdo
+                .then(|| DriveError::SHORT_PDO.emergency(number as u8)),
+            CommunicationError::Heartbeat(_) | CommunicationError::LifeGuarding => {
+                self.raise(DriveError::CONNECTION_LOST);
+                None
+            }
+        }
+    }
+
+    fn next_emergency(&mut self) -> Option<Emergency> {
+        self.errors.next_emergency()
+    }
+
+    /// The vendor's number if the code says nothing (lxm32m 3045-3047).
+    fn error_field_info(&self, emergency: &Emergency) -> u16 {
+        let [.., low, high] = emergency.vendor;
+        match emergency.code {
+            emcy::code::GENERIC => u16::from_le_bytes([low, high]),
+            _ => 0,
+        }
+    }
+
+    fn happened(&self, row: Row) -> bool {
+        self.status_event && row == self.rows.statusword
+    }
+
+    /// 3041h:B…E (lxm32m 804-812).
+    fn event_mask(&self, number: u16) -> u64 {
+        let mask = self.objects.value(0x3041, 0x0A + number as u8);
+        mask.unwrap_or(0) as u64
+    }
+}
+
+impl Drive {
+    /// Writes who the drive is into its objects.
+    pub(super) fn identify(&mut self) {
+        let (objects, identity) = (&mut self.objects, &self.identity);
+        for (index, sub, value) in [
+            (0x1000, 0, identity.device_type),
+            (0x1018, 1, identity.vendor_id),
+            (0x1018, 2, identity.product_code),
+            (0x1018, 3, identity.revision),
+        ] {
+            objects.put(index, sub, value.into());
+        }
+        for (index, text) in [
+            (0x1008, &identity.name),
+            (0x1009, &identity.hardware),
+            (0x100A, &identity.software),
+        ] {
+            if let Some(row) = objects.row(index, 0) {
+                objects.set_bytes(row, format!("{text:<8}").as_bytes());
+            }
+        }
+    }
+}
