@@ -42,26 +42,26 @@ fn plate(layers: u32) -> Vec<Item<3>> {
     };
     for layer in 1..=layers {
         let z = -120.0 - 4.0 * f64::from(layer);
-        go(&mut at, [340.0, 200.0, -100.0], None, Feed::Rapid);
-        go(&mut at, [340.0, 200.0, z], None, Feed::Rate(50.0));
+        go(&mut at, [840.0, 200.0, -100.0], None, Feed::Rapid);
+        go(&mut at, [840.0, 200.0, z], None, Feed::Rate(50.0));
         let cut = Feed::Rate(250.0);
         for (corner, centre, end) in [
-            ([860.0, 200.0], (860.0, 240.0), [900.0, 240.0]),
-            ([900.0, 560.0], (860.0, 560.0), [860.0, 600.0]),
-            ([340.0, 600.0], (340.0, 560.0), [300.0, 560.0]),
-            ([300.0, 240.0], (340.0, 240.0), [340.0, 200.0]),
+            ([1360.0, 200.0], (1360.0, 240.0), [1400.0, 240.0]),
+            ([1400.0, 560.0], (1360.0, 560.0), [1360.0, 600.0]),
+            ([840.0, 600.0], (840.0, 560.0), [800.0, 560.0]),
+            ([800.0, 240.0], (840.0, 240.0), [840.0, 200.0]),
         ] {
             go(&mut at, [corner[0], corner[1], z], None, cut);
             go(&mut at, [end[0], end[1], z], Some(centre), cut);
         }
-        go(&mut at, [340.0, 200.0, -100.0], None, Feed::Rapid);
+        go(&mut at, [840.0, 200.0, -100.0], None, Feed::Rapid);
         for (x, y) in [
-            (600.0, 500.0),
-            (686.6, 450.0),
-            (686.6, 350.0),
-            (600.0, 300.0),
-            (513.4, 350.0),
-            (513.4, 450.0),
+            (1100.0, 500.0),
+            (1186.6, 450.0),
+            (1186.6, 350.0),
+            (1100.0, 300.0),
+            (1013.4, 350.0),
+            (1013.4, 450.0),
         ] {
             go(&mut at, [x + 15.0, y, -100.0], None, Feed::Rapid);
             go(&mut at, [x + 15.0, y, -110.0], None, Feed::Rate(80.0));
@@ -115,6 +115,7 @@ fn report(items: &[Item<3>]) -> Report {
         report.time.push(report.time.len() as f64 * PERIOD);
         report.line.push(now.tag);
         report.feed.push(now.speed);
+        report.cutting.push(now.feed.is_finite());
         for (n, axis) in report.axes.iter_mut().enumerate() {
             let error = now.acceleration[n] * 8e-6 + now.velocity[n] * 2e-5;
             axis.set.push(now.position[n]);
@@ -193,6 +194,7 @@ fn a_part() {
     let html = report.to_html();
     check(&html);
     assert!(html.contains("plate &lt;1&gt;.ngc") && html.contains("<b>Pass</b>"));
+    assert!(html.contains("The work, from above") && html.contains("All of it, in space"));
     assert!(html.contains("SHA-256") && html.contains("p99.9 "));
     assert!(!html.contains("violation<") && !html.contains("class=over"));
     save("part", &html);

@@ -352,17 +352,12 @@ fn html(what: &str, facts: &[(String, String)], distributions: &[timing::Distrib
     let host = fs::read_to_string("/proc/version").unwrap_or_default();
     Report {
         machine: what.into(),
-        program: String::new(),
         mode: host.trim().into(),
         passed: true,
         outcome: "measured".into(),
-        violations: Vec::new(),
         facts: facts.to_vec(),
-        time: Vec::new(),
-        line: Vec::new(),
-        feed: Vec::new(),
-        axes: Vec::new(),
         distributions: distributions.to_vec(),
+        ..Report::default()
     }
     .to_html()
 }

@@ -27,6 +27,8 @@ pub struct Report {
     pub line: Vec<u32>,
     /// Speed along the path in each cycle, mm/s.
     pub feed: Vec<f64>,
+    /// Whether the tool moved at a programmed feed in each cycle, not in rapid or at rest.
+    pub cutting: Vec<bool>,
     /// In the machine's order. X, Y and Z make the tool path.
     pub axes: Vec<AxisReport>,
     /// Distributions of times: cycle time, wake-up latency, SYNC jitter.

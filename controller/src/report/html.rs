@@ -148,16 +148,27 @@ fn limits(axes: &[AxisReport]) -> String {
 }
 
 fn toolpath(report: &Report) -> String {
-    ToolPath::new(report).map_or_else(String::new, |path| {
-        format!(
-            "<section>\n<h2>Tool path</h2>\n<div class=pair>\n<figure><figcaption>From above\
-             </figcaption>{}</figure>\n<figure><figcaption>In space</figcaption>{}</figure>\n</div>\
-             \n{}\n</section>\n",
-            path.above(),
-            path.in_space(),
-            path.legend()
-        )
-    })
+    let Some(path) = ToolPath::new(report) else {
+        return String::new();
+    };
+    let whole = path.whole();
+    let mut html = String::from("<section>\n<h2>Tool path</h2>\n");
+    let mut views = |title: &str, extents| {
+        _ = writeln!(
+            html,
+            "<div class=pair>\n<figure><figcaption>{title}from above</figcaption>{}</figure>\n\
+             <figure><figcaption>{title}in space</figcaption>{}</figure>\n</div>",
+            path.above(extents),
+            path.in_space(extents),
+        );
+    };
+    if let Some(work) = path.work() {
+        views("The work, ", &work);
+        views("All of it, ", &whole);
+    } else {
+        views("", &whole);
+    }
+    html + &path.legend() + "\n</section>\n"
 }
 
 fn path_over_time(report: &Report) -> String {

@@ -9,8 +9,8 @@ use std::fmt::Write;
 const WIDTH: f64 = 560.0;
 const HEIGHT: f64 = 470.0;
 const MARGIN: f64 = 44.0;
-/// Points nearer than this to the last one drawn are left out, in pixels.
-const RESOLUTION: f64 = 0.3;
+/// Points nearer than this to the last one drawn are left out, in tenths of pixels.
+const RESOLUTION: i32 = 4;
 
 /// Slow to fast, readable on white and on black.
 const RAMP: [(u8, u8, u8); 5] = [
@@ -25,10 +25,16 @@ const SHADES: usize = 32;
 /// A position in machine coordinates, mm.
 type Point = [f64; 3];
 
+/// Least and greatest coordinate of each axis.
+type Extents = [(f64, f64); 3];
+
 /// The path with the speed at each point.
 pub(super) struct ToolPath {
     points: Vec<Point>,
     speed: Vec<f64>,
+    cutting: Vec<bool>,
+    /// The speed of the last colour: the fastest cut, or without one the fastest move.
+    scale: f64,
     fastest: f64,
 }
 
@@ -38,7 +44,7 @@ impl ToolPath {
         let axis = |name: &str| report.axes.iter().find(|axis| axis.name == name);
         let axes = [axis("X"), axis("Y"), axis("Z")];
         axes.iter().flatten().next()?;
-        let (mut points, mut speed) = (Vec::new(), Vec::new());
+        let (mut points, mut speed, mut cutting) = (Vec::new(), Vec::new(), Vec::new());
         for n in 0..report.time.len() {
             let point = axes.map(|axis| axis.map_or(Some(0.0), |axis| axis.set.get(n).copied()));
             if let [Some(x), Some(y), Some(z)] = point
@@ -49,81 +55,118 @@ impl ToolPath {
                 points.push([x, y, z]);
                 let feed = report.feed.get(n).copied().unwrap_or(0.0);
                 speed.push(if feed.is_finite() { feed } else { 0.0 });
+                cutting.push(report.cutting.get(n).copied().unwrap_or(false));
             }
         }
         let fastest = speed.iter().copied().fold(0.0, f64::max);
+        let cuts = speed.iter().zip(&cutting).filter(|(_, cutting)| **cutting);
+        let fastest_cut = cuts.map(|(speed, _)| *speed).fold(0.0, f64::max);
         (!points.is_empty()).then_some(Self {
+            scale: if fastest_cut > 0.0 {
+                fastest_cut
+            } else {
+                fastest
+            },
             points,
             speed,
+            cutting,
             fastest,
         })
     }
 
+    /// Where it goes.
+    pub(super) fn whole(&self) -> Extents {
+        extents(self.points.iter())
+    }
+
+    /// Where the tool works, with a margin, if that is but a small part of the whole.
+    pub(super) fn work(&self) -> Option<Extents> {
+        let points = self.points.iter().zip(&self.cutting);
+        let work = extents(
+            points
+                .filter(|(_, cutting)| **cutting)
+                .map(|(point, _)| point),
+        );
+        let size = |extents: &Extents| {
+            let [x, y, _] = extents;
+            (x.1 - x.0).max(y.1 - y.0)
+        };
+        let margin = size(&work) * 0.08;
+        let padded = work.map(|(least, most)| (least - margin, most + margin));
+        (margin > 0.0 && size(&self.whole()) > 1.5 * size(&padded)).then_some(padded)
+    }
+
     fn shade(&self, speed: f64) -> usize {
-        if self.fastest > 0.0 {
-            ((speed / self.fastest * SHADES as f64) as usize).min(SHADES - 1)
+        if self.scale > 0.0 {
+            ((speed / self.scale * SHADES as f64) as usize).min(SHADES - 1)
         } else {
             0
         }
     }
 
-    /// The path as `project` places it, one SVG path for each run of one shade.
-    fn draw(&self, svg: &mut String, project: impl Fn(&Point) -> (f64, f64)) {
-        let mut run: Option<(usize, String, (f64, f64))> = None;
-        let mut flush = |run: &Option<(usize, String, (f64, f64))>| {
-            if let Some((shade, d, _)) = run {
+    /// The path as `project` places it: one SVG path of all stretches of a shade, the slow ones
+    /// above; rapids thinner and below.
+    fn draw(&self, svg: &mut String, extents: &Extents, project: impl Fn(&Point) -> (f64, f64)) {
+        let mut drawn = [const { String::new() }; 2 * SHADES];
+        // The last point drawn, in tenths of pixels, and in which shade.
+        let mut pen: Option<((i32, i32), usize)> = None;
+        for ((point, speed), cutting) in self.points.iter().zip(&self.speed).zip(&self.cutting) {
+            if !contains(extents, point) {
+                pen = None;
+                continue;
+            }
+            let place = tenths(project(point));
+            let kind = self.shade(*speed) + if *cutting { SHADES } else { 0 };
+            let ((x, y), before) = pen.unwrap_or((place, usize::MAX));
+            let (dx, dy) = (place.0 - x, place.1 - y);
+            if before == kind && dx.abs().max(dy.abs()) < RESOLUTION {
+                continue;
+            }
+            if before != kind {
+                _ = write!(drawn[kind], "M{x} {y}");
+            }
+            _ = write!(drawn[kind], "l{dx} {dy}");
+            pen = Some((place, kind));
+        }
+        *svg += "<g transform='scale(.1)'>";
+        for (class, kinds) in [("path rapid", 0..SHADES), ("path", SHADES..2 * SHADES)] {
+            for kind in kinds.rev().filter(|kind| !drawn[*kind].is_empty()) {
                 _ = write!(
                     svg,
-                    "<path class=path stroke='{}' d='{d}'/>",
-                    colour(*shade)
+                    "<path class='{class}' stroke='{}' d='{}'/>",
+                    colour(kind % SHADES),
+                    drawn[kind]
                 );
             }
-        };
-        for (point, speed) in self.points.iter().zip(&self.speed) {
-            let (x, y) = project(point);
-            let shade = self.shade(*speed);
-            match &mut run {
-                Some((of, d, last)) if *of == shade => {
-                    if (x - last.0).abs().max((y - last.1).abs()) >= RESOLUTION {
-                        _ = write!(d, "L{x:.1} {y:.1}");
-                        *last = (x, y);
-                    }
-                }
-                _ => {
-                    // A run starts where the one before it ended.
-                    let (x0, y0) = run.as_ref().map_or((x, y), |(_, _, last)| *last);
-                    flush(&run);
-                    let d = format!("M{x0:.1} {y0:.1}L{x:.1} {y:.1}");
-                    run = Some((shade, d, (x, y)));
-                }
-            }
         }
-        flush(&run);
+        *svg += "</g>";
     }
 
     /// The outline only, as a shadow on the floor.
-    fn shadow(&self, svg: &mut String, project: impl Fn(&Point) -> (f64, f64)) {
+    fn shadow(&self, svg: &mut String, extents: &Extents, project: impl Fn(&Point) -> (f64, f64)) {
         let mut d = String::new();
-        let mut last = (f64::NEG_INFINITY, 0.0);
+        let mut last: Option<(i32, i32)> = None;
         for point in &self.points {
-            let (x, y) = project(point);
-            if (x - last.0).abs().max((y - last.1).abs()) >= 1.0 {
-                let command = if d.is_empty() { 'M' } else { 'L' };
-                _ = write!(d, "{command}{x:.1} {y:.1}");
-                last = (x, y);
+            if !contains(extents, point) {
+                last = None;
+                continue;
             }
+            let (x, y) = tenths(project(point));
+            match last {
+                None => _ = write!(d, "M{x} {y}"),
+                Some((x0, y0)) if (x - x0).abs().max((y - y0).abs()) >= 2 * RESOLUTION => {
+                    _ = write!(d, "l{} {}", x - x0, y - y0);
+                }
+                Some(_) => continue,
+            }
+            last = Some((x, y));
         }
-        _ = write!(svg, "<path class=shadow d='{d}'/>");
-    }
-
-    fn extents(&self) -> [(f64, f64); 3] {
-        [0, 1, 2]
-            .map(|axis| extent(self.points.iter().map(|point| point[axis])).unwrap_or((0.0, 0.0)))
+        _ = write!(svg, "<path class=shadow transform='scale(.1)' d='{d}'/>");
     }
 
     /// X to the right, Y up.
-    pub(super) fn above(&self) -> String {
-        let [x, y, _] = self.extents();
+    pub(super) fn above(&self, extents: &Extents) -> String {
+        let [x, y, _] = *extents;
         let (sx, sy) = equal_scales(x, y, (MARGIN + 6.0, WIDTH - 14.0), (HEIGHT - 34.0, 14.0));
         let mut svg = open("Tool path from above");
         let ((left, right), (bottom, top)) = (sx.range, sy.range);
@@ -155,13 +198,13 @@ impl ToolPath {
             top + 13.0
         );
         let project = |p: &Point| (sx.at(p[0]), sy.at(p[1]));
-        self.draw(&mut svg, project);
-        self.ends(&mut svg, project);
+        self.draw(&mut svg, extents, project);
+        self.ends(&mut svg, extents, project);
         svg + "</svg>"
     }
 
     /// X to the right and a little down, Y away and up, Z up.
-    pub(super) fn in_space(&self) -> String {
+    pub(super) fn in_space(&self, extents: &Extents) -> String {
         // Turned by 30° about Z, seen from 37° above.
         const COS: f64 = 0.866_025_403_784_438_6;
         const SIN: f64 = 0.5;
@@ -171,7 +214,7 @@ impl ToolPath {
             let (across, away) = (x * COS - y * SIN, x * SIN + y * COS);
             (across, away * RISE + z * LIFT)
         };
-        let [x, y, z] = self.extents();
+        let [x, y, z] = *extents;
         let corner = |n: usize| {
             let end =
                 |axis: (f64, f64), bit: usize| if n >> bit & 1 == 0 { axis.0 } else { axis.1 };
@@ -197,9 +240,9 @@ impl ToolPath {
             }
         }
         let floor = z.0;
-        self.shadow(&mut svg, |p| project(&[p[0], p[1], floor]));
-        self.draw(&mut svg, project);
-        self.ends(&mut svg, project);
+        self.shadow(&mut svg, extents, |p| project(&[p[0], p[1], floor]));
+        self.draw(&mut svg, extents, project);
+        self.ends(&mut svg, extents, project);
         for (name, from, to) in [
             ("X", corners[0], corners[1]),
             ("Y", corners[0], corners[2]),
@@ -225,21 +268,27 @@ impl ToolPath {
     }
 
     /// Where it starts (a ring) and ends (a dot).
-    fn ends(&self, svg: &mut String, project: impl Fn(&Point) -> (f64, f64)) {
-        if let (Some(first), Some(last)) = (self.points.first(), self.points.last()) {
-            let ((xa, ya), (xb, yb)) = (project(first), project(last));
-            _ = write!(
-                svg,
-                "<circle class=end cx={xb:.1} cy={yb:.1} r=3><title>end</title></circle>\
-                 <circle class=start cx={xa:.1} cy={ya:.1} r=5><title>start</title></circle>"
-            );
+    fn ends(&self, svg: &mut String, extents: &Extents, project: impl Fn(&Point) -> (f64, f64)) {
+        let ends = [
+            (self.points.last(), "end", 3),
+            (self.points.first(), "start", 5),
+        ];
+        for (point, name, radius) in ends {
+            if let Some(point) = point.filter(|point| contains(extents, point)) {
+                let (x, y) = project(point);
+                _ = write!(
+                    svg,
+                    "<circle class={name} cx={x:.1} cy={y:.1} r={radius}><title>{name}</title>\
+                     </circle>"
+                );
+            }
         }
     }
 
     /// What the colours mean.
     pub(super) fn legend(&self) -> String {
         let mut svg = String::from(
-            "<svg class=legend viewBox='0 0 330 34' shape-rendering=crispEdges role=img aria-label='Feed'>",
+            "<svg class=legend viewBox='0 0 420 34' shape-rendering=crispEdges role=img aria-label='Feed'>",
         );
         let cell = 250.0 / SHADES as f64;
         for shade in 0..SHADES {
@@ -256,11 +305,34 @@ impl ToolPath {
                 svg,
                 "<text class=tick x={:.1} y=26 text-anchor={anchor}>{}</text>",
                 250.0 * share,
-                number(self.fastest * share)
+                number(self.scale * share)
             );
         }
-        svg + "<text class=tick x=260 y=12>feed, mm/s</text></svg>"
+        svg += "<text class=tick x=262 y=12>feed, mm/s</text>";
+        if self.fastest > self.scale {
+            _ = write!(
+                svg,
+                "<text class=tick x=262 y=26>thin: rapid, up to {}</text>",
+                number(self.fastest)
+            );
+        }
+        svg + "</svg>"
     }
+}
+
+fn extents<'p>(points: impl Iterator<Item = &'p Point> + Clone) -> Extents {
+    [0, 1, 2].map(|axis| extent(points.clone().map(|point| point[axis])).unwrap_or((0.0, 0.0)))
+}
+
+/// A place on the page in tenths of pixels.
+fn tenths((x, y): (f64, f64)) -> (i32, i32) {
+    ((x * 10.0).round() as i32, (y * 10.0).round() as i32)
+}
+
+fn contains(extents: &Extents, point: &Point) -> bool {
+    let inside =
+        |(coordinate, (least, most)): (&f64, &(f64, f64))| (*least..=*most).contains(coordinate);
+    point.iter().zip(extents).all(inside)
 }
 
 fn open(label: &str) -> String {

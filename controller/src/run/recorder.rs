@@ -284,6 +284,8 @@ impl Recorder {
             report.time.push(time);
             report.line.push(self.line);
             report.feed.push(row.plan.speed);
+            let feed = row.plan.feed;
+            report.cutting.push(feed > 0.0 && feed.is_finite());
             for (axis, record) in report.axes.iter_mut().zip(&self.axes) {
                 let at = record.coordinate;
                 axis.set.push(row.axes[at].set);
@@ -494,16 +496,16 @@ fn fill(report: &mut Report, summary: &Summary) {
     fact("late setpoints", summary.late_setpoints.to_string());
     fact("path length", format!("{:.3} mm", summary.path.length_mm));
     fact(
-        "greatest distance of setpoints from the path",
-        format!("{:.6} mm", summary.path.max_deviation_mm),
+        "setpoints off the path",
+        format!("{:.1e} mm", summary.path.max_deviation_mm),
     );
     fact(
-        "greatest distance of actual positions from the path",
+        "tool off the path",
         format!("{:.4} mm", summary.path.max_contour_error_mm),
     );
     for bus in &summary.bus {
         fact(
-            &format!("busiest cycle on bus {}", bus.name),
+            &format!("busiest cycle, {}", bus.name),
             format!("{:.1} %", bus.peak_utilisation * 100.0),
         );
     }
