@@ -8,7 +8,7 @@ use super::modal::Code;
 
 /// A refused program.
 #[derive(Debug, thiserror::Error)]
-#[error("{file}:{line}:{}: {fault}\n  {}\n  {}", columns.start, shown(block), marker(block, *columns))]
+#[error("{file}:{line}:{}: {fault}{}", columns.start, excerpt(block, *columns))]
 pub struct Error {
     /// The program's name, or that of a subroutine file.
     pub file: String,
@@ -22,19 +22,21 @@ pub struct Error {
     pub fault: Fault,
 }
 
-/// The block with what a terminal would act upon replaced.
-fn shown(block: &str) -> String {
-    block
+/// The block and a mark under what is wrong, each on a line of its own. What a terminal would act
+/// upon is replaced.
+fn excerpt(block: &str, columns: Columns) -> String {
+    if block.is_empty() {
+        return String::new();
+    }
+    let text: String = block
         .chars()
         .map(|c| if c.is_control() { ' ' } else { c })
-        .collect()
-}
-
-fn marker(block: &str, columns: Columns) -> String {
+        .collect();
     let room = block.chars().count() + 1;
     let start = (columns.start as usize).clamp(1, room);
     let length = (columns.end as usize).clamp(start + 1, room + 1) - start;
-    format!("{:indent$}{:^<length$}", "", "", indent = start - 1)
+    let mark = "^".repeat(length);
+    format!("\n  {text}\n  {:indent$}{mark}", "", indent = start - 1)
 }
 
 /// A fault and its columns, before it is known in which line.

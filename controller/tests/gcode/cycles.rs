@@ -1,6 +1,8 @@
 //! Canned cycles.
 
-use super::listing::{listing, refusal};
+use syncline_controller::gcode::{Axis, Setup};
+
+use super::listing::{listing, refusal, refusal_with};
 
 #[test]
 fn each_cycle() {
@@ -76,5 +78,7 @@ fn refusals() {
             "{program:?} is at {place}: {message}"
         );
     }
+    let rotary = Setup::new(Axis::ALL[..4].iter().copied().collect());
+    messages += &refusal_with(rotary, "F100 G81 X1 Z-1 R1 A90");
     insta::assert_snapshot!(messages);
 }

@@ -199,6 +199,16 @@ fn a_loop_costs_no_memory_and_little_time() {
 }
 
 #[test]
+fn constructs_nest_only_so_deep() {
+    let program: Vec<String> = (0..200).map(|label| format!("o{label} do\n")).collect();
+    let message = refusal(&program.concat());
+    assert!(
+        message.starts_with("part.ngc:101:1: loops and branches nest deeper"),
+        "{message}"
+    );
+}
+
+#[test]
 fn refusals() {
     let mut messages = String::new();
     for (program, place) in [

@@ -1,9 +1,9 @@
 //! What is refused, where, and what the message says to do.
 
 use proptest::prelude::*;
-use syncline_controller::gcode::{Action, Interpreter, MAX_LINE};
+use syncline_controller::gcode::{Action, Axis, Interpreter, MAX_LINE, Setup};
 
-use super::listing::{refusal, refusal_with, run, xyz};
+use super::listing::{refusal, refusal_with, run, run_with, xyz};
 
 /// Each program with the place of its fault; the messages are in the snapshot.
 #[test]
@@ -154,6 +154,45 @@ fn a_long_line_is_refused() {
         message.starts_with("part.ngc:1:1: the line has more than"),
         "{message}"
     );
+}
+
+/// A medium that fails after its first block.
+struct Failing(std::io::Cursor<&'static [u8]>);
+
+impl std::io::Read for Failing {
+    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
+        match self.0.read(buffer)? {
+            0 => Err(std::io::Error::other("the medium is gone")),
+            read => Ok(read),
+        }
+    }
+}
+
+impl std::io::Seek for Failing {
+    fn seek(&mut self, to: std::io::SeekFrom) -> std::io::Result<u64> {
+        self.0.seek(to)
+    }
+}
+
+#[test]
+fn a_medium_that_fails() {
+    let input = Failing(std::io::Cursor::new(b"G0 X1\nG0 X2\n"));
+    let result: Result<Vec<_>, _> = Interpreter::new("part.ngc", input, xyz()).collect();
+    insta::assert_snapshot!(result.unwrap_err().to_string());
+    let nowhere = std::path::Path::new("nowhere.ngc");
+    let error = Interpreter::open(nowhere, xyz()).err().unwrap().to_string();
+    assert!(error.starts_with("nowhere.ngc:1:1: cannot read"), "{error}");
+}
+
+#[test]
+fn arcs_need_the_axes_of_their_plane() {
+    let lathe = Setup::new([Axis::X, Axis::Z].into_iter().collect());
+    let message = refusal_with(lathe.clone(), "F100 G2 X10 I5");
+    assert!(
+        message.starts_with("part.ngc:1:6: the machine has no axis Y"),
+        "{message}"
+    );
+    assert!(run_with(lathe, "F100 G18 G2 X10 I5\nM2").is_ok());
 }
 
 #[test]
