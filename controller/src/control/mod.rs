@@ -154,7 +154,7 @@ impl<const N: usize> Controller<N> {
     #[must_use]
     pub fn new(layout: Arc<Layout>, start: Instant) -> Self {
         assert!(layout.axes.iter().all(|axis| axis.coordinate < N));
-        let executor = Executor::new([0.0; N], layout.cycle.as_secs_f64(), 1);
+        let executor = Executor::new([0.0; N], layout.cycle.as_secs_f64(), PLAN_CAPACITY);
         Self {
             nodes: (0..layout.drives.len())
                 .map(|drive| Node::new(drive, &layout))

@@ -1,12 +1,11 @@
 //! From power-up to the program and from its end to power-down, one phase after the other.
 
 use super::fault::{Fault, Wanted};
-use super::{COMMAND_CYCLES, Controller, End, Event, Node, PLAN_CAPACITY, Phase, STILL_CYCLES};
+use super::{COMMAND_CYCLES, Controller, End, Event, Node, Phase, STILL_CYCLES};
 use crate::port::Outbox;
 use syncline_canopen::cia402::Controlword;
 use syncline_canopen::time::Duration;
 use syncline_canopen::{Transmit, nmt};
-use syncline_trajectory::path::Executor;
 
 impl<const N: usize> Controller<N> {
     /// Does what the phase has to do in this cycle, and goes on to the next one when it is
@@ -171,8 +170,7 @@ impl<const N: usize> Controller<N> {
                 position: frozen,
             });
         }
-        let period = self.layout.cycle.as_secs_f64();
-        self.executor = Executor::new(position, period, PLAN_CAPACITY);
+        self.executor.restart(position);
         self.planned = self.executor.setpoint();
         self.frozen = true;
         Ok(())

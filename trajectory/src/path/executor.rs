@@ -1,6 +1,7 @@
 //! Executes the plan on the path's own clock, one setpoint a cycle.
 
 use std::collections::VecDeque;
+use std::mem::take;
 
 use super::{Command, Derivatives, Limits, Piece, Span};
 
@@ -107,6 +108,18 @@ impl<const N: usize> Executor<N> {
             tag: 0,
             stop: Stop::No,
         }
+    }
+
+    /// Forgets the plan and rests in `position`, its cycle number zero; allocates nothing.
+    pub fn restart(&mut self, position: [f64; N]) {
+        let (mut spans, mut steps) = (take(&mut self.spans), take(&mut self.steps));
+        spans.clear();
+        steps.clear();
+        *self = Executor {
+            spans,
+            steps,
+            ..Executor::new(position, self.period, 0)
+        };
     }
 
     /// How many commands can be accepted now.
