@@ -8,7 +8,11 @@ pub mod bus_fault;
 pub mod sim;
 pub mod socketcan;
 
-use syncline_canopen::{Frame, Instant, Transmit};
+use crate::machine::Machine;
+use sim::SimPort;
+use socketcan::SocketCan;
+use syncline_canopen::{CobId, Frame, Instant, Transmit};
+use syncline_drives::bus::Transmission;
 
 /// Most frames in one burst: every R_PDO of a bus in one cycle.
 pub const BURST_CAPACITY: usize = 64;
@@ -164,6 +168,44 @@ impl<P: Port + ?Sized> Port for Box<P> {
     fn send_acyclic(&mut self, frames: &[Frame]) -> Result<(), PortError> {
         (**self).send_acyclic(frames)
     }
+}
+
+/// The port name of a simulated bus.
+pub const SIM: &str = "sim";
+
+/// Opens a bus of a machine by the name of its port: [`SIM`], or a SocketCAN interface.
+/// `seed` and `observer` are for a simulated one.
+///
+/// # Errors
+/// The interface cannot be used, with what to type to mend it.
+pub fn open(
+    machine: &Machine,
+    bus: usize,
+    seed: u64,
+    observer: impl FnMut(&Transmission) + Send + 'static,
+) -> Result<Box<dyn Port + Send>, PortError> {
+    let spec = &machine.buses[bus];
+    if spec.port == SIM {
+        return Ok(Box::new(SimPort::new(machine, bus, seed, observer)?));
+    }
+    let drives = (0..machine.drives.len()).filter(|&drive| machine.drives[drive].bus == bus);
+    let devices: Vec<_> = drives.map(|drive| machine.actuator(drive)).collect();
+    let options = socketcan::Options {
+        bit_rate: spec.bitrate,
+        receive: (devices.iter())
+            .flat_map(|device| {
+                let node = device.node();
+                [
+                    device.t_pdo().cob_id,
+                    CobId::t_sdo(node),
+                    CobId::emcy(node),
+                    CobId::error_control(node),
+                ]
+            })
+            .collect(),
+        burst: devices.iter().map(|device| device.r_pdo().cob_id).collect(),
+    };
+    Ok(Box::new(SocketCan::open(&spec.port, &options)?))
 }
 
 /// Why a bus cannot be used (any longer).

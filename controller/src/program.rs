@@ -150,6 +150,7 @@ impl Program {
     /// The file cannot be read.
     pub fn feeder(&self, start: Position) -> Result<Feeder, ProgramError> {
         Ok(Feeder {
+            tables: self.setup.tables.clone(),
             interpreter: self.interpret(start)?,
             source: MoveSource::new(&self.file, start),
             planner: Planner::new(self.limits, start),
@@ -228,6 +229,8 @@ impl MoveSource {
 /// the machine has not passed yet.
 pub struct Feeder {
     interpreter: Interpreter,
+    /// The tables as they were at the start.
+    tables: Tables,
     source: MoveSource,
     planner: Planner<COORDINATES>,
     exit: Exit,
@@ -320,6 +323,17 @@ impl Feeder {
     fn stop_then(&mut self, instruction: Instruction<COORDINATES>) {
         self.planner.finish();
         self.then = Some(instruction);
+    }
+
+    /// Writes back the offsets and tools that the program changed.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn save_tables(&self, file: &Path) -> Result<(), TablesError> {
+        if *self.interpreter.tables() == self.tables {
+            return Ok(());
+        }
+        self.interpreter.tables().save(file)
     }
 
     /// The move behind a setpoint's tag, unless it was forgotten.

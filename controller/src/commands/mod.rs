@@ -7,6 +7,7 @@ mod doctor;
 mod eds;
 mod output;
 mod plan;
+mod run;
 mod validate;
 
 use clap::{Parser, Subcommand};
@@ -25,6 +26,7 @@ pub struct Cli {
 #[derive(Debug, Subcommand)]
 enum Command {
     Check(check::Args),
+    Run(run::Args),
     Validate(validate::Args),
     Bench(bench::Args),
     Budget(budget::Args),
@@ -39,6 +41,7 @@ impl Cli {
     pub fn execute(self) -> Exit {
         match self.command {
             Command::Check(args) => args.execute(),
+            Command::Run(args) => args.execute(),
             Command::Validate(args) => args.execute(),
             Command::Bench(args) => args.execute(),
             Command::Budget(args) => args.execute(),

@@ -167,6 +167,15 @@ impl fmt::Display for Pause {
 }
 
 impl Event {
+    /// Whether it happens in every run.
+    #[must_use]
+    pub fn is_routine(&self) -> bool {
+        matches!(
+            self,
+            Self::Phase(_) | Self::Frozen { .. } | Self::History { .. }
+        )
+    }
+
     /// The log's line; `None` for what is not worth one.
     #[must_use]
     pub fn describe(&self, names: &impl Names) -> Option<String> {

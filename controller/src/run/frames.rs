@@ -3,6 +3,7 @@
 use crate::machine::Machine;
 use sha2::{Digest, Sha256};
 use std::collections::VecDeque;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use syncline_canopen::time::Duration;
 use syncline_canopen::{CanId, CobId, Instant};
 use syncline_drives::bus::Transmission;
@@ -102,5 +103,34 @@ impl FrameLog {
     pub fn peak_utilisation(&self) -> Vec<f64> {
         let peak = |log: &BusLog| log.peak_bits as f64 / log.capacity;
         self.buses.iter().map(peak).collect()
+    }
+}
+
+/// A [`FrameLog`] that the buses of one machine share.
+#[derive(Clone, Debug)]
+pub struct SharedFrames(Arc<Mutex<FrameLog>>);
+
+impl SharedFrames {
+    /// For a machine's buses.
+    #[must_use]
+    pub fn new(machine: &Machine) -> Self {
+        Self(Arc::new(Mutex::new(FrameLog::new(machine))))
+    }
+
+    /// What records the frames of a bus.
+    pub fn observer(&self, bus: usize) -> impl FnMut(&Transmission) + Send + 'static {
+        let frames = self.clone();
+        move |frame| frames.lock().record(bus, frame)
+    }
+
+    /// Digest and peak utilisation of each bus.
+    #[must_use]
+    pub fn result(&self) -> (String, Vec<f64>) {
+        let mut frames = self.lock();
+        (frames.sha256(), frames.peak_utilisation())
+    }
+
+    fn lock(&self) -> MutexGuard<'_, FrameLog> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }

@@ -81,6 +81,16 @@ pub struct Measured {
     pub late: u64,
     /// News that nobody fetched in time.
     pub lost: u64,
+    /// When the cycle began.
+    pub start: Instant,
+}
+
+impl Measured {
+    /// All distributions.
+    #[must_use]
+    pub fn distributions(&self) -> [Distribution; 3] {
+        [&self.wake_up, &self.sync_jitter, &self.compute].map(Distribution::clone)
+    }
 }
 
 /// A wake-up later than this counts as late: a quarter of the cycle.
@@ -158,6 +168,7 @@ impl Cycle {
                 compute: Distribution::new("setpoint wake-up"),
                 late: 0,
                 lost: 0,
+                start: realtime::now(),
             },
         };
         let link = Link {
@@ -221,6 +232,9 @@ impl Cycle {
     }
 
     fn obey(&mut self) {
+        if self.orders.is_abandoned() {
+            self.driver.controller.interrupt();
+        }
         while let Ok(order) = self.orders.pop() {
             match order {
                 Order::GoOn => self.driver.controller.go_on(),
@@ -247,6 +261,7 @@ impl Cycle {
                     self.driver.controller.accept(instruction);
                 }
                 Err(_) if self.timing.lockstep => {
+                    // Interrupted if the other side is gone, so that this ends.
                     std::thread::sleep(NAP);
                     waited += NAP;
                     self.obey();

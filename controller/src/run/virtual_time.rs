@@ -1,13 +1,13 @@
 //! A machine in virtual time: the real controller against simulated drives.
 
 use super::driver::Driver;
-use super::frames::FrameLog;
+use super::frames::SharedFrames;
 use crate::control::{Controller, Event, Layout, Row};
 use crate::machine::Machine;
 use crate::port::PortError;
 use crate::port::sim::SimPort;
 use crate::program::{COORDINATES, Feeder, Program, ProgramError};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 use syncline_canopen::Instant;
 
 /// A machine of simulated drives and the controller, with a program to run.
@@ -15,7 +15,7 @@ use syncline_canopen::Instant;
 /// The same machine, program and seed give the same frames, byte for byte.
 pub struct VirtualMachine {
     driver: Driver<COORDINATES, SimPort>,
-    frames: Arc<Mutex<FrameLog>>,
+    frames: SharedFrames,
     program: Program,
     feeder: Option<Feeder>,
     now: Instant,
@@ -43,15 +43,9 @@ impl VirtualMachine {
         program: Program,
         seed: u64,
     ) -> Result<Self, PortError> {
-        let frames = Arc::new(Mutex::new(FrameLog::new(machine)));
+        let frames = SharedFrames::new(machine);
         let ports = (0..machine.buses.len())
-            .map(|bus| {
-                let frames = Arc::clone(&frames);
-                SimPort::new(machine, bus, seed, move |frame| {
-                    let mut frames = frames.lock().unwrap_or_else(PoisonError::into_inner);
-                    frames.record(bus, frame);
-                })
-            })
+            .map(|bus| SimPort::new(machine, bus, seed, frames.observer(bus)))
             .collect::<Result<Vec<_>, _>>()?;
         Ok(Self {
             driver: Driver::new(layout, ports, Instant::ZERO),
@@ -131,7 +125,6 @@ impl VirtualMachine {
     /// What the buses carried: digest and peak utilisation.
     #[must_use]
     pub fn frames(&self) -> (String, Vec<f64>) {
-        let mut frames = self.frames.lock().unwrap_or_else(PoisonError::into_inner);
-        (frames.sha256(), frames.peak_utilisation())
+        self.frames.result()
     }
 }

@@ -1,0 +1,371 @@
+//! `syncline run`: a program on a machine, in real time.
+
+use super::output::{Output, outcome};
+use super::{Exit, bad_input, report};
+use crate::control::{Controller, End, Event, Layout};
+use crate::gcode::Tables;
+use crate::machine::Machine;
+use crate::port::{self, PortError};
+use crate::program::{COORDINATES, Extent, Feeder, Program};
+use crate::realtime;
+use crate::run::frames::SharedFrames;
+use crate::run::real_time::{Cycle, Link, Measured, News, Order, Ports, Timing, late_after};
+use crate::run::recorder::{Recorder, Summary};
+use crossbeam::channel::{self, Receiver};
+use indicatif::{ProgressBar, ProgressStyle};
+use std::error::Error;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+/// How often the outer side looks after the cycle.
+const POLL: Duration = Duration::from_millis(5);
+
+/// Run a program on a machine, in real time.
+///
+/// Brings up the drives, runs the program and shuts down in an orderly way, whatever happens:
+/// a fault or Ctrl-C leads to a stop on the path, then the drives are disabled. At a program stop
+/// (M0, M1 with --optional-stop, M6) the machine rests with its drives enabled until Enter.
+///
+/// A bus whose port is `sim` is simulated here, with a simulated drive for each of its nodes. If
+/// all are, their time goes with the cycle: a late wake-up delays both and is counted.
+///
+/// This is no safety device: the emergency stop belongs in hardware.
+#[derive(Debug, clap::Args)]
+pub(super) struct Args {
+    /// Machine file (TOML).
+    machine: PathBuf,
+    /// Part program (RS-274/NGC).
+    program: PathBuf,
+    /// Use this port instead of the machine file's, for all buses or for the one named: `sim`, or
+    /// a SocketCAN interface such as `can0`. Can be repeated.
+    #[arg(long, value_name = "[BUS=]PORT")]
+    bus: Vec<String>,
+    #[command(flatten)]
+    output: Output,
+    /// Varies encoder noise, response delays and oscillator errors of simulated drives.
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+    /// Stop at M1.
+    #[arg(long)]
+    optional_stop: bool,
+    /// Skip blocks that begin with `/`.
+    #[arg(long)]
+    block_delete: bool,
+    /// Make a late wake-up a fault on simulated buses too.
+    #[arg(long)]
+    strict: bool,
+    /// Real-time priority of the cycle, 1…99.
+    #[arg(long, default_value_t = 80, value_parser = clap::value_parser!(u8).range(1..=99))]
+    priority: u8,
+    /// Processor core of the cycle; an isolated one is best.
+    #[arg(long)]
+    core: Option<usize>,
+    /// Spend this time before each wake-up awake, µs.
+    #[arg(long, default_value_t = 0, value_name = "MICROSECONDS")]
+    spin: u64,
+    /// Tell what the controller does.
+    #[arg(short, long)]
+    verbose: bool,
+}
+
+impl Args {
+    pub(super) fn execute(self) -> Exit {
+        let prepared = self.prepare();
+        let (machine, layout, program, extent, ports, frames) = match prepared {
+            Ok(prepared) => prepared,
+            Err(error) => return bad_input(&*error),
+        };
+        let run = Run {
+            args: &self,
+            machine: &machine,
+            layout: &layout,
+            program,
+            extent,
+            frames,
+        };
+        match run.execute(ports) {
+            Ok(exit) => exit,
+            Err(error) => {
+                report(&*error);
+                Exit::Stopped
+            }
+        }
+    }
+}
+
+type Prepared = (Machine, Arc<Layout>, Program, Extent, Ports, SharedFrames);
+
+impl Args {
+    /// Reads and checks everything, and opens the buses, before anything moves.
+    fn prepare(&self) -> Result<Prepared, Box<dyn Error>> {
+        let mut machine = Machine::load(&self.machine)?;
+        self.choose_ports(&mut machine)?;
+        let layout = Arc::new(Layout::new(&machine)?);
+        let program = Program::new(&self.program, &machine, &self.machine)?
+            .optional_stop(self.optional_stop)
+            .block_delete(self.block_delete);
+        let extent = program.check(machine.rest())?;
+        let frames = SharedFrames::new(&machine);
+        let ports = (0..machine.buses.len())
+            .map(|bus| port::open(&machine, bus, self.seed, frames.observer(bus)))
+            .collect::<Result<Ports, PortError>>()?;
+        Ok((machine, layout, program, extent, ports, frames))
+    }
+
+    fn choose_ports(&self, machine: &mut Machine) -> Result<(), UnknownBus> {
+        for choice in &self.bus {
+            match choice.split_once('=') {
+                Some((name, port)) => {
+                    let buses = machine.buses.iter_mut();
+                    let bus = buses.into_iter().find(|bus| bus.name == name);
+                    bus.ok_or_else(|| UnknownBus(name.to_owned()))?.port = port.to_owned();
+                }
+                None => machine
+                    .buses
+                    .iter_mut()
+                    .for_each(|bus| bus.port.clone_from(choice)),
+            }
+        }
+        Ok(())
+    }
+}
+
+#[derive(Debug, thiserror::Error)]
+#[error("--bus: the machine file has no bus `{0}`")]
+struct UnknownBus(String);
+
+/// A program panicked in its planner; the panic's own message stands above.
+#[derive(Debug, thiserror::Error)]
+#[error("the planner failed: this is a defect of syncline, please report it with the program")]
+struct PlannerPanic;
+
+/// The side of a run that is outside of the cycle.
+struct Run<'a> {
+    args: &'a Args,
+    machine: &'a Machine,
+    layout: &'a Arc<Layout>,
+    program: Program,
+    extent: Extent,
+    frames: SharedFrames,
+}
+
+/// What a person does.
+struct Person {
+    interrupted: Arc<AtomicBool>,
+    /// Lines of standard input, once they are wanted.
+    lines: Option<Receiver<()>>,
+}
+
+impl Run<'_> {
+    fn execute(self, ports: Ports) -> Result<Exit, Box<dyn Error>> {
+        let lockstep = self.machine.buses.iter().all(|bus| bus.port == port::SIM);
+        let timing = Timing {
+            settings: realtime::Settings {
+                priority: self.args.priority,
+                core: self.args.core,
+            },
+            spin: Duration::from_micros(self.args.spin),
+            lockstep,
+            strict: self.args.strict,
+        };
+        let output = &self.args.output;
+        let mut recorder = Recorder::new(self.machine, output.trace()?, output.wants_report())?;
+        let mut person = Person {
+            interrupted: Arc::new(AtomicBool::new(false)),
+            lines: None,
+        };
+        let interrupted = Arc::clone(&person.interrupted);
+        ctrlc::set_handler(move || interrupted.store(true, Ordering::Relaxed))?;
+
+        let (cycle, mut link) = Cycle::new(self.layout, ports, timing);
+        let outcome = std::thread::scope(|scope| {
+            let cycle = std::thread::Builder::new()
+                .name("cycle".into())
+                .spawn_scoped(scope, move || {
+                    cycle.run(|granted| {
+                        eprintln!("{granted}");
+                        granted
+                    })
+                })?;
+            let mut failure = None;
+            let mut feeder = None;
+            let bar = self.progress_bar();
+            while !cycle.is_finished() {
+                self.attend(&mut link, &mut person, &bar, &mut recorder, &mut feeder)
+                    .unwrap_or_else(|error| {
+                        link.order(Order::Abandon);
+                        feeder = None;
+                        failure.get_or_insert(error);
+                    });
+                std::thread::sleep(POLL);
+            }
+            self.attend(&mut link, &mut person, &bar, &mut recorder, &mut feeder)?;
+            bar.finish_and_clear();
+            let (controller, measured) = cycle.join().map_err(|_| CyclePanic)?;
+            if let Some(error) = failure {
+                report(&*error);
+            }
+            if controller.end() == Some(End::Finished)
+                && let Some(feeder) = &feeder
+            {
+                feeder.save_tables(&Tables::beside(&self.args.machine))?;
+            }
+            Ok::<_, Box<dyn Error>>((controller, measured))
+        });
+        let (controller, measured) = outcome?;
+        self.conclude(recorder, &controller, &measured, lockstep)
+    }
+}
+
+/// The cycle itself panicked: the drives' own supervision stops them.
+#[derive(Debug, thiserror::Error)]
+#[error("the cycle failed: this is a defect of syncline; the drives stop by lost heartbeat")]
+struct CyclePanic;
+
+impl Run<'_> {
+    /// Does all that is to be done outside of the cycle now.
+    fn attend(
+        &self,
+        link: &mut Link,
+        person: &mut Person,
+        bar: &ProgressBar,
+        recorder: &mut Recorder,
+        feeder: &mut Option<Feeder>,
+    ) -> Result<(), Box<dyn Error>> {
+        if person.interrupted.swap(false, Ordering::Relaxed) {
+            link.order(Order::Interrupt);
+        }
+        if let Some(lines) = &person.lines {
+            match lines.try_recv() {
+                Ok(()) => {
+                    link.order(Order::GoOn);
+                    person.lines = None;
+                }
+                Err(channel::TryRecvError::Disconnected) => {
+                    bar.println("standard input is closed, nobody can go on: stopping");
+                    link.order(Order::Interrupt);
+                    person.lines = None;
+                }
+                Err(channel::TryRecvError::Empty) => {}
+            }
+        }
+        while let Some(news) = link.news() {
+            match news {
+                News::Event(event) => self.tell(&event, bar, person),
+                News::BusFailed(error) => bar.println(error.to_string()),
+                News::Ready(start) => {
+                    self.program.check(start)?;
+                    *feeder = Some(self.program.feeder(start)?);
+                }
+                News::Row(row) => {
+                    recorder.record(&row, feeder.as_mut())?;
+                    bar.set_position(row.plan.distance as u64);
+                    let feed = row.plan.speed * 60.0;
+                    bar.set_message(format!("line {}, {feed:.0} mm/min", recorder.line()));
+                }
+            }
+        }
+        let Some(feeder) = feeder else {
+            return Ok(());
+        };
+        while link.room() > 0 {
+            let next = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| {
+                feeder.next_instruction()
+            }));
+            match next.map_err(|_| PlannerPanic)?? {
+                Some(instruction) => link.give(instruction),
+                None => break,
+            }
+        }
+        Ok(())
+    }
+
+    fn tell(&self, event: &Event, bar: &ProgressBar, person: &mut Person) {
+        if (self.args.verbose || !event.is_routine())
+            && let Some(text) = event.describe(&**self.layout)
+        {
+            bar.suspend(|| eprintln!("{text}"));
+        }
+        if let Event::Paused { .. } = event {
+            bar.suspend(|| eprintln!("press Enter to go on"));
+            person.lines = Some(read_lines());
+        }
+    }
+
+    fn progress_bar(&self) -> ProgressBar {
+        let bar = ProgressBar::new(self.extent.length as u64);
+        let style = ProgressStyle::with_template("{wide_bar} {pos}/{len} mm, {msg}");
+        bar.with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
+    }
+
+    fn conclude(
+        self,
+        recorder: Recorder,
+        controller: &Controller<COORDINATES>,
+        measured: &Measured,
+        lockstep: bool,
+    ) -> Result<Exit, Box<dyn Error>> {
+        let frames = lockstep.then(|| self.frames.result());
+        let (summary, mut rows) = recorder.finish(self.machine, self.layout, controller, frames)?;
+        if let Some(report) = &mut rows {
+            report.distributions = measured.distributions().to_vec();
+        }
+        let output = &self.args.output;
+        let mode = if lockstep {
+            "run in real time on simulated drives"
+        } else {
+            "run in real time"
+        };
+        output.write(
+            &summary,
+            rows,
+            &self.args.program,
+            mode.to_owned(),
+            controller,
+            self.layout,
+        )?;
+        if !output.json_to_stdout() {
+            self.print(&summary, controller, measured);
+        }
+        Ok(match controller.end() {
+            Some(End::Finished) => Exit::Finished,
+            Some(End::Interrupted) => Exit::Interrupted,
+            Some(End::Fault(_)) | None => Exit::Stopped,
+        })
+    }
+
+    fn print(&self, summary: &Summary, controller: &Controller<COORDINATES>, measured: &Measured) {
+        println!("{}", outcome(controller.end(), self.layout));
+        print!("{summary}");
+        let late = late_after(self.machine.cycle);
+        println!(
+            "late cycles        {} wake-ups later than {:.3} ms",
+            measured.late,
+            late.as_secs_f64() * 1e3
+        );
+        if measured.lost > 0 {
+            println!("lost               {} rows or messages", measured.lost);
+        }
+        for distribution in measured.distributions() {
+            println!("{}", distribution.line(measured.start));
+        }
+    }
+}
+
+/// Says when a line of standard input has come; disconnected at its end.
+fn read_lines() -> Receiver<()> {
+    let (sender, receiver) = channel::bounded(1);
+    std::thread::spawn(move || {
+        let mut line = String::new();
+        if std::io::stdin()
+            .read_line(&mut line)
+            .is_ok_and(|bytes| bytes > 0)
+        {
+            // Nobody listening any more is fine.
+            let _ = sender.send(());
+        }
+    });
+    receiver
+}
