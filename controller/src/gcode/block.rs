@@ -1,4 +1,4 @@
-//! One line of a program as its words, parameter settings, comments and flow statement.
+//! One line of a program as its words, parameter settings and flow statement.
 
 use std::ops::Range;
 
@@ -85,9 +85,8 @@ pub(crate) struct Block {
     pub(crate) percent: bool,
     pub(crate) words: Vec<Word>,
     pub(crate) settings: Vec<Setting>,
-    /// Each comment's text: ranges of `text`.
-    pub(crate) comments: Vec<Range<usize>>,
     pub(crate) flow: Option<Flow>,
+    /// What stands in brackets behind a flow statement.
     pub(crate) arguments: Vec<Value>,
     /// The steps that every [`Value`] of the block points into.
     pub(crate) steps: Vec<Step>,

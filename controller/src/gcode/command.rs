@@ -134,9 +134,10 @@ pub struct Coolant {
 }
 
 /// How the path is followed.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum PathMode {
     /// G61: through every programmed point without a stop where the path allows it.
+    #[default]
     ExactPath,
     /// G61.1: a stop at the end of every block.
     ExactStop,

@@ -5,7 +5,7 @@
 use std::collections::VecDeque;
 
 use super::axes::Axis;
-use super::command::{Action, Spindle, Turning};
+use super::command::{Action, PathMode, Spindle, Turning};
 use super::error::{Fault, Refusal};
 use super::execute::{DWELL_LIMIT, State};
 use super::lexer::Columns;
@@ -131,6 +131,11 @@ impl State {
         let repeats = words
             .take_whole(b'L', code, 1..=u32::MAX, allowed)?
             .unwrap_or(1);
+        // A blend would cut the corner at the bottom of a hole and under its rim.
+        let blends = matches!(self.modes.path_mode, PathMode::Blend { .. });
+        if blends {
+            commands.push_back(Action::PathMode(PathMode::ExactPath));
+        }
         let mut place = self.at;
         for _ in 0..repeats {
             // Under G91 each repetition goes on by the words; under G90 it is the same place.
@@ -159,6 +164,9 @@ impl State {
             hole.go(Action::Rapid { to: over })?;
             hole.rapid(levels.retract)?;
             hole.make(cycle, &levels)?;
+        }
+        if blends {
+            commands.push_back(Action::PathMode(self.modes.path_mode));
         }
         Ok(())
     }

@@ -68,8 +68,11 @@ impl State {
     pub(crate) fn new(setup: Setup) -> State {
         State {
             at: setup.start,
+            modes: Modes {
+                path_mode: setup.path_mode,
+                ..Modes::default()
+            },
             setup,
-            modes: Modes::default(),
             tool_offset: Point::ZERO,
             g92_applies: false,
             parameters: Parameters::default(),
@@ -297,7 +300,7 @@ impl State {
                     }
                 }
             };
-            self.modes.path_mode = Some(mode);
+            self.modes.path_mode = mode;
             commands.push_back(Action::PathMode(mode));
         }
         if let Some(code) = words.code(Group::Distance) {
@@ -437,8 +440,8 @@ impl State {
         if modes.coolant != initial.coolant {
             commands.push_back(Action::Coolant(modes.coolant));
         }
-        if let Some(mode) = modes.path_mode {
-            commands.push_back(Action::PathMode(mode));
+        if modes.path_mode != self.setup.path_mode {
+            commands.push_back(Action::PathMode(modes.path_mode));
         }
         let across = modes.plane.axes()[2];
         let goal = std::mem::replace(&mut self.at, start);

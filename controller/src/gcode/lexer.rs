@@ -35,8 +35,8 @@ pub(crate) enum Kind {
     Number(f64),
     /// `<name>`: lower case, without blanks; a range of [`Tokens::names`].
     Name(Range<usize>),
-    /// A comment's text without its brackets; a range of the line.
-    Comment(Range<usize>),
+    /// A comment.
+    Comment,
     Plus,
     Minus,
     Star,
@@ -90,9 +90,8 @@ impl Tokens {
                 '<' => self.name(start, &mut cursor)?,
                 '(' => comment(start, &mut cursor)?,
                 ';' => {
-                    let from = cursor.offset;
                     while cursor.next().is_some() {}
-                    Kind::Comment(from..cursor.offset)
+                    Kind::Comment
                 }
                 '*' => {
                     let after_star = cursor.clone();
@@ -184,11 +183,10 @@ impl Tokens {
 }
 
 fn comment(start: u32, cursor: &mut Cursor<'_>) -> Result<Kind, Refusal> {
-    let from = cursor.offset;
     loop {
-        let (offset, column) = (cursor.offset, cursor.column);
+        let column = cursor.column;
         match cursor.next() {
-            Some(')') => return Ok(Kind::Comment(from..offset)),
+            Some(')') => return Ok(Kind::Comment),
             Some('(') => return Err(Refusal::new(cursor.since(column), Fault::NestedComment)),
             Some(_) => {}
             None => return Err(Refusal::new(cursor.since(start), Fault::UnclosedComment)),

@@ -53,6 +53,8 @@ pub struct Setup {
     /// Soft limits by [`Axis::index`]: least and greatest machine coordinate. A motion that leaves
     /// them anywhere is refused.
     pub limits: [Option<(f64, f64)>; 9],
+    /// How the path is followed until the program says so.
+    pub path_mode: PathMode,
     /// Skip blocks that begin with `/`.
     pub block_delete: bool,
     /// Stop at M1.
@@ -69,6 +71,7 @@ impl Setup {
             start: Point::ZERO,
             tables: Tables::default(),
             limits: [None; 9],
+            path_mode: PathMode::default(),
             block_delete: false,
             optional_stop: false,
             max_blocks: Some(MAX_BLOCKS),

@@ -231,8 +231,8 @@ pub struct Modes {
     pub work_offset: usize,
     /// G43 or G43.1 instead of G49.
     pub tool_length: bool,
-    /// G61, G61.1 or G64 if the program said so; else the machine's default.
-    pub path_mode: Option<PathMode>,
+    /// G61, G61.1 or G64; at the start the machine's own.
+    pub path_mode: PathMode,
     /// F under G94.
     pub feed: Option<ProgrammedFeed>,
     /// M3, M4, M5 and S.
@@ -282,9 +282,9 @@ impl fmt::Display for Modes {
             pick(self.retract_to_r, ["G98", "G99"]),
         )?;
         match self.path_mode {
-            Some(PathMode::ExactPath) => f.write_str(" G61")?,
-            Some(PathMode::ExactStop) => f.write_str(" G61.1")?,
-            Some(PathMode::Blend { tolerance, merge }) => {
+            PathMode::ExactPath => f.write_str(" G61")?,
+            PathMode::ExactStop => f.write_str(" G61.1")?,
+            PathMode::Blend { tolerance, merge } => {
                 f.write_str(" G64")?;
                 for (letter, value) in [('P', tolerance), ('Q', merge)] {
                     if let Some(value) = value {
@@ -292,7 +292,6 @@ impl fmt::Display for Modes {
                     }
                 }
             }
-            None => {}
         }
         if let Some(feed) = self.feed {
             write!(f, " F{}", feed.number * feed.unit / self.unit())?;

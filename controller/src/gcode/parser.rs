@@ -30,7 +30,6 @@ impl Block {
         self.percent = false;
         self.words.clear();
         self.settings.clear();
-        self.comments.clear();
         self.flow = None;
         self.arguments.clear();
         self.steps.clear();
@@ -47,7 +46,7 @@ impl Block {
         }
         if parser.skip(&Kind::Percent) {
             self.percent = true;
-            parser.comments(&mut self.comments);
+            parser.comments();
             return parser.finish("nothing but a comment beside `%`");
         }
         if parser.letter() == Some(b'N') {
@@ -57,20 +56,17 @@ impl Block {
                 _ => return Err(parser.expected("an unsigned line number after N")),
             }
         }
-        parser.comments(&mut self.comments);
+        parser.comments();
         if parser.letter() == Some(b'O') {
             self.flow = Some(parser.flow(&mut self.arguments)?);
-            parser.comments(&mut self.comments);
+            parser.comments();
             return parser.finish("nothing else in a block with an O-word");
         }
         loop {
             let token = parser.peek();
             match &token.kind {
                 Kind::End => return Ok(()),
-                Kind::Comment(text) => {
-                    self.comments.push(text.clone());
-                    parser.at += 1;
-                }
+                Kind::Comment => parser.at += 1,
                 Kind::Letter(b'N') => {
                     return Err(Refusal::new(token.columns, Fault::LineNumberPlace));
                 }
@@ -147,11 +143,8 @@ impl<'a> Parser<'a> {
         }
     }
 
-    fn comments(&mut self, comments: &mut Vec<Range<usize>>) {
-        while let Kind::Comment(text) = &self.peek().kind {
-            comments.push(text.clone());
-            self.at += 1;
-        }
+    fn comments(&mut self) {
+        while self.skip(&Kind::Comment) {}
     }
 
     fn finish(&self, expected: &'static str) -> Result<(), Refusal> {
@@ -385,11 +378,16 @@ impl<'a> Parser<'a> {
             },
             _ => (Statement::Program, 0..1),
         };
+        let mut end = self.previous();
+        self.comments();
         while self.peek().kind == Kind::Open {
             if arguments.len() + 1 >= count.end {
                 return Err(self.expected("no further `[…]`"));
             }
-            arguments.push(self.value("`[`")?);
+            let value = self.value("`[`")?;
+            end = value.columns;
+            arguments.push(value);
+            self.comments();
         }
         if arguments.len() < count.start {
             return Err(self.expected("`[…]`"));
@@ -397,7 +395,7 @@ impl<'a> Parser<'a> {
         Ok(Flow {
             label,
             statement,
-            columns: start.to(self.previous()),
+            columns: start.to(end),
         })
     }
 }

@@ -37,7 +37,8 @@ G82 X4 Z-4 P0.1 (R stays)
 G98 X5 (the first level still is Z10)
 G80
 G0 Z0
-G81 X6 Z-1 R3 (from below R)
+G64 P0.1 G81 X6 Z-1 R3 (from below R)
+G61
 G0 Z0
 G91 G81 X4 Y5 Z-0.6 R1.8 L3 (incremental)
 G90 G20 G81 X1 Y0 Z-0.1 R0.1 L2 (inches, twice the same hole)

@@ -116,6 +116,23 @@ o<nothing> endsub"
     ));
 }
 
+/// Comments between arguments, calls without blanks, labels computed in a subroutine that is
+/// called before the one it calls is defined.
+#[test]
+fn calls_as_they_are_written() {
+    insta::assert_snapshot!(listing(
+        "o100 sub (begins here)
+o[150+50] call (first) [2+#1][3+#2] (third) [4+#3] (a nested call)
+o100 endsub (no value)
+o200sub
+g0x#1y#2z#3
+o200endsub
+o100 call [.1] [.2] [.3]
+O100CALL[.4][.5][.6]
+m2"
+    ));
+}
+
 #[test]
 fn subprograms_by_number() {
     insta::assert_snapshot!(listing(
