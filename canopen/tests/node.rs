@@ -11,7 +11,7 @@ use syncline_canopen::{CobId, Frame, Instant, NodeId, nmt};
 const NODE: u8 = 1;
 
 #[rustfmt::skip]
-static TABLE: [Entry; 60] = table([
+static TABLE: [Entry; 61] = table([
     ro(0x1000, 0, "Device type", U32).default(0x0042_0192),
     ro(0x1001, 0, "Error register", U8),
     rw(0x1003, 0, "Number of errors", U8),
@@ -72,6 +72,7 @@ static TABLE: [Entry; 60] = table([
     rw(0x6060, 0, "Mode", I8).range(-6, 10).r_pdo(),
     ro(0x6064, 0, "Actual position", I32).t_pdo(),
     rw(0x60C1, 1, "Setpoint", I32).r_pdo(),
+    rw(0x6203, 0, "Flag", Bool).r_pdo().t_pdo(),
 ]);
 
 /// A device that writes down what happens to it.
@@ -483,6 +484,33 @@ fn mapping_checks() {
 }
 
 #[test]
+fn single_bits_can_be_mapped() {
+    let mut bench = Bench::new();
+    bench.set(0x1400, 1, 0x8000_0201);
+    bench.set(0x1600, 0, 0);
+    bench.set(0x1600, 1, 0x60C1_0120);
+    bench.set(0x1600, 2, 0x60C1_0120);
+    bench.set(0x1600, 3, 0x6203_0001);
+    assert_eq!(bench.write(0x1600, 0, 3), PDO_LENGTH, "65 bits");
+    bench.set(0x1600, 1, 0x6060_0008);
+    bench.set(0x1600, 2, 0x6203_0001);
+    bench.set(0x1600, 0, 2);
+    bench.set(0x1400, 1, 0x201);
+    bench.send("000#0101");
+    bench.told();
+    bench.send("201#0603");
+    assert_eq!(
+        bench.told(),
+        ["6060h:0 := 6h Pdo(1)", "6203h:0 := 1h Pdo(1)"]
+    );
+    assert_eq!(
+        bench.send("201#06"),
+        "081#1082110000010000",
+        "9 bits are 2 bytes"
+    );
+}
+
+#[test]
 fn parameter_checks() {
     let mut bench = Bench::new();
     assert_eq!(bench.write(0x1800, 1, 0x185), INVALID, "moved while in use");
@@ -575,6 +603,8 @@ fn guarding() {
     assert_eq!(bench.node.state(), nmt::State::PreOperational);
     bench.send("000#8201");
     assert_eq!(bench.send("701#R1"), "701#7F", "the toggle bit starts anew");
+    bench.set(0x1017, 0, 100);
+    assert_eq!(bench.send("701#R1"), "", "a heartbeat excludes guarding");
 }
 
 #[test]

@@ -92,6 +92,7 @@ fn refusals() {
     for (request, answer) in [
         ("4006100000000000", "8006100000000206"), // unknown object (lxm32m X-04)
         ("4040600500000000", "8040600511000906"), // unknown subindex (lxm32m X-06)
+        ("40C1600000000000", "80C1600011000906"), // unknown subindex below the first
         ("2B41600000000000", "8041600002000106"), // read only (lxm32m X-05)
         ("4001200000000000", "8001200001000106"), // write only
         ("2F6060000B000000", "8060600030000906"), // out of range (lxm32m X-07)
@@ -106,6 +107,52 @@ fn refusals() {
     }
     bench.expect("4008100000000000", "4108100008000000");
     bench.expect("7000000000000000", "8008100000000305"); // toggle not alternated
+    assert!(!bench.server.is_busy());
+}
+
+#[test]
+fn downloads_of_a_wrong_length() {
+    let mut bench = Bench::new();
+    // No length stated, 10 segments of 7 bytes: the 64 of the object are exceeded.
+    bench.expect("2000200100000000", "6000200100000000");
+    for n in 0..9 {
+        let toggle = 0x10 * (n % 2);
+        bench.expect(
+            &format!("{toggle:02X}41414141414141"),
+            &format!("{:02X}00000000000000", 0x20 | toggle),
+        );
+    }
+    bench.expect("1041414141414141", "8000200112000706");
+    // 9 bytes stated, 8 sent.
+    bench.expect("2100200109000000", "6000200100000000");
+    bench.expect("0041414141414141", "2000000000000000");
+    bench.expect("1D41000000000000", "8000200110000706");
+    // The same by block.
+    bench.expect("C200200109000000", "A40020017F000000");
+    assert!(bench.ask("0141414141414141").is_empty());
+    bench.expect("8241000000000000", "A2027F0000000000");
+    bench.expect("D900000000000000", "8000200110000706");
+}
+
+#[test]
+fn block_uploads() {
+    let mut bench = Bench::new();
+    let text = "2100200108000000";
+    bench.expect(text, "6000200100000000");
+    bench.expect("0030313233343536", "2000000000000000");
+    bench.expect("1D37000000000000", "3000000000000000");
+    bench.expect("A400200100000000", "8000200102000405"); // blocks of 0 segments
+    bench.expect("A400200180000000", "8000200102000405"); // blocks of 128 segments
+    bench.expect("A400200101080000", "4100200108000000"); // up to 8 bytes as segments
+    bench.expect("A400200101070000", "C600200108000000");
+    bench.expect("A300000000000000", "0130313233343536");
+    bench.expect("A202010000000000", "8000200103000405"); // 2 acknowledged, 1 sent
+    bench.expect("A400200101070000", "C600200108000000");
+    bench.expect("A300000000000000", "0130313233343536");
+    bench.expect("A200010000000000", "0130313233343536"); // none has arrived: again
+    bench.expect("A201010000000000", "8137000000000000");
+    bench.expect("A201010000000000", "D90AC00000000000");
+    assert!(bench.ask("A100000000000000").is_empty());
     assert!(!bench.server.is_busy());
 }
 

@@ -242,6 +242,59 @@ fn damaged_block_is_refused_by_its_crc() {
     );
 }
 
+/// What the client makes of a node's answers, one after the other.
+fn answered(start: impl FnOnce(&mut Client, &mut Vec<Frame>), answers: &[[u8; 8]]) -> Outcome {
+    let mut client = Pair::new(127).client;
+    let mut tx = Vec::new();
+    start(&mut client, &mut tx);
+    for answer in answers {
+        let frame = Frame::new(CobId::new(0x587).expect("id"), answer);
+        if let Some(result) = client.on_frame(Instant::ZERO, &frame, &mut tx) {
+            return result.map(<[u8]>::to_vec);
+        }
+    }
+    panic!("no end after {tx:?}");
+}
+
+#[test]
+fn wrong_answers_are_given_up() {
+    let upload = |client: &mut Client, tx: &mut Vec<Frame>| {
+        let started = client.upload(Instant::ZERO, DOMAIN, tx);
+        started.expect("idle");
+    };
+    let block = |client: &mut Client, tx: &mut Vec<Frame>| {
+        let started = client.upload_block(Instant::ZERO, DOMAIN, 1, tx);
+        started.expect("idle");
+    };
+    let segments = [[0x41, 0, 0x20, 0, 8, 0, 0, 0], [0x01, 1, 2, 3, 4, 5, 6, 7]];
+    let blocks = |crc: u8| {
+        [
+            [0xC6, 0, 0x20, 0, 7, 0, 0, 0],
+            [0x81, 1, 2, 3, 4, 5, 6, 7],
+            [0xC1, crc, 0xB8, 0, 0, 0, 0, 0],
+        ]
+    };
+    let given_up = |outcome: Outcome| outcome.expect_err("given up").reason;
+    for (outcome, code) in [
+        (answered(upload, &segments), AbortCode::LengthMismatch),
+        (answered(block, &blocks(0)), AbortCode::Crc),
+        (
+            answered(upload, &[[0x41, 0, 0x20, 0, 0xFF, 0xFF, 0, 0]]),
+            AbortCode::OutOfMemory,
+        ),
+        (
+            answered(upload, &[[0x60, 0, 0x20, 0, 0, 0, 0, 0]]),
+            AbortCode::CommandSpecifier,
+        ),
+    ] {
+        assert_eq!(given_up(outcome), Reason::GivenUp(code));
+    }
+    // An abort that names another object belongs to an earlier transfer.
+    let late_abort = [0x80, 1, 0x20, 0, 0, 0, 4, 5];
+    let value = [0x4F, 0, 0x20, 0, 9, 0, 0, 0];
+    assert_eq!(answered(upload, &[late_abort, value]), Ok(vec![9]));
+}
+
 #[test]
 fn silent_node_is_given_up() {
     let mut pair = Pair::new(127);
