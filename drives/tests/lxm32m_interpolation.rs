@@ -323,3 +323,107 @@ fn a_reboot_is_announced_and_forgets_the_set_up() {
     );
     assert_eq!(stream.bench.twin().state(), State::ReadyToSwitchOn);
 }
+
+/// Streams a constant velocity for some cycles.
+fn cruise(stream: &mut Stream, cycles: u32) {
+    for _ in 0..cycles {
+        stream.setpoint += 600;
+        stream.cycle();
+    }
+}
+
+#[test]
+fn halt_brakes_and_bit_4_has_to_fall_before_the_mode_starts_again() {
+    let mut stream = Stream::started(Stream::config());
+    cruise(&mut stream, 200);
+    stream.controlword = 0x011F;
+    cruise(&mut stream, 500);
+    assert_eq!(
+        stream.status & 0x5500,
+        0x4500,
+        "halt, standstill, x_end, not started"
+    );
+    let rest = stream.bench.twin().position();
+    stream.setpoint = stream.position;
+    stream.command(0x001F);
+    cruise(&mut stream, 50);
+    assert!((stream.bench.twin().position() - rest).abs() < 1e-3);
+    stream.setpoint = stream.position;
+    stream.command(0x000F);
+    stream.command(0x001F);
+    assert_eq!(stream.status & 0x1000, 0x1000);
+}
+
+#[test]
+fn quick_stop_brakes_along_its_ramp_and_ends_the_mode() {
+    let mut stream = Stream::started(Stream::config());
+    cruise(&mut stream, 500);
+    let speed = stream.bench.twin().velocity();
+    assert!((speed - 600.0 * 500.0 / 131_072.0).abs() < 0.01, "{speed}");
+    stream.controlword = 0x001B;
+    cruise(&mut stream, 12);
+    // 6000 rpm/s take this speed away in 23 ms.
+    let left = stream.bench.twin().velocity();
+    assert!(left < 0.5 * speed && left > 0.0, "{left}");
+    cruise(&mut stream, 50);
+    assert_eq!(stream.bench.twin().state(), State::QuickStopActive);
+    assert_eq!(stream.status & 0x7000, 0x6000);
+    stream.setpoint = stream.position;
+    stream.command(0x000F);
+    assert_eq!(stream.status & 0x706F, 0x4027);
+}
+
+#[test]
+fn ending_the_mode_in_motion_brakes() {
+    let mut stream = Stream::started(Stream::config());
+    cruise(&mut stream, 300);
+    stream.controlword = 0x000F;
+    cruise(&mut stream, 500);
+    assert_eq!(stream.status & 0x5000, 0x4000);
+    assert_eq!(stream.bench.twin().state(), State::OperationEnabled);
+    assert!(stream.bench.twin().velocity().abs() < 1e-2);
+}
+
+#[test]
+fn by_sdo_the_mode_takes_an_edge_after_enabling() {
+    let mut config = Stream::config();
+    config.policies.missing_syncs = None;
+    let mut stream = Stream::new(config);
+    stream.until_locked();
+    let send = |stream: &mut Stream, word: u16| {
+        stream.bench.controlword(1, word);
+        // Setpoints come by PDO without a controlword: map them alone.
+        stream.next_sync = stream.bench.now() + ms(2);
+        for _ in 0..80 {
+            let setpoint = stream.setpoint.to_le_bytes();
+            stream.bench.run_to(stream.next_sync);
+            stream.bench.sync();
+            stream.bench.wait(Duration::from_micros(300));
+            stream.bench.send(0x301, &setpoint);
+            stream.next_sync += ms(2);
+        }
+    };
+    stream.bench.write(1, 0x1601, 0, &[0]).unwrap();
+    let entry = 0x60C1_0120u32.to_le_bytes();
+    stream.bench.write(1, 0x1601, 1, &entry).unwrap();
+    stream.bench.write(1, 0x1601, 0, &[1]).unwrap();
+    let started = |stream: &mut Stream| stream.bench.twin().statusword().0 & 0x1000 != 0;
+    send(&mut stream, 0x0006);
+    send(&mut stream, 0x001F);
+    assert_eq!(stream.bench.twin().state(), State::OperationEnabled);
+    assert!(!started(&mut stream), "enabling and starting at once");
+    send(&mut stream, 0x000F);
+    send(&mut stream, 0x001F);
+    assert!(started(&mut stream));
+}
+
+#[test]
+fn lost_t_pdos_do_not_disturb_the_drive() {
+    let mut stream = Stream::started(Stream::config());
+    stream.bench.twin().drop_t_pdos(20);
+    let before = stream.position;
+    cruise(&mut stream, 20);
+    assert_eq!(stream.position, before);
+    cruise(&mut stream, 5);
+    assert!(stream.position > before + 10_000);
+}

@@ -4,6 +4,7 @@ mod common;
 
 use common::{Bench, id, ms};
 use syncline_canopen::cia402::{State, Statusword};
+use syncline_canopen::dictionary::Refusals;
 use syncline_canopen::nmt::{self, Command};
 use syncline_canopen::sdo::AbortCode;
 use syncline_canopen::time::Duration;
@@ -556,11 +557,19 @@ fn policies_change_what_the_manual_leaves_open() {
     let mut bench = Bench::new([TwinConfig {
         policies: Policies {
             emcy_on_reset: false,
+            refusals: Refusals {
+                long_and_short: false,
+                high_and_low: true,
+            },
             enable_time: Duration::from_millis(100),
             ..Policies::default()
         },
         ..TwinConfig::new(id(1))
     }]);
+    let too_high = AbortCode::ValueTooHigh.code();
+    assert_eq!(bench.write(1, 0x6060, 0, &[100]), Err(too_high));
+    let mismatch = AbortCode::LengthMismatch.code();
+    assert_eq!(bench.write(1, 0x6060, 0, &[1, 0]), Err(mismatch));
     bench.controlword(1, 0x0006);
     bench.controlword(1, 0x000F);
     assert_eq!(bench.twin().state(), State::SwitchedOn);

@@ -186,7 +186,7 @@ impl Twin {
     pub fn new(config: TwinConfig) -> Self {
         let stream =
             |purpose: u64| Random::new(config.seed, u64::from(config.node.get()) << 8 | purpose);
-        let objects = Dictionary::new(&LXM32M, config.node);
+        let objects = Dictionary::new(&LXM32M, config.node).refusing(config.policies.refusals);
         let options = Options {
             parameters: ParameterRules::Lenient {
                 // Bit 31 and the identifier (lxm32m 3528-3536, D-05).

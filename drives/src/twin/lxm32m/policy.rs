@@ -4,6 +4,7 @@
 //! those of the manual's text, D-24 and the like the doubts listed in `docs/lxm32m.md`.
 
 use core::ops::RangeInclusive;
+use syncline_canopen::dictionary::Refusals;
 use syncline_canopen::time::Duration;
 
 /// Options where the manual is silent; see the [module](self).
@@ -31,6 +32,9 @@ pub struct Policies {
     pub start_needs_lock: bool,
     /// Whether EMCY 0000h announces a fault reset (D-24).
     pub emcy_on_reset: bool,
+    /// Which abort codes a wrong length and a value out of range get (lxm32m 1979-1985 lists
+    /// several).
+    pub refusals: Refusals,
     /// Whether a received PDO that is too short raises EMCY 8210h (lxm32m 936 hints at it).
     pub emcy_on_short_pdo: bool,
 }
@@ -57,6 +61,7 @@ impl Default for Policies {
             first_setpoint_window: Some(0.05),
             start_needs_lock: true,
             emcy_on_reset: true,
+            refusals: Refusals::default(),
             emcy_on_short_pdo: true,
         }
     }

@@ -164,8 +164,11 @@ impl Drive {
                 return Err(AbortCode::DeviceState);
             }
         }
-        if row == rows.mode && Mode::of(value).is_none() {
-            return Err(AbortCode::InvalidValue);
+        if row == rows.mode {
+            self.objects.check_range(row, value)?;
+            if Mode::of(value).is_none() {
+                return Err(AbortCode::InvalidValue);
+            }
         }
         if row == rows.period_value && !self.policies.periods.contains(&value) {
             return Err(AbortCode::InvalidValue);
