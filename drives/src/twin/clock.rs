@@ -121,3 +121,48 @@ impl Clock {
         Instant::from_nanos(self.boundary + into as u64)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use syncline_canopen::time::Duration;
+
+    const PERIOD: u64 = 2_000_000;
+
+    /// Lets the clock run up to `now`, counting cycles.
+    fn run(clock: &mut Clock, now: Instant) -> u32 {
+        let mut cycles = 0;
+        while clock.step_end() <= now {
+            cycles += u32::from(clock.next_step());
+        }
+        cycles
+    }
+
+    #[test]
+    fn a_free_clock_goes_wrong_by_its_oscillator() {
+        let mut clock = Clock::new(Instant::ZERO, 100.0);
+        let second = Instant::from_nanos(1_000_000_000);
+        run(&mut clock, second);
+        // A millisecond's cycle takes 100 ns too long, so the thousandth is not over yet.
+        assert_eq!(clock.phase_error(second), -100_000);
+    }
+
+    #[test]
+    fn a_locked_clock_follows_sync_whatever_its_oscillator_and_rides_out_jitter() {
+        for ppm in [-100.0, 0.0, 100.0] {
+            let mut clock = Clock::new(Instant::ZERO, ppm);
+            let mut sync = Instant::from_nanos(777_777);
+            clock.lock(sync, PERIOD);
+            let mut cycles = 0;
+            for k in 1..=500u64 {
+                sync += Duration::from_nanos(PERIOD);
+                let late = sync + Duration::from_nanos(k * 7919 % 2_000);
+                cycles += run(&mut clock, late);
+                let error = clock.phase_error(late);
+                assert!(error.abs() < 3_000, "{ppm} ppm, SYNC {k}: {error} ns");
+                clock.correct(error);
+            }
+            assert_eq!(cycles + u32::from(clock.phase_error(sync) < 0), 500);
+        }
+    }
+}

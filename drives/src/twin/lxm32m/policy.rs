@@ -7,7 +7,7 @@ use core::ops::RangeInclusive;
 use syncline_canopen::dictionary::Refusals;
 use syncline_canopen::time::Duration;
 
-/// Options where the manual is silent; see the [module](self).
+/// Options where the manual is silent. Every default is an assumption of the twin.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Policies {
     /// Time from the command to enable until the power stage is on and the brake open.
