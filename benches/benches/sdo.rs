@@ -68,7 +68,8 @@ fn sdo(c: &mut Criterion) {
 
         let mut objects = Dictionary::new(&LXM32M, id);
         let mut node = Node::new(id, &objects, Options::default());
-        node.boot(Instant::ZERO, &mut objects, &mut Answers::default());
+        node.power_on(Instant::ZERO);
+        node.poll(Instant::ZERO, &mut objects, &mut Answers::default());
         let mut pass = || {
             let mut answers = Answers::default();
             for request in &requests {

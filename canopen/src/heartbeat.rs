@@ -40,10 +40,10 @@ impl Producer {
         }
     }
 
-    /// Sets the period and starts anew; zero is no heartbeat.
-    pub fn set_period(&mut self, now: Instant, period: Duration) {
+    /// Starts anew with the first heartbeat at `first`; a period of zero is no heartbeat.
+    pub fn start(&mut self, first: Instant, period: Duration) {
         self.period = period;
-        self.next = (!period.is_zero()).then(|| now + period);
+        self.next = (!period.is_zero()).then_some(first);
     }
 
     /// Whether heartbeats are sent.

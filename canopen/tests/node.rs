@@ -3,7 +3,6 @@
 use syncline_canopen::dictionary::{DataType::*, Dictionary, Entry, Row, ro, rw, table};
 use syncline_canopen::emcy::Emergency;
 use syncline_canopen::node::{Application, Node, Options, Origin, ParameterRules};
-use syncline_canopen::sdo::AbortCode;
 use syncline_canopen::sync::Sync;
 use syncline_canopen::time::Duration;
 use syncline_canopen::{CobId, Frame, Instant, NodeId, nmt};
@@ -81,6 +80,7 @@ struct Device {
     told: Vec<String>,
     emergencies: Vec<Emergency>,
     event_mask: u64,
+    event: Option<Row>,
 }
 
 impl Application for Device {
@@ -92,12 +92,17 @@ impl Application for Device {
         &mut self.objects
     }
 
-    fn write(&mut self, _: Instant, row: Row, value: i64, origin: Origin) -> Result<(), AbortCode> {
+    fn written(&mut self, _: Instant, row: Row, origin: Origin) {
         let address = self.objects.entry(row).address;
-        self.told
-            .push(format!("{address} := {value:X}h {origin:?}"));
-        self.objects.set(row, value);
-        Ok(())
+        if address.index >= 0x2000 {
+            let value = self.objects.get(row);
+            self.told
+                .push(format!("{address} := {value:X}h {origin:?}"));
+        }
+    }
+
+    fn on_reset(&mut self, _: Instant, reset: nmt::Event) {
+        self.told.push(format!("after {reset:?}"));
     }
 
     fn on_sync(&mut self, _: Instant, sync: Sync) {
@@ -110,6 +115,10 @@ impl Application for Device {
 
     fn next_emergency(&mut self) -> Option<Emergency> {
         self.emergencies.pop()
+    }
+
+    fn next_event(&mut self) -> Option<Row> {
+        self.event.take()
     }
 
     fn event_mask(&self, _: u16) -> u64 {
@@ -139,12 +148,14 @@ impl Bench {
                 told: Vec::new(),
                 emergencies: Vec::new(),
                 event_mask: u64::MAX,
+                event: None,
             },
             now: Instant::ZERO,
         };
         assert_eq!(bench.send("601#4000100000000000"), "", "not before boot-up");
         let mut sent = Vec::new();
-        bench.node.boot(bench.now, &mut bench.device, &mut sent);
+        bench.node.power_on(bench.now);
+        bench.node.poll(bench.now, &mut bench.device, &mut sent);
         assert_eq!(printed(&sent), "701#00");
         bench.told();
         bench
@@ -273,9 +284,24 @@ fn nmt_commands() {
             "Entered(PreOperational)",
             "2001h:0 := 8h Sdo",
             "ResetCommunication",
-            "ResetNode"
+            "after ResetCommunication",
+            "ResetNode",
+            "after ResetNode"
         ]
     );
+}
+
+#[test]
+fn boot_time() {
+    let mut bench = Bench::with(Options {
+        boot_time: Duration::from_millis(20),
+        ..Options::default()
+    });
+    bench.send("000#8201");
+    assert_eq!(bench.told(), ["ResetCommunication"]);
+    assert_eq!(bench.send("000#0101"), "", "a resetting node obeys nothing");
+    assert_eq!(bench.pass(30), ["20 701#00"]);
+    assert_eq!(bench.told(), ["after ResetCommunication"]);
 }
 
 #[test]
@@ -298,6 +324,12 @@ fn event_driven_t_pdo() {
     let mut bench = Bench::operational();
     assert_eq!(bench.change(0x6041, 0x4237), "181#3742");
     assert_eq!(bench.change(0x6041, 0x4237), "", "no change");
+    bench.device.event = bench.device.objects.row(0x6041, 0);
+    assert_eq!(
+        bench.change(0x6041, 0x4237),
+        "181#3742",
+        "an event all the same"
+    );
     bench.send("000#8001");
     bench.set(0x1800, 1, 0x8000_0181);
     bench.set(0x1800, 3, 50); // inhibited for 5 ms
@@ -406,9 +438,9 @@ fn r_pdos() {
     assert_eq!(
         bench.told(),
         [
-            "SYNC None",
             "6040h:0 := 1Fh Pdo(2)",
-            "60C1h:1 := FFFFFFFFFFFFFFFEh Pdo(2)"
+            "60C1h:1 := FFFFFFFFFFFFFFFEh Pdo(2)",
+            "SYNC None"
         ]
     );
     bench.send("080#");
@@ -570,7 +602,7 @@ fn heartbeat_and_1029() {
     bench.set(0x1017, 0, 50);
     bench.set(0x1016, 1, 0x007F_0064);
     assert_eq!(bench.write(0x1016, 2, 0x007F_0032), 0x0604_0043, "twice");
-    assert_eq!(bench.pass(100), ["50 701#7F", "100 701#7F"]);
+    assert_eq!(bench.pass(100), ["0 701#7F", "50 701#7F", "100 701#7F"]);
     bench.send("000#0101");
     bench.send("77F#05");
     bench.told();

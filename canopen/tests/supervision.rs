@@ -20,7 +20,7 @@ fn heartbeats_keep_their_pace_and_are_missed_once() {
     let mut producer = heartbeat::Producer::new();
     let mut consumer = heartbeat::Consumer::new(node(), 25 * MS);
     let mut tx: Vec<Frame> = Vec::new();
-    producer.set_period(at(0), 10 * MS);
+    producer.start(at(10), 10 * MS);
     let mut told = Vec::new();
     for ms in 0..=100 {
         if ms < 50 {
@@ -56,7 +56,7 @@ fn heartbeats_keep_their_pace_and_are_missed_once() {
 fn late_producer_sends_one_heartbeat_not_several() {
     let mut producer = heartbeat::Producer::new();
     let mut tx: Vec<Frame> = Vec::new();
-    producer.set_period(at(0), 10 * MS);
+    producer.start(at(10), 10 * MS);
     producer.poll(at(95), node(), State::Stopped, &mut tx);
     assert_eq!(format!("{tx:?}"), "[703#04]");
     assert_eq!(producer.deadline(), Some(at(105)));

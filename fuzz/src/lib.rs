@@ -95,7 +95,8 @@ impl Victim {
         };
         let mut node = Node::new(id, &objects, options);
         let mut sent = Vec::new();
-        node.boot(Instant::ZERO, &mut objects, &mut sent);
+        node.power_on(Instant::ZERO);
+        node.poll(Instant::ZERO, &mut objects, &mut sent);
         Self {
             node,
             objects,

@@ -12,7 +12,7 @@ use crate::pdo::{CobIdWord, Mapped, TransmissionType};
 use crate::sdo::AbortCode;
 use crate::sync::{self, Sync};
 use crate::time::Duration;
-use crate::{CobId, Frame, Instant, NodeId, Transmit};
+use crate::{CanId, CobId, Frame, Instant, NodeId, Transmit};
 
 /// Objects in one PDO at most (CiA 301).
 pub(super) const MAX_MAPPED: usize = 64;
@@ -84,7 +84,8 @@ impl Communication {
         self.load_1014_emcy(objects);
         self.emcy.reset();
         self.load_1016_watched(objects);
-        self.load_1017_heartbeat(now, objects);
+        // The boot-up message stands for the first heartbeat.
+        self.load_1017_heartbeat(now + heartbeat_period(objects), objects);
         self.r_pdos.iter_mut().for_each(|pdo| pdo.load(objects));
         for pdo in &mut self.t_pdos {
             pdo.load(objects);
@@ -107,6 +108,12 @@ impl Communication {
             .min()
     }
 
+    /// The number of the T_PDO with this identifier.
+    pub(super) fn t_pdo(&self, id: CanId) -> Option<u16> {
+        let mut pdos = self.t_pdos.iter();
+        pdos.find(|pdo| pdo.has_id(id)).map(|pdo| pdo.number)
+    }
+
     /// A frame that is neither SDO nor NMT.
     pub(super) fn on_frame(
         &mut self,
@@ -123,8 +130,9 @@ impl Communication {
                     self.guarding.answer(now, node, state, tx);
                 }
             } else if state == State::Operational {
+                app.refresh(now);
                 for pdo in &mut self.t_pdos {
-                    pdo.on_request(now, frame, app, tx);
+                    pdo.on_request(frame, app, tx);
                 }
             }
             return;
@@ -150,10 +158,10 @@ impl Communication {
         app: &mut impl Application,
         tx: &mut (impl Transmit + ?Sized),
     ) {
-        app.on_sync(now, sync);
         if self.nmt.state() == State::Operational {
+            app.refresh(now);
             for pdo in &mut self.t_pdos {
-                pdo.on_sync(now, sync, app, tx);
+                pdo.on_sync(sync, app, tx);
             }
             for pdo in &mut self.r_pdos {
                 if let Some(payload) = pdo.take_waiting() {
@@ -161,6 +169,7 @@ impl Communication {
                 }
             }
         }
+        app.on_sync(now, sync);
     }
 
     fn on_r_pdo(
@@ -300,9 +309,11 @@ impl Communication {
         if let Some(id) = self.emcy_id.filter(|_| state.communicates()) {
             self.emcy.poll(now, id, tx);
         }
-        if state == State::Operational {
+        let changed = app.next_event();
+        if state == State::Operational && self.t_pdos.iter().any(TPdo::waits_for_events) {
+            app.refresh(now);
             for pdo in &mut self.t_pdos {
-                pdo.send_event(now, app, tx);
+                pdo.send_event(now, changed, app, tx);
             }
         }
     }
@@ -318,38 +329,43 @@ impl Communication {
         let address = app.objects().entry(row).address;
         // A mapping's count has a code of its own for a value that is too great.
         if matches!(address.index, 0x1600..0x1800 | 0x1A00..0x1C00) {
-            return self.write_mapping(now, row, address, value, app.objects_mut());
+            self.check_mapping(address, value, app.objects())?;
         }
         app.objects().check_range(row, value)?;
+        app.check_write(row, value, Origin::Sdo)?;
         let objects = app.objects_mut();
         let value = match (address.index, address.sub) {
+            (0x1003, _) => return self.write_1003_errors(now, row, value, app),
+            (0x1010, _) => return write_1010_store(address, value, objects),
+            (0x1011, _) => return write_1011_restore(address, value, objects),
             (0x1005 | 0x1014, 0)
             | (0x1201..=0x127F, 1 | 2)
             | (0x1400..0x1600 | 0x1800..0x1A00, 1) => {
                 self.cob_id_word(address.index, objects.get(row), value)?
             }
+            (0x1400..0x1600 | 0x1800..0x1A00, _) => {
+                self.check_pdo_parameter(address, value)?;
+                value
+            }
+            (0x1016, _) => {
+                check_1016_watched(address, value, objects)?;
+                value
+            }
             _ => value,
         };
-        match address.index {
-            0x1003 => return self.write_1003_errors(value, objects),
-            0x1010 => return write_1010_store(address, value, objects),
-            0x1011 => return write_1011_restore(address, value, objects),
-            0x1016 => check_1016_watched(address, value, objects)?,
-            0x1400..0x1600 | 0x1800..0x1A00 => self.check_pdo_parameter(address, value)?,
-            0x1005..0x1020 | 0x1201..=0x127F => {}
-            _ => return app.write(now, row, value, Origin::Sdo),
-        }
         objects.set(row, value);
         match address.index {
             0x1005 | 0x1006 | 0x1019 => self.load_1005_sync(now, objects),
             0x100C | 0x100D => self.load_100c_guarding(objects),
             0x1014 | 0x1015 => self.load_1014_emcy(objects),
             0x1016 => self.load_1016_watched(objects),
+            // The first heartbeat goes out as soon as the time is set (lxm32m 1100).
             0x1017 => self.load_1017_heartbeat(now, objects),
             0x1201..=0x127F => self.servers_changed = true,
-            0x1400..0x1600 | 0x1800..0x1A00 => self.load_pdo(now, address.index, objects),
+            0x1400..0x1C00 => self.load_pdo(now, address.index, objects),
             _ => {}
         }
+        app.written(now, row, Origin::Sdo);
         Ok(())
     }
 
@@ -381,15 +397,23 @@ impl Communication {
         }
     }
 
-    fn write_1003_errors(&self, value: i64, objects: &mut Dictionary) -> Result<(), AbortCode> {
+    /// 1003h:0: only 0 may be written, which forgets the errors.
+    fn write_1003_errors(
+        &self,
+        now: Instant,
+        row: Row,
+        value: i64,
+        app: &mut impl Application,
+    ) -> Result<(), AbortCode> {
         if value != 0 {
             return Err(AbortCode::InvalidValue);
         }
         for sub in 0..=u8::MAX {
-            if !objects.put(0x1003, sub, 0) {
+            if !app.objects_mut().put(0x1003, sub, 0) {
                 break;
             }
         }
+        app.written(now, row, Origin::Sdo);
         Ok(())
     }
 
@@ -431,10 +455,8 @@ impl Communication {
             .extend(watched.map(|(node, time)| heartbeat::Consumer::new(node, time)));
     }
 
-    fn load_1017_heartbeat(&mut self, now: Instant, objects: &Dictionary) {
-        let period = objects.value(0x1017, 0).unwrap_or(0) as u64;
-        self.heartbeat
-            .set_period(now, Duration::from_millis(period));
+    fn load_1017_heartbeat(&mut self, first: Instant, objects: &Dictionary) {
+        self.heartbeat.start(first, heartbeat_period(objects));
     }
 
     /// 1400h ff. and 1800h ff.
@@ -449,47 +471,41 @@ impl Communication {
     }
 
     /// 1600h ff. and 1A00h ff.
-    fn write_mapping(
-        &mut self,
-        now: Instant,
-        row: Row,
+    fn check_mapping(
+        &self,
         address: Address,
         value: i64,
-        objects: &mut Dictionary,
+        objects: &Dictionary,
     ) -> Result<(), AbortCode> {
         let (index, received) = (address.index, address.index < 0x1800);
         if self.options.parameters == ParameterRules::Standard && self.is_active(index) {
             return Err(AbortCode::UnsupportedAccess);
         }
-        if address.sub == 0 {
-            let count = value as u8;
-            if objects.row(index, count).is_none() {
-                return Err(AbortCode::PdoLength);
-            }
-            let entries = (1..=count).filter_map(|sub| objects.value(index, sub));
-            let mut bits = 0;
-            for entry in entries {
-                let mapped = Mapped::from(entry as u32);
-                self.check_mappable(mapped, received, objects)?;
-                bits += u32::from(mapped.bits);
-            }
-            if bits > 64 {
-                return Err(AbortCode::PdoLength);
-            }
-            objects.check_range(row, value)?;
-        } else {
+        if address.sub != 0 {
             if objects.value(index, 0) != Some(0) {
                 return Err(AbortCode::UnsupportedAccess);
             }
-            objects.check_range(row, value)?;
             // 0 empties a place that the count will leave out.
-            if value != 0 {
-                self.check_mappable(Mapped::from(value as u32), received, objects)?;
-            }
+            return match value {
+                0 => Ok(()),
+                entry => self.check_mappable(Mapped::from(entry as u32), received, objects),
+            };
         }
-        objects.set(row, value);
-        self.load_pdo(now, index, objects);
-        Ok(())
+        let count = value as u8;
+        if objects.row(index, count).is_none() {
+            return Err(AbortCode::PdoLength);
+        }
+        let mut bits = 0;
+        for entry in (1..=count).filter_map(|sub| objects.value(index, sub)) {
+            let mapped = Mapped::from(entry as u32);
+            self.check_mappable(mapped, received, objects)?;
+            bits += u32::from(mapped.bits);
+        }
+        if bits > 64 {
+            Err(AbortCode::PdoLength)
+        } else {
+            Ok(())
+        }
     }
 
     fn check_mappable(
@@ -565,6 +581,11 @@ fn check_1016_watched(address: Address, value: i64, objects: &Dictionary) -> Res
     } else {
         Ok(())
     }
+}
+
+/// 1017h.
+fn heartbeat_period(objects: &Dictionary) -> Duration {
+    Duration::from_millis(objects.value(0x1017, 0).unwrap_or(0) as u64)
 }
 
 /// 1010h: keeps values for the next power-on.

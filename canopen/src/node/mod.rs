@@ -20,9 +20,11 @@
 //! let mut values = Dictionary::new(&TABLE, id);
 //! let mut node = Node::new(id, &values, Options::default());
 //! let mut sent: Vec<Frame> = Vec::new();
-//! node.boot(Instant::ZERO, &mut values, &mut sent);
-//! let heartbeat = node.deadline().ok_or("heartbeat")?;
-//! node.poll(heartbeat, &mut values, &mut sent);
+//! node.power_on(Instant::ZERO);
+//! for _ in 0..2 {
+//!     let due = node.deadline().ok_or("boot-up, heartbeat")?;
+//!     node.poll(due, &mut values, &mut sent);
+//! }
 //! assert_eq!(format!("{sent:?}"), "[705#00, 705#7F]");
 //! # Ok::<(), &str>(())
 //! ```
@@ -71,67 +73,39 @@ pub trait Application {
     /// The device's values.
     fn objects_mut(&mut self) -> &mut Dictionary;
 
-    /// Brings a value up to date before an SDO or a T_PDO reads it.
-    fn refresh(&mut self, now: Instant, row: Row) {
-        let _ = (now, row);
-    }
-
-    /// Asked before any object is written, those of the communication included, with a number
-    /// that is writable and of the right length.
-    ///
-    /// # Errors
-    /// Why the device refuses it in its present state.
-    fn check_write(
-        &mut self,
-        now: Instant,
-        row: Row,
-        value: i64,
-        origin: Origin,
-    ) -> Result<(), AbortCode> {
-        let _ = (now, row, value, origin);
-        Ok(())
-    }
-
-    /// Takes a number that is writable, of the right length and within its range, and stores it.
-    ///
-    /// # Errors
-    /// Why the device refuses it; a client of an SDO gets to know.
-    fn write(
-        &mut self,
-        now: Instant,
-        row: Row,
-        value: i64,
-        origin: Origin,
-    ) -> Result<(), AbortCode> {
-        let _ = (now, origin);
-        self.objects_mut().set(row, value);
-        Ok(())
-    }
-
-    /// Takes a string or a domain that is writable and not too long, and stores it.
-    ///
-    /// # Errors
-    /// Why the device refuses it.
-    fn write_bytes(&mut self, now: Instant, row: Row, bytes: &[u8]) -> Result<(), AbortCode> {
+    /// Brings the values up to date before SDOs or T_PDOs read them.
+    fn refresh(&mut self, now: Instant) {
         let _ = now;
-        self.objects_mut().set_bytes(row, bytes);
+    }
+
+    /// Asked before an object is written, with a number of the right length and in its range.
+    ///
+    /// # Errors
+    /// Why the device refuses it in its present state; a client of an SDO gets to know.
+    fn check_write(&self, row: Row, value: i64, origin: Origin) -> Result<(), AbortCode> {
+        let _ = (row, value, origin);
         Ok(())
     }
 
-    /// SYNC has come: sample what T_PDOs carry. R_PDOs received before it follow in
-    /// [`Self::write`].
+    /// An object has been written: let it take effect. Of an R_PDO all objects have their values
+    /// before this is called for the first of them.
+    fn written(&mut self, now: Instant, row: Row, origin: Origin) {
+        let _ = (now, row, origin);
+    }
+
+    /// SYNC has come, T_PDOs have been sampled and R_PDOs that waited for it written.
     fn on_sync(&mut self, now: Instant, sync: Sync) {
         let _ = (now, sync);
     }
 
-    /// An R_PDO has written all its objects.
-    fn on_r_pdo(&mut self, now: Instant, number: u16) {
-        let _ = (now, number);
-    }
-
-    /// NMT has changed the node's state; on a reset the values are already those after power-on.
+    /// An NMT command changes the node's state.
     fn on_nmt(&mut self, now: Instant, event: nmt::Event) {
         let _ = (now, event);
+    }
+
+    /// Power-on or a reset has given the objects their values; the boot-up message comes next.
+    fn on_reset(&mut self, now: Instant, reset: nmt::Event) {
+        let _ = (now, reset);
     }
 
     /// Communication is lost. What is returned is sent as the node's emergency.
@@ -163,11 +137,9 @@ pub trait Application {
         0
     }
 
-    /// Whether something has happened to an object that sends the T_PDOs it is mapped into, even
-    /// if its value is the same as before.
-    fn happened(&self, row: Row) -> bool {
-        let _ = row;
-        false
+    /// An object that counts as changed although its value may be the same as before.
+    fn next_event(&mut self) -> Option<Row> {
+        None
     }
 
     /// Which mapped objects of T_PDO `number` send it by a change of their value: bit k is the
@@ -215,6 +187,8 @@ pub struct Options {
     pub block_transfer: bool,
     /// After what silence of its client an SDO server gives a transfer up.
     pub sdo_timeout: Option<Duration>,
+    /// Time from an NMT reset to the boot-up message.
+    pub boot_time: Duration,
 }
 
 impl Default for Options {
@@ -224,6 +198,7 @@ impl Default for Options {
             dummy_mapping: true,
             block_transfer: true,
             sdo_timeout: Some(Duration::from_secs(5)),
+            boot_time: Duration::ZERO,
         }
     }
 }
@@ -233,6 +208,9 @@ impl Default for Options {
 pub struct Node {
     servers: Vec<(Channel, Server)>,
     communication: Communication,
+    boot_time: Duration,
+    /// When the present reset ends, and which one it is.
+    booting: Option<(Instant, nmt::Event)>,
 }
 
 /// Where an SDO server's identifiers come from.
@@ -276,6 +254,8 @@ impl Node {
         Self {
             servers,
             communication: Communication::new(id, objects, options),
+            boot_time: options.boot_time,
+            booting: None,
         }
     }
 
@@ -291,37 +271,50 @@ impl Node {
         self.communication.nmt.state()
     }
 
+    /// Which of the node's T_PDOs has this identifier; its number, 1…512.
+    #[must_use]
+    pub fn t_pdo(&self, id: CanId) -> Option<u16> {
+        self.communication.t_pdo(id)
+    }
+
+    /// Whether one of the node's SDO servers answers on this identifier.
+    #[must_use]
+    pub fn is_sdo_answer(&self, id: CanId) -> bool {
+        let mut servers = self.servers.iter();
+        servers.any(|(_, server)| server.answers_on(id))
+    }
+
     /// When [`Self::poll`] wants to be called at the latest.
     #[must_use]
     pub fn deadline(&self) -> Option<Instant> {
-        let servers = self
-            .servers
-            .iter()
-            .filter_map(|(_, server)| server.deadline());
+        if self.state() == State::Initialising {
+            return self.booting.map(|(at, _)| at);
+        }
+        let servers = self.servers.iter();
+        let servers = servers.filter_map(|(_, server)| server.deadline());
         servers.chain(self.communication.deadline()).min()
     }
 
-    /// Power-on: values as stored or by default, boot-up message, Pre-Operational.
-    pub fn boot(
-        &mut self,
-        now: Instant,
-        app: &mut impl Application,
-        tx: &mut (impl Transmit + ?Sized),
-    ) {
-        self.reset(now, nmt::Event::ResetNode, app, tx);
+    /// Power-on: at `at` the objects get their values as stored or by default, the boot-up
+    /// message goes out, and the node is Pre-Operational.
+    pub fn power_on(&mut self, at: Instant) {
+        self.communication.nmt = nmt::Slave::new(self.id());
+        self.booting = Some((at, nmt::Event::ResetNode));
     }
 
-    fn reset(
+    fn end_reset(
         &mut self,
         now: Instant,
-        event: nmt::Event,
         app: &mut impl Application,
         tx: &mut (impl Transmit + ?Sized),
     ) {
+        let Some((_, reset)) = self.booting.take_if(|(at, _)| now >= *at) else {
+            return;
+        };
         app.objects_mut().restore(|entry| {
-            event == nmt::Event::ResetNode || (0x1000..0x2000).contains(&entry.address.index)
+            reset == nmt::Event::ResetNode || (0x1000..0x2000).contains(&entry.address.index)
         });
-        app.on_nmt(now, event);
+        app.on_reset(now, reset);
         self.communication.load(now, app.objects());
         self.servers
             .iter_mut()
@@ -361,7 +354,11 @@ impl Node {
         if frame.id() == CanId::from(CobId::NMT) {
             match self.communication.nmt.on_frame(frame) {
                 Some(nmt::Event::Entered(to)) => self.communication.enter(now, state, to, app),
-                Some(event) => return self.reset(now, event, app, tx),
+                Some(reset) => {
+                    app.on_nmt(now, reset);
+                    self.booting = Some((now + self.boot_time, reset));
+                    return self.end_reset(now, app, tx);
+                }
                 None => {}
             }
             if !self.state().communicates() {
@@ -384,7 +381,7 @@ impl Node {
         tx: &mut (impl Transmit + ?Sized),
     ) {
         if self.state() == State::Initialising {
-            return;
+            return self.end_reset(now, app, tx);
         }
         for (_, server) in &mut self.servers {
             server.poll(now, tx);
@@ -400,8 +397,10 @@ impl Node {
         app: &mut impl Application,
         tx: &mut (impl Transmit + ?Sized),
     ) {
-        while let Some(emergency) = app.next_emergency() {
-            self.communication.emergency(now, emergency, app, tx);
+        if self.state().communicates() {
+            while let Some(emergency) = app.next_emergency() {
+                self.communication.emergency(now, emergency, app, tx);
+            }
         }
         self.communication.send_events(now, app, tx);
     }
@@ -434,7 +433,7 @@ impl<A: Application> Objects for Access<'_, A> {
         if !self.app.objects().entry(row).access.readable() {
             return Err(AbortCode::WriteOnly);
         }
-        self.app.refresh(self.now, row);
+        self.app.refresh(self.now);
         self.app.objects().encode(row, buffer)
     }
 
@@ -451,11 +450,13 @@ impl<A: Application> Objects for Access<'_, A> {
         let objects = self.app.objects();
         let row = objects.find(address)?;
         objects.check_download(row, Some(data.len()))?;
-        if !objects.entry(row).data_type.is_number() {
-            return self.app.write_bytes(self.now, row, data);
+        if objects.entry(row).data_type.is_number() {
+            let value = objects.number(row, data)?;
+            self.communication.write(self.now, row, value, self.app)
+        } else {
+            self.app.objects_mut().set_bytes(row, data);
+            self.app.written(self.now, row, Origin::Sdo);
+            Ok(())
         }
-        let value = objects.number(row, data)?;
-        self.app.check_write(self.now, row, value, Origin::Sdo)?;
-        self.communication.write(self.now, row, value, self.app)
     }
 }

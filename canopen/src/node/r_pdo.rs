@@ -94,22 +94,26 @@ impl RPdo {
 
     /// Writes a payload to the objects mapped. A value that its object refuses is dropped.
     pub(super) fn write(&self, now: Instant, payload: [u8; 8], app: &mut impl Application) {
+        let origin = Origin::Pdo(self.number);
         let mut payload = Unpacker::new(&payload);
-        for &(row, bits) in &self.mapping {
-            let Some(raw) = payload.unsigned(bits) else {
-                return;
+        let mut accepted = 0u64;
+        for (place, &(row, bits)) in self.mapping.iter().enumerate() {
+            let (Some(raw), objects) = (payload.unsigned(bits), app.objects()) else {
+                break;
             };
             let Some(row) = row else { continue };
-            let objects = app.objects();
             let value = objects.entry(row).data_type.extend(raw, u32::from(bits));
-            let origin = Origin::Pdo(self.number);
             if objects.check_range(row, value).is_ok()
-                && app.check_write(now, row, value, origin).is_ok()
+                && app.check_write(row, value, origin).is_ok()
             {
-                // There is nobody to tell of a refusal: a PDO has no answer.
-                let _ = app.write(now, row, value, origin);
+                app.objects_mut().set(row, value);
+                accepted |= 1 << place;
             }
         }
-        app.on_r_pdo(now, self.number);
+        for (place, &(row, _)) in self.mapping.iter().enumerate() {
+            if let Some(row) = row.filter(|_| accepted >> place & 1 != 0) {
+                app.written(now, row, origin);
+            }
+        }
     }
 }

@@ -72,6 +72,16 @@ impl TPdo {
         self.id.is_some()
     }
 
+    pub(super) fn has_id(&self, id: CanId) -> bool {
+        self.id == Some(id)
+    }
+
+    /// Whether events count for it.
+    pub(super) fn waits_for_events(&self) -> bool {
+        self.is_valid()
+            && (self.kind.is_event_driven() || self.kind == TransmissionType::SyncAcyclic)
+    }
+
     /// Operational begins, or the parameters have changed while it lasts: send at the first
     /// occasion.
     pub(super) fn start(&mut self, now: Instant) {
@@ -98,10 +108,9 @@ impl TPdo {
         self.timer = (runs && !self.event_time.is_zero()).then(|| now + self.event_time);
     }
 
-    fn sample(&self, now: Instant, app: &mut impl Application) -> Packer {
+    fn sample(&self, app: &impl Application) -> Packer {
         let mut payload = Packer::new();
         for &(row, bits) in &self.mapping {
-            app.refresh(now, row);
             payload.push(app.objects().get(row), bits);
         }
         payload
@@ -117,39 +126,41 @@ impl TPdo {
         self.event = false;
     }
 
-    /// Whether an object that counts as an event has another value than when last sent, or
-    /// something has happened to it.
-    fn has_changed(&self, payload: Packer, app: &impl Application) -> bool {
+    /// Whether an object that counts as an event has another value than when last sent, or is
+    /// `changed` whatever its value.
+    fn has_changed(&self, payload: Packer, changed: Option<Row>, app: &impl Application) -> bool {
         let Some(last) = self.last else {
             return true;
         };
         let differs = u64::from_le_bytes(payload.bytes()) ^ u64::from_le_bytes(last.bytes());
+        if differs == 0 && changed.is_none() {
+            return false;
+        }
         let events = app.event_mask(self.number);
         let mut shift = 0;
-        self.mapping
-            .iter()
-            .enumerate()
-            .any(|(place, &(row, bits))| {
-                let object = differs.checked_shr(shift).unwrap_or(0);
-                shift += u32::from(bits);
-                let mask = u64::MAX >> (64 - u32::from(bits.clamp(1, 64)));
-                events >> place & 1 != 0 && (object & mask != 0 || app.happened(row))
-            })
+        let mut objects = self.mapping.iter().enumerate();
+        objects.any(|(place, &(row, bits))| {
+            let object = differs.checked_shr(shift).unwrap_or(0);
+            shift += u32::from(bits);
+            let mask = u64::MAX >> (64 - u32::from(bits.clamp(1, 64)));
+            events >> place & 1 != 0 && (object & mask != 0 || changed == Some(row))
+        })
     }
 
     /// Sends it if its values have changed or its event timer has run out.
     pub(super) fn send_event(
         &mut self,
         now: Instant,
-        app: &mut impl Application,
+        changed: Option<Row>,
+        app: &impl Application,
         tx: &mut (impl Transmit + ?Sized),
     ) {
-        let waits_for_sync = self.kind == TransmissionType::SyncAcyclic;
-        if self.id.is_none() || !(self.kind.is_event_driven() || waits_for_sync) {
+        if !self.waits_for_events() {
             return;
         }
-        let payload = self.sample(now, app);
-        self.event |= self.has_changed(payload, app);
+        let waits_for_sync = self.kind == TransmissionType::SyncAcyclic;
+        let payload = self.sample(app);
+        self.event |= self.has_changed(payload, changed, app);
         self.event |= self.timer.is_some_and(|timer| now >= timer);
         if waits_for_sync || !self.event || self.allowed.is_some_and(|allowed| now < allowed) {
             return;
@@ -162,18 +173,17 @@ impl TPdo {
     /// Sends it if it is due at this SYNC, or samples it for a remote request.
     pub(super) fn on_sync(
         &mut self,
-        now: Instant,
         sync: Sync,
-        app: &mut impl Application,
+        app: &impl Application,
         tx: &mut (impl Transmit + ?Sized),
     ) {
         if self.id.is_none() || !self.kind.is_synchronous() {
             return;
         }
-        let payload = self.sample(now, app);
+        let payload = self.sample(app);
         match self.kind {
             TransmissionType::SyncRtr => self.last = Some(payload),
-            TransmissionType::SyncAcyclic if self.event || self.has_changed(payload, app) => {
+            TransmissionType::SyncAcyclic if self.event || self.has_changed(payload, None, app) => {
                 self.send(payload, tx);
             }
             TransmissionType::SyncCyclic(every) => {
@@ -196,9 +206,8 @@ impl TPdo {
     /// Answers a remote request if this PDO is what it asks for.
     pub(super) fn on_request(
         &mut self,
-        now: Instant,
         frame: &Frame,
-        app: &mut impl Application,
+        app: &impl Application,
         tx: &mut (impl Transmit + ?Sized),
     ) {
         if self.id != Some(frame.id()) || !self.allows_rtr {
@@ -206,7 +215,7 @@ impl TPdo {
         }
         let payload = match (self.kind, self.last) {
             (TransmissionType::SyncRtr, Some(sampled)) => sampled,
-            _ => self.sample(now, app),
+            _ => self.sample(app),
         };
         self.send(payload, tx);
     }

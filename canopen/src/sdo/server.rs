@@ -129,6 +129,13 @@ impl Server {
         self.reset();
     }
 
+    /// Whether the server answers on this identifier.
+    #[must_use]
+    pub fn answers_on(&self, id: CanId) -> bool {
+        self.channel
+            .is_some_and(|(_, response)| id == response.into())
+    }
+
     /// Forgets a transfer under way without a word.
     pub fn reset(&mut self) {
         self.state = State::Idle;

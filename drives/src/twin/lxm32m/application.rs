@@ -18,19 +18,13 @@ impl Application for Drive {
         &mut self.objects
     }
 
-    fn refresh(&mut self, now: Instant, _: Row) {
+    fn refresh(&mut self, now: Instant) {
         if core::mem::take(&mut self.stale) {
             self.publish(now);
         }
     }
 
-    fn check_write(
-        &mut self,
-        _: Instant,
-        row: Row,
-        value: i64,
-        origin: Origin,
-    ) -> Result<(), AbortCode> {
+    fn check_write(&self, row: Row, value: i64, origin: Origin) -> Result<(), AbortCode> {
         if origin == Origin::Sdo && !self.refusals.is_empty() {
             let address = self.objects.entry(row).address;
             let mut refusals = self.refusals.iter();
@@ -41,50 +35,37 @@ impl Application for Drive {
         Drive::check_write(self, row, value)
     }
 
-    fn write(&mut self, _: Instant, row: Row, value: i64, origin: Origin) -> Result<(), AbortCode> {
+    fn written(&mut self, _: Instant, row: Row, origin: Origin) {
         self.stale = true;
-        self.objects.set(row, value);
-        match origin {
-            Origin::Sdo => self.written(row, origin),
-            Origin::Pdo(_) => self.r_pdo_rows.push(row),
-        }
-        Ok(())
+        Drive::written(self, row, origin);
     }
 
-    /// All objects have their values before any of them takes effect: a new target counts for
-    /// the controlword that stands in front of it.
-    fn on_r_pdo(&mut self, _: Instant, number: u16) {
-        for place in 0..self.r_pdo_rows.len() {
-            self.written(self.r_pdo_rows[place], Origin::Pdo(number));
-        }
-        self.r_pdo_rows.clear();
-    }
-
-    fn on_sync(&mut self, _: Instant, _: Sync) {
+    fn on_sync(&mut self, now: Instant, _: Sync) {
         self.stale = true;
-        self.sync_waits = true;
+        Drive::on_sync(self, now);
     }
 
     fn on_nmt(&mut self, _: Instant, event: nmt::Event) {
+        if !self.is_powered() {
+            return;
+        }
         match event {
-            nmt::Event::Entered(nmt::State::Stopped) if self.is_powered() => {
-                self.raise(DriveError::NMT_STOP);
-            }
+            nmt::Event::Entered(nmt::State::Stopped) => self.raise(DriveError::NMT_STOP),
             nmt::Event::Entered(_) => {}
+            // D-25: Reset Node, which includes Reset Communication, is an error like it.
             nmt::Event::ResetNode | nmt::Event::ResetCommunication => {
-                // D-25: Reset Node, which includes Reset Communication, is an error like it.
-                if self.is_powered() {
-                    self.raise(DriveError::NMT_RESET);
-                }
-                if event == nmt::Event::ResetNode {
-                    self.restart();
-                }
-                self.identify();
-                // D-23: the default printed is 1, but there is no error.
-                self.objects.put(0x1003, 0, 0);
-                self.was_reset = true;
+                self.raise(DriveError::NMT_RESET);
             }
         }
+    }
+
+    fn on_reset(&mut self, _: Instant, reset: nmt::Event) {
+        if reset == nmt::Event::ResetNode {
+            self.restart();
+        }
+        self.identify();
+        // D-23: the default printed is 1, but there is no error.
+        self.objects.put(0x1003, 0, 0);
     }
 
     fn on_communication_error(
@@ -117,8 +98,8 @@ impl Application for Drive {
         }
     }
 
-    fn happened(&self, row: Row) -> bool {
-        self.status_event && row == self.rows.statusword
+    fn next_event(&mut self) -> Option<Row> {
+        core::mem::take(&mut self.status_event).then_some(self.rows.statusword)
     }
 
     /// 3041h:B…E (lxm32m 804-812).

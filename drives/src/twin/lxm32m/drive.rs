@@ -12,7 +12,7 @@ use crate::twin::clock::Clock;
 use crate::twin::control::{Cascade, POSITION_STEP_NS, Reference, SPEED_STEP_NS, SPEED_STEPS};
 use crate::twin::plant::{INCREMENTS_PER_REVOLUTION, Plant};
 use syncline_canopen::cia402::{Controlword, State, Statusword};
-use syncline_canopen::dictionary::{Dictionary, Row};
+use syncline_canopen::dictionary::Dictionary;
 use syncline_canopen::sdo::AbortCode;
 use syncline_canopen::{Address, Instant};
 
@@ -74,12 +74,6 @@ pub(super) struct Drive {
     pub(super) status_event: bool,
     /// The objects do not show the present condition yet.
     pub(super) stale: bool,
-    /// Objects that an R_PDO has set, to take effect together.
-    pub(super) r_pdo_rows: Vec<Row>,
-    /// SYNC has come; its consequences follow once the R_PDOs are in effect.
-    pub(super) sync_waits: bool,
-    /// NMT has reset the node.
-    pub(super) was_reset: bool,
     pub(super) identity: Identity,
     /// Tests: writes to these are refused.
     pub(super) refusals: Vec<(Address, AbortCode)>,
@@ -135,9 +129,6 @@ impl Drive {
             ref_ok: false,
             status_event: false,
             stale: true,
-            r_pdo_rows: Vec::with_capacity(8),
-            sync_waits: false,
-            was_reset: false,
             identity,
             refusals: Vec::new(),
         }

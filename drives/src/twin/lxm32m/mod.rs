@@ -61,10 +61,10 @@ use outbox::Outbox;
 use syncline_canopen::cia402::{State, Statusword};
 use syncline_canopen::dictionary::Dictionary;
 use syncline_canopen::node::{Node as CanopenNode, Options, ParameterRules};
-use syncline_canopen::pdo::CobIdWord;
+use syncline_canopen::pdo::TransmissionType;
 use syncline_canopen::sdo::AbortCode;
 use syncline_canopen::time::Duration;
-use syncline_canopen::{Address, CobId, Frame, Instant, NodeId, Transmit, nmt};
+use syncline_canopen::{Address, Frame, Instant, NodeId, Transmit, nmt};
 
 /// SYNC cycles from putting a setpoint into effect to reaching it (assumption).
 pub const INTERPOLATION_DELAY: f64 = 1.0;
@@ -164,20 +164,9 @@ pub struct Twin {
     outbox: Outbox,
     /// What the node has just sent.
     sent: Vec<Frame>,
-    /// When the node starts, while it does not run.
-    starts_at: Option<Start>,
     next_task: Instant,
     power_cycle: bool,
     dropped_t_pdos: u32,
-}
-
-/// A start of the node that is under way.
-#[derive(Clone, Copy, Debug)]
-enum Start {
-    /// Power came on; the node boots then.
-    PowerOn(Instant),
-    /// NMT reset it; it has booted, but is deaf until then.
-    Reset(Instant),
 }
 
 impl Twin {
@@ -197,11 +186,14 @@ impl Twin {
             dummy_mapping: false,
             block_transfer: false,
             sdo_timeout: None,
+            boot_time: config.boot_time,
         };
+        let mut node = CanopenNode::new(config.node, &objects, options);
+        node.power_on(Instant::ZERO);
         let ppm = stream(0).between(-config.oscillator_ppm, config.oscillator_ppm);
         let revolutions = config.initial_position as f64 / INCREMENTS_PER_REVOLUTION;
         Self {
-            node: CanopenNode::new(config.node, &objects, options),
+            node,
             drive: Drive::new(
                 objects,
                 config.identity.clone(),
@@ -213,7 +205,6 @@ impl Twin {
             ),
             outbox: Outbox::new(stream(2)),
             sent: Vec::with_capacity(16),
-            starts_at: Some(Start::PowerOn(Instant::ZERO)),
             next_task: Instant::ZERO,
             power_cycle: false,
             dropped_t_pdos: 0,
@@ -256,11 +247,7 @@ impl Twin {
     /// NMT state of the node.
     #[must_use]
     pub fn nmt_state(&self) -> nmt::State {
-        if self.is_starting() {
-            nmt::State::Initialising
-        } else {
-            self.node.state()
-        }
+        self.node.state()
     }
 
     /// Node id.
@@ -324,48 +311,29 @@ impl Twin {
 
     // ---- the node ----
 
-    fn is_starting(&self) -> bool {
-        self.starts_at.is_some()
-    }
-
     fn advance(&mut self, now: Instant) {
         self.drive.advance(now);
         self.drive.stale = true;
         if core::mem::take(&mut self.power_cycle) {
             self.outbox.clear();
             self.drive.power_off();
-            self.starts_at = Some(Start::PowerOn(now + self.config.boot_time));
-        }
-        match self.starts_at {
-            Some(Start::PowerOn(at)) if at <= now => {
-                self.starts_at = None;
-                self.node.boot(now, &mut self.drive, &mut self.sent);
-                self.drive.was_reset = false;
-            }
-            Some(Start::Reset(at)) if at <= now => self.starts_at = None,
-            _ => {}
+            self.node.power_on(now + self.config.boot_time);
         }
     }
 
     /// Passes on what the node has sent: delayed as a drive's processor delays it.
-    fn dispatch(&mut self, now: Instant, at_sync: bool) {
-        self.drive.status_event = false;
-        let config = &self.config;
-        if core::mem::take(&mut self.drive.was_reset) {
-            let at = now + config.boot_time;
-            self.starts_at = Some(Start::Reset(at));
+    fn dispatch(&mut self, now: Instant) {
+        if self.node.state() == nmt::State::Initialising {
             self.outbox.clear();
-            for frame in self.sent.drain(..) {
-                self.outbox.send_at(at, frame);
-            }
-            return;
         }
+        let config = &self.config;
         for frame in self.sent.drain(..) {
-            if self.dropped_t_pdos > 0 && is_t_pdo(&self.drive.objects, &frame) {
+            let t_pdo = self.node.t_pdo(frame.id());
+            if t_pdo.is_some() && self.dropped_t_pdos > 0 {
                 self.dropped_t_pdos -= 1;
-            } else if is_sdo(&self.drive.objects, config.node, &frame) {
+            } else if self.node.is_sdo_answer(frame.id()) {
                 self.outbox.send_within(now, &config.sdo_delay, frame);
-            } else if at_sync {
+            } else if t_pdo.is_some_and(|number| is_synchronous(&self.drive.objects, number)) {
                 self.outbox.send_within(now, &config.t_pdo_delay, frame);
             } else {
                 self.outbox.send_behind(now, &config.t_pdo_delay, frame);
@@ -374,43 +342,24 @@ impl Twin {
     }
 }
 
-fn is_sdo(objects: &Dictionary, node: NodeId, frame: &Frame) -> bool {
-    frame.id() == CobId::t_sdo(node).into() || is_identifier_of(objects, 0x1201, 2, frame)
-}
-
-fn is_t_pdo(objects: &Dictionary, frame: &Frame) -> bool {
-    (0x1800..0x1804).any(|index| is_identifier_of(objects, index, 1, frame))
-}
-
-fn is_identifier_of(objects: &Dictionary, index: u16, sub: u8, frame: &Frame) -> bool {
-    let word = CobIdWord(objects.value(index, sub).unwrap_or(0) as u32);
-    word.is_valid() && word.can_id() == frame.id()
+fn is_synchronous(objects: &Dictionary, t_pdo: u16) -> bool {
+    let kind = objects.value(0x1800 + t_pdo - 1, 2).unwrap_or(255);
+    TransmissionType::from(kind as u8).is_synchronous()
 }
 
 impl Node for Twin {
     fn on_frame(&mut self, now: Instant, frame: &Frame, tx: &mut dyn Transmit) {
         self.advance(now);
-        if !self.is_starting() {
-            self.node
-                .on_frame(now, frame, &mut self.drive, &mut self.sent);
-            let at_sync = core::mem::take(&mut self.drive.sync_waits);
-            self.dispatch(now, at_sync);
-            if at_sync {
-                self.drive.on_sync(now);
-                self.drive.stale = true;
-                self.node.poll(now, &mut self.drive, &mut self.sent);
-                self.dispatch(now, false);
-            }
-        }
+        self.node
+            .on_frame(now, frame, &mut self.drive, &mut self.sent);
+        self.dispatch(now);
         self.outbox.flush(now, tx);
     }
 
     fn poll(&mut self, now: Instant, tx: &mut dyn Transmit) {
         self.advance(now);
-        if !self.is_starting() {
-            self.node.poll(now, &mut self.drive, &mut self.sent);
-            self.dispatch(now, false);
-        }
+        self.node.poll(now, &mut self.drive, &mut self.sent);
+        self.dispatch(now);
         self.outbox.flush(now, tx);
         if self.next_task <= now {
             self.next_task = now + TASK;
@@ -418,13 +367,11 @@ impl Node for Twin {
     }
 
     fn deadline(&self) -> Option<Instant> {
-        let node = match self.starts_at {
-            Some(Start::PowerOn(at) | Start::Reset(at)) => Some(at),
-            None => self.node.deadline(),
-        };
-        [node, self.outbox.deadline(), Some(self.next_task)]
-            .into_iter()
-            .flatten()
-            .min()
+        let due = [
+            self.node.deadline(),
+            self.outbox.deadline(),
+            Some(self.next_task),
+        ];
+        due.into_iter().flatten().min()
     }
 }

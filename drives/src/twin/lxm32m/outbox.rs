@@ -47,11 +47,6 @@ impl Outbox {
         self.queue(earlier.map_or(due, |earlier| earlier.max(due)), frame);
     }
 
-    /// Sends a frame at `due`.
-    pub(super) fn send_at(&mut self, due: Instant, frame: Frame) {
-        self.queue(due, frame);
-    }
-
     /// Sends a frame a random delay within `delay` after everything that waits: an event is told
     /// after the SDO answer that confirms its cause (the order of the manual's examples).
     pub(super) fn send_behind(&mut self, now: Instant, delay: &Range<Duration>, frame: Frame) {
