@@ -25,7 +25,7 @@
 //!
 //! In Interpolated Position a setpoint that is put into effect at SYNC *k* is reached at
 //! SYNC *k* + 1 by linear interpolation at the position loop's rate: the interpolation delay is
-//! one cycle ([`INTERPOLATION_DELAY`]), an assumption.
+//! one cycle, an assumption.
 //!
 //! Tests interfere with it through [`Twin::raise`], [`Twin::mute`], [`Twin::drop_t_pdos`],
 //! [`Twin::block_axis`], [`Twin::start_enabled`], [`Twin::refuse_write`], [`Twin::reboot`] and
@@ -65,9 +65,6 @@ use syncline_canopen::pdo::TransmissionType;
 use syncline_canopen::sdo::AbortCode;
 use syncline_canopen::time::Duration;
 use syncline_canopen::{Address, Frame, Instant, NodeId, Transmit, nmt};
-
-/// SYNC cycles from putting a setpoint into effect to reaching it (assumption).
-pub const INTERPOLATION_DELAY: f64 = 1.0;
 
 /// How often the drive looks after its state without being addressed.
 const TASK: Duration = Duration::from_millis(1);
