@@ -10,6 +10,7 @@ use crate::control::{Instruction, Pause};
 use crate::gcode::{self, Action, AxisSet, Interpreter, Tables, TablesError};
 use crate::machine::Machine;
 use std::collections::VecDeque;
+use std::fmt;
 use std::path::{Path, PathBuf};
 use syncline_trajectory::path::curve::ArcDefinition;
 use syncline_trajectory::path::{
@@ -31,6 +32,10 @@ pub struct Program {
     file: PathBuf,
     setup: gcode::Setup,
     limits: Limits<COORDINATES>,
+    /// Begin there instead of at the beginning.
+    from_line: Option<u32>,
+    /// Not interpreted as a whole before it runs.
+    stream: bool,
 }
 
 /// One programmed move, as recorders and checkers need it.
@@ -110,6 +115,8 @@ impl Program {
             file: file.to_owned(),
             setup,
             limits,
+            from_line: None,
+            stream: false,
         })
     }
 
@@ -127,12 +134,48 @@ impl Program {
         self
     }
 
+    /// The line to begin at.
+    #[must_use]
+    pub fn from_line(mut self, line: Option<u32>) -> Self {
+        self.from_line = line;
+        self
+    }
+
+    /// Whether the program is read as it runs: it may be endless, and [`check`](Self::check) only
+    /// opens it.
+    #[must_use]
+    pub fn stream(mut self, streams: bool) -> Self {
+        self.stream = streams;
+        self.setup.max_blocks = (!streams).then_some(gcode::MAX_BLOCKS);
+        self
+    }
+
+    /// What the line to begin at finds, for a person to confirm; `None` for the whole program.
+    ///
+    /// # Errors
+    /// The first block that cannot be run, or no such line.
+    pub fn beginning(&self, start: Position) -> Result<Option<Beginning>, ProgramError> {
+        let Some(line) = self.from_line else {
+            return Ok(None);
+        };
+        let interpreter = self.interpret(start)?;
+        Ok(Some(Beginning {
+            line,
+            modes: interpreter.modes().clone(),
+            axes: self.setup.axes,
+            position: interpreter.position(),
+        }))
+    }
+
     /// Interprets the whole program from `start` without moving anything.
     ///
     /// # Errors
     /// The first block that cannot be run.
     pub fn check(&self, start: Position) -> Result<Extent, ProgramError> {
         let mut interpreter = self.interpret(start)?;
+        if self.stream {
+            return Ok(Extent::default());
+        }
         let mut source = MoveSource::new(&self.file, start);
         let mut extent = Extent::default();
         for command in interpreter.by_ref() {
@@ -165,7 +208,30 @@ impl Program {
     fn interpret(&self, start: Position) -> Result<Interpreter, ProgramError> {
         let mut setup = self.setup.clone();
         setup.start = gcode::Point(start);
-        Ok(Interpreter::open(&self.file, setup)?)
+        let mut interpreter = Interpreter::open(&self.file, setup)?;
+        if let Some(line) = self.from_line {
+            interpreter.start_at_line(line)?;
+        }
+        Ok(interpreter)
+    }
+}
+
+/// The state in which a line in the middle of a program begins.
+#[derive(Clone, Debug)]
+pub struct Beginning {
+    line: u32,
+    modes: gcode::Modes,
+    axes: AxisSet,
+    position: gcode::Point,
+}
+
+impl fmt::Display for Beginning {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "line {} begins with {}, at", self.line, self.modes)?;
+        for axis in self.axes.iter() {
+            write!(f, " {axis}{:.3}", self.position[axis])?;
+        }
+        f.write_str(" in machine coordinates")
     }
 }
 
@@ -189,7 +255,6 @@ impl MoveSource {
         let (curve, to) = match &command.action {
             Action::Rapid { to } | Action::Feed { to, .. } => (Curve::line(self.at, to.0), to.0),
             Action::Arc { arc, .. } => {
-                let whole_turns = arc.sweep.abs() / std::f64::consts::TAU;
                 let definition = ArcDefinition {
                     start: self.at,
                     end: arc.to.0,
@@ -200,7 +265,7 @@ impl MoveSource {
                     },
                     centre: (arc.center[0], arc.center[1]),
                     clockwise: arc.direction() == gcode::Direction::Clockwise,
-                    turns: ((whole_turns - 1e-9).ceil() - 1.0).max(0.0) as u32,
+                    turns: arc.turns,
                 };
                 (Curve::arc(definition), arc.to.0)
             }

@@ -112,7 +112,7 @@ fn a_bad_program_is_refused_before_anything_moves() {
         ("G0 Xten\n", "1:5", ""),
         ("G0 A10\n", "1:4", "A"),
         ("G1 X10 F0\n", "1:", "F"),
-        ("M99\n", "1:1", "M99"),
+        ("M98 P7\n", "1:1", "subprogram O7"),
     ] {
         fs::write(&file, program).unwrap();
         let file = file.to_str().unwrap();
@@ -151,4 +151,27 @@ fn help_reads_like_a_manual() {
     ] {
         assert!(help.contains(part), "{part}");
     }
+}
+
+#[test]
+fn a_line_to_begin_at_is_described() {
+    let bracket = "examples/portal/bracket.ngc";
+    let output = check(&[PORTAL, bracket, "--from-line", "61"]);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    let described = text(&output.stdout);
+    assert!(
+        described.contains("line 61 begins with G3 G17 G21") && described.contains("G61.1 F"),
+        "{described}"
+    );
+    assert!(refused(&[PORTAL, bracket, "--from-line", "9999"]).contains("before line 9999"));
+}
+
+#[test]
+fn an_endless_program_is_for_streaming() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("part.ngc");
+    fs::write(&file, "G91 G0 X0\no1 while [1]\nG1 X0 F100\no1 endwhile\n").unwrap();
+    let file = file.to_str().unwrap();
+    let output = check(&[PORTAL, file, "--stream"]);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
 }

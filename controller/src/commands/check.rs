@@ -1,9 +1,10 @@
 //! `syncline check`: is the input good?
 
+use super::switches::Switches;
 use super::{Exit, report};
 use crate::budget::MachineBudget;
 use crate::machine::Machine;
-use crate::program::{Extent, Program};
+use crate::program::Extent;
 use std::error::Error;
 use std::path::{Path, PathBuf};
 
@@ -24,9 +25,8 @@ pub(super) struct Args {
     machine: PathBuf,
     /// G-code program
     program: Option<PathBuf>,
-    /// Skip blocks that begin with `/`
-    #[arg(long)]
-    block_delete: bool,
+    #[command(flatten)]
+    switches: Switches,
 }
 
 impl Args {
@@ -59,8 +59,12 @@ impl Args {
     }
 
     fn check_program(&self, machine: &Machine, file: &Path) -> Result<Extent, Box<dyn Error>> {
-        let program = Program::new(file, machine, &self.machine)?.block_delete(self.block_delete);
-        Ok(program.check(machine.rest())?)
+        let program = self.switches.program(file, machine, &self.machine)?;
+        let extent = program.check(machine.rest())?;
+        if let Some(beginning) = program.beginning(machine.rest())? {
+            println!("{beginning}");
+        }
+        Ok(extent)
     }
 }
 

@@ -8,6 +8,7 @@ mod eds;
 mod output;
 mod plan;
 mod run;
+mod switches;
 mod validate;
 
 use clap::{Parser, Subcommand};

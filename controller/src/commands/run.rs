@@ -1,12 +1,13 @@
 //! `syncline run`: a program on a machine, in real time.
 
 use super::output::{Output, outcome};
+use super::switches::Switches;
 use super::{Exit, bad_input, report};
 use crate::control::{Controller, End, Event, Layout};
 use crate::gcode::Tables;
 use crate::machine::Machine;
 use crate::port::{self, PortError};
-use crate::program::{COORDINATES, Extent, Feeder, Program};
+use crate::program::{Beginning, COORDINATES, Extent, Feeder, Program};
 use crate::realtime;
 use crate::run::frames::SharedFrames;
 use crate::run::real_time::{Cycle, Link, Measured, News, Order, Ports, Timing, late_after};
@@ -47,12 +48,8 @@ pub(super) struct Args {
     /// Varies encoder noise, response delays and oscillator errors of simulated drives.
     #[arg(long, default_value_t = 0)]
     seed: u64,
-    /// Stop at M1.
-    #[arg(long)]
-    optional_stop: bool,
-    /// Skip blocks that begin with `/`.
-    #[arg(long)]
-    block_delete: bool,
+    #[command(flatten)]
+    switches: Switches,
     /// Make a late wake-up a fault on simulated buses too.
     #[arg(long)]
     strict: bool,
@@ -103,10 +100,11 @@ impl Args {
         let mut machine = Machine::load(&self.machine)?;
         self.choose_ports(&mut machine)?;
         let layout = Arc::new(Layout::new(&machine)?);
-        let program = Program::new(&self.program, &machine, &self.machine)?
-            .optional_stop(self.optional_stop)
-            .block_delete(self.block_delete);
+        let program = (self.switches).program(&self.program, &machine, &self.machine)?;
         let extent = program.check(machine.rest())?;
+        if let Some(beginning) = program.beginning(machine.rest())? {
+            confirm(&beginning)?;
+        }
         let frames = SharedFrames::new(&machine);
         let ports = (0..machine.buses.len())
             .map(|bus| port::open(&machine, bus, self.seed, frames.observer(bus)))
@@ -131,6 +129,19 @@ impl Args {
         Ok(())
     }
 }
+
+/// Asks whether the program is to begin in the middle.
+fn confirm(beginning: &Beginning) -> Result<(), NotConfirmed> {
+    eprintln!("{beginning}\npress Enter to begin there, Ctrl-C to give up");
+    match std::io::stdin().read_line(&mut String::new()) {
+        Ok(bytes) if bytes > 0 => Ok(()),
+        _ => Err(NotConfirmed),
+    }
+}
+
+#[derive(Debug, thiserror::Error)]
+#[error("--from-line: standard input is closed, nobody can confirm: press Enter there")]
+struct NotConfirmed;
 
 #[derive(Debug, thiserror::Error)]
 #[error("--bus: the machine file has no bus `{0}`")]

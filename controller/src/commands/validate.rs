@@ -1,6 +1,7 @@
 //! `syncline validate`: proof before metal moves.
 
 use super::output::Output;
+use super::switches::Switches;
 use super::{Exit, report};
 use crate::control::fault::Names;
 use crate::control::{Controller, Event, Layout};
@@ -28,12 +29,8 @@ pub(super) struct Args {
     /// Varies encoder noise, response delays and oscillator errors of the simulated drives.
     #[arg(long, default_value_t = 0)]
     seed: u64,
-    /// Stop at M1.
-    #[arg(long)]
-    optional_stop: bool,
-    /// Skip blocks that begin with `/`.
-    #[arg(long)]
-    block_delete: bool,
+    #[command(flatten)]
+    switches: Switches,
     /// Tell what the controller does.
     #[arg(short, long)]
     verbose: bool,
@@ -49,14 +46,17 @@ impl Args {
             Ok(layout) => Arc::new(layout),
             Err(error) => return super::bad_input(&error),
         };
-        let program = match Program::new(&self.program, &machine, &self.machine) {
-            Ok(program) => program
-                .optional_stop(self.optional_stop)
-                .block_delete(self.block_delete),
+        let program = match (self.switches).program(&self.program, &machine, &self.machine) {
+            Ok(program) => program,
             Err(error) => return super::bad_input(&error),
         };
         if let Err(error) = program.check(machine.rest()) {
             return super::bad_input(&error);
+        }
+        match program.beginning(machine.rest()) {
+            Ok(Some(beginning)) => eprintln!("{beginning}"),
+            Ok(None) => {}
+            Err(error) => return super::bad_input(&error),
         }
         match self.validate(&machine, &layout, program) {
             Ok(summary) => {

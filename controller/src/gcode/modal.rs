@@ -312,6 +312,12 @@ impl fmt::Display for Modes {
                 f.write_str(if flood { " M8" } else { "" })?;
             }
         }
-        write!(f, " T{}", self.tool)
+        if self.tool != 0 {
+            write!(f, " T{} M6", self.tool)?;
+        }
+        if self.selected_tool != self.tool {
+            write!(f, " T{}", self.selected_tool)?;
+        }
+        Ok(())
     }
 }

@@ -1,0 +1,41 @@
+//! How a program is to be read: the switches of an operator's panel.
+
+use crate::gcode::TablesError;
+use crate::machine::Machine;
+use crate::program::Program;
+use std::path::Path;
+
+/// How a program is to be read.
+#[derive(Debug, clap::Args)]
+pub(super) struct Switches {
+    /// Stop at M1.
+    #[arg(long)]
+    optional_stop: bool,
+    /// Skip blocks that begin with `/`.
+    #[arg(long)]
+    block_delete: bool,
+    /// Begin at this line, with the modes and the position that the lines before it lead to. They
+    /// are shown; `run` begins when they are confirmed with Enter.
+    #[arg(long, value_name = "LINE", value_parser = clap::value_parser!(u32).range(1..))]
+    from_line: Option<u32>,
+    /// Read the program as it runs, without end if need be, instead of checking it as a whole
+    /// first: a bad block is a stop on the path when the machine comes to it.
+    #[arg(long)]
+    stream: bool,
+}
+
+impl Switches {
+    /// The program with these switches.
+    pub(super) fn program(
+        &self,
+        file: &Path,
+        machine: &Machine,
+        machine_file: &Path,
+    ) -> Result<Program, TablesError> {
+        Ok(Program::new(file, machine, machine_file)?
+            .optional_stop(self.optional_stop)
+            .block_delete(self.block_delete)
+            .from_line(self.from_line)
+            .stream(self.stream))
+    }
+}
