@@ -26,6 +26,9 @@ const LATE_SHARE: u32 = 10;
 /// Instructions under way from the planner's thread to the cycle.
 const PLAN_QUEUE: usize = 1024;
 
+/// SCHED_FIFO priority of simulated drives.
+const DRIVES_PRIORITY: u8 = 50;
+
 /// Bring-up on a bus that lives in real time.
 const BRING_UP: Duration = Duration::from_secs(30);
 
@@ -136,7 +139,14 @@ fn measure_with<const N: usize>(options: &Options) -> Result<Outcome, PortError>
             let interface = interface.clone();
             let mut twins: Vec<_> = options.shape.twins(bus).collect();
             let stop = Arc::clone(&stop);
-            thread::spawn(move || drive_host::host(&interface, 1_000_000, &mut twins, &stop))
+            thread::spawn(move || {
+                // Drives answer at once, whatever else runs; the cycle stays above them.
+                let _granted = realtime::enter(&Settings {
+                    priority: DRIVES_PRIORITY,
+                    core: None,
+                });
+                drive_host::host(&interface, 1_000_000, &mut twins, &stop)
+            })
         })
         .collect();
     let (mut plan_in, plan_out) = rtrb::RingBuffer::<Instruction<N>>::new(PLAN_QUEUE);
@@ -154,7 +164,11 @@ fn measure_with<const N: usize>(options: &Options) -> Result<Outcome, PortError>
     };
     let cycle = {
         let options = options.clone();
-        thread::spawn(move || Cycle::<N>::new(options, plan_out)?.run())
+        thread::spawn(move || {
+            // First: it takes longer than a cycle.
+            let record = Record::new(options.cycles);
+            Cycle::<N>::new(options, plan_out)?.run(record)
+        })
     };
     let outcome = cycle.join();
     stop.store(true, Ordering::Relaxed);
@@ -203,7 +217,7 @@ struct Record {
 }
 
 impl Record {
-    fn new(start: Instant, cycles: u64) -> Self {
+    fn new(cycles: u64) -> Self {
         // Filled and emptied, so that no sample touches a page for the first time.
         let samples = || {
             let mut samples = vec![u32::MAX; cycles as usize];
@@ -211,7 +225,7 @@ impl Record {
             samples
         };
         Self {
-            start,
+            start: Instant::ZERO,
             sync_wake: Distribution::new("wake-up for SYNC"),
             sync_sent: Distribution::new("SYNC handed over"),
             sync_stamped: Distribution::new("SYNC stamped"),
@@ -278,9 +292,9 @@ impl<const N: usize> Cycle<N> {
         })
     }
 
-    fn run(mut self) -> Result<Outcome, PortError> {
+    fn run(mut self, mut record: Record) -> Result<Outcome, PortError> {
         self.bring_up()?;
-        let mut record = Record::new(realtime::now(), self.options.cycles);
+        record.start = realtime::now();
         for _ in 0..self.options.cycles {
             let sync_at = self.sync(&mut record)?;
             self.setpoints(sync_at, &mut record)?;
