@@ -4,9 +4,11 @@ mod bench;
 mod budget;
 mod check;
 mod doctor;
+mod drives;
 mod eds;
 mod output;
 mod plan;
+mod ports;
 mod run;
 mod switches;
 mod validate;
@@ -32,6 +34,7 @@ enum Command {
     Bench(bench::Args),
     Budget(budget::Args),
     Doctor(doctor::Args),
+    Drives(drives::Args),
     Eds(eds::Args),
     Plan(plan::Args),
 }
@@ -47,6 +50,7 @@ impl Cli {
             Command::Bench(args) => args.execute(),
             Command::Budget(args) => args.execute(),
             Command::Doctor(args) => args.execute(),
+            Command::Drives(args) => args.execute(),
             Command::Eds(args) => args.execute(),
             Command::Plan(args) => args.execute(),
         }

@@ -1,6 +1,7 @@
 //! `syncline run`: a program on a machine, in real time.
 
 use super::output::{Output, outcome};
+use super::ports::PortChoice;
 use super::switches::Switches;
 use super::{Exit, bad_input, report};
 use crate::control::{Controller, End, Event, Layout};
@@ -39,10 +40,8 @@ pub(super) struct Args {
     machine: PathBuf,
     /// Part program (RS-274/NGC).
     program: PathBuf,
-    /// Use this port instead of the machine file's, for all buses or for the one named: `sim`, or
-    /// a SocketCAN interface such as `can0`. Can be repeated.
-    #[arg(long, value_name = "[BUS=]PORT")]
-    bus: Vec<String>,
+    #[command(flatten)]
+    ports: PortChoice,
     #[command(flatten)]
     output: Output,
     /// Varies encoder noise, response delays and oscillator errors of simulated drives.
@@ -98,7 +97,7 @@ impl Args {
     /// Reads and checks everything, and opens the buses, before anything moves.
     fn prepare(&self) -> Result<Prepared, Box<dyn Error>> {
         let mut machine = Machine::load(&self.machine)?;
-        self.choose_ports(&mut machine)?;
+        self.ports.apply(&mut machine)?;
         let layout = Arc::new(Layout::new(&machine)?);
         let program = (self.switches).program(&self.program, &machine, &self.machine)?;
         let extent = program.check(machine.rest())?;
@@ -110,23 +109,6 @@ impl Args {
             .map(|bus| port::open(&machine, bus, self.seed, frames.observer(bus)))
             .collect::<Result<Ports, PortError>>()?;
         Ok((machine, layout, program, extent, ports, frames))
-    }
-
-    fn choose_ports(&self, machine: &mut Machine) -> Result<(), UnknownBus> {
-        for choice in &self.bus {
-            match choice.split_once('=') {
-                Some((name, port)) => {
-                    let buses = machine.buses.iter_mut();
-                    let bus = buses.into_iter().find(|bus| bus.name == name);
-                    bus.ok_or_else(|| UnknownBus(name.to_owned()))?.port = port.to_owned();
-                }
-                None => machine
-                    .buses
-                    .iter_mut()
-                    .for_each(|bus| bus.port.clone_from(choice)),
-            }
-        }
-        Ok(())
     }
 }
 
@@ -142,10 +124,6 @@ fn confirm(beginning: &Beginning) -> Result<(), NotConfirmed> {
 #[derive(Debug, thiserror::Error)]
 #[error("--from-line: standard input is closed, nobody can confirm: press Enter there")]
 struct NotConfirmed;
-
-#[derive(Debug, thiserror::Error)]
-#[error("--bus: the machine file has no bus `{0}`")]
-struct UnknownBus(String);
 
 /// A program panicked in its planner; the panic's own message stands above.
 #[derive(Debug, thiserror::Error)]

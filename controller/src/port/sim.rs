@@ -32,16 +32,11 @@ impl SimPort {
             bus: spec.name.clone(),
             what: format!("cannot simulate {} bit/s", spec.bitrate),
         })?;
-        let drives = machine.drives.iter().enumerate();
-        let twins = drives.filter(|(_, drive)| drive.bus == bus);
-        let twins = twins.map(|(index, drive)| {
-            Twin::new(TwinConfig {
-                seed: seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ index as u64,
-                initial_position: initial_position(machine, index),
-                ..TwinConfig::new(drive.node)
-            })
-        });
-        Ok(Self::of_twins(bit_rate, twins, observer))
+        Ok(Self::of_twins(
+            bit_rate,
+            twins(machine, bus, seed),
+            observer,
+        ))
     }
 
     /// A bus with these twins on it.
@@ -64,6 +59,20 @@ impl SimPort {
     pub fn twin(&mut self, index: usize) -> &mut Twin {
         self.bus.node_mut(index)
     }
+}
+
+/// The drives of a bus, switched on with their axes at rest. `seed` varies encoder noise,
+/// response delays and oscillator errors.
+pub fn twins(machine: &Machine, bus: usize, seed: u64) -> impl Iterator<Item = Twin> {
+    let drives = machine.drives.iter().enumerate();
+    let drives = drives.filter(move |(_, drive)| drive.bus == bus);
+    drives.map(move |(index, drive)| {
+        Twin::new(TwinConfig {
+            seed: seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ index as u64,
+            initial_position: initial_position(machine, index),
+            ..TwinConfig::new(drive.node)
+        })
+    })
 }
 
 /// Where a drive's encoder stands when its axis is at rest, increments.
