@@ -107,10 +107,13 @@ struct Reach {
 
 const REGIONS: usize = 7;
 
-/// The curve of extremal plans for one direction, in a frame where `W ≥ 0`.
-pub(crate) struct Curve {
+/// A gap seen so that the greatest displacement is wanted and `W ≥ 0`.
+#[derive(Clone, Copy)]
+pub(crate) struct Frame {
     v0: f64,
     a0: f64,
+    vf: f64,
+    af: f64,
     m: f64,
     n: f64,
     k: f64,
@@ -120,10 +123,21 @@ pub(crate) struct Curve {
     upper: f64,
     lower: f64,
     v_max: f64,
+    /// `W / k`.
+    q: f64,
+    /// What a single ramp from `a0` to `af` leaves to be gained.
+    rest: f64,
+    /// Whether the shortest plan has no first ramp up: down, hold, up.
+    valley: bool,
     /// Mean of the velocities at which the first and the last ramp, prolonged, have acceleration 0.
     c: f64,
     reversed: bool,
     mirrored: bool,
+}
+
+/// The curve of extremal plans for one direction.
+pub(crate) struct Curve {
+    frame: Frame,
     regions: [Region; REGIONS],
     len: usize,
     /// Index of the first region after the interval of durations that no plan has.
@@ -135,8 +149,7 @@ pub(crate) const VELOCITY_ROUNDING: f64 = 4e-15;
 /// A difference of displacements, relative to the displacement, that is taken for rounding.
 const DISPLACEMENT_ROUNDING: f64 = 1e-13;
 
-impl Curve {
-    /// The curve of greatest displacements, or of smallest ones where `mirrored`.
+impl Frame {
     pub(crate) fn new(gap: &Gap, limits: &Limits, mirrored: bool) -> Self {
         let (l, sign) = if mirrored {
             (limits.mirrored(), -1.0)
@@ -163,21 +176,14 @@ impl Curve {
             (a0, af) = (-af, -a0);
             (upper, lower) = (lower, upper);
         }
-        let w = if reversed { -w } else { w }.max(0.0);
-        let plan = Plan {
-            t: [0.0; 7],
-            a1: 0.0,
-            a2: 0.0,
-        };
-        let region = Region {
-            held: Held::Neither,
-            plan,
-            extent: 0.0,
-            time: 0.0,
-        };
-        let mut curve = Curve {
+        let q = if reversed { -w } else { w }.max(0.0) / k;
+        let ramp = if af >= a0 { m } else { -n };
+        let rest = (vf - v0) - 0.5 * ramp * (af - a0) * (af + a0);
+        Frame {
             v0,
             a0,
+            vf,
+            af,
             m,
             n,
             k,
@@ -186,77 +192,144 @@ impl Curve {
             upper,
             lower,
             v_max: l.v_max,
+            q,
+            rest: rest.max(0.0),
+            valley: rest < -rounding && q < a0 * a0,
             c: 0.5 * ((v0 + vf) - 0.5 * m * (a0 * a0 + af * af)),
             reversed,
             mirrored,
-            regions: [region; REGIONS],
-            len: 0,
-            after_gap: None,
-        };
-        curve.walk(vf, af, w, rounding);
-        curve
+        }
     }
 
-    fn walk(&mut self, vf: f64, af: f64, w: f64, rounding: f64) {
-        let (a0, m, n, k) = (self.a0, self.m, self.n, self.k);
-        let q = w / k;
-        // What a single ramp from a0 to af leaves to be gained.
-        let ramp = if af >= a0 { m } else { -n };
-        let rest = (vf - self.v0) - 0.5 * ramp * (af - a0) * (af + a0);
-        if rest < -rounding && q < a0 * a0 {
-            self.walk_from_valley(q, af);
-            return;
+    /// The first plan over `distance`, where that can be told without the whole curve: there is no
+    /// gap, and `D` grows with the duration until `a2 ≤ 0`.
+    pub(crate) fn direct(&self, distance: f64) -> Option<Phases> {
+        let distance = self.signed(distance);
+        let early = !self.valley && self.af > 0.0;
+        if early && (self.c < 0.0 || self.a0 > 0.0 && self.q < self.a0 * self.a0) {
+            return None;
         }
-        let mut plan = self.peak(af, rest.max(0.0));
-        if af > 0.0 {
-            let gap = q < a0 * a0 && a0 > 0.0;
-            let valley = if gap {
-                ((a0 - q.sqrt()) * (a0 + q.sqrt())).sqrt()
-            } else {
-                0.0
-            };
-            if gap && valley >= af {
-                // The single ramp itself, to rounding.
-                self.after_gap = Some(self.len);
-                self.walk_from_valley(q, af);
-                return;
-            }
-            if plan.t[1] > 0.0 {
-                let released = plan.a2 * plan.a2 - self.upper * plan.t[1] / k;
-                let a2 = if released > 0.0 { released.sqrt() } else { 0.0 };
-                plan = self.extend(Held::Upper, plan, plan.a2 - a2);
-                if a2 > 0.0 {
-                    plan.t[1] = 0.0;
-                }
-            }
-            if plan.a2 > valley {
-                let a1 = if gap { a0 } else { q.sqrt().min(plan.a1) };
-                let growth = if gap { q / (a0 + valley) } else { a1 } - (plan.a1 - plan.a2);
-                if plan.t[1] == 0.0 {
-                    self.extend(Held::Neither, plan, growth);
-                    plan.t[0] = (plan.t[0] + m * (a1 - plan.a1)).max(0.0);
-                    plan.t[2] += n * growth.max(0.0);
-                    plan.t[6] += m * (plan.a2 - valley);
-                    plan.a1 = a1;
-                    plan.a2 = valley;
-                }
-            }
-            if gap {
-                self.after_gap = Some(self.len);
-                self.walk_from_valley(q, af);
-                return;
-            }
-            plan.a2 = 0.0;
-            self.walk_crossing(plan, vf - 0.5 * m * af * af);
+        let mut cruise = self.cruising();
+        let d = self.reach(&cruise).d;
+        if d <= distance {
+            cruise.t[3] = (distance - d) / self.v_max;
+            return Some(self.phases(&cruise));
+        }
+        let mut crossing = if self.valley {
+            self.after_valley()
+        } else if early {
+            self.level()
         } else {
-            self.walk_crossing(plan, vf + 0.5 * n * af * af);
+            self.after_peak()
+        };
+        let mut at = self.reach(&crossing.plan);
+        if at.d >= distance {
+            return None;
+        }
+        while let Some((held, extent)) = crossing.next(self) {
+            let end = self.growth(held, &crossing.plan, at.h).at(extent);
+            if at.d + end.0 >= distance || crossing.room <= 0.0 {
+                let plan = self.solve(held, &crossing.plan, extent, distance, at);
+                return Some(self.phases(&plan));
+            }
+            crossing.advance(self, held, extent);
+            at.d += end.0;
+            at.h = end.1;
+        }
+        None
+    }
+
+    /// The shortest plan that reaches the highest velocity, in two parts for a cruise between.
+    fn cruising(&self) -> Plan {
+        let (a0, af, k) = (self.a0, self.af, self.k);
+        // The square of the peak acceleration, and how far it is from `a` (≥ 0 towards the peak).
+        let ramp = |v: f64, a: f64, limit: f64| {
+            let turned = if a > 0.0 {
+                v + 0.5 * self.n * a * a
+            } else {
+                v - 0.5 * self.m * a * a
+            };
+            let room = (self.v_max - turned).max(0.0) / k;
+            let square = if a > 0.0 { a * a + room } else { room };
+            let peak = square.sqrt();
+            if peak > limit {
+                (limit, limit - a, k * (square - limit * limit) / limit)
+            } else if a > 0.0 {
+                (peak, if room > 0.0 { room / (peak + a) } else { 0.0 }, 0.0)
+            } else {
+                (peak, peak - a, 0.0)
+            }
+        };
+        let (a1, rise, t2) = ramp(self.v0, a0, self.upper);
+        let (a2, fall, t6) = ramp(self.vf, -af, self.lower);
+        let (m, n) = (self.m, self.n);
+        Plan {
+            t: [
+                m * rise.max(0.0),
+                t2,
+                n * a1,
+                0.0,
+                n * a2,
+                t6,
+                m * fall.max(0.0),
+            ],
+            a1,
+            a2: -a2,
         }
     }
 
-    /// The plan without a last ramp: up, hold, down to `af`, gaining `rest` more than the single
-    /// ramp does.
-    fn peak(&self, af: f64, rest: f64) -> Plan {
-        let (a0, k) = (self.a0, self.k);
+    /// The plan of a curve that begins with `af > 0` at which `a2 = 0`.
+    fn level(&self) -> Crossing {
+        let (a0, q) = (self.a0, self.q);
+        let (mut a1, mut t2) = (q.sqrt(), 0.0);
+        if a1 > self.upper {
+            a1 = self.upper;
+            t2 = self.k * (q - a1 * a1) / a1;
+        }
+        let t = [
+            (a1 - a0).max(0.0) * self.m,
+            t2,
+            a1 * self.n,
+            0.0,
+            0.0,
+            0.0,
+            self.af * self.m,
+        ];
+        let v_peak = self.vf - 0.5 * self.m * self.af * self.af;
+        Crossing::new(Plan { t, a1, a2: 0.0 }, self.v_max - v_peak)
+    }
+
+    /// From the plan without a first ramp (down, hold, up) on.
+    fn after_valley(&self) -> Crossing {
+        let (a0, k, root) = (self.a0, self.k, self.q.sqrt());
+        let mut valley = ((a0 - root) * (a0 + root)).max(0.0).sqrt();
+        let mut t6 = 0.0;
+        if valley > self.lower {
+            t6 = k * (valley - self.lower) * (valley + self.lower) / self.lower;
+            valley = self.lower;
+        }
+        let (down, up) = ((a0 + valley) * self.n, (self.af + valley).max(0.0) * self.m);
+        let plan = Plan {
+            t: [0.0, 0.0, down, 0.0, 0.0, t6, up],
+            a1: a0,
+            a2: -valley,
+        };
+        Crossing::new(plan, self.v_max - (self.v0 + 0.5 * self.n * a0 * a0))
+    }
+
+    /// From the plan without a last ramp (up, hold, down) on, where it ends with `af ≤ 0`.
+    fn after_peak(&self) -> Crossing {
+        Crossing::new(
+            self.peak(),
+            self.v_max - (self.vf + 0.5 * self.n * self.af * self.af),
+        )
+    }
+
+    /// The plan without a last ramp: up, hold, down to `af`.
+    fn peak(&self) -> Plan {
+        let Frame {
+            a0, af, k, rest, ..
+        } = *self;
         let base = a0.max(af);
         let extra = rest / k;
         let root = (base * base + extra).sqrt();
@@ -282,113 +355,6 @@ impl Curve {
             a1,
             a2: af,
         }
-    }
-
-    /// From the plan without a first ramp (down, hold, up) on.
-    fn walk_from_valley(&mut self, q: f64, af: f64) {
-        let (a0, m, n, k) = (self.a0, self.m, self.n, self.k);
-        let root = q.sqrt();
-        let mut valley = ((a0 - root) * (a0 + root)).max(0.0).sqrt();
-        let mut t6 = 0.0;
-        if valley > self.lower {
-            t6 = k * (valley - self.lower) * (valley + self.lower) / self.lower;
-            valley = self.lower;
-        }
-        let t = [
-            0.0,
-            0.0,
-            (a0 + valley) * n,
-            0.0,
-            0.0,
-            t6,
-            (af + valley).max(0.0) * m,
-        ];
-        let v_peak = self.v0 + 0.5 * n * a0 * a0;
-        self.walk_crossing(
-            Plan {
-                t,
-                a1: a0,
-                a2: -valley,
-            },
-            v_peak,
-        );
-    }
-
-    /// From a plan with `a2 ≤ 0 ≤ a1` and the velocity `v_peak` where the acceleration is zero.
-    fn walk_crossing(&mut self, mut plan: Plan, v_peak: f64) {
-        let mut room = (self.v_max - v_peak).max(0.0);
-        let (k, upper, lower) = (self.k, self.upper, self.lower);
-        loop {
-            let up = (upper - plan.a1) * (upper + plan.a1);
-            let down = (lower + plan.a2) * (lower - plan.a2);
-            let (held, square) = match (up <= 0.0, down <= 0.0) {
-                (false, false) => (Held::Neither, up.min(down)),
-                (true, false) => (Held::Upper, down),
-                (false, true) => (Held::Lower, up),
-                (true, true) => (Held::Both, f64::INFINITY),
-            };
-            if held == Held::Both {
-                plan = self.extend(held, plan, room);
-                break;
-            }
-            let last = k * square >= room;
-            let square = square.min(room / k);
-            let a1 = (plan.a1 * plan.a1 + square).sqrt();
-            let a2 = (plan.a2 * plan.a2 + square).sqrt();
-            let (rise, fall) = (square / (a1 + plan.a1), square / (a2 - plan.a2));
-            let (rise, fall) = if square > 0.0 {
-                (rise, fall)
-            } else {
-                (0.0, 0.0)
-            };
-            let extent = match held {
-                Held::Neither => rise + fall,
-                Held::Upper => fall,
-                _ => rise,
-            };
-            let met_upper = !last && held != Held::Upper && (held == Held::Lower || up <= down);
-            let met_lower = !last && held != Held::Lower && (held == Held::Upper || down <= up);
-            plan = self.extend(held, plan, extent);
-            room -= k * square;
-            if last {
-                break;
-            }
-            if met_upper {
-                plan.a1 = upper;
-            }
-            if met_lower {
-                plan.a2 = -lower;
-            }
-        }
-        // From here on both ends of the cruise are ramps of their own.
-        let whole = plan.t[2];
-        plan.t[4] = (-plan.a2 * self.n).min(whole);
-        plan.t[2] = whole - plan.t[4];
-        self.push(Region {
-            held: Held::Cruise,
-            plan,
-            extent: f64::INFINITY,
-            time: plan.duration(),
-        });
-    }
-
-    fn push(&mut self, region: Region) {
-        self.regions[self.len] = region;
-        self.len += 1;
-    }
-
-    /// Appends a region and returns the plan at its end.
-    fn extend(&mut self, held: Held, plan: Plan, extent: f64) -> Plan {
-        if extent <= 0.0 {
-            return plan;
-        }
-        self.push(Region {
-            held,
-            plan,
-            extent,
-            time: plan.duration(),
-        });
-        self.plan(held, &plan, extent)
     }
 
     /// The plan at parameter `y` of a region that begins at `start`.
@@ -438,16 +404,46 @@ impl Curve {
         p
     }
 
-    /// dT/dy at parameter `y`.
+    /// How displacement and duration grow along a region that begins at `start` with `dD/dT = h`.
     #[inline]
-    fn pace(&self, held: Held, start: &Plan, y: f64) -> f64 {
-        let k2 = 2.0 * self.k;
+    fn growth(&self, held: Held, start: &Plan, h: f64) -> Growth {
+        let Frame {
+            m,
+            n,
+            k,
+            upper,
+            lower,
+            ..
+        } = *self;
+        let (a1, a2) = (start.a1, start.a2);
         match held {
-            Held::Neither => k2,
-            Held::Upper => k2 * (1.0 + (y - start.a2) / self.upper),
-            Held::Lower => k2 * (1.0 + (y + start.a1) / self.lower),
-            Held::Both => 1.0 / self.upper + 1.0 / self.lower,
-            Held::Cruise => 1.0,
+            Held::Neither => {
+                let u = a1 - a2;
+                let q = u * (a1 + a2);
+                Growth::Free {
+                    u,
+                    pace: 2.0 * k,
+                    a: 0.125 * (m + 2.0 * n),
+                    b: self.c,
+                    c: 0.125 * m * q * q,
+                }
+            }
+            Held::Upper => Growth::Held {
+                h: [h, 0.5 * upper * n - 2.0 * k * a2, k],
+                pace: [2.0 * k * (1.0 - a2 / upper), 2.0 * k / upper],
+            },
+            Held::Lower => Growth::Held {
+                h: [h, m * a1 + 0.5 * (start.t[2] + n * a1), k],
+                pace: [2.0 * k * (1.0 + a1 / lower), 2.0 * k / lower],
+            },
+            Held::Both => Growth::Held {
+                h: [h, 1.0, 0.0],
+                pace: [1.0 / upper + 1.0 / lower, 0.0],
+            },
+            Held::Cruise => Growth::Held {
+                h: [self.v_max, 0.0, 0.0],
+                pace: [1.0, 0.0],
+            },
         }
     }
 
@@ -517,6 +513,341 @@ impl Curve {
         }
     }
 
+    fn signed(&self, d: f64) -> f64 {
+        if self.mirrored { -d } else { d }
+    }
+
+    /// The plan of a region at which `D` rises over `distance`: Newton's method, first on the
+    /// polynomial that `D` is there, then on the plan itself.
+    fn solve(&self, held: Held, start: &Plan, extent: f64, distance: f64, at: Reach) -> Plan {
+        let growth = self.growth(held, start, at.h);
+        let mut y = growth.solve(distance - at.d, extent);
+        let (mut low, mut high) = (0.0, extent);
+        let mut plan = self.plan(held, start, y);
+        for _ in 0..100 {
+            let reach = self.reach(&plan);
+            let over = reach.d - distance;
+            if over.abs() <= 2.0 * f64::EPSILON * reach.length {
+                break;
+            }
+            if over > 0.0 {
+                high = y;
+            } else {
+                low = y;
+            }
+            let mut next = y - over / (reach.h * growth.pace(y));
+            if !(next > low && next < high) {
+                next = 0.5 * (low + high);
+            }
+            if next == y || !(next > low && next < high) {
+                break;
+            }
+            y = next;
+            plan = self.plan(held, start, y);
+        }
+        plan
+    }
+}
+
+/// `D` and `T` along a region as functions of its parameter `y`.
+#[derive(Clone, Copy)]
+enum Growth {
+    /// `dD/dT = a u² + b + c/u²`, where `u = a1 − a2` has grown by `y`; `dT/dy = pace`.
+    Free {
+        u: f64,
+        pace: f64,
+        a: f64,
+        b: f64,
+        c: f64,
+    },
+    /// `dD/dT` a quadratic and `dT/dy` a linear function of `y`.
+    Held { h: [f64; 3], pace: [f64; 2] },
+}
+
+impl Growth {
+    /// The displacement gained since `y = 0`, and `dD/dT`.
+    #[inline]
+    fn at(&self, y: f64) -> (f64, f64) {
+        match *self {
+            Growth::Free {
+                u: u0,
+                pace,
+                a,
+                b,
+                c,
+            } => {
+                let u = u0 + y;
+                let (part, slope) = if c > 0.0 {
+                    (c / (u0 * u), c / (u * u))
+                } else {
+                    (0.0, 0.0)
+                };
+                let cube = u0 * u0 + (u0 + y * (1.0 / 3.0)) * y;
+                (pace * y * (a * cube + b + part), a * u * u + b + slope)
+            }
+            Growth::Held {
+                h: [h0, h1, h2],
+                pace: [p0, p1],
+            } => {
+                let second = 0.5 * (h1 * p0 + h0 * p1);
+                let third = (h2 * p0 + h1 * p1) * (1.0 / 3.0);
+                let gain = y * (h0 * p0 + y * (second + y * (third + y * 0.25 * h2 * p1)));
+                (gain, h0 + y * (h1 + y * h2))
+            }
+        }
+    }
+
+    /// Where the displacement is greatest before it falls, if it does: the first zero of `dD/dT`,
+    /// which is a parabola or, in `u²`, one over `u²`.
+    fn top(&self) -> Option<f64> {
+        let first_zero = |a: f64, b: f64, c: f64| {
+            let discriminant = b * b - 4.0 * a * c;
+            (b < 0.0 && c > 0.0 && discriminant > 0.0).then(|| 2.0 * c / (discriminant.sqrt() - b))
+        };
+        match *self {
+            Growth::Free { u, a, b, c, .. } => first_zero(a, b, c).map(|square| square.sqrt() - u),
+            Growth::Held {
+                h: [h0, h1, h2], ..
+            } => first_zero(h2, h1, h0),
+        }
+        .filter(|&y| y > 0.0)
+    }
+
+    /// dT/dy.
+    #[inline]
+    fn pace(&self, y: f64) -> f64 {
+        match *self {
+            Growth::Free { pace, .. } => pace,
+            Growth::Held { pace: [p0, p1], .. } => p0 + p1 * y,
+        }
+    }
+
+    /// The parameter in 0 … `extent` at which the displacement has grown by `gain`, to about ten
+    /// digits.
+    fn solve(&self, gain: f64, extent: f64) -> f64 {
+        let (mut low, mut high) = (0.0, extent);
+        let whole = self.at(extent).0;
+        let ratio = gain / whole;
+        let mut y = if ratio > 0.0 && ratio < 1.0 {
+            extent * ratio.sqrt()
+        } else {
+            extent
+        };
+        for _ in 0..30 {
+            let (d, h) = self.at(y);
+            let over = d - gain;
+            if over > 0.0 {
+                high = y;
+            } else {
+                low = y;
+            }
+            let mut next = y - over / (h * self.pace(y));
+            if !(next > low && next < high) {
+                next = 0.5 * (low + high);
+            }
+            let step = (next - y).abs();
+            y = next;
+            if step <= 1e-9 * y {
+                break;
+            }
+        }
+        y
+    }
+}
+
+/// A walk along the plans with `a2 ≤ 0 ≤ a1`, region by region.
+struct Crossing {
+    plan: Plan,
+    /// What the peak velocity may still gain.
+    room: f64,
+    done: bool,
+}
+
+impl Crossing {
+    fn new(plan: Plan, room: f64) -> Self {
+        Crossing {
+            plan,
+            room: room.max(0.0),
+            done: false,
+        }
+    }
+
+    /// The region that begins here and its extent; `None` where the peak velocity is the highest.
+    fn next(&self, f: &Frame) -> Option<(Held, f64)> {
+        if self.done {
+            return None;
+        }
+        let (a1, a2) = (self.plan.a1, self.plan.a2);
+        let up = (f.upper - a1) * (f.upper + a1);
+        let down = (f.lower + a2) * (f.lower - a2);
+        let room = self.room / f.k;
+        // A parameter that moves by the growth of a square.
+        let rise = |a: f64, square: f64| {
+            if square > 0.0 {
+                square / (a + (a * a + square).sqrt())
+            } else {
+                0.0
+            }
+        };
+        Some(match (up <= 0.0, down <= 0.0) {
+            (false, false) => {
+                let square = up.min(down).min(room);
+                (Held::Neither, rise(a1, square) + rise(-a2, square))
+            }
+            (true, false) => (Held::Upper, rise(-a2, down.min(room))),
+            (false, true) => (Held::Lower, rise(a1, up.min(room))),
+            (true, true) => (Held::Both, self.room),
+        })
+    }
+
+    /// Goes on to the end of the region.
+    fn advance(&mut self, f: &Frame, held: Held, extent: f64) {
+        let (a1, a2) = (self.plan.a1, self.plan.a2);
+        let up = (f.upper - a1) * (f.upper + a1);
+        let down = (f.lower + a2) * (f.lower - a2);
+        if extent > 0.0 {
+            self.plan = f.plan(held, &self.plan, extent);
+        }
+        let square = match held {
+            Held::Neither => up.min(down),
+            Held::Upper => down,
+            Held::Lower => up,
+            Held::Both | Held::Cruise => f64::INFINITY,
+        };
+        self.done = f.k * square >= self.room;
+        if self.done {
+            self.room = 0.0;
+            return;
+        }
+        self.room -= f.k * square;
+        if matches!(held, Held::Neither | Held::Lower) && up <= square {
+            self.plan.a1 = f.upper;
+        }
+        if matches!(held, Held::Neither | Held::Upper) && down <= square {
+            self.plan.a2 = -f.lower;
+        }
+    }
+}
+
+impl Curve {
+    /// The curve of greatest displacements, or of smallest ones where `mirrored`.
+    pub(crate) fn new(gap: &Gap, limits: &Limits, mirrored: bool) -> Self {
+        let frame = Frame::new(gap, limits, mirrored);
+        let plan = Plan {
+            t: [0.0; 7],
+            a1: 0.0,
+            a2: 0.0,
+        };
+        let region = Region {
+            held: Held::Neither,
+            plan,
+            extent: 0.0,
+            time: 0.0,
+        };
+        let mut curve = Curve {
+            frame,
+            regions: [region; REGIONS],
+            len: 0,
+            after_gap: None,
+        };
+        let crossing = curve.begin();
+        curve.cross(crossing);
+        curve
+    }
+
+    /// The regions before the crossing.
+    fn begin(&mut self) -> Crossing {
+        let f = self.frame;
+        let Frame {
+            a0, af, m, n, k, q, ..
+        } = f;
+        if f.valley {
+            return f.after_valley();
+        }
+        if af <= 0.0 {
+            return f.after_peak();
+        }
+        let mut plan = f.peak();
+        let gap = q < a0 * a0 && a0 > 0.0;
+        let valley = if gap {
+            ((a0 - q.sqrt()) * (a0 + q.sqrt())).sqrt()
+        } else {
+            0.0
+        };
+        // Otherwise the single ramp itself, to rounding.
+        if valley < af {
+            if plan.t[1] > 0.0 {
+                let released = plan.a2 * plan.a2 - f.upper * plan.t[1] / k;
+                let a2 = if released > 0.0 { released.sqrt() } else { 0.0 };
+                plan = self.extend(Held::Upper, plan, plan.a2 - a2);
+                if a2 > 0.0 {
+                    plan.t[1] = 0.0;
+                }
+            }
+            if plan.a2 > valley && plan.t[1] == 0.0 {
+                let a1 = if gap { a0 } else { q.sqrt().min(plan.a1) };
+                let growth = if gap { q / (a0 + valley) } else { a1 } - (plan.a1 - plan.a2);
+                self.extend(Held::Neither, plan, growth);
+                plan.t[0] = (plan.t[0] + m * (a1 - plan.a1)).max(0.0);
+                plan.t[2] += n * growth.max(0.0);
+                plan.t[6] += m * (plan.a2 - valley);
+                plan.a1 = a1;
+            }
+        }
+        if gap {
+            self.after_gap = Some(self.len);
+            return f.after_valley();
+        }
+        plan.a2 = 0.0;
+        Crossing::new(plan, f.v_max - (f.vf - 0.5 * m * af * af))
+    }
+
+    fn cross(&mut self, mut crossing: Crossing) {
+        while let Some((held, extent)) = crossing.next(&self.frame) {
+            if extent > 0.0 {
+                let (plan, time) = (crossing.plan, crossing.plan.duration());
+                self.push(Region {
+                    held,
+                    plan,
+                    extent,
+                    time,
+                });
+            }
+            crossing.advance(&self.frame, held, extent);
+        }
+        // From here on both ends of the cruise are ramps of their own.
+        let mut plan = crossing.plan;
+        let whole = plan.t[2];
+        plan.t[4] = (-plan.a2 * self.frame.n).min(whole);
+        plan.t[2] = whole - plan.t[4];
+        let time = plan.duration();
+        self.push(Region {
+            held: Held::Cruise,
+            plan,
+            extent: f64::INFINITY,
+            time,
+        });
+    }
+
+    fn push(&mut self, region: Region) {
+        self.regions[self.len] = region;
+        self.len += 1;
+    }
+
+    /// Appends a region and returns the plan at its end.
+    fn extend(&mut self, held: Held, plan: Plan, extent: f64) -> Plan {
+        if extent <= 0.0 {
+            return plan;
+        }
+        self.push(Region {
+            held,
+            plan,
+            extent,
+            time: plan.duration(),
+        });
+        self.frame.plan(held, &plan, extent)
+    }
+
     fn regions(&self) -> &[Region] {
         &self.regions[..self.len]
     }
@@ -524,23 +855,25 @@ impl Curve {
     /// The shortest plan of the curve: the fastest change of velocity and acceleration alone.
     pub(crate) fn first(&self) -> (Phases, f64) {
         let plan = &self.regions[0].plan;
-        (self.phases(plan), self.signed(self.reach(plan).d))
-    }
-
-    fn signed(&self, d: f64) -> f64 {
-        if self.mirrored { -d } else { d }
+        (
+            self.frame.phases(plan),
+            self.frame.signed(self.frame.reach(plan).d),
+        )
     }
 
     /// The first plan after the gap, where there is one.
     pub(crate) fn first_after_gap(&self) -> Option<(Phases, f64)> {
         let plan = &self.regions[self.after_gap?].plan;
-        Some((self.phases(plan), self.signed(self.reach(plan).d)))
+        Some((
+            self.frame.phases(plan),
+            self.frame.signed(self.frame.reach(plan).d),
+        ))
     }
 
     /// The first plan over `distance`, no shorter than `from`, given that the plan at `from` (or the
     /// first of its piece) falls short of it.
     pub(crate) fn first_over(&self, distance: f64, from: From) -> Option<Phases> {
-        let distance = self.signed(distance);
+        let distance = self.frame.signed(distance);
         let slack = DISPLACEMENT_ROUNDING * distance.abs();
         let (mut index, time) = match from {
             From::Start => (0, 0.0),
@@ -548,15 +881,15 @@ impl Curve {
             From::Time(time) => (self.index_at(time)?, time),
         };
         let mut first = self.regions[index];
-        let skip = self.parameter(&first, time - first.time);
+        let skip = self.frame.parameter(&first, time - first.time);
         if skip > 0.0 {
-            first.plan = self.plan(first.held, &first.plan, skip);
+            first.plan = self.frame.plan(first.held, &first.plan, skip);
             first.extent -= skip;
         }
         let crossing = self.crossing();
         while index < crossing {
             if let Some(plan) = self.rise_over(&first, distance, slack) {
-                return Some(self.phases(&plan));
+                return Some(self.frame.phases(&plan));
             }
             index += 1;
             if self.after_gap == Some(index) {
@@ -567,13 +900,22 @@ impl Curve {
         // From here on D is convex: the last region that begins below holds the only passage.
         for i in (index..self.len).rev() {
             let region = if i == index { first } else { self.regions[i] };
-            let reach = self.reach(&region.plan);
+            let reach = self.frame.reach(&region.plan);
             if reach.d <= distance || i == index {
                 let plan = self.solve(&region, distance, reach);
-                return Some(self.phases(&plan));
+                return Some(self.frame.phases(&plan));
             }
         }
         None
+    }
+
+    fn solve(&self, region: &Region, distance: f64, at: Reach) -> Plan {
+        if region.held == Held::Cruise {
+            let y = ((distance - at.d) / self.frame.v_max).max(0.0);
+            return self.frame.plan(region.held, &region.plan, y);
+        }
+        self.frame
+            .solve(region.held, &region.plan, region.extent, distance, at)
     }
 
     /// Index of the first region with `a2 ≤ 0 ≤ a1` throughout.
@@ -590,31 +932,25 @@ impl Curve {
     /// The first plan of a region before the crossing over `distance`; there `D` may rise, fall and
     /// rise again.
     fn rise_over(&self, region: &Region, distance: f64, slack: f64) -> Option<Plan> {
-        let start = self.reach(&region.plan);
-        if region.held == Held::Neither {
-            // D(u) = α u³ + β u − δ/u + const with u = a1 − a2 and T = 2k u + const, so
-            // H = a u² + b + c/u² and D has at most one maximum, at the lower zero.
-            let u0 = region.plan.a1 - region.plan.a2;
-            let q = u0 * (region.plan.a1 + region.plan.a2);
-            let a = 0.125 * (self.m + 2.0 * self.n);
-            let b = self.c;
-            let c = 0.125 * self.m * q * q;
-            let discriminant = b * b - 4.0 * a * c;
-            if b < 0.0 && discriminant > 0.0 {
-                let top = (2.0 * c / (-b + discriminant.sqrt())).sqrt() - u0;
-                if top > 0.0 && top < region.extent {
-                    let risen = Region {
-                        extent: top,
-                        ..*region
-                    };
-                    if self.reach(&self.plan(region.held, &region.plan, top)).d >= distance {
-                        return Some(self.solve(&risen, distance, start));
-                    }
-                }
+        let start = self.frame.reach(&region.plan);
+        if let Some(top) = self.frame.growth(region.held, &region.plan, start.h).top()
+            && top < region.extent
+        {
+            let risen = Region {
+                extent: top,
+                ..*region
+            };
+            if self
+                .frame
+                .reach(&self.frame.plan(region.held, &region.plan, top))
+                .d
+                >= distance
+            {
+                return Some(self.solve(&risen, distance, start));
             }
         }
-        let end = self.plan(region.held, &region.plan, region.extent);
-        let d = self.reach(&end).d;
+        let end = self.frame.plan(region.held, &region.plan, region.extent);
+        let d = self.frame.reach(&end).d;
         if d >= distance {
             Some(self.solve(region, distance, start))
         } else if d >= distance - slack {
@@ -624,47 +960,16 @@ impl Curve {
         }
     }
 
-    /// The plan of a region at which `D` rises over `distance`: safeguarded Newton.
-    fn solve(&self, region: &Region, distance: f64, start: Reach) -> Plan {
-        if region.held == Held::Cruise {
-            let y = ((distance - start.d) / self.v_max).max(0.0);
-            return self.plan(region.held, &region.plan, y);
-        }
-        let (mut low, mut high) = (0.0, region.extent);
-        let mut y = high;
-        let mut plan = self.plan(region.held, &region.plan, y);
-        for _ in 0..100 {
-            let reach = self.reach(&plan);
-            let over = reach.d - distance;
-            if over.abs() <= 2.0 * f64::EPSILON * reach.length {
-                break;
-            }
-            if over > 0.0 {
-                high = y;
-            } else {
-                low = y;
-            }
-            let slope = reach.h * self.pace(region.held, &region.plan, y);
-            let mut next = y - over / slope;
-            if !(next > low && next < high) {
-                next = 0.5 * (low + high);
-            }
-            if next == y || !(next > low && next < high) {
-                break;
-            }
-            y = next;
-            plan = self.plan(region.held, &region.plan, y);
-        }
-        plan
-    }
-
     /// The plan of duration `time`, with its displacement; `None` where no plan lasts so long.
     pub(crate) fn at(&self, time: f64) -> Option<(Phases, f64)> {
         let index = self.index_at(time)?;
         let region = &self.regions[index];
-        let y = self.parameter(region, time - region.time);
-        let plan = self.plan(region.held, &region.plan, y);
-        Some((self.phases(&plan), self.signed(self.reach(&plan).d)))
+        let y = self.frame.parameter(region, time - region.time);
+        let plan = self.frame.plan(region.held, &region.plan, y);
+        Some((
+            self.frame.phases(&plan),
+            self.frame.signed(self.frame.reach(&plan).d),
+        ))
     }
 
     fn index_at(&self, time: f64) -> Option<usize> {
@@ -673,6 +978,7 @@ impl Curve {
         let region = &self.regions[index];
         if self.after_gap == Some(index + 1) {
             let end = self
+                .frame
                 .plan(region.held, &region.plan, region.extent)
                 .duration();
             if time > end {
@@ -746,6 +1052,15 @@ pub(crate) struct Change {
 }
 
 impl Change {
+    /// The same as phases of an extremal plan.
+    pub(crate) fn phases(&self) -> Phases {
+        let [up, hold, down] = self.t;
+        Phases {
+            t: [up, hold, down, 0.0, 0.0, 0.0, 0.0],
+            mirrored: self.j[0] < 0.0,
+        }
+    }
+
     pub(crate) fn duration(&self) -> f64 {
         self.t[0] + self.t[1] + self.t[2]
     }

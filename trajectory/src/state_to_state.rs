@@ -4,7 +4,7 @@
 //! seconds and milliseconds give the same plan.
 
 use crate::double::Double;
-use crate::extremal::{Change, Curve, From, Gap, Phases, VELOCITY_ROUNDING, fastest_change};
+use crate::extremal::{Change, Curve, Frame, From, Gap, Phases, VELOCITY_ROUNDING, fastest_change};
 use crate::limits::{Limits, PositionLimits};
 use crate::profile::{Profile, Segment, State};
 
@@ -254,7 +254,14 @@ impl Route {
         let free = Course::Extremal(if self.position {
             fastest(&self.gap, &self.limits)
         } else {
-            Curve::new(&self.gap, &self.limits, false).first().0
+            fastest_change(
+                self.gap.v0,
+                self.gap.a0,
+                self.gap.vf,
+                self.gap.af,
+                &self.limits,
+            )
+            .phases()
         });
         match self.bounds {
             Some(bounds) if !self.stays(&free) => {
@@ -414,7 +421,7 @@ impl Route {
         let second = if self.position {
             fastest(&second, &self.limits)
         } else {
-            Curve::new(&second, &self.limits, false).first().0
+            fastest_change(second.v0, second.a0, second.vf, second.af, &self.limits).phases()
         };
         Course::Via {
             first: fastest(&first, &self.limits),
@@ -780,29 +787,33 @@ fn displacement(profile: &Profile) -> Double {
 
 /// The fastest phases over a gap whose ends are inside the limits.
 fn fastest(gap: &Gap, limits: &Limits) -> Phases {
-    let mut curve = Curve::new(gap, limits, false);
-    let (first, d) = curve.first();
+    let change = fastest_change(gap.v0, gap.a0, gap.vf, gap.af, limits);
+    let d = change.displacement(gap.v0, gap.a0);
     let miss = gap.distance - d;
     if miss.abs() <= slack(gap, d) {
-        return first;
+        return change.phases();
     }
     let mirrored = miss < 0.0;
-    if mirrored {
-        curve = Curve::new(gap, limits, true);
+    if let Some(phases) = Frame::new(gap, limits, mirrored).direct(gap.distance) {
+        return phases;
     }
+    let curve = Curve::new(gap, limits, mirrored);
     if let Some(phases) = curve.first_over(gap.distance, From::Start) {
         return phases;
     }
     let Some((second, d)) = curve.first_after_gap() else {
-        return first;
+        return change.phases();
     };
     let miss = gap.distance - d;
     if miss.abs() <= slack(gap, d) {
         return second;
     }
-    if (miss < 0.0) != mirrored {
-        curve = Curve::new(gap, limits, !mirrored);
-    }
+    let turned = Curve::new(gap, limits, !mirrored);
+    let curve = if (miss < 0.0) == mirrored {
+        curve
+    } else {
+        turned
+    };
     curve
         .first_over(gap.distance, From::AfterGap)
         .unwrap_or(second)
@@ -854,22 +865,14 @@ fn enter(start: State, limits: &Limits) -> (Entry, State) {
         None
     };
     if let Some(v) = limit {
-        let gap = Gap {
-            v0: state.v,
-            a0: state.a,
-            vf: v,
-            af: 0.0,
-            distance: 0.0,
-            slack: 0.0,
-        };
-        let (phases, displacement) = Curve::new(&gap, l, false).first();
-        let mut next = 1;
-        for (duration, jerk) in phases.t.into_iter().zip(phases.jerks(l)) {
-            if duration > 0.0 {
-                entry.segments[next] = Segment { duration, jerk };
-                next += 1;
-            }
+        let change = fastest_change(state.v, state.a, v, 0.0, l);
+        for (slot, (duration, jerk)) in entry.segments[1..]
+            .iter_mut()
+            .zip(change.t.into_iter().zip(change.j))
+        {
+            *slot = Segment { duration, jerk };
         }
+        let displacement = change.displacement(state.v, state.a);
         state = State {
             p: state.p + displacement,
             v,
