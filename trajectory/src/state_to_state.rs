@@ -548,8 +548,18 @@ impl Route {
         factor: f64,
     ) -> Profile {
         let mut profile = Profile::new(start);
-        for segment in self.entry.segments {
-            profile.append(segment.duration, factor * segment.jerk);
+        if self.entry.duration > 0.0 {
+            for segment in self.entry.segments {
+                profile.append(segment.duration, factor * segment.jerk);
+            }
+        }
+        if let Course::Extremal(phases) = course
+            && !self.is_long(phases)
+        {
+            for (duration, jerk) in phases.t.into_iter().zip(phases.jerks(&self.limits)) {
+                profile.append(duration, factor * jerk);
+            }
+            return profile;
         }
         let steps = match course {
             Course::Extremal(phases) => Steps::extremal(phases, &self.limits),
@@ -561,19 +571,15 @@ impl Route {
             } => Steps::via(first, *hold, second, &self.limits),
             Course::Between { up, down, mix } => Steps::between(up, down, *mix, &self.limits),
         };
-        let mut settled = None;
-        let slow = matches!(course, Course::Cruise(..) | Course::Between { .. });
+        let slow = !matches!(course, Course::Extremal(_));
+        let settles = !slow || self.drifts(&steps);
         let share = if slow { SETTLE_AND_MEET } else { SETTLE };
+        let mut settled = None;
         for step in steps.iter() {
             let mut duration = step.duration;
-            if step.cruise
-                && let Some(part) = settle(
-                    &mut profile,
-                    duration,
-                    factor.abs() * self.limits.a_max,
-                    share,
-                )
-            {
+            if step.cruise && settles {
+                let part = duration * share;
+                settle(&mut profile, part);
                 duration -= 2.0 * part;
                 settled = Some((profile.segments().len() - 2, part, duration));
             }
@@ -588,6 +594,39 @@ impl Route {
             profile.bend(first + 1, -jerk);
         }
         profile
+    }
+
+    /// Whether an extremal plan cruises so long that the rounding of the ramps before it shows.
+    fn is_long(&self, phases: &Phases) -> bool {
+        let speed = if phases.mirrored {
+            -self.limits.v_min
+        } else {
+            self.limits.v_max
+        };
+        8.0 * f64::EPSILON * self.limits.a_max * phases.t[3] > 1e-13 * speed
+    }
+
+    /// Whether the rounding of the rates before a cruise shows in the position after it.
+    fn drifts(&self, steps: &Steps) -> bool {
+        let mut state = State {
+            p: 0.0,
+            v: self.gap.v0,
+            a: self.gap.a0,
+        };
+        let mut length = self.entry.displacement.abs();
+        let mut cruise = 0.0_f64;
+        for step in steps.iter() {
+            if step.cruise {
+                cruise = step.duration;
+                state.a = 0.0;
+            }
+            let next = state.after(step.duration, step.jerk);
+            length += (next.p - state.p).abs();
+            state = next;
+        }
+        let speed = self.start.v.abs().max(self.gap.vf.abs());
+        let drift = cruise * (0.5 * cruise * self.limits.a_max + speed);
+        4.0 * f64::EPSILON * drift > 1e-13 * length
     }
 }
 
@@ -635,9 +674,12 @@ impl Steps {
 
     fn via(first: &Phases, hold: f64, second: &Phases, limits: &Limits) -> Self {
         let mut steps = Self::extremal(first, limits);
+        for step in &mut steps.steps {
+            step.cruise = false;
+        }
         steps.push(hold, 0.0, true);
-        for (i, (duration, jerk)) in second.t.into_iter().zip(second.jerks(limits)).enumerate() {
-            steps.push(duration, jerk, i == 3);
+        for (duration, jerk) in second.t.into_iter().zip(second.jerks(limits)) {
+            steps.push(duration, jerk, false);
         }
         steps
     }
@@ -751,25 +793,16 @@ const SETTLE: f64 = 1.0 / (1_u32 << 30) as f64;
 const SETTLE_AND_MEET: f64 = 1.0 / (1_u32 << 20) as f64;
 
 /// What the ramps leave of the acceleration by rounding, a long cruise would integrate to a wrong
-/// velocity. Brings it to zero in two first small parts of the cruise; returns the duration of one.
-fn settle(profile: &mut Profile, cruise: f64, a_scale: f64, share: f64) -> Option<f64> {
-    let speed = profile.end().v.abs();
-    if 8.0 * f64::EPSILON * a_scale * cruise <= 1e-13 * speed {
-        return None;
-    }
+/// velocity. Brings it to zero in two first small parts of the cruise.
+fn settle(profile: &mut Profile, part: f64) {
     let mut left = Double::from(profile.start().a);
     for s in profile.segments() {
         left = left + Double::product(s.jerk, s.duration);
     }
-    if share == SETTLE && left.value().abs() * cruise <= 1e-14 * speed {
-        return None;
-    }
-    let part = cruise * share;
     // From a to zero with no change of velocity.
     let jerk = -0.5 * left.value() / part;
     profile.append(part, 3.0 * jerk);
     profile.append(part, -jerk);
-    Some(part)
 }
 
 fn displacement(profile: &Profile) -> Double {
@@ -819,9 +852,13 @@ fn fastest(gap: &Gap, limits: &Limits) -> Phases {
         .unwrap_or(second)
 }
 
+/// A miss of the distance, relative to it, that is taken for rounding where meeting it would need
+/// another kind of plan: below what a plan is certified to.
+const SNAP: f64 = 9e-13;
+
 /// By how much a plan of displacement `d` may miss the distance and still be taken for it.
 fn slack(gap: &Gap, d: f64) -> f64 {
-    let rounding = 2e-13 * d.abs().max(gap.distance.abs());
+    let rounding = SNAP * d.abs().max(gap.distance.abs());
     if d == 0.0 {
         rounding
     } else {
