@@ -201,42 +201,157 @@ impl Frame {
         }
     }
 
-    /// The first plan over `distance`, where that can be told without the whole curve: there is no
-    /// gap, and `D` grows with the duration until `a2 ≤ 0`.
-    pub(crate) fn direct(&self, distance: f64) -> Option<Phases> {
+    /// The first plan over `distance`, of which the shortest plan of all falls short; from the gap on
+    /// where there is one and no plan before it gets there.
+    pub(crate) fn first_over(&self, distance: f64) -> Passage {
         let distance = self.signed(distance);
         let early = !self.valley && self.af > 0.0;
-        if early && (self.c < 0.0 || self.a0 > 0.0 && self.q < self.a0 * self.a0) {
-            return None;
+        if !early {
+            return Passage::Found(self.cross_over(|| self.begin_crossing(), distance));
         }
+        // Without a gap and with mean velocity c ≥ 0, D grows with the duration until a2 = 0.
+        if self.c >= 0.0 && (self.a0 <= 0.0 || self.q >= self.a0 * self.a0) {
+            let level = self.level();
+            if self.reach(&level.plan).d < distance {
+                return Passage::Found(self.cross_over(|| level, distance));
+            }
+        }
+        let begin = self.begin();
+        for (held, plan, extent) in &begin.early[..begin.len] {
+            if let Some(plan) = self.rise_over(*held, plan, *extent, distance) {
+                return Passage::Found(self.phases(&plan));
+            }
+        }
+        if begin.gap {
+            let plan = &begin.crossing.plan;
+            return Passage::Gap(self.phases(plan), self.signed(self.reach(plan).d));
+        }
+        Passage::Found(self.cross_over(|| begin.crossing, distance))
+    }
+
+    /// Where a curve begins that has `a2 ≤ 0` from the start.
+    fn begin_crossing(&self) -> Crossing {
+        if self.valley {
+            self.after_valley()
+        } else {
+            self.after_peak()
+        }
+    }
+
+    /// The first plan after the gap over `distance`, of which the shortest after the gap falls short.
+    pub(crate) fn after_gap_over(&self, distance: f64) -> Phases {
+        self.cross_over(|| self.begin().crossing, self.signed(distance))
+    }
+
+    /// The plan with `a2 ≤ 0 ≤ a1` over `distance`. As `D` is convex there, it is the only one.
+    fn cross_over(&self, begin: impl FnOnce() -> Crossing, distance: f64) -> Phases {
         let mut cruise = self.cruising();
         let d = self.reach(&cruise).d;
         if d <= distance {
             cruise.t[3] = (distance - d) / self.v_max;
-            return Some(self.phases(&cruise));
+            return self.phases(&cruise);
         }
-        let mut crossing = if self.valley {
-            self.after_valley()
-        } else if early {
-            self.level()
-        } else {
-            self.after_peak()
-        };
+        let mut crossing = begin();
         let mut at = self.reach(&crossing.plan);
-        if at.d >= distance {
-            return None;
-        }
         while let Some((held, extent)) = crossing.next(self) {
-            let end = self.growth(held, &crossing.plan, at.h).at(extent);
-            if at.d + end.0 >= distance || crossing.room <= 0.0 {
+            let (gain, h) = self.growth(held, &crossing.plan, at.h).at(extent);
+            let mut end = crossing;
+            end.advance(self, held, extent);
+            if at.d + gain >= distance || end.done {
                 let plan = self.solve(held, &crossing.plan, extent, distance, at);
-                return Some(self.phases(&plan));
+                return self.phases(&plan);
             }
-            crossing.advance(self, held, extent);
-            at.d += end.0;
-            at.h = end.1;
+            crossing = end;
+            at.d += gain;
+            at.h = h;
         }
-        None
+        self.phases(&cruise)
+    }
+
+    /// The regions before the crossing, and where it begins.
+    fn begin(&self) -> Begin {
+        let Frame {
+            a0, af, m, n, k, q, ..
+        } = *self;
+        let none = (
+            Held::Neither,
+            Plan {
+                t: [0.0; 7],
+                a1: 0.0,
+                a2: 0.0,
+            },
+            0.0,
+        );
+        let mut begin = Begin {
+            early: [none; 2],
+            len: 0,
+            gap: false,
+            crossing: self.begin_crossing(),
+        };
+        if self.valley || af <= 0.0 {
+            return begin;
+        }
+        let mut plan = self.peak();
+        begin.gap = q < a0 * a0 && a0 > 0.0;
+        let valley = if begin.gap {
+            ((a0 - q.sqrt()) * (a0 + q.sqrt())).sqrt()
+        } else {
+            0.0
+        };
+        // Otherwise the single ramp itself, to rounding.
+        if valley < af {
+            if plan.t[1] > 0.0 {
+                let released = plan.a2 * plan.a2 - self.upper * plan.t[1] / k;
+                let a2 = if released > 0.0 { released.sqrt() } else { 0.0 };
+                let fall = plan.a2 - a2;
+                if fall > 0.0 {
+                    begin.push(Held::Upper, plan, fall);
+                    plan = self.plan(Held::Upper, &plan, fall);
+                }
+                if a2 > 0.0 {
+                    plan.t[1] = 0.0;
+                }
+            }
+            if plan.a2 > valley && plan.t[1] == 0.0 {
+                let a1 = if begin.gap { a0 } else { q.sqrt().min(plan.a1) };
+                let growth = if begin.gap { q / (a0 + valley) } else { a1 } - (plan.a1 - plan.a2);
+                if growth > 0.0 {
+                    begin.push(Held::Neither, plan, growth);
+                }
+                plan.t[0] = (plan.t[0] + m * (a1 - plan.a1)).max(0.0);
+                plan.t[2] += n * growth.max(0.0);
+                plan.t[6] += m * (plan.a2 - valley);
+                plan.a1 = a1;
+            }
+        }
+        begin.crossing = if begin.gap {
+            self.after_valley()
+        } else {
+            plan.a2 = 0.0;
+            Crossing::new(plan, self.v_max - (self.vf - 0.5 * m * af * af))
+        };
+        begin
+    }
+
+    /// The first plan of a region before the crossing over `distance`; there `D` may rise, fall and
+    /// rise again.
+    fn rise_over(&self, held: Held, plan: &Plan, extent: f64, distance: f64) -> Option<Plan> {
+        let start = self.reach(plan);
+        if let Some(top) = self.growth(held, plan, start.h).top()
+            && top < extent
+            && self.reach(&self.plan(held, plan, top)).d >= distance
+        {
+            return Some(self.solve(held, plan, top, distance, start));
+        }
+        let end = self.plan(held, plan, extent);
+        let d = self.reach(&end).d;
+        if d >= distance {
+            Some(self.solve(held, plan, extent, distance, start))
+        } else if d >= distance - DISPLACEMENT_ROUNDING * distance.abs() {
+            Some(end)
+        } else {
+            None
+        }
     }
 
     /// The shortest plan that reaches the highest velocity, in two parts for a cruise between.
@@ -655,7 +770,32 @@ impl Growth {
     }
 }
 
+/// Where a curve first passes a displacement.
+pub(crate) enum Passage {
+    Found(Phases),
+    /// Not before the gap: the first plan after it, and its displacement.
+    Gap(Phases, f64),
+}
+
+/// The beginning of a curve.
+struct Begin {
+    /// Regions with `a2 > 0`: what is held, the first plan, the extent.
+    early: [(Held, Plan, f64); 2],
+    len: usize,
+    /// Whether durations follow that no plan has.
+    gap: bool,
+    crossing: Crossing,
+}
+
+impl Begin {
+    fn push(&mut self, held: Held, plan: Plan, extent: f64) {
+        self.early[self.len] = (held, plan, extent);
+        self.len += 1;
+    }
+}
+
 /// A walk along the plans with `a2 ≤ 0 ≤ a1`, region by region.
+#[derive(Clone, Copy)]
 struct Crossing {
     plan: Plan,
     /// What the peak velocity may still gain.
@@ -750,56 +890,20 @@ impl Curve {
             len: 0,
             after_gap: None,
         };
-        let crossing = curve.begin();
-        curve.cross(crossing);
+        let begin = curve.frame.begin();
+        for &(held, plan, extent) in &begin.early[..begin.len] {
+            curve.push(Region {
+                held,
+                plan,
+                extent,
+                time: plan.duration(),
+            });
+        }
+        if begin.gap {
+            curve.after_gap = Some(curve.len);
+        }
+        curve.cross(begin.crossing);
         curve
-    }
-
-    /// The regions before the crossing.
-    fn begin(&mut self) -> Crossing {
-        let f = self.frame;
-        let Frame {
-            a0, af, m, n, k, q, ..
-        } = f;
-        if f.valley {
-            return f.after_valley();
-        }
-        if af <= 0.0 {
-            return f.after_peak();
-        }
-        let mut plan = f.peak();
-        let gap = q < a0 * a0 && a0 > 0.0;
-        let valley = if gap {
-            ((a0 - q.sqrt()) * (a0 + q.sqrt())).sqrt()
-        } else {
-            0.0
-        };
-        // Otherwise the single ramp itself, to rounding.
-        if valley < af {
-            if plan.t[1] > 0.0 {
-                let released = plan.a2 * plan.a2 - f.upper * plan.t[1] / k;
-                let a2 = if released > 0.0 { released.sqrt() } else { 0.0 };
-                plan = self.extend(Held::Upper, plan, plan.a2 - a2);
-                if a2 > 0.0 {
-                    plan.t[1] = 0.0;
-                }
-            }
-            if plan.a2 > valley && plan.t[1] == 0.0 {
-                let a1 = if gap { a0 } else { q.sqrt().min(plan.a1) };
-                let growth = if gap { q / (a0 + valley) } else { a1 } - (plan.a1 - plan.a2);
-                self.extend(Held::Neither, plan, growth);
-                plan.t[0] = (plan.t[0] + m * (a1 - plan.a1)).max(0.0);
-                plan.t[2] += n * growth.max(0.0);
-                plan.t[6] += m * (plan.a2 - valley);
-                plan.a1 = a1;
-            }
-        }
-        if gap {
-            self.after_gap = Some(self.len);
-            return f.after_valley();
-        }
-        plan.a2 = 0.0;
-        Crossing::new(plan, f.v_max - (f.vf - 0.5 * m * af * af))
     }
 
     fn cross(&mut self, mut crossing: Crossing) {
@@ -834,20 +938,6 @@ impl Curve {
         self.len += 1;
     }
 
-    /// Appends a region and returns the plan at its end.
-    fn extend(&mut self, held: Held, plan: Plan, extent: f64) -> Plan {
-        if extent <= 0.0 {
-            return plan;
-        }
-        self.push(Region {
-            held,
-            plan,
-            extent,
-            time: plan.duration(),
-        });
-        self.frame.plan(held, &plan, extent)
-    }
-
     fn regions(&self) -> &[Region] {
         &self.regions[..self.len]
     }
@@ -870,16 +960,11 @@ impl Curve {
         ))
     }
 
-    /// The first plan over `distance`, no shorter than `from`, given that the plan at `from` (or the
-    /// first of its piece) falls short of it.
-    pub(crate) fn first_over(&self, distance: f64, from: From) -> Option<Phases> {
+    /// The first plan over `distance` that lasts longer than `time`, where the plan of that duration
+    /// falls short of it; `None` where there is none before the gap.
+    pub(crate) fn next_over(&self, distance: f64, time: f64) -> Option<Phases> {
         let distance = self.frame.signed(distance);
-        let slack = DISPLACEMENT_ROUNDING * distance.abs();
-        let (mut index, time) = match from {
-            From::Start => (0, 0.0),
-            From::AfterGap => (self.after_gap?, 0.0),
-            From::Time(time) => (self.index_at(time)?, time),
-        };
+        let mut index = self.index_at(time)?;
         let mut first = self.regions[index];
         let skip = self.frame.parameter(&first, time - first.time);
         if skip > 0.0 {
@@ -888,7 +973,10 @@ impl Curve {
         }
         let crossing = self.crossing();
         while index < crossing {
-            if let Some(plan) = self.rise_over(&first, distance, slack) {
+            let Region {
+                held, plan, extent, ..
+            } = &first;
+            if let Some(plan) = self.frame.rise_over(*held, plan, *extent, distance) {
                 return Some(self.frame.phases(&plan));
             }
             index += 1;
@@ -927,37 +1015,6 @@ impl Curve {
             .iter()
             .position(|r| r.plan.a2 <= 0.0)
             .unwrap_or(self.len)
-    }
-
-    /// The first plan of a region before the crossing over `distance`; there `D` may rise, fall and
-    /// rise again.
-    fn rise_over(&self, region: &Region, distance: f64, slack: f64) -> Option<Plan> {
-        let start = self.frame.reach(&region.plan);
-        if let Some(top) = self.frame.growth(region.held, &region.plan, start.h).top()
-            && top < region.extent
-        {
-            let risen = Region {
-                extent: top,
-                ..*region
-            };
-            if self
-                .frame
-                .reach(&self.frame.plan(region.held, &region.plan, top))
-                .d
-                >= distance
-            {
-                return Some(self.solve(&risen, distance, start));
-            }
-        }
-        let end = self.frame.plan(region.held, &region.plan, region.extent);
-        let d = self.frame.reach(&end).d;
-        if d >= distance {
-            Some(self.solve(region, distance, start))
-        } else if d >= distance - slack {
-            Some(end)
-        } else {
-            None
-        }
     }
 
     /// The plan of duration `time`, with its displacement; `None` where no plan lasts so long.
@@ -1076,15 +1133,4 @@ impl Change {
         }
         state.p
     }
-}
-
-/// Where on the curve a search begins.
-#[derive(Clone, Copy, Debug)]
-pub(crate) enum From {
-    /// At the shortest plan.
-    Start,
-    /// At the shortest plan after the gap.
-    AfterGap,
-    /// At the plan of this duration.
-    Time(f64),
 }

@@ -4,7 +4,9 @@
 //! seconds and milliseconds give the same plan.
 
 use crate::double::Double;
-use crate::extremal::{Change, Curve, Frame, From, Gap, Phases, VELOCITY_ROUNDING, fastest_change};
+use crate::extremal::{
+    Change, Curve, Frame, Gap, Passage, Phases, VELOCITY_ROUNDING, fastest_change,
+};
 use crate::limits::{Limits, PositionLimits};
 use crate::profile::{Profile, Segment, State};
 
@@ -305,9 +307,9 @@ impl Route {
                     mix: 0.0,
                 };
             } else if gap.distance > most + rounding {
-                longer = up.first_over(gap.distance, From::Time(time));
+                longer = up.next_over(gap.distance, time);
             } else if gap.distance < least - rounding {
-                longer = down.first_over(gap.distance, From::Time(time));
+                longer = down.next_over(gap.distance, time);
             } else {
                 return self.between(high, most, low, least);
             }
@@ -316,17 +318,7 @@ impl Route {
         let phases = longer.unwrap_or_else(|| match up.first_after_gap() {
             None => first,
             Some((second, _)) if !self.position => second,
-            Some((second, d)) => {
-                let miss = gap.distance - d;
-                let curve = if miss < 0.0 { &down } else { &up };
-                if miss.abs() <= slack(gap, d) {
-                    second
-                } else {
-                    curve
-                        .first_over(gap.distance, From::AfterGap)
-                        .unwrap_or(second)
-                }
-            }
+            Some((second, d)) => after_gap(gap, &self.limits, second, d),
         });
         Course::Extremal(phases)
     }
@@ -826,30 +818,20 @@ fn fastest(gap: &Gap, limits: &Limits) -> Phases {
     if miss.abs() <= slack(gap, d) {
         return change.phases();
     }
-    let mirrored = miss < 0.0;
-    if let Some(phases) = Frame::new(gap, limits, mirrored).direct(gap.distance) {
-        return phases;
+    let frame = Frame::new(gap, limits, miss < 0.0);
+    match frame.first_over(gap.distance) {
+        Passage::Found(phases) => phases,
+        Passage::Gap(second, d) => after_gap(gap, limits, second, d),
     }
-    let curve = Curve::new(gap, limits, mirrored);
-    if let Some(phases) = curve.first_over(gap.distance, From::Start) {
-        return phases;
-    }
-    let Some((second, d)) = curve.first_after_gap() else {
-        return change.phases();
-    };
+}
+
+/// The fastest phases from the first ones after the gap on, whose displacement is `d`.
+fn after_gap(gap: &Gap, limits: &Limits, first: Phases, d: f64) -> Phases {
     let miss = gap.distance - d;
     if miss.abs() <= slack(gap, d) {
-        return second;
+        return first;
     }
-    let turned = Curve::new(gap, limits, !mirrored);
-    let curve = if (miss < 0.0) == mirrored {
-        curve
-    } else {
-        turned
-    };
-    curve
-        .first_over(gap.distance, From::AfterGap)
-        .unwrap_or(second)
+    Frame::new(gap, limits, miss < 0.0).after_gap_over(gap.distance)
 }
 
 /// A miss of the distance, relative to it, that is taken for rounding where meeting it would need
