@@ -585,14 +585,7 @@ impl Client {
                 if confirmed < wire::segments(self.size) {
                     return self.send_block(crc, confirmed, block_size, tx);
                 }
-                let unused = (confirmed * 7 - self.size) as u8;
-                let crc = if crc {
-                    crc::crc(&self.buffer[..self.size])
-                } else {
-                    0
-                };
-                let [low, high] = crc.to_le_bytes();
-                self.send(tx, [0xC1 | unused << 2, low, high, 0, 0, 0, 0, 0]);
+                self.send(tx, wire::end_of_blocks(&self.buffer[..self.size], crc));
                 Ok(Progress::Continues(To::Download(DownloadStep::EndBlock)))
             }
             DownloadStep::EndBlock => {
@@ -626,15 +619,10 @@ impl Client {
         if !wire::is_block_size(block_size) {
             return Err(AbortCode::BlockSize);
         }
-        let total = wire::segments(self.size);
-        let sent = (total - confirmed).min(usize::from(block_size));
-        for number in 1..=sent {
-            let place = confirmed + number - 1;
-            let data = &self.buffer[place * 7..(place * 7 + 7).min(self.size)];
-            self.send(
-                tx,
-                wire::block_segment(number as u8, data, place + 1 == total),
-            );
+        let block = wire::block(&self.buffer[..self.size], confirmed, block_size);
+        let sent = block.len();
+        for message in block {
+            self.send(tx, message);
         }
         Ok(Progress::Continues(To::Download(DownloadStep::Block {
             crc,

@@ -461,14 +461,8 @@ impl Server {
                 *block_size = next_block_size;
                 if *confirmed == wire::segments(*size) {
                     *step = BlockUploadStep::End;
-                    let unused = (*confirmed * 7 - *size) as u8;
-                    let crc = if *crc {
-                        crc::crc(&self.buffer[..*size])
-                    } else {
-                        0
-                    };
-                    let [low, high] = crc.to_le_bytes();
-                    self.send(tx, [0xC1 | unused << 2, low, high, 0, 0, 0, 0, 0]);
+                    let end = wire::end_of_blocks(&self.buffer[..*size], *crc);
+                    self.send(tx, end);
                     return Ok(());
                 }
             }
@@ -478,16 +472,11 @@ impl Server {
             }
             _ => return Err(AbortCode::CommandSpecifier),
         }
-        let (size, from, total) = (*size, *confirmed, wire::segments(*size));
-        let count = (total - from).min(usize::from(*block_size));
-        *sent = count;
-        for number in 1..=count {
-            let place = from + number - 1;
-            let data = &self.buffer[place * 7..(place * 7 + 7).min(size)];
-            self.send(
-                tx,
-                wire::block_segment(number as u8, data, place + 1 == total),
-            );
+        let (object, from, most) = (&self.buffer[..*size], *confirmed, *block_size);
+        let block = wire::block(object, from, most);
+        *sent = block.len();
+        for message in block {
+            self.send(tx, message);
         }
         Ok(())
     }

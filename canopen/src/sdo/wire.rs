@@ -1,6 +1,6 @@
 //! The bytes of SDO messages (CiA 301): command byte, multiplexer, data.
 
-use super::AbortCode;
+use super::{AbortCode, crc::crc};
 use crate::dictionary::Address;
 
 /// Every SDO message has 8 bytes.
@@ -52,12 +52,31 @@ pub(super) fn segment_data(message: &Message) -> &[u8] {
     &message[1..8 - usize::from(message[0] >> 1 & 7)]
 }
 
-/// A block's segment: its number 1…127, last of the whole transfer or not.
-pub(super) fn block_segment(number: u8, data: &[u8], last: bool) -> Message {
-    let mut message = [0; 8];
-    message[0] = number | u8::from(last) << 7;
-    message[1..=data.len()].copy_from_slice(data);
-    message
+/// The block of at most `block_size` segments that follows the first `confirmed` of an object:
+/// each with its number 1…127 and whether it is the last of the whole transfer.
+pub(super) fn block(
+    object: &[u8],
+    confirmed: usize,
+    block_size: u8,
+) -> impl ExactSizeIterator<Item = Message> {
+    let total = segments(object.len());
+    let count = (total - confirmed).min(usize::from(block_size)) as u8;
+    (1..=count).map(move |number| {
+        let end = confirmed + usize::from(number);
+        let data = &object[(end - 1) * 7..(end * 7).min(object.len())];
+        let mut message = [0; 8];
+        message[0] = number | u8::from(end == total) << 7;
+        message[1..=data.len()].copy_from_slice(data);
+        message
+    })
+}
+
+/// The end of a block transfer: the last segment's unused bytes, and the CRC if wanted.
+pub(super) fn end_of_blocks(object: &[u8], with_crc: bool) -> Message {
+    let unused = (segments(object.len()) * 7 - object.len()) as u8;
+    let crc = if with_crc { crc(object) } else { 0 };
+    let [low, high] = crc.to_le_bytes();
+    [0xC1 | unused << 2, low, high, 0, 0, 0, 0, 0]
 }
 
 /// The toggle bit of a segment or of its request or acknowledgement.
