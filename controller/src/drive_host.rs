@@ -1,7 +1,7 @@
-//! Simulated drives on a real bus: twins behind a SocketCAN interface, on the host's clock.
+//! Simulated drives on a real bus: twins on a bus that others reach, on the host's clock.
 
 use crate::port::PortError;
-use crate::port::socketcan::DriveSocket;
+use crate::port::wire::Wire;
 use crate::realtime;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
@@ -11,17 +11,15 @@ use syncline_drives::bus::Node;
 /// Longest sleep, so that a stop is seen.
 const LOOK_UP: Duration = Duration::from_millis(50);
 
-/// Lets `nodes`, switched on now, live on `interface` until `stop` is set.
+/// Lets `nodes`, switched on now, live on `bus` until `stop` is set.
 ///
 /// # Errors
 /// The interface cannot be used (any longer).
 pub fn host<N: Node>(
-    interface: &str,
-    bit_rate: u32,
+    bus: &mut dyn Wire,
     nodes: &mut [N],
     stop: &AtomicBool,
 ) -> Result<(), PortError> {
-    let mut socket = DriveSocket::open(interface, bit_rate)?;
     let mut answers: Vec<Frame> = Vec::with_capacity(64);
     let start = realtime::now();
     // The nodes' time: from their start, and never backwards.
@@ -34,21 +32,21 @@ pub fn host<N: Node>(
         let now = own_time(realtime::now());
         let deadline = nodes.iter().filter_map(Node::deadline).min();
         let wait = deadline.map_or(LOOK_UP, |due| due.saturating_since(now).min(LOOK_UP));
-        socket.wait(wait)?;
-        while socket.receive(&mut |at, frame| {
+        bus.wait(wait)?;
+        while bus.receive(&mut |at, frame| {
             let at = own_time(at);
             for node in &mut *nodes {
                 live_until(node, at, &mut answers);
                 node.on_frame(at, frame, &mut answers);
             }
         })? {
-            socket.send(&mut answers)?;
+            bus.send(&mut answers)?;
         }
         let now = own_time(realtime::now());
         for node in &mut *nodes {
             live_until(node, now, &mut answers);
         }
-        socket.send(&mut answers)?;
+        bus.send(&mut answers)?;
     }
     Ok(())
 }

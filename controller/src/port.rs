@@ -5,14 +5,21 @@
 //! the number of frames.
 
 pub mod bus_fault;
+mod network;
 pub mod sim;
 pub mod socketcan;
+mod socketcand;
+mod udp;
+pub mod url;
+pub mod wire;
 
 use crate::machine::Machine;
 use sim::SimPort;
 use socketcan::SocketCan;
 use syncline_canopen::{CobId, Frame, Instant, Transmit};
 use syncline_drives::bus::Transmission;
+use url::{BusUrl, NoBus};
+use wire::WirePort;
 
 /// Most frames in one burst: every R_PDO of a bus in one cycle.
 pub const BURST_CAPACITY: usize = 64;
@@ -170,11 +177,8 @@ impl<P: Port + ?Sized> Port for Box<P> {
     }
 }
 
-/// The port name of a simulated bus.
-pub const SIM: &str = "sim";
-
-/// Opens a bus of a machine by the name of its port: [`SIM`], or a SocketCAN interface.
-/// `seed` and `observer` are for a simulated one.
+/// Opens a bus of a machine by the name of its port. `seed` and `observer` are for a simulated
+/// one.
 ///
 /// # Errors
 /// The interface cannot be used, with what to type to mend it.
@@ -185,27 +189,37 @@ pub fn open(
     observer: impl FnMut(&Transmission) + Send + 'static,
 ) -> Result<Box<dyn Port + Send>, PortError> {
     let spec = &machine.buses[bus];
-    if spec.port == SIM {
-        return Ok(Box::new(SimPort::new(machine, bus, seed, observer)?));
+    let url: BusUrl = spec.port.parse().map_err(|error: NoBus| PortError {
+        bus: spec.name.clone(),
+        what: error.to_string(),
+    })?;
+    match url {
+        BusUrl::Sim => Ok(Box::new(SimPort::new(machine, bus, seed, observer)?)),
+        BusUrl::SocketCan(interface) => {
+            let drives = 0..machine.drives.len();
+            let drives = drives.filter(|&drive| machine.drives[drive].bus == bus);
+            let devices: Vec<_> = drives.map(|drive| machine.actuator(drive)).collect();
+            let options = socketcan::Options {
+                bit_rate: spec.bitrate,
+                receive: (devices.iter())
+                    .flat_map(|device| {
+                        let node = device.node();
+                        [
+                            device.t_pdo().cob_id,
+                            CobId::t_sdo(node),
+                            CobId::emcy(node),
+                            CobId::error_control(node),
+                        ]
+                    })
+                    .collect(),
+                burst: devices.iter().map(|device| device.r_pdo().cob_id).collect(),
+            };
+            Ok(Box::new(SocketCan::open(&interface, &options)?))
+        }
+        network => Ok(Box::new(WirePort::new(
+            network.open(spec.bitrate, url::End::Client)?,
+        ))),
     }
-    let drives = (0..machine.drives.len()).filter(|&drive| machine.drives[drive].bus == bus);
-    let devices: Vec<_> = drives.map(|drive| machine.actuator(drive)).collect();
-    let options = socketcan::Options {
-        bit_rate: spec.bitrate,
-        receive: (devices.iter())
-            .flat_map(|device| {
-                let node = device.node();
-                [
-                    device.t_pdo().cob_id,
-                    CobId::t_sdo(node),
-                    CobId::emcy(node),
-                    CobId::error_control(node),
-                ]
-            })
-            .collect(),
-        burst: devices.iter().map(|device| device.r_pdo().cob_id).collect(),
-    };
-    Ok(Box::new(SocketCan::open(&spec.port, &options)?))
 }
 
 /// Why a bus cannot be used (any longer).

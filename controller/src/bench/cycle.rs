@@ -9,7 +9,7 @@ use super::compare::{Difference, quantile_difference};
 use super::rig::{Shape, Shuttle, ready_machine};
 use crate::control::{End, Instruction, Wake};
 use crate::drive_host;
-use crate::port::socketcan::{Options as SocketOptions, SocketCan, StampSource};
+use crate::port::socketcan::{DriveSocket, Options as SocketOptions, SocketCan, StampSource};
 use crate::port::{Port, PortError, Received};
 use crate::realtime::{self, Granted, Settings};
 use crate::run::driver::Driver;
@@ -145,7 +145,8 @@ fn measure_with<const N: usize>(options: &Options) -> Result<Outcome, PortError>
                     priority: DRIVES_PRIORITY,
                     core: None,
                 });
-                drive_host::host(&interface, 1_000_000, &mut twins, &stop)
+                let mut bus = DriveSocket::open(&interface, 1_000_000)?;
+                drive_host::host(&mut bus, &mut twins, &stop)
             })
         })
         .collect();

@@ -3,8 +3,10 @@
 use super::ports::PortChoice;
 use super::{Exit, bad_input, report};
 use crate::drive_host;
-use crate::machine::Machine;
-use crate::port::{self, PortError, sim};
+use crate::machine::{Bus, Machine};
+use crate::port::url::{self, BusUrl, End, NoBus};
+use crate::port::wire::Wire;
+use crate::port::{PortError, sim};
 use crate::realtime::{self, Settings};
 use std::error::Error;
 use std::path::PathBuf;
@@ -49,7 +51,7 @@ impl Args {
     fn prepare(&self) -> Result<Machine, Box<dyn Error>> {
         let mut machine = Machine::load(&self.machine)?;
         self.ports.apply(&mut machine)?;
-        if let Some(bus) = machine.buses.iter().find(|bus| bus.port == port::SIM) {
+        if let Some(bus) = machine.buses.iter().find(|bus| bus.port == url::SIM) {
             return Err(Box::new(NotReal(bus.name.clone())));
         }
         Ok(machine)
@@ -69,7 +71,8 @@ impl Args {
                             priority: PRIORITY,
                             core: None,
                         });
-                        let ended = drive_host::host(&spec.port, spec.bitrate, &mut twins, stop);
+                        let ended = open(spec)
+                            .and_then(|mut bus| drive_host::host(&mut bus, &mut twins, stop));
                         // One bus gone ends the machine.
                         stop.store(true, Ordering::Relaxed);
                         ended
@@ -86,6 +89,15 @@ impl Args {
         });
         Ok(ended?)
     }
+}
+
+/// The bus to be these drives' bus.
+fn open(spec: &Bus) -> Result<Box<dyn Wire + Send>, PortError> {
+    let url: BusUrl = spec.port.parse().map_err(|error: NoBus| PortError {
+        bus: spec.name.clone(),
+        what: error.to_string(),
+    })?;
+    url.open(spec.bitrate, End::Host)
 }
 
 #[derive(Debug, thiserror::Error)]

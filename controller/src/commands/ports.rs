@@ -5,8 +5,9 @@ use crate::machine::Machine;
 /// The machine file's ports, unless the command line says otherwise.
 #[derive(Debug, clap::Args)]
 pub(super) struct PortChoice {
-    /// Use this port instead of the machine file's, for all buses or for the one named: `sim`, or
-    /// a SocketCAN interface such as `can0`. Can be repeated.
+    /// Use this port instead of the machine file's, for all buses or for the one named: `sim`, a
+    /// SocketCAN interface such as `can0`, `socketcand://HOST:PORT/BUS` or
+    /// `udp://GROUP:PORT?interface=NAME`. Can be repeated.
     #[arg(long, value_name = "[BUS=]PORT")]
     bus: Vec<String>,
 }
@@ -16,12 +17,13 @@ impl PortChoice {
     pub(super) fn apply(&self, machine: &mut Machine) -> Result<(), UnknownBus> {
         for choice in &self.bus {
             match choice.split_once('=') {
-                Some((name, port)) => {
+                // The `=` of a URL's query is not ours.
+                Some((name, port)) if !name.contains("://") => {
                     let buses = machine.buses.iter_mut();
                     let bus = buses.into_iter().find(|bus| bus.name == name);
                     bus.ok_or_else(|| UnknownBus(name.to_owned()))?.port = port.to_owned();
                 }
-                None => machine
+                _ => machine
                     .buses
                     .iter_mut()
                     .for_each(|bus| bus.port.clone_from(choice)),

@@ -7,7 +7,7 @@ use super::{Exit, bad_input, report};
 use crate::control::{Controller, End, Event, Layout};
 use crate::gcode::Tables;
 use crate::machine::Machine;
-use crate::port::{self, PortError};
+use crate::port::{self, PortError, url};
 use crate::program::{Beginning, COORDINATES, Extent, Feeder, Program};
 use crate::realtime;
 use crate::run::frames::SharedFrames;
@@ -149,7 +149,7 @@ struct Person {
 
 impl Run<'_> {
     fn execute(self, ports: Ports) -> Result<Exit, Box<dyn Error>> {
-        let lockstep = self.machine.buses.iter().all(|bus| bus.port == port::SIM);
+        let lockstep = self.machine.buses.iter().all(|bus| bus.port == url::SIM);
         let timing = Timing {
             settings: realtime::Settings {
                 priority: self.args.priority,

@@ -10,6 +10,7 @@
 #![allow(unsafe_code)]
 
 use super::bus_fault::{BusFault, FaultCounts, Reaction};
+use super::wire::Wire;
 use super::{BURST_CAPACITY, Burst, Port, PortError, Received};
 use crate::realtime;
 use libc::{c_int, can_frame, iovec, mmsghdr, timespec};
@@ -339,9 +340,10 @@ impl DriveSocket {
     fn fail(&self, doing: &str, error: &io::Error) -> PortError {
         failure(&self.name, doing, error)
     }
+}
 
-    /// Sleeps until something arrives, for `most` at most.
-    pub(crate) fn wait(&self, most: Duration) -> Result<(), PortError> {
+impl Wire for DriveSocket {
+    fn wait(&mut self, most: Duration) -> Result<(), PortError> {
         let mut wanted = libc::pollfd {
             fd: self.socket.as_raw_fd(),
             events: libc::POLLIN,
@@ -363,11 +365,7 @@ impl DriveSocket {
         Ok(())
     }
 
-    /// Hands over some of what has arrived, with its instant of arrival; false if nothing had.
-    pub(crate) fn receive(
-        &mut self,
-        sink: &mut dyn FnMut(Instant, &Frame),
-    ) -> Result<bool, PortError> {
+    fn receive(&mut self, sink: &mut dyn FnMut(Instant, &Frame)) -> Result<bool, PortError> {
         let count = match self.batch.receive(&self.socket) {
             Ok(count) => count,
             Err(error) if error.kind() == io::ErrorKind::WouldBlock => return Ok(false),
@@ -383,8 +381,7 @@ impl DriveSocket {
         Ok(count > 0)
     }
 
-    /// Sends frames in order; what the queue does not take stays in `frames`.
-    pub(crate) fn send(&self, frames: &mut Vec<Frame>) -> Result<(), PortError> {
+    fn send(&mut self, frames: &mut Vec<Frame>) -> Result<(), PortError> {
         while !frames.is_empty() {
             match send_all(&self.socket, frames) {
                 Ok(sent) => drop(frames.drain(..sent)),

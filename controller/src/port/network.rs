@@ -1,0 +1,86 @@
+//! Buses over a network, whatever their protocol: reader threads put what arrives into a channel.
+
+use super::PortError;
+use super::wire::Wire;
+use crossbeam::channel::{self, Receiver, RecvTimeoutError, Sender};
+use std::io;
+use std::time::Duration;
+use syncline_canopen::{Frame, Instant};
+
+/// Frames that wait to be read; a reader that falls behind by more loses the newest.
+const CAPACITY: usize = 65_536;
+
+/// Writes frames to the network.
+pub(super) trait Outlet: Send {
+    /// Writes one frame.
+    fn write(&mut self, frame: &Frame) -> io::Result<()>;
+}
+
+/// What a reader thread puts frames into.
+pub(super) type Inlet = Sender<(Instant, Frame)>;
+
+/// A bus over a network.
+pub(super) struct NetworkBus {
+    name: String,
+    /// The one frame that ended a wait.
+    next: Option<(Instant, Frame)>,
+    inlet: Receiver<(Instant, Frame)>,
+    outlet: Box<dyn Outlet>,
+}
+
+impl NetworkBus {
+    pub(super) fn new(
+        name: String,
+        inlet: Receiver<(Instant, Frame)>,
+        outlet: Box<dyn Outlet>,
+    ) -> Self {
+        Self {
+            name,
+            next: None,
+            inlet,
+            outlet,
+        }
+    }
+
+    pub(super) fn inlet() -> (Inlet, Receiver<(Instant, Frame)>) {
+        channel::bounded(CAPACITY)
+    }
+
+    fn gone(&self) -> PortError {
+        PortError {
+            bus: self.name.clone(),
+            what: "the connection is closed".to_owned(),
+        }
+    }
+}
+
+impl Wire for NetworkBus {
+    fn wait(&mut self, most: Duration) -> Result<(), PortError> {
+        if self.next.is_none() {
+            match self.inlet.recv_timeout(most) {
+                Ok(frame) => self.next = Some(frame),
+                Err(RecvTimeoutError::Timeout) => {}
+                Err(RecvTimeoutError::Disconnected) => return Err(self.gone()),
+            }
+        }
+        Ok(())
+    }
+
+    fn receive(&mut self, sink: &mut dyn FnMut(Instant, &Frame)) -> Result<bool, PortError> {
+        let Some((at, frame)) = self.next.take().or_else(|| self.inlet.try_recv().ok()) else {
+            return Ok(false);
+        };
+        sink(at, &frame);
+        Ok(true)
+    }
+
+    fn send(&mut self, frames: &mut Vec<Frame>) -> Result<(), PortError> {
+        for frame in frames.drain(..) {
+            self.outlet.write(&frame).map_err(|error| PortError {
+                bus: self.name.clone(),
+                what: format!("sending: {error}"),
+            })?;
+        }
+        Ok(())
+    }
+}

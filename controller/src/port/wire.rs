@@ -1,0 +1,94 @@
+//! A bus whose frames are read and written as they come: what tools, and hosts of simulated
+//! drives, use.
+
+use super::{Burst, Port, PortError, Received};
+use std::time::Duration;
+use syncline_canopen::{Frame, Instant};
+
+/// A bus to read from and write to, one frame at a time.
+pub trait Wire {
+    /// Sleeps until something may have arrived, for `most` at most.
+    ///
+    /// # Errors
+    /// The bus is gone.
+    fn wait(&mut self, most: Duration) -> Result<(), PortError>;
+
+    /// Hands over some of what has arrived, with its instant of arrival on CLOCK_MONOTONIC; false
+    /// if nothing had. Own frames are not among it.
+    ///
+    /// # Errors
+    /// The bus is gone.
+    fn receive(&mut self, sink: &mut dyn FnMut(Instant, &Frame)) -> Result<bool, PortError>;
+
+    /// Sends frames in order; what the bus does not take now stays in `frames`.
+    ///
+    /// # Errors
+    /// The bus is gone.
+    fn send(&mut self, frames: &mut Vec<Frame>) -> Result<(), PortError>;
+}
+
+impl<W: Wire + ?Sized> Wire for Box<W> {
+    fn wait(&mut self, most: Duration) -> Result<(), PortError> {
+        (**self).wait(most)
+    }
+
+    fn receive(&mut self, sink: &mut dyn FnMut(Instant, &Frame)) -> Result<bool, PortError> {
+        (**self).receive(sink)
+    }
+
+    fn send(&mut self, frames: &mut Vec<Frame>) -> Result<(), PortError> {
+        (**self).send(frames)
+    }
+}
+
+/// A [`Wire`] under a controller's cycle. It has no priority bands and no echo: good for trying
+/// things out, not for holding a cycle.
+pub struct WirePort<W> {
+    wire: W,
+    queue: Vec<Frame>,
+}
+
+impl<W: Wire> WirePort<W> {
+    /// Over this wire.
+    pub fn new(wire: W) -> Self {
+        Self {
+            wire,
+            queue: Vec::with_capacity(256),
+        }
+    }
+
+    fn send(&mut self, frames: &[Frame]) -> Result<(), PortError> {
+        self.queue.extend_from_slice(frames);
+        self.wire.send(&mut self.queue)
+    }
+}
+
+impl<W: Wire> Port for WirePort<W> {
+    fn echoes(&self) -> bool {
+        false
+    }
+
+    fn receive(&mut self, sink: &mut dyn FnMut(Received)) -> Result<(), PortError> {
+        while self.wire.receive(&mut |at, frame| {
+            sink(Received {
+                at,
+                frame: *frame,
+                echo: false,
+            });
+        })? {}
+        Ok(())
+    }
+
+    fn send_sync(&mut self, frame: &Frame) -> Result<(), PortError> {
+        self.send(std::slice::from_ref(frame))
+    }
+
+    fn send_burst(&mut self, frames: &[Frame]) -> Result<Burst, PortError> {
+        self.send(frames)?;
+        Ok(Burst::Queued)
+    }
+
+    fn send_acyclic(&mut self, frames: &[Frame]) -> Result<(), PortError> {
+        self.send(frames)
+    }
+}
