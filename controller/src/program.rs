@@ -201,6 +201,7 @@ impl Program {
             then: None,
             moves: VecDeque::new(),
             first: 0,
+            switches: VecDeque::new(),
             ended: false,
         })
     }
@@ -304,7 +305,22 @@ pub struct Feeder {
     moves: VecDeque<ProgramMove>,
     /// Tag of the first of `moves`.
     first: u32,
+    /// What is to be switched, each with the tag of the move that it comes before.
+    switches: VecDeque<(u32, Switch)>,
     ended: bool,
+}
+
+/// What a program switches between two moves.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Switch {
+    /// The spindle: M3, M4, M5, S.
+    Spindle(gcode::Spindle),
+    /// The coolant: M7, M8, M9.
+    Coolant(gcode::Coolant),
+    /// The tool that M6 loaded.
+    Tool(u32),
+    /// An M-code for the machine's outputs, and its line.
+    Output(u32, gcode::Output),
 }
 
 impl Feeder {
@@ -365,13 +381,43 @@ impl Feeder {
                     gcode::Stop::Optional => Pause::OptionalStop,
                     gcode::Stop::ToolChange { tool } => Pause::ToolChange(tool),
                 };
+                if let gcode::Stop::ToolChange { tool } = *stop {
+                    self.switch(Switch::Tool(tool));
+                }
                 self.stop_then(Instruction::Pause { reason, line });
             }
+            Action::Spindle(spindle) => self.switch(Switch::Spindle(*spindle)),
+            Action::Coolant(coolant) => self.switch(Switch::Coolant(*coolant)),
+            Action::Output(output) => self.switch(Switch::Output(line, *output)),
             Action::End => self.stop_then(Instruction::End),
             _ => {}
         }
         self.ended |= command.action == Action::End;
         Ok(())
+    }
+
+    fn switch(&mut self, switch: Switch) {
+        let next = self.first + self.moves.len() as u32;
+        self.switches.push_back((next, switch));
+    }
+
+    /// What is switched next, once the move before it is done: the setpoint is in a later move, or
+    /// at the end of that one. `along` is how far it is along the move with the `tag`, mm.
+    pub fn switched(&mut self, tag: u32, position: &Position, along: f64) -> Option<Switch> {
+        let (before, switch) = *self.switches.front()?;
+        let done = before.checked_sub(1).is_none_or(|last| {
+            let motion = self.motion(last).filter(|_| tag == last);
+            motion.is_some_and(|ProgramMove { curve, .. }| {
+                let ends = curve.end().into_iter().zip(position);
+                // A full circle begins at its end too.
+                2.0 * along > curve.length() && ends.map(|(a, b)| a - b).all(|d| d.abs() < 1e-6)
+            })
+        });
+        if tag < before && !done {
+            return None;
+        }
+        self.switches.pop_front();
+        Some(switch)
     }
 
     fn push(&mut self, line: u32, item: Item<COORDINATES>) -> Result<(), ProgramError> {

@@ -61,7 +61,9 @@ fn read_trace(file: &Path) -> Trace {
     let mut lines = text.lines();
     let header: Vec<&str> = lines.next().unwrap().split(',').collect();
     assert_eq!(header[..2], ["t_s", "line"]);
-    let names = header[2..].chunks(2).map(|pair| {
+    let (axes, states) = header[2..].split_at(header.len() - 5);
+    assert_eq!(states, ["spindle", "coolant", "tool"]);
+    let names = axes.chunks(2).map(|pair| {
         let name = pair[0].strip_suffix("_set").unwrap();
         assert_eq!(pair[1], format!("{name}_act"));
         name.to_owned()
@@ -356,4 +358,46 @@ fn trace_json_and_report_tell_the_same() {
     }
     let load = result["bus"][0]["peak_utilisation"].as_f64().unwrap();
     assert!((0.1..1.0).contains(&load), "{load}");
+}
+
+/// Spindle, coolant and tool are on the trace while the moves that they belong to run, and outputs
+/// are told in their order.
+#[test]
+fn what_a_program_switches_is_on_the_trace() {
+    let folder = tempfile::tempdir().unwrap();
+    let (program, trace) = (
+        folder.path().join("part.ngc"),
+        folder.path().join("trace.csv"),
+    );
+    fs::write(
+        &program,
+        "G21 F6000\nM64 P1\nG0 X5 Y9\nM3 S900 M8\nG2 X5 I5\nM5 M9 M101 P0.5 Q2\nG4 P0.1\nT7 M6\n\
+         G1 X20\nM4 S50 M7\nG1 X5\nM65 P1\nM30\n",
+    )
+    .unwrap();
+    let output = Command::new(env!("CARGO_BIN_EXE_syncline"))
+        .args(["validate", "examples/portal/machine.toml"])
+        .args([&program, Path::new("--trace"), &trace])
+        .current_dir(root())
+        .output()
+        .unwrap();
+    let told = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(0), "{told}");
+    assert_eq!(
+        told,
+        "line 2: M64 P1\nline 6: M101 P0.5 Q2\nline 12: M65 P1\n"
+    );
+    let mut states: Vec<String> = Vec::new();
+    for row in fs::read_to_string(trace).unwrap().lines().skip(1) {
+        let fields: Vec<&str> = row.split(',').collect();
+        let state = [&fields[1..2], &fields[fields.len() - 3..]]
+            .concat()
+            .join(",");
+        if states.last() != Some(&state) {
+            states.push(state);
+        }
+    }
+    // All that stands between two moves is switched when the first of them is done.
+    let expected = ["3,0,0,0", "5,900,2,0", "5,0,0,7", "9,0,0,7", "11,-50,1,7"];
+    assert_eq!(states, expected);
 }

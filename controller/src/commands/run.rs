@@ -250,6 +250,9 @@ impl Run<'_> {
                 }
                 News::Row(row) => {
                     recorder.record(&row, feeder.as_mut())?;
+                    while let Some((line, output)) = recorder.output() {
+                        bar.suspend(|| eprintln!("line {line}: {output}"));
+                    }
                     bar.set_position(row.plan.distance as u64);
                     let feed = row.plan.speed * 60.0;
                     bar.set_message(format!("line {}, {feed:.0} mm/min", recorder.line()));

@@ -100,6 +100,9 @@ impl Args {
             let (row, feeder) = virtual_machine.row();
             if let Some(row) = row {
                 recorder.record(row, feeder)?;
+                while let Some((line, output)) = recorder.output() {
+                    eprintln!("line {line}: {output}");
+                }
             }
         }
         if let Some(error) = failure {

@@ -1,5 +1,7 @@
 //! Canonical commands: what a program asks of the machine, in machine coordinates.
 
+use std::fmt;
+
 use super::arc::Arc;
 use super::axes::Point;
 use super::lexer::Columns;
@@ -122,6 +124,19 @@ pub struct Output {
     pub p: Option<f64>,
     /// Its Q word.
     pub q: Option<f64>,
+}
+
+impl fmt::Display for Output {
+    /// As it is written in a program.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "M{}", self.code)?;
+        for (letter, value) in [('P', self.p), ('Q', self.q)] {
+            if let Some(value) = value {
+                write!(f, " {letter}{value}")?;
+            }
+        }
+        Ok(())
+    }
 }
 
 /// Which coolant runs.

@@ -3,10 +3,12 @@
 use super::deviation::distance;
 use crate::control::layout::{self, Layout};
 use crate::control::{Controller, End, Row};
+use crate::gcode::{Coolant, Output, Spindle, Turning};
 use crate::machine::Machine;
-use crate::program::{COORDINATES, Feeder, Position, ProgramMove};
+use crate::program::{COORDINATES, Feeder, Position, ProgramMove, Switch};
 use crate::report::{AxisReport, Report, Violation};
 use serde::Serialize;
+use std::collections::VecDeque;
 use std::fmt::{self, Write as _};
 use std::io::{self, Write};
 use std::time::Duration;
@@ -179,6 +181,13 @@ pub struct Recorder {
     violations: Vec<Violation>,
     path: PathSummary,
     line: u32,
+    /// The move of the last row, and the distance at its first.
+    tag: (u32, f64),
+    spindle: Spindle,
+    coolant: Coolant,
+    tool: u32,
+    /// Outputs that were due and nobody took.
+    outputs: VecDeque<(u32, Output)>,
     cycles: u64,
     motion: Option<(u64, u64)>,
     trace: Option<Box<dyn Write>>,
@@ -202,7 +211,7 @@ impl Recorder {
             for axis in &machine.axes {
                 write!(trace, ",{0}_set,{0}_act", axis.name)?;
             }
-            writeln!(trace)?;
+            writeln!(trace, ",spindle,coolant,tool")?;
         }
         Ok(Self {
             cycle: machine.cycle,
@@ -224,6 +233,11 @@ impl Recorder {
             violations: Vec::new(),
             path: PathSummary::default(),
             line: 0,
+            tag: (0, 0.0),
+            spindle: Spindle::default(),
+            coolant: Coolant::default(),
+            tool: 0,
+            outputs: VecDeque::new(),
             cycles: 0,
             motion: None,
             trace,
@@ -304,7 +318,13 @@ impl Recorder {
                 let sample = &row.axes[axis.coordinate];
                 let _ = write!(self.text, ",{},{}", sample.set, sample.act);
             }
-            self.text.push('\n');
+            let spindle = match self.spindle.turning {
+                Turning::Clockwise => self.spindle.speed,
+                Turning::Counterclockwise => -self.spindle.speed,
+                Turning::Off => 0.0,
+            };
+            let coolant = u8::from(self.coolant.mist) + 2 * u8::from(self.coolant.flood);
+            let _ = writeln!(self.text, ",{spindle},{coolant},{}", self.tool);
             trace.write_all(self.text.as_bytes())?;
         }
         Ok(())
@@ -318,6 +338,18 @@ impl Recorder {
     /// Compares setpoint and actual position with the programmed geometry.
     fn follow_path(&mut self, time: f64, row: &Row<COORDINATES>, feeder: &mut Feeder) {
         let tag = row.plan.tag;
+        if self.tag.0 != tag {
+            self.tag = (tag, row.plan.distance);
+        }
+        let along = row.plan.distance - self.tag.1;
+        while let Some(switch) = feeder.switched(tag, &row.plan.position, along) {
+            match switch {
+                Switch::Spindle(spindle) => self.spindle = spindle,
+                Switch::Coolant(coolant) => self.coolant = coolant,
+                Switch::Tool(tool) => self.tool = tool,
+                Switch::Output(line, output) => self.outputs.push_back((line, output)),
+            }
+        }
         feeder.passed(tag.saturating_sub(BEHIND));
         let Some(motion) = feeder.motion(tag) else {
             return;
@@ -354,6 +386,11 @@ impl Recorder {
                     unit: "mm",
                 }
             });
+    }
+
+    /// The next M-code for the machine's outputs whose time has come, and its program line.
+    pub fn output(&mut self) -> Option<(u32, Output)> {
+        self.outputs.pop_front()
     }
 
     /// The program line of the last row.
