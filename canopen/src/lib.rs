@@ -9,10 +9,11 @@
 //!   node's and master's side
 //! - [`eds`]: electronic data sheets (CiA 306), read, written and compared
 //! - [`node`]: a whole slave of them, for a device to be embedded in
+//! - [`monitor`]: what the frames on a bus mean, told to a person
 //! - [`cia402`]: a drive's words and states
 //!
-//! Nothing here opens a socket, starts a thread, reads a clock or logs, and nothing allocates
-//! after construction.
+//! Nothing here opens a socket, starts a thread, reads a clock or logs, and no protocol allocates
+//! after construction (data sheets and the monitor's texts do).
 #![forbid(unsafe_code)]
 
 pub mod budget;
@@ -24,6 +25,7 @@ pub mod frame;
 pub mod guarding;
 pub mod heartbeat;
 pub mod id;
+pub mod monitor;
 pub mod nmt;
 pub mod node;
 pub mod pdo;

@@ -3,6 +3,7 @@
 
 use libfuzzer_sys::fuzz_target;
 use syncline_canopen::emcy::Emergency;
+use syncline_canopen::monitor::Monitor;
 use syncline_canopen::nmt::{Request, State};
 use syncline_canopen::time::Duration;
 use syncline_canopen::{CanId, Frame, NodeId, guarding, heartbeat};
@@ -14,6 +15,8 @@ fuzz_target!(|input: (bool, Vec<(u16, u8, [u8; 8])>)| {
     let id = NodeId::new(1).expect("1…127");
     let mut master = guarding::Master::new(id, Duration::from_millis(20), 3, victim.now);
     let mut watcher = heartbeat::Consumer::new(id, Duration::from_millis(50));
+    let mut monitor = Monitor::new();
+    monitor.add(id, syncline_fuzz::TABLE);
     for (id, kind, bytes) in frames {
         let id = CanId::Standard(id & 0x7FF);
         let length = kind & 0x0F;
@@ -33,6 +36,7 @@ fuzz_target!(|input: (bool, Vec<(u16, u8, [u8; 8])>)| {
                 master.on_frame(&frame),
                 watcher.on_frame(victim.now, &frame),
             );
+            let _ = monitor.decode(&frame);
             victim.receive(&frame);
         }
         let _ = (master.poll(victim.now, &mut sent), watcher.poll(victim.now));

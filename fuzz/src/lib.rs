@@ -6,7 +6,7 @@ use syncline_canopen::time::Duration;
 use syncline_canopen::{CanId, Frame, Instant, NodeId};
 
 #[rustfmt::skip]
-static TABLE: [Entry; 55] = table([
+static ROWS: [Entry; 55] = table([
     ro(0x1000, 0, "Device type", U32),
     ro(0x1001, 0, "Error register", U8),
     rw(0x1003, 0, "Number of errors", U8),
@@ -64,6 +64,9 @@ static TABLE: [Entry; 55] = table([
     rw(0x6203, 0, "Flag", Bool).r_pdo().t_pdo(),
 ]);
 
+/// What the victim's dictionary holds.
+pub static TABLE: &[Entry] = &ROWS;
+
 /// A node with the id 1 that has booted, and its values.
 pub struct Victim {
     /// The node.
@@ -80,7 +83,7 @@ impl Victim {
     /// The node, with strict parameters or with lenient ones.
     pub fn new(lenient: bool) -> Self {
         let id = NodeId::new(1).expect("1…127");
-        let mut objects = Dictionary::new(&TABLE, id);
+        let mut objects = Dictionary::new(TABLE, id);
         let parameters = if lenient {
             ParameterRules::Lenient {
                 pdo: 0x8000_07FF,

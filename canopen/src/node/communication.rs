@@ -47,7 +47,7 @@ pub(super) fn valid_cob_id(word: i64) -> Option<CobId> {
 }
 
 /// What 1600h ff. or 1A00h ff. map.
-pub(super) fn mapping_of(objects: &Dictionary, index: u16) -> impl Iterator<Item = Mapped> {
+pub(crate) fn mapping_of(objects: &Dictionary, index: u16) -> impl Iterator<Item = Mapped> {
     let count = objects
         .value(index, 0)
         .unwrap_or(0)

@@ -41,6 +41,7 @@ use crate::sync::Sync;
 use crate::time::Duration;
 use crate::{CanId, CobId, Frame, Instant, NodeId, Transmit};
 use communication::Communication;
+pub(crate) use communication::mapping_of;
 
 /// By which service a value comes to an object.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
