@@ -56,6 +56,16 @@ impl Words {
             Standing::Supported(group) => {
                 let slot = &mut self.codes[group as usize];
                 if let Some((first, _)) = *slot {
+                    // Post-processors write `G0 … G80` in one block: the cycle ends, G0 is on.
+                    let plain = |code| matches!(code, Code::G(0 | 10 | 20 | 30));
+                    match (first, code) {
+                        (Code::G(800), second) if plain(second) => {
+                            *slot = Some((code, columns));
+                            return Ok(());
+                        }
+                        (first, Code::G(800)) if plain(first) => return Ok(()),
+                        _ => {}
+                    }
                     return refuse(Fault::Conflict {
                         first,
                         second: code,

@@ -125,6 +125,19 @@ M2"
 }
 
 #[test]
+fn preambles_as_post_processors_write_them() {
+    insta::assert_snapshot!(listing(
+        "G0 G17 G40 G49 G80 G90 G21
+X1
+G90 G80 G1 F100 X2
+G81 X3 Z-1 R1
+G80 G0 Z5
+M2"
+    ));
+    assert!(run("G80 G81 X1 Z-1 R1 F100").is_err());
+}
+
+#[test]
 fn ends() {
     for program in ["M2", "M30", "%\n%", "G21", "", "\n\n%\nG21\n%\nrubbish !"] {
         let commands = run(program).unwrap();
