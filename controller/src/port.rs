@@ -8,7 +8,7 @@ pub mod bus_fault;
 mod network;
 pub mod sim;
 pub mod socketcan;
-mod socketcand;
+pub(crate) mod socketcand;
 mod udp;
 pub mod url;
 pub mod wire;

@@ -1,45 +1,104 @@
-//! `syncline drives`: a machine's drives, simulated on real buses.
+//! `syncline drives`: drives simulated on real buses.
 
 use super::ports::PortChoice;
 use super::{Exit, bad_input, report};
 use crate::drive_host;
-use crate::machine::{Bus, Machine};
-use crate::port::url::{self, BusUrl, End, NoBus};
+use crate::machine::Machine;
+use crate::port::socketcand::Beacon;
+use crate::port::url::{BusUrl, End};
 use crate::port::wire::Wire;
 use crate::port::{PortError, sim};
 use crate::realtime::{self, Settings};
 use std::error::Error;
+use std::io::{self, Write};
 use std::path::PathBuf;
+use std::str::FromStr;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
+use std::time::{Duration, Instant};
+use syncline_canopen::NodeId;
+use syncline_drives::model::{MODELS, Model};
+use syncline_drives::twin::lxm32m::{Policies, Twin, TwinConfig};
 
 /// Below a controller's on the same host.
 const PRIORITY: u8 = 50;
 
-/// Simulate a machine's drives on real buses, until Ctrl-C.
+/// Simulate drives on real buses, until Ctrl-C.
 ///
-/// Each drive of the machine file comes up on its bus as the device would, to be used by
-/// `syncline run` elsewhere or by any other CANopen master.
+/// Each drive of the machine file, or each --node, comes up on its bus as the device would, to be
+/// used by `syncline run` elsewhere or by any other CANopen master. Says which drives are on which
+/// bus, a line each, once they are there.
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
     /// Machine file (TOML).
-    machine: PathBuf,
+    #[arg(required_unless_present = "nodes")]
+    machine: Option<PathBuf>,
+    /// A single drive instead of a machine's, such as 1:lxm32m. Can be repeated.
+    #[arg(
+        long = "node",
+        value_name = "ID:MODEL",
+        conflicts_with = "machine",
+        requires = "bus"
+    )]
+    nodes: Vec<SingleNode>,
     #[command(flatten)]
     ports: PortChoice,
+    /// Bit rate of the bus with the --node drives, bit/s.
+    #[arg(long, default_value_t = 1_000_000, conflicts_with = "machine")]
+    bitrate: u32,
+    /// For masters on ordinary computers: SYNC may come when it likes, missing setpoints are
+    /// ridden out by holding the last one, the first setpoint may be anywhere.
+    #[arg(long)]
+    tolerant: bool,
+    /// Announce socketcand buses every 3 s on UDP port 42000 of their network.
+    #[arg(long)]
+    beacon: bool,
     /// Varies encoder noise, response delays and oscillator errors.
     #[arg(long, default_value_t = 0)]
     seed: u64,
 }
 
+/// A drive without a machine file.
+#[derive(Clone, Debug)]
+struct SingleNode {
+    node: NodeId,
+    model: &'static Model,
+}
+
+impl FromStr for SingleNode {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let (node, model) = text.split_once(':').ok_or("write ID:MODEL")?;
+        let node = node.parse().ok().and_then(NodeId::new);
+        Ok(Self {
+            node: node.ok_or("the node id is a number from 1 to 127")?,
+            model: Model::by_name(model).ok_or_else(|| {
+                let known: Vec<_> = MODELS.iter().map(|model| model.name).collect();
+                format!("no model `{model}`, only {}", known.join(", "))
+            })?,
+        })
+    }
+}
+
+/// A bus to be, with its drives.
+struct Hosted {
+    url: BusUrl,
+    bitrate: u32,
+    /// `X1 = node 1 (LXM32M)`.
+    drives: Vec<String>,
+    twins: Vec<TwinConfig>,
+}
+
 impl Args {
     /// Hosts the drives.
     pub(super) fn execute(self) -> Exit {
-        let machine = match self.prepare() {
-            Ok(machine) => machine,
+        let buses = match self.prepare() {
+            Ok(buses) => buses,
             Err(error) => return bad_input(&*error),
         };
-        match self.host(&machine) {
+        match self.host(buses) {
             Ok(()) => Exit::Finished,
             Err(error) => {
                 report(&*error);
@@ -48,37 +107,97 @@ impl Args {
         }
     }
 
-    fn prepare(&self) -> Result<Machine, Box<dyn Error>> {
-        let mut machine = Machine::load(&self.machine)?;
-        self.ports.apply(&mut machine)?;
-        if let Some(bus) = machine.buses.iter().find(|bus| bus.port == url::SIM) {
-            return Err(Box::new(NotReal(bus.name.clone())));
+    fn prepare(&self) -> Result<Vec<Hosted>, Box<dyn Error>> {
+        let mut buses = match &self.machine {
+            Some(file) => {
+                let mut machine = Machine::load(file)?;
+                self.ports.apply(&mut machine)?;
+                self.machine_buses(&machine)?
+            }
+            None => vec![self.single_nodes()?],
+        };
+        if let Some(bus) = buses.iter().find(|bus| bus.url == BusUrl::Sim) {
+            return Err(NotReal(bus.drives.join(", ")).into());
         }
-        Ok(machine)
+        let served = |bus: &Hosted| matches!(bus.url, BusUrl::Socketcand { .. });
+        if self.beacon && !buses.iter().any(served) {
+            return Err("--beacon: no bus is served by socketcand://".into());
+        }
+        for twin in buses.iter_mut().flat_map(|bus| &mut bus.twins) {
+            if self.tolerant {
+                twin.policies = Policies::tolerant();
+            }
+        }
+        Ok(buses)
     }
 
-    fn host(&self, machine: &Machine) -> Result<(), Box<dyn Error>> {
+    fn machine_buses(&self, machine: &Machine) -> Result<Vec<Hosted>, Box<dyn Error>> {
+        let host = |(index, bus): (usize, &crate::machine::Bus)| {
+            let drives = machine.drives.iter().filter(|drive| drive.bus == index);
+            Ok(Hosted {
+                url: bus.port.parse()?,
+                bitrate: bus.bitrate,
+                drives: drives
+                    .map(|drive| format!("{} = {}", drive.name, describe(drive.node, drive.model)))
+                    .collect(),
+                twins: sim::twins(machine, index, self.seed).collect(),
+            })
+        };
+        machine.buses.iter().enumerate().map(host).collect()
+    }
+
+    fn single_nodes(&self) -> Result<Hosted, Box<dyn Error>> {
+        let ids = self.nodes.iter().map(|single| single.node);
+        for (index, node) in ids.clone().enumerate() {
+            if ids.clone().take(index).any(|other| other == node) {
+                return Err(format!("--node: two drives with node id {node}").into());
+            }
+        }
+        Ok(Hosted {
+            url: self.ports.only()?,
+            bitrate: self.bitrate,
+            drives: (self.nodes.iter())
+                .map(|single| describe(single.node, single.model))
+                .collect(),
+            twins: (ids.enumerate())
+                .map(|(index, node)| sim::twin(node, index, self.seed))
+                .collect(),
+        })
+    }
+
+    fn host(&self, buses: Vec<Hosted>) -> Result<(), Box<dyn Error>> {
         let stop = Arc::new(AtomicBool::new(false));
         let asked = Arc::clone(&stop);
         ctrlc::set_handler(move || asked.store(true, Ordering::Relaxed))?;
+        let mut wires = Vec::new();
+        let mut beacons = Vec::new();
+        for bus in &buses {
+            let wire = bus.url.open(bus.bitrate, End::Host)?;
+            if self.beacon
+                && let BusUrl::Socketcand { address, bus } = wire.name().parse()?
+            {
+                beacons.push(Beacon::new(&address, &bus)?);
+            }
+            wires.push(wire);
+        }
         let ended: Result<(), PortError> = thread::scope(|scope| {
-            let hosts: Vec<_> = (machine.buses.iter().enumerate())
-                .map(|(bus, spec)| {
-                    let mut twins: Vec<_> = sim::twins(machine, bus, self.seed).collect();
-                    let stop = &stop;
-                    scope.spawn(move || {
-                        let _granted = realtime::enter(&Settings {
-                            priority: PRIORITY,
-                            core: None,
-                        });
-                        let ended = open(spec)
-                            .and_then(|mut bus| drive_host::host(&mut bus, &mut twins, stop));
-                        // One bus gone ends the machine.
-                        stop.store(true, Ordering::Relaxed);
-                        ended
-                    })
-                })
-                .collect();
+            let mut hosts = Vec::new();
+            for (mut wire, bus) in wires.into_iter().zip(buses) {
+                announce(&*wire, &bus);
+                let stop = &stop;
+                hosts.push(scope.spawn(move || {
+                    let _granted = realtime::enter(&Settings {
+                        priority: PRIORITY,
+                        core: None,
+                    });
+                    let mut twins: Vec<_> = bus.twins.into_iter().map(Twin::new).collect();
+                    let ended = drive_host::host(&mut wire, &mut twins, stop);
+                    // One bus gone ends the machine.
+                    stop.store(true, Ordering::Relaxed);
+                    ended
+                }));
+            }
+            send_beacons(&beacons, &stop);
             for host in hosts {
                 match host.join() {
                     Ok(ended) => ended?,
@@ -91,15 +210,35 @@ impl Args {
     }
 }
 
-/// The bus to be these drives' bus.
-fn open(spec: &Bus) -> Result<Box<dyn Wire + Send>, PortError> {
-    let url: BusUrl = spec.port.parse().map_err(|error: NoBus| PortError {
-        bus: spec.name.clone(),
-        what: error.to_string(),
-    })?;
-    url.open(spec.bitrate, End::Host)
+fn describe(node: NodeId, model: &Model) -> String {
+    format!("node {node} ({})", model.title)
+}
+
+/// Says what is hosted where.
+fn announce(wire: &dyn Wire, bus: &Hosted) {
+    let reach = match &bus.url {
+        BusUrl::Udp { interface, .. } => {
+            format!("; multicast on interface {interface} only, ?interface=NAME chooses")
+        }
+        _ => String::new(),
+    };
+    let drives = bus.drives.join(", ");
+    // Nobody reading any more is fine.
+    let _ = writeln!(io::stdout(), "{}: {drives}{reach}", wire.name());
+}
+
+/// Sends beacons, if there are any, until `stop` is set.
+fn send_beacons(beacons: &[Beacon], stop: &AtomicBool) {
+    let mut next = Instant::now();
+    while !beacons.is_empty() && !stop.load(Ordering::Relaxed) {
+        if Instant::now() >= next {
+            beacons.iter().for_each(Beacon::send);
+            next += Beacon::INTERVAL;
+        }
+        thread::sleep(Duration::from_millis(50));
+    }
 }
 
 #[derive(Debug, thiserror::Error)]
-#[error("bus {0} is simulated within `run`: give it a real one, such as --bus vcan0")]
+#[error("the bus of {0} is simulated within `run`: give it a real one, such as --bus vcan0")]
 struct NotReal(String);

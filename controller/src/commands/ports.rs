@@ -1,6 +1,8 @@
 //! Which port each bus of a machine is reached through.
 
 use crate::machine::Machine;
+use crate::port::url::BusUrl;
+use std::error::Error;
 
 /// The machine file's ports, unless the command line says otherwise.
 #[derive(Debug, clap::Args)]
@@ -30,6 +32,14 @@ impl PortChoice {
             }
         }
         Ok(())
+    }
+
+    /// The one bus, where there is no machine file.
+    pub(super) fn only(&self) -> Result<BusUrl, Box<dyn Error>> {
+        match &self.bus[..] {
+            [url] => Ok(url.parse::<BusUrl>()?),
+            _ => Err("--bus: one bus for all nodes without a machine file".into()),
+        }
     }
 }
 

@@ -55,6 +55,10 @@ impl NetworkBus {
 }
 
 impl Wire for NetworkBus {
+    fn name(&self) -> &str {
+        &self.name
+    }
+
     fn wait(&mut self, most: Duration) -> Result<(), PortError> {
         if self.next.is_none() {
             match self.inlet.recv_timeout(most) {

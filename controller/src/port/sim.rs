@@ -2,7 +2,7 @@
 
 use super::{Burst, Port, PortError, Received};
 use crate::machine::Machine;
-use syncline_canopen::{Frame, Instant};
+use syncline_canopen::{Frame, Instant, NodeId};
 use syncline_drives::bus::{Band, BitRate, SimBus, Transmission};
 use syncline_drives::twin::lxm32m::{Twin, TwinConfig};
 
@@ -34,7 +34,7 @@ impl SimPort {
         })?;
         Ok(Self::of_twins(
             bit_rate,
-            twins(machine, bus, seed),
+            twins(machine, bus, seed).map(Twin::new),
             observer,
         ))
     }
@@ -61,18 +61,24 @@ impl SimPort {
     }
 }
 
-/// The drives of a bus, switched on with their axes at rest. `seed` varies encoder noise,
+/// The drives of a bus, to be switched on with their axes at rest. `seed` varies encoder noise,
 /// response delays and oscillator errors.
-pub fn twins(machine: &Machine, bus: usize, seed: u64) -> impl Iterator<Item = Twin> {
+pub fn twins(machine: &Machine, bus: usize, seed: u64) -> impl Iterator<Item = TwinConfig> {
     let drives = machine.drives.iter().enumerate();
     let drives = drives.filter(move |(_, drive)| drive.bus == bus);
-    drives.map(move |(index, drive)| {
-        Twin::new(TwinConfig {
-            seed: seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ index as u64,
-            initial_position: initial_position(machine, index),
-            ..TwinConfig::new(drive.node)
-        })
+    drives.map(move |(index, drive)| TwinConfig {
+        initial_position: initial_position(machine, index),
+        ..twin(drive.node, index, seed)
     })
+}
+
+/// The `index`-th drive of a bus or machine, its encoder at zero.
+#[must_use]
+pub fn twin(node: NodeId, index: usize, seed: u64) -> TwinConfig {
+    TwinConfig {
+        seed: seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ index as u64,
+        ..TwinConfig::new(node)
+    }
 }
 
 /// Where a drive's encoder stands when its axis is at rest, increments.

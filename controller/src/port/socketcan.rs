@@ -343,6 +343,10 @@ impl DriveSocket {
 }
 
 impl Wire for DriveSocket {
+    fn name(&self) -> &str {
+        &self.name
+    }
+
     fn wait(&mut self, most: Duration) -> Result<(), PortError> {
         let mut wanted = libc::pollfd {
             fd: self.socket.as_raw_fd(),

@@ -17,7 +17,7 @@ use super::network::{Inlet, NetworkBus, Outlet};
 use crate::realtime;
 use std::fmt::Write as _;
 use std::io::{self, Read, Write};
-use std::net::{SocketAddr, TcpListener, TcpStream, ToSocketAddrs};
+use std::net::{IpAddr, Ipv4Addr, SocketAddr, TcpListener, TcpStream, ToSocketAddrs, UdpSocket};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
@@ -27,6 +27,8 @@ use syncline_canopen::{CanId, Frame};
 const TIMEOUT: Duration = Duration::from_secs(10);
 /// After `< ok >` to `< rawmode >`, before the first frame.
 const PAUSE: Duration = Duration::from_millis(20);
+/// Where servers announce themselves.
+const BEACON_PORT: u16 = 42_000;
 /// The longest message of raw mode is far shorter.
 const LONGEST: usize = 200;
 
@@ -223,6 +225,10 @@ pub(super) fn serve(name: &str, address: &str, bus: &str) -> Result<NetworkBus, 
         what: format!("cannot listen: {error}"),
     };
     let listener = TcpListener::bind(address).map_err(fail)?;
+    let name = format!(
+        "socketcand://{}/{bus}",
+        listener.local_addr().map_err(fail)?
+    );
     let clients = Clients::default();
     let (inlet, frames) = NetworkBus::inlet();
     let bus_name = bus.to_owned();
@@ -236,11 +242,53 @@ pub(super) fn serve(name: &str, address: &str, bus: &str) -> Result<NetworkBus, 
             });
         }
     });
-    Ok(NetworkBus::new(
-        name.to_owned(),
-        frames,
-        Box::new(Server(clients)),
-    ))
+    Ok(NetworkBus::new(name, frames, Box::new(Server(clients))))
+}
+
+/// Announces a served bus on the network of its address, on loopback only to this host.
+pub(crate) struct Beacon {
+    socket: UdpSocket,
+    to: SocketAddr,
+    text: String,
+}
+
+impl Beacon {
+    /// How often it is to be sent.
+    pub(crate) const INTERVAL: Duration = Duration::from_secs(3);
+
+    /// The beacon of `bus`, served at `address`.
+    ///
+    /// # Errors
+    /// The address is not one of an IPv4 interface of this host.
+    pub(crate) fn new(address: &str, bus: &str) -> Result<Self, PortError> {
+        let fail = |what: String| PortError {
+            bus: format!("socketcand://{address}/{bus}"),
+            what: format!("no beacon: {what}"),
+        };
+        let served = resolve(address).map_err(|error| fail(error.to_string()))?;
+        let to = match served.ip() {
+            IpAddr::V4(ip) if ip.is_loopback() => ip,
+            IpAddr::V4(ip) if !ip.is_unspecified() => Ipv4Addr::BROADCAST,
+            _ => return Err(fail("it tells an IPv4 address: serve on one".to_owned())),
+        };
+        let socket = UdpSocket::bind((served.ip(), 0))
+            .and_then(|socket| socket.set_broadcast(true).map(|()| socket))
+            .map_err(|error| fail(error.to_string()))?;
+        Ok(Self {
+            socket,
+            to: (to, BEACON_PORT).into(),
+            text: format!(
+                "<CANBeacon name=\"syncline\" type=\"SocketCAN\" \
+                 description=\"simulated drives\"><URL>can://{served}</URL>\
+                 <Bus name=\"{bus}\"/></CANBeacon>"
+            ),
+        })
+    }
+
+    /// Sends it once; nobody listening is no error.
+    pub(crate) fn send(&self) {
+        let _ = self.socket.send_to(self.text.as_bytes(), self.to);
+    }
 }
 
 /// Speaks with one client until it leaves.

@@ -7,6 +7,9 @@ use syncline_canopen::{Frame, Instant};
 
 /// A bus to read from and write to, one frame at a time.
 pub trait Wire {
+    /// Its URL, with the port number that the host gave if any was asked for.
+    fn name(&self) -> &str;
+
     /// Sleeps until something may have arrived, for `most` at most.
     ///
     /// # Errors
@@ -28,6 +31,10 @@ pub trait Wire {
 }
 
 impl<W: Wire + ?Sized> Wire for Box<W> {
+    fn name(&self) -> &str {
+        (**self).name()
+    }
+
     fn wait(&mut self, most: Duration) -> Result<(), PortError> {
         (**self).wait(most)
     }
