@@ -181,6 +181,13 @@ fn set_fifo(priority: u8) -> io::Result<()> {
     check(unsafe { libc::sched_setscheduler(0, libc::SCHED_FIFO, &raw const parameters) })
 }
 
+/// The last core that this process may use, if it may use several; interrupts gather on the first.
+#[must_use]
+pub fn last_core() -> Option<usize> {
+    let cores = core_affinity::get_core_ids()?;
+    (cores.len() > 1).then(|| cores.last().map(|core| core.id))?
+}
+
 /// Takes the core from the caller, never from `get_core_ids`: that lists the inherited mask, in
 /// which isolated cores are missing. The mask is read back, since cpusets narrow it silently.
 fn pin(core: usize) -> io::Result<()> {

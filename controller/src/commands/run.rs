@@ -55,7 +55,8 @@ pub(super) struct Args {
     /// Real-time priority of the cycle, 1…99.
     #[arg(long, default_value_t = 80, value_parser = clap::value_parser!(u8).range(1..=99))]
     priority: u8,
-    /// Processor core of the cycle; an isolated one is best.
+    /// Processor core of the cycle; an isolated one is best. Without it, the last one that this
+    /// process may use.
     #[arg(long)]
     core: Option<usize>,
     /// Spend this time before each wake-up awake, µs.
@@ -153,7 +154,7 @@ impl Run<'_> {
         let timing = Timing {
             settings: realtime::Settings {
                 priority: self.args.priority,
-                core: self.args.core,
+                core: self.args.core.or_else(realtime::last_core),
             },
             spin: Duration::from_micros(self.args.spin),
             lockstep,
