@@ -639,10 +639,14 @@ impl Frame {
         let mut y = growth.solve(distance - at.d, extent);
         let (mut low, mut high) = (0.0, extent);
         let mut plan = self.plan(held, start, y);
-        for _ in 0..100 {
+        for round in 0..100 {
             let reach = self.reach(&plan);
             let over = reach.d - distance;
-            if over.abs() <= 2.0 * f64::EPSILON * reach.length {
+            let step = over / (reach.h * growth.pace(y));
+            // Where the phases' own rounding is more than that, do not chase it.
+            if over.abs() <= f64::from(2 + 6 * round) * f64::EPSILON * reach.length
+                || round > 0 && step.abs() <= 64.0 * f64::EPSILON * y
+            {
                 break;
             }
             if over > 0.0 {
@@ -650,15 +654,20 @@ impl Frame {
             } else {
                 low = y;
             }
-            let mut next = y - over / (reach.h * growth.pace(y));
-            if !(next > low && next < high) {
+            let mut next = y - step;
+            // A small step out of the bracket is rounding too; a large one is not Newton's to take.
+            let last = step.abs() <= 1e-12 * extent;
+            if !(next > low && next < high) && !last {
                 next = 0.5 * (low + high);
+                if !(next > low && next < high) {
+                    break;
+                }
             }
-            if next == y || !(next > low && next < high) {
+            y = next.clamp(0.0, extent);
+            plan = self.plan(held, start, y);
+            if last {
                 break;
             }
-            y = next;
-            plan = self.plan(held, start, y);
         }
         plan
     }
