@@ -3,3 +3,4 @@
 pub mod campaign;
 pub mod cases;
 pub mod peer;
+pub mod properties;

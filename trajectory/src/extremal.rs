@@ -657,7 +657,8 @@ impl Frame {
             let mut next = y - step;
             // A small step out of the bracket is rounding too; a large one is not Newton's to take.
             let last = step.abs() <= 1e-12 * extent;
-            if !(next > low && next < high) && !last {
+            let inside = next > low && next < high;
+            if !(inside || last) {
                 next = 0.5 * (low + high);
                 if !(next > low && next < high) {
                     break;
