@@ -234,7 +234,9 @@ impl Run<'_> {
                     person.lines = None;
                 }
                 Err(channel::TryRecvError::Disconnected) => {
-                    bar.println("standard input is closed, nobody can go on: stopping");
+                    bar.suspend(|| {
+                        eprintln!("standard input is closed, nobody can go on: stopping");
+                    });
                     link.order(Order::Interrupt);
                     person.lines = None;
                 }
@@ -244,7 +246,7 @@ impl Run<'_> {
         while let Some(news) = link.news() {
             match news {
                 News::Event(event) => self.tell(&event, bar, person),
-                News::BusFailed(error) => bar.println(error.to_string()),
+                News::BusFailed(error) => bar.suspend(|| eprintln!("{error}")),
                 News::Ready(start) => {
                     self.program.check(start)?;
                     *feeder = Some(self.program.feeder(start)?);

@@ -2,6 +2,7 @@
 
 use super::fault::{AxisIndex, BusIndex, DriveIndex, Fault, Names};
 use std::fmt;
+use std::time::Duration;
 use syncline_canopen::sdo::AbortCode;
 use syncline_drives::model::Address;
 
@@ -68,6 +69,13 @@ pub enum Event {
         bus: BusIndex,
         /// The cycle.
         cycle: u64,
+    },
+    /// A wake-up came so late that whole cycles passed without SYNC.
+    LostCycles {
+        /// How many.
+        lost: u64,
+        /// How late it was.
+        late: Duration,
     },
     /// The program waits for a person.
     Paused {
@@ -214,6 +222,11 @@ impl Event {
             Self::LateSetpoint { bus, cycle } => format!(
                 "bus {}: the setpoints of cycle {cycle} missed their SYNC",
                 names.bus(bus)
+            ),
+            Self::LostCycles { lost, late } => format!(
+                "woke {:.3} ms late: {lost} cycles without SYNC; `syncline doctor` and `syncline \
+                 bench cycle` tell why",
+                late.as_secs_f64() * 1e3
             ),
             Self::Paused { line, reason } => format!("line {line}: {reason}"),
             Self::Resumed => "going on".to_owned(),

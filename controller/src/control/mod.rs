@@ -209,9 +209,30 @@ impl<const N: usize> Controller<N> {
             self.cycle += 1;
             self.sync_at += self.layout.cycle;
         } else {
+            self.leave_out_lost_cycles(now);
             self.on_sync(now, out);
         }
         self.setpoint_is_next = !self.setpoint_is_next;
+    }
+
+    /// After a wake-up so late that whole cycles are over: their SYNCs are not made up for, the
+    /// next one comes at its own instant. One lost cycle is a dropped setpoint, the next is again
+    /// that of its own instant; more are a fault, and the stop begins where the plan was left, so
+    /// that no drive sees a setpoint far from its last one.
+    fn leave_out_lost_cycles(&mut self, now: Instant) {
+        let late = now.saturating_since(self.sync_at);
+        let lost = (late.as_nanos() / self.layout.cycle.as_nanos()) as u64;
+        if lost > 0 && self.streams() {
+            self.tell(Event::LostCycles { lost, late });
+            for cycle in (self.cycle..).take(lost.min(2) as usize) {
+                (0..self.lateness.len()).for_each(|bus| self.miss(bus, cycle));
+            }
+            if lost == 1 && self.frozen {
+                self.plan();
+            }
+        }
+        self.cycle += lost;
+        self.sync_at += self.layout.cycle * u32::try_from(lost).unwrap_or(u32::MAX);
     }
 
     fn on_sync(&mut self, now: Instant, out: &mut [Outbox]) {
@@ -235,7 +256,7 @@ impl<const N: usize> Controller<N> {
         for bus in 0..self.lateness.len() {
             // What has not left by now has missed this cycle's SYNC.
             if std::mem::take(&mut self.lateness[bus].unsent) > 0 {
-                self.miss(bus);
+                self.miss(bus, self.cycle);
             }
         }
         if let Err(fault) = self.supervise(now) {
@@ -278,7 +299,7 @@ impl<const N: usize> Controller<N> {
         match burst {
             Burst::Queued if echoes => self.lateness[bus].unsent = frames as u32,
             Burst::Queued => {}
-            Burst::Dropped => self.miss(bus),
+            Burst::Dropped => self.miss(bus, self.cycle),
             Burst::Torn { .. } => self.fail(Fault::TornBurst { bus }),
         }
     }
@@ -294,8 +315,7 @@ impl<const N: usize> Controller<N> {
         self.fail(Fault::BusFailed { bus });
     }
 
-    fn miss(&mut self, bus: BusIndex) {
-        let cycle = self.cycle;
+    fn miss(&mut self, bus: BusIndex, cycle: u64) {
         self.tell(Event::LateSetpoint { bus, cycle });
         if let Err(fault) = self.lateness[bus].miss(cycle) {
             self.fail(fault);
@@ -370,8 +390,7 @@ impl<const N: usize> Controller<N> {
 
     /// The burst of setpoints for the next SYNC: of every drive, or of none.
     fn command(&mut self, now: Instant, out: &mut [Outbox]) -> Result<(), Fault> {
-        let streams = (Phase::Start..=Phase::Disable).contains(&self.phase) && self.sync_on;
-        if !streams {
+        if !self.streams() {
             return Ok(());
         }
         if !self.frozen {
@@ -379,9 +398,7 @@ impl<const N: usize> Controller<N> {
                 node.setpoint = node.actual();
             }
         } else {
-            if (Phase::Program..=Phase::Stop).contains(&self.phase) {
-                self.planned = self.executor.advance();
-            }
+            self.plan();
             for axis in &mut self.axes {
                 axis.plan(self.cycle + 1, &self.planned.position, &mut self.nodes)?;
             }
@@ -390,7 +407,7 @@ impl<const N: usize> Controller<N> {
             return Ok(());
         }
         if now > self.sync_at + self.layout.latest_burst {
-            (0..out.len()).for_each(|bus| self.miss(bus));
+            (0..out.len()).for_each(|bus| self.miss(bus, self.cycle));
             return Ok(());
         }
         for (bus, outbox) in out.iter_mut().enumerate() {
@@ -407,6 +424,18 @@ impl<const N: usize> Controller<N> {
                 .sort_unstable_by_key(by_identifier);
         }
         Ok(())
+    }
+
+    /// Whether setpoints go out every cycle.
+    fn streams(&self) -> bool {
+        (Phase::Start..=Phase::Disable).contains(&self.phase) && self.sync_on
+    }
+
+    /// Goes on with the plan by one cycle.
+    fn plan(&mut self) {
+        if (Phase::Program..=Phase::Stop).contains(&self.phase) {
+            self.planned = self.executor.advance();
+        }
     }
 
     /// The controller's heartbeat and as many SDO requests as fit beside the cyclic frames.

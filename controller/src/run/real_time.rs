@@ -14,6 +14,7 @@ use crate::program::{COORDINATES, Position};
 use crate::realtime::{self, Granted};
 use crate::timing::Distribution;
 use rtrb::{Consumer, Producer, PushError, RingBuffer};
+use std::mem::replace;
 use std::sync::Arc;
 use std::time::Duration;
 use syncline_canopen::Instant;
@@ -190,6 +191,7 @@ impl Cycle {
         if self.timing.lockstep {
             origin = Duration::from_nanos(realtime::now().as_nanos()) + self.period;
         }
+        let mut bus_failed = false;
         let mut last_sync = None;
         while let Some(next) = self.driver.controller.next_wake() {
             let due = next.at() + origin;
@@ -216,7 +218,10 @@ impl Cycle {
                 self.obey();
                 origin += self.take_plan();
             }
-            if let Err(error) = self.driver.step(now) {
+            // What fails once fails in every cycle until the end: the first time is news.
+            if let Err(error) = self.driver.step(now)
+                && !replace(&mut bus_failed, true)
+            {
                 self.tell(News::BusFailed(error));
             }
             if setpoints {

@@ -1,0 +1,145 @@
+//! Wake-ups so late that whole cycles are lost.
+
+use syncline_canopen::time::Duration;
+use syncline_canopen::{Frame, Instant};
+use syncline_controller::bench::rig::{Shape, Shuttle, ready_machine};
+use syncline_controller::control::{End, Fault, Wake};
+use syncline_controller::port::{Burst, Port, PortError, Received};
+use syncline_controller::run::driver::Driver;
+
+const CYCLE: Duration = Duration::from_millis(2);
+
+type Machine = Driver<9, Box<dyn Port + Send>>;
+
+/// A machine of one axis in mid-motion, its next wake-up being SYNC.
+fn in_motion() -> (Machine, Shuttle<9>) {
+    let shape = Shape::on_fewest_buses(1, CYCLE).unwrap();
+    let mut machine = ready_machine::<9>(&shape);
+    let mut plan = Shuttle::new(1);
+    for _ in 0..1001 {
+        step(&mut machine, &mut plan, Duration::ZERO);
+    }
+    if machine.setpoints_are_next() {
+        step(&mut machine, &mut plan, Duration::ZERO);
+    }
+    (machine, plan)
+}
+
+/// One wake-up, `late` after it was due.
+fn step(machine: &mut Machine, plan: &mut Shuttle<9>, late: Duration) -> Instant {
+    while machine.controller.room() > 0 {
+        machine.controller.accept(plan.instruction());
+    }
+    let now = machine
+        .controller
+        .next_wake()
+        .map_or(Instant::ZERO, Wake::at)
+        + late;
+    machine.step(now).unwrap();
+    now
+}
+
+fn set(machine: &Machine) -> f64 {
+    machine
+        .controller
+        .row()
+        .map_or(f64::NAN, |row| row.plan.position[0])
+}
+
+#[test]
+fn one_lost_cycle_is_counted_and_the_next_setpoint_is_that_of_its_own_instant() {
+    let (mut machine, mut plan) = in_motion();
+    let mut before = [0.0; 2];
+    for place in &mut before {
+        step(&mut machine, &mut plan, Duration::ZERO);
+        step(&mut machine, &mut plan, Duration::ZERO);
+        *place = set(&machine);
+    }
+    let advance = before[1] - before[0];
+    assert!(advance > 0.05, "in motion: {advance} mm a cycle");
+
+    let grid = machine.controller.next_wake().unwrap().at();
+    step(&mut machine, &mut plan, CYCLE + CYCLE / 10);
+    step(&mut machine, &mut plan, Duration::ZERO);
+    assert_eq!(machine.controller.late_setpoints(), 1);
+    assert_eq!(machine.controller.end(), None);
+    let next = machine.controller.next_wake().unwrap().at();
+    assert_eq!(next, grid + 2 * CYCLE, "SYNC keeps its grid");
+    step(&mut machine, &mut plan, Duration::ZERO);
+    step(&mut machine, &mut plan, Duration::ZERO);
+    // One setpoint left out: from the last row to this one are three cycles of motion.
+    let passed = set(&machine) - before[1];
+    assert!(
+        (passed - 3.0 * advance).abs() < 0.02,
+        "{passed} mm, {advance} mm a cycle"
+    );
+    for _ in 0..200 {
+        step(&mut machine, &mut plan, Duration::ZERO);
+    }
+    assert_eq!(machine.controller.end(), None);
+}
+
+#[test]
+fn two_lost_cycles_are_a_fault_and_the_stop_begins_where_the_plan_was_left() {
+    let (mut machine, mut plan) = in_motion();
+    step(&mut machine, &mut plan, Duration::ZERO);
+    step(&mut machine, &mut plan, Duration::ZERO);
+    let before = set(&machine);
+    step(&mut machine, &mut plan, 50 * CYCLE);
+    let end = machine.controller.end();
+    assert!(
+        matches!(end, Some(End::Fault(Fault::LateSetpoints { count: 2, .. }))),
+        "{end:?}"
+    );
+    step(&mut machine, &mut plan, Duration::ZERO);
+    let after = set(&machine);
+    assert!((after - before).abs() < 0.3, "{before} mm, then {after} mm");
+}
+
+/// A bus that drops what it is told to.
+struct Dropping(
+    Box<dyn Port + Send>,
+    std::sync::Arc<std::sync::atomic::AtomicU32>,
+);
+
+impl Port for Dropping {
+    fn advance_to(&mut self, now: Instant) {
+        self.0.advance_to(now);
+    }
+    fn echoes(&self) -> bool {
+        self.0.echoes()
+    }
+    fn receive(&mut self, sink: &mut dyn FnMut(Received)) -> Result<(), PortError> {
+        self.0.receive(sink)
+    }
+    fn send_sync(&mut self, frame: &Frame) -> Result<(), PortError> {
+        self.0.send_sync(frame)
+    }
+    fn send_burst(&mut self, frames: &[Frame]) -> Result<Burst, PortError> {
+        use std::sync::atomic::Ordering::Relaxed;
+        if self.1.load(Relaxed) > 0 {
+            self.1.fetch_sub(1, Relaxed);
+            return Ok(Burst::Dropped);
+        }
+        self.0.send_burst(frames)
+    }
+    fn send_acyclic(&mut self, frames: &[Frame]) -> Result<(), PortError> {
+        self.0.send_acyclic(frames)
+    }
+}
+
+#[test]
+fn a_dropped_burst_is_counted_and_two_in_a_row_are_a_fault() {
+    for (dropped, faulty) in [(1, false), (2, true)] {
+        let (mut machine, mut plan) = in_motion();
+        let drop = std::sync::Arc::new(std::sync::atomic::AtomicU32::new(0));
+        let port = machine.ports.remove(0);
+        machine.ports.push(Box::new(Dropping(port, drop.clone())));
+        drop.store(dropped, std::sync::atomic::Ordering::Relaxed);
+        for _ in 0..20 {
+            step(&mut machine, &mut plan, Duration::ZERO);
+        }
+        assert_eq!(machine.controller.late_setpoints(), u64::from(dropped));
+        assert_eq!(machine.controller.end().is_some(), faulty);
+    }
+}
