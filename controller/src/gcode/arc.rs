@@ -1,9 +1,4 @@
 //! Circular and helical arcs in machine coordinates.
-//!
-//! The defining curve: over the fraction `u` of the sweep, from 0 to 1, the angle about the centre,
-//! the distance from it and every other axis go linearly from their start to their end. With equal
-//! radii it is a circle or a helix; a program whose radii differ by its rounding gives a spiral so
-//! slight that both ends are met exactly.
 
 use std::f64::consts::{PI, TAU};
 
@@ -58,7 +53,12 @@ pub enum Direction {
     Counterclockwise,
 }
 
-/// An arc, helix or full circle. See the [module](self) for the curve.
+/// An arc, helix or full circle in machine coordinates.
+///
+/// The defining curve: over the fraction of the sweep, from 0 to 1, the angle about the centre, the
+/// distance from it and every other axis go linearly from their start to their end. With equal
+/// radii it is a circle or a helix; a program whose radii differ by its rounding gives a spiral so
+/// slight that both ends are met exactly.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Arc {
     /// The plane of the circle.

@@ -1,10 +1,11 @@
 //! RS-274/NGC programs: text in, canonical commands in machine coordinates out.
 //!
-//! A line's bytes ([`source`]) become tokens ([`lexer`]), the tokens a block ([`parser`], [`block`]),
-//! its values numbers ([`expression`], [`parameters`]), its words take effect on the modal state
-//! ([`words`], [`modal`], [`execute`]), and [`Interpreter`] hands out the [`Command`]s that come of
-//! it, one block at a time. What a program may not do is refused with an [`Error`] that shows the
-//! place, the block, what is wrong and what to do.
+//! A line's bytes (`source`) become tokens (`lexer`), the tokens a block (`parser`, `block`).
+//! Its values are computed (`expression`, `parameters`, `system`), its words sorted into their
+//! modal groups (`words`, `modal`) and executed (`execute`, `offsets`, `motion`, `arc`,
+//! `cycles`); O-words lead on to other blocks (`flow`). [`Interpreter`] hands out the
+//! [`Command`]s that come of it, one block at a time. What a program may not do is refused with an
+//! [`Error`] that shows the place, the block, what is wrong and what to do.
 
 mod arc;
 mod axes;
@@ -18,6 +19,7 @@ mod flow;
 mod interpreter;
 mod lexer;
 mod modal;
+mod motion;
 mod offsets;
 mod parameters;
 mod parser;

@@ -6,7 +6,8 @@ use super::arc::Plane;
 use super::axes::{Axis, Point};
 use super::command::Turning;
 use super::error::Fault;
-use super::execute::{State, in_range};
+use super::execute::State;
+use super::motion::in_range;
 
 /// A point that parameters can set.
 enum Stored {

@@ -99,3 +99,22 @@ fn rate(feed: &Feed) -> String {
 fn round(value: f64) -> f64 {
     (value * 1e9).round() / 1e9 + 0.0
 }
+
+/// The messages of programs that are refused, each at its `line:column`.
+pub(crate) fn refusals(programs: &[(&str, &str)]) -> String {
+    refusals_with(&xyz(), programs)
+}
+
+pub(crate) fn refusals_with(setup: &Setup, programs: &[(&str, &str)]) -> String {
+    let mut messages = String::new();
+    for (program, place) in programs {
+        let message = refusal_with(setup.clone(), program);
+        assert!(
+            message.starts_with(&format!("part.ngc:{place}: ")),
+            "{program:?} is at {place}: {message}"
+        );
+        messages += &message;
+        messages.push('\n');
+    }
+    messages
+}

@@ -3,7 +3,7 @@
 use proptest::prelude::*;
 use syncline_controller::gcode::{Action, Axis, Interpreter, MAX_LINE, Setup};
 
-use super::listing::{refusal, refusal_with, run, run_with, xyz};
+use super::listing::{refusal, refusal_with, refusals, refusals_with, run, run_with, xyz};
 
 /// Each program with the place of its fault; the messages are in the snapshot.
 #[test]
@@ -99,16 +99,7 @@ fn each_with_its_place() {
         // The program.
         ("%\nG0 X1\n", "3:1"),
     ];
-    let mut messages = String::new();
-    for (program, place) in programs {
-        let message = refusal(program);
-        messages += &format!("{message}\n");
-        assert!(
-            message.starts_with(&format!("part.ngc:{place}: ")),
-            "{program:?} is at {place}: {message}"
-        );
-    }
-    insta::assert_snapshot!(messages);
+    insta::assert_snapshot!(refusals(&programs));
 }
 
 #[test]
@@ -128,16 +119,7 @@ fn soft_limits_hold_for_the_whole_motion() {
         ("G0 X20 Y20\nG19 G3 J4 K-10 P2 F100 X25", "2:5"),
         ("G0 X50 Y25 Z-10\nG17 G2 I30 F100 Z-20", "2:5"),
     ];
-    let mut messages = String::new();
-    for (program, place) in programs {
-        let message = refusal_with(setup.clone(), program);
-        messages += &format!("{message}\n");
-        assert!(
-            message.starts_with(&format!("part.ngc:{place}: ")),
-            "{message}"
-        );
-    }
-    insta::assert_snapshot!(messages);
+    insta::assert_snapshot!(refusals_with(&setup, &programs));
 }
 
 #[test]

@@ -1,0 +1,367 @@
+//! Motion: where a block's axis words lead, how fast, and whether the machine may go there.
+
+use std::collections::VecDeque;
+
+use super::arc::{Arc, Direction, Plane};
+use super::axes::{Axis, COORDINATE_LIMIT, Point};
+use super::block::Block;
+use super::command::{Action, Feed, Stop};
+use super::cycles::Cycle;
+use super::error::{Fault, Refusal};
+use super::execute::State;
+use super::lexer::Columns;
+use super::modal::{Code, Group, Modes, Motion};
+use super::words::{Words, out_of_range};
+
+/// Arcs beyond this radius are a mistake, or lines. mm.
+const RADIUS_LIMIT: f64 = 1e7;
+/// A position may be outside of the soft limits by this much: what conversions round. mm.
+const LIMIT_ROUNDING: f64 = 1e-9;
+
+impl State {
+    pub(super) fn motion(
+        &mut self,
+        block: &Block,
+        words: &mut Words,
+        commands: &mut VecDeque<Action>,
+    ) -> Result<(), Refusal> {
+        let explicit = words.code(Group::Motion);
+        if let Some(code) = explicit {
+            self.modes.motion = match code {
+                Code::G(0) => Motion::Rapid,
+                Code::G(10) => Motion::Feed,
+                Code::G(20) => Motion::Arc(Direction::Clockwise),
+                Code::G(30) => Motion::Arc(Direction::Counterclockwise),
+                code => Cycle::of(code.number()).map_or(Motion::None, Motion::Cycle),
+            };
+        }
+        let motion = self.modes.motion;
+        let code = motion.code();
+        if !matches!(motion, Motion::Cycle(_)) {
+            self.end_series();
+        }
+        let machine = words.code(Group::MachineCoordinates).is_some();
+        if machine && !matches!(motion, Motion::Rapid | Motion::Feed) {
+            let columns = words.code_columns(Group::MachineCoordinates);
+            return Err(Refusal::new(
+                columns.unwrap_or_default(),
+                Fault::MachineCoordinatesWithout,
+            ));
+        }
+        let arc = matches!(motion, Motion::Arc(_)) && (explicit.is_some() || words.has_arc());
+        // Another code that uses the axis words suspends the motion mode for its block.
+        let suspended = explicit.is_none()
+            && (words.code(Group::ToolLength) == Some(Code::G(431))
+                || matches!(
+                    words.code(Group::Offsets),
+                    Some(Code::G(100 | 280 | 300 | 520 | 920))
+                ));
+        let motion_columns = words
+            .code_columns(Group::Motion)
+            .unwrap_or_else(|| block.columns());
+        if suspended || !(words.has_axes() || arc) {
+            return match motion {
+                Motion::Cycle(_) if explicit.is_some() => {
+                    Err(Refusal::new(motion_columns, Fault::CycleNowhere { code }))
+                }
+                _ => Ok(()),
+            };
+        }
+        if let Motion::Cycle(cycle) = motion {
+            return self.cycle(cycle, words, motion_columns, commands);
+        }
+        let to = self.target(words, code, machine)?;
+        let action = match motion {
+            Motion::None | Motion::Cycle(_) => {
+                let first = Axis::ALL
+                    .iter()
+                    .filter_map(|axis| words.columns(axis.letter() as u8))
+                    .min_by_key(|columns| columns.start);
+                return Err(Refusal::new(
+                    first.unwrap_or(motion_columns),
+                    Fault::NoMotion,
+                ));
+            }
+            Motion::Rapid => Action::Rapid { to },
+            Motion::Feed => Action::Feed {
+                to,
+                feed: self
+                    .feed(words, code, to)
+                    .map_err(|fault| Refusal::new(motion_columns, fault))?,
+            },
+            Motion::Arc(direction) => {
+                let arc = self.arc(words, code, to, direction, motion_columns)?;
+                Action::Arc {
+                    arc,
+                    feed: self
+                        .feed(words, code, to)
+                        .map_err(|fault| Refusal::new(motion_columns, fault))?,
+                }
+            }
+        };
+        self.go(action, words, motion_columns, commands)
+    }
+
+    /// Hands out a motion within the soft limits.
+    pub(crate) fn go(
+        &mut self,
+        action: Action,
+        words: &Words,
+        columns: Columns,
+        commands: &mut VecDeque<Action>,
+    ) -> Result<(), Refusal> {
+        self.within_limits(&action).map_err(|(axis, fault)| {
+            let word = words.columns(axis.letter() as u8);
+            Refusal::new(word.unwrap_or(columns), fault)
+        })?;
+        match &action {
+            Action::Rapid { to } | Action::Feed { to, .. } => self.at = *to,
+            Action::Arc { arc, .. } => self.at = arc.to,
+            _ => {}
+        }
+        commands.push_back(action);
+        Ok(())
+    }
+
+    /// Commands that bring a machine at `start` into this state.
+    pub(crate) fn resume(
+        &mut self,
+        start: Point,
+        commands: &mut VecDeque<Action>,
+    ) -> Result<(), Refusal> {
+        let initial = Modes::default();
+        let modes = self.modes.clone();
+        if modes.tool != initial.tool {
+            let tool = modes.tool;
+            commands.push_back(Action::Stop(Stop::ToolChange { tool }));
+        }
+        if modes.selected_tool != initial.selected_tool {
+            commands.push_back(Action::SelectTool(modes.selected_tool));
+        }
+        if modes.spindle != initial.spindle {
+            commands.push_back(Action::Spindle(modes.spindle));
+        }
+        if modes.coolant != initial.coolant {
+            commands.push_back(Action::Coolant(modes.coolant));
+        }
+        if modes.path_mode != self.setup.path_mode {
+            commands.push_back(Action::PathMode(modes.path_mode));
+        }
+        let across = modes.plane.axes()[2];
+        let goal = std::mem::replace(&mut self.at, start);
+        let down = goal[across] < start[across];
+        let mut over = if down { goal } else { start };
+        over[across] = start[across].max(goal[across]);
+        for to in [over, goal] {
+            let action = match self.modes.feed {
+                // What is below may not have been cut yet.
+                Some(rate) if down && to == goal => Action::Feed {
+                    to,
+                    feed: Feed::Rate(rate.number * rate.unit / 60.0),
+                },
+                _ => Action::Rapid { to },
+            };
+            if to != self.at {
+                let columns = Columns { start: 1, end: 2 };
+                self.go(action, &Words::default(), columns, commands)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Where the axis words lead, machine coordinates.
+    pub(crate) fn target(
+        &self,
+        words: &mut Words,
+        code: Code,
+        machine: bool,
+    ) -> Result<Point, Refusal> {
+        let mut to = self.at;
+        for axis in self.setup.axes.iter() {
+            let Some(length) = self.coordinate(words, axis, code)? else {
+                continue;
+            };
+            to[axis] = if machine {
+                length
+            } else if self.modes.incremental {
+                self.at[axis] + length
+            } else {
+                length + self.offset(axis)
+            };
+        }
+        Ok(to)
+    }
+
+    /// The value of an axis's word, mm or degrees.
+    pub(crate) fn coordinate(
+        &self,
+        words: &mut Words,
+        axis: Axis,
+        code: Code,
+    ) -> Result<Option<f64>, Refusal> {
+        let letter = axis.letter() as u8;
+        let Some(number) = words.take(letter, code)? else {
+            return Ok(None);
+        };
+        let value = number * self.unit(axis);
+        match in_range(axis, value) {
+            Ok(()) => Ok(Some(value)),
+            Err(fault) => Err(words.refuse(letter, fault)),
+        }
+    }
+
+    /// The unit of an axis's words, mm or degrees.
+    pub(crate) fn unit(&self, axis: Axis) -> f64 {
+        if axis.is_linear() {
+            self.modes.unit()
+        } else {
+            1.0
+        }
+    }
+
+    pub(crate) fn feed(&self, words: &mut Words, code: Code, to: Point) -> Result<Feed, Fault> {
+        if self.modes.inverse_time {
+            return match words.take_free(b'F') {
+                Some(number) => Ok(Feed::Duration(60.0 / number)),
+                None => Err(Fault::NoInverseTime { code }),
+            };
+        }
+        let feed = self.modes.feed.ok_or(Fault::NoFeed { code })?;
+        let moves = |axis: Axis| to[axis] != self.at[axis];
+        let only_rotary = matches!(code, Code::G(10))
+            && Axis::ALL.into_iter().any(moves)
+            && !Axis::ALL
+                .into_iter()
+                .any(|axis| axis.is_linear() && moves(axis));
+        let unit = if only_rotary { 1.0 } else { feed.unit };
+        Ok(Feed::Rate(feed.number * unit / 60.0))
+    }
+
+    fn arc(
+        &self,
+        words: &mut Words,
+        code: Code,
+        to: Point,
+        direction: Direction,
+        columns: super::Columns,
+    ) -> Result<Arc, Refusal> {
+        let refuse = |fault| Refusal::new(columns, fault);
+        let plane = self.modes.plane;
+        let axes = plane.axes();
+        let missing_axes = axes[..2]
+            .iter()
+            .find(|axis| !self.setup.axes.contains(**axis));
+        if let Some(axis) = missing_axes {
+            return Err(refuse(Fault::NoSuchAxis {
+                axis: *axis,
+                axes: self.setup.axes,
+            }));
+        }
+        let turns = words
+            .take_whole(b'P', code, 1..=100_000, "whole turns from 1 to 100000")?
+            .unwrap_or(1);
+        words.offsets_in_plane(plane)?;
+        let letters = plane.offset_letters();
+        let offsets = [words.take(letters[0], code)?, words.take(letters[1], code)?];
+        let radius = words.take(b'R', code)?;
+        for letter in [letters[0], letters[1], b'R'] {
+            let value = words.take(letter, code)?.unwrap_or_default() * self.modes.unit();
+            if value.abs() > RADIUS_LIMIT {
+                let allowed = "within 10 km; write a line";
+                return Err(words.refuse(letter, out_of_range(char::from(letter), value, allowed)));
+            }
+        }
+        let unit = self.modes.unit();
+        let arc = match (radius, offsets) {
+            (Some(_), [Some(_), _] | [_, Some(_)]) => {
+                return Err(words.refuse(b'R', Fault::ArcOverdefined));
+            }
+            (Some(radius), _) => {
+                Arc::with_radius(plane, self.at, to, radius * unit, direction, turns)
+            }
+            (None, [None, None]) => {
+                return Err(refuse(Fault::ArcUndefined(match plane {
+                    Plane::Xy => "I and J, or R",
+                    Plane::Zx => "I and K, or R",
+                    Plane::Yz => "J and K, or R",
+                })));
+            }
+            (None, [first, second]) if !self.modes.absolute_centers => {
+                let offset = |value: Option<f64>| value.unwrap_or(0.0) * unit;
+                let center = [
+                    self.at[axes[0]] + offset(first),
+                    self.at[axes[1]] + offset(second),
+                ];
+                Arc::about(plane, self.at, to, center, direction, turns)
+            }
+            (None, [Some(first), Some(second)]) => {
+                let center = [
+                    first * unit + self.offset(axes[0]),
+                    second * unit + self.offset(axes[1]),
+                ];
+                Arc::about(plane, self.at, to, center, direction, turns)
+            }
+            (None, _) => {
+                return Err(refuse(Fault::ArcUndefined(
+                    "both offsets of the centre, as G90.1 asks for",
+                )));
+            }
+        };
+        arc.map_err(refuse)
+    }
+
+    /// Refuses a motion that leaves the soft limits anywhere.
+    fn within_limits(&self, action: &Action) -> Result<(), (Axis, Fault)> {
+        for axis in self.setup.axes.iter() {
+            if let Action::Rapid { to } | Action::Feed { to, .. } = action {
+                in_range(axis, to[axis]).map_err(|fault| (axis, fault))?;
+            }
+            let Some((least, greatest)) = self.setup.limits[axis.index()] else {
+                continue;
+            };
+            let (low, high) = match action {
+                Action::Arc { arc, .. } => arc.extent(axis),
+                Action::Rapid { to } | Action::Feed { to, .. } => (to[axis], to[axis]),
+                _ => continue,
+            };
+            // A start outside of the limits is for the caller to judge.
+            let low = if low < self.at[axis] {
+                low
+            } else {
+                low.max(least)
+            };
+            let high = if high > self.at[axis] {
+                high
+            } else {
+                high.min(greatest)
+            };
+            let value = if low < least - LIMIT_ROUNDING {
+                low
+            } else if high > greatest + LIMIT_ROUNDING {
+                high
+            } else {
+                continue;
+            };
+            let fault = Fault::SoftLimit {
+                axis,
+                value,
+                least,
+                greatest,
+            };
+            return Err((axis, fault));
+        }
+        Ok(())
+    }
+}
+
+/// Refuses coordinates beyond every machine, which would lose digits, and what is no number.
+pub(crate) fn in_range(axis: Axis, value: f64) -> Result<(), Fault> {
+    if value.abs() <= COORDINATE_LIMIT {
+        return Ok(());
+    }
+    Err(Fault::Coordinate {
+        axis,
+        value,
+        allowed: COORDINATE_LIMIT,
+    })
+}
