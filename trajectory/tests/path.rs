@@ -109,7 +109,7 @@ fn curve() -> impl Strategy<Value = Curve<3>> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(48))]
+    #![proptest_config(ProptestConfig::with_cases(24))]
 
     #[test]
     fn derivatives_are_those_of_the_position(curve in curve(), at in 0.01..0.99_f64) {

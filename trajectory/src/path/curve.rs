@@ -308,6 +308,142 @@ impl<const N: usize> Arc<N> {
     }
 }
 
+/// A polynomial of degree five in a parameter from 0 to 1.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Poly<const N: usize> {
+    start: [f64; N],
+    /// Coefficients of u, u² … u⁵.
+    terms: [[f64; N]; 5],
+    /// Path length up to every k-th part of the parameter.
+    lengths: [f64; PARTS + 1],
+}
+
+/// Parts of a polynomial's parameter whose lengths are known.
+const PARTS: usize = 8;
+
+impl<const N: usize> Poly<N> {
+    /// The curve that leaves `from` and reaches `to` with their tangents and curvatures. The
+    /// parameter runs at `rate` at both ends and slows by `brake` per parameter towards the
+    /// middle. `None` if it would stand still or turn back on the way.
+    pub fn joining(
+        from: &Derivatives<N>,
+        to: &Derivatives<N>,
+        rate: f64,
+        brake: f64,
+    ) -> Option<Self> {
+        let mut terms = [[0.0; N]; 5];
+        for i in 0..N {
+            let (v, a) = (
+                rate * from.d1[i],
+                0.5 * (rate * rate * from.d2[i] - brake * from.d1[i]),
+            );
+            // What the end wants beyond that.
+            let p = (to.q[i] - from.q[i]) - (v + a);
+            let dv = rate * to.d1[i] - (v + 2.0 * a);
+            let da = rate * rate * to.d2[i] + brake * to.d1[i] - 2.0 * a;
+            terms[0][i] = v;
+            terms[1][i] = a;
+            terms[2][i] = 10.0 * p - 4.0 * dv + 0.5 * da;
+            terms[3][i] = -15.0 * p + 7.0 * dv - da;
+            terms[4][i] = 6.0 * p - 3.0 * dv + 0.5 * da;
+        }
+        let mut poly = Poly {
+            start: from.q,
+            terms,
+            lengths: [0.0; PARTS + 1],
+        };
+        for k in 0..PARTS {
+            let at = k as f64 / PARTS as f64;
+            if poly.rate(at) < 1e-3 * rate || poly.rate(at + 0.5 / PARTS as f64) < 1e-3 * rate {
+                return None;
+            }
+            poly.lengths[k + 1] =
+                poly.lengths[k] + poly.length_between(at, at + 1.0 / PARTS as f64);
+        }
+        Some(poly)
+    }
+
+    /// The point at the parameter `u`.
+    pub fn point(&self, u: f64) -> [f64; N] {
+        std::array::from_fn(|i| {
+            self.start[i] + u * self.terms.iter().rev().fold(0.0, |sum, c| sum * u + c[i])
+        })
+    }
+
+    fn length(&self) -> f64 {
+        self.lengths[PARTS]
+    }
+
+    fn first(&self, u: f64) -> [f64; N] {
+        let mut d = [0.0; N];
+        for k in (0..5).rev() {
+            let by = (k + 1) as f64;
+            for i in 0..N {
+                d[i] = d[i] * u + by * self.terms[k][i];
+            }
+        }
+        d
+    }
+
+    /// Path length per parameter.
+    fn rate(&self, u: f64) -> f64 {
+        self.first(u)[..N.min(3)]
+            .iter()
+            .map(|x| x * x)
+            .sum::<f64>()
+            .sqrt()
+    }
+
+    fn length_between(&self, from: f64, to: f64) -> f64 {
+        let d = to - from;
+        GAUSS4
+            .iter()
+            .map(|&(x, w)| w * self.rate(from + x * d))
+            .sum::<f64>()
+            * d
+    }
+
+    fn parameter(&self, s: f64) -> f64 {
+        let part = (1..PARTS).find(|&k| s < self.lengths[k]).unwrap_or(PARTS) - 1;
+        let from = part as f64 / PARTS as f64;
+        let (s0, s1) = (self.lengths[part], self.lengths[part + 1]);
+        let mut u = from + (s - s0) / (s1 - s0) / PARTS as f64;
+        for _ in 0..3 {
+            u -= (s0 + self.length_between(from, u) - s) / self.rate(u);
+        }
+        u
+    }
+
+    fn at(&self, s: f64) -> Derivatives<N> {
+        let u = self.parameter(s);
+        let (mut u2, mut u3) = ([0.0; N], [0.0; N]);
+        for k in (1..5).rev() {
+            let by = (k * (k + 1)) as f64;
+            for i in 0..N {
+                u2[i] = u2[i] * u + by * self.terms[k][i];
+            }
+        }
+        for k in (2..5).rev() {
+            let by = ((k - 1) * k * (k + 1)) as f64;
+            for i in 0..N {
+                u3[i] = u3[i] * u + by * self.terms[k][i];
+            }
+        }
+        let u1 = self.first(u);
+        let dot = |a: &[f64; N], b: &[f64; N]| (0..N.min(3)).map(|i| a[i] * b[i]).sum::<f64>();
+        let sigma = dot(&u1, &u1).sqrt();
+        let sigma1 = dot(&u1, &u2) / sigma;
+        let sigma2 = (dot(&u2, &u2) + dot(&u1, &u3) - sigma1 * sigma1) / sigma;
+        by_length(self.point(u), &u1, &u2, &u3, sigma, sigma1, sigma2)
+    }
+
+    /// Geometry at points spread over the curve.
+    fn samples(&self) -> impl Iterator<Item = Derivatives<N>> {
+        const COUNT: usize = 24;
+        (0..=COUNT).map(|k| self.at(self.length() * k as f64 / COUNT as f64))
+    }
+}
+
 /// Derivatives by path length from those by any parameter u, with σ = ds/du, σ′, σ″.
 fn by_length<const N: usize>(
     q: [f64; N],
@@ -363,6 +499,8 @@ pub enum Curve<const N: usize> {
     Line(Line<N>),
     /// A circular arc or helix.
     Arc(Arc<N>),
+    /// A polynomial, as blends are.
+    Poly(Poly<N>),
 }
 
 impl<const N: usize> Curve<N> {
@@ -387,6 +525,7 @@ impl<const N: usize> Curve<N> {
         match self {
             Curve::Line(line) => line.length,
             Curve::Arc(arc) => arc.length,
+            Curve::Poly(poly) => poly.length(),
         }
     }
 
@@ -394,15 +533,25 @@ impl<const N: usize> Curve<N> {
     pub fn direction(&self) -> Option<[f64; N]> {
         match self {
             Curve::Line(line) => Some(line.direction),
-            Curve::Arc(_) => None,
+            Curve::Arc(_) | Curve::Poly(_) => None,
         }
     }
 
-    /// Greatest turn of the tangent per path length, rad/mm.
-    pub fn turn_rate(&self) -> f64 {
+    /// Where the next part begins after `s` if the curve is cut into parts in which its
+    /// derivatives change little: circles every `turn` rad or less, polynomials evenly in their
+    /// parameter.
+    pub fn next_cut(&self, s: f64, turn: f64) -> f64 {
         match self {
-            Curve::Line(_) => 0.0,
-            Curve::Arc(arc) => arc.sweep.abs() / arc.length,
+            Curve::Line(line) => line.length,
+            Curve::Arc(arc) => {
+                let parts = (arc.sweep.abs() / turn).ceil();
+                let step = arc.length / parts;
+                ((s / step + 1e-6).floor() + 1.0) * step
+            }
+            Curve::Poly(poly) => {
+                let next = poly.lengths.iter().find(|&&l| l > s * (1.0 + 1e-9));
+                next.copied().unwrap_or(poly.length())
+            }
         }
     }
 
@@ -411,6 +560,7 @@ impl<const N: usize> Curve<N> {
         match self {
             Curve::Line(line) => line.start,
             Curve::Arc(arc) => arc.start,
+            Curve::Poly(poly) => poly.start,
         }
     }
 
@@ -419,6 +569,7 @@ impl<const N: usize> Curve<N> {
         match self {
             Curve::Line(line) => line.end,
             Curve::Arc(arc) => arc.end,
+            Curve::Poly(poly) => poly.point(1.0),
         }
     }
 
@@ -429,14 +580,26 @@ impl<const N: usize> Curve<N> {
         match self {
             Curve::Line(line) => line.at(s),
             Curve::Arc(arc) => arc.at(s),
+            Curve::Poly(poly) => poly.at(s),
         }
     }
 
     /// The greatest magnitudes of every axis's first, second and third derivative on the curve
-    /// (upper bounds, exact for lines and circles of more than a quarter turn).
+    /// (upper bounds; for blends samples and a fifth more).
     pub fn derivative_bounds(&self) -> [[f64; N]; 3] {
         match self {
             Curve::Line(line) => [line.direction.map(f64::abs), [0.0; N], [0.0; N]],
+            Curve::Poly(poly) => {
+                let mut most = [[0.0; N]; 3];
+                for at in poly.samples() {
+                    for i in 0..N {
+                        for (m, d) in most.iter_mut().zip([at.d1, at.d2, at.d3]) {
+                            m[i] = f64::max(m[i], 1.2 * d[i].abs());
+                        }
+                    }
+                }
+                most
+            }
             Curve::Arc(arc) => {
                 let k = arc.spiral.abs();
                 let end = arc.radius + arc.spiral * arc.sweep.abs();
@@ -467,11 +630,60 @@ impl<const N: usize> Curve<N> {
         }
     }
 
-    /// The smallest box that holds the curve: lower and upper corner. Soft limits are checked on it.
+    /// The stretch of the curve from `from` to `to`, distances from its start.
+    pub fn part(&self, from: f64, to: f64) -> Self {
+        match *self {
+            Curve::Line(line) => Curve::Line(Line {
+                start: line.at(from).q,
+                end: line.at(to).q,
+                direction: line.direction,
+                length: to - from,
+            }),
+            Curve::Arc(arc) => {
+                let (a, b) = (arc.angle(from), arc.angle(to));
+                let turn = arc.sweep.signum();
+                Curve::Arc(Arc {
+                    start: arc.at(from).q,
+                    end: arc.at(to).q,
+                    from: arc.from + turn * a,
+                    sweep: turn * (b - a),
+                    radius: arc.radius + arc.spiral * a,
+                    length: to - from,
+                    ..arc
+                })
+            }
+            Curve::Poly(poly) => Curve::Poly(poly),
+        }
+    }
+
+    /// Distance of the tool path from `point`, looked for from the path length `near` on.
+    pub fn distance_near(&self, point: &[f64; N], near: f64) -> f64 {
+        let mut s = near;
+        for _ in 0..5 {
+            let at = self.at(s);
+            let dot = |d: &[f64; N]| {
+                (0..N.min(3))
+                    .map(|i| (at.q[i] - point[i]) * d[i])
+                    .sum::<f64>()
+            };
+            s = (s - dot(&at.d1) / (1.0 + dot(&at.d2)).max(0.5)).clamp(0.0, self.length());
+        }
+        super::blend::distance(&self.at(s).q, point)
+    }
+
+    /// The smallest box that holds the curve (of a blend: its samples): lower and upper corner. Soft limits are checked on it.
     pub fn bounds(&self) -> ([f64; N], [f64; N]) {
         let (start, end) = (self.start(), self.end());
         let mut low: [f64; N] = std::array::from_fn(|i| start[i].min(end[i]));
         let mut high: [f64; N] = std::array::from_fn(|i| start[i].max(end[i]));
+        if let Curve::Poly(poly) = self {
+            for at in poly.samples() {
+                for i in 0..N {
+                    low[i] = low[i].min(at.q[i]);
+                    high[i] = high[i].max(at.q[i]);
+                }
+            }
+        }
         if let Curve::Arc(arc) = self {
             // Extremes of a circle lie at whole quarter turns, those of a spiral a little off; the
             // larger radius covers them.

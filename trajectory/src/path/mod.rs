@@ -15,6 +15,7 @@
 // Most loops over the axes walk several arrays at once.
 #![allow(clippy::needless_range_loop)]
 
+pub mod blend;
 pub mod certify;
 pub mod curve;
 pub mod executor;
@@ -22,7 +23,7 @@ pub mod planner;
 pub mod time_law;
 pub mod window;
 
-pub use curve::{Arc, Curve, CurveError, Derivatives, Line, Plane};
+pub use curve::{Arc, Curve, CurveError, Derivatives, Line, Plane, Poly};
 pub use executor::{Executor, Setpoint};
 pub use planner::{PathError, Planner};
 

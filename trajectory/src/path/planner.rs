@@ -10,6 +10,7 @@ use std::collections::VecDeque;
 
 use thiserror::Error;
 
+use super::blend::{Blend, blend};
 use super::window::{Departure, Window};
 use super::{Command, Curve, Exit, Item, Limits, Move, Piece, Span};
 
@@ -31,6 +32,8 @@ pub enum PathError {
 const GAP: f64 = 1e-6;
 /// Tangents (and curvatures times their radius) that differ by no more are equal.
 const SMOOTH: f64 = 1e-10;
+/// A part of a curve this small is rounding.
+const NOTHING: f64 = 1e-9;
 /// Spans in a window, at most.
 const WINDOW_SPANS: usize = 1024;
 
@@ -43,6 +46,8 @@ pub struct Planner<const N: usize> {
     sight: f64,
     horizon: f64,
     position: [f64; N],
+    /// The last move, and how much of its start a blend took.
+    pending: Option<(Move<N>, f64)>,
     /// What is to be planned; the first is under way.
     legs: VecDeque<Leg<N>>,
     cursor: Cursor,
@@ -64,7 +69,6 @@ struct Section<const N: usize> {
     length: f64,
     /// No more spans come.
     closed: bool,
-    exit: Exit,
 }
 
 /// How far planning has come in the first leg.
@@ -99,6 +103,7 @@ impl<const N: usize> Planner<N> {
             sight,
             horizon: sight + sight.max(0.5),
             position,
+            pending: None,
             legs: VecDeque::new(),
             cursor: Cursor::default(),
             window: Window::default(),
@@ -139,11 +144,16 @@ impl<const N: usize> Planner<N> {
     }
 
     fn close(&mut self) {
+        self.lay_pending(0.0);
+        self.stop_here();
+    }
+
+    /// The path stops where it is.
+    fn stop_here(&mut self) {
         if let Some(Leg::Section(section)) = self.legs.back_mut() {
             section.closed = true;
         }
     }
-
     fn push_move(&mut self, motion: Move<N>) -> Result<(), PathError> {
         let feed = motion.feed.speed();
         if feed.is_nan() || feed <= 0.0 {
@@ -157,33 +167,66 @@ impl<const N: usize> Planner<N> {
             return Err(PathError::Gap(gap));
         }
         self.position = motion.curve.end();
-        let span = Span {
-            start: 0.0,
-            curve: motion.curve,
-            feed,
-            tag: motion.tag,
-        };
-        match self.legs.back_mut() {
-            Some(Leg::Section(section)) if !section.closed => {
-                let before = section.spans.back().map(|s| s.curve);
-                if section.exit != Exit::Stop && before.is_some_and(|b| smooth(&b, &motion.curve)) {
-                    section.push(span);
-                    section.exit = motion.exit;
-                    return Ok(());
+        let mut taken = 0.0;
+        if let Some((before, _)) = self.pending {
+            let tolerance = match before.exit {
+                Exit::Stop => None,
+                Exit::Exact(tolerance) | Exit::Blend(tolerance) => Some(tolerance),
+            };
+            match tolerance {
+                Some(_) if smooth(&before.curve, &motion.curve) => self.lay_pending(0.0),
+                Some(tolerance) => {
+                    if let Some(Blend { curve, cut }) =
+                        blend(&before.curve, &motion.curve, tolerance)
+                    {
+                        self.lay_pending(cut);
+                        self.lay(curve, before.feed.speed().min(feed), before.tag);
+                        taken = cut;
+                    } else {
+                        self.close();
+                    }
                 }
-                section.closed = true;
+                None => self.close(),
             }
-            _ => {}
         }
-        let mut section = Section {
-            spans: VecDeque::new(),
-            length: 0.0,
-            closed: false,
-            exit: motion.exit,
-        };
-        section.push(span);
-        self.legs.push_back(Leg::Section(section));
+        self.pending = Some((motion, taken));
         Ok(())
+    }
+
+    /// Lays the pending move but for the last `cut` of it.
+    fn lay_pending(&mut self, cut: f64) {
+        if let Some((motion, taken)) = self.pending.take() {
+            let length = motion.curve.length();
+            // Where blends have taken both halves nothing is left.
+            if length - taken - cut > NOTHING * length {
+                let whole = taken == 0.0 && cut == 0.0;
+                let curve = if whole {
+                    motion.curve
+                } else {
+                    motion.curve.part(taken, length - cut)
+                };
+                self.lay(curve, motion.feed.speed(), motion.tag);
+            }
+        }
+    }
+
+    /// The section goes on with `curve`; if there is none, one begins.
+    fn lay(&mut self, curve: Curve<N>, feed: f64, tag: u32) {
+        if !matches!(self.legs.back(), Some(Leg::Section(section)) if !section.closed) {
+            self.legs.push_back(Leg::Section(Section {
+                spans: VecDeque::new(),
+                length: 0.0,
+                closed: false,
+            }));
+        }
+        if let Some(Leg::Section(section)) = self.legs.back_mut() {
+            section.push(Span {
+                start: 0.0,
+                curve,
+                feed,
+                tag,
+            });
+        }
     }
 
     /// Plans until there is a command, as far as the path is known.

@@ -89,7 +89,9 @@ pub struct Outcome {
 }
 
 /// Newton steps before it is given up.
-const MAX_ITERATIONS: usize = 60;
+const MAX_ITERATIONS: usize = 40;
+/// Part of the way to the boundary that a step goes.
+const REACH: f64 = 0.98;
 /// The dynamics are met when they miss by no more than this part of ṡ².
 const EXACT: f64 = 1e-12;
 
@@ -143,8 +145,8 @@ struct Stage<const N: usize> {
     /// Δm = gain · (Δw, Δa, 1)
     gain: [f64; 3],
     step: [f64; 3],
-    /// The cell's part of the first iterate's time: the barrier weighs as an integral over time, and
-    /// does not care about the grid.
+    /// The cell's part of the barrier: half by number, half by duration, so that neither many short
+    /// cells nor few long ones outweigh the others.
     weight: f64,
 }
 
@@ -336,12 +338,23 @@ impl Pair {
 
     /// Weights z/s and pulls of both sides. Slack that is really there is taken.
     #[inline]
-    fn weigh(&mut self, over: [f64; 2], drift: [f64; 2], target: f64) -> ([f64; 2], [f64; 2]) {
+    fn weigh(
+        &mut self,
+        over: [f64; 2],
+        drift: [f64; 2],
+        target: f64,
+        second: bool,
+    ) -> ([f64; 2], [f64; 2]) {
         let mut weight = [0.0; 2];
         let mut pull = [0.0; 2];
         for side in 0..2 {
             let slack = self.slack[side].max(-over[side]);
             self.slack[side] = slack;
+            let target = if second {
+                target - self.slack_step[side] * self.force_step[side]
+            } else {
+                target
+            };
             let inverse = 1.0 / slack;
             weight[side] = self.force[side] * inverse;
             pull[side] = target * inverse + weight[side] * (over[side] + drift[side] + slack);
@@ -352,10 +365,15 @@ impl Pair {
     /// Steps of slack and force when the constraints come to `linear`; `reach` grows to the
     /// reciprocal of the longest step that leaves both positive.
     #[inline]
-    fn aim(&mut self, linear: [f64; 2], target: f64, reach: &mut [f64; 2]) {
+    fn aim(&mut self, linear: [f64; 2], target: f64, second: bool, reach: &mut [f64; 2]) {
         for side in 0..2 {
             let (s, z) = (self.slack[side], self.force[side]);
             let ds = -linear[side] - s;
+            let target = if second {
+                target - self.slack_step[side] * self.force_step[side]
+            } else {
+                target
+            };
             let dz = (target - z * ds) / s - z;
             self.slack_step[side] = ds;
             self.force_step[side] = dz;
@@ -415,7 +433,7 @@ impl<const N: usize> TimeLaw<N> {
 
         let rows = (6 * N + 4) as f64;
         let (time, _) = self.begin(cells);
-        let mut target = heat * time / rows;
+        let target = heat * time / rows;
         for (stage, cell) in self.stages.iter_mut().zip(cells) {
             let Stage {
                 frame,
@@ -423,52 +441,50 @@ impl<const N: usize> TimeLaw<N> {
                 weight,
                 ..
             } = stage;
-            *weight = frame.h / frame.sigma / time;
+            *weight = 0.5 * (frame.h / frame.sigma / time + 1.0 / n as f64);
             pairs.each(frame, cell, limits, |pair, row| {
                 *pair = Pair::new(&row, target * *weight, 0.3 * heat)
             });
         }
+        let length = |reach: f64| if reach > REACH { REACH / reach } else { 1.0 };
+        let gap = self.gap_after(0.0, 0.0);
         let mut outcome = Outcome {
             converged: false,
             iterations: 0,
             time,
-            gap: time,
+            gap,
             excess: 1.0,
         };
+        let mut damping = 0.0_f64;
         while outcome.iterations < MAX_ITERATIONS {
             outcome.iterations += 1;
-            outcome.excess = self.eliminate(cells, limits, Some(target));
-            let reach = self.substitute(cells, limits, target);
-            let primal = if reach[0] > 0.99 {
-                0.99 / reach[0]
-            } else {
-                1.0
-            };
-            let dual = if reach[1] > 0.99 {
-                0.99 / reach[1]
-            } else {
-                1.0
-            };
+            // Where would a step straight for the optimum lead? That tells how far to aim now, and
+            // what the products of the steps will come to (Mehrotra, "On the Implementation of a
+            // Primal-Dual Interior Point Method", 1992).
+            outcome.excess = self.eliminate(cells, limits, Some(0.0), false, damping);
+            let [primal, dual] = self.substitute(cells, limits, 0.0, false).map(length);
+            let left = (self.gap_after(primal, dual) / outcome.gap).min(1.0);
+            let target = (left * left * left).max(1e-3) * outcome.gap / rows;
+            self.eliminate(cells, limits, Some(target), true, damping);
+            let [primal, dual] = self.substitute(cells, limits, target, true).map(length);
             outcome.gap = self.go(primal, dual);
+            // Short steps: the model is good for nearby only.
+            if primal < 0.2 {
+                damping = (3.0 * damping).max(0.1 * outcome.gap / rows);
+            } else if primal > 0.6 {
+                damping *= 0.2;
+            }
             let miss;
             (outcome.time, miss) = self.relinearise(cells);
-
             if !outcome.time.is_finite() || !outcome.gap.is_finite() {
                 break;
             }
-            if outcome.gap <= tolerance * outcome.time && outcome.excess < tolerance {
+            // Out of patience, what keeps the limits will do.
+            let last = outcome.iterations == MAX_ITERATIONS;
+            if (last || outcome.gap <= tolerance * outcome.time) && outcome.excess < tolerance {
                 outcome.converged = self.meet(cells, limits, miss);
                 break;
             }
-            let least = primal.min(dual);
-            let centring = if least > 0.9 {
-                0.1
-            } else if least > 0.5 {
-                0.3
-            } else {
-                0.6
-            };
-            target = centring * outcome.gap / rows;
         }
         outcome
     }
@@ -479,7 +495,7 @@ impl<const N: usize> TimeLaw<N> {
             if miss < EXACT {
                 return true;
             }
-            self.eliminate(cells, limits, None);
+            self.eliminate(cells, limits, None, false, 0.0);
             let (mut dw, mut da) = (0.0, 0.0);
             for (stage, node) in self.stages.iter_mut().zip(&mut self.nodes) {
                 let Stage { frame, gain, .. } = stage;
@@ -579,7 +595,14 @@ impl<const N: usize> TimeLaw<N> {
     /// Assembles the Newton step's equations and eliminates them from the end to the start.
     /// Without a target the step only meets the dynamics, by the smallest change in the metric of
     /// the barrier. Returns the greatest excess over a limit.
-    fn eliminate(&mut self, cells: &[Cell<N>], limits: &Limits<N>, target: Option<f64>) -> f64 {
+    fn eliminate(
+        &mut self,
+        cells: &[Cell<N>],
+        limits: &Limits<N>,
+        target: Option<f64>,
+        second: bool,
+        damping: f64,
+    ) -> f64 {
         let mut worst = 0.0_f64;
         let last = cells.len() - 1;
         // Cost to go ½ xᵀPx + px: ww, wa, aa; w, a.
@@ -603,7 +626,7 @@ impl<const N: usize> TimeLaw<N> {
                 let over = [row.value - row.bound[0], -row.value - row.bound[1]];
                 worst = worst.max(over[0]).max(over[1]);
                 let b = if row.with_beta { beta_drift } else { 0.0 };
-                let (weight, pull) = pair.weigh(over, [row.drift - b, -row.drift - b], aim);
+                let (weight, pull) = pair.weigh(over, [row.drift - b, -row.drift - b], aim, second);
                 q.square(weight[0] + weight[1], row.slope);
                 q.pull(pull[0] - pull[1], row.slope);
                 if row.with_beta {
@@ -618,6 +641,10 @@ impl<const N: usize> TimeLaw<N> {
             q.pull(-beta_pull, beta);
             q.product(-1.0, beta_cross, beta);
             frame.add_time(&mut q);
+            let along = (0..N)
+                .map(|i| cell.ends[0].d1[i].abs() / limits.jerk[i])
+                .fold(0.0, f64::max);
+            q.square(damping * *share, [0.0, 0.0, frame.sigma / frame.h * along]);
             if target.is_none() {
                 q.gradient = [0.0; 3];
             }
@@ -684,8 +711,14 @@ impl<const N: usize> TimeLaw<N> {
 
     /// Goes through the step from the start to the end; returns the reciprocals of the longest
     /// steps that keep slacks (and speeds) and multipliers positive.
-    fn substitute(&mut self, cells: &[Cell<N>], limits: &Limits<N>, target: f64) -> [f64; 2] {
-        let mut reach = [0.0; 2];
+    fn substitute(
+        &mut self,
+        cells: &[Cell<N>],
+        limits: &Limits<N>,
+        target: f64,
+        second: bool,
+    ) -> [f64; 2] {
+        let mut reach = [0.0_f64; 2];
         let (mut dw, mut da) = (0.0, 0.0);
         for (stage, cell) in self.stages.iter_mut().zip(cells) {
             let Stage {
@@ -712,12 +745,26 @@ impl<const N: usize> TimeLaw<N> {
                     row.value - row.bound[0] + change - b,
                     -row.value - row.bound[1] - change - b,
                 ];
-                pair.aim(linear, target, &mut reach);
+                pair.aim(linear, target, second, &mut reach);
             });
             let [ew, ea, em, e1] = frame.ahead;
             (dw, da) = (ew * dw + ea * da + em * dm + e1, da + dm + frame.defect);
         }
         reach
+    }
+
+    /// The duality gap after the step.
+    fn gap_after(&mut self, primal: f64, dual: f64) -> f64 {
+        let mut gap = 0.0;
+        for stage in &mut self.stages {
+            for pair in stage.pairs.all(stage.frame.first) {
+                for side in 0..2 {
+                    gap += (pair.slack[side] + primal * pair.slack_step[side])
+                        * (pair.force[side] + dual * pair.force_step[side]);
+                }
+            }
+        }
+        gap
     }
 
     /// Takes the step; returns the new duality gap.

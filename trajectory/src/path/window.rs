@@ -27,6 +27,7 @@ const CELL_TURN: f64 = 0.1;
 /// Heat of the first solution and of those with tightened limits.
 const COLD: f64 = 0.3;
 const WARM: f64 = 0.01;
+
 /// Tolerance of the optimisation, as a part of the motion time.
 const TOLERANCE: f64 = 3e-4;
 /// Rounds of solving with limits tightened where the law broke them between nodes.
@@ -93,7 +94,8 @@ impl<const N: usize> Window<N> {
     /// A motion from rest at `from` to rest at the end of the span there that needs no search.
     pub fn crawl(&mut self, spans: &[Span<N>], from: f64, limits: &Limits<N>) {
         self.pieces.clear();
-        if let Some(span) = spans.iter().rfind(|s| s.start <= from) {
+        let ahead = |s: &&Span<N>| s.start + s.curve.length() > from + 1e-9;
+        if let Some(span) = spans.iter().find(ahead) {
             let length = span.start + span.curve.length() - from;
             self.pieces
                 .extend(rest_to_rest(from, length, Bounds::along(span, limits)));
@@ -143,7 +145,6 @@ impl<const N: usize> Window<N> {
                 )
             };
             self.steps += outcome.iterations;
-
             if !outcome.converged {
                 return Err(NoLaw);
             }
@@ -168,17 +169,16 @@ impl<const N: usize> Window<N> {
                 continue;
             }
             let straight = span.curve.direction().is_some();
-            let parts = if straight {
-                1
-            } else {
-                ((to - from) * span.curve.turn_rate() / CELL_TURN)
-                    .ceil()
-                    .max(1.0) as usize
-            };
-            let step = (to - from) / parts as f64;
             let mut before = Rates::at(&span.curve.at(from).into(), limits, span.feed);
-            for part in 0..parts {
-                let (s0, s1) = (from + part as f64 * step, from + (part + 1) as f64 * step);
+            let mut s0 = from;
+            while s0 < to {
+                // A part that is nearly all there is is all there is.
+                let next = span.curve.next_cut(s0, CELL_TURN);
+                let s1 = if next < to - 0.1 * (next - s0) {
+                    next
+                } else {
+                    to
+                };
                 let after = if straight {
                     before
                 } else {
@@ -187,12 +187,7 @@ impl<const N: usize> Window<N> {
                 let rates = before.least(after);
                 self.stretches.push(Stretch {
                     from: span.start + s0,
-                    to: if part + 1 == parts {
-                        span.start + to
-                    } else {
-                        span.start + s1
-                    },
-
+                    to: span.start + s1,
                     cap: rates.cap,
                     acceleration: rates.acceleration,
                     jerk: rates.jerk,
@@ -200,35 +195,22 @@ impl<const N: usize> Window<N> {
                     w: [rates.cap; 2],
                 });
                 before = after;
+                s0 = s1;
             }
         }
         let mut w = departure.speed * departure.speed;
-        let mut from_rest = w == 0.0;
         for s in &mut self.stretches {
-            let length = s.to - s.from;
             s.w[0] = s.w[0].min(w);
-            w = (w + 2.0 * s.acceleration * length).min(s.cap);
-            if from_rest {
-                w = w.min(rise(s.jerk, length));
-                from_rest = false;
-            }
+            w = s.climb(w, s.to - s.from).min(s.cap);
             s.w[1] = w;
         }
         let mut w = 0.0;
-        let mut to_rest = true;
         for s in self.stretches.iter_mut().rev() {
-            let length = s.to - s.from;
             s.w[1] = s.w[1].min(w);
-            w += 2.0 * s.acceleration * length;
-            if to_rest {
-                w = w.min(rise(s.jerk, length));
-                to_rest = false;
-            }
-            s.w[0] = s.w[0].min(w);
-            w = s.w[0];
+            w = s.climb(s.w[1], s.to - s.from).min(s.w[0]);
+            s.w[0] = w;
         }
     }
-
     /// Lays the nodes: about equal times apart, by the estimate.
     fn cut(&mut self, departure: Departure) {
         self.nodes.clear();
@@ -237,16 +219,19 @@ impl<const N: usize> Window<N> {
         self.nodes.push(s);
         self.estimate.push(departure.speed * departure.speed);
         let last = self.stretches.len() - 1;
+        let mut pace = f64::INFINITY;
         for k in 0..self.stretches.len() {
             let stretch = self.stretches[k];
             let ramp = stretch.ramp();
             let tick = ramp / CELLS_PER_RAMP;
-            // From and to rest the speed goes with the square of time.
+            // What is travelled in a tick from rest, and to rest.
             let tip = stretch.jerk * tick * tick * tick / 6.0;
             loop {
                 let rest = stretch.to - s;
-                let v = stretch.estimate(s, k == 0, k == last).sqrt();
-                let mut step = (v * tick).max(tip);
+                pace = tick.min(1.5 * pace);
+                let v = stretch.estimate(s).sqrt();
+                let ahead = stretch.estimate(s + (v * pace).max(tip)).sqrt();
+                let mut step = (0.5 * (v + ahead) * pace).max(tip);
                 if stretch.straight {
                     // Far from where the speed has to change, long cells do.
                     let cruise = v * ramp;
@@ -260,13 +245,12 @@ impl<const N: usize> Window<N> {
                     for cubes in [8.0, 1.0] {
                         let next = stretch.to - cubes * tip;
                         if next > s + 0.2 * tip {
-                            self.push(next, stretch.estimate(next, k == 0, true));
+                            self.push(next, stretch.estimate(next));
                             s = next;
                         }
                     }
-                    step = stretch.to - s;
                 }
-                if rest <= 1.5 * step {
+                if rest <= 1.5 * step || k == last && rest <= 27.0 * tip * 1.01 {
                     self.push(stretch.to, stretch.w[1]);
                     s = stretch.to;
                     break;
@@ -275,7 +259,7 @@ impl<const N: usize> Window<N> {
                     step = 0.5 * rest;
                 }
                 s += step;
-                self.push(s, stretch.estimate(s, k == 0, k == last));
+                self.push(s, stretch.estimate(s));
             }
         }
         // Three cells at least.
@@ -297,7 +281,9 @@ impl<const N: usize> Window<N> {
         let mut index = 0;
         let mut before = f64::INFINITY;
         for ends in self.nodes.windows(2) {
-            while ends[0] >= spans[index].start + spans[index].curve.length()
+            // By the middle: the ends may be off by rounding.
+            let middle = 0.5 * (ends[0] + ends[1]);
+            while middle >= spans[index].start + spans[index].curve.length()
                 && index + 1 < spans.len()
             {
                 index += 1;
@@ -418,34 +404,34 @@ impl Rates {
     }
 }
 
-/// ṡ² at the distance `s` from rest under constant jerk: s = j t³/6, ṡ = j t²/2.
-fn rise(jerk: f64, s: f64) -> f64 {
-    let v = jerk * libm::cbrt(6.0 * s / jerk) * libm::cbrt(6.0 * s / jerk) / 2.0;
-    v * v
-}
-
 impl Stretch {
     fn ramp(&self) -> f64 {
         let v = self.cap.sqrt();
         (self.acceleration / self.jerk).min((v / self.jerk).sqrt())
     }
 
-    fn estimate(&self, s: f64, from_rest: bool, to_rest: bool) -> f64 {
-        let (before, after) = ((s - self.from).max(0.0), (self.to - s).max(0.0));
-        let up = if from_rest && self.w[0] == 0.0 {
-            rise(self.jerk, before).min(2.0 * self.acceleration * before)
-        } else {
-            self.w[0] + 2.0 * self.acceleration * before
-        };
-        let down = if to_rest {
-            rise(self.jerk, after).min(2.0 * self.acceleration * after)
-        } else {
-            self.w[1] + 2.0 * self.acceleration * after
-        };
+    /// Estimate of ṡ² at the distance `s`.
+    fn estimate(&self, s: f64) -> f64 {
+        let up = self.climb(self.w[0], (s - self.from).max(0.0));
+        let down = self.climb(self.w[1], (self.to - s).max(0.0));
         up.min(down).min(self.cap)
     }
-}
 
+    /// ṡ² a distance `s` after it was `w`, at most: under constant jerk ṡ^(3/2) goes in proportion
+    /// to the distance (from rest, s = j t³/6 and ṡ = j t²/2), from ṡ = a²/2j on ṡ² does.
+    fn climb(&self, w: f64, s: f64) -> f64 {
+        let knee = self.acceleration * self.acceleration / (2.0 * self.jerk);
+        let rate = (4.5 * self.jerk).sqrt();
+        let v = w.sqrt();
+        let to_knee = (knee * knee.sqrt() - v * v.sqrt()) / rate;
+        if s < to_knee {
+            let x = v * v.sqrt() + rate * s;
+            x * libm::cbrt(x)
+        } else {
+            w.max(knee * knee) + 2.0 * self.acceleration * (s - to_knee.max(0.0))
+        }
+    }
+}
 /// First iterate: a slow motion of the shape of the estimate.
 fn guess(nodes: &[f64], estimate: &[f64], start: Node) -> impl Iterator<Item = Node> {
     const SLOW: f64 = 0.3;

@@ -1,0 +1,125 @@
+//! Rounds the joints between moves.
+//!
+//! A joint whose tangent or curvature breaks is replaced by a polynomial of degree five that takes
+//! over position, tangent and curvature on both sides (G2). Both curves give up the same length d
+//! for it, at most half of what they have, so that neighbouring blends never meet; the length is the
+//! greatest that keeps the blend within the tolerance.
+//!
+//! Between lines that meet in C the polynomial is C + (A − C)(1 − u)³ + (B − C) u³: what axes do that
+//! stop and start under constant jerk, one into the other. It is passed in half the time of a stop.
+//! Where d is bounded by the length of the moves and not by the tolerance, a gentler polynomial with
+//! an even parameter is taken.
+
+use super::curve::{Curve, Derivatives, Poly};
+
+/// Points at which the deviation of a blend is measured.
+const SAMPLES: usize = 12;
+/// Part of the tolerance that is used; the rest is for what happens between the samples.
+const USED: f64 = 0.98;
+/// Blends shorter than this would be nothing but rounding, mm.
+const SHORTEST: f64 = 1e-4;
+/// Greatest cosine between the tangents of a joint that counts as a reversal.
+const REVERSAL: f64 = -0.97;
+
+/// A rounded joint.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Blend<const N: usize> {
+    /// What goes in between.
+    pub curve: Curve<N>,
+    /// What both neighbours give up, mm.
+    pub cut: f64,
+}
+
+/// The blend between two curves that meet, nowhere further than `tolerance` from them and no further
+/// from the point where they meet; `None` where there is none, as in a reversal.
+pub fn blend<const N: usize>(
+    before: &Curve<N>,
+    after: &Curve<N>,
+    tolerance: f64,
+) -> Option<Blend<N>> {
+    let (b, a) = (before.at(before.length()), after.at(0.0));
+    let tool = N.min(3);
+    let along: f64 = (0..tool).map(|i| b.d1[i] * a.d1[i]).sum();
+    let unit = |d: &Derivatives<N>| (0..tool).map(|i| d.d1[i] * d.d1[i]).sum::<f64>() > 0.5;
+    if along < REVERSAL || !unit(&b) || !unit(&a) {
+        return None;
+    }
+    let most = 0.5 * before.length().min(after.length());
+    let mut cut = most;
+    // Corners deviate in proportion to the cut, steps of the curvature with its square.
+    let power = if along < 1.0 - 1e-9 { 1.0 } else { 0.5 };
+    for _ in 0..40 {
+        if cut < SHORTEST {
+            return None;
+        }
+        let fit = |shape| {
+            let poly = join(before, after, cut, shape);
+            let off = poly
+                .as_ref()
+                .map_or(f64::INFINITY, |poly| deviation(poly, before, after, cut));
+            (poly, off)
+        };
+        let (mut poly, off) = fit(SHARP);
+        if off <= tolerance {
+            if cut == most {
+                let (gentle, off) = fit(EVEN);
+                if off <= tolerance {
+                    poly = gentle;
+                }
+            }
+            return poly.map(|poly| Blend {
+                curve: Curve::Poly(poly),
+                cut,
+            });
+        }
+        let shrink = if off.is_finite() {
+            libm::pow(USED * tolerance / off, power)
+        } else {
+            0.5
+        };
+        cut *= shrink.clamp(0.02, 0.95);
+    }
+    None
+}
+
+/// Rate of the parameter at the ends and how it slows, both per cut: as axes stop and start …
+const SHARP: (f64, f64) = (3.0, 6.0);
+/// … and as evenly as can be.
+const EVEN: (f64, f64) = (2.0, 0.0);
+
+fn join<const N: usize>(
+    before: &Curve<N>,
+    after: &Curve<N>,
+    cut: f64,
+    (rate, brake): (f64, f64),
+) -> Option<Poly<N>> {
+    Poly::joining(
+        &before.at(before.length() - cut),
+        &after.at(cut),
+        rate * cut,
+        brake * cut,
+    )
+}
+/// How far the blend strays from the two curves, and the joint from the blend.
+fn deviation<const N: usize>(poly: &Poly<N>, before: &Curve<N>, after: &Curve<N>, cut: f64) -> f64 {
+    let joint = after.start();
+    let mut astray = 0.0_f64;
+    let mut missed = f64::INFINITY;
+    for k in 1..SAMPLES {
+        let part = k as f64 / SAMPLES as f64;
+        let p = poly.point(part);
+        let first = before.distance_near(&p, before.length() - cut * (1.0 - 2.0 * part).max(0.0));
+        let second = after.distance_near(&p, cut * (2.0 * part - 1.0).max(0.0));
+        astray = astray.max(first.min(second));
+        missed = missed.min(distance(&p, &joint));
+    }
+    astray.max(missed)
+}
+
+/// Distance between two points of the tool path.
+pub(super) fn distance<const N: usize>(a: &[f64; N], b: &[f64; N]) -> f64 {
+    (0..N.min(3))
+        .map(|i| (a[i] - b[i]) * (a[i] - b[i]))
+        .sum::<f64>()
+        .sqrt()
+}

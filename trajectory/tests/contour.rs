@@ -1,0 +1,245 @@
+//! Contours of many moves: the plan's pieces, checked between the samples, against the programmed
+//! geometry.
+
+use proptest::prelude::*;
+use syncline_trajectory::path::{
+    Command, Curve, Exit, Feed, Item, Limits, Move, Piece, Plane, Planner, Span,
+    curve::ArcDefinition,
+};
+
+const LIMITS: Limits<3> = Limits {
+    velocity: [500.0, 400.0, 200.0],
+    acceleration: [5_000.0, 3_000.0, 2_000.0],
+    jerk: [80_000.0, 50_000.0, 40_000.0],
+};
+
+fn go(curve: Curve<3>, feed: f64, exit: Exit, tag: usize) -> Item<3> {
+    Item::Move(Move {
+        curve,
+        feed: Feed::Rate(feed),
+        exit,
+        tag: tag as u32,
+    })
+}
+
+/// What is executed in the end: pieces with the spans of their section.
+#[derive(Default)]
+struct Plan {
+    sections: Vec<Vec<Span<3>>>,
+    /// Section and piece.
+    pieces: Vec<(usize, Piece)>,
+    windows: usize,
+}
+
+impl Plan {
+    fn of(items: &[Item<3>], start: [f64; 3]) -> Self {
+        let mut planner = Planner::new(LIMITS, start);
+        let mut plan = Plan::default();
+        // Steps as the executor counts them: None for those that are no pieces.
+        let mut steps: Vec<Option<(usize, Piece)>> = Vec::new();
+        let mut drain = |planner: &mut Planner<3>| {
+            while let Some(command) = planner.pop() {
+                match command {
+                    Command::Section(_) => {
+                        plan.sections.push(Vec::new());
+                        steps.push(None);
+                    }
+                    Command::Span(span) => plan.sections.last_mut().unwrap().push(span),
+                    Command::Splice(step) => steps.truncate(step as usize),
+                    Command::Piece(piece) => steps.push(Some((plan.sections.len() - 1, piece))),
+                    Command::Dwell { .. } => steps.push(None),
+                    Command::Commit => plan.windows += 1,
+                }
+            }
+        };
+        for item in items {
+            planner.push(*item).unwrap();
+            drain(&mut planner);
+        }
+        planner.finish();
+        drain(&mut planner);
+        plan.pieces = steps.into_iter().flatten().collect();
+        plan
+    }
+
+    fn time(&self) -> f64 {
+        self.pieces.iter().map(|(_, p)| p.duration).sum()
+    }
+
+    /// Calls `f` with position, axis accelerations and jerks, path speed and feed, `n` times a piece.
+    fn sample(&self, n: usize, mut f: impl FnMut([f64; 3], [f64; 3], [f64; 3], f64, f64)) {
+        for (section, piece) in &self.pieces {
+            let spans = &self.sections[*section];
+            let index = spans.partition_point(|s| s.start <= piece.distance + 1e-9) - 1;
+            let span = &spans[index];
+            for k in 0..=n {
+                let (ds, v, a) = piece.at(piece.duration * k as f64 / n as f64);
+                let at = span.curve.at(piece.distance - span.start + ds);
+                let acceleration = std::array::from_fn(|i| at.d2[i] * v * v + at.d1[i] * a);
+                let jerk = std::array::from_fn(|i| {
+                    at.d3[i] * v * v * v + 3.0 * at.d2[i] * v * a + at.d1[i] * piece.jerk
+                });
+                f(at.q, acceleration, jerk, v, span.feed);
+            }
+        }
+    }
+
+    fn check(&self, moves: &[Item<3>], tolerance: f64) -> Result<(), TestCaseError> {
+        let mut worst = [0.0_f64; 4];
+        self.sample(16, |q, a, j, v, feed| {
+            for i in 0..3 {
+                worst[0] = worst[0].max(a[i].abs() / LIMITS.acceleration[i]);
+                worst[1] = worst[1].max(j[i].abs() / LIMITS.jerk[i]);
+            }
+            worst[2] = worst[2].max(v / feed);
+            let astray = moves
+                .iter()
+                .map(|item| astray(item, &q))
+                .fold(f64::INFINITY, f64::min);
+            worst[3] = worst[3].max(astray);
+        });
+        prop_assert!(
+            worst[0] <= 1.0 + 1e-6,
+            "acceleration {} of its limit",
+            worst[0]
+        );
+        prop_assert!(worst[1] <= 1.0 + 1e-6, "jerk {} of its limit", worst[1]);
+        prop_assert!(
+            worst[2] <= 1.0 + 1e-9,
+            "feed {} of what was programmed",
+            worst[2]
+        );
+        prop_assert!(worst[3] <= tolerance + 1e-9, "{} mm off the path", worst[3]);
+        // Continuous, and at rest at both ends.
+        for pair in self.pieces.windows(2) {
+            let ((s0, before), (s1, after)) = (pair[0], pair[1]);
+            let (ds, v, a) = before.at(before.duration);
+            prop_assert!(
+                (v - after.speed).abs() <= 1e-7,
+                "speed {v} then {}",
+                after.speed
+            );
+            prop_assert!(
+                (a - after.acceleration).abs() <= 1e-5,
+                "acceleration {a} then {}",
+                after.acceleration
+            );
+            if s0 == s1 {
+                let gap = before.distance + ds - after.distance;
+                prop_assert!(gap.abs() <= 1e-8, "{gap} mm between pieces");
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Distance of a point from a move, by brute force and then closer.
+fn astray(item: &Item<3>, q: &[f64; 3]) -> f64 {
+    let Item::Move(motion) = item else {
+        return f64::INFINITY;
+    };
+    let curve = &motion.curve;
+    let far = |s: f64| {
+        let p = curve.at(s).q;
+        (0..3)
+            .map(|i| (p[i] - q[i]) * (p[i] - q[i]))
+            .sum::<f64>()
+            .sqrt()
+    };
+    let n = if curve.direction().is_some() { 1 } else { 24 };
+    let near = (0..=n)
+        .map(|k| curve.length() * k as f64 / n as f64)
+        .min_by(|a, b| far(*a).total_cmp(&far(*b)))
+        .unwrap();
+    curve.distance_near(q, near)
+}
+
+fn point(size: f64) -> impl Strategy<Value = [f64; 3]> {
+    prop::array::uniform3(-size..size)
+}
+
+/// Connected lines, and now and then an arc.
+fn contour() -> impl Strategy<Value = Vec<Curve<3>>> {
+    (0.5..100.0_f64)
+        .prop_flat_map(|size| {
+            prop::collection::vec(
+                (point(size), prop::option::weighted(0.3, -1.5..1.5_f64)),
+                2..8,
+            )
+        })
+        .prop_map(|points| {
+            let mut curves = Vec::new();
+            for pair in points.windows(2) {
+                let (start, end) = (pair[0].0, pair[1].0);
+                let curve = match pair[0].1 {
+                    None => Curve::line(start, end),
+                    // Centre beside the middle of the chord.
+                    Some(bulge) => {
+                        let (mx, my) = ((start[0] + end[0]) / 2.0, (start[1] + end[1]) / 2.0);
+                        let centre = (
+                            mx - bulge * (end[1] - start[1]),
+                            my + bulge * (end[0] - start[0]),
+                        );
+                        Curve::arc(ArcDefinition {
+                            start,
+                            end,
+                            plane: Plane::Xy,
+                            centre,
+                            clockwise: bulge < 0.0,
+                            turns: 0,
+                        })
+                    }
+                };
+                curves.push(curve.unwrap());
+            }
+            curves
+        })
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(6))]
+
+    #[test]
+    fn contours_keep_limits_and_tolerance(
+        curves in contour(), feed in 5.0..800.0_f64, tolerance in prop_oneof![Just(0.001), 0.005..0.5_f64]
+    ) {
+        let items: Vec<_> = curves.iter().enumerate().map(|(k, c)| go(*c, feed, Exit::Blend(tolerance), k)).collect();
+        let plan = Plan::of(&items, curves[0].start());
+        plan.check(&items, tolerance)?;
+        let (section, last) = plan.pieces.last().unwrap();
+        let span = plan.sections[*section].last().unwrap();
+        let end = span.curve.at(last.distance + last.at(last.duration).0 - span.start).q;
+        let programmed = curves.last().unwrap().end();
+        for (is, should) in end.iter().zip(programmed) {
+            prop_assert!((is - should).abs() < 1e-9);
+        }
+    }
+}
+
+#[test]
+fn rounding_a_corner_is_faster_than_stopping_in_it() {
+    let square = [
+        [0.0, 0.0, 0.0],
+        [50.0, 0.0, 0.0],
+        [50.0, 50.0, 0.0],
+        [0.0, 50.0, 0.0],
+        [0.0, 0.0, 0.0],
+    ];
+    let time = |exit| {
+        let items: Vec<_> = square
+            .windows(2)
+            .map(|p| go(Curve::line(p[0], p[1]).unwrap(), 200.0, exit, 0))
+            .collect();
+        Plan::of(&items, square[0]).time()
+    };
+    let times = [
+        time(Exit::Stop),
+        time(Exit::Exact(0.001)),
+        time(Exit::Blend(0.01)),
+        time(Exit::Blend(0.1)),
+        time(Exit::Blend(1.0)),
+    ];
+    for pair in times.windows(2) {
+        assert!(pair[1] < pair[0], "{times:?}");
+    }
+}
