@@ -249,7 +249,7 @@ impl Watched {
                 Ok(row) => {
                     let data_type = objects.entry(row).data_type;
                     let value = data_type.extend(raw, u32::from(mapped.bits));
-                    text.push_str(&number_of(mapped.address, data_type, value));
+                    text.push_str(&value_text(mapped.address, data_type, value));
                 }
                 Err(_) => text.push_str(&raw.to_string()),
             }
@@ -293,7 +293,7 @@ impl Watched {
     /// An object's value from its bytes, to be read.
     fn value(&self, address: Address, data: &[u8]) -> String {
         if let (Some((_, value)), Some(entry)) = (self.number(address, data), self.entry(address)) {
-            return number_of(address, entry.data_type, value);
+            return value_text(address, entry.data_type, value);
         }
         let text = core::str::from_utf8(data).ok();
         match text.filter(|text| text.chars().all(|c| c == ' ' || c.is_ascii_graphic())) {
@@ -441,8 +441,9 @@ impl Watched {
     }
 }
 
-/// A number as a person reads it; a statusword with its state.
-fn number_of(address: Address, data_type: DataType, value: i64) -> String {
+/// An object's number as a person reads it; a statusword with its state.
+#[must_use]
+pub fn value_text(address: Address, data_type: DataType, value: i64) -> String {
     match (address.index, data_type) {
         (0x6041, DataType::U16) => Statusword(value as u16).to_string(),
         (_, DataType::U16) => format!("{value} ({value:04X}h)"),

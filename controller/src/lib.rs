@@ -12,6 +12,7 @@
 //! - [`report`]: what a run leaves to look at
 //! - [`timing`]: how punctual a cycle was
 //! - [`drive_host`]: simulated drives on a real bus
+//! - [`bus_log`]: the traffic of a bus in files
 //! - [`bench`]: measures cycles and what simulations are made of
 //! - [`commands`]: the `syncline` command line
 
@@ -19,6 +20,7 @@
 
 pub mod bench;
 pub mod budget;
+pub mod bus_log;
 pub mod commands;
 pub mod control;
 pub mod doctor;

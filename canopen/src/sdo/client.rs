@@ -34,7 +34,6 @@ pub struct Failure {
     /// The object.
     pub address: Address,
     /// What happened.
-    #[source]
     pub reason: Reason,
 }
 

@@ -6,11 +6,17 @@ mod check;
 mod doctor;
 mod drives;
 mod eds;
+mod monitor;
+mod nmt;
 mod output;
 mod plan;
 mod ports;
+mod record;
 mod run;
+mod scan;
+mod sdo;
 mod switches;
+mod tool;
 mod validate;
 
 use clap::{Parser, Subcommand};
@@ -36,7 +42,12 @@ enum Command {
     Doctor(doctor::Args),
     Drives(drives::Args),
     Eds(eds::Args),
+    Monitor(monitor::Args),
+    Nmt(nmt::Args),
     Plan(plan::Args),
+    Record(record::Args),
+    Scan(scan::Args),
+    Sdo(sdo::Args),
 }
 
 impl Cli {
@@ -52,7 +63,12 @@ impl Cli {
             Command::Doctor(args) => args.execute(),
             Command::Drives(args) => args.execute(),
             Command::Eds(args) => args.execute(),
+            Command::Monitor(args) => args.execute(),
+            Command::Nmt(args) => args.execute(),
             Command::Plan(args) => args.execute(),
+            Command::Record(args) => args.execute(),
+            Command::Scan(args) => args.execute(),
+            Command::Sdo(args) => args.execute(),
         }
     }
 }

@@ -1,0 +1,189 @@
+//! The tools for a bus at work, on simulated drives behind socketcand on loopback.
+
+use std::process::{Child, Command, Output, Stdio};
+use std::time::Duration;
+
+const MACHINE: &str = concat!(
+    env!("CARGO_MANIFEST_DIR"),
+    "/../examples/portal/machine.toml"
+);
+
+/// A portal's drives on a bus.
+struct Drives {
+    host: Child,
+    bus: String,
+}
+
+impl Drives {
+    fn new() -> Self {
+        // A port that is free now.
+        let listener = std::net::TcpListener::bind("127.0.0.1:0").expect("a port");
+        let port = listener.local_addr().expect("an address").port();
+        drop(listener);
+        let bus = format!("socketcand://127.0.0.1:{port}/can0");
+        let host = syncline()
+            .args(["drives", MACHINE, "--bus", &bus])
+            .stdout(Stdio::null())
+            .stderr(Stdio::null())
+            .spawn()
+            .expect("starts");
+        let drives = Self { host, bus };
+        for _ in 0..100 {
+            if drives
+                .run(&["sdo", "--bus", &drives.bus, "read", "4", "1000"])
+                .0
+                == 0
+            {
+                return drives;
+            }
+            std::thread::sleep(Duration::from_millis(50));
+        }
+        panic!("the drives do not come up");
+    }
+
+    fn run(&self, args: &[&str]) -> (i32, String, String) {
+        let Output {
+            status,
+            stdout,
+            stderr,
+        } = syncline().args(args).output().expect("runs");
+        let text = |bytes| String::from_utf8(bytes).expect("UTF-8");
+        (status.code().unwrap_or(-1), text(stdout), text(stderr))
+    }
+
+    fn tool(&self, name: &str, args: &[&str]) -> (i32, String, String) {
+        self.run(&[&[name, "--bus", &self.bus], args].concat())
+    }
+}
+
+impl Drop for Drives {
+    fn drop(&mut self) {
+        let _ = self.host.kill();
+        let _ = self.host.wait();
+    }
+}
+
+fn syncline() -> Command {
+    Command::new(env!("CARGO_BIN_EXE_syncline"))
+}
+
+#[test]
+fn tools_on_a_bus() {
+    let drives = Drives::new();
+
+    let (code, text, _) = drives.tool("scan", &["--timeout", "2000"]);
+    assert_eq!(code, 0);
+    for node in 1..=4 {
+        let found = format!("node {node}: LXM32M\n  device type 00420192h, vendor 0800005Ah");
+        assert!(text.contains(&found), "{text}");
+    }
+
+    let sdo = |args: &[&str]| drives.tool("sdo", &[&["--timeout", "2000"], args].concat());
+    for object in ["1008", "0x1008:0", "1008h", "Manufacturer device name"] {
+        let read = sdo(&["read", "3", object]);
+        let told = "1008h:0 Manufacturer device name = \"LXM32M  \"\n";
+        assert_eq!(read, (0, told.into(), String::new()));
+    }
+    assert_eq!(
+        sdo(&["write", "3", "DCOMopmode", "-1"]),
+        (0, String::new(), String::new())
+    );
+    assert_eq!(sdo(&["read", "3", "6060"]).1, "6060h:0 DCOMopmode = -1\n");
+    assert_eq!(sdo(&["write", "3", "1017", "0x32"]).0, 0);
+    assert_eq!(
+        sdo(&["write", "3", "6060", "11"]),
+        (
+            1,
+            String::new(),
+            "error: node 3: SDO write 6060h:0 aborted 0609 0030h \"invalid value for parameter\"\n"
+                .into()
+        )
+    );
+    for (args, told) in [
+        (
+            ["write", "3", "6060", "300"],
+            "error: 300 is outside -128 to 127\n",
+        ),
+        (["write", "3", "6060", "x"], "error: `x` is no number\n"),
+        (
+            ["write", "3", "2000:1", "1"],
+            "error: the object's type is not known: say it by --type\n",
+        ),
+        (
+            ["write", "3", "DCOMopmod", "1"],
+            "error: `DCOMopmod` is no object: did you mean `DCOMopmode`?\n",
+        ),
+    ] {
+        assert_eq!(sdo(&args), (2, String::new(), told.into()));
+    }
+
+    assert_eq!(drives.tool("nmt", &["start", "3"]).0, 0);
+    let (code, text, _) = drives.tool("monitor", &["--node", "3:lxm32m", "--count", "2"]);
+    assert_eq!(code, 0);
+    assert_eq!(
+        text.matches("703#05                 node 3 heartbeat: Operational\n")
+            .count(),
+        2
+    );
+
+    let directory = tempfile::tempdir().expect("a directory");
+    let log = directory.path().join("can.log");
+    let packets = directory.path().join("can.pcapng");
+    let (log, packets) = (
+        log.to_str().expect("UTF-8"),
+        packets.to_str().expect("UTF-8"),
+    );
+    let record = ["--candump", log, "--pcapng", packets, "--count", "5"];
+    assert_eq!(
+        drives.tool("record", &record),
+        (0, String::new(), "5 frames\n".into())
+    );
+    let size = std::fs::metadata(packets).expect("written").len();
+    assert_eq!(
+        size,
+        28 + 40 + 5 * 44,
+        "head, interface, 5 packets of one byte"
+    );
+    let (code, text, _) = drives.run(&["monitor", "--log", log, "--machine", MACHINE]);
+    assert_eq!(code, 0);
+    assert_eq!(text.lines().count(), 5);
+    assert!(text.starts_with("    0.000000  703#05"), "{text}");
+}
+
+#[test]
+fn bad_input() {
+    let run = |args: &[&str]| {
+        let output = syncline().args(args).output().expect("runs");
+        let text = String::from_utf8(output.stderr).expect("UTF-8");
+        (output.status.code(), text)
+    };
+    let directory = tempfile::tempdir().expect("a directory");
+    let log = directory.path().join("bad.log");
+    std::fs::write(&log, "(1.0) can0 181#3742\n(1.0) can0 181\n").expect("written");
+    let (code, told) = run(&["monitor", "--log", log.to_str().expect("UTF-8")]);
+    assert_eq!(code, Some(2));
+    assert!(
+        told.ends_with("bad.log:2: expected (SECONDS) INTERFACE ID#DATA\n"),
+        "{told}"
+    );
+    for (args, told) in [
+        (&["scan", "--bus", "tcp://x"][..], "`tcp://x` is no bus"),
+        (
+            &["scan", "--bus", "sim"],
+            "lives inside `run` and `validate` only",
+        ),
+        (
+            &["nmt", "--bus", "can0", "start", "128"],
+            "`128` is no node id: 1 to 127",
+        ),
+        (
+            &["monitor", "--log", "x", "--node", "1:y"],
+            "no model `y`, only lxm32m",
+        ),
+        (&["monitor"], "required"),
+    ] {
+        let (code, error) = run(args);
+        assert_eq!(code, Some(2), "{args:?}");
+        assert!(error.contains(told), "{error}");
+    }
+}
