@@ -1,6 +1,6 @@
 //! Beginning in the middle of a program.
 
-use syncline_controller::gcode::{Interpreter, Point, Setup};
+use syncline_controller::gcode::{Action, Command, Interpreter, Point, Setup};
 
 use super::listing::{show_all, xyz};
 
@@ -59,4 +59,41 @@ fn a_line_that_is_not_met() {
         text += &started_at(line, xyz());
     }
     insta::assert_snapshot!(text);
+}
+
+fn motions(commands: &[Command]) -> Vec<&Command> {
+    let moves = |command: &&Command| {
+        matches!(
+            command.action,
+            Action::Rapid { .. } | Action::Feed { .. } | Action::Arc { .. }
+        )
+    };
+    commands.iter().filter(moves).collect()
+}
+
+/// Begun at any line of a whole part, the rest of the program is what it is from the beginning.
+#[test]
+fn what_follows_is_the_rest_of_the_program() {
+    let text = include_str!("../../../examples/portal/bracket.ngc");
+    let part = || Interpreter::from_text("bracket.ngc", text, xyz());
+    let whole: Vec<Command> = part().collect::<Result<_, _>>().unwrap();
+    let lines = text.lines().count() as u32;
+    for line in (1..lines - 2).step_by(7) {
+        let mut begun = part();
+        begun.start_at_line(line).unwrap();
+        let position = begun.position();
+        let commands: Vec<Command> = begun.collect::<Result<_, _>>().unwrap();
+        let rest = whole.partition_point(|command| command.span.line < line);
+        let (rest, commands) = (motions(&whole[rest..]), motions(&commands));
+        let approach = commands.len() - rest.len();
+        assert_eq!(commands[approach..], rest, "line {line}");
+        assert!(approach <= 2, "line {line}");
+        if let Some(last) = commands[..approach].last() {
+            let to = match &last.action {
+                Action::Rapid { to } | Action::Feed { to, .. } => *to,
+                other => panic!("line {line}: {other:?}"),
+            };
+            assert_eq!(to, position, "line {line}");
+        }
+    }
 }
