@@ -92,7 +92,7 @@ pub(super) fn join(
     };
     let index = interface_index(interface).map_err(fail)?;
     let receiving = receiving_socket(group, port, index).map_err(fail)?;
-    let sending = sending_socket(group, index).map_err(fail)?;
+    let sending = sending_socket(group, interface).map_err(fail)?;
     let own = sending.local_addr().map_err(fail)?.port();
     let (inlet, frames) = NetworkBus::inlet();
     thread::spawn(move || {
@@ -137,18 +137,17 @@ fn receiving_socket(group: IpAddr, port: u16, index: u32) -> io::Result<UdpSocke
     Ok(socket.into())
 }
 
-fn sending_socket(group: IpAddr, index: u32) -> io::Result<UdpSocket> {
+fn sending_socket(group: IpAddr, interface: &str) -> io::Result<UdpSocket> {
     let socket = Socket::new(domain(group), Type::DGRAM, Some(Protocol::UDP))?;
+    // IP_MULTICAST_IF names an IPv4 interface by its address, which it may not have.
+    socket.bind_device(Some(interface.as_bytes()))?;
     match group {
         IpAddr::V4(_) => {
             socket.bind(&SocketAddr::from((Ipv4Addr::UNSPECIFIED, 0)).into())?;
-            // The kernel takes an interface's number as an address 0.0.0.n.
-            socket.set_multicast_if_v4(&Ipv4Addr::from(index))?;
             socket.set_multicast_ttl_v4(1)?;
         }
         IpAddr::V6(_) => {
             socket.bind(&SocketAddr::from((Ipv6Addr::UNSPECIFIED, 0)).into())?;
-            socket.set_multicast_if_v6(index)?;
             socket.set_multicast_hops_v6(1)?;
         }
     }

@@ -1,0 +1,144 @@
+//! What tests with other people's tools share: hosted drives, a network of their own, skipping.
+#![allow(dead_code, reason = "not every test uses everything")]
+
+use std::ffi::OsStr;
+use std::io::{BufRead, BufReader};
+use std::path::{Path, PathBuf};
+use std::process::{Child, ChildStdout, Command, Stdio};
+use std::sync::atomic::{AtomicU32, Ordering};
+
+pub(crate) const SYNCLINE: &str = env!("CARGO_BIN_EXE_syncline");
+
+/// The workspace.
+pub(crate) fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
+}
+
+/// Whether the test can be run; says why not. Where every tool is required, as in CI, that is a
+/// failure.
+pub(crate) fn available(needed: Result<(), String>) -> bool {
+    let Err(why) = needed else {
+        return true;
+    };
+    let required = std::env::var_os("SYNCLINE_REQUIRE_TOOLS").is_some();
+    assert!(!required, "required, but {why}");
+    eprintln!("skipped: {why}");
+    false
+}
+
+/// Whether a program starts and succeeds.
+pub(crate) fn runs(program: impl AsRef<OsStr>, arguments: &[&str]) -> Result<(), String> {
+    let program = program.as_ref();
+    let mut command = Command::new(program);
+    match command.args(arguments).output() {
+        Ok(output) if output.status.success() => Ok(()),
+        Ok(output) => Err(format!(
+            "{} failed: {}",
+            program.display(),
+            String::from_utf8_lossy(&output.stderr).trim()
+        )),
+        Err(error) => Err(format!("{}: {error}", program.display())),
+    }
+}
+
+/// A network namespace with nothing but loopback, which takes multicast; gone with this value.
+pub(crate) struct Namespace(String);
+
+impl Namespace {
+    pub(crate) fn new() -> Result<Self, String> {
+        static COUNT: AtomicU32 = AtomicU32::new(0);
+        let number = COUNT.fetch_add(1, Ordering::Relaxed);
+        let name = format!("syncline-{}-{number}", std::process::id());
+        runs("ip", &["netns", "add", &name])?;
+        let namespace = Self(name);
+        let name = &namespace.0;
+        runs(
+            "ip",
+            &["-n", name, "link", "set", "lo", "up", "multicast", "on"],
+        )?;
+        runs(
+            "ip",
+            &["-n", name, "route", "add", "224.0.0.0/4", "dev", "lo"],
+        )?;
+        Ok(namespace)
+    }
+
+    /// A command that will run in it.
+    pub(crate) fn command(&self, program: impl AsRef<OsStr>) -> Command {
+        let mut command = Command::new("ip");
+        command.args(["netns", "exec", &self.0]).arg(program);
+        command
+    }
+}
+
+impl Drop for Namespace {
+    fn drop(&mut self) {
+        let _ = runs("ip", &["netns", "del", &self.0]);
+    }
+}
+
+/// Simulated drives on a bus, until this value goes.
+pub(crate) struct Drives {
+    child: Child,
+    /// What is still to be read.
+    _stdout: BufReader<ChildStdout>,
+    /// What the command says it hosts.
+    pub(crate) announced: String,
+}
+
+impl Drives {
+    /// Nodes 1 and 2, tolerant, on a bus. `command` is `syncline`, wherever it is to run.
+    pub(crate) fn start(mut command: Command, bus: &str) -> Self {
+        let nodes = [
+            "drives",
+            "--tolerant",
+            "--node",
+            "1:lxm32m",
+            "--node",
+            "2:lxm32m",
+        ];
+        let mut child = (command.args(nodes).args(["--bus", bus]))
+            .stdin(Stdio::null())
+            .stdout(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let mut stdout = BufReader::new(child.stdout.take().unwrap());
+        let mut announced = String::new();
+        stdout.read_line(&mut announced).unwrap();
+        assert!(announced.contains("node 2 (LXM32M)"), "{announced}");
+        Self {
+            child,
+            _stdout: stdout,
+            announced,
+        }
+    }
+
+    /// On this host, over socketcand at a port of the host's choice.
+    pub(crate) fn local() -> Self {
+        Self::start(Command::new(SYNCLINE), "socketcand://127.0.0.1:0/can0")
+    }
+
+    /// The bus' URL.
+    pub(crate) fn url(&self) -> &str {
+        self.announced.split(": ").next().unwrap()
+    }
+
+    /// The port number in it.
+    pub(crate) fn port(&self) -> &str {
+        let address = self.url().rsplit_once('/').unwrap().0;
+        address.rsplit_once(':').unwrap().1
+    }
+
+    /// Stops them as a service manager does; they end well.
+    pub(crate) fn stop(mut self) {
+        runs("kill", &["-TERM", &self.child.id().to_string()]).unwrap();
+        assert!(self.child.wait().unwrap().success());
+    }
+}
+
+impl Drop for Drives {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
