@@ -1,6 +1,7 @@
 //! `syncline drives`: drives simulated on real buses.
 
 use super::ports::PortChoice;
+use super::tool::NodeOfModel;
 use super::{Exit, bad_input, report};
 use crate::drive_host;
 use crate::machine::Machine;
@@ -12,13 +13,12 @@ use crate::realtime::{self, Settings};
 use std::error::Error;
 use std::io::{self, Write};
 use std::path::PathBuf;
-use std::str::FromStr;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::{Duration, Instant};
 use syncline_canopen::NodeId;
-use syncline_drives::model::{MODELS, Model};
+use syncline_drives::model::Model;
 use syncline_drives::twin::lxm32m::{Policies, Twin, TwinConfig};
 
 /// Below a controller's on the same host.
@@ -41,7 +41,7 @@ pub(super) struct Args {
         conflicts_with = "machine",
         requires = "bus"
     )]
-    nodes: Vec<SingleNode>,
+    nodes: Vec<NodeOfModel>,
     #[command(flatten)]
     ports: PortChoice,
     /// Bit rate of the bus with the --node drives, bit/s.
@@ -57,29 +57,6 @@ pub(super) struct Args {
     /// Varies encoder noise, response delays and oscillator errors.
     #[arg(long, default_value_t = 0)]
     seed: u64,
-}
-
-/// A drive without a machine file.
-#[derive(Clone, Debug)]
-struct SingleNode {
-    node: NodeId,
-    model: &'static Model,
-}
-
-impl FromStr for SingleNode {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        let (node, model) = text.split_once(':').ok_or("write ID:MODEL")?;
-        let node = node.parse().ok().and_then(NodeId::new);
-        Ok(Self {
-            node: node.ok_or("the node id is a number from 1 to 127")?,
-            model: Model::by_name(model).ok_or_else(|| {
-                let known: Vec<_> = MODELS.iter().map(|model| model.name).collect();
-                format!("no model `{model}`, only {}", known.join(", "))
-            })?,
-        })
-    }
 }
 
 /// A bus to be, with its drives.

@@ -50,25 +50,28 @@ pub(super) struct Known {
     #[arg(long, value_name = "FILE")]
     machine: Option<PathBuf>,
     /// A node and what it is, such as `1:lxm32m`. Can be repeated.
-    #[arg(long = "node", value_name = "NODE:MODEL")]
-    nodes: Vec<KnownNode>,
+    #[arg(long = "node", value_name = "ID:MODEL")]
+    nodes: Vec<NodeOfModel>,
 }
 
-/// A node and what it is.
-#[derive(Clone, Debug)]
-struct KnownNode(NodeId, &'static Model);
+/// A node and what it is: `1:lxm32m`.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct NodeOfModel {
+    pub(super) node: NodeId,
+    pub(super) model: &'static Model,
+}
 
-impl FromStr for KnownNode {
+impl FromStr for NodeOfModel {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let (node, model) = text.split_once(':').ok_or("expected NODE:MODEL")?;
+        let (node, model) = text.split_once(':').ok_or("write ID:MODEL")?;
         let node = node_id(node)?;
         let model = Model::by_name(model).ok_or_else(|| {
             let known: Vec<&str> = MODELS.iter().map(|model| model.name).collect();
             format!("no model `{model}`, only {}", known.join(", "))
         })?;
-        Ok(Self(node, model))
+        Ok(Self { node, model })
     }
 }
 
@@ -88,7 +91,7 @@ impl Known {
             models.extend(drives.map(|drive| (drive.node.get(), drive.model)));
         }
         let nodes = self.nodes.iter();
-        models.extend(nodes.map(|KnownNode(node, model)| (node.get(), *model)));
+        models.extend(nodes.map(|known| (known.node.get(), known.model)));
         Ok(models)
     }
 }
