@@ -11,35 +11,38 @@ const EXTENDED: u32 = 1 << 31;
 /// Of a remote request.
 const REMOTE: u32 = 1 << 30;
 
-/// Begins a file: its head and the bus that the frames come from.
+/// Begins a file: its head and the buses that the frames come from.
 ///
 /// # Errors
 /// It cannot be written.
-pub fn begin(file: &mut impl Write, bus: &str) -> io::Result<()> {
+pub fn begin(file: &mut impl Write, buses: &[impl AsRef<str>]) -> io::Result<()> {
     let mut section = Vec::new();
     section.extend(0x1A2B_3C4Du32.to_le_bytes()); // byte order
     section.extend(1u16.to_le_bytes()); // version 1.0
     section.extend(0u16.to_le_bytes());
     section.extend(u64::MAX.to_le_bytes()); // length of the section is not known
     block(file, 0x0A0D_0D0A, &section)?;
-    let mut interface = Vec::new();
-    interface.extend(LINK_TYPE.to_le_bytes());
-    interface.extend(0u16.to_le_bytes());
-    interface.extend(0u32.to_le_bytes()); // no limit to a frame's length
-    option(&mut interface, 2, bus.as_bytes()); // if_name
-    option(&mut interface, 9, &[9]); // if_tsresol: nanoseconds
-    option(&mut interface, 0, &[]);
-    block(file, 1, &interface)
+    for bus in buses {
+        let mut interface = Vec::new();
+        interface.extend(LINK_TYPE.to_le_bytes());
+        interface.extend(0u16.to_le_bytes());
+        interface.extend(0u32.to_le_bytes()); // no limit to a frame's length
+        option(&mut interface, 2, bus.as_ref().as_bytes()); // if_name
+        option(&mut interface, 9, &[9]); // if_tsresol: nanoseconds
+        option(&mut interface, 0, &[]);
+        block(file, 1, &interface)?;
+    }
+    Ok(())
 }
 
-/// Appends a frame; `at` counts from 1970.
+/// Appends a frame of the bus with index `bus`; `at` counts from 1970.
 ///
 /// # Errors
 /// It cannot be written.
-pub fn append(file: &mut impl Write, at: Duration, frame: &Frame) -> io::Result<()> {
+pub fn append(file: &mut impl Write, bus: usize, at: Duration, frame: &Frame) -> io::Result<()> {
     let mut packet = Vec::with_capacity(48);
     let nanos = at.as_nanos() as u64;
-    packet.extend(0u32.to_le_bytes()); // the first interface
+    packet.extend((bus as u32).to_le_bytes());
     packet.extend(((nanos >> 32) as u32).to_le_bytes());
     packet.extend((nanos as u32).to_le_bytes());
     let data = frame.data();
@@ -86,10 +89,10 @@ mod tests {
     #[test]
     fn a_file_with_one_frame() {
         let mut file = Vec::new();
-        begin(&mut file, "can0").unwrap();
+        begin(&mut file, &["can0"]).unwrap();
         let head = file.len();
         let frame = Frame::new(CanId::Standard(0x181), &[0x37, 0x42]);
-        append(&mut file, Duration::new(1, 5), &frame).unwrap();
+        append(&mut file, 0, Duration::new(1, 5), &frame).unwrap();
         assert_eq!(file[..4], [0x0A, 0x0D, 0x0D, 0x0A]);
         assert_eq!(file[8..12], [0x4D, 0x3C, 0x2B, 0x1A]);
         assert_eq!(file[28..40], [1, 0, 0, 0, 40, 0, 0, 0, 227, 0, 0, 0]);
@@ -103,7 +106,7 @@ mod tests {
         ]);
         let extended = Frame::remote(CanId::Extended(0x1234_5678), 3).unwrap();
         let mut packet = Vec::new();
-        append(&mut packet, Duration::ZERO, &extended).unwrap();
+        append(&mut packet, 0, Duration::ZERO, &extended).unwrap();
         assert_eq!(packet[28..36], [0xD2, 0x34, 0x56, 0x78, 3, 0, 0, 0]);
     }
 }

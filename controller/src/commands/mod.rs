@@ -6,6 +6,7 @@ mod check;
 mod doctor;
 mod drives;
 mod eds;
+mod log_files;
 mod monitor;
 mod nmt;
 mod output;

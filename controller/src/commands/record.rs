@@ -1,32 +1,28 @@
 //! `syncline record`: what goes over a bus, into files.
 
+use super::log_files::LogFiles;
 use super::tool::{BusChoice, Session};
 use super::{Exit, bad_input, report};
-use crate::bus_log::{candump::Line, pcapng};
+use crate::bus_log::BusLog;
 use crate::realtime::now;
 use std::error::Error;
-use std::fs::File;
-use std::io::{self, BufWriter, Write};
-use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
-use syncline_canopen::Frame;
 
 /// Record what goes over a bus, for can-utils, tshark or `syncline monitor --log`.
 ///
 /// Ends with Ctrl-C, after so many frames or after so many seconds, and says what it recorded.
 #[derive(Debug, clap::Args)]
-#[command(group = clap::ArgGroup::new("file").required(true).multiple(true))]
+#[command(group = clap::ArgGroup::new("file")
+    .args(["candump", "pcapng"])
+    .required(true)
+    .multiple(true))]
 pub(super) struct Args {
     #[command(flatten)]
     bus: BusChoice,
-    /// Write a text log as `candump -L` does (`-`: to standard output).
-    #[arg(long, value_name = "FILE", group = "file")]
-    candump: Option<PathBuf>,
-    /// Write packets for Wireshark and tshark.
-    #[arg(long, value_name = "FILE", group = "file")]
-    pcapng: Option<PathBuf>,
+    #[command(flatten)]
+    files: LogFiles,
     /// End after so many frames.
     #[arg(long, value_name = "FRAMES")]
     count: Option<u64>,
@@ -45,9 +41,13 @@ impl Args {
             Ok(session) => session,
             Err(error) => return bad_input(&error),
         };
-        match self.record(session) {
-            Ok(frames) => {
-                eprintln!("{frames} frames");
+        let mut log = match self.files.begin(vec![BUS.to_owned()]) {
+            Ok(log) => log.unwrap_or_default(),
+            Err(error) => return bad_input(&error),
+        };
+        match self.record(session, &mut log) {
+            Ok(()) => {
+                eprintln!("{} frames", log.frames());
                 Exit::Finished
             }
             Err(error) => {
@@ -57,64 +57,29 @@ impl Args {
         }
     }
 
-    fn record(&self, mut session: Session) -> Result<u64, Box<dyn Error>> {
+    fn record(&self, mut session: Session, log: &mut BusLog) -> Result<(), Box<dyn Error>> {
         let stop = Arc::new(AtomicBool::new(false));
         let asked = Arc::clone(&stop);
         ctrlc::set_handler(move || asked.store(true, Ordering::Relaxed))?;
-        let create = |file: &PathBuf| -> io::Result<Box<dyn Write>> {
-            Ok(if file.as_os_str() == "-" {
-                Box::new(io::stdout().lock())
-            } else {
-                Box::new(BufWriter::new(File::create(file)?))
-            })
-        };
-        let mut candump = self.candump.as_ref().map(create).transpose()?;
-        let mut packets = self.pcapng.as_ref().map(create).transpose()?;
-        if let Some(file) = &mut packets {
-            pcapng::begin(file, BUS)?;
-        }
         // Frames are stamped on CLOCK_MONOTONIC, files count from 1970.
         let start = now();
         let since_1970 = SystemTime::now().duration_since(UNIX_EPOCH)?;
         let end = self
             .seconds
             .map(|seconds| start + Duration::from_secs(seconds));
-        let mut frames = 0;
-        let is_full = |frames| self.count.is_some_and(|count| frames >= count);
-        while !stop.load(Ordering::Relaxed) && !is_full(frames) && end.is_none_or(|end| now() < end)
-        {
+        let is_full = |log: &BusLog| self.count.is_some_and(|count| log.frames() >= count);
+        while !stop.load(Ordering::Relaxed) && !is_full(log) && end.is_none_or(|end| now() < end) {
             let mut ended = Ok(());
             session.receive(Duration::from_millis(50), &mut |at, frame| {
-                if is_full(frames) || ended.is_err() {
+                if is_full(log) || ended.is_err() {
                     return;
                 }
                 let at = (since_1970 + Duration::from_nanos(at.as_nanos()))
                     .saturating_sub(Duration::from_nanos(start.as_nanos()));
-                ended = keep(&mut candump, &mut packets, at, frame);
-                frames += 1;
+                ended = log.keep(0, at, frame);
             })?;
             ended?;
         }
-        for file in [candump, packets].iter_mut().flatten() {
-            file.flush()?;
-        }
-        Ok(frames)
+        Ok(log.finish()?)
     }
-}
-
-fn keep(
-    candump: &mut Option<Box<dyn Write>>,
-    packets: &mut Option<Box<dyn Write>>,
-    at: Duration,
-    frame: &Frame,
-) -> io::Result<()> {
-    if let Some(file) = candump {
-        let frame = *frame;
-        let bus = BUS;
-        writeln!(file, "{}", Line { at, bus, frame })?;
-    }
-    if let Some(file) = packets {
-        pcapng::append(file, at, frame)?;
-    }
-    Ok(())
 }

@@ -1,5 +1,6 @@
 //! `syncline validate`: proof before metal moves.
 
+use super::log_files::LogFiles;
 use super::output::Output;
 use super::switches::Switches;
 use super::{Exit, report};
@@ -26,6 +27,8 @@ pub(super) struct Args {
     program: PathBuf,
     #[command(flatten)]
     output: Output,
+    #[command(flatten)]
+    log: LogFiles,
     /// Varies encoder noise, response delays and oscillator errors of the simulated drives.
     #[arg(long, default_value_t = 0)]
     seed: u64,
@@ -82,6 +85,10 @@ impl Args {
     ) -> Result<Summary, Box<dyn Error>> {
         let mut virtual_machine =
             VirtualMachine::new(machine, Arc::clone(layout), program, self.seed)?;
+        let buses = machine.buses.iter().map(|bus| bus.name.clone());
+        if let Some(log) = self.log.begin(buses.collect())? {
+            virtual_machine.frames().write_to(log);
+        }
         let mut recorder =
             Recorder::new(machine, self.output.trace()?, self.output.wants_report())?;
         let mut failure = None;
@@ -108,7 +115,8 @@ impl Args {
         if let Some(error) = failure {
             report(&error);
         }
-        let frames = Some(virtual_machine.frames());
+        virtual_machine.frames().finish_log()?;
+        let frames = Some(virtual_machine.frames().result());
         let controller: &Controller<COORDINATES> = virtual_machine.controller();
         let (summary, rows) = recorder.finish(machine, layout, controller, frames)?;
         let title = format!("validated in virtual time, seed {}", self.seed);

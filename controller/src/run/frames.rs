@@ -1,8 +1,10 @@
 //! What the simulated buses carried.
 
+use crate::bus_log;
 use crate::machine::Machine;
 use sha2::{Digest, Sha256};
 use std::collections::VecDeque;
+use std::io;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use syncline_canopen::time::Duration;
 use syncline_canopen::{CanId, CobId, Instant};
@@ -11,6 +13,9 @@ use syncline_drives::bus::Transmission;
 /// Longer than any frame takes at the lowest bit rate of CANopen.
 const LONGEST_FRAME: Duration = Duration::from_millis(20);
 
+/// Where virtual time begins in a log, since 1970; can-utils take 0 for no time at all.
+const LOG_ORIGIN: Duration = Duration::from_secs(1);
+
 /// A digest of all frames and the load of each bus.
 ///
 /// The digest is SHA-256 over, per frame by start of frame and then by bus: bus index u8, start
@@ -18,11 +23,14 @@ const LONGEST_FRAME: Duration = Duration::from_millis(20);
 #[derive(Debug)]
 pub struct FrameLog {
     digest: Sha256,
-    buses: Vec<BusLog>,
+    buses: Vec<BusLoad>,
+    log: bus_log::BusLog,
+    /// The first failure to write the log.
+    failed: Option<io::Error>,
 }
 
 #[derive(Debug)]
-struct BusLog {
+struct BusLoad {
     /// Frames that have ended but may have started after one of another bus.
     pending: VecDeque<Transmission>,
     /// Bits since the last SYNC.
@@ -38,7 +46,7 @@ impl FrameLog {
     /// For a machine's buses.
     #[must_use]
     pub fn new(machine: &Machine) -> Self {
-        let bus = |bitrate: u32| BusLog {
+        let bus = |bitrate: u32| BusLoad {
             pending: VecDeque::new(),
             bits: 0,
             peak_bits: 0,
@@ -48,6 +56,8 @@ impl FrameLog {
         Self {
             digest: Sha256::new(),
             buses: machine.buses.iter().map(|spec| bus(spec.bitrate)).collect(),
+            log: bus_log::BusLog::default(),
+            failed: None,
         }
     }
 
@@ -87,6 +97,10 @@ impl FrameLog {
             self.digest.update(frame.id().raw().to_le_bytes());
             self.digest.update([frame.dlc()]);
             self.digest.update(frame.data());
+            let at = LOG_ORIGIN + Duration::from_nanos(start.as_nanos());
+            if self.failed.is_none() {
+                self.failed = self.log.keep(bus, at, &frame).err();
+            }
         }
     }
 
@@ -101,7 +115,7 @@ impl FrameLog {
     /// Per bus: bits of the busiest interval from SYNC to SYNC, by the bits of a cycle.
     #[must_use]
     pub fn peak_utilisation(&self) -> Vec<f64> {
-        let peak = |log: &BusLog| log.peak_bits as f64 / log.capacity;
+        let peak = |log: &BusLoad| log.peak_bits as f64 / log.capacity;
         self.buses.iter().map(peak).collect()
     }
 }
@@ -121,6 +135,23 @@ impl SharedFrames {
     pub fn observer(&self, bus: usize) -> impl FnMut(&Transmission) + Send + 'static {
         let frames = self.clone();
         move |frame| frames.lock().record(bus, frame)
+    }
+
+    /// Writes all frames from now on into a log of the machine's buses; virtual time begins
+    /// one second past 1970.
+    pub fn write_to(&self, log: bus_log::BusLog) {
+        self.lock().log = log;
+    }
+
+    /// Writes the log to its end.
+    ///
+    /// # Errors
+    /// The log could not be written.
+    pub fn finish_log(&self) -> io::Result<()> {
+        let mut frames = self.lock();
+        frames.digest_before(Instant::from_nanos(u64::MAX), Duration::ZERO);
+        frames.failed.take().map_or(Ok(()), Err)?;
+        frames.log.finish()
     }
 
     /// Digest and peak utilisation of each bus.

@@ -122,9 +122,9 @@ impl VirtualMachine {
         self.now
     }
 
-    /// What the buses carried: digest and peak utilisation.
+    /// What the buses carry.
     #[must_use]
-    pub fn frames(&self) -> (String, Vec<f64>) {
-        self.frames.result()
+    pub fn frames(&self) -> &SharedFrames {
+        &self.frames
     }
 }
