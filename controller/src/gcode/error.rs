@@ -180,7 +180,7 @@ pub enum Fault {
     #[error("the block makes more than {allowed} moves: correct Q or L")]
     CycleTooLong { allowed: usize },
     #[error(
-        "{axis} would go to {value:.4}, its soft limits are {least} to {greatest} (machine \
+        "{axis} would go to {value:.6}, its soft limits are {least} to {greatest} (machine \
          coordinates): move the work, the offset or the limit"
     )]
     SoftLimit {

@@ -324,17 +324,10 @@ impl State {
                 Action::Rapid { to } | Action::Feed { to, .. } => (to[axis], to[axis]),
                 _ => continue,
             };
-            // A start outside of the limits is for the caller to judge.
-            let low = if low < self.at[axis] {
-                low
-            } else {
-                low.max(least)
-            };
-            let high = if high > self.at[axis] {
-                high
-            } else {
-                high.min(greatest)
-            };
+            // An axis that rests may stand outside: that is for the caller to judge.
+            if (low, high) == (self.at[axis], self.at[axis]) {
+                continue;
+            }
             let value = if low < least - LIMIT_ROUNDING {
                 low
             } else if high > greatest + LIMIT_ROUNDING {

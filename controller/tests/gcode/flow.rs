@@ -49,6 +49,10 @@ o1 while [#1 LT 5]
   o2 endif
   G0 X#1
 o1 endwhile
+(the label of the loop that was left is free again)
+o1 repeat [1]
+  G0 Z-1
+o1 endrepeat
 (while that is false from the start)
 o1 while [0]
   G0 X-99

@@ -118,6 +118,13 @@ G0 X[SQRT[#1**2+#2**2]] Y[#<sidea> * [1 + 2] MOD 4] Z#<_depth>
 #1=#2 G0 X#1
 G0 X#1 Y[ATAN[1]/[-1]] Z-[2]
 G0 X##1
+G0 X[-7 MOD 3] Y[7 MOD -3] Z[-6 MOD 3]
+G0 X[2 NE 2.0000001] Y[1 LE 1 XOR 3 GE 4] Z[0 OR -0.5]
+G0 X[-2 ** 2] Y[10 - 4 - 3] Z[2 ** 3 ** 2]
+G0 XFIX[-0.5] YFUP[0.1] ZROUND[-2.5]
+G0 XLN[EXP[2]] YTAN[45] ZACOS[0]
+G0 X-[1] Y--2 Z-ABS[-3]
+G0 XASIN[0.5] YCOS[60] ZSIN[30]
 G0 X[1 + 2 * 3 ** 2 / 6 - 1] Y[5 GT 3 AND 2 LT 1] Z[EXISTS[#<nope>] + EXISTS[#<_depth>]]
 G[1+1] X7 I[ABS[-4]/2] F[60*10] Y[FIX[-2.8]+FUP[-2.8]+ROUND[4.5]]
 M2"

@@ -112,6 +112,8 @@ fn soft_limits_hold_for_the_whole_motion() {
     let programs = [
         ("G0 X100 Y50 Z-30\nX100.001", "2:1"),
         ("G0 Y-0.5 X1", "1:4"),
+        ("G0 Y-0.000001", "1:4"),
+        ("G0 X[100 + 0.000001]", "1:4"),
         ("G91 G0 X60\nX60", "2:1"),
         ("G55 G0 X80.5", "1:8"),
         ("G0 X10 Y45\nG2 X20 R5 F100\nG2 X30 Y45.001 R5", "3:8"),
@@ -120,6 +122,19 @@ fn soft_limits_hold_for_the_whole_motion() {
         ("G0 X50 Y25 Z-10\nG17 G2 I30 F100 Z-20", "2:5"),
     ];
     insta::assert_snapshot!(refusals_with(&setup, &programs));
+}
+
+#[test]
+fn soft_limits_can_be_reached() {
+    let mut setup = xyz();
+    setup.limits[0] = Some((-10.0, 0.1 + 0.2));
+    // What the sum of the words rounds is no matter.
+    assert!(run_with(setup.clone(), "G0 X-10\nX0.3\nG91 X-0.2\nX0.2\nM2").is_ok());
+    // A machine that stands outside may come back, and may move its other axes.
+    setup.start.0[0] = -20.0;
+    assert!(run_with(setup.clone(), "G0 Y5\nX-5\nM2").is_ok());
+    assert!(run_with(setup.clone(), "G0 X-15\nM2").is_err());
+    assert!(run_with(setup, "G2 J5 F100\nM2").is_err());
 }
 
 #[test]
