@@ -97,9 +97,9 @@ pub struct Profile {
 }
 
 impl Profile {
-    /// The most segments that any planner here makes: three that bring a start outside the limits
+    /// The most segments that any planner here makes: six that bring a start outside the limits
     /// back into them, and two extremal plans of seven merged switch by switch.
-    pub const CAPACITY: usize = 20;
+    pub const CAPACITY: usize = 24;
 
     /// A profile that stays at `start` and takes no time.
     #[inline]

@@ -204,7 +204,7 @@ pub(crate) enum Course {
 /// The segments that lead back into the limits.
 #[derive(Clone, Copy, Debug)]
 struct Entry {
-    segments: [Segment; 4],
+    segments: [Segment; 6],
     duration: f64,
     displacement: f64,
 }
@@ -220,7 +220,11 @@ impl Route {
             vf,
             af,
             distance: target.map_or(0.0, |p| (p - axis.start.p) - reached.p),
-            slack: 8.0 * f64::EPSILON * axis.start.p.abs().max(target.unwrap_or(0.0).abs()),
+            slack: if vf == 0.0 && af == 0.0 {
+                512.0 * f64::EPSILON * axis.start.p.abs().max(target.unwrap_or(0.0).abs())
+            } else {
+                0.0
+            },
         };
         let bounds = axis.bounds.map(|b| PositionLimits {
             min: b.min - axis.start.p,
@@ -797,6 +801,16 @@ fn settle(profile: &mut Profile, part: f64) {
     profile.append(part, -jerk);
 }
 
+fn exact_velocity(start: State, segments: &[Segment]) -> f64 {
+    let (mut v, mut a) = (Double::from(start.v), Double::from(start.a));
+    for s in segments {
+        let step = Double::product(s.jerk, s.duration);
+        v = v + Double::from(s.duration) * (a + step.half());
+        a = a + step;
+    }
+    v.value()
+}
+
 fn displacement(profile: &Profile) -> Double {
     let (mut p, mut v) = (Double::ZERO, Double::from(profile.start().v));
     let mut a = Double::from(profile.start().a);
@@ -854,7 +868,7 @@ fn slack(gap: &Gap, d: f64) -> f64 {
 fn enter(start: State, limits: &Limits) -> (Entry, State) {
     let l = limits;
     let mut entry = Entry {
-        segments: [Segment::default(); 4],
+        segments: [Segment::default(); 6],
         duration: 0.0,
         displacement: 0.0,
     };
@@ -885,15 +899,34 @@ fn enter(start: State, limits: &Limits) -> (Entry, State) {
     };
     if let Some(v) = limit {
         let change = fastest_change(state.v, state.a, v, 0.0, l);
-        for (slot, (duration, jerk)) in entry.segments[1..]
-            .iter_mut()
-            .zip(change.t.into_iter().zip(change.j))
-        {
-            *slot = Segment { duration, jerk };
+        let segments = &mut entry.segments;
+        for i in 0..3 {
+            segments[1 + i] = Segment {
+                duration: change.t[i],
+                jerk: change.j[i],
+            };
         }
-        let displacement = change.displacement(state.v, state.a);
+        // From far outside, the rounding of the durations is more than the limit is to be met by:
+        // what the hold is a little short of, a last short hold at a small acceleration makes up for.
+        let miss = v - exact_velocity(start, segments);
+        if miss.abs() > 2e-15 * (l.v_max - l.v_min) && change.t[1] > 0.0 {
+            let held = state.a + change.t[0] * change.j[0];
+            let last = change.t[2] / 4096.0;
+            let short = 4.0 * (miss / held).abs() + 4.0 * f64::EPSILON * change.t[1];
+            segments[2].duration = (change.t[1] - short).max(0.0);
+            segments[3].duration -= last;
+            segments[5] = Segment {
+                duration: last,
+                jerk: change.j[2],
+            };
+            let miss = v - exact_velocity(start, segments);
+            segments[4].duration = (miss / (-last * change.j[2])).max(0.0);
+        }
+        for segment in &segments[1..] {
+            state = state.after(segment.duration, segment.jerk);
+        }
         state = State {
-            p: state.p + displacement,
+            p: state.p,
             v,
             a: 0.0,
         };

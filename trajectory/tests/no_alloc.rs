@@ -1,0 +1,50 @@
+//! Planning and evaluation touch no heap.
+
+use assert_no_alloc::{AllocDisabler, assert_no_alloc};
+use syncline_trajectory::limits::{Limits, PositionLimits};
+use syncline_trajectory::profile::{Profile, State};
+use syncline_trajectory::state_to_state::{Axis, plan};
+use syncline_trajectory::synchronise::{Synchronisation, plan as plan_all};
+use syncline_trajectory::verify;
+
+#[global_allocator]
+static ALLOCATOR: AllocDisabler = AllocDisabler;
+
+#[test]
+fn planning_evaluation_and_verification_allocate_nothing() {
+    let limits = Limits::symmetric(1.0, 2.0, 10.0);
+    let start = State {
+        p: 0.0,
+        v: 0.3,
+        a: -0.5,
+    };
+    let axes = [
+        Axis::new(
+            start,
+            State {
+                p: 1.0,
+                v: 0.2,
+                a: 0.1,
+            },
+            limits,
+        ),
+        Axis::new(State { v: 1.5, ..start }, State::at_rest(-3.0), limits),
+        Axis {
+            bounds: Some(PositionLimits {
+                min: -9.0,
+                max: 9.0,
+            }),
+            ..Axis::new(start, State::at_rest(2.0), limits)
+        },
+    ];
+    let mut profiles = axes.map(|a| Profile::new(a.start));
+    assert_no_alloc(|| {
+        for (axis, min_duration) in axes.iter().zip([0.0, 50.0, 7.0]) {
+            let profile = plan(axis, min_duration).unwrap();
+            assert!(verify::axis(&profile, axis).holds(1e-12));
+            assert!(profile.at(0.5).is_finite() && profile.extrema().velocity.max > 0.0);
+        }
+        plan_all(&axes, Synchronisation::Time, 20.0, &mut profiles).unwrap();
+        plan_all(&axes, Synchronisation::None, 0.0, &mut profiles).unwrap();
+    });
+}
