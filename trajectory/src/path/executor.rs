@@ -1,9 +1,10 @@
 //! Executes the plan on the path's own clock, one setpoint a cycle.
 
 use std::collections::VecDeque;
+use std::iter::repeat_n;
 use std::mem::take;
 
-use super::{Command, Derivatives, Limits, Piece, Span};
+use super::{Command, Curve, Derivatives, Limits, Piece, Span};
 
 /// Where every axis has to be, and what the path does there.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -83,6 +84,25 @@ pub struct Executor<const N: usize> {
     stop: Stop,
 }
 
+/// An empty queue whose memory has been written to once, so that the cycle is never the first to
+/// touch a page of it.
+fn touched<T: Clone>(capacity: usize, filling: Option<T>) -> VecDeque<T> {
+    let mut queue = VecDeque::with_capacity(capacity);
+    queue.extend(filling.into_iter().flat_map(|it| repeat_n(it, capacity)));
+    queue.clear();
+    queue
+}
+
+/// Any span at all.
+fn some_span<const N: usize>() -> Option<Span<N>> {
+    Some(Span {
+        start: 0.0,
+        curve: Curve::line([0.0; N], [1.0; N]).ok()?,
+        feed: 0.0,
+        tag: 0,
+    })
+}
+
 impl<const N: usize> Executor<N> {
     /// At rest in `position`, with a cycle of `period` s and room for `capacity` commands; a
     /// planner's windows need 4,096.
@@ -91,8 +111,14 @@ impl<const N: usize> Executor<N> {
             period,
             cycle: 0,
             limits: None,
-            spans: VecDeque::with_capacity(capacity),
-            steps: VecDeque::with_capacity(capacity),
+            spans: touched(capacity, some_span()),
+            steps: touched(
+                capacity,
+                Some(Step::Dwell {
+                    duration: 0.0,
+                    tag: 0,
+                }),
+            ),
             committed: 0,
             number: 0,
             splice: None,

@@ -1,0 +1,348 @@
+//! What the cycle must never do once it runs: allocate, take a lock, touch a page for the first
+//! time, make a system call of its own. Each proof is shown to see a planted offence.
+//!
+//! Controller, simulated buses and simulated drives run in one thread, so the proofs cover all
+//! three. System calls and locks are watched from outside, by tracing a child of this program: a
+//! lock is an atomic compare-and-exchange or exchange instruction, found by single steps.
+#![cfg(all(target_os = "linux", target_arch = "x86_64"))]
+
+use libc::{c_int, c_long, pid_t};
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
+use std::collections::VecDeque;
+use std::hint::black_box;
+use std::os::unix::process::CommandExt;
+use std::process::Command;
+use std::sync::Mutex;
+use syncline_canopen::Instant;
+use syncline_canopen::time::Duration;
+use syncline_controller::bench::rig::{Shape, Shuttle, ready_machine};
+use syncline_controller::control::{Instruction, Wake};
+use syncline_controller::port::Port;
+use syncline_controller::realtime;
+use syncline_controller::run::driver::Driver;
+
+/// Counts what each thread allocates.
+struct Counting;
+
+thread_local! {
+    static ALLOCATIONS: Cell<u64> = const { Cell::new(0) };
+}
+
+// SAFETY: everything is left to the system's allocator; counting touches a thread's own cell.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        ALLOCATIONS.with(|count| count.set(count.get() + 1));
+        unsafe { System.alloc(layout) }
+    }
+    unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
+        ALLOCATIONS.with(|count| count.set(count.get() + 1));
+        unsafe { System.alloc_zeroed(layout) }
+    }
+    unsafe fn dealloc(&self, memory: *mut u8, layout: Layout) {
+        unsafe { System.dealloc(memory, layout) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+/// An offence to be found.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Plant {
+    Nothing,
+    Allocation,
+    Lock,
+    FirstTouch,
+    SystemCall,
+}
+
+static LOCK: Mutex<u64> = Mutex::new(0);
+
+/// One proof at a time: starting a child makes every page of this process fault once more.
+static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
+
+impl Plant {
+    fn commit(self, fresh: &mut [u8]) {
+        match self {
+            Self::Nothing => {}
+            Self::Allocation => drop(black_box(Box::new(1_u64))),
+            Self::Lock => *LOCK.lock().unwrap() += 1,
+            Self::FirstTouch => black_box(fresh)[1 << 20] = 1,
+            // SAFETY: asks for a number.
+            Self::SystemCall => drop(unsafe { libc::syscall(libc::SYS_getpgrp) }),
+        }
+    }
+
+    fn by_name(name: &str) -> Self {
+        [
+            Self::Nothing,
+            Self::Allocation,
+            Self::Lock,
+            Self::FirstTouch,
+            Self::SystemCall,
+        ]
+        .into_iter()
+        .find(|plant| format!("{plant:?}") == name)
+        .unwrap()
+    }
+}
+
+/// Cycles that run on one staging of the plan.
+const CHUNK: usize = 500;
+
+/// A machine of three axes in motion.
+struct Warm {
+    machine: Driver<9, Box<dyn Port + Send>>,
+    shuttle: Shuttle<9>,
+    /// Instructions that a planner has ready for the cycle.
+    staged: VecDeque<Instruction<9>>,
+    fresh: Vec<u8>,
+}
+
+impl Warm {
+    fn new(warm_up: usize) -> Self {
+        let shape = Shape::on_fewest_buses(3, Duration::from_millis(2)).unwrap();
+        let mut warm = Self {
+            machine: ready_machine(&shape),
+            shuttle: Shuttle::new(3),
+            staged: VecDeque::new(),
+            fresh: vec![0; 4 << 20],
+        };
+        warm.run(warm_up, Plant::Nothing, |_| ());
+        warm
+    }
+
+    /// Runs whole chunks of cycles; `watch` is told when the cycle runs and when the planner does.
+    fn run(&mut self, cycles: usize, plant: Plant, mut watch: impl FnMut(bool)) {
+        for chunk in 0..cycles.div_ceil(CHUNK) {
+            while self.staged.len() < 4096 {
+                self.staged.push_back(self.shuttle.instruction());
+            }
+            watch(true);
+            for wake in 0..2 * CHUNK.min(cycles) {
+                while self.machine.controller.room() > 0
+                    && let Some(instruction) = self.staged.pop_front()
+                {
+                    self.machine.controller.accept(instruction);
+                }
+                let next = self.machine.controller.next_wake();
+                let now = next.map_or(Instant::ZERO, Wake::at);
+                self.machine.step(now).unwrap();
+                if chunk == 0 && wake == 2 {
+                    plant.commit(&mut self.fresh);
+                }
+            }
+            watch(false);
+            assert_eq!(self.machine.controller.end(), None);
+        }
+    }
+}
+
+#[test]
+fn no_allocation_and_no_first_touch_in_100_000_cycles() {
+    let _alone = ONE_AT_A_TIME.lock();
+    let mut warm = Warm::new(4 * CHUNK);
+    let mut costs = |cycles, plant| {
+        let (mut before, mut sum) = ((0, 0), (0, 0));
+        warm.run(cycles, plant, |running| {
+            let now = (ALLOCATIONS.get(), realtime::usage().page_faults);
+            if running {
+                before = now;
+            } else {
+                sum = (sum.0 + now.0 - before.0, sum.1 + now.1 - before.1);
+            }
+        });
+        sum
+    };
+    assert_eq!(costs(100_000, Plant::Nothing), (0, 0));
+    assert_eq!(costs(CHUNK, Plant::Allocation).0, 1);
+    assert_eq!(costs(CHUNK, Plant::FirstTouch).1, 1);
+}
+
+#[test]
+fn no_system_call_in_100_000_cycles() {
+    let _alone = ONE_AT_A_TIME.lock();
+    assert_eq!(watch(Plant::Nothing, 100_000, Watch::SystemCalls), 0);
+    assert_eq!(watch(Plant::SystemCall, 1_000, Watch::SystemCalls), 1);
+}
+
+/// Single steps are slow: a few cycles, each of the same code.
+#[test]
+fn no_lock_is_taken() {
+    let _alone = ONE_AT_A_TIME.lock();
+    assert_eq!(watch(Plant::Nothing, 2, Watch::Locks), 0);
+    assert!(watch(Plant::Lock, 2, Watch::Locks) >= 1);
+}
+
+/// What is watched in the child while its cycle runs.
+#[derive(Clone, Copy, PartialEq)]
+enum Watch {
+    SystemCalls,
+    Locks,
+}
+
+/// A system call that nothing else here makes.
+const MARK: c_long = libc::SYS_getsid;
+
+fn mark() {
+    // SAFETY: asks for a number.
+    unsafe { libc::syscall(MARK, 0) };
+}
+
+/// The watched program: a mark where the cycle begins to run and where the planner does. It runs
+/// in place of the test harness, which would put it into a thread of its own.
+extern "C" fn watched() {
+    let [Ok(plant), Ok(cycles)] = ["PLANT", "CYCLES"].map(std::env::var) else {
+        return;
+    };
+    let mut warm = Warm::new(4 * CHUNK);
+    warm.run(cycles.parse().unwrap(), Plant::by_name(&plant), |_| mark());
+    std::process::exit(0);
+}
+
+#[used]
+#[unsafe(link_section = ".init_array")]
+static BEFORE_MAIN: extern "C" fn() = watched;
+
+/// Runs [`watched`] under trace and counts what was asked for while its cycle runs.
+fn watch(plant: Plant, cycles: usize, what: Watch) -> u64 {
+    let mut command = Command::new(std::env::current_exe().unwrap());
+    command
+        .env("PLANT", format!("{plant:?}"))
+        .env("CYCLES", cycles.to_string())
+        .stdout(std::process::Stdio::null());
+    // SAFETY: the child only asks to be traced; ptrace is a bare system call.
+    unsafe {
+        command.pre_exec(|| match libc::ptrace(libc::PTRACE_TRACEME, 0, 0, 0) {
+            0 => Ok(()),
+            _ => Err(std::io::Error::last_os_error()),
+        });
+    }
+    // Only the thread that started the child may trace it.
+    let child = command.spawn().unwrap();
+    let pid = child.id() as pid_t;
+    let mut count = 0;
+    let mut marks = 0;
+    let mut entering = true;
+    assert!(
+        libc::WIFSTOPPED(wait(pid)),
+        "stopped at its first instruction"
+    );
+    trace(
+        libc::PTRACE_SETOPTIONS,
+        pid,
+        libc::PTRACE_O_TRACESYSGOOD.into(),
+    );
+    loop {
+        let stepping = what == Watch::Locks && marks % 2 == 1;
+        let go_on = if stepping {
+            libc::PTRACE_SINGLESTEP
+        } else {
+            libc::PTRACE_SYSCALL
+        };
+        trace(go_on, pid, 0);
+        let status = wait(pid);
+        if libc::WIFEXITED(status) {
+            assert_eq!(libc::WEXITSTATUS(status), 0, "the watched program failed");
+            assert!(marks >= 2);
+            return count;
+        }
+        assert!(libc::WIFSTOPPED(status), "{status:x}");
+        let registers = registers(pid);
+        if libc::WSTOPSIG(status) == libc::SIGTRAP | 0x80 {
+            if entering {
+                if registers.orig_rax as c_long == MARK {
+                    marks += 1;
+                } else if marks % 2 == 1 {
+                    count += 1;
+                }
+            }
+            entering = !entering;
+        } else if stepping {
+            let next = code(pid, registers.rip);
+            if next.starts_with(&[0x0F, 0x05]) && registers.rax as c_long == MARK {
+                // The closing mark, seen as a step: go on to its exit by system calls.
+                marks += 1;
+                trace(libc::PTRACE_SINGLESTEP, pid, 0);
+                wait(pid);
+                entering = true;
+            } else if takes_lock(&next) {
+                count += 1;
+            }
+        }
+    }
+}
+
+fn trace(request: libc::c_uint, pid: pid_t, data: c_long) {
+    // SAFETY: these requests read nothing of ours but the number `data`.
+    let result = unsafe { libc::ptrace(request, pid, 0_usize, data) };
+    assert_eq!(result, 0, "{}", std::io::Error::last_os_error());
+}
+
+fn wait(pid: pid_t) -> c_int {
+    let mut status = 0;
+    // SAFETY: the kernel writes one int.
+    let found = unsafe { libc::waitpid(pid, &raw mut status, 0) };
+    assert_eq!(found, pid);
+    status
+}
+
+fn registers(pid: pid_t) -> libc::user_regs_struct {
+    // SAFETY: plain data, filled by the kernel.
+    unsafe {
+        let mut registers: libc::user_regs_struct = std::mem::zeroed();
+        let result = libc::ptrace(libc::PTRACE_GETREGS, pid, 0_usize, &raw mut registers);
+        assert_eq!(result, 0);
+        registers
+    }
+}
+
+/// The instruction at an address, as far as it matters.
+fn code(pid: pid_t, address: u64) -> [u8; 8] {
+    // SAFETY: reads the child's memory through the kernel, which checks the address.
+    let word = unsafe { libc::ptrace(libc::PTRACE_PEEKTEXT, pid, address, 0_usize) };
+    word.to_ne_bytes()
+}
+
+/// Whether an instruction is an atomic compare-and-exchange, or an exchange with memory.
+fn takes_lock(code: &[u8; 8]) -> bool {
+    let prefixes = [
+        0x66, 0x67, 0xF0, 0xF2, 0xF3, 0x2E, 0x36, 0x3E, 0x26, 0x64, 0x65,
+    ];
+    let end = code
+        .iter()
+        .position(|byte| !prefixes.contains(byte))
+        .unwrap_or(8);
+    let locked = code[..end].contains(&0xF0);
+    let opcode = match &code[end..] {
+        [0x40..=0x4F, rest @ ..] => rest,
+        rest => rest,
+    };
+    match opcode {
+        [0x0F, 0xB0 | 0xB1 | 0xC7, ..] => locked,
+        [0x86 | 0x87, operand, ..] => operand >> 6 != 3,
+        _ => false,
+    }
+}
+
+#[test]
+fn lock_instructions_are_told_from_others() {
+    let padded = |bytes: &[u8]| {
+        let mut code = [0x90; 8];
+        code[..bytes.len()].copy_from_slice(bytes);
+        takes_lock(&code)
+    };
+    assert!(padded(&[0xF0, 0x0F, 0xB1, 0x0F]), "lock cmpxchg [rdi], ecx");
+    assert!(
+        padded(&[0xF0, 0x48, 0x0F, 0xB1, 0x0F]),
+        "lock cmpxchg [rdi], rcx"
+    );
+    assert!(padded(&[0x87, 0x07]), "xchg [rdi], eax");
+    assert!(!padded(&[0x87, 0xC7]), "xchg edi, eax");
+    assert!(
+        !padded(&[0xF0, 0xFF, 0x07]),
+        "lock inc [rdi]: counts references"
+    );
+    assert!(!padded(&[0x89, 0x07]), "mov [rdi], eax");
+}
