@@ -1,0 +1,108 @@
+//! What a cycle costs: the controller's share for 1 to 64 axes, packing of PDOs, the exact length
+//! of a frame, and the simulated bus.
+
+use criterion::{Criterion, criterion_group, criterion_main};
+use std::hint::black_box;
+use std::time::{Duration, Instant as Clock};
+use syncline_canopen::cia402::Controlword;
+use syncline_canopen::{CobId, Frame, Instant, NodeId};
+use syncline_controller::bench::rig::{Shape, Shuttle, ready_machine};
+use syncline_controller::control::Wake;
+use syncline_drives::bus::{Band, BitRate, Node, SimBus, frame_bits};
+use syncline_drives::model::{Heartbeat, Increments, LXM32M, Settings};
+
+/// Both wake-ups of a cycle, controller only: frames in, supervision, sampling, scaling, frames out.
+fn compute<const N: usize>(criterion: &mut Criterion, axes: usize) {
+    let shape = Shape::on_fewest_buses(axes, Duration::from_millis(4)).expect("it fits");
+    let mut machine = ready_machine::<N>(&shape);
+    let mut plan = Shuttle::new(axes);
+    let mut cycle = || {
+        while machine.controller.room() > 0 {
+            machine.controller.accept(plan.instruction());
+        }
+        let mut spent = Duration::ZERO;
+        for _ in 0..2 {
+            let now = machine
+                .controller
+                .next_wake()
+                .map_or(Instant::ZERO, Wake::at);
+            machine.collect(now).expect("a simulated bus");
+            let began = Clock::now();
+            machine.compute(now);
+            spent += began.elapsed();
+            machine.send().expect("a simulated bus");
+        }
+        spent
+    };
+    criterion.bench_function(&format!("compute per cycle, axes/{axes}"), |bencher| {
+        bencher.iter_custom(|cycles| (0..cycles).map(|_| cycle()).sum());
+    });
+}
+
+fn cycles(criterion: &mut Criterion) {
+    compute::<9>(criterion, 1);
+    compute::<9>(criterion, 4);
+    compute::<9>(criterion, 8);
+    compute::<16>(criterion, 16);
+    compute::<64>(criterion, 64);
+}
+
+fn frames(criterion: &mut Criterion) {
+    let drive = (LXM32M.actuator)(&Settings {
+        node: NodeId::new(1).expect("a node id"),
+        cycle: Duration::from_millis(2),
+        heartbeat: Heartbeat {
+            controller: NodeId::new(127).expect("a node id"),
+            producer: Duration::from_millis(100),
+            consumer: Duration::from_millis(300),
+        },
+        following_error_limit: None,
+        soft_limits: None,
+        objects: Vec::new(),
+        assumptions: Vec::new(),
+    });
+    let position = Increments::from(1_234_567);
+    criterion.bench_function("pack an R_PDO", |bencher| {
+        bencher.iter(|| drive.command(Controlword(0x1F), black_box(position)));
+    });
+    let frame = drive.command(Controlword(0x1F), position).expect("it fits");
+    criterion.bench_function("unpack a T_PDO", |bencher| {
+        bencher.iter(|| drive.sample(black_box(frame.data())));
+    });
+    criterion.bench_function("exact bits of a frame", |bencher| {
+        bencher.iter(|| frame_bits(black_box(&frame)));
+    });
+}
+
+/// Nobody answers: the bus alone.
+struct Silent;
+
+impl Node for Silent {
+    fn on_frame(&mut self, _: Instant, _: &Frame, _: &mut dyn syncline_canopen::Transmit) {}
+    fn poll(&mut self, _: Instant, _: &mut dyn syncline_canopen::Transmit) {}
+    fn deadline(&self) -> Option<Instant> {
+        None
+    }
+}
+
+fn bus(criterion: &mut Criterion) {
+    let mut sim = SimBus::new(BitRate::from_kbit(1000).expect("1 Mbit/s"));
+    for _ in 0..6 {
+        sim.attach(Silent);
+    }
+    criterion.bench_function("a frame over the simulated bus, 6 nodes", |bencher| {
+        bencher.iter(|| {
+            sim.send(Band::Sync, Frame::new(CobId::SYNC, &[]));
+            let end = sim.now() + Duration::from_micros(200);
+            sim.advance_to(end, &mut |sent| {
+                black_box(sent);
+            });
+            while let Some(received) = sim.receive() {
+                black_box(received);
+            }
+        });
+    });
+}
+
+criterion_group!(benches, cycles, frames, bus);
+criterion_main!(benches);
