@@ -219,7 +219,8 @@ fn watch(plant: Plant, cycles: usize, what: Watch) -> u64 {
             _ => Err(std::io::Error::last_os_error()),
         });
     }
-    // Only the thread that started the child may trace it.
+    // Only the thread that started the child may trace it; `wait` below waits for its end.
+    #[allow(clippy::zombie_processes)]
     let child = command.spawn().unwrap();
     let pid = child.id() as pid_t;
     let mut count = 0;
