@@ -267,3 +267,49 @@ fn a_dwell_rests_for_its_time_under_its_tag() {
     );
     assert_eq!(executor.setpoint().position, [10.0, 20.0, 0.0]);
 }
+
+/// From a cruise on a line the closed form: the stop begins in the next cycle and takes v/a + a/j,
+/// or 2·√(v/j) where the deceleration is not reached. On a gentle curve a little longer.
+#[test]
+fn a_stop_in_a_cruise_begins_at_once() {
+    let line = Curve::line([0.0; 3], [900.0, 0.0, 0.0]).unwrap();
+    let circle = Curve::arc(ArcDefinition {
+        start: [0.0; 3],
+        end: [0.0; 3],
+        plane: Plane::Xy,
+        centre: (150.0, 0.0),
+        clockwise: true,
+        turns: 0,
+    });
+    for (curve, feed, expected, slower) in [
+        (line, 400.0, 400.0 / 5_000.0 + 5_000.0 / 80_000.0, 1.0),
+        (line, 100.0, 2.0 * (100.0_f64 / 80_000.0).sqrt(), 1.0),
+        (
+            circle.unwrap(),
+            100.0,
+            2.0 * (100.0_f64 / 50_000.0).sqrt(),
+            1.2,
+        ),
+    ] {
+        let mut planner = Planner::new(LIMITS, [0.0; 3]);
+        let mut executor = Executor::new([0.0; 3], PERIOD, 4096);
+        planner.push(go(curve, feed, 1)).unwrap();
+        planner.finish();
+        while let Some(command) = planner.pop() {
+            executor.accept(command);
+        }
+        while executor.setpoint().distance < 300.0 {
+            executor.advance();
+        }
+        assert!((executor.setpoint().speed - feed).abs() < 1e-2 * feed);
+        executor.stop();
+        let mut cycles = 0;
+        while !executor.is_idle() {
+            executor.advance();
+            cycles += 1;
+        }
+        let took = f64::from(cycles) * PERIOD;
+        let allowed = expected - PERIOD..expected * slower + PERIOD;
+        assert!(allowed.contains(&took), "{took} s for {expected} s");
+    }
+}

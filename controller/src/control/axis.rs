@@ -150,7 +150,8 @@ impl Axis {
         self.planned[cycle as usize % HISTORY]
     }
 
-    /// What the axis did at SYNC `cycle`, which has just been answered by its T_PDOs.
+    /// What the axis did at SYNC `cycle`, which has just been answered by its T_PDOs. A drive whose
+    /// T_PDO is missing is measured by the plan of its last one.
     pub(super) fn sample(&self, cycle: u64, nodes: &[Node]) -> AxisSample {
         let set = self.planned(cycle);
         let mut worst = AxisSample {
@@ -161,7 +162,10 @@ impl Axis {
         for (index, (side, &drive)) in self.sides.iter().zip(&self.spec.drives).enumerate() {
             let node = &nodes[drive];
             let act = node.scaling().to_mm(node.actual() - side.offset);
-            let latched = self.planned(cycle - u64::from(node.device().interpolation_delay()));
+            let behind = (node.device().interpolation_delay())
+                .saturating_add(node.age())
+                .min(HISTORY as u32 - 1);
+            let latched = self.planned(cycle - u64::from(behind));
             let following_error = latched - act;
             if index == 0 || following_error.abs() > worst.following_error.abs() {
                 worst.act = act;
@@ -199,8 +203,10 @@ impl Axis {
             return Err(Fault::FollowingError { axis, error });
         }
         if let [one, other] = self.spec.drives[..] {
-            let difference = (nodes[one].actual_mm() - nodes[other].actual_mm()).abs();
-            if difference > self.spec.skew_limit {
+            let (one, other) = (&nodes[one], &nodes[other]);
+            let difference = (one.actual_mm() - other.actual_mm()).abs();
+            // Positions of different SYNCs say nothing about each other.
+            if one.age() == other.age() && difference > self.spec.skew_limit {
                 return Err(Fault::Skew { axis, difference });
             }
         }

@@ -27,9 +27,10 @@ pub(super) struct Node {
 
     statusword: Statusword,
     actual: Increments,
-    /// A T_PDO has come at all, and one has come since the last SYNC.
+    /// A T_PDO has come at all.
     sampled: bool,
-    fresh: bool,
+    /// SYNCs since the one that its last T_PDO answered; 0 if that was the last.
+    age: u32,
     misses: u32,
     /// Cycles in a row within the standstill window around `still_at`.
     still: u32,
@@ -52,7 +53,7 @@ impl Node {
             statusword: Statusword(0),
             actual: Increments::ZERO,
             sampled: false,
-            fresh: false,
+            age: 1,
             misses: 0,
             still: 0,
             still_at: Increments::ZERO,
@@ -120,7 +121,9 @@ impl Node {
                 self.statusword = sample.statusword;
                 self.actual = sample.position;
                 self.sampled = true;
-                self.fresh |= since.is_some_and(|sync| at >= sync);
+                if since.is_some_and(|sync| at >= sync) {
+                    self.age = 0;
+                }
             }
         } else if is(CobId::t_sdo(node)) {
             self.script.receive(at, frame, &mut self.replies, events)?;
@@ -159,6 +162,11 @@ impl Node {
 
     pub(super) fn actual(&self) -> Increments {
         self.actual
+    }
+
+    /// SYNCs since the one that its last T_PDO answered.
+    pub(super) fn age(&self) -> u32 {
+        self.age
     }
 
     /// Whether a T_PDO has come at all.
@@ -207,7 +215,7 @@ impl Node {
 
     /// SYNC leaves: what came before it no longer counts.
     pub(super) fn on_sync(&mut self) {
-        self.fresh = false;
+        self.age = self.age.saturating_add(1);
     }
 
     /// Whether the drive answers every SYNC and shows signs of life in Operational.
@@ -220,7 +228,7 @@ impl Node {
         if self.booted {
             return Err(Fault::Rebooted { drive });
         }
-        if self.fresh {
+        if self.age == 0 {
             self.misses = 0;
         } else {
             self.misses += 1;

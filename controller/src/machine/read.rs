@@ -227,7 +227,7 @@ impl ControllerTable {
         let boot_timeout = table.millis_or(log, "boot_timeout_ms", 5_000, 600_000);
         let sync_lock_timeout = table.millis_or(log, "sync_lock_timeout_ms", 5_000, 600_000);
         let state_timeout = table.millis_or(log, "state_timeout_ms", 2_000, 600_000);
-        let t_pdo_misses = table.integer_or(log, "t_pdo_misses", 2, 1..=100, "");
+        let t_pdo_misses = table.integer_or(log, "t_pdo_misses", 2, 1..=5, "");
         let setpoint_offset = table.integer_if(log, "setpoint_offset_us", 1..=1_000_000, " (µs)");
         let span = table
             .span_of("heartbeat_timeout_ms")

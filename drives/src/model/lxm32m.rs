@@ -60,7 +60,7 @@ const T_PDO_RESPONSE: Assumption = Assumption {
 
 const SDO_RESPONSE: Assumption = Assumption {
     name: "sdo_response_us",
-    default: 300,
+    default: 1000,
     allowed: 0..=1_000_000,
     meaning: "longest time in µs from the end of an SDO request until the drive queues its answer",
 };

@@ -371,13 +371,19 @@ impl<const N: usize> Executor<N> {
         self.stop = Stop::Sought(tries + 1);
         let (ds, v, a) = piece.at(self.since(self.began).clamp(0.0, piece.duration));
         // Where the plan does nothing but come to rest, it does so as fast as it can.
-        let brakes = |s: &Step<N>| matches!(s, Step::Piece(p) if p.at(p.duration).2 <= 1e-9);
+        let brakes = |s: &Step<N>| {
+            let Step::Piece(p) = s else { return false };
+            let cruises = p.acceleration.abs() <= 1e-9 && p.jerk >= 0.0;
+            !cruises && p.at(p.duration).2 <= 1e-9
+        };
         if a <= 0.0 && self.steps.iter().all(brakes) {
             self.stop = Stop::Found;
             return;
         }
-        let force = FORCES[tries as usize % FORCES.len()];
-        if self.lay_brake(piece.distance + ds, v, a, force).is_some() {
+        let thorough = (tries as usize).is_multiple_of(THOROUGH);
+        let force = FORCES[tries as usize / THOROUGH % FORCES.len()];
+        let from = piece.distance + ds;
+        if self.lay_brake(from, v, a, force, thorough).is_some() {
             self.steps.drain(..self.committed);
             self.number += self.committed as u64;
             self.began = Clock {
@@ -393,10 +399,17 @@ impl<const N: usize> Executor<N> {
 
     /// Appends pieces that brake with the part `force` of the limits down to rest; None if a limit
     /// breaks on the way.
-    fn lay_brake(&mut self, mut distance: f64, mut v: f64, mut a: f64, force: f64) -> Option<()> {
+    fn lay_brake(
+        &mut self,
+        mut distance: f64,
+        mut v: f64,
+        mut a: f64,
+        force: f64,
+        thorough: bool,
+    ) -> Option<()> {
         let limits = self.limits?;
         let mut index = 0;
-        for _ in 0..MOST_STEPS {
+        for step in 0..MOST_STEPS {
             while self
                 .spans
                 .get(index + 1)
@@ -405,25 +418,24 @@ impl<const N: usize> Executor<N> {
                 index += 1;
             }
             let span = self.spans.get(index)?;
-            let least = |limit: &[f64; N], along: &[f64; N]| {
-                (0..N)
-                    .map(|i| limit[i] / along[i].abs())
-                    .fold(f64::INFINITY, f64::min)
-            };
-            if let Some(along) = span.curve.direction()
-                && let Some(pieces) = brake_from(
-                    distance,
-                    v,
-                    a,
-                    least(&limits.acceleration, &along),
-                    least(&limits.jerk, &along),
-                )
+            if (step % AGAIN == 0 || span.curve.direction().is_some())
+                && let Some((acceleration, jerk)) = reserve(&span.curve, &limits, v, a)
+                && let Some(pieces) = brake_from(distance, v, a, acceleration, jerk)
                 && pieces[2].distance + pieces[2].at(pieces[2].duration).0
                     <= span.start + span.curve.length()
             {
                 self.steps.extend(pieces.map(Step::Piece));
                 return Some(());
             }
+            // Beyond that, cycle by cycle; that takes its time, so that it is tried now and then.
+            if !thorough {
+                return None;
+            }
+            let least = |limit: &[f64; N], along: &[f64; N]| {
+                (0..N)
+                    .map(|i| limit[i] / along[i].abs())
+                    .fold(f64::INFINITY, f64::min)
+            };
             let here = span.curve.at(distance - span.start);
             let landing = force * LANDING * least(&limits.jerk, &here.d1);
             if a < 0.0 && a * a >= 2.0 * v * landing {
@@ -472,6 +484,42 @@ impl<const N: usize> Executor<N> {
     }
 }
 
+/// Path acceleration and jerk that braking from speed `v` and acceleration `a` may use anywhere on
+/// the curve, whatever its bends ask of the axes meanwhile; `None` if they leave too little.
+fn reserve<const N: usize>(
+    curve: &Curve<N>,
+    limits: &Limits<N>,
+    v: f64,
+    a: f64,
+) -> Option<(f64, f64)> {
+    let [d1, d2, d3] = match curve.direction() {
+        Some(along) => [along.map(f64::abs), [0.0; N], [0.0; N]],
+        None => curve.derivative_bounds(),
+    };
+    let least = |left: &dyn Fn(usize) -> f64| {
+        (0..N)
+            .filter(|&i| d1[i] > 0.0)
+            .map(|i| left(i) / d1[i])
+            .fold(f64::INFINITY, f64::min)
+    };
+    // The speed still rises while an acceleration is taken back.
+    let rising = a.max(0.0);
+    let highest = |jerk: f64| v + rising * rising / (2.0 * jerk);
+    let bent = d2.iter().any(|d| *d > 0.0);
+    let whole = least(&|i| limits.jerk[i]);
+    let v = highest(if bent { whole * RESERVE } else { whole });
+    let acceleration = least(&|i| limits.acceleration[i] - d2[i] * v * v);
+    let top = acceleration.max(a.abs());
+    let jerk = least(&|i| limits.jerk[i] - d3[i] * v * v * v - 3.0 * d2[i] * v * top);
+    // Also what the bends ask where an axis has no part in the path's direction.
+    let kept = (0..N).all(|i| {
+        d2[i] * v * v <= limits.acceleration[i]
+            && d3[i] * v * v * v + 3.0 * d2[i] * v * top <= limits.jerk[i]
+    });
+    let enough = acceleration * (1.0 + 1e-9) >= a.abs() && jerk >= whole * RESERVE && kept;
+    (enough && acceleration > 0.0).then_some((acceleration, jerk))
+}
+
 /// Whether every axis keeps its limits at the start, in the middle and at the end of the piece.
 fn inside<const N: usize>(piece: &Piece, span: &Span<N>, limits: &Limits<N>) -> bool {
     [0.0, 0.5, 1.0].iter().all(|part| {
@@ -488,6 +536,12 @@ fn inside<const N: usize>(piece: &Piece, span: &Span<N>, limits: &Limits<N>) -> 
 /// Parts of the limits that a stop on a curve tries to use, in turn. What is left is for what
 /// happens within a cycle.
 const FORCES: [f64; 3] = [0.98, 0.7, 0.4];
+/// Part of the jerk limit that a curve must leave for braking in closed form.
+const RESERVE: f64 = 0.4;
+/// Steps of a search after which the closed form is tried again.
+const AGAIN: usize = 8;
+/// Cycles from one search for a stop cycle by cycle to the next.
+const THOROUGH: usize = 5;
 /// Cycles of a stop that are laid out at most.
 const MOST_STEPS: usize = 400;
 /// Part of the jerk limit with which a stop on a curve lands; the rest is for the curvature.
