@@ -51,6 +51,9 @@ pub(super) struct Args {
     /// ridden out by holding the last one, the first setpoint may be anywhere.
     #[arg(long)]
     tolerant: bool,
+    /// Answer at once, not after the time that a drive's processor takes.
+    #[arg(long)]
+    prompt: bool,
     /// Announce socketcand buses every 3 s on UDP port 42000 of their network.
     #[arg(long)]
     beacon: bool,
@@ -103,6 +106,10 @@ impl Args {
         for twin in buses.iter_mut().flat_map(|bus| &mut bus.twins) {
             if self.tolerant {
                 twin.policies = Policies::tolerant();
+            }
+            if self.prompt {
+                twin.sdo_delay = Duration::ZERO..Duration::ZERO;
+                twin.t_pdo_delay = Duration::ZERO..Duration::ZERO;
             }
         }
         Ok(buses)
