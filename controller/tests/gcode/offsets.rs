@@ -2,9 +2,9 @@
 
 use std::path::Path;
 
-use syncline_controller::gcode::{Axis, Interpreter, Point, Setup, Tables, Tool};
+use syncline_controller::gcode::{Action, Axis, Interpreter, Point, Setup, Tables, Tool};
 
-use super::listing::{listing, listing_with, refusals, xyz};
+use super::listing::{listing, listing_with, refusals, run_with, xyz};
 
 fn with_tools() -> Setup {
     let mut setup = xyz();
@@ -68,6 +68,18 @@ G54 G21 X0
 G55 X0
 M30"
     ));
+}
+
+/// Whatever else is in effect, after G10 L20 the position has the given coordinates.
+#[test]
+fn a_calculated_work_offset_counts_tool_and_shift() {
+    let program = "G0 X7 Y8 Z9\nG43 H1 G52 X3 Z4\nG10 L20 P0 X1 Y2 Z3\n\
+                   G53 G0 X#5420 Y#5421 Z#5422\nM2";
+    let commands = run_with(with_tools(), program).unwrap();
+    let Action::Rapid { to } = commands[1].action else {
+        panic!("{commands:?}")
+    };
+    assert_eq!(to, Point::xyz(1.0, 2.0, 3.0));
 }
 
 #[test]
