@@ -40,7 +40,19 @@ impl Output {
         self.json.as_deref() == Some(Path::new("-"))
     }
 
-    /// The trace's file, opened before anything moves.
+    /// Makes sure, before anything moves, that every file can be written.
+    pub(super) fn probe(&self) -> Result<(), WriteError> {
+        let files = [&self.json, &self.trace, &self.report];
+        for file in files.into_iter().flatten() {
+            if file != Path::new("-") {
+                let opened = File::options().append(true).create(true).open(file);
+                opened.map_err(|source| error(file, source))?;
+            }
+        }
+        Ok(())
+    }
+
+    /// The trace's file.
     pub(super) fn trace(&self) -> Result<Option<Box<dyn Write>>, WriteError> {
         let Some(file) = &self.trace else {
             return Ok(None);

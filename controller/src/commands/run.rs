@@ -102,6 +102,7 @@ impl Args {
         let layout = Arc::new(Layout::new(&machine)?);
         let program = (self.switches).program(&self.program, &machine, &self.machine)?;
         let extent = program.check(machine.rest())?;
+        self.output.probe()?;
         if let Some(beginning) = program.beginning(machine.rest())? {
             confirm(&beginning)?;
         }

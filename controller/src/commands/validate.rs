@@ -56,6 +56,9 @@ impl Args {
         if let Err(error) = program.check(machine.rest()) {
             return super::bad_input(&error);
         }
+        if let Err(error) = self.output.probe() {
+            return super::bad_input(&error);
+        }
         match program.beginning(machine.rest()) {
             Ok(Some(beginning)) => eprintln!("{beginning}"),
             Ok(None) => {}

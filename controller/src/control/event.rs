@@ -41,6 +41,15 @@ pub enum Event {
         /// Its reason.
         code: AbortCode,
     },
+    /// A drive sent an EMCY message before its set-up, which resets the error.
+    Emergency {
+        /// Which drive.
+        drive: DriveIndex,
+        /// CiA 301 error code.
+        code: u16,
+        /// Manufacturer's error number.
+        vendor: u16,
+    },
     /// A drive's class 0 warning came (statusword bit 7).
     Warning {
         /// Which drive.
@@ -211,6 +220,15 @@ impl Event {
                 object,
                 code,
             } => format!("{}: {object} refused: {code}", who(drive)),
+            Self::Emergency {
+                drive,
+                code,
+                vendor,
+            } => format!(
+                "{}: EMCY {code:04X}h, vendor error {vendor:04X}h, before the set-up{}",
+                who(drive),
+                names.meaning(drive, vendor)
+            ),
             Self::Warning { drive } => {
                 format!("{}: warning pending (statusword bit 7)", who(drive))
             }

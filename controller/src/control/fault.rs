@@ -201,6 +201,8 @@ pub enum Fault {
     },
     /// The program could not go on; its message is in the event log.
     Program,
+    /// A part of the plan came after the motion had gone past the point from where it applied.
+    LatePlan,
 }
 
 /// What a controlword asks a drive to reach.
@@ -409,6 +411,9 @@ impl Fault {
                 late_ns as f64 * 1e-6
             ),
             Self::Program => "the program could not go on".to_owned(),
+            Self::LatePlan => "the plan came too late to be followed: this host is too slow for \
+                               the program"
+                .to_owned(),
         }
     }
 }

@@ -289,8 +289,20 @@ impl<const N: usize> Controller<N> {
         let mut events = event_sink(&mut self.events);
         let outcome = node.receive(*at, frame, self.sync_sent, &mut events);
         drop(events);
-        if let Err(fault) = outcome {
-            self.fail(fault);
+        match outcome {
+            // The set-up resets what was wrong before; what is wrong still shows after it.
+            Err(Fault::Emergency {
+                drive,
+                code,
+                vendor,
+                ..
+            }) if self.phase < Phase::SetUp => self.tell(Event::Emergency {
+                drive,
+                code,
+                vendor,
+            }),
+            Err(fault) => self.fail(fault),
+            Ok(()) => {}
         }
     }
 

@@ -59,6 +59,7 @@ impl<const N: usize> Controller<N> {
                     self.await_all(Wanted::ModeStarted, Phase::Program, out)?;
                 }
             }
+            Phase::Program if self.executor.is_late() => return Err(Fault::LatePlan),
             Phase::Program => self.step_program(),
             Phase::Stop => {
                 let settled = self.in_position >= STILL_CYCLES;

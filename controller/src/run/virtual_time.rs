@@ -4,8 +4,8 @@ use super::driver::Driver;
 use super::frames::SharedFrames;
 use crate::control::{Controller, Event, Layout, Row};
 use crate::machine::Machine;
-use crate::port::PortError;
 use crate::port::sim::SimPort;
+use crate::port::{Port, PortError};
 use crate::program::{COORDINATES, Feeder, Program, ProgramError};
 use std::sync::Arc;
 use syncline_canopen::Instant;
@@ -13,8 +13,8 @@ use syncline_canopen::Instant;
 /// A machine of simulated drives and the controller, with a program to run.
 ///
 /// The same machine, program and seed give the same frames, byte for byte.
-pub struct VirtualMachine {
-    driver: Driver<COORDINATES, SimPort>,
+pub struct VirtualMachine<P = SimPort> {
+    driver: Driver<COORDINATES, P>,
     frames: SharedFrames,
     program: Program,
     feeder: Option<Feeder>,
@@ -47,13 +47,22 @@ impl VirtualMachine {
         let ports = (0..machine.buses.len())
             .map(|bus| SimPort::new(machine, bus, seed, frames.observer(bus)))
             .collect::<Result<Vec<_>, _>>()?;
-        Ok(Self {
+        Ok(Self::on(ports, layout, program, frames))
+    }
+}
+
+impl<P: Port> VirtualMachine<P> {
+    /// A machine on ports of the caller's, one a bus, whose simulated buses tell `frames` what
+    /// they carry.
+    #[must_use]
+    pub fn on(ports: Vec<P>, layout: Arc<Layout>, program: Program, frames: SharedFrames) -> Self {
+        Self {
             driver: Driver::new(layout, ports, Instant::ZERO),
             frames,
             program,
             feeder: None,
             now: Instant::ZERO,
-        })
+        }
     }
 
     /// Goes on to the next wake-up; false once the machine is at its end.
@@ -111,8 +120,8 @@ impl VirtualMachine {
         (self.driver.controller.row(), self.feeder.as_mut())
     }
 
-    /// The simulated bus with this index, to interfere with its drives.
-    pub fn bus(&mut self, bus: usize) -> &mut SimPort {
+    /// The port of the bus with this index, to interfere with it.
+    pub fn bus(&mut self, bus: usize) -> &mut P {
         &mut self.driver.ports[bus]
     }
 
