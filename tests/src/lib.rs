@@ -1,1 +1,13 @@
-//! Shared helpers of the end-to-end tests.
+//! What the end-to-end tests share.
+//!
+//! - [`command`]: the `syncline` command as a user runs it
+//! - [`rig`]: a whole machine in virtual time, to interfere with
+//! - [`trace`]: checks a trace against the limits, trusting no planner
+//! - [`plan`]: the same for the plan between the samples
+//!
+//! Everything here panics at what it did not expect: it runs in tests only.
+
+pub mod command;
+pub mod plan;
+pub mod rig;
+pub mod trace;

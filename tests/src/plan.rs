@@ -1,0 +1,291 @@
+//! Checks a program's plan against the limits between the samples too, from the pieces of constant
+//! jerk that the controller is fed with.
+
+use std::path::Path;
+use syncline_controller::control::Instruction;
+use syncline_controller::machine::Machine;
+use syncline_controller::program::{COORDINATES, Position, Program};
+use syncline_trajectory::path::{Command, Limits, Piece, Span};
+
+/// Samples of a piece on a curve.
+const SAMPLES: usize = 16;
+
+/// A part of the plan that is executed, in order.
+#[derive(Clone, Debug)]
+pub enum Step {
+    /// A section begins: distances count from 0 again.
+    Section(Vec<Span<COORDINATES>>),
+    /// Constant jerk along the section.
+    Piece(Piece),
+    /// Rest.
+    Dwell(f64),
+}
+
+/// Everything that a program makes the machine do.
+#[derive(Clone, Debug)]
+pub struct Plan {
+    /// What is executed.
+    pub steps: Vec<Step>,
+    /// What every coordinate is allowed.
+    pub limits: Limits<COORDINATES>,
+    /// Where the machine stands before it.
+    pub start: Position,
+}
+
+impl Plan {
+    /// The plan of a program, as a machine that stands where simulated ones stand follows it.
+    ///
+    /// # Panics
+    /// If the program cannot be planned, or the plan is no plan.
+    #[must_use]
+    pub fn of(machine: &Machine, machine_file: &Path, program: &Path) -> Self {
+        let program = Program::new(program, machine, machine_file).expect("tables");
+        let start = machine.rest();
+        let mut feeder = program.feeder(start).expect("a program");
+        let mut plan = Self {
+            steps: Vec::new(),
+            limits: Limits {
+                velocity: [f64::INFINITY; COORDINATES],
+                acceleration: [f64::INFINITY; COORDINATES],
+                jerk: [f64::INFINITY; COORDINATES],
+            },
+            start,
+        };
+        for axis in &machine.axes {
+            let coordinate = axis.letter().index();
+            plan.limits.velocity[coordinate] = axis.max_velocity;
+            plan.limits.acceleration[coordinate] = axis.max_acceleration;
+            plan.limits.jerk[coordinate] = axis.max_jerk;
+        }
+        let (mut committed, mut splice) = (0, None);
+        while let Some(instruction) = feeder.next_instruction().expect("a good program") {
+            let Instruction::Plan(command) = instruction else {
+                assert_eq!(plan.steps.len(), committed, "a pause comes at rest");
+                continue;
+            };
+            match command {
+                Command::Section(_) => plan.steps.push(Step::Section(Vec::new())),
+                Command::Splice(step) => splice = Some(step as usize),
+                Command::Span(span) => {
+                    let sections = plan.steps.iter_mut().rev();
+                    let spans = sections.filter_map(|step| match step {
+                        Step::Section(spans) => Some(spans),
+                        _ => None,
+                    });
+                    spans.take(1).for_each(|spans| spans.push(span));
+                }
+                Command::Piece(piece) => plan.steps.push(Step::Piece(piece)),
+                Command::Dwell { duration, .. } => plan.steps.push(Step::Dwell(duration)),
+                Command::Commit => {
+                    if let Some(step) = splice.take() {
+                        plan.steps.drain(step..committed);
+                    }
+                    committed = plan.steps.len();
+                }
+            }
+        }
+        assert_eq!(plan.steps.len(), committed, "the plan ends committed");
+        plan
+    }
+
+    /// What is wrong with it, in words.
+    #[must_use]
+    pub fn faults(&self) -> Vec<String> {
+        let mut faults = Vec::new();
+        let mut at_rest_in = self.start;
+        let mut spans: &[Span<COORDINATES>] = &[];
+        // Path distance, speed and acceleration with which the last piece ended.
+        let mut last: (f64, f64, f64) = (0.0, 0.0, 0.0);
+        for (index, step) in self.steps.iter().enumerate() {
+            let mut complain = |what: String| faults.push(format!("step {index}: {what}"));
+            if !matches!(step, Step::Piece(_)) && (last.1.abs() > 1e-6 || last.2.abs() > 1e-3) {
+                complain(format!("begins in motion: {last:?}"));
+            }
+            match step {
+                Step::Dwell(_) => {}
+                Step::Section(of) => {
+                    let Some(first) = of.first() else {
+                        complain("a section without a curve".into());
+                        continue;
+                    };
+                    let jump = distance(&at_rest_in, &first.curve.start());
+                    if jump > 1e-6 {
+                        complain(format!("jumps by {jump} mm"));
+                    }
+                    for pair in of.windows(2) {
+                        let gap = distance(&pair[0].curve.end(), &pair[1].curve.start());
+                        let behind = pair[0].start + pair[0].curve.length() - pair[1].start;
+                        if gap > 1e-6 || behind.abs() > 1e-9 * pair[1].start {
+                            complain(format!("a gap of {gap} mm, {behind} mm along the path"));
+                        }
+                    }
+                    spans = of;
+                    last = (0.0, 0.0, 0.0);
+                    at_rest_in = of[of.len() - 1].curve.end();
+                }
+                Step::Piece(piece) => {
+                    let Piece {
+                        distance,
+                        speed,
+                        acceleration,
+                        ..
+                    } = *piece;
+                    let steps = [distance - last.0, speed - last.1, acceleration - last.2];
+                    for (step, allowed) in steps.into_iter().zip([1e-9, 1e-6, 1e-3]) {
+                        if step.abs() > allowed * (1.0 + distance.abs()) {
+                            complain(format!("does not go on from the last: {steps:?}"));
+                        }
+                    }
+                    let (way, speed, acceleration) = piece.at(piece.duration);
+                    last = (distance + way, speed, acceleration);
+                    self.check(piece, spans, &mut complain);
+                }
+            }
+        }
+        if last.1.abs() > 1e-6 || last.2.abs() > 1e-3 {
+            faults.push(format!("ends in motion: {last:?}"));
+        }
+        faults
+    }
+
+    /// Checks one piece: path speed against the feed, every axis against its limits.
+    fn check(&self, piece: &Piece, spans: &[Span<COORDINATES>], complain: &mut impl FnMut(String)) {
+        let over = |value: f64, limit: f64| value.is_nan() || value.abs() > limit * (1.0 + 1e-6);
+        for t in instants(piece) {
+            let (way, v, a) = piece.at(t);
+            let at = piece.distance + way;
+            if v < -1e-6 {
+                complain(format!("goes back with {v} mm/s at {at} mm"));
+            }
+            // Where two curves meet both have to be followed.
+            let next = spans.partition_point(|span| span.start - 1e-9 <= at);
+            let here = &spans[next.saturating_sub(2)..next];
+            let goes_on = |span: &&Span<COORDINATES>| at <= span.start + span.curve.length() + 1e-9;
+            let mut on_a_curve = false;
+            for span in here.iter().filter(goes_on) {
+                on_a_curve = true;
+                if over(v, span.feed) {
+                    complain(format!("speed {v} of {} at {at} mm", span.feed));
+                }
+                let along = (at - span.start).clamp(0.0, span.curve.length());
+                let d = span.curve.at(along);
+                for axis in 0..COORDINATES {
+                    let velocity = d.d1[axis] * v;
+                    let acceleration = d.d2[axis] * v * v + d.d1[axis] * a;
+                    let jerk =
+                        d.d3[axis] * v * v * v + 3.0 * d.d2[axis] * v * a + d.d1[axis] * piece.jerk;
+                    for (what, value, limit) in [
+                        ("velocity", velocity, self.limits.velocity[axis]),
+                        ("acceleration", acceleration, self.limits.acceleration[axis]),
+                        ("jerk", jerk, self.limits.jerk[axis]),
+                    ] {
+                        if over(value, limit) {
+                            complain(format!("{what} {value} of {limit} at {at} mm, axis {axis}"));
+                        }
+                    }
+                }
+            }
+            if !on_a_curve {
+                complain(format!("leaves the path at {at} mm"));
+            }
+        }
+    }
+
+    /// Panics if anything is wrong with it.
+    ///
+    /// # Panics
+    /// Or if there is no motion to check.
+    pub fn assert_good(&self) {
+        let moves = |step: &Step| matches!(step, Step::Piece(_));
+        assert!(self.steps.iter().any(moves), "an empty plan proves nothing");
+        let faults = self.faults();
+        let first = &faults[..faults.len().min(5)];
+        assert!(faults.is_empty(), "{} faults: {first:#?}", faults.len());
+    }
+}
+
+/// Where velocity and acceleration of constant jerk on a line have their extrema, and as many
+/// instants between as a curve needs.
+fn instants(piece: &Piece) -> impl Iterator<Item = f64> {
+    let even = (0..=SAMPLES).map(|i| piece.duration * i as f64 / SAMPLES as f64);
+    let turn = -piece.acceleration / piece.jerk;
+    let turn = Some(turn).filter(|t| (0.0..=piece.duration).contains(t));
+    even.chain(turn)
+}
+
+fn distance(a: &Position, b: &Position) -> f64 {
+    let squares = a.iter().zip(b).map(|(a, b)| (a - b) * (a - b));
+    squares.sum::<f64>().sqrt()
+}
+
+/// The checker is checked: what it must see, it sees.
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::command::{Folder, machine_file};
+
+    /// A line and an arc at the machine's limits.
+    fn good() -> Plan {
+        let folder = Folder::new();
+        let program = folder.file("p.ngc", "G61 G0 X300 Y100\nG2 X400 Y200 I100 F60000\nM2\n");
+        let file = machine_file("portal");
+        let machine = Machine::load(&file).expect("example");
+        Plan::of(&machine, &file, &program)
+    }
+
+    fn pieces(plan: &mut Plan) -> impl Iterator<Item = &mut Piece> {
+        plan.steps.iter_mut().filter_map(|step| match step {
+            Step::Piece(piece) => Some(piece),
+            _ => None,
+        })
+    }
+
+    fn sees(plan: &Plan, what: &str) -> bool {
+        plan.faults().iter().any(|fault| fault.contains(what))
+    }
+
+    #[test]
+    fn the_planners_plan_passes() {
+        good().assert_good();
+    }
+
+    #[test]
+    fn each_limit_is_seen_when_it_is_exceeded_by_a_thousandth() {
+        type Lower = fn(&mut Limits<COORDINATES>);
+        let lowered: [(&str, Lower); 3] = [
+            ("velocity", |it| it.velocity[0] /= 1.001),
+            ("acceleration", |it| it.acceleration[0] /= 1.001),
+            ("jerk", |it| it.jerk[0] /= 1.001),
+        ];
+        for (what, lower) in lowered {
+            let mut plan = good();
+            lower(&mut plan.limits);
+            assert!(sees(&plan, what), "{what}");
+        }
+    }
+
+    #[test]
+    fn breaks_in_the_plan_are_seen() {
+        let mut plan = good();
+        plan.steps.pop();
+        assert!(sees(&plan, "ends in motion"));
+
+        let mut plan = good();
+        pieces(&mut plan).nth(2).expect("pieces").speed += 0.1;
+        assert!(sees(&plan, "does not go on"));
+
+        let mut plan = good();
+        plan.start[0] += 1e-3;
+        assert!(sees(&plan, "jumps"));
+
+        let mut plan = good();
+        pieces(&mut plan).last().expect("pieces").duration *= 3.0;
+        assert!(sees(&plan, "leaves the path"));
+
+        let mut plan = good();
+        if let Some(Step::Section(spans)) = plan.steps.first_mut() {
+            spans[0].feed = 1.0;
+        }
+        assert!(sees(&plan, "speed"));
+    }
+}

@@ -1,0 +1,351 @@
+//! A whole machine in virtual time, to interfere with: the controller of `syncline validate` on
+//! simulated drives, with everything that the bus carries, the controller tells and the trace
+//! holds in view.
+
+use crate::command::{Folder, machine_file, machine_with};
+use crate::trace::{self, Trace};
+use std::sync::{Arc, Mutex, PoisonError};
+use syncline_canopen::{CanId, CobId, Frame, Instant};
+use syncline_controller::control::{Controller, End, Event, Fault, Layout, Phase, Row};
+use syncline_controller::machine::Machine;
+use syncline_controller::port::sim::SimPort;
+use syncline_controller::port::{Burst, Port, PortError, Received};
+use syncline_controller::program::{COORDINATES, Program};
+use syncline_controller::run::frames::SharedFrames;
+use syncline_controller::run::virtual_time::VirtualMachine;
+use syncline_drives::bus::{BitRate, Sender, Transmission};
+use syncline_drives::twin::lxm32m::{Twin, TwinConfig};
+
+/// Steps after which a run is taken for endless: 2 minutes of the portal's time.
+const MOST_STEPS: usize = 120_000;
+
+/// A few seconds of lines and arcs on the portal, in all its axes; ends where it begins.
+pub const PORTAL_PROGRAM: &str = "\
+G17 G21 G90 G94 G61
+G0 X300 Y150 Z-20
+G1 X350 Y200 F18000
+G2 X450 Y300 I100
+G3 X400 Y250 I-50 Z-40
+G1 X200 Y300 Z-10
+G0 X0 Y0 Z0
+M2
+";
+
+/// Changes what arrives from the bus; what it is false for is lost.
+pub type Doctor = Box<dyn FnMut(&mut Received) -> bool + Send>;
+
+/// A simulated bus whose port can be interfered with.
+pub struct TappedPort {
+    port: SimPort,
+    /// Bursts that find a full transmit queue from now on.
+    pub drop_bursts: u32,
+    /// Bursts that leave behind the SYNC they are meant for, from now on.
+    pub delay_bursts: u32,
+    /// Bursts of which only the first frame finds room, from now on.
+    pub tear_bursts: u32,
+    /// The interface is gone.
+    pub unplugged: bool,
+    /// What happens to received frames.
+    pub doctor: Option<Doctor>,
+    late: Vec<Frame>,
+}
+
+impl TappedPort {
+    /// The twin that is the `index`-th drive.
+    pub fn twin(&mut self, index: usize) -> &mut Twin {
+        self.port.twin(index)
+    }
+}
+
+/// One less, if there is one.
+fn take_one(count: &mut u32) -> bool {
+    let some = *count > 0;
+    *count = count.saturating_sub(1);
+    some
+}
+
+impl Port for TappedPort {
+    fn advance_to(&mut self, now: Instant) {
+        self.port.advance_to(now);
+    }
+
+    fn echoes(&self) -> bool {
+        self.port.echoes()
+    }
+
+    fn receive(&mut self, sink: &mut dyn FnMut(Received)) -> Result<(), PortError> {
+        if self.unplugged {
+            return Err(PortError {
+                bus: "tapped".into(),
+                what: "unplugged".into(),
+            });
+        }
+        let doctor = &mut self.doctor;
+        self.port.receive(&mut |mut received| {
+            if doctor.as_mut().is_none_or(|doctor| doctor(&mut received)) {
+                sink(received);
+            }
+        })
+    }
+
+    fn send_sync(&mut self, frame: &Frame) -> Result<(), PortError> {
+        self.port.send_sync(frame)?;
+        self.port.send_burst(&std::mem::take(&mut self.late))?;
+        Ok(())
+    }
+
+    fn send_burst(&mut self, frames: &[Frame]) -> Result<Burst, PortError> {
+        if take_one(&mut self.drop_bursts) {
+            Ok(Burst::Dropped)
+        } else if take_one(&mut self.tear_bursts) {
+            self.port.send_burst(&frames[..1])?;
+            Ok(Burst::Torn { queued: 1 })
+        } else if take_one(&mut self.delay_bursts) {
+            self.late.extend(frames);
+            Ok(Burst::Queued)
+        } else {
+            self.port.send_burst(frames)
+        }
+    }
+
+    fn send_acyclic(&mut self, frames: &[Frame]) -> Result<(), PortError> {
+        self.port.send_acyclic(frames)
+    }
+}
+
+/// The machine and all that is known about its run so far.
+pub struct Rig {
+    /// The machine's file.
+    pub machine: Machine,
+    /// What the controller knows of it.
+    pub layout: Arc<Layout>,
+    /// What the controller told.
+    pub events: Vec<Event>,
+    /// What it recorded at every SYNC of the program.
+    pub rows: Vec<Row<COORDINATES>>,
+    /// When each phase was entered.
+    pub phases: Vec<(Phase, Instant)>,
+    virtual_machine: VirtualMachine<TappedPort>,
+    frames: Arc<Mutex<Vec<Transmission>>>,
+    steps: usize,
+    /// Holds the program, which is read while it runs.
+    _folder: Folder,
+}
+
+impl Rig {
+    /// The example portal with a program.
+    #[must_use]
+    pub fn portal(program: &str) -> Self {
+        Self::new("portal", &[], program, |_, _| ())
+    }
+
+    /// An example machine with parts of its file replaced, a program, and changes to the twins,
+    /// which are given by their place in the file.
+    ///
+    /// # Panics
+    /// If the machine is not good.
+    #[must_use]
+    pub fn new(
+        machine: &str,
+        replacements: &[(&str, &str)],
+        program: &str,
+        configure: impl Fn(usize, &mut TwinConfig),
+    ) -> Self {
+        let folder = Folder::new();
+        let file = folder.file("machine.toml", &machine_with(machine, replacements));
+        let machine = Machine::load(&file).expect("a good machine");
+        let layout = Arc::new(Layout::new(&machine).expect("it fits its cycle"));
+        let program_file = folder.file("program.ngc", program);
+        let program = Program::new(&program_file, &machine, &file).expect("good tables");
+        let shared = SharedFrames::new(&machine);
+        let frames = Arc::new(Mutex::new(Vec::new()));
+        assert_eq!(machine.buses.len(), 1, "the examples have one bus");
+        let twins = machine.drives.iter().enumerate().map(|(index, drive)| {
+            let rest = machine.axes[drive.axis].rest();
+            let mut config = TwinConfig {
+                seed: index as u64 + 1,
+                initial_position: drive.scaling.to_increments(rest).expect("in range").get(),
+                ..TwinConfig::new(drive.node)
+            };
+            configure(index, &mut config);
+            Twin::new(config)
+        });
+        let bit_rate = BitRate::from_kbit(machine.buses[0].bitrate / 1000).expect("a rate");
+        let mut digest = shared.observer(0);
+        let seen = Arc::clone(&frames);
+        let port = SimPort::of_twins(bit_rate, twins, move |frame: &Transmission| {
+            digest(frame);
+            seen.lock()
+                .unwrap_or_else(PoisonError::into_inner)
+                .push(*frame);
+        });
+        let port = TappedPort {
+            port,
+            drop_bursts: 0,
+            delay_bursts: 0,
+            tear_bursts: 0,
+            unplugged: false,
+            doctor: None,
+            late: Vec::new(),
+        };
+        Self {
+            virtual_machine: VirtualMachine::on(vec![port], Arc::clone(&layout), program, shared),
+            machine,
+            layout,
+            events: Vec::new(),
+            rows: Vec::new(),
+            phases: Vec::new(),
+            frames,
+            steps: 0,
+            _folder: folder,
+        }
+    }
+
+    /// The bus, to interfere with it.
+    pub fn bus(&mut self) -> &mut TappedPort {
+        self.virtual_machine.bus(0)
+    }
+
+    /// The drive at that place in the machine file, to interfere with it.
+    pub fn twin(&mut self, drive: usize) -> &mut Twin {
+        self.bus().twin(drive)
+    }
+
+    /// The controller.
+    pub fn controller(&mut self) -> &mut Controller<COORDINATES> {
+        self.virtual_machine.controller()
+    }
+
+    /// One wake-up; false at the end. Program stops go on at once.
+    ///
+    /// # Panics
+    /// If the run does not come to an end.
+    pub fn step(&mut self) -> bool {
+        self.steps += 1;
+        assert!(self.steps < MOST_STEPS, "no end: {:?}", self.phases.last());
+        // A program that cannot go on is an event and a fault, too.
+        let goes_on = self.virtual_machine.step().unwrap_or(true);
+        while let Some(event) = self.virtual_machine.event() {
+            match event {
+                Event::Phase(phase) => self.phases.push((phase, self.virtual_machine.now())),
+                Event::Paused { .. } => self.controller().go_on(),
+                _ => {}
+            }
+            self.events.push(event);
+        }
+        self.rows.extend(self.virtual_machine.row().0.copied());
+        goes_on
+    }
+
+    /// Goes on until something is so.
+    ///
+    /// # Panics
+    /// If the run ends before.
+    pub fn run_until(&mut self, mut is_so: impl FnMut(&mut Self) -> bool) {
+        while !is_so(self) {
+            assert!(self.step(), "ended before: {:?}", self.end());
+        }
+    }
+
+    /// Goes on until a phase is entered.
+    pub fn run_to(&mut self, phase: Phase) {
+        self.run_until(|rig| rig.controller().phase() == phase);
+    }
+
+    /// Goes on until that row of the program.
+    pub fn run_to_row(&mut self, row: usize) {
+        self.run_until(|rig| rig.rows.len() > row);
+    }
+
+    /// Goes on to the end.
+    ///
+    /// # Panics
+    /// If it comes to none.
+    pub fn finish(&mut self) -> End {
+        while self.step() {}
+        self.end().expect("an end")
+    }
+
+    /// Goes on to the end, which has to be a fault.
+    ///
+    /// # Panics
+    /// If it is none.
+    pub fn finish_with_fault(&mut self) -> Fault {
+        match self.finish() {
+            End::Fault(fault) => fault,
+            end => panic!("no fault: {end:?}"),
+        }
+    }
+
+    /// How the run ends, once that is decided.
+    pub fn end(&mut self) -> Option<End> {
+        self.controller().end()
+    }
+
+    /// The trace so far.
+    #[must_use]
+    pub fn trace(&self) -> Trace {
+        let mut axes = trace::axes(&self.machine);
+        for (trace, axis) in axes.iter_mut().zip(&self.layout.axes) {
+            let samples = self.rows.iter().map(|row| row.axes[axis.coordinate]);
+            trace.set = samples.clone().map(|sample| sample.set).collect();
+            trace.act = samples.map(|sample| sample.act).collect();
+        }
+        Trace {
+            cycle: self.machine.cycle.as_secs_f64(),
+            line: vec![0; self.rows.len()],
+            axes,
+        }
+    }
+
+    /// Whether the last setpoint of the program is at rest.
+    #[must_use]
+    pub fn ends_at_rest(&self) -> bool {
+        let last = self.rows.last().map(|row| row.plan);
+        last.is_none_or(|plan| plan.velocity == [0.0; COORDINATES])
+    }
+
+    /// All frames so far, in bus order.
+    #[must_use]
+    pub fn frames(&self) -> Vec<Transmission> {
+        let frames = self.frames.lock().unwrap_or_else(PoisonError::into_inner);
+        frames.clone()
+    }
+
+    /// The controller's frames so far with that identifier.
+    #[must_use]
+    pub fn sent(&self, id: impl Into<CanId>) -> Vec<Transmission> {
+        let id = id.into();
+        let mut frames = self.frames();
+        frames.retain(|it| it.sender == Sender::Port && it.frame.id() == id);
+        frames
+    }
+
+    /// What a drive was commanded in each R_PDO2: when, controlword, setpoint.
+    #[must_use]
+    pub fn commands(&self, drive: usize) -> Vec<(Instant, u16, i32)> {
+        let frames = self.sent(CobId::r_pdo(2, self.machine.drives[drive].node));
+        let command = |it: &Transmission| match *it.frame.data() {
+            [c0, c1, p0, p1, p2, p3] => (
+                it.start,
+                u16::from_le_bytes([c0, c1]),
+                i32::from_le_bytes([p0, p1, p2, p3]),
+            ),
+            ref data => panic!("an R_PDO2 of {} bytes", data.len()),
+        };
+        frames.iter().map(command).collect()
+    }
+
+    /// When SYNC was sent.
+    #[must_use]
+    pub fn syncs(&self) -> Vec<Instant> {
+        let frames = self.sent(CobId::SYNC);
+        frames.iter().map(|it| it.start).collect()
+    }
+}
+
+/// The machine file of an example, for tests that want nothing changed.
+#[must_use]
+pub fn example(name: &str) -> Machine {
+    Machine::load(&machine_file(name)).expect("a good example")
+}

@@ -1,0 +1,183 @@
+//! Bad input as a user meets it: exit code 2, the place, what is wrong and what to do, and nothing
+//! has moved.
+
+use std::path::Path;
+use syncline_tests::command::{Folder, ended, machine_file, machine_with, syncline};
+
+/// The complaint of `run`, which must refuse before it does anything.
+fn refusal(machine: &Path, program: &Path, arguments: &[&str]) -> String {
+    let mut command = syncline();
+    command.arg("run").arg(machine).arg(program).args(arguments);
+    let output = command.output().unwrap();
+    let (code, printed, errors) = ended(&output);
+    assert_eq!(code, 2, "{errors}");
+    assert_eq!(printed, "", "nothing ran");
+    assert!(errors.starts_with("error: "), "{errors}");
+    assert!(!errors.contains("real time: "), "nothing ran: {errors}");
+    errors.to_owned()
+}
+
+/// Each mistake in the portal's machine file, and what a user has to be told: place, key, what is
+/// allowed, the nearest valid key.
+#[test]
+fn mistakes_in_the_machine_file() {
+    let axis_y = "max_jerk = 100_000.0";
+    let travel = "soft_limits = [0.0, 1000.0]";
+    for (mistake, told) in [
+        (
+            ("cycle_us = 2000", "cycel_us = 2000"),
+            &["6:1:", "`cycel_us`", "nearest", "`cycle_us`"][..],
+        ),
+        (
+            ("cycle_us = 2000", ""),
+            &["4:1:", "missing key `cycle_us`", "add `cycle_us`"],
+        ),
+        (
+            ("cycle_us = 2000", "cycle_us = 2500"),
+            &["6:12:", "`cycle_us` is 2500", "LXM32M", "1000…20000 µs"],
+        ),
+        (
+            ("cycle_us = 2000", "cycle_us = 1000"),
+            &["does not fit", "1.110 ms", "2.000 ms"],
+        ),
+        (
+            ("node = 3", "node = 2"),
+            &["39:8:", "node 2 is already X2", "1…127"],
+        ),
+        (
+            ("node = 3", "node = 127"),
+            &["39:8:", "already the controller"],
+        ),
+        (
+            (axis_y, "max_jerk = 0.0"),
+            &["72:12:", "axis \"Y\": `max_jerk` is 0.0", "above 0"],
+        ),
+        (
+            (axis_y, "max_jerk = -1.0"),
+            &["72:12:", "axis \"Y\": `max_jerk` is -1.0", "above 0"],
+        ),
+        (
+            (axis_y, "max_jerk = \"a lot\""),
+            &["72:12:", "`max_jerk`", "a number"],
+        ),
+        (
+            ("model = \"lxm32m\"", "model = \"lxm23m\""),
+            &["24:9:", "`model`", "nearest: \"lxm32m\""],
+        ),
+        (
+            ("bus = \"portal\"", "bus = \"portla\""),
+            &["22:7:", "there is no bus", "nearest: \"portal\""],
+        ),
+        // ±16384 revolutions of 20 mm.
+        (
+            (travel, "soft_limits = [0.0, 2_000_000.0]"),
+            &["73:15:", "`soft_limits`", "2147483647 increments"],
+        ),
+        (
+            ("name = \"portal\"", "name = portal"),
+            &["5:8:", "not TOML"],
+        ),
+    ] {
+        let folder = Folder::new();
+        let file = folder.file("machine.toml", &machine_with("portal", &[mistake]));
+        let program = folder.file("p.ngc", "M2\n");
+        let complaint = refusal(&file, &program, &[]);
+        for part in told {
+            assert!(
+                complaint.contains(part),
+                "{mistake:?}: no {part} in {complaint}"
+            );
+        }
+        if !complaint.contains("does not fit") {
+            let place = format!("{}:", file.display());
+            assert!(
+                complaint.contains(&place),
+                "{mistake:?}: no {place} in {complaint}"
+            );
+        }
+    }
+}
+
+/// Each mistake in a program, and what a user has to be told: `file:line:column`, the block, what
+/// to do.
+#[test]
+fn mistakes_in_the_program() {
+    for (program, told) in [
+        ("G0 X10\nG1 X20\nM2\n", &[":2:1:", "G1 X20", "F"][..]),
+        ("G41 D1\n", &[":1:1:", "G41"]),
+        ("G0 X1\nG0 X10 Q3\n", &[":2:8:", "uses Q"]),
+        (
+            "F600\nG2 X10 Y10 I3 J0\n",
+            &[":2:", "G2 X10 Y10 I3 J0", "from the centre", "correct"],
+        ),
+        ("G0 X10\n  G0 X1600\n", &[":2:6:", "G0 X1600", "1500"]),
+        // The end is inside the soft limits, the arc is not.
+        (
+            "G0 X1 Y500\nG2 X1 Y600 R300 F600\n",
+            &[":2:", "R300", "X", "0"],
+        ),
+        ("G0 X[1 + ]\n", &[":1:", "X[1 + ]"]),
+        ("G0 X1..5\n", &[":1:", "X1..5"]),
+        ("G0 X#<nothing>\n", &[":1:", "#<nothing>"]),
+        ("O100 call\n", &[":1:", "O100"]),
+    ] {
+        let folder = Folder::new();
+        let file = folder.file("part.ngc", program);
+        let complaint = refusal(&folder.machine("portal"), &file, &[]);
+        for part in told {
+            assert!(
+                complaint.contains(part),
+                "{program:?}: no {part} in {complaint}"
+            );
+        }
+        let place = format!("{}:", file.display());
+        assert!(complaint.contains(&place), "{program:?}: {complaint}");
+    }
+}
+
+#[test]
+fn files_and_buses_that_are_not_there() {
+    let folder = Folder::new();
+    let (machine, program) = (machine_file("portal"), folder.file("p.ngc", "M2\n"));
+    let none = folder.path("none");
+    assert!(refusal(&none, &program, &[]).contains("cannot read"));
+    assert!(refusal(&machine, &none, &[]).contains(none.to_str().unwrap()));
+    let complaint = refusal(&machine, &program, &["--bus", "gantry=sim"]);
+    assert!(complaint.contains("no bus `gantry`"), "{complaint}");
+    let complaint = refusal(&machine, &program, &["--bus", "nocan17"]);
+    assert!(complaint.contains("nocan17"), "{complaint}");
+    for option in ["--trace", "--json", "--report"] {
+        let complaint = refusal(&machine, &program, &[option, "/no/such/folder/file"]);
+        assert!(
+            complaint.contains("cannot write /no/such/folder/file"),
+            "{complaint}"
+        );
+    }
+}
+
+/// What `run` refuses, `validate` and `check` refuse in the same words.
+#[test]
+fn the_three_commands_agree() {
+    let folder = Folder::new();
+    let machine = machine_file("portal");
+    let program = folder.file("p.ngc", "G0 X10\nG1 X20\nM2\n");
+    let [run, validate, check] = ["run", "validate", "check"].map(|command| {
+        let output = syncline().arg(command).args([&machine, &program]).output();
+        let output = output.unwrap();
+        let (code, _, errors) = ended(&output);
+        assert_eq!(code, 2, "{command}");
+        errors.to_owned()
+    });
+    assert_eq!(run, validate);
+    assert_eq!(run, check);
+}
+
+#[test]
+fn arguments_that_do_not_parse() {
+    for arguments in [&["run"][..], &["run", "a", "b", "--what"], &["mill"], &[]] {
+        let output = syncline().args(arguments).output().unwrap();
+        let (code, _, errors) = ended(&output);
+        assert_eq!(code, 2, "{arguments:?}");
+        assert!(errors.contains("Usage"), "{errors}");
+    }
+}

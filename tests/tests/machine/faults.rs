@@ -1,0 +1,631 @@
+//! Whatever goes wrong, and whenever: the right reason, rest on the path inside the limits, every
+//! drive switched off in its order, and nothing enabled again.
+
+use std::sync::LazyLock;
+use syncline_canopen::sdo::AbortCode;
+use syncline_canopen::time::Duration;
+use syncline_canopen::{Address, CanId, CobId, Frame, NodeId, nmt};
+use syncline_controller::control::fault::Wanted;
+use syncline_controller::control::{End, Event, Fault, Phase};
+use syncline_controller::port::Received;
+use syncline_drives::model::NotFollowing;
+use syncline_drives::twin::lxm32m::{DriveError, ErrorClass, TwinConfig};
+use syncline_tests::rig::{PORTAL_PROGRAM, Rig};
+
+/// A row of [`PORTAL_PROGRAM`] in the midst of its first arc.
+const ON_THE_ARC: usize = 900;
+
+/// The drives: the gantry's sides, Y and Z.
+const X2: usize = 1;
+const Y: usize = 2;
+const Z: usize = 3;
+
+/// The setpoints of the undisturbed run.
+static NOMINAL: LazyLock<Vec<[f64; 3]>> = LazyLock::new(|| {
+    let mut rig = Rig::portal(PORTAL_PROGRAM);
+    assert_eq!(rig.finish(), End::Finished, "{:?}", rig.events);
+    positions(&rig)
+});
+
+fn positions(rig: &Rig) -> Vec<[f64; 3]> {
+    let xyz = |set: &[f64; 9]| [set[0], set[1], set[2]];
+    rig.rows.iter().map(|row| xyz(&row.plan.position)).collect()
+}
+
+/// A portal in the midst of its program.
+fn moving() -> Rig {
+    moving_with(&[], |_, _| ())
+}
+
+fn moving_with(replacements: &[(&str, &str)], configure: impl Fn(usize, &mut TwinConfig)) -> Rig {
+    let mut rig = Rig::new("portal", replacements, PORTAL_PROGRAM, configure);
+    rig.run_to_row(ON_THE_ARC);
+    assert!(rig.rows[ON_THE_ARC].plan.speed > 100.0, "in motion");
+    rig
+}
+
+fn node(drive: usize) -> NodeId {
+    NodeId::new(drive as u8 + 1).unwrap()
+}
+
+/// Whether a frame has this identifier and begins so.
+fn is(received: &Received, id: CobId, begin: &[u8]) -> bool {
+    received.frame.id() == CanId::from(id)
+        && !received.echo
+        && received.frame.data().starts_with(begin)
+}
+
+/// Puts other data into a frame.
+fn doctored(received: &mut Received, change: impl FnOnce(&mut Vec<u8>)) -> bool {
+    let mut data = received.frame.data().to_vec();
+    change(&mut data);
+    received.frame = Frame::new(received.frame.id(), &data);
+    true
+}
+
+/// Distance of a point from the undisturbed run's setpoints, joined by straight lines.
+fn off_the_path(point: &[f64; 3]) -> f64 {
+    let to = |from: &[f64; 3], to: &[f64; 3]| [0, 1, 2].map(|i| to[i] - from[i]);
+    let dot = |a: &[f64; 3], b: &[f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+    let from = |pair: &[[f64; 3]]| {
+        let (along, way) = (to(&pair[0], &pair[1]), to(&pair[0], point));
+        let part = (dot(&along, &way) / dot(&along, &along).max(1e-12)).clamp(0.0, 1.0);
+        let aside = [0, 1, 2].map(|i| way[i] - part * along[i]);
+        dot(&aside, &aside).sqrt()
+    };
+    NOMINAL.windows(2).map(from).fold(f64::INFINITY, f64::min)
+}
+
+/// What holds after every end of a machine that moved.
+fn assert_stopped_on_the_path(rig: &mut Rig) {
+    let trace = rig.trace();
+    trace.assert_within_limits();
+    assert!(rig.ends_at_rest());
+    let from = ON_THE_ARC.saturating_sub(10).min(rig.rows.len());
+    for (row, point) in positions(rig).iter().enumerate().skip(from) {
+        // A setpoint a cycle: chords of the arcs, at most 0.6 mm long.
+        let off = off_the_path(point);
+        assert!(off < 2e-3, "row {row} is {off} mm off the path: {point:?}");
+    }
+    assert_switched_off(rig, &[0x00, 0x06, 0x0F, 0x1F, 0x0F, 0x06, 0x00]);
+}
+
+/// What holds after every end: the drives were given just these controlwords, one after the other,
+/// then released, Pre-Operational, and SYNC went last.
+fn assert_switched_off(rig: &mut Rig, controlwords: &[u16]) {
+    let last_sync = rig.syncs().last().copied();
+    let nmt_frames = rig.sent(CanId::Standard(0));
+    assert!(
+        nmt_frames.iter().all(|it| it.frame.data()[1] != 0),
+        "never to all nodes"
+    );
+    for drive in 0..rig.machine.drives.len() {
+        assert!(!rig.twin(drive).state().is_powered(), "drive {drive}");
+        let commands = rig.commands(drive);
+        let mut words: Vec<u16> = commands.iter().map(|it| it.1).collect();
+        words.dedup();
+        assert_eq!(words, controlwords, "drive {drive}");
+        let requests = rig.sent(CobId::r_sdo(node(drive)));
+        let release = [0x2B, 0x22, 0x30, 5, 0, 0];
+        let released = requests
+            .iter()
+            .find(|it| it.frame.data().starts_with(&release));
+        let leave = [nmt::Command::EnterPreOperational as u8, node(drive).get()];
+        let left = nmt_frames
+            .iter()
+            .find(|it| it.frame.data() == leave)
+            .unwrap()
+            .start;
+        let mut order: Vec<_> = commands.last().map(|it| it.0).into_iter().collect();
+        order.extend(released.map(|it| it.start));
+        order.push(left);
+        order.extend(last_sync);
+        assert!(order.is_sorted(), "drive {drive}: {order:?}");
+        assert!(released.is_some() || commands.is_empty(), "drive {drive}");
+    }
+}
+
+/// A fault while the machine moves, by what is done to it.
+fn fault_in_motion(interfere: impl FnOnce(&mut Rig)) -> Fault {
+    let mut rig = moving();
+    interfere(&mut rig);
+    let fault = rig.finish_with_fault();
+    assert_stopped_on_the_path(&mut rig);
+    fault
+}
+
+/// A fault before the machine moves: the drives are never enabled.
+fn fault_in_bring_up(
+    configure: impl Fn(usize, &mut TwinConfig),
+    interfere: impl FnOnce(&mut Rig),
+) -> Fault {
+    let mut rig = Rig::new("portal", &[], PORTAL_PROGRAM, configure);
+    interfere(&mut rig);
+    let fault = rig.finish_with_fault();
+    assert_eq!(rig.rows.len(), 0, "nothing moved");
+    let commanded = rig.commands(0).last().is_some();
+    assert_switched_off(&mut rig, if commanded { &[0x00] } else { &[] });
+    fault
+}
+
+// --- what drives tell ---
+
+#[test]
+fn an_emcy_message() {
+    let error = DriveError {
+        class: ErrorClass::QuickStop,
+        number: 0xA305,
+        emcy_code: 0x3130,
+        register: 4,
+    };
+    let fault = fault_in_motion(|rig| rig.twin(Y).raise(error));
+    let expected = Fault::Emergency {
+        drive: Y,
+        code: 0x3130,
+        register: 5,
+        vendor: 0xA305,
+    };
+    assert_eq!(fault, expected);
+}
+
+#[test]
+fn a_fault_in_the_statusword_alone() {
+    let fault = fault_in_motion(|rig| {
+        let no_emcy = |it: &mut Received| !is(it, CobId::emcy(node(Z)), &[]);
+        rig.bus().doctor = Some(Box::new(no_emcy));
+        rig.twin(Z).raise(DriveError::FOLLOWING_ERROR);
+    });
+    assert!(
+        matches!(fault, Fault::DriveFault { drive: Z, .. }),
+        "{fault:?}"
+    );
+}
+
+#[test]
+fn a_statusword_that_no_longer_follows() {
+    for (set, cleared, why) in [
+        (0x2000, 0x0000, NotFollowing::Error),
+        (0x0000, 0x1000, NotFollowing::ModeEnded),
+        (0x0000, 0x0004, NotFollowing::PowerStageOff),
+        (0x0000, 0x0020, NotFollowing::QuickStop),
+        (0x0000, 0x0200, NotFollowing::NotRemote),
+    ] {
+        let mut rig = moving();
+        rig.bus().doctor = Some(Box::new(move |it| {
+            if !is(it, CobId::t_pdo(2, node(Y)), &[]) {
+                return true;
+            }
+            doctored(it, |data| {
+                let word = u16::from_le_bytes([data[0], data[1]]);
+                // Only while it is enabled and in its mode.
+                if word & 0x1000 != 0 {
+                    data[..2].copy_from_slice(&(word & !cleared | set).to_le_bytes());
+                }
+            })
+        }));
+        let fault = rig.finish_with_fault();
+        let told = matches!(fault, Fault::NotFollowing { drive: Y, why: told, .. } if told == why);
+        assert!(told, "{why:?}: {fault:?}");
+        rig.trace().assert_within_limits();
+    }
+}
+
+#[test]
+fn an_unexpected_reboot() {
+    let quick = |_: usize, config: &mut TwinConfig| config.boot_time = Duration::from_millis(1);
+    let mut rig = moving_with(&[], quick);
+    rig.twin(Y).reboot();
+    assert_eq!(rig.finish_with_fault(), Fault::Rebooted { drive: Y });
+    assert_stopped_on_the_path(&mut rig);
+}
+
+#[test]
+fn a_drive_that_left_operational() {
+    let fault = fault_in_motion(|rig| {
+        rig.bus().doctor = Some(Box::new(|it| {
+            let heartbeat = is(it, CobId::error_control(node(X2)), &[5]);
+            !heartbeat || doctored(it, |data| data[0] = 0x7F)
+        }));
+    });
+    let state = Some(nmt::State::PreOperational);
+    assert_eq!(fault, Fault::NmtState { drive: X2, state });
+}
+
+// --- what drives do not tell ---
+
+#[test]
+fn a_lost_heartbeat() {
+    let fault = fault_in_motion(|rig| {
+        let silent = |it: &mut Received| !is(it, CobId::error_control(node(Y)), &[]);
+        rig.bus().doctor = Some(Box::new(silent));
+    });
+    assert_eq!(fault, Fault::HeartbeatLost { drive: Y });
+}
+
+#[test]
+fn a_drive_that_falls_silent() {
+    let fault = fault_in_motion(|rig| rig.twin(Y).mute(true));
+    assert_eq!(
+        fault,
+        Fault::MissingTPdo {
+            drive: Y,
+            misses: 2
+        }
+    );
+}
+
+#[test]
+fn one_missing_t_pdo_is_counted_and_two_in_a_row_are_a_fault() {
+    let mut rig = moving();
+    rig.twin(Z).drop_t_pdos(1);
+    for _ in 0..50 {
+        rig.step();
+    }
+    rig.twin(Z).drop_t_pdos(1);
+    assert_eq!(rig.finish(), End::Finished, "{:?}", rig.events);
+    let missed = |it: &&Event| **it == Event::MissedTPdo { drive: Z };
+    assert_eq!(rig.events.iter().filter(missed).count(), 2);
+    assert_eq!(positions(&rig), *NOMINAL);
+
+    let fault = fault_in_motion(|rig| rig.twin(Z).drop_t_pdos(2));
+    assert_eq!(
+        fault,
+        Fault::MissingTPdo {
+            drive: Z,
+            misses: 2
+        }
+    );
+}
+
+#[test]
+fn a_t_pdo_that_is_late_or_cut_short_is_a_missing_one() {
+    let fault = fault_in_motion(|rig| {
+        rig.bus().doctor = Some(Box::new(|it| {
+            !is(it, CobId::t_pdo(2, node(Y)), &[]) || doctored(it, |data| data.truncate(5))
+        }));
+    });
+    assert_eq!(
+        fault,
+        Fault::MissingTPdo {
+            drive: Y,
+            misses: 2
+        }
+    );
+}
+
+// --- mechanics ---
+
+/// The controller's own supervision, the drive's being off.
+const ALONE: (&str, &str) = (
+    "soft_limits = [0.0, 1000.0]\nfollowing_error_limit = 2.0\nstandstill_window = 0.05\n\
+     drive_following_error = true",
+    "soft_limits = [0.0, 1000.0]\nfollowing_error_limit = 2.0",
+);
+
+#[test]
+fn a_blocked_axis_is_a_following_error() {
+    let mut rig = moving_with(&[ALONE], |_, _| ());
+    rig.twin(Y).block_axis(true);
+    let fault = rig.finish_with_fault();
+    let Fault::FollowingError { axis, error } = fault else {
+        panic!("{fault:?}");
+    };
+    assert_eq!(rig.layout.axes[axis].name, "Y");
+    assert!(error.abs() > 2.0 && error.abs() < 3.0, "{error}");
+    assert_stopped_on_the_path(&mut rig);
+}
+
+#[test]
+fn a_blocked_side_of_the_gantry_is_a_skew() {
+    let mut rig = moving();
+    rig.twin(X2).block_axis(true);
+    let fault = rig.finish_with_fault();
+    let Fault::Skew { axis, difference } = fault else {
+        panic!("{fault:?}");
+    };
+    assert_eq!(rig.layout.axes[axis].name, "X");
+    assert!(difference > 0.5 && difference < 1.5, "{difference}");
+    assert_stopped_on_the_path(&mut rig);
+}
+
+#[test]
+fn a_drive_that_supervises_itself_switches_off() {
+    let mut rig = moving();
+    // Its own limit, 6065h, is the same as the controller's, but it looks more often.
+    rig.twin(Y).block_axis(true);
+    let fault = rig.finish_with_fault();
+    let expected = matches!(
+        fault,
+        Fault::Emergency {
+            drive: Y,
+            vendor: 0xA320,
+            ..
+        } | Fault::FollowingError { .. }
+    );
+    assert!(expected, "{fault:?}");
+    assert_stopped_on_the_path(&mut rig);
+}
+
+// --- the controller's own lateness ---
+
+#[test]
+fn a_dropped_burst_is_counted_and_does_not_shift_the_plan() {
+    for interfere in [(|rig| rig.bus().drop_bursts = 1) as fn(&mut Rig), |rig| {
+        rig.bus().delay_bursts = 1
+    }] {
+        let mut rig = moving();
+        interfere(&mut rig);
+        assert_eq!(rig.finish(), End::Finished, "{:?}", rig.events);
+        assert_eq!(rig.controller().late_setpoints(), 1);
+        assert_eq!(positions(&rig), *NOMINAL);
+    }
+}
+
+#[test]
+fn two_dropped_bursts_in_a_row_three_in_a_thousand_cycles_or_a_torn_one_are_a_fault() {
+    let fault = fault_in_motion(|rig| rig.bus().drop_bursts = 2);
+    assert_eq!(fault, Fault::LateSetpoints { bus: 0, count: 2 });
+
+    let fault = fault_in_motion(|rig| rig.bus().delay_bursts = 2);
+    assert_eq!(fault, Fault::LateSetpoints { bus: 0, count: 2 });
+
+    let fault = fault_in_motion(|rig| {
+        for row in [0, 100, 200] {
+            rig.run_to_row(ON_THE_ARC + row);
+            rig.bus().drop_bursts = 1;
+        }
+    });
+    assert_eq!(fault, Fault::LateSetpoints { bus: 0, count: 3 });
+
+    let fault = fault_in_motion(|rig| rig.bus().tear_bursts = 1);
+    assert_eq!(fault, Fault::TornBurst { bus: 0 });
+}
+
+#[test]
+fn a_bus_that_is_gone() {
+    let mut rig = moving();
+    rig.bus().unplugged = true;
+    assert_eq!(rig.finish_with_fault(), Fault::BusFailed { bus: 0 });
+    rig.trace().assert_within_limits();
+    // Nobody hears the controller any more: the drives' own supervision stops them.
+}
+
+#[test]
+fn an_interrupt_stops_on_the_path() {
+    let mut rig = moving();
+    rig.controller().interrupt();
+    assert_eq!(rig.finish(), End::Interrupted);
+    assert_stopped_on_the_path(&mut rig);
+    assert!(rig.rows.len() < NOMINAL.len(), "before the program's end");
+}
+
+// --- bring-up ---
+
+fn as_configured(_: usize, _: &mut TwinConfig) {}
+
+#[test]
+fn a_drive_that_is_not_there() {
+    let fault = fault_in_bring_up(as_configured, |rig| rig.twin(Z).mute(true));
+    assert_eq!(fault, Fault::NoBootUp { drive: Z });
+}
+
+#[test]
+fn a_drive_that_stops_answering() {
+    let fault = fault_in_bring_up(as_configured, |rig| {
+        rig.run_to(Phase::SetUp);
+        rig.twin(X2).mute(true);
+    });
+    let object = Address::new(0x1000, 0);
+    assert_eq!(fault, Fault::SdoTimeout { drive: X2, object });
+}
+
+#[test]
+fn another_device_with_the_nodes_id() {
+    let stranger = |drive: usize, config: &mut TwinConfig| {
+        if drive == Y {
+            config.identity.vendor_id = 0x0000_00B7;
+        }
+    };
+    let fault = fault_in_bring_up(stranger, |_| ());
+    let expected = Fault::WrongIdentity {
+        drive: Y,
+        object: Address::new(0x1018, 1),
+        expected: 0x0800_005A,
+        found: 0xB7,
+    };
+    assert_eq!(fault, expected);
+}
+
+#[test]
+fn a_set_up_write_that_is_refused() {
+    let object = Address::new(0x60C2, 1);
+    let code = AbortCode::InvalidValue;
+    let fault = fault_in_bring_up(as_configured, |rig| rig.twin(Y).refuse_write(object, code));
+    let expected = Fault::SdoAborted {
+        drive: Y,
+        object,
+        value: Some(2),
+        code,
+    };
+    assert_eq!(fault, expected);
+}
+
+#[test]
+fn a_set_up_value_that_reads_back_as_another() {
+    let fault = fault_in_bring_up(as_configured, |rig| {
+        rig.bus().doctor = Some(Box::new(|it| {
+            let answer = is(it, CobId::t_sdo(node(Y)), &[0x4F, 0xC2, 0x60, 1]);
+            !answer || doctored(it, |data| data[4] = 4)
+        }));
+    });
+    let expected = Fault::ReadBack {
+        drive: Y,
+        object: Address::new(0x60C2, 1),
+        expected: 2,
+        found: 4,
+    };
+    assert_eq!(fault, expected);
+}
+
+#[test]
+fn an_object_that_refuses_to_be_read_back_is_told_and_no_fault() {
+    let mut rig = Rig::portal("G0 X10\nM2\n");
+    rig.bus().doctor = Some(Box::new(|it| {
+        let answer = is(it, CobId::t_sdo(node(Y)), &[0x4B, 0x06, 0x30, 0x3D]);
+        !answer
+            || doctored(it, |data| {
+                data.splice(.., [0x80, 0x06, 0x30, 0x3D, 1, 0, 1, 6])
+                    .for_each(drop)
+            })
+    }));
+    assert_eq!(rig.finish(), End::Finished, "{:?}", rig.events);
+    let refused = Event::Refused {
+        drive: Y,
+        object: Address::new(0x3006, 0x3D),
+        code: AbortCode::WriteOnly,
+    };
+    assert!(rig.events.contains(&refused), "{:?}", rig.events);
+}
+
+#[test]
+fn a_clock_that_does_not_follow_sync() {
+    let fault = fault_in_bring_up(as_configured, |rig| {
+        rig.bus().doctor = Some(Box::new(|it| {
+            let answer = is(it, CobId::t_sdo(node(Z)), &[0x4B, 0x22, 0x30, 6]);
+            !answer || doctored(it, |data| data[4] = 1)
+        }));
+    });
+    assert_eq!(
+        fault,
+        Fault::NoSyncLock {
+            drive: Z,
+            status: 1
+        }
+    );
+}
+
+#[test]
+fn a_drive_that_stays_enabled() {
+    let fault = fault_in_bring_up(as_configured, |rig| {
+        rig.bus().doctor = Some(Box::new(|it| {
+            let answer = is(it, CobId::t_sdo(node(X2)), &[0x4B, 0x41, 0x60, 0]);
+            !answer || doctored(it, |data| data[4] = 0x37)
+        }));
+    });
+    assert!(
+        matches!(fault, Fault::StaysEnabled { drive: X2, .. }),
+        "{fault:?}"
+    );
+}
+
+#[test]
+fn a_drive_that_does_not_enable() {
+    let slow = |drive: usize, config: &mut TwinConfig| {
+        if drive == Z {
+            config.policies.enable_time = Duration::from_secs(3600);
+        }
+    };
+    let mut rig = Rig::new("portal", &[], PORTAL_PROGRAM, slow);
+    let fault = rig.finish_with_fault();
+    let wanted = Wanted::OperationEnabled;
+    let expected =
+        matches!(fault, Fault::StateTimeout { drive: Z, wanted: it, .. } if it == wanted);
+    assert!(expected, "{fault:?}");
+    assert_eq!(rig.rows.len(), 0);
+    assert_switched_off(&mut rig, &[0x00, 0x06, 0x0F, 0x06, 0x00]);
+}
+
+#[test]
+fn another_operating_mode() {
+    let mut rig = Rig::portal(PORTAL_PROGRAM);
+    rig.bus().doctor = Some(Box::new(|it| {
+        let answer = is(it, CobId::t_sdo(node(Y)), &[0x4F, 0x61, 0x60, 0]);
+        !answer || doctored(it, |data| data[4] = 1)
+    }));
+    assert_eq!(
+        rig.finish_with_fault(),
+        Fault::WrongMode { drive: Y, found: 1 }
+    );
+    assert_eq!(rig.rows.len(), 0);
+    assert_switched_off(&mut rig, &[0x00, 0x06, 0x0F, 0x1F, 0x0F, 0x06, 0x00]);
+}
+
+/// Moves drives away from where their axis rests, in millimetres of the portal's X and Y.
+fn displaced(drives: &[usize], mm: f64) -> impl Fn(usize, &mut TwinConfig) {
+    move |drive, config| {
+        if drives.contains(&drive) {
+            // X2 is mirrored.
+            let sign = if drive == X2 { -1.0 } else { 1.0 };
+            config.initial_position += (sign * mm / 20.0 * 131_072.0) as i64;
+        }
+    }
+}
+
+#[test]
+fn an_axis_outside_its_soft_limits() {
+    let fault = fault_in_bring_up(displaced(&[Y], -1.0), |_| ());
+    let Fault::OutsideSoftLimits { axis: 1, position } = fault else {
+        panic!("{fault:?}");
+    };
+    assert!((position + 1.0).abs() < 0.01, "{position}");
+    let fault = fault_in_bring_up(displaced(&[0, X2], 1501.0), |_| ());
+    assert!(
+        matches!(fault, Fault::OutsideSoftLimits { axis: 0, .. }),
+        "{fault:?}"
+    );
+}
+
+#[test]
+fn a_gantry_that_stands_askew() {
+    let fault = fault_in_bring_up(displaced(&[0], 0.6), |_| ());
+    let Fault::Skew {
+        axis: 0,
+        difference,
+    } = fault
+    else {
+        panic!("{fault:?}");
+    };
+    assert!((difference - 0.6).abs() < 0.01, "{difference}");
+}
+
+/// Within the skew limit each side stays where it is: nobody straightens the gantry by a jump.
+#[test]
+fn a_gantry_a_little_askew_runs_without_a_jump() {
+    let mut rig = Rig::new(
+        "portal",
+        &[],
+        "G4 P0.05\nG0 X100\nM2\n",
+        displaced(&[0], 0.3),
+    );
+    assert_eq!(rig.finish(), End::Finished, "{:?}", rig.events);
+    rig.trace().assert_within_limits();
+    let sides = [0, X2].map(|drive| {
+        let commands = rig.commands(drive);
+        let of_mode = commands.iter().filter(|it| it.1 == 0x1F).map(|it| it.2);
+        let setpoints: Vec<i32> = of_mode.collect();
+        // At most a cycle at 700 mm/s, 9175 increments.
+        let steps = setpoints.windows(2).map(|pair| pair[0].abs_diff(pair[1]));
+        assert!(steps.max().unwrap() < 9_180, "no jump");
+        assert_eq!(setpoints[0], setpoints[5], "frozen");
+        setpoints[setpoints.len() - 1] - setpoints[0]
+    });
+    assert!(
+        sides[0] > 600_000 && sides[0].abs_diff(-sides[1]) <= 1,
+        "{sides:?}"
+    );
+}
+
+#[test]
+fn a_program_that_cannot_start_where_the_machine_stands() {
+    // Good from where it is checked, X0; from X1400 its relative move leaves the soft limits.
+    let program = "G91 G1 X200 F6000\nM2\n";
+    let mut rig = Rig::new("portal", &[], program, displaced(&[0, X2], 1400.0));
+    assert_eq!(rig.finish_with_fault(), Fault::Program);
+    assert!(
+        positions(&rig)
+            .iter()
+            .all(|it| (it[0] - 1400.0).abs() < 0.01),
+        "nothing moved"
+    );
+    assert_switched_off(&mut rig, &[0x00, 0x06, 0x0F, 0x1F, 0x0F, 0x06, 0x00]);
+}

@@ -1,0 +1,9 @@
+//! Whole machines, from outside: what the `syncline` command does with programs, good and bad
+//! input and faults, and what the bus sees of it.
+
+mod bad_input;
+mod bring_up;
+mod faults;
+mod properties;
+mod run;
+mod validate;

@@ -1,0 +1,264 @@
+//! `syncline validate`: verdict, numbers, determinism, and what independent checkers say.
+
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+use syncline_controller::machine::Machine;
+use syncline_tests::command::{
+    Folder, build, ended, examples, machine_file, machine_with, syncline, text,
+};
+use syncline_tests::plan::Plan;
+use syncline_tests::rig::{PORTAL_PROGRAM, example};
+use syncline_tests::trace::Trace;
+
+fn validate(machine: &Path, program: &Path, arguments: &[&str]) -> Output {
+    let mut command = syncline();
+    command.arg("validate").arg(machine).arg(program);
+    command.args(arguments).output().unwrap()
+}
+
+/// The JSON of a validation and its exit code.
+fn json(machine: &Path, program: &Path, arguments: &[&str]) -> (Value, i32) {
+    let output = validate(machine, program, &[&["--json", "-"], arguments].concat());
+    let (code, json, errors) = ended(&output);
+    let json = serde_json::from_str(json).unwrap_or_else(|error| panic!("{error}: {errors}"));
+    (json, code)
+}
+
+fn number(json: &Value, pointer: &str) -> f64 {
+    let value = json.pointer(pointer).and_then(Value::as_f64);
+    value.unwrap_or_else(|| panic!("no number {pointer} in {json:#}"))
+}
+
+#[test]
+fn every_example_passes_inside_its_limits() {
+    for (machine_file, program) in examples() {
+        let folder = Folder::new();
+        let trace = folder.path("trace.csv");
+        let arguments = ["--trace", trace.to_str().unwrap()];
+        let (json, code) = json(&machine_file, &program, &arguments);
+        let name = program.display();
+        assert_eq!(
+            (code, &json["verdict"]),
+            (0, &"pass".into()),
+            "{name}: {json:#}"
+        );
+        assert_eq!(json["violations"], Value::Array(vec![]), "{name}");
+
+        let machine = Machine::load(&machine_file).unwrap();
+        let trace = Trace::read(&machine, &folder.read("trace.csv"));
+        trace.assert_within_limits();
+        assert!(trace.ends_at_rest(3), "{name}");
+        Plan::of(&machine, &machine_file, &program).assert_good();
+
+        // What the summary says is what the trace shows.
+        let cycles = number(&json, "/cycles");
+        assert_eq!(cycles as usize, trace.line.len(), "{name}");
+        let duration = number(&json, "/duration_s");
+        assert!(duration > 5.0 && duration <= 60.0, "{name}: {duration} s");
+        assert!(duration <= cycles * trace.cycle, "{name}");
+        assert_eq!(number(&json, "/late_setpoints"), 0.0);
+        assert_eq!(json["frames_sha256"].as_str().unwrap().len(), 64);
+        assert!(number(&json, "/path/length_mm") > 100.0);
+        assert!(number(&json, "/path/max_deviation_mm") < 1e-9, "{name}");
+        let contour = number(&json, "/path/max_contour_error_mm");
+        assert!(contour > 0.0 && contour < 0.1, "{name}: {contour} mm");
+        let load = number(&json, "/bus/0/peak_utilisation");
+        assert!(load > 0.2 && load < 0.95, "{name}: {load}");
+        for (index, axis) in trace.axes.iter().enumerate() {
+            let of = |key: &str| number(&json, &format!("/axes/{index}/{key}"));
+            assert_eq!(json["axes"][index]["name"], axis.name.as_str());
+            let [velocity, acceleration, jerk] = axis.limits;
+            assert_eq!(of("velocity_limit"), velocity);
+            assert_eq!(of("acceleration_limit"), acceleration);
+            assert_eq!(of("jerk_limit"), jerk);
+            for (what, limit) in [
+                ("max_velocity", velocity),
+                ("max_acceleration", acceleration),
+                ("max_jerk", jerk),
+            ] {
+                assert!(of(what) > 0.0 && of(what) <= limit * (1.0 + 1e-9), "{name}");
+            }
+            let steps = axis.set.windows(2).map(|pair| (pair[1] - pair[0]).abs());
+            let fastest = steps.fold(0.0, f64::max) / trace.cycle;
+            assert!(
+                (of("max_velocity") - fastest).abs() <= 0.02 * velocity,
+                "{name}"
+            );
+            let (most, mean) = (of("max_following_error_mm"), of("rms_following_error_mm"));
+            assert!(mean > 0.0 && mean < most, "{name}");
+            assert!(
+                most < machine.axes[index].following_error_limit / 2.0,
+                "{name}"
+            );
+        }
+        assert_eq!(json["axes"].as_array().unwrap().len(), trace.axes.len());
+    }
+}
+
+/// A short program for either machine.
+fn short() -> (Folder, PathBuf) {
+    let folder = Folder::new();
+    let program = folder.file("short.ngc", PORTAL_PROGRAM);
+    (folder, program)
+}
+
+fn digest(machine: &Path, program: &Path, arguments: &[&str]) -> String {
+    let (json, code) = json(machine, program, arguments);
+    assert_eq!(code, 0, "{json:#}");
+    json["frames_sha256"].as_str().unwrap().to_owned()
+}
+
+#[test]
+fn the_tool_ends_where_the_program_says_to_an_increment() {
+    let folder = Folder::new();
+    let inch = "G20 G91 G1 X1.23456789 Y2 Z-0.1 F600\nG90 G21 G2 X110 Y90 R100\nM2\n";
+    for (name, to, program) in [
+        (
+            "portal",
+            [412.345_678, 250.5, -33.333],
+            "G0 X412.345678 Y250.5 Z-33.333\nM30\n",
+        ),
+        ("portal", [110.0, 90.0, -2.54], inch),
+        (
+            "xyz",
+            [-123.456_7, 99.999, -77.7],
+            "G61 G1 X-123.4567 Y99.999 Z-77.7 F9000\nM2\n",
+        ),
+    ] {
+        let program = folder.file("end.ngc", program);
+        let trace = folder.path("trace.csv");
+        let arguments = ["--trace", trace.to_str().unwrap()];
+        let output = validate(&folder.machine(name), &program, &arguments);
+        assert_eq!(ended(&output).0, 0, "{}", text(&output.stderr));
+        let machine = example(name);
+        let trace = Trace::read(&machine, &folder.read("trace.csv"));
+        for axis in &machine.axes {
+            let increment = machine.drives[axis.drives[0]].scaling.resolution();
+            let coordinate = ["X", "Y", "Z"]
+                .iter()
+                .position(|it| *it == axis.name)
+                .unwrap();
+            let end = *trace.axis(&axis.name).set.last().unwrap();
+            let off = (end - to[coordinate]).abs();
+            assert!(
+                off <= increment,
+                "{name} {}: {end}, off by {off}",
+                axis.name
+            );
+            let act = *trace.axis(&axis.name).act.last().unwrap();
+            assert!(
+                (act - end).abs() < axis.standstill_window,
+                "{name} {}",
+                axis.name
+            );
+        }
+    }
+}
+
+#[test]
+fn the_seed_alone_decides_over_the_frames() {
+    let (_folder, program) = short();
+    for name in ["portal", "xyz"] {
+        let machine = machine_file(name);
+        // Unequal starts are no obstacle: soft limits of xyz are smaller.
+        let program = if name == "portal" {
+            program.clone()
+        } else {
+            let folder = machine.with_file_name("");
+            folder.join("spiral.ngc")
+        };
+        let of = |seed: &str| digest(&machine, &program, &["--seed", seed]);
+        let first = of("1");
+        assert_eq!(first, of("1"));
+        assert_ne!(first, of("2"));
+        assert_eq!(of("0"), digest(&machine, &program, &[]));
+    }
+}
+
+#[test]
+fn the_processors_extensions_do_not_change_the_frames() {
+    let (_folder, program) = short();
+    let machine = machine_file("portal");
+    let output = syncline()
+        .args(["validate", "--json", "-"])
+        .args([&machine, &program])
+        .env("GLIBC_TUNABLES", "glibc.cpu.hwcaps=-AVX2,-FMA")
+        .output()
+        .unwrap();
+    let json: Value = serde_json::from_str(ended(&output).1).unwrap();
+    assert_eq!(json["frames_sha256"], digest(&machine, &program, &[]));
+}
+
+#[test]
+#[ignore = "builds the command in both profiles: .ci/run does"]
+fn debug_and_release_give_the_same_frames() {
+    let digests = [false, true].map(|release| {
+        let binary = build(release);
+        let digest = |(machine, program): (PathBuf, PathBuf)| {
+            let mut command = Command::new(&binary);
+            let arguments = ["validate", "--json", "-", "--seed", "3"];
+            let output = command.args(arguments).args([machine, program]).output();
+            let json: Value = serde_json::from_slice(&output.unwrap().stdout).unwrap();
+            json["frames_sha256"].as_str().unwrap().to_owned()
+        };
+        examples().into_iter().map(digest).collect::<Vec<_>>()
+    });
+    assert_eq!(digests[0], digests[1]);
+}
+
+#[test]
+fn a_machine_that_cannot_follow_fails_with_the_reason() {
+    let folder = Folder::new();
+    // A hundredth of the lag that the drives need at full speed.
+    let machine = machine_with(
+        "portal",
+        &[(
+            "following_error_limit = 2.0",
+            "following_error_limit = 0.001",
+        )],
+    )
+    .replacen(
+        "drive_following_error = true",
+        "drive_following_error = false",
+        1,
+    );
+    let machine = folder.file("machine.toml", &machine);
+    let program = folder.file("p.ngc", "G0 X300\nM2\n");
+    let (json, code) = json(&machine, &program, &[]);
+    assert_eq!((code, &json["verdict"]), (1, &"fail".into()));
+    let violations = json["violations"].as_array().unwrap();
+    let of = |what: &str| {
+        let starts = |it: &&Value| it["what"].as_str().unwrap().starts_with(what);
+        violations
+            .iter()
+            .find(starts)
+            .unwrap_or_else(|| panic!("no {what} in {json:#}"))
+    };
+    let following = of("following_error");
+    assert_eq!(following["axis"], "X");
+    assert_eq!(following["line"], 1);
+    assert_eq!(following["limit"], 0.001);
+    assert!(following["value"].as_f64().unwrap() > 0.001);
+    assert!(following["time_s"].as_f64().unwrap() > 0.0);
+    assert!(of("fault: axis X: following error")["what"].is_string());
+}
+
+#[test]
+fn a_report_is_one_file_that_needs_no_network() {
+    let (folder, program) = short();
+    let report = folder.path("report.html");
+    let output = validate(
+        &machine_file("portal"),
+        &program,
+        &["--report", report.to_str().unwrap()],
+    );
+    assert_eq!(ended(&output).0, 0);
+    let html = folder.read("report.html");
+    for part in ["<svg", "Jerk", "Following error", "short.ngc", "portal"] {
+        assert!(html.contains(part), "no {part}");
+    }
+    let is_link = |it: &&str| it.starts_with("http") && !it.starts_with("http://www.w3.org/");
+    let links: Vec<&str> = html.split(['"', '\'', '(']).filter(is_link).collect();
+    assert_eq!(links, [""; 0]);
+}
