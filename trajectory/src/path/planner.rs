@@ -326,10 +326,10 @@ impl<const N: usize> Planner<N> {
         if section.closed && rest >= section.length * (1.0 - 1e-12) {
             return true;
         }
-        // From where is the window's end out of sight?
+        // From where is the window's end out of sight? Half of it is kept in any case.
         let mut left = 0.0;
         let mut keep = pieces.len() - 1;
-        while keep > 1 && left < self.sight {
+        while keep > pieces.len() / 2 && left < self.sight {
             left += pieces[keep].duration;
             keep -= 1;
         }
