@@ -91,7 +91,8 @@ fn frame(id: CanId, data: &str) -> Option<Frame> {
         let dlc = if dlc.is_empty() { 0 } else { dlc.parse().ok()? };
         return Frame::remote(id, dlc);
     }
-    if !data.len().is_multiple_of(2) || data.len() > 16 || !data.is_ascii() {
+    let is_hex = data.chars().all(|c| c.is_ascii_hexdigit());
+    if !data.len().is_multiple_of(2) || data.len() > 16 || !is_hex {
         return None;
     }
     let mut bytes = [0; 8];
