@@ -112,7 +112,7 @@ pub enum Fault {
         /// The difference, mm.
         difference: f64,
     },
-    /// An axis left its frozen position before or after the program.
+    /// An axis left its frozen position before the program.
     Standstill {
         /// Which axis.
         axis: AxisIndex,

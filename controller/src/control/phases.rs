@@ -126,8 +126,9 @@ impl<const N: usize> Controller<N> {
     pub(super) fn finish(&mut self, end: End) {
         self.end = Some(end);
         let next = match self.phase {
-            Phase::Survey | Phase::Boot | Phase::SetUp => Phase::Release,
-            Phase::Start | Phase::Lock => Phase::Release,
+            Phase::Survey | Phase::Boot | Phase::SetUp | Phase::Start | Phase::Lock => {
+                Phase::Release
+            }
             Phase::Disabled | Phase::ReadyToSwitchOn | Phase::OperationEnabled => Phase::Disable,
             Phase::ModeStart => Phase::ModeEnd,
             Phase::Program => Phase::Stop,

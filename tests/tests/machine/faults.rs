@@ -550,6 +550,30 @@ fn another_operating_mode() {
     assert_switched_off(&mut rig, &[0x00, 0x06, 0x0F, 0x1F, 0x0F, 0x06, 0x00]);
 }
 
+#[test]
+fn an_axis_that_does_not_stand_still_when_its_mode_starts() {
+    let mut rig = Rig::portal(PORTAL_PROGRAM);
+    rig.run_to(Phase::ModeStart);
+    // As if Y sagged by 1 mm once its setpoint was frozen.
+    rig.bus().doctor = Some(Box::new(|it| {
+        let sample = is(it, CobId::t_pdo(2, node(Y)), &[]);
+        !sample
+            || doctored(it, |data| {
+                let mut position = [0; 4];
+                position.copy_from_slice(&data[2..6]);
+                let sagged = i32::from_le_bytes(position) + 131_072 / 20;
+                data[2..6].copy_from_slice(&sagged.to_le_bytes());
+            })
+    }));
+    let fault = rig.finish_with_fault();
+    let Fault::Standstill { axis: 1, distance } = fault else {
+        panic!("{fault:?}");
+    };
+    assert!((distance - 1.0).abs() < 0.01, "{distance}");
+    assert_eq!(rig.rows.len(), 0, "nothing moved");
+    assert_switched_off(&mut rig, &[0x00, 0x06, 0x0F, 0x1F, 0x0F, 0x06, 0x00]);
+}
+
 /// Moves drives away from where their axis rests, in millimetres of the portal's X and Y.
 fn displaced(drives: &[usize], mm: f64) -> impl Fn(usize, &mut TwinConfig) {
     move |drive, config| {
