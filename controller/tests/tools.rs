@@ -1,7 +1,8 @@
 //! The tools for a bus at work, on simulated drives behind socketcand on loopback.
 
 use std::process::{Child, Command, Output, Stdio};
-use std::time::Duration;
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use syncline_controller::bus_log::candump::Line;
 
 const MACHINE: &str = concat!(
     env!("CARGO_MANIFEST_DIR"),
@@ -148,6 +149,31 @@ fn tools_on_a_bus() {
     assert_eq!(code, 0);
     assert_eq!(text.lines().count(), 5);
     assert!(text.starts_with("    0.000000  703#05"), "{text}");
+}
+
+/// What `run` records of a bus that is not its own: its own frames and the drives'.
+#[test]
+fn a_run_records_its_bus() {
+    let drives = Drives::new();
+    let directory = tempfile::tempdir().expect("a directory");
+    let at = |name: &str| directory.path().join(name).display().to_string();
+    let (program, log) = (at("short.ngc"), at("run.log"));
+    std::fs::write(&program, "G0 X10\nM2\n").expect("written");
+    let run = ["run", MACHINE, &program, "--candump", &log];
+    let (code, _, complained) = drives.run(&[&run[..], &["--bus", &drives.bus]].concat());
+    // A busy host may make it late, and that a fault.
+    assert!(matches!(code, 0 | 1), "{complained}");
+    let log = std::fs::read_to_string(log).expect("written");
+    let count = |frame: &str| log.matches(frame).count();
+    // Of NMT, node 4: reset communication, start, boot-up and, last of all, Pre-Operational.
+    assert!(count(" 000#8204") == 1 && count(" 704#00") == 1, "{log}");
+    assert!(count(" 000#0104") <= 1 && count(" 000#8004") >= 1, "{log}");
+    let (requests, answers) = (count(" 604#"), count(" 584#"));
+    assert!(requests > 50 && requests.abs_diff(answers) < 3, "{log}");
+    let seconds = |line: &str| Line::parse(line).expect("a line").at.as_secs();
+    let since_1970 = SystemTime::now().duration_since(UNIX_EPOCH);
+    let now = since_1970.expect("after 1970").as_secs();
+    assert!(log.lines().all(|line| now - seconds(line) < 600));
 }
 
 #[test]

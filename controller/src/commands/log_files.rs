@@ -1,9 +1,20 @@
 //! Files for the traffic of buses.
 
 use crate::bus_log::{BusLog, LogFile};
+use crate::machine::Machine;
+use crate::port::url::{BusUrl, End};
+use crate::port::wire::Wire;
+use crate::port::{PortError, url};
+use crate::realtime;
+use crate::run::frames::{SharedFrames, VIRTUAL_ORIGIN};
+use std::error::Error;
 use std::fs::File;
 use std::io::{self, BufWriter};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::{self, JoinHandle};
+use std::time::Duration;
 
 /// Where frames go.
 #[derive(Debug, clap::Args)]
@@ -37,6 +48,102 @@ impl LogFiles {
             source,
         })?;
         Ok(Some(log))
+    }
+
+    fn of_machine(&self, machine: &Machine) -> Result<Option<BusLog>, NoLog> {
+        self.begin(machine.buses.iter().map(|bus| bus.name.clone()).collect())
+    }
+
+    /// Has the frames of a machine in virtual time written.
+    pub(super) fn record_virtual(
+        &self,
+        machine: &Machine,
+        frames: &SharedFrames,
+    ) -> Result<(), NoLog> {
+        if let Some(log) = self.of_machine(machine)? {
+            frames.write_to(log, VIRTUAL_ORIGIN);
+        }
+        Ok(())
+    }
+
+    /// Has the frames of a machine in real time written, by listeners of their own on the buses
+    /// that are not simulated: the cycle does nothing for it.
+    pub(super) fn record(
+        &self,
+        machine: &Machine,
+        frames: &SharedFrames,
+    ) -> Result<Listeners, Box<dyn Error>> {
+        let mut listeners = Listeners::default();
+        let Some(log) = self.of_machine(machine)? else {
+            return Ok(listeners);
+        };
+        let mut wires = Vec::new();
+        for (bus, spec) in machine.buses.iter().enumerate() {
+            if spec.port != url::SIM {
+                let url: BusUrl = spec.port.parse()?;
+                wires.push((bus, url.open(spec.bitrate, End::Client)?));
+            }
+        }
+        // A machine whose buses are all simulated has a time of its own.
+        let origin = if wires.is_empty() {
+            VIRTUAL_ORIGIN
+        } else {
+            Duration::from_nanos(realtime::wall_clock_offset())
+        };
+        frames.write_to(log, origin);
+        for (bus, wire) in wires {
+            listeners.listen(bus, wire, frames.clone())?;
+        }
+        Ok(listeners)
+    }
+}
+
+/// How long a listener waits at a time, and for the last frames.
+const LISTEN: Duration = Duration::from_millis(20);
+
+/// Threads that write what buses carry into a machine's log, until this value goes.
+#[derive(Default)]
+pub(super) struct Listeners {
+    stop: Arc<AtomicBool>,
+    threads: Vec<JoinHandle<()>>,
+}
+
+impl Listeners {
+    fn listen(
+        &mut self,
+        bus: usize,
+        mut wire: Box<dyn Wire + Send>,
+        frames: SharedFrames,
+    ) -> io::Result<()> {
+        let stop = Arc::clone(&self.stop);
+        let mut listen = move |frames: &SharedFrames| -> Result<(), PortError> {
+            let mut end = None;
+            while end.is_none_or(|end| realtime::now() < end) {
+                wire.wait(LISTEN)?;
+                while wire.receive(&mut |at, frame| frames.heard(bus, at, frame))? {}
+                if end.is_none() && stop.load(Ordering::Relaxed) {
+                    end = Some(realtime::now() + LISTEN);
+                }
+            }
+            Ok(())
+        };
+        let thread = thread::Builder::new().name("listener".into());
+        self.threads.push(thread.spawn(move || {
+            if let Err(error) = listen(&frames) {
+                frames.fail(io::Error::other(error));
+            }
+        })?);
+        Ok(())
+    }
+}
+
+impl Drop for Listeners {
+    fn drop(&mut self) {
+        self.stop.store(true, Ordering::Relaxed);
+        for thread in self.threads.drain(..) {
+            // One that panicked has said so.
+            let _ = thread.join();
+        }
     }
 }
 

@@ -1,5 +1,6 @@
 //! `syncline run`: a program on a machine, in real time.
 
+use super::log_files::{Listeners, LogFiles};
 use super::output::{Output, outcome};
 use super::ports::PortChoice;
 use super::switches::Switches;
@@ -44,6 +45,8 @@ pub(super) struct Args {
     ports: PortChoice,
     #[command(flatten)]
     output: Output,
+    #[command(flatten)]
+    log: LogFiles,
     /// Varies encoder noise, response delays and oscillator errors of simulated drives.
     #[arg(long, default_value_t = 0)]
     seed: u64,
@@ -70,7 +73,7 @@ pub(super) struct Args {
 impl Args {
     pub(super) fn execute(self) -> Exit {
         let prepared = self.prepare();
-        let (machine, layout, program, extent, ports, frames) = match prepared {
+        let (machine, layout, program, extent, ports, frames, listeners) = match prepared {
             Ok(prepared) => prepared,
             Err(error) => return bad_input(&*error),
         };
@@ -81,6 +84,7 @@ impl Args {
             program,
             extent,
             frames,
+            listeners,
         };
         match run.execute(ports) {
             Ok(exit) => exit,
@@ -92,7 +96,15 @@ impl Args {
     }
 }
 
-type Prepared = (Machine, Arc<Layout>, Program, Extent, Ports, SharedFrames);
+type Prepared = (
+    Machine,
+    Arc<Layout>,
+    Program,
+    Extent,
+    Ports,
+    SharedFrames,
+    Listeners,
+);
 
 impl Args {
     /// Reads and checks everything, and opens the buses, before anything moves.
@@ -107,10 +119,11 @@ impl Args {
             confirm(&beginning)?;
         }
         let frames = SharedFrames::new(&machine);
+        let listeners = self.log.record(&machine, &frames)?;
         let ports = (0..machine.buses.len())
             .map(|bus| port::open(&machine, bus, self.seed, frames.observer(bus)))
             .collect::<Result<Ports, PortError>>()?;
-        Ok((machine, layout, program, extent, ports, frames))
+        Ok((machine, layout, program, extent, ports, frames, listeners))
     }
 }
 
@@ -140,6 +153,7 @@ struct Run<'a> {
     program: Program,
     extent: Extent,
     frames: SharedFrames,
+    listeners: Listeners,
 }
 
 /// What a person does.
@@ -325,6 +339,8 @@ impl Run<'_> {
         if !output.json_to_stdout() {
             self.print(&summary, controller, measured);
         }
+        drop(self.listeners);
+        self.frames.finish_log()?;
         Ok(match controller.end() {
             Some(End::Finished) => Exit::Finished,
             Some(End::Interrupted) => Exit::Interrupted,

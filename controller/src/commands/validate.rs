@@ -88,10 +88,7 @@ impl Args {
     ) -> Result<Summary, Box<dyn Error>> {
         let mut virtual_machine =
             VirtualMachine::new(machine, Arc::clone(layout), program, self.seed)?;
-        let buses = machine.buses.iter().map(|bus| bus.name.clone());
-        if let Some(log) = self.log.begin(buses.collect())? {
-            virtual_machine.frames().write_to(log);
-        }
+        self.log.record_virtual(machine, virtual_machine.frames())?;
         let mut recorder =
             Recorder::new(machine, self.output.trace()?, self.output.wants_report())?;
         let mut failure = None;

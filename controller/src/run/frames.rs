@@ -1,4 +1,4 @@
-//! What the simulated buses carried.
+//! What a machine's buses carried.
 
 use crate::bus_log;
 use crate::machine::Machine;
@@ -7,14 +7,14 @@ use std::collections::VecDeque;
 use std::io;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use syncline_canopen::time::Duration;
-use syncline_canopen::{CanId, CobId, Instant};
+use syncline_canopen::{CanId, CobId, Frame, Instant};
 use syncline_drives::bus::Transmission;
 
 /// Longer than any frame takes at the lowest bit rate of CANopen.
 const LONGEST_FRAME: Duration = Duration::from_millis(20);
 
 /// Where virtual time begins in a log, since 1970; can-utils take 0 for no time at all.
-const LOG_ORIGIN: Duration = Duration::from_secs(1);
+pub const VIRTUAL_ORIGIN: Duration = Duration::from_secs(1);
 
 /// A digest of all frames and the load of each bus.
 ///
@@ -25,6 +25,8 @@ pub struct FrameLog {
     digest: Sha256,
     buses: Vec<BusLoad>,
     log: bus_log::BusLog,
+    /// Instant zero in the log, since 1970.
+    origin: Duration,
     /// The first failure to write the log.
     failed: Option<io::Error>,
 }
@@ -57,6 +59,7 @@ impl FrameLog {
             digest: Sha256::new(),
             buses: machine.buses.iter().map(|spec| bus(spec.bitrate)).collect(),
             log: bus_log::BusLog::default(),
+            origin: VIRTUAL_ORIGIN,
             failed: None,
         }
     }
@@ -97,10 +100,14 @@ impl FrameLog {
             self.digest.update(frame.id().raw().to_le_bytes());
             self.digest.update([frame.dlc()]);
             self.digest.update(frame.data());
-            let at = LOG_ORIGIN + Duration::from_nanos(start.as_nanos());
-            if self.failed.is_none() {
-                self.failed = self.log.keep(bus, at, &frame).err();
-            }
+            self.keep(bus, start, &frame);
+        }
+    }
+
+    fn keep(&mut self, bus: usize, at: Instant, frame: &Frame) {
+        let at = self.origin + Duration::from_nanos(at.as_nanos());
+        if self.failed.is_none() {
+            self.failed = self.log.keep(bus, at, frame).err();
         }
     }
 
@@ -137,10 +144,22 @@ impl SharedFrames {
         move |frame| frames.lock().record(bus, frame)
     }
 
-    /// Writes all frames from now on into a log of the machine's buses; virtual time begins
-    /// one second past 1970.
-    pub fn write_to(&self, log: bus_log::BusLog) {
-        self.lock().log = log;
+    /// Writes all frames from now on into a log of the machine's buses, where instant zero is
+    /// `origin` past 1970.
+    pub fn write_to(&self, log: bus_log::BusLog, origin: Duration) {
+        let mut frames = self.lock();
+        frames.log = log;
+        frames.origin = origin;
+    }
+
+    /// Writes a frame that a bus which is not simulated carried.
+    pub fn heard(&self, bus: usize, at: Instant, frame: &Frame) {
+        self.lock().keep(bus, at, frame);
+    }
+
+    /// Ends the log with this failure.
+    pub fn fail(&self, error: io::Error) {
+        self.lock().failed.get_or_insert(error);
     }
 
     /// Writes the log to its end.

@@ -41,8 +41,12 @@ fn a_program_runs_to_its_end_and_leaves_its_files() {
     let program = folder.file("short.ngc", PORTAL_PROGRAM);
     let path = |name: &str| folder.path(name).display().to_string();
     let (trace, json, report) = (path("run.csv"), path("run.json"), path("run.html"));
-    let files = ["--trace", &trace, "--json", &json, "--report", &report];
-    let arguments = [&files[..], &["--seed", "5", "--verbose"]].concat();
+    let (candump, packets) = (path("run.log"), path("run.pcapng"));
+    let files = [
+        ["--trace", &trace, "--json", &json, "--report", &report],
+        ["--candump", &candump, "--pcapng", &packets, "--seed", "5"],
+    ];
+    let arguments = [files.as_flattened(), &["--verbose"]].concat();
     let machine = folder.machine("portal");
     let output = run(&machine, &program, &arguments).output().unwrap();
     let (code, printed, log) = ended(&output);
@@ -77,13 +81,24 @@ fn a_program_runs_to_its_end_and_leaves_its_files() {
     // The setpoints of `run` and of `validate` are the same: not in the plan alone, but in every
     // column and every frame, as a simulated bus lives by the controller's cycle.
     let (other, digest) = (path("validate.csv"), &json["frames_sha256"]);
+    let (other_log, other_packets) = (path("validate.log"), path("validate.pcapng"));
     let output = syncline()
         .args(["validate", "--seed", "5", "--json", "-", "--trace", &other])
+        .args(["--candump", &other_log, "--pcapng", &other_packets])
         .args([&machine, &program])
         .output()
         .unwrap();
     let validated: serde_json::Value = serde_json::from_str(ended(&output).1).unwrap();
-    assert_eq!(fs::read(&trace).unwrap(), fs::read(&other).unwrap());
+    for (one, other) in [
+        (trace, other),
+        (candump, other_log),
+        (packets, other_packets),
+    ] {
+        assert!(
+            fs::read(&one).unwrap() == fs::read(&other).unwrap(),
+            "{one}"
+        );
+    }
     assert_eq!(&validated["frames_sha256"], digest);
 }
 
