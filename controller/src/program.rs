@@ -7,8 +7,8 @@
 //! The plan's coordinates are the letters X Y Z A B C U V W, whatever axes the machine has.
 
 use crate::control::{Instruction, Pause};
-use crate::gcode::{self, Action, AxisSet, Interpreter, Tables, TablesError};
-use crate::machine::Machine;
+use crate::gcode::{self, Action, AxisSet, Interpreter, PathMode, Tables, TablesError};
+use crate::machine::{Machine, PathTolerances};
 use std::collections::VecDeque;
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -32,6 +32,7 @@ pub struct Program {
     file: PathBuf,
     setup: gcode::Setup,
     limits: Limits<COORDINATES>,
+    tolerances: PathTolerances,
     /// Begin there instead of at the beginning.
     from_line: Option<u32>,
     /// Not interpreted as a whole before it runs.
@@ -115,6 +116,7 @@ impl Program {
             file: file.to_owned(),
             setup,
             limits,
+            tolerances: machine.path,
             from_line: None,
             stream: false,
         })
@@ -197,7 +199,8 @@ impl Program {
             interpreter: self.interpret(start)?,
             source: MoveSource::new(&self.file, start),
             planner: Planner::new(self.limits, start),
-            exit: Exit::Stop,
+            exit: exit(self.setup.path_mode, self.tolerances),
+            tolerances: self.tolerances,
             then: None,
             moves: VecDeque::new(),
             first: 0,
@@ -300,6 +303,7 @@ pub struct Feeder {
     source: MoveSource,
     planner: Planner<COORDINATES>,
     exit: Exit,
+    tolerances: PathTolerances,
     /// What follows once the planner is empty.
     then: Option<Instruction<COORDINATES>>,
     moves: VecDeque<ProgramMove>,
@@ -321,6 +325,15 @@ pub enum Switch {
     Tool(u32),
     /// An M-code for the machine's outputs, and its line.
     Output(u32, gcode::Output),
+}
+
+/// How moves are left in this mode.
+fn exit(mode: PathMode, tolerances: PathTolerances) -> Exit {
+    match mode {
+        PathMode::ExactStop => Exit::Stop,
+        PathMode::ExactPath => Exit::Exact(tolerances.exact),
+        PathMode::Blend { tolerance, .. } => Exit::Blend(tolerance.unwrap_or(tolerances.blend)),
+    }
 }
 
 impl Feeder {
@@ -350,7 +363,10 @@ impl Feeder {
 
     fn take(&mut self, command: &gcode::Command) -> Result<(), ProgramError> {
         let line = command.span.line;
-        if let Some(motion) = self.source.curve(command)? {
+        if let Some(mut motion) = self.source.curve(command)? {
+            if let Exit::Exact(tolerance) | Exit::Blend(tolerance) = self.exit {
+                motion.tolerance = tolerance.max(ON_THE_PATH);
+            }
             let feed = match &command.action {
                 Action::Feed { feed, .. } | Action::Arc { feed, .. } => match *feed {
                     gcode::Feed::Rate(rate) => Feed::Rate(rate),
@@ -389,6 +405,7 @@ impl Feeder {
             Action::Spindle(spindle) => self.switch(Switch::Spindle(*spindle)),
             Action::Coolant(coolant) => self.switch(Switch::Coolant(*coolant)),
             Action::Output(output) => self.switch(Switch::Output(line, *output)),
+            Action::PathMode(mode) => self.exit = exit(*mode, self.tolerances),
             Action::End => self.stop_then(Instruction::End),
             _ => {}
         }

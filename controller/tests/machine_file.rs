@@ -72,6 +72,7 @@ fn nothing_is_wired_to_the_portal() {
     // What the file leaves out.
     assert_eq!(machine.buses[0].port, "sim");
     assert_eq!(machine.controller.t_pdo_misses, 2);
+    assert_eq!((machine.path.exact, machine.path.blend), (0.001, 0.01));
     assert_eq!(machine.axes[0].standstill_window, 0.1);
     let drive = machine.actuator(2);
     assert_eq!(drive.setup()[30].address.to_string(), "3012h:6");
@@ -100,7 +101,19 @@ fn every_mistake_is_found_named_and_placed() {
             "[controller]",
             "[§controler]",
             "machine file: unknown key `controler`",
-            "nearest valid key: `controller`; allowed: machine, controller, bus",
+            "nearest valid key: `controller`; allowed: machine, controller, path, bus",
+        ),
+        (
+            "[controller]",
+            "[path]\n§exact_tolerence = 0.001\n[controller]",
+            "path: unknown key `exact_tolerence`",
+            "nearest valid key: `exact_tolerance`; allowed: exact_tolerance, blend_tolerance",
+        ),
+        (
+            "[controller]",
+            "[path]\nblend_tolerance = §0.0\n[controller]",
+            "path: `blend_tolerance` is 0.0",
+            "allowed: a number above 0 (mm)",
         ),
         (
             "node = 127",
@@ -458,10 +471,11 @@ fn the_reference_is_complete() {
         rows.map(|row| row.split('`').next().unwrap().to_owned())
             .collect()
     };
-    let text = PORTAL.to_owned() + "\n[model.lxm32m]\n";
+    let text = PORTAL.to_owned() + "\n[path]\n[model.lxm32m]\n";
     for (table, header) in [
         ("machine", "[machine]"),
         ("controller", "[controller]"),
+        ("path", "[path]"),
         ("bus", "[[bus]]"),
         ("drive", "[[drive]]"),
         ("axis", "[[axis]]"),

@@ -151,16 +151,23 @@ impl Plan {
     /// Checks one piece: path speed against the feed, every axis against its limits.
     fn check(&self, piece: &Piece, spans: &[Span<COORDINATES>], complain: &mut impl FnMut(String)) {
         let over = |value: f64, limit: f64| value.is_nan() || value.abs() > limit * (1.0 + 1e-6);
+        // Too short to tell on which side of a joint it is.
+        if piece.at(piece.duration).0 < 1e-8 {
+            return;
+        }
         for t in instants(piece) {
             let (way, v, a) = piece.at(t);
             let at = piece.distance + way;
             if v < -1e-6 {
                 complain(format!("goes back with {v} mm/s at {at} mm"));
             }
-            // Where two curves meet both have to be followed.
-            let next = spans.partition_point(|span| span.start - 1e-9 <= at);
+            // Where two curves meet both have to be followed; a piece that begins or ends there
+            // follows one of them, for the jerk may change in a joint.
+            let reach = |ends: bool| if ends { -1e-9 } else { 1e-9 };
+            let (begins, ends) = (reach(t == piece.duration), reach(t == 0.0));
+            let next = spans.partition_point(|span| span.start - begins <= at);
             let here = &spans[next.saturating_sub(2)..next];
-            let goes_on = |span: &&Span<COORDINATES>| at <= span.start + span.curve.length() + 1e-9;
+            let goes_on = |span: &&Span<COORDINATES>| at <= span.start + span.curve.length() + ends;
             let mut on_a_curve = false;
             for span in here.iter().filter(goes_on) {
                 on_a_curve = true;

@@ -210,7 +210,7 @@ pub struct ProgrammedFeed {
 }
 
 /// The modal state between two blocks. `Default` is the state at the start of a program: G17 G21
-/// G40 G49 G54 G80 G90 G91.1 G94 G98, spindle and coolant off.
+/// G40 G49 G54 G61 G80 G90 G91.1 G94 G98, spindle and coolant off.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Modes {
     /// Group 1.

@@ -32,6 +32,8 @@ pub struct Machine {
     pub cycle: Duration,
     /// The controller itself: its place on the bus, time-outs, supervision.
     pub controller: Controller,
+    /// How closely programmed paths are followed.
+    pub path: PathTolerances,
     /// In the order of the file, at least one.
     pub buses: Vec<Bus>,
     /// In the order of the file, at least one; each belongs to one axis.
@@ -64,6 +66,15 @@ pub struct Controller {
     pub t_pdo_misses: u32,
     /// Time from SYNC to the setpoint burst; `None` takes it from the bus budget.
     pub setpoint_offset: Option<Duration>,
+}
+
+/// How far a path may leave what is programmed, mm.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PathTolerances {
+    /// Under G61.
+    pub exact: f64,
+    /// Under G64 without P.
+    pub blend: f64,
 }
 
 /// A CAN bus.

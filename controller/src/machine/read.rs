@@ -3,7 +3,7 @@
 //! so that one mistake does not cause complaints about another thing.
 
 use super::{
-    Axis, Bus, Controller, Drive, Machine,
+    Axis, Bus, Controller, Drive, Machine, PathTolerances,
     diagnostic::{Diagnostic, Log},
     table::{Table, integer, nearest, one_of},
 };
@@ -50,6 +50,7 @@ struct Tables {
     name: String,
     cycle: Spanned<i64>,
     controller: ControllerTable,
+    path: PathTolerances,
     buses: Vec<BusTable>,
     drives: Vec<DriveTable>,
     axes: Vec<AxisTable>,
@@ -61,6 +62,7 @@ impl Tables {
         let mut file = Table::new("machine file", 0..0, document);
         let machine = file.table(log, "machine", true);
         let controller = file.table(log, "controller", false);
+        let path = file.table(log, "path", false);
         let buses = file.tables(log, "bus");
         let drives = file.tables(log, "drive");
         let axes = file.tables(log, "axis");
@@ -76,6 +78,8 @@ impl Tables {
         let empty = DeTable::new();
         let controller = controller.unwrap_or_else(|| Table::new("controller", 0..0, &empty));
         let controller = ControllerTable::read(log, controller);
+        let path = path.unwrap_or_else(|| Table::new("path", 0..0, &empty));
+        let path = path_tolerances(log, path);
         let buses: Vec<_> = buses.into_iter().map(|t| BusTable::read(log, t)).collect();
         let drives: Vec<_> = drives
             .into_iter()
@@ -88,6 +92,7 @@ impl Tables {
             name,
             cycle,
             controller: controller?,
+            path,
             buses: buses.into_iter().collect::<Option<_>>()?,
             drives: drives.into_iter().collect::<Option<_>>()?,
             axes: axes.into_iter().collect::<Option<_>>()?,
@@ -161,6 +166,7 @@ impl Tables {
             name: self.name,
             cycle,
             controller,
+            path: self.path,
             buses: self.buses.into_iter().map(BusTable::join).collect(),
             drives,
             axes,
@@ -277,6 +283,14 @@ impl ControllerTable {
         }
         controller
     }
+}
+
+/// `[path]`: how closely programmed paths are followed.
+fn path_tolerances(log: &mut Log<'_>, mut table: Table<'_, '_>) -> PathTolerances {
+    let exact = table.positive_or(log, "exact_tolerance", 0.001, "(mm)");
+    let blend = table.positive_or(log, "blend_tolerance", 0.01, "(mm)");
+    table.finish(log);
+    PathTolerances { exact, blend }
 }
 
 struct BusTable {

@@ -133,3 +133,13 @@ proptest! {
         assert_ended_well(&mut rig);
     }
 }
+
+/// Braking cycle by cycle would step over a blend of a few micrometres.
+#[test]
+fn an_interrupt_in_front_of_a_sharp_corner() {
+    let mut rig = Rig::portal(PORTAL_PROGRAM);
+    rig.run_until(|rig| rig.rows.len() >= 783);
+    rig.controller().interrupt();
+    rig.finish();
+    assert_ended_well(&mut rig);
+}

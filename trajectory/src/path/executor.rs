@@ -448,7 +448,7 @@ impl<const N: usize> Executor<N> {
                 };
                 let complete =
                     distance + piece.at(piece.duration).0 <= span.start + span.curve.length();
-                if !complete || !inside(&piece, span, &limits) {
+                if !complete || !self.inside(&piece, index, &limits) {
                     return None;
                 }
                 self.steps.push_back(Step::Piece(piece));
@@ -470,7 +470,7 @@ impl<const N: usize> Executor<N> {
                 acceleration: a,
                 jerk,
             };
-            if !inside(&piece, span, &limits) || self.steps.len() == self.steps.capacity() {
+            if !self.inside(&piece, index, &limits) || self.steps.len() == self.steps.capacity() {
                 return None;
             }
             self.steps.push_back(Step::Piece(piece));
@@ -482,6 +482,48 @@ impl<const N: usize> Executor<N> {
         }
         None
     }
+
+    /// Whether every axis keeps its limits at the start, in the middle and at the end of what the
+    /// piece takes of each span, from the one with this index on.
+    fn inside(&self, piece: &Piece, index: usize, limits: &Limits<N>) -> bool {
+        let end = piece.distance + piece.at(piece.duration).0;
+        let section = self.spans.range(index..).enumerate();
+        section
+            .take_while(|(i, span)| *i == 0 || (span.start > 0.0 && span.start <= end))
+            .all(|(_, span)| {
+                let from = instant_at(piece, span.start);
+                let to = instant_at(piece, span.start + span.curve.length());
+                [from, 0.5 * (from + to), to].iter().all(|&t| {
+                    let (ds, v, a) = piece.at(t);
+                    let at = span.curve.at(piece.distance - span.start + ds);
+                    (0..N).all(|i| {
+                        let acceleration = at.d2[i] * v * v + at.d1[i] * a;
+                        let jerk =
+                            (at.d3[i] * v * v + 3.0 * at.d2[i] * a) * v + at.d1[i] * piece.jerk;
+                        acceleration.abs() <= limits.acceleration[i] && jerk.abs() <= limits.jerk[i]
+                    })
+                })
+            })
+    }
+}
+
+/// When the piece reaches a distance, s from its start, between its start and its end.
+fn instant_at(piece: &Piece, distance: f64) -> f64 {
+    let way = distance - piece.distance;
+    let (mut low, mut high) = (0.0, piece.duration);
+    if way <= 0.0 || way >= piece.at(high).0 {
+        return if way <= 0.0 { low } else { high };
+    }
+    // A millionth of a cycle is near enough to see the limits.
+    for _ in 0..20 {
+        let middle = 0.5 * (low + high);
+        if piece.at(middle).0 < way {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    high
 }
 
 /// Path acceleration and jerk that braking from speed `v` and acceleration `a` may use anywhere on
@@ -518,19 +560,6 @@ fn reserve<const N: usize>(
     });
     let enough = acceleration * (1.0 + 1e-9) >= a.abs() && jerk >= whole * RESERVE && kept;
     (enough && acceleration > 0.0).then_some((acceleration, jerk))
-}
-
-/// Whether every axis keeps its limits at the start, in the middle and at the end of the piece.
-fn inside<const N: usize>(piece: &Piece, span: &Span<N>, limits: &Limits<N>) -> bool {
-    [0.0, 0.5, 1.0].iter().all(|part| {
-        let (ds, v, a) = piece.at(part * piece.duration);
-        let at = span.curve.at(piece.distance - span.start + ds);
-        (0..N).all(|i| {
-            let acceleration = at.d2[i] * v * v + at.d1[i] * a;
-            let jerk = (at.d3[i] * v * v + 3.0 * at.d2[i] * a) * v + at.d1[i] * piece.jerk;
-            acceleration.abs() <= limits.acceleration[i] && jerk.abs() <= limits.jerk[i]
-        })
-    })
 }
 
 /// Parts of the limits that a stop on a curve tries to use, in turn. What is left is for what
