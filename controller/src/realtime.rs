@@ -9,6 +9,7 @@ use std::fmt;
 use std::fs::{File, OpenOptions};
 use std::io::{self, Write as _};
 use std::mem::MaybeUninit;
+use std::os::fd::AsRawFd;
 use std::time::Duration;
 use syncline_canopen::Instant;
 
@@ -263,6 +264,28 @@ fn check(result: libc::c_int) -> io::Result<()> {
 #[must_use]
 pub fn now() -> Instant {
     read_clock(libc::CLOCK_MONOTONIC)
+}
+
+/// Sleeps until a socket or file has something to read, for `most` at most; a signal ends it early.
+///
+/// # Errors
+/// The kernel's.
+pub(crate) fn wait_readable(file: &impl AsRawFd, most: Duration) -> io::Result<()> {
+    let mut wanted = libc::pollfd {
+        fd: file.as_raw_fd(),
+        events: libc::POLLIN,
+        revents: 0,
+    };
+    let timeout = libc::timespec {
+        tv_sec: most.as_secs() as libc::time_t,
+        tv_nsec: most.subsec_nanos().into(),
+    };
+    // SAFETY: one pollfd and one timespec, both alive during the call; no signal mask.
+    let ready = unsafe { libc::ppoll(&raw mut wanted, 1, &raw const timeout, std::ptr::null()) };
+    match check(ready.min(0)) {
+        Err(error) if error.kind() == io::ErrorKind::Interrupted => Ok(()),
+        waited => waited,
+    }
 }
 
 /// How far CLOCK_REALTIME is ahead of CLOCK_MONOTONIC, in nanoseconds.

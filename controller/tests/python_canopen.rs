@@ -23,8 +23,8 @@ fn has_python_canopen() -> Result<(), String> {
         .map_err(|why| format!("{why}; run tests/python/prepare"))
 }
 
-/// Runs the client on a bus that python-can opens with these arguments.
-fn drive(mut python: Command, bus: &[&str]) {
+/// Runs the client on a bus that python-can opens with these arguments; returns what it says.
+fn client(mut python: Command, steps: &str, bus: &[&str]) -> String {
     let directory = tempfile::tempdir().unwrap();
     let data_sheet = directory.path().join("lxm32m.eds");
     let eds = Command::new(SYNCLINE)
@@ -36,6 +36,7 @@ fn drive(mut python: Command, bus: &[&str]) {
     let client = python
         .arg(CLIENT)
         .arg(&data_sheet)
+        .arg(steps)
         .args(bus)
         .current_dir(root())
         .output()
@@ -43,6 +44,11 @@ fn drive(mut python: Command, bus: &[&str]) {
     let said = String::from_utf8_lossy(&client.stdout);
     let complained = String::from_utf8_lossy(&client.stderr);
     assert!(client.status.success(), "{said}{complained}");
+    said.into_owned()
+}
+
+fn drive(python: Command, bus: &[&str]) {
+    let said = client(python, "all", bus);
     assert!(said.contains("interpolated position on 2 drives"), "{said}");
 }
 
@@ -58,19 +64,53 @@ fn over_socketcand() {
     drives.stop();
 }
 
+/// A namespace in which python-canopen can be run, or nothing if the test is to be skipped.
+fn namespace(made: Result<Namespace, String>) -> Option<Namespace> {
+    let made = made.and_then(|namespace| has_python_canopen().map(|()| namespace));
+    match made {
+        Ok(namespace) => Some(namespace),
+        Err(why) => {
+            available(Err(why));
+            None
+        }
+    }
+}
+
 #[test]
 fn over_udp_multicast() {
-    let network = Namespace::new();
-    let namespace = match (&network, has_python_canopen()) {
-        (Ok(namespace), Ok(())) => namespace,
-        (network, python) => {
-            let network = network.as_ref().map(|_| ()).map_err(Clone::clone);
-            available(network.and(python));
-            return;
-        }
+    let Some(namespace) = namespace(Namespace::new()) else {
+        return;
     };
     let drives = Drives::start(namespace.command(SYNCLINE), "udp://239.74.163.2:43113");
     assert!(drives.announced.contains("on interface lo only"));
     let bus = ["udp_multicast", "channel=239.74.163.2", "port=43113"];
     drive(namespace.command(python()), &bus);
+}
+
+/// python-can's own IPv6 group.
+#[test]
+fn over_ipv6_multicast() {
+    const GROUP: &str = "ff15:7079:7468:6f6e:6465:6d6f:6d63:6173";
+    let Some(namespace) = namespace(Namespace::new()) else {
+        return;
+    };
+    let url = format!("udp://[{GROUP}]:43113");
+    // Before there is a way to the group on loopback, the command says what to type.
+    let command = |arguments: &[&str]| {
+        let mut command = namespace.command(SYNCLINE);
+        command.args(arguments).output().unwrap()
+    };
+    let scan = ["scan", "--bus", &url];
+    let complained = String::from_utf8(command(&scan).stderr).unwrap();
+    let (_, wanted) = complained.split_once("sudo ip ").expect(&complained);
+    let words: Vec<&str> = wanted.trim().trim_matches('`').split(' ').collect();
+    namespace.ip(&words).unwrap();
+
+    let drives = Drives::start(namespace.command(SYNCLINE), &url);
+    let bus = ["udp_multicast", &format!("channel={GROUP}"), "port=43113"];
+    let said = client(namespace.command(python()), "resting", &bus);
+    assert!(said.contains("expedited and segmented upload"), "{said}");
+    let scanned = String::from_utf8(command(&scan).stdout).unwrap();
+    assert_eq!(scanned.matches(": LXM32M").count(), 2, "{scanned}");
+    drives.stop();
 }

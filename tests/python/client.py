@@ -1,10 +1,11 @@
 """python-canopen as the master of two simulated drives.
 
-usage: client.py EDS INTERFACE KEY=VALUE...
+usage: client.py EDS all|resting INTERFACE KEY=VALUE...
 
-EDS is the drives' data sheet; the rest opens the bus with python-can. The drives are LXM32Ms with
-node ids 1 and 2, just switched on, hosted with --tolerant. Ends with code 0 and a line "ok" for
-each step, or with an AssertionError. Every wait is bounded.
+EDS is the drives' data sheet; INTERFACE and the rest open the bus with python-can. The drives are
+LXM32Ms with node ids 1 and 2, just switched on, hosted with --tolerant; "resting" does only what
+moves none. Ends with code 0 and a line "ok" for each step, or with an AssertionError. Every wait is
+bounded.
 """
 
 import math
@@ -303,7 +304,7 @@ def interpolate(network, nodes, seconds=5.0, period=0.010):
 
 
 def main():
-    data_sheet, interface, *options = sys.argv[1:]
+    data_sheet, steps, interface, *options = sys.argv[1:]
     options = dict(option.split("=", 1) for option in options)
     if "port" in options:
         options["port"] = int(options["port"])
@@ -318,6 +319,8 @@ def main():
         network_management(network, first)
         objects(first)
         process_data(first)
+        if steps == "resting":
+            return
         enable(first)
         home(first)
         move_to(first, 30_000)

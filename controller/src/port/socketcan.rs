@@ -348,25 +348,7 @@ impl Wire for DriveSocket {
     }
 
     fn wait(&mut self, most: Duration) -> Result<(), PortError> {
-        let mut wanted = libc::pollfd {
-            fd: self.socket.as_raw_fd(),
-            events: libc::POLLIN,
-            revents: 0,
-        };
-        let timeout = timespec {
-            tv_sec: most.as_secs() as libc::time_t,
-            tv_nsec: most.subsec_nanos().into(),
-        };
-        // SAFETY: one pollfd and one timespec, both alive during the call; no signal mask.
-        let ready =
-            unsafe { libc::ppoll(&raw mut wanted, 1, &raw const timeout, std::ptr::null()) };
-        if ready < 0 {
-            let error = io::Error::last_os_error();
-            if error.kind() != io::ErrorKind::Interrupted {
-                return Err(self.fail("waiting", &error));
-            }
-        }
-        Ok(())
+        realtime::wait_readable(&self.socket, most).map_err(|error| self.fail("waiting", &error))
     }
 
     fn receive(&mut self, sink: &mut dyn FnMut(Instant, &Frame)) -> Result<bool, PortError> {

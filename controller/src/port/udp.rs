@@ -2,19 +2,20 @@
 //! MessagePack map of eleven keys.
 
 use super::PortError;
-use super::network::{NetworkBus, Outlet};
+use super::wire::Wire;
 use crate::realtime;
 use serde::{Deserialize, Serialize};
 use socket2::{Domain, InterfaceIndexOrAddress, Protocol, Socket, Type};
 use std::fs;
 use std::io;
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr, UdpSocket};
-use std::thread;
-use std::time::{SystemTime, UNIX_EPOCH};
-use syncline_canopen::{CanId, Frame};
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use syncline_canopen::{CanId, Frame, Instant};
 
 /// More than any frame's datagram.
 const LONGEST: usize = 4096;
+/// Bytes that wait to be read; the kernel grants less if it is told to.
+const RECEIVE_BUFFER: usize = 1 << 22;
 
 /// A datagram.
 #[derive(Debug, Deserialize, Serialize)]
@@ -76,43 +77,99 @@ fn decode(bytes: &[u8]) -> Option<Frame> {
     }
 }
 
-/// Joins a multicast group on one network interface of this host.
-///
-/// # Errors
-/// The group cannot be joined.
-pub(super) fn join(
-    name: &str,
-    group: IpAddr,
-    port: u16,
-    interface: &str,
-) -> Result<NetworkBus, PortError> {
-    let fail = |error: io::Error| PortError {
-        bus: name.to_owned(),
-        what: format!("cannot join the multicast group on interface {interface}: {error}"),
-    };
-    let index = interface_index(interface).map_err(fail)?;
-    let receiving = receiving_socket(group, port, index).map_err(fail)?;
-    let sending = sending_socket(group, interface).map_err(fail)?;
-    let own = sending.local_addr().map_err(fail)?.port();
-    let (inlet, frames) = NetworkBus::inlet();
-    thread::spawn(move || {
-        let mut bytes = [0; LONGEST];
-        while let Ok((length, from)) = receiving.recv_from(&mut bytes) {
-            // Datagrams come back to their sender; the sending socket's port tells them.
-            if from.port() != own
-                && let Some(frame) = decode(&bytes[..length])
-                && let Err(error) = inlet.try_send((realtime::now(), frame))
-                && error.is_disconnected()
-            {
-                return;
-            }
+/// A multicast group on one network interface of this host.
+pub(super) struct Group {
+    name: String,
+    receiving: UdpSocket,
+    sending: UdpSocket,
+    /// Of the sending socket: datagrams come back to their sender.
+    own_port: u16,
+    to: SocketAddr,
+}
+
+impl Group {
+    /// Joins it.
+    ///
+    /// # Errors
+    /// The group cannot be joined.
+    pub(super) fn join(
+        name: String,
+        group: IpAddr,
+        port: u16,
+        interface: &str,
+    ) -> Result<Self, PortError> {
+        let sockets = || -> io::Result<_> {
+            let index = interface_index(interface)?;
+            let receiving = receiving_socket(group, port, index)?;
+            let sending = sending_socket(group, interface)?;
+            let own_port = sending.local_addr()?.port();
+            Ok((receiving, sending, own_port))
+        };
+        match sockets() {
+            Ok((receiving, sending, own_port)) => Ok(Self {
+                name,
+                receiving,
+                sending,
+                own_port,
+                to: SocketAddr::new(group, port),
+            }),
+            Err(error) => Err(PortError {
+                bus: name,
+                what: format!("cannot join the multicast group on interface {interface}: {error}"),
+            }),
         }
-    });
-    let outlet = Group {
-        socket: sending,
-        to: SocketAddr::new(group, port),
-    };
-    Ok(NetworkBus::new(name.to_owned(), frames, Box::new(outlet)))
+    }
+
+    fn fail(&self, doing: &str, error: &io::Error) -> PortError {
+        // Linux gives loopback no way to IPv6 groups by itself.
+        let hint = match self.to.ip() {
+            IpAddr::V6(group) if error.kind() == io::ErrorKind::NetworkUnreachable => format!(
+                ": on loopback, sudo ip -6 route add local {:x}::/16 dev lo table local",
+                group.segments()[0]
+            ),
+            _ => String::new(),
+        };
+        PortError {
+            bus: self.name.clone(),
+            what: format!("{doing}: {error}{hint}"),
+        }
+    }
+}
+
+impl Wire for Group {
+    fn name(&self) -> &str {
+        &self.name
+    }
+
+    fn wait(&mut self, most: Duration) -> Result<(), PortError> {
+        realtime::wait_readable(&self.receiving, most).map_err(|error| self.fail("waiting", &error))
+    }
+
+    fn receive(&mut self, sink: &mut dyn FnMut(Instant, &Frame)) -> Result<bool, PortError> {
+        let mut bytes = [0; LONGEST];
+        match self.receiving.recv_from(&mut bytes) {
+            Ok((length, from)) => {
+                if from.port() != self.own_port
+                    && let Some(frame) = decode(&bytes[..length])
+                {
+                    sink(realtime::now(), &frame);
+                }
+                Ok(true)
+            }
+            Err(error) if error.kind() == io::ErrorKind::WouldBlock => Ok(false),
+            Err(error) => Err(self.fail("receiving", &error)),
+        }
+    }
+
+    fn send(&mut self, frames: &mut Vec<Frame>) -> Result<(), PortError> {
+        for frame in frames.drain(..) {
+            encode(&frame)
+                .map_err(io::Error::other)
+                .and_then(|bytes| self.sending.send_to(&bytes, self.to))
+                .map_err(|error| self.fail("sending", &error))?;
+        }
+        Ok(())
+    }
 }
 
 /// The number of a network interface.
@@ -127,6 +184,8 @@ fn receiving_socket(group: IpAddr, port: u16, index: u32) -> io::Result<UdpSocke
     // Others on this host listen to the same group.
     socket.set_reuse_address(true)?;
     socket.set_reuse_port(true)?;
+    socket.set_recv_buffer_size(RECEIVE_BUFFER)?;
+    socket.set_nonblocking(true)?;
     socket.bind(&SocketAddr::new(group, port).into())?;
     match group {
         IpAddr::V4(group) => {
@@ -158,18 +217,6 @@ fn domain(group: IpAddr) -> Domain {
     match group {
         IpAddr::V4(_) => Domain::IPV4,
         IpAddr::V6(_) => Domain::IPV6,
-    }
-}
-
-struct Group {
-    socket: UdpSocket,
-    to: SocketAddr,
-}
-
-impl Outlet for Group {
-    fn write(&mut self, frame: &Frame) -> io::Result<()> {
-        let bytes = encode(frame).map_err(io::Error::other)?;
-        self.socket.send_to(&bytes, self.to).map(|_| ())
     }
 }
 

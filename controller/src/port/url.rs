@@ -169,7 +169,7 @@ impl BusUrl {
                     interface,
                 },
                 _,
-            ) => udp::join(&name, *group, *port, interface).map(network),
+            ) => Ok(Box::new(udp::Group::join(name, *group, *port, interface)?)),
         }
     }
 }

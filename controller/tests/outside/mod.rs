@@ -51,16 +51,14 @@ impl Namespace {
         let name = format!("syncline-{}-{number}", std::process::id());
         runs("ip", &["netns", "add", &name])?;
         let namespace = Self(name);
-        let name = &namespace.0;
-        runs(
-            "ip",
-            &["-n", name, "link", "set", "lo", "up", "multicast", "on"],
-        )?;
-        runs(
-            "ip",
-            &["-n", name, "route", "add", "224.0.0.0/4", "dev", "lo"],
-        )?;
+        namespace.ip(&["link", "set", "lo", "up", "multicast", "on"])?;
+        namespace.ip(&["route", "add", "224.0.0.0/4", "dev", "lo"])?;
         Ok(namespace)
+    }
+
+    /// Configures its network.
+    pub(crate) fn ip(&self, arguments: &[&str]) -> Result<(), String> {
+        runs("ip", &[&["-n", &self.0], arguments].concat())
     }
 
     /// A command that will run in it.
