@@ -2,7 +2,7 @@
 
 mod outside;
 
-use outside::{Drives, Namespace, SYNCLINE, available, root, runs};
+use outside::{Drives, LOCAL, Namespace, SYNCLINE, TWO_TOLERANT, available, root, runs};
 use std::path::PathBuf;
 use std::process::Command;
 
@@ -57,7 +57,7 @@ fn over_socketcand() {
     if !available(has_python_canopen()) {
         return;
     }
-    let drives = Drives::local();
+    let drives = Drives::local(&TWO_TOLERANT);
     let port = format!("port={}", drives.port());
     let bus = ["socketcand", "host=127.0.0.1", &port, "channel=can0"];
     drive(Command::new(python()), &bus);
@@ -81,7 +81,11 @@ fn over_udp_multicast() {
     let Some(namespace) = namespace(Namespace::new()) else {
         return;
     };
-    let drives = Drives::start(namespace.command(SYNCLINE), "udp://239.74.163.2:43113");
+    let drives = Drives::start(
+        namespace.command(SYNCLINE),
+        &TWO_TOLERANT,
+        "udp://239.74.163.2:43113",
+    );
     assert!(drives.announced.contains("on interface lo only"));
     let bus = ["udp_multicast", "channel=239.74.163.2", "port=43113"];
     drive(namespace.command(python()), &bus);
@@ -106,11 +110,49 @@ fn over_ipv6_multicast() {
     let words: Vec<&str> = wanted.trim().trim_matches('`').split(' ').collect();
     namespace.ip(&words).unwrap();
 
-    let drives = Drives::start(namespace.command(SYNCLINE), &url);
+    let drives = Drives::start(namespace.command(SYNCLINE), &TWO_TOLERANT, &url);
     let bus = ["udp_multicast", &format!("channel={GROUP}"), "port=43113"];
     let said = client(namespace.command(python()), "resting", &bus);
     assert!(said.contains("expedited and segmented upload"), "{said}");
     let scanned = String::from_utf8(command(&scan).stdout).unwrap();
     assert_eq!(scanned.matches(": LXM32M").count(), 2, "{scanned}");
+    drives.stop();
+}
+
+/// With `--beacon`, and only then, python-can finds the bus by itself.
+#[test]
+fn the_beacon_is_seen() {
+    let Some(namespace) = namespace(Namespace::new()) else {
+        return;
+    };
+    let output =
+        |mut command: Command| String::from_utf8(command.output().unwrap().stdout).unwrap();
+    let sockets = || {
+        let mut command = namespace.command("cat");
+        command.arg("/proc/net/udp");
+        output(command).lines().count() - 1
+    };
+    let quiet = Drives::start(namespace.command(SYNCLINE), &TWO_TOLERANT, LOCAL);
+    assert_eq!(sockets(), 0);
+    quiet.stop();
+    let drives = [&TWO_TOLERANT[..], &["--beacon"]].concat();
+    let drives = Drives::start(namespace.command(SYNCLINE), &drives, LOCAL);
+    let detect = "from can.interfaces.socketcand.socketcand import detect_beacon
+print(*(f'{key}={value}' for key, value in detect_beacon(20_000)[0].items()))";
+    let mut python = namespace.command(python());
+    python.args(["-c", detect]);
+    let bus = output(python);
+    let port = format!("port={}", drives.port());
+    let bus: Vec<&str> = bus.split_whitespace().collect();
+    assert_eq!(
+        bus,
+        [
+            "interface=socketcand",
+            "host=127.0.0.1",
+            &port,
+            "channel=can0"
+        ]
+    );
+    assert_eq!(sockets(), 1);
     drives.stop();
 }

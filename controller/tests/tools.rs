@@ -1,8 +1,13 @@
 //! The tools for a bus at work, on simulated drives behind socketcand on loopback.
 
-use std::process::{Child, Command, Output, Stdio};
+mod outside;
+
+use outside::{Drives, SYNCLINE, TWO_TOLERANT};
+use std::process::{Command, Output};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use syncline_canopen::{CanId, Frame};
 use syncline_controller::bus_log::candump::Line;
+use syncline_controller::port::url::{BusUrl, End};
 
 const MACHINE: &str = concat!(
     env!("CARGO_MANIFEST_DIR"),
@@ -10,36 +15,16 @@ const MACHINE: &str = concat!(
 );
 
 /// A portal's drives on a bus.
-struct Drives {
-    host: Child,
+struct Portal {
+    _host: Drives,
     bus: String,
 }
 
-impl Drives {
+impl Portal {
     fn new() -> Self {
-        // A port that is free now.
-        let listener = std::net::TcpListener::bind("127.0.0.1:0").expect("a port");
-        let port = listener.local_addr().expect("an address").port();
-        drop(listener);
-        let bus = format!("socketcand://127.0.0.1:{port}/can0");
-        let host = syncline()
-            .args(["drives", MACHINE, "--bus", &bus])
-            .stdout(Stdio::null())
-            .stderr(Stdio::null())
-            .spawn()
-            .expect("starts");
-        let drives = Self { host, bus };
-        for _ in 0..100 {
-            if drives
-                .run(&["sdo", "--bus", &drives.bus, "read", "4", "1000"])
-                .0
-                == 0
-            {
-                return drives;
-            }
-            std::thread::sleep(Duration::from_millis(50));
-        }
-        panic!("the drives do not come up");
+        let host = Drives::local(&[MACHINE]);
+        let bus = host.url().to_owned();
+        Self { _host: host, bus }
     }
 
     fn run(&self, args: &[&str]) -> (i32, String, String) {
@@ -57,20 +42,13 @@ impl Drives {
     }
 }
 
-impl Drop for Drives {
-    fn drop(&mut self) {
-        let _ = self.host.kill();
-        let _ = self.host.wait();
-    }
-}
-
 fn syncline() -> Command {
-    Command::new(env!("CARGO_BIN_EXE_syncline"))
+    Command::new(SYNCLINE)
 }
 
 #[test]
 fn tools_on_a_bus() {
-    let drives = Drives::new();
+    let drives = Portal::new();
 
     let (code, text, _) = drives.tool("scan", &["--timeout", "2000"]);
     assert_eq!(code, 0);
@@ -154,7 +132,7 @@ fn tools_on_a_bus() {
 /// What `run` records of a bus that is not its own: its own frames and the drives'.
 #[test]
 fn a_run_records_its_bus() {
-    let drives = Drives::new();
+    let drives = Portal::new();
     let directory = tempfile::tempdir().expect("a directory");
     let at = |name: &str| directory.path().join(name).display().to_string();
     let (program, log) = (at("short.ngc"), at("run.log"));
@@ -174,6 +152,37 @@ fn a_run_records_its_bus() {
     let since_1970 = SystemTime::now().duration_since(UNIX_EPOCH);
     let now = since_1970.expect("after 1970").as_secs();
     assert!(log.lines().all(|line| now - seconds(line) < 600));
+}
+
+/// Requests to two drives at once, each answered as soon as its processor has time: with
+/// `--prompt` always in the order of the requests.
+#[test]
+fn prompt_drives_answer_in_order() {
+    let in_order = |options: &[&str]| {
+        let drives = Drives::local(&[&TWO_TOLERANT[..], options].concat());
+        let url: BusUrl = drives.url().parse().expect("a bus");
+        let mut wire = url.open(1_000_000, End::Client).expect("opens");
+        let request = |node: u16| {
+            let read = [0x40, 0x00, 0x10, 0, 0, 0, 0, 0];
+            Frame::new(CanId::Standard(0x600 + node), &read)
+        };
+        (0..40).all(|_| {
+            wire.send(&mut vec![request(1), request(2)]).expect("sent");
+            let mut answers = Vec::new();
+            while answers.len() < 2 {
+                wire.wait(Duration::from_secs(10)).expect("open");
+                let mut keep = |_, frame: &Frame| {
+                    if frame.id().raw() & 0x780 == 0x580 {
+                        answers.push(frame.id().raw());
+                    }
+                };
+                assert!(wire.receive(&mut keep).expect("open"), "no answer");
+            }
+            answers == [0x581, 0x582]
+        })
+    };
+    assert!(in_order(&["--prompt"]));
+    assert!(!in_order(&[]));
 }
 
 #[test]

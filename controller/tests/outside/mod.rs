@@ -75,6 +75,13 @@ impl Drop for Namespace {
     }
 }
 
+/// Nodes 1 and 2 for masters on ordinary computers.
+pub(crate) const TWO_TOLERANT: [&str; 5] =
+    ["--tolerant", "--node", "1:lxm32m", "--node", "2:lxm32m"];
+
+/// A socketcand bus at a port of the host's choice.
+pub(crate) const LOCAL: &str = "socketcand://127.0.0.1:0/can0";
+
 /// Simulated drives on a bus, until this value goes.
 pub(crate) struct Drives {
     child: Child,
@@ -85,17 +92,10 @@ pub(crate) struct Drives {
 }
 
 impl Drives {
-    /// Nodes 1 and 2, tolerant, on a bus. `command` is `syncline`, wherever it is to run.
-    pub(crate) fn start(mut command: Command, bus: &str) -> Self {
-        let nodes = [
-            "drives",
-            "--tolerant",
-            "--node",
-            "1:lxm32m",
-            "--node",
-            "2:lxm32m",
-        ];
-        let mut child = (command.args(nodes).args(["--bus", bus]))
+    /// These drives, named as on the command line, on a bus. `command` is `syncline`, wherever it
+    /// is to run.
+    pub(crate) fn start(mut command: Command, drives: &[&str], bus: &str) -> Self {
+        let mut child = (command.arg("drives").args(drives).args(["--bus", bus]))
             .stdin(Stdio::null())
             .stdout(Stdio::piped())
             .spawn()
@@ -112,8 +112,8 @@ impl Drives {
     }
 
     /// On this host, over socketcand at a port of the host's choice.
-    pub(crate) fn local() -> Self {
-        Self::start(Command::new(SYNCLINE), "socketcand://127.0.0.1:0/can0")
+    pub(crate) fn local(drives: &[&str]) -> Self {
+        Self::start(Command::new(SYNCLINE), drives, LOCAL)
     }
 
     /// The bus' URL.
