@@ -66,22 +66,18 @@ pub enum ProgramError {
     #[error(transparent)]
     Block(#[from] gcode::Error),
     /// A move has no curve.
-    #[error("{file}:{line}: this move cannot be followed")]
+    #[error("{place}: this move cannot be followed")]
     Curve {
-        /// The program.
-        file: String,
-        /// The line.
-        line: u32,
+        /// File, line and column.
+        place: String,
         /// Why.
         source: CurveError,
     },
     /// A move cannot be planned.
-    #[error("{file}:{line}: this move cannot be planned")]
+    #[error("{place}: this move cannot be planned")]
     Plan {
-        /// The program.
-        file: String,
-        /// The line.
-        line: u32,
+        /// File, line and column.
+        place: String,
         /// Why.
         source: PathError,
     },
@@ -178,12 +174,16 @@ impl Program {
         if self.stream {
             return Ok(Extent::default());
         }
-        let mut source = MoveSource::new(&self.file, start);
+        let mut source = MoveSource { at: start };
         let mut extent = Extent::default();
-        for command in interpreter.by_ref() {
-            if let Some(motion) = source.curve(&command?)? {
-                extent.length += motion.curve.length();
-            }
+        while let Some(command) = interpreter.next() {
+            let command = command?;
+            let motion = source.curve(&command);
+            let motion = motion.map_err(|source| ProgramError::Curve {
+                place: place(&interpreter, command.span),
+                source,
+            })?;
+            extent.length += motion.map_or(0.0, |motion| motion.curve.length());
         }
         extent.blocks = interpreter.executed();
         Ok(extent)
@@ -197,7 +197,7 @@ impl Program {
         Ok(Feeder {
             tables: self.setup.tables.clone(),
             interpreter: self.interpret(start)?,
-            source: MoveSource::new(&self.file, start),
+            source: MoveSource { at: start },
             planner: Planner::new(self.limits, start),
             exit: exit(self.setup.path_mode, self.tolerances),
             tolerances: self.tolerances,
@@ -239,22 +239,20 @@ impl fmt::Display for Beginning {
     }
 }
 
+/// File, line and column of a command.
+fn place(interpreter: &Interpreter, span: gcode::Span) -> String {
+    let file = interpreter.file(span.file);
+    format!("{file}:{}:{}", span.line, span.columns.start)
+}
+
 /// Turns motion commands into curves.
 struct MoveSource {
-    file: String,
     at: Position,
 }
 
 impl MoveSource {
-    fn new(file: &Path, at: Position) -> Self {
-        Self {
-            file: file.display().to_string(),
-            at,
-        }
-    }
-
     /// The move that a command asks for; `None` if it asks for none, or for one of no length.
-    fn curve(&mut self, command: &gcode::Command) -> Result<Option<ProgramMove>, ProgramError> {
+    fn curve(&mut self, command: &gcode::Command) -> Result<Option<ProgramMove>, CurveError> {
         let line = command.span.line;
         let (curve, to) = match &command.action {
             Action::Rapid { to } | Action::Feed { to, .. } => (Curve::line(self.at, to.0), to.0),
@@ -285,11 +283,7 @@ impl MoveSource {
                 }))
             }
             Err(CurveError::NoLength) => Ok(None),
-            Err(source) => Err(ProgramError::Curve {
-                file: self.file.clone(),
-                line,
-                source,
-            }),
+            Err(source) => Err(source),
         }
     }
 }
@@ -337,10 +331,11 @@ fn exit(mode: PathMode, tolerances: PathTolerances) -> Exit {
 }
 
 impl Feeder {
-    /// The next instruction; after [`Instruction::End`] none.
+    /// The next instruction; after [`Instruction::End`] or [`Instruction::Broken`] none.
     ///
     /// # Errors
-    /// The block that cannot be run. Nothing comes after it.
+    /// The block that cannot be run. What was programmed before it still comes, and then
+    /// [`Instruction::Broken`].
     pub fn next_instruction(&mut self) -> Result<Option<Instruction<COORDINATES>>, ProgramError> {
         loop {
             if let Some(command) = self.planner.pop() {
@@ -357,13 +352,23 @@ impl Feeder {
                 self.ended = true;
                 continue;
             };
-            self.take(&command?)?;
+            let taken = command.map_err(ProgramError::from);
+            if let Err(error) = taken.and_then(|command| self.take(&command)) {
+                self.stop_then(Instruction::Broken);
+                self.ended = true;
+                return Err(error);
+            }
         }
     }
 
     fn take(&mut self, command: &gcode::Command) -> Result<(), ProgramError> {
         let line = command.span.line;
-        if let Some(mut motion) = self.source.curve(command)? {
+        let motion = self.source.curve(command);
+        let motion = motion.map_err(|source| ProgramError::Curve {
+            place: place(&self.interpreter, command.span),
+            source,
+        })?;
+        if let Some(mut motion) = motion {
             if let Exit::Exact(tolerance) | Exit::Blend(tolerance) = self.exit {
                 motion.tolerance = tolerance.max(ON_THE_PATH);
             }
@@ -381,7 +386,7 @@ impl Feeder {
                 tag: self.first + self.moves.len() as u32,
             });
             self.moves.push_back(motion);
-            return self.push(line, item);
+            return self.push(command.span, item);
         }
         match &command.action {
             Action::Dwell { seconds } => {
@@ -389,7 +394,7 @@ impl Feeder {
                     duration: *seconds,
                     tag: (self.first + self.moves.len() as u32).saturating_sub(1),
                 };
-                self.push(line, item)?;
+                self.push(command.span, item)?;
             }
             Action::Stop(stop) => {
                 let reason = match *stop {
@@ -437,12 +442,11 @@ impl Feeder {
         Some(switch)
     }
 
-    fn push(&mut self, line: u32, item: Item<COORDINATES>) -> Result<(), ProgramError> {
+    fn push(&mut self, span: gcode::Span, item: Item<COORDINATES>) -> Result<(), ProgramError> {
         self.planner
             .push(item)
             .map_err(|source| ProgramError::Plan {
-                file: self.source.file.clone(),
-                line,
+                place: place(&self.interpreter, span),
                 source,
             })
     }

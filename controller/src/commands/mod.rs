@@ -1,5 +1,31 @@
 //! The `syncline` command line: one module a subcommand, each with its `Args` and an `execute`.
 
+/// As the standard library's macro of this name, but a reader that has gone, as `head` goes, is no
+/// reason to panic: least of all while axes move.
+macro_rules! print {
+    ($($text:tt)*) => {{
+        let _ = std::io::Write::write_fmt(&mut std::io::stdout(), format_args!($($text)*));
+    }};
+}
+
+/// See [`print`].
+macro_rules! println {
+    ($($text:tt)*) => { print!("{}\n", format_args!($($text)*)) };
+}
+
+/// See [`print`].
+macro_rules! eprint {
+    ($($text:tt)*) => {{
+        let _ = std::io::Write::write_fmt(&mut std::io::stderr(), format_args!($($text)*));
+    }};
+}
+
+/// See [`print`].
+macro_rules! eprintln {
+    () => { eprint!("\n") };
+    ($($text:tt)*) => { eprint!("{}\n", format_args!($($text)*)) };
+}
+
 mod bench;
 mod budget;
 mod check;

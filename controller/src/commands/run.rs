@@ -20,7 +20,7 @@ use std::error::Error;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// How often the outer side looks after the cycle.
 const POLL: Duration = Duration::from_millis(5);
@@ -198,13 +198,17 @@ impl Run<'_> {
             let mut feeder = None;
             let bar = self.progress_bar();
             while !cycle.is_finished() {
-                self.attend(&mut link, &mut person, &bar, &mut recorder, &mut feeder)
-                    .unwrap_or_else(|error| {
-                        link.order(Order::Abandon);
-                        feeder = None;
-                        failure.get_or_insert(error);
-                    });
-                std::thread::sleep(POLL);
+                let attended =
+                    self.attend(&mut link, &mut person, &bar, &mut recorder, &mut feeder);
+                let done = attended.unwrap_or_else(|error| {
+                    link.order(Order::Abandon);
+                    feeder = None;
+                    failure.get_or_insert(error);
+                    true
+                });
+                if done {
+                    std::thread::sleep(POLL);
+                }
             }
             self.attend(&mut link, &mut person, &bar, &mut recorder, &mut feeder)?;
             bar.finish_and_clear();
@@ -230,7 +234,7 @@ impl Run<'_> {
 struct CyclePanic;
 
 impl Run<'_> {
-    /// Does all that is to be done outside of the cycle now.
+    /// Does what is to be done outside of the cycle now; false if there is more of it.
     fn attend(
         &self,
         link: &mut Link,
@@ -238,7 +242,7 @@ impl Run<'_> {
         bar: &ProgressBar,
         recorder: &mut Recorder,
         feeder: &mut Option<Feeder>,
-    ) -> Result<(), Box<dyn Error>> {
+    ) -> Result<bool, Box<dyn Error>> {
         if person.interrupted.swap(false, Ordering::Relaxed) {
             link.order(Order::Interrupt);
         }
@@ -278,18 +282,21 @@ impl Run<'_> {
             }
         }
         let Some(feeder) = feeder else {
-            return Ok(());
+            return Ok(true);
         };
-        while link.room() > 0 {
+        // What a person does and what the cycle tells is not to wait for a long plan.
+        let until = Instant::now() + POLL;
+        while link.room() > 0 && Instant::now() < until {
             let next = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| {
                 feeder.next_instruction()
             }));
-            match next.map_err(|_| PlannerPanic)?? {
-                Some(instruction) => link.give(instruction),
-                None => break,
+            match next.map_err(|_| PlannerPanic)? {
+                Ok(Some(instruction)) => link.give(instruction),
+                Ok(None) => return Ok(true),
+                Err(error) => bar.suspend(|| report(&error)),
             }
         }
-        Ok(())
+        Ok(link.room() == 0)
     }
 
     fn tell(&self, event: &Event, bar: &ProgressBar, person: &mut Person) {

@@ -84,6 +84,8 @@ pub enum Instruction<const N: usize> {
     },
     /// The program is complete.
     End,
+    /// What comes next in the program cannot be run: a fault, once the machine is there.
+    Broken,
 }
 
 /// What happened at one SYNC of the program: a row of the trace.
@@ -143,7 +145,8 @@ pub struct Controller<const N: usize> {
     in_position: u32,
     pause: Option<(Pause, u32)>,
     pause_told: bool,
-    program_ended: bool,
+    /// How the run ends once the plan has been executed.
+    after_plan: Option<End>,
 }
 
 impl<const N: usize> Controller<N> {
@@ -182,7 +185,7 @@ impl<const N: usize> Controller<N> {
             in_position: 0,
             pause: None,
             pause_told: false,
-            program_ended: false,
+            after_plan: None,
             layout,
         }
     }
@@ -508,7 +511,7 @@ impl<const N: usize> Controller<N> {
     /// How many more instructions are taken now.
     #[must_use]
     pub fn room(&self) -> usize {
-        if self.pause.is_some() || self.program_ended || self.phase != Phase::Program {
+        if self.pause.is_some() || self.after_plan.is_some() || self.phase != Phase::Program {
             0
         } else {
             self.executor.room()
@@ -523,7 +526,8 @@ impl<const N: usize> Controller<N> {
         match instruction {
             Instruction::Plan(command) => return self.executor.accept(command),
             Instruction::Pause { reason, line } => self.pause = Some((reason, line)),
-            Instruction::End => self.program_ended = true,
+            Instruction::End => self.after_plan = Some(End::Finished),
+            Instruction::Broken => self.after_plan = Some(End::Fault(Fault::Program)),
         }
         true
     }

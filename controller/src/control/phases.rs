@@ -147,8 +147,10 @@ impl<const N: usize> Controller<N> {
         if !self.executor.is_idle() {
             return;
         }
-        if self.program_ended {
-            self.finish(End::Finished);
+        if let Some(End::Fault(fault)) = self.after_plan {
+            self.fail(fault);
+        } else if let Some(end) = self.after_plan {
+            self.finish(end);
         } else if let Some((reason, line)) = self.pause
             && !self.pause_told
         {

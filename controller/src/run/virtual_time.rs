@@ -76,7 +76,7 @@ impl<P: Port> VirtualMachine<P> {
         };
         self.now = next.at();
         let fed = self.feed();
-        if fed.is_err() {
+        if fed.is_err() && self.feeder.is_none() {
             self.driver.controller.abandon();
         }
         self.driver.step(self.now)?;
