@@ -89,6 +89,12 @@ fn every_example_passes_inside_its_limits() {
                 (of("max_velocity") - fastest).abs() <= 0.02 * velocity,
                 "{name}"
             );
+            let (least, most) = machine.axes[index].soft_limits;
+            // Where a machine stands at a limit at first, its encoder's noise may be beyond.
+            let drive = &machine.drives[machine.axes[index].drives[0]];
+            let noise = 4.0 * drive.scaling.resolution();
+            let inside = least - noise..=most + noise;
+            assert!(axis.set.iter().all(|set| inside.contains(set)), "{name}");
             let (most, mean) = (of("max_following_error_mm"), of("rms_following_error_mm"));
             assert!(mean > 0.0 && mean < most, "{name}");
             assert!(
@@ -97,6 +103,13 @@ fn every_example_passes_inside_its_limits() {
             );
         }
         assert_eq!(json["axes"].as_array().unwrap().len(), trace.axes.len());
+        // What is told are the maxima at the cycles; between them it may be a little more.
+        let mut told = trace;
+        for (index, axis) in told.axes.iter_mut().enumerate() {
+            axis.limits = ["max_velocity", "max_acceleration", "max_jerk"]
+                .map(|key| number(&json, &format!("/axes/{index}/{key}")) * 1.001);
+        }
+        told.assert_within_limits();
     }
 }
 
@@ -258,6 +271,35 @@ fn a_machine_that_cannot_follow_fails_with_the_reason() {
     assert!(of("fault: axis X: following error")["what"].is_string());
 }
 
+/// Spindle, coolant and tool are on the trace while the moves that they belong to run, and outputs
+/// are told in their order.
+#[test]
+fn what_a_program_switches_is_on_the_trace() {
+    let folder = Folder::new();
+    let program = folder.file(
+        "part.ngc",
+        "G21 F6000\nM64 P1\nG0 X5 Y9\nM3 S900 M8\nG2 X5 I5\nM5 M9 M101 P0.5 Q2\nG4 P0.1\nT7 M6\n\
+         G1 X20\nM4 S50 M7\nG1 X5\nM65 P1\nM30\n",
+    );
+    let trace = folder.path("trace.csv");
+    let arguments = ["--trace", trace.to_str().unwrap()];
+    let output = validate(&machine_file("portal"), &program, &arguments);
+    let (code, _, told) = ended(&output);
+    assert_eq!(code, 0, "{told}");
+    let outputs = "line 2: M64 P1\nline 6: M101 P0.5 Q2\nline 12: M65 P1\n";
+    assert_eq!(told, outputs);
+    let mut states: Vec<String> = Vec::new();
+    for row in folder.read("trace.csv").lines().skip(1) {
+        let fields: Vec<&str> = row.split(',').collect();
+        let switched = &fields[fields.len() - 3..];
+        states.push([&fields[1..2], switched].concat().join(","));
+    }
+    states.dedup();
+    // All that stands between two moves is switched when the first of them is done.
+    let expected = ["3,0,0,0", "5,900,2,0", "5,0,0,7", "9,0,0,7", "11,-50,1,7"];
+    assert_eq!(states, expected);
+}
+
 #[test]
 fn a_report_is_one_file_that_needs_no_network() {
     let (folder, program) = short();
@@ -265,11 +307,23 @@ fn a_report_is_one_file_that_needs_no_network() {
     let output = validate(
         &machine_file("portal"),
         &program,
-        &["--report", report.to_str().unwrap()],
+        &["--report", report.to_str().unwrap(), "--json", "-"],
     );
-    assert_eq!(ended(&output).0, 0);
+    let (code, json, _) = ended(&output);
+    assert_eq!(code, 0);
+    let json: Value = serde_json::from_str(json).unwrap();
     let html = folder.read("report.html");
-    for part in ["<svg", "Jerk", "Following error", "short.ngc", "portal"] {
+    for part in [
+        "<b>Pass</b>",
+        "<svg",
+        "Tool path",
+        "Axis X",
+        "Jerk",
+        "Following error",
+        "short.ngc",
+        "portal",
+        json["frames_sha256"].as_str().unwrap(),
+    ] {
         assert!(html.contains(part), "no {part}");
     }
     let is_link = |it: &&str| it.starts_with("http") && !it.starts_with("http://www.w3.org/");
