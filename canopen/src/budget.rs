@@ -135,7 +135,7 @@ pub struct Budget {
     pub t_pdos_in: Duration,
     /// After SYNC's instant, when the controller should compute and send the burst. Where the
     /// room is there, it outlasts a second blocking frame before the T_PDOs and a third before
-    /// the burst.
+    /// the burst; where it is not, a heartbeat before either. Whole microseconds.
     pub setpoint_offset: Duration,
     /// After SYNC's instant, when the burst sent at `setpoint_offset` has left, with a blocking
     /// frame before it. Beyond the cycle: such a frame makes setpoints late.
@@ -249,9 +249,11 @@ impl Traffic {
         }
     }
 
-    /// Behind the last T_PDO with a margin: a second blocking frame and a twentieth of the cycle
-    /// where the burst still leaves in time behind a blocking frame of its own, else half of
-    /// what is left.
+    /// Behind the last T_PDO with a margin: a second blocking frame and a twentieth of the cycle,
+    /// where the burst still leaves in time behind a blocking frame of its own. Where there is
+    /// less room, half of it; but heartbeats, which come in every run, must make nothing late: with
+    /// no room for a longer frame before the T_PDOs *and* a heartbeat before the burst, only
+    /// heartbeats are reckoned with. The longer one, an EMCY, then costs a T_PDO.
     fn setpoint_offset(
         &self,
         t_pdos_in: Duration,
@@ -259,10 +261,19 @@ impl Traffic {
         blocking: Duration,
     ) -> Duration {
         let generous = t_pdos_in + blocking + self.cycle / 20;
-        if generous + blocking + burst <= self.cycle {
-            return generous;
-        }
-        t_pdos_in + self.cycle.saturating_sub(t_pdos_in + burst) / 2
+        let heartbeat = CobId::error_control(NodeId::MAX).into();
+        let heartbeat = bit_time(worst_case_bits(heartbeat, 1), self.bit_rate);
+        let half = self.cycle.saturating_sub(t_pdos_in + burst) / 2;
+        let earliest = t_pdos_in - (blocking - heartbeat);
+        let latest = self.cycle.saturating_sub(heartbeat + burst);
+        let offset = if generous + blocking + burst <= self.cycle {
+            generous
+        } else if half >= heartbeat || latest < earliest {
+            t_pdos_in + half
+        } else {
+            earliest + (latest - earliest) / 2
+        };
+        Duration::from_micros(offset.as_micros() as u64)
     }
 
     /// The first of `cycles` that this traffic fits, if any: the cycles that the devices can take,

@@ -7,6 +7,9 @@ use core::fmt;
 pub struct NodeId(u8);
 
 impl NodeId {
+    /// The greatest one.
+    pub const MAX: Self = Self(127);
+
     /// A node id, or `None` outside 1…127.
     #[must_use]
     pub const fn new(id: u8) -> Option<Self> {

@@ -63,11 +63,15 @@ fn three_axes_at_one_millisecond_are_warned() {
     assert_eq!(budget.verdict, Verdict::FitsTightly);
     let slowest = budget.pdos.iter().filter_map(|pdo| pdo.response).max();
     assert_eq!(slowest, Some(budget.demand));
-    assert!(budget.setpoint_offset >= budget.t_pdos_in);
-    assert!(
-        budget.burst_out > budget.cycle,
-        "a second blocking frame makes setpoints late, and it says so"
+    // Heartbeats, 65 bits, are in nobody's way, before the T_PDOs or before the burst …
+    let (t_pdos, burst) = (55 + 100 + 345, 345);
+    assert_eq!(
+        budget.setpoint_offset,
+        Duration::from_micros((65 + t_pdos + 1000 - burst - 65) / 2)
     );
+    // … but the longest frame is, and it says so.
+    assert!(budget.setpoint_offset < budget.t_pdos_in);
+    assert!(budget.burst_out > budget.cycle);
 }
 
 #[test]

@@ -101,7 +101,8 @@ impl MachineBudget {
                     advice: bus.advice(),
                 });
             }
-            let allowed = bus.budget.t_pdos_in..=bus.budget.latest_burst;
+            let earliest = bus.budget.t_pdos_in.min(bus.budget.setpoint_offset);
+            let allowed = earliest..=bus.budget.latest_burst;
             if !allowed.contains(&self.setpoint_offset) {
                 return Err(DoesNotFit::Offset {
                     bus: bus.bus.clone(),
@@ -245,7 +246,12 @@ impl fmt::Display for BusBudget {
         }
         writeln!(f)?;
         let late = if budget.burst_out > budget.cycle {
-            ": a frame sent unasked just before the burst makes setpoints late"
+            ": an 8-byte frame sent unasked just before the burst makes setpoints late"
+        } else {
+            ""
+        };
+        let missed = if budget.setpoint_offset < budget.t_pdos_in {
+            ": an 8-byte frame sent unasked before the T_PDOs makes the last one missed"
         } else {
             ""
         };
@@ -265,7 +271,7 @@ impl fmt::Display for BusBudget {
             (
                 "setpoint offset",
                 format!(
-                    "{} after SYNC, the burst takes {burst}",
+                    "{} after SYNC, the burst takes {burst}{missed}",
                     Millis(budget.setpoint_offset)
                 ),
             ),

@@ -213,6 +213,8 @@ struct Record {
     ours: Vec<u32>,
     theirs: Vec<u32>,
     late: u64,
+    /// Late setpoints before measuring began.
+    dropped_before: u64,
     preempted: u64,
     worst: Stages,
 }
@@ -241,6 +243,7 @@ impl Record {
             ours: samples(),
             theirs: samples(),
             late: 0,
+            dropped_before: 0,
             preempted: 0,
             worst: Stages::default(),
         }
@@ -296,6 +299,7 @@ impl<const N: usize> Cycle<N> {
     fn run(mut self, mut record: Record) -> Result<Outcome, PortError> {
         self.bring_up()?;
         record.start = realtime::now();
+        record.dropped_before = self.driver.controller.late_setpoints();
         for _ in 0..self.options.cycles {
             let sync_at = self.sync(&mut record)?;
             self.setpoints(sync_at, &mut record)?;
@@ -475,7 +479,7 @@ impl<const N: usize> Cycle<N> {
             distributions,
             cycles: self.options.cycles,
             late: record.late,
-            dropped: self.driver.controller.late_setpoints(),
+            dropped: self.driver.controller.late_setpoints() - record.dropped_before,
             preempted: record.preempted,
             worst: record.worst,
             control: control.flatten(),

@@ -252,9 +252,27 @@ impl<const N: usize> Controller<N> {
                 node.on_sync();
             }
         }
+        self.show_life(out);
     }
 
+    /// The controller's heartbeat, right behind SYNC: there it is the one frame in the way of the
+    /// T_PDOs that the budget counts on, and never on its way when the next SYNC is due.
+    fn show_life(&mut self, out: &mut [Outbox]) {
+        if self.sync_at < self.heartbeat_due {
+            return;
+        }
+        self.heartbeat_due = self.sync_at + self.layout.heartbeat;
+        let state = nmt::State::Operational as u8;
+        let heartbeat = Frame::new(CobId::error_control(self.layout.node), &[state]);
+        for outbox in out {
+            outbox.acyclic.transmit(heartbeat);
+        }
+    }
+
+    /// What is decided here is decided by the instant that was asked for, so that it does not
+    /// depend on how late the thread woke; `now` only tells whether the burst comes too late.
     fn on_setpoint(&mut self, now: Instant, out: &mut [Outbox]) {
+        let due = self.sync_at + self.layout.setpoint_offset;
         self.row = None;
         for bus in 0..self.lateness.len() {
             // What has not left by now has missed this cycle's SYNC.
@@ -262,7 +280,7 @@ impl<const N: usize> Controller<N> {
                 self.miss(bus, self.cycle);
             }
         }
-        if let Err(fault) = self.supervise(now) {
+        if let Err(fault) = self.supervise(due) {
             self.fail(fault);
         }
         if let Err(fault) = self.step(out) {
@@ -271,7 +289,7 @@ impl<const N: usize> Controller<N> {
         if let Err(fault) = self.command(now, out) {
             self.fail(fault);
         }
-        self.send_acyclic(now, out);
+        self.send_acyclic(due, out);
     }
 
     /// Takes a frame of a bus, before the wake-up for the setpoints that follows its arrival.
@@ -330,9 +348,14 @@ impl<const N: usize> Controller<N> {
         self.fail(Fault::BusFailed { bus });
     }
 
+    /// Before the program the setpoints stand still and answers to SDO requests may be in their
+    /// way: a late one is told and counted, no more.
     fn miss(&mut self, bus: BusIndex, cycle: u64) {
         self.tell(Event::LateSetpoint { bus, cycle });
-        if let Err(fault) = self.lateness[bus].miss(cycle) {
+        let lateness = &mut self.lateness[bus];
+        if self.phase < Phase::Program {
+            lateness.count += 1;
+        } else if let Err(fault) = lateness.miss(cycle) {
             self.fail(fault);
         }
     }
@@ -453,16 +476,8 @@ impl<const N: usize> Controller<N> {
         }
     }
 
-    /// The controller's heartbeat and as many SDO requests as fit beside the cyclic frames.
+    /// As many SDO requests as fit beside the cyclic frames.
     fn send_acyclic(&mut self, now: Instant, out: &mut [Outbox]) {
-        if now >= self.heartbeat_due {
-            self.heartbeat_due = now + self.layout.heartbeat;
-            let state = nmt::State::Operational as u8;
-            let heartbeat = Frame::new(CobId::error_control(self.layout.node), &[state]);
-            for outbox in out.iter_mut() {
-                outbox.acyclic.transmit(heartbeat);
-            }
-        }
         for (bus, outbox) in out.iter_mut().enumerate() {
             if let Err(fault) = self.ask_nodes(now, bus, &mut outbox.acyclic) {
                 self.fail(fault);

@@ -42,6 +42,7 @@ impl<const N: usize, P: Port> Driver<N, P> {
     pub fn collect(&mut self, now: Instant) -> Result<&[(usize, Received)], PortError> {
         self.inbox.clear();
         let receives = self.setpoints_are_next();
+        let mut failed = None;
         for (bus, port) in self.ports.iter_mut().enumerate() {
             port.advance_to(now);
             if !receives {
@@ -54,12 +55,13 @@ impl<const N: usize, P: Port> Driver<N, P> {
                     inbox.push((bus, received));
                 }
             });
+            // The other buses have what the stop on the path needs.
             if let Err(error) = received {
                 self.controller.bus_failed(bus);
-                return Err(error);
+                failed.get_or_insert(error);
             }
         }
-        Ok(&self.inbox)
+        failed.map_or(Ok(&self.inbox), Err)
     }
 
     /// What the controller does at a wake-up, and nothing else: this is its compute time.
