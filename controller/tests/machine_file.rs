@@ -166,9 +166,9 @@ fn every_mistake_is_found_named_and_placed() {
         ),
         (
             "name = \"Z\"\ndrives",
-            "name = §\"W\"\ndrives",
-            "axis \"W\": `name` is \"W\"",
-            "\"X\", \"Y\" or \"Z\"",
+            "name = §\"A\"\ndrives",
+            "axis \"A\": `name` is \"A\"",
+            "\"X\", \"Y\", \"Z\", \"U\", \"V\" or \"W\"",
         ),
         (
             "drives = [\"X1\", \"X2\"]",

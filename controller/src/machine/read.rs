@@ -15,8 +15,8 @@ use toml::{
     de::{DeTable, DeValue},
 };
 
-/// The axes that a program can name.
-const AXES: [&str; 3] = ["X", "Y", "Z"];
+/// The axes that a program can name in mm.
+const AXES: [&str; 6] = ["X", "Y", "Z", "U", "V", "W"];
 
 /// CAN bit rates that CANopen uses (CiA 301), in bit/s.
 const BITRATES: [i64; 8] = [

@@ -4,6 +4,7 @@
 mod bad_input;
 mod bring_up;
 mod faults;
+mod fits;
 mod programs;
 mod properties;
 mod run;
