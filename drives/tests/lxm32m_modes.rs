@@ -2,59 +2,12 @@
 
 mod common;
 
-use common::{Bench, id, ms};
-use syncline_canopen::cia402::{State, Statusword};
+use common::{
+    BIT_12, Bench, HALT, REF_OK, TARGET_REACHED, X_END, X_ERR, drive, enabled, id, ms, rpm, set,
+    status, wait_for,
+};
+use syncline_canopen::cia402::State;
 use syncline_drives::twin::lxm32m::{Switches, TwinConfig};
-
-const TARGET_REACHED: u16 = Statusword::TARGET_REACHED;
-const BIT_12: u16 = Statusword::MODE_12;
-const X_ERR: u16 = Statusword::BIT_13;
-const X_END: u16 = Statusword::BIT_14;
-const REF_OK: u16 = Statusword::BIT_15;
-const HALT: u16 = 0x0100;
-
-fn enabled(config: TwinConfig, mode: i8) -> Bench {
-    let mut bench = Bench::new([config]);
-    for word in [0x0006, 0x000F] {
-        bench.controlword(1, word);
-    }
-    bench.write(1, 0x6060, 0, &[mode as u8]).unwrap();
-    assert_eq!(bench.read(1, 0x6061, 0).unwrap(), [mode as u8]);
-    bench
-}
-
-fn drive(mode: i8) -> Bench {
-    enabled(TwinConfig::new(id(1)), mode)
-}
-
-fn set(bench: &mut Bench, index: u16, sub: u8, value: i32) {
-    let bytes = value.to_le_bytes();
-    let size = bench.read(1, index, sub).unwrap().len();
-    assert_eq!(
-        bench.write(1, index, sub, &bytes[..size]),
-        Ok(()),
-        "{index:04X}:{sub:X}"
-    );
-}
-
-fn status(bench: &mut Bench) -> u16 {
-    bench.read_u16(1, 0x6041, 0)
-}
-
-/// Waits until these statusword bits are set.
-fn wait_for(bench: &mut Bench, bits: u16, seconds: u64) {
-    for _ in 0..seconds * 100 {
-        if status(bench) & bits == bits {
-            return;
-        }
-        bench.wait(ms(10));
-    }
-    panic!("bits {bits:04X} of {:04X}", status(bench));
-}
-
-fn rpm(bench: &mut Bench) -> f64 {
-    bench.twin().velocity() * 60.0
-}
 
 #[test]
 fn velocity_reaches_its_target_along_its_ramp_and_halts() {
@@ -270,6 +223,7 @@ fn homing(method: u8, start: f64) -> Bench {
                 negative_limit: Some(-3.3),
                 positive_limit: Some(3.4),
                 reference: Some(0.3..0.8),
+                ..Switches::default()
             },
             ..TwinConfig::new(id(1))
         },

@@ -258,9 +258,9 @@ pub static LXM32M: [Entry; 848] = table(keep_settings([
     rw(0x3007, 0x04, "IOfunc_DI3", U16).inferred(),                                                  // 2297  Function of input DI3
     rw(0x3007, 0x05, "IOfunc_DI4", U16).inferred(),                                                  // 2298  Function of input DI4
     rw(0x3007, 0x06, "IOfunc_DI5", U16).inferred(),                                                  // 2299  Function of input DI5
-    rw(0x3007, 0x09, "IOfunc_DQ0", U16).inferred(),                                                  // 2300  Function of output DQ0
-    rw(0x3007, 0x0A, "IOfunc_DQ1", U16).inferred(),                                                  // 2301  Function of output DQ1
-    rw(0x3007, 0x0B, "IOfunc_DQ2", U16).inferred(),                                                  // 2302  Function of output DQ2
+    rw(0x3007, 0x09, "IOfunc_DQ0", U16).assumed(2).inferred(),                                       // 2300  Function of output DQ0
+    rw(0x3007, 0x0A, "IOfunc_DQ1", U16).assumed(3).inferred(),                                       // 2301  Function of output DQ1
+    rw(0x3007, 0x0B, "IOfunc_DQ2", U16).assumed(1).inferred(),                                       // 2302  Function of output DQ2
     ro(0x3008, 0x01, "_IO_act", U16).t_pdo().inferred(),                                             // 2303  Physical state of digital inputs and outputs
     ro(0x3008, 0x05, "_p_PTI_act", I32).t_pdo().inferred(),                                          // 2304  Actual position at PTI interface
     ro(0x3008, 0x06, "_v_PTI_act", I32).t_pdo().inferred(),                                          // 2305  Actual velocity at PTI interface
@@ -378,9 +378,9 @@ pub static LXM32M: [Entry; 848] = table(keep_settings([
     rw(0x3011, 0x14, "CTRL_ParChgTime", U16).inferred(),                                             // 2423  Transition time when switching control-loop parameter set
     rw(0x3011, 0x15, "CTRL_GlobGain", U16).inferred(),                                               // 2424  Global gain (acts on parameter set 1)
     rw(0x3011, 0x16, "CTRL_ParSetCopy", U16).inferred(),                                             // 2425  Copy control-loop parameter set
-    ro(0x3011, 0x17, "_CTRL_ActParSet", U16).t_pdo().inferred(),                                     // 2426  Active control-loop parameter set
-    rw(0x3011, 0x18, "CTRL_PwrUpParSet", U16).inferred(),                                            // 2427  Parameter set selected at power-up
-    rw(0x3011, 0x19, "CTRL_SelParSet", U16).inferred(),                                              // 2428  Select control-loop parameter set
+    ro(0x3011, 0x17, "_CTRL_ActParSet", U16).assumed(1).t_pdo().inferred(),                          // 2426  Active control-loop parameter set
+    rw(0x3011, 0x18, "CTRL_PwrUpParSet", U16).assumed(1).inferred(),                                 // 2427  Parameter set selected at power-up
+    rw(0x3011, 0x19, "CTRL_SelParSet", U16).assumed(1).inferred(),                                   // 2428  Select control-loop parameter set
     rw(0x3011, 0x1A, "CLSET_ParSwiCond", U16).inferred(),                                            // 2429  Condition for parameter set switching
     rw(0x3011, 0x1B, "CLSET_winTime", U16).inferred(),                                               // 2430  Time window for parameter set switching
     rw(0x3011, 0x1C, "CLSET_p_DiffWin", U16).inferred(),                                             // 2431  Position deviation for parameter set switching
@@ -661,7 +661,7 @@ pub static LXM32M: [Entry; 848] = table(keep_settings([
     rw(0x3041, 0x0C, "CANpdo2Event", U16).range(0, 15).default(1),                                   // 2720  PDO 2 event mask, bits 0..3
     rw(0x3041, 0x0D, "CANpdo3Event", U16).range(0, 15).default(1),                                   // 2721  PDO 3 event mask, bits 0..3
     rw(0x3041, 0x0E, "CANpdo4Event", U16).range(0, 15).default(15),                                  // 2722  PDO 4 event mask, bits 0..3
-    rw(0x3041, 0x11, "ErrResp_HeartB_LifeG", U16).assumed(1).inferred(),                             // 2723  CANopen error response on a detected heartbeat or life guarding error (values not in seed)
+    rw(0x3041, 0x11, "ErrResp_HeartB_LifeG", U16).assumed(2).inferred(),                             // 2723  CANopen error response on a detected heartbeat or life guarding error (values not in seed)
     rw(0x3042, 0x01, "DVNaddress", U16).inferred(),                                                  // 2724  DeviceNet node address (MAC ID)
     rw(0x3042, 0x02, "DVNbaud", U16).inferred(),                                                     // 2725  DeviceNet baud rate
     rw(0x3042, 0x03, "DVNbuspower", U16).inferred(),                                                 // 2726  DeviceNet bus supply monitoring

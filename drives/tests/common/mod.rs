@@ -1,6 +1,7 @@
 //! A small master for tests: SDO and NMT over a simulated bus, one virtual instant after another.
 #![allow(dead_code, unreachable_pub)]
 
+use syncline_canopen::cia402::Statusword;
 use syncline_canopen::time::Duration;
 use syncline_canopen::{CanId, CobId, Frame, Instant, NodeId, nmt};
 use syncline_drives::bus::{Band, BitRate, Received, SimBus};
@@ -148,6 +149,61 @@ impl Bench {
         self.write(node, 0x6040, 0, &word.to_le_bytes()).unwrap();
         self.wait(ms(10));
     }
+}
+
+// ---- operating modes ----
+
+pub const TARGET_REACHED: u16 = Statusword::TARGET_REACHED;
+pub const BIT_12: u16 = Statusword::MODE_12;
+pub const X_ERR: u16 = Statusword::BIT_13;
+pub const X_END: u16 = Statusword::BIT_14;
+pub const REF_OK: u16 = Statusword::BIT_15;
+pub const HALT: u16 = 0x0100;
+
+/// A drive in Operation Enabled, in this mode.
+pub fn enabled(config: TwinConfig, mode: i8) -> Bench {
+    let mut bench = Bench::new([config]);
+    for word in [0x0006, 0x000F] {
+        bench.controlword(1, word);
+    }
+    bench.write(1, 0x6060, 0, &[mode as u8]).unwrap();
+    assert_eq!(bench.read(1, 0x6061, 0).unwrap(), [mode as u8]);
+    bench
+}
+
+/// The same with all defaults.
+pub fn drive(mode: i8) -> Bench {
+    enabled(TwinConfig::new(id(1)), mode)
+}
+
+/// Writes a number in the object's own size.
+pub fn set(bench: &mut Bench, index: u16, sub: u8, value: i32) {
+    let bytes = value.to_le_bytes();
+    let size = bench.read(1, index, sub).unwrap().len();
+    assert_eq!(
+        bench.write(1, index, sub, &bytes[..size]),
+        Ok(()),
+        "{index:04X}:{sub:X}"
+    );
+}
+
+pub fn status(bench: &mut Bench) -> u16 {
+    bench.read_u16(1, 0x6041, 0)
+}
+
+/// Waits until these statusword bits are set.
+pub fn wait_for(bench: &mut Bench, bits: u16, seconds: u64) {
+    for _ in 0..seconds * 100 {
+        if status(bench) & bits == bits {
+            return;
+        }
+        bench.wait(ms(10));
+    }
+    panic!("bits {bits:04X} of {:04X}", status(bench));
+}
+
+pub fn rpm(bench: &mut Bench) -> f64 {
+    bench.twin().velocity() * 60.0
 }
 
 /// I-01…I-30 of the manual's set-up for Interpolated Position (lxm32m 1604-1636) for a node and

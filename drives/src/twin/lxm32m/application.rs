@@ -79,7 +79,9 @@ impl Application for Drive {
                 .emcy_on_short_pdo
                 .then(|| DriveError::SHORT_PDO.emergency(number as u8)),
             CommunicationError::Heartbeat(_) | CommunicationError::LifeGuarding => {
-                self.raise(DriveError::CONNECTION_LOST);
+                // 3041h:11 (lxm32m 2723) as its error class.
+                let response = self.objects.get(self.rows.connection_response);
+                self.raise(DriveError::CONNECTION_LOST.of_class(response));
                 None
             }
         }
@@ -104,8 +106,14 @@ impl Application for Drive {
 
     /// 3041h:B…E (lxm32m 804-812).
     fn event_mask(&self, number: u16) -> u64 {
-        let mask = self.objects.value(0x3041, 0x0A + number as u8);
-        mask.unwrap_or(0) as u64
+        let rows = &self.rows;
+        let mask = match number {
+            1 => rows.event_mask_1,
+            2 => rows.event_mask_2,
+            3 => rows.event_mask_3,
+            _ => rows.event_mask_4,
+        };
+        self.objects.get(mask) as u64
     }
 }
 

@@ -6,14 +6,18 @@ use super::modes::{Gear, Homing, Interpolation, Jog, Mode, ProfilePosition, Sequ
 use super::motion::{Motion, Ramp};
 use super::policy::Policies;
 use super::rows::Rows;
+use super::signals::Captures;
 use super::switches::{Pulses, Switches};
 use super::synchronisation::{Synchronisation, Verdict};
 use crate::twin::clock::Clock;
-use crate::twin::control::{Cascade, POSITION_STEP_NS, Reference, SPEED_STEP_NS, SPEED_STEPS};
+use crate::twin::control::{
+    Cascade, Gains, POSITION_STEP_NS, Reference, SPEED_STEP_NS, SPEED_STEPS,
+};
 use crate::twin::plant::{INCREMENTS_PER_REVOLUTION, Plant};
 use syncline_canopen::cia402::{Controlword, State, Statusword};
-use syncline_canopen::dictionary::Dictionary;
+use syncline_canopen::dictionary::{Dictionary, Row};
 use syncline_canopen::sdo::AbortCode;
+use syncline_canopen::time::Duration;
 use syncline_canopen::{Address, Instant};
 
 /// Nominal seconds per step of the speed loop and of the position loop.
@@ -24,7 +28,7 @@ pub(super) const POSITION_STEP: f64 = POSITION_STEP_NS as f64 * 1e-9;
 const VELOCITY_WINDOW: usize = 32;
 
 /// Speed below which the motor counts as standing, increments/s (10 rpm).
-const STANDSTILL: f64 = INCREMENTS_PER_REVOLUTION / 6.0;
+pub(super) const STANDSTILL: f64 = INCREMENTS_PER_REVOLUTION / 6.0;
 
 /// A drive without its bus.
 pub(super) struct Drive {
@@ -34,6 +38,7 @@ pub(super) struct Drive {
     pub(super) errors: Errors,
     pub(super) switches: Switches,
     pub(super) pulses: Pulses,
+    pub(super) captures: Captures,
     pub(super) now: Instant,
 
     pub(super) state: State,
@@ -47,6 +52,8 @@ pub(super) struct Drive {
     pub(super) sync: Synchronisation,
     plant: Plant,
     pub(super) cascade: Cascade,
+    /// Gains that no object sets.
+    pub(super) own_gains: Gains,
     pub(super) encoder: i64,
     /// Encoder reading at user position 0.
     pub(super) zero: i64,
@@ -67,6 +74,10 @@ pub(super) struct Drive {
 
     pub(super) bit_12: bool,
     pub(super) target_reached: bool,
+    /// Since when the target has been reached without a break.
+    settling_since: Option<Instant>,
+    /// Greatest deviation by load since the power stage went on, increments.
+    pub(super) peak_deviation: f64,
     pub(super) x_err: bool,
     pub(super) x_end: bool,
     pub(super) ref_ok: bool,
@@ -97,6 +108,7 @@ impl Drive {
             errors: Errors::new(),
             switches,
             pulses: Pulses::default(),
+            captures: Captures::default(),
             now: Instant::ZERO,
             state: State::SwitchOnDisabled,
             state_since: Instant::ZERO,
@@ -107,6 +119,7 @@ impl Drive {
             clock,
             sync: Synchronisation::new(),
             plant,
+            own_gains: cascade.gains.clone(),
             cascade,
             encoder,
             zero: 0,
@@ -124,6 +137,8 @@ impl Drive {
             sequence: Sequence::default(),
             bit_12: false,
             target_reached: false,
+            settling_since: None,
+            peak_deviation: 0.0,
             x_err: false,
             x_end: true,
             ref_ok: false,
@@ -197,6 +212,7 @@ impl Drive {
             self.judge_sync(verdict);
         }
         self.change_state();
+        self.watch_captures();
         if self.is_powered() {
             self.step_mode();
             self.move_reference(step);
@@ -260,9 +276,12 @@ impl Drive {
     }
 
     fn monitor(&mut self) {
-        if let Some(error) = self.limit_switch_hit().or_else(|| self.following_fault()) {
+        if let Some(error) = self.limit_hit().or_else(|| self.deviation_error()) {
+            let before = self.state;
             self.raise(error);
-            return;
+            if self.state != before {
+                return;
+            }
         }
         let at_rest = self.is_at_rest();
         if self.quick_stopping && at_rest {
@@ -296,30 +315,47 @@ impl Drive {
         self.deviation().abs() <= window
     }
 
-    /// Supervises the part of the deviation that a load causes: a position loop with less than
+    /// Whether a target has been reached for the milliseconds of a row.
+    pub(super) fn settled(&mut self, reached: bool, time: Row) -> bool {
+        if !reached {
+            self.settling_since = None;
+            return false;
+        }
+        let time = Duration::from_millis(self.objects.get(time) as u64);
+        let since = *self.settling_since.get_or_insert(self.now);
+        self.now.saturating_since(since) >= time
+    }
+
+    /// The part of the deviation that a load causes, increments: a position loop with less than
     /// full feed-forward may lag as it does at constant velocity.
-    fn following_fault(&self) -> Option<DriveError> {
+    fn load_deviation(&self) -> f64 {
         if matches!(self.motion, Motion::Torque(_)) {
-            return None;
+            return 0.0;
         }
         let gains = &self.cascade.gains;
         let lag = self.ramp.velocity * (1.0 - gains.velocity_feed_forward) / gains.position;
-        let limit = self.increments_of(self.objects.get(self.rows.following_error_limit));
         let deviation = self.deviation();
-        let by_load = deviation.abs().min((deviation - lag).abs());
-        (by_load > limit).then_some(DriveError::FOLLOWING_ERROR)
+        if (deviation - lag).abs() < deviation.abs() {
+            deviation - lag
+        } else {
+            deviation
+        }
     }
 
-    /// A limit switch in the direction of movement (homing may run onto it).
-    fn limit_switch_hit(&self) -> Option<DriveError> {
-        if self.homing.is_active() || self.quick_stopping {
-            return None;
+    /// Supervises it: against 6065h with the class of 3005h:B, and against 3006h:29 percent of it (0: not).
+    fn deviation_error(&mut self) -> Option<DriveError> {
+        let deviation = self.load_deviation().abs();
+        self.peak_deviation = self.peak_deviation.max(deviation);
+        let limit = self.increments_of(self.objects.get(self.rows.following_error_limit));
+        let warning = self.objects.get(self.rows.deviation_warning);
+        if deviation > limit {
+            let response = self.objects.get(self.rows.deviation_response);
+            Some(DriveError::FOLLOWING_ERROR.of_class(response))
+        } else if warning > 0 && deviation > limit * warning as f64 * 1e-2 {
+            Some(DriveError::FOLLOWING_WARNING)
+        } else {
+            None
         }
-        let position = self.plant.position();
-        let velocity = self.ramp.velocity;
-        let hit = velocity < 0.0 && self.switches.negative_limit_active(position)
-            || velocity > 0.0 && self.switches.positive_limit_active(position);
-        hit.then_some(DriveError::LIMIT_SWITCH)
     }
 
     pub(super) fn judge_sync(&mut self, verdict: Verdict) {
@@ -339,6 +375,7 @@ impl Drive {
         self.motion = motion;
         self.x_end = false;
         self.target_reached = false;
+        self.settling_since = None;
         self.status_event = true;
     }
 
@@ -370,25 +407,50 @@ impl Drive {
         let torque = self.cascade.torque() / self.cascade.gains.continuous_torque * 1000.0;
         let position = self.user_position(encoder);
         let user_reference = self.user_position(reference);
+        let deviation = user_reference.saturating_sub(position);
+        let (user_velocity, speed) = (self.user_velocity(velocity), libm::round(rpm) as i64);
+        let ramp_speed = self.ramp.velocity * 60.0 / INCREMENTS_PER_REVOLUTION;
+        let ramp_velocity = self.user_velocity(self.ramp.velocity);
+        let (target, target_velocity) = match self.motion {
+            Motion::Position(target, limits) | Motion::Through(target, limits) => {
+                let direction = (target - self.ramp.position).signum();
+                let target = self.user_position((target as i64).saturating_sub(self.zero));
+                (target, self.user_velocity(direction * limits.velocity))
+            }
+            Motion::Velocity(target, _) => (user_reference, self.user_velocity(target)),
+            _ => (user_reference, ramp_velocity),
+        };
         let shown = [
             (rows.position_internal, encoder),
             (rows.reference_internal, reference),
-            (rows.speed, libm::round(rpm) as i64),
+            (rows.speed, speed),
+            (rows.speed_reference, libm::round(ramp_speed) as i64),
             (rows.torque, libm::round(torque) as i64),
             (rows.sync_status, self.sync.status() as i64),
             (rows.error_register, self.errors.register().into()),
             (rows.mode_active, self.mode as i64),
             (rows.position, position),
             (rows.reference, user_reference),
+            (rows.position_deviation, deviation),
+            (rows.position_deviation_user, deviation),
             (
-                rows.position_deviation,
-                user_reference.saturating_sub(position),
+                rows.load_deviation,
+                self.user_position(self.load_deviation() as i64),
             ),
-            (rows.velocity, self.user_velocity(velocity)),
             (
-                rows.velocity_reference,
-                self.user_velocity(self.ramp.velocity),
+                rows.load_deviation_peak,
+                self.user_position(self.peak_deviation as i64),
             ),
+            (rows.velocity, user_velocity),
+            (rows.velocity_reference, ramp_velocity),
+            (rows.loop_velocity_reference, ramp_velocity),
+            (rows.encoder_1_internal, encoder),
+            (rows.encoder_1, position),
+            (rows.encoder_1_speed, speed),
+            (rows.encoder_1_velocity, user_velocity),
+            (rows.profile_target, target),
+            (rows.profile_position, user_reference),
+            (rows.profile_velocity_target, target_velocity),
             (rows.pulse_position, self.pulses.position as i64),
             (rows.pulse_velocity, self.pulses.frequency as i64),
             (rows.sequence_data_set, self.sequence.active_number()),
@@ -397,6 +459,7 @@ impl Drive {
         for (row, value) in shown {
             self.objects.set(row, value);
         }
+        self.publish_signals(position);
     }
 
     /// 6041h (lxm32m 1301-1351).

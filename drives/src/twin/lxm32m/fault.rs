@@ -84,12 +84,30 @@ impl DriveError {
     /// A limit switch was reached.
     pub const LIMIT_SWITCH: Self =
         Self::new(ErrorClass::QuickStop, 0xA302, 0x1000, register::PROFILE);
+    /// A software limit switch was reached.
+    pub const SOFTWARE_LIMIT: Self =
+        Self::new(ErrorClass::QuickStop, 0xA307, 0x1000, register::PROFILE);
+    /// Following error above 3006h:29 percent of 6065h.
+    pub const FOLLOWING_WARNING: Self =
+        Self::new(ErrorClass::Warning, 0xA321, 0x8611, register::PROFILE);
     /// Homing did not find what it searched for, or cannot be done.
     pub const HOMING_FAILED: Self =
         Self::new(ErrorClass::QuickStop, 0xA30F, 0x1000, register::PROFILE);
     /// A received PDO is shorter than its mapping.
     pub(super) const SHORT_PDO: Self =
         Self::new(ErrorClass::Warning, 0, 0x8210, register::COMMUNICATION);
+
+    /// The same with the class that an error response object asks for, if it names one of 0…3.
+    pub(super) fn of_class(self, response: i64) -> Self {
+        let class = match response {
+            0 => ErrorClass::Warning,
+            1 => ErrorClass::QuickStop,
+            2 => ErrorClass::StopAndSwitchOff,
+            3 => ErrorClass::SwitchOff,
+            _ => self.class,
+        };
+        Self { class, ..self }
+    }
 
     const fn new(class: ErrorClass, number: u16, emcy_code: u16, register: u8) -> Self {
         Self {

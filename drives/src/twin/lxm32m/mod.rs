@@ -34,11 +34,14 @@
 mod application;
 mod drive;
 mod fault;
+mod limits;
 mod modes;
 mod motion;
 mod outbox;
+mod parameter_sets;
 mod policy;
 mod rows;
+mod signals;
 mod state;
 mod switches;
 mod synchronisation;
@@ -46,6 +49,7 @@ mod units;
 
 pub use fault::{DriveError, ErrorClass};
 pub use policy::{Policies, SetpointGap};
+pub use rows::storage_only;
 pub use switches::Switches;
 pub use synchronisation::SyncStatus;
 

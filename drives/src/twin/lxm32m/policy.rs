@@ -30,6 +30,8 @@ pub struct Policies {
     pub first_setpoint_window: Option<f64>,
     /// Whether Interpolated Position starts only while 3022h:6 says synchronised.
     pub start_needs_lock: bool,
+    /// Whether the positions of 607Dh are limits only with a valid zero point (statusword bit 15).
+    pub software_limits_need_reference: bool,
     /// Whether EMCY 0000h announces a fault reset (D-24).
     pub emcy_on_reset: bool,
     /// Which abort codes a wrong length and a value out of range get (lxm32m 1979-1985 lists
@@ -60,6 +62,7 @@ impl Default for Policies {
             setpoint_gap: SetpointGap::Extrapolate,
             first_setpoint_window: Some(0.05),
             start_needs_lock: true,
+            software_limits_need_reference: true,
             emcy_on_reset: true,
             refusals: Refusals::default(),
             emcy_on_short_pdo: true,

@@ -1,6 +1,15 @@
 //! The rows of the dictionary that the twin gives a meaning to, looked up once.
 
-use syncline_canopen::dictionary::{Dictionary, Row};
+use crate::dictionary::LXM32M;
+use syncline_canopen::Address;
+use syncline_canopen::dictionary::{Dictionary, Entry, Row};
+
+/// The rows that only keep what is written to them, or show what they began with: nothing in the
+/// twin depends on them, and nothing changes them. 1xxxh is the CANopen node's.
+pub fn storage_only() -> impl Iterator<Item = &'static Entry> {
+    let rows = LXM32M.iter().filter(|entry| entry.address.index >= 0x2000);
+    rows.filter(|entry| !ADDRESSES.contains(&entry.address))
+}
 
 macro_rules! rows {
     ($($name:ident = $index:literal : $sub:literal;)*) => {
@@ -9,6 +18,9 @@ macro_rules! rows {
         pub(super) struct Rows {
             $(pub(super) $name: Row,)*
         }
+
+        /// Where they are.
+        const ADDRESSES: &[Address] = &[$(Address::new($index, $sub),)*];
 
         impl Rows {
             /// # Panics
@@ -29,6 +41,7 @@ rows! {
     warnings_latched = 0x301C:0x0C;
     store_parameters = 0x3004:0x01;
     reset_parameters = 0x3004:0x08;
+    deviation_response = 0x3005:0x0B;
     position_denominator = 0x3006:0x07;
     position_numerator = 0x3006:0x08;
     velocity_denominator = 0x3006:0x21;
@@ -36,12 +49,75 @@ rows! {
     ramp_denominator = 0x3006:0x30;
     ramp_numerator = 0x3006:0x31;
     quick_stop_ramp = 0x3006:0x12;
+    absolute_needs_reference = 0x3006:0x16;
+    quick_stop_option = 0x3006:0x18;
     torque_ramp_enabled = 0x3006:0x2C;
     torque_window = 0x3006:0x2D;
+    torque_window_time = 0x3006:0x2E;
+    software_limits = 0x3006:0x03;
+    limit_at_enabling = 0x3006:0x06;
+    hardware_limits_off = 0x3006:0x11;
+    deviation_warning = 0x3006:0x29;
+    software_limit_mode = 0x3006:0x47;
+    output_0_function = 0x3007:0x09;
+    output_1_function = 0x3007:0x0A;
+    output_2_function = 0x3007:0x0B;
+    inputs_and_outputs = 0x3008:0x01;
+    inputs = 0x3008:0x0F;
+    outputs = 0x3008:0x10;
+    outputs_set = 0x3008:0x11;
+    capture_status = 0x300A:0x01;
+    capture_1_edge = 0x300A:0x02;
+    capture_2_edge = 0x300A:0x03;
+    capture_1_start = 0x300A:0x04;
+    capture_2_start = 0x300A:0x05;
+    capture_1_position = 0x300A:0x06;
+    capture_2_position = 0x300A:0x07;
+    capture_1_count = 0x300A:0x08;
+    capture_2_count = 0x300A:0x09;
+    capture_1_count_continuous = 0x300A:0x17;
+    capture_1_position_continuous = 0x300A:0x18;
+    capture_2_count_continuous = 0x300A:0x19;
+    capture_2_position_continuous = 0x300A:0x1A;
+    probe_1_rises = 0x300A:0x2B;
+    probe_1_falls = 0x300A:0x2C;
+    probe_2_rises = 0x300A:0x2D;
+    probe_2_falls = 0x300A:0x2E;
+    probe_counters = 0x300A:0x2F;
+    register_status = 0x300B:0x01;
+    register_1_start = 0x300B:0x02;
+    register_2_start = 0x300B:0x03;
+    register_1_mode = 0x300B:0x04;
+    register_2_mode = 0x300B:0x05;
+    register_1_a = 0x300B:0x08;
+    register_1_b = 0x300B:0x09;
+    register_2_a = 0x300B:0x0A;
+    register_2_b = 0x300B:0x0B;
+    register_3_start = 0x300B:0x0C;
+    register_4_start = 0x300B:0x0D;
+    register_3_mode = 0x300B:0x0E;
+    register_4_mode = 0x300B:0x0F;
+    register_3_a = 0x300B:0x12;
+    register_3_b = 0x300B:0x13;
+    register_4_a = 0x300B:0x14;
+    register_4_b = 0x300B:0x15;
+    register_group_start = 0x300B:0x16;
     pulse_position = 0x3008:0x05;
     pulse_velocity = 0x3008:0x06;
     velocity_limit = 0x3011:0x10;
-    feed_forward = 0x3012:0x06;
+    halt_option = 0x605D:0;
+    parameter_set_copy = 0x3011:0x16;
+    parameter_set_active = 0x3011:0x17;
+    parameter_set_at_power_up = 0x3011:0x18;
+    parameter_set_selected = 0x3011:0x19;
+    speed_integral_1 = 0x3012:0x02;
+    position_gain_1 = 0x3012:0x03;
+    speed_filter_1 = 0x3012:0x04;
+    feed_forward_1 = 0x3012:0x06;
+    speed_integral_2 = 0x3013:0x02;
+    position_gain_2 = 0x3013:0x03;
+    speed_filter_2 = 0x3013:0x04;
+    feed_forward_2 = 0x3013:0x06;
     jog_activate = 0x301B:0x09;
     sequence_start = 0x301B:0x0A;
     gear_reference = 0x301B:0x12;
@@ -80,6 +156,11 @@ rows! {
     memory_number = 0x303C:0x01;
     memory_class = 0x303C:0x02;
     memory_time = 0x303C:0x03;
+    event_mask_1 = 0x3041:0x0B;
+    event_mask_2 = 0x3041:0x0C;
+    event_mask_3 = 0x3041:0x0D;
+    event_mask_4 = 0x3041:0x0E;
+    connection_response = 0x3041:0x11;
     last_error = 0x603F:0;
     controlword = 0x6040:0;
     statusword = 0x6041:0;
@@ -89,10 +170,14 @@ rows! {
     position = 0x6064:0;
     following_error_limit = 0x6065:0;
     standstill_window = 0x6067:0;
+    standstill_window_time = 0x6068:0;
     velocity_reference = 0x606B:0;
     velocity_window = 0x606D:0;
+    velocity_window_time = 0x606E:0;
     torque_target = 0x6071:0;
     position_target = 0x607A:0;
+    software_limit_negative = 0x607D:1;
+    software_limit_positive = 0x607D:2;
     profile_velocity_limit = 0x607F:0;
     profile_velocity = 0x6081:0;
     profile_acceleration = 0x6083:0;
@@ -104,6 +189,12 @@ rows! {
     velocity = 0x606C:0;
     torque = 0x6077:0;
     profile_deceleration = 0x6084:0;
+    probe_function = 0x60B8:0;
+    probe_status = 0x60B9:0;
+    probe_1_rise = 0x60BA:0;
+    probe_1_fall = 0x60BB:0;
+    probe_2_rise = 0x60BC:0;
+    probe_2_fall = 0x60BD:0;
     setpoint = 0x60C1:1;
     period_value = 0x60C2:1;
     period_index = 0x60C2:2;
@@ -111,4 +202,16 @@ rows! {
     reference = 0x301E:0x0C;
     reference_internal = 0x301E:0x09;
     speed = 0x301E:0x08;
+    speed_reference = 0x301E:0x07;
+    position_deviation_user = 0x301E:0x14;
+    load_deviation_peak = 0x301E:0x15;
+    load_deviation = 0x301E:0x16;
+    loop_velocity_reference = 0x301E:0x1F;
+    encoder_1_internal = 0x301E:0x26;
+    encoder_1 = 0x301E:0x27;
+    encoder_1_speed = 0x301E:0x28;
+    encoder_1_velocity = 0x301E:0x29;
+    profile_target = 0x301F:0x01;
+    profile_position = 0x301F:0x02;
+    profile_velocity_target = 0x301F:0x05;
 }

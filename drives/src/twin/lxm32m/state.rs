@@ -11,6 +11,10 @@ use syncline_canopen::time::Duration;
 /// Least time that statusword bit 7 stays (lxm32m 1319).
 const WARNING_TIME: Duration = Duration::from_millis(100);
 
+/// 3006h:18 `LIM_QStopReact`, which takes the place of 605Ah (lxm32m 2256), coded as that is: with
+/// the profile's deceleration, to stay in state 7. Anything else: with the quick stop ramp.
+const BY_PROFILE_AND_STAY: i64 = 5;
+
 /// Time in state 3 before the automatic change to 4.
 const SELF_TEST: Duration = Duration::from_millis(1);
 
@@ -29,6 +33,7 @@ impl Drive {
             self.motion = Motion::Hold;
             self.x_err = false;
             self.target_reached = false;
+            self.peak_deviation = 0.0;
         }
         if was_powered && !self.is_powered() {
             self.end_mode();
@@ -50,6 +55,9 @@ impl Drive {
             }
             State::SwitchedOn if self.enable_at.is_some_and(|at| self.now >= at) => {
                 self.enter(State::OperationEnabled);
+                if let Some(error) = self.limit_at_enabling() {
+                    self.raise(error);
+                }
             }
             _ => {}
         }
@@ -111,8 +119,15 @@ impl Drive {
     fn quick_stop(&mut self) {
         self.end_mode();
         self.quick_stopping = true;
-        let ramp = self.objects.get(self.rows.quick_stop_ramp);
-        self.stop(self.acceleration_of(ramp));
+        match self.objects.get(self.rows.quick_stop_option) {
+            BY_PROFILE_AND_STAY => self.stop(self.profile_deceleration()),
+            _ => self.stop(self.quick_stop_deceleration()),
+        }
+    }
+
+    /// 3006h:12 in increments/s².
+    pub(super) fn quick_stop_deceleration(&self) -> f64 {
+        self.acceleration_of(self.objects.get(self.rows.quick_stop_ramp))
     }
 
     /// Puts an enabled drive on the bus: somebody left it so.
@@ -139,9 +154,8 @@ impl Drive {
         self.ref_ok = false;
         self.change_mode();
         self.sync.stop(&mut self.clock, self.now);
-        for row in [self.rows.feed_forward, self.rows.velocity_limit] {
-            self.written(row, Origin::Sdo);
-        }
+        self.select_at_power_up();
+        self.written(self.rows.velocity_limit, Origin::Sdo);
     }
 
     /// Raises an error and reacts as its class says.

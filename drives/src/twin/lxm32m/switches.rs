@@ -1,5 +1,6 @@
 //! What else is wired to the drive: limit and reference switches, the index pulse, a pulse source.
 
+use super::signals::CAPTURES;
 use core::ops::Range;
 
 /// Switches along the axis, in revolutions from the encoder's zero. The index pulse comes at
@@ -12,6 +13,8 @@ pub struct Switches {
     pub positive_limit: Option<f64>,
     /// REF: active within.
     pub reference: Option<Range<f64>>,
+    /// Capture inputs 1 and 2: active within.
+    pub captures: [Option<Range<f64>>; CAPTURES],
 }
 
 /// One of the switches.
@@ -35,11 +38,13 @@ impl Switches {
         match switch {
             Switch::NegativeLimit => self.negative_limit_active(position),
             Switch::PositiveLimit => self.positive_limit_active(position),
-            Switch::Reference => self
-                .reference
-                .as_ref()
-                .is_some_and(|range| range.contains(&position)),
+            Switch::Reference => self.reference_active(position),
         }
+    }
+
+    pub(super) fn reference_active(&self, position: f64) -> bool {
+        let range = self.reference.as_ref();
+        range.is_some_and(|range| range.contains(&position))
     }
 
     pub(super) fn negative_limit_active(&self, position: f64) -> bool {

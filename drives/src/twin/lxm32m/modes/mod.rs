@@ -59,6 +59,9 @@ impl Mode {
     }
 }
 
+/// 605Dh as CiA 402 has it: with the quick stop ramp. Anything else: with 6084h.
+const HALT_BY_QUICK_STOP_RAMP: i64 = 2;
+
 impl Drive {
     /// Whether movements may be commanded.
     fn may_move(&self) -> bool {
@@ -71,7 +74,10 @@ impl Drive {
         let enabled = self.state == State::OperationEnabled;
         if enabled && word.has(Controlword::HALT) && !previous.has(Controlword::HALT) {
             self.end_mode();
-            self.stop(self.profile_deceleration());
+            match self.objects.get(self.rows.halt_option) {
+                HALT_BY_QUICK_STOP_RAMP => self.stop(self.quick_stop_deceleration()),
+                _ => self.stop(self.profile_deceleration()),
+            }
         }
         let start = word.has(Controlword::MODE_4) && !previous.has(Controlword::MODE_4);
         self.command_interpolation(start, origin);
@@ -170,6 +176,16 @@ impl Drive {
                 return Err(AbortCode::InvalidValue);
             }
         }
+        if row == rows.position_target && !self.controlword.has(Controlword::MODE_6) {
+            // Its least and greatest value depend on the software limits (lxm32m 1563).
+            let (least, most) = self.software_limits();
+            if least.is_some_and(|least| value < least) || most.is_some_and(|most| value > most) {
+                return Err(AbortCode::InvalidValue);
+            }
+        }
+        if row == rows.probe_function {
+            Self::check_probe_function(value)?;
+        }
         if row == rows.period_value && !self.policies.periods.contains(&value) {
             return Err(AbortCode::InvalidValue);
         }
@@ -197,8 +213,6 @@ impl Drive {
             self.set_jog();
         } else if row == rows.gear_reference {
             self.set_gear();
-        } else if row == rows.feed_forward {
-            self.cascade.gains.velocity_feed_forward = value as f64 * 1e-3;
         } else if row == rows.velocity_limit {
             let limit = self.velocity_of(value);
             self.cascade.gains.speed_limit = limit / crate::twin::plant::INCREMENTS_PER_REVOLUTION;
@@ -221,6 +235,8 @@ impl Drive {
             self.remember(0, 0);
         } else {
             self.data_set_written(row);
+            self.parameter_written(row);
+            self.signal_written(row);
         }
     }
 }

@@ -34,10 +34,15 @@ impl Drive {
         if !start || !self.may_move() {
             return;
         }
+        let absolute = !word.has(Controlword::MODE_6);
+        if absolute && !self.ref_ok && self.objects.get(self.rows.absolute_needs_reference) != 0 {
+            // 3006h:16 (lxm32m 2255): not taken over.
+            return;
+        }
         let mut position = self.objects.get(self.rows.position_target);
-        let base = match (word.has(Controlword::MODE_6), self.position) {
-            (false, _) => self.zero as f64,
-            (true, waiting) => waiting
+        let base = match (absolute, self.position) {
+            (true, _) => self.zero as f64,
+            (false, waiting) => waiting
                 .next
                 .or(waiting.active)
                 .map_or(self.ramp.position, |target| target.position),
@@ -84,7 +89,8 @@ impl Drive {
 
     /// Bit 10: target position reached.
     pub(super) fn watch_position(&mut self) {
-        if self.position.active.is_some() && self.is_at_rest() && self.is_in_window() {
+        let arrived = self.position.active.is_some() && self.is_at_rest() && self.is_in_window();
+        if self.settled(arrived, self.rows.standstill_window_time) {
             self.position.active = None;
             self.target_reached = true;
         }

@@ -42,7 +42,8 @@ impl Drive {
     pub(super) fn watch_torque(&mut self) {
         if let Motion::Torque(torque) = self.motion {
             let window = self.torque_of(self.objects.get(self.rows.torque_window));
-            self.target_reached = (torque - self.torque_target()).abs() <= window;
+            let reached = (torque - self.torque_target()).abs() <= window;
+            self.target_reached = self.settled(reached, self.rows.torque_window_time);
         }
     }
 

@@ -30,7 +30,8 @@ impl Drive {
         if let Motion::Velocity(target, _) = self.motion {
             let window = self.velocity_of(self.objects.get(self.rows.velocity_window));
             let reached = (self.actual_velocity() - target).abs() <= window;
-            self.target_reached = reached && self.ramp.velocity == target;
+            let reached = reached && self.ramp.velocity == target;
+            self.target_reached = self.settled(reached, self.rows.velocity_window_time);
         }
     }
 }
