@@ -14,7 +14,8 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 use syncline_trajectory::path::curve::ArcDefinition;
 use syncline_trajectory::path::{
-    Curve, CurveError, Exit, Feed, Item, Limits, Move, PathError, Plane, Planner,
+    Command as PathCommand, Curve, CurveError, Exit, Feed, Item, Limits, Move, Outlook, PathError,
+    Plane, Planner,
 };
 
 /// Coordinates of a plan: the letters X Y Z A B C U V W.
@@ -201,6 +202,9 @@ impl Program {
             planner: Planner::new(self.limits, start),
             exit: exit(self.setup.path_mode, self.tolerances),
             tolerances: self.tolerances,
+            marks: VecDeque::new(),
+            first_mark: 0,
+            marked: None,
             then: None,
             moves: VecDeque::new(),
             first: 0,
@@ -288,6 +292,9 @@ impl MoveSource {
     }
 }
 
+/// Marks that can come up again when the path is planned anew.
+const MOST_MARKS: usize = 16_384;
+
 /// A running program: hands out one [`Instruction`] after the other and remembers the moves that
 /// the machine has not passed yet.
 pub struct Feeder {
@@ -298,7 +305,11 @@ pub struct Feeder {
     planner: Planner<COORDINATES>,
     exit: Exit,
     tolerances: PathTolerances,
-    /// What follows once the planner is empty.
+    /// What comes at the planner's marks, from this one on.
+    marks: VecDeque<Instruction<COORDINATES>>,
+    first_mark: u32,
+    /// The mark that the planner has reached, and what follows once it is committed.
+    marked: Option<u32>,
     then: Option<Instruction<COORDINATES>>,
     moves: VecDeque<ProgramMove>,
     /// Tag of the first of `moves`.
@@ -338,11 +349,19 @@ impl Feeder {
     /// [`Instruction::Broken`].
     pub fn next_instruction(&mut self) -> Result<Option<Instruction<COORDINATES>>, ProgramError> {
         loop {
-            if let Some(command) = self.planner.pop() {
-                return Ok(Some(Instruction::Plan(command)));
-            }
             if let Some(instruction) = self.then.take() {
                 return Ok(Some(instruction));
+            }
+            if let Some(command) = self.planner.pop() {
+                match command {
+                    PathCommand::Mark { mark, .. } => self.marked = Some(mark),
+                    PathCommand::Commit => {
+                        let index = self.marked.take().map(|mark| mark - self.first_mark);
+                        self.then = index.and_then(|k| self.marks.get(k as usize).copied());
+                    }
+                    _ => {}
+                }
+                return Ok(Some(Instruction::Plan(command)));
             }
             if self.ended {
                 return Ok(None);
@@ -453,8 +472,20 @@ impl Feeder {
 
     /// Comes to rest, then `instruction`.
     fn stop_then(&mut self, instruction: Instruction<COORDINATES>) {
-        self.planner.finish();
-        self.then = Some(instruction);
+        if self.marks.len() == MOST_MARKS {
+            self.marks.pop_front();
+            self.first_mark += 1;
+        }
+        self.marks.push_back(instruction);
+        (self.planner).mark(self.first_mark + self.marks.len() as u32 - 1);
+    }
+
+    /// Plans the rest of the program anew where the executor wants that; the instructions of the
+    /// new plan come next.
+    pub fn observe(&mut self, outlook: &Outlook) {
+        self.planner.observe(outlook);
+        self.marked = None;
+        self.then = None;
     }
 
     /// Writes back the offsets and tools that the program changed.

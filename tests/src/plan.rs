@@ -64,7 +64,7 @@ impl Plan {
                 continue;
             };
             match command {
-                Command::Section(_) => plan.steps.push(Step::Section(Vec::new())),
+                Command::Section { .. } => plan.steps.push(Step::Section(Vec::new())),
                 Command::Splice(step) => splice = Some(step as usize),
                 Command::Span(span) => {
                     let sections = plan.steps.iter_mut().rev();
@@ -76,6 +76,8 @@ impl Plan {
                 }
                 Command::Piece(piece) => plan.steps.push(Step::Piece(piece)),
                 Command::Dwell { duration, .. } => plan.steps.push(Step::Dwell(duration)),
+                Command::Mark { .. } => plan.steps.push(Step::Dwell(0.0)),
+                Command::Revise { .. } | Command::Hold => panic!("nobody asked for {command:?}"),
                 Command::Commit => {
                     if let Some(step) = splice.take() {
                         plan.steps.drain(step..committed);

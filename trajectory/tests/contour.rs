@@ -40,7 +40,7 @@ impl Plan {
         let mut drain = |planner: &mut Planner<3>| {
             while let Some(command) = planner.pop() {
                 match command {
-                    Command::Section(_) => {
+                    Command::Section { .. } => {
                         plan.sections.push(Vec::new());
                         steps.push(None);
                     }
@@ -49,6 +49,7 @@ impl Plan {
                     Command::Piece(piece) => steps.push(Some((plan.sections.len() - 1, piece))),
                     Command::Dwell { .. } => steps.push(None),
                     Command::Commit => plan.windows += 1,
+                    other => panic!("{other:?}"),
                 }
             }
         };

@@ -2,7 +2,8 @@
 
 use proptest::prelude::*;
 use syncline_trajectory::path::{
-    Curve, Executor, Exit, Feed, Item, Limits, Move, Plane, Planner, Setpoint, curve::ArcDefinition,
+    Curve, Executor, Exit, Feed, Item, Limits, Move, Overrides, Plane, Planner, Setpoint,
+    curve::ArcDefinition,
 };
 
 const LIMITS: Limits<3> = Limits {
@@ -311,5 +312,149 @@ fn a_stop_in_a_cruise_begins_at_once() {
         let took = f64::from(cycles) * PERIOD;
         let allowed = expected - PERIOD..expected * slower + PERIOD;
         assert!(allowed.contains(&took), "{took} s for {expected} s");
+    }
+}
+
+/// Executes items with a person who acts before each cycle, and checks every setpoint.
+fn act(
+    items: &[Item<3>],
+    start: [f64; 3],
+    mut person: impl FnMut(&mut Executor<3>) -> bool,
+) -> Vec<Setpoint<3>> {
+    let mut planner = Planner::new(LIMITS, start);
+    let mut executor = Executor::new(start, PERIOD, 4096);
+    let mut items = items.iter();
+    let mut finished = false;
+    let mut rows = vec![executor.setpoint()];
+    loop {
+        if !person(&mut executor) {
+            return rows;
+        }
+        if let Some(outlook) = executor.outlook() {
+            planner.observe(&outlook);
+        }
+        while executor.room() > 0 {
+            if let Some(command) = planner.pop() {
+                assert!(executor.accept(command));
+            } else if executor.is_held() {
+                break;
+            } else if let Some(item) = items.next() {
+                planner.push(*item).unwrap();
+            } else if !finished {
+                planner.finish();
+                finished = true;
+            } else {
+                break;
+            }
+        }
+        assert!(!executor.is_late());
+        if executor.is_idle() {
+            return rows;
+        }
+        rows.push(executor.advance());
+        assert!(rows.len() < 500_000, "never ends");
+    }
+}
+
+#[test]
+fn feed_override_takes_effect_within_ten_milliseconds() {
+    let line = Curve::line([0.0; 3], [900.0, 0.0, 0.0]).unwrap();
+    for (to, expected) in [(0.5, 100.0), (1.5, 300.0), (0.0, 0.0), (0.1, 20.0)] {
+        let mut cycle = 0;
+        let rows = act(&[go(line, 200.0, 1)], [0.0; 3], |executor| {
+            cycle += 1;
+            if cycle == 500 {
+                executor.set_overrides(Overrides {
+                    feed: to,
+                    rapid: 1.0,
+                });
+            }
+            cycle < 1000
+        });
+        for row in &rows {
+            inside_limits(row).unwrap();
+        }
+        let before = rows[499].speed;
+        assert!((before - 200.0).abs() < 0.1, "{before}");
+        assert!(
+            (rows[505].speed - before).abs() > 1e-3,
+            "{to}: {}",
+            rows[505].speed
+        );
+        let now = rows[700].speed;
+        assert!((now - expected).abs() <= 1e-3 * expected, "{to}: {now}");
+        for pair in rows[499..750].windows(2) {
+            let rise = (pair[1].speed - pair[0].speed) * (expected - before).signum();
+            assert!(rise >= -1e-4 * before, "{to}: {rise}");
+        }
+    }
+}
+
+#[test]
+fn a_hold_rests_and_resumes() {
+    let line = Curve::line([0.0; 3], [300.0, 0.0, 0.0]).unwrap();
+    let mut cycle = 0;
+    let rows = act(&[go(line, 200.0, 1)], [0.0; 3], |executor| {
+        cycle += 1;
+        match cycle {
+            300 => executor.hold(),
+            600 => {
+                assert!(executor.is_held());
+                executor.resume();
+            }
+            _ => {}
+        }
+        true
+    });
+    for row in &rows {
+        inside_limits(row).unwrap();
+    }
+    assert_eq!(rows[550].speed, 0.0);
+    assert!(rows[606].speed > 0.0);
+    assert_eq!(rows.last().unwrap().position, [300.0, 0.0, 0.0]);
+}
+
+#[test]
+fn a_stop_after_the_block_rests_in_its_end() {
+    let square = [
+        [0.0; 3],
+        [50.0, 0.0, 0.0],
+        [50.0, 50.0, 0.0],
+        [0.0, 50.0, 0.0],
+    ];
+    let items: Vec<_> = square
+        .windows(2)
+        .enumerate()
+        .map(|(k, p)| {
+            Item::Move(Move {
+                curve: Curve::line(p[0], p[1]).unwrap(),
+                feed: Feed::Rate(100.0),
+                exit: Exit::Blend(0.1),
+                tag: k as u32,
+            })
+        })
+        .collect();
+    let mut cycle = 0;
+    let mut rested = None;
+    let rows = act(&items, [0.0; 3], |executor| {
+        cycle += 1;
+        if cycle == 100 {
+            assert_eq!(executor.setpoint().tag, 0);
+            executor.stop_after_block();
+        }
+        if executor.is_held() && rested.is_none() {
+            rested = Some(cycle);
+        }
+        if rested.is_some_and(|r| cycle == r + 50) {
+            executor.resume();
+        }
+        true
+    });
+    let row = &rows[rested.unwrap() + 10];
+    assert_eq!((row.speed, row.tag), (0.0, 0));
+    assert!(row.position[0] > 49.0, "{:?}", row.position);
+    assert_eq!(rows.last().unwrap().position, [0.0, 50.0, 0.0]);
+    for row in &rows {
+        inside_limits(row).unwrap();
     }
 }

@@ -23,7 +23,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 /// How often the outer side looks after the cycle.
-const POLL: Duration = Duration::from_millis(5);
+const POLL: Duration = Duration::from_millis(1);
 
 /// Run a program on a machine, in real time.
 ///
@@ -269,6 +269,11 @@ impl Run<'_> {
                 News::Ready(start) => {
                     self.program.check(start)?;
                     *feeder = Some(self.program.feeder(start)?);
+                }
+                News::Outlook(outlook) => {
+                    if let Some(feeder) = feeder {
+                        feeder.observe(&outlook);
+                    }
                 }
                 News::Row(row) => {
                     recorder.record(&row, feeder.as_mut())?;

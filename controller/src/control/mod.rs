@@ -39,7 +39,7 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 use syncline_canopen::time::Duration;
 use syncline_canopen::{CanId, CobId, Frame, Instant, Transmit, nmt};
-use syncline_trajectory::path::{Command as PathCommand, Executor, Setpoint};
+use syncline_trajectory::path::{Command as PathCommand, Executor, Outlook, Setpoint};
 
 /// Plan commands that the cycle holds at most.
 const PLAN_CAPACITY: usize = 4096;
@@ -540,11 +540,34 @@ impl<const N: usize> Controller<N> {
         }
         match instruction {
             Instruction::Plan(command) => return self.executor.accept(command),
+            // It comes again, behind the new plan.
+            _ if self.executor.awaits_plan() => {}
             Instruction::Pause { reason, line } => self.pause = Some((reason, line)),
             Instruction::End => self.after_plan = Some(End::Finished),
             Instruction::Broken => self.after_plan = Some(End::Fault(Fault::Program)),
         }
         true
+    }
+
+    /// What the person does with the path: overrides, hold, resume, stop after the block, step back
+    /// ([`Executor`]). Until the plan is replaced, what comes of the old one is dropped.
+    pub fn act(&mut self, act: impl FnOnce(&mut Executor<N>)) {
+        act(&mut self.executor);
+        if self.executor.awaits_plan() {
+            self.after_plan = None;
+            if !self.pause_told {
+                self.pause = None;
+            }
+        }
+    }
+
+    /// From where on the program's path has to be planned anew, if it has; for
+    /// [`Feeder::observe`](crate::program::Feeder::observe).
+    #[must_use]
+    pub fn outlook(&self) -> Option<Outlook> {
+        (self.phase == Phase::Program)
+            .then(|| self.executor.outlook())
+            .flatten()
     }
 
     /// A person ends a pause.

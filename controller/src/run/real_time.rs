@@ -18,6 +18,7 @@ use std::mem::replace;
 use std::sync::Arc;
 use std::time::Duration;
 use syncline_canopen::Instant;
+use syncline_trajectory::path::{Executor, Outlook, Overrides};
 
 /// Instructions on their way into the cycle.
 const INSTRUCTIONS: usize = 8192;
@@ -40,6 +41,14 @@ pub enum Order {
     Interrupt,
     /// The program cannot go on.
     Abandon,
+    /// Sets feed and rapid override.
+    Override(Overrides),
+    /// Rests on the path.
+    Hold,
+    /// Ends a hold.
+    Resume,
+    /// Rests at the end of the block.
+    StopAfterBlock,
 }
 
 /// What the cycle tells.
@@ -52,6 +61,8 @@ pub enum News {
     Ready(Position),
     /// What happened at one SYNC.
     Row(Row<COORDINATES>),
+    /// The path has to be planned anew from there.
+    Outlook(Outlook),
     /// A bus' interface failed.
     BusFailed(PortError),
 }
@@ -140,6 +151,7 @@ pub struct Cycle {
     orders: Consumer<Order>,
     news: Producer<News>,
     told_ready: bool,
+    told_outlook: Option<Outlook>,
     measured: Measured,
 }
 
@@ -163,6 +175,7 @@ impl Cycle {
             orders,
             news: tell,
             told_ready: false,
+            told_outlook: None,
             measured: Measured {
                 wake_up: Distribution::new("wake-up latency"),
                 sync_jitter: Distribution::new("SYNC jitter"),
@@ -245,6 +258,12 @@ impl Cycle {
                 Order::GoOn => self.driver.controller.go_on(),
                 Order::Interrupt => self.driver.controller.interrupt(),
                 Order::Abandon => self.driver.controller.abandon(),
+                Order::Override(overrides) => {
+                    (self.driver.controller).act(|path| path.set_overrides(overrides));
+                }
+                Order::Hold => self.driver.controller.act(Executor::hold),
+                Order::Resume => self.driver.controller.act(Executor::resume),
+                Order::StopAfterBlock => self.driver.controller.act(Executor::stop_after_block),
             }
         }
     }
@@ -260,6 +279,13 @@ impl Cycle {
             {
                 self.told_ready = true;
                 self.tell(News::Ready(start));
+            }
+            let outlook = self.driver.controller.outlook();
+            if outlook != self.told_outlook {
+                self.told_outlook = outlook;
+                if let Some(outlook) = outlook {
+                    self.tell(News::Outlook(outlook));
+                }
             }
             match self.instructions.pop() {
                 Ok(instruction) => {

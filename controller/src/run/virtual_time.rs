@@ -96,6 +96,9 @@ impl<P: Port> VirtualMachine<P> {
         let Some(feeder) = &mut self.feeder else {
             return Ok(());
         };
+        if let Some(outlook) = controller.outlook() {
+            feeder.observe(&outlook);
+        }
         while controller.room() > 0
             && let Some(instruction) = feeder.next_instruction()?
         {

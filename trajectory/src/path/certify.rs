@@ -41,7 +41,7 @@ pub fn load<const N: usize>(piece: &Piece, span: &Span<N>, limits: &Limits<N>) -
         }
     }
     let mut load = Load {
-        velocity: top / span.feed,
+        velocity: top / span.speed,
         ..Load::default()
     };
     if let Some(direction) = span.curve.direction() {

@@ -4,7 +4,8 @@ use std::collections::VecDeque;
 use std::iter::repeat_n;
 use std::mem::take;
 
-use super::{Command, Curve, Derivatives, Limits, Piece, Span};
+use super::brake::brake;
+use super::{Command, Curve, Departure, Limits, Outlook, Overrides, Piece, Span};
 
 /// Where every axis has to be, and what the path does there.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -23,7 +24,7 @@ pub struct Setpoint<const N: usize> {
     pub distance: f64,
     /// Path speed, mm/s.
     pub speed: f64,
-    /// Programmed path speed, mm/s; infinite for rapid, 0 at rest.
+    /// Path speed that is asked for, after overrides, mm/s; infinite for rapid, 0 at rest.
     pub feed: f64,
     /// A move or a dwell is at work.
     pub busy: bool,
@@ -31,9 +32,35 @@ pub struct Setpoint<const N: usize> {
 
 #[derive(Debug, Clone, Copy)]
 enum Step<const N: usize> {
-    Section(Limits<N>),
+    Section {
+        leg: u64,
+        origin: f64,
+        limits: Limits<N>,
+        /// Number of its first span.
+        spans: u64,
+        /// It goes on with one that is under way.
+        moving: bool,
+    },
     Piece(Piece),
-    Dwell { duration: f64, tag: u32 },
+    Dwell {
+        leg: u64,
+        duration: f64,
+        tag: u32,
+    },
+    Mark {
+        leg: u64,
+    },
+    Hold,
+}
+
+impl<const N: usize> Step<N> {
+    fn duration(&self) -> f64 {
+        match *self {
+            Step::Section { .. } | Step::Mark { .. } => 0.0,
+            Step::Piece(Piece { duration, .. }) | Step::Dwell { duration, .. } => duration,
+            Step::Hold => f64::INFINITY,
+        }
+    }
 }
 
 /// An instant on the cycle's grid: `cycle` periods and `offset` seconds, so that no sum of
@@ -44,16 +71,23 @@ struct Clock {
     offset: f64,
 }
 
+/// A new plan takes over this long after the outlook that it was made for, s.
+const LEAD: f64 = 0.006;
+/// Steps, and spans, for which there is room beyond what is asked for: those of a new plan that
+/// comes while the old one is complete.
+const RESERVE: usize = 2048;
+
 /// How far a stop on the path has come.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Stop {
     /// Nobody asked for one.
     No,
-    /// The plan is followed to its rest until a shorter way is found, so many tries ago.
-    Sought(u32),
+    /// The plan is followed to its rest until a shorter way is found.
+    Sought,
     /// The shorter way is being followed.
     Found,
 }
+
 /// Holds the plan and samples it. Allocates only in [`Executor::new`].
 ///
 /// The setpoint of a cycle is a function of its number and of the plan alone: polynomials are
@@ -62,26 +96,47 @@ enum Stop {
 pub struct Executor<const N: usize> {
     period: f64,
     cycle: u64,
+    /// How many cycles after an outlook the new plan takes over.
+    lead: u64,
     limits: Option<Limits<N>>,
+    /// Those of the section under way first; where `start` falls, others begin.
     spans: VecDeque<Span<N>>,
+    /// Number of the first of `spans`, and of the first that is not committed.
+    first_span: u64,
+    committed_spans: u64,
     steps: VecDeque<Step<N>>,
     /// How many of `steps` end at rest and may run.
     committed: usize,
-    /// Number of the first of `steps`.
-    number: u64,
+    /// Number of the first of `steps`, counted from the last revision's first.
+    number: i64,
     /// The step that the uncommitted ones replace.
     splice: Option<u64>,
+    /// The uncommitted steps are a new plan; it takes over in this cycle.
+    fresh: Option<u64>,
+    /// How often the plan was to be replaced.
+    revision: u64,
+    /// It is to be replaced, and what still comes of the old one is dropped.
+    deaf: bool,
+    /// In this cycle a new plan came too late.
+    refused: Option<u64>,
     late: bool,
     /// When the first of `steps` began; meaningless when idle.
     began: Clock,
-    /// Path distance before the current section, and where on it the path came to rest last.
-    passed: f64,
+    /// The leg under way, or the last one, and the path distance from the beginning of everything
+    /// to the section's.
+    leg: Option<u64>,
+    origin: f64,
+    /// Where on the section the path came to rest last.
     reached: f64,
-    /// The first of `spans` belongs to a section that has begun.
-    entered: bool,
     rest: [f64; N],
     tag: u32,
     stop: Stop,
+    overrides: Overrides,
+    stop_after_block: bool,
+    /// Rest until `resume`.
+    held: bool,
+    /// Rest for good.
+    stopped: bool,
 }
 
 /// An empty queue whose memory has been written to once, so that the cycle is never the first to
@@ -99,6 +154,7 @@ fn some_span<const N: usize>() -> Option<Span<N>> {
         start: 0.0,
         curve: Curve::line([0.0; N], [1.0; N]).ok()?,
         feed: 0.0,
+        speed: 0.0,
         tag: 0,
     })
 }
@@ -108,35 +164,49 @@ impl<const N: usize> Executor<N> {
     /// planner's windows need 4,096.
     pub fn new(position: [f64; N], period: f64, capacity: usize) -> Self {
         Executor {
+            spans: touched(capacity + RESERVE, some_span()),
+            steps: touched(capacity + RESERVE, Some(Step::Hold)),
+            ..Executor::empty(position, period)
+        }
+    }
+
+    fn empty(position: [f64; N], period: f64) -> Self {
+        Executor {
             period,
             cycle: 0,
+            lead: ((LEAD / period) as u64).max(1),
             limits: None,
-            spans: touched(capacity, some_span()),
-            steps: touched(
-                capacity,
-                Some(Step::Dwell {
-                    duration: 0.0,
-                    tag: 0,
-                }),
-            ),
+            spans: VecDeque::new(),
+            first_span: 0,
+            committed_spans: 0,
+            steps: VecDeque::new(),
             committed: 0,
             number: 0,
             splice: None,
+            fresh: None,
+            revision: 0,
+            deaf: false,
+            refused: None,
             late: false,
             began: Clock {
                 cycle: 0,
                 offset: 0.0,
             },
-            passed: 0.0,
+            leg: None,
+            origin: 0.0,
             reached: 0.0,
-            entered: false,
             rest: position,
             tag: 0,
             stop: Stop::No,
+            overrides: Overrides::default(),
+            stop_after_block: false,
+            held: false,
+            stopped: false,
         }
     }
 
-    /// Forgets the plan and rests in `position`, its cycle number zero; allocates nothing.
+    /// Forgets the plan and rests in `position`, its cycle number zero; the overrides stay as they
+    /// are. Allocates nothing.
     pub fn restart(&mut self, position: [f64; N]) {
         let (mut spans, mut steps) = (take(&mut self.spans), take(&mut self.steps));
         spans.clear();
@@ -144,52 +214,109 @@ impl<const N: usize> Executor<N> {
         *self = Executor {
             spans,
             steps,
-            ..Executor::new(position, self.period, 0)
+            overrides: self.overrides,
+            revision: self.revision,
+            ..Executor::empty(position, self.period)
         };
+        if self.overrides != Overrides::default() {
+            self.revise();
+        }
     }
 
     /// How many commands can be accepted now.
     pub fn room(&self) -> usize {
-        (self.spans.capacity() - self.spans.len()).min(self.steps.capacity() - self.steps.len())
+        let room = (self.spans.capacity() - self.spans.len())
+            .min(self.steps.capacity() - self.steps.len());
+        if self.held || self.refused == Some(self.cycle) || self.is_held() && !self.deaf {
+            0
+        } else if self.deaf || self.fresh.is_some() {
+            room
+        } else {
+            room.saturating_sub(RESERVE)
+        }
     }
 
     /// Takes the next command of the plan; false, and nothing taken, if there is no room for it.
-    /// After [`stop`](Self::stop) commands are taken and dropped.
+    /// After [`stop`](Self::stop), and while the plan is to be replaced, commands are taken and
+    /// dropped.
     pub fn accept(&mut self, command: Command<N>) -> bool {
-        if self.stop != Stop::No || self.late {
+        if self.stopped || self.late {
             return true;
         }
         if self.room() == 0 {
             return false;
         }
+        if self.deaf {
+            if let Command::Revise { revision, cycle } = command
+                && revision == self.revision
+            {
+                self.deaf = false;
+                self.fresh = Some(cycle);
+            }
+            return true;
+        }
+        let spans = self.first_span + self.spans.len() as u64;
         match command {
-            Command::Section(limits) => self.steps.push_back(Step::Section(limits)),
+            Command::Revise { .. } => {}
+            Command::Section {
+                leg,
+                origin,
+                limits,
+            } => self.steps.push_back(Step::Section {
+                leg,
+                origin,
+                limits,
+                spans,
+                moving: false,
+            }),
             Command::Splice(step) => self.splice = Some(step),
             Command::Span(span) => self.spans.push_back(span),
             Command::Piece(piece) => self.steps.push_back(Step::Piece(piece)),
-            Command::Dwell { duration, tag } => self.steps.push_back(Step::Dwell { duration, tag }),
+            Command::Dwell { leg, duration, tag } => {
+                self.steps.push_back(Step::Dwell { leg, duration, tag });
+            }
+            Command::Mark { leg, .. } => self.steps.push_back(Step::Mark { leg }),
+            Command::Hold => self.steps.push_back(Step::Hold),
             Command::Commit => self.commit(),
         }
         true
     }
 
     fn commit(&mut self) {
-        if let Some(step) = self.splice.take() {
+        if let Some(cycle) = self.fresh.take() {
+            if cycle < self.cycle {
+                // Too late: another one is asked for in the next cycle.
+                self.revise();
+                self.refused = Some(self.cycle);
+                return;
+            }
+            let keep = self.cut(cycle);
+            self.steps.drain(keep..self.committed);
+            self.number = -(keep as i64);
+            let under_way = keep.checked_sub(1).is_some_and(
+                |last| matches!(self.steps[last], Step::Piece(p) if p.at(p.duration).1 > 0.0),
+            );
+            if let Some(Step::Section { moving, .. }) = self.steps.get_mut(keep) {
+                *moving = under_way;
+            }
+            if keep == 0 {
+                self.began = self.now();
+            }
+        } else if let Some(step) = self.splice.take() {
             // A step that has begun cannot be replaced any more.
-            if step <= self.number {
-                self.steps.truncate(self.committed);
+            let keep = step as i64 - self.number;
+            if keep <= 0 {
+                self.drop_uncommitted();
                 self.late = true;
                 return;
             }
-            let keep = (step - self.number) as usize;
-            self.steps.drain(keep.min(self.committed)..self.committed);
+            self.steps
+                .drain((keep as usize).min(self.committed)..self.committed);
         } else if self.committed == 0 {
-            self.began = Clock {
-                cycle: self.cycle,
-                offset: 0.0,
-            };
+            self.began = self.now();
         }
         self.committed = self.steps.len();
+        self.committed_spans = self.first_span + self.spans.len() as u64;
     }
 
     /// A part of the plan came after the path had gone past the point from where it applied. The
@@ -198,9 +325,9 @@ impl<const N: usize> Executor<N> {
         self.late
     }
 
-    /// Nothing is left to execute; the axes rest.
+    /// Nothing is left to execute, and nothing is waited for; the axes rest.
     pub fn is_idle(&self) -> bool {
-        self.committed == 0
+        self.committed == 0 && !self.held && !self.deaf && self.fresh.is_none()
     }
 
     /// Number of the cycle that the last setpoint belongs to.
@@ -217,7 +344,7 @@ impl<const N: usize> Executor<N> {
                 acceleration: [0.0; N],
                 jerk: [0.0; N],
                 tag: self.tag,
-                distance: self.passed + self.reached,
+                distance: self.origin + self.reached,
                 speed: 0.0,
                 feed: 0.0,
                 busy: !self.is_idle(),
@@ -237,9 +364,9 @@ impl<const N: usize> Executor<N> {
                 at.d3[i] * v * v * v + 3.0 * at.d2[i] * v * a + at.d1[i] * j
             }),
             tag: span.tag,
-            distance: self.passed + piece.distance + ds,
+            distance: self.origin + piece.distance + ds,
             speed: v,
-            feed: span.feed,
+            feed: span.speed,
             busy: true,
         }
     }
@@ -248,10 +375,7 @@ impl<const N: usize> Executor<N> {
     pub fn advance(&mut self) -> Setpoint<N> {
         self.cycle += 1;
         while let Some(step) = self.current() {
-            let duration = match step {
-                Step::Section(_) => 0.0,
-                Step::Piece(Piece { duration, .. }) | Step::Dwell { duration, .. } => duration,
-            };
+            let duration = step.duration();
             if self.since(self.began) < duration {
                 break;
             }
@@ -273,6 +397,13 @@ impl<const N: usize> Executor<N> {
         }
     }
 
+    fn now(&self) -> Clock {
+        Clock {
+            cycle: self.cycle,
+            offset: 0.0,
+        }
+    }
+
     /// Seconds from `then` to now.
     fn since(&self, then: Clock) -> f64 {
         (self.cycle - then.cycle) as f64 * self.period - then.offset
@@ -287,34 +418,37 @@ impl<const N: usize> Executor<N> {
         self.number += 1;
         self.committed -= 1;
         match step {
-            Step::Section(limits) => {
+            Step::Section {
+                leg,
+                origin,
+                limits,
+                spans,
+                moving,
+            } => {
                 self.limits = Some(limits);
-                self.passed += std::mem::take(&mut self.reached);
-                while self.entered
-                    && self
-                        .spans
-                        .front()
-                        .is_some_and(|s| s.start > 0.0 || self.spans.len() > 1)
-                {
-                    self.spans.pop_front();
-                    if self.spans.front().is_none_or(|s| s.start == 0.0) {
-                        break;
-                    }
+                let passed = spans.saturating_sub(self.first_span) as usize;
+                self.spans.drain(..passed.min(self.spans.len()));
+                self.first_span = spans;
+                self.leg = Some(leg);
+                self.origin = origin;
+                if !moving && let Some(Step::Piece(piece)) = self.current() {
+                    self.reached = piece.distance;
                 }
-                self.entered = true;
             }
-
-            Step::Piece(piece) if !matches!(self.current(), Some(Step::Piece(_))) => {
-                self.finish_run(piece.distance + piece.at(duration).0);
+            Step::Piece(piece) => {
+                if !matches!(self.current(), Some(Step::Piece(_))) {
+                    self.finish_run(piece.distance + piece.at(duration).0);
+                }
             }
-            _ => {}
+            Step::Dwell { leg, .. } | Step::Mark { leg } => self.leg = Some(leg),
+            Step::Hold => self.began = self.now(),
         }
         if let Some(Step::Dwell { tag, .. }) = self.current() {
             self.tag = tag;
         }
     }
 
-    /// The axes have come to rest at `end` on the section.
+    /// The axes have come to rest at `end` on the section, or another law takes over there.
     fn finish_run(&mut self, end: f64) {
         self.enter_span_at(end);
         if let Some(span) = self.spans.front() {
@@ -328,327 +462,249 @@ impl<const N: usize> Executor<N> {
             self.tag = span.tag;
             self.reached = end;
         }
-        if self.stop != Stop::No {
+        if self.stopped {
             self.spans.clear();
-        }
-    }
-    /// Drops the spans that end before `distance`, but never the last of the section.
-    fn enter_span_at(&mut self, distance: f64) {
-        while let (Some(span), Some(next)) = (self.spans.front(), self.spans.get(1)) {
-            if next.start == 0.0 || distance < span.start + span.curve.length() {
-                break;
-            }
-            self.spans.pop_front();
         }
     }
 
-    /// Comes to rest on the path as soon as the limits allow and drops the rest of the plan.
-    /// Effective from the current cycle on; the next setpoints lead to rest.
+    /// Drops the spans that end before `distance`, but never the last of the section.
+    fn enter_span_at(&mut self, distance: f64) {
+        while let (Some(span), Some(next)) = (self.spans.front(), self.spans.get(1)) {
+            if next.start <= span.start || distance < span.start + span.curve.length() {
+                break;
+            }
+            self.spans.pop_front();
+            self.first_span += 1;
+        }
+    }
+
+    // --- what a person does ---
+
+    /// From now on these parts of the programmed speeds are asked for; values outside of the ranges
+    /// are brought into them.
+    pub fn set_overrides(&mut self, overrides: Overrides) {
+        let overrides = Overrides {
+            feed: overrides.feed.clamp(0.0, 2.0),
+            rapid: overrides.rapid.clamp(0.0, 1.0),
+        };
+        if overrides != self.overrides {
+            self.overrides = overrides;
+            self.revise();
+        }
+    }
+
+    /// What parts of the programmed speeds are asked for.
+    pub fn overrides(&self) -> Overrides {
+        self.overrides
+    }
+
+    /// Comes to rest on the path as soon as the limits allow and waits for
+    /// [`resume`](Self::resume). Effective from the current cycle on; the next setpoints lead to
+    /// rest. A dwell is broken off, and begins anew.
     ///
-    /// On a line that is the closed form. On curves it is tried cycle by cycle whether braking as
+    /// On a line that is the closed form. On curves it is tried in every cycle whether braking as
     /// hard as the axes allow from here on leads to rest inside all limits; until that is so, the
     /// plan, which ends at rest, too, is followed.
+    pub fn hold(&mut self) {
+        if self.stop == Stop::No && !self.is_held() {
+            self.revise();
+            self.held = true;
+            self.begin_stop();
+        }
+    }
+
+    /// Ends a [`hold`](Self::hold), also one that a stop after the block came to.
+    pub fn resume(&mut self) {
+        self.stop_after_block = false;
+        if self.is_held() && !self.stopped {
+            self.held = false;
+            self.stop = Stop::No;
+            if let Some(Step::Hold) = self.current() {
+                self.finish_step(Step::Hold, 0.0);
+            }
+            self.revise();
+        }
+    }
+
+    /// Comes to rest at the end of the block that is under way, or of the first one where that is
+    /// possible, and waits for [`resume`](Self::resume).
+    pub fn stop_after_block(&mut self) {
+        if !self.is_held() {
+            self.stop_after_block = true;
+            self.revise();
+        }
+    }
+
+    /// Rests, or is coming to rest, until [`resume`](Self::resume).
+    pub fn is_held(&self) -> bool {
+        self.held || matches!(self.current(), Some(Step::Hold))
+    }
+
+    /// Comes to rest on the path as soon as the limits allow, as [`hold`](Self::hold) does, and
+    /// drops the rest of the plan for good.
     pub fn stop(&mut self) {
-        if self.stop != Stop::No {
+        if !self.stopped {
+            self.stopped = true;
+            self.held = false;
+            self.deaf = false;
+            if self.stop == Stop::No {
+                self.begin_stop();
+            }
+            if self.committed == 0 {
+                self.spans.clear();
+            }
+        }
+    }
+
+    /// The plan is to be replaced, and what still comes of the old one is dropped.
+    pub fn awaits_plan(&self) -> bool {
+        self.deaf
+    }
+
+    /// From where on the plan has to be replaced, if it has. What is handed in before that is done
+    /// is dropped.
+    pub fn outlook(&self) -> Option<Outlook> {
+        if !self.deaf || self.held || self.late || self.refused == Some(self.cycle) {
+            return None;
+        }
+        let cycle = self.cycle + self.lead;
+        let mut leg = self.leg;
+        let mut departure = Departure {
+            distance: self.reached,
+            ..Departure::default()
+        };
+        let (last, t) = self.step_at(cycle);
+        for (index, step) in self.steps.iter().take(self.committed).enumerate() {
+            if index > last {
+                break;
+            }
+            match *step {
+                Step::Section { leg: l, .. } => {
+                    leg = Some(l);
+                    departure = Departure::default();
+                }
+                Step::Dwell { leg: l, .. } | Step::Mark { leg: l } => leg = Some(l),
+                Step::Piece(piece) => {
+                    let under_way = index == last;
+                    let (ds, speed, acceleration) =
+                        piece.at(if under_way { t } else { piece.duration });
+                    let follows = matches!(
+                        self.steps.get(index + 1),
+                        Some(Step::Piece(_) | Step::Section { moving: true, .. })
+                    ) && index + 1 < self.committed;
+                    let rests = !under_way && !follows;
+                    departure = Departure {
+                        distance: piece.distance + ds,
+                        speed: if rests { 0.0 } else { speed.max(0.0) },
+                        acceleration: if rests { 0.0 } else { acceleration },
+                    };
+                }
+                Step::Hold => {}
+            }
+        }
+        Some(Outlook {
+            revision: self.revision,
+            cycle,
+            leg,
+            departure,
+            overrides: self.overrides,
+            stop_after_block: self.stop_after_block,
+        })
+    }
+
+    /// The plan is to be replaced: nothing more of it is taken.
+    fn revise(&mut self) {
+        if self.stopped {
             return;
         }
+        self.drop_uncommitted();
+        self.revision += 1;
+        self.deaf = true;
+    }
+
+    fn drop_uncommitted(&mut self) {
         self.steps.truncate(self.committed);
-        let run = self.steps.iter().position(|s| !matches!(s, Step::Piece(_)));
+        let spans = self.committed_spans.saturating_sub(self.first_span);
+        self.spans.truncate(spans as usize);
+        self.splice = None;
+        self.fresh = None;
+    }
+
+    /// The committed step that is under way at the start of `cycle`, and for how long then; their
+    /// number if there is none any more.
+    fn step_at(&self, cycle: u64) -> (usize, f64) {
+        let mut t = self.since(self.began) + (cycle - self.cycle) as f64 * self.period;
+        for (index, step) in self.steps.iter().take(self.committed).enumerate() {
+            let duration = step.duration();
+            if t < duration {
+                return (index, t.max(0.0));
+            }
+            t -= duration;
+        }
+        (self.committed, 0.0)
+    }
+
+    /// Cuts the committed plan at the start of `cycle`; returns how many of its steps remain.
+    fn cut(&mut self, cycle: u64) -> usize {
+        let (index, t) = self.step_at(cycle);
+        match self.steps.get_mut(index) {
+            Some(Step::Piece(piece)) if index < self.committed => {
+                piece.duration = t;
+                index + 1
+            }
+            // A dwell is not cut short.
+            Some(Step::Dwell { .. }) if index < self.committed => index + 1,
+            _ => index,
+        }
+    }
+
+    fn begin_stop(&mut self) {
+        self.drop_uncommitted();
+        let goes_on =
+            |s: &Step<N>| matches!(s, Step::Piece(_) | Step::Section { moving: true, .. });
+        let run = self.steps.iter().position(|s| !goes_on(s));
         self.steps.truncate(run.unwrap_or(self.steps.len()));
         self.committed = self.steps.len();
-        self.stop = Stop::Sought(0);
+        self.stop = Stop::Sought;
         self.seek_stop();
-        if self.is_idle() {
-            self.spans.clear();
-        }
     }
 
     /// Replaces the plan by a shorter way to rest if there is one.
     fn seek_stop(&mut self) {
-        let (Stop::Sought(tries), Some(Step::Piece(piece))) = (self.stop, self.current()) else {
+        let (Stop::Sought, Some(Step::Piece(piece)), Some(limits)) =
+            (self.stop, self.current(), self.limits)
+        else {
             return;
         };
-        self.stop = Stop::Sought(tries + 1);
-        let (ds, v, a) = piece.at(self.since(self.began).clamp(0.0, piece.duration));
+        let (ds, speed, acceleration) = piece.at(self.since(self.began).clamp(0.0, piece.duration));
         // Where the plan does nothing but come to rest, it does so as fast as it can.
         let brakes = |s: &Step<N>| {
             let Step::Piece(p) = s else { return false };
             let cruises = p.acceleration.abs() <= 1e-9 && p.jerk >= 0.0;
             !cruises && p.at(p.duration).2 <= 1e-9
         };
-        if a <= 0.0 && self.steps.iter().all(brakes) {
+        if acceleration <= 0.0 && self.steps.iter().all(brakes) {
             self.stop = Stop::Found;
             return;
         }
-        let thorough = (tries as usize).is_multiple_of(THOROUGH);
-        let force = FORCES[tries as usize / THOROUGH % FORCES.len()];
-        let from = piece.distance + ds;
-        if self.lay_brake(from, v, a, force, thorough).is_some() {
-            self.steps.drain(..self.committed);
-            self.number += self.committed as u64;
-            self.began = Clock {
-                cycle: self.cycle,
-                offset: 0.0,
-            };
-            self.stop = Stop::Found;
+        let from = Departure {
+            distance: piece.distance + ds,
+            speed,
+            acceleration,
+        };
+        let spans = &self.spans;
+        let span = |k: usize| {
+            let span = spans.get(k)?;
+            (k == 0 || span.start > spans[k - 1].start).then_some(span)
+        };
+        if let Some(law) = brake(span, &limits, from, 0.0) {
+            self.steps.clear();
+            self.number += self.committed as i64;
+            self.began = self.now();
+            self.steps
+                .extend(law.pieces().iter().copied().map(Step::Piece));
             self.committed = self.steps.len();
-        } else {
-            self.steps.truncate(self.committed);
+            self.stop = Stop::Found;
         }
     }
-
-    /// Appends pieces that brake with the part `force` of the limits down to rest; None if a limit
-    /// breaks on the way.
-    fn lay_brake(
-        &mut self,
-        mut distance: f64,
-        mut v: f64,
-        mut a: f64,
-        force: f64,
-        thorough: bool,
-    ) -> Option<()> {
-        let limits = self.limits?;
-        let mut index = 0;
-        for step in 0..MOST_STEPS {
-            while self
-                .spans
-                .get(index + 1)
-                .is_some_and(|s| s.start > 0.0 && s.start <= distance)
-            {
-                index += 1;
-            }
-            let span = self.spans.get(index)?;
-            if (step % AGAIN == 0 || span.curve.direction().is_some())
-                && let Some((acceleration, jerk)) = reserve(&span.curve, &limits, v, a)
-                && let Some(pieces) = brake_from(distance, v, a, acceleration, jerk)
-                && pieces[2].distance + pieces[2].at(pieces[2].duration).0
-                    <= span.start + span.curve.length()
-            {
-                self.steps.extend(pieces.map(Step::Piece));
-                return Some(());
-            }
-            // Beyond that, cycle by cycle; that takes its time, so that it is tried now and then.
-            if !thorough {
-                return None;
-            }
-            let least = |limit: &[f64; N], along: &[f64; N]| {
-                (0..N)
-                    .map(|i| limit[i] / along[i].abs())
-                    .fold(f64::INFINITY, f64::min)
-            };
-            let here = span.curve.at(distance - span.start);
-            let landing = force * LANDING * least(&limits.jerk, &here.d1);
-            if a < 0.0 && a * a >= 2.0 * v * landing {
-                let piece = Piece {
-                    duration: -2.0 * v / a,
-                    distance,
-                    speed: v,
-                    acceleration: a,
-                    jerk: a * a / (2.0 * v),
-                };
-                let complete =
-                    distance + piece.at(piece.duration).0 <= span.start + span.curve.length();
-                if !complete || !self.inside(&piece, index, &limits) {
-                    return None;
-                }
-                self.steps.push_back(Step::Piece(piece));
-                return Some(());
-            }
-            let t = self.period;
-            let ahead = distance + t * (v + 0.5 * t * a);
-            let next = self
-                .spans
-                .get(index + 1)
-                .filter(|s| s.start > 0.0 && s.start <= ahead)
-                .unwrap_or(span);
-            let there = next.curve.at(ahead - next.start);
-            let jerk = braking_jerk(&limits, force, &here, &there, v, a, t, landing);
-            let piece = Piece {
-                duration: t,
-                distance,
-                speed: v,
-                acceleration: a,
-                jerk,
-            };
-            if !self.inside(&piece, index, &limits) || self.steps.len() == self.steps.capacity() {
-                return None;
-            }
-            self.steps.push_back(Step::Piece(piece));
-            let (ds, speed, acceleration) = piece.at(t);
-            if speed <= 0.0 {
-                return None;
-            }
-            (distance, v, a) = (distance + ds, speed, acceleration);
-        }
-        None
-    }
-
-    /// Whether every axis keeps its limits at the start, in the middle and at the end of what the
-    /// piece takes of each span, from the one with this index on.
-    fn inside(&self, piece: &Piece, index: usize, limits: &Limits<N>) -> bool {
-        let end = piece.distance + piece.at(piece.duration).0;
-        let section = self.spans.range(index..).enumerate();
-        section
-            .take_while(|(i, span)| *i == 0 || (span.start > 0.0 && span.start <= end))
-            .all(|(_, span)| {
-                let from = instant_at(piece, span.start);
-                let to = instant_at(piece, span.start + span.curve.length());
-                [from, 0.5 * (from + to), to].iter().all(|&t| {
-                    let (ds, v, a) = piece.at(t);
-                    let at = span.curve.at(piece.distance - span.start + ds);
-                    (0..N).all(|i| {
-                        let acceleration = at.d2[i] * v * v + at.d1[i] * a;
-                        let jerk =
-                            (at.d3[i] * v * v + 3.0 * at.d2[i] * a) * v + at.d1[i] * piece.jerk;
-                        acceleration.abs() <= limits.acceleration[i] && jerk.abs() <= limits.jerk[i]
-                    })
-                })
-            })
-    }
-}
-
-/// When the piece reaches a distance, s from its start, between its start and its end.
-fn instant_at(piece: &Piece, distance: f64) -> f64 {
-    let way = distance - piece.distance;
-    let (mut low, mut high) = (0.0, piece.duration);
-    if way <= 0.0 || way >= piece.at(high).0 {
-        return if way <= 0.0 { low } else { high };
-    }
-    // A millionth of a cycle is near enough to see the limits.
-    for _ in 0..20 {
-        let middle = 0.5 * (low + high);
-        if piece.at(middle).0 < way {
-            low = middle;
-        } else {
-            high = middle;
-        }
-    }
-    high
-}
-
-/// Path acceleration and jerk that braking from speed `v` and acceleration `a` may use anywhere on
-/// the curve, whatever its bends ask of the axes meanwhile; `None` if they leave too little.
-fn reserve<const N: usize>(
-    curve: &Curve<N>,
-    limits: &Limits<N>,
-    v: f64,
-    a: f64,
-) -> Option<(f64, f64)> {
-    let [d1, d2, d3] = match curve.direction() {
-        Some(along) => [along.map(f64::abs), [0.0; N], [0.0; N]],
-        None => curve.derivative_bounds(),
-    };
-    let least = |left: &dyn Fn(usize) -> f64| {
-        (0..N)
-            .filter(|&i| d1[i] > 0.0)
-            .map(|i| left(i) / d1[i])
-            .fold(f64::INFINITY, f64::min)
-    };
-    // The speed still rises while an acceleration is taken back.
-    let rising = a.max(0.0);
-    let highest = |jerk: f64| v + rising * rising / (2.0 * jerk);
-    let bent = d2.iter().any(|d| *d > 0.0);
-    let whole = least(&|i| limits.jerk[i]);
-    let v = highest(if bent { whole * RESERVE } else { whole });
-    let acceleration = least(&|i| limits.acceleration[i] - d2[i] * v * v);
-    let top = acceleration.max(a.abs());
-    let jerk = least(&|i| limits.jerk[i] - d3[i] * v * v * v - 3.0 * d2[i] * v * top);
-    // Also what the bends ask where an axis has no part in the path's direction.
-    let kept = (0..N).all(|i| {
-        d2[i] * v * v <= limits.acceleration[i]
-            && d3[i] * v * v * v + 3.0 * d2[i] * v * top <= limits.jerk[i]
-    });
-    let enough = acceleration * (1.0 + 1e-9) >= a.abs() && jerk >= whole * RESERVE && kept;
-    (enough && acceleration > 0.0).then_some((acceleration, jerk))
-}
-
-/// Parts of the limits that a stop on a curve tries to use, in turn. What is left is for what
-/// happens within a cycle.
-const FORCES: [f64; 3] = [0.98, 0.7, 0.4];
-/// Part of the jerk limit that a curve must leave for braking in closed form.
-const RESERVE: f64 = 0.4;
-/// Steps of a search after which the closed form is tried again.
-const AGAIN: usize = 8;
-/// Cycles from one search for a stop cycle by cycle to the next.
-const THOROUGH: usize = 5;
-/// Cycles of a stop that are laid out at most.
-const MOST_STEPS: usize = 400;
-/// Part of the jerk limit with which a stop on a curve lands; the rest is for the curvature.
-const LANDING: f64 = 0.9;
-
-/// The hardest braking for the next `t` seconds that, with the part `force` of them, keeps every axis inside its limits and can
-/// still land with the path jerk `landing`.
-#[allow(clippy::too_many_arguments)] // the law's own
-fn braking_jerk<const N: usize>(
-    limits: &Limits<N>,
-    force: f64,
-    here: &Derivatives<N>,
-    there: &Derivatives<N>,
-    v: f64,
-    a: f64,
-    t: f64,
-    landing: f64,
-) -> f64 {
-    // Acceleration at the end of the step, from what its end and its landing allow …
-    let speed = (v + a * t).max(0.0);
-    let mut least = -(2.0 * landing * speed).sqrt();
-    let mut most = f64::INFINITY;
-    for i in 0..N {
-        let d = there.d1[i].abs();
-        if d > 0.0 {
-            let curve = there.d2[i] * there.d1[i].signum() * speed * speed;
-            least = least.max((-force * limits.acceleration[i] - curve) / d);
-            most = most.min((force * limits.acceleration[i] - curve) / d);
-        }
-    }
-    // … and jerk, from what both ends allow.
-    let (mut low, mut high) = (f64::NEG_INFINITY, f64::INFINITY);
-    for (at, v, a) in [(here, v, a), (there, speed, a.min(0.0))] {
-        for i in 0..N {
-            let d = at.d1[i].abs();
-            if d > 0.0 {
-                let curve = (at.d3[i] * v * v + 3.0 * at.d2[i] * a) * v * at.d1[i].signum();
-                low = low.max((-force * limits.jerk[i] - curve) / d);
-                high = high.min((force * limits.jerk[i] - curve) / d);
-            }
-        }
-    }
-    let wish = least.min(most).max(a + low * t);
-    ((wish - a) / t).min(high).max(low.min(high))
-}
-
-/// The shortest way to rest from path speed `v` ≥ 0 and acceleration `a`: jerk −j, deceleration
-/// `limit` held if it is reached, jerk +j. `None` where jerk +j alone would come to rest no earlier.
-fn brake_from(distance: f64, v: f64, a: f64, limit: f64, j: f64) -> Option<[Piece; 3]> {
-    let reached = v + a * a / (2.0 * j);
-    let peak = (j * reached).sqrt().min(limit);
-    let down = (a + peak) / j;
-    if down < 0.0 || v <= 0.0 {
-        return None;
-    }
-    let hold = (reached - peak * peak / j) / peak;
-    let first = Piece {
-        duration: down,
-        distance,
-        speed: v,
-        acceleration: a,
-        jerk: -j,
-    };
-    let (d, speed, _) = first.at(down);
-    let second = Piece {
-        duration: hold.max(0.0),
-        distance: distance + d,
-        speed,
-        acceleration: -peak,
-        jerk: 0.0,
-    };
-    let (d, speed, _) = second.at(second.duration);
-    let third = Piece {
-        duration: peak / j,
-        distance: second.distance + d,
-        speed,
-        acceleration: -peak,
-        jerk: j,
-    };
-    Some([first, second, third])
 }

@@ -10,12 +10,29 @@
 //! - [`executor`]: what the cycle calls: where every axis has to be at the path's own clock, and a
 //!   stop on the path at any instant.
 //!
+//! # Override, hold, step back
+//!
+//! A person acts on the [`Executor`] alone, in the cycle: [`Executor::set_overrides`],
+//! [`hold`](Executor::hold), [`resume`](Executor::resume),
+//! [`stop_after_block`](Executor::stop_after_block), [`step_back`](Executor::step_back). The
+//! executor brakes by itself where that is asked; for everything else it wants the rest of the path
+//! planned anew and says from where on: [`Executor::outlook`], once a cycle. Whoever feeds it hands
+//! that to [`Planner::observe`], and the planner's commands go the usual way:
+//!
+//! ```text
+//! Executor ──► Outlook ──► Planner ──► Revise, Section, Span …, Piece …, Commit ──► Executor
+//! ```
+//!
+//! Until then the executor follows the old plan, which ends at rest, and drops what still comes of
+//! it. A new plan that comes after its cycle is dropped, too, and the outlook is given again.
+//!
 //! Units: mm (or deg for rotary axes), s, and their quotients.
 
 // Most loops over the axes walk several arrays at once.
 #![allow(clippy::needless_range_loop)]
 
 pub mod blend;
+mod brake;
 pub mod certify;
 pub mod curve;
 pub mod executor;
@@ -130,10 +147,27 @@ impl Piece {
 /// What the [`Planner`] hands to the [`Executor`], in order. It can travel through a bounded queue.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Command<const N: usize> {
-    /// A section begins, from rest, at distance 0, inside these limits.
-    Section(Limits<N>),
+    /// What follows, up to the commit, replaces all that is later than the start of the cycle, as
+    /// the [`Outlook`] of that revision asked.
+    Revise {
+        /// [`Outlook::revision`]
+        revision: u64,
+        /// [`Outlook::cycle`]
+        cycle: u64,
+    },
+    /// A section begins, from rest, at distance 0, inside these limits; after a [`Revise`](Self::Revise) one goes
+    /// on where it was. Its spans follow.
+    Section {
+        /// Legs are the sections, dwells and marks in the order in which they were pushed.
+        leg: u64,
+        /// Path distance from the beginning of everything to the section's, mm.
+        origin: f64,
+        /// Of the axes.
+        limits: Limits<N>,
+    },
     /// What follows replaces the step of that number and all after it. Steps are the sections,
-    /// pieces and dwells that were not replaced, counted from 0.
+    /// pieces, dwells and marks that were not replaced, counted from 0, and again after a
+    /// [`Revise`](Self::Revise).
     Splice(u64),
     /// The section's geometry goes on with this curve.
     Span(Span<N>),
@@ -141,13 +175,70 @@ pub enum Command<const N: usize> {
     Piece(Piece),
     /// Rest for `duration` s, under `tag`.
     Dwell {
+        /// As in [`Section`](Self::Section).
+        leg: u64,
         /// s
         duration: f64,
         /// As [`Move::tag`].
         tag: u32,
     },
+    /// The place of a [`Planner::mark`].
+    Mark {
+        /// As in [`Section`](Self::Section).
+        leg: u64,
+        /// The caller's.
+        mark: u32,
+    },
+    /// Rest until [`Executor::resume`].
+    Hold,
     /// What was handed over so far ends at rest and may be executed.
     Commit,
+}
+
+/// What parts of the programmed speeds are asked for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Overrides {
+    /// Of feeds, 0 to 2.
+    pub feed: f64,
+    /// Of rapids, 0 to 1.
+    pub rapid: f64,
+}
+
+impl Default for Overrides {
+    fn default() -> Self {
+        Overrides {
+            feed: 1.0,
+            rapid: 1.0,
+        }
+    }
+}
+
+/// From where on, and how, the executor wants its plan replaced.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Outlook {
+    /// Number of the new plan.
+    pub revision: u64,
+    /// At the start of this cycle it takes over; it has to be committed before.
+    pub cycle: u64,
+    /// The leg that is under way then, or over; none before the first.
+    pub leg: Option<u64>,
+    /// The state on it then.
+    pub departure: Departure,
+    /// What a person set.
+    pub overrides: Overrides,
+    /// Rest is asked for at the end of the block.
+    pub stop_after_block: bool,
+}
+
+/// A state on a section of the path.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Departure {
+    /// mm
+    pub distance: f64,
+    /// mm/s
+    pub speed: f64,
+    /// mm/s²
+    pub acceleration: f64,
 }
 
 /// A curve in its place along the section.
@@ -159,6 +250,8 @@ pub struct Span<const N: usize> {
     pub curve: Curve<N>,
     /// The programmed path speed, mm/s; infinite for rapid.
     pub feed: f64,
+    /// The path speed that is asked for after overrides, mm/s.
+    pub speed: f64,
     /// As [`Move::tag`].
     pub tag: u32,
 }

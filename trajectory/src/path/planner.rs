@@ -5,14 +5,18 @@
 //! begins in the midst of it, at a piece from which the former end is out of sight, and replaces
 //! the rest ([`Command::Splice`]). Where windows end depends on the path alone, never on the pace
 //! at which items come or commands go.
+//!
+//! What was planned is kept for a while, so that it can be planned again from any state on it: when
+//! the speeds that are asked for change, or after a hold ([`Planner::observe`]).
 
 use std::collections::VecDeque;
 
 use thiserror::Error;
 
 use super::blend::{Blend, blend};
-use super::window::{Departure, Window};
-use super::{Command, Curve, Exit, Item, Limits, Move, Piece, Span};
+use super::brake::brake;
+use super::window::Window;
+use super::{Command, Curve, Departure, Exit, Item, Limits, Move, Outlook, Overrides, Piece, Span};
 
 /// Why an item cannot be planned.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
@@ -48,32 +52,49 @@ pub struct Planner<const N: usize> {
     position: [f64; N],
     /// The last move, and how much of its start a blend took.
     pending: Option<(Move<N>, f64)>,
-    /// What is to be planned; the first is under way.
+    /// What was planned lately, is under way, and is to be planned.
     legs: VecDeque<Leg<N>>,
+    /// Number of the first of them.
+    first: u64,
+    /// How many spans they hold.
+    kept: usize,
+    /// Path length of all sections.
+    length: f64,
     cursor: Cursor,
     window: Window<N>,
+    /// Slowing down that precedes the window.
+    slowing: Vec<Piece>,
     out: VecDeque<Command<N>>,
+    overrides: Overrides,
+    stop_after_block: bool,
+    /// The last plan made.
+    revision: u64,
 }
 
 #[derive(Debug, Clone)]
 enum Leg<const N: usize> {
     Section(Section<N>),
     Dwell { duration: f64, tag: u32 },
+    Mark(u32),
 }
 
 /// Path without a stop.
 #[derive(Debug, Clone)]
 struct Section<const N: usize> {
-    /// Those not left behind yet.
-    spans: VecDeque<Span<N>>,
+    /// Those not forgotten yet.
+    spans: Vec<Span<N>>,
+    /// Path length from the beginning of everything.
+    origin: f64,
     length: f64,
     /// No more spans come.
     closed: bool,
 }
 
-/// How far planning has come in the first leg.
+/// How far planning has come.
 #[derive(Debug, Clone, Copy, Default)]
 struct Cursor {
+    /// The leg that is being planned.
+    leg: u64,
     /// Where the next window begins.
     departure: Departure,
     /// The step that it replaces, if one; steps are counted as the executor counts them.
@@ -86,6 +107,8 @@ struct Cursor {
     sent: f64,
     /// Where the last window came to rest.
     rest: f64,
+    /// There the executor holds.
+    holds: bool,
 }
 
 impl<const N: usize> Planner<N> {
@@ -105,9 +128,16 @@ impl<const N: usize> Planner<N> {
             position,
             pending: None,
             legs: VecDeque::new(),
+            first: 0,
+            kept: 0,
+            length: 0.0,
             cursor: Cursor::default(),
             window: Window::default(),
+            slowing: Vec::new(),
             out: VecDeque::new(),
+            overrides: Overrides::default(),
+            stop_after_block: false,
+            revision: 0,
         }
     }
 
@@ -127,6 +157,12 @@ impl<const N: usize> Planner<N> {
             Item::Move(motion) => self.push_move(motion)?,
         }
         Ok(())
+    }
+
+    /// The path rests here, and `mark` comes back as [`Command::Mark`].
+    pub fn mark(&mut self, mark: u32) {
+        self.close();
+        self.legs.push_back(Leg::Mark(mark));
     }
 
     /// No further item comes for now: whatever was taken is planned to rest.
@@ -214,77 +250,225 @@ impl<const N: usize> Planner<N> {
     fn lay(&mut self, curve: Curve<N>, feed: f64, tag: u32) {
         if !matches!(self.legs.back(), Some(Leg::Section(section)) if !section.closed) {
             self.legs.push_back(Leg::Section(Section {
-                spans: VecDeque::new(),
+                spans: Vec::new(),
+                origin: self.length,
                 length: 0.0,
                 closed: false,
             }));
         }
+        let mut span = Span {
+            start: 0.0,
+            curve,
+            feed,
+            speed: feed,
+            tag,
+        };
+        if self.overrides != Overrides::default() {
+            span.speed = asked_speed(&span, self.overrides, &self.limits);
+        }
         if let Some(Leg::Section(section)) = self.legs.back_mut() {
-            section.push(Span {
-                start: 0.0,
-                curve,
-                feed,
-                tag,
-            });
+            section.push(span);
+            self.length = section.origin + section.length;
+            self.kept += 1;
+        }
+    }
+
+    /// Plans the rest of the path anew from the state that the executor looks out to; the commands
+    /// come next. Where no law is found from there, the answer is a plan that is too late, and the
+    /// executor, which follows its old plan meanwhile, will look out to another state. An outlook
+    /// that was answered is passed over.
+    pub fn observe(&mut self, outlook: &Outlook) {
+        if outlook.revision <= self.revision {
+            return;
+        }
+        self.override_speeds(outlook.overrides);
+        self.stop_after_block = outlook.stop_after_block;
+        let first = self.first;
+        let (leg, departure) = match outlook.leg {
+            None => (first, Departure::default()),
+            Some(leg) => match self.leg(leg) {
+                Some(Leg::Section(section)) => {
+                    let over = section.closed && section.reaches_end(outlook.departure.distance);
+                    if over {
+                        (leg + 1, Departure::default())
+                    } else {
+                        (leg, outlook.departure)
+                    }
+                }
+                _ => (leg + 1, Departure::default()),
+            },
+        };
+        let before = self.cursor;
+        self.cursor = Cursor {
+            leg,
+            departure,
+            sent: f64::NEG_INFINITY,
+            rest: departure.distance,
+            ..Cursor::default()
+        };
+        self.out.clear();
+        self.out.push_back(Command::Revise {
+            revision: outlook.revision,
+            cycle: outlook.cycle,
+        });
+        self.revision = outlook.revision;
+        let moves = departure.speed > 0.0;
+        match self.leg(leg) {
+            Some(Leg::Section(_)) => {
+                let ended = self.plan_window(moves);
+                if self.out.len() == 1 {
+                    if moves {
+                        // Nothing found: what comes too late is asked for again.
+                        self.out.clear();
+                        self.out.extend([
+                            Command::Revise {
+                                revision: outlook.revision,
+                                cycle: 0,
+                            },
+                            Command::Commit,
+                        ]);
+                        self.cursor = before;
+                        return;
+                    }
+                    self.out.push_back(Command::Commit);
+                }
+                if ended {
+                    self.begin_leg(leg + 1);
+                }
+            }
+            _ => self.out.push_back(Command::Commit),
+        }
+    }
+
+    fn leg(&self, number: u64) -> Option<&Leg<N>> {
+        let index = number.checked_sub(self.first)?;
+        self.legs.get(index as usize)
+    }
+
+    /// From now on these parts of the programmed speeds are asked for.
+    fn override_speeds(&mut self, overrides: Overrides) {
+        if overrides == self.overrides {
+            return;
+        }
+        self.overrides = overrides;
+        for leg in &mut self.legs {
+            if let Leg::Section(section) = leg {
+                for span in &mut section.spans {
+                    span.speed = asked_speed(span, overrides, &self.limits);
+                }
+            }
+        }
+    }
+
+    /// Planning goes on with that leg; legs long passed are forgotten.
+    fn begin_leg(&mut self, leg: u64) {
+        self.cursor = Cursor {
+            leg,
+            step: self.cursor.step,
+            holds: self.cursor.holds,
+            ..Cursor::default()
+        };
+        while self.kept + self.legs.len() > KEPT && self.first + 1 < leg {
+            if let Some(Leg::Section(section)) = self.legs.pop_front() {
+                self.kept -= section.spans.len();
+            }
+            self.first += 1;
         }
     }
 
     /// Plans until there is a command, as far as the path is known.
     fn plan_on(&mut self) {
-        while self.out.is_empty() {
-            match self.legs.front() {
+        while self.out.is_empty() && !self.cursor.holds {
+            let number = self.cursor.leg;
+            match self.leg(number) {
                 None => return,
                 Some(&Leg::Dwell { duration, tag }) => {
+                    self.out.extend([
+                        Command::Dwell {
+                            leg: number,
+                            duration,
+                            tag,
+                        },
+                        Command::Commit,
+                    ]);
+                    self.cursor.step += 1;
+                    self.begin_leg(number + 1);
+                }
+                Some(&Leg::Mark(mark)) => {
                     self.out
-                        .extend([Command::Dwell { duration, tag }, Command::Commit]);
-                    self.cursor = Cursor {
-                        step: self.cursor.step + 1,
-                        ..Cursor::default()
-                    };
-                    self.legs.pop_front();
+                        .extend([Command::Mark { leg: number, mark }, Command::Commit]);
+                    self.cursor.step += 1;
+                    self.begin_leg(number + 1);
                 }
                 Some(Leg::Section(section)) => {
                     let ahead = section.time_from(self.cursor.departure.distance, &self.limits);
                     if !section.closed && (ahead == 0.0 || ahead < self.horizon) {
                         return;
                     }
-                    if self.plan_window() {
-                        self.cursor = Cursor {
-                            step: self.cursor.step,
-                            ..Cursor::default()
-                        };
-                        self.legs.pop_front();
+                    if self.plan_window(false) {
+                        self.begin_leg(number + 1);
                     }
                 }
             }
         }
     }
 
-    /// Plans the next window of the section under way; true if that reaches its end.
-    fn plan_window(&mut self) -> bool {
-        let Some(Leg::Section(section)) = self.legs.front_mut() else {
+    /// Plans the next window of the section under way, with `slow_down` from a state that may be
+    /// faster than what is asked for; true if that reaches the section's end.
+    fn plan_window(&mut self, slow_down: bool) -> bool {
+        let leg = self.cursor.leg;
+        let index = leg.checked_sub(self.first).map(|index| index as usize);
+        let Some(Leg::Section(section)) = index.and_then(|index| self.legs.get_mut(index)) else {
             return true;
         };
         let departure = self.cursor.departure;
         if departure.distance >= section.length {
             return section.closed;
         }
-        section.forget_before(departure.distance);
-        let spans = section.spans.make_contiguous();
-        let end = reach(spans, departure.distance, self.horizon, &self.limits);
-        let planned = if let [span] = spans
+        self.kept -= section.forget_before(departure.distance);
+        let spans = section.from(departure.distance);
+        let mut way = spans
+            .iter()
+            .find(|s| s.speed <= 0.0)
+            .map_or(f64::INFINITY, |s| s.start);
+        self.slowing.clear();
+        let mut from = departure;
+        // A straight end of a section has a closed form from any state.
+        let straight = spans.len() == 1
             && section.closed
-            && departure == Departure::default()
-            && span.curve.direction().is_some()
+            && way == f64::INFINITY
+            && spans[0].curve.direction().is_some()
+            && self
+                .window
+                .straight(&spans[0], &self.limits, departure)
+                .is_ok();
+        if slow_down && !straight && !lay_slowing(spans, &self.limits, &mut from, &mut self.slowing)
         {
-            self.window.straight(span, &self.limits);
+            return false;
+        }
+        if self.stop_after_block {
+            way = way.min(block_end(spans, section.closed, from, &self.limits));
+        }
+        let end = reach(spans, from.distance, self.horizon, &self.limits).min(way);
+        if end <= from.distance && self.slowing.is_empty() && from.speed == 0.0 {
+            // There is no way on.
+            self.out.extend([Command::Hold, Command::Commit]);
+            self.cursor.step += 1;
+            self.cursor.holds = true;
+            return false;
+        }
+        let planned = if straight {
             true
+        } else if end <= from.distance {
+            self.window.stay();
+            from.speed == 0.0
         } else {
-            self.window
-                .plan(spans, &self.limits, departure, end)
-                .is_ok()
+            self.window.plan(spans, &self.limits, from, end).is_ok()
         };
         if !planned {
+            if slow_down {
+                return false;
+            }
             if departure.speed > 0.0 {
                 // What was handed over ends at rest further on: from there it can always go on.
                 self.cursor.departure = Departure {
@@ -296,13 +480,18 @@ impl<const N: usize> Planner<N> {
             }
             self.window.crawl(spans, departure.distance, &self.limits);
         }
+        let slowing = self.slowing.len();
         let pieces = self.window.pieces();
-        let Some(last) = pieces.last() else {
-            return true;
+        let Some(last) = pieces.last().or(self.slowing.last()) else {
+            return false;
         };
         let rest = last.distance + last.at(last.duration).0;
         if !self.cursor.begun {
-            self.out.push_back(Command::Section(self.limits));
+            self.out.push_back(Command::Section {
+                leg,
+                origin: section.origin,
+                limits: self.limits,
+            });
             self.cursor.begun = true;
             self.cursor.step += 1;
         }
@@ -317,14 +506,28 @@ impl<const N: usize> Planner<N> {
             self.out.push_back(Command::Span(*span));
         }
         self.cursor.sent = self.cursor.sent.max(rest);
+        let slowing_down = self.slowing.iter().copied().map(Command::Piece);
+        self.out.extend(slowing_down);
         self.out.extend(pieces.iter().copied().map(Command::Piece));
+        self.cursor.holds = rest >= way - NOTHING;
+        if self.cursor.holds {
+            self.out.push_back(Command::Hold);
+        }
         self.out.push_back(Command::Commit);
         self.cursor.rest = rest;
-        let first = self.cursor.step;
-        self.cursor.step += pieces.len() as u64;
+        let first = self.cursor.step + slowing as u64;
+        self.cursor.step = first + pieces.len() as u64;
         // The end of a section is met to rounding.
         if section.closed && rest >= section.length * (1.0 - 1e-12) {
             return true;
+        }
+        if pieces.is_empty() {
+            self.cursor.departure = Departure {
+                distance: rest,
+                ..Departure::default()
+            };
+            self.cursor.splice = None;
+            return false;
         }
         // From where is the window's end out of sight? Half of it is kept in any case.
         let mut left = 0.0;
@@ -344,39 +547,137 @@ impl<const N: usize> Planner<N> {
     }
 }
 
+/// The end of the block that is under way at `from`, or of the first one where it is likely that
+/// the path can rest from there.
+fn block_end<const N: usize>(
+    spans: &[Span<N>],
+    closed: bool,
+    from: Departure,
+    limits: &Limits<N>,
+) -> f64 {
+    let least = |limit: &[f64; N]| limit.iter().copied().fold(f64::INFINITY, f64::min);
+    let (a, j) = (least(&limits.acceleration), least(&limits.jerk));
+    let rising = from.acceleration.max(0.0);
+    let peak = from.speed + rising * rising / (2.0 * j);
+    let stop = 0.5 * peak * (peak / a + a / j).max(2.0 * (peak / j).sqrt());
+    let last = spans.len() - 1;
+    (0..=last)
+        .filter(|&k| {
+            if k < last {
+                spans[k + 1].tag != spans[k].tag
+            } else {
+                closed
+            }
+        })
+        .map(|k| spans[k].start + spans[k].curve.length())
+        .find(|end| end - from.distance >= 1.2 * stop)
+        .unwrap_or(f64::INFINITY)
+}
+
+/// Spans that are kept at least: what an executor and the queue to it may hold, and what can be
+/// stepped back.
+const KEPT: usize = 16_384;
+
+/// The path speed that is asked for on a span after overrides.
+fn asked_speed<const N: usize>(span: &Span<N>, overrides: Overrides, limits: &Limits<N>) -> f64 {
+    if span.feed.is_finite() {
+        span.feed * overrides.feed
+    } else if overrides.rapid < 1.0 {
+        let [d1, _, _] = span.curve.derivative_bounds();
+        let axes = (0..N)
+            .map(|i| limits.velocity[i] / d1[i])
+            .fold(f64::INFINITY, f64::min);
+        axes * overrides.rapid
+    } else {
+        f64::INFINITY
+    }
+}
+
+/// Lays the pieces that bring `from` down to a state from where the way goes on at the speeds that
+/// are asked for; none if it is one. False if no law was found.
+fn lay_slowing<const N: usize>(
+    spans: &[Span<N>],
+    limits: &Limits<N>,
+    from: &mut Departure,
+    pieces: &mut Vec<Piece>,
+) -> bool {
+    let mut target = spans[0].speed;
+    let along = spans[0].curve.at(from.distance - spans[0].start).d1;
+    let jerk = (0..N)
+        .map(|i| limits.jerk[i] / along[i].abs())
+        .fold(f64::INFINITY, f64::min);
+    // The speed must come down to what is asked for where it has come down.
+    for _ in 0..4 {
+        let goal = target * SLOWED;
+        let rising = from.acceleration.max(0.0);
+        if from.speed + rising * rising / (2.0 * jerk) <= target {
+            return true;
+        }
+        let Some(law) = brake(|k| spans.get(k), limits, *from, goal) else {
+            return false;
+        };
+        let lowest = spans
+            .iter()
+            .take_while(|s| s.start <= law.end.distance)
+            .map(|s| s.speed)
+            .fold(target, f64::min);
+        if lowest >= target {
+            pieces.extend_from_slice(law.pieces());
+            *from = law.end;
+            return true;
+        }
+        target = lowest;
+    }
+    false
+}
+
+/// Part of the speed that is asked for to which it is brought down, so that rounding stays inside.
+const SLOWED: f64 = 1.0 - 1e-4;
+
 /// A window sees this many times the longest stop of an axis beyond what is final.
 const SIGHT: f64 = 2.0;
 
 impl<const N: usize> Section<N> {
     fn push(&mut self, span: Span<N>) {
-        self.spans.push_back(Span {
+        self.spans.push(Span {
             start: self.length,
             ..span
         });
         self.length += span.curve.length();
     }
 
-    fn forget_before(&mut self, distance: f64) {
-        while self.spans.len() > 1 && self.spans[1].start <= distance {
-            self.spans.pop_front();
+    /// Forgets what is long passed at `distance`; returns how many spans.
+    fn forget_before(&mut self, distance: f64) -> usize {
+        let passed = self.spans.partition_point(|s| s.start <= distance);
+        let surplus = passed.saturating_sub(KEPT);
+        if surplus < KEPT {
+            return 0;
         }
+        self.spans.drain(..surplus);
+        surplus
+    }
+
+    /// The spans from the one at `distance` on.
+    fn from(&self, distance: f64) -> &[Span<N>] {
+        let passed = self.spans.partition_point(|s| s.start <= distance);
+        &self.spans[passed.saturating_sub(1)..]
+    }
+
+    fn reaches_end(&self, distance: f64) -> bool {
+        distance >= self.length - 1e-9
     }
 
     /// Least time of travel from `distance` to the end of what is known, s.
     fn time_from(&self, distance: f64, limits: &Limits<N>) -> f64 {
-        let mut time = 0.0;
-        for span in self.spans.iter().rev() {
+        let spans = self.from(distance);
+        if spans.len() > WINDOW_SPANS {
+            return f64::INFINITY;
+        }
+        let left = |span: &Span<N>| {
             let end = span.start + span.curve.length();
-            if end <= distance {
-                break;
-            }
-            time += (end - span.start.max(distance)) / top_speed(span, limits);
-        }
-        if self.spans.len() > WINDOW_SPANS {
-            f64::INFINITY
-        } else {
-            time
-        }
+            (end - span.start.max(distance)).max(0.0) / top_speed(span, limits)
+        };
+        spans.iter().map(left).sum()
     }
 }
 
@@ -411,7 +712,7 @@ fn top_speed<const N: usize>(span: &Span<N>, limits: &Limits<N>) -> f64 {
             .map(|i| limits.velocity[i] / d[i].abs())
             .fold(f64::INFINITY, f64::min)
     });
-    along.min(span.feed)
+    along.min(span.speed)
 }
 
 /// Whether tangent and curvature go on unbroken from one curve to the next.
@@ -444,7 +745,7 @@ impl Bounds {
                 .min((0.7 * limits.acceleration[i] / d2[i]).sqrt())
                 .min(libm::cbrt(0.3 * limits.jerk[i] / d3[i]))
         })
-        .min(span.feed);
+        .min(span.speed);
         let acceleration = least(&|i| {
             let left = limits.acceleration[i] - d2[i] * speed * speed;
             (left / d1[i]).min(0.35 * limits.jerk[i] / (3.0 * d2[i] * speed))
@@ -458,6 +759,11 @@ impl Bounds {
             acceleration,
             jerk,
         }
+    }
+
+    /// As those of one axis.
+    pub(super) fn limits(self) -> crate::limits::Limits {
+        crate::limits::Limits::symmetric(self.speed, self.acceleration, self.jerk)
     }
 }
 

@@ -4,18 +4,9 @@
 use super::certify::load;
 use super::planner::{Bounds, rest_to_rest};
 use super::time_law::{Cell, Node, Slope, TimeLaw};
-use super::{Limits, Piece, Span};
-
-/// Where a stretch begins: distance along the section, speed and acceleration.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct Departure {
-    /// mm
-    pub distance: f64,
-    /// mm/s
-    pub speed: f64,
-    /// mm/s²
-    pub acceleration: f64,
-}
+use super::{Departure, Limits, Piece, Span};
+use crate::profile::State;
+use crate::state_to_state::{self, Axis};
 
 /// Ramps of the acceleration are cut into this many cells.
 const CELLS_PER_RAMP: f64 = 10.0;
@@ -81,14 +72,43 @@ impl<const N: usize> Window<N> {
         &self.pieces
     }
 
-    /// The fastest motion along a straight span from rest to rest, in closed form.
-    pub fn straight(&mut self, span: &Span<N>, limits: &Limits<N>) {
+    /// No motion at all.
+    pub fn stay(&mut self) {
         self.pieces.clear();
-        self.pieces.extend(rest_to_rest(
-            span.start,
-            span.curve.length(),
-            Bounds::along(span, limits),
-        ));
+    }
+
+    /// The fastest motion along a straight span from `departure` to rest at its end, in closed
+    /// form; also from a speed beyond what is asked for.
+    ///
+    /// # Errors
+    /// The end comes too soon for that.
+    pub fn straight(
+        &mut self,
+        span: &Span<N>,
+        limits: &Limits<N>,
+        departure: Departure,
+    ) -> Result<(), NoLaw> {
+        self.pieces.clear();
+        let start = State {
+            p: departure.distance,
+            v: departure.speed,
+            a: departure.acceleration,
+        };
+        let end = State::at_rest(span.start + span.curve.length());
+        let axis = Axis::new(start, end, Bounds::along(span, limits).limits());
+        let profile = state_to_state::plan(&axis, 0.0).map_err(|_| NoLaw)?;
+        if profile.extrema().velocity.min < -ROUNDING * departure.speed {
+            return Err(NoLaw);
+        }
+        self.pieces
+            .extend(profile.pieces().map(|(at, segment)| Piece {
+                duration: segment.duration,
+                distance: at.p,
+                speed: at.v,
+                acceleration: at.a,
+                jerk: segment.jerk,
+            }));
+        Ok(())
     }
 
     /// A motion from rest at `from` to rest at the end of the span there that needs no search.
@@ -169,7 +189,7 @@ impl<const N: usize> Window<N> {
                 continue;
             }
             let straight = span.curve.direction().is_some();
-            let mut before = Rates::at(&span.curve.at(from).into(), limits, span.feed);
+            let mut before = Rates::at(&span.curve.at(from).into(), limits, span.speed);
             let mut s0 = from;
             while s0 < to {
                 // A part that is nearly all there is is all there is.
@@ -182,7 +202,7 @@ impl<const N: usize> Window<N> {
                 let after = if straight {
                     before
                 } else {
-                    Rates::at(&span.curve.at(s1).into(), limits, span.feed)
+                    Rates::at(&span.curve.at(s1).into(), limits, span.speed)
                 };
                 let rates = before.least(after);
                 self.stretches.push(Stretch {
@@ -291,7 +311,7 @@ impl<const N: usize> Window<N> {
             let span = &spans[index];
             let slopes: [Slope<N>; 2] =
                 [ends[0], ends[1]].map(|s| span.curve.at(s - span.start).into());
-            let [first, second] = slopes.map(|slope| Rates::at(&slope, limits, span.feed).fast);
+            let [first, second] = slopes.map(|slope| Rates::at(&slope, limits, span.speed).fast);
             self.cells.push(Cell {
                 length: ends[1] - ends[0],
                 ends: slopes,
