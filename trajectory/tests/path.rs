@@ -458,3 +458,59 @@ fn a_stop_after_the_block_rests_in_its_end() {
         inside_limits(row).unwrap();
     }
 }
+
+#[test]
+fn steps_back_and_forwards_again() {
+    let corners = [
+        [0.0; 3],
+        [50.0, 0.0, 0.0],
+        [50.0, 50.0, 0.0],
+        [0.0, 50.0, 0.0],
+    ];
+    let items: Vec<_> = corners
+        .windows(2)
+        .enumerate()
+        .map(|(k, p)| {
+            Item::Move(Move {
+                curve: Curve::line(p[0], p[1]).unwrap(),
+                feed: Feed::Rate(100.0),
+                exit: Exit::Blend(0.5),
+                tag: k as u32,
+            })
+        })
+        .collect();
+    let mut cycle = 0;
+    let mut phase = 0;
+    let mut at = Vec::new();
+    let rows = act(&items, [0.0; 3], |executor| {
+        cycle += 1;
+        let held = executor.is_held();
+        if cycle == 400 || held && phase == 1 || held && phase == 2 {
+            at.push(executor.setpoint());
+            executor.step_back();
+            phase += 1;
+        } else if held && phase == 3 {
+            at.push(executor.setpoint());
+            executor.resume();
+            phase += 1;
+        }
+        true
+    });
+    assert_eq!(at[0].tag, 1);
+    // To the end of the blend that begins its block, to the beginning of the one before, no further.
+    assert!(
+        at[1].position[1] < 3.0 && at[1].position[0] == 50.0,
+        "{:?}",
+        at[1]
+    );
+    assert_eq!(at[2].position, [0.0; 3]);
+    assert_eq!(at[3].position, [0.0; 3]);
+    assert_eq!(rows.last().unwrap().position, [0.0, 50.0, 0.0]);
+    for pair in rows.windows(2) {
+        inside_limits(&pair[1]).unwrap();
+        for i in 0..3 {
+            let moved = (pair[1].position[i] - pair[0].position[i]) / PERIOD;
+            assert!((moved - pair[1].velocity[i]).abs() < 15.0, "{:?}", pair[1]);
+        }
+    }
+}

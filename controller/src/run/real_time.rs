@@ -21,7 +21,7 @@ use syncline_canopen::Instant;
 use syncline_trajectory::path::{Executor, Outlook, Overrides};
 
 /// Instructions on their way into the cycle.
-const INSTRUCTIONS: usize = 8192;
+const INSTRUCTIONS: usize = 1024;
 /// Orders on their way into the cycle.
 const ORDERS: usize = 64;
 /// News on their way out of the cycle.
@@ -49,6 +49,8 @@ pub enum Order {
     Resume,
     /// Rests at the end of the block.
     StopAfterBlock,
+    /// Goes back to the beginning of the block and rests there.
+    StepBack,
 }
 
 /// What the cycle tells.
@@ -264,6 +266,7 @@ impl Cycle {
                 Order::Hold => self.driver.controller.act(Executor::hold),
                 Order::Resume => self.driver.controller.act(Executor::resume),
                 Order::StopAfterBlock => self.driver.controller.act(Executor::stop_after_block),
+                Order::StepBack => self.driver.controller.act(Executor::step_back),
             }
         }
     }

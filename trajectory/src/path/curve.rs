@@ -374,6 +374,35 @@ impl<const N: usize> Poly<N> {
         self.lengths[PARTS]
     }
 
+    /// The same curve with the parameter 1 − u.
+    fn reversed(&self) -> Self {
+        // Coefficients by powers of 1 − u, by dividing again and again (Horner's scheme).
+        let mut terms = [[0.0; N]; 5];
+        let mut start = self.start;
+        for i in 0..N {
+            let mut c = [0.0; 6];
+            c[0] = self.start[i];
+            for k in 0..5 {
+                c[k + 1] = self.terms[k][i];
+            }
+            for k in 0..5 {
+                for n in (k..5).rev() {
+                    c[n] += c[n + 1];
+                }
+            }
+            start[i] = c[0];
+            for k in 0..5 {
+                terms[k][i] = if k % 2 == 0 { -c[k + 1] } else { c[k + 1] };
+            }
+        }
+        let whole = self.length();
+        Poly {
+            start,
+            terms,
+            lengths: std::array::from_fn(|k| whole - self.lengths[PARTS - k]),
+        }
+    }
+
     fn first(&self, u: f64) -> [f64; N] {
         let mut d = [0.0; N];
         for k in (0..5).rev() {
@@ -653,6 +682,29 @@ impl<const N: usize> Curve<N> {
                 })
             }
             Curve::Poly(poly) => Curve::Poly(poly),
+        }
+    }
+
+    /// The same curve from its end to its start.
+    pub fn reversed(&self) -> Self {
+        match *self {
+            Curve::Line(line) => Curve::Line(Line {
+                start: line.end,
+                end: line.start,
+                direction: line.direction.map(|d| -d),
+                length: line.length,
+            }),
+            Curve::Arc(arc) => Curve::Arc(Arc {
+                start: arc.end,
+                end: arc.start,
+                from: arc.from + arc.sweep,
+                sweep: -arc.sweep,
+                radius: arc.radius + arc.spiral * arc.sweep.abs(),
+                spiral: -arc.spiral,
+                pitch: arc.pitch.map(|p| -p),
+                ..arc
+            }),
+            Curve::Poly(poly) => Curve::Poly(poly.reversed()),
         }
     }
 

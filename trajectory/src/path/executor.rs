@@ -20,7 +20,7 @@ pub struct Setpoint<const N: usize> {
     pub jerk: [f64; N],
     /// The mark of the move or dwell at work; of the last one when idle.
     pub tag: u32,
-    /// Path travelled since the beginning, mm.
+    /// Where on the path, mm from its beginning; less where it is stepped back.
     pub distance: f64,
     /// Path speed, mm/s.
     pub speed: f64,
@@ -35,6 +35,7 @@ enum Step<const N: usize> {
     Section {
         leg: u64,
         origin: f64,
+        backward: bool,
         limits: Limits<N>,
         /// Number of its first span.
         spans: u64,
@@ -126,6 +127,8 @@ pub struct Executor<const N: usize> {
     /// to the section's.
     leg: Option<u64>,
     origin: f64,
+    /// The section leads back.
+    backward: bool,
     /// Where on the section the path came to rest last.
     reached: f64,
     rest: [f64; N],
@@ -133,6 +136,7 @@ pub struct Executor<const N: usize> {
     stop: Stop,
     overrides: Overrides,
     stop_after_block: bool,
+    step_back: bool,
     /// Rest until `resume`.
     held: bool,
     /// Rest for good.
@@ -194,12 +198,14 @@ impl<const N: usize> Executor<N> {
             },
             leg: None,
             origin: 0.0,
+            backward: false,
             reached: 0.0,
             rest: position,
             tag: 0,
             stop: Stop::No,
             overrides: Overrides::default(),
             stop_after_block: false,
+            step_back: false,
             held: false,
             stopped: false,
         }
@@ -227,7 +233,11 @@ impl<const N: usize> Executor<N> {
     pub fn room(&self) -> usize {
         let room = (self.spans.capacity() - self.spans.len())
             .min(self.steps.capacity() - self.steps.len());
-        if self.held || self.refused == Some(self.cycle) || self.is_held() && !self.deaf {
+        if self.held
+            || self.turns()
+            || self.refused == Some(self.cycle)
+            || self.is_held() && !self.deaf
+        {
             0
         } else if self.deaf || self.fresh.is_some() {
             room
@@ -261,10 +271,12 @@ impl<const N: usize> Executor<N> {
             Command::Section {
                 leg,
                 origin,
+                backward,
                 limits,
             } => self.steps.push_back(Step::Section {
                 leg,
                 origin,
+                backward,
                 limits,
                 spans,
                 moving: false,
@@ -292,6 +304,7 @@ impl<const N: usize> Executor<N> {
             }
             let keep = self.cut(cycle);
             self.steps.drain(keep..self.committed);
+            self.stop = Stop::No;
             self.number = -(keep as i64);
             let under_way = keep.checked_sub(1).is_some_and(
                 |last| matches!(self.steps[last], Step::Piece(p) if p.at(p.duration).1 > 0.0),
@@ -344,7 +357,7 @@ impl<const N: usize> Executor<N> {
                 acceleration: [0.0; N],
                 jerk: [0.0; N],
                 tag: self.tag,
-                distance: self.origin + self.reached,
+                distance: self.path_distance(self.reached),
                 speed: 0.0,
                 feed: 0.0,
                 busy: !self.is_idle(),
@@ -364,10 +377,18 @@ impl<const N: usize> Executor<N> {
                 at.d3[i] * v * v * v + 3.0 * at.d2[i] * v * a + at.d1[i] * j
             }),
             tag: span.tag,
-            distance: self.origin + piece.distance + ds,
+            distance: self.path_distance(piece.distance + ds),
             speed: v,
             feed: span.speed,
             busy: true,
+        }
+    }
+
+    fn path_distance(&self, on_section: f64) -> f64 {
+        if self.backward {
+            self.origin - on_section
+        } else {
+            self.origin + on_section
         }
     }
 
@@ -421,6 +442,7 @@ impl<const N: usize> Executor<N> {
             Step::Section {
                 leg,
                 origin,
+                backward,
                 limits,
                 spans,
                 moving,
@@ -431,6 +453,7 @@ impl<const N: usize> Executor<N> {
                 self.first_span = spans;
                 self.leg = Some(leg);
                 self.origin = origin;
+                self.backward = backward;
                 if !moving && let Some(Step::Piece(piece)) = self.current() {
                     self.reached = piece.distance;
                 }
@@ -516,20 +539,54 @@ impl<const N: usize> Executor<N> {
     /// Ends a [`hold`](Self::hold), also one that a stop after the block came to.
     pub fn resume(&mut self) {
         self.stop_after_block = false;
-        if self.is_held() && !self.stopped {
-            self.held = false;
-            self.stop = Stop::No;
-            if let Some(Step::Hold) = self.current() {
-                self.finish_step(Step::Hold, 0.0);
-            }
-            self.revise();
+        if self.stopped || !(self.is_held() || self.step_back) {
+            return;
         }
+        self.step_back = false;
+        self.leave_hold();
+        if self.backward && self.stop == Stop::No {
+            self.begin_stop();
+        } else if !self.backward {
+            self.stop = Stop::No;
+        }
+        self.revise();
+    }
+
+    /// Comes to rest, goes back along the path to the beginning of the block, or from there to that
+    /// of the block before, and waits for [`resume`](Self::resume). On the way back it changes
+    /// nothing.
+    pub fn step_back(&mut self) {
+        let under_way = self.step_back && !self.is_held();
+        if self.stopped || under_way {
+            return;
+        }
+        self.stop_after_block = false;
+        self.step_back = true;
+        self.leave_hold();
+        if !self.backward && self.stop == Stop::No {
+            self.begin_stop();
+        }
+        self.revise();
+    }
+
+    fn leave_hold(&mut self) {
+        self.held = false;
+        if let Some(Step::Hold) = self.current() {
+            self.finish_step(Step::Hold, 0.0);
+        }
+    }
+
+    /// It has to come to rest before the new plan begins: that goes the other way.
+    fn turns(&self) -> bool {
+        self.deaf
+            && self.step_back != self.backward
+            && matches!(self.current(), Some(Step::Piece(_)))
     }
 
     /// Comes to rest at the end of the block that is under way, or of the first one where that is
     /// possible, and waits for [`resume`](Self::resume).
     pub fn stop_after_block(&mut self) {
-        if !self.is_held() {
+        if !self.is_held() && !self.step_back {
             self.stop_after_block = true;
             self.revise();
         }
@@ -564,7 +621,8 @@ impl<const N: usize> Executor<N> {
     /// From where on the plan has to be replaced, if it has. What is handed in before that is done
     /// is dropped.
     pub fn outlook(&self) -> Option<Outlook> {
-        if !self.deaf || self.held || self.late || self.refused == Some(self.cycle) {
+        if !self.deaf || self.held || self.late || self.turns() || self.refused == Some(self.cycle)
+        {
             return None;
         }
         let cycle = self.cycle + self.lead;
@@ -609,6 +667,7 @@ impl<const N: usize> Executor<N> {
             departure,
             overrides: self.overrides,
             stop_after_block: self.stop_after_block,
+            step_back: self.step_back,
         })
     }
 

@@ -162,6 +162,8 @@ pub enum Command<const N: usize> {
         leg: u64,
         /// Path distance from the beginning of everything to the section's, mm.
         origin: f64,
+        /// The section leads back along the path.
+        backward: bool,
         /// Of the axes.
         limits: Limits<N>,
     },
@@ -228,6 +230,8 @@ pub struct Outlook {
     pub overrides: Overrides,
     /// Rest is asked for at the end of the block.
     pub stop_after_block: bool,
+    /// The way back is asked for, to the beginning of the block or, from there, of the one before.
+    pub step_back: bool,
 }
 
 /// A state on a section of the path.

@@ -65,6 +65,8 @@ pub struct Planner<const N: usize> {
     /// Slowing down that precedes the window.
     slowing: Vec<Piece>,
     out: VecDeque<Command<N>>,
+    /// The way back that was planned last.
+    back: Option<Back<N>>,
     overrides: Overrides,
     stop_after_block: bool,
     /// The last plan made.
@@ -89,6 +91,21 @@ struct Section<const N: usize> {
     /// No more spans come.
     closed: bool,
 }
+
+/// A way back along a section.
+#[derive(Debug, Clone)]
+struct Back<const N: usize> {
+    /// Its number.
+    number: u64,
+    /// The leg that it goes back along, and where on that it begins.
+    leg: u64,
+    from: f64,
+    /// The spans from there, the other way round.
+    section: Section<N>,
+}
+
+/// Numbers of ways back have this bit set.
+const BACK: u64 = 1 << 63;
 
 /// How far planning has come.
 #[derive(Debug, Clone, Copy, Default)]
@@ -135,6 +152,7 @@ impl<const N: usize> Planner<N> {
             window: Window::default(),
             slowing: Vec::new(),
             out: VecDeque::new(),
+            back: None,
             overrides: Overrides::default(),
             stop_after_block: false,
             revision: 0,
@@ -283,20 +301,10 @@ impl<const N: usize> Planner<N> {
         }
         self.override_speeds(outlook.overrides);
         self.stop_after_block = outlook.stop_after_block;
-        let first = self.first;
-        let (leg, departure) = match outlook.leg {
-            None => (first, Departure::default()),
-            Some(leg) => match self.leg(leg) {
-                Some(Leg::Section(section)) => {
-                    let over = section.closed && section.reaches_end(outlook.departure.distance);
-                    if over {
-                        (leg + 1, Departure::default())
-                    } else {
-                        (leg, outlook.departure)
-                    }
-                }
-                _ => (leg + 1, Departure::default()),
-            },
+        let (leg, departure) = if outlook.step_back {
+            self.way_back(outlook)
+        } else {
+            self.way_on(outlook)
         };
         let before = self.cursor;
         self.cursor = Cursor {
@@ -313,8 +321,8 @@ impl<const N: usize> Planner<N> {
         });
         self.revision = outlook.revision;
         let moves = departure.speed > 0.0;
-        match self.leg(leg) {
-            Some(Leg::Section(_)) => {
+        match self.section(leg) {
+            Some(_) => {
                 let ended = self.plan_window(moves);
                 if self.out.len() == 1 {
                     if moves {
@@ -336,7 +344,112 @@ impl<const N: usize> Planner<N> {
                     self.begin_leg(leg + 1);
                 }
             }
-            _ => self.out.push_back(Command::Commit),
+            None if outlook.step_back => {
+                // There is no way further back.
+                self.out.extend([Command::Hold, Command::Commit]);
+                self.cursor.step += 1;
+                self.cursor.holds = true;
+            }
+            None => self.out.push_back(Command::Commit),
+        }
+    }
+
+    /// From where the path goes on.
+    fn way_on(&self, outlook: &Outlook) -> (u64, Departure) {
+        let (leg, departure) = match (outlook.leg, &self.back) {
+            (None, _) => return (self.first, Departure::default()),
+            (Some(number), Some(back)) if number == back.number => {
+                let distance = back.from - outlook.departure.distance;
+                (
+                    back.leg,
+                    Departure {
+                        distance: distance.max(0.0),
+                        ..Departure::default()
+                    },
+                )
+            }
+            (Some(leg), _) => (leg, outlook.departure),
+        };
+        match self.section(leg) {
+            Some(section) if !(section.closed && section.reaches_end(departure.distance)) => {
+                (leg, departure)
+            }
+            _ => (leg + 1, Departure::default()),
+        }
+    }
+
+    /// From where the path goes back: on a way back that is under way, or on a new one to the
+    /// beginning of a block.
+    fn way_back(&mut self, outlook: &Outlook) -> (u64, Departure) {
+        let nowhere = (BACK, Departure::default());
+        let mut number = BACK;
+        let (mut leg, mut from) = match (outlook.leg, &self.back) {
+            (None, _) => return nowhere,
+            (Some(at), Some(back)) if at == back.number => {
+                if !back.section.reaches_end(outlook.departure.distance) {
+                    return (at, outlook.departure);
+                }
+                number = at;
+                (back.leg, back.from - back.section.length)
+            }
+            (Some(leg), _) => (leg, outlook.departure.distance),
+        };
+        // From the beginning of a section, or a rest between two, into the one before.
+        while self.section(leg).is_none() || from <= NOTHING {
+            let Some(before) = leg.checked_sub(1).filter(|before| *before >= self.first) else {
+                return nowhere;
+            };
+            leg = before;
+            from = self.section(leg).map_or(0.0, |section| section.length);
+        }
+        let Some(section) = self.section(leg) else {
+            return nowhere;
+        };
+        let last = (section.spans)
+            .partition_point(|s| s.start < from - NOTHING)
+            .saturating_sub(1);
+        let end = section.spans[last].start + section.spans[last].curve.length();
+        let mut way = Section {
+            spans: Vec::new(),
+            origin: section.origin + end,
+            length: 0.0,
+            closed: true,
+        };
+        let tag = section.spans[last].tag;
+        for span in section.spans[..=last]
+            .iter()
+            .rev()
+            .take_while(|s| s.tag == tag)
+        {
+            way.push(Span {
+                curve: span.curve.reversed(),
+                ..*span
+            });
+        }
+        number += 1;
+        self.back = Some(Back {
+            number,
+            leg,
+            from: end,
+            section: way,
+        });
+        let departure = Departure {
+            distance: (end - from).max(0.0),
+            ..Departure::default()
+        };
+        (number, departure)
+    }
+
+    /// The section with that number, on the way or back.
+    fn section(&self, number: u64) -> Option<&Section<N>> {
+        if let Some(back) = &self.back
+            && back.number == number
+        {
+            return Some(&back.section);
+        }
+        match self.leg(number) {
+            Some(Leg::Section(section)) => Some(section),
+            _ => None,
         }
     }
 
@@ -351,11 +464,14 @@ impl<const N: usize> Planner<N> {
             return;
         }
         self.overrides = overrides;
-        for leg in &mut self.legs {
-            if let Leg::Section(section) = leg {
-                for span in &mut section.spans {
-                    span.speed = asked_speed(span, overrides, &self.limits);
-                }
+        let sections = self.legs.iter_mut().filter_map(|leg| match leg {
+            Leg::Section(section) => Some(section),
+            _ => None,
+        });
+        let back = self.back.as_mut().map(|back| &mut back.section);
+        for section in sections.chain(back) {
+            for span in &mut section.spans {
+                span.speed = asked_speed(span, overrides, &self.limits);
             }
         }
     }
@@ -368,7 +484,7 @@ impl<const N: usize> Planner<N> {
             holds: self.cursor.holds,
             ..Cursor::default()
         };
-        while self.kept + self.legs.len() > KEPT && self.first + 1 < leg {
+        while self.kept + self.legs.len() > KEPT && self.first + 1 < leg && leg < BACK {
             if let Some(Leg::Section(section)) = self.legs.pop_front() {
                 self.kept -= section.spans.len();
             }
@@ -418,14 +534,22 @@ impl<const N: usize> Planner<N> {
     fn plan_window(&mut self, slow_down: bool) -> bool {
         let leg = self.cursor.leg;
         let index = leg.checked_sub(self.first).map(|index| index as usize);
-        let Some(Leg::Section(section)) = index.and_then(|index| self.legs.get_mut(index)) else {
-            return true;
+        let backward = leg >= BACK;
+        let section = match (
+            index.and_then(|index| self.legs.get_mut(index)),
+            &mut self.back,
+        ) {
+            (Some(Leg::Section(section)), _) => section,
+            (None, Some(back)) if back.number == leg => &mut back.section,
+            _ => return true,
         };
         let departure = self.cursor.departure;
         if departure.distance >= section.length {
             return section.closed;
         }
-        self.kept -= section.forget_before(departure.distance);
+        if !backward {
+            self.kept -= section.forget_before(departure.distance);
+        }
         let spans = section.from(departure.distance);
         let mut way = spans
             .iter()
@@ -446,7 +570,9 @@ impl<const N: usize> Planner<N> {
         {
             return false;
         }
-        if self.stop_after_block {
+        if backward {
+            way = way.min(section.length);
+        } else if self.stop_after_block {
             way = way.min(block_end(spans, section.closed, from, &self.limits));
         }
         let end = reach(spans, from.distance, self.horizon, &self.limits).min(way);
@@ -490,6 +616,7 @@ impl<const N: usize> Planner<N> {
             self.out.push_back(Command::Section {
                 leg,
                 origin: section.origin,
+                backward,
                 limits: self.limits,
             });
             self.cursor.begun = true;
