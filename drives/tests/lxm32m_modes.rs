@@ -147,6 +147,20 @@ fn jog_by_step_then_on() {
     wait_for(&mut bench, X_END, 2);
 }
 
+/// D-51.
+#[test]
+fn both_directions_of_jog_at_once_are_none() {
+    let mut bench = drive(-1);
+    set(&mut bench, 0x301B, 9, 5);
+    bench.wait(ms(300));
+    assert!(rpm(&mut bench) > 100.0);
+    set(&mut bench, 0x301B, 9, 7);
+    wait_for(&mut bench, X_END, 2);
+    set(&mut bench, 0x301B, 9, 3);
+    bench.wait(ms(300));
+    assert!(rpm(&mut bench).abs() < 3.0);
+}
+
 #[test]
 fn gear_follows_the_pulse_source() {
     let mut bench = drive(-2);

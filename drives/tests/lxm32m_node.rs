@@ -172,6 +172,66 @@ fn a_watched_heartbeat_that_stays_away_is_a_fault_and_leaves_operational() {
     assert_eq!(emcy[0].data()[..3], [0x30, 0x81, 0x11]);
 }
 
+/// Each of the three consumers counts for itself, and 1029h:1 says where the node goes.
+#[test]
+fn three_heartbeats_are_watched_and_1029_says_what_follows() {
+    for (behaviour, state) in [
+        (0, nmt::State::PreOperational),
+        (1, nmt::State::Operational),
+        (2, nmt::State::Stopped),
+    ] {
+        let mut bench = Bench::one();
+        bench.write(1, 0x1029, 1, &[behaviour]).unwrap();
+        for sub in 1..=3 {
+            let watched = 0x0070_0032u32 + (u32::from(sub) << 16);
+            bench.write(1, 0x1016, sub, &watched.to_le_bytes()).unwrap();
+        }
+        bench.nmt(Command::Start, 1);
+        for silent in 0..10 {
+            for node in [0x771, 0x772, 0x773] {
+                if node != 0x772 || silent < 5 {
+                    bench.send(node, &[5]);
+                }
+            }
+            let before = bench.twin().nmt_state();
+            assert!(before == nmt::State::Operational || silent > 5, "{silent}");
+            bench.wait(ms(40));
+        }
+        assert_eq!(bench.twin().nmt_state(), state);
+        assert_eq!(bench.twin().state(), State::Fault);
+    }
+}
+
+/// 1014h and 1005h: the function code can be changed (lxm32m 3079-3085, 3228-3236); 1015h keeps
+/// two EMCYs apart.
+#[test]
+fn emcy_and_sync_can_be_moved() {
+    let mut bench = mapped(1);
+    bench
+        .write(1, 0x1005, 0, &0x8000_0100u32.to_le_bytes())
+        .unwrap();
+    assert_eq!(syncs(&mut bench, 3), 0);
+    let from = bench.log.len();
+    bench.send(0x100, &[]);
+    bench.wait(ms(2));
+    assert_eq!(frames(&bench, from, 0x381).len(), 1);
+
+    bench
+        .write(1, 0x1014, 0, &0x4000_0501u32.to_le_bytes())
+        .unwrap();
+    bench.write(1, 0x1015, 0, &1000u16.to_le_bytes()).unwrap();
+    let from = bench.log.len();
+    bench.twin().raise(DriveError::SYNC_LOST);
+    bench.wait(ms(20));
+    bench.controlword(1, 0x0080);
+    assert_eq!(frames(&bench, from, 0x501).len(), 1);
+    bench.wait(ms(100));
+    let told = frames(&bench, from, 0x501);
+    assert_eq!(told.len(), 2, "100 ms after the first");
+    assert_eq!(told[1].data()[..3], [0, 0, 0], "no error any more");
+    assert_eq!(frames(&bench, from, 0x081), []);
+}
+
 #[test]
 fn guarding_answers_toggle_and_its_absence_is_a_fault() {
     let mut bench = Bench::one();
@@ -424,6 +484,54 @@ fn syncs(bench: &mut Bench, count: u32) -> usize {
 fn cyclic_synchronous_t_pdos_come_every_nth_sync() {
     assert_eq!(syncs(&mut mapped(1), 12), 12);
     assert_eq!(syncs(&mut mapped(4), 12), 3);
+}
+
+/// D-12, D-09 and D-44: reserved types, the count of an R_PDO's cycle, masks of cyclic T_PDOs.
+#[test]
+fn transmission_types_that_the_manual_leaves_open() {
+    let mut bench = mapped(1);
+    for kind in [241, 246, 251] {
+        for index in [0x1402, 0x1802] {
+            let refused = bench.write(1, index, 2, &[kind]);
+            assert_eq!(refused, Err(AbortCode::InvalidValue.code()), "{kind}");
+        }
+    }
+    bench.write(1, 0x3041, 0x0D, &[0, 0]).unwrap();
+    assert_eq!(syncs(&mut bench, 5), 5, "a mask counts for events only");
+
+    let mut bench = mapped(240);
+    bench.send(0x401, &55u32.to_le_bytes());
+    bench.wait(ms(2));
+    syncs(&mut bench, 1);
+    assert_eq!(bench.read_i32(1, 0x60FF, 0), 55);
+}
+
+/// Each bit of 3041h:E is an object of T_PDO4.
+#[test]
+fn an_event_mask_picks_mapped_objects() {
+    let mut bench = mapped(255);
+    bench
+        .write(1, 0x1803, 1, &0x0000_0481u32.to_le_bytes())
+        .unwrap();
+    let sent = |bench: &mut Bench, mask: u8| {
+        bench.write(1, 0x3041, 0x0E, &[mask, 0]).unwrap();
+        bench.wait(ms(20));
+        let from = bench.log.len();
+        // The statusword changes, the second object by noise.
+        bench.controlword(1, 0x0002);
+        bench.wait(ms(50));
+        frames(bench, from, 0x481).len()
+    };
+    assert_eq!(sent(&mut bench, 0), 0);
+    assert!((1..=3).contains(&sent(&mut bench, 1)));
+    bench
+        .write(1, 0x3006, 7, &131_072u32.to_le_bytes())
+        .unwrap();
+    assert!(sent(&mut bench, 2) > 5);
+    assert_eq!(
+        bench.write(1, 0x3041, 0x0E, &[16, 0]),
+        Err(AbortCode::InvalidValue.code())
+    );
 }
 
 #[test]

@@ -32,7 +32,7 @@ impl Application for Drive {
                 return Err(*code);
             }
         }
-        Drive::check_write(self, row, value)
+        Drive::check_write(self, row, value, origin)
     }
 
     fn written(&mut self, _: Instant, row: Row, origin: Origin) {

@@ -359,10 +359,15 @@ impl Node for Twin {
 
     fn poll(&mut self, now: Instant, tx: &mut dyn Transmit) {
         self.advance(now);
-        self.node.poll(now, &mut self.drive, &mut self.sent);
-        self.dispatch(now);
+        let task = self.next_task <= now;
+        // Events are looked for by the task, not whenever a frame leaves: noise that is mapped
+        // into an event-driven T_PDO would fill the bus otherwise.
+        if task || self.node.deadline().is_some_and(|due| due <= now) {
+            self.node.poll(now, &mut self.drive, &mut self.sent);
+            self.dispatch(now);
+        }
         self.outbox.flush(now, tx);
-        if self.next_task <= now {
+        if task {
             self.next_task = now + TASK;
         }
     }

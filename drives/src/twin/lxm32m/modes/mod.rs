@@ -152,7 +152,12 @@ impl Drive {
     // ---- objects ----
 
     /// Whether the drive's state permits this write.
-    pub(super) fn check_write(&self, row: Row, value: i64) -> Result<(), AbortCode> {
+    pub(super) fn check_write(
+        &self,
+        row: Row,
+        value: i64,
+        origin: Origin,
+    ) -> Result<(), AbortCode> {
         let rows = &self.rows;
         let scaling = [
             rows.position_denominator,
@@ -176,7 +181,9 @@ impl Drive {
                 return Err(AbortCode::InvalidValue);
             }
         }
-        if row == rows.position_target && !self.controlword.has(Controlword::MODE_6) {
+        // A PDO may bring the bit that makes it relative with it.
+        let absolute = origin == Origin::Sdo && !self.controlword.has(Controlword::MODE_6);
+        if row == rows.position_target && absolute {
             // Its least and greatest value depend on the software limits (lxm32m 1563).
             let (least, most) = self.software_limits();
             if least.is_some_and(|least| value < least) || most.is_some_and(|most| value > most) {
