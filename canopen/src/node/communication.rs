@@ -130,7 +130,7 @@ impl Communication {
                     self.guarding.answer(now, node, state, tx);
                 }
             } else if state == State::Operational {
-                app.refresh(now);
+                app.refresh(now, None);
                 for pdo in &mut self.t_pdos {
                     pdo.on_request(frame, app, tx);
                 }
@@ -159,7 +159,7 @@ impl Communication {
         tx: &mut (impl Transmit + ?Sized),
     ) {
         if self.nmt.state() == State::Operational {
-            app.refresh(now);
+            app.refresh(now, None);
             for pdo in &mut self.t_pdos {
                 pdo.on_sync(sync, app, tx);
             }
@@ -311,7 +311,7 @@ impl Communication {
         }
         let changed = app.next_event();
         if state == State::Operational && self.t_pdos.iter().any(TPdo::waits_for_events) {
-            app.refresh(now);
+            app.refresh(now, None);
             for pdo in &mut self.t_pdos {
                 pdo.send_event(now, changed, app, tx);
             }

@@ -74,9 +74,9 @@ pub trait Application {
     /// The device's values.
     fn objects_mut(&mut self) -> &mut Dictionary;
 
-    /// Brings the values up to date before SDOs or T_PDOs read them.
-    fn refresh(&mut self, now: Instant) {
-        let _ = now;
+    /// Brings the values up to date before SDOs or T_PDOs read them: that of one row, or all.
+    fn refresh(&mut self, now: Instant, row: Option<Row>) {
+        let _ = (now, row);
     }
 
     /// Asked before an object is written, with a number of the right length and in its range.
@@ -434,7 +434,7 @@ impl<A: Application> Objects for Access<'_, A> {
         if !self.app.objects().entry(row).access.readable() {
             return Err(AbortCode::WriteOnly);
         }
-        self.app.refresh(self.now);
+        self.app.refresh(self.now, Some(row));
         self.app.objects().encode(row, buffer)
     }
 

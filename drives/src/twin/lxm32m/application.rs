@@ -18,8 +18,10 @@ impl Application for Drive {
         &mut self.objects
     }
 
-    fn refresh(&mut self, now: Instant) {
-        if core::mem::take(&mut self.stale) {
+    fn refresh(&mut self, now: Instant, row: Option<Row>) {
+        // What can be written is what was written.
+        let settled = row.is_some_and(|row| self.objects.entry(row).access.writable());
+        if !settled && core::mem::take(&mut self.stale) {
             self.publish(now);
         }
     }

@@ -29,10 +29,17 @@ impl Drive {
 
     /// Increments as usr_p, to the nearest.
     pub(super) fn user_position(&self, increments: i64) -> i64 {
-        let numerator = i128::from(self.objects.get(self.rows.position_numerator).max(1));
-        let denominator = i128::from(self.objects.get(self.rows.position_denominator).max(1));
-        let unit = numerator * INCREMENTS_PER_REVOLUTION as i128;
-        (i128::from(increments) * denominator + unit / 2).div_euclid(unit) as i64
+        let numerator = self.objects.get(self.rows.position_numerator).max(1);
+        let denominator = self.objects.get(self.rows.position_denominator).max(1);
+        // Both are 32 bits wide; the product may not be within 64.
+        let unit = numerator * INCREMENTS_PER_REVOLUTION as i64;
+        match increments.checked_mul(denominator) {
+            Some(product) if product < i64::MAX / 2 => (product + unit / 2).div_euclid(unit),
+            _ => {
+                let product = i128::from(increments) * i128::from(denominator);
+                (product + i128::from(unit / 2)).div_euclid(unit.into()) as i64
+            }
+        }
     }
 
     /// A velocity in usr_v as increments/s.
