@@ -2,7 +2,9 @@
 
 mod outside;
 
-use outside::{Drives, SYNCLINE, TWO_TOLERANT};
+use outside::{Drives, Namespace, SYNCLINE, TWO_TOLERANT, available};
+use std::io::{Read, Write};
+use std::net::TcpStream;
 use std::process::{Command, Output};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 use syncline_canopen::{CanId, Frame};
@@ -183,6 +185,95 @@ fn prompt_drives_answer_in_order() {
     };
     assert!(in_order(&["--prompt"]));
     assert!(!in_order(&[]));
+}
+
+/// The server byte by byte, as python-can and socketcand's own clients meet it.
+#[test]
+fn socketcand_to_the_letter() {
+    let drives = Drives::local(&TWO_TOLERANT);
+    let mut stream =
+        TcpStream::connect(("127.0.0.1", drives.port().parse().expect("a port"))).expect("listens");
+    stream
+        .set_read_timeout(Some(Duration::from_secs(10)))
+        .expect("set");
+    // One segment at a time.
+    let mut answer = |request: &str| {
+        stream.write_all(request.as_bytes()).expect("written");
+        let mut bytes = [0; 256];
+        let length = stream.read(&mut bytes).expect("an answer");
+        String::from_utf8(bytes[..length].to_vec()).expect("UTF-8")
+    };
+    assert_eq!(answer(""), "< hi >");
+    assert_eq!(answer("< open can7 >"), "< error could not open bus >");
+    assert_eq!(answer("< open can0 >"), "< ok >");
+    assert_eq!(answer("< rawmode >"), "< ok >");
+    // Hexadecimal without leading zeros, in two segments; 8 digits are an extended identifier,
+    // which is nobody's.
+    assert_eq!(answer("< echo >"), "< echo >");
+    assert_eq!(answer("< send 601 9 0 >"), "< error invalid frame >");
+    assert_eq!(answer("< send 601 2 0 >"), "< error invalid frame >");
+    let sent = "< send 00000601 8 40 0 10 0 0 0 0 0 >< send 80 0  >";
+    assert_eq!(
+        answer(&format!("{sent}< nonsense >")),
+        "< error unknown command >"
+    );
+    let upload = answer("< send 601 8 40 0 10 0 0 0 0 0 >");
+    let (head, data) = upload.rsplit_once(" 4300100092014200 >").expect(&upload);
+    let time = head.strip_prefix("< frame 581 ").expect(&upload);
+    assert!(data.is_empty() && time.split_once('.').is_some_and(|(_, us)| us.len() == 6));
+    drives.stop();
+}
+
+/// All tools, and `run`, over UDP multicast in a namespace of its own.
+#[test]
+fn every_tool_over_udp() {
+    let network = match Namespace::new() {
+        Ok(network) => network,
+        Err(why) => {
+            available(Err(why));
+            return;
+        }
+    };
+    const BUS: &str = "udp://239.74.163.2:43113";
+    let run = |args: &[&str]| {
+        let output = network.command(SYNCLINE).args(args).output().expect("runs");
+        let text = |bytes| String::from_utf8(bytes).expect("UTF-8");
+        (
+            output.status.code(),
+            text(output.stdout),
+            text(output.stderr),
+        )
+    };
+    let tool = |name: &str, args: &[&str]| run(&[&[name, "--bus", BUS], args].concat());
+    let _drives = Drives::start(network.command(SYNCLINE), &[MACHINE], BUS);
+    let (code, found, _) = tool("scan", &["--timeout", "2000"]);
+    assert_eq!(
+        (code, found.matches(": LXM32M").count()),
+        (Some(0), 4),
+        "{found}"
+    );
+    assert_eq!(tool("sdo", &["write", "2", "1017", "20"]).0, Some(0));
+    assert_eq!(tool("nmt", &["start", "2"]).0, Some(0));
+    let (_, seen, _) = tool("monitor", &["--machine", MACHINE, "--count", "3"]);
+    assert_eq!(
+        seen.matches("node 2 heartbeat: Operational").count(),
+        3,
+        "{seen}"
+    );
+    let directory = tempfile::tempdir().expect("a directory");
+    let at = |name: &str| directory.path().join(name).display().to_string();
+    let (recorded, log, program) = (at("recorded.log"), at("run.log"), at("short.ngc"));
+    let (_, _, told) = tool("record", &["--candump", &recorded, "--count", "3"]);
+    assert_eq!(told, "3 frames\n");
+    std::fs::write(&program, "G0 X10\nM2\n").expect("written");
+    let (code, _, complained) = run(&["run", MACHINE, &program, "--bus", BUS, "--candump", &log]);
+    // A busy host may make it late, and that a fault.
+    assert!(matches!(code, Some(0 | 1)), "{complained}");
+    let log = std::fs::read_to_string(log).expect("written");
+    assert!(
+        log.contains(" 000#8202") && log.contains(" 702#00"),
+        "{log}"
+    );
 }
 
 #[test]
