@@ -186,6 +186,66 @@ fn gear_follows_the_pulse_source() {
     assert!(moved > 50_000.0, "{moved}, {:?}", bench.twin().state());
 }
 
+/// 3026h:5 bars a direction; 301Fh:D shows what is still to be made up for.
+#[test]
+fn gear_may_be_barred_in_one_direction() {
+    let mut bench = drive(-2);
+    set(&mut bench, 0x3026, 4, 100);
+    set(&mut bench, 0x3026, 5, 1);
+    set(&mut bench, 0x301B, 0x12, 1);
+    bench.twin().set_pulse_frequency(-1000.0);
+    bench.wait(ms(500));
+    assert!(bench.twin().position().abs() < 0.01);
+    // What was barred is lost, not made up for.
+    bench.twin().set_pulse_frequency(1000.0);
+    bench.wait(ms(30));
+    assert!(bench.read_i32(1, 0x301F, 0x0D) > 0);
+    bench.wait(ms(970));
+    let moved = bench.twin().position() * 131_072.0;
+    assert!((80_000.0..120_000.0).contains(&moved), "{moved}");
+    assert_eq!(bench.read_i32(1, 0x301F, 0x0D), 0);
+}
+
+/// A logical operator joins two conditions; 302Dh:6, :7, :B and :1F tell where the sequence is.
+#[test]
+fn a_sequence_waits_for_two_conditions() {
+    for (operator, both) in [(1, true), (2, false)] {
+        let mut bench = drive(-3);
+        let mut data_set = |number: i32, fields: [i32; 9], second: [i32; 3]| {
+            set(&mut bench, 0x302D, 0x10, number);
+            let subs = [0x11, 0x12, 0x13, 0x14, 0x15, 0x16, 0x17, 0x18, 0x19];
+            for (sub, value) in subs.into_iter().zip(fields) {
+                set(&mut bench, 0x302D, sub, value);
+            }
+            for (sub, value) in [0x1A, 0x1C, 0x1D].into_iter().zip(second) {
+                set(&mut bench, 0x302D, sub, value);
+            }
+        };
+        // After 100 ms, and or or at an edge of bit 4.
+        let first = [2, 6000, 600, 1000, 6000, 1, 2, 1, 100];
+        data_set(1, first, [operator, 2, 0]);
+        data_set(2, [3, 6000, 300, 0, 6000, 1, 1, 9, 0], [0, 0, 0]);
+        let number = |bench: &mut Bench, sub: u8| bench.read_u16(1, 0x302D, sub) as i16;
+        assert_eq!(
+            (number(&mut bench, 0x1F), number(&mut bench, 0x0F)),
+            (2, 128)
+        );
+        set(&mut bench, 0x301B, 0x0A, 1);
+        assert_eq!(number(&mut bench, 6), -1);
+        bench.controlword(1, 0x007F);
+        assert_eq!((number(&mut bench, 6), number(&mut bench, 7)), (1, 2));
+        bench.wait(ms(1000));
+        assert_eq!(number(&mut bench, 6), if both { 1 } else { 2 });
+        bench.controlword(1, 0x000F);
+        bench.controlword(1, 0x007F);
+        bench.wait(ms(200));
+        assert_eq!(number(&mut bench, 6), 2);
+        bench.controlword(1, 0x000F | HALT);
+        wait_for(&mut bench, X_END, 3);
+        assert_eq!((number(&mut bench, 6), number(&mut bench, 0x0B)), (-1, 2));
+    }
+}
+
 #[test]
 fn a_sequence_of_data_sets() {
     let mut bench = drive(-3);
@@ -324,6 +384,9 @@ fn position_setting_moves_nothing() {
     bench.controlword(1, 0x001F);
     wait_for(&mut bench, X_END | BIT_12 | TARGET_REACHED | REF_OK, 1);
     assert!((bench.read_i32(1, 0x6064, 0) - 777).abs() <= 1);
+    // Bit 15 outlives the power stage (1351).
+    bench.controlword(1, 0x0000);
+    assert_ne!(status(&mut bench) & REF_OK, 0);
     assert!((bench.twin().position() - 1.25).abs() < 1e-3);
 }
 

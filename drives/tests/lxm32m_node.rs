@@ -289,6 +289,47 @@ fn each_error_class_has_its_reaction() {
     assert_eq!(raise(ErrorClass::Fatal), (Fault, Fault, 1));
 }
 
+/// 1315: without DC bus voltage state 3 is not left and bit 4 is 0.
+#[test]
+fn without_mains_there_is_no_way_to_state_4() {
+    let mut bench = Bench::one();
+    let status = |bench: &mut Bench| bench.twin().statusword();
+    assert!(status(&mut bench).has(Statusword::VOLTAGE_ENABLED));
+    bench.twin().set_mains(false);
+    for word in [0x0000, 0x0006, 0x000F] {
+        bench.controlword(1, word);
+        assert_eq!(bench.twin().state(), State::SwitchOnDisabled);
+    }
+    assert!(!status(&mut bench).has(Statusword::VOLTAGE_ENABLED));
+    bench.twin().set_mains(true);
+    bench.wait(ms(10));
+    assert_eq!(bench.twin().state(), State::ReadyToSwitchOn);
+    let mut bench = moving();
+    bench.twin().set_mains(false);
+    bench.wait(ms(5));
+    assert_eq!(bench.twin().state(), State::Fault);
+}
+
+/// 1327: bit 9 is 0, commands are not executed, parameters can be read and written (1991).
+#[test]
+fn another_access_channel_leaves_the_fieldbus_parameters_only() {
+    let mut bench = enabled();
+    bench.nmt(Command::Start, 1);
+    bench.twin().set_remote(false);
+    assert!(!bench.twin().statusword().has(Statusword::REMOTE));
+    let refused = bench.write(1, 0x6040, 0, &[0, 0]);
+    assert_eq!(refused, Err(AbortCode::LocalControl.code()));
+    bench.send(0x201, &[0, 0]);
+    bench.wait(ms(5));
+    assert_eq!(bench.twin().state(), State::OperationEnabled);
+    assert_eq!(bench.write(1, 0x6081, 0, &77u32.to_le_bytes()), Ok(()));
+    assert_eq!(bench.read_i32(1, 0x6081, 0), 77);
+    bench.twin().set_remote(true);
+    bench.send(0x201, &[0, 0]);
+    bench.wait(ms(5));
+    assert_eq!(bench.twin().state(), State::ReadyToSwitchOn);
+}
+
 #[test]
 fn a_warning_shows_for_a_tenth_of_a_second() {
     let mut bench = enabled();

@@ -539,7 +539,7 @@ pub static LXM32M: [Entry; 848] = table(keep_settings([
     ro(0x3023, 0x12, "_RMAC_DetailStatus", U16).t_pdo().inferred(),                                  // 2592  Relative Movement After Capture: detailed status
     rw(0x3026, 0x03, "GEARdenom", I32).assumed(1).r_pdo().inferred(),                                // 2593  Gear ratio denominator
     rw(0x3026, 0x04, "GEARnum", I32).assumed(1).r_pdo().inferred(),                                  // 2594  Gear ratio numerator
-    rw(0x3026, 0x05, "GEARdir_enabl", U16).inferred(),                                               // 2595  Electronic Gear: permitted direction of movement
+    rw(0x3026, 0x05, "GEARdir_enabl", U16).assumed(3).inferred(),                                    // 2595  Electronic Gear: permitted direction of movement
     rw(0x3026, 0x06, "GEARratio", U16).inferred(),                                                   // 2596  Gear ratio selection
     rw(0x3026, 0x07, "GEARjerklim", U16).inferred(),                                                 // 2597  Electronic Gear: jerk limit on/off
     rw(0x3026, 0x09, "GEARpos_v_max", U32).inferred(),                                               // 2598  Velocity limit for position synchronisation method
@@ -576,7 +576,7 @@ pub static LXM32M: [Entry; 848] = table(keep_settings([
     rw(0x302D, 0x0C, "MSMstartSignal", U16).inferred(),                                              // 2631  Motion Sequence: response to falling edge at Start Signal Data Set input
     ro(0x302D, 0x0D, "_MSM_error_num", I16).t_pdo().inferred(),                                      // 2632  Motion Sequence: data set in which an error was found
     ro(0x302D, 0x0E, "_MSM_error_field", I16).t_pdo().inferred(),                                    // 2633  Motion Sequence: field of that data set in which the error was found
-    ro(0x302D, 0x0F, "_MSM_avail_ds", U16).t_pdo().inferred(),                                       // 2634  Motion Sequence: number of available data sets
+    ro(0x302D, 0x0F, "_MSM_avail_ds", U16).assumed(128).t_pdo().inferred(),                          // 2634  Motion Sequence: number of available data sets
     rw(0x302D, 0x10, "MSM_datasetnum", U16).inferred(),                                              // 2635  Data set table: data set number selector
     rw(0x302D, 0x11, "MSM_ds_type", U16).inferred(),                                                 // 2636  Data set table: type
     rw(0x302D, 0x12, "MSM_ds_setA", I32).inferred(),                                                 // 2637  Data set table: setting A

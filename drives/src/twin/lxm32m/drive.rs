@@ -46,6 +46,10 @@ pub(super) struct Drive {
     pub(super) enable_at: Option<Instant>,
     pub(super) controlword: Controlword,
     pub(super) quick_stopping: bool,
+    /// Whether the DC bus has its voltage.
+    pub(super) has_mains: bool,
+    /// Whether the fieldbus has control, not another access channel.
+    pub(super) remote: bool,
     pub(super) warning_until: Instant,
 
     pub(super) clock: Clock,
@@ -115,6 +119,8 @@ impl Drive {
             enable_at: None,
             controlword: Controlword(0),
             quick_stopping: false,
+            has_mains: true,
+            remote: true,
             warning_until: Instant::ZERO,
             clock,
             sync: Synchronisation::new(),
@@ -454,6 +460,11 @@ impl Drive {
             (rows.pulse_position, self.pulses.position as i64),
             (rows.pulse_velocity, self.pulses.frequency as i64),
             (rows.sequence_data_set, self.sequence.active_number()),
+            (rows.sequence_next, self.sequence.next_number()),
+            (
+                rows.gear_difference,
+                self.user_position(self.gear.difference() as i64),
+            ),
             (rows.statusword, self.statusword().0.into()),
         ];
         for (row, value) in shown {
@@ -465,10 +476,10 @@ impl Drive {
     /// 6041h (lxm32m 1301-1351).
     pub(super) fn statusword(&self) -> Statusword {
         let flags = [
-            (true, Statusword::VOLTAGE_ENABLED),
+            (self.has_mains, Statusword::VOLTAGE_ENABLED),
             (self.now < self.warning_until, Statusword::WARNING),
             (self.controlword.has(Controlword::HALT), Statusword::HALT),
-            (true, Statusword::REMOTE),
+            (self.remote, Statusword::REMOTE),
             (self.target_reached, Statusword::TARGET_REACHED),
             (self.bit_12, Statusword::MODE_12),
             (self.x_err, Statusword::BIT_13),

@@ -81,6 +81,13 @@ impl DriveError {
     pub const FOLLOWING_ERROR: Self =
         Self::new(ErrorClass::SwitchOff, 0xA320, 0x8611, register::PROFILE);
 
+    /// The DC bus lost its voltage with the power stage on.
+    pub const UNDERVOLTAGE: Self = Self::new(
+        ErrorClass::SwitchOff,
+        0x3206,
+        0x3120,
+        register::MANUFACTURER,
+    );
     /// A limit switch was reached.
     pub const LIMIT_SWITCH: Self =
         Self::new(ErrorClass::QuickStop, 0xA302, 0x1000, register::PROFILE);

@@ -28,7 +28,7 @@
 //! one cycle, an assumption.
 //!
 //! Tests interfere with it through [`Twin::raise`], [`Twin::mute`], [`Twin::drop_t_pdos`],
-//! [`Twin::block_axis`], [`Twin::start_enabled`], [`Twin::refuse_write`], [`Twin::reboot`] and
+//! [`Twin::block_axis`], [`Twin::set_mains`], [`Twin::set_remote`], [`Twin::start_enabled`], [`Twin::refuse_write`], [`Twin::reboot`] and
 //! [`TwinConfig::identity`].
 
 mod application;
@@ -282,6 +282,17 @@ impl Twin {
     /// While true, the axis is blocked mechanically.
     pub fn block_axis(&mut self, blocked: bool) {
         self.drive.plant_mut().block(blocked);
+    }
+
+    /// Whether the DC bus has its voltage; without it state 3 is not left (lxm32m 1315).
+    pub fn set_mains(&mut self, on: bool) {
+        self.drive.has_mains = on;
+    }
+
+    /// Whether the fieldbus has control of the drive; while another access channel has it,
+    /// parameters can be read and written, commands are not executed (lxm32m 1327).
+    pub fn set_remote(&mut self, remote: bool) {
+        self.drive.remote = remote;
     }
 
     /// Operation Enabled, as a master that crashed may have left the drive.

@@ -46,9 +46,16 @@ impl Drive {
     /// The changes that need no command.
     pub(super) fn change_state(&mut self) {
         match self.state {
+            State::ReadyToSwitchOn | State::SwitchedOn if !self.has_mains => {
+                self.enter(State::SwitchOnDisabled);
+            }
+            state if state.is_powered() && !self.has_mains => {
+                self.raise(DriveError::UNDERVOLTAGE);
+            }
             // Factory setting of 301Bh:13: the examples show state 4 before any controlword (D-28).
             State::SwitchOnDisabled
                 if self.becomes_ready_alone()
+                    && self.has_mains
                     && self.now.saturating_since(self.state_since) >= SELF_TEST =>
             {
                 self.enter(State::ReadyToSwitchOn);
@@ -92,6 +99,8 @@ impl Drive {
                 self.x_err = true;
                 self.quick_stop();
             }
+            // Without DC bus voltage state 3 is not left (lxm32m 1315).
+            (Command::Shutdown, State::SwitchOnDisabled) if !self.has_mains => {}
             (
                 Command::Shutdown,
                 State::SwitchOnDisabled | State::SwitchedOn | State::OperationEnabled,

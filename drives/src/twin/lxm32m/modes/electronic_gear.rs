@@ -9,12 +9,24 @@ const WITHOUT_COMPENSATION: i64 = 1;
 const WITH_COMPENSATION: i64 = 2;
 const VELOCITY: i64 = 3;
 
+/// 3026h:5 `GEARdir_enabl`; anything else is both.
+const ONLY_POSITIVE: i64 = 1;
+const ONLY_NEGATIVE: i64 = 2;
+
 /// What the gear is engaged with.
 #[derive(Clone, Copy, Debug, Default)]
 pub(in crate::twin::lxm32m) struct Gear {
     /// Pulses, and the reference's position that belongs to them.
     pulses: f64,
     position: f64,
+    /// What the reference lags behind the pulses, increments.
+    difference: f64,
+}
+
+impl Gear {
+    pub(in crate::twin::lxm32m) fn difference(&self) -> f64 {
+        self.difference
+    }
 }
 
 impl Drive {
@@ -37,6 +49,7 @@ impl Drive {
         self.gear = Gear {
             pulses: self.pulses.position,
             position: self.ramp.position,
+            difference: 0.0,
         };
     }
 
@@ -44,7 +57,17 @@ impl Drive {
     /// profile's ramps, no faster than 3026h:9 (0: as 607Fh says).
     pub(in crate::twin::lxm32m) fn follow_pulses(&mut self) {
         let ratio = self.gear_ratio();
-        let velocity = self.pulses.frequency * ratio;
+        let mut velocity = self.pulses.frequency * ratio;
+        // 3026h:5: pulses in the other direction are lost.
+        let barred = match self.objects.get(self.rows.gear_direction) {
+            ONLY_POSITIVE => velocity < 0.0,
+            ONLY_NEGATIVE => velocity > 0.0,
+            _ => false,
+        };
+        if barred {
+            self.gear.pulses += self.pulses.frequency * POSITION_STEP;
+            velocity = 0.0;
+        }
         let most = match self.objects.get(self.rows.gear_velocity_limit) {
             0 => i64::MAX,
             limit => limit,
@@ -68,6 +91,7 @@ impl Drive {
             position: target + lag.position,
             velocity: velocity + lag.velocity,
         };
+        self.gear.difference = -lag.position;
     }
 
     /// Motor increments per pulse: 3026h:4 over 3026h:3, or the second pair if 3026h:E picks it.

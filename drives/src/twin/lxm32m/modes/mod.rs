@@ -128,7 +128,9 @@ impl Drive {
         self.position = ProfilePosition::default();
         self.jog = Jog::default();
         self.homing = Homing::default();
-        self.sequence.end();
+        if let Some(number) = self.sequence.abort() {
+            self.objects.set(self.rows.sequence_aborted, number);
+        }
         self.objects.set(self.rows.gear_reference, 0);
     }
 
@@ -174,6 +176,9 @@ impl Drive {
             if self.is_powered() {
                 return Err(AbortCode::DeviceState);
             }
+        }
+        if row == rows.controlword && !self.remote {
+            return Err(AbortCode::LocalControl);
         }
         if row == rows.mode {
             self.objects.check_range(row, value)?;

@@ -4,7 +4,7 @@
 //! coding here is an assumption: types 1 absolute, 2 relative, 3 velocity; setting A acceleration,
 //! B velocity, C target, D deceleration; transition 0 ends a sequence, any other goes on with the
 //! subsequent data set when the condition holds: 0 at once, 1 after so many milliseconds, 2 at a
-//! rising edge of controlword bit 4.
+//! rising edge of controlword bit 4. A logical operator joins a second condition: 1 both, 2 either.
 
 use crate::twin::lxm32m::drive::Drive;
 use crate::twin::lxm32m::motion::{Limits, Motion};
@@ -24,8 +24,11 @@ const AT_ONCE: i64 = 0;
 const AFTER_TIME: i64 = 1;
 const AT_EDGE: i64 = 2;
 
-/// One row of the table: the values of 302Dh:11…19.
-type DataSet = [i64; 9];
+const BOTH: i64 = 1;
+const EITHER: i64 = 2;
+
+/// One row of the table: the values of 302Dh:11…1D.
+type DataSet = [i64; 12];
 
 const TYPE: usize = 0;
 const ACCELERATION: usize = 1;
@@ -36,6 +39,9 @@ const TRANSITION: usize = 5;
 const NEXT: usize = 6;
 const CONDITION: usize = 7;
 const CONDITION_VALUE: usize = 8;
+const OPERATOR: usize = 9;
+const CONDITION_2: usize = 10;
+const CONDITION_VALUE_2: usize = 11;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Phase {
@@ -59,7 +65,7 @@ pub(in crate::twin::lxm32m) struct Sequence {
 impl Default for Sequence {
     fn default() -> Self {
         Self {
-            table: Box::new([[0; 9]; DATA_SETS]),
+            table: Box::new([[0; 12]; DATA_SETS]),
             phase: Phase::Idle,
             number: 0,
             single: true,
@@ -73,8 +79,22 @@ impl Sequence {
         self.phase == Phase::Move
     }
 
-    pub(super) fn end(&mut self) {
-        self.phase = Phase::Idle;
+    /// Ends it before its time; returns the data set under way.
+    pub(super) fn abort(&mut self) -> Option<i64> {
+        match core::mem::replace(&mut self.phase, Phase::Idle) {
+            Phase::Idle => None,
+            _ => Some(self.number as i64),
+        }
+    }
+
+    /// 302Dh:7: the data set after the present one, -1 if there is none.
+    pub(in crate::twin::lxm32m) fn next_number(&self) -> i64 {
+        let set = &self.table[self.number];
+        match self.phase {
+            Phase::Idle => -1,
+            _ if self.single || set[TRANSITION] == 0 => -1,
+            _ => set[NEXT],
+        }
     }
 
     /// 302Dh:6: the data set being processed, -1 if none.
@@ -87,7 +107,7 @@ impl Sequence {
 }
 
 impl Drive {
-    fn data_set_rows(&self) -> [Row; 9] {
+    fn data_set_rows(&self) -> [Row; 12] {
         let rows = &self.rows;
         [
             rows.data_set_type,
@@ -99,6 +119,9 @@ impl Drive {
             rows.data_set_next,
             rows.data_set_condition,
             rows.data_set_condition_value,
+            rows.data_set_operator,
+            rows.data_set_condition_2,
+            rows.data_set_condition_value_2,
         ]
     }
 
@@ -117,6 +140,9 @@ impl Drive {
             }
         } else if let Some(field) = rows.iter().position(|field| *field == row) {
             self.sequence.table[selected][field] = self.objects.get(row);
+            let used = self.sequence.table.iter().filter(|set| set[TYPE] != 0);
+            self.objects
+                .set(self.rows.sequence_used, used.count() as i64);
         }
     }
 
@@ -172,14 +198,21 @@ impl Drive {
                 }
             }
             Phase::Wait(since) => {
-                let go = match set[CONDITION] {
+                let holds = |condition: usize, value: usize| match set[condition] {
                     AT_ONCE => true,
                     AFTER_TIME => {
-                        let wait = Duration::from_millis(set[CONDITION_VALUE].max(0) as u64);
+                        let wait = Duration::from_millis(set[value].max(0) as u64);
                         self.now.saturating_since(since) >= wait
                     }
                     AT_EDGE => self.sequence.edge,
                     _ => false,
+                };
+                let first = holds(CONDITION, CONDITION_VALUE);
+                let second = || holds(CONDITION_2, CONDITION_VALUE_2);
+                let go = match set[OPERATOR] {
+                    BOTH => first && second(),
+                    EITHER => first || second(),
+                    _ => first,
                 };
                 if go {
                     self.sequence.number = set[NEXT].clamp(0, DATA_SETS as i64 - 1) as usize;
