@@ -72,7 +72,7 @@ pub enum NotStarted {
 /// Start a transfer with [`upload`](Self::upload) or [`download`](Self::download), hand in every
 /// received frame and call [`poll`](Self::poll) at the [`deadline`](Self::deadline); either may
 /// end the transfer.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Client {
     request: CobId,
     response: CobId,

@@ -34,7 +34,9 @@ pub enum NotALine {
 
 impl fmt::Display for Line<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let (seconds, micros) = (self.at.as_secs(), self.at.subsec_micros());
+        // Rounded up: a frame is not there before its stamp.
+        let at = self.at + Duration::from_nanos(999);
+        let (seconds, micros) = (at.as_secs(), at.subsec_micros());
         let Self { bus, frame, .. } = self;
         write!(f, "({seconds:010}.{micros:06}) {bus} {frame:?}")
     }

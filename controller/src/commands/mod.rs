@@ -39,6 +39,7 @@ mod output;
 mod plan;
 mod ports;
 mod record;
+mod replay;
 mod run;
 mod scan;
 mod sdo;
@@ -73,6 +74,7 @@ enum Command {
     Nmt(nmt::Args),
     Plan(plan::Args),
     Record(record::Args),
+    Replay(replay::Args),
     Scan(scan::Args),
     Sdo(sdo::Args),
 }
@@ -94,6 +96,7 @@ impl Cli {
             Command::Nmt(args) => args.execute(),
             Command::Plan(args) => args.execute(),
             Command::Record(args) => args.execute(),
+            Command::Replay(args) => args.execute(),
             Command::Scan(args) => args.execute(),
             Command::Sdo(args) => args.execute(),
         }

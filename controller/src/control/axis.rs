@@ -17,7 +17,7 @@ struct Side {
 }
 
 /// One axis.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Axis {
     index: AxisIndex,
     spec: layout::Axis,

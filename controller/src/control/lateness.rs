@@ -9,7 +9,7 @@ const MISSES: usize = 3;
 const WINDOW: u64 = 1000;
 
 /// One bus' record.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Lateness {
     bus: BusIndex,
     /// Bursts that missed their SYNC.

@@ -111,7 +111,7 @@ pub enum End {
 }
 
 /// Controls one machine along plans of `N` coordinates.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Controller<const N: usize> {
     layout: Arc<Layout>,
     nodes: Vec<Node>,

@@ -12,7 +12,7 @@ use syncline_canopen::{CanId, CobId, Frame, Instant, Transmit, nmt};
 use syncline_drives::model::{Actuator, Increments, Scaling};
 
 /// One drive.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Node {
     layout: Arc<Layout>,
     index: DriveIndex,

@@ -95,7 +95,7 @@ impl Step {
 }
 
 /// Runs the steps of one node over its SDO client, one request outstanding.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Script {
     layout: Arc<Layout>,
     drive: DriveIndex,

@@ -94,13 +94,17 @@ impl FrameLog {
     }
 
     fn digest_first(&mut self, bus: usize) {
-        if let Some(Transmission { start, frame, .. }) = self.buses[bus].pending.pop_front() {
+        if let Some(Transmission {
+            start, end, frame, ..
+        }) = self.buses[bus].pending.pop_front()
+        {
             self.digest.update([bus as u8]);
             self.digest.update(start.as_nanos().to_le_bytes());
             self.digest.update(frame.id().raw().to_le_bytes());
             self.digest.update([frame.dlc()]);
             self.digest.update(frame.data());
-            self.keep(bus, start, &frame);
+            // Stamped as an adapter would: when it is complete.
+            self.keep(bus, end, &frame);
         }
     }
 

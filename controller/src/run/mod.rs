@@ -4,6 +4,7 @@
 //! - [`virtual_time`]: as fast as the CPU allows, deterministic
 //! - [`real_time`]: on the host's clock
 //! - [`recorder`]: what a run leaves: summary, violations, trace, report
+//! - [`replay`]: a recorded run once more
 //! - [`frames`]: what the simulated buses carried: hash, utilisation
 
 pub mod deviation;
@@ -11,4 +12,5 @@ pub mod driver;
 pub mod frames;
 pub mod real_time;
 pub mod recorder;
+pub mod replay;
 pub mod virtual_time;

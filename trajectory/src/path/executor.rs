@@ -93,7 +93,7 @@ enum Stop {
 ///
 /// The setpoint of a cycle is a function of its number and of the plan alone: polynomials are
 /// evaluated from their piece's start, never summed up from cycle to cycle.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub struct Executor<const N: usize> {
     period: f64,
     cycle: u64,
@@ -161,6 +161,22 @@ fn some_span<const N: usize>() -> Option<Span<N>> {
         speed: 0.0,
         tag: 0,
     })
+}
+
+/// A copy has the room of the original.
+impl<const N: usize> Clone for Executor<N> {
+    fn clone(&self) -> Self {
+        fn copied<T: Copy>(queue: &VecDeque<T>) -> VecDeque<T> {
+            let mut copy = VecDeque::with_capacity(queue.capacity());
+            copy.extend(queue);
+            copy
+        }
+        Executor {
+            spans: copied(&self.spans),
+            steps: copied(&self.steps),
+            ..*self
+        }
+    }
 }
 
 impl<const N: usize> Executor<N> {

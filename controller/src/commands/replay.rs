@@ -1,0 +1,176 @@
+//! `syncline replay`: a recorded run once more.
+
+use super::ports::PortChoice;
+use super::switches::Switches;
+use super::{Exit, bad_input};
+use crate::bus_log::candump::Line;
+use crate::control::Layout;
+use crate::machine::Machine;
+use crate::port::url::BusUrl;
+use crate::run::replay::{Difference, Logged, NoReplay, Outcome, Replay, ReplayBus};
+use std::error::Error;
+use std::fs::File;
+use std::io::{BufRead, BufReader};
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::Duration;
+use syncline_canopen::monitor::Monitor;
+use syncline_canopen::{Frame, Instant};
+
+/// Feed a recorded run back through the controller and compare what it sends.
+///
+/// LOG is a text log of all the machine's buses, as `syncline run --candump`, `syncline record` or
+/// `candump -l` write it, from before the run began. Interfaces stand for the buses whose names or
+/// ports they are. The machine file, the tables beside it and the program must be those of the run.
+///
+/// Exit codes: 0 if the controller sends the same frames bit for bit, 1 with the first frame that
+/// differs, 2 if the log cannot be replayed.
+#[derive(Debug, clap::Args)]
+pub(super) struct Args {
+    /// Recorded run (candump's log format).
+    log: PathBuf,
+    /// Machine file (TOML).
+    machine: PathBuf,
+    /// Part program (RS-274/NGC).
+    program: PathBuf,
+    #[command(flatten)]
+    ports: PortChoice,
+    #[command(flatten)]
+    switches: Switches,
+}
+
+/// A log that cannot be used.
+#[derive(Debug, thiserror::Error)]
+#[error("{0}")]
+struct BadLog(String);
+
+impl Args {
+    pub(super) fn execute(self) -> Exit {
+        match self.replay() {
+            Ok(exit) => exit,
+            Err(error) => bad_input(&*error),
+        }
+    }
+
+    fn replay(&self) -> Result<Exit, Box<dyn Error>> {
+        let mut machine = Machine::load(&self.machine)?;
+        self.ports.apply(&mut machine)?;
+        let layout = Arc::new(Layout::new(&machine)?);
+        let program = (self.switches).program(&self.program, &machine, &self.machine)?;
+        let log = self.read(&machine)?;
+        let buses = machine.buses.iter().map(|bus| {
+            let url = bus.port.parse::<BusUrl>();
+            ReplayBus {
+                bitrate: bus.bitrate,
+                echoes: matches!(url, Ok(BusUrl::Sim | BusUrl::SocketCan(_))),
+            }
+        });
+        let outcome = Replay::new(Arc::clone(&layout), buses.collect(), program, log.clone())
+            .and_then(Replay::run)
+            .map_err(|error| match error {
+                NoReplay::Program(error) => Box::<dyn Error>::from(error),
+                error => BadLog(format!("{}: {error}", self.log.display())).into(),
+            })?;
+        let began = log.first().map_or(Instant::ZERO, |first| first.at);
+        print(&outcome, &layout);
+        Ok(match &outcome.difference {
+            None => Exit::Finished,
+            Some(difference) => {
+                print_difference(difference, &machine, &log, began);
+                Exit::Stopped
+            }
+        })
+    }
+
+    /// The frames of the machine's buses.
+    fn read(&self, machine: &Machine) -> Result<Vec<Logged>, BadLog> {
+        let cannot_read = |error| BadLog(format!("cannot read {}: {error}", self.log.display()));
+        let file = File::open(&self.log).map_err(cannot_read)?;
+        let mut log = Vec::new();
+        for (number, line) in (1..).zip(BufReader::new(file).lines()) {
+            let line = line.map_err(cannot_read)?;
+            if !line.starts_with('(') {
+                continue;
+            }
+            let Line { at, bus, frame } = Line::parse(&line)
+                .map_err(|error| BadLog(format!("{}:{number}: {error}", self.log.display())))?;
+            let is = |it: &crate::machine::Bus| it.name == bus || it.port == bus;
+            if let Some(bus) = machine.buses.iter().position(is) {
+                let at = Instant::from_nanos(at.as_nanos() as u64);
+                log.push(Logged { at, bus, frame });
+            }
+        }
+        if log.is_empty() {
+            let names: Vec<&str> = machine.buses.iter().map(|bus| &*bus.name).collect();
+            return Err(BadLog(format!(
+                "{}: no frame of the machine's buses ({}): name the log's interfaces with --bus BUS=INTERFACE",
+                self.log.display(),
+                names.join(", ")
+            )));
+        }
+        log.sort_by_key(|logged| logged.at);
+        Ok(log)
+    }
+}
+
+fn print(outcome: &Outcome, layout: &Layout) {
+    let Outcome {
+        same,
+        cycles,
+        dropped,
+        interrupted,
+        ..
+    } = outcome;
+    let seconds = (layout.cycle * *cycles as u32).as_secs_f64();
+    println!("replayed           {cycles} cycles, {seconds:.3} s");
+    println!("the same           {same} frames of the controller");
+    if *dropped > 0 {
+        println!("dropped            {dropped} bursts that never came to the bus");
+    }
+    if let Some(cycle) = interrupted {
+        println!("interrupted        in cycle {cycle}");
+    }
+    match &outcome.end {
+        Some(end) => println!(
+            "the run's end      {}",
+            super::output::outcome(Some(*end), layout)
+        ),
+        None if outcome.difference.is_none() => println!("the log ends before the run does"),
+        None => {}
+    }
+}
+
+fn print_difference(difference: &Difference, machine: &Machine, log: &[Logged], began: Instant) {
+    let Difference {
+        at,
+        bus,
+        cycle,
+        phase,
+        logged,
+        sent,
+    } = difference;
+    let mut monitor = Monitor::new();
+    for drive in machine.drives.iter().filter(|drive| drive.bus == *bus) {
+        monitor.add(drive.node, drive.model.dictionary);
+    }
+    for before in log.iter().filter(|it| it.bus == *bus && it.at < *at) {
+        monitor.decode(&before.frame);
+    }
+    println!(
+        "FIRST DIFFERENCE   {:.6} s into the log, at {:.6}, bus {}, cycle {cycle}, {phase}",
+        at.saturating_since(began).as_secs_f64(),
+        Duration::from_nanos(at.as_nanos()).as_secs_f64(),
+        machine.buses[*bus].name,
+    );
+    for (who, frame) in [("the log has", logged), ("syncline sends", sent)] {
+        match frame {
+            Some(frame) => println!("  {who:<16} {}", told(frame, &mut monitor)),
+            None => println!("  {who:<16} nothing"),
+        }
+    }
+}
+
+fn told(frame: &Frame, monitor: &mut Monitor) -> String {
+    let raw = format!("{frame:?}");
+    format!("{raw:<21}  {}", monitor.decode(frame))
+}

@@ -1,0 +1,749 @@
+//! A recorded run fed back through the controller: does it send, bit for bit, what it sent?
+//!
+//! What the controller sends is a function of its machine and program, of its own clock, and of
+//! which frames had come in by each of its wake-ups. A log of the buses from before the run began
+//! holds all of that:
+//!
+//! - **the clock**: the stamps of SYNC give the cycles, the least delayed of them their phase, and
+//!   the controller's first heartbeat gives the first one. A SYNC left out is a cycle lost.
+//! - **what had come in**: frames whose end lies before the wake-up for the setpoints. Where the
+//!   stamp alone cannot tell, as a real wake-up is some µs late, what the controller sent then does.
+//! - **bursts that never left** are missing from the log; the controller is told that they were
+//!   dropped.
+//! - **persons**, and the planner: how many cycles the machine rested before its program, or behind
+//!   a pause, shows in the setpoints; whether the run was interrupted, in the first ones that
+//!   leave the plan.
+//!
+//! Stamps are ends of frame, rounded up to a microsecond as [`candump`](crate::bus_log::candump)
+//! does; cycle and setpoint offset are whole microseconds, so that nothing is lost by that.
+
+use crate::control::fault::BusIndex;
+use crate::control::{Controller, End, Event, Instruction, Layout, Phase, Wake};
+use crate::port::{Burst, Outbox, Received};
+use crate::program::{COORDINATES, Feeder, Position, Program, ProgramError};
+use std::collections::VecDeque;
+use std::sync::Arc;
+use std::time::Duration;
+use syncline_canopen::response_time::bit_time;
+use syncline_canopen::{CanId, CobId, Frame, Instant};
+use syncline_drives::bus::frame_bits;
+
+/// A frame cannot be told from its stamp to have come before or after a wake-up that it precedes
+/// by less.
+const UNCERTAIN: Duration = Duration::from_micros(200);
+/// Cycles after which a frame that the controller sent is missing from the log.
+const PATIENCE: u32 = 3;
+/// Cycles between two states to which the search for an interruption goes back.
+const CHECKPOINT: u64 = 32;
+/// Cycles from an interruption until it shows, at most.
+const LATENCY: u64 = 24;
+
+/// A frame of a log, its stamp by the log's clock.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Logged {
+    /// End of frame.
+    pub at: Instant,
+    /// The machine's bus.
+    pub bus: BusIndex,
+    /// The frame.
+    pub frame: Frame,
+}
+
+/// What a bus of the machine is to a replay.
+#[derive(Clone, Copy, Debug)]
+pub struct ReplayBus {
+    /// bit/s
+    pub bitrate: u32,
+    /// The controller was told when its frames had left.
+    pub echoes: bool,
+}
+
+/// Log and controller disagree.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Difference {
+    /// By the log's clock.
+    pub at: Instant,
+    /// The bus.
+    pub bus: BusIndex,
+    /// Cycles since the controller began.
+    pub cycle: u64,
+    /// What the controller was at.
+    pub phase: Phase,
+    /// What the log has there.
+    pub logged: Option<Frame>,
+    /// What the controller sends instead.
+    pub sent: Option<Frame>,
+}
+
+/// What a replay found.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Outcome {
+    /// The first difference.
+    pub difference: Option<Difference>,
+    /// Frames of the controller that are the same.
+    pub same: u64,
+    /// Cycles replayed.
+    pub cycles: u64,
+    /// How the run ended; `None` if the log ends before it does.
+    pub end: Option<End>,
+    /// Bursts that the controller sent and that never came to the bus.
+    pub dropped: u64,
+    /// The cycle in which the run was interrupted.
+    pub interrupted: Option<u64>,
+}
+
+/// Why a log cannot be replayed.
+#[derive(Debug, thiserror::Error)]
+pub enum NoReplay {
+    /// There is no SYNC in it.
+    #[error("the log has no SYNC on the machine's buses: no run is in it")]
+    NoSync,
+    /// Its beginning is missing.
+    #[error(
+        "the log begins in the middle of a run: it must have been recorded from before the \
+         controller's first heartbeat on"
+    )]
+    NoBeginning,
+    /// The program does not run.
+    #[error(transparent)]
+    Program(#[from] ProgramError),
+}
+
+/// Priority band of a frame of the controller's.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Band {
+    Sync,
+    Burst,
+    Acyclic,
+}
+
+/// A log with the machine and the program that it is of.
+#[derive(Debug)]
+pub struct Replay {
+    layout: Arc<Layout>,
+    buses: Vec<ReplayBus>,
+    program: Program,
+    log: Vec<Logged>,
+    start: Instant,
+    tape: Option<Tape>,
+}
+
+/// What the program feeds to the cycle, kept for as long as a trial may want it again.
+struct Tape {
+    feeder: Feeder,
+    kept: VecDeque<Instruction<COORDINATES>>,
+    /// Place of the first that is kept.
+    first: usize,
+}
+
+impl std::fmt::Debug for Tape {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Tape").field("first", &self.first).finish()
+    }
+}
+
+/// What the machine waits for and no frame tells.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Waits {
+    /// For nothing: the plan is kept full.
+    No,
+    /// That many cycles until the plan comes.
+    ForPlan(u64),
+    /// That many cycles until a person goes on.
+    ForPerson(u64),
+}
+
+/// Everything that changes in a replay; a copy of it is a trial.
+#[derive(Clone, Debug)]
+struct State {
+    controller: Controller<COORDINATES>,
+    /// The first frame of the log that has not been taken.
+    next: usize,
+    /// By bus and band: sent, and not met in the log yet.
+    sent: Vec<[VecDeque<(Instant, Frame)>; 3]>,
+    outboxes: Vec<Outbox>,
+    /// The last setpoints, of all buses.
+    burst: Vec<Frame>,
+    /// The first instruction that has not been taken.
+    instruction: usize,
+    began: bool,
+    waits: Waits,
+    /// Told in the last cycle that the program pauses.
+    paused: bool,
+    cycle: u64,
+    same: u64,
+    dropped: u64,
+    last_wake: Instant,
+}
+
+impl Replay {
+    /// A log, in the order of its stamps, to be replayed.
+    ///
+    /// # Errors
+    /// The log holds no run, or not its beginning.
+    pub fn new(
+        layout: Arc<Layout>,
+        buses: Vec<ReplayBus>,
+        program: Program,
+        log: Vec<Logged>,
+    ) -> Result<Self, NoReplay> {
+        let mut replay = Self {
+            layout,
+            buses,
+            program,
+            log,
+            start: Instant::ZERO,
+            tape: None,
+        };
+        replay.start = replay.first_wake()?;
+        Ok(replay)
+    }
+
+    /// When the controller was first woken.
+    fn first_wake(&self) -> Result<Instant, NoReplay> {
+        let cycle = self.layout.cycle.as_nanos() as i128;
+        let starts = self.log.iter().filter(|it| is_sync(it));
+        let starts = starts.map(|it| i128::from(self.start_of(it).as_nanos()));
+        let mut starts = starts.peekable();
+        let first = *starts.peek().ok_or(NoReplay::NoSync)?;
+        // Every SYNC is some time late; the least late has the phase.
+        let phase = starts
+            .map(|start| start - (start - first + cycle / 2).div_euclid(cycle) * cycle)
+            .min()
+            .unwrap_or(first);
+        // Whole microseconds, as all instants of a run; the stamps were rounded up to them.
+        let phase = phase.div_euclid(1000) * 1000;
+        let own = self.log.iter().find(|it| self.band(it).is_some());
+        let own = own.ok_or(NoReplay::NoBeginning)?;
+        if own.frame.id() != CanId::from(CobId::error_control(self.layout.node)) {
+            return Err(NoReplay::NoBeginning);
+        }
+        let own = i128::from(self.start_of(own).as_nanos()) + 999;
+        let before = (phase - own).div_euclid(cycle) + i128::from((phase - own) % cycle != 0);
+        Ok(Instant::from_nanos((phase - before * cycle) as u64))
+    }
+
+    /// The instant at which a frame's first bit was on the bus.
+    fn start_of(&self, logged: &Logged) -> Instant {
+        /// Behind the end of frame, before the bus is free.
+        const INTERMISSION_BITS: u32 = 3;
+        let bits = frame_bits(&logged.frame) - INTERMISSION_BITS;
+        let length = bit_time(bits, self.buses[logged.bus].bitrate);
+        Instant::from_nanos(
+            logged
+                .at
+                .as_nanos()
+                .saturating_sub(length.as_nanos() as u64),
+        )
+    }
+
+    /// The band of a frame that only the controller sends.
+    fn band(&self, logged: &Logged) -> Option<Band> {
+        let id = logged.frame.id();
+        let is = |cob_id: CobId| id == CanId::from(cob_id);
+        if is(CobId::SYNC) {
+            return Some(Band::Sync);
+        }
+        if is(CobId::NMT) || is(CobId::error_control(self.layout.node)) {
+            return Some(Band::Acyclic);
+        }
+        let mut drives = self.layout.buses[logged.bus].drives.iter();
+        drives.find_map(|&drive| {
+            let device = &self.layout.drives[drive].device;
+            if is(device.r_pdo().cob_id) {
+                Some(Band::Burst)
+            } else {
+                is(CobId::r_sdo(device.node())).then_some(Band::Acyclic)
+            }
+        })
+    }
+
+    /// Replays the log to its end, or to the first difference.
+    ///
+    /// # Errors
+    /// The program does not run from where the machine stood.
+    pub fn run(mut self) -> Result<Outcome, NoReplay> {
+        let mut state = State::new(self.start, &self.layout);
+        let mut checkpoints = VecDeque::from([state.clone()]);
+        let mut interrupted = None;
+        let mut ended = false;
+        let mut found = None;
+        while found.is_none() && !ended {
+            if state.cycle.is_multiple_of(CHECKPOINT) {
+                checkpoints.truncate(1);
+                checkpoints.push_front(state.clone());
+                self.forget(checkpoints[checkpoints.len() - 1].instruction);
+            }
+            match self.cycle(&mut state)? {
+                Step::GoesOn => {}
+                Step::Ended => ended = true,
+                Step::Differs(difference) => {
+                    let explained = (interrupted.is_none())
+                        .then(|| self.interruption(&checkpoints, state.cycle))
+                        .transpose()?
+                        .flatten();
+                    match explained {
+                        Some((cycle, with)) => {
+                            interrupted = Some(cycle);
+                            state = with;
+                        }
+                        None => found = Some(difference),
+                    }
+                }
+            }
+        }
+        Ok(Outcome {
+            difference: found,
+            same: state.same,
+            cycles: state.cycle,
+            end: (state.controller.phase() == Phase::Done)
+                .then(|| state.controller.end())
+                .flatten(),
+            dropped: state.dropped,
+            interrupted,
+        })
+    }
+
+    /// The latest cycle an interruption in which explains what the log has until beyond
+    /// `difference`, with the state there.
+    fn interruption(
+        &mut self,
+        checkpoints: &VecDeque<State>,
+        difference: u64,
+    ) -> Result<Option<(u64, State)>, NoReplay> {
+        for cycle in (difference.saturating_sub(LATENCY)..=difference).rev() {
+            let Some(before) = checkpoints.iter().find(|state| state.cycle <= cycle) else {
+                break;
+            };
+            let mut state = before.clone();
+            let mut agrees = true;
+            while agrees && state.cycle < difference + u64::from(2 * PATIENCE) {
+                if state.cycle == cycle {
+                    state.controller.interrupt();
+                }
+                match self.cycle(&mut state)? {
+                    Step::GoesOn => {}
+                    Step::Ended => break,
+                    Step::Differs(_) => agrees = false,
+                }
+            }
+            if agrees {
+                return Ok(Some((cycle, state)));
+            }
+        }
+        Ok(None)
+    }
+
+    /// One cycle: both wake-ups.
+    fn cycle(&mut self, state: &mut State) -> Result<Step, NoReplay> {
+        while let Some(wake) = state.controller.next_wake() {
+            let due = wake.at();
+            let last = self.log.last().map_or(due, |last| last.at);
+            if due > last + self.layout.cycle {
+                return Ok(Step::Ended);
+            }
+            state.last_wake = due;
+            match wake {
+                Wake::Sync(_) => self.sync(state, due),
+                Wake::Setpoint(_) => {
+                    self.attend(state, due)?;
+                    let step = self.setpoints(state, due);
+                    state.cycle += 1;
+                    return Ok(step.map_or(Step::GoesOn, Step::Differs));
+                }
+            }
+        }
+        // What it sent last is still to come.
+        let until = state.last_wake + PATIENCE * self.layout.cycle;
+        let taken = self.take(state, self.until(until));
+        let missing = taken.or_else(|| state.overdue(until));
+        Ok(missing.map_or(Step::Ended, |missing| {
+            Step::Differs(missing.in_state(state))
+        }))
+    }
+
+    fn sync(&self, state: &mut State, due: Instant) {
+        // A SYNC that came whole cycles late: the thread was not there.
+        let from = self.until(Instant::from_nanos(
+            due.as_nanos() - self.layout.cycle.as_nanos() as u64 / 2,
+        ));
+        let next = self.log[from..].iter().find(|it| is_sync(it));
+        let next = next.map_or(due, |it| self.start_of(it));
+        let streams = state
+            .sent
+            .iter()
+            .any(|bus| !bus[Band::Burst as usize].is_empty());
+        let now = if streams && next >= due + self.layout.cycle {
+            next
+        } else {
+            due
+        };
+        state.wake(due, now);
+    }
+
+    /// The wake-up for the setpoints; the first difference up to it, if there is one.
+    fn setpoints(&self, state: &mut State, due: Instant) -> Option<Difference> {
+        let nominal = self.until(due);
+        let mut cuts = self.uncertain(state, due);
+        cuts.retain(|&cut| cut != nominal);
+        cuts.sort_unstable_by_key(|&cut| cut.abs_diff(nominal));
+        let mut differs = None;
+        let mut chosen = None;
+        for cut in std::iter::once(nominal).chain(cuts.iter().copied()) {
+            if cuts.is_empty() {
+                differs = self.take(state, cut);
+                state.wake(due, due);
+                break;
+            }
+            let mut trial = state.clone();
+            let found = self.take(&mut trial, cut);
+            trial.wake(due, due);
+            if self.is_what_was_sent(&trial, due) {
+                chosen = Some((trial, found));
+                break;
+            }
+            chosen = chosen.or(Some((trial, found)));
+        }
+        if let Some((trial, found)) = chosen {
+            *state = trial;
+            differs = found;
+        }
+        state.burst.clear();
+        for bus in 0..self.buses.len() {
+            state.burst.extend(state.outboxes[bus].burst.as_slice());
+            self.tell_burst(state, bus, due);
+        }
+        state.told();
+        let differs = differs.or_else(|| {
+            let patience = PATIENCE * self.layout.cycle;
+            state.overdue(Instant::from_nanos(
+                due.as_nanos().saturating_sub(patience.as_nanos() as u64),
+            ))
+        });
+        differs.map(|found| found.in_state(state))
+    }
+
+    /// The ends of what had come in by a wake-up, where the stamps leave that open.
+    fn uncertain(&self, state: &State, due: Instant) -> Vec<usize> {
+        let from = self.until(Instant::from_nanos(
+            due.as_nanos().saturating_sub(UNCERTAIN.as_nanos() as u64),
+        ));
+        let from = from.max(state.next);
+        let mut cuts = Vec::new();
+        for (place, logged) in self.log.iter().enumerate().skip(from) {
+            let own = self.band(logged);
+            let sends = matches!(own, Some(Band::Burst | Band::Acyclic));
+            if logged.at > due && (own.is_some() || logged.at > due + self.layout.cycle) {
+                break;
+            }
+            if !sends && self.is_decisive(state, logged) {
+                cuts.extend([place, place + 1]);
+            }
+        }
+        cuts.dedup();
+        cuts
+    }
+
+    /// Whether what the controller sends at once depends on a frame.
+    fn is_decisive(&self, state: &State, logged: &Logged) -> bool {
+        let operational = [0x05];
+        let CanId::Standard(id) = logged.frame.id() else {
+            return false;
+        };
+        match id & 0x780 {
+            0x080 => id != CobId::SYNC.get(),
+            0x580 => true,
+            0x700 => logged.frame.data() != operational,
+            _ => self.band(logged).is_none() && state.controller.phase() < Phase::ModeStart,
+        }
+    }
+
+    /// Whether the outboxes hold what the log has from one wake-up for setpoints to the next SYNC.
+    fn is_what_was_sent(&self, state: &State, due: Instant) -> bool {
+        let heartbeat = CanId::from(CobId::error_control(self.layout.node));
+        (state.outboxes.iter().enumerate()).all(|(bus, outbox)| {
+            let sent = outbox
+                .burst
+                .as_slice()
+                .iter()
+                .chain(outbox.acyclic.as_slice());
+            let next = due + self.layout.cycle;
+            let here = self.log[self.until(due)..self.until(next)].iter();
+            let here = here.filter(|it| it.bus == bus && it.frame.id() != heartbeat);
+            let here = here.take_while(|it| !is_sync(it));
+            let logged = here.filter(|it| self.band(it).is_some());
+            logged.map(|it| it.frame).eq(sent.copied())
+        })
+    }
+
+    /// What became of the burst of the last wake-up: it left at some time, or was dropped.
+    fn tell_burst(&self, state: &mut State, bus: BusIndex, due: Instant) {
+        let burst = state.outboxes[bus].burst.as_slice();
+        let Some(first) = burst.first() else {
+            return;
+        };
+        let (id, frames) = (first.id(), burst.len());
+        let came = |cycles: u32| {
+            let here = &self.log[self.until(due)..self.until(due + cycles * self.layout.cycle)];
+            let same = |it: &&Logged| it.bus == bus && it.frame.id() == id;
+            here.iter().filter(same).count()
+        };
+        let log_ends = self.until(due + self.layout.cycle) == self.log.len();
+        let burst = if came(1) == 0 && came(2) < 2 && !log_ends {
+            state.dropped += 1;
+            state.sent[bus][Band::Burst as usize].retain(|(at, _)| *at != due);
+            Burst::Dropped
+        } else {
+            Burst::Queued
+        };
+        let echoes = self.buses[bus].echoes;
+        state.controller.burst_sent(bus, frames, burst, echoes);
+    }
+
+    /// Takes the log up to `cut`, bus by bus as the driver does: hands over what came in and
+    /// compares what was sent.
+    fn take(&self, state: &mut State, cut: usize) -> Option<Mismatch> {
+        let mut differs: Option<Mismatch> = None;
+        let range = state.next..cut.max(state.next);
+        for bus in 0..self.buses.len() {
+            for logged in self.log[range.clone()].iter().filter(|it| it.bus == bus) {
+                let band = self.band(logged);
+                if let Some(band) = band
+                    && let Err(mismatch) = state.meet(logged, band)
+                {
+                    let earlier = differs.as_ref().is_none_or(|it| mismatch.at < it.at);
+                    differs = if earlier { Some(mismatch) } else { differs };
+                }
+                let received = Received {
+                    at: logged.at,
+                    frame: logged.frame,
+                    echo: band.is_some(),
+                };
+                state.controller.receive(bus, &received);
+            }
+        }
+        state.next = range.end;
+        differs
+    }
+
+    /// The place of the first frame that ended after `at`.
+    fn until(&self, at: Instant) -> usize {
+        self.log.partition_point(|it| it.at <= at)
+    }
+
+    // --- what no frame tells ---
+
+    /// Feeds the plan, and does for persons what they did.
+    fn attend(&mut self, state: &mut State, due: Instant) -> Result<(), NoReplay> {
+        if !state.began
+            && let Some(start) = state.controller.ready()
+        {
+            state.began = true;
+            self.begin(start)?;
+            let cycles = self.rest(state, due, Waits::No)?;
+            state.waits = Waits::ForPlan(cycles);
+        }
+        if std::mem::take(&mut state.paused) {
+            let cycles = self.rest(state, due, Waits::ForPerson(0))?;
+            state.waits = Waits::ForPerson(cycles);
+        }
+        match &mut state.waits {
+            Waits::ForPlan(0) => state.waits = Waits::No,
+            Waits::ForPerson(0) => {
+                state.waits = Waits::No;
+                state.controller.go_on();
+            }
+            Waits::ForPlan(cycles) | Waits::ForPerson(cycles) => *cycles -= 1,
+            Waits::No => {}
+        }
+        if state.began && state.waits == Waits::No {
+            while state.controller.room() > 0
+                && let Some(instruction) = self.instruction(state.instruction)?
+            {
+                state.controller.accept(instruction);
+                state.instruction += 1;
+            }
+        }
+        Ok(())
+    }
+
+    fn begin(&mut self, start: Position) -> Result<(), NoReplay> {
+        if self.tape.is_none() {
+            self.program.check(start)?;
+            self.tape = Some(Tape {
+                feeder: self.program.feeder(start)?,
+                kept: VecDeque::new(),
+                first: 0,
+            });
+        }
+        Ok(())
+    }
+
+    fn instruction(&mut self, place: usize) -> Result<Option<Instruction<COORDINATES>>, NoReplay> {
+        let Some(tape) = &mut self.tape else {
+            return Ok(None);
+        };
+        while tape.first + tape.kept.len() <= place {
+            let Some(instruction) = tape.feeder.next_instruction()? else {
+                return Ok(None);
+            };
+            tape.kept.push_back(instruction);
+        }
+        Ok(tape.kept.get(place - tape.first).copied())
+    }
+
+    /// Nobody will want instructions before `place` again.
+    fn forget(&mut self, place: usize) {
+        if let Some(tape) = &mut self.tape {
+            while tape.first < place && tape.kept.pop_front().is_some() {
+                tape.first += 1;
+            }
+        }
+    }
+
+    /// How many cycles the machine, at rest now, rests before `then`: as many as the log's
+    /// setpoints stay, less those that the plan takes to show in them.
+    fn rest(&mut self, state: &State, due: Instant, then: Waits) -> Result<u64, NoReplay> {
+        let Some(moves) = self.next_change(state.next) else {
+            return Ok(u64::MAX);
+        };
+        let still = moves.saturating_since(due).as_nanos() / self.layout.cycle.as_nanos();
+        let mut trial = state.clone();
+        trial.waits = then;
+        for cycles in 0..=still as u64 {
+            let ended = matches!(self.cycle(&mut trial)?, Step::Ended);
+            if ended || trial.paused {
+                return Ok(0);
+            }
+            if trial.burst != state.burst {
+                return Ok((still as u64).saturating_sub(cycles));
+            }
+        }
+        Ok(0)
+    }
+
+    /// When the first setpoint from `place` on is another than the one before it.
+    fn next_change(&self, place: usize) -> Option<Instant> {
+        let mut last: Vec<Option<Frame>> = vec![None; self.layout.drives.len()];
+        let from = place.saturating_sub(16 * self.layout.drives.len() + 16);
+        for (index, logged) in self.log.iter().enumerate().skip(from) {
+            if self.band(logged) != Some(Band::Burst) {
+                continue;
+            }
+            let drive = self.layout.buses[logged.bus].drives.iter().find(|&&drive| {
+                let r_pdo = self.layout.drives[drive].device.r_pdo().cob_id;
+                logged.frame.id() == CanId::from(r_pdo)
+            });
+            let last = &mut last[*drive?];
+            if index >= place && last.is_some_and(|last| last != logged.frame) {
+                return Some(logged.at);
+            }
+            *last = Some(logged.frame);
+        }
+        None
+    }
+}
+
+fn is_sync(logged: &Logged) -> bool {
+    logged.frame.id() == CanId::from(CobId::SYNC)
+}
+
+/// What a cycle of a replay came to.
+enum Step {
+    GoesOn,
+    Ended,
+    Differs(Difference),
+}
+
+/// A difference without where the controller was.
+#[derive(Clone, Copy, Debug)]
+struct Mismatch {
+    at: Instant,
+    bus: BusIndex,
+    logged: Option<Frame>,
+    sent: Option<Frame>,
+}
+
+impl Mismatch {
+    fn in_state(self, state: &State) -> Difference {
+        Difference {
+            at: self.at,
+            bus: self.bus,
+            cycle: state.cycle,
+            phase: state.controller.phase(),
+            logged: self.logged,
+            sent: self.sent,
+        }
+    }
+}
+
+impl State {
+    fn new(start: Instant, layout: &Arc<Layout>) -> Self {
+        let buses = layout.buses.len();
+        Self {
+            controller: Controller::new(Arc::clone(layout), start),
+            next: 0,
+            sent: vec![Default::default(); buses],
+            outboxes: vec![Outbox::default(); buses],
+            burst: Vec::new(),
+            instruction: 0,
+            began: false,
+            waits: Waits::No,
+            paused: false,
+            cycle: 0,
+            same: 0,
+            dropped: 0,
+            last_wake: start,
+        }
+    }
+
+    /// Wakes the controller at `now`, which was `due`, and keeps what it sends.
+    fn wake(&mut self, due: Instant, now: Instant) {
+        self.outboxes.iter_mut().for_each(Outbox::clear);
+        self.controller.wake(now, &mut self.outboxes);
+        for (sent, outbox) in self.sent.iter_mut().zip(&self.outboxes) {
+            let keep = |frame: &Frame| (due, *frame);
+            sent[Band::Sync as usize].extend(outbox.sync.iter().map(keep));
+            sent[Band::Burst as usize].extend(outbox.burst.as_slice().iter().map(keep));
+            sent[Band::Acyclic as usize].extend(outbox.acyclic.as_slice().iter().map(keep));
+        }
+    }
+
+    /// Hears what the controller tells.
+    fn told(&mut self) {
+        while let Some(event) = self.controller.event() {
+            self.paused |= matches!(event, Event::Paused { .. });
+        }
+    }
+
+    /// Compares a frame of the log with what the controller sent.
+    fn meet(&mut self, logged: &Logged, band: Band) -> Result<(), Mismatch> {
+        let sent = self.sent[logged.bus][band as usize].pop_front();
+        let sent = sent.map(|(_, frame)| frame);
+        if sent == Some(logged.frame) {
+            self.same += 1;
+            return Ok(());
+        }
+        Err(Mismatch {
+            at: logged.at,
+            bus: logged.bus,
+            logged: Some(logged.frame),
+            sent,
+        })
+    }
+
+    /// A frame that was sent before `before` and never came.
+    fn overdue(&self, before: Instant) -> Option<Mismatch> {
+        let sent = self.sent.iter().enumerate();
+        let heads = sent.flat_map(|(bus, bands)| bands.iter().map(move |it| (bus, it.front())));
+        let oldest = heads.filter_map(|(bus, head)| Some((*head?, bus)));
+        let oldest = oldest.min_by_key(|((at, _), _)| *at);
+        let ((at, frame), bus) = oldest.filter(|((at, _), _)| *at < before)?;
+        Some(Mismatch {
+            at,
+            bus,
+            logged: None,
+            sent: Some(frame),
+        })
+    }
+}

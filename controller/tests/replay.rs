@@ -1,0 +1,272 @@
+//! Recorded runs fed back through the controller.
+
+use std::fs;
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+use std::time::Duration;
+use syncline_controller::bus_log::candump::Line;
+use tempfile::TempDir;
+
+const SYNCLINE: &str = env!("CARGO_BIN_EXE_syncline");
+const MACHINE: &str = concat!(
+    env!("CARGO_MANIFEST_DIR"),
+    "/../examples/portal/machine.toml"
+);
+/// Rests before, between and behind motions, of which no frame tells how long they last.
+const PROGRAM: &str = "\
+G21 G61 G4 P0.1
+G1 F12000 X60 Y30
+M0
+G4 P0.1
+G1 X20 Y10 Z-10
+M0
+M0
+G0 X0 Y0 Z0
+M2
+";
+
+struct Recorded {
+    folder: TempDir,
+    machine: PathBuf,
+    program: PathBuf,
+    log: PathBuf,
+}
+
+impl Recorded {
+    fn new() -> Self {
+        let folder = TempDir::new().unwrap();
+        let file = |name: &str, text: &str| {
+            let path = folder.path().join(name);
+            fs::write(&path, text).unwrap();
+            path
+        };
+        let machine = file("machine.toml", &fs::read_to_string(MACHINE).unwrap());
+        let program = file("program.ngc", PROGRAM);
+        let log = folder.path().join("log");
+        Self {
+            folder,
+            machine,
+            program,
+            log,
+        }
+    }
+
+    fn command(&self, name: &str) -> Command {
+        let mut command = Command::new(SYNCLINE);
+        command.arg(name);
+        if name == "replay" {
+            command.arg(&self.log);
+        }
+        command.args([&self.machine, &self.program]);
+        if name != "replay" {
+            command.arg("--candump").arg(&self.log);
+        }
+        command
+    }
+
+    fn validated() -> Self {
+        let recorded = Self::new();
+        let (code, text) = ended(&recorded.command("validate").output().unwrap());
+        assert_eq!(code, 0, "{text}");
+        recorded
+    }
+
+    fn replay(&self) -> (i32, String) {
+        ended(&self.command("replay").output().unwrap())
+    }
+
+    /// Replays the log as `change` leaves its lines.
+    fn replay_with(&self, change: impl FnOnce(&mut Vec<String>)) -> (i32, String) {
+        let text = fs::read_to_string(&self.log).unwrap();
+        let mut lines: Vec<String> = text.lines().map(str::to_owned).collect();
+        change(&mut lines);
+        let changed = self.folder.path().join("changed");
+        fs::write(&changed, lines.join("\n")).unwrap();
+        replay(&changed, &self.machine, &self.program)
+    }
+
+    /// Frames that only the controller sends.
+    fn own(&self) -> usize {
+        let text = fs::read_to_string(&self.log).unwrap();
+        let ids = text
+            .lines()
+            .map(|line| Line::parse(line).unwrap().frame.id());
+        ids.filter(|id| {
+            let id = id.raw();
+            matches!(id, 0x000 | 0x080 | 0x77F | 0x301..=0x304 | 0x601..=0x604)
+        })
+        .count()
+    }
+}
+
+fn replay(log: &Path, machine: &Path, program: &Path) -> (i32, String) {
+    let mut command = Command::new(SYNCLINE);
+    ended(
+        &command
+            .arg("replay")
+            .args([log, machine, program])
+            .output()
+            .unwrap(),
+    )
+}
+
+fn ended(output: &Output) -> (i32, String) {
+    let text = [&output.stdout[..], &output.stderr].concat();
+    (
+        output.status.code().unwrap(),
+        String::from_utf8(text).unwrap(),
+    )
+}
+
+fn assert_same(recorded: &Recorded, end: &str) {
+    let (code, text) = recorded.replay();
+    assert_eq!(code, 0, "{text}");
+    let same = format!(
+        "the same           {} frames of the controller\n",
+        recorded.own()
+    );
+    assert!(text.contains(&same), "{same}{text}");
+    assert!(
+        text.contains(&format!("the run's end      {end}\n")),
+        "{text}"
+    );
+}
+
+#[test]
+fn a_validated_run_is_sent_again_bit_for_bit() {
+    let recorded = Recorded::validated();
+    assert_same(&recorded, "program finished");
+
+    // Cut off, it is the same as far as it goes.
+    let (code, text) = recorded.replay_with(|lines| lines.truncate(lines.len() / 2));
+    assert_eq!(code, 0, "{text}");
+    assert!(text.contains("the log ends before the run does"), "{text}");
+}
+
+#[test]
+fn what_differs_is_told_with_its_place() {
+    let recorded = Recorded::validated();
+    let nth = |lines: &[String], id: &str, number: usize| {
+        let mut places = (0..lines.len()).filter(|&place| lines[place].contains(id));
+        places.nth(number).unwrap()
+    };
+
+    // One bit of a setpoint.
+    let mut stamp = String::new();
+    let (code, text) = recorded.replay_with(|lines| {
+        let place = nth(lines, " 303#", 400);
+        let last = lines[place].pop().unwrap();
+        lines[place].push(if last == '0' { '1' } else { '0' });
+        stamp = lines[place][1..18].trim_start_matches('0').to_owned();
+    });
+    assert_eq!(code, 1, "{text}");
+    assert!(
+        text.contains(&format!("at {stamp}, bus portal, cycle ")),
+        "{stamp}: {text}"
+    );
+    for told in [
+        "the log has      303#",
+        "syncline sends   303#",
+        "node 3 R_PDO2: DCOMcontrol 31 (001Fh), IPp_target",
+    ] {
+        assert!(text.contains(told), "{told}: {text}");
+    }
+
+    // A frame that is gone, one that nobody sends.
+    let (code, text) = recorded.replay_with(|lines| {
+        let place = nth(lines, " 602#", 20);
+        lines.remove(place);
+    });
+    assert_eq!(code, 1, "{text}");
+    let (code, text) = recorded.replay_with(|lines| {
+        let place = nth(lines, " 304#", 300);
+        let stranger = lines[place].replace(" 304#", " 000#");
+        lines.insert(
+            place + 1,
+            stranger[..stranger.find('#').unwrap()].to_owned() + "#8002",
+        );
+    });
+    assert_eq!(code, 1, "{text}");
+    assert!(text.contains("the log has      000#8002"), "{text}");
+    assert!(text.contains("syncline sends   nothing"), "{text}");
+
+    // Another actual position while setpoints follow it, another machine, another program.
+    let (code, text) = recorded.replay_with(|lines| {
+        let place = nth(lines, " 282#", 4);
+        let last = lines[place].pop().unwrap();
+        lines[place].push(if last == '0' { '1' } else { '0' });
+    });
+    assert_eq!(code, 1, "{text}");
+    for (file, from, to) in [
+        ("machine.toml", "max_jerk = 60_000.0", "max_jerk = 60_001.0"),
+        ("program.ngc", "X60", "X60.001"),
+    ] {
+        let changed = Recorded::new();
+        fs::copy(&recorded.log, &changed.log).unwrap();
+        let file = changed.folder.path().join(file);
+        let text = fs::read_to_string(&file).unwrap();
+        assert!(text.contains(from), "{text}");
+        fs::write(&file, text.replace(from, to)).unwrap();
+        let (code, text) = changed.replay();
+        assert_eq!(code, 1, "{text}");
+    }
+
+    // What cannot be replayed at all.
+    for (lines, why) in [
+        (vec!["(1.0) portal 281#00"], "no SYNC"),
+        (vec!["(1.0) other 080#"], "--bus BUS=INTERFACE"),
+        (
+            vec!["(1.0) portal 080#", "(1.1) portal 77F#05"],
+            "begins in the middle of a run",
+        ),
+        (vec!["(1.0) portal 80#"], "changed:1: the identifier"),
+    ] {
+        let (code, text) = recorded.replay_with(|log| {
+            *log = lines.into_iter().map(str::to_owned).collect();
+        });
+        assert_eq!(code, 2, "{text}");
+        assert!(text.contains(why), "{why}: {text}");
+    }
+}
+
+/// Persons go on when they like, and break off in mid-motion.
+#[test]
+fn a_run_with_pauses_and_an_interruption_is_sent_again() {
+    let recorded = Recorded::new();
+    let start = || {
+        let mut run = recorded.command("run");
+        run.stdin(Stdio::piped())
+            .stdout(Stdio::null())
+            .stderr(Stdio::null());
+        run.spawn().unwrap()
+    };
+    let mut child = start();
+    let mut person = child.stdin.take().unwrap();
+    let wait = || std::thread::sleep(Duration::from_millis(37));
+    while child.try_wait().unwrap().is_none() {
+        wait();
+        // It may have ended just now.
+        let _ = person.write_all(b"\n");
+    }
+    assert_same(&recorded, "program finished");
+
+    fs::write(&recorded.program, "G21 G1 F6000 X1000 Y500\nM2\n").unwrap();
+    fs::remove_file(&recorded.log).unwrap();
+    let mut child = start();
+    let moving = |text: String| text.matches(" 301#1F00").count() > 400;
+    while !moving(fs::read_to_string(&recorded.log).unwrap_or_default()) {
+        wait();
+    }
+    let id = child.id().to_string();
+    assert!(
+        Command::new("kill")
+            .args(["-INT", &id])
+            .status()
+            .unwrap()
+            .success()
+    );
+    assert_eq!(child.wait().unwrap().code(), Some(130));
+    assert_same(&recorded, "interrupted by the user");
+    assert!(recorded.replay().1.contains("interrupted        in cycle "));
+}
