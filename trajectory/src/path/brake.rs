@@ -129,7 +129,7 @@ pub(super) fn brake<'a, const N: usize>(
         if acceleration < 0.0 && acceleration * acceleration >= 2.0 * above * landing {
             let duration = -2.0 * above / acceleration;
             let jerk = -acceleration / duration;
-            if keeps(&mut road, &law.next(duration, jerk), limits) {
+            if keeps(&road, &law.next(duration, jerk), limits) {
                 law.push(duration, jerk)?;
                 law.end.speed = target;
                 law.end.acceleration = 0.0;
@@ -150,7 +150,7 @@ pub(super) fn brake<'a, const N: usize>(
             );
             let piece = law.next(duration, jerk);
             let slows = piece.at(duration).1 > target;
-            (slows && keeps(&mut scout, &piece, limits)).then_some(jerk)
+            (slows && keeps(&road, &piece, limits)).then_some(jerk)
         })?;
         law.push(duration, stepped)?;
     }
@@ -180,7 +180,7 @@ fn pace<const N: usize>(
 /// Whether every axis keeps its limits on the piece: at instants spread over what it takes of each
 /// span, and between them as far as what is asked bends no more than there.
 fn keeps<'a, const N: usize>(
-    road: &mut Road<'a, N, impl Fn(usize) -> Option<&'a Span<N>>>,
+    road: &Road<'a, N, impl Fn(usize) -> Option<&'a Span<N>>>,
     piece: &Piece,
     limits: &Limits<N>,
 ) -> bool {
@@ -190,6 +190,10 @@ fn keeps<'a, const N: usize>(
     let mut index = road.index;
     while let Some(span) = (road.span)(index) {
         let next = (road.span)(index + 1).filter(|next| next.start < end);
+        // Beyond what is known of the path nothing can be kept.
+        if next.is_none() && end > span.start + span.curve.length() + ROUNDING {
+            return false;
+        }
         let until = next.map_or(piece.duration, |next| instant_at(piece, next.start));
         // What a short part asks changes little.
         let intervals = if until - begin < 0.2 * piece.duration {

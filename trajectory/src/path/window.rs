@@ -169,6 +169,11 @@ impl<const N: usize> Window<N> {
                 return Err(NoLaw);
             }
             self.read();
+            let sound =
+                |p: &Piece| p.duration > 0.0 && p.duration.is_finite() && p.jerk.is_finite();
+            if !self.pieces.iter().all(sound) {
+                return Err(NoLaw);
+            }
             if !self.tighten(spans, limits) {
                 return Ok(());
             }

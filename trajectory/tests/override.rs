@@ -1,0 +1,232 @@
+//! What a person does to a running path, at random: overrides, holds, stops after blocks, steps
+//! back. Whatever comes, the axes stay on the path and inside their limits.
+
+use proptest::prelude::*;
+use syncline_trajectory::path::{
+    Command, Curve, Executor, Exit, Feed, Item, Limits, Move, Overrides, Plane, Planner, Setpoint,
+    Span, curve::ArcDefinition,
+};
+
+const LIMITS: Limits<3> = Limits {
+    velocity: [500.0, 400.0, 200.0],
+    acceleration: [5_000.0, 3_000.0, 2_000.0],
+    jerk: [80_000.0, 50_000.0, 40_000.0],
+};
+/// Short, so that what happens between the cycles of a real machine shows.
+const PERIOD: f64 = 0.000_5;
+/// Part of a limit by which the plan's own certificate may miss.
+const EXCESS: f64 = 1e-2;
+/// By how much the length of a blend's parts may be off, mm.
+const LENGTH: f64 = 3e-5;
+/// By how much a blend that is gone back may be elsewhere along the path, mm.
+const ALONG: f64 = 1e-7;
+
+#[derive(Debug, Clone, Copy)]
+enum Act {
+    Override(Overrides),
+    Hold,
+    StopAfterBlock,
+    StepBack,
+}
+
+fn act() -> impl Strategy<Value = Act> {
+    let feed = prop_oneof![Just(0.0), 0.01..2.0_f64, Just(1.0), Just(2.0)];
+    let overrides = (feed, prop_oneof![Just(1.0), 0.05..1.0_f64]);
+    prop_oneof![
+        4 => overrides.prop_map(|(feed, rapid)| Act::Override(Overrides { feed, rapid })),
+        2 => Just(Act::Hold),
+        1 => Just(Act::StopAfterBlock),
+        1 => Just(Act::StepBack),
+    ]
+}
+
+fn point(size: f64) -> impl Strategy<Value = [f64; 3]> {
+    prop::array::uniform3(-size..size)
+}
+
+/// Connected lines, and now and then an arc.
+fn contour() -> impl Strategy<Value = Vec<Curve<3>>> {
+    (10.0..100.0_f64)
+        .prop_flat_map(|size| {
+            let bulge = prop::option::weighted(0.4, -1.5..1.5_f64);
+            prop::collection::vec((point(size), bulge), 2..7)
+        })
+        .prop_filter_map("no length", |points| {
+            let joined = points.windows(2).map(|pair| {
+                let (start, end) = (pair[0].0, pair[1].0);
+                let Some(bulge) = pair[0].1 else {
+                    return Curve::line(start, end).ok();
+                };
+                let (mx, my) = ((start[0] + end[0]) / 2.0, (start[1] + end[1]) / 2.0);
+                let (dx, dy) = (end[0] - start[0], end[1] - start[1]);
+                Curve::arc(ArcDefinition {
+                    start,
+                    end,
+                    plane: Plane::Xy,
+                    centre: (mx - bulge * dy, my + bulge * dx),
+                    clockwise: bulge < 0.0,
+                    turns: 0,
+                })
+                .ok()
+            });
+            joined.collect()
+        })
+}
+
+/// The path as it is planned when nobody acts.
+struct Path {
+    spans: Vec<Span<3>>,
+}
+
+impl Path {
+    fn of(items: &[Item<3>], start: [f64; 3]) -> Self {
+        let mut planner = Planner::new(LIMITS, start);
+        let mut spans = Vec::new();
+        let mut origin = 0.0;
+        for item in items {
+            planner.push(*item).unwrap();
+        }
+        planner.finish();
+        while let Some(command) = planner.pop() {
+            match command {
+                Command::Section { origin: o, .. } => origin = o,
+                Command::Span(span) => spans.push(Span {
+                    start: origin + span.start,
+                    ..span
+                }),
+                _ => {}
+            }
+        }
+        Path { spans }
+    }
+
+    fn at(&self, distance: f64) -> [f64; 3] {
+        let index = self.spans.partition_point(|s| s.start <= distance).max(1) - 1;
+        let span = &self.spans[index];
+        span.curve.at(distance - span.start).q
+    }
+}
+
+/// Executes items while a person acts at the given cycles; whoever is held goes on after a while.
+fn run(
+    items: &[Item<3>],
+    start: [f64; 3],
+    acts: &[(u64, Act)],
+) -> Result<Setpoint<3>, TestCaseError> {
+    let path = Path::of(items, start);
+    let mut planner = Planner::new(LIMITS, start);
+    let mut executor = Executor::new(start, PERIOD, 4096);
+    let mut acts = acts.iter().peekable();
+    let mut items = items.iter();
+    let mut finished = false;
+    let mut held = 0;
+    loop {
+        let cycle = executor.cycle();
+        if let Some((_, act)) = acts.next_if(|(at, _)| *at <= cycle) {
+            match *act {
+                Act::Override(overrides) => executor.set_overrides(overrides),
+                Act::Hold => executor.hold(),
+                Act::StopAfterBlock => executor.stop_after_block(),
+                Act::StepBack => executor.step_back(),
+            }
+        }
+        // Nobody waits for ever.
+        held = if executor.is_held() { held + 1 } else { 0 };
+        if held > 400 {
+            executor.set_overrides(Overrides::default());
+            executor.resume();
+            held = 0;
+        }
+        if let Some(outlook) = executor.outlook() {
+            planner.observe(&outlook);
+        }
+        while executor.room() > 0 {
+            if let Some(command) = planner.pop() {
+                prop_assert!(executor.accept(command));
+            } else if executor.is_held() {
+                break;
+            } else if let Some(item) = items.next() {
+                planner.push(*item).unwrap();
+            } else if !finished {
+                planner.finish();
+                finished = true;
+            } else {
+                break;
+            }
+        }
+        prop_assert!(!executor.is_late());
+        if executor.is_idle() {
+            return Ok(executor.setpoint());
+        }
+        let before = executor.setpoint();
+        let now = executor.advance();
+        check(&path, &before, &now)?;
+        prop_assert!(cycle < 1_000_000, "never ends");
+    }
+}
+
+fn check(path: &Path, before: &Setpoint<3>, now: &Setpoint<3>) -> Result<(), TestCaseError> {
+    let there = path.at(now.distance);
+    for i in 0..3 {
+        prop_assert!(
+            (now.position[i] - there[i]).abs() < ALONG,
+            "{now:?} for {there:?}"
+        );
+        let within = |x: f64, limit: f64| x.abs() <= limit * (1.0 + EXCESS);
+        prop_assert!(within(now.velocity[i], LIMITS.velocity[i]), "{now:?}");
+        prop_assert!(
+            within(now.acceleration[i], LIMITS.acceleration[i]),
+            "{now:?}"
+        );
+        prop_assert!(within(now.jerk[i], LIMITS.jerk[i]), "{now:?}");
+        // Nothing jumps.
+        let moved = now.position[i] - before.position[i];
+        let mean = 0.5 * (now.velocity[i] + before.velocity[i]) * PERIOD;
+        let slack = LIMITS.jerk[i] * PERIOD * PERIOD * PERIOD / 6.0 + LENGTH;
+        prop_assert!((moved - mean).abs() <= slack, "{before:?} {now:?}");
+        let gained = now.velocity[i] - before.velocity[i];
+        let mean = 0.5 * (now.acceleration[i] + before.acceleration[i]) * PERIOD;
+        let slack = LIMITS.jerk[i] * PERIOD * PERIOD / 2.0 + 1e-6;
+        prop_assert!((gained - mean).abs() <= slack, "{before:?} {now:?}");
+        let change = now.acceleration[i] - before.acceleration[i];
+        let slack = LIMITS.jerk[i] * PERIOD * (1.0 + EXCESS) + 1e-3;
+        prop_assert!(change.abs() <= slack, "{before:?} {now:?}");
+    }
+    Ok(())
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: cases(), max_shrink_iters: 60, failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn whatever_a_person_does_the_axes_stay_on_the_path_and_inside_their_limits(
+        curves in contour(),
+        feed in 5.0..800.0_f64,
+        tolerance in prop_oneof![Just(0.001), 0.005..0.5_f64],
+        acts in prop::collection::vec((1..1500_u64, act()), 1..8),
+    ) {
+        let items: Vec<_> = curves
+            .iter()
+            .enumerate()
+            .map(|(k, curve)| Item::Move(Move {
+                curve: *curve,
+                feed: if k % 3 == 2 && curve.direction().is_some() { Feed::Rapid } else { Feed::Rate(feed) },
+                exit: Exit::Blend(tolerance),
+                tag: k as u32,
+            }))
+            .collect();
+        let mut at = 0;
+        let acts: Vec<_> = acts.into_iter().map(|(wait, act)| { at += wait; (at, act) }).collect();
+        let last = run(&items, curves[0].start(), &acts)?;
+        let end = curves.last().unwrap().end();
+        for (is, should) in last.position.iter().zip(end) {
+            prop_assert!((is - should).abs() < 1e-9);
+        }
+    }
+}
+
+/// More with `PROPTEST_CASES`.
+fn cases() -> u32 {
+    let wanted = std::env::var("PROPTEST_CASES").ok();
+    wanted.and_then(|n| n.parse().ok()).unwrap_or(12)
+}
