@@ -276,7 +276,7 @@ mod tests {
     #[test]
     fn breaks_in_the_plan_are_seen() {
         let mut plan = good();
-        plan.steps.pop();
+        while !matches!(plan.steps.pop(), Some(Step::Piece(_))) {}
         assert!(sees(&plan, "ends in motion"));
 
         let mut plan = good();
