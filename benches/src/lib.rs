@@ -2,5 +2,6 @@
 
 pub mod campaign;
 pub mod cases;
+pub mod contours;
 pub mod peer;
 pub mod properties;

@@ -29,6 +29,7 @@ struct Plan {
     /// Section and piece.
     pieces: Vec<(usize, Piece)>,
     windows: usize,
+    effort: syncline_trajectory::path::window::Effort,
 }
 
 impl Plan {
@@ -59,6 +60,7 @@ impl Plan {
         }
         planner.finish();
         drain(&mut planner);
+        plan.effort = planner.effort();
         plan.pieces = steps.into_iter().flatten().collect();
         plan
     }
@@ -243,4 +245,113 @@ fn rounding_a_corner_is_faster_than_stopping_in_it() {
     for pair in times.windows(2) {
         assert!(pair[1] < pair[0], "{times:?}");
     }
+}
+
+/// Random numbers of our own: 0 … 1.
+struct Draw(u64);
+
+impl Draw {
+    fn unit(&mut self) -> f64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
+    }
+
+    fn uniform(&mut self, low: f64, high: f64) -> f64 {
+        low + (high - low) * self.unit()
+    }
+
+    fn log(&mut self, low: f64, high: f64) -> f64 {
+        low * (high / low).powf(self.unit())
+    }
+}
+
+/// Lines and arcs one after another, by chance, and their tolerance.
+fn wander(draw: &mut Draw) -> (Vec<Item<3>>, f64) {
+    let size = draw.log(0.02, 200.0);
+    let feed = draw.log(2.0, 800.0);
+    let tolerance = if draw.unit() < 0.3 {
+        0.001
+    } else {
+        draw.log(0.003, 1.0)
+    };
+    let mut here = [0.0; 3];
+    let mut items = Vec::new();
+    let moves = 3 + (draw.unit() * 12.0) as usize;
+    let mut heading = 0.0_f64;
+    while items.len() < moves {
+        heading += draw.uniform(-3.1, 3.1);
+        let length = draw.log(0.02, 2.0) * size;
+        let mut end = here;
+        end[0] += length * heading.cos();
+        end[1] += length * heading.sin();
+        if draw.unit() < 0.3 {
+            end[2] += draw.uniform(-0.5, 0.5) * length;
+        }
+        let curve = if draw.unit() < 0.6 {
+            Curve::line(here, end)
+        } else {
+            let bulge = draw.uniform(-1.5, 1.5);
+            let centre = (
+                0.5 * (here[0] + end[0]) - bulge * (end[1] - here[1]),
+                0.5 * (here[1] + end[1]) + bulge * (end[0] - here[0]),
+            );
+            Curve::arc(ArcDefinition {
+                start: here,
+                end,
+                plane: Plane::Xy,
+                centre,
+                clockwise: bulge < 0.0,
+                turns: 0,
+            })
+        };
+        if let Ok(curve) = curve {
+            items.push(go(curve, feed, Exit::Blend(tolerance), items.len()));
+            here = end;
+        }
+    }
+    (items, tolerance)
+}
+
+/// Programs by chance, every one checked; stops where none was programmed are as good as none.
+fn wander_all(seeds: std::ops::Range<u64>) {
+    let mut total = syncline_trajectory::path::window::Effort::default();
+    let (mut rests, mut sections) = (0, 0);
+    for seed in seeds {
+        let (items, tolerance) = wander(&mut Draw(seed));
+        let plan = Plan::of(&items, [0.0; 3]);
+        if let Err(error) = plan.check(&items, tolerance) {
+            panic!("program {seed}: {error}");
+        }
+        let begun = plan
+            .pieces
+            .iter()
+            .filter(|(_, p)| p.speed == 0.0 && p.jerk > 0.0);
+        rests += begun.count() - plan.sections.len();
+        sections += plan.sections.len();
+        let effort = plan.effort;
+        total.stretches += effort.stretches;
+        total.cells += effort.cells;
+        total.laws += effort.laws;
+        total.steps += effort.steps;
+        total.unsolved += effort.unsolved;
+    }
+    println!("{sections} sections, {rests} rests in them, {total:?}");
+    assert!(
+        rests * 50 <= sections,
+        "{rests} rests in {sections} sections"
+    );
+}
+
+#[test]
+fn programs_by_chance_keep_limits_and_tolerance() {
+    wander_all(0..6);
+}
+
+#[test]
+#[ignore = "a campaign of minutes"]
+fn many_programs_by_chance_keep_limits_and_tolerance() {
+    wander_all(0..400);
 }

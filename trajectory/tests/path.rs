@@ -3,7 +3,7 @@
 use proptest::prelude::*;
 use syncline_trajectory::path::{
     Curve, Executor, Exit, Feed, Item, Limits, Move, Overrides, Plane, Planner, Setpoint,
-    curve::ArcDefinition,
+    blend::blend, curve::ArcDefinition,
 };
 
 const LIMITS: Limits<3> = Limits {
@@ -109,17 +109,45 @@ fn curve() -> impl Strategy<Value = Curve<3>> {
     prop_oneof![line, arc()]
 }
 
+/// The blend of two lines at any angle, or of two arcs.
+fn rounded() -> impl Strategy<Value = Curve<3>> {
+    let corner = (point(), point(), point()).prop_filter_map("no blend", |(a, b, c)| {
+        let (before, after) = (Curve::line(a, b).ok()?, Curve::line(b, c).ok()?);
+        Some(blend(&before, &after, 0.3)?.curve)
+    });
+    let arcs = (arc(), point(), 0.2..2.0_f64).prop_filter_map("no blend", |(before, to, turn)| {
+        let start = before.end();
+        let (mx, my) = (0.5 * (start[0] + to[0]), 0.5 * (start[1] + to[1]));
+        let centre = (
+            mx - turn * (to[1] - start[1]),
+            my + turn * (to[0] - start[0]),
+        );
+        let after = Curve::arc(ArcDefinition {
+            start,
+            end: to,
+            plane: Plane::Xy,
+            centre,
+            clockwise: false,
+            turns: 0,
+        });
+        Some(blend(&before, &after.ok()?, 0.05)?.curve)
+    });
+    prop_oneof![corner, arcs]
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(24))]
 
     #[test]
-    fn derivatives_are_those_of_the_position(curve in curve(), at in 0.01..0.99_f64) {
+    fn derivatives_are_those_of_the_position(curve in prop_oneof![curve(), rounded()], at in 0.01..0.99_f64) {
         let length = curve.length();
         let s = at * length;
         let here = curve.at(s);
         let greatest = |d: [f64; 3]| d.iter().fold(1e-300_f64, |m, x| m.max(x.abs()));
         let turn = greatest(here.d3) / greatest(here.d2); // rad/mm
-        let h = (1e-3 * length).min(1e-3 / turn);
+        // Blends change quickly all along.
+        let (fine, off) = if matches!(curve, Curve::Poly(_)) { (1e-4, 1e-3) } else { (1e-3, 1e-6) };
+        let h = (fine * length).min(1e-3 / turn);
         let tool: f64 = here.d1.iter().map(|x| x * x).sum();
         prop_assert!((tool - 1.0).abs() < 1e-12, "|q'|² = {tool}");
         let (before, after) = (curve.at(s - h), curve.at(s + h));
@@ -129,7 +157,7 @@ proptest! {
             };
             let noise = 1e-13 * scale(|d| d.q) / h;
             // Central differences are off by h²/6 of the derivative two orders higher.
-            let close = |d: f64, e: f64, size: f64, noise: f64| (d - e).abs() <= 1e-6 * size + noise;
+            let close = |d: f64, e: f64, size: f64, noise: f64| (d - e).abs() <= off * size + noise;
             prop_assert!(close((after.q[i] - before.q[i]) / (2.0 * h), here.d1[i], 1.0, noise));
             prop_assert!(close((after.d1[i] - before.d1[i]) / (2.0 * h), here.d2[i], scale(|d| d.d2), 1e-12 / h));
             prop_assert!(close((after.d2[i] - before.d2[i]) / (2.0 * h), here.d3[i], scale(|d| d.d3), 1e-12 * scale(|d| d.d2) / h));
@@ -139,6 +167,22 @@ proptest! {
             prop_assert!(here.d1[i].abs() <= m1[i] * (1.0 + 1e-12));
             prop_assert!(here.d2[i].abs() <= m2[i] * (1.0 + 1e-12));
             prop_assert!(here.d3[i].abs() <= m3[i] * (1.0 + 1e-12));
+        }
+        // The next two by differences, against the bounds of the stretch.
+        let h = 1e-3 * length;
+        let (before, after) = (curve.at(s - h), curve.at(s + h));
+        let bounds = curve.growth(s - h, s + h);
+        for i in 0..3 {
+            let d4 = (after.d3[i] - before.d3[i]) / (2.0 * h);
+            let d5 = (after.d3[i] - 2.0 * here.d3[i] + before.d3[i]) / (h * h);
+            let noise = 1e-9 * greatest(here.d3) / h;
+            prop_assert!(d4.abs() <= bounds[3][i] * (1.0 + 1e-9) + noise, "{d4} {}", bounds[3][i]);
+            prop_assert!(d5.abs() <= bounds[4][i] * (1.0 + 1e-9) + noise / h, "{d5} {}", bounds[4][i]);
+            for at in [&before, &here, &after] {
+                for (d, bound) in [at.d1, at.d2, at.d3].iter().zip(bounds) {
+                    prop_assert!(d[i].abs() <= bound[i] * (1.0 + 1e-9) + 1e-12, "{} {}", d[i], bound[i]);
+                }
+            }
         }
         let (low, high) = curve.bounds();
         for i in 0..3 {

@@ -24,14 +24,20 @@ impl Load {
     }
 }
 
-/// Intervals that a piece on a curve is sampled in.
-const INTERVALS: usize = 4;
+/// Times that a piece is halved, at most, to come to a closer bound.
+const HALVINGS: usize = 6;
+/// Excess over a limit that is rounding, as a part of it.
+pub const ROUNDING: f64 = 1e-9;
+/// A bound this close above the samples is close enough.
+const CLOSE: f64 = 2e-5;
 
-/// Upper bounds of what `piece` on `span` asks of the axes.
+/// Upper bounds of what `piece` on `span` asks of the axes at any instant.
 ///
-/// On a line the bounds are exact. On a curve they hold the greatest of five samples plus an eighth
-/// of the greatest second difference, the most that a curve which bends no more than between the
-/// samples rises above them.
+/// On a line they are exact. On a curve: a function is no higher than the line through two samples
+/// and an eighth of its second derivative times the square of the time between them. The second
+/// derivatives of velocity, acceleration and jerk by time follow from the path's first five
+/// derivatives, which are bounded on the stretch ([`Curve::growth`](super::Curve::growth)). Where
+/// that comes out above a limit that the samples keep, both halves are looked at.
 pub fn load<const N: usize>(piece: &Piece, span: &Span<N>, limits: &Limits<N>) -> Load {
     let mut top = piece.speed.max(piece.at(piece.duration).1);
     if piece.acceleration * piece.jerk < 0.0 {
@@ -55,32 +61,96 @@ pub fn load<const N: usize>(piece: &Piece, span: &Span<N>, limits: &Limits<N>) -
         }
         return load;
     }
-    let mut samples = [[[0.0; N]; 3]; INTERVALS + 1];
-    for (k, sample) in samples.iter_mut().enumerate() {
-        let (ds, v, a) = piece.at(piece.duration * k as f64 / INTERVALS as f64);
-        let at = span.curve.at((piece.distance - span.start) + ds);
+    let whole = Stretch {
+        piece,
+        span,
+        limits,
+    };
+    let [first, last] = [0.0, piece.duration].map(|t| whole.sample(t));
+    load.max(whole.bound([0.0, piece.duration], top, [&first, &last], HALVINGS))
+}
+
+/// A piece on a curve.
+struct Stretch<'a, const N: usize> {
+    piece: &'a Piece,
+    span: &'a Span<N>,
+    limits: &'a Limits<N>,
+}
+
+/// Velocity, acceleration and jerk of every axis as parts of their limits, at an instant; and the
+/// path's distance and acceleration.
+struct Sample<const N: usize> {
+    parts: [[f64; N]; 3],
+    s: f64,
+    a: f64,
+}
+
+impl<const N: usize> Stretch<'_, N> {
+    fn sample(&self, t: f64) -> Sample<N> {
+        let Stretch {
+            piece,
+            span,
+            limits,
+        } = self;
+        let (ds, v, a) = piece.at(t);
+        let s = (piece.distance - span.start) + ds;
+        let at = span.curve.at(s);
+        let mut parts = [[0.0; N]; 3];
         for i in 0..N {
-            sample[0][i] = at.d1[i] * v / limits.velocity[i];
-            sample[1][i] = (at.d2[i] * v * v + at.d1[i] * a) / limits.acceleration[i];
-            sample[2][i] = (at.d3[i] * v * v * v + 3.0 * at.d2[i] * v * a + at.d1[i] * piece.jerk)
+            parts[0][i] = at.d1[i] * v / limits.velocity[i];
+            parts[1][i] = (at.d2[i] * v * v + at.d1[i] * a) / limits.acceleration[i];
+            parts[2][i] = (at.d3[i] * v * v * v + 3.0 * at.d2[i] * v * a + at.d1[i] * piece.jerk)
                 / limits.jerk[i];
         }
+        Sample { parts, s, a }
     }
-    let bound = |what: usize| {
-        let mut greatest = 0.0_f64;
+
+    /// Upper bounds between two instants; nowhere there is the path faster than `top`.
+    fn bound(&self, [t0, t1]: [f64; 2], top: f64, ends: [&Sample<N>; 2], halvings: usize) -> Load {
+        let middle = 0.5 * (t0 + t1);
+        let between = self.sample(middle);
+        let [d1, d2, d3, d4, d5] = self.span.curve.growth(ends[0].s, ends[1].s);
+        let (v, a, j) = (
+            top,
+            ends[0].a.abs().max(ends[1].a.abs()),
+            self.piece.jerk.abs(),
+        );
+        let (v2, a2) = (v * v, a * a);
+        let part = 0.5 * (t1 - t0);
+        let bend = part * part / 8.0;
+        let limits = [
+            &self.limits.velocity,
+            &self.limits.acceleration,
+            &self.limits.jerk,
+        ];
+        let mut seen = [0.0_f64; 3];
+        let mut most = [0.0_f64; 3];
         for i in 0..N {
-            let y = |k: usize| samples[k][what][i];
-            let peak = (0..=INTERVALS).map(|k| y(k).abs()).fold(0.0, f64::max);
-            let bend = (1..INTERVALS)
-                .map(|k| (y(k - 1) - 2.0 * y(k) + y(k + 1)).abs())
-                .fold(0.0, f64::max);
-            greatest = greatest.max(peak + bend / 8.0);
+            let second = [
+                d3[i] * v2 * v + 3.0 * d2[i] * v * a + d1[i] * j,
+                d4[i] * v2 * v2 + 6.0 * d3[i] * v2 * a + d2[i] * (3.0 * a2 + 4.0 * v * j),
+                v2 * v * (d5[i] * v2 + 10.0 * d4[i] * a)
+                    + d3[i] * v * (15.0 * a2 + 10.0 * v * j)
+                    + 10.0 * d2[i] * a * j,
+            ];
+            for what in 0..3 {
+                let peak = ends
+                    .into_iter()
+                    .chain([&between])
+                    .fold(0.0_f64, |m, s| m.max(s.parts[what][i].abs()));
+                seen[what] = seen[what].max(peak);
+                most[what] = most[what].max(peak + bend * second[what] / limits[what][i]);
+            }
         }
-        greatest
-    };
-    load.max(Load {
-        velocity: bound(0),
-        acceleration: bound(1),
-        jerk: bound(2),
-    })
+        let open = (0..3).any(|w| most[w] > 1.0 + ROUNDING && most[w] > seen[w] + CLOSE);
+        if open && halvings > 0 {
+            let first = self.bound([t0, middle], top, [ends[0], &between], halvings - 1);
+            return first.max(self.bound([middle, t1], top, [&between, ends[1]], halvings - 1));
+        }
+        Load {
+            velocity: most[0],
+            acceleration: most[1],
+            jerk: most[2],
+        }
+    }
 }

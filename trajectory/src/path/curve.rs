@@ -308,6 +308,32 @@ impl<const N: usize> Arc<N> {
     }
 }
 
+impl<const N: usize> Arc<N> {
+    /// See [`Curve::growth`]; the parameter is the angle.
+    fn growth(&self, from: f64, to: f64) -> Growth<N> {
+        let radius = |s: f64| self.radius + self.spiral * self.sweep.abs() * (s / self.length);
+        // The radius of a spiral goes nearly with the path; its change is within the tolerance.
+        let slack = 1e-3 * (self.spiral * self.sweep).abs();
+        let (r0, r1) = (radius(from), radius(to));
+        let (least, most) = (r0.min(r1) - slack, r0.max(r1) + slack);
+        let k = self.spiral.abs();
+        let flat = k * k + self.rise;
+        const FACTORIAL: [f64; ORDERS] = [1.0, 1.0, 2.0, 6.0, 24.0];
+        let first = std::array::from_fn(|i| {
+            if i == self.plane.0 || i == self.plane.1 {
+                std::array::from_fn(|n| libm::hypot(most, (n + 1) as f64 * k) / FACTORIAL[n])
+            } else {
+                [self.pitch[i].abs(), 0.0, 0.0, 0.0, 0.0]
+            }
+        });
+        growth(
+            &first,
+            least * least + flat,
+            &[most * most + flat, 2.0 * most * k, k * k, 0.0, 0.0],
+        )
+    }
+}
+
 /// A polynomial of degree five in a parameter from 0 to 1.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Poly<const N: usize> {
@@ -466,11 +492,98 @@ impl<const N: usize> Poly<N> {
         by_length(self.point(u), &u1, &u2, &u3, sigma, sigma1, sigma2)
     }
 
-    /// Geometry at points spread over the curve.
-    fn samples(&self) -> impl Iterator<Item = Derivatives<N>> {
-        const COUNT: usize = 24;
-        (0..=COUNT).map(|k| self.at(self.length() * k as f64 / COUNT as f64))
+    /// See [`Curve::growth`].
+    fn growth(&self, from: f64, to: f64) -> Growth<N> {
+        let (u0, u1) = (self.parameter(from), self.parameter(to));
+        let (middle, half) = (0.5 * (u0 + u1), 0.5 * (u1 - u0) * (1.0 + 1e-9) + 1e-12);
+        // Taylor's coefficients of the derivative by the parameter, about the middle.
+        let mut taylor: [[f64; N]; 5] =
+            std::array::from_fn(|k| self.terms[k].map(|c| (k + 1) as f64 * c));
+        for low in 0..4 {
+            for k in (low..4).rev() {
+                for i in 0..N {
+                    taylor[k][i] += middle * taylor[k + 1][i];
+                }
+            }
+        }
+        // The same of σ² = |q′|², a polynomial of degree eight.
+        let mut square = [0.0; 9];
+        for j in 0..5 {
+            for k in 0..5 {
+                square[j + k] += (0..N.min(3))
+                    .map(|i| taylor[j][i] * taylor[k][i])
+                    .sum::<f64>();
+            }
+        }
+        let rest: f64 = square[1..]
+            .iter()
+            .rev()
+            .fold(0.0, |sum, c| (sum + c.abs()) * half);
+        growth(
+            &std::array::from_fn(|i| spread(&taylor.map(|c| c[i]), half)),
+            square[0] - rest,
+            &spread(&square, half),
+        )
     }
+}
+
+/// Bounds of a polynomial's first Taylor coefficients at any point no further than `half` from the
+/// one about which it has the coefficients `taylor`.
+fn spread(taylor: &[f64], half: f64) -> Jet {
+    let mut powers = [0.0; 9];
+    for (power, c) in powers.iter_mut().zip(taylor) {
+        *power = c.abs();
+    }
+    // Taylor's shift by `half`, all terms of one sign.
+    for low in 0..ORDERS {
+        for k in (low..taylor.len() - 1).rev() {
+            powers[k] += half * powers[k + 1];
+        }
+    }
+    std::array::from_fn(|k| powers[k])
+}
+
+/// Derivatives that are bounded.
+pub const ORDERS: usize = 5;
+/// Upper bounds of the magnitudes of a function's Taylor coefficients, f⁽ᵏ⁾/k!, at every point of a
+/// stretch.
+type Jet = [f64; ORDERS];
+/// Upper bounds of the magnitudes of the derivatives by path length, the first to the fifth, of
+/// every axis.
+pub type Growth<const N: usize> = [[f64; N]; ORDERS];
+
+/// Bounds by path length from those of q′ by any parameter; `least` is the least of σ² there and
+/// `square` bounds its coefficients. Cauchy's products of bounds bound the product's coefficients.
+fn growth<const N: usize>(first: &[Jet; N], least: f64, square: &Jet) -> Growth<N> {
+    if least.is_nan() || least <= 0.0 {
+        return [[f64::INFINITY; N]; ORDERS];
+    }
+    // 1/σ = (σ²)^(−1/2): k f_k σ² = −Σ (j/2 + k − j) (σ²)_j f_(k−j).
+    let mut slow = [1.0 / least.sqrt(), 0.0, 0.0, 0.0, 0.0];
+    for k in 1..ORDERS {
+        let sum: f64 = (1..=k)
+            .map(|j| (k as f64 - 0.5 * j as f64) * square[j] * slow[k - j])
+            .sum();
+        slow[k] = sum / (k as f64 * least);
+    }
+    let product =
+        |a: &Jet| -> Jet { std::array::from_fn(|k| (0..=k).map(|j| a[j] * slow[k - j]).sum()) };
+    let mut out = [[0.0; N]; ORDERS];
+    for i in 0..N {
+        // d/ds = 1/σ d/du; of every derivative one coefficient fewer is known.
+        let mut jet = product(&first[i]);
+        for order in 0..ORDERS {
+            out[order][i] = jet[0];
+            jet = product(&std::array::from_fn(|k| {
+                if k + 1 < ORDERS {
+                    (k + 1) as f64 * jet[k + 1]
+                } else {
+                    0.0
+                }
+            }));
+        }
+    }
+    out
 }
 
 /// Derivatives by path length from those by any parameter u, with σ = ds/du, σ′, σ″.
@@ -613,48 +726,43 @@ impl<const N: usize> Curve<N> {
         }
     }
 
-    /// The greatest magnitudes of every axis's first, second and third derivative on the curve
-    /// (upper bounds; for blends samples and a fifth more).
-    pub fn derivative_bounds(&self) -> [[f64; N]; 3] {
+    /// Upper bounds of the magnitudes of every axis's derivatives by path length, the first to the
+    /// fifth, between the path lengths `from` and `to`. They hold everywhere in between and come
+    /// closer to the greatest values the shorter the stretch is.
+    pub fn growth(&self, from: f64, to: f64) -> Growth<N> {
         match self {
-            Curve::Line(line) => [line.direction.map(f64::abs), [0.0; N], [0.0; N]],
-            Curve::Poly(poly) => {
-                let mut most = [[0.0; N]; 3];
-                for at in poly.samples() {
-                    for i in 0..N {
-                        for (m, d) in most.iter_mut().zip([at.d1, at.d2, at.d3]) {
-                            m[i] = f64::max(m[i], 1.2 * d[i].abs());
-                        }
-                    }
-                }
-                most
+            Curve::Line(line) => {
+                let mut out = [[0.0; N]; ORDERS];
+                out[0] = line.direction.map(f64::abs);
+                out
             }
-            Curve::Arc(arc) => {
-                let k = arc.spiral.abs();
-                let end = arc.radius + arc.spiral * arc.sweep.abs();
-                let (least, most) = (arc.radius.min(end), arc.radius.max(end));
-                let sigma = (least * least + k * k + arc.rise).sqrt();
-                // σ′ and σ″ are of the order of the tolerated spiral; zero for true circles.
-                let b = k * most / sigma / (sigma * sigma * sigma);
-                let c = 4.0 * k * k / (sigma * sigma * sigma * sigma * sigma);
-                let (p1, p2, p3) = (libm::hypot(most, k), most + 2.0 * k, most + 3.0 * k);
-                let by_angle = |i: usize| {
-                    let in_plane = i == arc.plane.0 || i == arc.plane.1;
-                    if in_plane {
-                        (p1, p2, p3)
-                    } else {
-                        (arc.pitch[i].abs(), 0.0, 0.0)
-                    }
-                };
-                let (r, rr) = (1.0 / sigma, 1.0 / (sigma * sigma));
-                [
-                    std::array::from_fn(|i| by_angle(i).0 * r),
-                    std::array::from_fn(|i| by_angle(i).1 * rr + by_angle(i).0 * b),
-                    std::array::from_fn(|i| {
-                        let (u1, u2, u3) = by_angle(i);
-                        u3 * rr * r + 3.0 * u2 * b * r + u1 * c
-                    }),
-                ]
+            Curve::Arc(arc) => arc.growth(from, to),
+            Curve::Poly(poly) => poly.growth(from, to),
+        }
+    }
+
+    /// Upper bounds of the magnitudes of every axis's first, second and third derivative on the
+    /// curve.
+    pub fn derivative_bounds(&self) -> [[f64; N]; 3] {
+        let mut most = [[0.0_f64; N]; 3];
+        self.raise(0.0, self.length(), 8, &mut most);
+        most
+    }
+
+    /// Raises `most` to what bounds the derivatives between `from` and `to`, from parts as short as
+    /// a bound takes.
+    fn raise(&self, from: f64, to: f64, halvings: usize, most: &mut [[f64; N]; 3]) {
+        let bounds = self.growth(from, to);
+        let coarse = matches!(self, Curve::Poly(_)) && halvings > 3;
+        if halvings > 0 && (coarse || !bounds[2].iter().all(|b| b.is_finite())) {
+            let middle = 0.5 * (from + to);
+            self.raise(from, middle, halvings - 1, most);
+            self.raise(middle, to, halvings - 1, most);
+            return;
+        }
+        for (most, bounds) in most.iter_mut().zip(bounds) {
+            for i in 0..N {
+                most[i] = most[i].max(bounds[i]);
             }
         }
     }
@@ -723,16 +831,27 @@ impl<const N: usize> Curve<N> {
         super::blend::distance(&self.at(s).q, point)
     }
 
-    /// The smallest box that holds the curve (of a blend: its samples): lower and upper corner. Soft limits are checked on it.
+    /// A box that holds the curve, of lines and circles the smallest: lower and upper corner. Soft
+    /// limits are checked on it.
     pub fn bounds(&self) -> ([f64; N], [f64; N]) {
         let (start, end) = (self.start(), self.end());
         let mut low: [f64; N] = std::array::from_fn(|i| start[i].min(end[i]));
         let mut high: [f64; N] = std::array::from_fn(|i| start[i].max(end[i]));
         if let Curve::Poly(poly) = self {
-            for at in poly.samples() {
+            // The hull of the control points of Bernstein's form.
+            for j in 0..=5 {
+                // C(j, k) / C(5, k)
+                let mut share = 1.0;
+                let mut point = poly.start;
+                for k in 1..=j {
+                    share *= (j + 1 - k) as f64 / (6 - k) as f64;
+                    for i in 0..N {
+                        point[i] += share * poly.terms[k - 1][i];
+                    }
+                }
                 for i in 0..N {
-                    low[i] = low[i].min(at.q[i]);
-                    high[i] = high[i].max(at.q[i]);
+                    low[i] = low[i].min(point[i]);
+                    high[i] = high[i].max(point[i]);
                 }
             }
         }

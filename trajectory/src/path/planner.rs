@@ -15,7 +15,7 @@ use thiserror::Error;
 
 use super::blend::{Blend, blend};
 use super::brake::brake;
-use super::window::Window;
+use super::window::{Effort, Window};
 use super::{Command, Curve, Departure, Exit, Item, Limits, Move, Outlook, Overrides, Piece, Span};
 
 /// Why an item cannot be planned.
@@ -36,8 +36,10 @@ pub enum PathError {
 const GAP: f64 = 1e-6;
 /// Tangents (and curvatures times their radius) that differ by no more are equal.
 const SMOOTH: f64 = 1e-10;
-/// A part of a curve this small is rounding.
+/// A part of a curve this small (as a part of it) or of a section (in mm) is rounding.
 const NOTHING: f64 = 1e-9;
+/// States of the last plan that a window is tried from before the plan is followed to its end.
+const ATTEMPTS: usize = 4;
 /// Spans in a window, at most.
 const WINDOW_SPANS: usize = 1024;
 
@@ -181,6 +183,11 @@ impl<const N: usize> Planner<N> {
     pub fn mark(&mut self, mark: u32) {
         self.close();
         self.legs.push_back(Leg::Mark(mark));
+    }
+
+    /// What planning took so far.
+    pub fn effort(&self) -> Effort {
+        self.window.effort()
     }
 
     /// No further item comes for now: whatever was taken is planned to rest.
@@ -544,7 +551,7 @@ impl<const N: usize> Planner<N> {
             _ => return true,
         };
         let departure = self.cursor.departure;
-        if departure.distance >= section.length {
+        if departure.distance >= section.length - NOTHING {
             return section.closed;
         }
         if !backward {
@@ -589,7 +596,22 @@ impl<const N: usize> Planner<N> {
             self.window.stay();
             from.speed == 0.0
         } else {
-            self.window.plan(spans, &self.limits, from, end).is_ok()
+            let mut planned = self.window.plan(spans, &self.limits, from, end).is_ok();
+            for _ in 1..ATTEMPTS {
+                // Where no law is found there may be one from a little later on.
+                if !planned
+                    && !slow_down
+                    && let Some(step) = &mut self.cursor.splice
+                    && let Some((pieces, later)) = self.window.later(from)
+                {
+                    *step += pieces;
+                    from = later;
+                    let end = reach(spans, from.distance, self.horizon, &self.limits).min(way);
+                    planned = end > from.distance
+                        && self.window.plan(spans, &self.limits, from, end).is_ok();
+                }
+            }
+            planned
         };
         if !planned {
             if slow_down {
@@ -602,7 +624,7 @@ impl<const N: usize> Planner<N> {
                     ..Departure::default()
                 };
                 self.cursor.splice = None;
-                return section.closed && self.cursor.rest >= section.length;
+                return section.closed && self.cursor.rest >= section.length - NOTHING;
             }
             self.window.crawl(spans, departure.distance, &self.limits);
         }
@@ -645,7 +667,7 @@ impl<const N: usize> Planner<N> {
         let first = self.cursor.step + slowing as u64;
         self.cursor.step = first + pieces.len() as u64;
         // The end of a section is met to rounding.
-        if section.closed && rest >= section.length * (1.0 - 1e-12) {
+        if section.closed && rest >= section.length - NOTHING {
             return true;
         }
         if pieces.is_empty() {
@@ -663,12 +685,13 @@ impl<const N: usize> Planner<N> {
             left += pieces[keep].duration;
             keep -= 1;
         }
-        let next = pieces[keep];
-        self.cursor.departure = Departure {
-            distance: next.distance,
-            speed: next.speed,
-            acceleration: next.acceleration,
-        };
+        // The calmer the state, the easier it is to go on from.
+        for k in (pieces.len() / 2..keep).rev() {
+            if pieces[k].acceleration.abs() < 0.5 * pieces[keep].acceleration.abs() {
+                keep = k;
+            }
+        }
+        self.cursor.departure = Departure::from(pieces[keep]);
         self.cursor.splice = Some(first + keep as u64);
         false
     }

@@ -89,7 +89,9 @@ pub struct Outcome {
 }
 
 /// Newton steps before it is given up.
-const MAX_ITERATIONS: usize = 40;
+const MAX_ITERATIONS: usize = 80;
+/// Excess over a limit that is left to another solution with tightened limits.
+const PATIENT: f64 = 0.01;
 /// Part of the way to the boundary that a step goes.
 const REACH: f64 = 0.98;
 /// The dynamics are met when they miss by no more than this part of ṡ².
@@ -479,9 +481,10 @@ impl<const N: usize> TimeLaw<N> {
             if !outcome.time.is_finite() || !outcome.gap.is_finite() {
                 break;
             }
-            // Out of patience, what keeps the limits will do.
+            // Out of patience, what nearly keeps the limits will do.
             let last = outcome.iterations == MAX_ITERATIONS;
-            if (last || outcome.gap <= tolerance * outcome.time) && outcome.excess < tolerance {
+            let allowed = if last { PATIENT } else { tolerance };
+            if (last || outcome.gap <= tolerance * outcome.time) && outcome.excess < allowed {
                 outcome.converged = self.meet(cells, limits, miss);
                 break;
             }

@@ -1,12 +1,22 @@
 //! Plans a stretch of a section: cuts it into cells, solves for the time law, turns it into pieces
 //! and certifies them.
 
-use super::certify::load;
+use super::certify::{ROUNDING, load};
 use super::planner::{Bounds, rest_to_rest};
 use super::time_law::{Cell, Node, Slope, TimeLaw};
 use super::{Departure, Limits, Piece, Span};
 use crate::profile::State;
 use crate::state_to_state::{self, Axis};
+
+impl From<Piece> for Departure {
+    fn from(piece: Piece) -> Self {
+        Departure {
+            distance: piece.distance,
+            speed: piece.speed,
+            acceleration: piece.acceleration,
+        }
+    }
+}
 
 /// Ramps of the acceleration are cut into this many cells.
 const CELLS_PER_RAMP: f64 = 10.0;
@@ -23,15 +33,20 @@ const WARM: f64 = 0.01;
 const TOLERANCE: f64 = 3e-4;
 /// Rounds of solving with limits tightened where the law broke them between nodes.
 const ROUNDS: usize = 6;
-/// What is taken off a broken limit beyond the excess.
+/// What is taken off a broken limit beyond the excess; twice that in every further round.
 const MARGIN: f64 = 5e-4;
+/// What may be missing between two pieces, as a part of what changes in one.
+const SEAM: f64 = 1e-9;
+/// Cells on both sides of one that is too fast in which the speed is lowered, too.
+const NEAR_SPEED: usize = 8;
+/// Cells of the last stretch that the next one takes over, at most: time enough to do otherwise
+/// than the last one meant to.
+const KEPT_CELLS: usize = 40;
 /// What is kept of the acceleration and jerk limits on curves from the first, for what happens
 /// between the nodes.
 const CURVE_SHARE: f64 = 5e-4;
 /// Part of the speed limit that is planned, so that rounding stays inside.
 const SPEED_SHARE: f64 = 1.0 - 2e-5;
-/// Excess over a limit that is rounding, as a part of it.
-const ROUNDING: f64 = 1e-9;
 
 /// Part of the path over which the estimate of the speed is one formula.
 #[derive(Debug, Clone, Copy)]
@@ -43,7 +58,8 @@ struct Stretch {
     /// Greatest acceleration and jerk along the tangent.
     acceleration: f64,
     jerk: f64,
-    straight: bool,
+    /// The part of the path about it over which the cap is the same.
+    level: [f64; 2],
     /// Estimate of ṡ² at both ends.
     w: [f64; 2],
 }
@@ -60,16 +76,50 @@ pub struct Window<const N: usize> {
     estimate: Vec<f64>,
     cells: Vec<Cell<N>>,
     span_of: Vec<usize>,
+    /// By what velocity, acceleration and jerk are to be lowered in every cell.
+    cuts: Vec<[f64; 3]>,
+    last: Known,
+    /// Cells of the last plan that are taken over.
+    kept: Vec<KnownCell>,
     law: TimeLaw<N>,
     pieces: Vec<Piece>,
-    /// Newton steps spent, for the curious.
+    effort: Effort,
+}
+
+/// The last plan that was found.
+#[derive(Debug, Clone, Default)]
+struct Known {
+    pieces: Vec<Piece>,
+    cells: Vec<KnownCell>,
+}
+
+/// Where a cell ends, ṡ² there, and the cell's shares of the limits.
+type KnownCell = (f64, f64, [f64; 2]);
+
+/// What planning took so far.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Effort {
+    /// Stretches planned.
+    pub stretches: usize,
+    /// Cells of all of them.
+    pub cells: usize,
+    /// Laws solved for; more than stretches where limits had to be tightened.
+    pub laws: usize,
+    /// Newton steps of all of them.
     pub steps: usize,
+    /// Stretches for which no law was found.
+    pub unsolved: usize,
 }
 
 impl<const N: usize> Window<N> {
     /// The result of the last plan.
     pub fn pieces(&self) -> &[Piece] {
         &self.pieces
+    }
+
+    /// What planning took so far.
+    pub fn effort(&self) -> Effort {
+        self.effort
     }
 
     /// No motion at all.
@@ -122,8 +172,9 @@ impl<const N: usize> Window<N> {
         }
     }
 
-    /// The fastest motion along `spans` from `departure` to rest at `end` or, where that takes too
-    /// many cells, before it; inside `limits` and each span's feed.
+    /// The fastest motion along `spans` from `departure`, best a piece's start in the last plan, to rest
+    /// at `end` or, where that takes too many cells, before it, though not before the last plan's
+    /// end; inside `limits` and each span's feed.
     ///
     /// # Errors
     /// No law was found that the certificate passes.
@@ -134,13 +185,51 @@ impl<const N: usize> Window<N> {
         departure: Departure,
         end: f64,
     ) -> Result<(), NoLaw> {
+        self.effort.stretches += 1;
+        let rest = self.keep(departure).min(end);
+        let planned = self.search(spans, limits, departure, (end, rest));
+        if planned.is_ok() {
+            self.last.pieces.clone_from(&self.pieces);
+            self.last.cells.clear();
+            let cells = self.nodes[1..].iter().zip(&self.law.nodes()[1..]);
+            let cells = cells.zip(&self.cells);
+            self.last
+                .cells
+                .extend(cells.map(|((&s, node), cell)| (s, node.w, cell.share)));
+        } else {
+            self.effort.unsolved += 1;
+        }
+        planned
+    }
+
+    /// A state of the last plan some way on from `departure`, and how many pieces there are in
+    /// between.
+    pub fn later(&self, departure: Departure) -> Option<(u64, Departure)> {
+        let pieces = &self.last.pieces;
+        let now = pieces
+            .iter()
+            .position(|p| Departure::from(*p) == departure)?;
+        let next = now + (pieces.len() - now) / 4;
+        (next > now).then(|| ((next - now) as u64, pieces[next].into()))
+    }
+
+    fn search(
+        &mut self,
+        spans: &[Span<N>],
+        limits: &Limits<N>,
+        departure: Departure,
+        (end, rest): (f64, f64),
+    ) -> Result<(), NoLaw> {
+        // The last stretch's law comes to rest, so one that ends no sooner exists.
         self.survey(spans, limits, departure, end);
         self.cut(departure);
         if self.nodes.len() > MOST_CELLS {
-            self.survey(spans, limits, departure, self.nodes[MOST_CELLS * 9 / 10]);
+            let end = self.nodes[MOST_CELLS * 9 / 10].max(rest);
+            self.survey(spans, limits, departure, end);
             self.cut(departure);
         }
         self.fill(spans, limits);
+        self.effort.cells += self.cells.len();
         let start = Node {
             w: departure.speed * departure.speed,
             a: departure.acceleration,
@@ -149,7 +238,7 @@ impl<const N: usize> Window<N> {
         let mut known = Vec::new();
         for round in 0..ROUNDS {
             let outcome = if round == 0 {
-                let guess = guess(&self.nodes, &self.estimate, start);
+                let guess = guess(&self.nodes, &self.estimate, start, self.kept.len());
                 self.law
                     .solve(&self.cells, limits, start, guess, COLD, TOLERANCE)
             } else {
@@ -164,21 +253,36 @@ impl<const N: usize> Window<N> {
                     TOLERANCE,
                 )
             };
-            self.steps += outcome.iterations;
+            self.effort.laws += 1;
+            self.effort.steps += outcome.iterations;
             if !outcome.converged {
                 return Err(NoLaw);
             }
             self.read();
-            let sound =
-                |p: &Piece| p.duration > 0.0 && p.duration.is_finite() && p.jerk.is_finite();
-            if !self.pieces.iter().all(sound) {
+            if !self.continuous() {
                 return Err(NoLaw);
             }
-            if !self.tighten(spans, limits) {
+            if !self.tighten(spans, limits, round) {
                 return Ok(());
             }
         }
         Err(NoLaw)
+    }
+
+    /// Sets aside the cells of the last plan that follow on `departure`: on them the law goes on as
+    /// it did, so there is one. Returns where it came to rest.
+    fn keep(&mut self, departure: Departure) -> f64 {
+        self.kept.clear();
+        let pieces = &self.last.pieces;
+        match pieces.iter().position(|p| Departure::from(*p) == departure) {
+            Some(first) if departure.speed > 0.0 => {
+                let after = &self.last.cells[first..];
+                let most = KEPT_CELLS.min(after.len() / 2);
+                self.kept.extend_from_slice(&after[..most]);
+                after[after.len() - 1].0
+            }
+            _ => departure.distance,
+        }
     }
 
     /// Estimates the speed along the stretch, for the grid and the first guess only.
@@ -216,11 +320,22 @@ impl<const N: usize> Window<N> {
                     cap: rates.cap,
                     acceleration: rates.acceleration,
                     jerk: rates.jerk,
-                    straight,
+                    level: [span.start + s0, span.start + s1],
                     w: [rates.cap; 2],
                 });
                 before = after;
                 s0 = s1;
+            }
+        }
+        let level = |a: f64, b: f64| (a - b).abs() <= 1e-3 * b;
+        for k in 1..self.stretches.len() {
+            if level(self.stretches[k - 1].cap, self.stretches[k].cap) {
+                self.stretches[k].level[0] = self.stretches[k - 1].level[0];
+            }
+        }
+        for k in (1..self.stretches.len()).rev() {
+            if level(self.stretches[k - 1].cap, self.stretches[k].cap) {
+                self.stretches[k - 1].level[1] = self.stretches[k].level[1];
             }
         }
         let mut w = departure.speed * departure.speed;
@@ -243,10 +358,18 @@ impl<const N: usize> Window<N> {
         let mut s = departure.distance;
         self.nodes.push(s);
         self.estimate.push(departure.speed * departure.speed);
+        for &(next, w, _) in &self.kept {
+            s = next;
+            self.nodes.push(s);
+            self.estimate.push(w);
+        }
         let last = self.stretches.len() - 1;
         let mut pace = f64::INFINITY;
         for k in 0..self.stretches.len() {
             let stretch = self.stretches[k];
+            if stretch.to <= s && k < last {
+                continue;
+            }
             let ramp = stretch.ramp();
             let tick = ramp / CELLS_PER_RAMP;
             // What is travelled in a tick from rest, and to rest.
@@ -257,13 +380,12 @@ impl<const N: usize> Window<N> {
                 let v = stretch.estimate(s).sqrt();
                 let ahead = stretch.estimate(s + (v * pace).max(tip)).sqrt();
                 let mut step = (0.5 * (v + ahead) * pace).max(tip);
-                if stretch.straight {
-                    // Far from where the speed has to change, long cells do.
-                    let cruise = v * ramp;
-                    let clear = (s - stretch.from).min(rest - step) - 3.0 * cruise;
-                    if clear > 0.0 && v * v >= 0.999 * stretch.cap {
-                        step = step.max(clear.min(cruise));
-                    }
+                // Far from where the speed has to change, long cells do.
+                let cruise = v * ramp;
+                let [from, to] = stretch.level;
+                let clear = (s - from).min(to - s - step) - 3.0 * cruise;
+                if clear > 0.0 && v * v >= 0.999 * stretch.cap {
+                    step = step.max(clear.min(cruise));
                 }
                 if k == last && rest <= 27.0 * tip * 1.01 {
                     // t³ apart from the end: 27, 8, 1.
@@ -333,6 +455,9 @@ impl<const N: usize> Window<N> {
             self.span_of.push(index);
             before = second;
         }
+        for (cell, &(_, _, share)) in self.cells.iter_mut().zip(&self.kept) {
+            cell.share = share;
+        }
     }
 
     /// Reads the pieces off the solution.
@@ -354,30 +479,56 @@ impl<const N: usize> Window<N> {
         }
     }
 
-    /// Lowers the shares of the limits in the cells that break one; false if none does.
-    fn tighten(&mut self, spans: &[Span<N>], limits: &Limits<N>) -> bool {
+    /// Whether every piece ends where and as the next one begins, the last one at rest.
+    fn continuous(&self) -> bool {
+        let ends = self.nodes[1..].iter().zip(&self.law.nodes()[1..]);
+        self.pieces.iter().zip(ends).all(|(piece, (&s, node))| {
+            let (ds, v, a) = piece.at(piece.duration);
+            let fast = piece.speed.max(v);
+            piece.duration > 0.0
+                && piece.duration.is_finite()
+                && piece.jerk.is_finite()
+                && (piece.distance + ds - s).abs() <= SEAM * (s - piece.distance)
+                && (v - node.w.sqrt()).abs() <= SEAM * fast
+                && (a - node.a).abs() * piece.duration <= SEAM * fast
+        })
+    }
+
+    /// Lowers the shares of the limits in and about the cells that break one, by the excess and
+    /// more from round to round; false if none does.
+    fn tighten(&mut self, spans: &[Span<N>], limits: &Limits<N>, round: usize) -> bool {
+        self.cuts.clear();
+        self.cuts.resize(self.pieces.len(), [1.0; 3]);
+        let margin = MARGIN * (1_usize << round) as f64;
         let mut broken = false;
         for k in 0..self.pieces.len() {
             let load = load(&self.pieces[k], &spans[self.span_of[k]], limits);
-            let over = |x: f64| {
-                if x > 1.0 + ROUNDING {
-                    x * (1.0 + MARGIN)
-                } else {
-                    1.0
+            // What is cut off here shows up next door, above all where a plateau is reached.
+            let near = [
+                (load.velocity, NEAR_SPEED),
+                (load.acceleration, round),
+                (load.jerk, round),
+            ];
+            for (what, (load, near)) in near.into_iter().enumerate() {
+                if load > 1.0 + ROUNDING {
+                    broken = true;
+                    let by = load * (1.0 + if what == 0 { 0.1 * margin } else { margin });
+                    let last = (k + near).min(self.pieces.len() - 1);
+                    for cuts in &mut self.cuts[k.saturating_sub(near)..=last] {
+                        cuts[what] = cuts[what].max(by);
+                    }
                 }
-            };
-            let (v, a, j) = (
-                over(load.velocity),
-                over(load.acceleration),
-                over(load.jerk),
-            );
-            broken |= v > 1.0 || a > 1.0 || j > 1.0;
-            self.cells[k].share[0] /= a;
-            self.cells[k].share[1] /= j;
-            self.cells[k].speed = self.cells[k].speed.map(|x| x / v);
-            if let Some(next) = self.cells.get_mut(k + 1) {
-                next.share[0] /= a;
-                next.speed[0] /= v;
+            }
+        }
+        if broken {
+            let mut before = [1.0; 3];
+            for (cell, &cuts) in self.cells.iter_mut().zip(&self.cuts) {
+                // The node belongs to both of its cells.
+                cell.speed[0] /= cuts[0].max(before[0]);
+                cell.speed[1] /= cuts[0];
+                cell.share[0] /= cuts[1].max(before[1]);
+                cell.share[1] /= cuts[2];
+                before = cuts;
             }
         }
         broken
@@ -457,8 +608,9 @@ impl Stretch {
         }
     }
 }
-/// First iterate: a slow motion of the shape of the estimate.
-fn guess(nodes: &[f64], estimate: &[f64], start: Node) -> impl Iterator<Item = Node> {
+/// First iterate: a slow motion of the shape of the estimate; over the first `kept` nodes it slows
+/// down from the estimate itself.
+fn guess(nodes: &[f64], estimate: &[f64], start: Node, kept: usize) -> impl Iterator<Item = Node> {
     const SLOW: f64 = 0.3;
     let last = nodes.len() - 1;
     (0..=last).map(move |k| {
@@ -468,7 +620,14 @@ fn guess(nodes: &[f64], estimate: &[f64], start: Node) -> impl Iterator<Item = N
         if k == last {
             return Node::default();
         }
-        let w = |k: usize| if k == 0 { start.w } else { SLOW * estimate[k] };
+        let w = |k: usize| {
+            let part = if k < kept {
+                k as f64 / kept as f64
+            } else {
+                1.0
+            };
+            (1.0 - (1.0 - SLOW) * part) * estimate[k]
+        };
         let a = 0.5 * (w(k + 1) - w(k - 1)) / (nodes[k + 1] - nodes[k - 1]);
         Node {
             w: w(k).max(1e-12),

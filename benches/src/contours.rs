@@ -1,0 +1,337 @@
+//! Named paths, and what is planned along them.
+
+use syncline_trajectory::path::{
+    Command, Curve, Derivatives, Exit, Feed, Item, Limits, Move, Piece, Plane, Planner, Poly, Span,
+    curve::ArcDefinition,
+};
+
+/// A path with the limits of its machine.
+pub struct Contour<const N: usize> {
+    /// What it is called in tables.
+    pub name: &'static str,
+    /// What every axis is allowed.
+    pub limits: Limits<N>,
+    /// mm/s
+    pub feed: Feed,
+    /// How its moves join.
+    pub exit: Exit,
+    /// The moves.
+    pub curves: Vec<Curve<N>>,
+}
+
+impl<const N: usize> Contour<N> {
+    /// What the planner is fed with, under another exit if one is given.
+    pub fn items(&self, exit: Option<Exit>) -> impl Iterator<Item = Item<N>> {
+        self.curves.iter().zip(0..).map(move |(&curve, tag)| {
+            Item::Move(Move {
+                curve,
+                feed: self.feed,
+                exit: exit.unwrap_or(self.exit),
+                tag,
+            })
+        })
+    }
+}
+
+/// What is executed in the end: one section's geometry and its pieces, or those of several one
+/// after another.
+#[derive(Debug, Clone, Default)]
+pub struct Plan<const N: usize> {
+    /// Every section's spans.
+    pub sections: Vec<Vec<Span<N>>>,
+    /// Every piece with the number of its section.
+    pub pieces: Vec<(usize, Piece)>,
+    /// Windows planned.
+    pub windows: usize,
+}
+
+impl<const N: usize> Plan<N> {
+    /// Plans all of it.
+    pub fn of(limits: &Limits<N>, items: impl Iterator<Item = Item<N>>) -> Self {
+        let mut items = items.peekable();
+        let start = match items.peek() {
+            Some(Item::Move(motion)) => motion.curve.start(),
+            _ => [0.0; N],
+        };
+        let mut planner = Planner::new(*limits, start);
+        Plan::by(&mut planner, items)
+    }
+
+    /// Plans all of it with `planner`.
+    pub fn by(planner: &mut Planner<N>, items: impl Iterator<Item = Item<N>>) -> Self {
+        let mut plan = Plan::default();
+        let mut steps = Vec::new();
+        for item in items {
+            planner.push(item).expect("the items follow one another");
+            plan.take(planner, &mut steps);
+        }
+        planner.finish();
+        plan.take(planner, &mut steps);
+        plan.pieces = steps.into_iter().flatten().collect();
+        plan
+    }
+
+    fn take(&mut self, planner: &mut Planner<N>, steps: &mut Vec<Option<(usize, Piece)>>) {
+        while let Some(command) = planner.pop() {
+            match command {
+                Command::Section { .. } => {
+                    self.sections.push(Vec::new());
+                    steps.push(None);
+                }
+                Command::Span(span) => self.sections.last_mut().expect("a section").push(span),
+                Command::Splice(step) => steps.truncate(step as usize),
+                Command::Piece(piece) => steps.push(Some((self.sections.len() - 1, piece))),
+                Command::Dwell { .. } | Command::Mark { .. } | Command::Hold => steps.push(None),
+                Command::Commit => self.windows += 1,
+                Command::Revise { .. } => {}
+            }
+        }
+    }
+
+    /// Motion time, s.
+    pub fn time(&self) -> f64 {
+        self.pieces.iter().map(|(_, p)| p.duration).sum()
+    }
+
+    /// Greatest velocity, acceleration and jerk as parts of the limits at `n` instants in every piece.
+    pub fn load(&self, limits: &Limits<N>, n: usize) -> [f64; 3] {
+        let mut worst = [0.0; 3];
+        for (section, piece) in &self.pieces {
+            let spans = &self.sections[*section];
+            let after = |s: &Span<N>| s.start <= piece.distance + 1e-9;
+            let span = &spans[spans.partition_point(after).max(1) - 1];
+            for k in 0..=n {
+                let (ds, v, a) = piece.at(piece.duration * k as f64 / n as f64);
+                let at = span.curve.at(piece.distance - span.start + ds);
+                worst[0] = f64::max(worst[0], v / span.feed);
+                excess(&at, [v, a, piece.jerk], limits, &mut worst);
+            }
+        }
+        worst
+    }
+}
+
+/// Raises `worst` to what a path state asks of the axes, as parts of their limits.
+pub fn excess<const N: usize>(
+    at: &Derivatives<N>,
+    [v, a, j]: [f64; 3],
+    limits: &Limits<N>,
+    worst: &mut [f64; 3],
+) {
+    for i in 0..N {
+        let asked = [
+            at.d1[i] * v / limits.velocity[i],
+            (at.d2[i] * v * v + at.d1[i] * a) / limits.acceleration[i],
+            (at.d3[i] * v * v * v + 3.0 * at.d2[i] * v * a + at.d1[i] * j) / limits.jerk[i],
+        ];
+        for (w, x) in worst.iter_mut().zip(asked) {
+            *w = w.max(x.abs());
+        }
+    }
+}
+
+/// The curve of `f`, which gives every axis's value and first three derivatives by a parameter from
+/// 0 to 1, in `parts` polynomials that agree with it to the second derivative.
+pub fn parametric<const N: usize>(f: impl Fn(f64) -> [[f64; 4]; N], parts: usize) -> Vec<Curve<N>> {
+    let tool = N.min(3);
+    let rate = |u: f64| {
+        let axes = f(u);
+        axes[..tool].iter().map(|x| x[1] * x[1]).sum::<f64>().sqrt()
+    };
+    let at = |u: f64| {
+        let axes = f(u);
+        let dot = |a: usize, b: usize| axes[..tool].iter().map(|x| x[a] * x[b]).sum::<f64>();
+        let square = dot(1, 1);
+        let slow = dot(1, 2) / square;
+        Derivatives {
+            q: axes.map(|x| x[0]),
+            d1: axes.map(|x| x[1] / square.sqrt()),
+            d2: axes.map(|x| (x[2] - slow * x[1]) / square),
+            d3: [0.0; N],
+        }
+    };
+    (0..parts)
+        .map(|k| {
+            let ends = [k, k + 1].map(|k| k as f64 / parts as f64);
+            const FINE: usize = 200;
+            // Simpson's rule.
+            let step = (ends[1] - ends[0]) / FINE as f64;
+            let length: f64 = (0..=FINE)
+                .map(|i| {
+                    let weight = match i {
+                        0 | FINE => 1.0,
+                        _ if i % 2 == 1 => 4.0,
+                        _ => 2.0,
+                    };
+                    weight * rate(ends[0] + i as f64 * step) * step / 3.0
+                })
+                .sum();
+            let poly = Poly::joining(&at(ends[0]), &at(ends[1]), length, 0.0);
+            Curve::Poly(poly.expect("the curve goes on"))
+        })
+        .collect()
+}
+
+/// Lines through `points`.
+pub fn polyline<const N: usize>(points: &[[f64; N]]) -> Vec<Curve<N>> {
+    points
+        .windows(2)
+        .map(|p| Curve::line(p[0], p[1]).expect("points apart"))
+        .collect()
+}
+
+/// sin(w u + p) and its derivatives by u, times `size`.
+fn wave(u: f64, size: f64, w: f64, p: f64) -> [f64; 4] {
+    let (s, c) = (w * u + p).sin_cos();
+    [
+        size * s,
+        size * w * c,
+        -size * w * w * s,
+        -size * w * w * w * c,
+    ]
+}
+
+const TURN: f64 = std::f64::consts::TAU;
+
+/// Limits of the machine of the three-axis contours but the Lissajous figure.
+pub const MILL: Limits<3> = Limits {
+    velocity: [500.0, 400.0, 200.0],
+    acceleration: [5_000.0, 3_000.0, 2_000.0],
+    jerk: [80_000.0, 50_000.0, 40_000.0],
+};
+
+/// The named paths of three axes.
+pub fn three_axes() -> Vec<Contour<3>> {
+    let exact = Exit::Exact(0.001);
+    let lissajous = Contour {
+        name: "Lissajous figure 2:3:5, all limits 1",
+        limits: Limits {
+            velocity: [1.0; 3],
+            acceleration: [1.0; 3],
+            jerk: [1.0; 3],
+        },
+        feed: Feed::Rapid,
+        exit: exact,
+        curves: parametric(
+            |u| {
+                [
+                    wave(u, 1.0, TURN, 0.0),
+                    wave(u, 1.0, 1.5 * TURN, 0.3),
+                    wave(u, 1.0, 2.5 * TURN, 0.7),
+                ]
+            },
+            60,
+        ),
+    };
+    let star: Vec<[f64; 3]> = (0..=5)
+        .map(|k| {
+            let (s, c) = (f64::from(k) * 0.4 * TURN).sin_cos();
+            [60.0 * c, 60.0 * s, 2.0 * f64::from(k)]
+        })
+        .collect();
+    let star = Contour {
+        name: "star of lines, G64 P0.1",
+        limits: MILL,
+        feed: Feed::Rate(250.0),
+        exit: Exit::Blend(0.1),
+        curves: polyline(&star),
+    };
+    let slot = {
+        let half = |start: [f64; 3], end, centre| {
+            Curve::arc(ArcDefinition {
+                start,
+                end,
+                plane: Plane::Xy,
+                centre,
+                clockwise: false,
+                turns: 0,
+            })
+            .expect("a half circle")
+        };
+        let [a, b, c, d] =
+            [[0.0, 0.0], [60.0, 0.0], [60.0, 20.0], [0.0, 20.0]].map(|[x, y]| [x, y, 0.0]);
+        let line = |p, q| Curve::line(p, q).expect("points apart");
+        Contour {
+            name: "slot of lines and half circles, G64 P0.01",
+            limits: MILL,
+            feed: Feed::Rate(300.0),
+            exit: Exit::Blend(0.01),
+            curves: vec![
+                line(a, b),
+                half(b, c, (60.0, 10.0)),
+                line(c, d),
+                half(d, a, (0.0, 10.0)),
+                line(a, b),
+            ],
+        }
+    };
+    let helix = Contour {
+        name: "helix, 3 turns of radius 15",
+        limits: MILL,
+        feed: Feed::Rate(400.0),
+        exit: exact,
+        curves: vec![
+            Curve::arc(ArcDefinition {
+                start: [15.0, 0.0, 0.0],
+                end: [15.0, 0.0, -12.0],
+                plane: Plane::Xy,
+                centre: (0.0, 0.0),
+                clockwise: false,
+                turns: 2,
+            })
+            .expect("a helix"),
+        ],
+    };
+    let spiral = Contour {
+        name: "spiral from radius 2 to 40",
+        limits: MILL,
+        feed: Feed::Rate(300.0),
+        exit: exact,
+        curves: parametric(
+            |u| {
+                let (w, grow) = (4.0 * TURN, 38.0);
+                let r = 2.0 + grow * u;
+                let (s, c) = (w * u).sin_cos();
+                let axis = |f: f64, g: f64| {
+                    // r f with f′ = w g and g′ = −w f
+                    [
+                        r * f,
+                        grow * f + r * w * g,
+                        2.0 * grow * w * g - r * w * w * f,
+                        -3.0 * grow * w * w * f - r * w * w * w * g,
+                    ]
+                };
+                [axis(c, -s), axis(s, c), [0.0; 4]]
+            },
+            80,
+        ),
+    };
+    vec![lissajous, star, slot, helix, spiral]
+}
+
+/// The named path of six axes, three of them followers.
+pub fn six_axes() -> Vec<Contour<6>> {
+    vec![Contour {
+        name: "wave of six axes",
+        limits: Limits {
+            velocity: [300.0, 300.0, 200.0, 90.0, 90.0, 180.0],
+            acceleration: [3_000.0, 2_000.0, 2_000.0, 900.0, 900.0, 1_800.0],
+            jerk: [50_000.0, 40_000.0, 30_000.0, 20_000.0, 20_000.0, 30_000.0],
+        },
+        feed: Feed::Rate(250.0),
+        exit: Exit::Exact(0.001),
+        curves: parametric(
+            |u| {
+                [
+                    [200.0 * u, 200.0, 0.0, 0.0],
+                    wave(u, 30.0, 2.0 * TURN, 0.2),
+                    wave(u, 10.0, 3.0 * TURN, 1.0),
+                    wave(u, 12.0, 2.0 * TURN, 0.5),
+                    wave(u, 8.0, 4.0 * TURN, 0.1),
+                    wave(u, 20.0, 1.5 * TURN, 2.0),
+                ]
+            },
+            60,
+        ),
+    }]
+}
