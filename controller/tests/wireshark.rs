@@ -62,13 +62,24 @@ fn tshark(file: &str, arguments: &[&str], directory: &Path) -> String {
 
 const MALFORMED: [&str; 2] = ["-Y", "_ws.malformed"];
 
+/// One recording for all readers.
 #[test]
-fn tshark_decodes_what_was_recorded() {
-    if !available(runs("tshark", &["--version"])) {
+fn others_read_what_was_recorded() {
+    let tshark = available(runs("tshark", &["--version"]));
+    let can_utils = available(runs("which", &["log2asc", "asc2log"]));
+    if !tshark && !can_utils {
         return;
     }
     let directory = recorded();
-    let directory = directory.path();
+    if can_utils {
+        can_utils_read_the_log(directory.path());
+    }
+    if tshark {
+        tshark_decodes_the_packets(directory.path());
+    }
+}
+
+fn tshark_decodes_the_packets(directory: &Path) {
     assert_eq!(tshark("minute.pcapng", &MALFORMED, directory), "");
 
     // The same frames by service: as logged, and as tshark has them.
@@ -126,13 +137,7 @@ fn named(info: &str) -> &'static str {
     }
 }
 
-#[test]
-fn can_utils_read_the_log() {
-    if !available(runs("which", &["log2asc", "asc2log"])) {
-        return;
-    }
-    let directory = recorded();
-    let directory = directory.path();
+fn can_utils_read_the_log(directory: &Path) {
     let log = ["-I", "minute.log", "-O", "minute.asc", "portal"];
     output("log2asc", &log, directory);
     let back = output("asc2log", &["-I", "minute.asc"], directory);
