@@ -336,7 +336,7 @@ fn row<const N: usize>(contour: &Contour<N>) {
         );
         converged = Some((points, r, stretch));
         points = 2 * points - 1;
-        if change < 1e-3 || points > 8_001 {
+        if change < 1e-3 || points > 4_001 {
             break;
         }
     }

@@ -355,3 +355,83 @@ fn programs_by_chance_keep_limits_and_tolerance() {
 fn many_programs_by_chance_keep_limits_and_tolerance() {
     wander_all(0..400);
 }
+
+/// Facets of about `length` along a spiral from radius `from` by `grow` per turn, coordinates
+/// rounded to `digits` of a millimetre; `climb` is the slope of a third axis.
+fn facets(
+    count: usize,
+    length: f64,
+    (from, grow): (f64, f64),
+    climb: f64,
+    digits: f64,
+) -> Vec<Curve<3>> {
+    let (mut angle, mut points) = (0.0_f64, Vec::new());
+    for k in 0..=count {
+        let radius = from + grow * angle / std::f64::consts::TAU;
+        let round = |x: f64| (x / digits).round() * digits;
+        let z = climb * length * k as f64;
+        points.push([
+            round(radius * angle.cos()),
+            round(radius * angle.sin()),
+            round(z),
+        ]);
+        angle += length / radius;
+    }
+    points
+        .windows(2)
+        .map(|p| Curve::line(p[0], p[1]).unwrap())
+        .collect()
+}
+
+#[test]
+fn facets_are_passed_like_the_curve_they_were_made_from() {
+    for (spiral, climb, tolerance, feed, slower) in [
+        ((5.0, 1.0), 0.0, 0.01, 60.0, 1.1),
+        ((5.0, 1.0), 0.1, 0.01, 60.0, 1.1),
+        ((20.0, 0.0), 0.0, 0.02, 100.0, 1.1),
+        ((8.0, 2.0), 0.0, 0.002, 40.0, 1.6),
+    ] {
+        let curves = facets(600, 0.05, spiral, climb, 1e-3);
+        let length: f64 = curves.iter().map(Curve::length).sum();
+        let items: Vec<_> = curves
+            .iter()
+            .enumerate()
+            .map(|(k, c)| go(*c, feed, Exit::Blend(tolerance), k))
+            .collect();
+        let plan = Plan::of(&items, curves[0].start());
+        let spans: usize = plan.sections.iter().map(Vec::len).sum();
+        println!(
+            "{spans} spans, {} s for {} s, {:?}",
+            plan.time(),
+            length / feed,
+            plan.effort
+        );
+        plan.check(&items, tolerance).unwrap();
+        assert!(spans < 150, "{spans} spans");
+        assert!(
+            plan.time() < slower * length / feed + 0.1,
+            "{} s",
+            plan.time()
+        );
+    }
+}
+
+#[test]
+#[ignore = "a measurement"]
+fn many_facets() {
+    let curves = facets(150_000, 0.05, (5.0, 1.0), 0.0, 1e-3);
+    for exit in [Exit::Blend(0.01), Exit::Exact(0.001), Exit::Stop] {
+        let begin = std::time::Instant::now();
+        let items: Vec<_> = curves.iter().map(|c| go(*c, 60.0, exit, 0)).collect();
+        let plan = Plan::of(&items, curves[0].start());
+        let took = begin.elapsed().as_secs_f64();
+        let spans: usize = plan.sections.iter().map(Vec::len).sum();
+        println!(
+            "{exit:?}: {:.0}/s, {spans} spans, {} s for {}, {:?}",
+            150_000.0 / took,
+            plan.time(),
+            7500.0 / 60.0,
+            plan.effort
+        );
+    }
+}

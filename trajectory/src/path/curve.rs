@@ -440,6 +440,13 @@ impl<const N: usize> Poly<N> {
         d
     }
 
+    /// The tangent at the k-th part of the parameter.
+    fn tangent(&self, k: usize) -> [f64; N] {
+        let u = k as f64 / PARTS as f64;
+        let rate = self.rate(u);
+        self.first(u).map(|d| d / rate)
+    }
+
     /// Path length per parameter.
     fn rate(&self, u: f64) -> f64 {
         self.first(u)[..N.min(3)]
@@ -691,7 +698,21 @@ impl<const N: usize> Curve<N> {
                 ((s / step + 1e-6).floor() + 1.0) * step
             }
             Curve::Poly(poly) => {
-                let next = poly.lengths.iter().find(|&&l| l > s * (1.0 + 1e-9));
+                // Gentle blends need few.
+                let chords = (0..PARTS).map(|k| {
+                    let [a, b] = [k, k + 1].map(|k| poly.tangent(k));
+                    (0..N)
+                        .map(|i| (b[i] - a[i]) * (b[i] - a[i]))
+                        .sum::<f64>()
+                        .sqrt()
+                });
+                let each = match chords.sum::<f64>() {
+                    bend if bend > 4.0 * turn => 1,
+                    bend if bend > turn => 2,
+                    _ => 4,
+                };
+                let mut cuts = poly.lengths.iter().step_by(each);
+                let next = cuts.find(|&&l| l > s * (1.0 + 1e-9));
                 next.copied().unwrap_or(poly.length())
             }
         }

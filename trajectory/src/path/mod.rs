@@ -36,6 +36,7 @@ mod brake;
 pub mod certify;
 pub mod curve;
 pub mod executor;
+pub mod facets;
 pub mod planner;
 pub mod time_law;
 pub mod window;

@@ -15,6 +15,7 @@ use thiserror::Error;
 
 use super::blend::{Blend, blend};
 use super::brake::brake;
+use super::facets::Run;
 use super::window::{Effort, Window};
 use super::{Command, Curve, Departure, Exit, Item, Limits, Move, Outlook, Overrides, Piece, Span};
 
@@ -52,8 +53,12 @@ pub struct Planner<const N: usize> {
     sight: f64,
     horizon: f64,
     position: [f64; N],
+    /// Facets that may go on.
+    run: Option<Run<N>>,
     /// The last move, and how much of its start a blend took.
     pending: Option<(Move<N>, f64)>,
+    /// How far that strays from what was programmed, mm.
+    astray: f64,
     /// What was planned lately, is under way, and is to be planned.
     legs: VecDeque<Leg<N>>,
     /// Number of the first of them.
@@ -145,7 +150,9 @@ impl<const N: usize> Planner<N> {
             sight,
             horizon: sight + sight.max(0.5),
             position,
+            run: None,
             pending: None,
+            astray: 0.0,
             legs: VecDeque::new(),
             first: 0,
             kept: 0,
@@ -205,6 +212,12 @@ impl<const N: usize> Planner<N> {
     }
 
     fn close(&mut self) {
+        self.join_run();
+        self.rest_here();
+    }
+
+    /// The path rests where what was joined so far ends.
+    fn rest_here(&mut self) {
         self.lay_pending(0.0);
         self.stop_here();
     }
@@ -228,6 +241,29 @@ impl<const N: usize> Planner<N> {
             return Err(PathError::Gap(gap));
         }
         self.position = motion.curve.end();
+        if let Some(run) = &mut self.run
+            && run.extend(&motion)
+        {
+            return Ok(());
+        }
+        self.join_run();
+        self.run = Run::begin(&motion);
+        if self.run.is_none() {
+            self.join(motion, 0.0);
+        }
+        Ok(())
+    }
+
+    /// Joins the facets that were gathered.
+    fn join_run(&mut self) {
+        if let Some(run) = self.run.take() {
+            self.join(run.motion, run.astray);
+        }
+    }
+
+    /// Joins a move, which strays from what was programmed by `astray`, to the last one.
+    fn join(&mut self, motion: Move<N>, astray: f64) {
+        let feed = motion.feed.speed();
         let mut taken = 0.0;
         if let Some((before, _)) = self.pending {
             let tolerance = match before.exit {
@@ -237,21 +273,20 @@ impl<const N: usize> Planner<N> {
             match tolerance {
                 Some(_) if smooth(&before.curve, &motion.curve) => self.lay_pending(0.0),
                 Some(tolerance) => {
-                    if let Some(Blend { curve, cut }) =
-                        blend(&before.curve, &motion.curve, tolerance)
-                    {
+                    let left = tolerance - astray.max(self.astray);
+                    if let Some(Blend { curve, cut }) = blend(&before.curve, &motion.curve, left) {
                         self.lay_pending(cut);
                         self.lay(curve, before.feed.speed().min(feed), before.tag);
                         taken = cut;
                     } else {
-                        self.close();
+                        self.rest_here();
                     }
                 }
-                None => self.close(),
+                None => self.rest_here(),
             }
         }
         self.pending = Some((motion, taken));
-        Ok(())
+        self.astray = astray;
     }
 
     /// Lays the pending move but for the last `cut` of it.
