@@ -258,6 +258,56 @@ fn the_tolerant_preset_survives_a_ragged_master() {
     assert_eq!(stream.status & 0x1027, 0x1027);
 }
 
+/// What public sources tell: 3022h:6 is 1, 32, 64; 3022h:5 = 0 switches off; 60C2h:1 takes 1…20.
+#[test]
+fn the_synchronisations_status_and_periods() {
+    let mut bench = Bench::new([Stream::config()]);
+    assert_eq!(bench.read_u16(1, 0x3022, 6), 1);
+    for (period, taken) in [(1, true), (20, true), (0, false), (21, false)] {
+        let written = bench.write(1, 0x60C2, 1, &[period]);
+        assert_eq!(written.is_ok(), taken, "{period} ms");
+    }
+    let mut stream = Stream::new(Stream::config());
+    assert_eq!(stream.bench.read_u16(1, 0x3022, 6), 32);
+    stream.until_locked();
+    stream.bench.write(1, 0x3022, 5, &[0, 0]).unwrap();
+    assert_eq!(stream.bench.read_u16(1, 0x3022, 6), 1);
+    let mut bench = Bench::new([TwinConfig {
+        policies: Policies {
+            periods: 1..=4,
+            ..Policies::default()
+        },
+        ..Stream::config()
+    }]);
+    assert_eq!(bench.write(1, 0x60C2, 1, &[4]), Ok(()));
+    assert_eq!(bench.write(1, 0x60C2, 1, &[5]), Err(0x0609_0030));
+}
+
+/// The software limits hold for setpoints too.
+#[test]
+fn setpoints_beyond_a_software_limit_are_a_fault() {
+    let policies = Policies {
+        software_limits_need_reference: false,
+        ..Policies::default()
+    };
+    let mut stream = Stream::started(TwinConfig {
+        policies,
+        ..Stream::config()
+    });
+    let limit = stream.position + 5000;
+    stream
+        .bench
+        .write(1, 0x607D, 2, &limit.to_le_bytes())
+        .unwrap();
+    stream.bench.write(1, 0x3006, 3, &[1, 0]).unwrap();
+    for _ in 0..100 {
+        stream.setpoint += 100;
+        stream.cycle();
+    }
+    assert_eq!(stream.bench.twin().state(), State::QuickStopActive);
+    assert!((limit - 200..limit + 2000).contains(&stream.position));
+}
+
 #[test]
 fn a_wrong_period_never_locks() {
     let mut stream = Stream::new(Stream::config());
