@@ -73,26 +73,28 @@ impl<const N: usize, P: Port> Driver<N, P> {
         self.controller.wake(now, &mut self.outboxes);
     }
 
-    /// Sends what the controller wants sent: SYNC of all buses before anything else.
+    /// Sends what the controller wants sent: SYNC of all buses before anything else. A bus that
+    /// fails takes nothing from the others.
     ///
     /// # Errors
-    /// The interface of a bus failed; the controller has been told.
+    /// The interface of a bus failed, the first one's error; the controller has been told.
     pub fn send(&mut self) -> Result<(), PortError> {
+        let mut failed = Ok(());
         for bus in 0..self.ports.len() {
             if let Some(sync) = &self.outboxes[bus].sync
                 && let Err(error) = self.ports[bus].send_sync(sync)
             {
                 self.controller.bus_failed(bus);
-                return Err(error);
+                failed = failed.and(Err(error));
             }
         }
         for bus in 0..self.ports.len() {
             if let Err(error) = self.send_rest(bus) {
                 self.controller.bus_failed(bus);
-                return Err(error);
+                failed = failed.and(Err(error));
             }
         }
-        Ok(())
+        failed
     }
 
     fn send_rest(&mut self, bus: usize) -> Result<(), PortError> {
