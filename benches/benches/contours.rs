@@ -88,6 +88,14 @@ impl<const N: usize> PathEvaluator3rd for Geometry<N> {
     }
 }
 
+/// Points along the path at equal distances.
+fn even<const N: usize>(geometry: &Geometry<N>, points: usize) -> Vec<f64> {
+    let length = geometry.length();
+    (0..points)
+        .map(|k| length * k as f64 / (points - 1) as f64)
+        .collect()
+}
+
 /// Points along the path, half of them by time and half by length: corners are small and slow.
 fn grid<const N: usize>(plan: &Plan<N>, points: usize) -> Vec<f64> {
     let (_, last) = plan.pieces[plan.pieces.len() - 1];
@@ -326,7 +334,11 @@ fn row<const N: usize>(contour: &Contour<N>) {
     let mut points = 501;
     let mut before = f64::INFINITY;
     let mut converged = None;
-    while let Some(r) = reference(&geometry, limits, grid(&plan, points), 20) {
+    let solve = |points, passes| {
+        reference(&geometry, limits, even(&geometry, points), passes)
+            .or_else(|| reference(&geometry, limits, grid(&plan, points), passes))
+    };
+    while let Some(r) = solve(points, 20) {
         let change = (before / r.time - 1.0).abs();
         before = r.time;
         let stretch = r.stretch(&geometry, limits);
@@ -360,9 +372,9 @@ fn row<const N: usize>(contour: &Contour<N>) {
             geometry.velocity_time(limits)
         ),
     }
-    let two = reference(&geometry, limits, grid(&plan, 1_001), 2);
-    let own = own_law(&geometry, limits, &grid(&plan, 1_001));
-    let fine = own_law(&geometry, limits, &grid(&plan, 5_001));
+    let two = solve(1_001, 2);
+    let own = own_law(&geometry, limits, &even(&geometry, 1_001));
+    let fine = own_law(&geometry, limits, &even(&geometry, 5_001));
     let show = |x: Option<f64>| x.map_or("–".into(), |x| format!("{:.2}", 1e3 * x));
     eprintln!(
         "| {} | {} | {} | {} | {} | {:.1} |",

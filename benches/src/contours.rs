@@ -223,18 +223,18 @@ pub fn three_axes() -> Vec<Contour<3>> {
             60,
         ),
     };
-    let star: Vec<[f64; 3]> = (0..=5)
+    let hexagon: Vec<[f64; 3]> = (0..=6)
         .map(|k| {
-            let (s, c) = (f64::from(k) * 0.4 * TURN).sin_cos();
-            [60.0 * c, 60.0 * s, 2.0 * f64::from(k)]
+            let (s, c) = (f64::from(k) * TURN / 6.0).sin_cos();
+            [40.0 * c, 40.0 * s, f64::from(k)]
         })
         .collect();
-    let star = Contour {
-        name: "star of lines, G64 P0.1",
+    let hexagon = Contour {
+        name: "rising hexagon, G64 P0.5",
         limits: MILL,
         feed: Feed::Rate(250.0),
-        exit: Exit::Blend(0.1),
-        curves: polyline(&star),
+        exit: Exit::Blend(0.5),
+        curves: polyline(&hexagon),
     };
     let slot = {
         let half = |start: [f64; 3], end, centre| {
@@ -306,7 +306,7 @@ pub fn three_axes() -> Vec<Contour<3>> {
             80,
         ),
     };
-    vec![lissajous, star, slot, helix, spiral]
+    vec![lissajous, hexagon, slot, helix, spiral]
 }
 
 /// The named path of six axes, three of them followers.

@@ -435,3 +435,21 @@ fn many_facets() {
         );
     }
 }
+
+/// The third-order optimum of this helix by a linear program over 1,001 points is 1.4317 s.
+#[test]
+fn a_helix_is_passed_in_little_more_than_the_least_time() {
+    let helix = Curve::arc(ArcDefinition {
+        start: [15.0, 0.0, 0.0],
+        end: [15.0, 0.0, -12.0],
+        plane: Plane::Xy,
+        centre: (0.0, 0.0),
+        clockwise: false,
+        turns: 2,
+    });
+    let items = [go(helix.unwrap(), 400.0, Exit::Exact(0.001), 0)];
+    let plan = Plan::of(&items, [15.0, 0.0, 0.0]);
+    println!("{:?}", plan.effort);
+    plan.check(&items, 1e-6).unwrap();
+    assert!(plan.time() < 1.01 * 1.4317, "{} s", plan.time());
+}

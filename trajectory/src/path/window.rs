@@ -32,13 +32,15 @@ const WARM: f64 = 0.01;
 /// Tolerance of the optimisation, as a part of the motion time.
 const TOLERANCE: f64 = 3e-4;
 /// Rounds of solving with limits tightened where the law broke them between nodes.
-const ROUNDS: usize = 6;
+const ROUNDS: usize = 10;
 /// What is taken off a broken limit beyond the excess; twice that in every further round.
 const MARGIN: f64 = 5e-4;
 /// What may be missing between two pieces, as a part of what changes in one.
 const SEAM: f64 = 1e-9;
 /// Cells on both sides of one that is too fast in which the speed is lowered, too.
 const NEAR_SPEED: usize = 8;
+/// Part of its time by which a plan from rest may be stretched instead of being improved.
+const SLOWED: f64 = 2e-4;
 /// Cells of the last stretch that the next one takes over, at most: time enough to do otherwise
 /// than the last one meant to.
 const KEPT_CELLS: usize = 40;
@@ -262,7 +264,18 @@ impl<const N: usize> Window<N> {
             if !self.continuous() {
                 return Err(NoLaw);
             }
-            if !self.tighten(spans, limits, round) {
+            let excess = self.tighten(spans, limits, round);
+            if excess <= 1.0 {
+                return Ok(());
+            }
+            // From rest the whole may be slowed down.
+            if departure.speed == 0.0 && (excess <= 1.0 + SLOWED || round + 1 == ROUNDS) {
+                for piece in &mut self.pieces {
+                    piece.duration *= excess;
+                    piece.speed /= excess;
+                    piece.acceleration /= excess * excess;
+                    piece.jerk /= excess * excess * excess;
+                }
                 return Ok(());
             }
         }
@@ -495,23 +508,24 @@ impl<const N: usize> Window<N> {
     }
 
     /// Lowers the shares of the limits in and about the cells that break one, by the excess and
-    /// more from round to round; false if none does.
-    fn tighten(&mut self, spans: &[Span<N>], limits: &Limits<N>, round: usize) -> bool {
+    /// more from round to round. Returns by what the time would have to be stretched for none to be
+    /// broken; 1 if none is.
+    fn tighten(&mut self, spans: &[Span<N>], limits: &Limits<N>, round: usize) -> f64 {
         self.cuts.clear();
         self.cuts.resize(self.pieces.len(), [1.0; 3]);
-        let margin = MARGIN * (1_usize << round) as f64;
-        let mut broken = false;
+        let margin = MARGIN * (1_usize << round.min(5)) as f64;
+        let mut stretch = 1.0_f64;
         for k in 0..self.pieces.len() {
             let load = load(&self.pieces[k], &spans[self.span_of[k]], limits);
             // What is cut off here shows up next door, above all where a plateau is reached.
             let near = [
-                (load.velocity, NEAR_SPEED),
-                (load.acceleration, round),
-                (load.jerk, round),
+                (load.velocity, load.velocity, NEAR_SPEED),
+                (load.acceleration, load.acceleration.sqrt(), round),
+                (load.jerk, libm::cbrt(load.jerk), round),
             ];
-            for (what, (load, near)) in near.into_iter().enumerate() {
+            for (what, (load, root, near)) in near.into_iter().enumerate() {
                 if load > 1.0 + ROUNDING {
-                    broken = true;
+                    stretch = stretch.max(root);
                     let by = load * (1.0 + if what == 0 { 0.1 * margin } else { margin });
                     let last = (k + near).min(self.pieces.len() - 1);
                     for cuts in &mut self.cuts[k.saturating_sub(near)..=last] {
@@ -520,7 +534,7 @@ impl<const N: usize> Window<N> {
                 }
             }
         }
-        if broken {
+        if stretch > 1.0 {
             let mut before = [1.0; 3];
             for (cell, &cuts) in self.cells.iter_mut().zip(&self.cuts) {
                 // The node belongs to both of its cells.
@@ -531,7 +545,7 @@ impl<const N: usize> Window<N> {
                 before = cuts;
             }
         }
-        broken
+        stretch
     }
 
     fn push(&mut self, s: f64, w: f64) {
