@@ -1,9 +1,10 @@
 //! Wake-ups so late that whole cycles are lost.
 
+use std::sync::Arc;
 use syncline_canopen::time::Duration;
 use syncline_canopen::{Frame, Instant};
 use syncline_controller::bench::rig::{Shape, Shuttle, ready_machine};
-use syncline_controller::control::{End, Fault, Wake};
+use syncline_controller::control::{End, Event, Fault, Phase, Wake};
 use syncline_controller::port::{Burst, Port, PortError, Received};
 use syncline_controller::run::driver::Driver;
 
@@ -67,6 +68,10 @@ fn one_lost_cycle_is_counted_and_the_next_setpoint_is_that_of_its_own_instant() 
     assert_eq!(next, grid + 2 * CYCLE, "SYNC keeps its grid");
     step(&mut machine, &mut plan, Duration::ZERO);
     step(&mut machine, &mut plan, Duration::ZERO);
+    // The setpoint that SYNC latched one cycle late is the one that it is compared with.
+    let sample = machine.controller.row().unwrap().axes[0];
+    let behind = sample.following_error.abs();
+    assert!(behind < 3.0 * advance, "{behind} mm, {advance} mm a cycle");
     // One setpoint left out: from the last row to this one are three cycles of motion.
     let passed = set(&machine) - before[1];
     assert!(
@@ -77,6 +82,31 @@ fn one_lost_cycle_is_counted_and_the_next_setpoint_is_that_of_its_own_instant() 
         step(&mut machine, &mut plan, Duration::ZERO);
     }
     assert_eq!(machine.controller.end(), None);
+}
+
+/// A machine that begins late still asks its drives what they do before it resets anything.
+#[test]
+fn a_late_first_wake_up_leaves_nothing_out() {
+    let shape = Shape::on_fewest_buses(1, CYCLE).unwrap();
+    let layout = Arc::new(shape.layout());
+    let mut machine = Driver::<9, _>::new(layout, shape.sim_ports(), Instant::ZERO);
+    let phases: Vec<Phase> = (0..40)
+        .flat_map(|wake| {
+            let due = machine.controller.next_wake().unwrap().at();
+            let late = if wake == 0 {
+                3 * CYCLE + CYCLE / 10
+            } else {
+                Duration::ZERO
+            };
+            machine.step(due + late).unwrap();
+            std::iter::from_fn(|| machine.controller.event()).collect::<Vec<_>>()
+        })
+        .filter_map(|event| match event {
+            Event::Phase(phase) => Some(phase),
+            _ => None,
+        })
+        .collect();
+    assert_eq!(phases[..2], [Phase::Survey, Phase::Boot]);
 }
 
 #[test]
@@ -97,10 +127,7 @@ fn two_lost_cycles_are_a_fault_and_the_stop_begins_where_the_plan_was_left() {
 }
 
 /// A bus that drops what it is told to.
-struct Dropping(
-    Box<dyn Port + Send>,
-    std::sync::Arc<std::sync::atomic::AtomicU32>,
-);
+struct Dropping(Box<dyn Port + Send>, Arc<std::sync::atomic::AtomicU32>);
 
 impl Port for Dropping {
     fn advance_to(&mut self, now: Instant) {
@@ -132,7 +159,7 @@ impl Port for Dropping {
 fn a_dropped_burst_is_counted_and_two_in_a_row_are_a_fault() {
     for (dropped, faulty) in [(1, false), (2, true)] {
         let (mut machine, mut plan) = in_motion();
-        let drop = std::sync::Arc::new(std::sync::atomic::AtomicU32::new(0));
+        let drop = Arc::new(std::sync::atomic::AtomicU32::new(0));
         let port = machine.ports.remove(0);
         machine.ports.push(Box::new(Dropping(port, drop.clone())));
         drop.store(dropped, std::sync::atomic::Ordering::Relaxed);

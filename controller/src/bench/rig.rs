@@ -152,7 +152,12 @@ impl Shape {
             .collect()
     }
 
-    pub(super) fn layout(&self) -> Layout {
+    /// The machine as the controller needs it.
+    ///
+    /// # Panics
+    /// If it does not fit its cycle.
+    #[must_use]
+    pub fn layout(&self) -> Layout {
         let budgets: Vec<_> = (0..self.buses)
             .map(|bus| self.traffic(bus).budget())
             .collect();

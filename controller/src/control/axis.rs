@@ -125,7 +125,17 @@ impl Axis {
         Ok(position)
     }
 
-    /// Takes the planned position that SYNC `cycle` latches and hands it to the drives.
+    /// SYNC `cycle` and those after it, `lost` in all, were left out: the next one latches what
+    /// `cycle` would have.
+    pub(super) fn repeat(&mut self, cycle: u64, lost: u64) {
+        let position = self.planned(cycle);
+        for next in (cycle + 1..=cycle + lost).rev().take(HISTORY) {
+            self.planned[next as usize % HISTORY] = position;
+        }
+    }
+
+    /// Takes the planned position that SYNC `cycle` latches and hands it to the drives. A position
+    /// that one of them cannot take is taken by none: they keep their last one.
     pub(super) fn plan(
         &mut self,
         cycle: u64,
@@ -133,15 +143,24 @@ impl Axis {
         nodes: &mut [Node],
     ) -> Result<(), Fault> {
         let position = positions[self.spec.coordinate];
-        self.planned[cycle as usize % HISTORY] = position;
-        for (side, &drive) in self.sides.iter().zip(&self.spec.drives) {
-            let node = &mut nodes[drive];
-            node.setpoint = node
-                .scaling()
-                .to_increments(position)
-                .map_err(|OutOfRange| Fault::PositionRange { drive })?
-                + side.offset;
+        let setpoint = |side: &Side, drive: usize, nodes: &[Node]| {
+            let node = &nodes[drive];
+            let planned = node.scaling().to_increments(position).ok()?;
+            let setpoint = planned + side.offset;
+            node.can_take(setpoint).then_some(setpoint)
+        };
+        let sides = || self.sides.iter().zip(self.spec.drives.iter().copied());
+        let unable = sides().find(|&(side, drive)| setpoint(side, drive, nodes).is_none());
+        if let Some((_, drive)) = unable {
+            self.repeat(cycle - 1, 1);
+            return Err(Fault::PositionRange { drive });
         }
+        for (side, drive) in sides() {
+            if let Some(setpoint) = setpoint(side, drive, nodes) {
+                nodes[drive].setpoint = setpoint;
+            }
+        }
+        self.planned[cycle as usize % HISTORY] = position;
         Ok(())
     }
 

@@ -139,7 +139,9 @@ pub enum Phase {
     Stop,
     /// Ends the operating mode.
     ModeEnd,
-    /// Controlword 0006h, then 0000h.
+    /// Controlword 0006h.
+    ShutDown,
+    /// Controlword 0000h.
     Disable,
     /// Stops the drives' synchronisation to SYNC.
     Release,
@@ -164,7 +166,8 @@ impl fmt::Display for Phase {
             Self::Program => "ready",
             Self::Stop => "coming to rest",
             Self::ModeEnd => "ending the operating mode",
-            Self::Disable => "switching the power stages off",
+            Self::ShutDown => "switching the power stages off",
+            Self::Disable => "power stages off, controlword 0000h",
             Self::Release => "ending the synchronisation",
             Self::PreOperational => "NMT Pre-Operational",
             Self::Done => "SYNC off",
@@ -187,10 +190,7 @@ impl Event {
     /// Whether it happens in every run.
     #[must_use]
     pub fn is_routine(&self) -> bool {
-        matches!(
-            self,
-            Self::Phase(_) | Self::Frozen { .. } | Self::History { .. }
-        )
+        matches!(self, Self::Phase(_) | Self::Frozen { .. })
     }
 
     /// The log's line; `None` for what is not worth one.

@@ -86,6 +86,11 @@ pub enum Fault {
         /// Its last statusword.
         statusword: Statusword,
     },
+    /// A drive did not come to rest, so that its setpoint could not be frozen.
+    NotAtRest {
+        /// Which drive.
+        drive: DriveIndex,
+    },
     /// A drive runs another operating mode than the one selected.
     WrongMode {
         /// Which drive.
@@ -273,7 +278,8 @@ impl Fault {
                 value: Some(value),
                 code,
             } => format!(
-                "{}: SDO write {object} = {value} aborted {code}",
+                "{}: SDO write {object} = {value} aborted {code}: check the value, and `sdo` in the \
+                 machine file",
                 who(drive)
             ),
             Self::SdoAborted {
@@ -281,7 +287,11 @@ impl Fault {
                 object,
                 value: None,
                 code,
-            } => format!("{}: SDO read {object} aborted {code}", who(drive)),
+            } => format!(
+                "{}: SDO read {object} aborted {code}: check that the device is the model of the \
+                 machine file",
+                who(drive)
+            ),
             Self::SdoTimeout { drive, object } => format!(
                 "{}: no answer to SDO {object}: check that the drive is on the bus",
                 who(drive)
@@ -293,7 +303,7 @@ impl Fault {
                 found,
             } => format!(
                 "{}: object {object} reads back {found} ({found:X}h), expected {expected} \
-                 ({expected:X}h)",
+                 ({expected:X}h): check for another master or tool, and the drive's firmware",
                 who(drive)
             ),
             Self::StaysEnabled { drive, statusword } => format!(
@@ -315,8 +325,14 @@ impl Fault {
                  inputs and the drive's error memory",
                 who(drive)
             ),
+            Self::NotAtRest { drive } => format!(
+                "{}: does not come to rest once enabled: check its loop and what moves its axis, \
+                 or `standstill_window`",
+                who(drive)
+            ),
             Self::WrongMode { drive, found } => format!(
-                "{}: operating mode 6061h reads {found}, not the one selected",
+                "{}: operating mode 6061h reads {found}, not the one selected: check for another \
+                 master or tool that writes 6060h",
                 who(drive)
             ),
             Self::OutsideSoftLimits { axis, position } => {
@@ -343,7 +359,8 @@ impl Fault {
             Self::Standstill { axis, distance } => {
                 let axis = names.axis(axis);
                 format!(
-                    "axis {} left its frozen position by {distance:.4} mm, allowed {} mm",
+                    "axis {} left its frozen position by {distance:.4} mm, allowed {} mm: check its \
+                     brake, its loop and `standstill_window`",
                     axis.name, axis.standstill_window
                 )
             }
@@ -369,13 +386,20 @@ impl Fault {
                 )
             }
             Self::DriveFault { drive, statusword } => {
-                format!("{}: drive fault, statusword {statusword}", who(drive))
+                format!(
+                    "{}: drive fault, statusword {statusword}: read its error memory, clear the \
+                     cause, start again",
+                    who(drive)
+                )
             }
             Self::NotFollowing {
                 drive,
                 statusword,
                 why,
-            } => format!("{}: {why}, statusword {statusword}", who(drive)),
+            } => format!(
+                "{}: {why}, statusword {statusword}: check the drive's inputs and its error memory",
+                who(drive)
+            ),
             Self::HeartbeatLost { drive } => {
                 format!("{}: heartbeat lost: check cabling and supply", who(drive))
             }
@@ -383,14 +407,22 @@ impl Fault {
                 drive,
                 state: Some(state),
             } => format!(
-                "{}: NMT state is {state:?}, expected Operational",
+                "{}: NMT state is {state:?}, expected Operational: check for another NMT master and \
+                 for communication errors",
                 who(drive)
             ),
             Self::NmtState { drive, state: None } => {
-                format!("{}: no heartbeat after NMT start", who(drive))
+                format!(
+                    "{}: no heartbeat after NMT start: check cabling and bus load",
+                    who(drive)
+                )
             }
             Self::Rebooted { drive } => {
-                format!("{}: booted in the middle of the run", who(drive))
+                format!(
+                    "{}: booted in the middle of the run: check its supply and for another NMT \
+                     master",
+                    who(drive)
+                )
             }
             Self::MissingTPdo { drive, misses } => format!(
                 "{}: no T_PDO in {misses} cycles in a row: check the bus load and the drive",
@@ -402,15 +434,21 @@ impl Fault {
                 names.bus(bus)
             ),
             Self::TornBurst { bus } => format!(
-                "bus {}: only a part of one cycle's setpoints could be queued",
+                "bus {}: only a part of one cycle's setpoints could be queued: see `syncline doctor` \
+                 for the transmit queue",
                 names.bus(bus)
             ),
-            Self::BusFailed { bus } => format!("bus {}: the interface failed", names.bus(bus)),
+            Self::BusFailed { bus } => format!(
+                "bus {}: the interface failed: mend what its message says, start again",
+                names.bus(bus)
+            ),
             Self::LateWakeUp { late_ns } => format!(
                 "the cycle woke up {:.3} ms late, and --strict allows none",
                 late_ns as f64 * 1e-6
             ),
-            Self::Program => "the program could not go on".to_owned(),
+            Self::Program => {
+                "the program could not go on: see its message, mend it, start again".to_owned()
+            }
             Self::LatePlan => "the plan came too late to be followed: this host is too slow for \
                                the program"
                 .to_owned(),

@@ -45,8 +45,10 @@ use syncline_trajectory::path::{Command as PathCommand, Executor, Outlook, Setpo
 const PLAN_CAPACITY: usize = 4096;
 /// Events that wait to be fetched at most; more are dropped, newest first.
 const EVENT_CAPACITY: usize = 1024;
-/// Cycles that a drive has to stand still before its setpoint is frozen, and an axis has to be in
-/// position before its mode ends.
+/// How long a drive has to stand still before its setpoint is frozen, and an axis has to be in
+/// position before its mode ends; at least [`STILL_CYCLES`].
+const STILL: Duration = Duration::from_millis(50);
+/// See [`STILL`].
 const STILL_CYCLES: u32 = 5;
 /// Cycles that a controlword stands at least, so that its effect is seen in a T_PDO.
 const COMMAND_CYCLES: u64 = 3;
@@ -132,6 +134,8 @@ pub struct Controller<const N: usize> {
 
     phase: Phase,
     phase_cycle: u64,
+    /// What the phase does once, after its entry, has been done.
+    acted: bool,
     end: Option<End>,
 
     executor: Executor<N>,
@@ -141,6 +145,8 @@ pub struct Controller<const N: usize> {
     mode_cycle: u64,
     /// The axes are where the plan says; before, setpoints follow the actual positions.
     frozen: bool,
+    /// A SYNC was left out: its setpoint is skipped.
+    left_out: bool,
     row: Option<Row<N>>,
     in_position: u32,
     pause: Option<(Pause, u32)>,
@@ -176,11 +182,13 @@ impl<const N: usize> Controller<N> {
             turn: vec![0; layout.buses.len()],
             phase: Phase::Survey,
             phase_cycle: 0,
+            acted: false,
             end: None,
             planned: executor.setpoint(),
             executor,
             mode_cycle: 0,
             frozen: false,
+            left_out: false,
             row: None,
             in_position: 0,
             pause: None,
@@ -230,8 +238,12 @@ impl<const N: usize> Controller<N> {
             for cycle in (self.cycle..).take(lost.min(2) as usize) {
                 (0..self.lateness.len()).for_each(|bus| self.miss(bus, cycle));
             }
-            if lost == 1 && self.frozen {
-                self.plan();
+            if self.frozen {
+                // The next SYNC latches what the lost ones would have.
+                for axis in &mut self.axes {
+                    axis.repeat(self.cycle, lost);
+                }
+                self.left_out = lost == 1;
             }
         }
         self.cycle += lost;
@@ -240,8 +252,9 @@ impl<const N: usize> Controller<N> {
 
     fn on_sync(&mut self, now: Instant, out: &mut [Outbox]) {
         self.row = None;
-        if self.phase == Phase::Survey && self.phase_cycle == self.cycle {
+        if self.phase == Phase::Survey && !self.acted {
             self.enter(Phase::Survey, out);
+            self.acted = true;
         }
         if self.sync_on {
             for outbox in out.iter_mut() {
@@ -428,31 +441,40 @@ impl<const N: usize> Controller<N> {
 
     /// The burst of setpoints for the next SYNC: of every drive, or of none.
     fn command(&mut self, now: Instant, out: &mut [Outbox]) -> Result<(), Fault> {
+        let mut outcome = Ok(());
         if !self.streams() {
-            return Ok(());
+            return outcome;
         }
         if !self.frozen {
             for node in &mut self.nodes {
                 node.setpoint = node.actual();
             }
         } else {
+            if std::mem::take(&mut self.left_out) {
+                self.plan();
+            }
             self.plan();
             for axis in &mut self.axes {
-                axis.plan(self.cycle + 1, &self.planned.position, &mut self.nodes)?;
+                let planned = axis.plan(self.cycle + 1, &self.planned.position, &mut self.nodes);
+                // An axis that cannot follow stays where it is; the others, and the end, go on.
+                outcome = outcome.and(planned);
             }
         }
         if self.phase == Phase::Start && !self.nodes.iter().all(Node::is_sampled) {
-            return Ok(());
+            return outcome;
         }
         if now > self.sync_at + self.layout.latest_burst {
             (0..out.len()).for_each(|bus| self.miss(bus, self.cycle));
-            return Ok(());
+            return outcome;
         }
         for (bus, outbox) in out.iter_mut().enumerate() {
             let drives = self.layout.buses[bus].drives.iter();
             for node in drives.map(|&drive| &self.nodes[drive]) {
                 if node.is_sampled() {
-                    outbox.burst.transmit(node.command()?);
+                    match node.command() {
+                        Ok(frame) => outbox.burst.transmit(frame),
+                        Err(fault) => outcome = outcome.and(Err(fault)),
+                    }
                 }
             }
             let by_identifier = |frame: &Frame| frame.id().raw();
@@ -461,7 +483,7 @@ impl<const N: usize> Controller<N> {
                 .as_mut_slice()
                 .sort_unstable_by_key(by_identifier);
         }
-        Ok(())
+        outcome
     }
 
     /// Whether setpoints go out every cycle.

@@ -126,6 +126,10 @@ impl Node {
                 }
             }
         } else if is(CobId::t_sdo(node)) {
+            // A server that goes on before it has its reply is none to listen to.
+            if !self.replies.as_slice().is_empty() {
+                return Ok(());
+            }
             self.script.receive(at, frame, &mut self.replies, events)?;
         } else if is(CobId::emcy(node)) {
             let Some(emergency) = Emergency::decode(frame.data()) else {
@@ -293,6 +297,11 @@ impl Node {
         }
     }
 
+    /// Counts anew.
+    pub(super) fn forget_standstill(&mut self) {
+        self.still = 0;
+    }
+
     // --- what it is told ---
 
     /// The R_PDO for the next SYNC.
@@ -300,6 +309,11 @@ impl Node {
         self.device()
             .command(self.controlword, self.setpoint)
             .map_err(|_| Fault::PositionRange { drive: self.index })
+    }
+
+    /// Whether the drive can be sent to `setpoint`.
+    pub(super) fn can_take(&self, setpoint: Increments) -> bool {
+        self.device().command(self.controlword, setpoint).is_ok()
     }
 
     pub(super) fn nmt(&self, command: nmt::Command) -> Frame {

@@ -1,7 +1,7 @@
 //! From power-up to the program and from its end to power-down, one phase after the other.
 
 use super::fault::{Fault, Wanted};
-use super::{COMMAND_CYCLES, Controller, End, Event, Node, Phase, STILL_CYCLES};
+use super::{COMMAND_CYCLES, Controller, End, Event, Node, Phase, STILL, STILL_CYCLES};
 use crate::port::Outbox;
 use syncline_canopen::cia402::Controlword;
 use syncline_canopen::time::Duration;
@@ -23,7 +23,8 @@ impl<const N: usize> Controller<N> {
             }
             Phase::SetUp => self.go_on_if(self.scripts_done(), Phase::Start, out),
             Phase::Start => {
-                if self.cycle == self.phase_cycle + 1 {
+                if self.cycle > self.phase_cycle && !self.acted {
+                    self.acted = true;
                     self.send_nmt(nmt::Command::Start, out);
                 }
                 let started = |node: &Node| node.is_sampled() && node.is_operational();
@@ -49,9 +50,14 @@ impl<const N: usize> Controller<N> {
                 self.await_all(Wanted::ReadyToSwitchOn, Phase::OperationEnabled, out)?;
             }
             Phase::OperationEnabled => {
-                let still = self.nodes.iter().all(|node| node.still() >= STILL_CYCLES);
-                if still || self.timed_out(self.layout.state_timeout) {
-                    self.await_all(Wanted::OperationEnabled, Phase::ModeStart, out)?;
+                let cycles = self.still_cycles();
+                let moving = self.nodes.iter().position(|node| node.still() < cycles);
+                match moving {
+                    Some(drive) if self.timed_out(self.layout.state_timeout) => {
+                        return Err(Fault::NotAtRest { drive });
+                    }
+                    Some(_) => {}
+                    None => self.await_all(Wanted::OperationEnabled, Phase::ModeStart, out)?,
                 }
             }
             Phase::ModeStart => {
@@ -62,19 +68,15 @@ impl<const N: usize> Controller<N> {
             Phase::Program if self.executor.is_late() => return Err(Fault::LatePlan),
             Phase::Program => self.step_program(),
             Phase::Stop => {
-                let settled = self.in_position >= STILL_CYCLES;
+                let settled = self.in_position >= self.still_cycles();
                 let waited = self.timed_out(self.layout.state_timeout);
                 let over = self.executor.is_idle() && (settled || waited || self.is_faulty());
                 self.go_on_if(over, Phase::ModeEnd, out);
             }
-            Phase::ModeEnd => self.await_some(Wanted::ModeEnded, Phase::Disable, out),
-            Phase::Disable => {
-                if self.cycle == self.phase_cycle + COMMAND_CYCLES {
-                    self.set_controlword(Controlword::DISABLE_VOLTAGE);
-                } else if self.cycle > self.phase_cycle + COMMAND_CYCLES {
-                    self.await_some(Wanted::Disabled, Phase::Release, out);
-                }
-            }
+            Phase::ModeEnd => self.await_some(Wanted::ModeEnded, Phase::ShutDown, out),
+            // Where a drive has a brake, it holds before 0000h takes what is left of the torque.
+            Phase::ShutDown => self.await_some(Wanted::Disabled, Phase::Disable, out),
+            Phase::Disable => self.await_some(Wanted::Disabled, Phase::Release, out),
             Phase::Release => self.go_on_if(self.scripts_done(), Phase::PreOperational, out),
             Phase::PreOperational => {
                 let sent = self.cycle >= self.phase_cycle + COMMAND_CYCLES;
@@ -89,6 +91,7 @@ impl<const N: usize> Controller<N> {
     pub(super) fn enter(&mut self, phase: Phase, out: &mut [Outbox]) {
         self.phase = phase;
         self.phase_cycle = self.cycle;
+        self.acted = false;
         self.tell(Event::Phase(phase));
         match phase {
             Phase::Survey => self.ask(Node::ask_survey),
@@ -99,11 +102,17 @@ impl<const N: usize> Controller<N> {
             Phase::SetUp => self.ask(Node::ask_set_up),
             Phase::Start => self.sync_on = true,
             Phase::Lock => self.ask(Node::ask_lock),
-            Phase::Disabled => self.set_controlword(Controlword::DISABLE_VOLTAGE),
-            Phase::ReadyToSwitchOn | Phase::Disable => self.set_controlword(Controlword::SHUTDOWN),
-            Phase::OperationEnabled | Phase::ModeEnd => {
+            Phase::Disabled | Phase::Disable => {
+                self.set_controlword(Controlword::DISABLE_VOLTAGE);
+            }
+            Phase::ReadyToSwitchOn | Phase::ShutDown => {
+                self.set_controlword(Controlword::SHUTDOWN);
+            }
+            Phase::OperationEnabled => {
+                self.ask(Node::forget_standstill);
                 self.set_controlword(Controlword::ENABLE_OPERATION);
             }
+            Phase::ModeEnd => self.set_controlword(Controlword::ENABLE_OPERATION),
             Phase::ModeStart => {
                 if let Err(fault) = self.freeze() {
                     return self.fail(fault);
@@ -129,11 +138,12 @@ impl<const N: usize> Controller<N> {
             Phase::Survey | Phase::Boot | Phase::SetUp | Phase::Start | Phase::Lock => {
                 Phase::Release
             }
-            Phase::Disabled | Phase::ReadyToSwitchOn | Phase::OperationEnabled => Phase::Disable,
+            Phase::Disabled | Phase::ReadyToSwitchOn | Phase::OperationEnabled => Phase::ShutDown,
             Phase::ModeStart => Phase::ModeEnd,
             Phase::Program => Phase::Stop,
             Phase::Stop
             | Phase::ModeEnd
+            | Phase::ShutDown
             | Phase::Disable
             | Phase::Release
             | Phase::PreOperational
@@ -207,9 +217,19 @@ impl<const N: usize> Controller<N> {
     /// On the way down: as [`Self::await_all`], but goes on in any case.
     fn await_some(&mut self, wanted: Wanted, next: Phase, out: &mut [Outbox]) {
         if let Err(fault) = self.await_all(wanted, next, out) {
+            // Told even where it is not the first one: this drive may still be enabled.
+            if self.is_faulty() {
+                self.tell(Event::Fault(fault));
+            }
             self.fail(fault);
             self.enter(next, out);
         }
+    }
+
+    /// [`STILL`] in cycles.
+    fn still_cycles(&self) -> u32 {
+        let cycles = STILL.as_nanos().div_ceil(self.layout.cycle.as_nanos());
+        STILL_CYCLES.max(cycles as u32)
     }
 
     fn timed_out(&self, limit: Duration) -> bool {

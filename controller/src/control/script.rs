@@ -107,6 +107,8 @@ pub(super) struct Script {
     give_up: Option<Instant>,
     /// The device has shown to be the configured model.
     identified: bool,
+    /// The answer under way is to a step that was cleared.
+    stale: bool,
 }
 
 /// The longest object that a script reads, in bytes.
@@ -123,6 +125,7 @@ impl Script {
             tries: 0,
             give_up: None,
             identified: false,
+            stale: false,
         }
     }
 
@@ -141,6 +144,7 @@ impl Script {
         self.steps.clear();
         self.tries = 0;
         self.give_up = None;
+        self.stale = self.client.is_busy();
     }
 
     /// Whether nothing is left to do.
@@ -198,6 +202,9 @@ impl Script {
         events: &mut impl FnMut(Event),
     ) -> Result<(), Fault> {
         let drive = self.drive;
+        if std::mem::take(&mut self.stale) {
+            return Ok(());
+        }
         let Some(step) = self.steps.front().copied() else {
             return Ok(());
         };

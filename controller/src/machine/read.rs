@@ -259,7 +259,9 @@ impl ControllerTable {
 
     fn join(&self, log: &mut Log<'_>, cycle: Duration) -> Controller {
         let mut controller = self.controller.clone();
-        if controller.heartbeat_timeout <= controller.heartbeat {
+        // The controller's own leaves with a cycle.
+        let cycles = controller.heartbeat.as_nanos().div_ceil(cycle.as_nanos()) as u32;
+        if controller.heartbeat_timeout <= cycle * (cycles + 1) {
             log.report(
                 self.heartbeat_timeout.clone(),
                 format!(
@@ -267,7 +269,8 @@ impl ControllerTable {
                     controller.heartbeat_timeout.as_millis(),
                     controller.heartbeat.as_millis()
                 ),
-                "allowed: a time-out clearly longer than the heartbeat, two to three of it",
+                "allowed: a time-out clearly longer than the heartbeat and a cycle, two to three \
+                 of it",
             );
         }
         if let Some(offset) = &self.setpoint_offset {

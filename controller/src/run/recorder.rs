@@ -431,9 +431,18 @@ impl Recorder {
             });
         }
         let late_setpoints = controller.late_setpoints();
-        let passed = self.violations.is_empty()
-            && late_setpoints == 0
-            && controller.end() == Some(End::Finished);
+        if late_setpoints > 0 {
+            self.violations.push(Violation {
+                what: "late_setpoints".to_owned(),
+                axis: None,
+                time: self.seconds(self.cycles.saturating_sub(1)),
+                line: self.line,
+                value: late_setpoints as f64,
+                limit: 0.0,
+                unit: "bursts",
+            });
+        }
+        let passed = self.violations.is_empty() && controller.end() == Some(End::Finished);
         let (digest, loads) = frames.unzip();
         let following = |coordinate| {
             let at = |axis: &layout::Axis| axis.coordinate == coordinate;
