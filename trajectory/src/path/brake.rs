@@ -8,19 +8,20 @@
 use super::{Curve, Departure, Derivatives, Limits, Piece, Span};
 
 /// Pieces of a braking law at most.
-pub(super) const MOST_PIECES: usize = 64;
+pub(super) const MOST_PIECES: usize = 80;
 /// Steps that a law on a curve is laid in, about.
-const STEPS: f64 = 24.0;
+const STEPS: f64 = 32.0;
 /// Greatest turn of the tangent in a step, rad.
-const STEP_TURN: f64 = 0.06;
-/// Steps after which the closed form is tried again on a curve.
-const AGAIN: usize = 8;
+const STEP_TURN: f64 = 0.1;
+/// Pieces that are tried at most for one law.
+const MOST_CHECKS: usize = 100;
 /// Part of the jerk limit that a curve must leave for braking in closed form.
 const RESERVE: f64 = 0.4;
 /// Parts of the limits that are tried in turn where a step breaks one between its ends.
-const FORCES: [f64; 4] = [0.999, 0.99, 0.95, 0.8];
-/// Part of the jerk limit with which a law on a curve lands; the rest is for the curvature.
-const LANDING: f64 = 0.97;
+const FORCES: [f64; 5] = [0.9995, 0.995, 0.97, 0.9, 0.75];
+/// Parts of the jerk limit with which a law on a curve lands, at most and at least, tried in turn;
+/// the rest is for the curvature and for what the landing turns.
+const LANDINGS: [(f64, f64); 4] = [(0.99, 0.975), (0.97, 0.8), (0.9, 0.7), (0.7, 0.5)];
 /// Excess over a limit that is rounding, as a part of it.
 const ROUNDING: f64 = 1e-9;
 
@@ -107,54 +108,103 @@ pub(super) fn brake<'a, const N: usize>(
     from: Departure,
     target: f64,
 ) -> Option<Braking> {
+    LANDINGS
+        .iter()
+        .find_map(|&part| lay(&span, limits, from, target, part))
+}
+
+/// As [`brake`], landing with that part of the jerk limit.
+fn lay<'a, const N: usize>(
+    span: impl Fn(usize) -> Option<&'a Span<N>>,
+    limits: &Limits<N>,
+    from: Departure,
+    target: f64,
+    (most, fewest): (f64, f64),
+) -> Option<Braking> {
+    let mut checks = 0;
     let mut road = Road { span, index: 0 };
     let mut law = Braking::new(from);
-    for step in 0..MOST_PIECES - 3 {
+    while law.count < MOST_PIECES - 3 {
         let Departure {
             distance,
             speed,
             acceleration,
         } = law.end;
         let span = road.span_at(distance)?;
-        if (step % AGAIN == 0 || span.curve.direction().is_some())
-            && let Some((limit, jerk)) = reserve(&span.curve, limits, speed, acceleration)
-            && let Some(closed) = closed_form(&law, target, limit, jerk)
-            && closed.end.distance <= span.start + span.curve.length()
+        if span.curve.direction().is_some()
+            && let Some(closed) = gentle(span, limits, &law, target)
         {
             return Some(closed);
         }
         let here = span.curve.at(distance - span.start);
-        let landing = LANDING * least(&limits.jerk, &here.d1);
         let above = speed - target;
-        if acceleration < 0.0 && acceleration * acceleration >= 2.0 * above * landing {
+        let mut scout = Road {
+            span: &road.span,
+            index: road.index,
+        };
+        let along = least(&limits.jerk, &here.d1);
+        let duration = pace(&here, limits, law.end, target);
+        let ahead = distance + duration * (speed + 0.5 * duration * acceleration);
+        let there = Road {
+            span: &road.span,
+            index: road.index,
+        }
+        .at(ahead)?;
+        // Where it will land the axes may allow less than here.
+        let brisk = least(&limits.acceleration, &here.d1).min((along * above.max(0.0)).sqrt());
+        let left = 0.5 * speed * above / brisk.max(1e-9);
+        let mut allowed = along;
+        for part in [0.25, 0.5, 0.75, 1.0] {
+            let span = scout.span_at(distance + part * left)?;
+            let at = span.curve.at(distance + part * left - span.start);
+            allowed = allowed.min(least(&limits.jerk, &at.d1));
+        }
+        let landing = most * allowed;
+        if acceleration < 0.0 {
             let duration = -2.0 * above / acceleration;
             let jerk = -acceleration / duration;
-            if keeps(&road, &law.next(duration, jerk), limits) {
+            checks += 1;
+            if jerk >= fewest * allowed && keeps(&road, &law.next(duration, jerk), limits) {
                 law.push(duration, jerk)?;
                 law.end.speed = target;
                 law.end.acceleration = 0.0;
                 return Some(law);
             }
-            return None;
         }
-        let duration = pace(&here, limits, law.end, target);
-        let stepped = FORCES.iter().find_map(|&force| {
-            let ahead = distance + duration * (speed + 0.5 * duration * acceleration);
-            let mut scout = Road {
-                span: &road.span,
-                index: road.index,
-            };
-            let there = scout.at(ahead)?;
+        let jerk = FORCES.iter().find_map(|&force| {
             let jerk = hardest(
                 limits, force, &here, &there, law.end, target, duration, landing,
             );
             let piece = law.next(duration, jerk);
-            let slows = piece.at(duration).1 > target;
+            checks += 1;
+            let slows = piece.at(duration).1 > target && checks <= MOST_CHECKS;
             (slows && keeps(&road, &piece, limits)).then_some(jerk)
         })?;
-        law.push(duration, stepped)?;
+        law.push(duration, jerk)?;
     }
     None
+}
+
+/// A slowing down that leaves room for whatever the span's bends ask of the axes; on a straight span
+/// it is the hardest. None if the span leaves too little room, or ends before.
+pub(super) fn brake_gently<const N: usize>(
+    span: &Span<N>,
+    limits: &Limits<N>,
+    from: Departure,
+    target: f64,
+) -> Option<Braking> {
+    gentle(span, limits, &Braking::new(from), target)
+}
+
+fn gentle<const N: usize>(
+    span: &Span<N>,
+    limits: &Limits<N>,
+    law: &Braking,
+    target: f64,
+) -> Option<Braking> {
+    let (limit, jerk) = reserve(&span.curve, limits, law.end.speed, law.end.acceleration)?;
+    let closed = closed_form(law, target, limit, jerk)?;
+    (closed.end.distance <= span.start + span.curve.length()).then_some(closed)
 }
 
 /// Duration of the next step, s.
@@ -171,10 +221,12 @@ fn pace<const N: usize>(
     let above = (at.speed - target).max(0.0);
     let ramp = (a / j).min((above / j).sqrt());
     let whole = above / a + ramp + (at.acceleration.max(0.0) / j);
+    // Where the bends take most of what the axes can, it takes longer.
+    let slow = whole.max(above / at.acceleration.min(-0.2 * a).abs());
     let bend = (0..N).map(|i| here.d2[i].abs()).fold(0.0, f64::max);
-    (whole / STEPS)
+    (slow / STEPS)
         .min(STEP_TURN / (bend * at.speed))
-        .max(whole / (2.0 * STEPS))
+        .max(slow / (2.0 * STEPS))
 }
 
 /// Whether every axis keeps its limits on the piece: at instants spread over what it takes of each
@@ -214,12 +266,9 @@ fn keeps<'a, const N: usize>(
         }
         let kept = (0..2).all(|what| {
             (0..N).all(|i| {
-                let y = |k: usize| asked[k][what][i];
-                let peak = (0..=intervals).map(|k| y(k).abs()).fold(0.0, f64::max);
-                let bend = (1..intervals)
-                    .map(|k| (y(k - 1) - 2.0 * y(k) + y(k + 1)).abs())
-                    .fold(0.0, f64::max);
-                peak + bend / 8.0 <= 1.0 + ROUNDING
+                let top = (1..intervals)
+                    .map(|k| crest([-1, 0, 1].map(|d| asked[k.wrapping_add_signed(d)][what][i])));
+                top.fold(0.0, f64::max) <= 1.0 + ROUNDING
             })
         });
         if !kept {
@@ -232,6 +281,17 @@ fn keeps<'a, const N: usize>(
         index += 1;
     }
     false
+}
+
+/// Greatest magnitude of the parabola through three points the same way apart.
+fn crest([before, here, after]: [f64; 3]) -> f64 {
+    let ends = before.abs().max(after.abs()).max(here.abs());
+    let (slope, bend) = (0.5 * (after - before), before + after - 2.0 * here);
+    if slope.abs() < bend.abs() {
+        ends.max((here - 0.5 * slope * slope / bend).abs())
+    } else {
+        ends
+    }
 }
 
 /// When the piece reaches a distance, s from its start, between its start and its end.

@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 use std::iter::repeat_n;
 use std::mem::take;
 
-use super::brake::brake;
+use super::brake::{brake, brake_gently};
 use super::{Command, Curve, Departure, Limits, Outlook, Overrides, Piece, Span};
 
 /// Where every axis has to be, and what the path does there.
@@ -772,13 +772,24 @@ impl<const N: usize> Executor<N> {
             let span = spans.get(k)?;
             (k == 0 || span.start > spans[k - 1].start).then_some(span)
         };
-        if let Some(law) = brake(span, &limits, from, 0.0) {
+        // A gentle way at once, the hardest as soon as it is found.
+        let hardest = brake(span, &limits, from, 0.0);
+        let found = hardest.is_some();
+        let gentle = || brake_gently(span(0)?, &limits, from, 0.0);
+        if let Some(law) = hardest.or_else(gentle)
+            && self.steps.back().is_none_or(|last| match last {
+                Step::Piece(last) => law.end.distance < last.distance + last.at(last.duration).0,
+                _ => true,
+            })
+        {
             self.steps.clear();
             self.number += self.committed as i64;
             self.began = self.now();
             self.steps
                 .extend(law.pieces().iter().copied().map(Step::Piece));
             self.committed = self.steps.len();
+        }
+        if found {
             self.stop = Stop::Found;
         }
     }

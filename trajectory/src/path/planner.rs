@@ -14,7 +14,7 @@ use std::collections::VecDeque;
 use thiserror::Error;
 
 use super::blend::{Blend, blend};
-use super::brake::brake;
+use super::brake::{brake, brake_gently};
 use super::facets::Run;
 use super::window::{Effort, Window};
 use super::{Command, Curve, Departure, Exit, Item, Limits, Move, Outlook, Overrides, Piece, Span};
@@ -798,7 +798,9 @@ fn lay_slowing<const N: usize>(
         if from.speed + rising * rising / (2.0 * jerk) <= target {
             return true;
         }
-        let Some(law) = brake(|k| spans.get(k), limits, *from, goal) else {
+        let law = brake(|k| spans.get(k), limits, *from, goal)
+            .or_else(|| brake_gently(&spans[0], limits, *from, goal));
+        let Some(law) = law else {
             return false;
         };
         let lowest = spans
