@@ -1,9 +1,9 @@
-//! What a hold costs in the cycle: time of `hold` and of every `advance` until rest, on lines,
+//! What a hold costs in the cycle: processor time of `hold` and of every `advance` until rest, on lines,
 //! circles and rounded corners, from states all along the path:
 //! `cargo bench -p syncline-benches --bench hold`.
 
 use std::hint::black_box;
-use std::time::Instant;
+use syncline_controller::realtime::thread_time;
 use syncline_trajectory::path::{
     Curve, Executor, Exit, Feed, Item, Limits, Move, Plane, Planner, curve::ArcDefinition,
 };
@@ -50,7 +50,7 @@ fn main() {
         let mut took = Vec::new();
         for feed in [20.0, 100.0, 400.0] {
             let mut planner = Planner::new(limits, curves[0].start());
-            let mut plan = Executor::new(curves[0].start(), PERIOD, 16_384);
+            let mut plan = Executor::new(curves[0].start(), PERIOD, 4096);
             for curve in &curves {
                 let motion = Move {
                     curve: *curve,
@@ -61,18 +61,23 @@ fn main() {
                 planner.push(Item::Move(motion)).expect("a path");
             }
             planner.finish();
-            while let Some(command) = planner.pop() {
-                assert!(plan.accept(command), "room");
-            }
-            while !plan.is_idle() {
+            loop {
+                while plan.room() > 0
+                    && let Some(command) = planner.pop()
+                {
+                    plan.accept(command);
+                }
+                if plan.is_idle() {
+                    break;
+                }
                 let mut executor = plan.clone();
-                let begin = Instant::now();
+                let begin = thread_time();
                 executor.hold();
-                took.push(begin.elapsed());
+                took.push(thread_time() - begin);
                 while executor.setpoint().speed > 0.0 {
-                    let begin = Instant::now();
+                    let begin = thread_time();
                     black_box(executor.advance());
-                    took.push(begin.elapsed());
+                    took.push(thread_time() - begin);
                 }
                 for _ in 0..5 {
                     plan.advance();
