@@ -33,9 +33,6 @@ pub(crate) struct Gap {
     pub(crate) af: f64,
     /// Displacement wanted.
     pub(crate) distance: f64,
-    /// How far the end may miss `distance` where meeting it would need another kind of plan: the
-    /// rounding of the positions that it is the difference of.
-    pub(crate) slack: f64,
 }
 
 /// Durations of *up, hold, down, cruise, down, hold, up*, where up is positive jerk, or negative
@@ -129,6 +126,8 @@ pub(crate) struct Frame {
     rest: f64,
     /// Whether the shortest plan has no first ramp up: down, hold, up.
     valley: bool,
+    /// A difference of velocities that is taken for rounding.
+    rounding: f64,
     /// Mean of the velocities at which the first and the last ramp, prolonged, have acceleration 0.
     c: f64,
     reversed: bool,
@@ -176,7 +175,11 @@ impl Frame {
             (a0, af) = (-af, -a0);
             (upper, lower) = (lower, upper);
         }
-        let q = if reversed { -w } else { w }.max(0.0) / k;
+        let q = if w.abs() <= rounding {
+            0.0
+        } else {
+            w.abs() / k
+        };
         let ramp = if af >= a0 { m } else { -n };
         let rest = (vf - v0) - 0.5 * ramp * (af - a0) * (af + a0);
         Frame {
@@ -195,6 +198,7 @@ impl Frame {
             q,
             rest: rest.max(0.0),
             valley: rest < -rounding && q < a0 * a0,
+            rounding,
             c: 0.5 * ((v0 + vf) - 0.5 * m * (a0 * a0 + af * af)),
             reversed,
             mirrored,
@@ -223,10 +227,33 @@ impl Frame {
             }
         }
         if begin.gap {
-            let plan = &begin.crossing.plan;
-            return Passage::Gap(self.phases(plan), self.signed(self.reach(plan).d));
+            if let [.., (held, plan, extent)] = begin.early[..begin.len] {
+                let plan = self.stretched(self.plan(held, &plan, extent), distance);
+                let miss = distance - self.reach(&plan).d;
+                if miss <= DISPLACEMENT_ROUNDING * distance.abs() {
+                    return Passage::Found(self.phases(&plan));
+                }
+            }
+            let plan = self.stretched(begin.crossing.plan, distance);
+            return Passage::Gap(self.phases(&plan), self.signed(self.reach(&plan).d));
         }
         Passage::Found(self.cross_over(|| begin.crossing, distance))
+    }
+
+    /// A plan beside the gap so much longer that it covers `distance`, where that changes the end
+    /// velocity by rounding only: where `a2` is close to zero, rounding of the velocities moves the
+    /// duration by much more.
+    fn stretched(&self, mut plan: Plan, distance: f64) -> Plan {
+        let turned = if self.af > 0.0 { self.m } else { -self.n };
+        let v = self.vf - 0.5 * (turned * self.af * self.af - self.m * plan.a2 * plan.a2);
+        let fall = (distance - self.reach(&plan).d) / (2.0 * self.k * v);
+        let change = 2.0 * self.k * (plan.a2.abs() + fall.abs()) * fall.abs();
+        if plan.t[5] == 0.0 && change <= 32.0 * self.rounding && plan.t[6] + self.m * fall >= 0.0 {
+            plan.t[2] += self.n * fall;
+            plan.t[6] += self.m * fall;
+            plan.a2 -= fall;
+        }
+        plan
     }
 
     /// Where a curve begins that has `a2 ≤ 0` from the start.
@@ -314,7 +341,7 @@ impl Frame {
             }
             if plan.a2 > valley && plan.t[1] == 0.0 {
                 let a1 = if begin.gap { a0 } else { q.sqrt().min(plan.a1) };
-                let growth = if begin.gap { q / (a0 + valley) } else { a1 } - (plan.a1 - plan.a2);
+                let growth = if begin.gap { q / (a0 + valley) } else { a1 } - self.spread(&plan);
                 if growth > 0.0 {
                     begin.push(Held::Neither, plan, growth);
                 }
@@ -480,7 +507,7 @@ impl Frame {
         match held {
             // y = growth of a1 − a2 along a1² − a2² = const.
             Held::Neither => {
-                let u = (start.a1 - start.a2) + y;
+                let u = self.spread(start) + y;
                 let skew = if y > 0.0 {
                     (start.a1 + start.a2) / u
                 } else {
@@ -519,6 +546,17 @@ impl Frame {
         p
     }
 
+    /// `a1 − a2` of a plan without holds, where `a1² − a2² = W/k`: both are equal to rounding beside
+    /// a single ramp.
+    #[inline]
+    fn spread(&self, plan: &Plan) -> f64 {
+        if plan.a2 > 0.0 {
+            self.q / (plan.a1 + plan.a2)
+        } else {
+            plan.a1 - plan.a2
+        }
+    }
+
     /// How displacement and duration grow along a region that begins at `start` with `dD/dT = h`.
     #[inline]
     fn growth(&self, held: Held, start: &Plan, h: f64) -> Growth {
@@ -533,7 +571,7 @@ impl Frame {
         let (a1, a2) = (start.a1, start.a2);
         match held {
             Held::Neither => {
-                let u = a1 - a2;
+                let u = self.spread(start);
                 let q = u * (a1 + a2);
                 Growth::Free {
                     u,
@@ -1130,6 +1168,27 @@ impl Change {
 
     pub(crate) fn duration(&self) -> f64 {
         self.t[0] + self.t[1] + self.t[2]
+    }
+
+    /// The path travelled.
+    pub(crate) fn path(&self, v0: f64, a0: f64) -> f64 {
+        let (mut path, mut v, mut a) = (0.0, v0, a0);
+        for (t, j) in self.t.into_iter().zip(self.j) {
+            let begin = crate::profile::State { p: 0.0, v, a };
+            let mut last = 0.0;
+            let mut turns = crate::profile::zeros(v, a, 0.5 * j);
+            turns.sort_unstable_by(f64::total_cmp);
+            for turn in turns.into_iter().chain([t]) {
+                if turn > 0.0 && turn <= t {
+                    let p = begin.displacement(turn, j);
+                    path += (p - last).abs();
+                    last = p;
+                }
+            }
+            let end = begin.after(t, j);
+            (v, a) = (end.v, end.a);
+        }
+        path
     }
 
     pub(crate) fn displacement(&self, v0: f64, a0: f64) -> f64 {

@@ -2,6 +2,8 @@
 //!
 //! Units are the caller's: a length (mm, deg) and seconds. Nothing here allocates.
 
+use crate::double::Double;
+
 /// Position, velocity and acceleration at one instant.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct State {
@@ -92,6 +94,8 @@ pub struct Extrema {
 #[derive(Clone, Copy)]
 pub struct Profile {
     start: State,
+    /// Where it is known to end, which the segments say only to rounding.
+    target: Option<State>,
     segments: [Segment; Profile::CAPACITY],
     len: usize,
 }
@@ -106,12 +110,21 @@ impl Profile {
     pub const fn new(start: State) -> Self {
         Profile {
             start,
+            target: None,
             segments: [Segment {
                 duration: 0.0,
                 jerk: 0.0,
             }; Self::CAPACITY],
             len: 0,
         }
+    }
+
+    /// A profile without segments as yet that will lead to `target`.
+    #[inline]
+    pub(crate) const fn towards(start: State, target: Option<State>) -> Self {
+        let mut profile = Profile::new(start);
+        profile.target = target;
+        profile
     }
 
     /// A profile of `segments` after `start`, or `None` where they are more than
@@ -173,13 +186,62 @@ impl Profile {
 
     /// The state at the end, by integration from the start.
     pub fn end(&self) -> State {
-        self.fold(f64::INFINITY)
+        let state = self
+            .segments()
+            .iter()
+            .fold(Exact::leaving(self.start), |state, s| {
+                state.after(s.duration, s.jerk)
+            });
+        state.rounded(self.start.p, 0.0, 0.0)
     }
 
     /// The state at time `t` (s). Before the start it is the start state, after the end the end
     /// state: nothing is extrapolated.
+    ///
+    /// A position has to be rounded, and a state whose position is off its velocity and acceleration
+    /// by a rounding is not one from which the rest of this motion is the fastest way on: by the cube
+    /// root of that rounding. So the position is rounded the way the axis moves, and velocity and
+    /// acceleration are those of the instant, less than one unit in the last place of the position
+    /// later, at which the motion is exactly there.
     pub fn at(&self, t: f64) -> State {
-        self.fold(t)
+        if t <= 0.0 {
+            return self.start;
+        }
+        let duration = self.duration();
+        // From the nearer end, so that what is left of a plan keeps its digits.
+        match self.target {
+            Some(target) if t >= duration => target,
+            Some(target) if t > 0.5 * duration => {
+                let mut rest = duration - t;
+                let mut state = Exact::leaving(target);
+                for s in self.segments().iter().rev() {
+                    let part = s.duration.min(rest);
+                    let earlier = state.after(-part, s.jerk);
+                    if part < s.duration {
+                        let state = earlier.rounded(target.p, s.jerk, part);
+                        let arrived = state.p == target.p
+                            && (state.v * part).abs() <= 4.0 * f64::EPSILON * target.p.abs();
+                        return if arrived { target } else { state };
+                    }
+                    rest -= part;
+                    state = earlier;
+                }
+                state.rounded(target.p, 0.0, 0.0)
+            }
+            _ => {
+                let mut rest = t;
+                let mut state = Exact::leaving(self.start);
+                for s in self.segments() {
+                    let part = s.duration.min(rest);
+                    state = state.after(part, s.jerk);
+                    if part < s.duration {
+                        return state.rounded(self.start.p, s.jerk, s.duration - part);
+                    }
+                    rest -= part;
+                }
+                state.rounded(self.start.p, 0.0, 0.0)
+            }
+        }
     }
 
     /// The jerk at time `t` (length/s³); at a switch that of the segment that begins, outside the
@@ -196,28 +258,6 @@ impl Profile {
             rest -= segment.duration;
         }
         0.0
-    }
-
-    // The displacement is summed apart from the start position, so that a short move far from the
-    // origin keeps its digits until the last addition.
-    fn fold(&self, t: f64) -> State {
-        let mut rest = t.max(0.0);
-        let mut state = State {
-            p: 0.0,
-            ..self.start
-        };
-        for segment in self.segments() {
-            if rest < segment.duration {
-                state = state.after(rest, segment.jerk);
-                break;
-            }
-            state = state.after(segment.duration, segment.jerk);
-            rest -= segment.duration;
-        }
-        State {
-            p: self.start.p + state.p,
-            ..state
-        }
     }
 
     /// The state at the beginning of each segment with that segment.
@@ -274,13 +314,14 @@ impl Profile {
     /// The same motion in the opposite direction: every position, velocity, acceleration and jerk
     /// with its sign changed.
     pub fn mirrored(&self) -> Self {
-        let State { p, v, a } = self.start;
         let mut mirrored = *self;
-        mirrored.start = State {
+        let mirror = |State { p, v, a }| State {
             p: -p,
             v: -v,
             a: -a,
         };
+        mirrored.start = mirror(self.start);
+        mirrored.target = self.target.map(mirror);
         for segment in &mut mirrored.segments[..self.len] {
             segment.jerk = -segment.jerk;
         }
@@ -303,8 +344,70 @@ impl core::fmt::Debug for Profile {
     }
 }
 
+/// A state in double-double arithmetic, its position as displacement from some origin.
+#[derive(Clone, Copy)]
+pub(crate) struct Exact {
+    pub(crate) p: Double,
+    pub(crate) v: Double,
+    pub(crate) a: Double,
+}
+
+impl Exact {
+    /// The velocity and acceleration of a state, without displacement.
+    pub(crate) fn leaving(state: State) -> Self {
+        Exact {
+            p: Double::ZERO,
+            v: state.v.into(),
+            a: state.a.into(),
+        }
+    }
+
+    /// The state `t` seconds later under the constant jerk `j`; `t` may be negative.
+    pub(crate) fn after(self, t: f64, j: f64) -> Self {
+        let step = Double::product(j, t);
+        let t = Double::from(t);
+        Exact {
+            p: self.p + t * (self.v + t * (self.a.half() + step * Double::SIXTH)),
+            v: self.v + t * (self.a + step.half()),
+            a: self.a + step,
+        }
+    }
+
+    /// The state displaced from `origin`, or the one at most `room` seconds later under the jerk `j`
+    /// whose position is the next one that an `f64` can be. Where the motion turns around before
+    /// that, the position is rounded.
+    fn rounded(self, origin: f64, j: f64, room: f64) -> State {
+        let nearest = (Double::from(origin) + self.p).value();
+        let forward = self.v.value();
+        let left = |p: f64, state: &Exact| (Double::from(p) - origin.into() - state.p).value();
+        let p = match left(nearest, &self) * forward {
+            behind if behind >= 0.0 => nearest,
+            _ if forward > 0.0 => nearest.next_up(),
+            _ => nearest.next_down(),
+        };
+        let whole = left(p, &self);
+        let (mut state, mut later) = (self, 0.0);
+        // At the end of a motion to rest this is a triple zero, to which Newton's method is slow.
+        for _ in 0..64 {
+            let step = left(p, &state) / state.v.value();
+            if !(step.abs() > f64::EPSILON * later) {
+                break;
+            }
+            later = (later + step).clamp(0.0, room);
+            state = self.after(later, j);
+        }
+        let arrived = left(p, &state).abs() <= 1e-6 * whole.abs();
+        let (p, state) = if arrived { (p, state) } else { (nearest, self) };
+        State {
+            p,
+            v: state.v.value(),
+            a: state.a.value(),
+        }
+    }
+}
+
 /// The real zeros of `c + b·t + a·t²`, without cancellation; NaN for one that does not exist.
-fn zeros(c: f64, b: f64, a: f64) -> [f64; 2] {
+pub(crate) fn zeros(c: f64, b: f64, a: f64) -> [f64; 2] {
     let discriminant = b * b - 4.0 * a * c;
     if discriminant < 0.0 {
         return [f64::NAN; 2];

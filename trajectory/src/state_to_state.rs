@@ -8,7 +8,7 @@ use crate::extremal::{
     Change, Curve, Frame, Gap, Passage, Phases, VELOCITY_ROUNDING, fastest_change,
 };
 use crate::limits::{Limits, PositionLimits};
-use crate::profile::{Profile, Segment, State};
+use crate::profile::{Exact, Profile, Segment, State};
 
 /// Where an axis is to arrive.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -177,8 +177,8 @@ pub(crate) struct Route {
     limits: Limits,
     entry: Entry,
     gap: Gap,
-    /// Whether the displacement matters.
-    position: bool,
+    /// The target, where the displacement matters.
+    target: Option<State>,
     /// The position limits, as displacements from the start.
     bounds: Option<PositionLimits>,
 }
@@ -213,30 +213,27 @@ impl Route {
     pub(crate) fn new(axis: &Axis) -> Self {
         let (entry, reached) = enter(axis.start, &axis.limits);
         let (vf, af) = axis.target_rates();
-        let target = axis.target_position();
+        let target = match axis.target {
+            Target::State(state) => Some(state),
+            Target::Velocity { .. } => None,
+        };
         let gap = Gap {
             v0: reached.v,
             a0: reached.a,
             vf,
             af,
-            distance: target.map_or(0.0, |p| (p - axis.start.p) - reached.p),
-            slack: if vf == 0.0 && af == 0.0 {
-                512.0 * f64::EPSILON * axis.start.p.abs().max(target.unwrap_or(0.0).abs())
-            } else {
-                0.0
-            },
+            distance: target.map_or(0.0, |t| (t.p - axis.start.p) - reached.p),
         };
         let bounds = axis.bounds.map(|b| PositionLimits {
             min: b.min - axis.start.p,
             max: b.max - axis.start.p,
         });
-        let position = target.is_some();
         Route {
             start: axis.start,
             limits: axis.limits,
             entry,
             gap,
-            position,
+            target,
             bounds,
         }
     }
@@ -257,7 +254,7 @@ impl Route {
 
     /// The shortest course.
     pub(crate) fn fastest(&self) -> Result<Course, PlanError> {
-        let free = Course::Extremal(if self.position {
+        let free = Course::Extremal(if self.target.is_some() {
             fastest(&self.gap, &self.limits)
         } else {
             fastest_change(
@@ -304,7 +301,7 @@ impl Route {
         let mut longer = None;
         if let (Some((high, most)), Some((low, least))) = (highest, lowest) {
             let rounding = slack(gap, most).max(slack(gap, least));
-            if !self.position {
+            if !self.target.is_some() {
                 return Course::Between {
                     up: high,
                     down: low,
@@ -321,7 +318,7 @@ impl Route {
         // Otherwise the duration is one that no change of velocity and acceleration has.
         let phases = longer.unwrap_or_else(|| match up.first_after_gap() {
             None => first,
-            Some((second, _)) if !self.position => second,
+            Some((second, _)) if !self.target.is_some() => second,
             Some((second, d)) => after_gap(gap, &self.limits, second, d),
         });
         Course::Extremal(phases)
@@ -344,7 +341,7 @@ impl Route {
             let out = fastest_change(v, 0.0, vf, af, l);
             (into, time - into.duration() - out.duration(), out)
         };
-        if !self.position {
+        if !self.target.is_some() {
             // At the velocity from which a single ramp leads to the end.
             let (into, cruise, out) = change(before(vf, af, l));
             return (cruise >= 0.0).then_some(Course::Cruise(into, cruise, out));
@@ -386,7 +383,7 @@ impl Route {
                 ..self.start
             };
             let range = self
-                .profile_along(course, start, self.distance(), 1.0)
+                .profile_along(course, start, self.distance(), 1.0, None)
                 .extrema()
                 .position;
             let slack = 1e-13 * (range.max - range.min);
@@ -414,7 +411,7 @@ impl Route {
             distance,
             ..self.gap
         };
-        let second = if self.position {
+        let second = if self.target.is_some() {
             fastest(&second, &self.limits)
         } else {
             fastest_change(second.v0, second.a0, second.vf, second.af, &self.limits).phases()
@@ -526,12 +523,7 @@ impl Route {
     }
 
     pub(crate) fn profile(&self, course: &Course) -> Profile {
-        self.profile_along(
-            course,
-            self.start,
-            self.gap.distance + self.entry.displacement,
-            1.0,
-        )
+        self.profile_along(course, self.start, self.distance(), 1.0, self.target)
     }
 
     /// The profile of an axis that moves `factor` times as far as this one does, from a start of
@@ -542,8 +534,9 @@ impl Route {
         start: State,
         distance: f64,
         factor: f64,
+        target: Option<State>,
     ) -> Profile {
-        let mut profile = Profile::new(start);
+        let mut profile = Profile::towards(start, target);
         if self.entry.duration > 0.0 {
             for segment in self.entry.segments {
                 profile.append(segment.duration, factor * segment.jerk);
@@ -583,7 +576,7 @@ impl Route {
         }
         // A cruise slower than the rates around it multiplies their rounding: set its velocity by
         // what it leaves of the distance.
-        if let Some((first, part, cruise)) = settled.filter(|_| slow && self.position) {
+        if let Some((first, part, cruise)) = settled.filter(|_| slow && self.target.is_some()) {
             let miss = Double::from(distance) - displacement(&profile);
             let jerk = miss.value() / ((cruise + part) * part * part);
             profile.bend(first, jerk);
@@ -802,26 +795,20 @@ fn settle(profile: &mut Profile, part: f64) {
 }
 
 fn exact_velocity(start: State, segments: &[Segment]) -> f64 {
-    let (mut v, mut a) = (Double::from(start.v), Double::from(start.a));
-    for s in segments {
-        let step = Double::product(s.jerk, s.duration);
-        v = v + Double::from(s.duration) * (a + step.half());
-        a = a + step;
-    }
-    v.value()
+    let state = Exact::leaving(start);
+    let end = segments
+        .iter()
+        .fold(state, |state, s| state.after(s.duration, s.jerk));
+    end.v.value()
 }
 
 fn displacement(profile: &Profile) -> Double {
-    let (mut p, mut v) = (Double::ZERO, Double::from(profile.start().v));
-    let mut a = Double::from(profile.start().a);
-    for s in profile.segments() {
-        let t = Double::from(s.duration);
-        let step = Double::product(s.jerk, s.duration);
-        p = p + t * (v + t * (a.half() + step * Double::SIXTH));
-        v = v + t * (a + step.half());
-        a = a + step;
-    }
-    p
+    let start = Exact::leaving(profile.start());
+    profile
+        .segments()
+        .iter()
+        .fold(start, |state, s| state.after(s.duration, s.jerk))
+        .p
 }
 
 /// The fastest phases over a gap whose ends are inside the limits.
@@ -829,7 +816,13 @@ fn fastest(gap: &Gap, limits: &Limits) -> Phases {
     let change = fastest_change(gap.v0, gap.a0, gap.vf, gap.af, limits);
     let d = change.displacement(gap.v0, gap.a0);
     let miss = gap.distance - d;
-    if miss.abs() <= slack(gap, d) {
+    // Where the velocity turns around, rounding is that of the path travelled.
+    let rounding = 16.0 * f64::EPSILON;
+    let furthest = (limits.v_max - limits.v_min) * change.duration();
+    if miss.abs() <= slack(gap, d)
+        || miss.abs() <= rounding * furthest
+            && miss.abs() <= rounding * change.path(gap.v0, gap.a0)
+    {
         return change.phases();
     }
     let frame = Frame::new(gap, limits, miss < 0.0);
@@ -855,11 +848,7 @@ const SNAP: f64 = 9e-13;
 /// By how much a plan of displacement `d` may miss the distance and still be taken for it.
 fn slack(gap: &Gap, d: f64) -> f64 {
     let rounding = SNAP * d.abs().max(gap.distance.abs());
-    if d == 0.0 {
-        rounding
-    } else {
-        rounding + gap.slack
-    }
+    rounding
 }
 
 /// Brings a start outside the limits, or bound to leave them, back into them: the acceleration at

@@ -196,7 +196,11 @@ fn line(axes: &[Axis], min_duration: f64, profiles: &mut [Profile]) -> Result<f6
         course = route.no_shorter(min_duration)?;
     }
     for (((axis, profile), &d), end) in axes.iter().zip(profiles).zip(direction.iter()).zip(ends) {
-        *profile = route.profile_along(&course, axis.start, end.1.p, d);
+        let target = match axis.target {
+            Target::State(state) => Some(state),
+            Target::Velocity { .. } => None,
+        };
+        *profile = route.profile_along(&course, axis.start, end.1.p, d, target);
     }
     Ok(route.duration(&course))
 }
