@@ -214,7 +214,14 @@ impl Profile {
             Some(target) if t > 0.5 * duration => {
                 let mut rest = duration - t;
                 let mut state = Exact::leaving(target);
+                let speed = |s: &Segment| (s.jerk * s.duration * s.duration).abs();
+                let fastest = self.segments().iter().map(speed).fold(0.0, f64::max);
                 for s in self.segments().iter().rev() {
+                    // In a cruise the acceleration is zero but for rounding, which is not to add up.
+                    let gain = (state.a.value() * s.duration).abs();
+                    if s.jerk == 0.0 && gain <= 1e-6 * fastest.max(state.v.value().abs()) {
+                        state.a = Double::ZERO;
+                    }
                     let part = s.duration.min(rest);
                     let earlier = state.after(-part, s.jerk);
                     if part < s.duration {

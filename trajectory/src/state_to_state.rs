@@ -896,13 +896,20 @@ fn enter(start: State, limits: &Limits) -> (Entry, State) {
             };
         }
         // From far outside, the rounding of the durations is more than the limit is to be met by:
-        // what the hold is a little short of, a last short hold at a small acceleration makes up for.
+        // what the hold, or both ramps, are a little short of, a last short hold at a small
+        // acceleration makes up for.
         let miss = v - exact_velocity(start, segments);
-        if miss.abs() > 2e-15 * (l.v_max - l.v_min) && change.t[1] > 0.0 {
-            let held = state.a + change.t[0] * change.j[0];
-            let last = change.t[2] / 4096.0;
-            let short = 4.0 * (miss / held).abs() + 4.0 * f64::EPSILON * change.t[1];
-            segments[2].duration = (change.t[1] - short).max(0.0);
+        let [up, hold, down] = change.t;
+        let held = state.a + up * change.j[0];
+        let short = 4.0 * (miss / held).abs() + 4.0 * f64::EPSILON * up.max(hold).max(down);
+        if miss.abs() > 2e-15 * (l.v_max - l.v_min) && hold.max(up) > short {
+            let last = down / 4096.0;
+            if hold > 0.0 {
+                segments[2].duration = (hold - short).max(0.0);
+            } else {
+                segments[1].duration -= short;
+                segments[3].duration += short * change.j[0] / change.j[2];
+            }
             segments[3].duration -= last;
             segments[5] = Segment {
                 duration: last,

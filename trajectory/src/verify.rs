@@ -57,22 +57,27 @@ pub fn axis(profile: &Profile, problem: &Axis) -> Certificate {
     let a_scale = greatest([l.a_max, l.a_min, start.a, af]);
     let j_scale = greatest([l.j_max, l.j_min]);
 
-    // The velocities at which full jerk turns the start acceleration around.
-    let turn = |j: f64| start.v - 0.5 * start.a * start.a / j;
+    // The velocities at which full jerk turns the start acceleration around: far outside the limits
+    // the rounding of one would be an excess.
+    let turn = |j: f64| {
+        let gain = 0.5 * start.a * start.a / j;
+        let rest = Double::product(start.a, start.a) - Double::product(2.0 * j, gain);
+        Double::from(start.v) - gain.into() - (rest.value() / (2.0 * j)).into()
+    };
     let forced_top = if start.a > 0.0 {
         turn(l.j_min)
     } else {
-        start.v
+        start.v.into()
     };
     let forced_bottom = if start.a < 0.0 {
         turn(l.j_max)
     } else {
-        start.v
+        start.v.into()
     };
     let mut v_top = Ceiling::new(l.v_max, forced_top, v_scale);
     let mut v_bottom = Ceiling::new(-l.v_min, -forced_bottom, v_scale);
-    let mut a_top = Ceiling::new(l.a_max, start.a, a_scale);
-    let mut a_bottom = Ceiling::new(-l.a_min, -start.a, a_scale);
+    let mut a_top = Ceiling::new(l.a_max, start.a.into(), a_scale);
+    let mut a_bottom = Ceiling::new(-l.a_min, (-start.a).into(), a_scale);
 
     let mut excess = 0.0_f64;
     if profile.start() != start {
@@ -102,10 +107,10 @@ pub fn axis(profile: &Profile, problem: &Axis) -> Certificate {
             .into_iter()
             .take(1 + usize::from(turns))
         {
-            let (a, b) = (from.v.value(), to.v.value());
+            let (a, b) = (from.v, to.v);
             excess = excess.max(v_top.over(a, b)).max(v_bottom.over(-a, -b));
         }
-        let (a, b) = (state.a.value(), end.a.value());
+        let (a, b) = (state.a, end.a);
         excess = excess.max(a_top.over(a, b)).max(a_bottom.over(-a, -b));
 
         let mut last = state;
@@ -235,24 +240,27 @@ fn exact_at(profile: &Profile, t: f64) -> Exact {
 /// A limit that a start state may be beyond, or be bound to go beyond, until it first is inside.
 struct Ceiling {
     limit: f64,
-    allowed: f64,
+    allowed: Double,
     scale: f64,
 }
 
 impl Ceiling {
-    fn new(limit: f64, forced: f64, scale: f64) -> Self {
+    fn new(limit: f64, forced: Double, scale: f64) -> Self {
+        let beyond = (forced - limit.into()).value() > 0.0;
         Ceiling {
             limit,
-            allowed: forced.max(limit),
+            allowed: if beyond { forced } else { limit.into() },
             scale,
         }
     }
 
     /// The relative excess of a monotone stretch from `from` to `to`.
-    fn over(&mut self, from: f64, to: f64) -> f64 {
-        let excess = (from.max(to) - self.allowed) / self.scale;
-        if to <= from && to <= self.limit + 1e-12 * self.scale {
-            self.allowed = self.limit;
+    fn over(&mut self, from: Double, to: Double) -> f64 {
+        let falls = (to - from).value() <= 0.0;
+        let top = if falls { from } else { to };
+        let excess = (top - self.allowed).value() / self.scale;
+        if falls && (to - self.limit.into()).value() <= 1e-12 * self.scale {
+            self.allowed = self.limit.into();
         }
         excess
     }
