@@ -269,14 +269,12 @@ impl Profile {
 
     /// The state at the beginning of each segment with that segment.
     pub fn pieces(&self) -> impl Iterator<Item = (State, Segment)> + '_ {
-        let mut at = State {
-            p: 0.0,
-            ..self.start
-        };
+        let mut at = Exact::leaving(self.start);
         self.segments().iter().map(move |segment| {
             let begin = State {
-                p: self.start.p + at.p,
-                ..at
+                p: self.start.p + at.p.value(),
+                v: at.v.value(),
+                a: at.a.value(),
             };
             at = at.after(segment.duration, segment.jerk);
             (begin, *segment)

@@ -562,7 +562,9 @@ impl Route {
         };
         let slow = !matches!(course, Course::Extremal(_));
         let settles = !slow || self.drifts(&steps);
-        let share = if slow { SETTLE_AND_MEET } else { SETTLE };
+        // Ramps from far outside the limits are rounded more coarsely than a slow cruise after them is.
+        let meets = (slow || self.entry.duration > 0.0) && self.target.is_some();
+        let share = if meets { SETTLE_AND_MEET } else { SETTLE };
         let mut settled = None;
         for step in steps.iter() {
             let mut duration = step.duration;
@@ -576,7 +578,7 @@ impl Route {
         }
         // A cruise slower than the rates around it multiplies their rounding: set its velocity by
         // what it leaves of the distance.
-        if let Some((first, part, cruise)) = settled.filter(|_| slow && self.target.is_some()) {
+        if let Some((first, part, cruise)) = settled.filter(|_| meets) {
             let miss = Double::from(distance) - displacement(&profile);
             let jerk = miss.value() / ((cruise + part) * part * part);
             profile.bend(first, jerk);
@@ -896,14 +898,14 @@ fn enter(start: State, limits: &Limits) -> (Entry, State) {
             };
         }
         // From far outside, the rounding of the durations is more than the limit is to be met by:
-        // what the hold, or both ramps, are a little short of, a last short hold at a small
-        // acceleration makes up for.
+        // what the hold, or both ramps, are a little short of, a very short hold in the last ramp makes
+        // up for.
         let miss = v - exact_velocity(start, segments);
         let [up, hold, down] = change.t;
         let held = state.a + up * change.j[0];
         let short = 4.0 * (miss / held).abs() + 4.0 * f64::EPSILON * up.max(hold).max(down);
         if miss.abs() > 2e-15 * (l.v_max - l.v_min) && hold.max(up) > short {
-            let last = down / 4096.0;
+            let last = down / 4.0;
             if hold > 0.0 {
                 segments[2].duration = (hold - short).max(0.0);
             } else {
