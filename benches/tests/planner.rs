@@ -1,8 +1,13 @@
 //! Short versions of the campaigns in `benches/benches`.
 
 use syncline_benches::campaign::{run, together};
-use syncline_benches::cases::Class;
+use syncline_benches::cases::{Case, Class, is_inside};
+use syncline_benches::peer::{Peer, input};
 use syncline_benches::properties::{brute_force, lines, lowering, metamorphic, replanning};
+use syncline_trajectory::limits::Limits;
+use syncline_trajectory::profile::State;
+use syncline_trajectory::state_to_state::{Axis, plan};
+use syncline_trajectory::verify;
 
 #[test]
 fn no_class_has_a_plan_longer_than_the_references_or_one_that_does_not_pass() {
@@ -10,14 +15,8 @@ fn no_class_has_a_plan_longer_than_the_references_or_one_that_does_not_pass() {
         let tally = run(class, 2_000, 11, |what, case, by| {
             println!("{what} by {by:e}: {case:?}")
         });
-        assert_eq!((tally.failed, tally.longer), (0, 0), "{class:?}: {tally:?}");
-        // Near the end of a plan to rest the positions' rounding is more than the tolerance allows.
-        let rounded = if class == Class::Sampled {
-            tally.cases / 20
-        } else {
-            0
-        };
-        assert!(tally.unsound <= rounded, "{class:?}: {tally:?}");
+        let bad = (tally.failed, tally.unsound, tally.longer);
+        assert_eq!(bad, (0, 0, 0), "{class:?}: {tally:?}");
         assert!(tally.compared > 0, "{class:?}: {tally:?}");
     }
 }
@@ -46,8 +45,8 @@ fn durations_follow_scale_side_place_and_direction_of_time() {
 
 #[test]
 fn planning_again_on_the_way_to_rest_arrives_no_later() {
-    let count = replanning(5_000, 14);
-    assert!(count.broken <= count.cases / 1_000, "{count:?}");
+    let count = replanning(10_000, 14);
+    assert_eq!(count.broken, 0, "{count:?}");
 }
 
 #[test]
@@ -65,4 +64,53 @@ fn no_lattice_sequence_is_faster() {
     let (count, ahead) = brute_force(150, 17);
     assert_eq!(count.broken, 0);
     assert!(ahead < 0.1, "{ahead}");
+}
+
+/// Problems that once had a plan that was unsound or too long: `p0 v0 a0 pf vf af v_max v_min a_max
+/// j_max`, the other limits alike. On own plans beside a single ramp, where both peak accelerations
+/// are equal to rounding; beside the gap of durations; from far outside the limits.
+#[rustfmt::skip]
+const ONCE_WRONG: [[f64; 10]; 11] = [
+    [-5.429572942383757, 0.016005958579711446, 0.49534917886758817, -5.429472621692893, 0.01880961398203221, 0.47810196286016127, 0.23816767214807874, -0.23816767214807874, 5.337653179520661, 2.994184324535265],
+    [3.340232467911514, -0.4621281817824716, 0.9361350450745096, 3.326640688996588, -0.4335191900450175, 0.9492298750937596, 5.680649307764441, -5.680649307764441, 2.6681239957185157, 0.43148205606873463],
+    [0.7985706215684768, -0.011932434294213964, -0.9471663261553189, 0.762900656772955, -0.15327508107721766, -0.099668831884129, 1.2677695005682186, -1.2677695005682186, 1.2163996406203113, 3.2087132565798084],
+    [-2.880981478331857, -0.04844726596799567, 0.4843068498831242, -2.881308150232907, -0.04504089491342844, 0.4906175324295994, 1.2113754398724534, -1.2113754398724534, 2.0844721841094422, 0.9030781123132311],
+    [8.872341804970176, -0.010412355359441114, -0.36437003900536813, 8.872061042902367, -0.017520121354945614, -0.34445323615754203, 0.10157711487064519, -0.10157711487064519, 0.8905376255021769, 0.9931034191544279],
+    [4.433254950078134, -0.23984988529598278, -0.5687800615634733, 4.294003904850629, -0.3454693099786663, -0.2210901645105019, 1.0230296614957375, -1.0230296614957375, 1.1306085257969938, 1.7628935235303498],
+    [0.7985706215684767, -0.011932434294219387, -0.9471663261553005, 0.762900656772955, -0.15327508107721766, -0.099668831884129, 1.2677695005682186, -1.2677695005682186, 1.2163996406203113, 3.2087132565798084],
+    [9.642185510304262, -0.15423415763182496, 0.12235221380966821, 9.642226852618318, 0.22891820507580107, 0.466251194551786, 0.2336939550394973, -0.2336939550394973, 0.9568071519876046, 0.26415093824085634],
+    [-8.34782924873631, -0.09505122709335552, 13.282053444172297, -9.555119225941686, -0.010268519122599809, 0.1874181099754974, 0.1042681147563455, -0.1042681147563455, 9.86081128312022, 0.3477678102148774],
+    [2.9940992477876893, -0.008676488945320655, 26.23217112375194, -0.6025416639156895, -0.0435964292978834, 0.15101931857159756, 0.10081511770836035, -0.10081511770836035, 9.758161660961795, 0.27669800886923684],
+    [0.0, 0.0004750133039836957, 2.4052344665544783, 4.256571868872895, 0.0, 0.0, 0.0001490678810343018, -1.2293882461492265, 5.625015788503555, 2.9981660530789114],
+];
+
+#[test]
+fn what_once_was_wrong_is_right() {
+    for [p0, v0, a0, pf, vf, af, v_max, v_min, a_max, j_max] in ONCE_WRONG {
+        let case = Case {
+            start: State {
+                p: p0,
+                v: v0,
+                a: a0,
+            },
+            target: State {
+                p: pf,
+                v: vf,
+                a: af,
+            },
+            limits: Limits {
+                v_min,
+                ..Limits::symmetric(v_max, a_max, j_max)
+            },
+        };
+        let axis = Axis::new(case.start, case.target, case.limits);
+        let profile = plan(&axis, 0.0).unwrap();
+        let certificate = verify::axis(&profile, &axis);
+        assert!(certificate.holds(1e-12), "{case:?}: {certificate:?}");
+        if is_inside(&case.start, &case.limits) {
+            let theirs = Peer::<1>::default().plan(&input(&[case])).unwrap();
+            let ours = profile.duration();
+            assert!(ours <= theirs * (1.0 + 1e-9), "{case:?}: {ours} {theirs}");
+        }
+    }
 }

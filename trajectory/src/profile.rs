@@ -509,6 +509,32 @@ mod tests {
         assert!(Profile::from_segments(State::default(), &negative).is_none());
     }
 
+    #[test]
+    fn a_sampled_position_is_exact_on_the_motion_and_rounded_ahead() {
+        // v = 1, so that a rounding of the position is one of time.
+        let p = profile(
+            State {
+                p: 1e6,
+                v: 1.0,
+                a: 0.5,
+            },
+            &[(1.0, 0.0)],
+        );
+        for i in 1..100 {
+            let t = f64::from(i) * 0.007;
+            let s = p.at(t);
+            // a = 0.5 throughout: the velocity tells the instant, that the place.
+            let later = (s.v - 1.0) / 0.5 - t;
+            assert!((0.0..1.2e-10).contains(&later), "{later}");
+            let place = (s.v - 1.0) * (s.v + 1.0);
+            assert!(
+                (s.p - 1e6 - place).abs() < 1e-15,
+                "{i}: {}",
+                s.p - 1e6 - place
+            );
+        }
+    }
+
     proptest! {
         #[test]
         fn no_sample_leaves_the_extrema_and_samples_come_near_them(

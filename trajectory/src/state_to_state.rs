@@ -822,8 +822,7 @@ fn fastest(gap: &Gap, limits: &Limits) -> Phases {
     let rounding = 16.0 * f64::EPSILON;
     let furthest = (limits.v_max - limits.v_min) * change.duration();
     if miss.abs() <= slack(gap, d)
-        || miss.abs() <= rounding * furthest
-            && miss.abs() <= rounding * change.path(gap.v0, gap.a0)
+        || miss.abs() <= rounding * furthest && miss.abs() <= rounding * change.path(gap.v0, gap.a0)
     {
         return change.phases();
     }
