@@ -319,12 +319,14 @@ impl Profile {
     /// The same motion in the opposite direction: every position, velocity, acceleration and jerk
     /// with its sign changed.
     pub fn mirrored(&self) -> Self {
+        fn mirror(State { p, v, a }: State) -> State {
+            State {
+                p: -p,
+                v: -v,
+                a: -a,
+            }
+        }
         let mut mirrored = *self;
-        let mirror = |State { p, v, a }| State {
-            p: -p,
-            v: -v,
-            a: -a,
-        };
         mirrored.start = mirror(self.start);
         mirrored.target = self.target.map(mirror);
         for segment in &mut mirrored.segments[..self.len] {
@@ -395,7 +397,7 @@ impl Exact {
         // At the end of a motion to rest this is a triple zero, to which Newton's method is slow.
         for _ in 0..64 {
             let step = left(p, &state) / state.v.value();
-            if !(step.abs() > f64::EPSILON * later) {
+            if step.is_nan() || step.abs() <= f64::EPSILON * later {
                 break;
             }
             later = (later + step).clamp(0.0, room);

@@ -301,7 +301,7 @@ impl Route {
         let mut longer = None;
         if let (Some((high, most)), Some((low, least))) = (highest, lowest) {
             let rounding = slack(gap, most).max(slack(gap, least));
-            if !self.target.is_some() {
+            if self.target.is_none() {
                 return Course::Between {
                     up: high,
                     down: low,
@@ -318,7 +318,7 @@ impl Route {
         // Otherwise the duration is one that no change of velocity and acceleration has.
         let phases = longer.unwrap_or_else(|| match up.first_after_gap() {
             None => first,
-            Some((second, _)) if !self.target.is_some() => second,
+            Some((second, _)) if self.target.is_none() => second,
             Some((second, d)) => after_gap(gap, &self.limits, second, d),
         });
         Course::Extremal(phases)
@@ -341,7 +341,7 @@ impl Route {
             let out = fastest_change(v, 0.0, vf, af, l);
             (into, time - into.duration() - out.duration(), out)
         };
-        if !self.target.is_some() {
+        if self.target.is_none() {
             // At the velocity from which a single ramp leads to the end.
             let (into, cruise, out) = change(before(vf, af, l));
             return (cruise >= 0.0).then_some(Course::Cruise(into, cruise, out));
@@ -848,8 +848,7 @@ const SNAP: f64 = 9e-13;
 
 /// By how much a plan of displacement `d` may miss the distance and still be taken for it.
 fn slack(gap: &Gap, d: f64) -> f64 {
-    let rounding = SNAP * d.abs().max(gap.distance.abs());
-    rounding
+    SNAP * d.abs().max(gap.distance.abs())
 }
 
 /// Brings a start outside the limits, or bound to leave them, back into them: the acceleration at
