@@ -346,7 +346,7 @@ impl Frame {
                     begin.push(Held::Neither, plan, growth);
                 }
                 plan.t[0] = (plan.t[0] + m * (a1 - plan.a1)).max(0.0);
-                plan.t[2] += n * growth.max(0.0);
+                plan.t[2] = n * a1;
                 plan.t[6] += m * (plan.a2 - valley);
                 plan.a1 = a1;
             }
@@ -546,12 +546,12 @@ impl Frame {
         p
     }
 
-    /// `a1 − a2` of a plan without holds, where `a1² − a2² = W/k`: both are equal to rounding beside
-    /// a single ramp.
+    /// `a1 − a2` of a plan without holds. Beside a single ramp both are equal to rounding; the ramp
+    /// between them keeps its digits.
     #[inline]
     fn spread(&self, plan: &Plan) -> f64 {
         if plan.a2 > 0.0 {
-            self.q / (plan.a1 + plan.a2)
+            plan.t[2] * self.j_down
         } else {
             plan.a1 - plan.a2
         }
