@@ -338,19 +338,21 @@ fn row<const N: usize>(contour: &Contour<N>) {
         reference(&geometry, limits, even(&geometry, points), passes)
             .or_else(|| reference(&geometry, limits, grid(&plan, points), passes))
     };
-    while let Some(r) = solve(points, 20) {
-        let change = (before / r.time - 1.0).abs();
-        before = r.time;
-        let stretch = r.stretch(&geometry, limits);
-        eprintln!(
-            "  {points} points, {} passes: {:.6} s, stretched by {stretch:.5}, {:.2} s",
-            r.passes, r.time, r.took
-        );
-        converged = Some((points, r, stretch));
-        points = 2 * points - 1;
-        if change < 1e-3 || points > 4_001 {
-            break;
+    while points <= 4_001 {
+        if let Some(r) = solve(points, 20) {
+            let change = (before / r.time - 1.0).abs();
+            before = r.time;
+            let stretch = r.stretch(&geometry, limits);
+            eprintln!(
+                "  {points} points, {} passes: {:.6} s, stretched by {stretch:.5}, {:.2} s",
+                r.passes, r.time, r.took
+            );
+            converged = Some((points, r, stretch));
+            if change < 1e-3 {
+                break;
+            }
         }
+        points = 2 * points - 1;
     }
     let ours = plan.time();
     print!(

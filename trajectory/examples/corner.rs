@@ -140,7 +140,7 @@ fn main() -> std::io::Result<()> {
         let mut svg = String::from(
             r#"<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 660 430" font-family="sans-serif" font-size="12">"#,
         );
-        let programmed = vec![[LEG - 2.0, 0.0], [LEG, 0.0], [LEG, 1.13]];
+        let programmed = vec![[LEG - 1.9, 0.0], [LEG, 0.0], [LEG, 1.13]];
         let path = rows.iter().map(|r| r.q).filter(|q| q[1] <= 1.13).collect();
         let title = format!("{name}, {time:.3} s: path, 2 × 1.1 mm about the corner");
         let frame = [LEG - 1.9, LEG + 0.1, -0.033, 1.1];
