@@ -1013,3 +1013,92 @@ pub(super) fn rest_to_rest(from: f64, length: f64, bounds: Bounds) -> [Piece; 7]
         piece
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::path::{Feed, Plane, curve::ArcDefinition};
+
+    const LIMITS: Limits<3> = Limits {
+        velocity: [500.0, 400.0, 200.0],
+        acceleration: [5_000.0, 3_000.0, 2_000.0],
+        jerk: [80_000.0, 50_000.0, 40_000.0],
+    };
+
+    /// Motion time when windows are so many times deeper, and how many there were.
+    fn time(curves: &[Curve<3>], feed: f64, depth: f64) -> (f64, usize) {
+        let mut planner = Planner::new(LIMITS, curves[0].start());
+        planner.sight *= depth;
+        planner.horizon *= depth;
+        planner.window.most_cells *= depth as usize;
+        let (mut steps, mut windows) = (Vec::new(), 0);
+        let mut take = |planner: &mut Planner<3>| {
+            while let Some(command) = planner.pop() {
+                match command {
+                    Command::Splice(step) => steps.truncate(step as usize),
+                    Command::Section { .. } => steps.push(0.0),
+                    Command::Piece(piece) => steps.push(piece.duration),
+                    Command::Commit => windows += 1,
+                    _ => {}
+                }
+            }
+        };
+        for &curve in curves {
+            planner
+                .push(Item::Move(Move {
+                    curve,
+                    feed: Feed::Rate(feed),
+                    exit: Exit::Blend(0.02),
+                    tag: 0,
+                }))
+                .unwrap();
+            take(&mut planner);
+        }
+        planner.finish();
+        take(&mut planner);
+        (steps.iter().sum(), windows)
+    }
+
+    #[test]
+    fn the_depth_of_the_window_does_not_show() {
+        let lines = |points: Vec<[f64; 3]>| -> Vec<Curve<3>> {
+            points
+                .windows(2)
+                .map(|p| Curve::line(p[0], p[1]).unwrap())
+                .collect()
+        };
+        let zigzag = (0..12).map(|k| [4.0 * f64::from(k), 25.0 * f64::from(k % 2), 0.0]);
+        let facets = (0..3_000).map(|k| {
+            let angle = 0.005 * f64::from(k);
+            let radius = 10.0 + angle;
+            [radius * libm::cos(angle), radius * libm::sin(angle), 0.0]
+        });
+        let waves = (0..10).map(|k| {
+            let x = 20.0 * f64::from(k);
+            Curve::arc(ArcDefinition {
+                start: [x, 0.0, 0.0],
+                end: [x + 20.0, 0.0, 0.0],
+                plane: Plane::Xy,
+                centre: (x + 10.0, 0.0),
+                clockwise: k % 2 == 0,
+                turns: 0,
+            })
+            .unwrap()
+        });
+        for (curves, feed) in [
+            (lines(zigzag.collect()), 300.0),
+            (lines(facets.collect()), 120.0),
+            (waves.collect(), 200.0),
+        ] {
+            let (once, windows) = time(&curves, feed, 1.0);
+            let (twice, fewer) = time(&curves, feed, 2.0);
+            assert!(
+                windows > 2 && fewer < windows,
+                "{windows} and {fewer} windows"
+            );
+            println!("{once} s in {windows} windows, {twice} s in {fewer}");
+            let longer = once / twice - 1.0;
+            assert!(longer < 1e-3, "{once} s instead of {twice} s");
+        }
+    }
+}

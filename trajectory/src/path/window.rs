@@ -71,8 +71,10 @@ struct Stretch {
 pub struct NoLaw;
 
 /// Scratch space of the planning of a stretch.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone)]
 pub struct Window<const N: usize> {
+    /// Cells of a stretch, about.
+    pub(super) most_cells: usize,
     stretches: Vec<Stretch>,
     nodes: Vec<f64>,
     estimate: Vec<f64>,
@@ -111,6 +113,25 @@ pub struct Effort {
     pub steps: usize,
     /// Stretches for which no law was found.
     pub unsolved: usize,
+}
+
+impl<const N: usize> Default for Window<N> {
+    fn default() -> Self {
+        Window {
+            most_cells: MOST_CELLS,
+            stretches: Vec::new(),
+            nodes: Vec::new(),
+            estimate: Vec::new(),
+            cells: Vec::new(),
+            span_of: Vec::new(),
+            cuts: Vec::new(),
+            last: Known::default(),
+            kept: Vec::new(),
+            law: TimeLaw::default(),
+            pieces: Vec::new(),
+            effort: Effort::default(),
+        }
+    }
 }
 
 impl<const N: usize> Window<N> {
@@ -225,8 +246,8 @@ impl<const N: usize> Window<N> {
         // The last stretch's law comes to rest, so one that ends no sooner exists.
         self.survey(spans, limits, departure, end);
         self.cut(departure);
-        if self.nodes.len() > MOST_CELLS {
-            let end = self.nodes[MOST_CELLS * 9 / 10].max(rest);
+        if self.nodes.len() > self.most_cells {
+            let end = self.nodes[self.most_cells * 9 / 10].max(rest);
             self.survey(spans, limits, departure, end);
             self.cut(departure);
         }
