@@ -21,7 +21,7 @@ const RESERVE: f64 = 0.4;
 const FORCES: [f64; 5] = [0.9995, 0.995, 0.97, 0.9, 0.75];
 /// Parts of the jerk limit with which a law on a curve lands, at most and at least, tried in turn;
 /// the rest is for the curvature and for what the landing turns.
-const LANDINGS: [(f64, f64); 4] = [(0.99, 0.975), (0.97, 0.8), (0.9, 0.7), (0.7, 0.5)];
+const LANDINGS: [(f64, f64); 4] = [(0.97, 0.8), (0.9, 0.7), (0.7, 0.5), (0.99, 0.975)];
 /// Excess over a limit that is rounding, as a part of it.
 const ROUNDING: f64 = 1e-9;
 
@@ -108,9 +108,19 @@ pub(super) fn brake<'a, const N: usize>(
     from: Departure,
     target: f64,
 ) -> Option<Braking> {
-    LANDINGS
-        .iter()
-        .find_map(|&part| lay(&span, limits, from, target, part))
+    (0..LANDINGS.len()).find_map(|attempt| brake_once(&span, limits, from, target, attempt))
+}
+
+/// As [`brake`], at a fraction of its cost: one attempt of several that differ in how they land.
+pub(super) fn brake_once<'a, const N: usize>(
+    span: impl Fn(usize) -> Option<&'a Span<N>>,
+    limits: &Limits<N>,
+    from: Departure,
+    target: f64,
+    attempt: usize,
+) -> Option<Braking> {
+    let landing = LANDINGS[attempt % LANDINGS.len()];
+    lay(span, limits, from, target, landing)
 }
 
 /// As [`brake`], landing with that part of the jerk limit.

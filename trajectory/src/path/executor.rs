@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 use std::iter::repeat_n;
 use std::mem::take;
 
-use super::brake::{brake, brake_gently};
+use super::brake::{brake_gently, brake_once};
 use super::{Command, Curve, Departure, Limits, Outlook, Overrides, Piece, Span};
 
 /// Where every axis has to be, and what the path does there.
@@ -83,8 +83,8 @@ const RESERVE: usize = 2048;
 enum Stop {
     /// Nobody asked for one.
     No,
-    /// The plan is followed to its rest until a shorter way is found.
-    Sought,
+    /// The plan is followed to its rest until a shorter way is found; so many attempts were made.
+    Sought(u32),
     /// The shorter way is being followed.
     Found,
 }
@@ -740,17 +740,18 @@ impl<const N: usize> Executor<N> {
         let run = self.steps.iter().position(|s| !goes_on(s));
         self.steps.truncate(run.unwrap_or(self.steps.len()));
         self.committed = self.steps.len();
-        self.stop = Stop::Sought;
+        self.stop = Stop::Sought(0);
         self.seek_stop();
     }
 
     /// Replaces the plan by a shorter way to rest if there is one.
     fn seek_stop(&mut self) {
-        let (Stop::Sought, Some(Step::Piece(piece)), Some(limits)) =
+        let (Stop::Sought(attempt), Some(Step::Piece(piece)), Some(limits)) =
             (self.stop, self.current(), self.limits)
         else {
             return;
         };
+        self.stop = Stop::Sought(attempt.wrapping_add(1));
         let (ds, speed, acceleration) = piece.at(self.since(self.began).clamp(0.0, piece.duration));
         // Where the plan does nothing but come to rest, it does so as fast as it can.
         let brakes = |s: &Step<N>| {
@@ -773,7 +774,7 @@ impl<const N: usize> Executor<N> {
             (k == 0 || span.start > spans[k - 1].start).then_some(span)
         };
         // A gentle way at once, the hardest as soon as it is found.
-        let hardest = brake(span, &limits, from, 0.0);
+        let hardest = brake_once(span, &limits, from, 0.0, attempt as usize);
         let found = hardest.is_some();
         let gentle = || brake_gently(span(0)?, &limits, from, 0.0);
         if let Some(law) = hardest.or_else(gentle)
