@@ -114,3 +114,23 @@ fn what_once_was_wrong_is_right() {
         }
     }
 }
+
+/// A ramp between two equal peak accelerations left a longer ramp than both allow.
+#[test]
+fn a_duration_beyond_the_gap_of_a_near_limit_change_is_sound() {
+    let start = State {
+        p: -0.5522319614979665,
+        v: -7.261982640774658,
+        a: 0.0,
+    };
+    let target = State {
+        p: -0.5735411769491384,
+        v: -7.261980125212725,
+        a: 0.006534423445564944,
+    };
+    let limits = Limits::symmetric(7.261982640774658, 0.13149003864013592, 8.48690887080396);
+    let axis = Axis::new(start, target, limits);
+    let profile = plan(&axis, 36.2).unwrap();
+    assert!(profile.duration() > 220.0);
+    assert!(verify::axis(&profile, &axis).holds(1e-12));
+}
