@@ -7,9 +7,11 @@ use syncline_drives::bus::{Band, BitRate, SimBus, Transmission};
 use syncline_drives::twin::lxm32m::{Twin, TwinConfig};
 
 /// A bus of the machine with a twin for each of its drives. Its time is what
-/// [`Port::advance_to`] says.
+/// [`Port::advance_to`] says; its drives are switched on when that is called first.
 pub struct SimPort {
     bus: SimBus<Twin>,
+    /// When they were: the bus's own time begins at zero.
+    origin: Option<Instant>,
     observer: Box<dyn FnMut(&Transmission) + Send>,
 }
 
@@ -51,6 +53,7 @@ impl SimPort {
         }
         Self {
             bus,
+            origin: None,
             observer: Box::new(observer),
         }
     }
@@ -91,13 +94,23 @@ fn initial_position(machine: &Machine, drive: usize) -> i64 {
 
 impl Port for SimPort {
     fn advance_to(&mut self, now: Instant) {
-        self.bus.advance_to(now, &mut self.observer);
+        let origin = *self.origin.get_or_insert(now);
+        let passed = origin - Instant::ZERO;
+        let observer = &mut self.observer;
+        (self.bus).advance_to(Instant::ZERO + (now - origin), &mut |frame| {
+            observer(&Transmission {
+                start: frame.start + passed,
+                end: frame.end + passed,
+                ..*frame
+            });
+        });
     }
 
     fn receive(&mut self, sink: &mut dyn FnMut(Received)) -> Result<(), PortError> {
+        let passed = self.origin.unwrap_or(Instant::ZERO) - Instant::ZERO;
         while let Some(received) = self.bus.receive() {
             sink(Received {
-                at: received.at,
+                at: received.at + passed,
                 frame: received.frame,
                 echo: received.own,
             });
