@@ -22,6 +22,8 @@ use syncline_trajectory::path::{Executor, Outlook, Overrides};
 
 /// Instructions on their way into the cycle.
 const INSTRUCTIONS: usize = 1024;
+/// Most of them that one wake-up takes on the host's clock: far more than a cycle uses up.
+const TAKEN_AT_ONCE: usize = 64;
 /// Orders on their way into the cycle.
 const ORDERS: usize = 64;
 /// News on their way out of the cycle.
@@ -231,7 +233,9 @@ impl Cycle {
             let setpoints = self.driver.setpoints_are_next();
             if setpoints {
                 self.obey();
-                origin += self.take_plan();
+                if self.timing.lockstep {
+                    origin += self.take_plan(usize::MAX);
+                }
             }
             // What fails once fails in every cycle until the end: the first time is news.
             if let Err(error) = self.driver.step(now)
@@ -243,6 +247,10 @@ impl Cycle {
                 let took = realtime::now().saturating_since(woke);
                 self.measured.compute.record(took, woke);
                 self.tell_all();
+                // Behind the setpoints, which nothing is to delay.
+                if !self.timing.lockstep {
+                    self.take_plan(TAKEN_AT_ONCE);
+                }
             } else if let Some(last) = last_sync.replace(woke) {
                 let jitter = woke.saturating_since(last).abs_diff(self.period);
                 self.measured.sync_jitter.record(jitter, woke);
@@ -271,11 +279,14 @@ impl Cycle {
         }
     }
 
-    /// Fills the controller's plan. A simulated machine waits until it is full, so that its motion
-    /// does not depend on the host; returns how long.
-    fn take_plan(&mut self) -> Duration {
+    /// Fills the controller's plan with `most` instructions at most. A simulated machine waits
+    /// until it is full, so that its motion does not depend on the host; returns how long.
+    fn take_plan(&mut self, most: usize) -> Duration {
         let mut waited = Duration::ZERO;
-        while self.driver.controller.phase() == Phase::Program && self.driver.controller.room() > 0
+        let mut taken = 0;
+        while taken < most
+            && self.driver.controller.phase() == Phase::Program
+            && self.driver.controller.room() > 0
         {
             if !self.told_ready
                 && let Some(start) = self.driver.controller.ready()
@@ -293,6 +304,7 @@ impl Cycle {
             match self.instructions.pop() {
                 Ok(instruction) => {
                     self.driver.controller.accept(instruction);
+                    taken += 1;
                 }
                 Err(_) if self.timing.lockstep => {
                     // Interrupted if the other side is gone, so that this ends.
