@@ -2,7 +2,7 @@
 
 use super::PortError;
 use super::wire::Wire;
-use crossbeam::channel::{self, Receiver, RecvTimeoutError, Sender};
+use crossbeam::channel::{self, Receiver, RecvTimeoutError, Sender, TryRecvError};
 use std::io;
 use std::time::Duration;
 use syncline_canopen::{Frame, Instant};
@@ -12,8 +12,8 @@ const CAPACITY: usize = 65_536;
 
 /// Writes frames to the network.
 pub(super) trait Outlet: Send {
-    /// Writes one frame.
-    fn write(&mut self, frame: &Frame) -> io::Result<()>;
+    /// Writes frames, all or none: `WouldBlock` is for none.
+    fn write(&mut self, frames: &[Frame]) -> io::Result<()>;
 }
 
 /// What a reader thread puts frames into.
@@ -71,19 +71,29 @@ impl Wire for NetworkBus {
     }
 
     fn receive(&mut self, sink: &mut dyn FnMut(Instant, &Frame)) -> Result<bool, PortError> {
-        let Some((at, frame)) = self.next.take().or_else(|| self.inlet.try_recv().ok()) else {
-            return Ok(false);
+        let next = self.next.take().map_or_else(|| self.inlet.try_recv(), Ok);
+        let (at, frame) = match next {
+            Ok(frame) => frame,
+            Err(TryRecvError::Empty) => return Ok(false),
+            Err(TryRecvError::Disconnected) => return Err(self.gone()),
         };
         sink(at, &frame);
         Ok(true)
     }
 
     fn send(&mut self, frames: &mut Vec<Frame>) -> Result<(), PortError> {
-        for frame in frames.drain(..) {
-            self.outlet.write(&frame).map_err(|error| PortError {
-                bus: self.name.clone(),
-                what: format!("sending: {error}"),
-            })?;
+        if frames.is_empty() {
+            return Ok(());
+        }
+        match self.outlet.write(frames) {
+            Ok(()) => frames.clear(),
+            Err(error) if error.kind() == io::ErrorKind::WouldBlock => {}
+            Err(error) => {
+                return Err(PortError {
+                    bus: self.name.clone(),
+                    what: format!("sending: {error}"),
+                });
+            }
         }
         Ok(())
     }

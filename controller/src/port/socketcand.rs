@@ -15,6 +15,7 @@
 use super::PortError;
 use super::network::{Inlet, NetworkBus, Outlet};
 use crate::realtime;
+use socket2::SockRef;
 use std::fmt::Write as _;
 use std::io::{self, Read, Write};
 use std::net::{IpAddr, Ipv4Addr, SocketAddr, TcpListener, TcpStream, ToSocketAddrs, UdpSocket};
@@ -148,7 +149,10 @@ pub(super) fn connect(name: &str, address: &str, bus: &str) -> Result<NetworkBus
     Ok(NetworkBus::new(
         name.to_owned(),
         frames,
-        Box::new(Client(outlet)),
+        Box::new(Client {
+            stream: outlet,
+            rest: Vec::new(),
+        }),
     ))
 }
 
@@ -200,14 +204,35 @@ fn read_messages(stream: &mut TcpStream, messages: &mut Messages, mut sink: impl
     }
 }
 
-struct Client(TcpStream);
+struct Client {
+    stream: TcpStream,
+    /// What the connection has not taken yet of the last frames, which may end inside a message.
+    rest: Vec<u8>,
+}
+
+impl Client {
+    /// Writes as much of the rest as the connection takes now; a server that does not read is
+    /// not to stop a cycle.
+    fn flush(&mut self) -> io::Result<()> {
+        while !self.rest.is_empty() {
+            let flags = libc::MSG_DONTWAIT | libc::MSG_NOSIGNAL;
+            let sent = SockRef::from(&self.stream).send_with_flags(&self.rest, flags)?;
+            self.rest.drain(..sent);
+        }
+        Ok(())
+    }
+}
 
 impl Outlet for Client {
-    fn write(&mut self, frame: &Frame) -> io::Result<()> {
-        if frame.is_remote() {
-            return Ok(());
+    fn write(&mut self, frames: &[Frame]) -> io::Result<()> {
+        self.flush()?;
+        for frame in frames.iter().filter(|frame| !frame.is_remote()) {
+            self.rest.extend_from_slice(send_message(frame).as_bytes());
         }
-        self.0.write_all(send_message(frame).as_bytes())
+        match self.flush() {
+            Err(error) if error.kind() != io::ErrorKind::WouldBlock => Err(error),
+            _ => Ok(()),
+        }
     }
 }
 
@@ -348,8 +373,8 @@ fn broadcast(clients: &Clients, frame: &Frame, except: Option<SocketAddr>) {
 struct Server(Clients);
 
 impl Outlet for Server {
-    fn write(&mut self, frame: &Frame) -> io::Result<()> {
-        if !frame.is_remote() {
+    fn write(&mut self, frames: &[Frame]) -> io::Result<()> {
+        for frame in frames.iter().filter(|frame| !frame.is_remote()) {
             broadcast(&self.0, frame, None);
         }
         Ok(())

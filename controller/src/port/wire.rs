@@ -64,9 +64,12 @@ impl<W: Wire> WirePort<W> {
         }
     }
 
-    fn send(&mut self, frames: &[Frame]) -> Result<(), PortError> {
+    /// Sends what the wire takes now and forgets the rest; returns how many it took.
+    fn send(&mut self, frames: &[Frame]) -> Result<usize, PortError> {
+        self.queue.clear();
         self.queue.extend_from_slice(frames);
-        self.wire.send(&mut self.queue)
+        self.wire.send(&mut self.queue)?;
+        Ok(frames.len() - self.queue.len())
     }
 }
 
@@ -87,15 +90,24 @@ impl<W: Wire> Port for WirePort<W> {
     }
 
     fn send_sync(&mut self, frame: &Frame) -> Result<(), PortError> {
-        self.send(std::slice::from_ref(frame))
+        match self.send(std::slice::from_ref(frame))? {
+            0 => Err(PortError {
+                bus: self.wire.name().to_owned(),
+                what: "it takes no frames any more: is its other end alive?".to_owned(),
+            }),
+            _ => Ok(()),
+        }
     }
 
     fn send_burst(&mut self, frames: &[Frame]) -> Result<Burst, PortError> {
-        self.send(frames)?;
-        Ok(Burst::Queued)
+        Ok(match self.send(frames)? {
+            queued if queued == frames.len() => Burst::Queued,
+            0 => Burst::Dropped,
+            queued => Burst::Torn { queued },
+        })
     }
 
     fn send_acyclic(&mut self, frames: &[Frame]) -> Result<(), PortError> {
-        self.send(frames)
+        self.send(frames).map(|_| ())
     }
 }
