@@ -184,8 +184,10 @@ impl Run<'_> {
         let interrupted = Arc::clone(&person.interrupted);
         ctrlc::set_handler(move || interrupted.store(true, Ordering::Relaxed))?;
 
-        let (cycle, mut link) = Cycle::new(self.layout, ports, timing);
+        let (cycle, link) = Cycle::new(self.layout, ports, timing);
         let outcome = std::thread::scope(|scope| {
+            // Goes before the cycle is waited for, also by a panic: that makes the cycle stop.
+            let mut link = link;
             let cycle = std::thread::Builder::new()
                 .name("cycle".into())
                 .spawn_scoped(scope, move || {
