@@ -154,7 +154,11 @@ fn astray(item: &Item<3>, q: &[f64; 3]) -> f64 {
         .map(|k| curve.length() * k as f64 / n as f64)
         .min_by(|a, b| far(*a).total_cmp(&far(*b)))
         .unwrap();
-    curve.distance_near(q, near)
+    // A full circle's start is its end.
+    [near, curve.length() - near]
+        .map(|s| curve.distance_near(q, s))
+        .into_iter()
+        .fold(f64::INFINITY, f64::min)
 }
 
 fn point(size: f64) -> impl Strategy<Value = [f64; 3]> {
@@ -433,6 +437,82 @@ fn many_facets() {
             7500.0 / 60.0,
             plan.effort
         );
+    }
+}
+
+#[test]
+fn edge_cases_keep_limits_and_tolerance() {
+    let line = |a, b| Curve::line(a, b).unwrap();
+    let arc = |start: [f64; 3], end: [f64; 3], plane, centre, clockwise| {
+        Curve::arc(ArcDefinition {
+            start,
+            end,
+            plane,
+            centre,
+            clockwise,
+            turns: 0,
+        })
+        .unwrap()
+    };
+    let mut programs: Vec<(Vec<Curve<3>>, f64)> = Vec::new();
+    // Corners of every angle, the last one a reversal; their second leg short.
+    for k in 1..=12 {
+        let angle = f64::from(k) * 15.0_f64.to_radians();
+        let corner = [20.0, 0.0, 0.0];
+        let end = [20.0 + 3.0 * angle.cos(), 3.0 * angle.sin(), 0.0];
+        programs.push((vec![line([0.0; 3], corner), line(corner, end)], 0.05));
+    }
+    // Full circles of every size, with a tangent line before; the largest only in part.
+    for radius in [0.005, 0.1, 2.0, 40.0] {
+        let start = [10.0, 0.0, 0.0];
+        let circle = arc(start, start, Plane::Xy, (10.0, radius), false);
+        programs.push((vec![line([0.0; 3], start), circle], 0.002));
+    }
+    let far = 5_000.0;
+    let on = |a: f64| [far * a.sin(), far - far * a.cos(), 0.0];
+    programs.push((
+        vec![arc(on(0.0), on(0.02), Plane::Xy, (0.0, far), false)],
+        0.01,
+    ));
+    // S-bends; a joint that is nearly tangent; mixed planes.
+    let (a, b, c) = ([0.0; 3], [20.0, 0.0, 0.0], [40.0, 0.0, 0.0]);
+    let bend = [
+        arc(a, b, Plane::Xy, (10.0, 0.0), true),
+        arc(b, c, Plane::Xy, (30.0, 0.0), false),
+    ];
+    programs.push((bend.to_vec(), 0.02));
+    let off = arc(
+        [20.0, 1e-3, 0.0],
+        [30.0, 10.0, 0.0],
+        Plane::Xy,
+        (20.0, 10.0),
+        false,
+    );
+    programs.push((vec![line(a, [20.0, 1e-3, 0.0]), off], 0.01));
+    let up = arc(b, [20.0, 5.0, 5.0], Plane::Yz, (0.0, 5.0), true);
+    let over = arc(
+        [20.0, 5.0, 5.0],
+        [25.0, 5.0, 10.0],
+        Plane::Zx,
+        (10.0, 20.0),
+        false,
+    );
+    programs.push((vec![line(a, b), up, over], 0.05));
+    // Three joints that want the same short line.
+    let points = [a, b, [20.0, 0.2, 0.0], [0.0, 0.2, 0.0], [0.0, 0.2, 9.0]];
+    programs.push((points.windows(2).map(|p| line(p[0], p[1])).collect(), 0.5));
+    for (number, (curves, tolerance)) in programs.iter().enumerate() {
+        for exit in [Exit::Stop, Exit::Exact(0.001), Exit::Blend(*tolerance)] {
+            let items: Vec<_> = curves.iter().map(|c| go(*c, 150.0, exit, number)).collect();
+            let plan = Plan::of(&items, curves[0].start());
+            let within = match exit {
+                Exit::Stop => 0.0,
+                Exit::Exact(t) | Exit::Blend(t) => t,
+            };
+            if let Err(error) = plan.check(&items, within) {
+                panic!("program {number}, {exit:?}: {error}");
+            }
+        }
     }
 }
 
