@@ -91,11 +91,11 @@ impl Program {
     /// The tables cannot be used.
     pub fn new(file: &Path, machine: &Machine, machine_file: &Path) -> Result<Self, TablesError> {
         let mut axes = AxisSet::default();
-        // A coordinate without an axis never moves; any limit will do.
+        // A coordinate without an axis never moves, and is not to slow down the others.
         let mut limits = Limits {
-            velocity: [1.0; COORDINATES],
-            acceleration: [1.0; COORDINATES],
-            jerk: [1.0; COORDINATES],
+            velocity: [1e6; COORDINATES],
+            acceleration: [1e9; COORDINATES],
+            jerk: [1e12; COORDINATES],
         };
         let mut soft_limits = [None; COORDINATES];
         for axis in &machine.axes {

@@ -8,6 +8,7 @@
 //! Everything here panics at what it did not expect: it runs in tests only.
 
 pub mod command;
+pub mod corpus;
 pub mod plan;
 pub mod rig;
 pub mod trace;

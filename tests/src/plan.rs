@@ -1,6 +1,7 @@
 //! Checks a program's plan against the limits between the samples too, from the pieces of constant
 //! jerk that the controller is fed with.
 
+use std::collections::VecDeque;
 use std::path::Path;
 use syncline_controller::control::Instruction;
 use syncline_controller::machine::Machine;
@@ -88,6 +89,18 @@ impl Plan {
         }
         assert_eq!(plan.steps.len(), committed, "the plan ends committed");
         plan
+    }
+
+    /// What it moves along, in order.
+    #[must_use]
+    pub fn spans(&self) -> Spans<'_> {
+        fn of(step: &Step) -> &[Span<COORDINATES>] {
+            match step {
+                Step::Section(spans) => spans,
+                _ => &[],
+            }
+        }
+        Spans(self.steps.iter().flat_map(of).collect())
     }
 
     /// What is wrong with it, in words.
@@ -210,6 +223,45 @@ impl Plan {
         let faults = self.faults();
         let first = &faults[..faults.len().min(5)];
         assert!(faults.is_empty(), "{} faults: {first:#?}", faults.len());
+    }
+}
+
+/// What a plan moves along.
+pub struct Spans<'a>(VecDeque<&'a Span<COORDINATES>>);
+
+impl Spans<'_> {
+    /// Goes on to the next place that is no further than `enough` from a point, and says how far;
+    /// if there is none, stays and says how near it gets.
+    pub fn pass_by(&mut self, point: &[f64; 3], enough: f64) -> f64 {
+        let mut to = [0.0; COORDINATES];
+        to[..3].copy_from_slice(point);
+        let mut nearest = f64::INFINITY;
+        for index in 0..self.0.len() {
+            let curve = &self.0[index].curve;
+            let apart = |s: f64| distance(&curve.at(s).q, &to);
+            let length = curve.length();
+            let place = |k: usize| length * k as f64 / SAMPLES as f64;
+            let first = (0..=SAMPLES).min_by(|a, b| apart(place(*a)).total_cmp(&apart(place(*b))));
+            let first = first.unwrap_or(0);
+            let mut ends = (
+                place(first.saturating_sub(1)),
+                place((first + 1).min(SAMPLES)),
+            );
+            for _ in 0..60 {
+                let third = (ends.1 - ends.0) / 3.0;
+                if apart(ends.0 + third) < apart(ends.1 - third) {
+                    ends.1 -= third;
+                } else {
+                    ends.0 += third;
+                }
+            }
+            nearest = nearest.min(apart(ends.0));
+            if nearest <= enough {
+                self.0.drain(..index);
+                break;
+            }
+        }
+        nearest
     }
 }
 

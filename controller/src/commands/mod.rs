@@ -32,6 +32,7 @@ mod check;
 mod doctor;
 mod drives;
 mod eds;
+mod keys;
 mod log_files;
 mod monitor;
 mod nmt;

@@ -1,18 +1,19 @@
 //! `syncline run`: a program on a machine, in real time.
 
+use super::keys::{self, Key, Keys};
 use super::log_files::{Listeners, LogFiles};
 use super::output::{Output, outcome};
 use super::ports::PortChoice;
 use super::switches::Switches;
 use super::{Exit, bad_input, report};
-use crate::control::{Controller, End, Event, Layout};
+use crate::control::{Controller, End, Event, Layout, Order};
 use crate::gcode::Tables;
 use crate::machine::Machine;
 use crate::port::{self, PortError, url};
 use crate::program::{Beginning, COORDINATES, Extent, Feeder, Program};
 use crate::realtime;
 use crate::run::frames::SharedFrames;
-use crate::run::real_time::{Cycle, Link, Measured, News, Order, Ports, Timing, late_after};
+use crate::run::real_time::{Cycle, Link, Measured, News, Ports, Timing, late_after};
 use crate::run::recorder::{Recorder, Summary};
 use crossbeam::channel::{self, Receiver};
 use indicatif::{ProgressBar, ProgressStyle};
@@ -30,6 +31,10 @@ const POLL: Duration = Duration::from_millis(1);
 /// Brings up the drives, runs the program and shuts down in an orderly way, whatever happens:
 /// a fault or Ctrl-C leads to a stop on the path, then the drives are disabled. At a program stop
 /// (M0, M1 with --optional-stop, M6) the machine rests with its drives enabled until Enter.
+///
+/// On a terminal, space holds on the path and goes on, + and - change the feed override by 10 %,
+/// the keys > and < the rapid override, s stops after the block, b goes back to the beginning of
+/// the block, q stops as Ctrl-C does.
 ///
 /// A bus whose port is `sim` is simulated here, with a simulated drive for each of its nodes. If
 /// all are, their time goes with the cycle: a late wake-up delays both and is counted.
@@ -159,8 +164,45 @@ struct Run<'a> {
 /// What a person does.
 struct Person {
     interrupted: Arc<AtomicBool>,
-    /// Lines of standard input, once they are wanted.
+    /// At the machine's own terminal.
+    keys: Option<Keys>,
+    /// Lines of standard input where that is no terminal, once they are wanted.
     lines: Option<Receiver<()>>,
+    /// Feed and rapid override, %.
+    overrides: [i32; 2],
+}
+
+impl Person {
+    /// The next order by a key.
+    fn order(&mut self) -> Option<Order> {
+        let key = self.keys.as_ref()?.pressed()?;
+        let [feed, rapid] = &mut self.overrides;
+        Some(match key {
+            Key::Hold => Order::ToggleHold,
+            Key::Feed(step) => {
+                *feed = (*feed + step).clamp(0, 200);
+                Order::FeedOverride(f64::from(*feed) / 100.0)
+            }
+            Key::Rapid(step) => {
+                *rapid = (*rapid + step).clamp(0, 100);
+                Order::RapidOverride(f64::from(*rapid) / 100.0)
+            }
+            Key::StopAfterBlock => Order::StopAfterBlock,
+            Key::StepBack => Order::StepBack,
+            Key::Stop => Order::Interrupt,
+            Key::GoOn => Order::GoOn,
+        })
+    }
+
+    /// What of the programmed speeds is asked for, if it is not all of them.
+    fn overridden(&self) -> String {
+        let [feed, rapid] = self.overrides;
+        let tell = |what: &str, percent: i32| match percent {
+            100 => String::new(),
+            _ => format!(", {what} {percent} %"),
+        };
+        tell("feed", feed) + &tell("rapid", rapid)
+    }
 }
 
 impl Run<'_> {
@@ -179,8 +221,13 @@ impl Run<'_> {
         let mut recorder = Recorder::new(self.machine, output.trace()?, output.wants_report())?;
         let mut person = Person {
             interrupted: Arc::new(AtomicBool::new(false)),
+            keys: Keys::listen()?,
             lines: None,
+            overrides: [100; 2],
         };
+        if person.keys.is_some() {
+            eprintln!("{}", keys::HELP);
+        }
         let interrupted = Arc::clone(&person.interrupted);
         ctrlc::set_handler(move || interrupted.store(true, Ordering::Relaxed))?;
 
@@ -248,6 +295,9 @@ impl Run<'_> {
         if person.interrupted.swap(false, Ordering::Relaxed) {
             link.order(Order::Interrupt);
         }
+        while let Some(order) = person.order() {
+            link.order(order);
+        }
         if let Some(lines) = &person.lines {
             match lines.try_recv() {
                 Ok(()) => {
@@ -284,7 +334,8 @@ impl Run<'_> {
                     }
                     bar.set_position(row.plan.distance as u64);
                     let feed = row.plan.speed * 60.0;
-                    bar.set_message(format!("line {}, {feed:.0} mm/min", recorder.line()));
+                    let (line, overridden) = (recorder.line(), person.overridden());
+                    bar.set_message(format!("line {line}, {feed:.0} mm/min{overridden}"));
                 }
             }
         }
@@ -314,7 +365,9 @@ impl Run<'_> {
         }
         if let Event::Paused { .. } = event {
             bar.suspend(|| eprintln!("press Enter to go on"));
-            person.lines = Some(read_lines());
+            if person.keys.is_none() {
+                person.lines = Some(read_lines());
+            }
         }
     }
 

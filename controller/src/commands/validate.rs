@@ -8,6 +8,7 @@ use crate::control::fault::Names;
 use crate::control::{Controller, Event, Layout};
 use crate::machine::Machine;
 use crate::program::{COORDINATES, Program};
+use crate::run::events::Events;
 use crate::run::recorder::{Recorder, Summary};
 use crate::run::virtual_time::VirtualMachine;
 use std::error::Error;
@@ -34,6 +35,10 @@ pub(super) struct Args {
     seed: u64,
     #[command(flatten)]
     switches: Switches,
+    /// What a person does, as CSV with the columns `t_s,event,value`: feed_override and
+    /// rapid_override (%), hold, resume, stop_after_block, step_back, stop, at times of the trace.
+    #[arg(long, value_name = "FILE")]
+    events: Option<PathBuf>,
     /// Tell what the controller does.
     #[arg(short, long)]
     verbose: bool,
@@ -56,6 +61,14 @@ impl Args {
         if let Err(error) = program.check(machine.rest()) {
             return super::bad_input(&error);
         }
+        let events = match self
+            .events
+            .as_deref()
+            .map_or(Ok(Events::default()), Events::load)
+        {
+            Ok(events) => events,
+            Err(error) => return super::bad_input(&error),
+        };
         if let Err(error) = self.output.probe() {
             return super::bad_input(&error);
         }
@@ -64,7 +77,7 @@ impl Args {
             Ok(None) => {}
             Err(error) => return super::bad_input(&error),
         }
-        match self.validate(&machine, &layout, program) {
+        match self.validate(&machine, &layout, program, events) {
             Ok(summary) => {
                 self.print(&summary);
                 if summary.verdict == "pass" {
@@ -85,6 +98,7 @@ impl Args {
         machine: &Machine,
         layout: &Arc<Layout>,
         program: Program,
+        mut events: Events,
     ) -> Result<Summary, Box<dyn Error>> {
         let mut virtual_machine =
             VirtualMachine::new(machine, Arc::clone(layout), program, self.seed)?;
@@ -106,9 +120,12 @@ impl Args {
             }
             let (row, feeder) = virtual_machine.row();
             if let Some(row) = row {
-                recorder.record(row, feeder)?;
+                let time = recorder.record(row, feeder)?;
                 while let Some((line, output)) = recorder.output() {
                     eprintln!("line {line}: {output}");
+                }
+                while let Some(order) = events.due(time) {
+                    virtual_machine.controller().obey(order);
                 }
             }
         }

@@ -93,6 +93,8 @@ pub enum Event {
         /// Why.
         reason: Pause,
     },
+    /// The machine rests on the path until a person goes on.
+    Held,
     /// The person went on.
     Resumed,
     /// The user asked for the end.
@@ -247,6 +249,7 @@ impl Event {
                 late.as_secs_f64() * 1e3
             ),
             Self::Paused { line, reason } => format!("line {line}: {reason}"),
+            Self::Held => "held on the path".to_owned(),
             Self::Resumed => "going on".to_owned(),
             Self::Interrupted => "interrupted: stopping on the path".to_owned(),
             Self::Fault(fault) => format!("FAULT: {}", fault.describe(names)),

@@ -22,6 +22,7 @@ pub mod fault;
 mod lateness;
 pub mod layout;
 mod node;
+mod order;
 mod phases;
 mod script;
 
@@ -29,6 +30,7 @@ pub use axis::{AxisSample, Following};
 pub use event::{Event, Pause, Phase};
 pub use fault::Fault;
 pub use layout::Layout;
+pub use order::Order;
 
 use crate::port::{Burst, Outbox, Received};
 use axis::Axis;
@@ -151,6 +153,8 @@ pub struct Controller<const N: usize> {
     in_position: u32,
     pause: Option<(Pause, u32)>,
     pause_told: bool,
+    /// At rest until a person goes on.
+    held: bool,
     /// How the run ends once the plan has been executed.
     after_plan: Option<End>,
 }
@@ -193,6 +197,7 @@ impl<const N: usize> Controller<N> {
             in_position: 0,
             pause: None,
             pause_told: false,
+            held: false,
             after_plan: None,
             layout,
         }
@@ -548,7 +553,11 @@ impl<const N: usize> Controller<N> {
     /// How many more instructions are taken now.
     #[must_use]
     pub fn room(&self) -> usize {
-        if self.pause.is_some() || self.after_plan.is_some() || self.phase != Phase::Program {
+        // While held, nothing: the plan will be replaced.
+        let held = self.executor.leads_to_hold()
+            || (self.executor.awaits_plan() && self.executor.outlook().is_none());
+        let over = self.pause.is_some() || self.after_plan.is_some();
+        if held || over || self.phase != Phase::Program {
             0
         } else {
             self.executor.room()
@@ -571,9 +580,8 @@ impl<const N: usize> Controller<N> {
         true
     }
 
-    /// What the person does with the path: overrides, hold, resume, stop after the block, step back
-    /// ([`Executor`]). Until the plan is replaced, what comes of the old one is dropped.
-    pub fn act(&mut self, act: impl FnOnce(&mut Executor<N>)) {
+    /// What a person does with the path. Until the plan is replaced, what comes of the old one is dropped.
+    fn act(&mut self, act: impl FnOnce(&mut Executor<N>)) {
         act(&mut self.executor);
         if self.executor.awaits_plan() {
             self.after_plan = None;

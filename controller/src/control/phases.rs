@@ -154,6 +154,11 @@ impl<const N: usize> Controller<N> {
     }
 
     fn step_program(&mut self) {
+        let rests = self.executor.is_held() && self.planned.speed == 0.0;
+        if rests != self.held {
+            self.held = rests;
+            self.tell(if rests { Event::Held } else { Event::Resumed });
+        }
         if !self.executor.is_idle() {
             return;
         }

@@ -8,7 +8,7 @@
 //! Nothing else is shared.
 
 use super::driver::Driver;
-use crate::control::{Controller, Event, Instruction, Layout, Phase, Row};
+use crate::control::{Controller, Event, Instruction, Layout, Order, Phase, Row};
 use crate::port::{Port, PortError};
 use crate::program::{COORDINATES, Position};
 use crate::realtime::{self, Granted};
@@ -18,7 +18,7 @@ use std::mem::replace;
 use std::sync::Arc;
 use std::time::Duration;
 use syncline_canopen::Instant;
-use syncline_trajectory::path::{Executor, Outlook, Overrides};
+use syncline_trajectory::path::Outlook;
 
 /// Instructions on their way into the cycle.
 const INSTRUCTIONS: usize = 1024;
@@ -33,27 +33,6 @@ const NAP: Duration = Duration::from_micros(200);
 
 /// A machine's buses.
 pub type Ports = Vec<Box<dyn Port + Send>>;
-
-/// What a person, or the program's feeder, orders.
-#[derive(Clone, Copy, Debug)]
-pub enum Order {
-    /// Ends a pause.
-    GoOn,
-    /// Stops on the path and ends the run.
-    Interrupt,
-    /// The program cannot go on.
-    Abandon,
-    /// Sets feed and rapid override.
-    Override(Overrides),
-    /// Rests on the path.
-    Hold,
-    /// Ends a hold.
-    Resume,
-    /// Rests at the end of the block.
-    StopAfterBlock,
-    /// Goes back to the beginning of the block and rests there.
-    StepBack,
-}
 
 /// What the cycle tells.
 #[derive(Debug)]
@@ -264,18 +243,7 @@ impl Cycle {
             self.driver.controller.interrupt();
         }
         while let Ok(order) = self.orders.pop() {
-            match order {
-                Order::GoOn => self.driver.controller.go_on(),
-                Order::Interrupt => self.driver.controller.interrupt(),
-                Order::Abandon => self.driver.controller.abandon(),
-                Order::Override(overrides) => {
-                    (self.driver.controller).act(|path| path.set_overrides(overrides));
-                }
-                Order::Hold => self.driver.controller.act(Executor::hold),
-                Order::Resume => self.driver.controller.act(Executor::resume),
-                Order::StopAfterBlock => self.driver.controller.act(Executor::stop_after_block),
-                Order::StepBack => self.driver.controller.act(Executor::step_back),
-            }
+            self.driver.controller.obey(order);
         }
     }
 

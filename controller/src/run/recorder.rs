@@ -246,7 +246,7 @@ impl Recorder {
         })
     }
 
-    /// Takes what happened at one SYNC.
+    /// Takes what happened at one SYNC; returns its time, s.
     ///
     /// # Errors
     /// The trace cannot be written.
@@ -254,7 +254,7 @@ impl Recorder {
         &mut self,
         row: &Row<COORDINATES>,
         feeder: Option<&mut Feeder>,
-    ) -> io::Result<()> {
+    ) -> io::Result<f64> {
         let time = self.seconds(row.cycle);
         self.cycles += 1;
         if row.plan.speed > 0.0 {
@@ -327,7 +327,7 @@ impl Recorder {
             let _ = writeln!(self.text, ",{spindle},{coolant},{}", self.tool);
             trace.write_all(self.text.as_bytes())?;
         }
-        Ok(())
+        Ok(time)
     }
 
     /// The nearest number of seconds to so many cycles.

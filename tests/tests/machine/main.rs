@@ -3,8 +3,10 @@
 
 mod bad_input;
 mod bring_up;
+mod corpus;
 mod faults;
 mod fits;
+mod operator;
 mod programs;
 mod properties;
 mod run;

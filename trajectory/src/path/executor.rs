@@ -527,6 +527,11 @@ impl<const N: usize> Executor<N> {
             rapid: overrides.rapid.clamp(0.0, 1.0),
         };
         if overrides != self.overrides {
+            // A rest for want of speed ends; one that a person asked for does not.
+            let asked = self.held || self.stop_after_block || self.step_back;
+            if !asked && let Some(Step::Hold) = self.current() {
+                self.finish_step(Step::Hold, 0.0);
+            }
             self.overrides = overrides;
             self.revise();
         }
@@ -611,6 +616,12 @@ impl<const N: usize> Executor<N> {
     /// Rests, or is coming to rest, until [`resume`](Self::resume).
     pub fn is_held(&self) -> bool {
         self.held || matches!(self.current(), Some(Step::Hold))
+    }
+
+    /// Nothing of the path is missing: what is committed leads to a rest that somebody has to end.
+    pub fn leads_to_hold(&self) -> bool {
+        let last = self.committed.checked_sub(1);
+        !self.deaf && matches!(last.and_then(|last| self.steps.get(last)), Some(Step::Hold))
     }
 
     /// Comes to rest on the path as soon as the limits allow, as [`hold`](Self::hold) does, and

@@ -539,7 +539,6 @@ impl<const N: usize> Planner<N> {
         while self.out.is_empty() && !self.cursor.holds {
             let number = self.cursor.leg;
             match self.leg(number) {
-                None => return,
                 Some(&Leg::Dwell { duration, tag }) => {
                     self.out.extend([
                         Command::Dwell {
@@ -558,7 +557,10 @@ impl<const N: usize> Planner<N> {
                     self.cursor.step += 1;
                     self.begin_leg(number + 1);
                 }
-                Some(Leg::Section(section)) => {
+                Some(Leg::Section(_)) | None => {
+                    let Some(section) = self.section(number) else {
+                        return;
+                    };
                     let ahead = section.time_from(self.cursor.departure.distance, &self.limits);
                     if !section.closed && (ahead == 0.0 || ahead < self.horizon) {
                         return;

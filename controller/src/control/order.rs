@@ -1,0 +1,63 @@
+//! What a person, or the program's feeder, orders.
+
+use super::Controller;
+use syncline_trajectory::path::Overrides;
+
+/// An order to the controller; it is obeyed in the next cycle.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Order {
+    /// Ends a pause: program stop, tool change.
+    GoOn,
+    /// Rests on the path.
+    Hold,
+    /// Ends a hold, also one that a stop after the block came to.
+    Resume,
+    /// [`Order::Resume`] while held, otherwise [`Order::Hold`].
+    ToggleHold,
+    /// Rests at the end of the block.
+    StopAfterBlock,
+    /// Goes back to the beginning of the block and rests there.
+    StepBack,
+    /// Part of the programmed feeds, 0…2.
+    FeedOverride(f64),
+    /// Part of the rapids' speed, 0…1.
+    RapidOverride(f64),
+    /// Stops on the path and ends the run.
+    Interrupt,
+    /// The program cannot go on.
+    Abandon,
+}
+
+impl<const N: usize> Controller<N> {
+    /// Does what is ordered.
+    pub fn obey(&mut self, order: Order) {
+        match order {
+            Order::GoOn => self.go_on(),
+            Order::Hold => self.act(|path| path.hold()),
+            Order::Resume => self.act(|path| path.resume()),
+            Order::ToggleHold => self.act(|path| {
+                if path.is_held() {
+                    path.resume();
+                } else {
+                    path.hold();
+                }
+            }),
+            Order::StopAfterBlock => self.act(|path| path.stop_after_block()),
+            Order::StepBack => self.act(|path| path.step_back()),
+            Order::FeedOverride(feed) => self.act(|path| {
+                path.set_overrides(Overrides {
+                    feed,
+                    ..path.overrides()
+                });
+            }),
+            Order::RapidOverride(rapid) => self.act(|path| {
+                path.set_overrides(Overrides {
+                    rapid,
+                    ..path.overrides()
+                });
+            }),
+            Order::Interrupt => self.interrupt(),
+            Order::Abandon => self.abandon(),
+        }
+    }
+}

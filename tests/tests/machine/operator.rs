@@ -1,0 +1,328 @@
+//! What a person does while a program runs: overrides, hold, stop after the block, step back. The
+//! path stays the programmed one and every axis inside its limits, by the trace.
+
+use std::io::{BufRead, BufReader, Write};
+use std::path::Path;
+use std::process::{Command, Stdio};
+use syncline_controller::control::{End, Order};
+use syncline_tests::command::{Folder, ended, syncline};
+use syncline_tests::rig::{Rig, example};
+use syncline_tests::trace::Trace;
+
+/// Lines, arcs and a helix at 100 mm/s.
+const PROGRAM: &str = "\
+G17 G21 G90 G94 G61 F6000
+G0 X100 Y100 Z-50
+G1 X300
+G3 X400 Y200 J100
+G3 X400 Y200 I-50 Z-60
+G1 Y350
+X350 Y400
+X100
+M2
+";
+
+/// Where the blocks of [`PROGRAM`] end.
+const POINTS: [[f64; 3]; 7] = [
+    [100.0, 100.0, -50.0],
+    [300.0, 100.0, -50.0],
+    [400.0, 200.0, -50.0],
+    [400.0, 200.0, -60.0],
+    [400.0, 350.0, -60.0],
+    [350.0, 400.0, -60.0],
+    [100.0, 400.0, -60.0],
+];
+
+/// How far a position is from the programmed path, mm, by plain geometry.
+fn off_the_path(at: &[f64]) -> f64 {
+    let apart = |to: [f64; 3]| (0..3).map(|i| (at[i] - to[i]).powi(2)).sum::<f64>().sqrt();
+    let line = |from: [f64; 3], to: [f64; 3]| {
+        let way: f64 = (0..3).map(|i| (to[i] - from[i]).powi(2)).sum();
+        let along: f64 = (0..3).map(|i| (at[i] - from[i]) * (to[i] - from[i])).sum();
+        let part = (along / way).clamp(0.0, 1.0);
+        apart(std::array::from_fn(|i| from[i] + part * (to[i] - from[i])))
+    };
+    let lines = [
+        ([0.0; 3], POINTS[0]),
+        (POINTS[0], POINTS[1]),
+        (POINTS[3], POINTS[4]),
+        (POINTS[4], POINTS[5]),
+        (POINTS[5], POINTS[6]),
+    ];
+    let lines = lines.into_iter().map(|(from, to)| line(from, to));
+    let around = |x: f64, y: f64, radius: f64| ((at[0] - x).hypot(at[1] - y) - radius).abs();
+    let quarter = if at[0] >= 300.0 && at[1] <= 200.0 {
+        around(300.0, 200.0, 100.0).hypot(at[2] + 50.0)
+    } else {
+        f64::INFINITY
+    };
+    // The helix: its height follows the angle.
+    let angle = (at[1] - 200.0)
+        .atan2(at[0] - 350.0)
+        .rem_euclid(std::f64::consts::TAU);
+    let height = |turn: f64| -50.0 - 10.0 * turn / std::f64::consts::TAU;
+    let rise = (at[2] - height(angle)).abs();
+    let rise = rise.min((at[2] - height(angle + std::f64::consts::TAU)).abs());
+    let helix = around(350.0, 200.0, 50.0).hypot(rise);
+    lines.fold(quarter.min(helix), f64::min)
+}
+
+fn position(rig: &Rig) -> [f64; 3] {
+    let plan = rig.rows.last().unwrap().plan;
+    [plan.position[0], plan.position[1], plan.position[2]]
+}
+
+fn speed(rig: &Rig) -> f64 {
+    rig.rows.last().unwrap().plan.speed
+}
+
+/// Goes on until the plan is that far along the path, mm.
+fn run_to(rig: &mut Rig, distance: f64) {
+    rig.run_until(|rig| {
+        rig.rows
+            .last()
+            .is_some_and(|row| row.plan.distance >= distance)
+    });
+}
+
+/// Goes on for so many cycles.
+fn rows(rig: &mut Rig, count: usize) {
+    let until = rig.rows.len() + count;
+    rig.run_until(|rig| rig.rows.len() >= until);
+}
+
+/// At rest at a programmed point, or where the rounding of its corner begins or ends.
+fn assert_at(rig: &Rig, point: [f64; 3]) {
+    let at = position(rig);
+    let off = (0..3).map(|i| (at[i] - point[i]).abs()).fold(0.0, f64::max);
+    assert!(off < 2.5, "{at:?} instead of {point:?}");
+    assert_eq!(speed(rig), 0.0);
+}
+
+/// Ends the run and checks all of it.
+fn assert_ends_well(mut rig: Rig) {
+    assert_eq!(rig.finish(), End::Finished, "{:?}", rig.events);
+    rig.trace().assert_within_limits();
+    for (index, row) in rig.rows.iter().enumerate() {
+        let off = off_the_path(&row.plan.position);
+        assert!(off <= 0.001, "row {index}: {off} mm off, {:?}", row.plan);
+    }
+    let end = rig.rows.last().unwrap().plan.position;
+    assert!(
+        (0..3).all(|i| (end[i] - POINTS[6][i]).abs() < 1e-6),
+        "{end:?}"
+    );
+}
+
+/// Path distance at which a block ends; the first one begins in X0 Y0 Z0.
+const FIRST: f64 = 150.0;
+
+#[test]
+fn a_hold_in_a_curve() {
+    let mut rig = Rig::portal(PROGRAM);
+    run_to(&mut rig, FIRST + 200.0 + 80.0);
+    let before = speed(&rig);
+    assert!((before - 100.0).abs() < 0.1, "{before}");
+    rig.controller().obey(Order::Hold);
+    // The effect starts within 10 ms.
+    rows(&mut rig, 5);
+    assert!(speed(&rig) < before, "{}", speed(&rig));
+    rows(&mut rig, 500);
+    let held = position(&rig);
+    assert_eq!(speed(&rig), 0.0);
+    rows(&mut rig, 100);
+    assert_eq!(position(&rig), held);
+    rig.controller().obey(Order::Resume);
+    rows(&mut rig, 500);
+    assert!(speed(&rig) > 0.0);
+    assert_ends_well(rig);
+}
+
+#[test]
+fn overrides_to_half_double_and_nothing() {
+    let mut rig = Rig::portal(PROGRAM);
+    run_to(&mut rig, FIRST + 20.0);
+    for (part, distance) in [
+        (0.5, FIRST + 60.0),
+        (2.0, FIRST + 150.0),
+        (1.0, FIRST + 190.0),
+    ] {
+        rig.controller().obey(Order::FeedOverride(part));
+        run_to(&mut rig, distance);
+        assert!(
+            (speed(&rig) - 100.0 * part).abs() < 0.1,
+            "{part}: {}",
+            speed(&rig)
+        );
+    }
+    rig.controller().obey(Order::FeedOverride(0.0));
+    rows(&mut rig, 500);
+    let held = position(&rig);
+    assert_eq!(speed(&rig), 0.0);
+    rows(&mut rig, 100);
+    assert_eq!(position(&rig), held);
+    rig.controller().obey(Order::FeedOverride(1.5));
+    assert_ends_well(rig);
+}
+
+#[test]
+fn a_rapid_override_is_for_rapids() {
+    let fastest = |override_: Option<f64>| {
+        let mut rig = Rig::portal("G61 G0 X800\nG1 X600 F6000\nM2\n");
+        rig.run_until(|rig| !rig.rows.is_empty());
+        if let Some(part) = override_ {
+            rig.controller().obey(Order::RapidOverride(part));
+        }
+        rig.finish();
+        rig.trace().assert_within_limits();
+        let of = |rapid: bool| {
+            let rows = rig
+                .rows
+                .iter()
+                .filter(|row| row.plan.velocity[0].is_sign_positive() == rapid);
+            rows.map(|row| row.plan.speed).fold(0.0, f64::max)
+        };
+        [of(true), of(false)]
+    };
+    let [whole, feed] = fastest(None);
+    assert!(
+        (whole - 700.0).abs() < 1e-3 && (feed - 100.0).abs() < 1e-3,
+        "{whole} {feed}"
+    );
+    let [quarter, feed] = fastest(Some(0.25));
+    assert!(
+        (quarter - 175.0).abs() < 1.0 && (feed - 100.0).abs() < 1e-3,
+        "{quarter} {feed}"
+    );
+}
+
+#[test]
+fn a_stop_after_the_block_and_on() {
+    let mut rig = Rig::portal(PROGRAM);
+    run_to(&mut rig, FIRST + 100.0);
+    for point in [1, 2, 3] {
+        rig.controller().obey(Order::StopAfterBlock);
+        rows(&mut rig, 2500);
+        assert_at(&rig, POINTS[point]);
+        rig.controller().obey(Order::Resume);
+        rows(&mut rig, 50);
+        assert!(speed(&rig) > 0.0);
+    }
+    assert_ends_well(rig);
+}
+
+#[test]
+fn steps_back_and_on() {
+    let mut rig = Rig::portal(PROGRAM);
+    run_to(&mut rig, FIRST + 200.0 + 80.0);
+    for point in [1, 0] {
+        rig.controller().obey(Order::StepBack);
+        rows(&mut rig, 2500);
+        assert_at(&rig, POINTS[point]);
+    }
+    rig.controller().obey(Order::Resume);
+    assert_ends_well(rig);
+}
+
+/// All of it again, by a file, through the command: the same frames each time.
+#[test]
+fn events_from_a_file() {
+    let folder = Folder::new();
+    let machine = folder.machine("portal");
+    let program = folder.file("p.ngc", PROGRAM);
+    let events = "t_s,event,value\n0.2,rapid_override,40\n1.5,feed_override,50\n2,hold,\n2.5,resume,\n\
+                  3,feed_override,200\n4,step_back,\n6,resume,\n7,stop_after_block,\n11,resume,\n";
+    let events = folder.file("events.csv", events);
+    let validate = |trace: &Path| {
+        let output = syncline()
+            .args(["validate", "--json", "-", "--events"])
+            .args([&events, Path::new("--trace"), trace, &machine, &program])
+            .output()
+            .unwrap();
+        let (code, json, errors) = ended(&output);
+        assert_eq!(code, 0, "{errors}{json}");
+        let json: serde_json::Value = serde_json::from_str(json).unwrap();
+        assert!(
+            json["path"]["max_deviation_mm"].as_f64().unwrap() <= 0.001,
+            "{json}"
+        );
+        json["frames_sha256"].as_str().unwrap().to_owned()
+    };
+    let digest = validate(&folder.path("trace.csv"));
+    assert_eq!(digest, validate(&folder.path("again.csv")));
+    let trace = Trace::read(&example("portal"), &folder.read("trace.csv"));
+    trace.assert_within_limits();
+    let axes = ["X", "Y", "Z"].map(|name| &trace.axis(name).set);
+    for row in 0..trace.line.len() {
+        let off = off_the_path(&axes.map(|set| set[row]));
+        // Within the tolerance and the rounding to increments.
+        assert!(off < 0.0015, "row {row}: {off}");
+    }
+    let rests = |from: usize, to: usize| axes.iter().all(|set| set[from] == set[to]);
+    assert!(rests(1230, 1250), "held");
+    assert!(rests(2900, 3000), "stepped back");
+    assert!(rests(5000, 5500), "stopped after the block");
+    assert!(!rests(1400, 1500) && !rests(3050, 3100));
+}
+
+#[test]
+fn an_events_file_that_is_wrong() {
+    let folder = Folder::new();
+    let program = folder.file("p.ngc", "G0 X5\nM2\n");
+    let events = folder.file("e.csv", "t_s,event,value\n1,hold,\n0.5,resume,\n");
+    let output = syncline()
+        .args(["validate", "--events"])
+        .args([events, folder.machine("portal"), program])
+        .output()
+        .unwrap();
+    let (code, _, errors) = ended(&output);
+    assert_eq!(code, 2);
+    assert!(errors.contains("e.csv:3:1: `0.5` is no time"), "{errors}");
+}
+
+/// Keys on a terminal of its own, which is as it was in the end.
+#[test]
+fn keys_on_a_terminal() {
+    let folder = Folder::new();
+    let machine = folder.machine("portal");
+    let program = folder.file("p.ngc", "G1 X1400 F3000\nM2\n");
+    let run = syncline();
+    let line = format!(
+        "stty -g; {} run {} {} --verbose 2>&1 | cat; stty -g",
+        run.get_program().display(),
+        machine.display(),
+        program.display()
+    );
+    let mut child = Command::new("script")
+        .args(["-qec", &line, "/dev/null"])
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut keys = child.stdin.take().unwrap();
+    let mut told = BufReader::new(child.stdout.take().unwrap()).lines();
+    let mut modes = vec![told.next().unwrap().unwrap()];
+    let mut wait_for = |part: &str| {
+        let mut lines = told.by_ref().map(Result::unwrap);
+        assert!(lines.any(|line| line.contains(part)), "no {part}");
+    };
+    wait_for("keys: space hold");
+    wait_for("ready");
+    for (key, answer) in [
+        (" ", "held on the path"),
+        (" ", "going on"),
+        ("b", "held on the path"),
+        ("+-><", ""),
+        (" ", "going on"),
+        ("q", "interrupted: stopping on the path"),
+    ] {
+        keys.write_all(key.as_bytes()).unwrap();
+        if !answer.is_empty() {
+            wait_for(answer);
+        }
+    }
+    wait_for("interrupted by the user");
+    modes.extend(told.map(Result::unwrap).last());
+    assert_eq!(modes[0], modes[1], "the terminal is as it was");
+    assert!(child.wait().unwrap().success());
+}
