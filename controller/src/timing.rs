@@ -175,6 +175,86 @@ impl Distribution {
     }
 }
 
+/// A stage of a wake-up.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stage {
+    /// Until the thread ran.
+    WakeUp,
+    /// Taking what had arrived.
+    Receive,
+    /// The controller.
+    Compute,
+    /// Handing over what it sends.
+    Send,
+}
+
+impl Stage {
+    /// In their order.
+    pub const ALL: [Self; 4] = [Self::WakeUp, Self::Receive, Self::Compute, Self::Send];
+
+    /// Its name.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::WakeUp => "wake-up",
+            Self::Receive => "receive",
+            Self::Compute => "compute",
+            Self::Send => "send",
+        }
+    }
+}
+
+/// Where a wake-up's time went, from the instant it was due until its frames were handed over.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Stages {
+    /// When, from the start of measuring.
+    pub at: Duration,
+    /// Until the thread ran.
+    pub wake: Duration,
+    /// Taking what had arrived.
+    pub receive: Duration,
+    /// The controller.
+    pub compute: Duration,
+    /// Handing over what it sends.
+    pub send: Duration,
+}
+
+impl Stages {
+    fn of(&self, stage: Stage) -> Duration {
+        match stage {
+            Stage::WakeUp => self.wake,
+            Stage::Receive => self.receive,
+            Stage::Compute => self.compute,
+            Stage::Send => self.send,
+        }
+    }
+
+    /// All of them.
+    #[must_use]
+    pub fn total(&self) -> Duration {
+        Stage::ALL.map(|stage| self.of(stage)).iter().sum()
+    }
+
+    /// The longest one, the earliest of equals.
+    #[must_use]
+    pub fn longest(&self) -> Stage {
+        let longer = |a, b| if self.of(b) > self.of(a) { b } else { a };
+        Stage::ALL.into_iter().fold(Stage::WakeUp, longer)
+    }
+}
+
+/// When, how long each stage took, and which one took longest.
+impl std::fmt::Display for Stages {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "at {:.3} s: ", self.at.as_secs_f64())?;
+        for (place, stage) in Stage::ALL.into_iter().enumerate() {
+            let separator = if place > 0 { ", " } else { "" };
+            write!(f, "{separator}{} {}", stage.name(), micros(self.of(stage)))?;
+        }
+        write!(f, " us: {}", self.longest().name())
+    }
+}
+
 /// A time in µs with three decimals below 10 µs and one above.
 #[must_use]
 pub fn micros(time: Duration) -> String {
@@ -189,6 +269,24 @@ pub fn micros(time: Duration) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_longest_stage_is_named() {
+        let micros = Duration::from_micros;
+        let stages = Stages {
+            at: Duration::from_millis(1250),
+            wake: micros(7),
+            receive: micros(40),
+            compute: micros(11),
+            send: micros(400),
+        };
+        assert_eq!(
+            stages.to_string(),
+            "at 1.250 s: wake-up 7.000, receive 40.0, compute 11.0, send 400.0 us: send"
+        );
+        assert_eq!(stages.total(), micros(458));
+        assert_eq!(Stages::default().longest(), Stage::WakeUp);
+    }
 
     fn filled(count: u64) -> Distribution {
         let mut distribution = Distribution::new("test");

@@ -3,14 +3,17 @@
 //!
 //! Controller, simulated buses and simulated drives run in one thread, so the proofs cover all
 //! three. System calls and locks are watched from outside, by tracing a child of this program: a
-//! lock is an atomic compare-and-exchange or exchange instruction, found by single steps.
+//! lock is an atomic compare-and-exchange or exchange instruction, found by breakpoints or by
+//! single steps.
 #![cfg(all(target_os = "linux", target_arch = "x86_64"))]
 
 use libc::{c_int, c_long, pid_t};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
+use std::fs::File;
 use std::hint::black_box;
+use std::os::unix::fs::FileExt;
 use std::os::unix::process::CommandExt;
 use std::process::Command;
 use std::sync::Mutex;
@@ -167,9 +170,18 @@ fn no_system_call_in_100_000_cycles() {
     assert_eq!(watch(Plant::SystemCall, 1_000, Watch::SystemCalls), 1);
 }
 
-/// Single steps are slow: a few cycles, each of the same code.
+/// Every compare-and-exchange of the whole process is a breakpoint: a lock's way in.
 #[test]
-fn no_lock_is_taken() {
+fn no_lock_is_taken_in_100_000_cycles() {
+    let _alone = ONE_AT_A_TIME.lock();
+    assert_eq!(watch(Plant::Nothing, 100_000, Watch::CompareExchanges), 0);
+    assert!(watch(Plant::Lock, 1_000, Watch::CompareExchanges) >= 1);
+}
+
+/// Exchanges too, as a spin lock takes them. Single steps are slow: a few cycles, each of the same
+/// code.
+#[test]
+fn no_lock_is_taken_in_any_way() {
     let _alone = ONE_AT_A_TIME.lock();
     assert_eq!(watch(Plant::Nothing, 2, Watch::Locks), 0);
     assert!(watch(Plant::Lock, 2, Watch::Locks) >= 1);
@@ -179,7 +191,76 @@ fn no_lock_is_taken() {
 #[derive(Clone, Copy, PartialEq)]
 enum Watch {
     SystemCalls,
+    CompareExchanges,
     Locks,
+}
+
+/// Breakpoints in another process, each with the byte that it stands in for.
+struct Breakpoints {
+    memory: File,
+    bytes: BTreeMap<u64, u8>,
+}
+
+impl Breakpoints {
+    const INT3: u8 = 0xCC;
+
+    /// At every atomic compare-and-exchange in the code of a process that is stopped.
+    fn at_compare_exchanges(pid: pid_t) -> Self {
+        let mut memory = File::options();
+        let memory = memory.read(true).write(true);
+        let memory = memory.open(format!("/proc/{pid}/mem")).unwrap();
+        let mut bytes = BTreeMap::new();
+        for line in std::fs::read_to_string(format!("/proc/{pid}/maps"))
+            .unwrap()
+            .lines()
+        {
+            let mut fields = line.split_ascii_whitespace();
+            let (range, rights) = (fields.next().unwrap(), fields.next().unwrap());
+            if !rights.contains('x') || line.contains("[v") {
+                continue;
+            }
+            let (from, to) = range.split_once('-').unwrap();
+            let [from, to] = [from, to].map(|hex| u64::from_str_radix(hex, 16).unwrap());
+            let mut code = vec![0; (to - from) as usize];
+            memory.read_exact_at(&mut code, from).unwrap();
+            for place in 0..code.len().saturating_sub(8) {
+                let here: [u8; 8] = code[place..place + 8].try_into().unwrap();
+                // Not into the middle of one: assemblers put the size before the lock.
+                let whole = place == 0 || code[place - 1] != 0x66;
+                if whole && here[0] == 0xF0 && takes_lock(&here) {
+                    bytes.insert(from + place as u64, here[0]);
+                }
+            }
+        }
+        assert!(bytes.len() > 10, "a mutex is among them");
+        let breakpoints = Self { memory, bytes };
+        for &address in breakpoints.bytes.keys() {
+            breakpoints.write(address, Self::INT3);
+        }
+        breakpoints
+    }
+
+    fn write(&self, address: u64, byte: u8) {
+        self.memory.write_all_at(&[byte], address).unwrap();
+    }
+
+    /// Goes over the one that the process has just met, if it has.
+    fn step_over(&self, pid: pid_t) -> bool {
+        let mut registers = registers(pid);
+        let address = registers.rip - 1;
+        let Some(&byte) = self.bytes.get(&address) else {
+            return false;
+        };
+        self.write(address, byte);
+        registers.rip = address;
+        // SAFETY: the kernel reads one set of registers.
+        let set = unsafe { libc::ptrace(libc::PTRACE_SETREGS, pid, 0_usize, &raw const registers) };
+        assert_eq!(set, 0);
+        trace(libc::PTRACE_SINGLESTEP, pid, 0);
+        assert!(libc::WIFSTOPPED(wait(pid)));
+        self.write(address, Self::INT3);
+        true
+    }
 }
 
 /// A system call that nothing else here makes.
@@ -226,6 +307,7 @@ fn watch(plant: Plant, cycles: usize, what: Watch) -> u64 {
     let mut count = 0;
     let mut marks = 0;
     let mut entering = true;
+    let mut breakpoints = None;
     assert!(
         libc::WIFSTOPPED(wait(pid)),
         "stopped at its first instruction"
@@ -255,11 +337,18 @@ fn watch(plant: Plant, cycles: usize, what: Watch) -> u64 {
             if entering {
                 if registers.orig_rax as c_long == MARK {
                     marks += 1;
+                    if what == Watch::CompareExchanges && breakpoints.is_none() {
+                        breakpoints = Some(Breakpoints::at_compare_exchanges(pid));
+                    }
                 } else if marks % 2 == 1 {
                     count += 1;
                 }
             }
             entering = !entering;
+        } else if let Some(breakpoints) = &breakpoints {
+            if breakpoints.step_over(pid) && marks % 2 == 1 {
+                count += 1;
+            }
         } else if stepping {
             let next = code(pid, registers.rip);
             if next.starts_with(&[0x0F, 0x05]) && registers.rax as c_long == MARK {

@@ -4,9 +4,14 @@ use std::sync::Arc;
 use syncline_canopen::time::Duration;
 use syncline_canopen::{Frame, Instant};
 use syncline_controller::bench::rig::{Shape, Shuttle, ready_machine};
-use syncline_controller::control::{End, Event, Fault, Phase, Wake};
+use syncline_controller::control::{End, Event, Fault, Layout, Phase, Wake};
+use syncline_controller::port::sim::{self, SimPort};
 use syncline_controller::port::{Burst, Port, PortError, Received};
+use syncline_controller::realtime;
 use syncline_controller::run::driver::Driver;
+use syncline_controller::run::real_time::{Cycle, Timing};
+use syncline_drives::bus::BitRate;
+use syncline_drives::twin::lxm32m::{Twin, TwinConfig};
 
 const CYCLE: Duration = Duration::from_millis(2);
 
@@ -124,6 +129,88 @@ fn two_lost_cycles_are_a_fault_and_the_stop_begins_where_the_plan_was_left() {
     step(&mut machine, &mut plan, Duration::ZERO);
     let after = set(&machine);
     assert!((after - before).abs() < 0.3, "{before} mm, then {after} mm");
+}
+
+/// A second drive has the node id of the first: told before any power stage is on.
+#[test]
+fn two_nodes_with_one_id_are_a_fault_before_power_is_on() {
+    let file = std::path::Path::new("../examples/portal/machine.toml");
+    let machine = syncline_controller::machine::Machine::load(file).unwrap();
+    let layout = std::sync::Arc::new(Layout::new(&machine).unwrap());
+    let stranger = TwinConfig {
+        seed: 7,
+        ..TwinConfig::new(machine.drives[2].node)
+    };
+    let twins = sim::twins(&machine, 0, 0).chain([stranger]).map(Twin::new);
+    let bit_rate = BitRate::from_kbit(1000).unwrap();
+    let bus = SimPort::of_twins(bit_rate, twins, |_| ());
+    let mut machine: Driver<9, SimPort> = Driver::new(layout, vec![bus], Instant::ZERO);
+    let mut phases = Vec::new();
+    while let Some(wake) = machine.controller.next_wake() {
+        machine.step(wake.at()).unwrap();
+        phases.push(machine.controller.phase());
+    }
+    let end = machine.controller.end();
+    assert!(
+        matches!(end, Some(End::Fault(Fault::TwoNodes { drive: 2 }))),
+        "{end:?}"
+    );
+    assert!(!phases.contains(&Phase::ReadyToSwitchOn));
+}
+
+/// A bus on which the first acyclic frames take long.
+struct Slow(Box<dyn Port + Send>, u32);
+
+impl Port for Slow {
+    fn advance_to(&mut self, now: Instant) {
+        self.0.advance_to(now);
+    }
+    fn echoes(&self) -> bool {
+        self.0.echoes()
+    }
+    fn receive(&mut self, sink: &mut dyn FnMut(Received)) -> Result<(), PortError> {
+        self.0.receive(sink)
+    }
+    fn send_sync(&mut self, frame: &Frame) -> Result<(), PortError> {
+        self.0.send_sync(frame)
+    }
+    fn send_burst(&mut self, frames: &[Frame]) -> Result<Burst, PortError> {
+        self.0.send_burst(frames)
+    }
+    fn send_acyclic(&mut self, frames: &[Frame]) -> Result<(), PortError> {
+        self.1 += 1;
+        if self.1 == 1 {
+            std::thread::sleep(20 * CYCLE);
+        }
+        self.0.send_acyclic(frames)
+    }
+}
+
+#[test]
+fn the_stage_that_made_a_wake_up_late_is_told() {
+    let file = std::path::Path::new("../examples/portal/machine.toml");
+    let machine = syncline_controller::machine::Machine::load(file).unwrap();
+    let layout = std::sync::Arc::new(Layout::new(&machine).unwrap());
+    let sim = syncline_controller::port::open(&machine, 0, 0, |_| ()).unwrap();
+    let timing = Timing {
+        settings: realtime::Settings {
+            priority: 1,
+            core: None,
+        },
+        spin: Duration::ZERO,
+        lockstep: true,
+        strict: false,
+    };
+    let (cycle, link) = Cycle::new(&layout, vec![Box::new(Slow(sim, 0))], timing);
+    // Nobody is there: it begins its way down at once.
+    drop(link);
+    let (_, measured) = cycle.run(|granted| granted);
+    let [_, receive, compute, send] = measured.late_by;
+    assert!(send >= 1, "{:?}", measured.late_by);
+    assert_eq!([receive, compute], [0, 0]);
+    assert_eq!(measured.late_by.iter().sum::<u64>(), measured.late);
+    assert!(measured.worst.to_string().ends_with("us: send"));
+    assert!(measured.worst.send >= 20 * CYCLE);
 }
 
 /// A bus that drops what it is told to.

@@ -13,7 +13,7 @@ use crate::port::socketcan::{DriveSocket, Options as SocketOptions, SocketCan, S
 use crate::port::{Port, PortError, Received};
 use crate::realtime::{self, Granted, Settings};
 use crate::run::driver::Driver;
-use crate::timing::Distribution;
+use crate::timing::{Distribution, Stages};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
@@ -72,44 +72,6 @@ pub struct Outcome {
     pub worst: Stages,
     /// Controller minus bare loop, wake-up latency in ns: median and p99.
     pub control: Option<[(&'static str, Difference); 2]>,
-}
-
-/// Where a cycle's time went, from the instant it was due until its setpoints were handed over.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Stages {
-    /// When, from the start of measuring.
-    pub at: Duration,
-    /// Until the thread ran.
-    pub wake: Duration,
-    /// Taking what had arrived.
-    pub receive: Duration,
-    /// The controller.
-    pub compute: Duration,
-    /// Handing over the burst.
-    pub send: Duration,
-}
-
-impl Stages {
-    /// All of them.
-    #[must_use]
-    pub fn total(&self) -> Duration {
-        self.wake + self.receive + self.compute + self.send
-    }
-
-    /// The longest stage's name.
-    #[must_use]
-    pub fn longest(&self) -> &'static str {
-        let stages = [
-            (self.wake, "wake-up"),
-            (self.receive, "receive"),
-            (self.compute, "compute"),
-            (self.send, "send"),
-        ];
-        stages
-            .iter()
-            .max_by_key(|(time, _)| *time)
-            .map_or("", |(_, name)| name)
-    }
 }
 
 /// Measures on a thread of its own.

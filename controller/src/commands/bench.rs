@@ -4,6 +4,7 @@ use super::{Exit, report};
 use crate::bench::cycle::{self, Outcome};
 use crate::bench::offline::{self, Throughput};
 use crate::bench::rig::Shape;
+use crate::bench::sync;
 use crate::realtime;
 use crate::report::Report;
 use crate::timing;
@@ -27,6 +28,7 @@ pub(super) struct Args {
 #[derive(Debug, Subcommand)]
 enum What {
     Cycle(CycleArgs),
+    Sync(SyncArgs),
     /// Simulated bus: how many cycles of frames a second
     Bus(OfflineArgs),
     /// Simulated drives: how many cycles of control loops and mechanics a second
@@ -74,6 +76,29 @@ struct CycleArgs {
     output: Output,
 }
 
+/// SYNC by the cycle's thread, then by the kernel's broadcast manager: how even, and whether it
+/// keeps to the clock.
+#[derive(Debug, ClapArgs)]
+struct SyncArgs {
+    /// A SocketCAN interface without drives on it
+    #[arg(long)]
+    bus: String,
+    /// SYNC to SYNC: 500us, 1ms, 2ms …
+    #[arg(long, default_value = "2ms", value_parser = duration)]
+    period: Duration,
+    /// How long to measure either source
+    #[arg(long, default_value = "20s", value_parser = duration)]
+    duration: Duration,
+    /// The core to run on
+    #[arg(long)]
+    core: Option<usize>,
+    /// SCHED_FIFO priority
+    #[arg(long, default_value_t = 80, value_parser = clap::value_parser!(u8).range(1..=99))]
+    priority: u8,
+    #[command(flatten)]
+    output: Output,
+}
+
 /// What a simulation is made of, as fast as the processor allows.
 #[derive(Debug, ClapArgs)]
 struct OfflineArgs {
@@ -109,6 +134,7 @@ impl Args {
     pub(super) fn execute(&self) -> Exit {
         match &self.what {
             What::Cycle(args) => args.execute(),
+            What::Sync(args) => args.execute(),
             What::Bus(args) => args.execute(offline::bus),
             What::Plant(args) => args.execute(offline::plant),
             What::Plan(args) => args.execute(offline::plan),
@@ -178,7 +204,6 @@ impl CycleArgs {
     }
 
     fn facts(&self, options: &cycle::Options, outcome: &Outcome) -> Vec<(String, String)> {
-        let worst = &outcome.worst;
         let mut facts = vec![
             ("axes".into(), self.axes.to_string()),
             (
@@ -197,18 +222,7 @@ impl CycleArgs {
             ("late wake-ups".into(), outcome.late.to_string()),
             ("late setpoints".into(), outcome.dropped.to_string()),
             ("preempted".into(), outcome.preempted.to_string()),
-            (
-                "worst cycle".into(),
-                format!(
-                    "at {:.3} s: wake-up {}, receive {}, compute {}, send {} us: {}",
-                    worst.at.as_secs_f64(),
-                    timing::micros(worst.wake),
-                    timing::micros(worst.receive),
-                    timing::micros(worst.compute),
-                    timing::micros(worst.send),
-                    worst.longest()
-                ),
-            ),
+            ("worst cycle".into(), outcome.worst.to_string()),
         ];
         for (name, difference) in outcome.control.iter().flatten() {
             facts.push((
@@ -258,7 +272,7 @@ fn cycle_json(facts: &[(String, String)], outcome: &Outcome) -> Value {
         "late_wakeups": outcome.late,
         "late_setpoints": outcome.dropped,
         "preempted": outcome.preempted,
-        "worst_stage": outcome.worst.longest(),
+        "worst_stage": outcome.worst.longest().name(),
         "realtime": granted.collect::<Vec<_>>(),
         "control": control,
         "distributions": distributions,
@@ -277,6 +291,62 @@ fn facts_json(facts: &[(String, String)]) -> Value {
 fn print_facts(facts: &[(String, String)]) {
     for (name, value) in facts {
         println!("{name:<26}{value}");
+    }
+}
+
+impl SyncArgs {
+    fn execute(&self) -> Exit {
+        let cycles = self.duration.as_nanos() / self.period.as_nanos().max(1);
+        let measured = sync::measure(&sync::Options {
+            interface: self.bus.clone(),
+            period: self.period,
+            cycles: cycles.clamp(1, u32::MAX.into()) as u32,
+            realtime: realtime::Settings {
+                priority: self.priority,
+                core: self.core,
+            },
+        });
+        let outcome = match measured {
+            Ok(outcome) => outcome,
+            Err(error) => {
+                report(&error);
+                return Exit::Stopped;
+            }
+        };
+        let sources = [outcome.thread, outcome.kernel];
+        let drifts = sources.each_ref().map(|source| source.drift);
+        let distributions = sources.map(|source| source.jitter);
+        let mut facts = vec![(
+            "period".to_owned(),
+            format!("{} us", timing::micros(self.period)),
+        )];
+        for (distribution, drift) in distributions.iter().zip(drifts) {
+            facts.push((
+                distribution.name().to_owned(),
+                format!("behind the clock by {drift:.1} ns a SYNC"),
+            ));
+        }
+        if self.output.json {
+            let [thread, kernel] = &distributions;
+            println!(
+                "{:#}",
+                json!({
+                    "facts": facts_json(&facts),
+                    "drift_ns": { "thread": drifts[0], "kernel": drifts[1] },
+                    "distributions": {
+                        "thread": thread.json(outcome.start),
+                        "kernel": kernel.json(outcome.start),
+                    },
+                })
+            );
+        } else {
+            print_facts(&facts);
+            println!("{}", outcome.granted);
+            for distribution in &distributions {
+                println!("{}", distribution.line(outcome.start));
+            }
+        }
+        self.output.write("bench sync", &facts, &distributions)
     }
 }
 

@@ -15,6 +15,7 @@ use crate::realtime;
 use crate::run::frames::SharedFrames;
 use crate::run::real_time::{Cycle, Link, Measured, News, Ports, Timing, late_after};
 use crate::run::recorder::{Recorder, Summary};
+use crate::timing::Stage;
 use crossbeam::channel::{self, Receiver};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::error::Error;
@@ -420,16 +421,35 @@ impl Run<'_> {
         print!("{summary}");
         let late = late_after(self.machine.cycle);
         println!(
-            "late cycles        {} wake-ups later than {:.3} ms",
+            "late cycles        {} wake-ups later than {:.3} ms{}",
             measured.late,
-            late.as_secs_f64() * 1e3
+            late.as_secs_f64() * 1e3,
+            causes(measured)
         );
+        println!("worst wake-up      {}", measured.worst);
         if measured.lost > 0 {
             println!("lost               {} rows or messages", measured.lost);
         }
         for distribution in measured.distributions() {
             println!("{}", distribution.line(measured.start));
         }
+    }
+}
+
+/// What made wake-ups late, as often as it did.
+fn causes(measured: &Measured) -> String {
+    let stages = Stage::ALL.into_iter().zip(measured.late_by);
+    let causes = stages.filter(|(_, count)| *count > 0);
+    let told: Vec<_> = causes
+        .map(|(stage, count)| match stage {
+            Stage::WakeUp => format!("{count} by the kernel"),
+            stage => format!("{count} by {} before", stage.name()),
+        })
+        .collect();
+    if told.is_empty() {
+        String::new()
+    } else {
+        format!(": {}", told.join(", "))
     }
 }
 

@@ -158,6 +158,11 @@ pub enum Fault {
         /// What it says.
         why: NotFollowing,
     },
+    /// Two devices share a drive's node id: two T_PDOs came to one SYNC, in two cycles in a row.
+    TwoNodes {
+        /// Which drive.
+        drive: DriveIndex,
+    },
     /// A drive's heartbeat stayed away.
     HeartbeatLost {
         /// Which drive.
@@ -398,6 +403,10 @@ impl Fault {
                 why,
             } => format!(
                 "{}: {why}, statusword {statusword}: check the drive's inputs and its error memory",
+                who(drive)
+            ),
+            Self::TwoNodes { drive } => format!(
+                "{}: two T_PDOs to one SYNC: another device has this node id, give it one of its own",
                 who(drive)
             ),
             Self::HeartbeatLost { drive } => {

@@ -32,6 +32,9 @@ pub(super) struct Node {
     /// SYNCs since the one that its last T_PDO answered; 0 if that was the last.
     age: u32,
     misses: u32,
+    /// Two T_PDOs came to this SYNC, and to the one before.
+    twice: bool,
+    was_twice: bool,
     /// Cycles in a row within the standstill window around `still_at`.
     still: u32,
     still_at: Increments,
@@ -55,6 +58,8 @@ impl Node {
             sampled: false,
             age: 1,
             misses: 0,
+            twice: false,
+            was_twice: false,
             still: 0,
             still_at: Increments::ZERO,
             controlword: Controlword::DISABLE_VOLTAGE,
@@ -122,7 +127,13 @@ impl Node {
                 self.actual = sample.position;
                 self.sampled = true;
                 if since.is_some_and(|sync| at >= sync) {
-                    self.age = 0;
+                    if std::mem::replace(&mut self.age, 0) == 0 {
+                        self.twice = true;
+                    }
+                    // Once may be a frame that was received twice.
+                    if self.twice && self.was_twice {
+                        return Err(Fault::TwoNodes { drive });
+                    }
                 }
             }
         } else if is(CobId::t_sdo(node)) {
@@ -220,6 +231,7 @@ impl Node {
     /// SYNC leaves: what came before it no longer counts.
     pub(super) fn on_sync(&mut self) {
         self.age = self.age.saturating_add(1);
+        self.was_twice = std::mem::take(&mut self.twice);
     }
 
     /// Whether the drive answers every SYNC and shows signs of life in Operational.

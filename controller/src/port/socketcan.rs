@@ -18,9 +18,10 @@ use socketcan::nl::CanState;
 use socketcan::{
     CanErrorFrame, CanFilter, CanFrame, CanInterface, CanSocket, Socket, SocketOptions,
 };
+use std::ffi::CString;
 use std::io;
 use std::mem::{size_of, zeroed};
-use std::os::fd::AsRawFd;
+use std::os::fd::{AsRawFd, FromRawFd, OwnedFd};
 use std::time::Duration;
 use syncline_canopen::{CanId, CobId, Frame, Instant};
 
@@ -376,6 +377,87 @@ impl Wire for DriveSocket {
             }
         }
         Ok(())
+    }
+}
+
+/// A frame that the kernel sends by itself, again and again, until this value goes.
+pub struct BroadcastManager {
+    _socket: OwnedFd,
+}
+
+/// `struct bcm_msg_head` with one frame (linux/can/bcm.h).
+#[repr(C)]
+struct BroadcastOrder {
+    opcode: u32,
+    flags: u32,
+    count: u32,
+    /// Between the first `count` frames.
+    first_interval: libc::timeval,
+    /// Between all others.
+    interval: libc::timeval,
+    can_id: u32,
+    frames: u32,
+    frame: can_frame,
+}
+
+impl BroadcastManager {
+    /// Sends `frame` now and then every `period`, which is rounded to microseconds.
+    ///
+    /// # Errors
+    /// The kernel has no broadcast manager, or does not know the interface.
+    pub fn start(interface: &str, frame: &Frame, period: Duration) -> Result<Self, PortError> {
+        const CAN_BCM: c_int = 2;
+        const TX_SETUP: u32 = 1;
+        const SETTIMER: u32 = 1;
+        const STARTTIMER: u32 = 2;
+        let fail = |doing: &str| PortError {
+            bus: interface.into(),
+            what: format!("{doing}: {}", io::Error::last_os_error()),
+        };
+        let modprobe = "cannot open the broadcast manager (`sudo modprobe can-bcm`)";
+        let name = CString::new(interface).unwrap_or_default();
+        let raw = to_raw(frame);
+        let order = BroadcastOrder {
+            opcode: TX_SETUP,
+            flags: SETTIMER | STARTTIMER,
+            count: 0,
+            first_interval: libc::timeval {
+                tv_sec: 0,
+                tv_usec: 0,
+            },
+            interval: libc::timeval {
+                tv_sec: period.as_secs() as libc::time_t,
+                tv_usec: period.subsec_micros().into(),
+            },
+            can_id: raw.can_id,
+            frames: 1,
+            frame: raw,
+        };
+        // SAFETY: the calls read a name with its zero, one sockaddr_can and one order, with their
+        // true sizes, all alive during the calls; sockaddr_can is plain data for which all zeroes
+        // is valid; the socket is owned by nobody else.
+        unsafe {
+            let socket = libc::socket(libc::PF_CAN, libc::SOCK_DGRAM | libc::SOCK_CLOEXEC, CAN_BCM);
+            if socket < 0 {
+                return Err(fail(modprobe));
+            }
+            let socket = OwnedFd::from_raw_fd(socket);
+            let mut address: libc::sockaddr_can = zeroed();
+            address.can_family = libc::AF_CAN as libc::sa_family_t;
+            address.can_ifindex = libc::if_nametoindex(name.as_ptr()) as c_int;
+            if address.can_ifindex == 0 {
+                return Err(fail("no such interface"));
+            }
+            let length = size_of::<libc::sockaddr_can>() as libc::socklen_t;
+            if libc::connect(socket.as_raw_fd(), (&raw const address).cast(), length) < 0 {
+                return Err(fail("cannot connect the broadcast manager"));
+            }
+            let length = size_of::<BroadcastOrder>();
+            if libc::write(socket.as_raw_fd(), (&raw const order).cast(), length) < 0 {
+                return Err(fail("the broadcast manager does not take the frame"));
+            }
+            Ok(Self { _socket: socket })
+        }
     }
 }
 

@@ -12,7 +12,7 @@ use crate::control::{Controller, Event, Instruction, Layout, Order, Phase, Row};
 use crate::port::{Port, PortError};
 use crate::program::{COORDINATES, Position};
 use crate::realtime::{self, Granted};
-use crate::timing::Distribution;
+use crate::timing::{Distribution, Stage, Stages};
 use rtrb::{Consumer, Producer, PushError, RingBuffer};
 use std::mem::replace;
 use std::sync::Arc;
@@ -74,6 +74,11 @@ pub struct Measured {
     pub compute: Distribution,
     /// Wake-ups later than [`late_after`].
     pub late: u64,
+    /// The same by what made them late, in the order of [`Stage::ALL`]: the kernel, or the longest
+    /// stage of the wake-up before, which was not over in time.
+    pub late_by: [u64; 4],
+    /// The wake-up that was over latest.
+    pub worst: Stages,
     /// News that nobody fetched in time.
     pub lost: u64,
     /// When the cycle began.
@@ -164,6 +169,8 @@ impl Cycle {
                 sync_jitter: Distribution::new("SYNC jitter"),
                 compute: Distribution::new("setpoint wake-up"),
                 late: 0,
+                late_by: [0; 4],
+                worst: Stages::default(),
                 lost: 0,
                 start: realtime::now(),
             },
@@ -189,6 +196,7 @@ impl Cycle {
         }
         let mut bus_failed = false;
         let mut last_sync = None;
+        let mut before = (Instant::ZERO, Stages::default());
         while let Some(next) = self.driver.controller.next_wake() {
             let due = next.at() + origin;
             realtime::sleep_until(due, self.timing.spin);
@@ -197,6 +205,13 @@ impl Cycle {
             self.measured.wake_up.record(late, woke);
             if late > late_after(self.period) {
                 self.measured.late += 1;
+                let (over, stages) = before;
+                let stage = if over > due {
+                    stages.longest()
+                } else {
+                    Stage::WakeUp
+                };
+                self.measured.late_by[stage as usize] += 1;
                 if self.timing.lockstep {
                     origin += late;
                 }
@@ -216,15 +231,34 @@ impl Cycle {
                     origin += self.take_plan(usize::MAX);
                 }
             }
+            let begun = realtime::now();
+            let collected = self.driver.collect(now).map(|_| ());
+            let received = realtime::now();
+            self.driver.compute(now);
+            let computed = realtime::now();
+            let sent = self.driver.send();
+            let over = realtime::now();
+            let stages = Stages {
+                at: woke.saturating_since(self.measured.start),
+                wake: late,
+                receive: received.saturating_since(begun),
+                compute: computed.saturating_since(received),
+                send: over.saturating_since(computed),
+            };
+            before = (over, stages);
+            if stages.total() > self.measured.worst.total() {
+                self.measured.worst = stages;
+            }
             // What fails once fails in every cycle until the end: the first time is news.
-            if let Err(error) = self.driver.step(now)
+            if let Err(error) = collected.and(sent)
                 && !replace(&mut bus_failed, true)
             {
                 self.tell(News::BusFailed(error));
             }
             if setpoints {
-                let took = realtime::now().saturating_since(woke);
-                self.measured.compute.record(took, woke);
+                self.measured
+                    .compute
+                    .record(over.saturating_since(woke), woke);
                 self.tell_all();
                 // Behind the setpoints, which nothing is to delay.
                 if !self.timing.lockstep {
