@@ -86,6 +86,9 @@ pub enum Event {
         /// How late it was.
         late: Duration,
     },
+    /// A part of the plan came too late: the plan before is followed, to rest if need be, until
+    /// there is a new one.
+    LatePlan,
     /// The program waits for a person.
     Paused {
         /// Program line.
@@ -248,6 +251,9 @@ impl Event {
                  bench cycle` tell why",
                 late.as_secs_f64() * 1e3
             ),
+            Self::LatePlan => "the plan came late, so the path slows down: this host is slow for \
+                               the program"
+                .to_owned(),
             Self::Paused { line, reason } => format!("line {line}: {reason}"),
             Self::Held => "held on the path".to_owned(),
             Self::Resumed => "going on".to_owned(),

@@ -211,8 +211,6 @@ pub enum Fault {
     },
     /// The program could not go on; its message is in the event log.
     Program,
-    /// A part of the plan came after the motion had gone past the point from where it applied.
-    LatePlan,
 }
 
 /// What a controlword asks a drive to reach.
@@ -458,9 +456,6 @@ impl Fault {
             Self::Program => {
                 "the program could not go on: see its message, mend it, start again".to_owned()
             }
-            Self::LatePlan => "the plan came too late to be followed: this host is too slow for \
-                               the program"
-                .to_owned(),
         }
     }
 }

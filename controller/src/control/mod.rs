@@ -155,6 +155,8 @@ pub struct Controller<const N: usize> {
     pause_told: bool,
     /// At rest until a person goes on.
     held: bool,
+    /// As told.
+    late_plans: u64,
     /// How the run ends once the plan has been executed.
     after_plan: Option<End>,
 }
@@ -198,6 +200,7 @@ impl<const N: usize> Controller<N> {
             pause: None,
             pause_told: false,
             held: false,
+            late_plans: 0,
             after_plan: None,
             layout,
         }

@@ -65,8 +65,13 @@ impl<const N: usize> Controller<N> {
                     self.await_all(Wanted::ModeStarted, Phase::Program, out)?;
                 }
             }
-            Phase::Program if self.executor.is_late() => return Err(Fault::LatePlan),
-            Phase::Program => self.step_program(),
+            Phase::Program => {
+                let late = self.executor.late_plans();
+                if std::mem::replace(&mut self.late_plans, late) < late {
+                    self.tell(Event::LatePlan);
+                }
+                self.step_program();
+            }
             Phase::Stop => {
                 let settled = self.in_position >= self.still_cycles();
                 let waited = self.timed_out(self.layout.state_timeout);

@@ -17,6 +17,9 @@ use std::time::Duration;
 const ROUNDING: f64 = 1e-9;
 /// Moves kept behind the setpoint's: the tool follows later than the setpoint.
 const BEHIND: u32 = 8;
+/// Stretches of the plan kept behind the setpoint's, for the same reason. Many short moves may be
+/// one stretch, under the tag of the last.
+const STRETCHES: usize = 3;
 
 /// The result of a run, as `--json` writes it.
 #[derive(Clone, Debug, Serialize)]
@@ -183,6 +186,8 @@ pub struct Recorder {
     line: u32,
     /// The move of the last row, and the distance at its first.
     tag: (u32, f64),
+    /// Of the last stretches, the newest first.
+    tags: [u32; STRETCHES],
     spindle: Spindle,
     coolant: Coolant,
     tool: u32,
@@ -234,6 +239,7 @@ impl Recorder {
             path: PathSummary::default(),
             line: 0,
             tag: (0, 0.0),
+            tags: [0; STRETCHES],
             spindle: Spindle::default(),
             coolant: Coolant::default(),
             tool: 0,
@@ -340,6 +346,8 @@ impl Recorder {
         let tag = row.plan.tag;
         if self.tag.0 != tag {
             self.tag = (tag, row.plan.distance);
+            self.tags.rotate_right(1);
+            self.tags[0] = tag;
         }
         let along = row.plan.distance - self.tag.1;
         while let Some(switch) = feeder.switched(tag, &row.plan.position, along) {
@@ -350,17 +358,29 @@ impl Recorder {
                 Switch::Output(line, output) => self.outputs.push_back((line, output)),
             }
         }
-        feeder.passed(tag.saturating_sub(BEHIND));
+        let last = self.tags.iter().fold(tag, |last, &of| last.max(of));
+        let first = self.tags.iter().fold(tag, |first, &of| first.min(of));
+        let first = first.min(tag.saturating_sub(BEHIND));
+        feeder.passed(first);
         let Some(motion) = feeder.motion(tag) else {
             return;
         };
         self.line = motion.line;
         let near = |point: &Position, good_enough: f64| {
             let mut nearest = f64::INFINITY;
-            let tags = (tag.saturating_sub(BEHIND)..=tag).rev().chain([tag + 1]);
-            for ProgramMove { curve, .. } in tags.filter_map(|tag| feeder.motion(tag)) {
-                nearest = nearest.min(distance(curve, point));
-                if nearest <= good_enough {
+            let mut farther = 0;
+            // Where this stretch passes into the next one it may be near to any move of that.
+            for tag in (first..=last).rev().chain(last + 1..) {
+                let Some(ProgramMove { curve, .. }) = feeder.motion(tag) else {
+                    if tag > last {
+                        break;
+                    }
+                    continue;
+                };
+                let away = distance(curve, point);
+                farther = if away < nearest { 0 } else { farther + 1 };
+                nearest = nearest.min(away);
+                if nearest <= good_enough || tag > last && farther > BEHIND {
                     break;
                 }
             }

@@ -74,6 +74,13 @@ struct Clock {
 
 /// A new plan takes over this long after the outlook that it was made for, s.
 const LEAD: f64 = 0.006;
+/// As [`LEAD`], for a planner that is slow, s.
+const LONGEST_LEAD: f64 = 0.5;
+/// [`LEAD`] in cycles.
+fn first_lead(period: f64) -> u64 {
+    ((LEAD / period) as u64).max(1)
+}
+
 /// Steps, and spans, for which there is room beyond what is asked for: those of a new plan that
 /// comes while the old one is complete.
 const RESERVE: usize = 2048;
@@ -120,7 +127,8 @@ pub struct Executor<const N: usize> {
     deaf: bool,
     /// In this cycle a new plan came too late.
     refused: Option<u64>,
-    late: bool,
+    /// How often a part of the plan came too late.
+    late: u64,
     /// When the first of `steps` began; meaningless when idle.
     began: Clock,
     /// The leg under way, or the last one, and the path distance from the beginning of everything
@@ -194,7 +202,7 @@ impl<const N: usize> Executor<N> {
         Executor {
             period,
             cycle: 0,
-            lead: ((LEAD / period) as u64).max(1),
+            lead: first_lead(period),
             limits: None,
             spans: VecDeque::new(),
             first_span: 0,
@@ -207,7 +215,7 @@ impl<const N: usize> Executor<N> {
             revision: 0,
             deaf: false,
             refused: None,
-            late: false,
+            late: 0,
             began: Clock {
                 cycle: 0,
                 offset: 0.0,
@@ -266,7 +274,7 @@ impl<const N: usize> Executor<N> {
     /// After [`stop`](Self::stop), and while the plan is to be replaced, commands are taken and
     /// dropped.
     pub fn accept(&mut self, command: Command<N>) -> bool {
-        if self.stopped || self.late {
+        if self.stopped {
             return true;
         }
         if self.room() == 0 {
@@ -313,7 +321,12 @@ impl<const N: usize> Executor<N> {
     fn commit(&mut self) {
         if let Some(cycle) = self.fresh.take() {
             if cycle < self.cycle {
-                // Too late: another one is asked for in the next cycle.
+                // Too late: another one is asked for in the next cycle, and from a planner that
+                // is slow further ahead. None was found where the cycle is 0.
+                if cycle > 0 {
+                    let most = (LONGEST_LEAD / self.period) as u64;
+                    self.lead = (2 * self.lead).min(most.max(self.lead));
+                }
                 self.revise();
                 self.refused = Some(self.cycle);
                 return;
@@ -321,6 +334,7 @@ impl<const N: usize> Executor<N> {
             let keep = self.cut(cycle);
             self.steps.drain(keep..self.committed);
             self.stop = Stop::No;
+            self.lead = first_lead(self.period);
             self.number = -(keep as i64);
             let under_way = keep.checked_sub(1).is_some_and(
                 |last| matches!(self.steps[last], Step::Piece(p) if p.at(p.duration).1 > 0.0),
@@ -335,8 +349,8 @@ impl<const N: usize> Executor<N> {
             // A step that has begun cannot be replaced any more.
             let keep = step as i64 - self.number;
             if keep <= 0 {
-                self.drop_uncommitted();
-                self.late = true;
+                self.late += 1;
+                self.revise();
                 return;
             }
             self.steps
@@ -348,9 +362,9 @@ impl<const N: usize> Executor<N> {
         self.committed_spans = self.first_span + self.spans.len() as u64;
     }
 
-    /// A part of the plan came after the path had gone past the point from where it applied. The
-    /// path comes to rest as planned before, and no more commands are taken.
-    pub fn is_late(&self) -> bool {
+    /// How often a part of the plan came after the path had gone past the point from where it
+    /// applied. The plan before is followed, which ends at rest, until a new one takes over.
+    pub fn late_plans(&self) -> u64 {
         self.late
     }
 
@@ -648,8 +662,7 @@ impl<const N: usize> Executor<N> {
     /// From where on the plan has to be replaced, if it has. What is handed in before that is done
     /// is dropped.
     pub fn outlook(&self) -> Option<Outlook> {
-        if !self.deaf || self.held || self.late || self.turns() || self.refused == Some(self.cycle)
-        {
+        if !self.deaf || self.held || self.turns() || self.refused == Some(self.cycle) {
             return None;
         }
         let cycle = self.cycle + self.lead;
