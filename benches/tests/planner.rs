@@ -1,12 +1,12 @@
 //! Short versions of the campaigns in `benches/benches`.
 
 use syncline_benches::campaign::{run, together};
-use syncline_benches::cases::{Case, Class, is_inside};
+use syncline_benches::cases::{Case, Class, Rng, is_inside};
 use syncline_benches::peer::{Peer, input};
 use syncline_benches::properties::{brute_force, lines, lowering, metamorphic, replanning};
 use syncline_trajectory::limits::Limits;
 use syncline_trajectory::profile::State;
-use syncline_trajectory::state_to_state::{Axis, plan};
+use syncline_trajectory::state_to_state::{Axis, plan, plan_again};
 use syncline_trajectory::verify;
 
 #[test]
@@ -47,6 +47,41 @@ fn durations_follow_scale_side_place_and_direction_of_time() {
 fn planning_again_on_the_way_to_rest_arrives_no_later() {
     let count = replanning(10_000, 14);
     assert_eq!(count.broken, 0, "{count:?}");
+}
+
+/// Where the target has a velocity, a plan that lasts longer than what is left is not changed to.
+#[test]
+fn planning_again_to_a_velocity_keeps_the_better_plan() {
+    let mut rng = Rng::new(18);
+    let mut longer = 0;
+    for _ in 0..20_000 {
+        let case = [Class::TargetVelocity, Class::Generic, Class::AtLimits][rng.below(3) as usize]
+            .draw(&mut rng);
+        let axis = Axis::new(case.start, case.target, case.limits);
+        let Ok(first) = plan(&axis, 0.0) else {
+            continue;
+        };
+        let (mut running, mut elapsed, mut arrival) = (first, 0.0, first.duration());
+        for _ in 0..10 {
+            elapsed += rng.log(1e-15, 0.3) * (running.duration() - elapsed);
+            let start = running.at(elapsed);
+            let anew = plan(&Axis { start, ..axis }, 0.0).unwrap().duration();
+            let left = running.duration() - elapsed;
+            longer += u32::from(anew > left * (1.0 + 1e-9));
+            if let Some(again) = plan_again(&running, elapsed, &axis).unwrap() {
+                arrival += again.duration() - left;
+                assert!(again.duration() < left);
+                (running, elapsed) = (again, 0.0);
+            }
+        }
+        assert!(arrival <= first.duration(), "{case:?}");
+        let (end, target) = (running.end(), case.target);
+        assert!(
+            (end.v - target.v).abs() < 1e-9 && (end.p - target.p).abs() < 1e-6,
+            "{case:?}"
+        );
+    }
+    assert!(longer > 0, "none that would have arrived later");
 }
 
 #[test]

@@ -161,6 +161,26 @@ pub fn plan(axis: &Axis, min_duration: f64) -> Result<Profile, PlanError> {
     Ok(route.profile(&course))
 }
 
+/// Plans again from `elapsed` s into a `running` plan to the target and inside the limits of `axis`,
+/// which are those of the running plan; where `axis` starts does not count. The new plan, if it
+/// arrives earlier than the running one; `None` if that one is to be kept.
+///
+/// With a velocity at the target the shortest duration jumps between states that differ by a
+/// rounding, so that a new plan may last longer than what is left of the old one.
+///
+/// # Errors
+/// As [`plan`].
+pub fn plan_again(
+    running: &Profile,
+    elapsed: f64,
+    axis: &Axis,
+) -> Result<Option<Profile>, PlanError> {
+    let start = running.at(elapsed);
+    let again = plan(&Axis { start, ..*axis }, 0.0)?;
+    let left = running.duration() - elapsed;
+    Ok((again.duration() < left).then_some(again))
+}
+
 pub(crate) fn check_duration(min_duration: f64) -> Result<(), PlanError> {
     let sound = min_duration >= 0.0 && min_duration.is_finite();
     if sound {
