@@ -70,7 +70,9 @@ impl Events {
         let mut events = VecDeque::new();
         let mut before = 0.0;
         let header = |line: &str| line.split(',').map(str::trim).eq(["t_s", "event", "value"]);
-        for (index, line) in text.lines().enumerate() {
+        // An empty file has no header either.
+        let lines = text.lines().chain(text.is_empty().then_some(""));
+        for (index, line) in lines.enumerate() {
             let refuse = |column: usize, problem: String| EventsError::Line {
                 file: file.to_owned(),
                 line: index + 1,
