@@ -139,7 +139,7 @@ fn digest(machine: &Path, program: &Path, arguments: &[&str]) -> String {
 #[test]
 fn the_tool_ends_where_the_program_says_to_an_increment() {
     let folder = Folder::new();
-    let inch = "G20 G91 G1 X1.23456789 Y2 Z-0.1 F600\nG90 G21 G2 X110 Y90 R100\nM2\n";
+    let inch = "G0 X0 Y0 Z0\nG20 G91 G1 X1.23456789 Y2 Z-0.1 F600\nG90 G21 G2 X110 Y90 R100\nM2\n";
     for (name, to, program) in [
         (
             "portal",
