@@ -68,6 +68,8 @@ pub struct Outcome {
     pub dropped: u64,
     /// Cycles left out of the compute times since the processor was taken away in them.
     pub preempted: u64,
+    /// Processor time of the cycle's thread while measuring.
+    pub processor: Duration,
     /// The cycle whose setpoints were ready latest.
     pub worst: Stages,
     /// Controller minus bare loop, wake-up latency in ns: median and p99.
@@ -178,6 +180,7 @@ struct Record {
     /// Late setpoints before measuring began.
     dropped_before: u64,
     preempted: u64,
+    processor_before: Duration,
     worst: Stages,
 }
 
@@ -207,6 +210,7 @@ impl Record {
             late: 0,
             dropped_before: 0,
             preempted: 0,
+            processor_before: Duration::ZERO,
             worst: Stages::default(),
         }
     }
@@ -261,6 +265,7 @@ impl<const N: usize> Cycle<N> {
     fn run(mut self, mut record: Record) -> Result<Outcome, PortError> {
         self.bring_up()?;
         record.start = realtime::now();
+        record.processor_before = realtime::thread_time();
         record.dropped_before = self.driver.controller.late_setpoints();
         for _ in 0..self.options.cycles {
             let sync_at = self.sync(&mut record)?;
@@ -416,6 +421,7 @@ impl<const N: usize> Cycle<N> {
     }
 
     fn outcome(self, record: Record) -> Outcome {
+        let processor = realtime::thread_time().saturating_sub(record.processor_before);
         let control = self.options.control.then(|| {
             let difference = |quantile| quantile_difference(&record.ours, &record.theirs, quantile);
             Some([("median", difference(0.5)?), ("p99", difference(0.99)?)])
@@ -443,6 +449,7 @@ impl<const N: usize> Cycle<N> {
             late: record.late,
             dropped: self.driver.controller.late_setpoints() - record.dropped_before,
             preempted: record.preempted,
+            processor,
             worst: record.worst,
             control: control.flatten(),
         }

@@ -48,9 +48,12 @@ struct CycleArgs {
     /// `sim`, or SocketCAN interfaces without drives on them, one for each bus: vcan0,vcan1
     #[arg(long, default_value = "sim", value_delimiter = ',')]
     bus: Vec<String>,
-    /// Axes, 1…64, spread over as few simulated buses as take them
+    /// Axes, 1…64
     #[arg(long, default_value_t = 4, value_parser = clap::value_parser!(u8).range(1..=64))]
     axes: u8,
+    /// Simulated buses to spread the axes over; as few as take them if not given
+    #[arg(long, value_parser = clap::value_parser!(u8).range(1..=64), conflicts_with = "bus")]
+    buses: Option<u8>,
     /// SYNC to SYNC: 500us, 1ms, 2ms …
     #[arg(long, default_value = "2ms", value_parser = duration)]
     period: Duration,
@@ -150,15 +153,20 @@ impl CycleArgs {
         } else {
             self.bus.clone()
         };
-        let shape = if interfaces.is_empty() {
-            Shape::on_fewest_buses(axes, self.period)
-        } else {
-            let shape = Shape {
-                axes,
-                buses: interfaces.len().min(axes),
-                period: self.period,
-            };
-            shape.check().map(|()| shape)
+        let buses = match interfaces.len() {
+            0 => self.buses.map(usize::from),
+            given => Some(given),
+        };
+        let shape = match buses {
+            None => Shape::on_fewest_buses(axes, self.period),
+            Some(buses) => {
+                let shape = Shape {
+                    axes,
+                    buses: buses.min(axes),
+                    period: self.period,
+                };
+                shape.check().map(|()| shape)
+            }
         };
         let shape = match shape {
             Ok(shape) => shape,
@@ -222,6 +230,7 @@ impl CycleArgs {
             ("late wake-ups".into(), outcome.late.to_string()),
             ("late setpoints".into(), outcome.dropped.to_string()),
             ("preempted".into(), outcome.preempted.to_string()),
+            ("processor".into(), processor(options, outcome)),
             ("worst cycle".into(), outcome.worst.to_string()),
         ];
         for (name, difference) in outcome.control.iter().flatten() {
@@ -237,6 +246,18 @@ impl CycleArgs {
         }
         facts
     }
+}
+
+/// How much of one core the cycle's thread took.
+fn processor(options: &cycle::Options, outcome: &Outcome) -> String {
+    let time = options.shape.period.as_secs_f64() * outcome.cycles as f64;
+    let share = 100.0 * outcome.processor.as_secs_f64() / time;
+    let with = if options.interfaces.is_empty() {
+        ", simulated buses and drives included"
+    } else {
+        ""
+    };
+    format!("{share:.1} % of one core{with}")
 }
 
 fn cycle_json(facts: &[(String, String)], outcome: &Outcome) -> Value {
@@ -272,6 +293,7 @@ fn cycle_json(facts: &[(String, String)], outcome: &Outcome) -> Value {
         "late_wakeups": outcome.late,
         "late_setpoints": outcome.dropped,
         "preempted": outcome.preempted,
+        "processor_s": outcome.processor.as_secs_f64(),
         "worst_stage": outcome.worst.longest().name(),
         "realtime": granted.collect::<Vec<_>>(),
         "control": control,
