@@ -2,19 +2,22 @@
 
 use crate::bus_log::{BusLog, LogFile};
 use crate::machine::Machine;
+use crate::port::sim::Observer;
 use crate::port::url::{BusUrl, End};
 use crate::port::wire::Wire;
 use crate::port::{PortError, url};
 use crate::realtime;
 use crate::run::frames::{SharedFrames, VIRTUAL_ORIGIN};
+use rtrb::RingBuffer;
 use std::error::Error;
 use std::fs::File;
 use std::io::{self, BufWriter};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
+use syncline_drives::bus::Transmission;
 
 /// Where frames go.
 #[derive(Debug, clap::Args)]
@@ -77,6 +80,7 @@ impl LogFiles {
         let Some(log) = self.of_machine(machine)? else {
             return Ok(listeners);
         };
+        listeners.logs = true;
         let mut wires = Vec::new();
         for (bus, spec) in machine.buses.iter().enumerate() {
             if spec.port != url::SIM {
@@ -101,9 +105,14 @@ impl LogFiles {
 /// How long a listener waits at a time, and for the last frames.
 const LISTEN: Duration = Duration::from_millis(20);
 
+/// Frames of a simulated bus on their way to its listener.
+const OVERHEARD: usize = 4096;
+
 /// Threads that write what buses carry into a machine's log, until this value goes.
 #[derive(Default)]
 pub(super) struct Listeners {
+    /// There is a log.
+    logs: bool,
     stop: Arc<AtomicBool>,
     threads: Vec<JoinHandle<()>>,
 }
@@ -127,12 +136,46 @@ impl Listeners {
             }
             Ok(())
         };
-        let thread = thread::Builder::new().name("listener".into());
-        self.threads.push(thread.spawn(move || {
+        self.spawn(move || {
             if let Err(error) = listen(&frames) {
                 frames.fail(io::Error::other(error));
             }
-        })?);
+        })
+    }
+
+    /// What sees the frames of a simulated bus beside real ones: there the cycle waits for nobody,
+    /// and only hands them to a listener.
+    pub(super) fn overhear(&mut self, bus: usize, frames: SharedFrames) -> io::Result<Observer> {
+        if !self.logs {
+            return Ok(Box::new(|_| ()));
+        }
+        let (mut tell, mut hear) = RingBuffer::<Transmission>::new(OVERHEARD);
+        let missed = Arc::new(AtomicU64::new(0));
+        let (stop, lost) = (Arc::clone(&self.stop), Arc::clone(&missed));
+        self.spawn(move || {
+            let mut last = false;
+            while !last {
+                last = stop.load(Ordering::Relaxed);
+                while let Ok(frame) = hear.pop() {
+                    frames.heard(bus, frame.end, &frame.frame);
+                }
+                let lost = lost.load(Ordering::Relaxed);
+                if lost > 0 {
+                    frames.fail(io::Error::other(format!("{lost} frames came too fast")));
+                }
+                thread::sleep(LISTEN);
+            }
+        })?;
+        Ok(Box::new(move |frame| {
+            if tell.push(*frame).is_err() {
+                missed.fetch_add(1, Ordering::Relaxed);
+            }
+        }))
+    }
+
+    fn spawn(&mut self, listen: impl FnOnce() + Send + 'static) -> io::Result<()> {
+        let thread = thread::Builder::new().name("listener".into());
+        self.threads.push(thread.spawn(listen)?);
         Ok(())
     }
 }

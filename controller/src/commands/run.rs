@@ -9,7 +9,8 @@ use super::{Exit, bad_input, report};
 use crate::control::{Controller, End, Event, Layout, Order};
 use crate::gcode::Tables;
 use crate::machine::Machine;
-use crate::port::{self, PortError, url};
+use crate::port::sim::Observer;
+use crate::port::{self, url};
 use crate::program::{Beginning, COORDINATES, Extent, Feeder, Program};
 use crate::realtime;
 use crate::run::frames::SharedFrames;
@@ -125,12 +126,23 @@ impl Args {
             confirm(&beginning)?;
         }
         let frames = SharedFrames::new(&machine);
-        let listeners = self.log.record(&machine, &frames)?;
-        let ports = (0..machine.buses.len())
-            .map(|bus| port::open(&machine, bus, self.seed, frames.observer(bus)))
-            .collect::<Result<Ports, PortError>>()?;
+        let mut listeners = self.log.record(&machine, &frames)?;
+        let mut ports = Ports::new();
+        for bus in 0..machine.buses.len() {
+            let observer: Observer = if lockstep(&machine) {
+                Box::new(frames.observer(bus))
+            } else {
+                listeners.overhear(bus, frames.clone())?
+            };
+            ports.push(port::open(&machine, bus, self.seed, observer)?);
+        }
         Ok((machine, layout, program, extent, ports, frames, listeners))
     }
+}
+
+/// Whether every bus is simulated: their time goes with the cycle.
+fn lockstep(machine: &Machine) -> bool {
+    machine.buses.iter().all(|bus| bus.port == url::SIM)
 }
 
 /// Asks whether the program is to begin in the middle.
@@ -208,7 +220,7 @@ impl Person {
 
 impl Run<'_> {
     fn execute(self, ports: Ports) -> Result<Exit, Box<dyn Error>> {
-        let lockstep = self.machine.buses.iter().all(|bus| bus.port == url::SIM);
+        let lockstep = lockstep(self.machine);
         let timing = Timing {
             settings: realtime::Settings {
                 priority: self.args.priority,

@@ -6,13 +6,16 @@ use syncline_canopen::{Frame, Instant, NodeId};
 use syncline_drives::bus::{Band, BitRate, SimBus, Transmission};
 use syncline_drives::twin::lxm32m::{Twin, TwinConfig};
 
+/// What sees every frame of a simulated bus, in bus order.
+pub type Observer = Box<dyn FnMut(&Transmission) + Send>;
+
 /// A bus of the machine with a twin for each of its drives. Its time is what
 /// [`Port::advance_to`] says; its drives are switched on when that is called first.
 pub struct SimPort {
     bus: SimBus<Twin>,
     /// When they were: the bus's own time begins at zero.
     origin: Option<Instant>,
-    observer: Box<dyn FnMut(&Transmission) + Send>,
+    observer: Observer,
 }
 
 impl SimPort {

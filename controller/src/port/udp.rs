@@ -162,13 +162,20 @@ impl Wire for Group {
     }
 
     fn send(&mut self, frames: &mut Vec<Frame>) -> Result<(), PortError> {
-        for frame in frames.drain(..) {
-            encode(&frame)
-                .map_err(io::Error::other)
-                .and_then(|bytes| self.sending.send_to(&bytes, self.to))
-                .map_err(|error| self.fail("sending", &error))?;
+        let mut sent = 0;
+        let outcome: io::Result<()> = frames.iter().try_for_each(|frame| {
+            let bytes = encode(frame).map_err(io::Error::other)?;
+            self.sending.send_to(&bytes, self.to)?;
+            sent += 1;
+            Ok(())
+        });
+        frames.drain(..sent);
+        match outcome {
+            Err(error) if error.kind() != io::ErrorKind::WouldBlock => {
+                Err(self.fail("sending", &error))
+            }
+            _ => Ok(()),
         }
-        Ok(())
     }
 }
 
@@ -198,6 +205,7 @@ fn receiving_socket(group: IpAddr, port: u16, index: u32) -> io::Result<UdpSocke
 
 fn sending_socket(group: IpAddr, interface: &str) -> io::Result<UdpSocket> {
     let socket = Socket::new(domain(group), Type::DGRAM, Some(Protocol::UDP))?;
+    socket.set_nonblocking(true)?;
     // IP_MULTICAST_IF names an IPv4 interface by its address, which it may not have.
     socket.bind_device(Some(interface.as_bytes()))?;
     match group {
