@@ -14,6 +14,7 @@ pub mod url;
 pub mod wire;
 
 use crate::machine::Machine;
+use bus_fault::BusFault;
 use sim::SimPort;
 use socketcan::SocketCan;
 use syncline_canopen::{CobId, Frame, Instant, Transmit};
@@ -131,6 +132,11 @@ pub trait Port {
     /// The interface is gone or reports a bus fault.
     fn receive(&mut self, sink: &mut dyn FnMut(Received)) -> Result<(), PortError>;
 
+    /// The worst that the adapter has reported since the last call although the bus can be used on.
+    fn condition(&mut self) -> Option<BusFault> {
+        None
+    }
+
     /// Sends SYNC ahead of everything else.
     ///
     /// # Errors
@@ -162,6 +168,10 @@ impl<P: Port + ?Sized> Port for Box<P> {
 
     fn receive(&mut self, sink: &mut dyn FnMut(Received)) -> Result<(), PortError> {
         (**self).receive(sink)
+    }
+
+    fn condition(&mut self) -> Option<BusFault> {
+        (**self).condition()
     }
 
     fn send_sync(&mut self, frame: &Frame) -> Result<(), PortError> {

@@ -230,6 +230,36 @@ fn what_differs_is_told_with_its_place() {
     }
 }
 
+#[test]
+fn a_run_on_two_buses_is_sent_again() {
+    let recorded = Recorded::new();
+    let mut text = fs::read_to_string(&recorded.machine).unwrap();
+    // Another bit rate: the ends of frames do not fall together.
+    let second = "[[bus]]\nname = \"second\"\nbitrate = 500_000\nport = \"sim\"\n\n[[drive]]";
+    text = text.replacen("[[drive]]", second, 1);
+    for drive in ["Y", "Z"] {
+        let named = format!("name = \"{drive}\"\nbus = ");
+        assert!(text.contains(&named));
+        text = text.replace(&format!("{named}\"portal\""), &format!("{named}\"second\""));
+    }
+    fs::write(&recorded.machine, text).unwrap();
+    let (code, text) = ended(&recorded.command("validate").output().unwrap());
+    assert_eq!(code, 0, "{text}");
+    assert_same(&recorded, "program finished");
+
+    let (code, text) = recorded.replay_with(|lines| {
+        let mut setpoints = lines
+            .iter_mut()
+            .filter(|line| line.contains(" second 304#"));
+        let line = setpoints.nth(400).unwrap();
+        let last = line.pop().unwrap();
+        line.push(if last == '0' { '1' } else { '0' });
+    });
+    assert_eq!(code, 1, "{text}");
+    assert!(text.contains(", bus second, cycle "), "{text}");
+    assert!(text.contains("the log has      304#"), "{text}");
+}
+
 /// Persons go on when they like, and break off in mid-motion.
 #[test]
 fn a_run_with_pauses_and_an_interruption_is_sent_again() {

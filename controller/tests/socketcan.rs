@@ -5,6 +5,7 @@ use socketcan::{CanSocket, EmbeddedFrame, Frame as _, Socket, StandardId};
 use std::process::Command;
 use std::time::Duration;
 use syncline_canopen::{CobId, Frame, NodeId};
+use syncline_controller::port::bus_fault::BusFault;
 use syncline_controller::port::socketcan::{Options, SocketCan, StampSource};
 use syncline_controller::port::{Burst, Port, Received};
 use syncline_controller::realtime;
@@ -151,6 +152,49 @@ fn an_interface_that_goes_down_is_an_error_that_names_it() {
     ip("link set vcan3 up");
     port.receive(&mut |_| ()).unwrap();
     assert_eq!(port.send_burst(&burst(1)).unwrap(), Burst::Queued);
+}
+
+/// Error frames as an adapter's driver hands them over.
+#[test]
+#[ignore = "needs SocketCAN and root: tests/vm/suite"]
+fn error_frames_are_counted_told_or_the_end() {
+    let vcan = Vcan::new("vcan6");
+    let mut port = SocketCan::open(vcan.0, &options(1)).unwrap();
+    let adapter = CanSocket::open(vcan.0).unwrap();
+    let report = |class, data: &[u8]| {
+        let error = socketcan::CanErrorFrame::new_error(class, data).unwrap();
+        adapter.write_frame(&error).unwrap();
+        std::thread::sleep(Duration::from_millis(20));
+    };
+    // Arbitration lost in bit 7; the transmit error counter beyond 96, beyond 127.
+    report(0x02, &[7]);
+    assert_eq!(receive(&mut port), []);
+    assert_eq!(port.condition(), None);
+    report(0x04, &[0, 0x08]);
+    assert_eq!(receive(&mut port), []);
+    assert_eq!(port.condition(), Some(BusFault::ErrorWarning));
+    assert_eq!(port.condition(), None, "told once");
+    report(0x04, &[0, 0x08]);
+    report(0x04, &[0, 0x20]);
+    assert_eq!(receive(&mut port), []);
+    assert_eq!(port.condition(), Some(BusFault::ErrorPassive));
+    report(0x40, &[]);
+    let text = port.receive(&mut |_| ()).unwrap_err().to_string();
+    assert!(
+        text.starts_with("bus vcan6: bus off, check cable")
+            && text.ends_with("`sudo ip link set vcan6 type can restart`"),
+        "{text}"
+    );
+    let seen: Vec<_> = port.faults().seen().collect();
+    assert_eq!(
+        seen,
+        [
+            (BusFault::BusOff, 1),
+            (BusFault::ErrorPassive, 1),
+            (BusFault::ErrorWarning, 2),
+            (BusFault::ArbitrationLost, 1)
+        ]
+    );
 }
 
 /// While frames wait to leave, a second burst behind the first is dropped whole; once the first

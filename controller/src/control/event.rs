@@ -1,6 +1,7 @@
 //! What the controller has to tell, as plain numbers; the text is made outside of the cycle.
 
 use super::fault::{AxisIndex, BusIndex, DriveIndex, Fault, Names};
+use crate::port::bus_fault::BusFault;
 use std::fmt;
 use std::time::Duration;
 use syncline_canopen::sdo::AbortCode;
@@ -85,6 +86,13 @@ pub enum Event {
         lost: u64,
         /// How late it was.
         late: Duration,
+    },
+    /// The adapter of a bus reported something that the bus can be used on with.
+    BusWarning {
+        /// Which bus.
+        bus: BusIndex,
+        /// What.
+        fault: BusFault,
     },
     /// A part of the plan came too late: the plan before is followed, to rest if need be, until
     /// there is a new one.
@@ -251,6 +259,12 @@ impl Event {
                  bench cycle` tell why",
                 late.as_secs_f64() * 1e3
             ),
+            Self::BusWarning { bus, fault } => {
+                format!(
+                    "bus {}: {fault}: check cable, termination and bit rate",
+                    names.bus(bus)
+                )
+            }
             Self::LatePlan => "the plan came late, so the path slows down: this host is slow for \
                                the program"
                 .to_owned(),

@@ -199,6 +199,11 @@ pub enum Fault {
         /// Which bus.
         bus: BusIndex,
     },
+    /// The adapter of a bus counted so many errors that it may soon leave the bus.
+    BusErrorPassive {
+        /// Which bus.
+        bus: BusIndex,
+    },
     /// The interface of a bus failed; its message is in the event log.
     BusFailed {
         /// Which bus.
@@ -445,8 +450,13 @@ impl Fault {
                  for the transmit queue",
                 names.bus(bus)
             ),
+            Self::BusErrorPassive { bus } => format!(
+                "bus {}: error passive, more than 127 errors: check cable, termination and bit rate",
+                names.bus(bus)
+            ),
             Self::BusFailed { bus } => format!(
-                "bus {}: the interface failed: mend what its message says, start again",
+                "bus {}: the interface failed, drives out of reach stop by lost heartbeat: mend what \
+                 its message says, start again",
                 names.bus(bus)
             ),
             Self::LateWakeUp { late_ns } => format!(

@@ -32,6 +32,7 @@ pub use fault::Fault;
 pub use layout::Layout;
 pub use order::Order;
 
+use crate::port::bus_fault::{BusFault, Reaction};
 use crate::port::{Burst, Outbox, Received};
 use axis::Axis;
 use fault::BusIndex;
@@ -131,6 +132,8 @@ pub struct Controller<const N: usize> {
     sync_sent: Option<Instant>,
     heartbeat_due: Instant,
     lateness: Vec<Lateness>,
+    /// By bus: it failed, and no drive has been heard on it since.
+    lost: Vec<bool>,
     /// By bus: the drive whose turn it is to use the acyclic room.
     turn: Vec<usize>,
 
@@ -185,6 +188,7 @@ impl<const N: usize> Controller<N> {
             sync_sent: None,
             heartbeat_due: start,
             lateness: (0..layout.buses.len()).map(Lateness::new).collect(),
+            lost: vec![false; layout.buses.len()],
             turn: vec![0; layout.buses.len()],
             phase: Phase::Survey,
             phase_cycle: 0,
@@ -328,6 +332,7 @@ impl<const N: usize> Controller<N> {
             }
             return;
         }
+        self.lost[bus] = false;
         let mut events = event_sink(&mut self.events);
         let outcome = node.receive(*at, frame, self.sync_sent, &mut events);
         drop(events);
@@ -366,7 +371,16 @@ impl<const N: usize> Controller<N> {
 
     /// A bus' interface failed.
     pub fn bus_failed(&mut self, bus: BusIndex) {
+        self.lost[bus] = true;
         self.fail(Fault::BusFailed { bus });
+    }
+
+    /// The adapter of a bus reported something although the bus can be used on.
+    pub fn bus_reports(&mut self, bus: BusIndex, fault: BusFault) {
+        match fault.reaction() {
+            Reaction::Stop => self.fail(Fault::BusErrorPassive { bus }),
+            _ => self.tell(Event::BusWarning { bus, fault }),
+        }
     }
 
     /// Before the program the setpoints stand still and answers to SDO requests may be in their

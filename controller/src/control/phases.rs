@@ -130,7 +130,7 @@ impl<const N: usize> Controller<N> {
             }
             Phase::Program => self.mode_cycle = self.cycle + 1,
             Phase::Stop => self.executor.stop(),
-            Phase::Release => self.ask(Node::ask_release),
+            Phase::Release => self.ask_release(),
             Phase::PreOperational => self.send_nmt(nmt::Command::EnterPreOperational, out),
             Phase::Done => self.sync_on = false,
         }
@@ -209,6 +209,17 @@ impl<const N: usize> Controller<N> {
     /// Goes on once every drive reports `wanted`; one that does not in time is a fault.
     fn await_all(&mut self, wanted: Wanted, next: Phase, out: &mut [Outbox]) -> Result<(), Fault> {
         let missing = self.nodes.iter().position(|node| !node.has_reached(wanted));
+        self.go_on_without(missing, wanted, next, out)
+    }
+
+    /// Goes on if no drive is `missing`; if one is for too long, that is a fault.
+    fn go_on_without(
+        &mut self,
+        missing: Option<usize>,
+        wanted: Wanted,
+        next: Phase,
+        out: &mut [Outbox],
+    ) -> Result<(), Fault> {
         match missing {
             None => {
                 let seen = self.cycle >= self.phase_cycle + COMMAND_CYCLES;
@@ -224,9 +235,13 @@ impl<const N: usize> Controller<N> {
         }
     }
 
-    /// On the way down: as [`Self::await_all`], but goes on in any case.
+    /// On the way down: as [`Self::await_all`], but goes on in any case, and waits for nobody out of
+    /// reach.
     fn await_some(&mut self, wanted: Wanted, next: Phase, out: &mut [Outbox]) {
-        if let Err(fault) = self.await_all(wanted, next, out) {
+        let awaited =
+            |drive: usize| self.is_in_reach(drive) && !self.nodes[drive].has_reached(wanted);
+        let missing = (0..self.nodes.len()).find(|&drive| awaited(drive));
+        if let Err(fault) = self.go_on_without(missing, wanted, next, out) {
             // Told even where it is not the first one: this drive may still be enabled.
             if self.is_faulty() {
                 self.tell(Event::Fault(fault));
@@ -251,7 +266,21 @@ impl<const N: usize> Controller<N> {
     }
 
     fn scripts_done(&self) -> bool {
-        self.nodes.iter().all(Node::is_script_done)
+        let mut drives = (0..self.nodes.len()).filter(|&drive| self.is_in_reach(drive));
+        drives.all(|drive| self.nodes[drive].is_script_done())
+    }
+
+    /// Whether the drive's bus carries frames.
+    fn is_in_reach(&self, drive: usize) -> bool {
+        !self.lost[self.layout.drives[drive].bus]
+    }
+
+    fn ask_release(&mut self) {
+        for drive in 0..self.nodes.len() {
+            if self.is_in_reach(drive) {
+                self.nodes[drive].ask_release();
+            }
+        }
     }
 
     fn ask(&mut self, what: impl Fn(&mut Node)) {

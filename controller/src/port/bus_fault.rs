@@ -33,8 +33,14 @@ pub enum BusFault {
 pub enum Reaction {
     /// Counted; what it costs shows as a late setpoint or a missing T_PDO.
     Count,
-    /// The bus cannot be relied on any longer: a coordinated stop.
+    /// Counted and told.
+    Warn,
+    /// The bus still carries frames, and may not for long: a coordinated stop, and all drives are
+    /// disabled in order.
     Stop,
+    /// The bus carries nothing, or what was queued is lost: the interface failed. A coordinated
+    /// stop; drives that cannot be reached any longer are not waited for.
+    Lose,
 }
 
 impl BusFault {
@@ -56,11 +62,10 @@ impl BusFault {
     #[must_use]
     pub const fn reaction(self) -> Reaction {
         match self {
-            Self::BusOff | Self::ErrorPassive | Self::TransmitTimeout | Self::Restarted => {
-                Reaction::Stop
-            }
-            Self::ErrorWarning
-            | Self::ReceiveOverrun
+            Self::BusOff | Self::TransmitTimeout | Self::Restarted => Reaction::Lose,
+            Self::ErrorPassive => Reaction::Stop,
+            Self::ErrorWarning => Reaction::Warn,
+            Self::ReceiveOverrun
             | Self::TransmitOverrun
             | Self::NoAcknowledge
             | Self::ArbitrationLost
@@ -172,7 +177,9 @@ mod tests {
         for (class, data, faults) in cases {
             assert_eq!(decode(class, data), faults, "{class:03X} {data:02X?}");
         }
-        assert_eq!(BusFault::BusOff.reaction(), Reaction::Stop);
+        assert_eq!(BusFault::BusOff.reaction(), Reaction::Lose);
+        assert_eq!(BusFault::ErrorPassive.reaction(), Reaction::Stop);
+        assert_eq!(BusFault::ErrorWarning.reaction(), Reaction::Warn);
         assert_eq!(BusFault::ArbitrationLost.reaction(), Reaction::Count);
     }
 

@@ -72,6 +72,8 @@ pub struct SocketCan {
     /// SYNCs that have not come back to the receiving socket.
     syncs_waiting: usize,
     faults: FaultCounts,
+    /// The worst that was reported and lets the bus be used on, until it is asked for.
+    condition: Option<BusFault>,
     /// Frames that the socket had no room for, as the kernel last told it.
     overruns: u32,
     stamps: StampSource,
@@ -117,6 +119,7 @@ impl SocketCan {
             waiting: 0,
             syncs_waiting: 0,
             faults: FaultCounts::default(),
+            condition: None,
             overruns: 0,
             stamps,
             notes,
@@ -154,7 +157,15 @@ impl SocketCan {
         }
         match fault.reaction() {
             Reaction::Count => Ok(()),
-            Reaction::Stop => Err(PortError {
+            Reaction::Warn => {
+                self.condition.get_or_insert(fault);
+                Ok(())
+            }
+            Reaction::Stop => {
+                self.condition = Some(fault);
+                Ok(())
+            }
+            Reaction::Lose => Err(PortError {
                 bus: self.name.clone(),
                 what: fault.to_string().replace("DEV", &self.name),
             }),
@@ -180,6 +191,10 @@ impl SocketCan {
 impl Port for SocketCan {
     fn echoes(&self) -> bool {
         true
+    }
+
+    fn condition(&mut self) -> Option<BusFault> {
+        self.condition.take()
     }
 
     fn receive(&mut self, sink: &mut dyn FnMut(Received)) -> Result<(), PortError> {
@@ -594,7 +609,9 @@ fn transmit_queue(interface: &str, socket: &CanSocket, set: Option<usize>) -> io
     }
 }
 
-fn to_raw(frame: &Frame) -> can_frame {
+/// A frame as the kernel has it.
+#[must_use]
+pub fn to_raw(frame: &Frame) -> can_frame {
     // SAFETY: can_frame is plain data for which all zeroes is valid.
     let mut raw: can_frame = unsafe { zeroed() };
     raw.can_id = match frame.id() {
@@ -609,8 +626,9 @@ fn to_raw(frame: &Frame) -> can_frame {
     raw
 }
 
-/// `None` for what the kernel could not have sent.
-fn from_raw(raw: &can_frame) -> Option<Frame> {
+/// The frame that the kernel hands over; `None` for what it could not have sent.
+#[must_use]
+pub fn from_raw(raw: &can_frame) -> Option<Frame> {
     let id = if raw.can_id & libc::CAN_EFF_FLAG != 0 {
         CanId::extended(raw.can_id & libc::CAN_EFF_MASK)?
     } else {

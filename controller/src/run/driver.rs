@@ -55,6 +55,9 @@ impl<const N: usize, P: Port> Driver<N, P> {
                     inbox.push((bus, received));
                 }
             });
+            if let Some(fault) = port.condition() {
+                self.controller.bus_reports(bus, fault);
+            }
             // The other buses have what the stop on the path needs.
             if let Err(error) = received {
                 self.controller.bus_failed(bus);
