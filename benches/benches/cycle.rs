@@ -1,5 +1,5 @@
-//! What a cycle costs: the controller's share for 1 to 64 axes, packing of PDOs, the exact length
-//! of a frame, and the simulated bus.
+//! What a cycle costs: the controller's share for 1 to 64 axes, packing of PDOs, the frame codecs,
+//! the exact length of a frame, and the simulated bus.
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use std::hint::black_box;
@@ -7,7 +7,9 @@ use std::time::{Duration, Instant as Clock};
 use syncline_canopen::cia402::Controlword;
 use syncline_canopen::{CobId, Frame, Instant, NodeId};
 use syncline_controller::bench::rig::{Shape, Shuttle, ready_machine};
+use syncline_controller::bus_log::candump::Line;
 use syncline_controller::control::Wake;
+use syncline_controller::port::socketcan::{from_raw, to_raw};
 use syncline_drives::bus::{Band, BitRate, Node, SimBus, frame_bits};
 use syncline_drives::model::{Heartbeat, Increments, LXM32M, Settings};
 
@@ -68,6 +70,21 @@ fn frames(criterion: &mut Criterion) {
     let frame = drive.command(Controlword(0x1F), position).expect("it fits");
     criterion.bench_function("unpack a T_PDO", |bencher| {
         bencher.iter(|| drive.sample(black_box(frame.data())));
+    });
+    criterion.bench_function("a frame to the kernel's form and back", |bencher| {
+        bencher.iter(|| from_raw(black_box(&to_raw(black_box(&frame)))));
+    });
+    let line = Line {
+        at: Duration::from_micros(1_436_509_052_249_713),
+        bus: "can0",
+        frame,
+    };
+    criterion.bench_function("a frame to a candump line", |bencher| {
+        bencher.iter(|| black_box(&line).to_string());
+    });
+    let line = line.to_string();
+    criterion.bench_function("a frame from a candump line", |bencher| {
+        bencher.iter(|| Line::parse(black_box(&line)));
     });
     criterion.bench_function("exact bits of a frame", |bencher| {
         bencher.iter(|| frame_bits(black_box(&frame)));
