@@ -216,10 +216,15 @@ impl Profile {
                 let mut state = Exact::leaving(target);
                 let speed = |s: &Segment| (s.jerk * s.duration * s.duration).abs();
                 let fastest = self.segments().iter().map(speed).fold(0.0, f64::max);
+                let ramp = |s: &Segment| (s.jerk * s.duration).abs();
+                let hardest = self.segments().iter().map(ramp).fold(0.0, f64::max);
                 for s in self.segments().iter().rev() {
-                    // In a cruise the acceleration is zero but for rounding, which is not to add up.
-                    let gain = (state.a.value() * s.duration).abs();
-                    if s.jerk == 0.0 && gain <= 1e-6 * fastest.max(state.v.value().abs()) {
+                    // In a cruise the acceleration is zero but for rounding, which is not to add up. In
+                    // the hold of a ramp it is not, however short that is.
+                    let a = state.a.value().abs();
+                    let is_rounding = a <= 1e-6 * hardest
+                        && a * s.duration <= 1e-6 * fastest.max(state.v.value().abs());
+                    if s.jerk == 0.0 && is_rounding {
                         state.a = Double::ZERO;
                     }
                     let part = s.duration.min(rest);
@@ -509,6 +514,36 @@ mod tests {
             jerk: 0.0,
         }];
         assert!(Profile::from_segments(State::default(), &negative).is_none());
+    }
+
+    #[test]
+    fn a_hold_of_no_length_to_speak_of_is_no_cruise() {
+        let phases = [
+            (0.08, -50_000.0),
+            (0.04, 0.0),
+            (0.08, 50_000.0),
+            (5e-18, 0.0),
+            (0.04, -50_000.0),
+        ];
+        let start = State {
+            p: 8.0 / 15.0,
+            v: 40.0,
+            a: 2000.0,
+        };
+        let mut p = profile(start, &phases);
+        p.target = Some(State::at_rest(0.0));
+        for i in 0..=240 {
+            let (near, far) = (p.at(i as f64 * 1e-3), p.mirrored().at(i as f64 * 1e-3));
+            assert!(
+                near.a.abs() <= 2000.0 + 1e-6 && near.a == -far.a,
+                "{near:?}"
+            );
+        }
+        assert!(
+            p.at(0.121).v < -39.0 && p.at(0.121).p > 0.0,
+            "{:?}",
+            p.at(0.121)
+        );
     }
 
     #[test]
