@@ -2,6 +2,7 @@
 
 use assert_no_alloc::{AllocDisabler, assert_no_alloc};
 use syncline_trajectory::limits::{Limits, PositionLimits};
+use syncline_trajectory::path::{Executor, Jog, Travel};
 use syncline_trajectory::profile::{Profile, State};
 use syncline_trajectory::state_to_state::{Axis, plan};
 use syncline_trajectory::synchronise::{Synchronisation, plan as plan_all};
@@ -46,5 +47,41 @@ fn planning_evaluation_and_verification_allocate_nothing() {
         }
         plan_all(&axes, Synchronisation::Time, 20.0, &mut profiles).unwrap();
         plan_all(&axes, Synchronisation::None, 0.0, &mut profiles).unwrap();
+    });
+}
+
+#[test]
+fn jogs_allocate_nothing() {
+    let travel = Travel {
+        limits: Limits::symmetric(100.0, 1_000.0, 20_000.0),
+        bounds: PositionLimits {
+            min: -100.0,
+            max: 100.0,
+        },
+    };
+    let mut executor = Executor::new([0.0; 3], 0.002, 64);
+    assert_no_alloc(|| {
+        for jog in [
+            Jog::Continuous {
+                axis: 0,
+                velocity: 50.0,
+            },
+            Jog::Step {
+                axis: 1,
+                distance: -10.0,
+                speed: 20.0,
+            },
+            Jog::To([Some(-90.0), None, Some(90.0)]),
+            Jog::Line([Some(20.0), Some(20.0), Some(20.0)]),
+        ] {
+            executor.jog(jog, &[Some(travel); 3]).unwrap();
+            for _ in 0..100 {
+                assert!(executor.advance().away);
+            }
+        }
+        executor.resume();
+        while executor.is_away() {
+            executor.advance();
+        }
     });
 }

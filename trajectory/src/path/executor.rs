@@ -5,6 +5,7 @@ use std::iter::repeat_n;
 use std::mem::take;
 
 use super::brake::{brake_gently, brake_once};
+use super::jog::{Excursion, Jog, JogError, Then, Travel};
 use super::{Command, Curve, Departure, Limits, Outlook, Overrides, Piece, Span};
 
 /// Where every axis has to be, and what the path does there.
@@ -28,6 +29,8 @@ pub struct Setpoint<const N: usize> {
     pub feed: f64,
     /// A move or a dwell is at work.
     pub busy: bool,
+    /// A person moved the axes away from the path, and they are not back yet.
+    pub away: bool,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -149,6 +152,8 @@ pub struct Executor<const N: usize> {
     held: bool,
     /// Rest for good.
     stopped: bool,
+    /// What a person does with the axes while the path rests.
+    away: Option<Excursion<N>>,
 }
 
 /// An empty queue whose memory has been written to once, so that the cycle is never the first to
@@ -232,6 +237,7 @@ impl<const N: usize> Executor<N> {
             step_back: false,
             held: false,
             stopped: false,
+            away: None,
         }
     }
 
@@ -370,7 +376,8 @@ impl<const N: usize> Executor<N> {
 
     /// Nothing is left to execute, and nothing is waited for; the axes rest.
     pub fn is_idle(&self) -> bool {
-        self.committed == 0 && !self.held && !self.deaf && self.fresh.is_none()
+        let moved = self.away.is_some_and(|away| !away.rests());
+        self.committed == 0 && !self.held && !self.deaf && self.fresh.is_none() && !moved
     }
 
     /// Number of the cycle that the last setpoint belongs to.
@@ -381,7 +388,7 @@ impl<const N: usize> Executor<N> {
     /// The current setpoint.
     pub fn setpoint(&self) -> Setpoint<N> {
         let (Some(Step::Piece(piece)), Some(span)) = (self.current(), self.spans.front()) else {
-            return Setpoint {
+            let rest = Setpoint {
                 position: self.rest,
                 velocity: [0.0; N],
                 acceleration: [0.0; N],
@@ -391,7 +398,9 @@ impl<const N: usize> Executor<N> {
                 speed: 0.0,
                 feed: 0.0,
                 busy: !self.is_idle(),
+                away: false,
             };
+            return self.away.map_or(rest, |away| away.setpoint(rest));
         };
         let t = self.since(self.began).clamp(0.0, piece.duration);
         let (ds, v, a) = piece.at(t);
@@ -411,6 +420,7 @@ impl<const N: usize> Executor<N> {
             speed: v,
             feed: span.speed,
             busy: true,
+            away: false,
         }
     }
 
@@ -425,6 +435,11 @@ impl<const N: usize> Executor<N> {
     /// Goes on by one cycle.
     pub fn advance(&mut self) -> Setpoint<N> {
         self.cycle += 1;
+        if let Some(away) = &mut self.away {
+            away.advance(self.overrides.rapid);
+            self.come_back();
+            return self.setpoint();
+        }
         while let Some(step) = self.current() {
             let duration = step.duration();
             if self.since(self.began) < duration {
@@ -564,6 +579,10 @@ impl<const N: usize> Executor<N> {
     /// hard as the axes allow from here on leads to rest inside all limits; until that is so, the
     /// plan, which ends at rest, too, is followed.
     pub fn hold(&mut self) {
+        if let Some(away) = &mut self.away {
+            away.hold();
+            return;
+        }
         if self.stop == Stop::No && !self.is_held() {
             self.revise();
             self.held = true;
@@ -575,6 +594,10 @@ impl<const N: usize> Executor<N> {
     pub fn resume(&mut self) {
         self.stop_after_block = false;
         if self.stopped || !(self.is_held() || self.step_back) {
+            return;
+        }
+        if let Some(away) = &mut self.away {
+            away.go_home(Then::Resume);
             return;
         }
         self.step_back = false;
@@ -593,6 +616,10 @@ impl<const N: usize> Executor<N> {
     pub fn step_back(&mut self) {
         let under_way = self.step_back && !self.is_held();
         if self.stopped || under_way {
+            return;
+        }
+        if let Some(away) = &mut self.away {
+            away.go_home(Then::StepBack);
             return;
         }
         self.stop_after_block = false;
@@ -621,7 +648,7 @@ impl<const N: usize> Executor<N> {
     /// Comes to rest at the end of the block that is under way, or of the first one where that is
     /// possible, and waits for [`resume`](Self::resume).
     pub fn stop_after_block(&mut self) {
-        if !self.is_held() && !self.step_back {
+        if !self.is_held() && !self.step_back && self.away.is_none() {
             self.stop_after_block = true;
             self.revise();
         }
@@ -629,7 +656,8 @@ impl<const N: usize> Executor<N> {
 
     /// Rests, or is coming to rest, until [`resume`](Self::resume).
     pub fn is_held(&self) -> bool {
-        self.held || matches!(self.current(), Some(Step::Hold))
+        let returns = self.away.is_some_and(|away| away.returns());
+        !returns && (self.held || matches!(self.current(), Some(Step::Hold)))
     }
 
     /// Nothing of the path is missing: what is committed leads to a rest that somebody has to end.
@@ -651,6 +679,51 @@ impl<const N: usize> Executor<N> {
             if self.committed == 0 {
                 self.spans.clear();
             }
+            if let Some(away) = &mut self.away {
+                away.hold();
+            }
+        }
+    }
+
+    /// Moves axes while the path rests: after a [`hold`](Self::hold), or where nothing is left of it;
+    /// then nothing of it begins before [`resume`](Self::resume). That, and
+    /// [`step_back`](Self::step_back), lead the axes back to where the path was left, on a straight
+    /// line, before they take effect; [`hold`](Self::hold) and [`stop`](Self::stop) bring them to rest
+    /// where they are. Whatever moves an order comes to, it is followed from the state of this cycle on.
+    ///
+    /// # Errors
+    /// Why the order is refused; nothing changes then.
+    pub fn jog(&mut self, jog: Jog<N>, travel: &[Option<Travel>; N]) -> Result<(), JogError> {
+        let moves = matches!(self.current(), Some(Step::Piece(_)));
+        let rests = self.is_idle() || self.is_held() && !moves;
+        if self.stopped || !rests && self.away.is_none() {
+            return Err(JogError::Moving);
+        }
+        let new = || Excursion::new(self.rest, self.period, travel);
+        let mut away = self.away.unwrap_or_else(new);
+        away.order(jog, self.overrides.rapid)?;
+        self.away = Some(away);
+        if !self.held {
+            self.revise();
+            self.held = true;
+        }
+        Ok(())
+    }
+
+    /// A person moved the axes away from the path, and they are not back yet.
+    pub fn is_away(&self) -> bool {
+        self.away.is_some()
+    }
+
+    /// Goes on with what the axes came back for.
+    fn come_back(&mut self) {
+        let Some(then) = self.away.and_then(|away| away.arrived()) else {
+            return;
+        };
+        self.away = None;
+        match then {
+            Then::Resume => self.resume(),
+            Then::StepBack => self.step_back(),
         }
     }
 

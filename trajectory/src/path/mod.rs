@@ -8,7 +8,8 @@
 //! - [`planner`]: turns items into [`Piece`]s of constant jerk along the path; whatever it has
 //!   handed over ends at rest,
 //! - [`executor`]: what the cycle calls: where every axis has to be at the path's own clock, and a
-//!   stop on the path at any instant.
+//!   stop on the path at any instant,
+//! - [`jog`]: single axes in machine coordinates, from any state, and back to the path.
 //!
 //! # Override, hold, step back
 //!
@@ -26,6 +27,9 @@
 //! Until then the executor follows the old plan, which ends at rest, and drops what still comes of
 //! it. A new plan that comes after its cycle is dropped, too, and the outlook is given again.
 //!
+//! While the path rests a person can move single axes away from it ([`jog`]); the path goes on from
+//! where it was left.
+//!
 //! Units: mm (or deg for rotary axes), s, and their quotients.
 
 // Most loops over the axes walk several arrays at once.
@@ -37,12 +41,14 @@ pub mod certify;
 pub mod curve;
 pub mod executor;
 pub mod facets;
+pub mod jog;
 pub mod planner;
 pub mod time_law;
 pub mod window;
 
 pub use curve::{Arc, Curve, CurveError, Derivatives, Line, Plane, Poly};
 pub use executor::{Executor, Setpoint};
+pub use jog::{Jog, JogError, Travel};
 pub use planner::{PathError, Planner};
 
 /// What every axis is allowed, symmetric in both directions, all positive and finite.

@@ -1,0 +1,410 @@
+//! Jogs: single axes while the path rests, from any state, and the way back to the path.
+
+use proptest::prelude::*;
+use syncline_trajectory::limits::{Limits as AxisLimits, PositionLimits};
+use syncline_trajectory::path::{
+    Curve, Executor, Exit, Feed, Item, Jog, JogError, Limits, Move, Overrides, Planner, Setpoint,
+    Travel,
+};
+use syncline_trajectory::profile::State;
+use syncline_trajectory::state_to_state::{Axis, plan};
+use syncline_trajectory::verify;
+
+const LIMITS: Limits<3> = Limits {
+    velocity: [500.0, 400.0, 200.0],
+    acceleration: [5_000.0, 3_000.0, 2_000.0],
+    jerk: [80_000.0, 50_000.0, 40_000.0],
+};
+const PERIOD: f64 = 0.001;
+const ENDS: [(f64, f64); 3] = [(-50.0, 150.0), (-50.0, 150.0), (-30.0, 5.0)];
+
+fn axis_limits(axis: usize) -> AxisLimits {
+    AxisLimits::symmetric(
+        LIMITS.velocity[axis],
+        LIMITS.acceleration[axis],
+        LIMITS.jerk[axis],
+    )
+}
+
+fn travel() -> [Option<Travel>; 3] {
+    std::array::from_fn(|axis| {
+        let (min, max) = ENDS[axis];
+        let bounds = PositionLimits { min, max };
+        let limits = axis_limits(axis);
+        Some(Travel { limits, bounds })
+    })
+}
+
+/// An executor, its planner, and all setpoints so far.
+struct Machine {
+    planner: Planner<3>,
+    executor: Executor<3>,
+    rows: Vec<Setpoint<3>>,
+}
+
+impl Machine {
+    /// Along a right angle of 100 mm and 60 mm.
+    fn on_a_path() -> Self {
+        let mut machine = Self::at_rest([0.0; 3]);
+        for (from, to) in [
+            ([0.0; 3], [100.0, 0.0, 0.0]),
+            ([100.0, 0.0, 0.0], [100.0, 60.0, 0.0]),
+        ] {
+            let item = Item::Move(Move {
+                curve: Curve::line(from, to).unwrap(),
+                feed: Feed::Rate(100.0),
+                exit: Exit::Exact(0.001),
+                tag: 0,
+            });
+            machine.planner.push(item).unwrap();
+        }
+        machine.planner.finish();
+        machine
+    }
+
+    fn at_rest(position: [f64; 3]) -> Self {
+        let executor = Executor::new(position, PERIOD, 4096);
+        Machine {
+            planner: Planner::new(LIMITS, position),
+            rows: vec![executor.setpoint()],
+            executor,
+        }
+    }
+
+    fn cycles(&mut self, count: usize) {
+        for _ in 0..count {
+            if let Some(outlook) = self.executor.outlook() {
+                self.planner.observe(&outlook);
+            }
+            while self.executor.room() > 0
+                && let Some(command) = self.planner.pop()
+            {
+                assert!(self.executor.accept(command));
+            }
+            self.rows.push(self.executor.advance());
+        }
+    }
+
+    fn until(&mut self, is_so: impl Fn(&Setpoint<3>) -> bool) {
+        while !is_so(self.now()) {
+            assert!(self.rows.len() < 100_000, "never: {:?}", self.now());
+            self.cycles(1);
+        }
+    }
+
+    fn now(&self) -> &Setpoint<3> {
+        self.rows.last().unwrap()
+    }
+
+    fn jog(&mut self, jog: Jog<3>) -> Result<(), JogError> {
+        self.executor.jog(jog, &travel())
+    }
+
+    fn end(&mut self) {
+        for _ in 0..100_000 {
+            self.cycles(1);
+            if self.executor.is_idle() {
+                return self.assert_well();
+            }
+        }
+        panic!("never ends: {:?}", self.now());
+    }
+
+    /// Every setpoint inside the limits and the travel, and none jumps.
+    fn assert_well(&self) {
+        for (axis, (min, max)) in ENDS.into_iter().enumerate() {
+            let within = |x: f64, limit: f64| x.abs() <= limit * (1.0 + 1e-9);
+            for now in &self.rows {
+                assert!(within(now.velocity[axis], LIMITS.velocity[axis]), "{now:?}");
+                assert!(
+                    within(now.acceleration[axis], LIMITS.acceleration[axis]),
+                    "{now:?}"
+                );
+                assert!(within(now.jerk[axis], LIMITS.jerk[axis]), "{now:?}");
+                assert!((min..=max).contains(&now.position[axis]), "{now:?}");
+            }
+            for window in self.rows.windows(4) {
+                let [a, b, c, d] = [0, 1, 2, 3].map(|k| window[k].position[axis]);
+                let jerk = ((d - a) - 3.0 * (c - b)) / (PERIOD * PERIOD * PERIOD);
+                assert!(
+                    jerk.abs() <= LIMITS.jerk[axis] * (1.0 + 1e-6) + 1e-2,
+                    "{window:?}"
+                );
+            }
+        }
+    }
+
+    /// Of the rows on the path, the greatest distance from the right angle.
+    fn off_the_path(&self) -> f64 {
+        let off = |row: &Setpoint<3>| {
+            let [x, y, z] = row.position;
+            let along_x = (x - x.clamp(0.0, 100.0)).hypot(y);
+            let along_y = (x - 100.0).hypot(y - y.clamp(0.0, 60.0));
+            along_x.min(along_y).hypot(z)
+        };
+        let on_it = self.rows.iter().filter(|row| !row.away);
+        on_it.map(off).fold(0.0, f64::max)
+    }
+}
+
+fn step(axis: usize, distance: f64) -> Jog<3> {
+    Jog::Step {
+        axis,
+        distance,
+        speed: f64::INFINITY,
+    }
+}
+
+#[test]
+fn hold_jog_away_and_resume_where_the_path_was_left() {
+    let mut undisturbed = Machine::on_a_path();
+    undisturbed.end();
+    // Held in mid-speed, and held at the very beginning.
+    for held_at in [0.0, 40.0] {
+        let mut machine = Machine::on_a_path();
+        machine.until(|now| now.distance >= held_at);
+        machine.executor.hold();
+        if held_at > 0.0 {
+            assert_eq!(machine.jog(step(2, 3.0)), Err(JogError::Moving), "braking");
+        }
+        machine.until(|now| now.speed == 0.0);
+        let left = *machine.now();
+        machine.jog(step(2, 3.0)).unwrap();
+        machine.cycles(30);
+        machine.jog(Jog::To([Some(0.0), Some(77.0), None])).unwrap();
+        machine.cycles(40);
+        assert!(machine.now().away && machine.now().speed > 0.0);
+        assert_eq!(machine.now().distance, left.distance);
+        machine.until(|now| now.speed == 0.0);
+        assert_eq!(machine.now().position, [0.0, 77.0, 3.0]);
+        let out = machine.rows.len();
+        machine.executor.resume();
+        machine.cycles(1);
+        machine.until(|now| !now.away);
+        assert_eq!(machine.now().position, left.position);
+        // The way back is straight.
+        let from = machine.rows[out - 1].position;
+        let back = &machine.rows[out..];
+        let way: [f64; 3] = std::array::from_fn(|i| left.position[i] - from[i]);
+        for row in back {
+            let gone: [f64; 3] = std::array::from_fn(|i| row.position[i] - from[i]);
+            for (i, k) in [(0, 1), (1, 2), (2, 0)] {
+                let cross = gone[i] * way[k] - gone[k] * way[i];
+                assert!(cross.abs() < 1e-9, "{row:?}");
+            }
+        }
+        machine.end();
+        assert_eq!(machine.now().position, [100.0, 60.0, 0.0]);
+        assert_eq!(machine.now().distance, undisturbed.now().distance);
+        assert!(machine.off_the_path() <= undisturbed.off_the_path() + 1e-12);
+    }
+}
+
+#[test]
+fn a_jog_is_refused_while_the_path_moves_and_where_it_cannot_be() {
+    let mut machine = Machine::on_a_path();
+    machine.cycles(1);
+    machine.until(|now| now.distance >= 5.0);
+    for jog in [
+        step(1, 1.0),
+        Jog::To([Some(1.0), None, None]),
+        Jog::Continuous {
+            axis: 0,
+            velocity: 1.0,
+        },
+    ] {
+        assert_eq!(machine.jog(jog), Err(JogError::Moving));
+    }
+    machine.executor.hold();
+    machine.until(|now| now.speed == 0.0);
+    for (jog, error) in [
+        (step(3, 1.0), JogError::NoAxis(3)),
+        (step(0, f64::NAN), JogError::NotANumber),
+        (
+            Jog::Continuous {
+                axis: 0,
+                velocity: f64::NAN,
+            },
+            JogError::NotANumber,
+        ),
+        (
+            Jog::Continuous {
+                axis: 0,
+                velocity: 0.0,
+            },
+            JogError::NoSpeed,
+        ),
+        (
+            Jog::Line([None, None, Some(6.0)]),
+            JogError::OutsideTravel(2),
+        ),
+        (
+            Jog::To([Some(0.0), Some(-51.0), None]),
+            JogError::OutsideTravel(1),
+        ),
+    ] {
+        assert_eq!(machine.jog(jog), Err(error));
+    }
+    machine.executor.set_overrides(Overrides {
+        feed: 1.0,
+        rapid: 0.0,
+    });
+    assert_eq!(machine.jog(step(0, 1.0)), Err(JogError::NoSpeed));
+    assert!(!machine.executor.is_away());
+    machine.executor.set_overrides(Overrides::default());
+    machine.executor.resume();
+    machine.end();
+    assert_eq!(machine.now().position, [100.0, 60.0, 0.0]);
+}
+
+#[test]
+fn a_long_jog_ends_at_the_soft_limit_and_a_hold_stops_it_before() {
+    let mut machine = Machine::at_rest([0.0; 3]);
+    machine
+        .jog(Jog::Continuous {
+            axis: 0,
+            velocity: -90.0,
+        })
+        .unwrap();
+    machine.jog(step(2, 100.0)).unwrap();
+    machine.cycles(300);
+    assert!((machine.now().velocity[0] + 90.0).abs() < 1e-9);
+    machine.until(|now| !now.busy);
+    assert_eq!(machine.now().position, [-50.0, 0.0, 5.0]);
+    machine
+        .jog(Jog::Continuous {
+            axis: 0,
+            velocity: 400.0,
+        })
+        .unwrap();
+    machine.cycles(150);
+    let braked = *machine.now();
+    machine.executor.hold();
+    machine.until(|now| !now.busy);
+    let start = State {
+        p: braked.position[0],
+        v: braked.velocity[0],
+        a: braked.acceleration[0],
+    };
+    let stop = plan(&Axis::to_velocity(start, 0.0, axis_limits(0)), 0.0).unwrap();
+    assert!((machine.now().position[0] - stop.end().p).abs() < 1e-9);
+    machine.assert_well();
+}
+
+#[test]
+fn steps_add_up_and_cancel() {
+    let mut machine = Machine::at_rest([0.0; 3]);
+    for _ in 0..5 {
+        machine.jog(step(1, 2.5)).unwrap();
+        machine.cycles(20);
+    }
+    machine.jog(step(1, -5.0)).unwrap();
+    machine.until(|now| !now.busy);
+    assert_eq!(machine.now().position, [0.0, 7.5, 0.0]);
+    machine.assert_well();
+}
+
+#[test]
+fn a_jog_after_a_stop_after_the_block_and_before_a_step_back() {
+    let mut machine = Machine::on_a_path();
+    machine.cycles(1);
+    machine.until(|now| now.distance >= 20.0);
+    machine.executor.stop_after_block();
+    machine.cycles(50);
+    machine.until(|now| now.speed == 0.0);
+    let corner = machine.now().position;
+    machine.jog(step(0, 20.0)).unwrap();
+    // Neither changes what comes after the way back.
+    machine.executor.set_overrides(Overrides {
+        feed: 0.0,
+        rapid: 0.5,
+    });
+    machine.executor.stop_after_block();
+    machine.cycles(1000);
+    assert_eq!(machine.now().position[0], corner[0] + 20.0);
+    machine.executor.set_overrides(Overrides {
+        feed: 1.5,
+        rapid: 0.5,
+    });
+    machine.executor.step_back();
+    machine.cycles(10);
+    assert!(!machine.executor.is_held());
+    // In mid-return the person wants to look again.
+    machine.executor.hold();
+    machine.cycles(500);
+    assert!(machine.executor.is_held() && machine.now().away);
+    machine
+        .jog(Jog::Continuous {
+            axis: 1,
+            velocity: 50.0,
+        })
+        .unwrap();
+    machine.cycles(20);
+    machine.executor.step_back();
+    machine.cycles(3000);
+    assert_eq!(machine.now().position, [0.0; 3]);
+    assert!(machine.executor.is_held() && !machine.executor.is_away());
+    machine.executor.resume();
+    machine.end();
+    assert_eq!(machine.now().position, [100.0, 60.0, 0.0]);
+}
+
+#[test]
+fn a_stop_away_from_the_path_ends_there() {
+    let mut machine = Machine::on_a_path();
+    machine.cycles(1);
+    machine.until(|now| now.distance >= 20.0);
+    machine.executor.hold();
+    machine.until(|now| now.speed == 0.0);
+    machine
+        .jog(Jog::Line([Some(0.0), Some(50.0), Some(-20.0)]))
+        .unwrap();
+    machine.cycles(100);
+    let at = *machine.now();
+    assert!(at.speed > 0.0);
+    machine.executor.stop();
+    assert!(!machine.executor.is_idle());
+    machine.cycles(1);
+    machine.end();
+    assert!(machine.now().away && machine.now().speed == 0.0);
+    assert_eq!(machine.jog(step(0, 1.0)), Err(JogError::Moving));
+    // On the line, as far as the stop needs.
+    let end = machine.now().position;
+    assert!((end[1] / 50.0 - end[2] / -20.0).abs() < 1e-9, "{end:?}");
+    assert!(end[1] > at.position[1] && end[1] < 50.0);
+    machine.executor.restart([1.0; 3]);
+    assert_eq!(machine.executor.setpoint().position, [1.0; 3]);
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(200) })]
+
+    /// From any running state, a jog reversed in mid-acceleration too: the fastest motion there is.
+    #[test]
+    fn from_any_state_to_a_point_as_fast_as_the_axis_can(
+        velocity in -500.0..500.0_f64,
+        after in 1..400_usize,
+        to in ENDS[0].0..ENDS[0].1,
+    ) {
+        let mut machine = Machine::at_rest([50.0, 0.0, 0.0]);
+        machine.jog(Jog::Continuous { axis: 0, velocity }).unwrap();
+        machine.cycles(after);
+        let now = *machine.now();
+        let start = State { p: now.position[0], v: now.velocity[0], a: now.acceleration[0] };
+        let problem = Axis::new(start, State::at_rest(to), axis_limits(0));
+        let fastest = plan(&problem, 0.0).unwrap();
+        prop_assert!(verify::axis(&fastest, &problem).holds(1e-12));
+        machine.jog(Jog::To([Some(to), None, None])).unwrap();
+        let mut cycles = 0;
+        while machine.executor.setpoint().busy {
+            machine.cycles(1);
+            cycles += 1;
+            let expected = fastest.at(cycles as f64 * PERIOD);
+            prop_assert!((machine.now().position[0] - expected.p).abs() < 1e-9);
+            prop_assert!((machine.now().velocity[0] - expected.v).abs() < 1e-6);
+        }
+        prop_assert_eq!(cycles, (fastest.duration() / PERIOD).ceil() as usize);
+        prop_assert_eq!(machine.now().position, [to, 0.0, 0.0]);
+        machine.assert_well();
+    }
+}
