@@ -68,6 +68,8 @@ pub struct Outcome {
     pub dropped: u64,
     /// Cycles left out of the compute times since the processor was taken away in them.
     pub preempted: u64,
+    /// What reading the thread's clock takes at least; it is taken off the compute times.
+    pub clock: Duration,
     /// Processor time of the cycle's thread while measuring.
     pub processor: Duration,
     /// The cycle whose setpoints were ready latest.
@@ -180,6 +182,7 @@ struct Record {
     /// Late setpoints before measuring began.
     dropped_before: u64,
     preempted: u64,
+    clock: Duration,
     processor_before: Duration,
     worst: Stages,
 }
@@ -210,6 +213,7 @@ impl Record {
             late: 0,
             dropped_before: 0,
             preempted: 0,
+            clock: Duration::ZERO,
             processor_before: Duration::ZERO,
             worst: Stages::default(),
         }
@@ -265,6 +269,7 @@ impl<const N: usize> Cycle<N> {
     fn run(mut self, mut record: Record) -> Result<Outcome, PortError> {
         self.bring_up()?;
         record.start = realtime::now();
+        record.clock = clock_reading();
         record.processor_before = realtime::thread_time();
         record.dropped_before = self.driver.controller.late_setpoints();
         for _ in 0..self.options.cycles {
@@ -376,6 +381,7 @@ impl<const N: usize> Cycle<N> {
         let used = realtime::thread_time().saturating_sub(clock);
         let computed = realtime::now();
         if realtime::usage().involuntary_switches == switches {
+            let used = used.saturating_sub(record.clock);
             record.compute.record(used, woken);
             let per_axis = used / self.options.shape.axes as u32;
             record.compute_axis.record(per_axis, woken);
@@ -449,11 +455,21 @@ impl<const N: usize> Cycle<N> {
             late: record.late,
             dropped: self.driver.controller.late_setpoints() - record.dropped_before,
             preempted: record.preempted,
+            clock: record.clock,
             processor,
             worst: record.worst,
             control: control.flatten(),
         }
     }
+}
+
+/// The least of many times that reading the thread's clock takes.
+fn clock_reading() -> Duration {
+    let reading = |_| {
+        let began = realtime::thread_time();
+        realtime::thread_time().saturating_sub(began)
+    };
+    (0..1000).map(reading).min().unwrap_or_default()
 }
 
 /// Records how long after SYNC's instant a frame came.

@@ -41,8 +41,8 @@ enum What {
 /// the next SYNC the setpoints were out.
 ///
 /// Drives are simulated: on simulated buses, or behind SocketCAN interfaces of this host (vcan).
-/// Compute is the thread's processor time; cycles in which the processor was taken away are left
-/// out of it and counted.
+/// Compute is the thread's processor time, less what reading its clock takes; cycles in which the
+/// processor was taken away are left out of it and counted.
 #[derive(Debug, ClapArgs)]
 struct CycleArgs {
     /// `sim`, or SocketCAN interfaces without drives on them, one for each bus: vcan0,vcan1
@@ -231,6 +231,10 @@ impl CycleArgs {
             ("late setpoints".into(), outcome.dropped.to_string()),
             ("preempted".into(), outcome.preempted.to_string()),
             ("processor".into(), processor(options, outcome)),
+            (
+                "clock reading".into(),
+                format!("{} us, taken off compute", timing::micros(outcome.clock)),
+            ),
             ("worst cycle".into(), outcome.worst.to_string()),
         ];
         for (name, difference) in outcome.control.iter().flatten() {
