@@ -10,13 +10,14 @@
 //! the speeds that are asked for change, or after a hold ([`Planner::observe`]).
 
 use std::collections::VecDeque;
+use std::mem::take;
 
 use thiserror::Error;
 
 use super::blend::{Blend, blend};
 use super::brake::{brake, brake_gently};
 use super::facets::Run;
-use super::window::{Effort, Window};
+use super::window::{Effort, Window, room_to_stop};
 use super::{Command, Curve, Departure, Exit, Item, Limits, Move, Outlook, Overrides, Piece, Span};
 
 /// Why an item cannot be planned.
@@ -133,7 +134,12 @@ struct Cursor {
     rest: f64,
     /// There the executor holds.
     holds: bool,
+    /// How often the next window is halved, so that it comes soon.
+    haste: u32,
 }
+
+/// How often the window that answers an outlook is halved; those behind it are ever longer.
+const HASTE: u32 = 3;
 
 impl<const N: usize> Planner<N> {
     /// For a machine with `limits` that rests in `position`.
@@ -354,6 +360,7 @@ impl<const N: usize> Planner<N> {
             departure,
             sent: f64::NEG_INFINITY,
             rest: departure.distance,
+            haste: HASTE,
             ..Cursor::default()
         };
         self.out.clear();
@@ -619,7 +626,15 @@ impl<const N: usize> Planner<N> {
         } else if self.stop_after_block {
             way = way.min(block_end(spans, section.closed, from, &self.limits));
         }
-        let end = reach(spans, from.distance, self.horizon, &self.limits).min(way);
+        let haste = take(&mut self.cursor.haste);
+        let known = spans.last().map_or(0.0, |s| s.start + s.curve.length());
+        let far = |from: Departure, haste| {
+            let time = self.horizon / f64::from(1_u32 << haste);
+            let room = from.distance + room_to_stop(spans, &self.limits, from);
+            let end = reach(spans, from.distance, time, &self.limits).max(room);
+            end.min(way).min(known)
+        };
+        let end = far(from, haste);
         if end <= from.distance && self.slowing.is_empty() && from.speed == 0.0 {
             // There is no way on.
             self.out.extend([Command::Hold, Command::Commit]);
@@ -633,7 +648,12 @@ impl<const N: usize> Planner<N> {
             self.window.stay();
             from.speed == 0.0
         } else {
-            let mut planned = self.window.plan(spans, &self.limits, from, end).is_ok();
+            // Where a short window has no law a longer one may have.
+            let mut planned = (0..=haste).rev().any(|haste| {
+                let end = far(from, haste);
+                let window = &mut self.window;
+                window.plan(spans, &self.limits, from, end, haste).is_ok()
+            });
             for _ in 1..ATTEMPTS {
                 // Where no law is found there may be one from a little later on.
                 if !planned
@@ -643,9 +663,9 @@ impl<const N: usize> Planner<N> {
                 {
                     *step += pieces;
                     from = later;
-                    let end = reach(spans, from.distance, self.horizon, &self.limits).min(way);
+                    let end = far(from, 0);
                     planned = end > from.distance
-                        && self.window.plan(spans, &self.limits, from, end).is_ok();
+                        && self.window.plan(spans, &self.limits, from, end, 0).is_ok();
                 }
             }
             planned
@@ -730,6 +750,7 @@ impl<const N: usize> Planner<N> {
         }
         self.cursor.departure = Departure::from(pieces[keep]);
         self.cursor.splice = Some(first + keep as u64);
+        self.cursor.haste = haste.saturating_sub(1);
         false
     }
 }
@@ -742,11 +763,7 @@ fn block_end<const N: usize>(
     from: Departure,
     limits: &Limits<N>,
 ) -> f64 {
-    let least = |limit: &[f64; N]| limit.iter().copied().fold(f64::INFINITY, f64::min);
-    let (a, j) = (least(&limits.acceleration), least(&limits.jerk));
-    let rising = from.acceleration.max(0.0);
-    let peak = from.speed + rising * rising / (2.0 * j);
-    let stop = 0.5 * peak * (peak / a + a / j).max(2.0 * (peak / j).sqrt());
+    let room = room_to_stop(spans, limits, from);
     let last = spans.len() - 1;
     (0..=last)
         .filter(|&k| {
@@ -757,7 +774,7 @@ fn block_end<const N: usize>(
             }
         })
         .map(|k| spans[k].start + spans[k].curve.length())
-        .find(|end| end - from.distance >= 1.2 * stop)
+        .find(|end| end - from.distance >= 0.8 * room)
         .unwrap_or(f64::INFINITY)
 }
 
@@ -1019,7 +1036,7 @@ pub(super) fn rest_to_rest(from: f64, length: f64, bounds: Bounds) -> [Piece; 7]
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::path::{Feed, Plane, curve::ArcDefinition};
+    use crate::path::{Executor, Feed, Plane, curve::ArcDefinition, window::MOST_CELLS};
 
     const LIMITS: Limits<3> = Limits {
         velocity: [500.0, 400.0, 200.0],
@@ -1101,6 +1118,62 @@ mod tests {
             println!("{once} s in {windows} windows, {twice} s in {fewer}");
             let longer = once / twice - 1.0;
             assert!(longer < 1e-3, "{once} s instead of {twice} s");
+        }
+    }
+
+    /// Executes a zigzag; at the given cycle a person changes nothing worth mentioning. Returns
+    /// how many cycles it took, and of how many pieces each window was from then on.
+    fn execute(points: &[[f64; 3]], acts: u64) -> (u64, Vec<usize>) {
+        let mut planner = Planner::new(LIMITS, points[0]);
+        for ends in points.windows(2) {
+            let motion = Move {
+                curve: Curve::line(ends[0], ends[1]).unwrap(),
+                feed: Feed::Rate(150.0),
+                exit: Exit::Blend(0.02),
+                tag: 0,
+            };
+            planner.push(Item::Move(motion)).unwrap();
+        }
+        planner.finish();
+        let mut executor = Executor::new(points[0], 0.001, 4096);
+        let (mut windows, mut pieces) = (Vec::new(), 0);
+        loop {
+            if executor.cycle() == acts {
+                let feed = 1.0 + 1e-9;
+                executor.set_overrides(Overrides { feed, rapid: 1.0 });
+            }
+            if let Some(outlook) = executor.outlook() {
+                planner.observe(&outlook);
+                windows.clear();
+            }
+            while executor.room() > 0
+                && let Some(command) = planner.pop()
+            {
+                match command {
+                    Command::Piece(_) => pieces += 1,
+                    Command::Commit => windows.push(take(&mut pieces)),
+                    _ => {}
+                }
+                assert!(executor.accept(command));
+            }
+            if executor.is_idle() {
+                assert_eq!(executor.late_plans(), 0);
+                return (executor.cycle(), windows);
+            }
+            executor.advance();
+        }
+    }
+
+    #[test]
+    fn a_short_window_answers_a_person_and_costs_little_time() {
+        let points: Vec<_> = (0..12)
+            .map(|k| [4.0 * f64::from(k), 25.0 * f64::from(k % 2), 0.0])
+            .collect();
+        let (cycles, _) = execute(&points, u64::MAX);
+        for acts in [100, 400, 700] {
+            let (with, windows) = execute(&points, acts);
+            assert!(windows[0] < MOST_CELLS / 3, "{windows:?}");
+            assert!(with <= cycles + cycles / 300, "{with}, not {cycles}");
         }
     }
 }

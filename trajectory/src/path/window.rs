@@ -21,7 +21,7 @@ impl From<Piece> for Departure {
 /// Ramps of the acceleration are cut into this many cells.
 const CELLS_PER_RAMP: f64 = 10.0;
 /// Cells of a stretch, about.
-const MOST_CELLS: usize = 600;
+pub(super) const MOST_CELLS: usize = 600;
 /// Greatest turn of the tangent within a cell, rad.
 const CELL_TURN: f64 = 0.1;
 
@@ -197,7 +197,7 @@ impl<const N: usize> Window<N> {
 
     /// The fastest motion along `spans` from `departure`, best a piece's start in the last plan, to rest
     /// at `end` or, where that takes too many cells, before it, though not before the last plan's
-    /// end; inside `limits` and each span's feed.
+    /// end; inside `limits` and each span's feed. In `haste` the cells are halved so often.
     ///
     /// # Errors
     /// No law was found that the certificate passes.
@@ -207,10 +207,13 @@ impl<const N: usize> Window<N> {
         limits: &Limits<N>,
         departure: Departure,
         end: f64,
+        haste: u32,
     ) -> Result<(), NoLaw> {
         self.effort.stretches += 1;
-        let rest = self.keep(departure).min(end);
-        let planned = self.search(spans, limits, departure, (end, rest));
+        let room = departure.distance + room_to_stop(spans, limits, departure);
+        let rest = self.keep(departure).max(room).min(end);
+        let most = self.most_cells >> haste;
+        let planned = self.search(spans, limits, departure, (end, rest), most);
         if planned.is_ok() {
             self.last.pieces.clone_from(&self.pieces);
             self.last.cells.clear();
@@ -242,12 +245,13 @@ impl<const N: usize> Window<N> {
         limits: &Limits<N>,
         departure: Departure,
         (end, rest): (f64, f64),
+        most_cells: usize,
     ) -> Result<(), NoLaw> {
         // The last stretch's law comes to rest, so one that ends no sooner exists.
         self.survey(spans, limits, departure, end);
         self.cut(departure);
-        if self.nodes.len() > self.most_cells {
-            let end = self.nodes[self.most_cells * 9 / 10].max(rest);
+        if self.nodes.len() > most_cells {
+            let end = self.nodes[most_cells * 9 / 10].max(rest);
             self.survey(spans, limits, departure, end);
             self.cut(departure);
         }
@@ -643,6 +647,27 @@ impl Stretch {
         }
     }
 }
+
+/// More than the way to rest in the direction that the path has at `from`.
+pub(super) fn room_to_stop<const N: usize>(
+    spans: &[Span<N>],
+    limits: &Limits<N>,
+    from: Departure,
+) -> f64 {
+    let here = spans.iter().rev().find(|s| s.start <= from.distance);
+    let along = here.map(|s| s.curve.at(from.distance - s.start).d1);
+    let least = |limit: &[f64; N]| {
+        let part = along.unwrap_or([1.0; N]);
+        (0..N)
+            .map(|i| limit[i] / part[i].abs())
+            .fold(f64::INFINITY, f64::min)
+    };
+    let (a, j) = (least(&limits.acceleration), least(&limits.jerk));
+    let rising = from.acceleration.max(0.0);
+    let peak = from.speed + rising * rising / (2.0 * j);
+    0.75 * peak * (peak / a + a / j).max(2.0 * (peak / j).sqrt())
+}
+
 /// First iterate: a slow motion of the shape of the estimate; over the first `kept` nodes it slows
 /// down from the estimate itself.
 fn guess(nodes: &[f64], estimate: &[f64], start: Node, kept: usize) -> impl Iterator<Item = Node> {
