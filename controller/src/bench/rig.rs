@@ -14,6 +14,7 @@ use syncline_drives::model::{
     Actuator, Direction, Heartbeat, Increments, LXM32M, Scaling, Settings,
 };
 use syncline_drives::twin::lxm32m::{Twin, TwinConfig};
+use syncline_trajectory::limits::Limits as AxisLimits;
 use syncline_trajectory::path::{Curve, Exit, Feed, Item, Limits, Move, Planner};
 
 /// Of every bus.
@@ -24,6 +25,12 @@ const STROKE: f64 = 100.0;
 
 /// … at this many mm/s.
 const SPEED: f64 = 50.0;
+
+/// … mm/s² …
+const ACCELERATION: f64 = 500.0;
+
+/// … and mm/s³.
+const JERK: f64 = 10_000.0;
 
 /// Bring-up takes a few hundred cycles; this many mean that it hangs.
 const BRING_UP_CYCLES: u32 = 100_000;
@@ -213,6 +220,7 @@ impl Shape {
                     coordinate: axis,
                     drives: vec![axis],
                     soft_limits: (-1.0, STROKE + 1.0),
+                    limits: AxisLimits::symmetric(SPEED, ACCELERATION, JERK),
                     following_error_limit: 5.0,
                     skew_limit: f64::INFINITY,
                     standstill_window: 0.1,
@@ -239,8 +247,8 @@ impl<const N: usize> Shuttle<N> {
     pub fn new(axes: usize) -> Self {
         let limits = Limits {
             velocity: [SPEED; N],
-            acceleration: [500.0; N],
-            jerk: [10_000.0; N],
+            acceleration: [ACCELERATION; N],
+            jerk: [JERK; N],
         };
         Self {
             planner: Planner::new(limits, [0.0; N]),

@@ -1,5 +1,6 @@
 //! Keys on the terminal while a program runs.
 
+use crate::gcode::Axis;
 use crossbeam::channel::{self, Receiver, Sender};
 use rustix::io::{Errno, read};
 use rustix::process::getpgrp;
@@ -10,7 +11,7 @@ use std::io::{self, stdin};
 use std::time::{Duration, Instant};
 
 /// What a person does by a key.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Key {
     /// Space
     Hold,
@@ -22,6 +23,10 @@ pub(super) enum Key {
     StopAfterBlock,
     /// `b`
     StepBack,
+    /// Arrows and page keys: an axis by one step, and its direction.
+    Jog(Axis, f64),
+    /// `[`, `]`: a smaller or a greater step.
+    JogStep(isize),
     /// `q`
     Stop,
     /// Enter
@@ -30,7 +35,8 @@ pub(super) enum Key {
 
 /// For the person at the terminal.
 pub(super) const HELP: &str = "keys: space hold and go on, + - feed, < > rapid, s stop after block, \
-                               b step back, q stop";
+                               b step back, q stop; while \
+                               held: arrows and page keys jog X Y Z, [ ] by less or more";
 
 /// How much an override changes by a key, %.
 const STEP: i32 = 10;
@@ -45,10 +51,64 @@ impl Key {
             b'<' => Self::Rapid(-STEP),
             b's' => Self::StopAfterBlock,
             b'b' => Self::StepBack,
+            b'[' => Self::JogStep(-1),
+            b']' => Self::JogStep(1),
             b'q' => Self::Stop,
             b'\n' | b'\r' => Self::GoOn,
             _ => return None,
         })
+    }
+
+    /// What a terminal sends behind escape and `[`, or `O`, for a key without a character.
+    fn of_sequence(sequence: &[u8]) -> Option<Self> {
+        Some(match sequence {
+            b"C" => Self::Jog(Axis::X, 1.0),
+            b"D" => Self::Jog(Axis::X, -1.0),
+            b"A" => Self::Jog(Axis::Y, 1.0),
+            b"B" => Self::Jog(Axis::Y, -1.0),
+            b"5~" => Self::Jog(Axis::Z, 1.0),
+            b"6~" => Self::Jog(Axis::Z, -1.0),
+            _ => return None,
+        })
+    }
+}
+
+/// Takes apart what a terminal sends.
+#[derive(Debug, Default)]
+struct Decoder {
+    /// Since an escape, that included.
+    sequence: Vec<u8>,
+}
+
+impl Decoder {
+    /// The key that a byte completes.
+    fn key(&mut self, byte: u8) -> Option<Key> {
+        const ESCAPE: u8 = 0x1B;
+        let within = match self.sequence.len() {
+            0 => false,
+            1 => byte == b'[' || byte == b'O',
+            _ => matches!(byte, b'0'..=b'?' | b'@'..=b'~'),
+        };
+        if byte == ESCAPE || !within {
+            // Whatever else follows an escape is a key of its own: none that stops gets lost.
+            self.sequence.clear();
+            if byte == ESCAPE {
+                self.sequence.push(byte);
+                return None;
+            }
+            return Key::of(byte);
+        }
+        self.sequence.push(byte);
+        if self.sequence.len() == 2 || byte < b'@' {
+            // Longer than any key's.
+            if self.sequence.len() > 16 {
+                self.sequence.clear();
+            }
+            return None;
+        }
+        let key = Key::of_sequence(&self.sequence[2..]);
+        self.sequence.clear();
+        key
     }
 }
 
@@ -98,6 +158,7 @@ impl Drop for Keys {
 /// Hands over keys until nobody wants them any more.
 fn hand_over(keys: &Sender<Key>) {
     let mut bytes = [0; 16];
+    let mut decoder = Decoder::default();
     loop {
         let asked = Instant::now();
         let count = match read(stdin(), &mut bytes) {
@@ -109,10 +170,42 @@ fn hand_over(keys: &Sender<Key>) {
         if count == 0 && asked.elapsed() < Duration::from_millis(50) {
             return;
         }
-        for key in bytes[..count].iter().copied().filter_map(Key::of) {
+        let read = bytes[..count].iter().copied();
+        for key in read.filter_map(|byte| decoder.key(byte)) {
             if keys.send(key).is_err() {
                 return;
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn keys(bytes: &[u8]) -> Vec<Key> {
+        let mut decoder = Decoder::default();
+        let keys = bytes.iter().filter_map(|byte| decoder.key(*byte));
+        keys.collect()
+    }
+
+    #[test]
+    fn arrows_and_page_keys_jog() {
+        let [right, down] = [Key::Jog(Axis::X, 1.0), Key::Jog(Axis::Y, -1.0)];
+        assert_eq!(keys(b"\x1B[C\x1BOB"), [right, down]);
+        let [up, down] = [1.0, -1.0].map(|sign| Key::Jog(Axis::Z, sign));
+        assert_eq!(keys(b"\x1B[5~]\x1B[6~"), [up, Key::JogStep(1), down]);
+    }
+
+    #[test]
+    fn keys_that_mean_nothing_hide_none_that_do() {
+        // F5, shift and an arrow, delete.
+        assert_eq!(keys(b"\x1B[15~\x1B[1;2C\x1B[3~b"), [Key::StepBack]);
+        for before in ["", "\x1B", "\x1B\x1B", "\x1B[", "\x1B[1", "\x1B[15;2"] {
+            let typed = [before.as_bytes(), b" "].concat();
+            assert_eq!(keys(&typed), [Key::Hold], "{before:?}");
+        }
+        let endless = [b"\x1B[".as_slice(), &[b'1'; 40], b"\x1B[A"].concat();
+        assert_eq!(keys(&endless).last(), Some(&Key::Jog(Axis::Y, 1.0)));
     }
 }

@@ -6,7 +6,7 @@ use super::output::{Output, outcome};
 use super::ports::PortChoice;
 use super::switches::Switches;
 use super::{Exit, bad_input, report};
-use crate::control::{Controller, End, Event, Layout, Order};
+use crate::control::{Controller, End, Event, Layout, Order, Row};
 use crate::gcode::Tables;
 use crate::machine::Machine;
 use crate::port::sim::Observer;
@@ -24,6 +24,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
+use syncline_trajectory::path::Jog;
 
 /// How often the outer side looks after the cycle.
 const POLL: Duration = Duration::from_millis(1);
@@ -36,7 +37,8 @@ const POLL: Duration = Duration::from_millis(1);
 ///
 /// On a terminal, space holds on the path and goes on, + and - change the feed override by 10 %,
 /// the keys > and < the rapid override, s stops after the block, b goes back to the beginning of
-/// the block, q stops as Ctrl-C does.
+/// the block, q stops as Ctrl-C does. While it is held or at a program stop, the arrows and page
+/// keys jog X, Y and Z; what goes on goes back first.
 ///
 /// A bus whose port is `sim` is simulated here, with a simulated drive for each of its nodes. If
 /// all are, their time goes with the cycle: a late wake-up delays both and is counted.
@@ -183,7 +185,12 @@ struct Person {
     lines: Option<Receiver<()>>,
     /// Feed and rapid override, %.
     overrides: [i32; 2],
+    /// Which of [`JOG_STEPS`] a jog by a key is.
+    jog_step: usize,
 }
+
+/// mm, or degrees
+const JOG_STEPS: [f64; 5] = [0.01, 0.1, 1.0, 10.0, 100.0];
 
 impl Person {
     /// The next order by a key.
@@ -191,6 +198,16 @@ impl Person {
         let key = self.keys.as_ref()?.pressed()?;
         let [feed, rapid] = &mut self.overrides;
         Some(match key {
+            Key::Jog(axis, direction) => Order::Jog(Jog::Step {
+                axis: axis.index(),
+                distance: direction * JOG_STEPS[self.jog_step],
+                speed: f64::INFINITY,
+            }),
+            Key::JogStep(by) => {
+                let step = self.jog_step.saturating_add_signed(by);
+                self.jog_step = step.min(JOG_STEPS.len() - 1);
+                return self.order();
+            }
             Key::Hold => Order::ToggleHold,
             Key::Feed(step) => {
                 *feed = (*feed + step).clamp(0, 200);
@@ -237,6 +254,7 @@ impl Run<'_> {
             keys: Keys::listen()?,
             lines: None,
             overrides: [100; 2],
+            jog_step: 2,
         };
         if person.keys.is_some() {
             eprintln!("{}", keys::HELP);
@@ -346,9 +364,7 @@ impl Run<'_> {
                         bar.suspend(|| eprintln!("line {line}: {output}"));
                     }
                     bar.set_position(row.plan.distance as u64);
-                    let feed = row.plan.speed * 60.0;
-                    let (line, overridden) = (recorder.line(), person.overridden());
-                    bar.set_message(format!("line {line}, {feed:.0} mm/min{overridden}"));
+                    bar.set_message(self.message(&row, recorder.line(), person));
                 }
             }
         }
@@ -368,6 +384,19 @@ impl Run<'_> {
             }
         }
         Ok(link.room() == 0)
+    }
+
+    /// What the machine does, beside the bar.
+    fn message(&self, row: &Row<COORDINATES>, line: u32, person: &Person) -> String {
+        let overridden = person.overridden();
+        if row.plan.away {
+            let axes = self.machine.axes.iter().map(|axis| axis.letter());
+            let at = axes.map(|axis| format!("{axis}{:.3} ", row.plan.position[axis.index()]));
+            let step = JOG_STEPS[person.jog_step];
+            return format!("{}by {step} mm{overridden}", at.collect::<String>());
+        }
+        let feed = row.plan.speed * 60.0;
+        format!("line {line}, {feed:.0} mm/min{overridden}")
     }
 
     fn tell(&self, event: &Event, bar: &ProgressBar, person: &mut Person) {

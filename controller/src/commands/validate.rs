@@ -36,7 +36,8 @@ pub(super) struct Args {
     #[command(flatten)]
     switches: Switches,
     /// What a person does, as CSV with the columns `t_s,event,value`: feed_override and
-    /// rapid_override (%), hold, resume, stop_after_block, step_back, stop, at times of the trace.
+    /// rapid_override (%), hold, resume, stop_after_block, step_back, jog (X+1.5 or X-),
+    /// jog_to, move_to (X10 Y20), stop, at times of the trace.
     #[arg(long, value_name = "FILE")]
     events: Option<PathBuf>,
     /// Tell what the controller does.
@@ -142,7 +143,7 @@ impl Args {
     }
 
     fn tell(&self, event: &Event, names: &impl Names) {
-        if (self.verbose || matches!(event, Event::Fault(_)))
+        if (self.verbose || matches!(event, Event::Fault(_) | Event::NoJog(_)))
             && let Some(text) = event.describe(names)
         {
             eprintln!("{text}");

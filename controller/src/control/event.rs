@@ -1,11 +1,13 @@
 //! What the controller has to tell, as plain numbers; the text is made outside of the cycle.
 
 use super::fault::{AxisIndex, BusIndex, DriveIndex, Fault, Names};
+use crate::gcode::Axis as Letter;
 use crate::port::bus_fault::BusFault;
 use std::fmt;
 use std::time::Duration;
 use syncline_canopen::sdo::AbortCode;
 use syncline_drives::model::Address;
+use syncline_trajectory::path::JogError;
 
 /// Something worth a line in the log.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -108,6 +110,8 @@ pub enum Event {
     Held,
     /// The person went on.
     Resumed,
+    /// A jog was refused.
+    NoJog(JogError),
     /// The user asked for the end.
     Interrupted,
     /// A fault began the stop, or came on top of it.
@@ -271,8 +275,26 @@ impl Event {
             Self::Paused { line, reason } => format!("line {line}: {reason}"),
             Self::Held => "held on the path".to_owned(),
             Self::Resumed => "going on".to_owned(),
+            Self::NoJog(error) => format!("no jog: {}", refusal(error)),
             Self::Interrupted => "interrupted: stopping on the path".to_owned(),
             Self::Fault(fault) => format!("FAULT: {}", fault.describe(names)),
         })
+    }
+}
+
+/// Why a jog is refused, and what to do.
+fn refusal(error: JogError) -> String {
+    let letter = |axis: usize| Letter::ALL.get(axis).map_or('?', |axis| axis.letter());
+    match error {
+        JogError::Moving => "the machine moves: hold it first".to_owned(),
+        JogError::NoAxis(axis) => format!("the machine has no axis {}", letter(axis)),
+        JogError::OutsideTravel(axis) => {
+            format!(
+                "the position is outside of the soft limits of {}",
+                letter(axis)
+            )
+        }
+        JogError::NotANumber => "there is a number that is none".to_owned(),
+        JogError::NoSpeed => "the speed or the rapid override is 0: raise it".to_owned(),
     }
 }

@@ -8,6 +8,7 @@ use syncline_canopen::response_time::bit_time;
 use syncline_canopen::time::Duration;
 use syncline_canopen::{CanId, Frame, NodeId};
 use syncline_drives::model::{Actuator, Increments, Scaling};
+use syncline_trajectory::limits::Limits;
 
 /// Buses, drives, axes and times.
 #[derive(Debug)]
@@ -94,6 +95,8 @@ pub struct Axis {
     pub drives: Vec<DriveIndex>,
     /// Least and greatest machine position, mm.
     pub soft_limits: (f64, f64),
+    /// What jogs keep.
+    pub limits: Limits,
     /// Greatest |setpoint − actual position|, mm.
     pub following_error_limit: f64,
     /// Greatest difference between the two sides of a gantry, mm.
@@ -143,6 +146,11 @@ impl Layout {
                     coordinate: axis.letter().index(),
                     drives: axis.drives.clone(),
                     soft_limits: axis.soft_limits,
+                    limits: Limits::symmetric(
+                        axis.max_velocity,
+                        axis.max_acceleration,
+                        axis.max_jerk,
+                    ),
                     following_error_limit: axis.following_error_limit,
                     skew_limit: axis.skew_limit.unwrap_or(f64::INFINITY),
                     standstill_window: axis.standstill_window,

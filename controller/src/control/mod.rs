@@ -617,9 +617,12 @@ impl<const N: usize> Controller<N> {
             .flatten()
     }
 
-    /// A person ends a pause.
+    /// A person ends a pause; what was jogged meanwhile goes back first.
     pub fn go_on(&mut self) {
         if self.pause_told {
+            if self.executor.is_away() {
+                self.act(Executor::resume);
+            }
             self.pause = None;
             self.pause_told = false;
             self.tell(Event::Resumed);

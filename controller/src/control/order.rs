@@ -1,11 +1,13 @@
 //! What a person, or the program's feeder, orders.
 
-use super::Controller;
-use syncline_trajectory::path::Overrides;
+use super::{Controller, Event, Phase};
+use crate::program::COORDINATES;
+use syncline_trajectory::limits::PositionLimits;
+use syncline_trajectory::path::{Jog, JogError, Overrides, Travel};
 
 /// An order to the controller; it is obeyed in the next cycle.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Order {
+pub enum Order<const N: usize = COORDINATES> {
     /// Ends a pause: program stop, tool change.
     GoOn,
     /// Rests on the path.
@@ -18,6 +20,8 @@ pub enum Order {
     StopAfterBlock,
     /// Goes back to the beginning of the block and rests there.
     StepBack,
+    /// Moves axes while the path rests: held, or at a pause.
+    Jog(Jog<N>),
     /// Part of the programmed feeds, 0…2.
     FeedOverride(f64),
     /// Part of the rapids' speed, 0…1.
@@ -30,7 +34,7 @@ pub enum Order {
 
 impl<const N: usize> Controller<N> {
     /// Does what is ordered.
-    pub fn obey(&mut self, order: Order) {
+    pub fn obey(&mut self, order: Order<N>) {
         match order {
             Order::GoOn => self.go_on(),
             Order::Hold => self.act(|path| path.hold()),
@@ -44,6 +48,7 @@ impl<const N: usize> Controller<N> {
             }),
             Order::StopAfterBlock => self.act(|path| path.stop_after_block()),
             Order::StepBack => self.act(|path| path.step_back()),
+            Order::Jog(jog) => self.jog(jog),
             Order::FeedOverride(feed) => self.act(|path| {
                 path.set_overrides(Overrides {
                     feed,
@@ -58,6 +63,25 @@ impl<const N: usize> Controller<N> {
             }),
             Order::Interrupt => self.interrupt(),
             Order::Abandon => self.abandon(),
+        }
+    }
+
+    /// Moves axes inside their soft limits; what cannot be is told.
+    fn jog(&mut self, jog: Jog<N>) {
+        let mut travel = [None; N];
+        for axis in &self.layout.axes {
+            let (min, max) = axis.soft_limits;
+            travel[axis.coordinate] = Some(Travel {
+                limits: axis.limits,
+                bounds: PositionLimits { min, max },
+            });
+        }
+        let mut taken = Err(JogError::Moving);
+        if self.phase == Phase::Program {
+            self.act(|path| taken = path.jog(jog, &travel));
+        }
+        if let Err(error) = taken {
+            self.tell(Event::NoJog(error));
         }
     }
 }

@@ -159,7 +159,8 @@ impl<const N: usize> Controller<N> {
     }
 
     fn step_program(&mut self) {
-        let rests = self.executor.is_held() && self.planned.speed == 0.0;
+        // Jogs are no going on.
+        let rests = self.executor.is_held() && (self.planned.speed == 0.0 || self.planned.away);
         if rests != self.held {
             self.held = rests;
             self.tell(if rests { Event::Held } else { Event::Resumed });

@@ -1,21 +1,109 @@
 //! What a person does in a validated run, from a CSV file: `t_s,event,value`.
 
 use crate::control::Order;
+use crate::gcode::Axis;
+use crate::program::COORDINATES;
 use std::collections::VecDeque;
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
+use syncline_trajectory::path::Jog;
 
-/// Events and what their value is: percent from 0 to this, or none.
-const EVENTS: [(&str, Option<f64>); 7] = [
-    ("feed_override", Some(200.0)),
-    ("rapid_override", Some(100.0)),
-    ("hold", None),
-    ("resume", None),
-    ("stop_after_block", None),
-    ("step_back", None),
-    ("stop", None),
+/// An event's name, what its value has to be, if it has one, and the order that they make.
+type Event = (&'static str, &'static str, fn(&str) -> Option<Order>);
+
+const EVENTS: [Event; 10] = [
+    ("feed_override", "a value from 0 to 200 (%)", |value| {
+        percent(value, 200.0).map(Order::FeedOverride)
+    }),
+    ("rapid_override", "a value from 0 to 100 (%)", |value| {
+        percent(value, 100.0).map(Order::RapidOverride)
+    }),
+    ("hold", "", |_| Some(Order::Hold)),
+    ("resume", "", |_| Some(Order::Resume)),
+    ("stop_after_block", "", |_| Some(Order::StopAfterBlock)),
+    ("step_back", "", |_| Some(Order::StepBack)),
+    (
+        "jog",
+        "an axis and a distance as `X+1.5`, or its sign as `X-`; then as `F600` mm/min, at will",
+        |value| jog(value).map(Order::Jog),
+    ),
+    ("jog_to", POSITIONS, |value| {
+        positions(value).map(|to| Order::Jog(Jog::To(to)))
+    }),
+    ("move_to", POSITIONS, |value| {
+        positions(value).map(|to| Order::Jog(Jog::Line(to)))
+    }),
+    ("stop", "", |_| Some(Order::Interrupt)),
 ];
+
+const POSITIONS: &str = "axes and their positions as `X10 Y-2.5`";
+
+/// The part of the whole.
+fn percent(value: &str, most: f64) -> Option<f64> {
+    let percent = value.parse().ok();
+    let percent = percent.filter(|it: &f64| (0.0..=most).contains(it));
+    percent.map(|it| it / 100.0)
+}
+
+/// A letter and what follows it.
+fn word(word: &str) -> Option<(char, &str)> {
+    let letter = word.chars().next()?;
+    Some((letter.to_ascii_uppercase(), &word[letter.len_utf8()..]))
+}
+
+/// A plain decimal number.
+fn number(text: &str) -> Option<f64> {
+    let plain = |c: char| c.is_ascii_digit() || "+-.".contains(c);
+    let number = text.parse().ok().filter(|it: &f64| it.is_finite());
+    number.filter(|_| text.chars().all(plain))
+}
+
+/// `X+1.5`, `X-1.5 F600`, `X+`, `X- F600`
+fn jog(value: &str) -> Option<Jog<COORDINATES>> {
+    let mut words = value.split_whitespace().map(word);
+    let (letter, distance) = words.next()??;
+    let axis = Axis::from_letter(letter)?.index();
+    let speed = match words.next() {
+        None => f64::INFINITY,
+        Some(feed) => {
+            let (letter, feed) = feed?;
+            let feed = number(feed).filter(|it| letter == 'F' && *it > 0.0);
+            feed? / 60.0
+        }
+    };
+    if words.next().is_some() {
+        return None;
+    }
+    Some(match distance {
+        "+" => Jog::Continuous {
+            axis,
+            velocity: speed,
+        },
+        "-" => Jog::Continuous {
+            axis,
+            velocity: -speed,
+        },
+        _ => Jog::Step {
+            axis,
+            distance: number(distance).filter(|_| distance.starts_with(['+', '-']))?,
+            speed,
+        },
+    })
+}
+
+/// `X10 Y-2.5`
+fn positions(value: &str) -> Option<[Option<f64>; COORDINATES]> {
+    let mut positions = [None; COORDINATES];
+    for part in value.split_whitespace() {
+        let (letter, position) = word(part)?;
+        let place = &mut positions[Axis::from_letter(letter)?.index()];
+        if place.replace(number(position)?).is_some() {
+            return None;
+        }
+    }
+    positions.iter().any(Option::is_some).then_some(positions)
+}
 
 /// Orders in the order of their times.
 #[derive(Clone, Debug, Default)]
@@ -50,7 +138,7 @@ pub enum EventsError {
 
 impl Events {
     /// Reads a file: the header `t_s,event,value`, then one event a line. `t_s` is the time of the
-    /// trace, and does not go back; a value is a percentage, and only overrides have one.
+    /// trace, and does not go back; overrides have a percentage for value, jogs axes and numbers.
     ///
     /// # Errors
     /// It cannot be read, or the first line that is wrong.
@@ -103,9 +191,9 @@ impl Events {
                 refuse(at, problem)
             })?;
             before = seconds;
-            let known = EVENTS.iter().find(|(name, _)| *name == event);
-            let (name, most) = known.copied().ok_or_else(|| {
-                let names = EVENTS.map(|(name, _)| name);
+            let known = EVENTS.iter().find(|(name, ..)| *name == event);
+            let (name, needs, read) = known.copied().ok_or_else(|| {
+                let names = EVENTS.map(|(name, ..)| name);
                 let near = |name: &&str| (strsim::jaro_winkler(name, event) * 1e6) as u64;
                 let nearest = names.iter().max_by_key(|name| near(name)).copied();
                 let (nearest, names) = (nearest.unwrap_or_default(), names.join(", "));
@@ -121,27 +209,12 @@ impl Events {
                     return Err(refuse(*more, "nothing follows the value".to_owned()));
                 }
             };
-            let part = match most {
-                None if value.is_empty() => 0.0,
-                None => return Err(refuse(value_at, format!("`{name}` has no value"))),
-                Some(most) => {
-                    let percent = value.parse().ok();
-                    let percent = percent.filter(|it: &f64| (0.0..=most).contains(it));
-                    percent.ok_or_else(|| {
-                        let problem = format!("`{name}` needs a value from 0 to {most} (%)");
-                        refuse(value_at, problem)
-                    })? / 100.0
-                }
-            };
-            let order = match name {
-                "feed_override" => Order::FeedOverride(part),
-                "rapid_override" => Order::RapidOverride(part),
-                "hold" => Order::Hold,
-                "resume" => Order::Resume,
-                "stop_after_block" => Order::StopAfterBlock,
-                "step_back" => Order::StepBack,
-                _ => Order::Interrupt,
-            };
+            let refuse_value = |problem: String| refuse(value_at, format!("`{name}` {problem}"));
+            if needs.is_empty() && !value.is_empty() {
+                return Err(refuse_value("has no value".to_owned()));
+            }
+            let order = read(value);
+            let order = order.ok_or_else(|| refuse_value(format!("needs {needs}")))?;
             events.push_back((seconds, order));
         }
         Ok(Self(events))
@@ -190,6 +263,54 @@ mod tests {
     }
 
     #[test]
+    fn jogs_have_axes_and_numbers() {
+        let order = |event: &str| {
+            let text = format!("t_s,event,value\n0,{event}\n");
+            parse(&text).ok()?.due(0.0)
+        };
+        let (axis, speed) = (0, 10.0);
+        for (event, jog) in [
+            (
+                "jog,X+1.5",
+                Jog::Step {
+                    axis,
+                    distance: 1.5,
+                    speed: f64::INFINITY,
+                },
+            ),
+            (
+                "jog, x-.25 F600",
+                Jog::Step {
+                    axis,
+                    distance: -0.25,
+                    speed,
+                },
+            ),
+            (
+                "jog,X- F600",
+                Jog::Continuous {
+                    axis,
+                    velocity: -speed,
+                },
+            ),
+            (
+                "jog,X+",
+                Jog::Continuous {
+                    axis,
+                    velocity: f64::INFINITY,
+                },
+            ),
+        ] {
+            assert_eq!(order(event), Some(Order::Jog(jog)), "{event}");
+        }
+        let mut to = [None; COORDINATES];
+        to[1] = Some(20.0);
+        to[8] = Some(-1.0);
+        assert_eq!(order("jog_to,Y20 W-1"), Some(Order::Jog(Jog::To(to))));
+        assert_eq!(order("move_to,W-1  Y20."), Some(Order::Jog(Jog::Line(to))));
+    }
+
+    #[test]
     fn mistakes_are_told_with_their_place() {
         for (text, place, told) in [
             ("t,event,value\n", "e.csv:1:1:", "header"),
@@ -226,6 +347,22 @@ mod tests {
                 "t_s,event,value\n1,hold,,x\n",
                 "e.csv:2:9:",
                 "nothing follows",
+            ),
+            ("t_s,event,value\n1,jog,X5\n", "e.csv:2:7:", "`X+1.5`"),
+            ("t_s,event,value\n1,jog,\n", "e.csv:2:7:", "`X+1.5`"),
+            ("t_s,event,value\n1,jog,X+inf\n", "e.csv:2:7:", "`X+1.5`"),
+            ("t_s,event,value\n1,jog,X+1 F0\n", "e.csv:2:7:", "`X+1.5`"),
+            ("t_s,event,value\n1,jog,X+1 Y+1\n", "e.csv:2:7:", "`X+1.5`"),
+            ("t_s,event,value\n1,jog,F+1\n", "e.csv:2:7:", "`X+1.5`"),
+            (
+                "t_s,event,value\n1,move_to,\n",
+                "e.csv:2:11:",
+                "`X10 Y-2.5`",
+            ),
+            (
+                "t_s,event,value\n1,jog_to,X1 X2\n",
+                "e.csv:2:10:",
+                "`X10 Y-2.5`",
             ),
             ("", "e.csv:1:1:", "header"),
         ] {

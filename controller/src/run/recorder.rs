@@ -343,6 +343,9 @@ impl Recorder {
 
     /// Compares setpoint and actual position with the programmed geometry.
     fn follow_path(&mut self, time: f64, row: &Row<COORDINATES>, feeder: &mut Feeder) {
+        if row.plan.away {
+            return;
+        }
         let tag = row.plan.tag;
         if self.tag.0 != tag {
             self.tag = (tag, row.plan.distance);

@@ -6,6 +6,7 @@ mod bring_up;
 mod corpus;
 mod faults;
 mod fits;
+mod jogs;
 mod operator;
 mod programs;
 mod properties;
