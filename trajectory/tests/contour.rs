@@ -322,7 +322,7 @@ fn wander(draw: &mut Draw) -> (Vec<Item<3>>, f64) {
 /// Programs by chance, every one checked; stops where none was programmed are as good as none.
 fn wander_all(seeds: std::ops::Range<u64>) {
     let mut total = syncline_trajectory::path::window::Effort::default();
-    let (mut rests, mut sections) = (0, 0);
+    let (mut rests, mut sections, mut time) = (0, 0, 0.0);
     for seed in seeds {
         let (items, tolerance) = wander(&mut Draw(seed));
         let plan = Plan::of(&items, [0.0; 3]);
@@ -335,6 +335,7 @@ fn wander_all(seeds: std::ops::Range<u64>) {
             .filter(|(_, p)| p.speed == 0.0 && p.jerk > 0.0);
         rests += begun.count() - plan.sections.len();
         sections += plan.sections.len();
+        time += plan.time();
         let effort = plan.effort;
         total.stretches += effort.stretches;
         total.cells += effort.cells;
@@ -342,7 +343,7 @@ fn wander_all(seeds: std::ops::Range<u64>) {
         total.steps += effort.steps;
         total.unsolved += effort.unsolved;
     }
-    println!("{sections} sections, {rests} rests in them, {total:?}");
+    println!("{time} s, {sections} sections, {rests} rests in them, {total:?}");
     assert!(
         rests * 50 <= sections,
         "{rests} rests in {sections} sections"

@@ -340,7 +340,10 @@ pub struct Poly<const N: usize> {
     start: [f64; N],
     /// Coefficients of u, u² … u⁵.
     terms: [[f64; N]; 5],
-    /// Path length up to every k-th part of the parameter.
+    /// Parameters between which the path length is integrated: closer in the middle, where a
+    /// sharp corner's rate dips.
+    knots: [f64; PARTS + 1],
+    /// Path length up to every knot.
     lengths: [f64; PARTS + 1],
 }
 
@@ -376,15 +379,30 @@ impl<const N: usize> Poly<N> {
         let mut poly = Poly {
             start: from.q,
             terms,
+            knots: [0.0; PARTS + 1],
             lengths: [0.0; PARTS + 1],
         };
+        // The rate is the root of a polynomial with a zero about so far from the middle in the
+        // complex plane; parts shorter than their distance from it are integrated to rounding.
+        let dip = 0.5 * (poly.rate(0.5) / poly.rate(0.0).max(poly.rate(1.0))).clamp(1e-3, 1.0);
+        let scale = libm::asinh(0.5 / dip);
+        let middle = PARTS / 2;
+        for k in 0..=middle {
+            let aside = if k == middle {
+                0.5
+            } else {
+                dip * libm::sinh(scale * k as f64 / middle as f64)
+            };
+            poly.knots[middle + k] = 0.5 + aside;
+            poly.knots[middle - k] = 0.5 - aside;
+        }
         for k in 0..PARTS {
-            let at = k as f64 / PARTS as f64;
-            if poly.rate(at) < 1e-3 * rate || poly.rate(at + 0.5 / PARTS as f64) < 1e-3 * rate {
+            let [from, to] = [poly.knots[k], poly.knots[k + 1]];
+            let least = poly.rate(from).min(poly.rate(0.5 * (from + to)));
+            if least.is_nan() || least < 1e-3 * rate {
                 return None;
             }
-            poly.lengths[k + 1] =
-                poly.lengths[k] + poly.length_between(at, at + 1.0 / PARTS as f64);
+            poly.lengths[k + 1] = poly.lengths[k] + poly.length_between(from, to);
         }
         Some(poly)
     }
@@ -425,6 +443,7 @@ impl<const N: usize> Poly<N> {
         Poly {
             start,
             terms,
+            knots: std::array::from_fn(|k| 1.0 - self.knots[PARTS - k]),
             lengths: std::array::from_fn(|k| whole - self.lengths[PARTS - k]),
         }
     }
@@ -440,9 +459,9 @@ impl<const N: usize> Poly<N> {
         d
     }
 
-    /// The tangent at the k-th part of the parameter.
+    /// The tangent at a knot.
     fn tangent(&self, k: usize) -> [f64; N] {
-        let u = k as f64 / PARTS as f64;
+        let u = self.knots[k];
         let rate = self.rate(u);
         self.first(u).map(|d| d / rate)
     }
@@ -457,21 +476,36 @@ impl<const N: usize> Poly<N> {
     }
 
     fn length_between(&self, from: f64, to: f64) -> f64 {
-        let d = to - from;
-        GAUSS4
+        let (middle, half) = (0.5 * (from + to), 0.5 * (to - from));
+        half * GAUSS8
             .iter()
-            .map(|&(x, w)| w * self.rate(from + x * d))
+            .map(|&(x, w)| w * (self.rate(middle - x * half) + self.rate(middle + x * half)))
             .sum::<f64>()
-            * d
+    }
+
+    fn length_to(&self, u: f64) -> f64 {
+        let part = (1..PARTS).find(|&k| u < self.knots[k]).unwrap_or(PARTS) - 1;
+        self.lengths[part] + self.length_between(self.knots[part], u)
     }
 
     fn parameter(&self, s: f64) -> f64 {
         let part = (1..PARTS).find(|&k| s < self.lengths[k]).unwrap_or(PARTS) - 1;
-        let from = part as f64 / PARTS as f64;
-        let (s0, s1) = (self.lengths[part], self.lengths[part + 1]);
-        let mut u = from + (s - s0) / (s1 - s0) / PARTS as f64;
-        for _ in 0..3 {
-            u -= (s0 + self.length_between(from, u) - s) / self.rate(u);
+        let [u0, u1] = [self.knots[part], self.knots[part + 1]];
+        let (s0, length) = (
+            self.lengths[part],
+            self.lengths[part + 1] - self.lengths[part],
+        );
+        let x = (s - s0) / length;
+        // Hermite's cubic of the parameter over the length, then Newton's method.
+        let [m0, m1] = [u0, u1].map(|u| length / self.rate(u));
+        let y = 1.0 - x;
+        let mut u = u0 + x * y * (m0 * y - m1 * x) + (u1 - u0) * x * x * (3.0 - 2.0 * x);
+        for _ in 0..4 {
+            let step = (s0 + self.length_between(u0, u) - s) / self.rate(u);
+            u -= step;
+            if step.abs() < 1e-6 * (u1 - u0) {
+                break;
+            }
         }
         u
     }
@@ -623,6 +657,14 @@ const GAUSS4: [(f64, f64); 4] = [
     (0.930_568_155_797_026_3, 0.173_927_422_568_726_93),
 ];
 
+/// Gauss–Legendre nodes on [0, 1] of [−1, 1], which is symmetric, and their weights.
+const GAUSS8: [(f64, f64); 4] = [
+    (0.183_434_642_495_649_8, 0.362_683_783_378_362),
+    (0.525_532_409_916_329, 0.313_706_645_877_887_3),
+    (0.796_666_477_413_626_7, 0.222_381_034_453_374_5),
+    (0.960_289_856_497_536_3, 0.101_228_536_290_376_3),
+];
+
 /// Path length of a straight displacement.
 fn path_norm<const N: usize>(delta: &[f64; N]) -> f64 {
     let norm = |part: &[f64]| {
@@ -706,14 +748,17 @@ impl<const N: usize> Curve<N> {
                         .sum::<f64>()
                         .sqrt()
                 });
-                let each = match chords.sum::<f64>() {
-                    bend if bend > 4.0 * turn => 1,
-                    bend if bend > turn => 2,
-                    _ => 4,
+                let parts = match chords.sum::<f64>() {
+                    bend if bend > 4.0 * turn => 8.0,
+                    bend if bend > turn => 4.0,
+                    _ => 2.0,
                 };
-                let mut cuts = poly.lengths.iter().step_by(each);
-                let next = cuts.find(|&&l| l > s * (1.0 + 1e-9));
-                next.copied().unwrap_or(poly.length())
+                let next = (poly.parameter(s) * parts + 1e-6).floor() + 1.0;
+                if next < parts {
+                    poly.length_to(next / parts)
+                } else {
+                    poly.length()
+                }
             }
         }
     }
@@ -899,5 +944,42 @@ impl<const N: usize> Curve<N> {
             }
         }
         (low, high)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A corner's length, integrated over many more parts, agrees with the length that it is
+    /// measured by, up to turns whose rate all but vanishes.
+    #[test]
+    fn sharp_corners_are_measured_by_their_length() {
+        for turn in [1.0_f64, 30.0, 90.0, 120.0, 150.0, 160.0, 165.9] {
+            let (sin, cos) = libm::sincos(turn.to_radians());
+            let before = Line::new([0.0, 0.0], [8.0, 0.0]).unwrap();
+            let after = Line::new([8.0, 0.0], [8.0 + 8.0 * cos, 8.0 * sin]).unwrap();
+            for (cut, rate, brake) in [(0.5, 3.0, 6.0), (4.0, 2.0, 0.0)] {
+                let ends = [before.at(8.0 - cut), after.at(cut)];
+                let [rate, brake] = [rate, brake].map(|x| x * cut);
+                let poly = Poly::joining(&ends[0], &ends[1], rate, brake).unwrap();
+                let (mut length, mut last) = (0.0, 0.0);
+                for k in 1..=100 {
+                    let s = poly.length() * f64::from(k) / 100.0;
+                    let u = poly.parameter(s);
+                    let step = (u - last) / 100.0;
+                    for n in 0..100 {
+                        let from = last + step * f64::from(n);
+                        length += poly.length_between(from, from + step);
+                    }
+                    last = u;
+                    let off = (length - s).abs();
+                    assert!(
+                        off <= 1e-10 * poly.length(),
+                        "{turn}°, {s} mm: {off} mm off"
+                    );
+                }
+            }
+        }
     }
 }

@@ -94,29 +94,13 @@ const MAX_ITERATIONS: usize = 80;
 const PATIENT: f64 = 0.01;
 /// Part of the way to the boundary that a step goes.
 const REACH: f64 = 0.98;
+/// Duality gap, in motion times, at which it is given up.
+const LOST: f64 = 1e3;
 /// The dynamics are met when they miss by no more than this part of ṡ².
 const EXACT: f64 = 1e-12;
 
-/// Slack and multiplier of both sides of |y| ≤ 1.
-#[derive(Debug, Clone, Copy, Default)]
-struct Pair {
-    slack: [f64; 2],
-    force: [f64; 2],
-    slack_step: [f64; 2],
-    force_step: [f64; 2],
-}
-
-/// The constraints of one cell.
-#[derive(Debug, Clone)]
-struct Pairs<const N: usize> {
-    jerk: [[Pair; N]; 2],
-    acceleration: [Pair; N],
-    /// 0 ≤ w ≤ W at the start and in the middle.
-    speed: [Pair; 2],
-}
-
 /// A cell's state in the current iterate: all that its constraints depend on.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 struct Frame {
     /// At both ends.
     w: [f64; 2],
@@ -134,33 +118,64 @@ struct Frame {
     ahead: [f64; 4],
     /// By what Δa misses the end node.
     defect: f64,
-    /// The start node is given.
-    first: bool,
     /// The path rests at one of the ends.
     at_rest: bool,
 }
 
-#[derive(Debug, Clone)]
-struct Stage<const N: usize> {
+/// One constraint −floor ≤ y ≤ 1 with slack and multiplier of both sides.
+#[derive(Debug, Clone, Copy)]
+struct Row {
+    /// What y is made of, next to the iterate: of w, a and m.
+    terms: [f64; 3],
+    /// 1, or 0 for a speed.
+    floor: f64,
+    /// Slope in (Δw, Δa, Δm) of the start node, and change at no step.
+    slope: [f64; 3],
+    drift: f64,
+    /// y − 1 and −y − floor.
+    over: [f64; 2],
+    slack: [f64; 2],
+    force: [f64; 2],
+    /// 1 / slack
+    inverse: [f64; 2],
+    /// What the product of slack and multiplier comes to beyond the linear model.
+    product: [f64; 2],
+    slack_step: [f64; 2],
+    force_step: [f64; 2],
+}
+
+/// A cell: its frame and where its constraints are.
+#[derive(Debug, Clone, Copy)]
+struct Stage {
     frame: Frame,
-    pairs: Pairs<N>,
-    /// Δm = gain · (Δw, Δa, 1)
-    gain: [f64; 3],
-    step: [f64; 3],
+    /// First row of the jerk at the start, of the jerk at the end, of the others (the speed in the
+    /// middle, then what depends on the start node alone), and of the next cell.
+    rows: [usize; 4],
     /// The cell's part of the barrier: half by number, half by duration, so that neither many short
     /// cells nor few long ones outweigh the others.
     weight: f64,
+    /// Greatest part of an axis's jerk limit that a path jerk of 1 takes.
+    along: f64,
+    /// The cost's gradient in (Δw, Δa, Δm) of the start node.
+    gradient: [f64; 3],
+    /// Of the cost with that to go: wm, am, mm.
+    cross: [f64; 3],
+    /// The cost to go from the end node, ½ xᵀPx: ww, wa, aa.
+    to_go: [f64; 3],
+    /// Δm = gain · (Δw, Δa, 1)
+    gain: [f64; 3],
+    step: [f64; 3],
 }
 
-/// A constraint value with its slope in (Δw, Δa, Δm) and its change at no step.
-struct Row {
-    value: f64,
-    slope: [f64; 3],
-    drift: f64,
-    /// The bound moves by β with the speed.
-    with_beta: bool,
-    /// value ≤ bound[0] and −value ≤ bound[1]
-    bound: [f64; 2],
+/// What a step is for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Aim {
+    /// Straight for the optimum.
+    Optimum,
+    /// For products of slacks and multipliers of so much, with the steps' own products in mind.
+    Target(f64),
+    /// For the dynamics alone, by the smallest change in the metric of the barrier.
+    Dynamics,
 }
 
 impl Frame {
@@ -173,116 +188,124 @@ impl Frame {
             w * one + a * self.defect,
         )
     }
+
     /// β as a slope.
     #[inline]
     fn beta_slope(&self) -> ([f64; 3], f64) {
         let ([w, a, m], drift) = self.pull_back([self.beta[1], 0.0, 0.0]);
         ([w + self.beta[0], a, m], drift)
     }
+
+    /// The state of the end node after a step.
+    #[inline]
+    fn follow(&self, [dw, da, dm]: [f64; 3]) -> (f64, f64) {
+        let [ew, ea, em, e1] = self.ahead;
+        (ew * dw + ea * da + em * dm + e1, da + dm + self.defect)
+    }
 }
 
-impl<const N: usize> Pairs<N> {
-    /// Every constraint of the cell in turn.
-    #[inline]
-    fn each(
-        &mut self,
-        frame: &Frame,
-        cell: &Cell<N>,
-        limits: &Limits<N>,
-        mut visit: impl FnMut(&mut Pair, Row),
-    ) {
-        let Frame {
-            w,
-            a,
-            v,
-            h,
-            m,
-            sigma,
-            ..
-        } = *frame;
-        for end in 0..2 {
-            let slope = &cell.ends[end];
-            for i in 0..N {
-                let scale = 1.0 / (cell.share[1] * limits.jerk[i]);
-                let by_w = v[end] * slope.d3[i] * scale;
-                let by_a = 3.0 * v[end] * slope.d2[i] * scale;
-                let by_m = sigma / h * slope.d1[i] * scale;
-                let value = by_w * w[end] + by_a * a[end] + by_m * m;
-                let row = [by_w, by_a, by_m];
-                let (slope, drift) = if end == 0 {
-                    (row, 0.0)
-                } else {
-                    frame.pull_back(row)
-                };
-                visit(
-                    &mut self.jerk[end][i],
-                    Row {
-                        value,
-                        slope,
-                        drift,
-                        with_beta: true,
-                        bound: [1.0, 1.0],
-                    },
-                );
-            }
+impl Row {
+    fn new(terms: [f64; 3], floor: f64) -> Self {
+        Row {
+            terms,
+            floor,
+            slope: [0.0; 3],
+            drift: 0.0,
+            over: [0.0; 2],
+            slack: [0.0; 2],
+            force: [0.0; 2],
+            inverse: [0.0; 2],
+            product: [0.0; 2],
+            slack_step: [0.0; 2],
+            force_step: [0.0; 2],
         }
-        // Half way w is (w₀ + w₁)/2 − m h/4, or less. Without this row a wave of the acceleration from
-        // node to node would pass unseen.
-        let scale = 1.0 / (cell.speed[1] * cell.speed[1]);
-        let half = 0.5 * scale;
-        let value = half * (w[0] + w[1] - 0.5 * m * h);
-        let (end, drift) = frame.pull_back([half, 0.0, -0.25 * h * scale]);
-        let slope = [half + end[0], end[1], end[2]];
-        visit(
-            &mut self.speed[1],
-            Row {
-                value,
-                slope,
-                drift,
-                with_beta: false,
-                bound: [1.0, 0.0],
-            },
-        );
-        if frame.first {
-            return;
-        }
-        for i in 0..N {
-            let scale = 1.0 / (cell.share[0] * limits.acceleration[i]);
-            let (by_w, by_a) = (cell.ends[0].d2[i] * scale, cell.ends[0].d1[i] * scale);
-            let value = by_w * w[0] + by_a * a[0];
-            let slope = [by_w, by_a, 0.0];
-            visit(
-                &mut self.acceleration[i],
-                Row {
-                    value,
-                    slope,
-                    drift: 0.0,
-                    with_beta: false,
-                    bound: [1.0, 1.0],
-                },
-            );
-        }
-        let scale = 1.0 / (cell.speed[0] * cell.speed[0]);
-        let slope = [scale, 0.0, 0.0];
-        visit(
-            &mut self.speed[0],
-            Row {
-                value: scale * w[0],
-                slope,
-                drift: 0.0,
-                with_beta: false,
-                bound: [1.0, 0.0],
-            },
-        );
     }
 
-    fn all(&mut self, first: bool) -> impl Iterator<Item = &mut Pair> {
-        let node = if first { 0 } else { N };
-        self.jerk
-            .iter_mut()
-            .flatten()
-            .chain(self.acceleration[..node].iter_mut())
-            .chain(&mut self.speed[usize::from(first)..])
+    #[inline]
+    fn set(&mut self, value: f64, slope: [f64; 3], drift: f64) {
+        self.over = [value - 1.0, -value - self.floor];
+        self.slope = slope;
+        self.drift = drift;
+    }
+
+    /// Weights z/s of both sides and their pulls straight for the optimum. Slack that is really there
+    /// is taken.
+    #[inline]
+    fn weigh(&mut self, by_beta: f64) -> ([f64; 2], [f64; 2]) {
+        let mut weight = [0.0; 2];
+        let mut pull = [0.0; 2];
+        let drift = [self.drift - by_beta, -self.drift - by_beta];
+        for side in 0..2 {
+            let slack = self.slack[side].max(-self.over[side]);
+            self.slack[side] = slack;
+            self.inverse[side] = 1.0 / slack;
+            weight[side] = self.force[side] * self.inverse[side];
+            pull[side] = weight[side] * (self.over[side] + drift[side] + slack);
+        }
+        (weight, pull)
+    }
+
+    /// What the pulls of both sides become for the target.
+    #[inline]
+    fn correct(&self, target: f64) -> [f64; 2] {
+        std::array::from_fn(|side| (target - self.product[side]) * self.inverse[side])
+    }
+
+    /// Steps of slack and multiplier for the node's step.
+    #[inline]
+    fn aim(
+        &mut self,
+        [dw, da, dm]: [f64; 3],
+        beta_step: f64,
+        target: Option<f64>,
+        sums: &mut Sums,
+    ) {
+        let [w, a, m] = self.slope;
+        let change = self.drift + (w * dw + a * da + m * dm);
+        let change = [change - beta_step, -change - beta_step];
+        let pull = target.map_or([0.0; 2], |target| self.correct(target));
+        for side in 0..2 {
+            let (s, z) = (self.slack[side], self.force[side]);
+            let ds = -(self.over[side] + change[side]) - s;
+            let part = ds * self.inverse[side];
+            let dz = pull[side] - z * (1.0 + part);
+            self.slack_step[side] = ds;
+            self.force_step[side] = dz;
+            self.product[side] = ds * dz;
+            sums.reach[0] = sums.reach[0].max(-part);
+            let back = if target.is_some() {
+                1.0 + part - pull[side] / z
+            } else {
+                1.0 + part
+            };
+            sums.reach[1] = sums.reach[1].max(back);
+            sums.gap[0] += s * z;
+            sums.gap[1] += ds * z;
+            sums.gap[2] += s * dz;
+            sums.gap[3] += ds * dz;
+        }
+    }
+}
+
+/// What the rows' steps come to.
+#[derive(Debug, Clone, Copy, Default)]
+struct Sums {
+    /// Reciprocals of the longest steps that keep slacks (and speeds) and multipliers positive.
+    reach: [f64; 2],
+    /// Σ s z, Σ Δs z, Σ s Δz, Σ Δs Δz
+    gap: [f64; 4],
+}
+
+impl Sums {
+    /// The longest steps to take, of the primal and of the dual.
+    fn steps(&self) -> [f64; 2] {
+        self.reach.map(|reach| (REACH / reach).min(1.0))
+    }
+
+    /// The duality gap after these steps.
+    fn gap_after(&self, [primal, dual]: [f64; 2]) -> f64 {
+        let [gap, by_primal, by_dual, by_both] = self.gap;
+        gap + primal * by_primal + dual * by_dual + primal * dual * by_both
     }
 }
 
@@ -319,80 +342,22 @@ impl Quadratic {
 
     #[inline]
     fn pull(&mut self, by: f64, row: [f64; 3]) {
-        for (g, r) in self.gradient.iter_mut().zip(row) {
-            *g += by * r;
-        }
+        raise(&mut self.gradient, by, row);
     }
 }
 
-impl Pair {
-    fn new(row: &Row, target: f64, least: f64) -> Self {
-        let slack = [
-            (row.bound[0] - row.value).max(least),
-            (row.bound[1] + row.value).max(least),
-        ];
-        Pair {
-            slack,
-            force: slack.map(|s| target / s),
-            ..Pair::default()
-        }
-    }
-
-    /// Weights z/s and pulls of both sides. Slack that is really there is taken.
-    #[inline]
-    fn weigh(
-        &mut self,
-        over: [f64; 2],
-        drift: [f64; 2],
-        target: f64,
-        second: bool,
-    ) -> ([f64; 2], [f64; 2]) {
-        let mut weight = [0.0; 2];
-        let mut pull = [0.0; 2];
-        for side in 0..2 {
-            let slack = self.slack[side].max(-over[side]);
-            self.slack[side] = slack;
-            let target = if second {
-                target - self.slack_step[side] * self.force_step[side]
-            } else {
-                target
-            };
-            let inverse = 1.0 / slack;
-            weight[side] = self.force[side] * inverse;
-            pull[side] = target * inverse + weight[side] * (over[side] + drift[side] + slack);
-        }
-        (weight, pull)
-    }
-
-    /// Steps of slack and force when the constraints come to `linear`; `reach` grows to the
-    /// reciprocal of the longest step that leaves both positive.
-    #[inline]
-    fn aim(&mut self, linear: [f64; 2], target: f64, second: bool, reach: &mut [f64; 2]) {
-        for side in 0..2 {
-            let (s, z) = (self.slack[side], self.force[side]);
-            let ds = -linear[side] - s;
-            let target = if second {
-                target - self.slack_step[side] * self.force_step[side]
-            } else {
-                target
-            };
-            let dz = (target - z * ds) / s - z;
-            self.slack_step[side] = ds;
-            self.force_step[side] = dz;
-            reach[0] = reach[0].max(-ds / s);
-            reach[1] = reach[1].max(-dz / z);
-        }
-    }
-
-    fn gap(&self) -> f64 {
-        self.slack[0] * self.force[0] + self.slack[1] * self.force[1]
+#[inline]
+fn raise(gradient: &mut [f64; 3], by: f64, row: [f64; 3]) {
+    for (g, r) in gradient.iter_mut().zip(row) {
+        *g += by * r;
     }
 }
 
 /// Solver with its scratch space; reused from window to window.
 #[derive(Debug, Clone, Default)]
 pub struct TimeLaw<const N: usize> {
-    stages: Vec<Stage<N>>,
+    stages: Vec<Stage>,
+    rows: Vec<Row>,
     nodes: Vec<Node>,
 }
 
@@ -433,59 +398,67 @@ impl<const N: usize> TimeLaw<N> {
         self.nodes[0] = start;
         self.nodes[n] = Node::default();
 
-        let rows = (6 * N + 4) as f64;
-        let (time, _) = self.begin(cells);
-        let target = heat * time / rows;
-        for (stage, cell) in self.stages.iter_mut().zip(cells) {
-            let Stage {
-                frame,
-                pairs,
-                weight,
-                ..
-            } = stage;
+        self.lay_rows(cells, limits);
+        let (time, _) = self.relinearise(cells);
+        for Stage { frame, weight, .. } in &mut self.stages {
             *weight = 0.5 * (frame.h / frame.sigma / time + 1.0 / n as f64);
-            pairs.each(frame, cell, limits, |pair, row| {
-                *pair = Pair::new(&row, target * *weight, 0.3 * heat)
-            });
         }
-        let length = |reach: f64| if reach > REACH { REACH / reach } else { 1.0 };
-        let gap = self.gap_after(0.0, 0.0);
+        // Constraints, by weight.
+        let pairs: f64 = self
+            .stages
+            .iter()
+            .map(|s| s.weight * (2 * (s.rows[3] - s.rows[0])) as f64)
+            .sum();
+        let target = heat * time / pairs;
+        for stage in &self.stages {
+            for row in &mut self.rows[stage.rows[0]..stage.rows[3]] {
+                row.slack = row.over.map(|over| (-over).max(0.3 * heat));
+                row.force = row.slack.map(|slack| target * stage.weight / slack);
+            }
+        }
         let mut outcome = Outcome {
             converged: false,
             iterations: 0,
             time,
-            gap,
+            gap: heat * time,
             excess: 1.0,
         };
         let mut damping = 0.0_f64;
         while outcome.iterations < MAX_ITERATIONS {
             outcome.iterations += 1;
+            outcome.excess = self.factorise(damping);
             // Where would a step straight for the optimum lead? That tells how far to aim now, and
             // what the products of the steps will come to (Mehrotra, "On the Implementation of a
             // Primal-Dual Interior Point Method", 1992).
-            outcome.excess = self.eliminate(cells, limits, Some(0.0), false, damping);
-            let [primal, dual] = self.substitute(cells, limits, 0.0, false).map(length);
-            let left = (self.gap_after(primal, dual) / outcome.gap).min(1.0);
-            let target = (left * left * left).max(1e-3) * outcome.gap / rows;
-            self.eliminate(cells, limits, Some(target), true, damping);
-            let [primal, dual] = self.substitute(cells, limits, target, true).map(length);
-            outcome.gap = self.go(primal, dual);
+            self.direct(Aim::Optimum);
+            let sums = self.substitute(None);
+            let left = (sums.gap_after(sums.steps()) / outcome.gap).min(1.0);
+            let target = (left * left * left).max(1e-3) * outcome.gap / pairs;
+            self.direct(Aim::Target(target));
+            let sums = self.substitute(Some(target));
+            let [primal, dual] = sums.steps();
+            outcome.gap = sums.gap_after([primal, dual]);
+            self.go(primal, dual);
             // Short steps: the model is good for nearby only.
             if primal < 0.2 {
-                damping = (3.0 * damping).max(0.1 * outcome.gap / rows);
+                damping = (3.0 * damping).max(0.1 * outcome.gap / pairs);
             } else if primal > 0.6 {
                 damping *= 0.2;
             }
             let miss;
             (outcome.time, miss) = self.relinearise(cells);
-            if !outcome.time.is_finite() || !outcome.gap.is_finite() {
+            // Where nothing leads to a law the multipliers grow without bound.
+            if !outcome.time.is_finite()
+                || outcome.gap.is_nan()
+                || outcome.gap > LOST * outcome.time
+            {
                 break;
             }
             // Out of patience, what nearly keeps the limits will do.
             let last = outcome.iterations == MAX_ITERATIONS;
             let allowed = if last { PATIENT } else { tolerance };
             if (last || outcome.gap <= tolerance * outcome.time) && outcome.excess < allowed {
-                outcome.converged = self.meet(cells, limits, miss);
+                outcome.converged = self.meet(cells, miss);
                 break;
             }
         }
@@ -493,12 +466,13 @@ impl<const N: usize> TimeLaw<N> {
     }
 
     /// Brings the dynamics from missing by `miss` down to rounding; false if that fails.
-    fn meet(&mut self, cells: &[Cell<N>], limits: &Limits<N>, mut miss: f64) -> bool {
+    fn meet(&mut self, cells: &[Cell<N>], mut miss: f64) -> bool {
         for _ in 0..6 {
             if miss < EXACT {
                 return true;
             }
-            self.eliminate(cells, limits, None, false, 0.0);
+            self.factorise(0.0);
+            self.direct(Aim::Dynamics);
             let (mut dw, mut da) = (0.0, 0.0);
             for (stage, node) in self.stages.iter_mut().zip(&mut self.nodes) {
                 let Stage { frame, gain, .. } = stage;
@@ -506,48 +480,88 @@ impl<const N: usize> TimeLaw<N> {
                 node.w += dw;
                 node.a += da;
                 frame.m += dm;
-                let [ew, ea, em, e1] = frame.ahead;
-                (dw, da) = (ew * dw + ea * da + em * dm + e1, da + dm + frame.defect);
+                (dw, da) = frame.follow([dw, da, dm]);
             }
             miss = self.relinearise(cells).1;
         }
         miss < EXACT
     }
 
-    fn begin(&mut self, cells: &[Cell<N>]) -> (f64, f64) {
+    /// Lays every constraint that can be one: of axes that move, and of several that ask for the
+    /// same the strictest.
+    fn lay_rows(&mut self, cells: &[Cell<N>], limits: &Limits<N>) {
         self.stages.clear();
+        self.rows.clear();
         let last = cells.len() - 1;
-        for k in 0..cells.len() {
+        // The one of the rows in m alone (or a alone) that comes first to its bound.
+        let strictest = |d: &[f64; N], limit: &[f64; N]| {
+            (0..N).map(|i| d[i].abs() / limit[i]).fold(0.0, f64::max)
+        };
+        for (k, cell) in cells.iter().enumerate() {
+            let mut rows = [self.rows.len(); 4];
+            let [start, end] = &cell.ends;
+            let flat = |slope: &Slope<N>| slope.d2 == [0.0; N] && slope.d3 == [0.0; N];
+            let straight = flat(start) && flat(end) && start.d1 == end.d1;
+            let along = strictest(&start.d1, &limits.jerk);
+            for (at, slope) in cell.ends.iter().enumerate() {
+                if straight {
+                    if at == 0 {
+                        let term = along / cell.share[1];
+                        self.rows.push(Row::new([0.0, 0.0, term], 1.0));
+                    }
+                } else {
+                    for i in 0..N {
+                        let scale = 1.0 / (cell.share[1] * limits.jerk[i]);
+                        let terms = [slope.d3[i], 3.0 * slope.d2[i], slope.d1[i]];
+                        let terms = terms.map(|d| d * scale);
+                        if terms != [0.0; 3] {
+                            self.rows.push(Row::new(terms, 1.0));
+                        }
+                    }
+                }
+                rows[at + 1] = self.rows.len();
+            }
+            // Half way w is (w₀ + w₁)/2 − m h/4, or less. Without this row a wave of the acceleration
+            // from node to node would pass unseen.
+            let scale = 1.0 / (cell.speed[1] * cell.speed[1]);
+            self.rows.push(Row::new([0.5 * scale; 3], 0.0));
+            if k > 0 {
+                if flat(start) {
+                    let term = strictest(&start.d1, &limits.acceleration) / cell.share[0];
+                    self.rows.push(Row::new([0.0, term, 0.0], 1.0));
+                } else {
+                    for i in 0..N {
+                        let scale = 1.0 / (cell.share[0] * limits.acceleration[i]);
+                        let terms = [start.d2[i] * scale, start.d1[i] * scale, 0.0];
+                        if terms != [0.0; 3] {
+                            self.rows.push(Row::new(terms, 1.0));
+                        }
+                    }
+                }
+                let scale = 1.0 / (cell.speed[0] * cell.speed[0]);
+                self.rows.push(Row::new([scale, 0.0, 0.0], 0.0));
+            }
+            rows[3] = self.rows.len();
             self.stages.push(Stage {
                 frame: Frame {
-                    w: [0.0; 2],
-                    a: [0.0; 2],
-                    v: [0.0; 2],
-                    h: cells[k].length,
                     m: self.nodes[k + 1].a - self.nodes[k].a,
-                    sigma: 0.0,
-                    h_by: [0.0; 3],
-                    beta: [0.0; 2],
-                    ahead: [0.0; 4],
-                    defect: 0.0,
-                    first: k == 0,
                     at_rest: (k == 0 && self.nodes[0].w == 0.0) || k == last,
+                    ..Frame::default()
                 },
-                pairs: Pairs {
-                    jerk: [[Pair::default(); N]; 2],
-                    acceleration: [Pair::default(); N],
-                    speed: [Pair::default(); 2],
-                },
+                rows,
+                weight: 0.0,
+                along,
+                gradient: [0.0; 3],
+                cross: [0.0; 3],
+                to_go: [0.0; 3],
                 gain: [0.0; 3],
                 step: [0.0; 3],
-                weight: 0.0,
             });
         }
-        self.relinearise(cells)
     }
 
-    /// Brings every frame up to date with the iterate; returns the motion time and by what part
-    /// of itself the dynamics miss w at most.
+    /// Brings every frame and its rows up to date with the iterate; returns the motion time and by
+    /// what part of itself the dynamics miss w at most.
     fn relinearise(&mut self, cells: &[Cell<N>]) -> (f64, f64) {
         let (mut time, mut miss) = (0.0, 0.0_f64);
         let mut v0 = self.nodes[0].w.sqrt();
@@ -591,86 +605,40 @@ impl<const N: usize> TimeLaw<N> {
             miss = miss.max((frame.ahead[3] / x0.w.max(x1.w)).abs());
             time += frame.h / sigma;
             v0 = v1;
+            stage.evaluate(&mut self.rows);
         }
         (time, miss)
     }
 
-    /// Assembles the Newton step's equations and eliminates them from the end to the start.
-    /// Without a target the step only meets the dynamics, by the smallest change in the metric of
-    /// the barrier. Returns the greatest excess over a limit.
-    fn eliminate(
-        &mut self,
-        cells: &[Cell<N>],
-        limits: &Limits<N>,
-        target: Option<f64>,
-        second: bool,
-        damping: f64,
-    ) -> f64 {
+    /// Assembles the Newton step's matrices and eliminates them from the end to the start. Returns
+    /// the greatest excess over a limit.
+    fn factorise(&mut self, damping: f64) -> f64 {
         let mut worst = 0.0_f64;
-        let last = cells.len() - 1;
-        // Cost to go ½ xᵀPx + px: ww, wa, aa; w, a.
-        let mut to_go = ([0.0; 3], [0.0; 2]);
+        let last = self.stages.len() - 1;
+        // Cost to go ½ xᵀPx: ww, wa, aa.
+        let mut to_go = [0.0; 3];
         // The last node is at rest: w + h a = miss at the node before.
         let mut landing = (0.0, 0.0);
-        for (k, (stage, cell)) in self.stages.iter_mut().zip(cells).enumerate().rev() {
-            let Stage {
-                frame,
-                pairs,
-                gain,
-                weight: share,
-                ..
-            } = stage;
-            let aim = target.unwrap_or(0.0) * *share;
-            let mut q = Quadratic::default();
-            let (beta, beta_drift) = frame.beta_slope();
-            let (mut beta_weight, mut beta_pull) = (0.0, 0.0);
-            let mut beta_cross = [0.0; 3];
-            pairs.each(frame, cell, limits, |pair, row| {
-                let over = [row.value - row.bound[0], -row.value - row.bound[1]];
-                worst = worst.max(over[0]).max(over[1]);
-                let b = if row.with_beta { beta_drift } else { 0.0 };
-                let (weight, pull) = pair.weigh(over, [row.drift - b, -row.drift - b], aim, second);
-                q.square(weight[0] + weight[1], row.slope);
-                q.pull(pull[0] - pull[1], row.slope);
-                if row.with_beta {
-                    beta_weight += weight[0] + weight[1];
-                    beta_pull += pull[0] + pull[1];
-                    for (cross, slope) in beta_cross.iter_mut().zip(row.slope) {
-                        *cross += (weight[0] - weight[1]) * slope;
-                    }
-                }
-            });
-            q.square(beta_weight, beta);
-            q.pull(-beta_pull, beta);
-            q.product(-1.0, beta_cross, beta);
+        for (k, stage) in self.stages.iter_mut().enumerate().rev() {
+            let mut q = stage.weigh(&mut self.rows, &mut worst);
+            let frame = &stage.frame;
             frame.add_time(&mut q);
-            let along = (0..N)
-                .map(|i| cell.ends[0].d1[i].abs() / limits.jerk[i])
-                .fold(0.0, f64::max);
-            q.square(damping * *share, [0.0, 0.0, frame.sigma / frame.h * along]);
-            if target.is_none() {
-                q.gradient = [0.0; 3];
-            }
+            let along = frame.sigma / frame.h * stage.along;
+            q.square(damping * stage.weight, [0.0, 0.0, along]);
+            stage.gradient = q.gradient;
             let [ww, wa, wm, aa, am, mm] = q.hessian;
-            let [gw, ga, gm] = q.gradient;
             if k == last {
                 // a + m = 0 and w + h a = 0 at the end.
-                let one = -frame.a[0] - frame.m;
-                *gain = [0.0, -1.0, one];
-                to_go = (
-                    [ww, wa - wm, aa - 2.0 * am + mm],
-                    [gw + wm * one, ga - gm + (am - mm) * one],
-                );
+                stage.gain = [0.0, -1.0, -frame.a[0] - frame.m];
+                stage.cross = [wm, am, mm];
+                to_go = [ww, wa - wm, aa - 2.0 * am + mm];
                 landing = (frame.h, -(frame.w[0] + frame.h * frame.a[0]));
                 continue;
             }
+            stage.to_go = to_go;
             // Add the cost to go from x⁺: Δw⁺ = ahead · (Δw, Δa, Δm, 1), Δa⁺ = Δa + Δm + defect.
-            let ([pww, pwa, paa], [pw, pa]) = to_go;
+            let [pww, pwa, paa] = to_go;
             let [ew, ea, em, e1] = frame.ahead;
-            let (rw, ra) = (
-                pw + pww * e1 + pwa * frame.defect,
-                pa + pwa * e1 + paa * frame.defect,
-            );
             // P [A B], column by column.
             let w_w = pww * ew;
             let (a_w, a_a) = (pww * ea + pwa, pwa * ea + paa);
@@ -681,10 +649,8 @@ impl<const N: usize> TimeLaw<N> {
             let aa = aa + ea * a_w + a_a;
             let am = am + ea * m_w + m_a;
             let mm = mm + em * m_w + m_a;
-            let gw = gw + ew * rw;
-            let ga = ga + ea * rw + ra;
-            let gm = gm + em * rw + ra;
-            *gain = if k + 1 == last {
+            stage.cross = [wm, am, mm];
+            stage.gain = if k + 1 == last {
                 // Here the control has to meet the landing w + l a = miss.
                 let (l, miss) = landing;
                 let by_m = em + l;
@@ -694,99 +660,180 @@ impl<const N: usize> TimeLaw<N> {
                     (miss - e1 - l * frame.defect) / by_m,
                 ]
             } else {
-                [-wm / mm, -am / mm, -gm / mm]
+                [-wm / mm, -am / mm, 0.0]
             };
-            let [kw, ka, k1] = *gain;
-            to_go = (
-                [
-                    ww + kw * (2.0 * wm + mm * kw),
-                    wa + kw * am + ka * wm + mm * kw * ka,
-                    aa + ka * (2.0 * am + mm * ka),
-                ],
-                [
-                    gw + kw * gm + k1 * (wm + mm * kw),
-                    ga + ka * gm + k1 * (am + mm * ka),
-                ],
-            );
+            let [kw, ka, _] = stage.gain;
+            to_go = [
+                ww + kw * (2.0 * wm + mm * kw),
+                wa + kw * am + ka * wm + mm * kw * ka,
+                aa + ka * (2.0 * am + mm * ka),
+            ];
         }
         worst
     }
 
-    /// Goes through the step from the start to the end; returns the reciprocals of the longest
-    /// steps that keep slacks (and speeds) and multipliers positive.
-    fn substitute(
-        &mut self,
-        cells: &[Cell<N>],
-        limits: &Limits<N>,
-        target: f64,
-        second: bool,
-    ) -> [f64; 2] {
-        let mut reach = [0.0_f64; 2];
+    /// Gives the step its direction: eliminates the gradient from the end to the start.
+    fn direct(&mut self, aim: Aim) {
+        let last = self.stages.len() - 1;
+        // The gradient of the cost to go: w, a.
+        let mut to_go = [0.0; 2];
+        for (k, stage) in self.stages.iter_mut().enumerate().rev() {
+            let [mut gw, mut ga, mut gm] = match aim {
+                Aim::Optimum => stage.gradient,
+                Aim::Target(target) => stage.corrected(&self.rows, target * stage.weight),
+                Aim::Dynamics => [0.0; 3],
+            };
+            let [wm, am, mm] = stage.cross;
+            if k == last {
+                let one = stage.gain[2];
+                to_go = [gw + wm * one, ga - gm + (am - mm) * one];
+                continue;
+            }
+            let [pww, pwa, paa] = stage.to_go;
+            let [ew, ea, em, e1] = stage.frame.ahead;
+            let defect = stage.frame.defect;
+            let rw = to_go[0] + pww * e1 + pwa * defect;
+            let ra = to_go[1] + pwa * e1 + paa * defect;
+            gw += ew * rw;
+            ga += ea * rw + ra;
+            gm += em * rw + ra;
+            if k + 1 < last {
+                stage.gain[2] = -gm / mm;
+            }
+            let [kw, ka, k1] = stage.gain;
+            to_go = [
+                gw + kw * gm + k1 * (wm + mm * kw),
+                ga + ka * gm + k1 * (am + mm * ka),
+            ];
+        }
+    }
+
+    /// Goes through the step from the start to the end.
+    fn substitute(&mut self, target: Option<f64>) -> Sums {
+        let mut sums = Sums::default();
         let (mut dw, mut da) = (0.0, 0.0);
-        for (stage, cell) in self.stages.iter_mut().zip(cells) {
-            let Stage {
-                frame,
-                pairs,
-                gain,
-                step,
-                weight: share,
-            } = stage;
-            let target = target * *share;
-            let dm = gain[0] * dw + gain[1] * da + gain[2];
-            *step = [dw, da, dm];
-            if !frame.first {
+        for (k, stage) in self.stages.iter_mut().enumerate() {
+            let Stage { frame, gain, .. } = stage;
+            let step = [dw, da, gain[0] * dw + gain[1] * da + gain[2]];
+            if k > 0 {
                 // The tangent of 1/σ is worth little much further down.
-                reach[0] = f64::max(reach[0], -dw / (0.8 * frame.w[0]));
+                sums.reach[0] = sums.reach[0].max(-dw / (0.8 * frame.w[0]));
             }
-            let along = |row: [f64; 3]| row[0] * dw + row[1] * da + row[2] * dm;
             let (beta, beta_drift) = frame.beta_slope();
-            let beta_step = along(beta) + beta_drift;
-            pairs.each(frame, cell, limits, |pair, row| {
-                let change = row.drift + along(row.slope);
-                let b = if row.with_beta { beta_step } else { 0.0 };
-                let linear = [
-                    row.value - row.bound[0] + change - b,
-                    -row.value - row.bound[1] - change - b,
-                ];
-                pair.aim(linear, target, second, &mut reach);
-            });
-            let [ew, ea, em, e1] = frame.ahead;
-            (dw, da) = (ew * dw + ea * da + em * dm + e1, da + dm + frame.defect);
-        }
-        reach
-    }
-
-    /// The duality gap after the step.
-    fn gap_after(&mut self, primal: f64, dual: f64) -> f64 {
-        let mut gap = 0.0;
-        for stage in &mut self.stages {
-            for pair in stage.pairs.all(stage.frame.first) {
-                for side in 0..2 {
-                    gap += (pair.slack[side] + primal * pair.slack_step[side])
-                        * (pair.force[side] + dual * pair.force_step[side]);
-                }
+            let beta_step = beta[0] * step[0] + beta[1] * step[1] + beta[2] * step[2] + beta_drift;
+            let target = target.map(|target| target * stage.weight);
+            let [first, _, others, end] = stage.rows;
+            for row in &mut self.rows[first..others] {
+                row.aim(step, beta_step, target, &mut sums);
             }
+            for row in &mut self.rows[others..end] {
+                row.aim(step, 0.0, target, &mut sums);
+            }
+            (dw, da) = frame.follow(step);
+            stage.step = step;
         }
-        gap
+        sums
     }
 
-    /// Takes the step; returns the new duality gap.
-    fn go(&mut self, primal: f64, dual: f64) -> f64 {
-        let mut gap = 0.0;
+    /// Takes the step.
+    fn go(&mut self, primal: f64, dual: f64) {
         for (stage, node) in self.stages.iter_mut().zip(&mut self.nodes) {
             let [dw, da, dm] = stage.step;
             node.w += primal * dw;
             node.a += primal * da;
             stage.frame.m += primal * dm;
-            for pair in stage.pairs.all(stage.frame.first) {
-                for side in 0..2 {
-                    pair.slack[side] += primal * pair.slack_step[side];
-                    pair.force[side] += dual * pair.force_step[side];
-                }
-                gap += pair.gap();
+        }
+        for row in &mut self.rows {
+            for side in 0..2 {
+                row.slack[side] += primal * row.slack_step[side];
+                row.force[side] += dual * row.force_step[side];
             }
         }
-        gap
+    }
+}
+
+impl Stage {
+    /// Values and slopes of the rows in the iterate.
+    #[inline]
+    fn evaluate(&self, rows: &mut [Row]) {
+        let frame = &self.frame;
+        let Frame { w, a, v, h, m, .. } = *frame;
+        let rate = frame.sigma / h;
+        let [first, second, others, end] = self.rows;
+        for row in &mut rows[first..second] {
+            let slope = [
+                v[0] * row.terms[0],
+                v[0] * row.terms[1],
+                rate * row.terms[2],
+            ];
+            row.set(slope[0] * w[0] + slope[1] * a[0] + slope[2] * m, slope, 0.0);
+        }
+        for row in &mut rows[second..others] {
+            let slope = [
+                v[1] * row.terms[0],
+                v[1] * row.terms[1],
+                rate * row.terms[2],
+            ];
+            let value = slope[0] * w[1] + slope[1] * a[1] + slope[2] * m;
+            let (slope, drift) = frame.pull_back(slope);
+            row.set(value, slope, drift);
+        }
+        let half = rows[others].terms[0];
+        let (by_end, drift) = frame.pull_back([half, 0.0, -0.5 * h * half]);
+        let value = half * (w[0] + w[1] - 0.5 * m * h);
+        rows[others].set(value, [half + by_end[0], by_end[1], by_end[2]], drift);
+        for row in &mut rows[others + 1..end] {
+            row.set(row.terms[0] * w[0] + row.terms[1] * a[0], row.terms, 0.0);
+        }
+    }
+
+    /// The barrier as a quadratic; `worst` grows to the greatest excess over a limit.
+    #[inline]
+    fn weigh(&self, rows: &mut [Row], worst: &mut f64) -> Quadratic {
+        let mut q = Quadratic::default();
+        let (beta, beta_drift) = self.frame.beta_slope();
+        let (mut beta_weight, mut beta_pull) = (0.0, 0.0);
+        let mut beta_cross = [0.0; 3];
+        let [first, _, others, end] = self.rows;
+        // The bound of the jerk moves by β with the speed.
+        for row in &mut rows[first..others] {
+            *worst = worst.max(row.over[0]).max(row.over[1]);
+            let (weight, pull) = row.weigh(beta_drift);
+            q.square(weight[0] + weight[1], row.slope);
+            q.pull(pull[0] - pull[1], row.slope);
+            beta_weight += weight[0] + weight[1];
+            beta_pull += pull[0] + pull[1];
+            raise(&mut beta_cross, weight[0] - weight[1], row.slope);
+        }
+        q.square(beta_weight, beta);
+        q.pull(-beta_pull, beta);
+        q.product(-1.0, beta_cross, beta);
+        for row in &mut rows[others..end] {
+            *worst = worst.max(row.over[0]).max(row.over[1]);
+            let (weight, pull) = row.weigh(0.0);
+            q.square(weight[0] + weight[1], row.slope);
+            q.pull(pull[0] - pull[1], row.slope);
+        }
+        q
+    }
+
+    /// The gradient for a target.
+    #[inline]
+    fn corrected(&self, rows: &[Row], target: f64) -> [f64; 3] {
+        let mut gradient = self.gradient;
+        let [first, _, others, end] = self.rows;
+        let mut beta_pull = 0.0;
+        for row in &rows[first..others] {
+            let pull = row.correct(target);
+            raise(&mut gradient, pull[0] - pull[1], row.slope);
+            beta_pull += pull[0] + pull[1];
+        }
+        raise(&mut gradient, -beta_pull, self.frame.beta_slope().0);
+        for row in &rows[others..end] {
+            let pull = row.correct(target);
+            raise(&mut gradient, pull[0] - pull[1], row.slope);
+        }
+        gradient
     }
 }
 

@@ -447,6 +447,7 @@ impl<const N: usize> Window<N> {
                 self.push(s, stretch.estimate(s));
             }
         }
+        self.lead_over();
         // Three cells at least.
         while self.nodes.len() < 5 {
             let (i, _) = (0..self.nodes.len() - 1)
@@ -456,6 +457,30 @@ impl<const N: usize> Window<N> {
             let w = 0.5 * (self.estimate[i] + self.estimate[i + 1]);
             self.nodes.insert(i + 1, middle);
             self.estimate.insert(i + 1, w);
+        }
+    }
+
+    /// Leads the estimate over from what is kept of the last law to the survey's, within what is
+    /// travelled in two ramps of the acceleration.
+    fn lead_over(&mut self) {
+        let Some(&(from, w, _)) = self.kept.last() else {
+            return;
+        };
+        let Some(stretch) = self.stretches.iter().find(|s| s.to >= from) else {
+            return;
+        };
+        let above = w / stretch.estimate(from) - 1.0;
+        let way = 2.0 * w.sqrt() * stretch.ramp();
+        if !above.is_finite() {
+            return;
+        }
+        let first = self.kept.len() + 1;
+        for (s, estimate) in self.nodes[first..].iter().zip(&mut self.estimate[first..]) {
+            let left = 1.0 - (s - from) / way;
+            if left.is_nan() || left <= 0.0 {
+                break;
+            }
+            *estimate *= 1.0 + above * left * left;
         }
     }
 
