@@ -263,7 +263,7 @@ fn keeps<'a, const N: usize>(
         } else {
             INTERVALS
         };
-        let mut asked = [[[0.0; N]; 2]; INTERVALS + 1];
+        let mut asked = [[[0.0; N]; 3]; INTERVALS + 1];
         for (k, asked) in asked.iter_mut().enumerate().take(intervals + 1) {
             let t = begin + (until - begin) * k as f64 / intervals as f64;
             let (ds, v, a) = piece.at(t);
@@ -272,9 +272,10 @@ fn keeps<'a, const N: usize>(
                 asked[0][i] = (at.d2[i] * v * v + at.d1[i] * a) / limits.acceleration[i];
                 let bend = (at.d3[i] * v * v + 3.0 * at.d2[i] * a) * v;
                 asked[1][i] = (bend + at.d1[i] * piece.jerk) / limits.jerk[i];
+                asked[2][i] = at.d1[i] * v / limits.velocity[i];
             }
         }
-        let kept = (0..2).all(|what| {
+        let kept = (0..3).all(|what| {
             (0..N).all(|i| {
                 let top = (1..intervals)
                     .map(|k| crest([-1, 0, 1].map(|d| asked[k.wrapping_add_signed(d)][what][i])));
