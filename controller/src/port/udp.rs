@@ -232,6 +232,22 @@ fn domain(group: IpAddr) -> Domain {
 mod tests {
     use super::*;
     use proptest::prelude::*;
+    use std::os::fd::AsRawFd as _;
+
+    /// What the kernel has no room for is no reason to stop a cycle.
+    #[test]
+    fn neither_socket_waits() {
+        const NON_BLOCKING: u32 = 0o4000;
+        let group = "239.74.163.2".parse().unwrap();
+        let group = Group::join("test".into(), group, 43_113, "lo").unwrap();
+        for socket in [&group.receiving, &group.sending] {
+            let about = format!("/proc/self/fdinfo/{}", socket.as_raw_fd());
+            let about = fs::read_to_string(about).unwrap();
+            let flags = about.lines().find_map(|line| line.strip_prefix("flags:"));
+            let flags = u32::from_str_radix(flags.unwrap().trim(), 8).unwrap();
+            assert_ne!(flags & NON_BLOCKING, 0, "{about}");
+        }
+    }
 
     proptest! {
         #[test]
