@@ -169,6 +169,7 @@ fn what_differs_is_told_with_its_place() {
         "the log has      303#",
         "syncline sends   303#",
         "node 3 R_PDO2: DCOMcontrol 31 (001Fh), IPp_target",
+        "a plan that came late",
     ] {
         assert!(text.contains(told), "{told}: {text}");
     }

@@ -4,7 +4,7 @@ use super::ports::PortChoice;
 use super::switches::Switches;
 use super::{Exit, bad_input};
 use crate::bus_log::candump::Line;
-use crate::control::Layout;
+use crate::control::{Layout, Phase};
 use crate::machine::Machine;
 use crate::port::url::BusUrl;
 use crate::run::replay::{Difference, Logged, NoReplay, Outcome, Replay, ReplayBus};
@@ -167,6 +167,12 @@ fn print_difference(difference: &Difference, machine: &Machine, log: &[Logged], 
             Some(frame) => println!("  {who:<16} {}", told(frame, &mut monitor)),
             None => println!("  {who:<16} nothing"),
         }
+    }
+    if *phase >= Phase::Program {
+        println!(
+            "  No log tells of a hold, an override or a step back, nor of a plan that came late: with \
+             one of them, which the run told,\n  setpoints differ from there on."
+        );
     }
 }
 
