@@ -50,6 +50,17 @@ impl Shape {
         }
     }
 
+    /// Its length, about, and its least radius, mm.
+    fn size(&self) -> (f64, f64) {
+        match self {
+            Self::Line(from, to) => (norm(from, to), f64::INFINITY),
+            Self::Arc { from, to, .. } => {
+                let round = from[0].max(to[0]) * (to[1] - from[1]).abs();
+                (round.hypot(to[2] - from[2]), from[0].min(to[0]))
+            }
+        }
+    }
+
     /// How far a point is from it, mm.
     #[must_use]
     pub fn distance(&self, point: &Point) -> f64 {
@@ -97,6 +108,23 @@ pub struct Sample {
     pub tolerance: f64,
     /// Where it ends.
     pub end: Point,
+    /// Feed, mm/s.
+    feed: f64,
+}
+
+impl Sample {
+    /// How long it may take at most, s, by a wide margin: what moves do that stop at their ends, at
+    /// the pace of an axis of 2,000 mm/s² and 40,000 mm/s³.
+    #[must_use]
+    pub fn patience(&self) -> f64 {
+        let (a, j) = (2_000.0_f64, 40_000.0_f64);
+        let time = |shape: &Shape| {
+            let (way, bend) = shape.size();
+            let speed = (self.feed.min((a * bend).sqrt())).min((j * bend * bend).cbrt());
+            way / speed + 4.0 * (way / j).cbrt() + (speed / a).min((way / a).sqrt())
+        };
+        5.0 + 1.5 * self.shapes.iter().flatten().map(time).sum::<f64>()
+    }
 }
 
 /// Writes a program move by move.
@@ -119,6 +147,7 @@ impl Writer {
                 shapes: vec![None],
                 tolerance,
                 end: [0.0; 3],
+                feed: feed / 60.0,
             },
         };
         writer.word(&format!("G17 G21 G90 G91.1 G94 G61.1 F{feed}"));
@@ -329,7 +358,7 @@ pub fn duplicates() -> Vec<Sample> {
     MODES.map(in_mode).into()
 }
 
-/// One axis there and back, from a micrometre to a metre.
+/// One axis there and back, from a micrometre to a decimetre.
 #[must_use]
 pub fn reversals() -> Vec<Sample> {
     let in_mode = |(mode, tolerance)| {
@@ -346,6 +375,69 @@ pub fn reversals() -> Vec<Sample> {
         path.end()
     };
     MODES.map(in_mode).into()
+}
+
+/// Half turns whose radius grows by a pitch each, as spirals are written with arcs, out and in
+/// again: tangent joints at which the curvature steps; in the plane, and rising.
+#[must_use]
+pub fn spirals() -> Vec<Sample> {
+    let in_mode = |(mode, tolerance)| {
+        let mut path = Writer::new("spirals", mode, tolerance, 12_000.0, START);
+        for (pitch, rise) in [(0.05, 0.0), (1.0, 0.0), (1.0, 0.5)] {
+            let radii = (1..=12).chain((1..=12).rev());
+            for (k, turns) in radii.enumerate() {
+                let radius = f64::from(turns) * pitch;
+                let from = if k % 2 == 0 { 0.0 } else { PI };
+                path.arc(17, radius, from, PI, rise, 6);
+            }
+            path.by([1.0, 0.0, 0.0]);
+        }
+        path.end()
+    };
+    MODES.map(in_mode).into()
+}
+
+/// A part of everything, in seconds.
+#[must_use]
+pub fn excerpt() -> Vec<Sample> {
+    let mut samples = corners(60);
+    samples.push(s_bends(0.5, 3).swap_remove(1));
+    samples.push(segments(500, 0.05, ("G64 P0.01", 0.01)));
+    samples.push(circles(&[0.01, 1.0, 100.0], &[17, 18, 19]));
+    samples.push(circles(&[10_000.0], &[17]));
+    samples.push(spirals().swap_remove(2));
+    samples.push(duplicates().swap_remove(0));
+    samples.push(duplicates().swap_remove(2));
+    samples.push(reversals().swap_remove(2));
+    samples.push(planes().swap_remove(3));
+    samples.push(zigzags().swap_remove(2));
+    samples
+}
+
+/// Everything.
+#[must_use]
+pub fn whole() -> Vec<Sample> {
+    let mut samples = corners(1);
+    for kink in [0.0, 0.01, 0.1, 0.5, 2.0, 10.0] {
+        for decimals in [6, 4, 3] {
+            samples.extend(s_bends(kink, decimals));
+        }
+    }
+    samples.push(circles(
+        &[0.01, 0.02, 0.1, 0.5, 1.0, 5.0, 10.0, 50.0, 100.0],
+        &[17, 18, 19],
+    ));
+    samples.push(circles(&[500.0, 1_000.0, 10_000.0], &[17]));
+    samples.extend(
+        [spirals(), duplicates(), reversals(), planes(), zigzags()]
+            .into_iter()
+            .flatten(),
+    );
+    for mode in [("G61", 0.001), ("G64 P0.01", 0.01)] {
+        samples.push(segments(20_000, 0.5, mode));
+        samples.push(segments(150_000, 0.05, mode));
+    }
+    samples
 }
 
 /// Arcs and helices in all planes, one into the other.

@@ -106,7 +106,15 @@ impl Plan {
     /// What is wrong with it, in words.
     #[must_use]
     pub fn faults(&self) -> Vec<String> {
+        self.examine().0
+    }
+
+    /// What is wrong with it, in words, and the greatest velocity, acceleration and jerk of any
+    /// coordinate as parts of their limits.
+    #[must_use]
+    pub fn examine(&self) -> (Vec<String>, [f64; 3]) {
         let mut faults = Vec::new();
+        let mut loads = [0.0; 3];
         let mut at_rest_in = self.start;
         let mut spans: &[Span<COORDINATES>] = &[];
         // Path distance, speed and acceleration with which the last piece ended.
@@ -153,18 +161,24 @@ impl Plan {
                     }
                     let (way, speed, acceleration) = piece.at(piece.duration);
                     last = (distance + way, speed, acceleration);
-                    self.check(piece, spans, &mut complain);
+                    self.check(piece, spans, &mut loads, &mut complain);
                 }
             }
         }
         if last.1.abs() > 1e-6 || last.2.abs() > 1e-3 {
             faults.push(format!("ends in motion: {last:?}"));
         }
-        faults
+        (faults, loads)
     }
 
     /// Checks one piece: path speed against the feed, every axis against its limits.
-    fn check(&self, piece: &Piece, spans: &[Span<COORDINATES>], complain: &mut impl FnMut(String)) {
+    fn check(
+        &self,
+        piece: &Piece,
+        spans: &[Span<COORDINATES>],
+        loads: &mut [f64; 3],
+        complain: &mut impl FnMut(String),
+    ) {
         let over = |value: f64, limit: f64| value.is_nan() || value.abs() > limit * (1.0 + 1e-6);
         // Too short to tell on which side of a joint it is.
         if piece.at(piece.duration).0 < 1e-8 {
@@ -196,11 +210,12 @@ impl Plan {
                     let acceleration = d.d2[axis] * v * v + d.d1[axis] * a;
                     let jerk =
                         d.d3[axis] * v * v * v + 3.0 * d.d2[axis] * v * a + d.d1[axis] * piece.jerk;
-                    for (what, value, limit) in [
+                    for (load, (what, value, limit)) in loads.iter_mut().zip([
                         ("velocity", velocity, self.limits.velocity[axis]),
                         ("acceleration", acceleration, self.limits.acceleration[axis]),
                         ("jerk", jerk, self.limits.jerk[axis]),
-                    ] {
+                    ]) {
+                        *load = load.max(value.abs() / limit);
                         if over(value, limit) {
                             complain(format!("{what} {value} of {limit} at {at} mm, axis {axis}"));
                         }
@@ -230,6 +245,18 @@ impl Plan {
 pub struct Spans<'a>(VecDeque<&'a Span<COORDINATES>>);
 
 impl Spans<'_> {
+    /// How many there are.
+    #[must_use]
+    pub fn count(&self) -> usize {
+        self.0.len()
+    }
+
+    /// Where they end.
+    #[must_use]
+    pub fn end(&self) -> Option<Position> {
+        self.0.back().map(|span| span.curve.end())
+    }
+
     /// Goes on to the next place that is no further than `enough` from a point, and says how far;
     /// if there is none, stays and says how near it gets.
     pub fn pass_by(&mut self, point: &[f64; 3], enough: f64) -> f64 {

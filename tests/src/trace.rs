@@ -27,11 +27,14 @@ pub struct AxisTrace {
     pub limits: [f64; 3],
 }
 
+/// What has limits.
+const QUANTITIES: [&str; 3] = ["velocity", "acceleration", "jerk"];
+
 /// Something above its limit.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Excess {
+pub struct Excess<'a> {
     /// Whose.
-    pub axis: String,
+    pub axis: &'a str,
     /// `velocity`, `acceleration` or `jerk`.
     pub what: &'static str,
     /// In which row.
@@ -42,7 +45,7 @@ pub struct Excess {
     pub limit: f64,
 }
 
-impl fmt::Display for Excess {
+impl fmt::Display for Excess<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self {
             axis,
@@ -116,8 +119,30 @@ impl Trace {
     /// Differences average the plan over a cycle, so they can only be smaller; allowed on top are
     /// one part in a million, and for each difference the rounding of the positions in it.
     #[must_use]
-    pub fn excesses(&self) -> Vec<Excess> {
+    pub fn excesses(&self) -> Vec<Excess<'_>> {
         let mut excesses = Vec::new();
+        self.differences(|excess, allowed| {
+            if excess.value.is_nan() || excess.value > allowed {
+                excesses.push(excess);
+            }
+        });
+        excesses
+    }
+
+    /// The greatest velocity, acceleration and jerk of any axis as parts of their limits.
+    #[must_use]
+    pub fn loads(&self) -> [f64; 3] {
+        let mut loads = [0.0_f64; 3];
+        self.differences(|it, _| {
+            let order = QUANTITIES.iter().position(|what| *what == it.what);
+            let load = &mut loads[order.unwrap_or(0)];
+            *load = load.max(it.value / it.limit);
+        });
+        loads
+    }
+
+    /// Hands out every difference with what is allowed for it.
+    fn differences<'a>(&'a self, mut look: impl FnMut(Excess<'a>, f64)) {
         for axis in &self.axes {
             let (Some(&first), Some(&last)) = (axis.set.first(), axis.set.last()) else {
                 continue;
@@ -129,26 +154,23 @@ impl Trace {
             let ulp = greatest.next_up() - greatest;
             let mut differences = padded;
             let mut span = 1.0;
-            for (order, what) in ["velocity", "acceleration", "jerk"].into_iter().enumerate() {
+            for (order, what) in QUANTITIES.into_iter().enumerate() {
                 span *= self.cycle;
                 differences = differences.windows(2).map(|w| w[1] - w[0]).collect();
                 let limit = axis.limits[order];
                 let allowed = limit * (1.0 + 1e-6) + 8.0 * 4.0 * ulp / span;
                 for (index, difference) in differences.iter().enumerate() {
-                    let value = difference.abs() / span;
-                    if value.is_nan() || value > allowed {
-                        excesses.push(Excess {
-                            axis: axis.name.clone(),
-                            what,
-                            row: (index + order + 1).saturating_sub(3),
-                            value,
-                            limit,
-                        });
-                    }
+                    let excess = Excess {
+                        axis: &axis.name,
+                        what,
+                        row: (index + order + 1).saturating_sub(3),
+                        value: difference.abs() / span,
+                        limit,
+                    };
+                    look(excess, allowed);
                 }
             }
         }
-        excesses
     }
 
     /// Panics if a limit is exceeded, with the first excesses.
@@ -236,10 +258,11 @@ mod tests {
 
     #[test]
     fn each_limit_is_seen_when_it_is_exceeded_by_a_thousandth() {
-        for (order, what) in ["velocity", "acceleration", "jerk"].into_iter().enumerate() {
+        for (order, what) in QUANTITIES.into_iter().enumerate() {
             let mut trace = good();
             trace.axes[0].limits[order] /= 1.001;
             assert_eq!(whats(&trace), [what]);
+            assert!((trace.loads()[order] - 1.001).abs() < 1e-6, "{what}");
         }
     }
 

@@ -170,7 +170,8 @@ impl<const N: usize> Window<N> {
         let end = State::at_rest(span.start + span.curve.length());
         let axis = Axis::new(start, end, Bounds::along(span, limits).limits());
         let profile = state_to_state::plan(&axis, 0.0).map_err(|_| NoLaw)?;
-        if profile.extrema().velocity.min < -ROUNDING * departure.speed {
+        let speed = profile.extrema().velocity;
+        if speed.min < -ROUNDING * speed.max {
             return Err(NoLaw);
         }
         self.pieces
