@@ -19,6 +19,7 @@ use crate::run::recorder::{Recorder, Summary};
 use crate::timing::Stage;
 use crossbeam::channel::{self, Receiver};
 use indicatif::{ProgressBar, ProgressStyle};
+use rustix::termios::{QueueSelector, tcflush};
 use std::error::Error;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -149,6 +150,8 @@ fn lockstep(machine: &Machine) -> bool {
 
 /// Asks whether the program is to begin in the middle.
 fn confirm(beginning: &Beginning) -> Result<(), NotConfirmed> {
+    // What was typed ahead answers no question. Where input is no terminal nobody typed it.
+    let _ = tcflush(std::io::stdin(), QueueSelector::IFlush);
     eprintln!("{beginning}\npress Enter to begin there, Ctrl-C to give up");
     match std::io::stdin().read_line(&mut String::new()) {
         Ok(bytes) if bytes > 0 => Ok(()),

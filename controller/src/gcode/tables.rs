@@ -60,20 +60,22 @@ pub struct Tool {
 #[derive(Debug, thiserror::Error)]
 pub enum TablesError {
     /// It cannot be read or written.
-    #[error("{}: {source}", file.display())]
+    #[error("{}: {reason}", file.display())]
     Io {
         /// The file.
         file: PathBuf,
         /// Why.
-        source: io::Error,
+        reason: io::Error,
     },
     /// Its text is wrong; the message shows line, column and what is allowed.
-    #[error("{}: {source}", file.display())]
+    #[error("{}: {reason}{remedy}", file.display())]
     Text {
         /// The file.
         file: PathBuf,
         /// What is wrong.
-        source: Box<toml::de::Error>,
+        reason: Box<toml::de::Error>,
+        /// What to do, where that is known.
+        remedy: &'static str,
     },
     /// Its values are wrong.
     #[error("{}: {fault}", file.display())]
@@ -99,9 +101,9 @@ impl Tables {
         match fs::read_to_string(file) {
             Ok(text) => Tables::parse(file, &text),
             Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(Tables::default()),
-            Err(source) => Err(TablesError::Io {
+            Err(reason) => Err(TablesError::Io {
                 file: file.to_owned(),
-                source,
+                reason,
             }),
         }
     }
@@ -111,9 +113,17 @@ impl Tables {
     /// # Errors
     /// The text says what tables do not have.
     pub fn parse(file: &Path, text: &str) -> Result<Tables, TablesError> {
-        let document: Document = toml::from_str(text).map_err(|source| TablesError::Text {
+        let document: Document = toml::from_str(text).map_err(|error| TablesError::Text {
             file: file.to_owned(),
-            source: Box::new(source),
+            remedy: if ["`1`", "`2`", "`3`"]
+                .iter()
+                .any(|part| error.message().contains(part))
+            {
+                "a name with a point stands in quotes: \"G59.3\""
+            } else {
+                ""
+            },
+            reason: Box::new(error),
         })?;
         document.into_tables().map_err(|fault| TablesError::Values {
             file: file.to_owned(),
@@ -131,9 +141,9 @@ impl Tables {
             file: file.to_owned(),
             fault: error.to_string(),
         })?;
-        replace(file, &text).map_err(|source| TablesError::Io {
+        replace(file, &text).map_err(|reason| TablesError::Io {
             file: file.to_owned(),
-            source,
+            reason,
         })
     }
 }

@@ -183,6 +183,7 @@ fn tables_that_cannot_be_used() {
     for text in [
         "[work_offsets]\nG60 = { X = 1 }",
         "[work_offsets]\nG54 = { Q = 1 }",
+        "[work_offsets]\nG59.3 = { X = 1 }",
         "[work_offsets]\nG54 = { X = nan }",
         "[reference_points]\nG29 = { X = 1 }",
         "[[tool]]\nnumber = 1\n[[tool]]\nnumber = 1",
