@@ -337,7 +337,37 @@ fn exit(mode: PathMode, tolerances: PathTolerances) -> Exit {
     match mode {
         PathMode::ExactStop => Exit::Stop,
         PathMode::ExactPath => Exit::Exact(tolerances.exact),
-        PathMode::Blend { tolerance, .. } => Exit::Blend(tolerance.unwrap_or(tolerances.blend)),
+        PathMode::Blend { tolerance, merge } => {
+            let tolerance = tolerance.unwrap_or(tolerances.blend);
+            merge.map_or(Exit::Blend(tolerance), |within| Exit::Merge {
+                tolerance,
+                within,
+            })
+        }
+    }
+}
+
+/// Travel below this is rounding of the program's, mm or degrees.
+const ROUNDING: f64 = 1e-7;
+
+/// The path speed at which a move has a programmed feed: that is of X Y Z, of U V W if none of
+/// those moves, of A B C if only they do.
+fn path_speed(curve: &Curve<COORDINATES>, feed: f64) -> f64 {
+    let Curve::Line(_) = curve else {
+        return feed;
+    };
+    let (start, end) = (curve.start(), curve.end());
+    let travel = |axes: [usize; 3]| {
+        let squares = axes.map(|i| (end[i] - start[i]) * (end[i] - start[i]));
+        (squares[0] + squares[1] + squares[2]).sqrt()
+    };
+    let groups = [[0, 1, 2], [6, 7, 8], [3, 4, 5]].map(travel);
+    let fed = groups.into_iter().find(|travel| *travel > ROUNDING);
+    match fed {
+        Some(fed) if groups.iter().any(|other| *other > 0.0 && *other != fed) => {
+            feed * curve.length() / fed
+        }
+        _ => feed,
     }
 }
 
@@ -388,12 +418,10 @@ impl Feeder {
             source,
         })?;
         if let Some(mut motion) = motion {
-            if let Exit::Exact(tolerance) | Exit::Blend(tolerance) = self.exit {
-                motion.tolerance = tolerance.max(ON_THE_PATH);
-            }
+            motion.tolerance = self.exit.tolerance().max(ON_THE_PATH);
             let feed = match &command.action {
                 Action::Feed { feed, .. } | Action::Arc { feed, .. } => match *feed {
-                    gcode::Feed::Rate(rate) => Feed::Rate(rate),
+                    gcode::Feed::Rate(rate) => Feed::Rate(path_speed(&motion.curve, rate)),
                     gcode::Feed::Duration(seconds) => Feed::Rate(motion.curve.length() / seconds),
                 },
                 _ => Feed::Rapid,
@@ -440,6 +468,8 @@ impl Feeder {
     fn switch(&mut self, switch: Switch) {
         let next = self.first + self.moves.len() as u32;
         self.switches.push_back((next, switch));
+        // What comes behind the last move does not come in the midst of one.
+        self.planner.keep_joint();
     }
 
     /// What is switched next, once the move before it is done: the setpoint is in a later move, or

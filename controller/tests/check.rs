@@ -33,7 +33,7 @@ const PORTAL: &str = "examples/portal/machine.toml";
 
 #[test]
 fn every_example_is_good() {
-    for machine in ["portal", "xyz"] {
+    for machine in ["portal", "rotary", "xyz"] {
         let folder = root().join("examples").join(machine);
         let file = format!("examples/{machine}/machine.toml");
         let programs: Vec<PathBuf> = fs::read_dir(folder)
@@ -52,6 +52,19 @@ fn every_example_is_good() {
         assert_eq!(output.status.code(), Some(0));
         assert_eq!(text(&output.stdout).lines().count(), 2);
     }
+}
+
+#[test]
+fn bad_tables_are_told_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("portal.toml");
+    fs::copy(root().join(PORTAL), &file).unwrap();
+    let tables = "[work_offsets]\nG59.3 = { X = 1 }\n";
+    fs::write(folder.path().join("portal.tables.toml"), tables).unwrap();
+    let bracket = "examples/portal/bracket.ngc";
+    let error = refused(&[file.to_str().unwrap(), bracket]);
+    assert_eq!(error.matches("unknown variant").count(), 1, "{error}");
+    assert!(error.contains("in quotes: \"G59.3\""), "{error}");
 }
 
 #[test]

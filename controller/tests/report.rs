@@ -99,6 +99,7 @@ fn report(items: &[Item<3>]) -> Report {
             .iter()
             .enumerate()
             .map(|(n, name)| AxisReport {
+                units: ["mm", "mm/s", "mm/s²", "mm/s³"],
                 name: (*name).into(),
                 soft_limits: [(0.0, 1500.0), (0.0, 1000.0), (-300.0, 0.0)][n],
                 velocity_limit: LIMITS.velocity[n],

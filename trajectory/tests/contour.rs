@@ -506,10 +506,7 @@ fn edge_cases_keep_limits_and_tolerance() {
         for exit in [Exit::Stop, Exit::Exact(0.001), Exit::Blend(*tolerance)] {
             let items: Vec<_> = curves.iter().map(|c| go(*c, 150.0, exit, number)).collect();
             let plan = Plan::of(&items, curves[0].start());
-            let within = match exit {
-                Exit::Stop => 0.0,
-                Exit::Exact(t) | Exit::Blend(t) => t,
-            };
+            let within = exit.tolerance();
             if let Err(error) = plan.check(&items, within) {
                 panic!("program {number}, {exit:?}: {error}");
             }

@@ -218,6 +218,7 @@ impl Shape {
                 .map(|axis| layout::Axis {
                     name: format!("axis {axis}"),
                     coordinate: axis,
+                    unit: "mm",
                     drives: vec![axis],
                     soft_limits: (-1.0, STROKE + 1.0),
                     limits: AxisLimits::symmetric(SPEED, ACCELERATION, JERK),

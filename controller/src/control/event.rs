@@ -251,7 +251,8 @@ impl Event {
             }
             Self::ErrorReset { drive } => format!("{}: error reset", who(drive)),
             Self::Frozen { axis, position } => {
-                format!("axis {} stands at {position:.4} mm", names.axis(axis).name)
+                let axis = names.axis(axis);
+                format!("axis {} stands at {position:.4} {}", axis.name, axis.unit)
             }
             Self::MissedTPdo { drive } => format!("{}: T_PDO missing in one cycle", who(drive)),
             Self::LateSetpoint { bus, cycle } => format!(

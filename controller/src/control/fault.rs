@@ -347,9 +347,10 @@ impl Fault {
                 let axis = names.axis(axis);
                 let (least, most) = axis.soft_limits;
                 format!(
-                    "axis {} stands at {position:.3} mm, outside its soft limits {least}…{most} \
-                     mm: move it inside, or check the drive's `zero`",
-                    axis.name
+                    "axis {} stands at {position:.3} {unit}, outside its soft limits {least}…{most} \
+                     {unit}: move it inside, or check the drive's `zero`",
+                    axis.name,
+                    unit = axis.unit
                 )
             }
             Self::PositionRange { drive } => format!(
@@ -359,25 +360,31 @@ impl Fault {
             Self::Skew { axis, difference } => {
                 let axis = names.axis(axis);
                 format!(
-                    "axis {}: its two sides are {difference:.3} mm apart, allowed {} mm: align \
+                    "axis {}: its two sides are {difference:.3} {unit} apart, allowed {} {unit}: align \
                      the gantry, or check the drives' `zero`",
-                    axis.name, axis.skew_limit
+                    axis.name,
+                    axis.skew_limit,
+                    unit = axis.unit
                 )
             }
             Self::Standstill { axis, distance } => {
                 let axis = names.axis(axis);
                 format!(
-                    "axis {} left its frozen position by {distance:.4} mm, allowed {} mm: check its \
-                     brake, its loop and `standstill_window`",
-                    axis.name, axis.standstill_window
+                    "axis {} left its frozen position by {distance:.4} {unit}, allowed {} {unit}: \
+                     check its brake, its loop and `standstill_window`",
+                    axis.name,
+                    axis.standstill_window,
+                    unit = axis.unit
                 )
             }
             Self::FollowingError { axis, error } => {
                 let axis = names.axis(axis);
                 format!(
-                    "axis {}: following error {error:.3} mm, allowed {} mm: look for a blocked \
-                     axis, a weak loop or too high limits",
-                    axis.name, axis.following_error_limit
+                    "axis {}: following error {error:.3} {unit}, allowed {} {unit}: look for a \
+                     blocked axis, a weak loop or too high limits",
+                    axis.name,
+                    axis.following_error_limit,
+                    unit = axis.unit
                 )
             }
             Self::Emergency {

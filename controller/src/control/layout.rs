@@ -91,6 +91,8 @@ pub struct Axis {
     pub name: String,
     /// Its place in the plan's coordinates.
     pub coordinate: usize,
+    /// Of its positions: `mm`, or `°`, as which every mm below counts then.
+    pub unit: &'static str,
     /// Its drives.
     pub drives: Vec<DriveIndex>,
     /// Least and greatest machine position, mm.
@@ -144,6 +146,7 @@ impl Layout {
                 .map(|axis| Axis {
                     name: axis.name.clone(),
                     coordinate: axis.letter().index(),
+                    unit: axis.units()[0],
                     drives: axis.drives.clone(),
                     soft_limits: axis.soft_limits,
                     limits: Limits::symmetric(

@@ -74,6 +74,17 @@ impl Axis {
     }
 }
 
+impl Axis {
+    /// Units of its position, velocity, acceleration and jerk.
+    pub const fn units(self) -> [&'static str; 4] {
+        if self.is_linear() {
+            ["mm", "mm/s", "mm/s²", "mm/s³"]
+        } else {
+            ["°", "°/s", "°/s²", "°/s³"]
+        }
+    }
+}
+
 impl fmt::Display for Axis {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}", self.letter())

@@ -15,6 +15,8 @@ use super::words::{Words, out_of_range};
 
 /// Arcs beyond this radius are a mistake, or lines. mm.
 const RADIUS_LIMIT: f64 = 1e7;
+/// Travel below this is rounding of the program's. mm or degrees.
+const FEED_ROUNDING: f64 = 1e-7;
 /// A position may be outside of the soft limits by this much: what conversions round. mm.
 const LIMIT_ROUNDING: f64 = 1e-9;
 
@@ -227,7 +229,7 @@ impl State {
             };
         }
         let feed = self.modes.feed.ok_or(Fault::NoFeed { code })?;
-        let moves = |axis: Axis| to[axis] != self.at[axis];
+        let moves = |axis: Axis| (to[axis] - self.at[axis]).abs() > FEED_ROUNDING;
         let only_rotary = matches!(code, Code::G(10))
             && Axis::ALL.into_iter().any(moves)
             && !Axis::ALL

@@ -107,10 +107,10 @@ pub struct Drive {
     pub objects: Vec<Write>,
 }
 
-/// An axis: one drive, or two for a gantry pair.
+/// An axis: one drive, or two for a gantry pair. Of A, B and C every mm is a degree.
 #[derive(Clone, Debug)]
 pub struct Axis {
-    /// `X`, `Y` or `Z`.
+    /// The program's letter.
     pub name: String,
     /// Indices of its drives in [`Machine::drives`]; one, or two for a gantry pair.
     pub drives: Vec<usize>,
@@ -158,6 +158,12 @@ impl Axis {
     pub fn letter(&self) -> gcode::Axis {
         let letter = self.name.chars().next().and_then(gcode::Axis::from_letter);
         letter.expect("the machine file was checked for axis letters")
+    }
+
+    /// Units of its position, velocity, acceleration and jerk.
+    #[must_use]
+    pub fn units(&self) -> [&'static str; 4] {
+        self.letter().units()
     }
 
     /// The machine position nearest to zero that its soft limits allow, mm: where a simulated

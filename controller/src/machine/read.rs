@@ -15,8 +15,12 @@ use toml::{
     de::{DeTable, DeValue},
 };
 
-/// The axes that a program can name in mm.
-const AXES: [&str; 6] = ["X", "Y", "Z", "U", "V", "W"];
+/// The axes that a program can name.
+const AXES: [&str; 9] = ["X", "Y", "Z", "A", "B", "C", "U", "V", "W"];
+/// Those in degrees.
+const ROTARY: [&str; 3] = ["A", "B", "C"];
+/// Degrees for one turn of a rotary axis.
+const TURN: f64 = 360.0;
 
 /// CAN bit rates that CANopen uses (CiA 301), in bit/s.
 const BITRATES: [i64; 8] = [
@@ -438,6 +442,7 @@ impl DriveTable {
         );
         let (least, most) = *table.soft_limits.get_ref();
         if scaling.to_increments(least).is_err() || scaling.to_increments(most).is_err() {
+            let unit = table.unit();
             let mut ends = [Increments::MIN, Increments::MAX].map(|end| scaling.to_mm(end));
             ends.sort_by(f64::total_cmp);
             log.report(
@@ -448,8 +453,8 @@ impl DriveTable {
                     self.title(),
                 ),
                 format!(
-                    "allowed: {:.3}…{:.3} mm (-2147483648…2147483647 increments, {} for each \
-                     revolution of {} mm, `zero` at {})",
+                    "allowed: {:.3}…{:.3} {unit} (-2147483648…2147483647 increments, {} for each \
+                     revolution of {} {unit}, `zero` at {})",
                     ends[0],
                     ends[1],
                     self.model.increments_per_revolution,
@@ -552,27 +557,45 @@ struct AxisTable {
 impl AxisTable {
     fn read(log: &mut Log<'_>, mut table: Table<'_, '_>) -> Option<Self> {
         let name = table.choice(log, "name", AXES.into_iter());
+        let rotary = name
+            .as_ref()
+            .is_some_and(|name| ROTARY.contains(&name.get_ref().as_str()));
+        let [position, velocity, acceleration, jerk] = if rotary {
+            ["(°)", "(°/s)", "(°/s²)", "(°/s³)"]
+        } else {
+            ["(mm)", "(mm/s)", "(mm/s²)", "(mm/s³)"]
+        };
         let allowed = "the name of one [[drive]], or of two for a gantry pair";
         let drives = table.texts(log, "drives", allowed, 1..=2);
-        let pitch = table.positive(log, "pitch", "(mm per turn of the screw or pinion)");
+        let pitch = if rotary {
+            let unit = "(degrees per turn of what the gear turns)";
+            let span = table.span_of("pitch").unwrap_or_default();
+            Some(Spanned::new(
+                span,
+                table.positive_or(log, "pitch", TURN, unit),
+            ))
+        } else {
+            table.positive(log, "pitch", "(mm per turn of the screw or pinion)")
+        };
         let gear = table.positive_or(log, "gear", 1.0, "(motor turns per turn of the screw)");
-        let max_velocity = table.positive(log, "max_velocity", "(mm/s)");
-        let max_acceleration = table.positive(log, "max_acceleration", "(mm/s²)");
-        let max_jerk = table.positive(log, "max_jerk", "(mm/s³)");
-        let allowed = "[least, greatest] machine position in mm, the first below the second";
+        let max_velocity = table.positive(log, "max_velocity", velocity);
+        let max_acceleration = table.positive(log, "max_acceleration", acceleration);
+        let max_jerk = table.positive(log, "max_jerk", jerk);
+        let allowed = if rotary {
+            "[least, greatest] machine position in degrees, the first below the second"
+        } else {
+            "[least, greatest] machine position in mm, the first below the second"
+        };
         let soft_limits = table.interval(log, "soft_limits", allowed);
-        let following_error_limit = table.positive(log, "following_error_limit", "(mm)");
+        let following_error_limit = table.positive(log, "following_error_limit", position);
         let pair = drives
             .as_ref()
             .is_some_and(|drives| drives.get_ref().len() == 2);
         let skew_limit = if pair {
-            table.positive(
-                log,
-                "skew_limit",
-                "(mm), the difference of a gantry's two sides",
-            )
+            let unit = format!("{position}, the difference of a gantry's two sides");
+            table.positive(log, "skew_limit", &unit)
         } else {
-            let skew_limit = table.positive_if(log, "skew_limit", "(mm)");
+            let skew_limit = table.positive_if(log, "skew_limit", position);
             if let (Some(skew_limit), true) = (&skew_limit, drives.is_some()) {
                 log.report(
                     skew_limit.span(),
@@ -582,7 +605,7 @@ impl AxisTable {
             }
             None
         };
-        let standstill_window = table.positive_or(log, "standstill_window", 0.1, "(mm)");
+        let standstill_window = table.positive_or(log, "standstill_window", 0.1, position);
         let drive_following_error = table.flag_or(log, "drive_following_error", false);
         let drive_soft_limits = table.flag_or(log, "drive_soft_limits", false);
         if let (Some(pitch), true) = (&pitch, log.is_empty())
@@ -592,7 +615,7 @@ impl AxisTable {
             log.report(
                 pitch.span(),
                 problem,
-                "allowed: mm per motor revolution above 0",
+                "allowed: a travel for a motor revolution above 0",
             );
         }
         table.finish(log);
@@ -615,6 +638,14 @@ impl AxisTable {
 
     fn title(&self) -> String {
         format!("axis \"{}\"", self.name.get_ref())
+    }
+
+    fn unit(&self) -> &'static str {
+        if ROTARY.contains(&self.name.get_ref().as_str()) {
+            "°"
+        } else {
+            "mm"
+        }
     }
 
     fn mm_per_revolution(&self) -> f64 {

@@ -61,6 +61,8 @@ pub struct Violation {
 pub struct AxisReport {
     /// `X`.
     pub name: String,
+    /// Of its position, velocity, acceleration and jerk; below it says mm for all axes.
+    pub units: [&'static str; 4],
     /// Least and greatest position, mm.
     pub soft_limits: (f64, f64),
     /// mm/s.

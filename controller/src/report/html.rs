@@ -221,10 +221,11 @@ fn axis_over_time(report: &Report, axis: &AxisReport) -> String {
         limits: vec![limit, -limit],
     };
     let (least, most) = axis.soft_limits;
+    let [position, velocity, acceleration, jerk] = axis.units;
     let strips = [
         Strip {
             title: "Position",
-            unit: "mm",
+            unit: position,
             note: format!("soft limits {} … {}", number(least), number(most)),
             lines: vec![
                 Line {
@@ -244,7 +245,7 @@ fn axis_over_time(report: &Report, axis: &AxisReport) -> String {
         },
         strip(
             "Velocity",
-            "mm/s",
+            velocity,
             &axis.velocity,
             axis.velocity_limit,
             axis.max_velocity,
@@ -252,7 +253,7 @@ fn axis_over_time(report: &Report, axis: &AxisReport) -> String {
         ),
         strip(
             "Acceleration",
-            "mm/s²",
+            acceleration,
             &axis.acceleration,
             axis.acceleration_limit,
             axis.max_acceleration,
@@ -260,7 +261,7 @@ fn axis_over_time(report: &Report, axis: &AxisReport) -> String {
         ),
         strip(
             "Jerk",
-            "mm/s³",
+            jerk,
             &axis.jerk,
             axis.jerk_limit,
             axis.max_jerk,
@@ -268,7 +269,7 @@ fn axis_over_time(report: &Report, axis: &AxisReport) -> String {
         ),
         strip(
             "Following error",
-            "mm",
+            position,
             &axis.following_error,
             axis.following_error_limit,
             axis.max_following_error,

@@ -71,6 +71,8 @@ pub struct BusSummary {
 pub struct AxisSummary {
     /// As the machine file names it.
     pub name: String,
+    /// Of its positions: `mm`, or `°`, as which every mm below counts then.
+    pub unit: &'static str,
     /// Greatest velocity, mm/s.
     pub max_velocity: f64,
     /// Greatest acceleration, mm/s².
@@ -116,8 +118,8 @@ impl fmt::Display for Summary {
         for axis in &self.axes {
             writeln!(
                 f,
-                "axis {:<13} velocity {:.1} of {} mm/s, acceleration {:.0} of {} mm/s², jerk {:.0} \
-                 of {} mm/s³, following error max {:.4} rms {:.4} mm",
+                "axis {:<13} velocity {:.1} of {} {unit}/s, acceleration {:.0} of {} {unit}/s², jerk \
+                 {:.0} of {} {unit}/s³, following error max {:.4} rms {:.4} {unit}",
                 axis.name,
                 axis.max_velocity,
                 axis.velocity_limit,
@@ -126,7 +128,8 @@ impl fmt::Display for Summary {
                 axis.max_jerk,
                 axis.jerk_limit,
                 axis.max_following_error_mm,
-                axis.rms_following_error_mm
+                axis.rms_following_error_mm,
+                unit = axis.unit
             )?;
         }
         for violation in &self.violations {
@@ -158,19 +161,15 @@ struct Watch {
     worst: Option<Violation>,
 }
 
-/// What is watched for each axis, and its unit.
-const AXIS_WATCHES: [(&str, &str); 4] = [
-    ("velocity", "mm/s"),
-    ("acceleration", "mm/s²"),
-    ("jerk", "mm/s³"),
-    ("following_error", "mm"),
-];
+/// What is watched for each axis.
+const AXIS_WATCHES: [&str; 4] = ["velocity", "acceleration", "jerk", "following_error"];
 
 #[derive(Debug)]
 struct AxisRecord {
     name: String,
     coordinate: usize,
     /// In the order of [`AXIS_WATCHES`].
+    units: [&'static str; 4],
     limits: [f64; 4],
     max: [f64; 4],
     watches: [Watch; 4],
@@ -224,6 +223,10 @@ impl Recorder {
                 .map(|axis| AxisRecord {
                     name: axis.name.clone(),
                     coordinate: axis.letter().index(),
+                    units: {
+                        let [position, velocity, acceleration, jerk] = axis.units();
+                        [velocity, acceleration, jerk, position]
+                    },
                     limits: [
                         axis.max_velocity,
                         axis.max_acceleration,
@@ -286,16 +289,15 @@ impl Recorder {
             ];
             for (watch, value) in values.map(f64::abs).into_iter().enumerate() {
                 axis.max[watch] = axis.max[watch].max(value);
-                let (what, unit) = AXIS_WATCHES[watch];
                 axis.watches[watch].look(&mut self.violations, value, axis.limits[watch], || {
                     Violation {
-                        what: what.to_owned(),
+                        what: AXIS_WATCHES[watch].to_owned(),
                         axis: Some(axis.name.clone()),
                         time,
                         line: self.line,
                         value,
                         limit: axis.limits[watch],
-                        unit,
+                        unit: axis.units[watch],
                     }
                 });
             }
@@ -489,6 +491,7 @@ impl Recorder {
             axes: (self.axes.iter())
                 .map(|axis| AxisSummary {
                     name: axis.name.clone(),
+                    unit: axis.units[3],
                     max_velocity: axis.max[0],
                     max_acceleration: axis.max[1],
                     max_jerk: axis.max[2],
@@ -536,6 +539,7 @@ fn new_report(machine: &Machine) -> Report {
         axes: (machine.axes.iter())
             .map(|axis| AxisReport {
                 name: axis.name.clone(),
+                units: axis.units(),
                 soft_limits: axis.soft_limits,
                 velocity_limit: axis.max_velocity,
                 acceleration_limit: axis.max_acceleration,

@@ -1,7 +1,12 @@
 //! Programs on a machine: what the modes promise, and where a run ends that cannot go on.
 
-use std::process::Stdio;
+use serde_json::Value;
+use std::io::{BufRead, BufReader, Write};
+use std::path::Path;
+use std::process::{Command, Stdio};
+use syncline_controller::machine::Machine;
 use syncline_tests::command::{Folder, ended, syncline};
+use syncline_tests::plan::Plan;
 use syncline_tests::rig::example;
 use syncline_tests::trace::Trace;
 
@@ -59,4 +64,200 @@ fn a_reader_that_goes_away_changes_nothing() {
         child.stdin(Stdio::null()).stdout(closed()).stderr(closed());
         assert_eq!(child.status().unwrap().code(), Some(0), "{command}");
     }
+}
+
+/// A program's JSON and its trace's text, on a machine that it passes on.
+fn passes(machine: &Path, folder: &Folder, program: &str) -> (Value, String) {
+    let program = folder.file("p.ngc", program);
+    let trace = folder.path("trace.csv");
+    let output = syncline()
+        .args(["validate", "--json", "-", "--trace"])
+        .args([trace.as_path(), machine, &program])
+        .output()
+        .unwrap();
+    let (code, json, errors) = ended(&output);
+    assert_eq!(code, 0, "{errors}{json}");
+    let json = serde_json::from_str(json).unwrap();
+    (json, folder.read("trace.csv"))
+}
+
+/// How long each line of a program moves, s.
+fn times(trace: &Trace, lines: std::ops::RangeInclusive<u32>) -> Vec<f64> {
+    let rows = |line| trace.line.iter().filter(|of| **of == line).count();
+    lines.map(|line| rows(line) as f64 * trace.cycle).collect()
+}
+
+#[test]
+fn a_rotary_axis_follows_the_tool() {
+    let folder = Folder::new();
+    let machine = folder.machine("rotary");
+    let program = "\
+        G21 G90 G94 G61.1 G0 Z100 F600\n\
+        G1 X100 A90\n\
+        G1 A180\n\
+        G93 G1 X150 A360 F6\n\
+        G1 A350 F12\n\
+        G94 G91 G1 X0.1 A-1 F600\n\
+        X0.2 A-1\n\
+        G20 G90 X[150.3 / 25.4 + 0.0000000001] A258\n\
+        G1 A158\n\
+        X10 F100\n\
+        G21 G1 X254.001 A-1080 F6000\n\
+        G2 X274 I10 A0 F6000\n\
+        M2\n";
+    let (_, csv) = passes(&machine, &folder, program);
+    let trace = Trace::read(&example("rotary"), &csv);
+    trace.assert_within_limits();
+    let Ok(machine) = Machine::load(&machine) else {
+        unreachable!("it passed")
+    };
+    Plan::of(&machine, &folder.path("rotary.toml"), &folder.path("p.ngc")).assert_good();
+    // 100 mm at 10 mm/s; 90° at 10°/s; a sixth and a twelfth of a minute; then 90° and 100° at
+    // 10°/s, whatever the units of length are and however X is rounded.
+    let took = times(&trace, 2..=9);
+    for (took, expected) in took
+        .into_iter()
+        .zip([10.0, 9.0, 10.0, 5.0, 0.02, 0.03, 9.0, 10.0])
+    {
+        assert!((took - expected).abs() < 0.2, "{took} s, not {expected} s");
+    }
+    let [x, a] = ["X", "A"].map(|name| &trace.axis(name).set);
+    for (row, line) in trace.line.iter().enumerate() {
+        let apart = match line {
+            2 => a[row] - 0.9 * x[row],
+            4 => (a[row] - 180.0) - 3.6 * (x[row] - 100.0),
+            _ => 0.0,
+        };
+        // At first the machine stands beside its zero by an increment or two.
+        assert!(apart.abs() < 2e-4, "row {row}: {apart}");
+    }
+    assert!((x.last().unwrap() - 274.0).abs() < 1e-9);
+    assert!(a.last().unwrap().abs() < 1e-9);
+    // The way of the micrometre is as long as that of 1,238° at 180°/s.
+    let rotation = times(&trace, 11..=11)[0];
+    assert!((rotation - 1238.0 / 180.0).abs() < 0.5, "{rotation} s");
+}
+
+#[test]
+fn a_rotary_axis_keeps_its_soft_limits_and_the_tolerance() {
+    let folder = Folder::new();
+    let machine = folder.machine("rotary");
+    let mut program = String::from("G61.1 G0 Z100 X200\nG64 P0.05 F6000\n");
+    for k in 0..20 {
+        let (x, y) = (200 + 7 * (k % 3), 9 * (k % 4));
+        program += &format!("G1 X{x} Y{y} A{}\n", (k * k * 7) % 41);
+    }
+    let (json, csv) = passes(&machine, &folder, &(program + "M2\n"));
+    let deviation = json["path"]["max_deviation_mm"].as_f64().unwrap();
+    assert!(deviation > 0.02 && deviation <= 0.05, "{deviation}");
+    Trace::read(&example("rotary"), &csv).assert_within_limits();
+
+    let program = folder.file("far.ngc", "G0 A3600\nG91 G0 A0.5\nM2\n");
+    let output = syncline()
+        .arg("validate")
+        .args([&machine, &program])
+        .output()
+        .unwrap();
+    let (code, _, errors) = ended(&output);
+    assert_eq!(code, 2, "{errors}");
+    assert!(
+        errors.contains("far.ngc:2:8: A would go to 3600.5"),
+        "{errors}"
+    );
+}
+
+#[test]
+fn lines_nearly_in_line_become_one_within_q() {
+    let folder = Folder::new();
+    let machine = folder.machine("portal");
+    let waver = |mode: &str| {
+        let mut program = format!("G0 X100 Y100\n{mode} F20000\n");
+        for k in 1..=60 {
+            let side = f64::from([0, 4, -3, 2][k as usize % 4]) * 0.002;
+            program += &format!("G1 X{} Y{}\n", 100 + 3 * k, 100.0 + side);
+        }
+        // A corner is no line, and is rounded within P.
+        let program = program + "G1 Y200\nM2\n";
+        let (json, csv) = passes(&machine, &folder, &program);
+        let number = |pointer: &str| json.pointer(pointer).and_then(Value::as_f64).unwrap();
+        let found = (number("/duration_s"), number("/path/max_deviation_mm"));
+        let loaded = Machine::load(&machine).unwrap();
+        let plan = Plan::of(&loaded, &machine, &folder.path("p.ngc"));
+        plan.assert_good();
+        let spans = plan.spans().count();
+        let trace = Trace::read(&loaded, &csv);
+        trace.assert_within_limits();
+        let (x, y) = (&trace.axis("X").set, &trace.axis("Y").set);
+        let corner = |(x, y): (&f64, &f64)| (x - 280.0).hypot(y - 100.0);
+        let corner = x.iter().zip(y).map(corner).fold(f64::INFINITY, f64::min);
+        (found.0, found.1, spans, corner)
+    };
+    let (time, deviation, spans, _) = waver("G64 P0.01");
+    let (merged_time, merged_deviation, merged_spans, corner) = waver("G64 P0.01 Q0.02");
+    assert!(deviation <= 0.01, "{deviation}");
+    assert!(
+        merged_deviation > 0.005 && merged_deviation <= 0.03,
+        "{merged_deviation}"
+    );
+    assert!(merged_spans <= 10 && spans > 60, "{merged_spans} {spans}");
+    assert!(merged_time < 0.9 * time, "{merged_time} s and {time} s");
+    // Some of the corner is between two setpoints.
+    assert!(corner < 0.5, "{corner}");
+    let (_, narrow, narrow_spans, _) = waver("G64 P0.01 Q0.001");
+    assert!(
+        narrow <= 0.011 && narrow_spans > 60,
+        "{narrow} {narrow_spans}"
+    );
+}
+
+#[test]
+fn what_is_switched_between_merged_lines_is_switched_there() {
+    let folder = Folder::new();
+    let machine = folder.machine("portal");
+    let program = "G64 P0.01 Q0.05 F6000\nG1 X20\nX40\nM8\nX60\nX80\nM2\n";
+    let (_, csv) = passes(&machine, &folder, program);
+    let mut reader = csv::Reader::from_reader(csv.as_bytes());
+    let columns = reader.headers().unwrap().clone();
+    let column = |name| columns.iter().position(|it| it == name).unwrap();
+    let (x, coolant) = (column("X_set"), column("coolant"));
+    let on = reader.records().map(Result::unwrap);
+    let mut on = on.filter(|row| &row[coolant] == "2");
+    let at: f64 = on.next().expect("it is switched on")[x].parse().unwrap();
+    assert!((40.0..40.5).contains(&at), "{at}");
+}
+
+/// An Enter that was typed before the question is no answer to it.
+#[test]
+fn what_was_typed_ahead_confirms_nothing() {
+    let folder = Folder::new();
+    let machine = folder.machine("portal");
+    let program = folder.file("p.ngc", "G1 X10 F3000\nX20\nM2\n");
+    let line = format!(
+        "read first; {} run {} {} --from-line 2; echo exit $?",
+        syncline().get_program().display(),
+        machine.display(),
+        program.display()
+    );
+    let mut child = Command::new("script")
+        .args(["-qec", &line, "/dev/null"])
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut keys = child.stdin.take().unwrap();
+    let mut told = BufReader::new(child.stdout.take().unwrap())
+        .lines()
+        .map(Result::unwrap);
+    // Both lines are there when the shell has read the first.
+    keys.write_all(b"first\n\n").unwrap();
+    assert!(told.any(|line| line.contains("press Enter")));
+    // The end of input.
+    keys.write_all(b"\x04").unwrap();
+    let rest: Vec<String> = told.collect();
+    assert!(
+        rest.iter().any(|line| line.contains("nobody can confirm")),
+        "{rest:?}"
+    );
+    assert!(rest.iter().any(|line| line.contains("exit 2")), "{rest:?}");
+    child.wait().unwrap();
 }

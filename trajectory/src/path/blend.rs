@@ -137,10 +137,10 @@ fn deviation<const N: usize>(poly: &Poly<N>, before: &Curve<N>, after: &Curve<N>
     astray.max(missed)
 }
 
-/// Upper bound of the tool path's curvature between two path lengths.
+/// Upper bound of the curvature between two path lengths, followers included.
 fn curvature<const N: usize>(curve: &Curve<N>, from: f64, to: f64, halvings: usize) -> f64 {
     let d2 = curve.growth(from.max(0.0), to)[1];
-    let bound = d2[..N.min(3)].iter().map(|x| x * x).sum::<f64>().sqrt();
+    let bound = d2.iter().map(|x| x * x).sum::<f64>().sqrt();
     if bound.is_finite() || halvings == 0 {
         return bound;
     }
@@ -148,9 +148,9 @@ fn curvature<const N: usize>(curve: &Curve<N>, from: f64, to: f64, halvings: usi
     curvature(curve, from, middle, halvings - 1).max(curvature(curve, middle, to, halvings - 1))
 }
 
-/// Distance between two points of the tool path.
+/// Distance between two points; a follower's degree counts as a millimetre.
 pub(super) fn distance<const N: usize>(a: &[f64; N], b: &[f64; N]) -> f64 {
-    (0..N.min(3))
+    (0..N)
         .map(|i| (a[i] - b[i]) * (a[i] - b[i]))
         .sum::<f64>()
         .sqrt()

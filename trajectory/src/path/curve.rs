@@ -1,7 +1,8 @@
 //! Curves in N axes, parametrised by path length, with exact derivatives up to the third.
 //!
 //! Path length is measured on the tool path: the first three axes (fewer if N < 3). The others
-//! follow in proportion. A curve that moves none of the first three is measured over all axes.
+//! follow in proportion. A line that moves none of the first three, or next to nothing of them, is
+//! measured over all axes.
 
 use thiserror::Error;
 
@@ -679,9 +680,12 @@ fn path_norm<const N: usize>(delta: &[f64; N]) -> f64 {
                 .sum::<f64>()
                 .sqrt()
     };
-    let tool = norm(&delta[..N.min(3)]);
-    if tool > 0.0 { tool } else { norm(delta) }
+    let (tool, all) = (norm(&delta[..N.min(3)]), norm(delta));
+    if tool > LED * all { tool } else { all }
 }
+
+/// Part of a displacement that has to be the tool's, so that the followers follow that.
+const LED: f64 = 1e-4;
 
 /// Any of the curves.
 #[derive(Debug, Clone, Copy, PartialEq)]

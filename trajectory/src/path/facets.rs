@@ -3,7 +3,8 @@
 //! CAM systems write curves as facets. A path that follows every one of them has the curvature of
 //! its joints, not that of the curve. So lines that are short against the tolerance are gathered as
 //! long as one line or one arc passes all of them within half of it; what is left of the tolerance
-//! is for the blends between the runs.
+//! is for the blends between the runs. Where a program says within what lines are to be merged, they
+//! are, however long they are.
 
 use super::curve::{ArcDefinition, Curve, Plane};
 use super::{Exit, Move};
@@ -28,56 +29,65 @@ pub struct Run<const N: usize> {
     points: Vec<[f64; N]>,
     /// Direction of the last move.
     heading: [f64; N],
+    /// All of them are short, and turn little from one to the next.
+    curve_like: bool,
 }
 
 impl<const N: usize> Run<N> {
-    /// One move; `None` if that is no facet.
+    /// One move; `None` if that is no facet, nor to be merged.
     pub fn begin(motion: &Move<N>) -> Option<Self> {
-        let tolerance = tolerance(motion)?;
         let heading = motion.curve.direction()?;
-        (motion.curve.length() <= SHORT * tolerance).then(|| Run {
+        let short = motion.curve.length() <= SHORT * motion.exit.rounding()?;
+        (short || merged_within(motion.exit).is_some()).then(|| Run {
             motion: *motion,
             astray: 0.0,
             points: vec![motion.curve.start(), motion.curve.end()],
             heading,
+            curve_like: short,
         })
     }
 
     /// Goes on with a move; false if there is no curve that passes all of them.
     pub fn extend(&mut self, motion: &Move<N>) -> bool {
-        let (Some(tolerance), Some(heading)) = (tolerance(motion), motion.curve.direction()) else {
+        let (Some(tolerance), Some(heading)) = (motion.exit.rounding(), motion.curve.direction())
+        else {
             return false;
         };
         let turn: f64 = (0..N.min(3)).map(|i| heading[i] * self.heading[i]).sum();
+        let curve_like =
+            self.curve_like && motion.curve.length() <= SHORT * tolerance && turn >= GENTLE;
+        let merged = merged_within(motion.exit);
         if motion.exit != self.motion.exit
             || motion.feed != self.motion.feed
-            || motion.curve.length() > SHORT * tolerance
-            || turn < GENTLE
+            || !(curve_like || merged.is_some())
             || self.points.len() > MOST
         {
             return false;
         }
         self.points.push(motion.curve.end());
         let within = SHARE * tolerance;
-        let Some((curve, astray)) = line(&self.points, within).or_else(|| {
-            [Plane::Xy, Plane::Zx, Plane::Yz]
+        let mut found = line(&self.points, merged.unwrap_or(within));
+        if found.is_none() && curve_like {
+            found = [Plane::Xy, Plane::Zx, Plane::Yz]
                 .into_iter()
-                .find_map(|plane| arc(&self.points, plane, within))
-        }) else {
+                .find_map(|plane| arc(&self.points, plane, within));
+        }
+        let Some((curve, astray)) = found else {
             self.points.pop();
             return false;
         };
         self.motion = Move { curve, ..*motion };
         self.astray = astray;
         self.heading = heading;
+        self.curve_like = curve_like;
         true
     }
 }
 
-fn tolerance<const N: usize>(motion: &Move<N>) -> Option<f64> {
-    match motion.exit {
-        Exit::Stop => None,
-        Exit::Exact(tolerance) | Exit::Blend(tolerance) => Some(tolerance),
+fn merged_within(exit: Exit) -> Option<f64> {
+    match exit {
+        Exit::Merge { within, .. } => Some(within),
+        _ => None,
     }
 }
 

@@ -90,6 +90,33 @@ pub enum Exit {
     Exact(f64),
     /// Round the corner, nowhere further from the programmed path than the tolerance in mm (G64 P).
     Blend(f64),
+    /// The same, and moves along lines are one where all ends in between are near that (G64 P Q).
+    Merge {
+        /// For the corners between what is left, mm.
+        tolerance: f64,
+        /// How near, mm.
+        within: f64,
+    },
+}
+
+impl Exit {
+    /// How far a corner may be rounded off, mm; `None` where the path stops.
+    pub fn rounding(self) -> Option<f64> {
+        match self {
+            Exit::Stop => None,
+            Exit::Exact(tolerance) | Exit::Blend(tolerance) | Exit::Merge { tolerance, .. } => {
+                Some(tolerance)
+            }
+        }
+    }
+
+    /// How far the path may leave what is programmed, mm.
+    pub fn tolerance(self) -> f64 {
+        match self {
+            Exit::Merge { tolerance, within } => tolerance + within,
+            _ => self.rounding().unwrap_or(0.0),
+        }
+    }
 }
 
 /// One move along a curve.

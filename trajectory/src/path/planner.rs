@@ -18,7 +18,7 @@ use super::blend::{Blend, blend};
 use super::brake::{brake, brake_gently};
 use super::facets::Run;
 use super::window::{Effort, Window, room_to_stop};
-use super::{Command, Curve, Departure, Exit, Item, Limits, Move, Outlook, Overrides, Piece, Span};
+use super::{Command, Curve, Departure, Item, Limits, Move, Outlook, Overrides, Piece, Span};
 
 /// Why an item cannot be planned.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
@@ -198,6 +198,11 @@ impl<const N: usize> Planner<N> {
         self.legs.push_back(Leg::Mark(mark));
     }
 
+    /// Moves to come do not become one with those that were pushed.
+    pub fn keep_joint(&mut self) {
+        self.join_run();
+    }
+
     /// What planning took so far.
     pub fn effort(&self) -> Effort {
         self.window.effort()
@@ -272,14 +277,11 @@ impl<const N: usize> Planner<N> {
         let feed = motion.feed.speed();
         let mut taken = 0.0;
         if let Some((before, _)) = self.pending {
-            let tolerance = match before.exit {
-                Exit::Stop => None,
-                Exit::Exact(tolerance) | Exit::Blend(tolerance) => Some(tolerance),
-            };
-            match tolerance {
+            match before.exit.rounding() {
                 Some(_) if smooth(&before.curve, &motion.curve) => self.lay_pending(0.0),
-                Some(tolerance) => {
-                    let left = tolerance - astray.max(self.astray);
+                Some(rounding) => {
+                    let astray = astray.max(self.astray);
+                    let left = rounding.min(before.exit.tolerance() - astray);
                     if let Some(Blend { curve, cut }) = blend(&before.curve, &motion.curve, left) {
                         self.lay_pending(cut);
                         self.lay(curve, before.feed.speed().min(feed), before.tag);
@@ -1036,7 +1038,7 @@ pub(super) fn rest_to_rest(from: f64, length: f64, bounds: Bounds) -> [Piece; 7]
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::path::{Executor, Feed, Plane, curve::ArcDefinition, window::MOST_CELLS};
+    use crate::path::{Executor, Exit, Feed, Plane, curve::ArcDefinition, window::MOST_CELLS};
 
     const LIMITS: Limits<3> = Limits {
         velocity: [500.0, 400.0, 200.0],
