@@ -79,6 +79,33 @@ fn nothing_is_wired_to_the_portal() {
     assert_eq!(drive.interpolation_delay(), 1);
 }
 
+#[test]
+fn a_rotary_axis_is_measured_in_degrees() {
+    let text = include_str!("../../examples/rotary/machine.toml");
+    let axes = parse(text).unwrap().axes;
+    assert_eq!((axes[3].name.as_str(), axes[3].units()[0]), ("A", "°"));
+    assert_eq!(axes[3].mm_per_revolution, 6.0);
+    // What the gear turns is not the axis itself, but a wheel that a belt leads to it.
+    let belt = text.replace("gear = 60.0", "pitch = 90.0\ngear = 60.0");
+    assert_eq!(parse(&belt).unwrap().axes[3].mm_per_revolution, 1.5);
+    for (good, bad, allowed) in [
+        ("= 180.0", "= 0", "a number above 0 (°/s)"),
+        (
+            "[-3600.0, 3600.0]",
+            "[3600.0, -3600.0]",
+            "machine position in degrees",
+        ),
+        (
+            "[-3600.0, 3600.0]",
+            "[-3600.0, 98700.0]",
+            "revolution of 6 °",
+        ),
+    ] {
+        let error = parse(&text.replace(good, bad)).unwrap_err().to_string();
+        assert!(error.contains(allowed), "{bad}: {error}");
+    }
+}
+
 /// One mistake each: what is replaced by what, with § before the place that must be named, how the
 /// complaint begins and what it advises.
 #[test]
@@ -166,9 +193,9 @@ fn every_mistake_is_found_named_and_placed() {
         ),
         (
             "name = \"Z\"\ndrives",
-            "name = §\"A\"\ndrives",
-            "axis \"A\": `name` is \"A\"",
-            "\"X\", \"Y\", \"Z\", \"U\", \"V\" or \"W\"",
+            "name = §\"Q\"\ndrives",
+            "axis \"Q\": `name` is \"Q\"",
+            "\"X\", \"Y\", \"Z\", \"A\", \"B\", \"C\", \"U\", \"V\" or \"W\"",
         ),
         (
             "drives = [\"X1\", \"X2\"]",
