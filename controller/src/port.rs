@@ -126,6 +126,11 @@ pub trait Port {
     /// Whether the port tells by [`Received::echo`] that a frame has left.
     fn echoes(&self) -> bool;
 
+    /// What is worth knowing about the bus although it was taken.
+    fn notes(&self) -> &[String] {
+        &[]
+    }
+
     /// Hands over everything that arrived since the last call, oldest first.
     ///
     /// # Errors
@@ -164,6 +169,10 @@ impl<P: Port + ?Sized> Port for Box<P> {
 
     fn echoes(&self) -> bool {
         (**self).echoes()
+    }
+
+    fn notes(&self) -> &[String] {
+        (**self).notes()
     }
 
     fn receive(&mut self, sink: &mut dyn FnMut(Received)) -> Result<(), PortError> {

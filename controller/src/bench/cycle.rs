@@ -56,6 +56,8 @@ pub struct Outcome {
     pub granted: Granted,
     /// Where the stamps of received frames come from.
     pub stamps: &'static str,
+    /// What is worth knowing about the buses.
+    pub notes: Vec<String>,
     /// When measuring began.
     pub start: Instant,
     /// Each stage's times.
@@ -158,6 +160,7 @@ struct Cycle<const N: usize> {
     plan: rtrb::Consumer<Instruction<N>>,
     granted: Granted,
     stamps: &'static str,
+    notes: Vec<String>,
     /// The host's clock minus the controller's, ns; zero on real buses.
     ahead: u64,
 }
@@ -224,6 +227,7 @@ impl<const N: usize> Cycle<N> {
     fn new(options: Options, plan: rtrb::Consumer<Instruction<N>>) -> Result<Self, PortError> {
         let granted = realtime::enter(&options.realtime);
         let mut stamps = "simulated bus";
+        let mut notes = Vec::new();
         let mut ports: Vec<Box<dyn Port + Send>> = Vec::new();
         for (bus, interface) in options.interfaces.iter().enumerate() {
             let (receive, burst) = options.shape.identifiers(bus);
@@ -235,6 +239,7 @@ impl<const N: usize> Cycle<N> {
                     burst,
                 },
             )?;
+            notes.extend_from_slice(port.notes());
             stamps = match port.stamps() {
                 StampSource::Hardware => "adapter",
                 StampSource::Software => "kernel",
@@ -262,6 +267,7 @@ impl<const N: usize> Cycle<N> {
             plan,
             granted,
             stamps,
+            notes,
             ahead,
         })
     }
@@ -449,6 +455,7 @@ impl<const N: usize> Cycle<N> {
         Outcome {
             granted: self.granted,
             stamps: self.stamps,
+            notes: self.notes,
             start: record.start,
             distributions,
             cycles: self.options.cycles,

@@ -203,6 +203,7 @@ impl CycleArgs {
         } else {
             print_facts(&facts);
             println!("{}", outcome.granted);
+            outcome.notes.iter().for_each(|note| println!("{note}"));
             for distribution in &outcome.distributions {
                 println!("{}", distribution.line(outcome.start));
             }

@@ -137,7 +137,9 @@ impl Args {
             } else {
                 listeners.overhear(bus, frames.clone())?
             };
-            ports.push(port::open(&machine, bus, self.seed, observer)?);
+            let port = port::open(&machine, bus, self.seed, observer)?;
+            port.notes().iter().for_each(|note| eprintln!("{note}"));
+            ports.push(port);
         }
         Ok((machine, layout, program, extent, ports, frames, listeners))
     }

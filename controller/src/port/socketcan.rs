@@ -138,12 +138,6 @@ impl SocketCan {
         self.faults
     }
 
-    /// What is worth knowing about the interface although it was taken.
-    #[must_use]
-    pub fn notes(&self) -> &[String] {
-        &self.notes
-    }
-
     fn fail(&self, doing: &str, error: &io::Error) -> PortError {
         failure(&self.name, doing, error)
     }
@@ -191,6 +185,10 @@ impl SocketCan {
 impl Port for SocketCan {
     fn echoes(&self) -> bool {
         true
+    }
+
+    fn notes(&self) -> &[String] {
+        &self.notes
     }
 
     fn condition(&mut self) -> Option<BusFault> {
