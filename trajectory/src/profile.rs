@@ -339,6 +339,22 @@ impl Profile {
         }
         mirrored
     }
+
+    /// The motion of an axis that goes `factor` times as far, from `origin` on, and is known to end in
+    /// `target`.
+    pub(crate) fn scaled(&self, origin: f64, factor: f64, target: Option<State>) -> Self {
+        let mut scaled = *self;
+        scaled.start = State {
+            p: origin + factor * self.start.p,
+            v: factor * self.start.v,
+            a: factor * self.start.a,
+        };
+        scaled.target = target;
+        for segment in &mut scaled.segments[..self.len] {
+            segment.jerk *= factor;
+        }
+        scaled
+    }
 }
 
 impl PartialEq for Profile {

@@ -196,7 +196,9 @@ fn hold_jog_away_and_resume_where_the_path_was_left() {
         machine.end();
         assert_eq!(machine.now().position, [100.0, 60.0, 0.0]);
         assert_eq!(machine.now().distance, undisturbed.now().distance);
-        assert!(machine.off_the_path() <= undisturbed.off_the_path() + 1e-12);
+        // What G61 allows at the corner.
+        let off = machine.off_the_path();
+        assert!(off <= 0.001, "{off}");
     }
 }
 
@@ -292,6 +294,44 @@ fn a_long_jog_ends_at_the_soft_limit_and_a_hold_stops_it_before() {
 }
 
 #[test]
+fn the_rapid_override_holds_for_what_is_under_way() {
+    let (from, to) = ([-45.0, -45.0, -25.0], [145.0, 105.0, 3.5]);
+    let rapid = |machine: &mut Machine, rapid: f64| {
+        machine
+            .executor
+            .set_overrides(Overrides { feed: 1.0, rapid });
+    };
+    for jog in [Jog::Line(to.map(Some)), Jog::To(to.map(Some))] {
+        let mut machine = Machine::at_rest(from);
+        machine.jog(jog).unwrap();
+        machine.cycles(100);
+        let fast = machine.now().velocity[0];
+        rapid(&mut machine, 0.2);
+        machine.cycles(250);
+        let slow = machine.now().velocity[0];
+        assert!(
+            fast > 200.0 && slow > 50.0 && slow <= 100.0 + 1e-9,
+            "{fast} {slow}"
+        );
+        rapid(&mut machine, 0.0);
+        machine.cycles(300);
+        assert_eq!(machine.now().speed, 0.0);
+        assert!(machine.now().busy && machine.now().position[0] < 145.0);
+        rapid(&mut machine, 1.0);
+        machine.until(|now| !now.busy);
+        assert_eq!(machine.now().position, to);
+        machine.assert_well();
+        let off_the_line = |row: &Setpoint<3>| {
+            let part: [f64; 3] =
+                std::array::from_fn(|i| (row.position[i] - from[i]) / (to[i] - from[i]));
+            (part[0] - part[1]).abs().max((part[0] - part[2]).abs())
+        };
+        let off = machine.rows.iter().map(off_the_line).fold(0.0, f64::max);
+        assert!((off < 1e-9) == matches!(jog, Jog::Line(_)), "{off}");
+    }
+}
+
+#[test]
 fn steps_add_up_and_cancel() {
     let mut machine = Machine::at_rest([0.0; 3]);
     for _ in 0..5 {
@@ -379,10 +419,38 @@ fn a_stop_away_from_the_path_ends_there() {
 proptest! {
     #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(200) })]
 
+    /// Whatever becomes of its speed on the way: slower, faster, a stop.
+    #[test]
+    fn a_line_stays_a_line(
+        to in [ENDS[0].0..ENDS[0].1, ENDS[1].0..ENDS[1].1, ENDS[2].0..ENDS[2].1],
+        changes in prop::collection::vec((0..300_usize, prop_oneof![Just(0.0), 0.05..=1.0_f64]), 1..5),
+    ) {
+        let from = [20.0, -30.0, 1.0];
+        let mut machine = Machine::at_rest(from);
+        machine.jog(Jog::Line(to.map(Some))).unwrap();
+        for (cycles, rapid) in changes {
+            machine.cycles(cycles);
+            machine.executor.set_overrides(Overrides { feed: 1.0, rapid });
+        }
+        machine.cycles(100);
+        machine.executor.hold();
+        machine.until(|now| now.speed == 0.0 && !now.busy);
+        machine.assert_well();
+        for row in &machine.rows {
+            let gone: [f64; 3] = std::array::from_fn(|i| row.position[i] - from[i]);
+            let way: [f64; 3] = std::array::from_fn(|i| to[i] - from[i]);
+            let length = way.iter().map(|x| x * x).sum::<f64>().sqrt();
+            for (i, k) in [(0, 1), (1, 2), (2, 0)] {
+                let off = (gone[i] * way[k] - gone[k] * way[i]) / length;
+                prop_assert!(off.abs() < 1e-9, "{off}: {row:?}");
+            }
+        }
+    }
+
     /// From any running state, a jog reversed in mid-acceleration too: the fastest motion there is.
     #[test]
     fn from_any_state_to_a_point_as_fast_as_the_axis_can(
-        velocity in -500.0..500.0_f64,
+        velocity in prop_oneof![-500.0..-1.0_f64, 1.0..500.0_f64],
         after in 1..400_usize,
         to in ENDS[0].0..ENDS[0].1,
     ) {

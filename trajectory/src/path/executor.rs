@@ -561,6 +561,11 @@ impl<const N: usize> Executor<N> {
             if !asked && let Some(Step::Hold) = self.current() {
                 self.finish_step(Step::Hold, 0.0);
             }
+            if overrides.rapid != self.overrides.rapid
+                && let Some(away) = &mut self.away
+            {
+                away.change_speed();
+            }
             self.overrides = overrides;
             self.revise();
         }

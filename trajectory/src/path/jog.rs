@@ -8,14 +8,16 @@
 //! None of these plans can leave the travel: of all the ways on from a state the fastest stop reaches
 //! least far, the fastest way to a rest further on reaches that rest and no further, and the fastest
 //! way to a rest before it turns around earlier than the stop. Only a speed that is lowered in motion
-//! costs more way than the stop does. Such a plan is looked at as a whole, and where it leaves the
-//! travel the axis stops first.
+//! costs more way than the stop does. Such a plan is looked at as a whole, and where it goes beyond
+//! its end the axis stops first.
+//!
+//! On a line there is one law for all axes, a motion of its own inside what the line leaves of their
+//! limits and travels.
 
 use super::Setpoint;
 use crate::limits::{Limits, PositionLimits};
 use crate::profile::{Profile, State};
-use crate::state_to_state::{self, Axis, Target};
-use crate::synchronise::{self, Synchronisation};
+use crate::state_to_state::{self, Axis};
 
 /// Where an axis may be, and how it may move.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -89,10 +91,17 @@ enum Aim {
 enum Due {
     No,
     Now,
-    /// There was none that keeps the travel.
+    /// There was none that goes no further than it has to.
     AtRest,
 }
 
+#[derive(Clone, Copy, Debug)]
+struct Clock {
+    cycle: u64,
+    period: f64,
+}
+
+/// What one axis does, or all of them along a line.
 #[derive(Clone, Copy, Debug)]
 struct Motion {
     plan: Profile,
@@ -104,18 +113,16 @@ struct Motion {
     due: Due,
 }
 
-impl Motion {
-    /// Where it comes to rest.
-    fn end(&self) -> f64 {
-        self.plan.at(f64::INFINITY).p
-    }
-}
-
-/// What all axes do together.
+/// All axes on their way from one place to another, by one law along a straight line.
 #[derive(Clone, Copy, Debug)]
-enum Straight<const N: usize> {
-    To([Option<f64>; N]),
-    Stop,
+struct Line<const N: usize> {
+    from: [f64; N],
+    to: [f64; N],
+    /// Of length 1.
+    direction: [f64; N],
+    /// What that leaves of the axes' travels.
+    travel: Travel,
+    law: Motion,
 }
 
 /// What follows once the axes are back.
@@ -128,26 +135,24 @@ pub(super) enum Then {
 /// The axes away from the path.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Excursion<const N: usize> {
-    period: f64,
-    cycle: u64,
+    clock: Clock,
     travel: [Option<Travel>; N],
     motions: [Motion; N],
-    /// A straight line to there that is to be planned, or a stop on the one that the axes are on, and when.
-    line: Option<(Straight<N>, Due)>,
+    /// What the axes are on together.
+    line: Option<Line<N>>,
+    /// Where a line is to lead that has not begun, and when it does.
+    wanted: Option<([Option<f64>; N], Due)>,
     /// Where the path was left.
     home: [f64; N],
     /// They are on their way back.
     then: Option<Then>,
 }
 
-/// A plan whose rounding leaves the travel by less does not leave it, mm.
+/// A plan goes no further than it may if by rounding it goes further by less, mm.
 const ROUNDING: f64 = 1e-9;
 
-/// Whether a plan keeps the bounds at every instant.
-fn stays(plan: &Profile, bounds: &PositionLimits) -> bool {
-    let range = plan.extrema().position;
-    range.min >= bounds.min - ROUNDING && range.max <= bounds.max + ROUNDING
-}
+/// Rates across a line that are taken for rounding, by their limits.
+const STRAIGHT: f64 = 1e-12;
 
 /// The fastest stop.
 fn stop(start: State, limits: Limits) -> Option<Profile> {
@@ -162,20 +167,86 @@ impl Travel {
             return Some((stop, true));
         };
         // Against the direction of the aim there is but what is braked.
-        let mut limits = self.limits;
+        let (mut limits, mut bounds) = (self.limits, self.bounds);
         if position >= stop.end().p {
             limits.v_max = limits.v_max.min(speed);
+            bounds.max = position.max(start.p);
         } else {
             limits.v_min = limits.v_min.max(-speed);
+            bounds.min = position.min(start.p);
         }
         let axis = Axis::new(start, State::at_rest(position), limits);
-        let direct = state_to_state::plan(&axis, 0.0).ok();
-        let direct = direct.filter(|plan| stays(plan, &self.bounds));
+        let direct = state_to_state::plan(&axis, 0.0).ok().filter(|plan| {
+            let range = plan.extrema().position;
+            range.min >= bounds.min - ROUNDING && range.max <= bounds.max + ROUNDING
+        });
         Some(direct.map_or((stop, false), |plan| (plan, true)))
     }
 
-    fn holds(&self, position: f64) -> bool {
+    fn contains(&self, position: f64) -> bool {
         (self.bounds.min..=self.bounds.max).contains(&position)
+    }
+}
+
+impl Motion {
+    fn resting(position: f64) -> Self {
+        Motion {
+            plan: Profile::new(State::at_rest(position)),
+            began: 0,
+            aim: Aim::Anywhere,
+            speed: f64::INFINITY,
+            due: Due::No,
+        }
+    }
+
+    fn aim(&mut self, aim: Aim, speed: f64) {
+        self.aim = aim;
+        self.speed = speed;
+        self.due = Due::Now;
+    }
+
+    /// Where it comes to rest.
+    fn end(&self) -> f64 {
+        self.plan.at(f64::INFINITY).p
+    }
+
+    fn since(&self, now: Clock) -> f64 {
+        (now.cycle - self.began) as f64 * now.period
+    }
+
+    fn is_at_rest(&self, now: Clock) -> bool {
+        self.since(now) >= self.plan.duration()
+    }
+
+    /// State and jerk.
+    fn at(&self, now: Clock) -> (State, f64) {
+        if self.is_at_rest(now) {
+            // Exactly, which a stop wherever it may be is only to rounding.
+            return (State::at_rest(self.end()), 0.0);
+        }
+        let t = self.since(now);
+        (self.plan.at(t), self.plan.jerk_at(t))
+    }
+
+    /// Makes a plan if one is due, with this part of the velocity; whether there is a new one.
+    fn go_on(&mut self, travel: &Travel, now: Clock, rapid: f64) -> bool {
+        if self.due == Due::No || self.due == Due::AtRest && !self.is_at_rest(now) {
+            return false;
+        }
+        self.plan(self.at(now).0, travel, now, rapid)
+    }
+
+    fn plan(&mut self, start: State, travel: &Travel, now: Clock, rapid: f64) -> bool {
+        let Limits { v_max, v_min, .. } = travel.limits;
+        let speed = self.speed.min(rapid * v_max.max(-v_min));
+        let Some((plan, leads_there)) = travel.plan(start, self.aim, speed) else {
+            self.due = Due::No;
+            return false;
+        };
+        self.plan = plan;
+        self.began = now.cycle;
+        self.due = if leads_there { Due::No } else { Due::AtRest };
+        true
     }
 }
 
@@ -192,17 +263,11 @@ impl<const N: usize> Excursion<N> {
             })
         };
         Excursion {
-            period,
-            cycle: 0,
+            clock: Clock { cycle: 0, period },
             travel: std::array::from_fn(hull),
-            motions: home.map(|position| Motion {
-                plan: Profile::new(State::at_rest(position)),
-                began: 0,
-                aim: Aim::Anywhere,
-                speed: f64::INFINITY,
-                due: Due::No,
-            }),
+            motions: home.map(Motion::resting),
             line: None,
+            wanted: None,
             home,
             then: None,
         }
@@ -232,7 +297,8 @@ impl<const N: usize> Excursion<N> {
                     bounds.min
                 };
                 check(limit, velocity.abs())?;
-                self.aim(axis, Aim::Limit(limit), velocity.abs());
+                self.leave_line();
+                self.motions[axis].aim(Aim::Limit(limit), velocity.abs());
             }
             Jog::Step {
                 axis,
@@ -244,29 +310,30 @@ impl<const N: usize> Excursion<N> {
                 let from = match self.motions[axis].aim {
                     Aim::At(position) => position,
                     _ => {
-                        let now = self.state(axis).0;
+                        let now = self.motions[axis].at(self.clock).0;
                         stop(now, limits).map_or(now.p, |stop| stop.end().p)
                     }
                 };
                 let to = (from + distance).clamp(bounds.min, bounds.max);
-                self.aim(axis, Aim::At(to), speed);
+                self.leave_line();
+                self.motions[axis].aim(Aim::At(to), speed);
             }
             Jog::To(positions) | Jog::Line(positions) => {
                 for (axis, position) in positions.iter().enumerate() {
                     let Some(position) = *position else { continue };
                     let travel = travel(axis)?;
                     check(position, f64::INFINITY)?;
-                    if !travel.holds(position) {
+                    if !travel.contains(position) {
                         return Err(JogError::OutsideTravel(axis));
                     }
                 }
                 if matches!(jog, Jog::Line(_)) {
-                    self.forget_orders();
-                    self.line = Some((Straight::To(positions), Due::Now));
+                    self.wanted = Some((positions, Due::Now));
                 } else {
-                    for (axis, position) in positions.iter().enumerate() {
-                        if let Some(position) = *position {
-                            self.aim(axis, Aim::At(position), f64::INFINITY);
+                    self.leave_line();
+                    for (motion, position) in self.motions.iter_mut().zip(positions) {
+                        if let Some(position) = position {
+                            motion.aim(Aim::At(position), f64::INFINITY);
                         }
                     }
                 }
@@ -276,40 +343,56 @@ impl<const N: usize> Excursion<N> {
         Ok(())
     }
 
-    fn aim(&mut self, axis: usize, aim: Aim, speed: f64) {
-        self.line = None;
-        let motion = &mut self.motions[axis];
-        motion.aim = aim;
-        motion.speed = speed;
-        motion.due = Due::Now;
-    }
-
-    /// What is planned goes on; what is not does not come any more.
-    fn forget_orders(&mut self) {
-        self.line = None;
-        for motion in &mut self.motions {
-            motion.due = Due::No;
+    /// Every axis goes on by its own.
+    fn leave_line(&mut self) {
+        self.wanted = None;
+        if let Some(Line { law, .. }) = self.line.take()
+            && law.due == Due::Now
+        {
+            for motion in &mut self.motions {
+                motion.due = Due::Now;
+                if law.aim == Aim::Anywhere {
+                    motion.aim = Aim::Anywhere;
+                }
+            }
         }
     }
 
     /// Comes to rest as fast as the axes can: on their line, or each on its own.
     pub(super) fn hold(&mut self) {
         self.then = None;
-        self.stop_each();
-        self.line = Some((Straight::Stop, Due::Now));
+        self.wanted = None;
+        self.halt();
     }
 
-    fn stop_each(&mut self) {
-        for axis in 0..N {
-            self.aim(axis, Aim::Anywhere, f64::INFINITY);
+    fn halt(&mut self) {
+        let own = match &mut self.line {
+            Some(line) => std::slice::from_mut(&mut line.law),
+            None => self.motions.as_mut_slice(),
+        };
+        for motion in own {
+            motion.aim(Aim::Anywhere, f64::INFINITY);
+        }
+    }
+
+    /// Another part of the axes' velocities is asked for: what moves goes on with that.
+    pub(super) fn change_speed(&mut self) {
+        let now = self.clock;
+        let own = match &mut self.line {
+            Some(line) => std::slice::from_mut(&mut line.law),
+            None => self.motions.as_mut_slice(),
+        };
+        for motion in own {
+            if motion.aim != Aim::Anywhere && !motion.is_at_rest(now) {
+                motion.due = Due::Now;
+            }
         }
     }
 
     /// Back to where the path was left, on a straight line.
     pub(super) fn go_home(&mut self, then: Then) {
         if self.then.replace(then).is_none() {
-            self.forget_orders();
-            self.line = Some((Straight::To(self.home.map(Some)), Due::Now));
+            self.wanted = Some((self.home.map(Some), Due::Now));
         }
     }
 
@@ -320,114 +403,117 @@ impl<const N: usize> Excursion<N> {
 
     /// What follows, once the axes are back.
     pub(super) fn arrived(&self) -> Option<Then> {
-        let home = |(motion, home): (&Motion, &f64)| motion.end() == *home;
-        let back = self.rests() && self.motions.iter().zip(&self.home).all(home);
+        let mut motions = self.motions.iter().zip(&self.home);
+        let back = self.rests() && motions.all(|(motion, home)| motion.end() == *home);
         self.then.filter(|_| back)
     }
 
     /// No axis moves, and none is going to.
     pub(super) fn rests(&self) -> bool {
-        let due = self.line.is_some() || self.motions.iter().any(|motion| motion.due != Due::No);
-        !due && (0..N).all(|axis| self.is_at_rest(axis))
+        let laws = self.line.iter().map(|line| &line.law);
+        let due = laws.chain(&self.motions).any(|it| it.due != Due::No);
+        self.wanted.is_none() && !due && self.is_at_rest()
     }
 
-    /// Seconds into the plan.
-    fn since(&self, motion: &Motion) -> f64 {
-        (self.cycle - motion.began) as f64 * self.period
-    }
-
-    fn is_at_rest(&self, axis: usize) -> bool {
-        let motion = &self.motions[axis];
-        self.since(motion) >= motion.plan.duration()
-    }
-
-    /// State and jerk.
-    fn state(&self, axis: usize) -> (State, f64) {
-        let motion = &self.motions[axis];
-        let t = self.since(motion);
-        if t >= motion.plan.duration() {
-            // Exactly, which a stop wherever it may be is only to rounding.
-            (State::at_rest(motion.end()), 0.0)
-        } else {
-            (motion.plan.at(t), motion.plan.jerk_at(t))
-        }
+    fn is_at_rest(&self) -> bool {
+        self.motions.iter().all(|it| it.is_at_rest(self.clock))
     }
 
     /// Goes on by one cycle, with this part of the axes' velocities.
     pub(super) fn advance(&mut self, rapid: f64) {
-        if let Some((line, due)) = self.line {
-            let at_rest = (0..N).all(|axis| self.is_at_rest(axis));
-            if (due == Due::Now || at_rest) && self.plan_line(&line, rapid) {
-                self.line = None;
+        if let Some((to, due)) = self.wanted
+            && (due == Due::Now || self.is_at_rest())
+        {
+            if let Some(line) = self.line_to(&to, rapid) {
+                self.motions = line.motions();
+                self.line = Some(line);
+                self.wanted = None;
             } else if due == Due::Now {
-                self.stop_each();
-                self.line = Some((line, Due::AtRest));
+                self.halt();
+                self.wanted = Some((to, Due::AtRest));
             }
         }
-        for axis in 0..N {
-            self.plan_axis(axis, rapid);
-        }
-        self.cycle += 1;
-    }
-
-    fn plan_axis(&mut self, axis: usize, rapid: f64) {
-        let Motion {
-            aim, speed, due, ..
-        } = self.motions[axis];
-        if due == Due::No || due == Due::AtRest && !self.is_at_rest(axis) {
-            return;
-        }
-        let start = self.state(axis).0;
-        let plan = self.travel[axis].and_then(|travel| {
-            let Limits { v_max, v_min, .. } = travel.limits;
-            travel.plan(start, aim, speed.min(rapid * v_max.max(-v_min)))
-        });
-        let motion = &mut self.motions[axis];
-        motion.due = Due::No;
-        if let Some((plan, leads_there)) = plan {
-            motion.plan = plan;
-            motion.began = self.cycle;
-            if !leads_there {
-                motion.due = Due::AtRest;
+        if let Some(line) = &mut self.line {
+            if line.law.go_on(&line.travel, self.clock, rapid) {
+                self.motions = line.motions();
+            }
+        } else {
+            for (motion, travel) in self.motions.iter_mut().zip(&self.travel) {
+                match travel {
+                    Some(travel) => {
+                        motion.go_on(travel, self.clock, rapid);
+                    }
+                    None => motion.due = Due::No,
+                }
             }
         }
+        self.clock.cycle += 1;
     }
 
-    /// Plans all axes on a straight line from where they are, if there is one.
-    fn plan_line(&mut self, line: &Straight<N>, rapid: f64) -> bool {
-        let mut plans = [Profile::new(State::default()); N];
-        let axes: [Axis; N] = std::array::from_fn(|i| {
-            let start = self.state(i).0;
-            let mut limits = self.travel[i].map_or(Limits::symmetric(1.0, 1.0, 1.0), |t| t.limits);
-            let Straight::To(to) = line else {
-                return Axis::to_velocity(start, 0.0, limits);
-            };
-            limits.v_max *= rapid;
-            limits.v_min *= rapid;
-            Axis::new(start, State::at_rest(to[i].unwrap_or(start.p)), limits)
-        });
-        let planned = synchronise::plan(&axes, Synchronisation::Line, 0.0, &mut plans).is_ok();
-        let within = |(plan, travel): (&Profile, &Option<Travel>)| {
-            travel.is_none_or(|travel| stays(plan, &travel.bounds))
+    /// The straight line from where the axes are; none if they move otherwise.
+    fn line_to(&self, to: &[Option<f64>; N], rapid: f64) -> Option<Line<N>> {
+        let states = self.motions.each_ref().map(|it| it.at(self.clock).0);
+        let from = states.map(|state| state.p);
+        let to: [f64; N] = std::array::from_fn(|i| to[i].unwrap_or(from[i]));
+        let way: [f64; N] = std::array::from_fn(|i| to[i] - from[i]);
+        let dot = |a: &[f64; N], b: &[f64; N]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+        let length = dot(&way, &way).sqrt();
+        // Of no length: at rest, any direction does.
+        let direction = way.map(|w| if length > 0.0 { w / length } else { 0.0 });
+        let start = State {
+            p: 0.0,
+            v: dot(&direction, &states.map(|state| state.v)),
+            a: dot(&direction, &states.map(|state| state.a)),
         };
-        if !planned || !plans.iter().zip(&self.travel).all(within) {
-            return false;
-        }
-        for ((motion, plan), axis) in self.motions.iter_mut().zip(plans).zip(axes) {
-            motion.plan = plan;
-            motion.began = self.cycle;
-            motion.due = Due::No;
-            motion.aim = match axis.target {
-                Target::State(target) => Aim::At(target.p),
-                Target::Velocity { .. } => Aim::Anywhere,
+        let mut along: Option<Travel> = None;
+        for (i, travel) in self.travel.iter().enumerate() {
+            let Some(Travel { limits, bounds }) = *travel else {
+                continue;
             };
+            let d = direction[i];
+            let across = (states[i].v - d * start.v).abs() > STRAIGHT * limits.v_max
+                || (states[i].a - d * start.a).abs() > STRAIGHT * limits.a_max;
+            if across {
+                return None;
+            }
+            if d == 0.0 {
+                continue;
+            }
+            let limits = limits.projected(d);
+            // An axis that moves by a rounding keeps nobody from anything.
+            let to = |bound: f64, rounding: f64| (bound - from[i] + rounding) / d;
+            let (one, other) = (to(bounds.min, -ROUNDING), to(bounds.max, ROUNDING));
+            let bounds = PositionLimits {
+                min: one.min(other).min(0.0),
+                max: one.max(other).max(0.0),
+            };
+            along = Some(along.map_or(Travel { limits, bounds }, |all| Travel {
+                limits: all.limits.intersection(&limits),
+                bounds: PositionLimits {
+                    min: all.bounds.min.max(bounds.min),
+                    max: all.bounds.max.min(bounds.max),
+                },
+            }));
         }
-        true
+        // Where nothing moves any do.
+        let travel = along.unwrap_or(Travel {
+            limits: Limits::symmetric(1.0, 1.0, 1.0),
+            bounds: PositionLimits { min: 0.0, max: 0.0 },
+        });
+        let mut law = Motion::resting(0.0);
+        law.aim(Aim::At(length), f64::INFINITY);
+        law.plan(start, &travel, self.clock, rapid).then_some(Line {
+            from,
+            to,
+            direction,
+            travel,
+            law,
+        })
     }
 
     /// The setpoint of this cycle; of the path it takes where that rests.
     pub(super) fn setpoint(&self, path: Setpoint<N>) -> Setpoint<N> {
-        let states: [_; N] = std::array::from_fn(|axis| self.state(axis));
+        let states = self.motions.each_ref().map(|it| it.at(self.clock));
         let velocity = states.map(|(state, _)| state.v);
         let norm = |part: &[f64]| part.iter().map(|v| v * v).sum::<f64>().sqrt();
         let (tool, others) = velocity.split_at(N.min(3));
@@ -450,9 +536,30 @@ impl<const N: usize> Excursion<N> {
     }
 }
 
+impl<const N: usize> Line<N> {
+    /// What every axis does by the law.
+    fn motions(&self) -> [Motion; N] {
+        std::array::from_fn(|i| {
+            let (leads_there, aim) = match self.law.aim {
+                Aim::At(_) if self.law.due == Due::No => (true, Aim::At(self.to[i])),
+                _ => (false, Aim::Anywhere),
+            };
+            let target = leads_there.then_some(State::at_rest(self.to[i]));
+            let plan = &self.law.plan;
+            Motion {
+                plan: plan.scaled(self.from[i], self.direction[i], target),
+                aim,
+                due: Due::No,
+                ..self.law
+            }
+        })
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::state_to_state::Target;
     use crate::verify;
     use proptest::prelude::*;
 
@@ -514,13 +621,13 @@ mod tests {
             8 => order.prop_map(Act::Order),
             1 => Just(Act::Hold),
             1 => Just(Act::GoHome),
-            1 => (0.05..=1.0_f64).prop_map(Act::Rapid),
+            2 => prop_oneof![Just(0.0), Just(1.0), 0.05..1.0_f64].prop_map(Act::Rapid),
         ]
     }
 
     /// Goes on by one cycle; certifies, between the samples too, every plan that begins.
     fn advance(axes: &mut Excursion<N>, rapid: f64) -> Result<(), TestCaseError> {
-        let before: [State; N] = std::array::from_fn(|axis| axes.state(axis).0);
+        let before: [State; N] = std::array::from_fn(|axis| axes.motions[axis].at(axes.clock).0);
         axes.advance(rapid);
         for axis in 0..N {
             let Motion {
@@ -530,13 +637,23 @@ mod tests {
                 due,
                 ..
             } = axes.motions[axis];
-            let now = axes.state(axis).0;
+            let now = axes.motions[axis].at(axes.clock).0;
             let Some(Travel { limits, bounds }) = axes.travel[axis] else {
                 prop_assert_eq!(now, State::at_rest(HOME[axis]));
                 continue;
             };
-            if began + 1 == axes.cycle {
-                prop_assert_eq!(plan.start(), before[axis], "nothing jumps");
+            if began + 1 == axes.clock.cycle {
+                // An axis on a line follows the law, whose sample is rounded in another place.
+                let (start, before) = (plan.start(), before[axis]);
+                let jump = [start.p - before.p, start.v - before.v, start.a - before.a];
+                let small = [1e-11, 1e-6, 1e-1]
+                    .into_iter()
+                    .zip(jump)
+                    .all(|(most, by)| by.abs() <= most);
+                prop_assert!(
+                    start == before || axes.line.is_some() && small,
+                    "jumps by {jump:?}"
+                );
                 let target = match aim {
                     Aim::At(position) | Aim::Limit(position) if due == Due::No => {
                         Target::State(State::at_rest(position))
@@ -544,7 +661,7 @@ mod tests {
                     _ => Target::Velocity { v: 0.0, a: 0.0 },
                 };
                 let problem = Axis {
-                    start: before[axis],
+                    start,
                     target,
                     limits,
                     bounds: None,
@@ -557,10 +674,10 @@ mod tests {
                     "{certificate:?} {problem:?} {plan:?}"
                 );
                 let range = plan.extrema().position;
-                prop_assert!(range.min >= bounds.min - 1e-9 && range.max <= bounds.max + 1e-9);
+                prop_assert!(range.min >= bounds.min - 3e-9 && range.max <= bounds.max + 3e-9);
             }
             prop_assert!(
-                now.p >= bounds.min - 1e-9 && now.p <= bounds.max + 1e-9,
+                now.p >= bounds.min - 3e-9 && now.p <= bounds.max + 3e-9,
                 "{now:?} {:?}",
                 axes.motions[axis]
             );
@@ -579,32 +696,42 @@ mod tests {
             let mut rapid = 1.0;
             for (wait, act) in acts {
                 match act {
-                    Act::Order(jog) => prop_assert_eq!(axes.order(jog, rapid), Ok(())),
+                    Act::Order(jog) => {
+                        let taken = axes.order(jog, rapid);
+                        prop_assert!(taken.is_ok() || rapid == 0.0, "{taken:?}");
+                    }
                     Act::Hold => axes.hold(),
                     Act::GoHome => axes.go_home(Then::Resume),
-                    Act::Rapid(part) => rapid = part,
+                    Act::Rapid(part) => {
+                        rapid = part;
+                        axes.change_speed();
+                    }
                 }
                 for _ in 0..wait {
                     advance(&mut axes, rapid)?;
                 }
             }
+            if rapid == 0.0 {
+                rapid = 1.0;
+                axes.change_speed();
+            }
             for home in [false, true] {
                 if home {
                     axes.go_home(Then::Resume);
                 }
-                let begun = axes.cycle;
+                let begun = axes.clock.cycle;
                 while !axes.rests() {
-                    prop_assert!(axes.cycle < begun + 200_000, "never rests");
+                    prop_assert!(axes.clock.cycle < begun + 20_000, "never rests");
                     advance(&mut axes, rapid)?;
                 }
                 for (motion, axis) in axes.motions.iter().zip(0..) {
                     if let Aim::At(position) | Aim::Limit(position) = motion.aim {
-                        prop_assert_eq!(axes.state(axis).0, State::at_rest(position));
+                        prop_assert_eq!(axes.motions[axis].at(axes.clock).0, State::at_rest(position));
                     }
                 }
             }
             prop_assert_eq!(axes.arrived(), Some(Then::Resume));
-            let there: [State; N] = std::array::from_fn(|axis| axes.state(axis).0);
+            let there: [State; N] = std::array::from_fn(|axis| axes.motions[axis].at(axes.clock).0);
             prop_assert_eq!(there, HOME.map(State::at_rest));
         }
     }
