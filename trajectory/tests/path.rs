@@ -184,6 +184,15 @@ proptest! {
                 }
             }
         }
+        // And the sixth.
+        let h = 1e-2 * length;
+        let [a, b, c, d] = [-1.5, -0.5, 0.5, 1.5].map(|k| curve.at(s + k * h).d3);
+        let bounds = curve.growth(s - 1.5 * h, s + 1.5 * h);
+        for i in 0..3 {
+            let d6 = ((d[i] - a[i]) - 3.0 * (c[i] - b[i])) / (h * h * h);
+            let noise = 1e-11 * greatest(here.d3) / (h * h * h);
+            prop_assert!(d6.abs() <= bounds[5][i] * (1.0 + 1e-9) + noise, "{d6} {}", bounds[5][i]);
+        }
         let (low, high) = curve.bounds();
         for i in 0..3 {
             prop_assert!(low[i] - 1e-9 <= here.q[i] && here.q[i] <= high[i] + 1e-9);

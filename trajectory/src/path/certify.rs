@@ -28,16 +28,18 @@ impl Load {
 const HALVINGS: usize = 6;
 /// Excess over a limit that is rounding, as a part of it.
 pub const ROUNDING: f64 = 1e-9;
-/// A bound this close above the samples is close enough.
+/// A bound this close above what the samples tell is close enough.
 const CLOSE: f64 = 2e-5;
+/// 1/9√3: what a parabola through three points can be off, by the third derivative and h³.
+const BEND: f64 = 0.064_150_029_909_958_42;
 
 /// Upper bounds of what `piece` on `span` asks of the axes at any instant.
 ///
-/// On a line they are exact. On a curve: a function is no higher than the line through two samples
-/// and an eighth of its second derivative times the square of the time between them. The second
-/// derivatives of velocity, acceleration and jerk by time follow from the path's first five
-/// derivatives, which are bounded on the stretch ([`Curve::growth`](super::Curve::growth)). Where
-/// that comes out above a limit that the samples keep, both halves are looked at.
+/// On a line they are exact. On a curve: a function is no higher than the parabola through three samples
+/// a time h apart, and h³/9√3 of its third derivative. The third derivatives of velocity,
+/// acceleration and jerk by time follow from the path's first six derivatives, which are bounded on
+/// the stretch ([`Curve::growth`](super::Curve::growth)). Where that comes out above a limit that
+/// the parabolas keep, both halves are looked at.
 pub fn load<const N: usize>(piece: &Piece, span: &Span<N>, limits: &Limits<N>) -> Load {
     let mut top = piece.speed.max(piece.at(piece.duration).1);
     if piece.acceleration * piece.jerk < 0.0 {
@@ -109,15 +111,15 @@ impl<const N: usize> Stretch<'_, N> {
     fn bound(&self, [t0, t1]: [f64; 2], top: f64, ends: [&Sample<N>; 2], halvings: usize) -> Load {
         let middle = 0.5 * (t0 + t1);
         let between = self.sample(middle);
-        let [d1, d2, d3, d4, d5] = self.span.curve.growth(ends[0].s, ends[1].s);
+        let [_, d2, d3, d4, d5, d6] = self.span.curve.growth(ends[0].s, ends[1].s);
         let (v, a, j) = (
             top,
             ends[0].a.abs().max(ends[1].a.abs()),
             self.piece.jerk.abs(),
         );
         let (v2, a2) = (v * v, a * a);
-        let part = 0.5 * (t1 - t0);
-        let bend = part * part / 8.0;
+        let h = 0.5 * (t1 - t0);
+        let bend = h * h * h * BEND;
         let limits = [
             &self.limits.velocity,
             &self.limits.acceleration,
@@ -126,20 +128,20 @@ impl<const N: usize> Stretch<'_, N> {
         let mut seen = [0.0_f64; 3];
         let mut most = [0.0_f64; 3];
         for i in 0..N {
-            let second = [
-                d3[i] * v2 * v + 3.0 * d2[i] * v * a + d1[i] * j,
+            let third = [
                 d4[i] * v2 * v2 + 6.0 * d3[i] * v2 * a + d2[i] * (3.0 * a2 + 4.0 * v * j),
                 v2 * v * (d5[i] * v2 + 10.0 * d4[i] * a)
                     + d3[i] * v * (15.0 * a2 + 10.0 * v * j)
                     + 10.0 * d2[i] * a * j,
+                v2 * v2 * (d6[i] * v2 + 15.0 * d5[i] * a)
+                    + d4[i] * v2 * (45.0 * a2 + 20.0 * v * j)
+                    + d3[i] * a * (15.0 * a2 + 60.0 * v * j)
+                    + 10.0 * d2[i] * j * j,
             ];
             for what in 0..3 {
-                let peak = ends
-                    .into_iter()
-                    .chain([&between])
-                    .fold(0.0_f64, |m, s| m.max(s.parts[what][i].abs()));
+                let peak = crest([ends[0], &between, ends[1]].map(|s| s.parts[what][i]));
                 seen[what] = seen[what].max(peak);
-                most[what] = most[what].max(peak + bend * second[what] / limits[what][i]);
+                most[what] = most[what].max(peak + bend * third[what] / limits[what][i]);
             }
         }
         let open = (0..3).any(|w| most[w] > 1.0 + ROUNDING && most[w] > seen[w] + CLOSE);
@@ -152,5 +154,17 @@ impl<const N: usize> Stretch<'_, N> {
             acceleration: most[1],
             jerk: most[2],
         }
+    }
+}
+
+/// Greatest magnitude of the parabola through three points the same way apart, between the outer
+/// ones.
+fn crest([before, here, after]: [f64; 3]) -> f64 {
+    let ends = before.abs().max(after.abs()).max(here.abs());
+    let (slope, bend) = (0.5 * (after - before), before + after - 2.0 * here);
+    if slope.abs() < bend.abs() {
+        ends.max((here - 0.5 * slope * slope / bend).abs())
+    } else {
+        ends
     }
 }

@@ -319,18 +319,20 @@ impl<const N: usize> Arc<N> {
         let (least, most) = (r0.min(r1) - slack, r0.max(r1) + slack);
         let k = self.spiral.abs();
         let flat = k * k + self.rise;
-        const FACTORIAL: [f64; ORDERS] = [1.0, 1.0, 2.0, 6.0, 24.0];
+        const FACTORIAL: [f64; ORDERS] = [1.0, 1.0, 2.0, 6.0, 24.0, 120.0];
         let first = std::array::from_fn(|i| {
             if i == self.plane.0 || i == self.plane.1 {
                 std::array::from_fn(|n| libm::hypot(most, (n + 1) as f64 * k) / FACTORIAL[n])
             } else {
-                [self.pitch[i].abs(), 0.0, 0.0, 0.0, 0.0]
+                let mut even = [0.0; ORDERS];
+                even[0] = self.pitch[i].abs();
+                even
             }
         });
         growth(
             &first,
             least * least + flat,
-            &[most * most + flat, 2.0 * most * k, k * k, 0.0, 0.0],
+            &[most * most + flat, 2.0 * most * k, k * k, 0.0, 0.0, 0.0],
         )
     }
 }
@@ -586,11 +588,11 @@ fn spread(taylor: &[f64], half: f64) -> Jet {
 }
 
 /// Derivatives that are bounded.
-pub const ORDERS: usize = 5;
+pub const ORDERS: usize = 6;
 /// Upper bounds of the magnitudes of a function's Taylor coefficients, f⁽ᵏ⁾/k!, at every point of a
 /// stretch.
 type Jet = [f64; ORDERS];
-/// Upper bounds of the magnitudes of the derivatives by path length, the first to the fifth, of
+/// Upper bounds of the magnitudes of the derivatives by path length, the first to the sixth, of
 /// every axis.
 pub type Growth<const N: usize> = [[f64; N]; ORDERS];
 
@@ -601,7 +603,8 @@ fn growth<const N: usize>(first: &[Jet; N], least: f64, square: &Jet) -> Growth<
         return [[f64::INFINITY; N]; ORDERS];
     }
     // 1/σ = (σ²)^(−1/2): k f_k σ² = −Σ (j/2 + k − j) (σ²)_j f_(k−j).
-    let mut slow = [1.0 / least.sqrt(), 0.0, 0.0, 0.0, 0.0];
+    let mut slow = [0.0; ORDERS];
+    slow[0] = 1.0 / least.sqrt();
     for k in 1..ORDERS {
         let sum: f64 = (1..=k)
             .map(|j| (k as f64 - 0.5 * j as f64) * square[j] * slow[k - j])
@@ -611,7 +614,7 @@ fn growth<const N: usize>(first: &[Jet; N], least: f64, square: &Jet) -> Growth<
     let product =
         |a: &Jet| -> Jet { std::array::from_fn(|k| (0..=k).map(|j| a[j] * slow[k - j]).sum()) };
     let mut out = [[0.0; N]; ORDERS];
-    for i in 0..N {
+    for i in (0..N).filter(|&i| first[i] != [0.0; ORDERS]) {
         // d/ds = 1/σ d/du; of every derivative one coefficient fewer is known.
         let mut jet = product(&first[i]);
         for order in 0..ORDERS {
@@ -797,7 +800,7 @@ impl<const N: usize> Curve<N> {
     }
 
     /// Upper bounds of the magnitudes of every axis's derivatives by path length, the first to the
-    /// fifth, between the path lengths `from` and `to`. They hold everywhere in between and come
+    /// sixth, between the path lengths `from` and `to`. They hold everywhere in between and come
     /// closer to the greatest values the shorter the stretch is.
     pub fn growth(&self, from: f64, to: f64) -> Growth<N> {
         match self {
