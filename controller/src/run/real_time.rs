@@ -23,7 +23,7 @@ use syncline_trajectory::path::Outlook;
 /// Instructions on their way into the cycle.
 const INSTRUCTIONS: usize = 1024;
 /// Most of them that one wake-up takes on the host's clock: far more than a cycle uses up.
-const TAKEN_AT_ONCE: usize = 64;
+const TAKEN_AT_ONCE: usize = 128;
 /// Orders on their way into the cycle.
 const ORDERS: usize = 64;
 /// News on their way out of the cycle.
