@@ -434,7 +434,7 @@ pub fn whole() -> Vec<Sample> {
             .flatten(),
     );
     for mode in [("G61", 0.001), ("G64 P0.01", 0.01)] {
-        samples.push(segments(20_000, 0.5, mode));
+        samples.push(segments(2_000, 0.5, mode));
         samples.push(segments(150_000, 0.05, mode));
     }
     samples
