@@ -216,7 +216,7 @@ impl Record {
             late: 0,
             dropped_before: 0,
             preempted: 0,
-            clock: Duration::ZERO,
+            clock: clock_reading(),
             processor_before: Duration::ZERO,
             worst: Stages::default(),
         }
@@ -275,7 +275,6 @@ impl<const N: usize> Cycle<N> {
     fn run(mut self, mut record: Record) -> Result<Outcome, PortError> {
         self.bring_up()?;
         record.start = realtime::now();
-        record.clock = clock_reading();
         record.processor_before = realtime::thread_time();
         record.dropped_before = self.driver.controller.late_setpoints();
         for _ in 0..self.options.cycles {
