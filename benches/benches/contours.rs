@@ -1,6 +1,6 @@
 //! Motion along six named paths beside `copp`'s third-order LP, iterated and refined until its time
 //! stands still and then stretched until no limit is exceeded between its points, and beside simpler
-//! laws: `cargo bench -p syncline-benches --bench contours`.
+//! laws: `cargo bench -p syncline-benches --bench contours -- [PART OF A NAME]`.
 
 use copp::path::{Path, PathEvaluator2nd, PathEvaluator3rd};
 use copp::robot::Robot;
@@ -374,20 +374,26 @@ fn row<const N: usize>(contour: &Contour<N>) {
             geometry.velocity_time(limits)
         ),
     }
-    let two = solve(1_001, 2);
-    let own = own_law(&geometry, limits, &even(&geometry, 1_001));
-    let fine = own_law(&geometry, limits, &even(&geometry, 5_001));
-    let show = |x: Option<f64>| x.map_or("–".into(), |x| format!("{:.2}", 1e3 * x));
+    // Wall times: the least of several.
+    let fastest = |times: &mut dyn Iterator<Item = Option<f64>>| {
+        times.flatten().fold(f64::INFINITY, f64::min)
+    };
+    let two = fastest(&mut (0..2).map(|_| solve(1_001, 2).map(|r| r.took)));
+    let law = |points, times: usize| {
+        let grid = even(&geometry, points);
+        fastest(&mut (0..times).map(|_| own_law(&geometry, limits, &grid).map(|o| o.1)))
+    };
+    let (own, fine) = (law(1_001, 10), law(5_001, 3));
     eprintln!(
-        "| {} | {} | {} | {} | {} | {:.1} |",
+        "| {} | {:.1} | {:.1} | {:.0} | {:.0} | {:.0} | {:.1} |",
         contour.name,
-        show(Some(took)),
-        show(own.map(|o| o.1)),
-        show(two.as_ref().map(|r| r.took)),
-        show(fine.map(|o| o.1)),
-        two.map_or(f64::NAN, |r| r.took / took),
+        1e3 * took,
+        1e3 * own,
+        1e3 * two,
+        two / own,
+        two / took,
+        1e3 * fine,
     );
-    eprintln!("  own law: {own:?}, fine {fine:?}");
 }
 
 fn main() {
@@ -395,10 +401,17 @@ fn main() {
         "| path | stops | ours, s | load | LP | points | LP stretched | ratio | acceleration only | velocity only |"
     );
     println!("|---|---|---|---|---|---|---|---|---|---|");
-    for contour in three_axes() {
-        row(&contour);
+    eprintln!(
+        "| path | planner, ms | law, 1,001 | LP, 1,001 | LP / law | LP / planner | law, 5,001 |"
+    );
+    let part = std::env::args()
+        .skip(1)
+        .find(|a| !a.starts_with('-'))
+        .unwrap_or_default();
+    for contour in three_axes().iter().filter(|c| c.name.contains(&part)) {
+        row(contour);
     }
-    for contour in six_axes() {
-        row(&contour);
+    for contour in six_axes().iter().filter(|c| c.name.contains(&part)) {
+        row(contour);
     }
 }

@@ -236,33 +236,49 @@ pub fn three_axes() -> Vec<Contour<3>> {
         exit: Exit::Blend(0.5),
         curves: polyline(&hexagon),
     };
-    let slot = {
-        let half = |start: [f64; 3], end, centre| {
-            Curve::arc(ArcDefinition {
-                start,
+    let pocket = {
+        const RADIUS: f64 = 20.0;
+        let mut curves = Vec::new();
+        let mut at = [RADIUS, 0.0, 0.0];
+        for k in 0..4_u8 {
+            let (along, side) = [
+                ([1.0, 0.0], 100.0),
+                ([0.0, 1.0], 70.0),
+                ([-1.0, 0.0], 100.0),
+                ([0.0, -1.0], 70.0),
+            ][usize::from(k)];
+            let straight = side - 2.0 * RADIUS;
+            let inwards = [-along[1], along[0]];
+            let go = |from: [f64; 3], way: f64, in_way: f64| {
+                std::array::from_fn(|i| {
+                    if i < 2 {
+                        from[i] + way * along[i] + in_way * inwards[i]
+                    } else {
+                        from[i]
+                    }
+                })
+            };
+            let corner: [f64; 3] = go(at, straight, 0.0);
+            let centre: [f64; 3] = go(corner, 0.0, RADIUS);
+            let end = go(corner, RADIUS, RADIUS);
+            curves.push(Curve::line(at, corner).expect("points apart"));
+            let arc = Curve::arc(ArcDefinition {
+                start: corner,
                 end,
                 plane: Plane::Xy,
-                centre,
+                centre: (centre[0], centre[1]),
                 clockwise: false,
                 turns: 0,
-            })
-            .expect("a half circle")
-        };
-        let [a, b, c, d] =
-            [[0.0, 0.0], [60.0, 0.0], [60.0, 20.0], [0.0, 20.0]].map(|[x, y]| [x, y, 0.0]);
-        let line = |p, q| Curve::line(p, q).expect("points apart");
+            });
+            curves.push(arc.expect("a quarter of a circle"));
+            at = end;
+        }
         Contour {
-            name: "slot of lines and half circles, G64 P0.01",
+            name: "pocket with corners of radius 20, G64 P0.2",
             limits: MILL,
             feed: Feed::Rate(300.0),
-            exit: Exit::Blend(0.01),
-            curves: vec![
-                line(a, b),
-                half(b, c, (60.0, 10.0)),
-                line(c, d),
-                half(d, a, (0.0, 10.0)),
-                line(a, b),
-            ],
+            exit: Exit::Blend(0.2),
+            curves,
         }
     };
     let helix = Contour {
@@ -306,7 +322,7 @@ pub fn three_axes() -> Vec<Contour<3>> {
             80,
         ),
     };
-    vec![lissajous, hexagon, slot, helix, spiral]
+    vec![lissajous, hexagon, pocket, helix, spiral]
 }
 
 /// The named path of six axes, three of them followers.

@@ -531,3 +531,53 @@ fn a_helix_is_passed_in_little_more_than_the_least_time() {
     plan.check(&items, 1e-6).unwrap();
     assert!(plan.time() < 1.01 * 1.4317, "{} s", plan.time());
 }
+
+#[test]
+fn a_move_of_nearly_no_length_takes_nearly_no_time() {
+    // In these places rounding leaves the closed form with a speed of -1e-19.
+    let mut here = [400.0, 400.0, -150.0];
+    for tiny in [1e-6, 1e-5, 1e-4] {
+        for by in [[10.0, 5.0, 0.0], [tiny, 0.0, 0.0], [0.0, tiny, 0.0]] {
+            let to: [f64; 3] = std::array::from_fn(|i| ((here[i] + by[i]) * 1e6_f64).round() / 1e6);
+            let line = Curve::line(here, to).unwrap();
+            let plan = Plan::of(&[go(line, 200.0, Exit::Stop, 0)], here);
+            let time = plan.time();
+            assert!(
+                time < 0.01 + 0.02 * line.length(),
+                "{} mm in {time} s",
+                line.length()
+            );
+            here = to;
+        }
+    }
+}
+
+#[test]
+fn a_bridged_joint_takes_no_longer_than_a_stop_in_it() {
+    for turn in [
+        0.5_f64, 3.0, 10.0, 45.0, 90.0, 120.0, 140.0, 150.0, 158.0, 163.0, 165.5,
+    ] {
+        for before in [1e-3, 0.05, 1.0, 10.0] {
+            for after in [1e-3, 0.05, 1.0, 10.0] {
+                let (sin, cos) = turn.to_radians().sin_cos();
+                let points = [
+                    [0.0; 3],
+                    [before, 0.0, 0.0],
+                    [before + after * cos, after * sin, 0.0],
+                ];
+                let time = |exit| {
+                    let items: Vec<_> = points
+                        .windows(2)
+                        .map(|p| go(Curve::line(p[0], p[1]).unwrap(), 200.0, exit, 0))
+                        .collect();
+                    Plan::of(&items, points[0]).time()
+                };
+                let (through, stop) = (time(Exit::Exact(0.001)), time(Exit::Stop));
+                assert!(
+                    through <= stop,
+                    "{turn}°, {before} and {after} mm: {through} s, {stop} s with a stop"
+                );
+            }
+        }
+    }
+}

@@ -19,7 +19,7 @@ const USED: f64 = 0.98;
 /// Blends shorter than this would be nothing but rounding, mm.
 const SHORTEST: f64 = 1e-4;
 /// Greatest cosine between the tangents of a joint that counts as a reversal.
-const REVERSAL: f64 = -0.97;
+const REVERSAL: f64 = -0.94;
 
 /// A rounded joint.
 #[derive(Debug, Clone, Copy, PartialEq)]

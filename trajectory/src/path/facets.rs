@@ -14,7 +14,7 @@ const SHORT: f64 = 100.0;
 /// Least cosine of the turn from one facet to the next.
 const GENTLE: f64 = 0.9;
 /// Part of the tolerance that a run may stray.
-const SHARE: f64 = 0.5;
+const SHARE: f64 = 0.7;
 /// Facets in a run, at most.
 const MOST: usize = 64;
 
@@ -118,30 +118,34 @@ fn line<const N: usize>(points: &[[f64; N]], within: f64) -> Option<(Curve<N>, f
     (before < curve.length()).then(|| (curve, worst.sqrt()))
 }
 
-/// The arc or helix in `plane` through the first, the middle and the last point and how far it is
-/// from the lines between the points, if that is `within`.
+/// The arc or helix in `plane` through the first and the last point that passes the others best, and
+/// how far it is from the lines between the points, if that is `within`.
 fn arc<const N: usize>(points: &[[f64; N]], plane: Plane, within: f64) -> Option<(Curve<N>, f64)> {
     let (a, b) = plane.axes();
     if a >= N || b >= N || points.len() < 4 {
         return None;
     }
     let (start, end) = (points[0], points[points.len() - 1]);
-    let middle = points[points.len() / 2];
-    let (mx, my) = (middle[a] - start[a], middle[b] - start[b]);
     let (ex, ey) = (end[a] - start[a], end[b] - start[b]);
-    let cross = mx * ey - my * ex;
-    let (mm, ee) = (mx * mx + my * my, ex * ex + ey * ey);
-    if cross.abs() <= 1e-9 * (mm * ee).sqrt() {
+    let chord = libm::hypot(ex, ey);
+    // In coordinates along and across the chord the circle through both ends is
+    // x (x − chord) + y² = c y; c by least squares.
+    let (mut down, mut square) = (0.0, 0.0);
+    for p in &points[1..points.len() - 1] {
+        let (px, py) = (p[a] - start[a], p[b] - start[b]);
+        let (x, y) = ((px * ex + py * ey) / chord, (py * ex - px * ey) / chord);
+        down += (x * (x - chord) + y * y) * y;
+        square += y * y;
+    }
+    let c = down / square;
+    if !c.is_finite() || c.abs() > 1e9 * chord {
         return None;
     }
-    // Where the chords' bisectors meet, from the start.
-    let (cx, cy) = (
-        0.5 * (ey * mm - my * ee) / cross,
-        0.5 * (mx * ee - ex * mm) / cross,
-    );
+    let clockwise = c < 0.0;
+    // From the start.
+    let (cx, cy) = (0.5 * (ex - c * ey / chord), 0.5 * (ey + c * ex / chord));
     let centre = (start[a] + cx, start[b] + cy);
     let radius = libm::hypot(cx, cy);
-    let clockwise = cross < 0.0;
     let side = if clockwise { -1.0 } else { 1.0 };
     let arm = |p: &[f64; N]| (p[a] - centre.0, p[b] - centre.1);
     let flat = (0..N)

@@ -1088,7 +1088,7 @@ mod tests {
                 .map(|p| Curve::line(p[0], p[1]).unwrap())
                 .collect()
         };
-        let zigzag = (0..12).map(|k| [4.0 * f64::from(k), 25.0 * f64::from(k % 2), 0.0]);
+        let zigzag = (0..12).map(|k| [4.0 * f64::from(k), 14.0 * f64::from(k % 2), 0.0]);
         let facets = (0..3_000).map(|k| {
             let angle = 0.005 * f64::from(k);
             let radius = 10.0 + angle;

@@ -22,6 +22,10 @@ impl From<Piece> for Departure {
 const CELLS_PER_RAMP: f64 = 10.0;
 /// Cells of a stretch, about.
 pub(super) const MOST_CELLS: usize = 600;
+/// Cells shorter than this would be nothing but rounding, mm.
+const SHORTEST: f64 = 1e-9;
+/// By how much of the time up to them cells may be longer than later ones.
+const FINER: f64 = 0.4;
 /// Greatest turn of the tangent within a cell, rad.
 const CELL_TURN: f64 = 0.1;
 
@@ -64,6 +68,9 @@ struct Stretch {
     level: [f64; 2],
     /// Estimate of ṡ² at both ends.
     w: [f64; 2],
+    /// Duration of a cell within, and at the end at most, s.
+    tick: f64,
+    last_tick: f64,
 }
 
 /// The law of a stretch could not be found.
@@ -361,6 +368,8 @@ impl<const N: usize> Window<N> {
                     jerk: rates.jerk,
                     level: [span.start + s0, span.start + s1],
                     w: [rates.cap; 2],
+                    tick: 0.0,
+                    last_tick: f64::INFINITY,
                 });
                 before = after;
                 s0 = s1;
@@ -389,6 +398,15 @@ impl<const N: usize> Window<N> {
             w = s.climb(s.w[1], s.to - s.from).min(s.w[0]);
             s.w[0] = w;
         }
+        let mut next = f64::INFINITY;
+        for s in self.stretches.iter_mut().rev() {
+            let middle = s.estimate(0.5 * (s.from + s.to));
+            let top = s.w[0].max(s.w[1]).max(middle);
+            s.tick = s.ramp(top) / CELLS_PER_RAMP;
+            s.last_tick = next;
+            let duration = 2.0 * (s.to - s.from) / (s.w[0].sqrt() + s.w[1].sqrt());
+            next = s.tick.min(next + FINER * duration);
+        }
     }
     /// Lays the nodes: about equal times apart, by the estimate.
     fn cut(&mut self, departure: Departure) {
@@ -409,14 +427,15 @@ impl<const N: usize> Window<N> {
             if stretch.to <= s && k < last {
                 continue;
             }
-            let ramp = stretch.ramp();
-            let tick = ramp / CELLS_PER_RAMP;
-            // What is travelled in a tick from rest, and to rest.
-            let tip = stretch.jerk * tick * tick * tick / 6.0;
+            let tick = stretch.tick;
+            let ramp = CELLS_PER_RAMP * tick;
             loop {
                 let rest = stretch.to - s;
-                pace = tick.min(1.5 * pace);
                 let v = stretch.estimate(s).sqrt();
+                let left = rest / (0.5 * (v + stretch.w[1].sqrt()));
+                pace = tick.min(1.5 * pace).min(stretch.last_tick + FINER * left);
+                // What is travelled in that time from rest, and to rest.
+                let tip = (stretch.jerk * pace * pace * pace / 6.0).max(SHORTEST);
                 let ahead = stretch.estimate(s + (v * pace).max(tip)).sqrt();
                 let mut step = (0.5 * (v + ahead) * pace).max(tip);
                 // Far from where the speed has to change, long cells do.
@@ -471,7 +490,7 @@ impl<const N: usize> Window<N> {
             return;
         };
         let above = w / stretch.estimate(from) - 1.0;
-        let way = 2.0 * w.sqrt() * stretch.ramp();
+        let way = 2.0 * w.sqrt() * stretch.ramp(stretch.cap);
         if !above.is_finite() {
             return;
         }
@@ -646,9 +665,9 @@ impl Rates {
 }
 
 impl Stretch {
-    fn ramp(&self) -> f64 {
-        let v = self.cap.sqrt();
-        (self.acceleration / self.jerk).min((v / self.jerk).sqrt())
+    /// Time in which an axis builds up the acceleration that it comes to where ṡ² is `top` at most.
+    fn ramp(&self, top: f64) -> f64 {
+        (self.acceleration / self.jerk).min((top.sqrt() / self.jerk).sqrt())
     }
 
     /// Estimate of ṡ² at the distance `s`.
