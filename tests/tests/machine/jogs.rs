@@ -174,6 +174,7 @@ fn a_jog_is_told_as_a_hold_that_lasts() {
     let mut rig = held_rig();
     rig.controller().obey(Order::Jog(UP));
     run_for(&mut rig, 100);
+    assert!(!rig.events.contains(&Event::Resumed), "{:?}", rig.events);
     // Space, and in mid-return once more.
     rig.controller().obey(Order::ToggleHold);
     run_for(&mut rig, 10);

@@ -2,8 +2,8 @@
 //!
 //! Away from the path every axis has a plan of its own, from state to state, that ends at rest inside
 //! its travel. An order changes where an axis is to come to rest; the plan to there begins in the
-//! state that the axis has in that cycle, whatever it is. Orders only note what is wanted, so that a
-//! cycle plans every axis once at most.
+//! state that the axis has in that cycle, whatever it is. Orders only note what is wanted; a cycle
+//! plans every stop, but no more than two ways to a position, so that its work is bounded.
 //!
 //! None of these plans can leave the travel: of all the ways on from a state the fastest stop reaches
 //! least far, the fastest way to a rest further on reaches that rest and no further, and the fastest
@@ -150,6 +150,9 @@ pub(super) struct Excursion<const N: usize> {
 
 /// A plan goes no further than it may if by rounding it goes further by less, mm.
 const ROUNDING: f64 = 1e-9;
+
+/// Plans to a position that a cycle has time for; what is more begins a cycle later.
+const PLANS: usize = 2;
 
 /// Rates across a line that are taken for rounding, by their limits.
 const STRAIGHT: f64 = 1e-12;
@@ -438,10 +441,14 @@ impl<const N: usize> Excursion<N> {
                 self.motions = line.motions();
             }
         } else {
+            let mut plans = 0;
             for (motion, travel) in self.motions.iter_mut().zip(&self.travel) {
+                let stops = motion.aim == Aim::Anywhere;
                 match travel {
+                    Some(_) if plans == PLANS && !stops => {}
                     Some(travel) => {
-                        motion.go_on(travel, self.clock, rapid);
+                        let planned = motion.go_on(travel, self.clock, rapid);
+                        plans += usize::from(planned && !stops);
                     }
                     None => motion.due = Due::No,
                 }
