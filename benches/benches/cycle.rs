@@ -5,13 +5,13 @@ use criterion::{Criterion, criterion_group, criterion_main};
 use std::hint::black_box;
 use std::time::{Duration, Instant as Clock};
 use syncline_canopen::cia402::Controlword;
-use syncline_canopen::{CobId, Frame, Instant, NodeId};
+use syncline_canopen::{CobId, Frame, Instant};
 use syncline_controller::bench::rig::{Shape, Shuttle, ready_machine};
 use syncline_controller::bus_log::candump::Line;
 use syncline_controller::control::Wake;
 use syncline_controller::port::socketcan::{from_raw, to_raw};
 use syncline_drives::bus::{Band, BitRate, Node, SimBus, frame_bits};
-use syncline_drives::model::{Heartbeat, Increments, LXM32M, Settings};
+use syncline_drives::model::Increments;
 
 /// Both wake-ups of a cycle, controller only: frames in, supervision, sampling, scaling, frames out.
 fn compute<const N: usize>(criterion: &mut Criterion, axes: usize) {
@@ -50,19 +50,12 @@ fn cycles(criterion: &mut Criterion) {
 }
 
 fn frames(criterion: &mut Criterion) {
-    let drive = (LXM32M.actuator)(&Settings {
-        node: NodeId::new(1).expect("a node id"),
-        cycle: Duration::from_millis(2),
-        heartbeat: Heartbeat {
-            controller: NodeId::new(127).expect("a node id"),
-            producer: Duration::from_millis(100),
-            consumer: Duration::from_millis(300),
-        },
-        following_error_limit: None,
-        soft_limits: None,
-        objects: Vec::new(),
-        assumptions: Vec::new(),
-    });
+    let shape = Shape {
+        axes: 1,
+        buses: 1,
+        period: Duration::from_millis(2),
+    };
+    let drive = shape.device(0);
     let position = Increments::from(1_234_567);
     criterion.bench_function("pack an R_PDO", |bencher| {
         bencher.iter(|| drive.command(Controlword(0x1F), black_box(position)));

@@ -1,5 +1,6 @@
 //! Wake-ups so late that whole cycles are lost.
 
+use std::mem::take;
 use std::sync::Arc;
 use syncline_canopen::time::Duration;
 use syncline_canopen::{Frame, Instant};
@@ -158,31 +159,38 @@ fn two_nodes_with_one_id_are_a_fault_before_power_is_on() {
     assert!(!phases.contains(&Phase::ReadyToSwitchOn));
 }
 
-/// A bus on which the first acyclic frames take long.
-struct Slow(Box<dyn Port + Send>, u32);
+/// A bus that something is wrong with.
+struct Troubled {
+    port: Box<dyn Port + Send>,
+    /// What the next acyclic frames are delayed by.
+    delay: Duration,
+    /// So many bursts are dropped.
+    drops: u32,
+}
 
-impl Port for Slow {
+impl Port for Troubled {
     fn advance_to(&mut self, now: Instant) {
-        self.0.advance_to(now);
+        self.port.advance_to(now);
     }
     fn echoes(&self) -> bool {
-        self.0.echoes()
+        self.port.echoes()
     }
     fn receive(&mut self, sink: &mut dyn FnMut(Received)) -> Result<(), PortError> {
-        self.0.receive(sink)
+        self.port.receive(sink)
     }
     fn send_sync(&mut self, frame: &Frame) -> Result<(), PortError> {
-        self.0.send_sync(frame)
+        self.port.send_sync(frame)
     }
     fn send_burst(&mut self, frames: &[Frame]) -> Result<Burst, PortError> {
-        self.0.send_burst(frames)
+        if self.drops > 0 {
+            self.drops -= 1;
+            return Ok(Burst::Dropped);
+        }
+        self.port.send_burst(frames)
     }
     fn send_acyclic(&mut self, frames: &[Frame]) -> Result<(), PortError> {
-        self.1 += 1;
-        if self.1 == 1 {
-            std::thread::sleep(20 * CYCLE);
-        }
-        self.0.send_acyclic(frames)
+        std::thread::sleep(take(&mut self.delay));
+        self.port.send_acyclic(frames)
     }
 }
 
@@ -192,6 +200,11 @@ fn the_stage_that_made_a_wake_up_late_is_told() {
     let machine = syncline_controller::machine::Machine::load(file).unwrap();
     let layout = std::sync::Arc::new(Layout::new(&machine).unwrap());
     let sim = syncline_controller::port::open(&machine, 0, 0, |_| ()).unwrap();
+    let slow = Troubled {
+        port: sim,
+        delay: 20 * CYCLE,
+        drops: 0,
+    };
     let timing = Timing {
         settings: realtime::Settings {
             priority: 1,
@@ -201,7 +214,7 @@ fn the_stage_that_made_a_wake_up_late_is_told() {
         lockstep: true,
         strict: false,
     };
-    let (cycle, link) = Cycle::new(&layout, vec![Box::new(Slow(sim, 0))], timing);
+    let (cycle, link) = Cycle::new(&layout, vec![Box::new(slow)], timing);
     // Nobody is there: it begins its way down at once.
     drop(link);
     let (_, measured) = cycle.run(|granted| granted);
@@ -213,43 +226,16 @@ fn the_stage_that_made_a_wake_up_late_is_told() {
     assert!(measured.worst.send >= 20 * CYCLE);
 }
 
-/// A bus that drops what it is told to.
-struct Dropping(Box<dyn Port + Send>, Arc<std::sync::atomic::AtomicU32>);
-
-impl Port for Dropping {
-    fn advance_to(&mut self, now: Instant) {
-        self.0.advance_to(now);
-    }
-    fn echoes(&self) -> bool {
-        self.0.echoes()
-    }
-    fn receive(&mut self, sink: &mut dyn FnMut(Received)) -> Result<(), PortError> {
-        self.0.receive(sink)
-    }
-    fn send_sync(&mut self, frame: &Frame) -> Result<(), PortError> {
-        self.0.send_sync(frame)
-    }
-    fn send_burst(&mut self, frames: &[Frame]) -> Result<Burst, PortError> {
-        use std::sync::atomic::Ordering::Relaxed;
-        if self.1.load(Relaxed) > 0 {
-            self.1.fetch_sub(1, Relaxed);
-            return Ok(Burst::Dropped);
-        }
-        self.0.send_burst(frames)
-    }
-    fn send_acyclic(&mut self, frames: &[Frame]) -> Result<(), PortError> {
-        self.0.send_acyclic(frames)
-    }
-}
-
 #[test]
 fn a_dropped_burst_is_counted_and_two_in_a_row_are_a_fault() {
     for (dropped, faulty) in [(1, false), (2, true)] {
         let (mut machine, mut plan) = in_motion();
-        let drop = Arc::new(std::sync::atomic::AtomicU32::new(0));
-        let port = machine.ports.remove(0);
-        machine.ports.push(Box::new(Dropping(port, drop.clone())));
-        drop.store(dropped, std::sync::atomic::Ordering::Relaxed);
+        let port = Troubled {
+            port: machine.ports.remove(0),
+            delay: Duration::ZERO,
+            drops: dropped,
+        };
+        machine.ports.push(Box::new(port));
         for _ in 0..20 {
             step(&mut machine, &mut plan, Duration::ZERO);
         }

@@ -1,6 +1,7 @@
 //! What the end-to-end tests share.
 //!
 //! - [`command`]: the `syncline` command as a user runs it
+//! - [`terminal`]: a person at a terminal of their own
 //! - [`rig`]: a whole machine in virtual time, to interfere with
 //! - [`trace`]: checks a trace against the limits, trusting no planner
 //! - [`plan`]: the same for the plan between the samples
@@ -11,4 +12,5 @@ pub mod command;
 pub mod corpus;
 pub mod plan;
 pub mod rig;
+pub mod terminal;
 pub mod trace;

@@ -87,7 +87,9 @@ impl Shape {
         NodeId::new((axis / self.buses + 1) as u8).expect("at most 64 axes on a bus")
     }
 
-    fn device(&self, axis: usize) -> Box<dyn Actuator> {
+    /// The drive of an axis as the controller sees it.
+    #[must_use]
+    pub fn device(&self, axis: usize) -> Box<dyn Actuator> {
         (LXM32M.actuator)(&Settings {
             node: self.node(axis),
             cycle: self.period,

@@ -2,12 +2,11 @@
 //! it, by the trace inside every limit.
 
 use serde_json::Value;
-use std::io::{BufRead, BufReader, Write};
 use std::path::Path;
-use std::process::{Command, Stdio};
 use syncline_controller::control::{End, Event, Order};
 use syncline_tests::command::{Folder, ended, syncline};
 use syncline_tests::rig::{Rig, example};
+use syncline_tests::terminal::Terminal;
 use syncline_tests::trace::Trace;
 use syncline_trajectory::path::{Jog, JogError};
 
@@ -208,27 +207,15 @@ fn arrows_and_page_keys() {
         program.display(),
         trace.display()
     );
-    let mut child = Command::new("script")
-        .args(["-qec", &line, "/dev/null"])
-        .stdin(Stdio::piped())
-        .stdout(Stdio::piped())
-        .spawn()
-        .unwrap();
-    let mut keys = child.stdin.take().unwrap();
-    let mut told = BufReader::new(child.stdout.take().unwrap()).lines();
-    let mut wait_for = |part: &str| {
-        let mut lines = told.by_ref().map(Result::unwrap);
-        assert!(lines.any(|line| line.contains(part)), "no {part}");
-    };
-    wait_for("press Enter");
+    let mut terminal = Terminal::run(&line);
+    terminal.wait_for("press Enter");
     // X + 1, then Y + 10 twice, Z - 10; then it goes back by itself.
-    keys.write_all(b"\x1B[C]\x1B[A\x1B[A\x1B[6~").unwrap();
-    wait_for("held on the path");
+    terminal.press(b"\x1B[C]\x1B[A\x1B[A\x1B[6~");
+    terminal.wait_for("held on the path");
     std::thread::sleep(std::time::Duration::from_millis(700));
-    keys.write_all(b"\n").unwrap();
-    wait_for("program finished");
-    drop(keys);
-    assert!(child.wait().unwrap().success());
+    terminal.press(b"\n");
+    terminal.wait_for("program finished");
+    let _ = terminal.end();
     let trace = Trace::read(&example("portal"), &folder.read("trace.csv"));
     trace.assert_within_limits();
     let set = |row: usize| ["X", "Y", "Z"].map(|name| trace.axis(name).set[row]);

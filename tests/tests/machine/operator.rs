@@ -1,12 +1,11 @@
 //! What a person does while a program runs: overrides, hold, stop after the block, step back. The
 //! path stays the programmed one and every axis inside its limits, by the trace.
 
-use std::io::{BufRead, BufReader, Write};
 use std::path::Path;
-use std::process::{Command, Stdio};
 use syncline_controller::control::{End, Order};
 use syncline_tests::command::{Folder, ended, syncline};
 use syncline_tests::rig::{Rig, example};
+use syncline_tests::terminal::Terminal;
 use syncline_tests::trace::Trace;
 
 /// Lines, arcs and a helix at 100 mm/s.
@@ -293,21 +292,10 @@ fn keys_on_a_terminal() {
         machine.display(),
         program.display()
     );
-    let mut child = Command::new("script")
-        .args(["-qec", &line, "/dev/null"])
-        .stdin(Stdio::piped())
-        .stdout(Stdio::piped())
-        .spawn()
-        .unwrap();
-    let mut keys = child.stdin.take().unwrap();
-    let mut told = BufReader::new(child.stdout.take().unwrap()).lines();
-    let mut modes = vec![told.next().unwrap().unwrap()];
-    let mut wait_for = |part: &str| {
-        let mut lines = told.by_ref().map(Result::unwrap);
-        assert!(lines.any(|line| line.contains(part)), "no {part}");
-    };
-    wait_for("keys: space hold");
-    wait_for("ready");
+    let mut terminal = Terminal::run(&line);
+    let before = terminal.line();
+    terminal.wait_for("keys: space hold");
+    terminal.wait_for("ready");
     for (key, answer) in [
         (" ", "held on the path"),
         (" ", "going on"),
@@ -316,13 +304,12 @@ fn keys_on_a_terminal() {
         (" ", "going on"),
         ("q", "interrupted: stopping on the path"),
     ] {
-        keys.write_all(key.as_bytes()).unwrap();
+        terminal.press(key.as_bytes());
         if !answer.is_empty() {
-            wait_for(answer);
+            terminal.wait_for(answer);
         }
     }
-    wait_for("interrupted by the user");
-    modes.extend(told.map(Result::unwrap).last());
-    assert_eq!(modes[0], modes[1], "the terminal is as it was");
-    assert!(child.wait().unwrap().success());
+    terminal.wait_for("interrupted by the user");
+    let after = terminal.end().pop();
+    assert_eq!(before, after, "the terminal is as it was");
 }

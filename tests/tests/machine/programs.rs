@@ -1,13 +1,13 @@
 //! Programs on a machine: what the modes promise, and where a run ends that cannot go on.
 
 use serde_json::Value;
-use std::io::{BufRead, BufReader, Write};
 use std::path::Path;
-use std::process::{Command, Stdio};
+use std::process::Stdio;
 use syncline_controller::machine::Machine;
 use syncline_tests::command::{Folder, ended, syncline};
 use syncline_tests::plan::Plan;
 use syncline_tests::rig::example;
+use syncline_tests::terminal::Terminal;
 use syncline_tests::trace::Trace;
 
 /// With `--stream` the block is not known to be bad until it is read, far ahead of the machine.
@@ -238,26 +238,16 @@ fn what_was_typed_ahead_confirms_nothing() {
         machine.display(),
         program.display()
     );
-    let mut child = Command::new("script")
-        .args(["-qec", &line, "/dev/null"])
-        .stdin(Stdio::piped())
-        .stdout(Stdio::piped())
-        .spawn()
-        .unwrap();
-    let mut keys = child.stdin.take().unwrap();
-    let mut told = BufReader::new(child.stdout.take().unwrap())
-        .lines()
-        .map(Result::unwrap);
+    let mut terminal = Terminal::run(&line);
     // Both lines are there when the shell has read the first.
-    keys.write_all(b"first\n\n").unwrap();
-    assert!(told.any(|line| line.contains("press Enter")));
+    terminal.press(b"first\n\n");
+    terminal.wait_for("press Enter");
     // The end of input.
-    keys.write_all(b"\x04").unwrap();
-    let rest: Vec<String> = told.collect();
+    terminal.press(b"\x04");
+    let rest = terminal.end();
     assert!(
         rest.iter().any(|line| line.contains("nobody can confirm")),
         "{rest:?}"
     );
     assert!(rest.iter().any(|line| line.contains("exit 2")), "{rest:?}");
-    child.wait().unwrap();
 }
