@@ -15,11 +15,11 @@ const LIMITS: Limits<3> = Limits {
 /// Short, so that what happens between the cycles of a real machine shows.
 const PERIOD: f64 = 0.000_5;
 /// Part of a limit by which the plan's own certificate may miss.
-const EXCESS: f64 = 1e-2;
+const EXCESS: f64 = 1e-8;
 /// By how much the length of a blend's parts may be off, mm.
 const LENGTH: f64 = 3e-5;
 /// By how much a blend that is gone back may be elsewhere along the path, mm.
-const ALONG: f64 = 1e-7;
+const ALONG: f64 = 1e-6;
 
 #[derive(Debug, Clone, Copy)]
 enum Act {

@@ -424,6 +424,98 @@ fn a_late_plan_is_waited_for_at_rest() {
     assert!(rests > 0);
 }
 
+/// However late a planner answers: the path rests on the way where it has to, and goes on whenever
+/// there is a plan.
+#[test]
+fn progress_is_certain_however_late_the_plans_come() {
+    let corner = |n: u32| [f64::from(n) * 20.0, f64::from(n % 2) * 5.0, 0.0];
+    for late in [1, 30, 300, 1_000] {
+        let mut planner = Planner::new(LIMITS, [0.0; 3]);
+        let mut executor = Executor::new([0.0; 3], PERIOD, 4096);
+        for n in 0..60_u32 {
+            planner
+                .push(Item::Move(Move {
+                    curve: Curve::line(corner(n), corner(n + 1)).unwrap(),
+                    feed: Feed::Rate(300.0),
+                    exit: Exit::Blend(0.5),
+                    tag: n,
+                }))
+                .unwrap();
+        }
+        planner.finish();
+        let mut due = 0;
+        let (mut outlook, mut plan) = (None, Vec::new());
+        for cycle in 0_u64.. {
+            assert!(cycle < 200_000, "{late} cycles late: never ends");
+            // One window at a time is worked on, and ready so much later.
+            if cycle >= due {
+                for command in plan.drain(..) {
+                    assert!(executor.accept(command));
+                }
+                if let Some(outlook) = &outlook {
+                    planner.observe(outlook);
+                }
+                while let Some(command) = planner.pop() {
+                    plan.push(command);
+                    if matches!(command, Command::Commit) {
+                        break;
+                    }
+                }
+                outlook = None;
+                due = cycle + late;
+            }
+            if plan.is_empty() && executor.is_idle() {
+                break;
+            }
+            let before = executor.setpoint();
+            let now = executor.advance();
+            inside_limits(&now).unwrap();
+            for i in 0..3 {
+                let moved = (now.position[i] - before.position[i]).abs();
+                assert!(moved <= LIMITS.velocity[i] * PERIOD, "{before:?} {now:?}");
+            }
+            outlook = executor.outlook().or(outlook);
+        }
+        let end = executor.setpoint().position;
+        assert!(
+            (end[0] - 1200.0).abs() < 1e-9 && end[1].abs() < 1e-9,
+            "{late} cycles late: {end:?}"
+        );
+    }
+}
+
+/// A stop while the way back is still being handed over leaves nothing of it.
+#[test]
+fn a_stop_drops_what_is_not_committed() {
+    let line = Curve::line([0.0; 3], [100.0, 0.0, 0.0]).unwrap();
+    let mut planner = Planner::new(LIMITS, [0.0; 3]);
+    let mut executor = Executor::new([0.0; 3], PERIOD, 4096);
+    planner.push(go(line, 100.0, 1)).unwrap();
+    planner.finish();
+    while let Some(command) = planner.pop() {
+        executor.accept(command);
+    }
+    for _ in 0..200 {
+        executor.advance();
+    }
+    executor.step_back();
+    while executor.setpoint().speed > 0.0 {
+        executor.advance();
+    }
+    planner.observe(&executor.outlook().unwrap());
+    for _ in 0..3 {
+        assert!(executor.accept(planner.pop().unwrap()));
+    }
+    let rest = executor.setpoint().position;
+    executor.stop();
+    while let Some(command) = planner.pop() {
+        executor.accept(command);
+    }
+    executor.advance();
+    assert!(executor.is_idle());
+    assert_eq!(executor.advance().position, rest);
+}
+
 /// Executes items with a person who acts before each cycle, and checks every setpoint.
 fn act(
     items: &[Item<3>],

@@ -1,27 +1,30 @@
 //! Slowing down along a given path as hard as the axes allow: to rest, or to a lower speed.
 //!
-//! On a line that is a closed form. On curves the law is laid in steps of constant jerk: each
-//! brakes as hard as the axes allow at both of its ends and as the landing on the target speed
-//! permits, and is checked in between. The steps are few and of fixed number, so that the cycle
-//! can afford them.
+//! On a line that is a closed form. On curves the law is laid over speeds instead of times: with
+//! E = s̈²/2 the path jerk is dE/dṡ, so between given speeds a piece of constant jerk is a straight
+//! line of E, the distance ∫ ṡ dṡ/√(2E) is least where E is greatest, and the greatest E comes of
+//! two passes, back from the end and on from the start. What the axes allow depends on where on the
+//! path a speed is reached; that is taken from the round before.
 
+use super::certify::{self, crest};
 use super::{Curve, Departure, Derivatives, Limits, Piece, Span};
 
+/// Cells that the way down from the greatest speed is cut into.
+const CELLS: usize = 24;
+/// … and into how many at most, where the path changes quickly.
+const MOST_CELLS: usize = 56;
+/// Cells in which an acceleration is taken back, at most.
+const RISING: usize = 16;
 /// Pieces of a braking law at most.
-pub(super) const MOST_PIECES: usize = 80;
-/// Steps that a law on a curve is laid in, about.
-const STEPS: f64 = 32.0;
-/// Greatest turn of the tangent in a step, rad.
-const STEP_TURN: f64 = 0.1;
-/// Pieces that are tried at most for one law.
-const MOST_CHECKS: usize = 100;
+pub(super) const MOST_PIECES: usize = MOST_CELLS + RISING;
+/// Angle, in rad, over which the crest of a parabola tells what a circle asks for.
+const TURN: f64 = 0.12;
+/// Parts of a polynomial that deserve a cell of their own.
+const POLY_CELLS: f64 = 6.0;
+/// A way whose nodes move by no more in a round, as a part of its length, is looked at.
+const SETTLED: f64 = 1e-2;
 /// Part of the jerk limit that a curve must leave for braking in closed form.
 const RESERVE: f64 = 0.4;
-/// Parts of the limits that are tried in turn where a step breaks one between its ends.
-const FORCES: [f64; 5] = [0.9995, 0.995, 0.97, 0.9, 0.75];
-/// Parts of the jerk limit with which a law on a curve lands, at most and at least, tried in turn;
-/// the rest is for the curvature and for what the landing turns.
-const LANDINGS: [(f64, f64); 4] = [(0.97, 0.8), (0.9, 0.7), (0.7, 0.5), (0.99, 0.975)];
 /// Excess over a limit that is rounding, as a part of it.
 const ROUNDING: f64 = 1e-9;
 
@@ -78,12 +81,12 @@ impl Braking {
 }
 
 /// Geometry under way: the spans of one section from some distance on.
-struct Road<'a, const N: usize, S: Fn(usize) -> Option<&'a Span<N>>> {
+struct Road<S> {
     span: S,
     index: usize,
 }
 
-impl<'a, const N: usize, S: Fn(usize) -> Option<&'a Span<N>>> Road<'a, N, S> {
+impl<'a, const N: usize, S: Fn(usize) -> Option<&'a Span<N>>> Road<S> {
     /// The span at `distance`, no earlier than the last one asked for.
     fn span_at(&mut self, distance: f64) -> Option<&'a Span<N>> {
         while let Some(next) = (self.span)(self.index + 1)
@@ -92,11 +95,6 @@ impl<'a, const N: usize, S: Fn(usize) -> Option<&'a Span<N>>> Road<'a, N, S> {
             self.index += 1;
         }
         (self.span)(self.index)
-    }
-
-    fn at(&mut self, distance: f64) -> Option<Derivatives<N>> {
-        let span = self.span_at(distance)?;
-        Some(span.curve.at(distance - span.start))
     }
 }
 
@@ -108,91 +106,805 @@ pub(super) fn brake<'a, const N: usize>(
     from: Departure,
     target: f64,
 ) -> Option<Braking> {
-    (0..LANDINGS.len()).find_map(|attempt| brake_once(&span, limits, from, target, attempt))
+    Search::default().go_on(span, limits, from, target, MOST_ROUNDS)
 }
 
-/// As [`brake`], at a fraction of its cost: one attempt of several that differ in how they land.
-pub(super) fn brake_once<'a, const N: usize>(
-    span: impl Fn(usize) -> Option<&'a Span<N>>,
-    limits: &Limits<N>,
+/// Rounds that are worth their while.
+const MOST_ROUNDS: usize = 30;
+
+/// The search for the hardest slowing down, which may go on from cycle to cycle.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Search<const N: usize> {
+    way: Way<N>,
     from: Departure,
-    target: f64,
-    attempt: usize,
-) -> Option<Braking> {
-    let landing = LANDINGS[attempt % LANDINGS.len()];
-    lay(span, limits, from, target, landing)
+    begun: bool,
 }
 
-/// As [`brake`], landing with that part of the jerk limit.
-fn lay<'a, const N: usize>(
-    span: impl Fn(usize) -> Option<&'a Span<N>>,
-    limits: &Limits<N>,
-    from: Departure,
-    target: f64,
-    (most, fewest): (f64, f64),
-) -> Option<Braking> {
-    let mut checks = 0;
-    let mut road = Road { span, index: 0 };
-    let mut law = Braking::new(from);
-    while law.count < MOST_PIECES - 3 {
-        let Departure {
-            distance,
-            speed,
-            acceleration,
-        } = law.end;
-        let span = road.span_at(distance)?;
-        if span.curve.direction().is_some()
-            && let Some(closed) = gentle(span, limits, &law, target)
+impl<const N: usize> Default for Search<N> {
+    fn default() -> Self {
+        let node = Node {
+            s: 0.0,
+            v: 0.0,
+            a: 0.0,
+            t: 0.0,
+            jerk: 0.0,
+            index: 0,
+            rows: [[0.0; 3]; N],
+            looked: [0.0; 2],
+            off: 0.0,
+            share: [SHARE; 2],
+        };
+        Search {
+            way: Way {
+                target: 0.0,
+                rising: [node; RISING + 1],
+                rises: 0,
+                falling: [node; MOST_CELLS + 1],
+                falls: 0,
+                tick: 0.0,
+                refined: 0,
+                moved: f64::INFINITY,
+            },
+            from: Departure::default(),
+            begun: false,
+        }
+    }
+}
+
+impl<const N: usize> Search<N> {
+    /// The next search begins anew.
+    pub(super) fn reset(&mut self) {
+        self.begun = false;
+    }
+
+    /// As [`brake`], in so many rounds more; `from` is where the plan has come to meanwhile.
+    pub(super) fn go_on<'a>(
+        &mut self,
+        span: impl Fn(usize) -> Option<&'a Span<N>>,
+        limits: &Limits<N>,
+        from: Departure,
+        target: f64,
+        rounds: usize,
+    ) -> Option<Braking> {
+        let first = span(0)?;
+        if first.curve.direction().is_some()
+            && let Some(closed) = brake_gently(first, limits, from, target)
         {
             return Some(closed);
         }
-        let here = span.curve.at(distance - span.start);
-        let above = speed - target;
-        let mut scout = Road {
-            span: &road.span,
-            index: road.index,
+        let found = self.search(span, limits, from, target, rounds);
+        self.begun = found.is_some();
+        found.flatten()
+    }
+
+    /// None if it has to begin anew, of nothing if it has to go on.
+    fn search<'a>(
+        &mut self,
+        span: impl Fn(usize) -> Option<&'a Span<N>>,
+        limits: &Limits<N>,
+        from: Departure,
+        target: f64,
+        rounds: usize,
+    ) -> Option<Option<Braking>> {
+        let way = &mut self.way;
+        if !self.begun {
+            way.begin(&span, limits, from, target)?;
+        } else if self.from != from {
+            way.later(&span, limits, from)?;
+        }
+        self.from = from;
+        for _ in 0..rounds {
+            way.look(&span, limits)?;
+            if way.is_settled() && !way.refine(&span)? {
+                if way.keeps(&span, limits)? && way.is_certain(&span, limits)? {
+                    return Some(way.law(from));
+                }
+                let before = way.falling[0].v;
+                way.rise(&span, limits, from)?;
+                way.shrink(before)?;
+            }
+            way.relax(limits)?;
+        }
+        Some(None)
+    }
+}
+
+/// A speed on the way, what happens in the cell that follows, and the path there.
+#[derive(Debug, Clone, Copy)]
+struct Node<const N: usize> {
+    s: f64,
+    v: f64,
+    a: f64,
+    /// Duration of the cell, s, and the jerk in it.
+    t: f64,
+    jerk: f64,
+    /// The path there: on what span, and how.
+    index: usize,
+    rows: [Row; N],
+    /// Where it was looked up last, and in the round before; what that was off.
+    looked: [f64; 2],
+    off: f64,
+    /// Parts of the acceleration limits here and of the jerk limits in the cell that are used.
+    share: [f64; 2],
+}
+
+/// A law in the making.
+#[derive(Debug, Clone, Copy)]
+struct Way<const N: usize> {
+    target: f64,
+    /// First the acceleration is taken back, in so many cells.
+    rising: [Node<N>; RISING + 1],
+    rises: usize,
+    /// Then the speed comes down.
+    falling: [Node<N>; MOST_CELLS + 1],
+    falls: usize,
+    /// Duration of its cells in the first guess, and how often some were cut.
+    tick: f64,
+    refined: usize,
+    /// By how far the nodes went in the last round, at most, mm.
+    moved: f64,
+}
+
+/// Part of a cell that is cut off on either side of a joint.
+const SHORT: f64 = 0.05;
+/// The plan that is left may be at its limits, so that nothing proves that the first cells keep them
+/// closer than this.
+const ENTRY: usize = 2;
+const ENTRY_SLACK: f64 = 1e-6;
+/// What is used of the limits where a law that is closer to them is not certain to keep them.
+const UNCERTAIN: f64 = 0.985;
+/// What is kept of the limits from the first, for what happens between the nodes.
+const SHARE: f64 = 0.9985;
+
+impl<const N: usize> Way<N> {
+    /// The first guess: the closed form with what the axes allow along the path here.
+    fn begin<'a>(
+        &mut self,
+        span: impl Fn(usize) -> Option<&'a Span<N>>,
+        limits: &Limits<N>,
+        from: Departure,
+        target: f64,
+    ) -> Option<()> {
+        let way = self;
+        (way.target, way.falls, way.refined) = (target, CELLS, 0);
+        way.moved = f64::INFINITY;
+        for node in way.rising.iter_mut().chain(&mut way.falling) {
+            node.share = [SHARE; 2];
+            node.off = 0.0;
+        }
+        way.rise(&span, limits, from)?;
+        let top = way.falling[0];
+        let [limit, j] = top.along(limits);
+        let above = top.v - target;
+        if above <= 0.0 {
+            return None;
+        }
+        let a = top.a;
+        let reached = above + a * a / (2.0 * j);
+        let peak = (j * reached).sqrt().min(limit);
+        // Durations of the parts; in the last one the rest of the acceleration goes.
+        let (down, hold, landing, peak) = if a + peak > 0.0 {
+            let hold = (reached - peak * peak / j) / peak;
+            ((a + peak) / j, hold.max(0.0), peak / j, peak)
+        } else {
+            (0.0, 0.0, -2.0 * above / a, -a)
         };
-        let along = least(&limits.jerk, &here.d1);
-        let duration = pace(&here, limits, law.end, target);
-        let ahead = distance + duration * (speed + 0.5 * duration * acceleration);
-        let there = Road {
-            span: &road.span,
-            index: road.index,
+        let whole = down + hold + landing;
+        let tick = whole / CELLS as f64;
+        way.tick = tick;
+        for (k, node) in way.falling[..=CELLS].iter_mut().enumerate().skip(1) {
+            let gone = tick * k as f64;
+            let left = whole - gone;
+            // From the end, from the start, or in between.
+            (node.v, node.a) = if k == CELLS {
+                (target, 0.0)
+            } else if left < landing {
+                let jerk = peak / landing;
+                (target + 0.5 * jerk * left * left, -jerk * left)
+            } else if gone < down {
+                (top.v + gone * (a - 0.5 * j * gone), a - j * gone)
+            } else {
+                (target + peak * (left - 0.5 * landing), -peak)
+            };
         }
-        .at(ahead)?;
-        // Where it will land the axes may allow less than here.
-        let brisk = least(&limits.acceleration, &here.d1).min((along * above.max(0.0)).sqrt());
-        let left = 0.5 * speed * above / brisk.max(1e-9);
-        let mut allowed = along;
-        for part in [0.25, 0.5, 0.75, 1.0] {
-            let span = scout.span_at(distance + part * left)?;
-            let at = span.curve.at(distance + part * left - span.start);
-            allowed = allowed.min(least(&limits.jerk, &at.d1));
+        for k in 0..CELLS {
+            let (now, next) = (way.falling[k], way.falling[k + 1]);
+            let t = -2.0 * (now.v - next.v) / (now.a + next.a);
+            way.falling[k].t = t;
+            way.falling[k].jerk = (next.a - now.a) / t;
+            way.falling[k + 1].s = way.falling[k].end()?.distance;
         }
-        let landing = most * allowed;
-        if acceleration < 0.0 {
-            let duration = -2.0 * above / acceleration;
-            let jerk = -acceleration / duration;
-            checks += 1;
-            if jerk >= fewest * allowed && keeps(&road, &law.next(duration, jerk), limits) {
-                law.push(duration, jerk)?;
-                law.end.speed = target;
-                law.end.acceleration = 0.0;
-                return Some(law);
+        for node in &mut way.falling[..=CELLS] {
+            node.looked = [node.s; 2];
+        }
+        Some(())
+    }
+
+    /// The same way from a little later on the plan.
+    fn later<'a>(
+        &mut self,
+        span: impl Fn(usize) -> Option<&'a Span<N>>,
+        limits: &Limits<N>,
+        from: Departure,
+    ) -> Option<()> {
+        let before = self.falling[0];
+        self.moved = f64::INFINITY;
+        self.rise(span, limits, from)?;
+        let top = self.falling[0];
+        if top.v < before.v {
+            // The plan brakes, too: the way goes on where the speed is the same.
+            let nodes = &self.falling[..=self.falls];
+            let passed = nodes
+                .iter()
+                .skip(1)
+                .take_while(|n| n.v > 0.995 * top.v)
+                .count();
+            if passed + 4 > self.falls {
+                return None;
+            }
+            self.falling.copy_within(passed.., 0);
+            self.falling[0] = Node {
+                share: before.share,
+                t: self.falling[0].t,
+                ..top
+            };
+            self.falls -= passed;
+            let least = top.s + 1e-3 * (self.falling[self.falls].s - top.s);
+            for node in &mut self.falling[1..=self.falls] {
+                node.s = node.s.max(least);
+            }
+        } else {
+            for node in &mut self.falling[1..=self.falls] {
+                node.s += top.s - before.s;
+            }
+            self.shrink(before.v)?;
+        }
+        for node in &mut self.falling[..=self.falls] {
+            node.looked = [node.s; 2];
+        }
+        Some(())
+    }
+
+    /// The speeds on the way down from another greatest speed than `before`.
+    fn shrink(&mut self, before: f64) -> Option<()> {
+        let above = self.falling[0].v - self.target;
+        for node in &mut self.falling[1..=self.falls] {
+            node.v = self.target + (node.v - self.target) * (above / (before - self.target));
+        }
+        (above > 0.0).then_some(())
+    }
+
+    /// Takes back the acceleration as fast as the axes allow, step by step.
+    fn rise<'a>(
+        &mut self,
+        span: impl Fn(usize) -> Option<&'a Span<N>>,
+        limits: &Limits<N>,
+        from: Departure,
+    ) -> Option<()> {
+        let mut road = Road { span, index: 0 };
+        self.rises = 0;
+        let mut now = from;
+        let mut tick = 0.0;
+        while now.acceleration > 0.0 && self.rises < RISING {
+            let node = &mut self.rising[self.rises];
+            node.take(now);
+            node.look(&mut road, limits, now.distance)?;
+            let share = node.share[1];
+            let mut jerk = jerks(node, share, now.acceleration, 0.0)[0];
+            if tick == 0.0 {
+                tick = now.acceleration / node.along(limits)[1] / 8.0;
+            }
+            // There the axes may allow less: a first guess of where it is is good enough.
+            for _ in 0..2 {
+                let whole = if jerk < 0.0 {
+                    now.acceleration / -jerk
+                } else {
+                    f64::INFINITY
+                };
+                let steps = (RISING - self.rises) as f64;
+                node.jerk = jerk;
+                node.t = if whole < 1.5 * tick || steps == 1.0 {
+                    whole
+                } else if jerk < 0.0 {
+                    tick.max(whole / steps)
+                } else {
+                    tick
+                };
+                let mut there = *node;
+                let end = node.end()?;
+                there.take(end);
+                let mut scout = Road {
+                    span: &road.span,
+                    index: road.index,
+                };
+                there.look(&mut scout, limits, end.distance)?;
+                jerk = jerk.max(jerks(&there, share, now.acceleration, node.t)[0]);
+            }
+            node.jerk = jerk;
+            if node.t * -jerk > now.acceleration * (1.0 - 1e-9) || self.rises + 1 == RISING {
+                node.t = now.acceleration / -jerk;
+            }
+            now = node.end()?;
+            self.rises += 1;
+            if now.acceleration < 1e-9 * from.acceleration {
+                now.acceleration = 0.0;
             }
         }
-        let jerk = FORCES.iter().find_map(|&force| {
-            let jerk = hardest(
-                limits, force, &here, &there, law.end, target, duration, landing,
-            );
-            let piece = law.next(duration, jerk);
-            checks += 1;
-            let slows = piece.at(duration).1 > target && checks <= MOST_CHECKS;
-            (slows && keeps(&road, &piece, limits)).then_some(jerk)
-        })?;
-        law.push(duration, jerk)?;
+        let top = &mut self.falling[0];
+        top.take(now);
+        top.look(&mut road, limits, now.distance)?;
+        top.looked = [now.distance; 2];
+        (now.acceleration <= 0.0).then_some(())
     }
-    None
+
+    /// The nodes are where the path was looked up.
+    fn is_settled(&self) -> bool {
+        self.moved <= SETTLED * (self.falling[self.falls].s - self.falling[0].s)
+    }
+
+    /// Looks the path up where the nodes are, or where they seem to be going (Anderson, "Iterative
+    /// Procedures for Nonlinear Integral Equations", 1965).
+    fn look<'a>(
+        &mut self,
+        span: impl Fn(usize) -> Option<&'a Span<N>>,
+        limits: &Limits<N>,
+    ) -> Option<()> {
+        let mut road = Road {
+            span,
+            index: self.falling[0].index,
+        };
+        let (mut along, mut whole) = (0.0, 0.0);
+        for node in &self.falling[..=self.falls] {
+            let off = node.s - node.looked[1];
+            let change = off - node.off;
+            along += off * change;
+            whole += change * change;
+        }
+        let part = if self.moved.is_finite() && !self.is_settled() && whole > 0.0 {
+            (along / whole).clamp(-2.0, 0.7)
+        } else {
+            0.0
+        };
+        let mut least = self.falling[0].s;
+        for node in &mut self.falling[1..=self.falls] {
+            let off = node.s - node.looked[1];
+            let before = node.looked[0] + node.off;
+            let next = (node.s - part * (node.s - before)).max(least);
+            least = next;
+            node.looked = [node.looked[1], next];
+            node.off = off;
+            node.look(&mut road, limits, next)?;
+        }
+        Some(())
+    }
+
+    /// The way down anew, for the path where it was looked up.
+    fn relax(&mut self, limits: &Limits<N>) -> Option<()> {
+        let last = self.falls;
+        let nodes = &mut self.falling[..=last];
+        // Back from the end: the greatest E from where the end is reached.
+        let mut most = [0.0; MOST_CELLS + 1];
+        for k in (0..last).rev() {
+            let (now, next) = (&nodes[k], &nodes[k + 1]);
+            let a = -(2.0_f64 * most[k + 1]).sqrt();
+            let high =
+                jerks(next, now.share[1], a, 0.0)[1].min(jerks(now, now.share[1], a, -now.t)[1]);
+            let low = accelerations(now, limits)[0].min(0.0);
+            most[k] = (most[k + 1] + high * (now.v - next.v))
+                .max(0.0)
+                .min(0.5 * low * low);
+        }
+        // On from the start: the greatest that the jerk allows.
+        let mut e = 0.5 * nodes[0].a * nodes[0].a;
+        let mut moved = 0.0_f64;
+        for k in 0..last {
+            let (now, next) = (&nodes[k], &nodes[k + 1]);
+            let down = now.v - next.v;
+            let low = jerks(now, now.share[1], now.a, 0.0)[0]
+                .max(jerks(next, now.share[1], now.a, now.t)[0]);
+            let e1 = (e - low * down).min(most[k + 1]).max(0.0);
+            let a1 = -(2.0 * e1).sqrt();
+            let now = &mut nodes[k];
+            now.t = -2.0 * down / (now.a + a1);
+            now.jerk = (e - e1) / down;
+            let end = now.end()?;
+            let next = &mut nodes[k + 1];
+            next.a = a1;
+            next.s = end.distance;
+            moved = moved.max((next.s - next.looked[1]).abs());
+            e = e1;
+        }
+        self.moved = moved;
+        Some(())
+    }
+
+    /// Cuts cells where the path changes quickly: about the joints of spans, and on polynomials.
+    /// False where there is nothing to cut.
+    fn refine<'a>(&mut self, span: impl Fn(usize) -> Option<&'a Span<N>>) -> Option<bool> {
+        if self.refined >= 2 {
+            return Some(false);
+        }
+        self.refined += 1;
+        let old = self.falling;
+        let (mut from, mut to) = (0, 0);
+        while from < self.falls {
+            let (now, next) = (old[from], old[from + 1]);
+            let left = MOST_CELLS - to - (self.falls - from);
+            let mut cuts = [0.0; 4];
+            let mut count = 0;
+            if next.index > now.index {
+                // A short cell holds the joint.
+                let joint = instant_at(&now.piece(), span(now.index + 1)?.start);
+                let short = SHORT * now.t;
+                if now.t > 0.5 * self.tick {
+                    for cut in [joint - short, joint + short] {
+                        if cut > short && cut < now.t - short {
+                            cuts[count] = cut;
+                            count += 1;
+                        }
+                    }
+                }
+            } else if let curve @ Curve::Poly(_) = span(now.index)?.curve
+                && now.t > 0.2 * self.tick
+            {
+                let parts = ((next.s - now.s) / curve.length() * POLY_CELLS)
+                    .ceil()
+                    .clamp(1.0, 4.0);
+                for k in 1..parts as usize {
+                    cuts[count] = now.t * k as f64 / parts;
+                    count += 1;
+                }
+            }
+            self.falling[to] = now;
+            to += 1;
+            if count <= left {
+                let mut begin = 0.0;
+                for &cut in &cuts[..count] {
+                    self.falling[to - 1].t = cut - begin;
+                    let mut node = now;
+                    let (ds, speed, acceleration) = now.piece().at(cut);
+                    let distance = now.s + ds;
+                    node.take(Departure {
+                        distance,
+                        speed,
+                        acceleration,
+                    });
+                    node.looked = [node.s; 2];
+                    node.off = 0.0;
+                    node.t = now.t - cut;
+                    self.falling[to] = node;
+                    begin = cut;
+                    to += 1;
+                }
+            }
+            from += 1;
+        }
+        self.falling[to] = old[self.falls];
+        let cut = to > self.falls;
+        self.falls = to;
+        Some(cut)
+    }
+
+    /// Whether every axis keeps its limits in every cell: at both ends and in the middle, and
+    /// between them as far as what is asked bends no more than there. Where one does not, less is
+    /// used of it.
+    fn keeps<'a>(
+        &mut self,
+        span: impl Fn(usize) -> Option<&'a Span<N>>,
+        limits: &Limits<N>,
+    ) -> Option<bool> {
+        let mut kept = true;
+        let rises = self.rises;
+        self.rising[rises] = self.falling[0];
+        let falls = self.falls;
+        for nodes in [&mut self.rising[..=rises], &mut self.falling[..=falls]] {
+            for k in 1..nodes.len() {
+                let over = nodes[k - 1].asks(&nodes[k], &span, limits)?;
+                kept &= over.iter().all(|over| *over <= 1.0 + ROUNDING);
+                if over[1] > 1.0 + ROUNDING {
+                    for node in &mut nodes[k - 1..=k] {
+                        node.share[0] /= over[1] * (1.0 + 1e-3);
+                    }
+                }
+                if over[2] > 1.0 + ROUNDING {
+                    nodes[k - 1].share[1] /= over[2] * (1.0 + 1e-3);
+                }
+            }
+        }
+        // Beyond what is known of the path nothing can be kept.
+        let end = &self.falling[falls];
+        let span = span(end.index)?;
+        Some(kept && end.s <= span.start + span.curve.length() + ROUNDING)
+    }
+
+    /// Whether that holds between the samples, too, where they may miss something. Where it is not
+    /// certain, less is used of the limits.
+    fn is_certain<'a>(
+        &mut self,
+        span: impl Fn(usize) -> Option<&'a Span<N>>,
+        limits: &Limits<N>,
+    ) -> Option<bool> {
+        let mut certain = true;
+        let (rises, falls) = (self.rises, self.falls);
+        for nodes in [&mut self.rising[..=rises], &mut self.falling[..=falls]] {
+            for k in 1..nodes.len() {
+                let slack = if k <= ENTRY { ENTRY_SLACK } else { ROUNDING };
+                if !nodes[k - 1].is_certain(&nodes[k], &span, limits, slack)? {
+                    certain = false;
+                    nodes[k - 1].share = nodes[k - 1].share.map(|share| share * UNCERTAIN);
+                }
+            }
+        }
+        Some(certain)
+    }
+
+    fn law(&self, from: Departure) -> Option<Braking> {
+        let mut law = Braking::new(from);
+        for node in self.rising[..self.rises]
+            .iter()
+            .chain(&self.falling[..self.falls])
+        {
+            law.push(node.t, node.jerk)?;
+        }
+        law.end.speed = self.target;
+        law.end.acceleration = 0.0;
+        Some(law)
+    }
+}
+
+impl<const N: usize> Node<N> {
+    fn take(&mut self, state: Departure) {
+        (self.s, self.v, self.a) = (state.distance, state.speed, state.acceleration);
+    }
+
+    /// Looks up the path.
+    fn look<'a>(
+        &mut self,
+        road: &mut Road<impl Fn(usize) -> Option<&'a Span<N>>>,
+        limits: &Limits<N>,
+        distance: f64,
+    ) -> Option<()> {
+        let span = road.span_at(distance)?;
+        self.rows = rows(&span.curve.at(distance - span.start), limits);
+        self.index = road.index;
+        Some(())
+    }
+
+    /// The path acceleration and jerk that the axes allow where nothing bends.
+    fn along(&self, limits: &Limits<N>) -> [f64; 2] {
+        let mut most = [0.0_f64; 2];
+        for (i, [d1, ..]) in self.rows.iter().enumerate() {
+            most[0] = most[0].max(d1.abs() * limits.jerk[i] / limits.acceleration[i]);
+            most[1] = most[1].max(d1.abs());
+        }
+        most.map(|part| 1.0 / part)
+    }
+
+    fn piece(&self) -> Piece {
+        Piece {
+            duration: self.t,
+            distance: self.s,
+            speed: self.v,
+            acceleration: self.a,
+            jerk: self.jerk,
+        }
+    }
+
+    /// The state at the end of the cell.
+    fn end(&self) -> Option<Departure> {
+        let (ds, speed, acceleration) = self.piece().at(self.t);
+        let sane = self.t >= 0.0 && self.t.is_finite() && ds.is_finite();
+        sane.then_some(Departure {
+            distance: self.s + ds,
+            speed,
+            acceleration,
+        })
+    }
+
+    /// Whether every axis provably keeps its limits on the polynomials in the cell up to `next`.
+    fn is_certain<'a>(
+        &self,
+        next: &Self,
+        span: &impl Fn(usize) -> Option<&'a Span<N>>,
+        limits: &Limits<N>,
+        slack: f64,
+    ) -> Option<bool> {
+        let piece = self.piece();
+        let mut begin = 0.0;
+        for index in self.index..=next.index {
+            let here = span(index)?;
+            let until = if index == next.index {
+                piece.duration
+            } else {
+                instant_at(&piece, span(index + 1)?.start)
+            };
+            if let Curve::Poly(_) = here.curve {
+                let (ds, speed, acceleration) = piece.at(begin);
+                let part = Piece {
+                    duration: until - begin,
+                    distance: piece.distance + ds,
+                    speed,
+                    acceleration,
+                    jerk: piece.jerk,
+                };
+                if !certify::keeps(&part, here, limits, slack) {
+                    return Some(false);
+                }
+            }
+            begin = until;
+        }
+        Some(true)
+    }
+
+    /// What the cell up to `next` asks of the axes at most, as parts of their limits.
+    fn asks<'a>(
+        &self,
+        next: &Self,
+        span: &impl Fn(usize) -> Option<&'a Span<N>>,
+        limits: &Limits<N>,
+    ) -> Option<[f64; 3]> {
+        let piece = self.piece();
+        let mut begin = 0.0;
+        let mut first = (self.rows, self.v, self.a);
+        let mut over = [0.0_f64; 3];
+        for index in self.index..=next.index {
+            let here = span(index)?;
+            let on = |t: f64| {
+                let (ds, v, a) = piece.at(t);
+                let at = here.curve.at((piece.distance - here.start) + ds);
+                (rows(&at, limits), v, a)
+            };
+            if index > self.index {
+                first = on(begin);
+            }
+            let (until, end) = if index == next.index {
+                (self.t, (next.rows, next.v, next.a))
+            } else {
+                let until = instant_at(&piece, span(index + 1)?.start);
+                (until, on(until))
+            };
+            // Polynomials change quickly, circles with the angle.
+            let way = piece.at(until).0 - piece.at(begin).0;
+            let parts = match here.curve {
+                Curve::Line(_) => 1.0,
+                Curve::Arc(_) => {
+                    let bends = first
+                        .0
+                        .iter()
+                        .zip(&limits.jerk)
+                        .map(|(row, j)| row[1].abs() * j);
+                    (way * bends.fold(0.0, f64::max) / 3.0 / TURN)
+                        .ceil()
+                        .clamp(1.0, 4.0)
+                }
+                Curve::Poly(_) => (2.0 * POLY_CELLS * way / here.curve.length())
+                    .ceil()
+                    .clamp(1.0, 6.0),
+            };
+            let each = (until - begin) / parts;
+            let mut last = first;
+            for k in 0..parts as usize {
+                let t = begin + each * k as f64;
+                let next = if k + 1 == parts as usize {
+                    end
+                } else {
+                    on(t + each)
+                };
+                let load = loads([&last, &on(t + 0.5 * each), &next], piece.jerk, limits);
+                for (over, load) in over.iter_mut().zip(load) {
+                    *over = over.max(load);
+                }
+                last = next;
+            }
+            begin = until;
+        }
+        Some(over)
+    }
+}
+
+/// What the path asks of an axis at a point: its derivatives by path length, the second times
+/// three, as parts of the axis's jerk limit.
+type Row = [f64; 3];
+
+fn rows<const N: usize>(at: &Derivatives<N>, limits: &Limits<N>) -> [Row; N] {
+    let mut rows = [[0.0; 3]; N];
+    for i in 0..N {
+        let part = 1.0 / limits.jerk[i];
+        rows[i] = [at.d1[i] * part, 3.0 * at.d2[i] * part, at.d3[i] * part];
+    }
+    rows
+}
+
+fn is_still(row: &Row) -> bool {
+    row.iter().all(|x| *x == 0.0)
+}
+
+/// Narrows the range of x to where |slope x + offset| ≤ limit.
+fn within(range: &mut [f64; 2], slope: f64, offset: f64, limit: f64) {
+    if slope != 0.0 {
+        let part = 1.0 / slope;
+        let (middle, half) = (-offset * part, limit * part.abs());
+        *range = [range[0].max(middle - half), range[1].min(middle + half)];
+    }
+}
+
+/// The range of path jerks j that every axis allows at a node for the path acceleration a + c j,
+/// with that part of the limits.
+fn jerks<const N: usize>(node: &Node<N>, share: f64, a: f64, c: f64) -> [f64; 2] {
+    let v = node.v;
+    let mut range = [f64::NEG_INFINITY, f64::INFINITY];
+    for [d1, d2, d3] in &node.rows {
+        let slope = d1 + d2 * v * c;
+        within(&mut range, slope, (d3 * v * v + d2 * a) * v, share);
+    }
+    range
+}
+
+/// The range of path accelerations at a node for which every axis keeps its limit, and for which
+/// there is a path jerk so that every axis keeps that.
+fn accelerations<const N: usize>(node: &Node<N>, limits: &Limits<N>) -> [f64; 2] {
+    let Node { v, share, .. } = *node;
+    let mut range = [f64::NEG_INFINITY, f64::INFINITY];
+    for (i, row) in node.rows.iter().enumerate() {
+        if is_still(row) {
+            continue;
+        }
+        let limit = share[0] * limits.acceleration[i] / limits.jerk[i];
+        within(&mut range, row[0], row[1] * v * v / 3.0, limit);
+        for other in &node.rows[..i] {
+            if is_still(other) {
+                continue;
+            }
+            // Both ask for the same jerk.
+            let slope = v * (row[1] * other[0] - other[1] * row[0]);
+            let bend = v * v * v * (row[2] * other[0] - other[2] * row[0]);
+            let both = other[0].abs() + row[0].abs();
+            within(&mut range, slope, bend, share[1] * both);
+        }
+    }
+    range
+}
+
+/// An instant of a piece: what the path asks there, speed and acceleration.
+type Sample<const N: usize> = ([Row; N], f64, f64);
+
+/// What every axis is asked for at most, as parts of its velocity, acceleration and jerk limits:
+/// the crests of the parabolas through three samples the same time apart.
+fn loads<const N: usize>(samples: [&Sample<N>; 3], jerk: f64, limits: &Limits<N>) -> [f64; 3] {
+    let mut most = [0.0_f64; 3];
+    for i in 0..N {
+        if samples.iter().all(|(rows, ..)| is_still(&rows[i])) {
+            continue;
+        }
+        let mut asked = [[0.0; 3]; 3];
+        for (k, (rows, v, a)) in samples.into_iter().enumerate() {
+            let [d1, d2, d3] = rows[i];
+            asked[0][k] = d1 * v;
+            asked[1][k] = d2 * v * v / 3.0 + d1 * a;
+            asked[2][k] = (d3 * v * v + d2 * a) * v + d1 * jerk;
+        }
+        let by = [
+            limits.jerk[i] / limits.velocity[i],
+            limits.jerk[i] / limits.acceleration[i],
+            1.0,
+        ];
+        for what in 0..3 {
+            most[what] = most[what].max(crest(asked[what]) * by[what]);
+        }
+    }
+    most
+}
+
+/// When the piece reaches a distance, s from its start, between its start and its end.
+fn instant_at(piece: &Piece, distance: f64) -> f64 {
+    let way = distance - piece.distance;
+    let mut t = 0.0;
+    // The speed changes little within a step: Newton's method is there at once.
+    for _ in 0..4 {
+        let (ds, v, _) = piece.at(t);
+        t = (t + (way - ds) / v.max(1e-9)).clamp(0.0, piece.duration);
+    }
+    t
 }
 
 /// A slowing down that leaves room for whatever the span's bends ask of the axes; on a straight span
@@ -215,113 +927,6 @@ fn gentle<const N: usize>(
     let (limit, jerk) = reserve(&span.curve, limits, law.end.speed, law.end.acceleration)?;
     let closed = closed_form(law, target, limit, jerk)?;
     (closed.end.distance <= span.start + span.curve.length()).then_some(closed)
-}
-
-/// Duration of the next step, s.
-fn pace<const N: usize>(
-    here: &Derivatives<N>,
-    limits: &Limits<N>,
-    at: Departure,
-    target: f64,
-) -> f64 {
-    let (a, j) = (
-        least(&limits.acceleration, &here.d1),
-        least(&limits.jerk, &here.d1),
-    );
-    let above = (at.speed - target).max(0.0);
-    let ramp = (a / j).min((above / j).sqrt());
-    let whole = above / a + ramp + (at.acceleration.max(0.0) / j);
-    // Where the bends take most of what the axes can, it takes longer.
-    let slow = whole.max(above / at.acceleration.min(-0.2 * a).abs());
-    let bend = (0..N).map(|i| here.d2[i].abs()).fold(0.0, f64::max);
-    (slow / STEPS)
-        .min(STEP_TURN / (bend * at.speed))
-        .max(slow / (2.0 * STEPS))
-}
-
-/// Whether every axis keeps its limits on the piece: at instants spread over what it takes of each
-/// span, and between them as far as what is asked bends no more than there.
-fn keeps<'a, const N: usize>(
-    road: &Road<'a, N, impl Fn(usize) -> Option<&'a Span<N>>>,
-    piece: &Piece,
-    limits: &Limits<N>,
-) -> bool {
-    const INTERVALS: usize = 4;
-    let end = piece.distance + piece.at(piece.duration).0;
-    let mut begin = 0.0;
-    let mut index = road.index;
-    while let Some(span) = (road.span)(index) {
-        let next = (road.span)(index + 1).filter(|next| next.start < end);
-        // Beyond what is known of the path nothing can be kept.
-        if next.is_none() && end > span.start + span.curve.length() + ROUNDING {
-            return false;
-        }
-        let until = next.map_or(piece.duration, |next| instant_at(piece, next.start));
-        // What a short part asks changes little.
-        let intervals = if until - begin < 0.2 * piece.duration {
-            2
-        } else {
-            INTERVALS
-        };
-        let mut asked = [[[0.0; N]; 3]; INTERVALS + 1];
-        for (k, asked) in asked.iter_mut().enumerate().take(intervals + 1) {
-            let t = begin + (until - begin) * k as f64 / intervals as f64;
-            let (ds, v, a) = piece.at(t);
-            let at = span.curve.at((piece.distance - span.start) + ds);
-            for i in 0..N {
-                asked[0][i] = (at.d2[i] * v * v + at.d1[i] * a) / limits.acceleration[i];
-                let bend = (at.d3[i] * v * v + 3.0 * at.d2[i] * a) * v;
-                asked[1][i] = (bend + at.d1[i] * piece.jerk) / limits.jerk[i];
-                asked[2][i] = at.d1[i] * v / limits.velocity[i];
-            }
-        }
-        let kept = (0..3).all(|what| {
-            (0..N).all(|i| {
-                let top = (1..intervals)
-                    .map(|k| crest([-1, 0, 1].map(|d| asked[k.wrapping_add_signed(d)][what][i])));
-                top.fold(0.0, f64::max) <= 1.0 + ROUNDING
-            })
-        });
-        if !kept {
-            return false;
-        }
-        if next.is_none() {
-            return true;
-        }
-        begin = until;
-        index += 1;
-    }
-    false
-}
-
-/// Greatest magnitude of the parabola through three points the same way apart.
-fn crest([before, here, after]: [f64; 3]) -> f64 {
-    let ends = before.abs().max(after.abs()).max(here.abs());
-    let (slope, bend) = (0.5 * (after - before), before + after - 2.0 * here);
-    if slope.abs() < bend.abs() {
-        ends.max((here - 0.5 * slope * slope / bend).abs())
-    } else {
-        ends
-    }
-}
-
-/// When the piece reaches a distance, s from its start, between its start and its end.
-fn instant_at(piece: &Piece, distance: f64) -> f64 {
-    let way = distance - piece.distance;
-    let mut t = 0.0;
-    // The speed changes little within a step: Newton's method is there at once.
-    for _ in 0..4 {
-        let (ds, v, _) = piece.at(t);
-        t = (t + (way - ds) / v.max(1e-9)).clamp(0.0, piece.duration);
-    }
-    t
-}
-
-/// The least of what the axes allow along the path.
-fn least<const N: usize>(limit: &[f64; N], along: &[f64; N]) -> f64 {
-    (0..N)
-        .map(|i| limit[i] / along[i].abs())
-        .fold(f64::INFINITY, f64::min)
 }
 
 /// Path acceleration and jerk that slowing down from speed `v` and acceleration `a` may use
@@ -354,7 +959,8 @@ fn reserve<const N: usize>(
     let jerk = least(&|i| limits.jerk[i] - d3[i] * v * v * v - 3.0 * d2[i] * v * top);
     // Also what the bends ask where an axis has no part in the path's direction.
     let kept = (0..N).all(|i| {
-        d2[i] * v * v <= limits.acceleration[i]
+        d1[i] * v <= limits.velocity[i] * (1.0 + ROUNDING)
+            && d2[i] * v * v <= limits.acceleration[i]
             && d3[i] * v * v * v + 3.0 * d2[i] * v * top <= limits.jerk[i]
     });
     let enough = acceleration * (1.0 + 1e-9) >= a.abs() && jerk >= whole * RESERVE && kept;
@@ -384,50 +990,4 @@ fn closed_form(law: &Braking, target: f64, limit: f64, j: f64) -> Option<Braking
     law.end.speed = target;
     law.end.acceleration = 0.0;
     Some(law)
-}
-
-/// The hardest braking jerk for the next `t` seconds that, with the part `force` of them, keeps
-/// every axis inside its limits at both ends and can still land with the path jerk `landing`.
-#[allow(clippy::too_many_arguments)] // the law's own
-fn hardest<const N: usize>(
-    limits: &Limits<N>,
-    force: f64,
-    here: &Derivatives<N>,
-    there: &Derivatives<N>,
-    at: Departure,
-    target: f64,
-    t: f64,
-    landing: f64,
-) -> f64 {
-    let (v, a) = (at.speed, at.acceleration);
-    // Acceleration at the end of the step, from what its end and its landing allow …
-    let speed = (v + a * t).max(target);
-    let mut low_a = f64::NEG_INFINITY;
-    let mut high_a = f64::INFINITY;
-    for i in 0..N {
-        let d = there.d1[i].abs();
-        if d > 0.0 {
-            let curve = there.d2[i] * there.d1[i].signum() * speed * speed;
-            low_a = low_a.max((-force * limits.acceleration[i] - curve) / d);
-            high_a = high_a.min((force * limits.acceleration[i] - curve) / d);
-        }
-    }
-    // a₁² = 2 j (v₁ − target) with v₁ = v + (a + a₁) t / 2
-    let jt = landing * t;
-    let under = 0.25 * jt * jt + landing * (2.0 * (v - target) + a * t);
-    let land = 0.5 * jt - under.max(0.0).sqrt();
-    // … and jerk, from what both ends allow.
-    let (mut low, mut high) = (f64::NEG_INFINITY, f64::INFINITY);
-    for (at, v, a) in [(here, v, a), (there, speed, a.min(0.0))] {
-        for i in 0..N {
-            let d = at.d1[i].abs();
-            if d > 0.0 {
-                let curve = (at.d3[i] * v * v + 3.0 * at.d2[i] * a) * v * at.d1[i].signum();
-                low = low.max((-force * limits.jerk[i] - curve) / d);
-                high = high.min((force * limits.jerk[i] - curve) / d);
-            }
-        }
-    }
-    let wish = low_a.max(land).min(high_a).max(a + low * t);
-    ((wish - a) / t).min(high).max(low.min(high))
 }

@@ -72,6 +72,32 @@ pub fn load<const N: usize>(piece: &Piece, span: &Span<N>, limits: &Limits<N>) -
     load.max(whole.bound([0.0, piece.duration], top, [&first, &last], HALVINGS))
 }
 
+/// Times that a piece is halved, at most, where the cycle looks at it.
+const FEW_HALVINGS: usize = 3;
+
+/// Whether every axis provably keeps its limits on `piece` but for that excess, at any feed; as
+/// [`load`], in bounded time. Some that do are not found to.
+pub(super) fn keeps<const N: usize>(
+    piece: &Piece,
+    span: &Span<N>,
+    limits: &Limits<N>,
+    excess: f64,
+) -> bool {
+    let stretch = Stretch {
+        piece,
+        span,
+        limits,
+    };
+    let top = piece.speed.max(piece.at(piece.duration).1);
+    let [first, last] = [0.0, piece.duration].map(|t| stretch.sample(t));
+    stretch.is_inside(
+        [0.0, piece.duration],
+        (top, 1.0 + excess),
+        [&first, &last],
+        FEW_HALVINGS,
+    )
+}
+
 /// A piece on a curve.
 struct Stretch<'a, const N: usize> {
     piece: &'a Piece,
@@ -111,14 +137,50 @@ impl<const N: usize> Stretch<'_, N> {
     fn bound(&self, [t0, t1]: [f64; 2], top: f64, ends: [&Sample<N>; 2], halvings: usize) -> Load {
         let middle = 0.5 * (t0 + t1);
         let between = self.sample(middle);
-        let [_, d2, d3, d4, d5, d6] = self.span.curve.growth(ends[0].s, ends[1].s);
+        let (seen, most) = self.estimate(t1 - t0, top, [ends[0], &between, ends[1]]);
+        let open = (0..3).any(|w| most[w] > 1.0 + ROUNDING && most[w] > seen[w] + CLOSE);
+        if open && halvings > 0 {
+            let first = self.bound([t0, middle], top, [ends[0], &between], halvings - 1);
+            return first.max(self.bound([middle, t1], top, [&between, ends[1]], halvings - 1));
+        }
+        Load {
+            velocity: most[0],
+            acceleration: most[1],
+            jerk: most[2],
+        }
+    }
+    /// Whether the bounds are inside of what is allowed; a sample beyond that ends the search.
+    fn is_inside(
+        &self,
+        [t0, t1]: [f64; 2],
+        (top, allowed): (f64, f64),
+        ends: [&Sample<N>; 2],
+        halvings: usize,
+    ) -> bool {
+        let middle = 0.5 * (t0 + t1);
+        let between = self.sample(middle);
+        let (seen, most) = self.estimate(t1 - t0, top, [ends[0], &between, ends[1]]);
+        let inside = |parts: [f64; 3]| parts.iter().all(|part| *part <= allowed);
+        let half = |time: [f64; 2], ends: [&Sample<N>; 2]| {
+            self.is_inside(time, (top, allowed), ends, halvings - 1)
+        };
+        inside(most)
+            || inside(seen)
+                && halvings > 0
+                && half([t0, middle], [ends[0], &between])
+                && half([middle, t1], [&between, ends[1]])
+    }
+
+    /// What three samples, evenly spread over `time`, tell, and upper bounds between them.
+    fn estimate(&self, time: f64, top: f64, samples: [&Sample<N>; 3]) -> ([f64; 3], [f64; 3]) {
+        let [_, d2, d3, d4, d5, d6] = self.span.curve.growth(samples[0].s, samples[2].s);
         let (v, a, j) = (
             top,
-            ends[0].a.abs().max(ends[1].a.abs()),
+            samples[0].a.abs().max(samples[2].a.abs()),
             self.piece.jerk.abs(),
         );
         let (v2, a2) = (v * v, a * a);
-        let h = 0.5 * (t1 - t0);
+        let h = 0.5 * time;
         let bend = h * h * h * BEND;
         let limits = [
             &self.limits.velocity,
@@ -139,27 +201,18 @@ impl<const N: usize> Stretch<'_, N> {
                     + 10.0 * d2[i] * j * j,
             ];
             for what in 0..3 {
-                let peak = crest([ends[0], &between, ends[1]].map(|s| s.parts[what][i]));
+                let peak = crest(samples.map(|s| s.parts[what][i]));
                 seen[what] = seen[what].max(peak);
                 most[what] = most[what].max(peak + bend * third[what] / limits[what][i]);
             }
         }
-        let open = (0..3).any(|w| most[w] > 1.0 + ROUNDING && most[w] > seen[w] + CLOSE);
-        if open && halvings > 0 {
-            let first = self.bound([t0, middle], top, [ends[0], &between], halvings - 1);
-            return first.max(self.bound([middle, t1], top, [&between, ends[1]], halvings - 1));
-        }
-        Load {
-            velocity: most[0],
-            acceleration: most[1],
-            jerk: most[2],
-        }
+        (seen, most)
     }
 }
 
 /// Greatest magnitude of the parabola through three points the same way apart, between the outer
 /// ones.
-fn crest([before, here, after]: [f64; 3]) -> f64 {
+pub(super) fn crest([before, here, after]: [f64; 3]) -> f64 {
     let ends = before.abs().max(after.abs()).max(here.abs());
     let (slope, bend) = (0.5 * (after - before), before + after - 2.0 * here);
     if slope.abs() < bend.abs() {

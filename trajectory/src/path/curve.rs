@@ -11,6 +11,9 @@ pub const RADIUS_TOLERANCE: f64 = 0.005;
 /// … or by this fraction of the radius, whichever is greater.
 pub const RADIUS_TOLERANCE_RELATIVE: f64 = 1e-3;
 
+/// After a Newton step this small for a parameter the next one is below rounding.
+const CONVERGED: f64 = 1e-9;
+
 /// Position and its derivatives by path length.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Derivatives<const N: usize> {
@@ -263,7 +266,11 @@ impl<const N: usize> Arc<N> {
         let mut t = self.sweep.abs() * (s / self.length);
         if self.spiral != 0.0 {
             for _ in 0..4 {
-                t -= (self.length_to(t) - s) / self.rate(t);
+                let step = (self.length_to(t) - s) / self.rate(t);
+                t -= step;
+                if step.abs() < CONVERGED {
+                    break;
+                }
             }
         }
         t

@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 use std::iter::repeat_n;
 use std::mem::take;
 
-use super::brake::{brake_gently, brake_once};
+use super::brake::{Search, brake_gently};
 use super::jog::{Excursion, Jog, JogError, Then, Travel};
 use super::{Command, Curve, Departure, Limits, Outlook, Overrides, Piece, Span};
 
@@ -88,13 +88,18 @@ fn first_lead(period: f64) -> u64 {
 /// comes while the old one is complete.
 const RESERVE: usize = 2048;
 
+/// From so far ahead a stop is searched for whose search takes more than a cycle, s.
+const AHEAD: f64 = 0.006;
+/// Rounds of the search for a stop on a curve in a cycle.
+const ROUNDS: usize = 5;
+
 /// How far a stop on the path has come.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Stop {
     /// Nobody asked for one.
     No,
-    /// The plan is followed to its rest until a shorter way is found; so many attempts were made.
-    Sought(u32),
+    /// The plan is followed to its rest until a shorter way is found, from this cycle on.
+    Sought(u64),
     /// The shorter way is being followed.
     Found,
 }
@@ -132,6 +137,8 @@ pub struct Executor<const N: usize> {
     refused: Option<u64>,
     /// How often a part of the plan came too late.
     late: u64,
+    /// Nothing was left to execute from this cycle on; meaningless when there is.
+    rested: u64,
     /// When the first of `steps` began; meaningless when idle.
     began: Clock,
     /// The leg under way, or the last one, and the path distance from the beginning of everything
@@ -145,6 +152,7 @@ pub struct Executor<const N: usize> {
     rest: [f64; N],
     tag: u32,
     stop: Stop,
+    search: Search<N>,
     overrides: Overrides,
     stop_after_block: bool,
     step_back: bool,
@@ -221,6 +229,7 @@ impl<const N: usize> Executor<N> {
             deaf: false,
             refused: None,
             late: 0,
+            rested: 0,
             began: Clock {
                 cycle: 0,
                 offset: 0.0,
@@ -232,6 +241,7 @@ impl<const N: usize> Executor<N> {
             rest: position,
             tag: 0,
             stop: Stop::No,
+            search: Search::default(),
             overrides: Overrides::default(),
             stop_after_block: false,
             step_back: false,
@@ -326,7 +336,9 @@ impl<const N: usize> Executor<N> {
 
     fn commit(&mut self) {
         if let Some(cycle) = self.fresh.take() {
-            if cycle < self.cycle {
+            // Who rests since before can begin whenever the plan comes.
+            let rests = self.committed == 0 && cycle >= self.rested;
+            if cycle < self.cycle && !rests {
                 // Too late: another one is asked for in the next cycle, and from a planner that
                 // is slow further ahead. None was found where the cycle is 0.
                 if cycle > 0 {
@@ -337,7 +349,7 @@ impl<const N: usize> Executor<N> {
                 self.refused = Some(self.cycle);
                 return;
             }
-            let keep = self.cut(cycle);
+            let keep = self.cut(cycle.max(self.cycle));
             self.steps.drain(keep..self.committed);
             self.stop = Stop::No;
             self.lead = first_lead(self.period);
@@ -511,6 +523,9 @@ impl<const N: usize> Executor<N> {
             Step::Dwell { leg, .. } | Step::Mark { leg } => self.leg = Some(leg),
             Step::Hold => self.began = self.now(),
         }
+        if self.committed == 0 {
+            self.rested = self.cycle;
+        }
         if let Some(Step::Dwell { tag, .. }) = self.current() {
             self.tag = tag;
         }
@@ -630,7 +645,9 @@ impl<const N: usize> Executor<N> {
         self.stop_after_block = false;
         self.step_back = true;
         self.leave_hold();
-        if !self.backward && self.stop == Stop::No {
+        if self.backward {
+            self.stop = Stop::No;
+        } else if self.stop == Stop::No {
             self.begin_stop();
         }
         self.revise();
@@ -678,6 +695,7 @@ impl<const N: usize> Executor<N> {
             self.stopped = true;
             self.held = false;
             self.deaf = false;
+            self.drop_uncommitted();
             if self.stop == Stop::No {
                 self.begin_stop();
             }
@@ -842,26 +860,34 @@ impl<const N: usize> Executor<N> {
         let run = self.steps.iter().position(|s| !goes_on(s));
         self.steps.truncate(run.unwrap_or(self.steps.len()));
         self.committed = self.steps.len();
-        self.stop = Stop::Sought(0);
+        self.stop = Stop::Sought(self.cycle);
+        self.search.reset();
         self.seek_stop();
     }
 
     /// Replaces the plan by a shorter way to rest if there is one.
+    ///
+    /// First from where it is. Where that takes more than a cycle's share of the search, from
+    /// a little ahead, so that the share of several cycles goes into the same law.
     fn seek_stop(&mut self) {
-        let (Stop::Sought(attempt), Some(Step::Piece(piece)), Some(limits)) =
+        let (Stop::Sought(departure), Some(Step::Piece(_)), Some(limits)) =
             (self.stop, self.current(), self.limits)
         else {
             return;
         };
-        self.stop = Stop::Sought(attempt.wrapping_add(1));
-        let (ds, speed, acceleration) = piece.at(self.since(self.began).clamp(0.0, piece.duration));
         // Where the plan does nothing but come to rest, it does so as fast as it can.
         let brakes = |s: &Step<N>| {
             let Step::Piece(p) = s else { return false };
             let cruises = p.acceleration.abs() <= 1e-9 && p.jerk >= 0.0;
             !cruises && p.at(p.duration).2 <= 1e-9
         };
-        if acceleration <= 0.0 && self.steps.iter().all(brakes) {
+        let (index, t) = self.step_at(departure);
+        let Some(Step::Piece(piece)) = self.steps.get(index).copied() else {
+            self.stop = Stop::Found;
+            return;
+        };
+        let (ds, speed, acceleration) = piece.at(t.min(piece.duration));
+        if index == 0 && acceleration <= 0.0 && self.steps.iter().all(brakes) {
             self.stop = Stop::Found;
             return;
         }
@@ -871,29 +897,47 @@ impl<const N: usize> Executor<N> {
             acceleration,
         };
         let spans = &self.spans;
+        let first = (1..spans.len())
+            .take_while(|&k| spans[k].start > spans[k - 1].start && spans[k].start <= from.distance)
+            .count();
         let span = |k: usize| {
-            let span = spans.get(k)?;
-            (k == 0 || span.start > spans[k - 1].start).then_some(span)
+            let span = spans.get(first + k)?;
+            (k == 0 || span.start > spans[first + k - 1].start).then_some(span)
         };
         // A gentle way at once, the hardest as soon as it is found.
-        let hardest = brake_once(span, &limits, from, 0.0, attempt as usize);
+        let hardest = self.search.go_on(span, &limits, from, 0.0, ROUNDS);
         let found = hardest.is_some();
-        let gentle = || brake_gently(span(0)?, &limits, from, 0.0);
+        let gentle = || {
+            let now = departure == self.cycle;
+            now.then(|| brake_gently(span(0)?, &limits, from, 0.0))
+                .flatten()
+        };
+        let plan_ends = self.steps.back().map_or(f64::INFINITY, |last| match last {
+            Step::Piece(last) => last.distance + last.at(last.duration).0,
+            _ => f64::INFINITY,
+        });
         if let Some(law) = hardest.or_else(gentle)
-            && self.steps.back().is_none_or(|last| match last {
-                Step::Piece(last) => law.end.distance < last.distance + last.at(last.duration).0,
-                _ => true,
-            })
+            && law.end.distance < plan_ends
         {
-            self.steps.clear();
-            self.number += self.committed as i64;
-            self.began = self.now();
+            let keep = self.cut(departure);
+            self.steps.truncate(keep);
             self.steps
                 .extend(law.pieces().iter().copied().map(Step::Piece));
             self.committed = self.steps.len();
+            if !found {
+                self.search.reset();
+            }
         }
         if found {
             self.stop = Stop::Found;
+        } else if departure == self.cycle {
+            let ahead = (AHEAD / self.period) as u64;
+            let next = self.cycle + ahead.max(1);
+            // Another section may begin before.
+            let (index, _) = self.step_at(next);
+            let mut until = self.steps.iter().take(index + 1);
+            let same = until.all(|s| matches!(s, Step::Piece(_)));
+            self.stop = Stop::Sought(if same { next } else { self.cycle + 1 });
         }
     }
 }
