@@ -595,9 +595,9 @@ impl<const N: usize> Executor<N> {
     /// [`resume`](Self::resume). Effective from the current cycle on; the next setpoints lead to
     /// rest. A dwell is broken off, and begins anew.
     ///
-    /// On a line that is the closed form. On curves it is tried in every cycle whether braking as
-    /// hard as the axes allow from here on leads to rest inside all limits; until that is so, the
-    /// plan, which ends at rest, too, is followed.
+    /// On a line that is the closed form. On curves a law that brakes as hard as the axes allow is
+    /// searched for, over several cycles if need be; until there is one the plan, which ends at
+    /// rest, too, is followed.
     pub fn hold(&mut self) {
         if let Some(away) = &mut self.away {
             away.hold();
