@@ -66,14 +66,10 @@ fn hold_jog_and_resume_by_events() {
     assert_eq!((code, errors.as_str()), (0, ""), "{json}");
     assert_eq!(json["verdict"], "pass");
     trace.assert_within_limits();
-    assert!(
-        number(&json, "/path/max_deviation_mm")
-            <= number(&without, "/path/max_deviation_mm") + 1e-9
-    );
-    assert_eq!(
-        number(&json, "/path/length_mm"),
-        number(&without, "/path/length_mm")
-    );
+    assert!(number(&json, "/path/max_deviation_mm") <= 0.001, "{json}");
+    // Planned anew from the hold on, it may be another one by a rounding.
+    let length = |json: &Value| number(json, "/path/length_mm");
+    assert!((length(&json) - length(&without)).abs() < 1e-6, "{json}");
     let set = |trace: &Trace, row: usize| ["X", "Y", "Z"].map(|name| trace.axis(name).set[row]);
     // By the row: held, looked at, back where it was, and the same end.
     let row = |seconds: f64| (seconds / trace.cycle) as usize;
@@ -89,7 +85,11 @@ fn hold_jog_and_resume_by_events() {
     let back = (row(9.5)..row(12.0)).find(|&row| set(&trace, row) == held);
     assert!(back.is_some(), "met again");
     let last = |trace: &Trace| set(trace, trace.line.len() - 1);
-    assert_eq!(last(&trace), last(&untouched));
+    let ends = last(&trace).into_iter().zip(last(&untouched));
+    assert!(
+        ends.into_iter()
+            .all(|(end, other)| (end - other).abs() < 1e-9)
+    );
     // The same again gives the same frames.
     assert_eq!(
         json["frames_sha256"],
