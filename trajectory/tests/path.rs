@@ -185,7 +185,7 @@ proptest! {
             }
         }
         // And the sixth.
-        let h = 1e-2 * length;
+        let h = 6e-3 * length;
         let [a, b, c, d] = [-1.5, -0.5, 0.5, 1.5].map(|k| curve.at(s + k * h).d3);
         let bounds = curve.growth(s - 1.5 * h, s + 1.5 * h);
         for i in 0..3 {

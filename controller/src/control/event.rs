@@ -110,6 +110,8 @@ pub enum Event {
     Held,
     /// The person went on.
     Resumed,
+    /// A person has the program go back along the path.
+    SteppingBack,
     /// A jog was refused.
     NoJog(JogError),
     /// The user asked for the end.
@@ -276,6 +278,7 @@ impl Event {
             Self::Paused { line, reason } => format!("line {line}: {reason}"),
             Self::Held => "held on the path".to_owned(),
             Self::Resumed => "going on".to_owned(),
+            Self::SteppingBack => "going back along the path".to_owned(),
             Self::NoJog(error) => format!("no jog: {}", refusal(error)),
             Self::Interrupted => "interrupted: stopping on the path".to_owned(),
             Self::Fault(fault) => format!("FAULT: {}", fault.describe(names)),

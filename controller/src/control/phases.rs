@@ -163,7 +163,11 @@ impl<const N: usize> Controller<N> {
         let rests = self.executor.is_held() && (self.planned.speed == 0.0 || self.planned.away);
         if rests != self.held {
             self.held = rests;
-            self.tell(if rests { Event::Held } else { Event::Resumed });
+            self.tell(match (rests, self.executor.steps_back()) {
+                (true, _) => Event::Held,
+                (false, true) => Event::SteppingBack,
+                (false, false) => Event::Resumed,
+            });
         }
         if !self.executor.is_idle() {
             return;

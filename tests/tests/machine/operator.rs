@@ -2,7 +2,7 @@
 //! path stays the programmed one and every axis inside its limits, by the trace.
 
 use std::path::Path;
-use syncline_controller::control::{End, Order};
+use syncline_controller::control::{End, Event, Order};
 use syncline_tests::command::{Folder, ended, syncline};
 use syncline_tests::rig::{Rig, example};
 use syncline_tests::terminal::Terminal;
@@ -219,6 +219,9 @@ fn steps_back_and_on() {
         rows(&mut rig, 2500);
         assert_at(&rig, POINTS[point]);
     }
+    // The first one in motion, the second one from rest.
+    let told = (rig.events.iter()).filter(|it| matches!(it, Event::Held | Event::SteppingBack));
+    assert!(told.eq(&[Event::Held, Event::SteppingBack, Event::Held]));
     rig.controller().obey(Order::Resume);
     assert_ends_well(rig);
 }

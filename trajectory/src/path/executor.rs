@@ -75,13 +75,14 @@ struct Clock {
     offset: f64,
 }
 
-/// A new plan takes over this long after the outlook that it was made for, s.
-const LEAD: f64 = 0.006;
-/// As [`LEAD`], for a planner that is slow, s.
+/// What a person does shows after this long, s: at most a cycle passes until it is heard, the rest is
+/// for the planner.
+const RESPONSE: f64 = 0.010;
+/// A planner that is slow is asked for a state this far ahead, at most, s.
 const LONGEST_LEAD: f64 = 0.5;
-/// [`LEAD`] in cycles.
+/// So many cycles after an outlook the new plan takes over.
 fn first_lead(period: f64) -> u64 {
-    ((LEAD / period) as u64).max(1)
+    ((RESPONSE / period) as u64).saturating_sub(1).max(1)
 }
 
 /// Steps, and spans, for which there is room beyond what is asked for: those of a new plan that
@@ -652,6 +653,11 @@ impl<const N: usize> Executor<N> {
             self.begin_stop();
         }
         self.revise();
+    }
+
+    /// Goes back along the path, or rests where that led, until [`resume`](Self::resume).
+    pub fn steps_back(&self) -> bool {
+        self.step_back
     }
 
     fn leave_hold(&mut self) {
