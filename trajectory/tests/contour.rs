@@ -581,3 +581,29 @@ fn a_bridged_joint_takes_no_longer_than_a_stop_in_it() {
         }
     }
 }
+
+/// Facets too long for arcs: every joint is a blend of micrometres, and the certificate has the law
+/// mended in nearly every window.
+#[test]
+fn laws_are_found_along_joints_of_micrometres() {
+    let mut angle: f64 = 20.0;
+    let points: Vec<_> = (0..150)
+        .map(|_| {
+            let radius = 5.0 + angle / std::f64::consts::PI;
+            angle += 0.5 / radius;
+            let (sin, cos) = angle.sin_cos();
+            let wave = 0.5 * (7.0 * angle).sin();
+            [radius * cos, radius * sin, wave].map(|x| (x * 1e6).round() / 1e6)
+        })
+        .collect();
+    let items: Vec<_> = (points.windows(2))
+        .map(|p| {
+            let line = Curve::line(p[0], p[1]).unwrap();
+            go(line, 100.0, Exit::Exact(0.001), 0)
+        })
+        .collect();
+    let plan = Plan::of(&items, points[0]);
+    println!("{} s, {:?}", plan.time(), plan.effort);
+    plan.check(&items, 0.001).unwrap();
+    assert_eq!(plan.effort.unsolved, 0);
+}

@@ -272,25 +272,20 @@ impl<const N: usize> Window<N> {
 
         let mut known = Vec::new();
         for round in 0..ROUNDS {
-            let outcome = if round == 0 {
-                let guess = guess(&self.nodes, &self.estimate, start, self.kept.len());
-                self.law
-                    .solve(&self.cells, limits, start, guess, COLD, TOLERANCE)
-            } else {
-                known.clear();
-                known.extend_from_slice(self.law.nodes());
-                self.law.solve(
-                    &self.cells,
-                    limits,
-                    start,
-                    known.iter().copied(),
-                    WARM,
-                    TOLERANCE,
-                )
+            known.clear();
+            known.extend_from_slice(self.law.nodes());
+            let mut solve = |guess: &mut dyn Iterator<Item = Node>, heat| {
+                let outcome = (self.law).solve(&self.cells, limits, start, guess, heat, TOLERANCE);
+                self.effort.laws += 1;
+                self.effort.steps += outcome.iterations;
+                outcome.converged
             };
-            self.effort.laws += 1;
-            self.effort.steps += outcome.iterations;
-            if !outcome.converged {
+            // From the law before, unless that leads nowhere.
+            let solved = round > 0 && solve(&mut known.iter().copied(), WARM) || {
+                let kept = self.kept.len();
+                solve(&mut guess(&self.nodes, &self.estimate, start, kept), COLD)
+            };
+            if !solved {
                 return Err(NoLaw);
             }
             self.read();
