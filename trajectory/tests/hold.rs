@@ -1,18 +1,15 @@
 //! How short a hold stops: on lines against the closed form, on curves against a dense grid.
 
+mod common;
+
+use common::{LIMITS, contour};
 use proptest::prelude::*;
 use proptest::strategy::ValueTree;
 use proptest::test_runner::{Config, RngAlgorithm, TestRng, TestRunner};
 use syncline_trajectory::path::{
-    Command, Curve, Executor, Exit, Feed, Item, Limits, Move, Plane, Planner, Setpoint, Span,
-    curve::ArcDefinition,
+    Command, Executor, Exit, Feed, Item, Move, Planner, Setpoint, Span,
 };
 
-const LIMITS: Limits<3> = Limits {
-    velocity: [500.0, 400.0, 200.0],
-    acceleration: [5_000.0, 3_000.0, 2_000.0],
-    jerk: [80_000.0, 50_000.0, 40_000.0],
-};
 const PERIOD: f64 = 0.002;
 
 fn planned(items: &[Item<3>], start: [f64; 3]) -> (Executor<3>, Vec<Span<3>>) {
@@ -186,39 +183,6 @@ fn ways(grid: &[f64], e: &[f64], top: State) -> Vec<State> {
     out
 }
 
-fn point(size: f64) -> impl Strategy<Value = [f64; 3]> {
-    prop::array::uniform3(-size..size)
-}
-
-/// Connected lines, and now and then an arc.
-fn contour() -> impl Strategy<Value = Vec<Curve<3>>> {
-    (5.0..100.0_f64)
-        .prop_flat_map(|size| {
-            let bulge = prop::option::weighted(0.4, -1.5..1.5_f64);
-            prop::collection::vec((point(size), bulge), 2..7)
-        })
-        .prop_filter_map("no length", |points| {
-            let joined = points.windows(2).map(|pair| {
-                let (start, end) = (pair[0].0, pair[1].0);
-                let Some(bulge) = pair[0].1 else {
-                    return Curve::line(start, end).ok();
-                };
-                let (mx, my) = ((start[0] + end[0]) / 2.0, (start[1] + end[1]) / 2.0);
-                let (dx, dy) = (end[0] - start[0], end[1] - start[1]);
-                Curve::arc(ArcDefinition {
-                    start,
-                    end,
-                    plane: Plane::Xy,
-                    centre: (mx - bulge * dy, my + bulge * dx),
-                    clockwise: bulge < 0.0,
-                    turns: 0,
-                })
-                .ok()
-            });
-            joined.collect()
-        })
-}
-
 /// Cycles after its command in which a hold begins to show where the path lets it: 6 ms.
 const BEGINS: usize = 3;
 
@@ -264,7 +228,7 @@ fn survey(programs: u32, every: u32) -> Vec<f64> {
         TestRng::deterministic_rng(RngAlgorithm::ChaCha),
     );
     let strategy = (
-        contour(),
+        contour(5.0..100.0),
         5.0..800.0_f64,
         prop_oneof![Just(0.001), 0.005..0.5_f64],
     );

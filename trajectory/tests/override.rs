@@ -1,17 +1,14 @@
 //! What a person does to a running path, at random: overrides, holds, stops after blocks, steps
 //! back. Whatever comes, the axes stay on the path and inside their limits.
 
+mod common;
+
+use common::{LIMITS, contour};
 use proptest::prelude::*;
 use syncline_trajectory::path::{
-    Command, Curve, Executor, Exit, Feed, Item, Limits, Move, Overrides, Plane, Planner, Setpoint,
-    Span, curve::ArcDefinition,
+    Command, Executor, Exit, Feed, Item, Move, Overrides, Planner, Setpoint, Span,
 };
 
-const LIMITS: Limits<3> = Limits {
-    velocity: [500.0, 400.0, 200.0],
-    acceleration: [5_000.0, 3_000.0, 2_000.0],
-    jerk: [80_000.0, 50_000.0, 40_000.0],
-};
 /// Short, so that what happens between the cycles of a real machine shows.
 const PERIOD: f64 = 0.000_5;
 /// Part of a limit by which the plan's own certificate may miss.
@@ -38,39 +35,6 @@ fn act() -> impl Strategy<Value = Act> {
         1 => Just(Act::StopAfterBlock),
         1 => Just(Act::StepBack),
     ]
-}
-
-fn point(size: f64) -> impl Strategy<Value = [f64; 3]> {
-    prop::array::uniform3(-size..size)
-}
-
-/// Connected lines, and now and then an arc.
-fn contour() -> impl Strategy<Value = Vec<Curve<3>>> {
-    (10.0..100.0_f64)
-        .prop_flat_map(|size| {
-            let bulge = prop::option::weighted(0.4, -1.5..1.5_f64);
-            prop::collection::vec((point(size), bulge), 2..7)
-        })
-        .prop_filter_map("no length", |points| {
-            let joined = points.windows(2).map(|pair| {
-                let (start, end) = (pair[0].0, pair[1].0);
-                let Some(bulge) = pair[0].1 else {
-                    return Curve::line(start, end).ok();
-                };
-                let (mx, my) = ((start[0] + end[0]) / 2.0, (start[1] + end[1]) / 2.0);
-                let (dx, dy) = (end[0] - start[0], end[1] - start[1]);
-                Curve::arc(ArcDefinition {
-                    start,
-                    end,
-                    plane: Plane::Xy,
-                    centre: (mx - bulge * dy, my + bulge * dx),
-                    clockwise: bulge < 0.0,
-                    turns: 0,
-                })
-                .ok()
-            });
-            joined.collect()
-        })
 }
 
 /// The path as it is planned when nobody acts.
@@ -200,7 +164,7 @@ proptest! {
 
     #[test]
     fn whatever_a_person_does_the_axes_stay_on_the_path_and_inside_their_limits(
-        curves in contour(),
+        curves in contour(10.0..100.0),
         feed in 5.0..800.0_f64,
         tolerance in prop_oneof![Just(0.001), 0.005..0.5_f64],
         acts in prop::collection::vec((1..1500_u64, act()), 1..8),

@@ -369,15 +369,12 @@ fn a_stop_in_a_cruise_begins_at_once() {
     }
 }
 
-/// A planner so slow that what it plans comes too late: the path rests on the way where it has to,
-/// goes on as soon as there is a plan, and is followed to its end.
-#[test]
-fn a_late_plan_is_waited_for_at_rest() {
-    // Zigzags whose corners are rounded, so that the path has no rest of its own.
+/// So many lines of a zigzag whose corners are rounded, so that the path has no rest of its own, and
+/// an executor where it begins.
+fn zigzag(lines: u32) -> (Planner<3>, Executor<3>) {
     let corner = |n: u32| [f64::from(n) * 20.0, f64::from(n % 2) * 5.0, 0.0];
     let mut planner = Planner::new(LIMITS, [0.0; 3]);
-    let mut executor = Executor::new([0.0; 3], PERIOD, 4096);
-    for n in 0..90_u32 {
+    for n in 0..lines {
         planner
             .push(Item::Move(Move {
                 curve: Curve::line(corner(n), corner(n + 1)).unwrap(),
@@ -388,6 +385,14 @@ fn a_late_plan_is_waited_for_at_rest() {
             .unwrap();
     }
     planner.finish();
+    (planner, Executor::new([0.0; 3], PERIOD, 4096))
+}
+
+/// A planner so slow that what it plans comes too late: the path rests on the way where it has to,
+/// goes on as soon as there is a plan, and is followed to its end.
+#[test]
+fn a_late_plan_is_waited_for_at_rest() {
+    let (mut planner, mut executor) = zigzag(90);
     let mut outlooks = std::collections::VecDeque::new();
     let (mut rests, mut cycle) = (0, 0_u64);
     while executor.setpoint().position[0] < 1800.0 || !executor.is_idle() {
@@ -428,21 +433,8 @@ fn a_late_plan_is_waited_for_at_rest() {
 /// there is a plan.
 #[test]
 fn progress_is_certain_however_late_the_plans_come() {
-    let corner = |n: u32| [f64::from(n) * 20.0, f64::from(n % 2) * 5.0, 0.0];
     for late in [1, 30, 300, 1_000] {
-        let mut planner = Planner::new(LIMITS, [0.0; 3]);
-        let mut executor = Executor::new([0.0; 3], PERIOD, 4096);
-        for n in 0..60_u32 {
-            planner
-                .push(Item::Move(Move {
-                    curve: Curve::line(corner(n), corner(n + 1)).unwrap(),
-                    feed: Feed::Rate(300.0),
-                    exit: Exit::Blend(0.5),
-                    tag: n,
-                }))
-                .unwrap();
-        }
-        planner.finish();
+        let (mut planner, mut executor) = zigzag(60);
         let mut due = 0;
         let (mut outlook, mut plan) = (None, Vec::new());
         for cycle in 0_u64.. {

@@ -1,0 +1,44 @@
+//! Machines and paths by chance that several tests share.
+
+use proptest::prelude::*;
+use std::ops::Range;
+use syncline_trajectory::path::{Curve, Limits, Plane, curve::ArcDefinition};
+
+pub(crate) const LIMITS: Limits<3> = Limits {
+    velocity: [500.0, 400.0, 200.0],
+    acceleration: [5_000.0, 3_000.0, 2_000.0],
+    jerk: [80_000.0, 50_000.0, 40_000.0],
+};
+
+fn point(size: f64) -> impl Strategy<Value = [f64; 3]> {
+    prop::array::uniform3(-size..size)
+}
+
+/// Connected lines, and now and then an arc, about as long as `sizes`, mm.
+pub(crate) fn contour(sizes: Range<f64>) -> impl Strategy<Value = Vec<Curve<3>>> {
+    sizes
+        .prop_flat_map(|size| {
+            let bulge = prop::option::weighted(0.4, -1.5..1.5_f64);
+            prop::collection::vec((point(size), bulge), 2..7)
+        })
+        .prop_filter_map("no length", |points| {
+            let joined = points.windows(2).map(|pair| {
+                let (start, end) = (pair[0].0, pair[1].0);
+                let Some(bulge) = pair[0].1 else {
+                    return Curve::line(start, end).ok();
+                };
+                let (mx, my) = ((start[0] + end[0]) / 2.0, (start[1] + end[1]) / 2.0);
+                let (dx, dy) = (end[0] - start[0], end[1] - start[1]);
+                Curve::arc(ArcDefinition {
+                    start,
+                    end,
+                    plane: Plane::Xy,
+                    centre: (mx - bulge * dy, my + bulge * dx),
+                    clockwise: bulge < 0.0,
+                    turns: 0,
+                })
+                .ok()
+            });
+            joined.collect()
+        })
+}
