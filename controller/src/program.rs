@@ -372,6 +372,11 @@ fn path_speed(curve: &Curve<COORDINATES>, feed: f64) -> f64 {
 }
 
 impl Feeder {
+    /// As [`Planner::deepen`], before the first instruction.
+    pub fn deepen(&mut self, times: u32) {
+        self.planner.deepen(times);
+    }
+
     /// The next instruction; after [`Instruction::End`] or [`Instruction::Broken`] none.
     ///
     /// # Errors

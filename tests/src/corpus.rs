@@ -66,7 +66,11 @@ impl Shape {
     pub fn distance(&self, point: &Point) -> f64 {
         let apart = |u: f64| norm(&self.at(u), point);
         let places = match self {
-            Self::Line(..) => 1,
+            Self::Line(from, to) => {
+                let along = |p: &Point| (0..3).map(|i| (p[i] - from[i]) * (to[i] - from[i])).sum();
+                let (part, whole): (f64, f64) = (along(point), along(to));
+                return apart((part / whole.max(f64::MIN_POSITIVE)).clamp(0.0, 1.0));
+            }
             Self::Arc { from, to, .. } => 2 + ((to[1] - from[1]).abs() / 0.7) as usize,
         };
         let place = |k: usize| k as f64 / places as f64;
@@ -108,6 +112,9 @@ pub struct Sample {
     pub tolerance: f64,
     /// Where it ends.
     pub end: Point,
+    /// How many lines further, on or back, a setpoint may be than the line that it is said to be on: those
+    /// of a rounded corner, or of a curve that was taken for one.
+    pub neighbours: usize,
     /// Feed, mm/s.
     feed: f64,
 }
@@ -147,6 +154,7 @@ impl Writer {
                 shapes: vec![None],
                 tolerance,
                 end: [0.0; 3],
+                neighbours: 24,
                 feed: feed / 60.0,
             },
         };
@@ -306,6 +314,8 @@ pub fn s_bends(kink: f64, decimals: i32) -> Vec<Sample> {
 pub fn segments(count: usize, length: f64, mode: (&str, f64)) -> Sample {
     let name = format!("{count} segments of {length} mm");
     let mut path = Writer::new(name, mode.0, mode.1, 6_000.0, START);
+    // As many as are gathered, at most, and what is before and behind.
+    path.sample.neighbours += 64;
     let mut angle: f64 = 0.0;
     let pitch = 2.0;
     for _ in 0..count {
@@ -414,7 +424,7 @@ pub fn excerpt() -> Vec<Sample> {
     samples
 }
 
-/// Everything.
+/// Everything but the programs of many segments.
 #[must_use]
 pub fn whole() -> Vec<Sample> {
     let mut samples = corners(1);
@@ -433,11 +443,17 @@ pub fn whole() -> Vec<Sample> {
             .into_iter()
             .flatten(),
     );
-    for mode in [("G61", 0.001), ("G64 P0.01", 0.01)] {
-        samples.push(segments(2_000, 0.5, mode));
-        samples.push(segments(150_000, 0.05, mode));
-    }
     samples
+}
+
+/// Curves of very many segments.
+#[must_use]
+pub fn many_segments() -> Vec<Sample> {
+    let in_mode = |mode| [segments(2_000, 0.5, mode), segments(150_000, 0.05, mode)];
+    [("G61", 0.001), ("G64 P0.01", 0.01)]
+        .into_iter()
+        .flat_map(in_mode)
+        .collect()
 }
 
 /// Arcs and helices in all planes, one into the other.

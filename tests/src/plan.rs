@@ -40,9 +40,19 @@ impl Plan {
     /// If the program cannot be planned, or the plan is no plan.
     #[must_use]
     pub fn of(machine: &Machine, machine_file: &Path, program: &Path) -> Self {
+        Self::in_windows(1, machine, machine_file, program)
+    }
+
+    /// The same, planned in windows that are so many times as deep.
+    ///
+    /// # Panics
+    /// As [`of`](Self::of).
+    #[must_use]
+    pub fn in_windows(depth: u32, machine: &Machine, machine_file: &Path, program: &Path) -> Self {
         let program = Program::new(program, machine, machine_file).expect("tables");
         let start = machine.rest();
         let mut feeder = program.feeder(start).expect("a program");
+        feeder.deepen(depth);
         let mut plan = Self {
             steps: Vec::new(),
             limits: Limits {
@@ -59,28 +69,30 @@ impl Plan {
             plan.limits.jerk[coordinate] = axis.max_jerk;
         }
         let (mut committed, mut splice) = (0, None);
+        // Where in the steps the section under way is.
+        let mut section = 0;
         while let Some(instruction) = feeder.next_instruction().expect("a good program") {
             let Instruction::Plan(command) = instruction else {
                 assert_eq!(plan.steps.len(), committed, "a pause comes at rest");
                 continue;
             };
             match command {
-                Command::Section { .. } => plan.steps.push(Step::Section(Vec::new())),
-                Command::Splice(step) => splice = Some(step as usize),
-                Command::Span(span) => {
-                    let sections = plan.steps.iter_mut().rev();
-                    let spans = sections.filter_map(|step| match step {
-                        Step::Section(spans) => Some(spans),
-                        _ => None,
-                    });
-                    spans.take(1).for_each(|spans| spans.push(span));
+                Command::Section { .. } => {
+                    section = plan.steps.len();
+                    plan.steps.push(Step::Section(Vec::new()));
                 }
+                Command::Splice(step) => splice = Some(step as usize),
+                Command::Span(span) => match &mut plan.steps[section] {
+                    Step::Section(spans) => spans.push(span),
+                    step => panic!("a span goes on with {step:?}"),
+                },
                 Command::Piece(piece) => plan.steps.push(Step::Piece(piece)),
                 Command::Dwell { duration, .. } => plan.steps.push(Step::Dwell(duration)),
                 Command::Mark { .. } => plan.steps.push(Step::Dwell(0.0)),
                 Command::Revise { .. } | Command::Hold => panic!("nobody asked for {command:?}"),
                 Command::Commit => {
                     if let Some(step) = splice.take() {
+                        assert!(section < step, "a section's law goes on in it");
                         plan.steps.drain(step..committed);
                     }
                     committed = plan.steps.len();
@@ -89,6 +101,17 @@ impl Plan {
         }
         assert_eq!(plan.steps.len(), committed, "the plan ends committed");
         plan
+    }
+
+    /// How long it takes, s.
+    #[must_use]
+    pub fn time(&self) -> f64 {
+        let time = |step: &Step| match step {
+            Step::Section(_) => 0.0,
+            Step::Piece(piece) => piece.duration,
+            Step::Dwell(duration) => *duration,
+        };
+        self.steps.iter().map(time).sum()
     }
 
     /// What it moves along, in order.
@@ -267,14 +290,24 @@ impl Spans<'_> {
             let curve = &self.0[index].curve;
             let apart = |s: f64| distance(&curve.at(s).q, &to);
             let length = curve.length();
+            // No way of that length leads there.
+            let start = curve.start();
+            let away = (0..3).map(|i| (to[i] - start[i]).powi(2)).sum::<f64>();
+            if away.sqrt() - length > enough.max(nearest) {
+                continue;
+            }
             let place = |k: usize| length * k as f64 / SAMPLES as f64;
-            let first = (0..=SAMPLES).min_by(|a, b| apart(place(*a)).total_cmp(&apart(place(*b))));
+            let places: [f64; SAMPLES + 1] = std::array::from_fn(|k| apart(place(k)));
+            let first = (0..=SAMPLES).min_by(|a, b| places[*a].total_cmp(&places[*b]));
             let first = first.unwrap_or(0);
             let mut ends = (
                 place(first.saturating_sub(1)),
                 place((first + 1).min(SAMPLES)),
             );
             for _ in 0..60 {
+                if apart(0.5 * (ends.0 + ends.1)) <= enough {
+                    break;
+                }
                 let third = (ends.1 - ends.0) / 3.0;
                 if apart(ends.0 + third) < apart(ends.1 - third) {
                     ends.1 -= third;
@@ -282,7 +315,7 @@ impl Spans<'_> {
                     ends.0 += third;
                 }
             }
-            nearest = nearest.min(apart(ends.0));
+            nearest = nearest.min(apart(0.5 * (ends.0 + ends.1)));
             if nearest <= enough {
                 self.0.drain(..index);
                 break;

@@ -5,12 +5,9 @@ use serde_json::Value;
 use std::path::Path;
 use syncline_controller::machine::Machine;
 use syncline_tests::command::{Folder, ended, examples, machine_with, syncline};
-use syncline_tests::corpus::{Sample, Shape, corners, excerpt, whole};
+use syncline_tests::corpus::{Sample, Shape, corners, excerpt, many_segments, whole};
 use syncline_tests::plan::Plan;
 use syncline_tests::trace::Trace;
-
-/// Lines before and behind a row's own that its setpoint may be near to: a blend's.
-const NEIGHBOURS: usize = 24;
 
 /// The portal with room for circles of 10 m.
 fn machine(folder: &Folder) -> std::path::PathBuf {
@@ -163,6 +160,8 @@ fn check_distance(sample: &Sample, trace: &Trace, machine: &Machine, findings: &
     });
     let allowed = sample.tolerance + grain.sum::<f64>().sqrt();
     let mut worst = (0.0, 0, 0);
+    // Where the last setpoint was: the next one is not far.
+    let mut near = 0;
     for (row, &line) in trace.line.iter().enumerate() {
         let line = line as usize;
         if sample.shapes[line].is_none() {
@@ -170,10 +169,17 @@ fn check_distance(sample: &Sample, trace: &Trace, machine: &Machine, findings: &
         }
         let at = axes.map(|set| set[row]);
         let mut nearest = f64::INFINITY;
-        for away in 0..NEIGHBOURS {
-            for line in [line + away, line.wrapping_sub(away)] {
-                if let Some(Some(shape)) = sample.shapes.get(line) {
-                    nearest = nearest.min(shape.distance(&at));
+        let lines = line.saturating_sub(sample.neighbours)..=line + sample.neighbours;
+        let from = near.clamp(*lines.start(), *lines.end());
+        for away in 0..=2 * sample.neighbours {
+            for place in [from + away, from.wrapping_sub(away)] {
+                if lines.contains(&place)
+                    && let Some(Some(shape)) = sample.shapes.get(place)
+                {
+                    let distance = shape.distance(&at);
+                    if distance < nearest {
+                        (nearest, near) = (distance, place);
+                    }
                 }
             }
             if nearest <= allowed {
@@ -241,6 +247,30 @@ fn the_whole_corpus() {
             .map(judge_example)
             .chain(generated.iter().map(judge)),
     );
+}
+
+#[test]
+#[ignore = "a campaign of minutes: docs/measured.md"]
+fn the_corpus_of_many_segments() {
+    assert_good(many_segments().iter().map(judge));
+}
+
+/// How far the planner looks ahead makes no difference to the motion time.
+#[test]
+fn the_depth_of_the_window_shows_in_no_example() {
+    for (file, program) in examples() {
+        let machine = Machine::load(&file).unwrap();
+        let [once, twice] = [1, 2].map(|depth| {
+            let plan = Plan::in_windows(depth, &machine, &file, &program);
+            plan.time()
+        });
+        let name = program.file_name().unwrap().display();
+        println!("{name}: {once:.4} s, {twice:.4} s in windows twice as deep");
+        assert!(
+            (once / twice - 1.0).abs() < 1e-3,
+            "{name}: {once} s, not {twice} s"
+        );
+    }
 }
 
 /// The checker is checked: a program that is not what it claims to be is found out.

@@ -174,6 +174,14 @@ impl<const N: usize> Planner<N> {
         }
     }
 
+    /// Windows are so many times as deep from now on. That changes what planning takes, and hardly the
+    /// motion time: it is for measuring how hardly.
+    pub fn deepen(&mut self, times: u32) {
+        self.sight *= f64::from(times);
+        self.horizon *= f64::from(times);
+        self.window.most_cells *= times as usize;
+    }
+
     /// Takes the next item.
     ///
     /// # Errors
@@ -1047,11 +1055,9 @@ mod tests {
     };
 
     /// Motion time when windows are so many times deeper, and how many there were.
-    fn time(curves: &[Curve<3>], feed: f64, depth: f64) -> (f64, usize) {
+    fn time(curves: &[Curve<3>], feed: f64, depth: u32) -> (f64, usize) {
         let mut planner = Planner::new(LIMITS, curves[0].start());
-        planner.sight *= depth;
-        planner.horizon *= depth;
-        planner.window.most_cells *= depth as usize;
+        planner.deepen(depth);
         let (mut steps, mut windows) = (Vec::new(), 0);
         let mut take = |planner: &mut Planner<3>| {
             while let Some(command) = planner.pop() {
@@ -1111,8 +1117,8 @@ mod tests {
             (lines(facets.collect()), 120.0),
             (waves.collect(), 200.0),
         ] {
-            let (once, windows) = time(&curves, feed, 1.0);
-            let (twice, fewer) = time(&curves, feed, 2.0);
+            let (once, windows) = time(&curves, feed, 1);
+            let (twice, fewer) = time(&curves, feed, 2);
             assert!(
                 windows > 2 && fewer < windows,
                 "{windows} and {fewer} windows"
