@@ -14,6 +14,9 @@ pub const RADIUS_TOLERANCE_RELATIVE: f64 = 1e-3;
 /// After a Newton step this small for a parameter the next one is below rounding.
 const CONVERGED: f64 = 1e-9;
 
+/// The same as a part of a polynomial's part.
+const CLOSE: f64 = 1e-5;
+
 /// Position and its derivatives by path length.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Derivatives<const N: usize> {
@@ -478,11 +481,30 @@ impl<const N: usize> Poly<N> {
 
     /// Path length per parameter.
     fn rate(&self, u: f64) -> f64 {
-        self.first(u)[..N.min(3)]
-            .iter()
-            .map(|x| x * x)
-            .sum::<f64>()
-            .sqrt()
+        let mut square = 0.0;
+        for i in 0..N.min(3) {
+            let mut first = 0.0;
+            for k in (0..5).rev() {
+                first = first * u + (k + 1) as f64 * self.terms[k][i];
+            }
+            square += first * first;
+        }
+        square.sqrt()
+    }
+
+    /// First and second derivative of the parameter by path length.
+    fn pace(&self, u: f64) -> [f64; 2] {
+        let (mut square, mut along) = (0.0, 0.0);
+        for i in 0..N.min(3) {
+            let (mut first, mut second) = (0.0, 0.0);
+            for k in (0..5).rev() {
+                second = second * u + first;
+                first = first * u + (k + 1) as f64 * self.terms[k][i];
+            }
+            square += first * first;
+            along += first * second;
+        }
+        [1.0 / square.sqrt(), -along / (square * square)]
     }
 
     fn length_between(&self, from: f64, to: f64) -> f64 {
@@ -506,14 +528,24 @@ impl<const N: usize> Poly<N> {
             self.lengths[part + 1] - self.lengths[part],
         );
         let x = (s - s0) / length;
-        // Hermite's cubic of the parameter over the length, then Newton's method.
-        let [m0, m1] = [u0, u1].map(|u| length / self.rate(u));
-        let y = 1.0 - x;
-        let mut u = u0 + x * y * (m0 * y - m1 * x) + (u1 - u0) * x * x * (3.0 - 2.0 * x);
+        // Hermite's quintic of the parameter over the length, then Newton's method.
+        let [[m0, n0], [m1, n1]] = [u0, u1].map(|u| {
+            let [first, second] = self.pace(u);
+            [first * length, 0.5 * second * length * length]
+        });
+        // What the end wants beyond the parabola from the start.
+        let p = (u1 - u0) - m0 - n0;
+        let (dm, dn) = (m1 - m0 - 2.0 * n0, n1 - n0);
+        let (c3, c4, c5) = (
+            10.0 * p - 4.0 * dm + dn,
+            -15.0 * p + 7.0 * dm - 2.0 * dn,
+            6.0 * p - 3.0 * dm + dn,
+        );
+        let mut u = u0 + x * (m0 + x * (n0 + x * (c3 + x * (c4 + x * c5))));
         for _ in 0..4 {
             let step = (s0 + self.length_between(u0, u) - s) / self.rate(u);
             u -= step;
-            if step.abs() < 1e-6 * (u1 - u0) {
+            if step.abs() < CLOSE * (u1 - u0) {
                 break;
             }
         }
