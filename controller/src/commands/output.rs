@@ -1,8 +1,5 @@
 //! What `run` and `validate` leave in files.
 
-use crate::control::layout::Layout;
-use crate::control::{Controller, End};
-use crate::program::COORDINATES;
 use crate::report::Report;
 use crate::run::recorder::Summary;
 use std::fs::{self, File};
@@ -70,8 +67,6 @@ impl Output {
         report: Option<Report>,
         program: &Path,
         mode: String,
-        controller: &Controller<COORDINATES>,
-        layout: &Layout,
     ) -> Result<(), WriteError> {
         if let Some(file) = &self.json {
             let mut text = serde_json::to_string_pretty(summary)
@@ -87,20 +82,9 @@ impl Output {
         if let (Some(file), Some(mut report)) = (&self.report, report) {
             report.program = program.display().to_string();
             report.mode = mode;
-            report.outcome = outcome(controller.end(), layout);
             fs::write(file, report.to_html()).map_err(|source| error(file, source))?;
         }
         Ok(())
-    }
-}
-
-/// How a run ended, in words.
-pub(super) fn outcome(end: Option<End>, layout: &Layout) -> String {
-    match end {
-        Some(End::Finished) => "program finished".to_owned(),
-        Some(End::Interrupted) => "interrupted by the user".to_owned(),
-        Some(End::Fault(fault)) => format!("stopped: {}", fault.describe(layout)),
-        None => "not ended".to_owned(),
     }
 }
 

@@ -131,10 +131,7 @@ fn print(outcome: &Outcome, layout: &Layout) {
         println!("interrupted        in cycle {cycle}");
     }
     match &outcome.end {
-        Some(end) => println!(
-            "the run's end      {}",
-            super::output::outcome(Some(*end), layout)
-        ),
+        Some(end) => println!("the run's end      {}", end.describe(layout)),
         None if outcome.difference.is_none() => println!("the log ends before the run does"),
         None => {}
     }

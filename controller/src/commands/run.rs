@@ -2,7 +2,7 @@
 
 use super::keys::{self, Key, Keys};
 use super::log_files::{Listeners, LogFiles};
-use super::output::{Output, outcome};
+use super::output::Output;
 use super::ports::PortChoice;
 use super::switches::Switches;
 use super::{Exit, bad_input, report};
@@ -39,7 +39,7 @@ const POLL: Duration = Duration::from_millis(1);
 /// On a terminal, space holds on the path and goes on, + and - change the feed override by 10 %,
 /// the keys > and < the rapid override, s stops after the block, b goes back to the beginning of
 /// the block, q stops as Ctrl-C does. While it is held or at a program stop, the arrows and page
-/// keys jog X, Y and Z; what goes on goes back first.
+/// keys jog X, Y and Z, by steps that [ and ] choose; what goes on goes back first.
 ///
 /// A bus whose port is `sim` is simulated here, with a simulated drive for each of its nodes. If
 /// all are, their time goes with the cycle: a late wake-up delays both and is counted.
@@ -442,16 +442,9 @@ impl Run<'_> {
         } else {
             "run in real time"
         };
-        output.write(
-            &summary,
-            rows,
-            &self.args.program,
-            mode.to_owned(),
-            controller,
-            self.layout,
-        )?;
+        output.write(&summary, rows, &self.args.program, mode.to_owned())?;
         if !output.json_to_stdout() {
-            self.print(&summary, controller, measured);
+            self.print(&summary, measured);
         }
         drop(self.listeners);
         self.frames.finish_log()?;
@@ -462,8 +455,7 @@ impl Run<'_> {
         })
     }
 
-    fn print(&self, summary: &Summary, controller: &Controller<COORDINATES>, measured: &Measured) {
-        println!("{}", outcome(controller.end(), self.layout));
+    fn print(&self, summary: &Summary, measured: &Measured) {
         print!("{summary}");
         let late = late_after(self.machine.cycle);
         println!(

@@ -5,7 +5,7 @@ use super::output::Output;
 use super::switches::Switches;
 use super::{Exit, report};
 use crate::control::fault::Names;
-use crate::control::{Controller, Event, Layout};
+use crate::control::{Controller, Event, Layout, Order};
 use crate::machine::Machine;
 use crate::program::{COORDINATES, Program};
 use crate::run::events::Events;
@@ -14,6 +14,10 @@ use crate::run::virtual_time::VirtualMachine;
 use std::error::Error;
 use std::path::PathBuf;
 use std::sync::Arc;
+
+/// A program that is held when the last event is past, and that rests so long, s, is stopped:
+/// nobody is there to go on.
+const PATIENCE: f64 = 1.0;
 
 /// Run a program on simulated drives in virtual time and judge it.
 ///
@@ -107,6 +111,8 @@ impl Args {
         let mut recorder =
             Recorder::new(machine, self.output.trace()?, self.output.wants_report())?;
         let mut failure = None;
+        let mut held = false;
+        let mut last_moved = 0.0;
         loop {
             match virtual_machine.step() {
                 Ok(true) => {}
@@ -114,8 +120,11 @@ impl Args {
                 Err(error) => failure = failure.or(Some(error)),
             }
             while let Some(event) = virtual_machine.event() {
-                if let Event::Paused { .. } = event {
-                    virtual_machine.controller().go_on();
+                match event {
+                    Event::Paused { .. } => virtual_machine.controller().go_on(),
+                    Event::Held => held = true,
+                    Event::Resumed | Event::SteppingBack => held = false,
+                    _ => {}
                 }
                 self.tell(&event, &**layout);
             }
@@ -125,8 +134,17 @@ impl Args {
                 while let Some((line, output)) = recorder.output() {
                     eprintln!("line {line}: {output}");
                 }
+                if !held || row.plan.velocity.iter().any(|it| *it != 0.0) {
+                    last_moved = time;
+                }
                 while let Some(order) = events.due(time) {
+                    last_moved = time;
                     virtual_machine.controller().obey(order);
+                }
+                if events.is_empty() && time - last_moved > PATIENCE {
+                    eprintln!("the events end while the program is held: stopped");
+                    last_moved = f64::INFINITY;
+                    virtual_machine.controller().obey(Order::Interrupt);
                 }
             }
         }
@@ -138,7 +156,7 @@ impl Args {
         let controller: &Controller<COORDINATES> = virtual_machine.controller();
         let (summary, rows) = recorder.finish(machine, layout, controller, frames)?;
         let title = format!("validated in virtual time, seed {}", self.seed);
-        (self.output).write(&summary, rows, &self.program, title, controller, layout)?;
+        (self.output).write(&summary, rows, &self.program, title)?;
         Ok(summary)
     }
 

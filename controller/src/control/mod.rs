@@ -35,7 +35,7 @@ pub use order::Order;
 use crate::port::bus_fault::{BusFault, Reaction};
 use crate::port::{Burst, Outbox, Received};
 use axis::Axis;
-use fault::BusIndex;
+use fault::{BusIndex, Names};
 use lateness::Lateness;
 use node::Node;
 use std::collections::VecDeque;
@@ -113,6 +113,18 @@ pub enum End {
     Interrupted,
     /// A fault.
     Fault(Fault),
+}
+
+impl End {
+    /// How a run ended, in words.
+    #[must_use]
+    pub fn describe(&self, names: &impl Names) -> String {
+        match self {
+            Self::Finished => "program finished".to_owned(),
+            Self::Interrupted => "interrupted by the user".to_owned(),
+            Self::Fault(fault) => format!("stopped: {}", fault.describe(names)),
+        }
+    }
 }
 
 /// Controls one machine along plans of `N` coordinates.

@@ -220,6 +220,12 @@ impl Events {
         Ok(Self(events))
     }
 
+    /// There is no event any more.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
     /// The next order that is due at this time, s.
     pub fn due(&mut self, now: f64) -> Option<Order> {
         let (at, _) = self.0.front()?;

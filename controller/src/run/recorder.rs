@@ -26,6 +26,8 @@ const STRETCHES: usize = 3;
 pub struct Summary {
     /// `pass` or `fail`.
     pub verdict: &'static str,
+    /// How the run ended, in words.
+    pub outcome: String,
     /// From the first to the last motion, s.
     pub duration_s: f64,
     /// Cycles while the program ran.
@@ -96,6 +98,7 @@ impl fmt::Display for Summary {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { path, .. } = self;
         writeln!(f, "verdict            {}", self.verdict)?;
+        writeln!(f, "outcome            {}", self.outcome)?;
         writeln!(f, "motion time        {:.3} s", self.duration_s)?;
         writeln!(
             f,
@@ -477,6 +480,8 @@ impl Recorder {
         };
         let summary = Summary {
             verdict: if passed { "pass" } else { "fail" },
+            outcome: (controller.end())
+                .map_or_else(|| "not ended".to_owned(), |end| end.describe(layout)),
             duration_s: (self.motion).map_or(0.0, |(first, last)| self.seconds(last - first)),
             cycles: self.cycles,
             late_setpoints,
@@ -555,6 +560,7 @@ fn new_report(machine: &Machine) -> Report {
 /// Adds the result to a report that has the rows.
 fn fill(report: &mut Report, summary: &Summary) {
     report.passed = summary.verdict == "pass";
+    report.outcome.clone_from(&summary.outcome);
     report.violations.clone_from(&summary.violations);
     for (axis, sum) in report.axes.iter_mut().zip(&summary.axes) {
         axis.max_velocity = sum.max_velocity;

@@ -267,6 +267,33 @@ fn events_from_a_file() {
     assert!(!rests(1400, 1500) && !rests(3050, 3100));
 }
 
+/// Nobody goes on after the last event: the run ends all the same, and says why.
+#[test]
+fn events_that_end_in_a_hold() {
+    let folder = Folder::new();
+    let machine = folder.machine("portal");
+    let program = folder.file("p.ngc", "G1 X100 F3000\nM2\n");
+    for last in [
+        "hold,",
+        "stop_after_block,",
+        "feed_override,0",
+        "hold,\n1,jog,X+5 F60",
+    ] {
+        let events = format!("t_s,event,value\n0.5,{last}\n");
+        let events = folder.file("events.csv", &events);
+        let output = syncline()
+            .args(["validate", "--json", "-", "--events"])
+            .args([&events, &machine, &program])
+            .output()
+            .unwrap();
+        let (code, json, errors) = ended(&output);
+        assert_eq!(code, 1, "{last}: {errors}{json}");
+        assert!(errors.contains("held: stopped"), "{last}: {errors}");
+        let json: serde_json::Value = serde_json::from_str(json).unwrap();
+        assert_eq!(json["outcome"], "interrupted by the user", "{last}: {json}");
+    }
+}
+
 #[test]
 fn an_events_file_that_is_wrong() {
     let folder = Folder::new();
