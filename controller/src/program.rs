@@ -12,6 +12,7 @@ use crate::machine::{Machine, PathTolerances};
 use std::collections::VecDeque;
 use std::fmt;
 use std::path::{Path, PathBuf};
+use syncline_trajectory::limits::PositionLimits;
 use syncline_trajectory::path::curve::ArcDefinition;
 use syncline_trajectory::path::{
     Command as PathCommand, Curve, CurveError, Exit, Feed, Item, Limits, Move, Outlook, PathError,
@@ -195,11 +196,16 @@ impl Program {
     /// # Errors
     /// The file cannot be read.
     pub fn feeder(&self, start: Position) -> Result<Feeder, ProgramError> {
+        let mut planner = Planner::new(self.limits, start);
+        planner.keep_within(self.setup.limits.map(|limits| {
+            let (min, max) = limits.unwrap_or((f64::NEG_INFINITY, f64::INFINITY));
+            PositionLimits { min, max }
+        }));
         Ok(Feeder {
             tables: self.setup.tables.clone(),
             interpreter: self.interpret(start)?,
             source: MoveSource { at: start },
-            planner: Planner::new(self.limits, start),
+            planner,
             exit: exit(self.setup.path_mode, self.tolerances),
             tolerances: self.tolerances,
             marks: VecDeque::new(),

@@ -164,18 +164,28 @@ struct Watch {
     worst: Option<Violation>,
 }
 
+/// A setpoint so far beyond a soft limit, mm, is still on it.
+const BEYOND: f64 = 1e-6;
+
 /// What is watched for each axis.
-const AXIS_WATCHES: [&str; 4] = ["velocity", "acceleration", "jerk", "following_error"];
+const AXIS_WATCHES: [&str; 5] = [
+    "velocity",
+    "acceleration",
+    "jerk",
+    "following_error",
+    "beyond soft_limits",
+];
 
 #[derive(Debug)]
 struct AxisRecord {
     name: String,
     coordinate: usize,
     /// In the order of [`AXIS_WATCHES`].
-    units: [&'static str; 4],
-    limits: [f64; 4],
-    max: [f64; 4],
-    watches: [Watch; 4],
+    units: [&'static str; 5],
+    soft_limits: (f64, f64),
+    limits: [f64; 5],
+    max: [f64; 5],
+    watches: [Watch; 5],
 }
 
 /// Records a run row by row.
@@ -228,15 +238,17 @@ impl Recorder {
                     coordinate: axis.letter().index(),
                     units: {
                         let [position, velocity, acceleration, jerk] = axis.units();
-                        [velocity, acceleration, jerk, position]
+                        [velocity, acceleration, jerk, position, position]
                     },
                     limits: [
                         axis.max_velocity,
                         axis.max_acceleration,
                         axis.max_jerk,
                         axis.following_error_limit,
+                        BEYOND,
                     ],
-                    max: [0.0; 4],
+                    soft_limits: axis.soft_limits,
+                    max: [0.0; 5],
                     watches: Default::default(),
                 })
                 .collect(),
@@ -284,11 +296,19 @@ impl Recorder {
         }
         for axis in &mut self.axes {
             let at = axis.coordinate;
+            let position = row.plan.position[at];
+            if self.cycles == 1 {
+                // The encoder's noise of a machine that stands at a limit is no violation.
+                let (min, max) = axis.soft_limits;
+                axis.soft_limits = (min.min(position), max.max(position));
+            }
+            let (min, max) = axis.soft_limits;
             let values = [
                 row.plan.velocity[at],
                 row.plan.acceleration[at],
                 row.plan.jerk[at],
                 row.axes[at].following_error,
+                (min - position).max(position - max).max(0.0),
             ];
             for (watch, value) in values.map(f64::abs).into_iter().enumerate() {
                 axis.max[watch] = axis.max[watch].max(value);

@@ -123,6 +123,50 @@ fn allowed_deviation(program: &Path) -> f64 {
     })
 }
 
+/// Neither an arc in place of facets nor a rounded joint leads beyond a soft limit that the program
+/// just reaches; further inside both are there.
+#[test]
+fn the_path_stays_inside_the_soft_limits() {
+    let folder = Folder::new();
+    let machine = folder.machine("xyz");
+    for (inside, mode) in [(0.0, "P0.8"), (5.0, "P0.8")] {
+        let most = 250.0 - inside;
+        let mut program = format!("G64 {mode} F6000\nG0 X{} Y-60\n", most - 30.0);
+        // Chords of a circle that touches the limit in the middle of the one in front.
+        for step in -5..=5 {
+            let (sin, cos) = (f64::from(step) * 0.17).sin_cos();
+            let x = most + 60.0 * (cos - (0.085_f64).cos());
+            program += &format!("G1 X{:.4} Y{:.4}\n", x.min(most), 60.0 * sin);
+        }
+        // Joints on the limit: of a line and an arc, of two arcs.
+        program += &format!(
+            "G0 Y-50\nG0 X{most}\nG1 Y0\nG3 X{} Y20 R20\nG1 X200\nG0 Y-50\n\
+             G1 X{}\nG3 X{most} Y-40 R10\nG3 X{} Y-10 R30\nG1 X200\nM2\n",
+            most - 20.0,
+            most - 10.0,
+            most - 30.0
+        );
+        let program = folder.file("edge.ngc", &program);
+        let trace = folder.path("trace.csv");
+        let output = syncline()
+            .args(["validate", "--trace"])
+            .args([&trace, &machine, &program])
+            .output()
+            .unwrap();
+        let (code, printed, errors) = ended(&output);
+        assert_eq!(code, 0, "{mode}: {errors}{printed}");
+        let trace = Trace::read(&example("xyz"), &folder.read("trace.csv"));
+        trace.assert_within_limits();
+        let x = &trace.axis("X").set;
+        let furthest = x.iter().copied().fold(0.0, f64::max);
+        assert!(furthest <= 250.0 + 1e-6, "{mode}: {furthest}");
+        assert!(furthest > most - 0.1, "{mode}: {furthest}");
+        if inside > 0.0 {
+            assert!(furthest > most + 0.01, "nothing is rounded: {furthest}");
+        }
+    }
+}
+
 /// A short program for either machine.
 fn short() -> (Folder, PathBuf) {
     let folder = Folder::new();

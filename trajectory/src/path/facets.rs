@@ -47,8 +47,8 @@ impl<const N: usize> Run<N> {
         })
     }
 
-    /// Goes on with a move; false if there is no curve that passes all of them.
-    pub fn extend(&mut self, motion: &Move<N>) -> bool {
+    /// Goes on with a move; false if there is no curve that passes all of them and `may_be`.
+    pub fn extend(&mut self, motion: &Move<N>, may_be: impl Fn(&Curve<N>) -> bool) -> bool {
         let (Some(tolerance), Some(heading)) = (motion.exit.rounding(), motion.curve.direction())
         else {
             return false;
@@ -70,7 +70,8 @@ impl<const N: usize> Run<N> {
         if found.is_none() && curve_like {
             found = [Plane::Xy, Plane::Zx, Plane::Yz]
                 .into_iter()
-                .find_map(|plane| arc(&self.points, plane, within));
+                .find_map(|plane| arc(&self.points, plane, within))
+                .filter(|(curve, _)| may_be(curve));
         }
         let Some((curve, astray)) = found else {
             self.points.pop();

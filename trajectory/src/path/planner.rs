@@ -18,6 +18,8 @@ use super::blend::{Blend, blend};
 use super::brake::{brake, brake_gently};
 use super::facets::Run;
 use super::window::{Effort, Window, room_to_stop};
+use crate::limits::PositionLimits;
+
 use super::{Command, Curve, Departure, Item, Limits, Move, Outlook, Overrides, Piece, Span};
 
 /// Why an item cannot be planned.
@@ -40,6 +42,9 @@ const GAP: f64 = 1e-6;
 const SMOOTH: f64 = 1e-10;
 /// A part of a curve this small (as a part of it) or of a section (in mm) is rounding.
 const NOTHING: f64 = 1e-9;
+/// Parts of the tolerance that a rounding is tried with, so that it stays between the positions
+/// allowed.
+const LESSER: [f64; 4] = [1.0, 0.25, 0.0625, 0.015625];
 /// States of the last plan that a window is tried from before the plan is followed to its end.
 const ATTEMPTS: usize = 4;
 /// Spans in a window, at most.
@@ -50,6 +55,8 @@ const WINDOW_SPANS: usize = 1024;
 #[derive(Debug, Clone)]
 pub struct Planner<const N: usize> {
     limits: Limits<N>,
+    /// Positions that curves of its own stay between.
+    bounds: [PositionLimits; N],
     /// Time that is planned beyond what is final, and in all, s of travel at the programmed feed.
     sight: f64,
     horizon: f64,
@@ -153,6 +160,10 @@ impl<const N: usize> Planner<N> {
         let sight = SIGHT * stop;
         Planner {
             limits,
+            bounds: [PositionLimits {
+                min: f64::NEG_INFINITY,
+                max: f64::INFINITY,
+            }; N],
             sight,
             horizon: sight + sight.max(0.5),
             position,
@@ -172,6 +183,13 @@ impl<const N: usize> Planner<N> {
             stop_after_block: false,
             revision: 0,
         }
+    }
+
+    /// From now on no rounding, and no curve in place of facets, leaves these positions; where one
+    /// would, the path follows what is programmed and stops if need be. The moves themselves are the
+    /// caller's to check.
+    pub fn keep_within(&mut self, bounds: [PositionLimits; N]) {
+        self.bounds = bounds;
     }
 
     /// Windows are so many times as deep from now on. That changes what planning takes, and hardly the
@@ -261,7 +279,7 @@ impl<const N: usize> Planner<N> {
         }
         self.position = motion.curve.end();
         if let Some(run) = &mut self.run
-            && run.extend(&motion)
+            && run.extend(&motion, |curve| inside(curve, &self.bounds))
         {
             return Ok(());
         }
@@ -290,7 +308,11 @@ impl<const N: usize> Planner<N> {
                 Some(rounding) => {
                     let astray = astray.max(self.astray);
                     let left = rounding.min(before.exit.tolerance() - astray);
-                    if let Some(Blend { curve, cut }) = blend(&before.curve, &motion.curve, left) {
+                    let rounded = LESSER.iter().find_map(|part| {
+                        blend(&before.curve, &motion.curve, left * part)
+                            .filter(|blend| inside(&blend.curve, &self.bounds))
+                    });
+                    if let Some(Blend { curve, cut }) = rounded {
                         self.lay_pending(cut);
                         self.lay(curve, before.feed.speed().min(feed), before.tag);
                         taken = cut;
@@ -929,6 +951,12 @@ fn top_speed<const N: usize>(span: &Span<N>, limits: &Limits<N>) -> f64 {
             .fold(f64::INFINITY, f64::min)
     });
     along.min(span.speed)
+}
+
+/// Whether a curve stays between these positions, but for rounding.
+fn inside<const N: usize>(curve: &Curve<N>, bounds: &[PositionLimits; N]) -> bool {
+    let (low, high) = curve.bounds();
+    (0..N).all(|i| low[i] >= bounds[i].min - NOTHING && high[i] <= bounds[i].max + NOTHING)
 }
 
 /// Whether tangent and curvature go on unbroken from one curve to the next.
