@@ -389,6 +389,38 @@ fn a_jog_after_a_stop_after_the_block_and_before_a_step_back() {
     assert_eq!(machine.now().position, [100.0, 60.0, 0.0]);
 }
 
+/// What a person wants on the way back from a jog is done once it is over.
+#[test]
+fn orders_on_the_way_back_count() {
+    let away = || {
+        let mut machine = Machine::on_a_path();
+        machine.cycles(1);
+        machine.until(|now| now.distance >= 20.0);
+        machine.executor.hold();
+        machine.until(|now| now.speed == 0.0);
+        machine.jog(step(0, 20.0)).unwrap();
+        machine.cycles(500);
+        machine
+    };
+    let mut machine = away();
+    machine.executor.resume();
+    machine.cycles(10);
+    machine.executor.stop_after_block();
+    machine.cycles(3000);
+    assert!(machine.executor.is_held() && !machine.executor.is_away());
+    // Both lines are one block.
+    assert_eq!(machine.now().position, [100.0, 60.0, 0.0]);
+    machine.executor.resume();
+    machine.end();
+
+    let mut machine = away();
+    machine.executor.step_back();
+    machine.cycles(10);
+    machine.executor.resume();
+    machine.end();
+    assert_eq!(machine.now().position, [100.0, 60.0, 0.0]);
+}
+
 #[test]
 fn a_stop_away_from_the_path_ends_there() {
     let mut machine = Machine::on_a_path();

@@ -708,6 +708,54 @@ fn steps_back_and_forwards_again() {
     }
 }
 
+/// Overrides that come while it rests behind a step back lead nowhere: neither further back nor on.
+/// The same in the midst of the way back, and in the last cycles of it.
+#[test]
+fn overrides_change_nothing_of_where_a_step_back_leads() {
+    let corners = [0.0, 50.0, 100.0, 150.0].map(|x| [x, 0.0, 0.0]);
+    let lines = corners.windows(2).enumerate();
+    let items: Vec<_> = lines
+        .map(|(k, p)| go(Curve::line(p[0], p[1]).unwrap(), 50.0, k as u32))
+        .collect();
+    let part = |feed| Overrides {
+        feed,
+        ..Overrides::default()
+    };
+    // Cycles from the step back on: at 500 it rests.
+    let times = [vec![500, 600], vec![100], vec![500, 501, 502]];
+    let ends = (150..350).step_by(3).map(|at| vec![at, at + 1]);
+    for times in times.into_iter().chain(ends) {
+        let mut cycle = 0;
+        let mut rests = Vec::new();
+        let rows = act(&items, [0.0; 3], |executor| {
+            cycle += 1;
+            assert!(cycle < 100_000, "{times:?}: never ends");
+            match cycle {
+                700 | 1850 => executor.step_back(),
+                1500 | 1800 | 2500 => rests.push(executor.setpoint()),
+                _ => {}
+            }
+            if cycle == 1501 {
+                executor.resume();
+            }
+            if cycle == 2501 {
+                // Twice: the second one does not wait for the plan of the first.
+                executor.set_overrides(part(0.9));
+                executor.resume();
+                executor.set_overrides(part(0.8));
+            }
+            if let Some(k) = times.iter().position(|at| cycle == 700 + at) {
+                executor.set_overrides(part(0.5 + 0.1 * k as f64));
+            }
+            true
+        });
+        assert_eq!(rests[0].position, [50.0, 0.0, 0.0], "{times:?}");
+        assert!(rests[1].position[0] > 55.0, "{times:?}: {:?}", rests[1]);
+        assert_eq!(rests[2].position, [50.0, 0.0, 0.0], "{times:?}");
+        assert_eq!(rows.last().unwrap().position, [150.0, 0.0, 0.0]);
+    }
+}
+
 /// Least distance to rest along a curve from a state, on a dense grid of time: jerk as low as the
 /// axes allow and their accelerations permit, then as high, switched where that comes to rest.
 fn least_stop(curve: &Curve<3>, s: f64, v: f64, a: f64) -> f64 {

@@ -2,6 +2,7 @@
 
 use super::{Controller, Event, Phase};
 use crate::program::COORDINATES;
+use std::mem::take;
 use syncline_trajectory::limits::PositionLimits;
 use syncline_trajectory::path::{Jog, JogError, Overrides, Travel};
 
@@ -47,7 +48,13 @@ impl<const N: usize> Controller<N> {
                 }
             }),
             Order::StopAfterBlock => self.act(|path| path.stop_after_block()),
-            Order::StepBack => self.act(|path| path.step_back()),
+            Order::StepBack => {
+                // A pause that is told comes again when the path has come back to it.
+                if take(&mut self.pause_told) {
+                    self.tell(Event::SteppingBack);
+                }
+                self.act(|path| path.step_back());
+            }
             Order::Jog(jog) => self.jog(jog),
             Order::FeedOverride(feed) => self.act(|path| {
                 path.set_overrides(Overrides {

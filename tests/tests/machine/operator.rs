@@ -226,6 +226,29 @@ fn steps_back_and_on() {
     assert_ends_well(rig);
 }
 
+/// At a program stop the way back begins at once, and the stop comes again.
+#[test]
+fn steps_back_from_a_program_stop() {
+    let mut rig = Rig::portal("G0 X100\nM0\nG1 X200 F6000\nM2\n");
+    let paused = |rig: &Rig| {
+        let pauses = rig
+            .events
+            .iter()
+            .filter(|it| matches!(it, Event::Paused { .. }));
+        pauses.count()
+    };
+    rig.run_until(|rig| paused(rig) == 1);
+    rig.controller().obey(Order::StepBack);
+    rows(&mut rig, 1500);
+    assert_eq!(position(&rig)[0], 0.0);
+    rig.controller().obey(Order::Resume);
+    rig.run_until(|rig| paused(rig) == 2);
+    assert_eq!(position(&rig)[0], 100.0);
+    rig.controller().obey(Order::GoOn);
+    assert_eq!(rig.finish(), End::Finished, "{:?}", rig.events);
+    assert_eq!(position(&rig)[0], 200.0);
+}
+
 /// All of it again, by a file, through the command: the same frames each time.
 #[test]
 fn events_from_a_file() {

@@ -156,7 +156,8 @@ pub struct Executor<const N: usize> {
     search: Search<N>,
     overrides: Overrides,
     stop_after_block: bool,
-    step_back: bool,
+    /// The way back is asked for; the revision that the person asked for with it.
+    step_back: Option<u64>,
     /// Rest until `resume`.
     held: bool,
     /// Rest for good.
@@ -245,7 +246,7 @@ impl<const N: usize> Executor<N> {
             search: Search::default(),
             overrides: Overrides::default(),
             stop_after_block: false,
-            step_back: false,
+            step_back: None,
             held: false,
             stopped: false,
             away: None,
@@ -573,9 +574,11 @@ impl<const N: usize> Executor<N> {
             rapid: overrides.rapid.clamp(0.0, 1.0),
         };
         if overrides != self.overrides {
-            // A rest for want of speed ends; one that a person asked for does not.
-            let asked = self.held || self.stop_after_block || self.step_back;
-            if !asked && let Some(Step::Hold) = self.current() {
+            // A rest for want of speed ends; one that a person asked for does not, and what ends it
+            // has the path planned anew.
+            let asked = self.held || self.stop_after_block || self.step_back.is_some();
+            let rests = matches!(self.current(), Some(Step::Hold));
+            if rests && !asked {
                 self.finish_step(Step::Hold, 0.0);
             }
             if overrides.rapid != self.overrides.rapid
@@ -584,7 +587,9 @@ impl<const N: usize> Executor<N> {
                 away.change_speed();
             }
             self.overrides = overrides;
-            self.revise();
+            if !(rests && asked) {
+                self.revise();
+            }
         }
     }
 
@@ -615,14 +620,17 @@ impl<const N: usize> Executor<N> {
     /// Ends a [`hold`](Self::hold), also one that a stop after the block came to.
     pub fn resume(&mut self) {
         self.stop_after_block = false;
-        if self.stopped || !(self.is_held() || self.step_back) {
+        if self.stopped {
             return;
         }
         if let Some(away) = &mut self.away {
             away.go_home(Then::Resume);
             return;
         }
-        self.step_back = false;
+        if !(self.is_held() || self.steps_back()) {
+            return;
+        }
+        self.step_back = None;
         self.leave_hold();
         if self.backward && self.stop == Stop::No {
             self.begin_stop();
@@ -636,7 +644,7 @@ impl<const N: usize> Executor<N> {
     /// of the block before, and waits for [`resume`](Self::resume). On the way back it changes
     /// nothing.
     pub fn step_back(&mut self) {
-        let under_way = self.step_back && !self.is_held();
+        let under_way = self.steps_back() && !self.is_held();
         if self.stopped || under_way {
             return;
         }
@@ -645,7 +653,7 @@ impl<const N: usize> Executor<N> {
             return;
         }
         self.stop_after_block = false;
-        self.step_back = true;
+        self.step_back = Some(self.revision + 1);
         self.leave_hold();
         if self.backward {
             self.stop = Stop::No;
@@ -657,7 +665,7 @@ impl<const N: usize> Executor<N> {
 
     /// Goes back along the path, or rests where that led, until [`resume`](Self::resume).
     pub fn steps_back(&self) -> bool {
-        self.step_back
+        self.step_back.is_some()
     }
 
     fn leave_hold(&mut self) {
@@ -670,14 +678,17 @@ impl<const N: usize> Executor<N> {
     /// It has to come to rest before the new plan begins: that goes the other way.
     fn turns(&self) -> bool {
         self.deaf
-            && self.step_back != self.backward
+            && self.steps_back() != self.backward
             && matches!(self.current(), Some(Step::Piece(_)))
     }
 
     /// Comes to rest at the end of the block that is under way, or of the first one where that is
-    /// possible, and waits for [`resume`](Self::resume).
+    /// possible, and waits for [`resume`](Self::resume). On the way back from a jog: of the block that
+    /// then goes on.
     pub fn stop_after_block(&mut self) {
-        if !self.is_held() && !self.step_back && self.away.is_none() {
+        if let Some(away) = &self.away {
+            self.stop_after_block |= away.returns();
+        } else if !self.is_held() && !self.steps_back() {
             self.stop_after_block = true;
             self.revise();
         }
@@ -752,7 +763,13 @@ impl<const N: usize> Executor<N> {
         };
         self.away = None;
         match then {
-            Then::Resume => self.resume(),
+            Then::Resume => {
+                let stop = self.stop_after_block;
+                self.resume();
+                if stop {
+                    self.stop_after_block();
+                }
+            }
             Then::StepBack => self.step_back(),
         }
     }

@@ -264,8 +264,9 @@ pub struct Outlook {
     pub overrides: Overrides,
     /// Rest is asked for at the end of the block.
     pub stop_after_block: bool,
-    /// The way back is asked for, to the beginning of the block or, from there, of the one before.
-    pub step_back: bool,
+    /// The way back is asked for, to the beginning of the block or, from there, of the one before; each
+    /// time that a person asks under another number.
+    pub step_back: Option<u64>,
 }
 
 /// A state on a section of the path.

@@ -80,8 +80,8 @@ pub struct Planner<const N: usize> {
     /// Slowing down that precedes the window.
     slowing: Vec<Piece>,
     out: VecDeque<Command<N>>,
-    /// The way back that was planned last.
-    back: Option<Back<N>>,
+    /// The way back that the executor is on, and behind it the one that was planned last.
+    ways_back: Vec<Back<N>>,
     overrides: Overrides,
     stop_after_block: bool,
     /// The last plan made.
@@ -112,6 +112,8 @@ struct Section<const N: usize> {
 struct Back<const N: usize> {
     /// Its number.
     number: u64,
+    /// The number under which it was asked for.
+    asked: u64,
     /// The leg that it goes back along, and where on that it begins.
     leg: u64,
     from: f64,
@@ -178,7 +180,7 @@ impl<const N: usize> Planner<N> {
             window: Window::default(),
             slowing: Vec::new(),
             out: VecDeque::new(),
-            back: None,
+            ways_back: Vec::new(),
             overrides: Overrides::default(),
             stop_after_block: false,
             revision: 0,
@@ -381,10 +383,11 @@ impl<const N: usize> Planner<N> {
         }
         self.override_speeds(outlook.overrides);
         self.stop_after_block = outlook.stop_after_block;
-        let (leg, departure) = if outlook.step_back {
-            self.way_back(outlook)
-        } else {
-            self.way_on(outlook)
+        // The executor is on one of them, or on none.
+        self.ways_back.retain(|way| outlook.leg == Some(way.number));
+        let (leg, departure) = match outlook.step_back {
+            Some(asked) => self.way_back(outlook, asked),
+            None => self.way_on(outlook),
         };
         let before = self.cursor;
         self.cursor = Cursor {
@@ -425,7 +428,7 @@ impl<const N: usize> Planner<N> {
                     self.begin_leg(leg + 1);
                 }
             }
-            None if outlook.step_back => {
+            None if outlook.step_back.is_some() => {
                 // There is no way further back.
                 self.out.extend([Command::Hold, Command::Commit]);
                 self.cursor.step += 1;
@@ -437,9 +440,9 @@ impl<const N: usize> Planner<N> {
 
     /// From where the path goes on.
     fn way_on(&self, outlook: &Outlook) -> (u64, Departure) {
-        let (leg, departure) = match (outlook.leg, &self.back) {
+        let (leg, departure) = match (outlook.leg, self.ways_back.first()) {
             (None, _) => return (self.first, Departure::default()),
-            (Some(number), Some(back)) if number == back.number => {
+            (Some(_), Some(back)) => {
                 let distance = back.from - outlook.departure.distance;
                 (
                     back.leg,
@@ -449,7 +452,7 @@ impl<const N: usize> Planner<N> {
                     },
                 )
             }
-            (Some(leg), _) => (leg, outlook.departure),
+            (Some(leg), None) => (leg, outlook.departure),
         };
         match self.section(leg) {
             Some(section) if !(section.closed && section.reaches_end(departure.distance)) => {
@@ -461,23 +464,27 @@ impl<const N: usize> Planner<N> {
 
     /// From where the path goes back: on a way back that is under way, or on a new one to the
     /// beginning of a block.
-    fn way_back(&mut self, outlook: &Outlook) -> (u64, Departure) {
+    fn way_back(&mut self, outlook: &Outlook, asked: u64) -> (u64, Departure) {
         let nowhere = (BACK, Departure::default());
         let mut number = BACK;
-        let (mut leg, mut from) = match (outlook.leg, &self.back) {
+        let (mut leg, mut from) = match (outlook.leg, self.ways_back.first()) {
             (None, _) => return nowhere,
-            (Some(at), Some(back)) if at == back.number => {
+            (Some(at), Some(back)) => {
                 if !back.section.reaches_end(outlook.departure.distance) {
                     return (at, outlook.departure);
+                }
+                if back.asked == asked {
+                    return nowhere;
                 }
                 number = at;
                 (back.leg, back.from - back.section.length)
             }
-            (Some(leg), _) => (leg, outlook.departure.distance),
+            (Some(leg), None) => (leg, outlook.departure.distance),
         };
         // From the beginning of a section, or a rest between two, into the one before.
         while self.section(leg).is_none() || from <= NOTHING {
-            let Some(before) = leg.checked_sub(1).filter(|before| *before >= self.first) else {
+            let legs = self.first..self.first + self.legs.len() as u64;
+            let Some(before) = leg.checked_sub(1).filter(|before| legs.contains(before)) else {
                 return nowhere;
             };
             leg = before;
@@ -508,8 +515,9 @@ impl<const N: usize> Planner<N> {
             });
         }
         number += 1;
-        self.back = Some(Back {
+        self.ways_back.push(Back {
             number,
+            asked,
             leg,
             from: end,
             section: way,
@@ -523,10 +531,8 @@ impl<const N: usize> Planner<N> {
 
     /// The section with that number, on the way or back.
     fn section(&self, number: u64) -> Option<&Section<N>> {
-        if let Some(back) = &self.back
-            && back.number == number
-        {
-            return Some(&back.section);
+        if let Some(way) = self.ways_back.iter().find(|way| way.number == number) {
+            return Some(&way.section);
         }
         match self.leg(number) {
             Some(Leg::Section(section)) => Some(section),
@@ -549,7 +555,7 @@ impl<const N: usize> Planner<N> {
             Leg::Section(section) => Some(section),
             _ => None,
         });
-        let back = self.back.as_mut().map(|back| &mut back.section);
+        let back = self.ways_back.iter_mut().map(|way| &mut way.section);
         for section in sections.chain(back) {
             for span in &mut section.spans {
                 span.speed = asked_speed(span, overrides, &self.limits);
@@ -618,12 +624,10 @@ impl<const N: usize> Planner<N> {
         let leg = self.cursor.leg;
         let index = leg.checked_sub(self.first).map(|index| index as usize);
         let backward = leg >= BACK;
-        let section = match (
-            index.and_then(|index| self.legs.get_mut(index)),
-            &mut self.back,
-        ) {
+        let way = self.ways_back.iter_mut().find(|way| way.number == leg);
+        let section = match (index.and_then(|index| self.legs.get_mut(index)), way) {
             (Some(Leg::Section(section)), _) => section,
-            (None, Some(back)) if back.number == leg => &mut back.section,
+            (None, Some(way)) => &mut way.section,
             _ => return true,
         };
         let departure = self.cursor.departure;
