@@ -1,5 +1,8 @@
 //! The path from outside: items in, setpoints out.
 
+mod machine;
+
+use machine::Machine;
 use proptest::prelude::*;
 use syncline_trajectory::path::{
     Command, Curve, Executor, Exit, Feed, Item, Limits, Move, Overrides, Plane, Planner, Setpoint,
@@ -514,39 +517,14 @@ fn act(
     start: [f64; 3],
     mut person: impl FnMut(&mut Executor<3>) -> bool,
 ) -> Vec<Setpoint<3>> {
-    let mut planner = Planner::new(LIMITS, start);
-    let mut executor = Executor::new(start, PERIOD, 4096);
-    let mut items = items.iter();
-    let mut finished = false;
-    let mut rows = vec![executor.setpoint()];
-    loop {
-        if !person(&mut executor) {
-            return rows;
-        }
-        if let Some(outlook) = executor.outlook() {
-            planner.observe(&outlook);
-        }
-        while executor.room() > 0 {
-            if let Some(command) = planner.pop() {
-                assert!(executor.accept(command));
-            } else if executor.is_held() {
-                break;
-            } else if let Some(item) = items.next() {
-                planner.push(*item).unwrap();
-            } else if !finished {
-                planner.finish();
-                finished = true;
-            } else {
-                break;
-            }
-        }
-        assert_eq!(executor.late_plans(), 0);
-        if executor.is_idle() {
-            return rows;
-        }
-        rows.push(executor.advance());
-        assert!(rows.len() < 500_000, "never ends");
+    let mut machine = Machine::new(LIMITS, items, start, PERIOD);
+    let mut rows = vec![machine.executor.setpoint()];
+    while person(&mut machine.executor)
+        && let Some(now) = machine.advance()
+    {
+        rows.push(now);
     }
+    rows
 }
 
 #[test]

@@ -1,0 +1,56 @@
+//! A planner that is never late, and an executor: items in, setpoints out.
+
+use syncline_trajectory::path::{Executor, Item, Limits, Planner, Setpoint};
+
+/// What runs, and what it still has to.
+#[derive(Clone)]
+pub(crate) struct Machine<'a> {
+    pub(crate) executor: Executor<3>,
+    planner: Planner<3>,
+    items: std::slice::Iter<'a, Item<3>>,
+    finished: bool,
+}
+
+impl<'a> Machine<'a> {
+    /// At rest where the items begin.
+    pub(crate) fn new(
+        limits: Limits<3>,
+        items: &'a [Item<3>],
+        start: [f64; 3],
+        period: f64,
+    ) -> Self {
+        Machine {
+            executor: Executor::new(start, period, 4096),
+            planner: Planner::new(limits, start),
+            items: items.iter(),
+            finished: false,
+        }
+    }
+
+    /// Goes on by one cycle; none where nothing is left.
+    pub(crate) fn advance(&mut self) -> Option<Setpoint<3>> {
+        let Machine {
+            executor, planner, ..
+        } = self;
+        if let Some(outlook) = executor.outlook() {
+            planner.observe(&outlook);
+        }
+        while executor.room() > 0 {
+            if let Some(command) = planner.pop() {
+                assert!(executor.accept(command));
+            } else if executor.is_held() {
+                break;
+            } else if let Some(item) = self.items.next() {
+                planner.push(*item).unwrap();
+            } else if !self.finished {
+                planner.finish();
+                self.finished = true;
+            } else {
+                break;
+            }
+        }
+        assert_eq!(executor.late_plans(), 0);
+        assert!(executor.cycle() < 1_000_000, "never ends");
+        (!executor.is_idle()).then(|| executor.advance())
+    }
+}
