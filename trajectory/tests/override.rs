@@ -18,7 +18,13 @@ const EXCESS: f64 = 1e-8;
 /// By how much the length of a blend's parts may be off, mm.
 const LENGTH: f64 = 3e-5;
 /// By how much a blend that is gone back may be elsewhere along the path, mm.
-const ALONG: f64 = 1e-6;
+const ALONG: f64 = 1e-9;
+
+/// What is asked for where nobody acts any more.
+const FAST: Overrides = Overrides {
+    feed: 2.0,
+    rapid: 1.0,
+};
 
 #[derive(Debug, Clone, Copy)]
 enum Act {
@@ -94,9 +100,10 @@ fn run(
             }
         }
         // Nobody waits for ever.
-        held = if executor.is_held() { held + 1 } else { 0 };
+        let waits = executor.is_held() || acts.peek().is_none();
+        held = if waits { held + 1 } else { 0 };
         if held > 400 {
-            executor.set_overrides(Overrides::default());
+            executor.set_overrides(FAST);
             executor.resume();
             held = 0;
         }

@@ -896,7 +896,7 @@ fn loads<const N: usize>(samples: [&Sample<N>; 3], jerk: f64, limits: &Limits<N>
 }
 
 /// When the piece reaches a distance, s from its start, between its start and its end.
-fn instant_at(piece: &Piece, distance: f64) -> f64 {
+pub(super) fn instant_at(piece: &Piece, distance: f64) -> f64 {
     let way = distance - piece.distance;
     let mut t = 0.0;
     // The speed changes little within a step: Newton's method is there at once.

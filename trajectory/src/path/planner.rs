@@ -148,7 +148,9 @@ struct Cursor {
 }
 
 /// How often the window that answers an outlook is halved; those behind it are ever longer.
-const HASTE: u32 = 3;
+const HASTE: u32 = 2;
+/// So much of such a window is kept, s: time to plan the next one. Its own end is out of sight until then.
+const HASTY: f64 = 0.06;
 
 impl<const N: usize> Planner<N> {
     /// For a machine with `limits` that rests in `position`.
@@ -620,7 +622,7 @@ impl<const N: usize> Planner<N> {
 
     /// Plans the next window of the section under way, with `slow_down` from a state that may be
     /// faster than what is asked for; true if that reaches the section's end.
-    fn plan_window(&mut self, slow_down: bool) -> bool {
+    fn plan_window(&mut self, asked_anew: bool) -> bool {
         let leg = self.cursor.leg;
         let index = leg.checked_sub(self.first).map(|index| index as usize);
         let backward = leg >= BACK;
@@ -643,6 +645,9 @@ impl<const N: usize> Planner<N> {
             .find(|s| s.speed <= 0.0)
             .map_or(f64::INFINITY, |s| s.start);
         self.slowing.clear();
+        if asked_anew {
+            self.window.faster.clear();
+        }
         let mut from = departure;
         // A straight end of a section has a closed form from any state.
         let straight = spans.len() == 1
@@ -653,8 +658,8 @@ impl<const N: usize> Planner<N> {
                 .window
                 .straight(&spans[0], &self.limits, departure)
                 .is_ok();
-        if slow_down && !straight && !lay_slowing(spans, &self.limits, &mut from, &mut self.slowing)
-        {
+        let slow_down = asked_anew && !straight;
+        if slow_down && !lay_slowing(spans, &self.limits, &mut from, &mut self.slowing) {
             return false;
         }
         if backward {
@@ -690,10 +695,21 @@ impl<const N: usize> Planner<N> {
                 let window = &mut self.window;
                 window.plan(spans, &self.limits, from, end, haste).is_ok()
             });
+            // Or one that slows down for what lies ahead before it is as slow as is asked for.
+            if !planned && !self.slowing.is_empty() {
+                from = departure;
+                self.window.faster.clone_from(&self.slowing);
+                self.slowing.clear();
+                planned = (0..=haste).rev().any(|haste| {
+                    let end = far(from, haste);
+                    let window = &mut self.window;
+                    window.plan(spans, &self.limits, from, end, haste).is_ok()
+                });
+            }
             for _ in 1..ATTEMPTS {
                 // Where no law is found there may be one from a little later on.
                 if !planned
-                    && !slow_down
+                    && !asked_anew
                     && let Some(step) = &mut self.cursor.splice
                     && let Some((pieces, later)) = self.window.later(from)
                 {
@@ -707,7 +723,7 @@ impl<const N: usize> Planner<N> {
             planned
         };
         if !planned {
-            if slow_down {
+            if asked_anew {
                 return false;
             }
             if departure.speed > 0.0 {
@@ -771,15 +787,26 @@ impl<const N: usize> Planner<N> {
             self.cursor.splice = None;
             return false;
         }
-        // From where is the window's end out of sight? Half of it is kept in any case.
+        // From where is the window's end out of sight? Half of it is kept in any case, of a short
+        // one less.
+        let half = pieces.len() / 2;
+        let mut time = self.slowing.iter().map(|piece| piece.duration).sum::<f64>();
+        let soon = pieces.iter().position(|piece| {
+            time += piece.duration;
+            time >= HASTY
+        });
+        let least = match soon {
+            Some(soon) if haste > 0 => half.min(soon + 1),
+            _ => half,
+        };
         let mut left = 0.0;
         let mut keep = pieces.len() - 1;
-        while keep > pieces.len() / 2 && left < self.sight {
+        while keep > least && left < self.sight {
             left += pieces[keep].duration;
             keep -= 1;
         }
         // The calmer the state, the easier it is to go on from.
-        for k in (pieces.len() / 2..keep).rev() {
+        for k in (least..keep).rev() {
             if pieces[k].acceleration.abs() < 0.5 * pieces[keep].acceleration.abs() {
                 keep = k;
             }

@@ -1,6 +1,7 @@
 //! Plans a stretch of a section: cuts it into cells, solves for the time law, turns it into pieces
 //! and certifies them.
 
+use super::brake::instant_at;
 use super::certify::{ROUNDING, load};
 use super::planner::{Bounds, rest_to_rest};
 use super::time_law::{Cell, Node, Slope, TimeLaw};
@@ -95,6 +96,8 @@ pub struct Window<const N: usize> {
     law: TimeLaw<N>,
     pieces: Vec<Piece>,
     effort: Effort,
+    /// A slowing down to the speed that is asked for; where it is faster than that, so may the plan be.
+    pub(super) faster: Vec<Piece>,
 }
 
 /// The last plan that was found.
@@ -137,7 +140,23 @@ impl<const N: usize> Default for Window<N> {
             law: TimeLaw::default(),
             pieces: Vec::new(),
             effort: Effort::default(),
+            faster: Vec::new(),
         }
+    }
+}
+
+/// Part of the speed by which a plan may be faster than the slowing down.
+const LOOSE: f64 = 1e-3;
+
+/// The speed that is asked for on a span at the distance `s`, while slowing down.
+fn asked<const N: usize>(faster: &[Piece], span: &Span<N>, s: f64) -> f64 {
+    let next = faster.partition_point(|piece| piece.distance <= s);
+    match faster.get(next.saturating_sub(1)) {
+        Some(piece) if s < piece.distance + piece.at(piece.duration).0 => {
+            let (_, speed, _) = piece.at(instant_at(piece, s));
+            span.speed.max(speed * (1.0 + LOOSE))
+        }
+        _ => span.speed,
     }
 }
 
@@ -339,7 +358,8 @@ impl<const N: usize> Window<N> {
                 continue;
             }
             let straight = span.curve.direction().is_some();
-            let mut before = Rates::at(&span.curve.at(from).into(), limits, span.speed);
+            let speed = |s: f64| asked(&self.faster, span, span.start + s);
+            let mut before = Rates::at(&span.curve.at(from).into(), limits, speed(from));
             let mut s0 = from;
             while s0 < to {
                 // A part that is nearly all there is is all there is.
@@ -349,10 +369,10 @@ impl<const N: usize> Window<N> {
                 } else {
                     to
                 };
-                let after = if straight {
+                let after = if straight && self.faster.is_empty() {
                     before
                 } else {
-                    Rates::at(&span.curve.at(s1).into(), limits, span.speed)
+                    Rates::at(&span.curve.at(s1).into(), limits, speed(s1))
                 };
                 let rates = before.least(after);
                 self.stretches.push(Stretch {
@@ -516,13 +536,15 @@ impl<const N: usize> Window<N> {
             let span = &spans[index];
             let slopes: [Slope<N>; 2] =
                 [ends[0], ends[1]].map(|s| span.curve.at(s - span.start).into());
-            let [first, second] = slopes.map(|slope| Rates::at(&slope, limits, span.speed).fast);
+            let [first, second] =
+                slopes.map(|slope| Rates::at(&slope, limits, f64::INFINITY).fast.sqrt());
+            let [begin, within] = [ends[0], middle].map(|s| asked(&self.faster, span, s));
             self.cells.push(Cell {
                 length: ends[1] - ends[0],
                 ends: slopes,
                 speed: [
-                    SPEED_SHARE * before.min(first).sqrt(),
-                    SPEED_SHARE * first.min(second).sqrt(),
+                    SPEED_SHARE * before.min(first).min(begin),
+                    SPEED_SHARE * first.min(second).min(within),
                 ],
                 share: if span.curve.direction().is_some() {
                     [1.0; 2]
@@ -531,7 +553,7 @@ impl<const N: usize> Window<N> {
                 },
             });
             self.span_of.push(index);
-            before = second;
+            before = second.min(asked(&self.faster, span, ends[1]));
         }
         for (cell, &(_, _, share)) in self.cells.iter_mut().zip(&self.kept) {
             cell.share = share;
@@ -581,7 +603,15 @@ impl<const N: usize> Window<N> {
         let margin = MARGIN * (1_usize << round.min(5)) as f64;
         let mut stretch = 1.0_f64;
         for k in 0..self.pieces.len() {
-            let load = load(&self.pieces[k], &spans[self.span_of[k]], limits);
+            let (piece, span) = (&self.pieces[k], &spans[self.span_of[k]]);
+            let ends = [self.nodes[k], self.nodes[k + 1]];
+            let [begin, end] = ends.map(|s| asked(&self.faster, span, s));
+            let speed = begin.max(end);
+            let load = if speed > span.speed {
+                load(piece, &Span { speed, ..*span }, limits)
+            } else {
+                load(piece, span, limits)
+            };
             // What is cut off here shows up next door, above all where a plateau is reached.
             let near = [
                 (load.velocity, load.velocity, NEAR_SPEED),
