@@ -16,8 +16,8 @@ const PERIOD: f64 = 0.000_5;
 /// Part of a limit by which the plan's own certificate may miss.
 const EXCESS: f64 = 1e-8;
 /// By how much the length of a blend's parts may be off, mm.
-const LENGTH: f64 = 3e-5;
-/// By how much a blend that is gone back may be elsewhere along the path, mm.
+const LENGTH: f64 = 1e-9;
+/// By how much an axis may be elsewhere along the path, also on the way back, mm.
 const ALONG: f64 = 1e-9;
 
 /// What is asked for where nobody acts any more.

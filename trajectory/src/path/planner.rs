@@ -406,6 +406,7 @@ impl<const N: usize> Planner<N> {
             cycle: outlook.cycle,
         });
         self.revision = outlook.revision;
+        self.window.faster.clear();
         let moves = departure.speed > 0.0;
         match self.section(leg) {
             Some(_) => {
@@ -567,6 +568,7 @@ impl<const N: usize> Planner<N> {
 
     /// Planning goes on with that leg; legs long passed are forgotten.
     fn begin_leg(&mut self, leg: u64) {
+        self.window.faster.clear();
         self.cursor = Cursor {
             leg,
             step: self.cursor.step,
@@ -620,8 +622,8 @@ impl<const N: usize> Planner<N> {
         }
     }
 
-    /// Plans the next window of the section under way, with `slow_down` from a state that may be
-    /// faster than what is asked for; true if that reaches the section's end.
+    /// Plans the next window of the section under way; if it is the first that is `asked_anew`, from a
+    /// state that may be faster than what is asked for. True if that reaches the section's end.
     fn plan_window(&mut self, asked_anew: bool) -> bool {
         let leg = self.cursor.leg;
         let index = leg.checked_sub(self.first).map(|index| index as usize);
@@ -645,9 +647,6 @@ impl<const N: usize> Planner<N> {
             .find(|s| s.speed <= 0.0)
             .map_or(f64::INFINITY, |s| s.start);
         self.slowing.clear();
-        if asked_anew {
-            self.window.faster.clear();
-        }
         let mut from = departure;
         // A straight end of a section has a closed form from any state.
         let straight = spans.len() == 1

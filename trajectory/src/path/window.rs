@@ -150,8 +150,8 @@ const LOOSE: f64 = 1e-3;
 
 /// The speed that is asked for on a span at the distance `s`, while slowing down.
 fn asked<const N: usize>(faster: &[Piece], span: &Span<N>, s: f64) -> f64 {
-    let next = faster.partition_point(|piece| piece.distance <= s);
-    match faster.get(next.saturating_sub(1)) {
+    let begun = faster.partition_point(|piece| piece.distance <= s);
+    match faster[..begun].last() {
         Some(piece) if s < piece.distance + piece.at(piece.duration).0 => {
             let (_, speed, _) = piece.at(instant_at(piece, s));
             span.speed.max(speed * (1.0 + LOOSE))

@@ -1,0 +1,335 @@
+//! How soon an override takes effect, and that the speed then goes one way, to what is asked for.
+//!
+//! Two plans that know nothing of each other are compared: the one that an override changed in motion,
+//! and the reference, the same path planned from its beginning with that override. From 10 ms after
+//! the command on, until the next one,
+//!
+//! - where the speed is above what is asked for there, it falls, or its acceleration does;
+//! - where it is below that and below the reference, it rises, or a deceleration is taken back,
+//!   unless the reference falls within the next 10 ms of the way: there the path's own limit comes.
+//!
+//! A plan that takes over later than 10 ms after its command passes only where the old one does that
+//! itself, as on its way down to a corner. Counted apart are those for which no way down was found
+//! while the old plan sped up again: in the narrow of a corner, at little speed.
+
+mod common;
+mod machine;
+
+use common::{LIMITS, contour};
+use machine::Machine;
+use proptest::prelude::*;
+use proptest::strategy::ValueTree;
+use proptest::test_runner::{Config, RngAlgorithm, TestRng, TestRunner};
+use syncline_trajectory::path::{
+    Command, Exit, Feed, Item, Move, Overrides, Planner, Setpoint, Span,
+};
+
+/// A command shows after this long, s.
+const RESPONSE: f64 = 0.010;
+/// Cycle of the reference, s.
+const FINE: f64 = 0.001;
+/// Speeds that differ by less are the same: so much, mm/s, and this part.
+const SAME: f64 = 0.05;
+const SAME_PART: f64 = 5e-3;
+/// An acceleration below this is none, mm/s²: 0.1 mm/s in a second.
+const STEADY: f64 = 0.1;
+/// From here on the reference falls, mm/s².
+const FALLS: f64 = 0.1;
+
+#[derive(Debug, Clone, Copy)]
+struct State {
+    s: f64,
+    v: f64,
+    a: f64,
+}
+
+impl From<Setpoint<3>> for State {
+    fn from(now: Setpoint<3>) -> Self {
+        let along = (0..3).map(|i| now.velocity[i] * now.acceleration[i]);
+        State {
+            s: now.distance,
+            v: now.speed,
+            a: along.sum::<f64>() / now.speed.max(1e-9),
+        }
+    }
+}
+
+/// The speeds that are programmed along a path.
+struct Programmed(Vec<Span<3>>);
+
+impl Programmed {
+    fn along(items: &[Item<3>], start: [f64; 3]) -> Self {
+        let mut planner = Planner::new(LIMITS, start);
+        let (mut spans, mut origin) = (Vec::new(), 0.0);
+        for item in items {
+            planner.push(*item).unwrap();
+        }
+        planner.finish();
+        while let Some(command) = planner.pop() {
+            match command {
+                Command::Section { origin: o, .. } => origin = o,
+                Command::Span(span) => spans.push(Span {
+                    start: origin + span.start,
+                    ..span
+                }),
+                _ => {}
+            }
+        }
+        Programmed(spans)
+    }
+
+    /// What is asked for after overrides.
+    fn asked(&self, s: f64, overrides: Overrides) -> f64 {
+        let span = &self.0[self.0.partition_point(|x| x.start <= s).max(1) - 1];
+        if span.feed.is_finite() {
+            return span.feed * overrides.feed;
+        }
+        let along = span.curve.at(s - span.start).d1;
+        let axes = (0..3).map(|i| LIMITS.velocity[i] / along[i].abs());
+        axes.fold(f64::INFINITY, f64::min) * overrides.rapid
+    }
+}
+
+/// The path with an override from its beginning, to its end or to where that leaves no way on.
+struct Reference(Vec<State>);
+
+impl Reference {
+    fn with(overrides: Overrides, items: &[Item<3>], start: [f64; 3]) -> Self {
+        let mut machine = Machine::new(LIMITS, items, start, FINE);
+        machine.executor.set_overrides(overrides);
+        let mut states = vec![State::from(machine.executor.setpoint())];
+        while let Some(now) = machine.advance()
+            && !machine.executor.is_held()
+        {
+            states.push(now.into());
+        }
+        Reference(states)
+    }
+
+    fn speed(&self, s: f64) -> f64 {
+        let next = self.0.partition_point(|state| state.s <= s);
+        let (Some(a), Some(b)) = (self.0.get(next.wrapping_sub(1)), self.0.get(next)) else {
+            return 0.0;
+        };
+        let part = (s - a.s) / (b.s - a.s);
+        (a.v * a.v + part * (b.v * b.v - a.v * a.v)).sqrt()
+    }
+
+    fn falls_between(&self, from: f64, to: f64) -> bool {
+        let first = self.0.partition_point(|state| state.s < from);
+        let mut there = self.0[first.saturating_sub(1)..].iter();
+        there.any(|state| state.a < -FALLS && state.s <= to + state.v * FINE)
+            || self.0.last().is_none_or(|last| last.s <= to)
+    }
+}
+
+/// What the speed must not do.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Fault {
+    /// It is above what is asked for and does not fall.
+    StaysAbove,
+    /// It is below and falls.
+    Dips,
+    /// It is below and does not rise.
+    StaysBelow,
+}
+
+fn fault(before: State, now: State, asked: f64, reference: &Reference) -> Option<Fault> {
+    let same = |speed: f64| SAME + SAME_PART * speed;
+    let change = now.a - before.a;
+    if now.v > asked + same(asked) {
+        return (now.a > -STEADY && change > -1e-6).then_some(Fault::StaysAbove);
+    }
+    let there = reference.speed(now.s).min(asked);
+    let near = now.v * RESPONSE + 1e-3;
+    if now.v >= there - same(there) || reference.falls_between(now.s - near, now.s + near) {
+        None
+    } else if now.a < -STEADY && change < 1e-6 {
+        Some(Fault::Dips)
+    } else if now.a.abs() <= STEADY {
+        Some(Fault::StaysBelow)
+    } else {
+        None
+    }
+}
+
+/// Overrides of paths in motion.
+#[derive(Debug, Default)]
+struct Count {
+    overrides: usize,
+    /// The setpoints are others within 10 ms.
+    differ: usize,
+    /// The new plan is in force within 10 ms.
+    in_force: usize,
+    /// The worst of the others, ms.
+    latest: f64,
+    /// Of those, how often no way down was found while the old plan went on above what is asked for.
+    no_way_down: usize,
+    stay_above: usize,
+    dip: usize,
+    stay_below: usize,
+}
+
+/// Random override steps at random instants in random programs, at cycles of 1, 2 and 4 ms.
+fn survey(programs: u32) -> Count {
+    let mut runner = TestRunner::new_with_rng(
+        Config::default(),
+        TestRng::deterministic_rng(RngAlgorithm::ChaCha),
+    );
+    let feed = prop_oneof![1 => Just(0.0), 6 => 0.2..2.0_f64, 1 => Just(1.0), 1 => Just(2.0)];
+    let overrides = (feed, prop_oneof![Just(1.0), 0.05..1.0_f64])
+        .prop_map(|(feed, rapid)| Overrides { feed, rapid });
+    let strategy = (
+        contour(5.0..60.0),
+        3.0..6.7_f64,
+        prop_oneof![Just(0.001), 0.005..0.5_f64],
+        prop::collection::vec((0.02..0.5_f64, overrides), 2..10),
+        prop::sample::select(vec![0.001, 0.002, 0.004]),
+    );
+    let mut count = Count::default();
+    for program in 0..programs {
+        let tree = strategy.new_tree(&mut runner).unwrap();
+        let (curves, log_feed, tolerance, acts, period) = tree.current();
+        let rapid = |k: usize| k % 3 == 2 && curves[k].direction().is_some();
+        let items: Vec<_> = (0..curves.len())
+            .map(|k| {
+                Item::Move(Move {
+                    curve: curves[k],
+                    feed: if rapid(k) {
+                        Feed::Rapid
+                    } else {
+                        Feed::Rate(log_feed.exp())
+                    },
+                    exit: Exit::Blend(tolerance),
+                    tag: k as u32,
+                })
+            })
+            .collect();
+        follow(
+            &items,
+            curves[0].start(),
+            &acts,
+            period,
+            program,
+            &mut count,
+        );
+    }
+    count
+}
+
+/// One program; each override stands for its time.
+fn follow(
+    items: &[Item<3>],
+    start: [f64; 3],
+    acts: &[(f64, Overrides)],
+    period: f64,
+    program: u32,
+    count: &mut Count,
+) {
+    let programmed = Programmed::along(items, start);
+    let response = (RESPONSE / period).round() as u64;
+    let mut machine = Machine::new(LIMITS, items, start, period);
+    for _ in 0..(acts[0].0 / period) as u64 {
+        machine.advance();
+    }
+    let mut before = State::from(machine.executor.setpoint());
+    for &(time, overrides) in acts {
+        let news = overrides != machine.executor.overrides();
+        let reference = Reference::with(overrides, items, start);
+        let mut twin = machine.clone();
+        machine.executor.set_overrides(overrides);
+        let from = before;
+        let (mut differs, mut no_way, mut late) = (false, false, 0);
+        let mut faults = Vec::new();
+        for cycle in 1..=(time / period) as u64 {
+            let Some(now) = machine.advance() else {
+                return;
+            };
+            if cycle <= response {
+                differs |= twin.advance() != Some(now);
+            }
+            if machine.executor.awaits_plan() {
+                late = cycle;
+            }
+            let waits = cycle <= late + response;
+            let now = State::from(now);
+            if cycle > response {
+                let asked = programmed.asked(now.s, overrides);
+                let fault = fault(before, now, asked, &reference);
+                if late > 0 && waits && fault == Some(Fault::StaysAbove) {
+                    no_way = true;
+                } else {
+                    let there = reference.speed(now.s);
+                    faults.extend(fault.map(|fault| (fault, now, asked, there)));
+                }
+            }
+            before = now;
+        }
+        if !news || from.v == 0.0 {
+            continue;
+        }
+        let late = late as f64 * period * 1e3;
+        count.overrides += 1;
+        count.differ += usize::from(differs);
+        count.in_force += usize::from(late == 0.0);
+        count.no_way_down += usize::from(no_way);
+        count.latest = count.latest.max(late);
+        let has = |what| usize::from(faults.iter().any(|(fault, ..)| *fault == what));
+        count.stay_above += has(Fault::StaysAbove);
+        count.dip += has(Fault::Dips);
+        count.stay_below += has(Fault::StaysBelow);
+        if let Some(first) = faults.first() {
+            let n = faults.len();
+            println!(
+                "{program}, {period} s: {overrides:?} in {from:?}, {late} ms late: {n}, {first:?}"
+            );
+        }
+    }
+}
+
+/// All but some take effect at once; of the others the old plan slows down for the path by itself.
+#[test]
+fn an_override_shows_within_ten_milliseconds_and_the_speed_goes_one_way() {
+    let count = survey(16);
+    println!("{count:?}");
+    assert!(count.overrides >= 30);
+    assert!(count.in_force * 10 >= count.overrides * 8);
+    assert!(count.no_way_down * 10 <= count.overrides);
+    assert_eq!((count.stay_above, count.dip, count.stay_below), (0, 0, 0));
+}
+
+/// `cargo test --release -p syncline-trajectory --test effect -- --ignored --nocapture`
+#[test]
+#[ignore = "takes minutes"]
+fn many_overrides() {
+    let count = survey(400);
+    println!("{count:?}");
+    assert!(count.in_force * 10 >= count.overrides * 8);
+    assert!(count.no_way_down * 25 <= count.overrides);
+    assert_eq!((count.stay_above, count.dip, count.stay_below), (0, 0, 0));
+}
+
+/// The checker itself sees a cruise at the old speed, and a dip.
+#[test]
+fn faults_are_seen() {
+    let cruise = |v: f64| (0..1000).map(move |k| (f64::from(k) * v * FINE, v));
+    let reference = Reference(cruise(100.0).map(|(s, v)| State { s, v, a: 0.0 }).collect());
+    let at = |v: f64, a: f64| State { s: 20.0, v, a };
+    for (before, now, asked, expected) in [
+        (
+            at(100.0, 0.0),
+            at(100.0, 0.0),
+            50.0,
+            Some(Fault::StaysAbove),
+        ),
+        (at(100.0, 0.0), at(99.9, -80.0), 50.0, None),
+        (at(100.0, 90.0), at(100.1, 10.0), 50.0, None),
+        (at(50.0, 0.0), at(50.0, 0.0), 100.0, Some(Fault::StaysBelow)),
+        (at(50.0, 0.0), at(50.1, 80.0), 100.0, None),
+        (at(90.0, 0.0), at(89.9, -40.0), 100.0, Some(Fault::Dips)),
+        (at(90.0, -80.0), at(89.9, -40.0), 100.0, None),
+        (at(100.0, 0.0), at(100.0, 0.0), 100.0, None),
+    ] {
+        assert_eq!(fault(before, now, asked, &reference), expected, "{now:?}");
+    }
+}
