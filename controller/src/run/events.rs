@@ -13,12 +13,16 @@ use syncline_trajectory::path::Jog;
 type Event = (&'static str, &'static str, fn(&str) -> Option<Order>);
 
 const EVENTS: [Event; 10] = [
-    ("feed_override", "a value from 0 to 200 (%)", |value| {
-        percent(value, 200.0).map(Order::FeedOverride)
-    }),
-    ("rapid_override", "a value from 0 to 100 (%)", |value| {
-        percent(value, 100.0).map(Order::RapidOverride)
-    }),
+    (
+        "feed_override",
+        "0 or a value from 0.1 to 200 (%)",
+        |value| percent(value, 200.0).map(Order::FeedOverride),
+    ),
+    (
+        "rapid_override",
+        "0 or a value from 0.1 to 100 (%)",
+        |value| percent(value, 100.0).map(Order::RapidOverride),
+    ),
     ("hold", "", |_| Some(Order::Hold)),
     ("resume", "", |_| Some(Order::Resume)),
     ("stop_after_block", "", |_| Some(Order::StopAfterBlock)),
@@ -42,7 +46,7 @@ const POSITIONS: &str = "axes and their positions as `X10 Y-2.5`";
 /// The part of the whole.
 fn percent(value: &str, most: f64) -> Option<f64> {
     let percent = value.parse().ok();
-    let percent = percent.filter(|it: &f64| (0.0..=most).contains(it));
+    let percent = percent.filter(|it: &f64| *it == 0.0 || (0.1..=most).contains(it));
     percent.map(|it| it / 100.0)
 }
 
@@ -337,17 +341,22 @@ mod tests {
             (
                 "t_s,event,value\n1,feed_override,\n",
                 "e.csv:2:17:",
-                "0 to 200",
+                "0.1 to 200",
             ),
             (
                 "t_s,event,value\n1,feed_override\n",
                 "e.csv:2:16:",
-                "0 to 200",
+                "0.1 to 200",
+            ),
+            (
+                "t_s,event,value\n1,feed_override,1e-300\n",
+                "e.csv:2:17:",
+                "0.1 to 200",
             ),
             (
                 "t_s,event,value\n1,rapid_override,101\n",
                 "e.csv:2:18:",
-                "0 to 100",
+                "0.1 to 100",
             ),
             (
                 "t_s,event,value\n1,hold,,x\n",

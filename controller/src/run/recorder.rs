@@ -406,9 +406,11 @@ impl Recorder {
                     continue;
                 };
                 let away = distance(curve, point);
-                farther = if away < nearest { 0 } else { farther + 1 };
+                // Counted among those only that are ahead.
+                let nearer = away < nearest || tag <= last;
+                farther = if nearer { 0 } else { farther + 1 };
                 nearest = nearest.min(away);
-                if nearest <= good_enough || tag > last && farther > BEHIND {
+                if nearest <= good_enough || farther > BEHIND {
                     break;
                 }
             }

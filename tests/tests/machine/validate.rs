@@ -167,6 +167,26 @@ fn the_path_stays_inside_the_soft_limits() {
     }
 }
 
+/// What is near the setpoint is found behind any number of moves, a tiny one among them.
+#[test]
+fn a_tiny_move_behind_a_corner_is_no_deviation() {
+    let folder = Folder::new();
+    let machine = folder.machine("portal");
+    let mut program = String::from("G64 P0.01\nG1 F6000\nG0 X100 Y0\n");
+    for k in 0..10 {
+        program += &format!("G1 X{} Y{}\n", 105 + 5 * k, k % 2);
+    }
+    program += "G1 X170 Y0\nG1 X170 Y0.0001\nG1 X170 Y0.3\nM2\n";
+    let program = folder.file("tiny.ngc", &program);
+    let output = syncline()
+        .arg("validate")
+        .args([&machine, &program])
+        .output()
+        .unwrap();
+    let (code, printed, errors) = ended(&output);
+    assert_eq!(code, 0, "{errors}{printed}");
+}
+
 /// A short program for either machine.
 fn short() -> (Folder, PathBuf) {
     let folder = Folder::new();

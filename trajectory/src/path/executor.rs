@@ -89,6 +89,9 @@ fn first_lead(period: f64) -> u64 {
 /// comes while the old one is complete.
 const RESERVE: usize = 2048;
 
+/// Less of the programmed speed is none: a path that takes for ever cannot be planned.
+const LEAST_OVERRIDE: f64 = 1e-3;
+
 /// From so far ahead a stop is searched for whose search takes more than a cycle, s.
 const AHEAD: f64 = 0.006;
 /// Rounds of the search for a stop on a curve in a cycle.
@@ -164,6 +167,15 @@ pub struct Executor<const N: usize> {
     stopped: bool,
     /// What a person does with the axes while the path rests.
     away: Option<Excursion<N>>,
+}
+
+/// Part of a speed that is asked for, at most `most`.
+fn part(asked: f64, most: f64) -> f64 {
+    if asked < LEAST_OVERRIDE {
+        0.0
+    } else {
+        asked.min(most)
+    }
 }
 
 /// An empty queue whose memory has been written to once, so that the cycle is never the first to
@@ -567,11 +579,11 @@ impl<const N: usize> Executor<N> {
     // --- what a person does ---
 
     /// From now on these parts of the programmed speeds are asked for; values outside of the ranges
-    /// are brought into them.
+    /// are brought into them, to rest where they are next to nothing.
     pub fn set_overrides(&mut self, overrides: Overrides) {
         let overrides = Overrides {
-            feed: overrides.feed.clamp(0.0, 2.0),
-            rapid: overrides.rapid.clamp(0.0, 1.0),
+            feed: part(overrides.feed, 2.0),
+            rapid: part(overrides.rapid, 1.0),
         };
         if overrides != self.overrides {
             // A rest for want of speed ends; one that a person asked for does not, and what ends it
