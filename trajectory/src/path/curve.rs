@@ -389,15 +389,22 @@ impl<const N: usize> Poly<N> {
             terms[3][i] = -15.0 * p + 7.0 * dv - da;
             terms[4][i] = 6.0 * p - 3.0 * dv + 0.5 * da;
         }
+        Self::new(from.q, terms)
+    }
+
+    /// The curve with these coefficients of u, u² … u⁵. `None` if it would stand still or turn back
+    /// on the way.
+    pub(super) fn new(start: [f64; N], terms: [[f64; N]; 5]) -> Option<Self> {
         let mut poly = Poly {
-            start: from.q,
+            start,
             terms,
             knots: [0.0; PARTS + 1],
             lengths: [0.0; PARTS + 1],
         };
         // The rate is the root of a polynomial with a zero about so far from the middle in the
         // complex plane; parts shorter than their distance from it are integrated to rounding.
-        let dip = 0.5 * (poly.rate(0.5) / poly.rate(0.0).max(poly.rate(1.0))).clamp(1e-3, 1.0);
+        let most = poly.rate(0.0).max(poly.rate(1.0));
+        let dip = 0.5 * (poly.rate(0.5) / most).clamp(1e-3, 1.0);
         let scale = libm::asinh(0.5 / dip);
         let middle = PARTS / 2;
         for k in 0..=middle {
@@ -412,7 +419,7 @@ impl<const N: usize> Poly<N> {
         for k in 0..PARTS {
             let [from, to] = [poly.knots[k], poly.knots[k + 1]];
             let least = poly.rate(from).min(poly.rate(0.5 * (from + to)));
-            if least.is_nan() || least < 1e-3 * rate {
+            if least.is_nan() || least < 1e-3 * most {
                 return None;
             }
             poly.lengths[k + 1] = poly.lengths[k] + poly.length_between(from, to);
@@ -461,7 +468,8 @@ impl<const N: usize> Poly<N> {
         }
     }
 
-    fn first(&self, u: f64) -> [f64; N] {
+    /// The derivative by the parameter.
+    pub(super) fn first(&self, u: f64) -> [f64; N] {
         let mut d = [0.0; N];
         for k in (0..5).rev() {
             let by = (k + 1) as f64;
@@ -470,6 +478,42 @@ impl<const N: usize> Poly<N> {
             }
         }
         d
+    }
+
+    /// The second derivative by the parameter.
+    pub(super) fn second(&self, u: f64) -> [f64; N] {
+        let mut d = [0.0; N];
+        for k in (1..5).rev() {
+            let by = (k * (k + 1)) as f64;
+            for i in 0..N {
+                d[i] = d[i] * u + by * self.terms[k][i];
+            }
+        }
+        d
+    }
+
+    /// The curve between two parameters.
+    fn part(&self, from: f64, to: f64) -> Option<Self> {
+        let mut terms = self.terms;
+        for i in 0..N {
+            // Taylor's shift.
+            let mut c = [0.0; 6];
+            c[0] = self.start[i];
+            for k in 0..5 {
+                c[k + 1] = self.terms[k][i];
+            }
+            for low in 0..5 {
+                for k in (low..5).rev() {
+                    c[k] += from * c[k + 1];
+                }
+            }
+            let mut scale = 1.0;
+            for k in 0..5 {
+                scale *= to - from;
+                terms[k][i] = scale * c[k + 1];
+            }
+        }
+        Self::new(self.point(from), terms)
     }
 
     /// The tangent at a knot.
@@ -554,13 +598,7 @@ impl<const N: usize> Poly<N> {
 
     fn at(&self, s: f64) -> Derivatives<N> {
         let u = self.parameter(s);
-        let (mut u2, mut u3) = ([0.0; N], [0.0; N]);
-        for k in (1..5).rev() {
-            let by = (k * (k + 1)) as f64;
-            for i in 0..N {
-                u2[i] = u2[i] * u + by * self.terms[k][i];
-            }
-        }
+        let (u2, mut u3) = (self.second(u), [0.0; N]);
         for k in (2..5).rev() {
             let by = ((k - 1) * k * (k + 1)) as f64;
             for i in 0..N {
@@ -901,7 +939,10 @@ impl<const N: usize> Curve<N> {
                     ..arc
                 })
             }
-            Curve::Poly(poly) => Curve::Poly(poly),
+            Curve::Poly(poly) => {
+                let (from, to) = (poly.parameter(from), poly.parameter(to));
+                Curve::Poly(poly.part(from, to).unwrap_or(poly))
+            }
         }
     }
 

@@ -1,88 +1,365 @@
 //! Takes runs of short lines for what they were made from.
 //!
 //! CAM systems write curves as facets. A path that follows every one of them has the curvature of
-//! its joints, not that of the curve. So lines that are short against the tolerance are gathered as
-//! long as one line or one arc passes all of them within half of it; what is left of the tolerance
-//! is for the blends between the runs. Where a program says within what lines are to be merged, they
-//! are, however long they are.
+//! its joints, not that of the curve, and where coordinates are rounded that of the rounding. So
+//! lines that are short against the tolerance are gathered. Those that follow one line become that;
+//! the others become polynomials of degree five that go on one from the other with tangent and
+//! curvature, each the best (by least squares) for points far beyond its own end: the next one starts
+//! from where data on both sides held the curve, not from where it was let go. Every point and every
+//! facet is measured. Where a program says within what lines are to be merged, they are, however
+//! long they are.
 
-use super::curve::{ArcDefinition, Curve, Plane};
+use super::blend::distance;
+use super::curve::{Curve, Poly};
 use super::{Exit, Move};
 
 /// Lines up to so many tolerances long are facets.
 const SHORT: f64 = 100.0;
 /// Least cosine of the turn from one facet to the next.
 const GENTLE: f64 = 0.9;
-/// Part of the tolerance that a run may stray.
-const SHARE: f64 = 0.7;
-/// Facets in a run, at most.
-const MOST: usize = 64;
+/// Part of the tolerance that a polynomial may stray between two others, …
+const SHARE: f64 = 0.97;
+/// … where what is left is for a blend with what comes before or after, …
+const OUTER_SHARE: f64 = 0.7;
+/// … and that a line through facets may, unless lines are to be merged.
+const STRAIGHT: f64 = 1e-3;
+/// Facets that are looked at, at most, and at least where the curve is to go on.
+const MOST: usize = 96;
+const FEWEST: usize = 6;
+/// Degree of the polynomials.
+const DEGREE: usize = 5;
 
-/// Moves that one curve stands for.
+/// Moves that are gathered.
 #[derive(Debug, Clone)]
 pub struct Run<const N: usize> {
+    /// The last of them.
+    last: Move<N>,
+    /// Where the first begins, and the ends of all, with their tags.
+    points: Vec<([f64; N], u32)>,
+    /// Direction of the last one.
+    heading: [f64; N],
+    /// All of them are short, and turn little from one to the next.
+    curve_like: bool,
+    /// The line that stands for all of them, if one does, and how far it strays.
+    line: Option<(Curve<N>, f64)>,
+    /// What the curve goes on from at the first point.
+    knot: Option<Knot<N>>,
+    /// Facets that the last polynomial was good for.
+    reach: usize,
+}
+
+/// What curves stand for.
+#[derive(Debug, Clone, Copy)]
+pub struct Part<const N: usize> {
     /// The curve, with the feed, the exit and the tag of the last move.
     pub motion: Move<N>,
     /// How far it strays from the moves, at most, mm.
     pub astray: f64,
-    /// Ends of the moves.
-    points: Vec<[f64; N]>,
-    /// Direction of the last move.
-    heading: [f64; N],
-    /// All of them are short, and turn little from one to the next.
-    curve_like: bool,
+    /// It goes on from the one before with tangent and curvature.
+    pub goes_on: bool,
+}
+
+/// A point of the curve: derivatives by the length of the facets.
+#[derive(Debug, Clone, Copy)]
+struct Knot<const N: usize> {
+    q: [f64; N],
+    d1: [f64; N],
+    d2: [f64; N],
+}
+
+/// A polynomial for some facets.
+struct Fit<const N: usize> {
+    curve: Curve<N>,
+    /// For how many.
+    facets: usize,
+    astray: f64,
+    end: Knot<N>,
 }
 
 impl<const N: usize> Run<N> {
     /// One move; `None` if that is no facet, nor to be merged.
     pub fn begin(motion: &Move<N>) -> Option<Self> {
         let heading = motion.curve.direction()?;
-        let short = motion.curve.length() <= SHORT * motion.exit.rounding()?;
-        (short || merged_within(motion.exit).is_some()).then(|| Run {
-            motion: *motion,
-            astray: 0.0,
-            points: vec![motion.curve.start(), motion.curve.end()],
+        let curve_like = is_short(motion, &heading);
+        (curve_like || merged_within(motion.exit).is_some()).then(|| Run {
+            last: *motion,
+            points: vec![
+                (motion.curve.start(), motion.tag),
+                (motion.curve.end(), motion.tag),
+            ],
             heading,
-            curve_like: short,
+            curve_like,
+            line: Some((motion.curve, 0.0)),
+            knot: None,
+            reach: MOST,
         })
     }
 
-    /// Goes on with a move; false if there is no curve that passes all of them and `may_be`.
-    pub fn extend(&mut self, motion: &Move<N>, may_be: impl Fn(&Curve<N>) -> bool) -> bool {
-        let (Some(tolerance), Some(heading)) = (motion.exit.rounding(), motion.curve.direction())
-        else {
+    /// Goes on with a move; false if that is not one with the others.
+    pub fn extend(&mut self, motion: &Move<N>) -> bool {
+        let Some(heading) = motion.curve.direction() else {
             return false;
         };
         let turn: f64 = (0..N.min(3)).map(|i| heading[i] * self.heading[i]).sum();
-        let curve_like =
-            self.curve_like && motion.curve.length() <= SHORT * tolerance && turn >= GENTLE;
+        let curve_like = self.curve_like && is_short(motion, &heading) && turn >= GENTLE;
         let merged = merged_within(motion.exit);
-        if motion.exit != self.motion.exit
-            || motion.feed != self.motion.feed
-            || !(curve_like || merged.is_some())
-            || self.points.len() > MOST
+        if motion.exit != self.last.exit
+            || motion.feed != self.last.feed
+            || !(curve_like || self.line.is_some() && merged.is_some())
         {
             return false;
         }
-        self.points.push(motion.curve.end());
-        let within = SHARE * tolerance;
-        let mut found = line(&self.points, merged.unwrap_or(within));
-        if found.is_none() && curve_like {
-            found = [Plane::Xy, Plane::Zx, Plane::Yz]
-                .into_iter()
-                .find_map(|plane| arc(&self.points, plane, within))
-                .filter(|(curve, _)| may_be(curve));
+        self.points.push((motion.curve.end(), motion.tag));
+        if self.line.is_some() {
+            let most = self.points.len() <= MOST;
+            self.line = line(&self.points, self.within()).filter(|_| most);
+            if self.line.is_none() && !(curve_like && most) {
+                self.points.pop();
+                self.line = line(&self.points, f64::INFINITY);
+                return false;
+            }
         }
-        let Some((curve, astray)) = found else {
-            self.points.pop();
-            return false;
-        };
-        self.motion = Move { curve, ..*motion };
-        self.astray = astray;
+        self.last = *motion;
         self.heading = heading;
         self.curve_like = curve_like;
         true
     }
+
+    /// The next part, if enough of the facets behind it are known or there come no more. A curve of its
+    /// own is one that `may_be`.
+    pub fn next(&mut self, ended: bool, may_be: impl Fn(&Curve<N>) -> bool) -> Option<Part<N>> {
+        let facets = self.points.len() - 1;
+        if facets == 0 || !ended && (self.line.is_some() || facets < self.wanted()) {
+            return None;
+        }
+        if let Some((curve, astray)) = self.line {
+            return Some(self.part(curve, facets, astray, None));
+        }
+        let mut ahead = facets.min(self.wanted());
+        loop {
+            let whole = ended && ahead == facets;
+            if let Some(fit) = self.fit(ahead, whole).filter(|fit| may_be(&fit.curve)) {
+                self.reach = ahead;
+                let end = (!whole).then_some(fit.end);
+                return Some(self.part(fit.curve, fit.facets, fit.astray, end));
+            }
+            if ahead <= FEWEST {
+                break;
+            }
+            ahead = (ahead * 7 / 10).max(FEWEST);
+        }
+        // The curve ends in a corner.
+        self.reach = MOST;
+        for ahead in (2..FEWEST.min(facets)).rev() {
+            if let Some(fit) = self.fit(ahead, true).filter(|fit| may_be(&fit.curve)) {
+                return Some(self.part(fit.curve, fit.facets, fit.astray, None));
+            }
+        }
+        let (start, end) = (self.start().q, self.points[1].0);
+        let astray = distance(&start, &self.points[0].0);
+        let curve = Curve::line(start, end).ok()?;
+        let part = self.part(curve, 1, astray, None);
+        Some(Part {
+            goes_on: false,
+            ..part
+        })
+    }
+
+    /// How far a line may stray from the facets.
+    fn within(&self) -> f64 {
+        let exit = self.last.exit;
+        merged_within(exit).unwrap_or(STRAIGHT * exit.rounding().unwrap_or(0.0))
+    }
+
+    /// Facets that are looked at for the next polynomial.
+    fn wanted(&self) -> usize {
+        (self.reach + self.reach / 2 + 1).min(MOST)
+    }
+
+    fn start(&self) -> Knot<N> {
+        self.knot.unwrap_or(Knot {
+            q: self.points[0].0,
+            d1: [0.0; N],
+            d2: [0.0; N],
+        })
+    }
+
+    /// Takes the part that stands for so many facets out of the run, which goes on from `end`.
+    fn part(
+        &mut self,
+        curve: Curve<N>,
+        facets: usize,
+        astray: f64,
+        end: Option<Knot<N>>,
+    ) -> Part<N> {
+        self.points.drain(..facets);
+        self.line = match end {
+            None if self.points.len() > 1 => line(&self.points, self.within()),
+            _ => None,
+        };
+        let goes_on = self.knot.is_some();
+        self.knot = end;
+        Part {
+            motion: Move {
+                curve,
+                tag: self.points[0].1,
+                ..self.last
+            },
+            astray,
+            goes_on,
+        }
+    }
+
+    /// The polynomial that goes on from the knot and is the best for that many facets: for all of them,
+    /// with the last one's end as its own, or for the first half of them. `None` if it strays.
+    fn fit(&self, ahead: usize, whole: bool) -> Option<Fit<N>> {
+        let facets = if whole { ahead } else { ahead / 2 };
+        let outer = whole || self.knot.is_none();
+        let within = self.last.exit.rounding()? * if outer { OUTER_SHARE } else { SHARE };
+        let from = self.start();
+        // The lengths of the facets, from the first point on.
+        let mut at = [0.0; MOST + 1];
+        for k in 1..=ahead {
+            let [a, b] = [k - 1, k].map(|k| &self.points[k].0);
+            let way: f64 = (0..N.min(3)).map(|i| (b[i] - a[i]) * (b[i] - a[i])).sum();
+            at[k] = at[k - 1] + way.sqrt();
+        }
+        let length = at[ahead];
+        // Coefficients by powers of the part of the length. What the knot gives is not free.
+        let mut terms = [[0.0; N]; DEGREE];
+        let mut first = 0;
+        if self.knot.is_some() {
+            terms[0] = from.d1.map(|d| d * length);
+            terms[1] = from.d2.map(|d| 0.5 * d * length * length);
+            first = 2;
+        }
+        let free = (DEGREE - first).min(ahead);
+        let last = first + free - 1;
+        // The end is the last point's: one coefficient is what the others leave.
+        let bound = usize::from(whole);
+        let left = |x: f64, p: &[f64; N]| -> [f64; N] {
+            std::array::from_fn(|i| p[i] - from.q[i] - x * (terms[0][i] + x * terms[1][i]))
+        };
+        let end = left(1.0, &self.points[ahead].0);
+        let mut normal = [[0.0; DEGREE]; DEGREE];
+        let mut right = [[0.0; N]; DEGREE];
+        for k in 1..=ahead - bound {
+            let x = at[k] / length;
+            let mut powers = [x; DEGREE];
+            for n in 1..DEGREE {
+                powers[n] = powers[n - 1] * x;
+            }
+            let highest = powers[last];
+            let mut target = left(x, &self.points[k].0);
+            if whole {
+                powers.iter_mut().for_each(|power| *power -= highest);
+                for i in 0..N {
+                    target[i] -= highest * end[i];
+                }
+            }
+            for n in 0..free - bound {
+                let power = powers[first + n];
+                for m in 0..=n {
+                    normal[n][m] += power * powers[first + m];
+                }
+                for i in 0..N {
+                    right[n][i] += power * target[i];
+                }
+            }
+        }
+        solve(&mut normal, &mut right, free - bound)?;
+        terms[first..first + free - bound].copy_from_slice(&right[..free - bound]);
+        if whole {
+            terms[last] =
+                std::array::from_fn(|i| end[i] - (0..free - 1).map(|n| right[n][i]).sum::<f64>());
+        }
+        // The part of it that is kept.
+        let mut scale = 1.0;
+        for term in &mut terms {
+            scale *= at[facets] / length;
+            *term = term.map(|c| c * scale);
+        }
+        let poly = Poly::new(from.q, terms)?;
+        let astray = self.astray(&poly, &terms, &at[..=facets]);
+        let [q, d1, d2] = [poly.point(1.0), poly.first(1.0), poly.second(1.0)];
+        let by = 1.0 / at[facets];
+        (astray <= within).then_some(Fit {
+            curve: Curve::Poly(poly),
+            facets,
+            astray,
+            end: Knot {
+                q,
+                d1: d1.map(|d| d * by),
+                d2: d2.map(|d| d * by * by),
+            },
+        })
+    }
+
+    /// How far the polynomial strays from the facets that end at these lengths, and they from it, at
+    /// most: no further than it does at the ends of each, and an eighth of the square of the parameter
+    /// in between times the second derivative.
+    fn astray(&self, poly: &Poly<N>, terms: &[[f64; N]; DEGREE], at: &[f64]) -> f64 {
+        let norm = |d: [f64; N]| d.iter().map(|x| x * x).sum::<f64>().sqrt();
+        let third = 6.0 * norm(terms[2]) + 24.0 * norm(terms[3]) + 60.0 * norm(terms[4]);
+        let length = at[at.len() - 1];
+        let mut worst = 0.0_f64;
+        let mut before = distance(&poly.point(0.0), &self.points[0].0);
+        for k in 1..at.len() {
+            let [x0, x1] = [at[k - 1], at[k]].map(|at| at / length);
+            let off = distance(&poly.point(x1), &self.points[k].0);
+            let step = x1 - x0;
+            let bend = norm(poly.second(0.5 * (x0 + x1))) + 0.5 * step * third;
+            let most = before.max(off) + 0.125 * step * step * bend;
+            if most.is_nan() {
+                return f64::INFINITY;
+            }
+            worst = worst.max(most);
+            before = off;
+        }
+        worst
+    }
+}
+
+/// Solves the normal equations of that many unknowns, given by their lower half, in place (Cholesky's
+/// way); `None` if they do not determine them.
+fn solve<const N: usize>(
+    normal: &mut [[f64; DEGREE]; DEGREE],
+    right: &mut [[f64; N]; DEGREE],
+    unknowns: usize,
+) -> Option<()> {
+    for n in 0..unknowns {
+        for m in 0..=n {
+            let done: f64 = (0..m).map(|k| normal[n][k] * normal[m][k]).sum();
+            let left = normal[n][m] - done;
+            if m < n {
+                normal[n][m] = left / normal[m][m];
+            } else if left > 1e-13 * normal[n][n] {
+                normal[n][n] = left.sqrt();
+            } else {
+                return None;
+            }
+        }
+    }
+    for n in 0..unknowns {
+        for i in 0..N {
+            let done: f64 = (0..n).map(|k| normal[n][k] * right[k][i]).sum();
+            right[n][i] = (right[n][i] - done) / normal[n][n];
+        }
+    }
+    for n in (0..unknowns).rev() {
+        for i in 0..N {
+            let done: f64 = (n + 1..unknowns).map(|k| normal[k][n] * right[k][i]).sum();
+            right[n][i] = (right[n][i] - done) / normal[n][n];
+        }
+    }
+    Some(())
+}
+
+/// Whether a line is short against its tolerance, and the tool's.
+fn is_short<const N: usize>(motion: &Move<N>, heading: &[f64; N]) -> bool {
+    let led: f64 = heading[..N.min(3)].iter().map(|d| d * d).sum();
+    let tolerance = motion.exit.rounding().unwrap_or(0.0);
+    led > 0.5 && motion.curve.length() <= SHORT * tolerance
 }
 
 fn merged_within(exit: Exit) -> Option<f64> {
@@ -94,15 +371,15 @@ fn merged_within(exit: Exit) -> Option<f64> {
 
 /// The line from the first to the last point and how far the others are from it, if that is
 /// `within` and they follow one another along it.
-fn line<const N: usize>(points: &[[f64; N]], within: f64) -> Option<(Curve<N>, f64)> {
-    let (start, end) = (points[0], points[points.len() - 1]);
+fn line<const N: usize>(points: &[([f64; N], u32)], within: f64) -> Option<(Curve<N>, f64)> {
+    let (start, end) = (points[0].0, points[points.len() - 1].0);
     let curve = Curve::line(start, end).ok()?;
     let along = curve.direction()?;
     let tool = N.min(3);
     let scale: f64 = along[..tool].iter().map(|d| d * d).sum();
     let mut worst = 0.0_f64;
     let mut before = 0.0;
-    for p in &points[1..points.len() - 1] {
+    for (p, _) in &points[1..points.len() - 1] {
         let s = (0..tool).map(|i| (p[i] - start[i]) * along[i]).sum::<f64>() / scale;
         let off: f64 = (0..N)
             .map(|i| {
@@ -117,88 +394,4 @@ fn line<const N: usize>(points: &[[f64; N]], within: f64) -> Option<(Curve<N>, f
         before = s;
     }
     (before < curve.length()).then(|| (curve, worst.sqrt()))
-}
-
-/// The arc or helix in `plane` through the first and the last point that passes the others best, and
-/// how far it is from the lines between the points, if that is `within`.
-fn arc<const N: usize>(points: &[[f64; N]], plane: Plane, within: f64) -> Option<(Curve<N>, f64)> {
-    let (a, b) = plane.axes();
-    if a >= N || b >= N || points.len() < 4 {
-        return None;
-    }
-    let (start, end) = (points[0], points[points.len() - 1]);
-    let (ex, ey) = (end[a] - start[a], end[b] - start[b]);
-    let chord = libm::hypot(ex, ey);
-    // In coordinates along and across the chord the circle through both ends is
-    // x (x − chord) + y² = c y; c by least squares.
-    let (mut down, mut square) = (0.0, 0.0);
-    for p in &points[1..points.len() - 1] {
-        let (px, py) = (p[a] - start[a], p[b] - start[b]);
-        let (x, y) = ((px * ex + py * ey) / chord, (py * ex - px * ey) / chord);
-        down += (x * (x - chord) + y * y) * y;
-        square += y * y;
-    }
-    let c = down / square;
-    if !c.is_finite() || c.abs() > 1e9 * chord {
-        return None;
-    }
-    let clockwise = c < 0.0;
-    // From the start.
-    let (cx, cy) = (0.5 * (ex - c * ey / chord), 0.5 * (ey + c * ex / chord));
-    let centre = (start[a] + cx, start[b] + cy);
-    let radius = libm::hypot(cx, cy);
-    let side = if clockwise { -1.0 } else { 1.0 };
-    let arm = |p: &[f64; N]| (p[a] - centre.0, p[b] - centre.1);
-    let flat = (0..N)
-        .filter(|&i| i != a && i != b)
-        .all(|i| points.iter().all(|p| p[i] == start[i]));
-    // Angle from the start, counted in the sense of rotation.
-    let (sx, sy) = arm(&start);
-    let angle = |p: &[f64; N]| {
-        let (x, y) = arm(p);
-        side * libm::atan2(sx * y - sy * x, sx * x + sy * y)
-    };
-    let sweep = angle(&end);
-    // Less than half a turn, so that angles are not ambiguous.
-    if sweep.is_nan() || sweep <= 0.0 || sweep > 2.5 {
-        return None;
-    }
-    let mut worst = 0.0_f64;
-    for pair in points.windows(2) {
-        let ((x0, y0), (x1, y1)) = (arm(&pair[0]), arm(&pair[1]));
-        let chord = (x1 - x0) * (x1 - x0) + (y1 - y0) * (y1 - y0);
-        // How far the circle is off the point, and the chord off the circle.
-        let radial = (libm::hypot(x1, y1) - radius).abs();
-        let least = radius - radial;
-        let sagitta = chord / (8.0 * least) * (1.0 + chord / (4.0 * least * least));
-        let mut off = radial + sagitta;
-        if !flat {
-            let part = angle(&pair[1]) / sweep;
-            let others: f64 = (0..N)
-                .filter(|&i| i != a && i != b)
-                .map(|i| {
-                    let d = pair[1][i] - start[i] - part * (end[i] - start[i]);
-                    d * d
-                })
-                .sum();
-            off = (off * off + others).sqrt();
-        }
-        worst = worst.max(off);
-        if side * (x0 * y1 - y0 * x1) <= 0.0
-            || off.is_nan()
-            || off > within
-            || radial > 0.5 * radius
-        {
-            return None;
-        }
-    }
-    let curve = Curve::arc(ArcDefinition {
-        start,
-        end,
-        plane,
-        centre,
-        clockwise,
-        turns: 0,
-    });
-    Some((curve.ok()?, worst))
 }

@@ -16,7 +16,7 @@ use thiserror::Error;
 
 use super::blend::{Blend, blend};
 use super::brake::{brake, brake_gently};
-use super::facets::Run;
+use super::facets::{Part, Run};
 use super::window::{Effort, Window, room_to_stop};
 use crate::limits::PositionLimits;
 
@@ -38,7 +38,7 @@ pub enum PathError {
 
 /// Gaps up to this are rounding of the caller's, mm.
 const GAP: f64 = 1e-6;
-/// Tangents (and curvatures times their radius) that differ by no more are equal.
+/// Tangents, and curvatures by the mm or as parts of the greater, that differ by no more are equal.
 const SMOOTH: f64 = 1e-10;
 /// A part of a curve this small (as a part of it) or of a section (in mm) is rounding.
 const NOTHING: f64 = 1e-9;
@@ -283,32 +283,50 @@ impl<const N: usize> Planner<N> {
         }
         self.position = motion.curve.end();
         if let Some(run) = &mut self.run
-            && run.extend(&motion, |curve| inside(curve, &self.bounds))
+            && run.extend(&motion)
         {
+            self.join_parts(false);
             return Ok(());
         }
         self.join_run();
         self.run = Run::begin(&motion);
         if self.run.is_none() {
-            self.join(motion, 0.0);
+            self.join(Part {
+                motion,
+                astray: 0.0,
+                goes_on: false,
+            });
         }
         Ok(())
     }
 
     /// Joins the facets that were gathered.
     fn join_run(&mut self) {
-        if let Some(run) = self.run.take() {
-            self.join(run.motion, run.astray);
+        self.join_parts(true);
+        self.run = None;
+    }
+
+    /// Joins what the facets that were gathered give, all of it if there come no more.
+    fn join_parts(&mut self, ended: bool) {
+        let bounds = self.bounds;
+        let may_be = |curve: &Curve<N>| inside(curve, &bounds);
+        while let Some(part) = self.run.as_mut().and_then(|run| run.next(ended, may_be)) {
+            self.join(part);
         }
     }
 
-    /// Joins a move, which strays from what was programmed by `astray`, to the last one.
-    fn join(&mut self, motion: Move<N>, astray: f64) {
+    /// Joins a part of the path to the last one.
+    fn join(&mut self, part: Part<N>) {
+        let Part {
+            motion,
+            astray,
+            goes_on,
+        } = part;
         let feed = motion.feed.speed();
         let mut taken = 0.0;
         if let Some((before, _)) = self.pending {
             match before.exit.rounding() {
-                Some(_) if smooth(&before.curve, &motion.curve) => self.lay_pending(0.0),
+                Some(_) if goes_on || smooth(&before.curve, &motion.curve) => self.lay_pending(0.0),
                 Some(rounding) => {
                     let astray = astray.max(self.astray);
                     let left = rounding.min(before.exit.tolerance() - astray);
@@ -994,7 +1012,7 @@ fn smooth<const N: usize>(before: &Curve<N>, after: &Curve<N>) -> bool {
     let (b, a) = (before.at(before.length()), after.at(0.0));
     let bend = (0..N)
         .map(|i| b.d2[i].abs().max(a.d2[i].abs()))
-        .fold(0.0, f64::max);
+        .fold(1.0, f64::max);
     (0..N)
         .all(|i| (b.d1[i] - a.d1[i]).abs() <= SMOOTH && (b.d2[i] - a.d2[i]).abs() <= SMOOTH * bend)
 }
