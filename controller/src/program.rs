@@ -2,6 +2,7 @@
 //!
 //! ```text
 //! file ──► gcode::Interpreter ──► Feeder ──► path::Planner ──► Instruction, to the controller
+//!                                   └──► Moves, to who follows the machine along the program
 //! ```
 //!
 //! The plan's coordinates are the letters X Y Z A B C U V W, whatever axes the machine has.
@@ -9,9 +10,11 @@
 use crate::control::{Instruction, Pause};
 use crate::gcode::{self, Action, AxisSet, Interpreter, PathMode, Tables, TablesError};
 use crate::machine::{Machine, PathTolerances};
+use crossbeam::channel::{self, Receiver, Sender};
 use std::collections::VecDeque;
 use std::fmt;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::Ordering;
 use syncline_trajectory::limits::PositionLimits;
 use syncline_trajectory::path::curve::ArcDefinition;
 use syncline_trajectory::path::{
@@ -191,11 +194,18 @@ impl Program {
         Ok(extent)
     }
 
-    /// Starts the program from `start`.
+    /// Nobody wants the program any more: whoever reads it, in whatever thread, goes no further
+    /// than the end of a block.
+    pub fn abandon(&self) {
+        self.setup.abandoned.store(true, Ordering::Relaxed);
+    }
+
+    /// Starts the program from `start`; its moves and switches go to `upcoming` before they come in
+    /// an instruction.
     ///
     /// # Errors
     /// The file cannot be read.
-    pub fn feeder(&self, start: Position) -> Result<Feeder, ProgramError> {
+    pub fn feeder(&self, start: Position, upcoming: Upcoming) -> Result<Feeder, ProgramError> {
         let mut planner = Planner::new(self.limits, start);
         planner.keep_within(self.setup.limits.map(|limits| {
             let (min, max) = limits.unwrap_or((f64::NEG_INFINITY, f64::INFINITY));
@@ -212,9 +222,8 @@ impl Program {
             first_mark: 0,
             marked: None,
             then: None,
-            moves: VecDeque::new(),
-            first: 0,
-            switches: VecDeque::new(),
+            upcoming,
+            tag: 0,
             ended: false,
         })
     }
@@ -301,8 +310,7 @@ impl MoveSource {
 /// Marks that can come up again when the path is planned anew.
 const MOST_MARKS: usize = 16_384;
 
-/// A running program: hands out one [`Instruction`] after the other and remembers the moves that
-/// the machine has not passed yet.
+/// A running program: hands out one [`Instruction`] after the other.
 pub struct Feeder {
     interpreter: Interpreter,
     /// The tables as they were at the start.
@@ -317,12 +325,37 @@ pub struct Feeder {
     /// The mark that the planner has reached, and what follows once it is committed.
     marked: Option<u32>,
     then: Option<Instruction<COORDINATES>>,
+    upcoming: Upcoming,
+    /// Of the next move.
+    tag: u32,
+    ended: bool,
+}
+
+/// Takes the moves and switches that come up in a program; [`Moves`] has them.
+pub struct Upcoming(Sender<Step>);
+
+/// What comes next in a program.
+#[allow(clippy::large_enum_variant)] // most are moves
+enum Step {
+    Move(ProgramMove),
+    Switch(Switch),
+}
+
+impl Upcoming {
+    fn tell(&self, step: Step) {
+        // Nobody following is fine.
+        let _ = self.0.send(step);
+    }
+}
+
+/// The moves and switches of a running program that the machine has not passed yet.
+pub struct Moves {
+    steps: Receiver<Step>,
     moves: VecDeque<ProgramMove>,
     /// Tag of the first of `moves`.
     first: u32,
     /// What is to be switched, each with the tag of the move that it comes before.
     switches: VecDeque<(u32, Switch)>,
-    ended: bool,
 }
 
 /// What a program switches between two moves.
@@ -441,16 +474,17 @@ impl Feeder {
                 curve: motion.curve,
                 feed,
                 exit: self.exit,
-                tag: self.first + self.moves.len() as u32,
+                tag: self.tag,
             });
-            self.moves.push_back(motion);
+            self.tag += 1;
+            self.upcoming.tell(Step::Move(motion));
             return self.push(command.span, item);
         }
         match &command.action {
             Action::Dwell { seconds } => {
                 let item = Item::Dwell {
                     duration: *seconds,
-                    tag: (self.first + self.moves.len() as u32).saturating_sub(1),
+                    tag: self.tag.saturating_sub(1),
                 };
                 self.push(command.span, item)?;
             }
@@ -477,29 +511,9 @@ impl Feeder {
     }
 
     fn switch(&mut self, switch: Switch) {
-        let next = self.first + self.moves.len() as u32;
-        self.switches.push_back((next, switch));
+        self.upcoming.tell(Step::Switch(switch));
         // What comes behind the last move does not come in the midst of one.
         self.planner.keep_joint();
-    }
-
-    /// What is switched next, once the move before it is done: the setpoint is in a later move, or
-    /// at the end of that one. `along` is how far it is along the move with the `tag`, mm.
-    pub fn switched(&mut self, tag: u32, position: &Position, along: f64) -> Option<Switch> {
-        let (before, switch) = *self.switches.front()?;
-        let done = before.checked_sub(1).is_none_or(|last| {
-            let motion = self.motion(last).filter(|_| tag == last);
-            motion.is_some_and(|ProgramMove { curve, .. }| {
-                let ends = curve.end().into_iter().zip(position);
-                // A full circle begins at its end too.
-                2.0 * along > curve.length() && ends.map(|(a, b)| a - b).all(|d| d.abs() < 1e-6)
-            })
-        });
-        if tag < before && !done {
-            return None;
-        }
-        self.switches.pop_front();
-        Some(switch)
     }
 
     fn push(&mut self, span: gcode::Span, item: Item<COORDINATES>) -> Result<(), ProgramError> {
@@ -538,6 +552,53 @@ impl Feeder {
             return Ok(());
         }
         self.interpreter.tables().save(file)
+    }
+}
+
+impl Moves {
+    /// None yet, and what takes them.
+    #[must_use]
+    pub fn new() -> (Upcoming, Self) {
+        let (sender, steps) = channel::unbounded();
+        let moves = Self {
+            steps,
+            moves: VecDeque::new(),
+            first: 0,
+            switches: VecDeque::new(),
+        };
+        (Upcoming(sender), moves)
+    }
+
+    /// Takes up what has come.
+    pub fn take_up(&mut self) {
+        for step in self.steps.try_iter() {
+            match step {
+                Step::Move(motion) => self.moves.push_back(motion),
+                Step::Switch(switch) => {
+                    let next = self.first + self.moves.len() as u32;
+                    self.switches.push_back((next, switch));
+                }
+            }
+        }
+    }
+
+    /// What is switched next, once the move before it is done: the setpoint is in a later move, or
+    /// at the end of that one. `along` is how far it is along the move with the `tag`, mm.
+    pub fn switched(&mut self, tag: u32, position: &Position, along: f64) -> Option<Switch> {
+        let (before, switch) = *self.switches.front()?;
+        let done = before.checked_sub(1).is_none_or(|last| {
+            let motion = self.motion(last).filter(|_| tag == last);
+            motion.is_some_and(|ProgramMove { curve, .. }| {
+                let ends = curve.end().into_iter().zip(position);
+                // A full circle begins at its end too.
+                2.0 * along > curve.length() && ends.map(|(a, b)| a - b).all(|d| d.abs() < 1e-6)
+            })
+        });
+        if tag < before && !done {
+            return None;
+        }
+        self.switches.pop_front();
+        Some(switch)
     }
 
     /// The move behind a setpoint's tag, unless it was forgotten.

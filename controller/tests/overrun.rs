@@ -214,9 +214,9 @@ fn the_stage_that_made_a_wake_up_late_is_told() {
         lockstep: true,
         strict: false,
     };
-    let (cycle, link) = Cycle::new(&layout, vec![Box::new(slow)], timing);
+    let (cycle, link, instructions) = Cycle::new(&layout, vec![Box::new(slow)], timing);
     // Nobody is there: it begins its way down at once.
-    drop(link);
+    drop((link, instructions));
     let (_, measured) = cycle.run(|granted| granted);
     let [_, receive, compute, send] = measured.late_by;
     assert!(send >= 1, "{:?}", measured.late_by);

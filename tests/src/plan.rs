@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 use std::path::Path;
 use syncline_controller::control::Instruction;
 use syncline_controller::machine::Machine;
-use syncline_controller::program::{COORDINATES, Position, Program};
+use syncline_controller::program::{COORDINATES, Moves, Position, Program};
 use syncline_trajectory::path::{Command, Limits, Piece, Span};
 
 /// Samples of a piece on a curve.
@@ -51,7 +51,7 @@ impl Plan {
     pub fn in_windows(depth: u32, machine: &Machine, machine_file: &Path, program: &Path) -> Self {
         let program = Program::new(program, machine, machine_file).expect("tables");
         let start = machine.rest();
-        let mut feeder = program.feeder(start).expect("a program");
+        let mut feeder = program.feeder(start, Moves::new().0).expect("a program");
         feeder.deepen(depth);
         let mut plan = Self {
             steps: Vec::new(),

@@ -125,6 +125,8 @@ pub struct Rig {
     pub rows: Vec<Row<COORDINATES>>,
     /// When each phase was entered.
     pub phases: Vec<(Phase, Instant)>,
+    /// At a pause a person goes on at once.
+    pub goes_on: bool,
     virtual_machine: VirtualMachine<TappedPort>,
     frames: Arc<Mutex<Vec<Transmission>>>,
     steps: usize,
@@ -196,6 +198,7 @@ impl Rig {
             rows: Vec::new(),
             phases: Vec::new(),
             frames,
+            goes_on: true,
             steps: 0,
             _folder: folder,
         }
@@ -228,7 +231,7 @@ impl Rig {
         while let Some(event) = self.virtual_machine.event() {
             match event {
                 Event::Phase(phase) => self.phases.push((phase, self.virtual_machine.now())),
-                Event::Paused { .. } => self.controller().go_on(),
+                Event::Paused { .. } if self.goes_on => self.controller().go_on(),
                 _ => {}
             }
             self.events.push(event);

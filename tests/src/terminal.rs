@@ -1,13 +1,15 @@
 //! A person at a terminal of their own: a shell command, the keys and what stands there.
 
-use std::io::{BufRead, BufReader, Lines, Write};
+use std::io::{Read, Write};
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 
 /// A shell command that runs on a terminal.
 pub struct Terminal {
     child: Child,
     keys: ChildStdin,
-    told: Lines<BufReader<ChildStdout>>,
+    told: ChildStdout,
+    /// What was told and not waited for.
+    unread: Vec<u8>,
 }
 
 impl Terminal {
@@ -24,8 +26,14 @@ impl Terminal {
             .spawn()
             .expect("script runs");
         let keys = child.stdin.take().expect("piped");
-        let told = BufReader::new(child.stdout.take().expect("piped")).lines();
-        Self { child, keys, told }
+        let told = child.stdout.take().expect("piped");
+        let unread = Vec::new();
+        Self {
+            child,
+            keys,
+            told,
+            unread,
+        }
     }
 
     /// Types something.
@@ -37,8 +45,11 @@ impl Terminal {
     }
 
     /// The next line that comes to stand there.
-    pub fn line(&mut self) -> Option<String> {
-        self.told.next().map(|line| line.expect("text"))
+    ///
+    /// # Panics
+    /// If the command ends without it.
+    pub fn line(&mut self) -> String {
+        self.up_to("\n").trim_end().to_owned()
     }
 
     /// Waits until something is told.
@@ -46,7 +57,23 @@ impl Terminal {
     /// # Panics
     /// If the command ends without it.
     pub fn wait_for(&mut self, part: &str) {
-        while !self.line().expect(part).contains(part) {}
+        self.up_to(part);
+    }
+
+    /// Takes what is told up to `part`, that included.
+    fn up_to(&mut self, part: &str) -> String {
+        loop {
+            let places = self.unread.windows(part.len()).enumerate();
+            let mut places = places.filter(|(_, at)| *at == part.as_bytes());
+            if let Some((place, _)) = places.next() {
+                let told = self.unread.drain(..place + part.len());
+                return String::from_utf8_lossy(&told.collect::<Vec<_>>()).into_owned();
+            }
+            let mut more = [0; 4096];
+            let count = self.told.read(&mut more).expect("readable");
+            assert!(count > 0, "{part}");
+            self.unread.extend(&more[..count]);
+        }
     }
 
     /// Waits for the command's end, without a word; what it still told.
@@ -56,9 +83,11 @@ impl Terminal {
     #[must_use]
     pub fn end(mut self) -> Vec<String> {
         drop(self.keys);
-        let rest = self.told.map(|line| line.expect("text")).collect();
+        let mut rest = self.unread;
+        self.told.read_to_end(&mut rest).expect("readable");
         let status = self.child.wait().expect("it was started");
         assert!(status.success(), "{status}");
-        rest
+        let rest = String::from_utf8_lossy(&rest);
+        rest.lines().map(str::to_owned).collect()
     }
 }

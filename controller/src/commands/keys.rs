@@ -35,7 +35,7 @@ pub(super) enum Key {
 
 /// For the person at the terminal.
 pub(super) const HELP: &str = "keys: space hold and go on, + - feed, < > rapid, s stop after block, \
-                               b step back, q stop; while \
+                               b step back, q stop, Enter go on at a program stop; while \
                                held: arrows and page keys jog X Y Z, [ ] by less or more";
 
 /// How much an override changes by a key, %.
@@ -76,11 +76,19 @@ impl Key {
 /// Takes apart what a terminal sends.
 #[derive(Debug, Default)]
 struct Decoder {
-    /// Since an escape, that included.
+    /// Since an escape, that included. A terminal sends it in one burst, a person does not.
     sequence: Vec<u8>,
 }
 
 impl Decoder {
+    /// The keys of what was read; that is nothing where a tenth of a second brought nothing.
+    fn keys<'a>(&'a mut self, read: &'a [u8]) -> impl Iterator<Item = Key> + 'a {
+        if read.is_empty() {
+            self.sequence.clear();
+        }
+        read.iter().filter_map(|byte| self.key(*byte))
+    }
+
     /// The key that a byte completes.
     fn key(&mut self, byte: u8) -> Option<Key> {
         const ESCAPE: u8 = 0x1B;
@@ -170,8 +178,7 @@ fn hand_over(keys: &Sender<Key>) {
         if count == 0 && asked.elapsed() < Duration::from_millis(50) {
             return;
         }
-        let read = bytes[..count].iter().copied();
-        for key in read.filter_map(|byte| decoder.key(byte)) {
+        for key in decoder.keys(&bytes[..count]) {
             if keys.send(key).is_err() {
                 return;
             }
@@ -184,9 +191,18 @@ mod tests {
     use super::*;
 
     fn keys(bytes: &[u8]) -> Vec<Key> {
+        Decoder::default().keys(bytes).collect()
+    }
+
+    /// What a person types slowly: each byte, then nothing for a while.
+    fn slowly(bytes: &[u8]) -> Vec<Key> {
         let mut decoder = Decoder::default();
-        let keys = bytes.iter().filter_map(|byte| decoder.key(*byte));
-        keys.collect()
+        let mut keys = Vec::new();
+        for byte in bytes {
+            keys.extend(decoder.keys(&[*byte]));
+            assert_eq!(decoder.keys(&[]).next(), None);
+        }
+        keys
     }
 
     #[test]
@@ -205,6 +221,8 @@ mod tests {
             let typed = [before.as_bytes(), b" "].concat();
             assert_eq!(keys(&typed), [Key::Hold], "{before:?}");
         }
+        assert_eq!(slowly(b"\x1B[q"), [Key::JogStep(-1), Key::Stop]);
+        assert_eq!(slowly(b"\x1BOb"), [Key::StepBack]);
         let endless = [b"\x1B[".as_slice(), &[b'1'; 40], b"\x1B[A"].concat();
         assert_eq!(keys(&endless).last(), Some(&Key::Jog(Axis::Y, 1.0)));
     }

@@ -1,5 +1,6 @@
 //! Files for the traffic of buses.
 
+use super::output::Named;
 use crate::bus_log::{BusLog, LogFile};
 use crate::machine::Machine;
 use crate::port::sim::Observer;
@@ -195,7 +196,7 @@ fn create(file: &Path) -> Result<LogFile, NoLog> {
         return Ok(Box::new(io::stdout()));
     }
     match File::create(file) {
-        Ok(opened) => Ok(Box::new(BufWriter::new(opened))),
+        Ok(opened) => Ok(Box::new(BufWriter::new(Named::new(file, opened)))),
         Err(source) => Err(NoLog {
             file: file.to_owned(),
             source,

@@ -50,6 +50,7 @@ mod validate;
 
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
+use std::time::Duration;
 
 /// Multi-axis motion controller for CANopen servo drives.
 ///
@@ -134,6 +135,20 @@ fn bad_input(error: &(dyn std::error::Error + 'static)) -> Exit {
     Exit::BadInput
 }
 
+/// A duration as people write it: `500us`, `1ms`, `60s`, `2min`.
+fn duration(text: &str) -> Result<Duration, String> {
+    let digits = text.trim_end_matches(|c: char| c.is_ascii_alphabetic());
+    let scale = match &text[digits.len()..] {
+        "us" => 1e-6,
+        "ms" => 1e-3,
+        "s" => 1.0,
+        "min" => 60.0,
+        _ => return Err("give a number and us, ms, s or min".into()),
+    };
+    let number: f64 = digits.parse().map_err(|_| "not a number".to_owned())?;
+    Duration::try_from_secs_f64(number * scale).map_err(|error| error.to_string())
+}
+
 /// Prints an error with everything that caused it, one line, to standard error.
 pub fn report(error: &(dyn std::error::Error + 'static)) {
     eprint!("error: {error}");
@@ -143,4 +158,18 @@ pub fn report(error: &(dyn std::error::Error + 'static)) {
         cause = error.source();
     }
     eprintln!();
+}
+
+#[cfg(test)]
+mod tests {
+    use super::duration;
+    use std::time::Duration;
+
+    #[test]
+    fn durations_are_read_as_people_write_them() {
+        assert_eq!(duration("500us"), Ok(Duration::from_micros(500)));
+        assert_eq!(duration("1.5ms"), Ok(Duration::from_micros(1500)));
+        assert_eq!(duration("2min"), Ok(Duration::from_secs(120)));
+        assert!(duration("5").is_err() && duration("ms").is_err() && duration("-1s").is_err());
+    }
 }

@@ -55,7 +55,7 @@ impl Output {
             return Ok(None);
         };
         match File::create(file) {
-            Ok(opened) => Ok(Some(Box::new(BufWriter::new(opened)))),
+            Ok(opened) => Ok(Some(Box::new(BufWriter::new(Named::new(file, opened))))),
             Err(source) => Err(error(file, source)),
         }
     }
@@ -85,6 +85,38 @@ impl Output {
             fs::write(file, report.to_html()).map_err(|source| error(file, source))?;
         }
         Ok(())
+    }
+}
+
+/// A file that is named where it cannot be written on.
+pub(super) struct Named {
+    path: PathBuf,
+    file: File,
+}
+
+impl Named {
+    pub(super) fn new(path: &Path, file: File) -> Self {
+        let path = path.to_owned();
+        Self { path, file }
+    }
+
+    fn name<T>(&self, written: io::Result<T>) -> io::Result<T> {
+        written.map_err(|source| {
+            let text = format!("cannot write {}: {source}", self.path.display());
+            io::Error::new(source.kind(), text)
+        })
+    }
+}
+
+impl Write for Named {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let written = self.file.write(bytes);
+        self.name(written)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        let flushed = self.file.flush();
+        self.name(flushed)
     }
 }
 

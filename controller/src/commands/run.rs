@@ -5,15 +5,16 @@ use super::log_files::{Listeners, LogFiles};
 use super::output::Output;
 use super::ports::PortChoice;
 use super::switches::Switches;
-use super::{Exit, bad_input, report};
+use super::{Exit, bad_input, duration, report};
 use crate::control::{Controller, End, Event, Layout, Order, Row};
 use crate::gcode::Tables;
 use crate::machine::Machine;
 use crate::port::sim::Observer;
 use crate::port::{self, url};
-use crate::program::{Beginning, COORDINATES, Extent, Feeder, Program};
+use crate::program::{Beginning, COORDINATES, Extent, Moves, Program};
 use crate::realtime;
 use crate::run::frames::SharedFrames;
+use crate::run::planning::Planning;
 use crate::run::real_time::{Cycle, Link, Measured, News, Ports, Timing, late_after};
 use crate::run::recorder::{Recorder, Summary};
 use crate::timing::Stage;
@@ -72,9 +73,9 @@ pub(super) struct Args {
     /// process may use.
     #[arg(long)]
     core: Option<usize>,
-    /// Spend this time before each wake-up awake, µs.
-    #[arg(long, default_value_t = 0, value_name = "MICROSECONDS")]
-    spin: u64,
+    /// Stay awake that long before each wake-up, for a core of its own: 50us.
+    #[arg(long, default_value = "0us", value_parser = duration)]
+    spin: Duration,
     /// Tell what the controller does.
     #[arg(short, long)]
     verbose: bool,
@@ -165,11 +166,6 @@ fn confirm(beginning: &Beginning) -> Result<(), NotConfirmed> {
 #[error("--from-line: standard input is closed, nobody can confirm: press Enter there")]
 struct NotConfirmed;
 
-/// A program panicked in its planner; the panic's own message stands above.
-#[derive(Debug, thiserror::Error)]
-#[error("the planner failed: this is a defect of syncline, please report it with the program")]
-struct PlannerPanic;
-
 /// The side of a run that is outside of the cycle.
 struct Run<'a> {
     args: &'a Args,
@@ -192,6 +188,8 @@ struct Person {
     overrides: [i32; 2],
     /// Which of [`JOG_STEPS`] a jog by a key is.
     jog_step: usize,
+    /// The path rests, so that there may be jogs.
+    rests: bool,
 }
 
 /// mm, or degrees
@@ -248,7 +246,7 @@ impl Run<'_> {
                 priority: self.args.priority,
                 core: self.args.core.or_else(realtime::last_core),
             },
-            spin: Duration::from_micros(self.args.spin),
+            spin: self.args.spin,
             lockstep,
             strict: self.args.strict,
         };
@@ -260,6 +258,7 @@ impl Run<'_> {
             lines: None,
             overrides: [100; 2],
             jog_step: 2,
+            rests: false,
         };
         if person.keys.is_some() {
             eprintln!("{}", keys::HELP);
@@ -267,7 +266,9 @@ impl Run<'_> {
         let interrupted = Arc::clone(&person.interrupted);
         ctrlc::set_handler(move || interrupted.store(true, Ordering::Relaxed))?;
 
-        let (cycle, link) = Cycle::new(self.layout, ports, timing);
+        let (cycle, link, instructions) = Cycle::new(self.layout, ports, timing);
+        let (upcoming, mut moves) = Moves::new();
+        let mut planning = Planning::new(self.program.clone(), upcoming, instructions)?;
         let outcome = std::thread::scope(|scope| {
             // Goes before the cycle is waited for, also by a panic: that makes the cycle stop.
             let mut link = link;
@@ -280,14 +281,14 @@ impl Run<'_> {
                     })
                 })?;
             let mut failure = None;
-            let mut feeder = None;
             let bar = self.progress_bar();
+            let mut attend = |link: &mut Link, planning: &mut Planning| {
+                self.attend(link, &mut person, &bar, planning)?;
+                self.follow(link, &mut person, &bar, &mut recorder, &mut moves, planning)
+            };
             while !cycle.is_finished() {
-                let attended =
-                    self.attend(&mut link, &mut person, &bar, &mut recorder, &mut feeder);
-                let done = attended.unwrap_or_else(|error| {
+                let done = attend(&mut link, &mut planning).unwrap_or_else(|error| {
                     link.order(Order::Abandon);
-                    feeder = None;
                     failure.get_or_insert(error);
                     true
                 });
@@ -295,14 +296,15 @@ impl Run<'_> {
                     std::thread::sleep(POLL);
                 }
             }
-            self.attend(&mut link, &mut person, &bar, &mut recorder, &mut feeder)?;
+            while !attend(&mut link, &mut planning)? {}
             bar.finish_and_clear();
             let (controller, measured) = cycle.join().map_err(|_| CyclePanic)?;
+            self.program.abandon();
             if let Some(error) = failure {
                 report(&*error);
             }
             if controller.end() == Some(End::Finished)
-                && let Some(feeder) = &feeder
+                && let Some(feeder) = planning.end()?
             {
                 feeder.save_tables(&Tables::beside(&self.args.machine))?;
             }
@@ -319,15 +321,15 @@ impl Run<'_> {
 struct CyclePanic;
 
 impl Run<'_> {
-    /// Does what is to be done outside of the cycle now; false if there is more of it.
+    /// Hands over what the person wants, and tells them what came of the program. Nothing here
+    /// waits for anything.
     fn attend(
         &self,
         link: &mut Link,
         person: &mut Person,
         bar: &ProgressBar,
-        recorder: &mut Recorder,
-        feeder: &mut Option<Feeder>,
-    ) -> Result<bool, Box<dyn Error>> {
+        planning: &mut Planning,
+    ) -> Result<(), Box<dyn Error>> {
         if person.interrupted.swap(false, Ordering::Relaxed) {
             link.order(Order::Interrupt);
         }
@@ -350,21 +352,34 @@ impl Run<'_> {
                 Err(channel::TryRecvError::Empty) => {}
             }
         }
-        while let Some(news) = link.news() {
+        while let Some(error) = planning.error() {
+            bar.suspend(|| report(&error));
+        }
+        Ok(planning.check()?)
+    }
+
+    /// Takes what the cycle tells, for a while; false if there may be more of it.
+    fn follow(
+        &self,
+        link: &mut Link,
+        person: &mut Person,
+        bar: &ProgressBar,
+        recorder: &mut Recorder,
+        moves: &mut Moves,
+        planning: &Planning,
+    ) -> Result<bool, Box<dyn Error>> {
+        let until = Instant::now() + POLL;
+        while Instant::now() < until {
+            let Some(news) = link.news() else {
+                return Ok(true);
+            };
             match news {
                 News::Event(event) => self.tell(&event, bar, person),
                 News::BusFailed(error) => bar.suspend(|| eprintln!("{error}")),
-                News::Ready(start) => {
-                    self.program.check(start)?;
-                    *feeder = Some(self.program.feeder(start)?);
-                }
-                News::Outlook(outlook) => {
-                    if let Some(feeder) = feeder {
-                        feeder.observe(&outlook);
-                    }
-                }
+                News::Ready(start) => planning.begin(start),
+                News::Outlook(outlook) => planning.observe(outlook),
                 News::Row(row) => {
-                    recorder.record(&row, feeder.as_mut())?;
+                    recorder.record(&row, moves)?;
                     while let Some((line, output)) = recorder.output() {
                         bar.suspend(|| eprintln!("line {line}: {output}"));
                     }
@@ -373,32 +388,18 @@ impl Run<'_> {
                 }
             }
         }
-        let Some(feeder) = feeder else {
-            return Ok(true);
-        };
-        // What a person does and what the cycle tells is not to wait for a long plan.
-        let until = Instant::now() + POLL;
-        while link.room() > 0 && Instant::now() < until {
-            let next = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| {
-                feeder.next_instruction()
-            }));
-            match next.map_err(|_| PlannerPanic)? {
-                Ok(Some(instruction)) => link.give(instruction),
-                Ok(None) => return Ok(true),
-                Err(error) => bar.suspend(|| report(&error)),
-            }
-        }
-        Ok(link.room() == 0)
+        Ok(false)
     }
 
     /// What the machine does, beside the bar.
     fn message(&self, row: &Row<COORDINATES>, line: u32, person: &Person) -> String {
         let overridden = person.overridden();
-        if row.plan.away {
+        if row.plan.away || person.rests {
             let axes = self.machine.axes.iter().map(|axis| axis.letter());
             let at = axes.map(|axis| format!("{axis}{:.3} ", row.plan.position[axis.index()]));
+            let at: String = at.collect();
             let step = JOG_STEPS[person.jog_step];
-            return format!("{}by {step} mm{overridden}", at.collect::<String>());
+            return format!("line {line}, {at}by {step} mm{overridden}");
         }
         let feed = row.plan.speed * 60.0;
         format!("line {line}, {feed:.0} mm/min{overridden}")
@@ -409,6 +410,11 @@ impl Run<'_> {
             && let Some(text) = event.describe(&**self.layout)
         {
             bar.suspend(|| eprintln!("{text}"));
+        }
+        match event {
+            Event::Held | Event::Paused { .. } => person.rests = true,
+            Event::Resumed | Event::SteppingBack => person.rests = false,
+            _ => {}
         }
         if let Event::Paused { .. } = event {
             bar.suspend(|| eprintln!("press Enter to go on"));

@@ -1,6 +1,6 @@
 //! `syncline validate`: proof before metal moves.
 
-use super::log_files::LogFiles;
+use super::log_files::{LogFiles, NoLog};
 use super::output::Output;
 use super::switches::Switches;
 use super::{Exit, report};
@@ -91,6 +91,7 @@ impl Args {
                     Exit::Stopped
                 }
             }
+            Err(error) if error.is::<NoLog>() => super::bad_input(&*error),
             Err(error) => {
                 report(&*error);
                 Exit::Stopped
@@ -128,9 +129,9 @@ impl Args {
                 }
                 self.tell(&event, &**layout);
             }
-            let (row, feeder) = virtual_machine.row();
+            let (row, moves) = virtual_machine.row();
             if let Some(row) = row {
-                let time = recorder.record(row, feeder)?;
+                let time = recorder.record(row, moves)?;
                 while let Some((line, output)) = recorder.output() {
                     eprintln!("line {line}: {output}");
                 }
@@ -141,12 +142,20 @@ impl Args {
                     last_moved = time;
                     virtual_machine.controller().obey(order);
                 }
-                if events.is_empty() && time - last_moved > PATIENCE {
+                if events.left().is_none() && time - last_moved > PATIENCE {
                     eprintln!("the events end while the program is held: stopped");
                     last_moved = f64::INFINITY;
                     virtual_machine.controller().obey(Order::Interrupt);
                 }
             }
+        }
+        if let Some((time, count)) = events.left() {
+            let (events, come) = if count == 1 {
+                ("event", "comes")
+            } else {
+                ("events", "come")
+            };
+            eprintln!("{count} {events} from {time} s on never {come}: the run is over before");
         }
         if let Some(error) = failure {
             report(&error);

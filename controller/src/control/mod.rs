@@ -637,7 +637,11 @@ impl<const N: usize> Controller<N> {
             }
             self.pause = None;
             self.pause_told = false;
-            self.tell(Event::Resumed);
+            // Held besides, it stays so.
+            self.tell(match self.executor.is_held() {
+                true => Event::Held,
+                false => Event::Resumed,
+            });
         }
     }
 

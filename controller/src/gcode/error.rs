@@ -232,4 +232,10 @@ pub enum Fault {
     NoSuchLine { line: u32 },
     #[error("{allowed} blocks were executed without an end: end the loop, or run it with --stream")]
     TooManyBlocks { allowed: u64 },
+    #[error(
+        "{allowed} blocks were executed and nothing moved: end the loop, or let it move or dwell"
+    )]
+    IdleLoop { allowed: u64 },
+    #[error("nobody wants the program any more: run it again")]
+    Abandoned,
 }

@@ -435,7 +435,10 @@ impl Interpreter {
                 Ok(true) => {}
                 Ok(false) => break,
                 Err(refusal)
-                    if matches!(*refusal.fault, Fault::Read(_) | Fault::LineTooLong { .. }) =>
+                    if matches!(
+                        *refusal.fault,
+                        Fault::Read(_) | Fault::LineTooLong { .. } | Fault::Abandoned
+                    ) =>
                 {
                     break;
                 }

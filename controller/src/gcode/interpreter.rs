@@ -4,7 +4,9 @@ use std::collections::VecDeque;
 use std::fs::File;
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::Ordering;
 
+use super::Setup;
 use super::axes::Point;
 use super::block::Block;
 use super::command::{Action, Command, Span};
@@ -15,7 +17,6 @@ use super::lexer::Columns;
 use super::modal::Modes;
 use super::source::{Input, Lines, MAX_LINE, Read1};
 use super::tables::Tables;
-use super::{MAX_BLOCKS, Setup};
 
 /// Interprets a program block by block: an iterator of its commands, with memory for one block.
 ///
@@ -38,8 +39,11 @@ pub struct Interpreter {
     /// Where the pending commands come from.
     span: Span,
     executed: u64,
-    /// Blocks since the last command: a loop that does nothing is refused even while streaming.
+    /// Blocks since the machine moved or rested: a loop that does nothing is refused even while
+    /// streaming.
     idle: u64,
+    /// Where that left the machine.
+    idle_at: Point,
     /// Whether something but blanks was read.
     pub(super) started: bool,
     /// Whether a block with more than comments was read.
@@ -101,6 +105,7 @@ impl Interpreter {
             bytes: Vec::new(),
             block: Block::default(),
             line: 0,
+            idle_at: setup.start,
             state: State::new(setup),
             control: Control::default(),
             pending: VecDeque::new(),
@@ -238,17 +243,18 @@ impl Interpreter {
         self.block.parse(&String::from_utf8_lossy(bytes))?;
         self.executed += 1;
         self.idle += 1;
-        let bounds = [
-            (self.state.setup.max_blocks, self.executed),
-            (Some(MAX_BLOCKS), self.idle),
-        ];
-        for (allowed, blocks) in bounds {
-            if let Some(allowed) = allowed.filter(|allowed| blocks > *allowed) {
-                let fault = Fault::TooManyBlocks { allowed };
-                return Err(Refusal::new(self.block.columns(), fault));
-            }
-        }
-        Ok(true)
+        let setup = &self.state.setup;
+        let fault = if setup.abandoned.load(Ordering::Relaxed) {
+            Fault::Abandoned
+        } else if let Some(allowed) = setup.max_blocks.filter(|most| self.executed > *most) {
+            Fault::TooManyBlocks { allowed }
+        } else if self.idle > setup.max_idle_blocks {
+            let allowed = setup.max_idle_blocks;
+            Fault::IdleLoop { allowed }
+        } else {
+            return Ok(true);
+        };
+        Err(Refusal::new(self.block.columns(), fault))
     }
 
     /// Executes the block, which starts at `this`.
@@ -323,8 +329,16 @@ impl Iterator for Interpreter {
         if let Err(refusal) = self.advance() {
             return Some(Err(self.error(refusal)));
         }
-        self.idle = 0;
         let action = self.pending.pop_front()?;
+        let (at, does) = match &action {
+            Action::Rapid { to } | Action::Feed { to, .. } => (*to, *to != self.idle_at),
+            Action::Arc { arc, .. } => (arc.to, true),
+            Action::Dwell { .. } | Action::Stop(_) => (self.idle_at, true),
+            _ => (self.idle_at, false),
+        };
+        if does {
+            (self.idle, self.idle_at) = (0, at);
+        }
         let span = self.span;
         Some(Ok(Command { span, action }))
     }

@@ -39,6 +39,8 @@ pub use modal::{Code, Modes, Motion, ProgrammedFeed};
 pub use source::{Input, MAX_LINE};
 pub use tables::{Tables, TablesError, Tool};
 
+use std::sync::atomic::AtomicBool;
+
 /// Blocks after which a program that does not end is refused.
 pub const MAX_BLOCKS: u64 = 10_000_000;
 
@@ -63,6 +65,11 @@ pub struct Setup {
     pub optional_stop: bool,
     /// Refuse a program that executes more blocks; `None` for one that runs as it is read.
     pub max_blocks: Option<u64>,
+    /// Refuse a program that executes more blocks without a movement, a dwell or a stop: a loop
+    /// that does nothing.
+    pub max_idle_blocks: u64,
+    /// Refuse to go on once this is set: nobody wants the program any more.
+    pub abandoned: std::sync::Arc<AtomicBool>,
 }
 
 impl Setup {
@@ -77,6 +84,8 @@ impl Setup {
             block_delete: false,
             optional_stop: false,
             max_blocks: Some(MAX_BLOCKS),
+            max_idle_blocks: MAX_BLOCKS,
+            abandoned: std::sync::Arc::default(),
         }
     }
 }

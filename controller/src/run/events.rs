@@ -224,10 +224,11 @@ impl Events {
         Ok(Self(events))
     }
 
-    /// There is no event any more.
+    /// How many have not come, and the time of the first.
     #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.0.is_empty()
+    pub fn left(&self) -> Option<(f64, usize)> {
+        let (time, _) = self.0.front()?;
+        Some((*time, self.0.len()))
     }
 
     /// The next order that is due at this time, s.

@@ -3,6 +3,7 @@
 //! - [`driver`]: a controller on its buses
 //! - [`virtual_time`]: as fast as the CPU allows, deterministic
 //! - [`real_time`]: on the host's clock
+//! - [`planning`]: the program on its way there, in a thread of its own
 //! - [`events`]: what a person does, in a validated run
 //! - [`recorder`]: what a run leaves: summary, violations, trace, report
 //! - [`replay`]: a recorded run once more
@@ -12,6 +13,7 @@ pub mod deviation;
 pub mod driver;
 pub mod events;
 pub mod frames;
+pub mod planning;
 pub mod real_time;
 pub mod recorder;
 pub mod replay;

@@ -4,8 +4,8 @@
 //!  instructions, orders ──► cycle thread ──► news: events, rows, progress
 //! ```
 //!
-//! One bounded queue of orders goes in, one of news comes out; the plan has a queue of its own.
-//! Nothing else is shared.
+//! One bounded queue of orders goes in, one of news comes out; the plan has a queue of its own, from
+//! a thread of its own ([`planning`](super::planning)). Nothing else is shared.
 
 use super::driver::Driver;
 use crate::control::{Controller, Event, Instruction, Layout, Order, Phase, Row};
@@ -14,6 +14,7 @@ use crate::program::{COORDINATES, Position};
 use crate::realtime::{self, Granted};
 use crate::timing::{Distribution, Stage, Stages};
 use rtrb::{Consumer, Producer, PushError, RingBuffer};
+use std::collections::VecDeque;
 use std::mem::replace;
 use std::sync::Arc;
 use std::time::Duration;
@@ -99,33 +100,34 @@ pub fn late_after(cycle: Duration) -> Duration {
     cycle / 4
 }
 
-/// The outer ends of the queues.
+/// The outer ends of a person's queues.
 pub struct Link {
-    instructions: Producer<Instruction<COORDINATES>>,
     orders: Producer<Order>,
+    /// Orders that found no room yet.
+    waiting: VecDeque<Order>,
     news: Consumer<News>,
 }
 
 impl Link {
-    /// Room for instructions.
-    #[must_use]
-    pub fn room(&self) -> usize {
-        self.instructions.slots()
+    /// Orders something. None gets lost: what finds no room goes with the next order or
+    /// [`Link::news`].
+    pub fn order(&mut self, order: Order) {
+        self.waiting.push_back(order);
+        self.hand_over();
     }
 
-    /// Gives the next instruction; the caller has made sure of [`Link::room`].
-    pub fn give(&mut self, instruction: Instruction<COORDINATES>) {
-        let given = self.instructions.push(instruction);
-        debug_assert!(given.is_ok(), "there is room");
-    }
-
-    /// Orders something; false if the cycle has too many orders waiting.
-    pub fn order(&mut self, order: Order) -> bool {
-        self.orders.push(order).is_ok()
+    fn hand_over(&mut self) {
+        while !self.orders.is_full()
+            && let Some(order) = self.waiting.pop_front()
+        {
+            let given = self.orders.push(order);
+            debug_assert!(given.is_ok(), "there is room");
+        }
     }
 
     /// The next news.
     pub fn news(&mut self) -> Option<News> {
+        self.hand_over();
         self.news.pop().ok()
     }
 }
@@ -146,7 +148,11 @@ pub struct Cycle {
 impl Cycle {
     /// The cycle of a machine whose buses are open, and the outer ends of its queues.
     #[must_use]
-    pub fn new(layout: &Arc<Layout>, ports: Ports, timing: Timing) -> (Self, Link) {
+    pub fn new(
+        layout: &Arc<Layout>,
+        ports: Ports,
+        timing: Timing,
+    ) -> (Self, Link, Producer<Instruction<COORDINATES>>) {
         let (give, instructions) = RingBuffer::new(INSTRUCTIONS);
         let (order, orders) = RingBuffer::new(ORDERS);
         let (tell, news) = RingBuffer::new(NEWS);
@@ -176,11 +182,11 @@ impl Cycle {
             },
         };
         let link = Link {
-            instructions: give,
             orders: order,
+            waiting: VecDeque::new(),
             news,
         };
-        (cycle, link)
+        (cycle, link, give)
     }
 
     /// Runs the machine to its end; `started` is told what the kernel granted.
@@ -340,5 +346,31 @@ impl Cycle {
             std::thread::sleep(NAP);
             news = back;
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_order_gets_lost_while_the_cycle_stands() {
+        let (orders, mut taken) = RingBuffer::new(ORDERS);
+        let (_, news) = RingBuffer::new(1);
+        let mut link = Link {
+            orders,
+            waiting: VecDeque::new(),
+            news,
+        };
+        for _ in 0..2 * ORDERS {
+            link.order(Order::StopAfterBlock);
+        }
+        link.order(Order::Interrupt);
+        let mut last = None;
+        for _ in 0..=2 * ORDERS {
+            last = taken.pop().ok();
+            assert!(link.news().is_none());
+        }
+        assert_eq!(last, Some(Order::Interrupt));
     }
 }

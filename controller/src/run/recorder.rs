@@ -5,7 +5,7 @@ use crate::control::layout::{self, Layout};
 use crate::control::{Controller, End, Row};
 use crate::gcode::{Coolant, Output, Spindle, Turning};
 use crate::machine::Machine;
-use crate::program::{COORDINATES, Feeder, Position, ProgramMove, Switch};
+use crate::program::{COORDINATES, Moves, Position, ProgramMove, Switch};
 use crate::report::{AxisReport, Report, Violation};
 use serde::Serialize;
 use std::collections::VecDeque;
@@ -274,11 +274,7 @@ impl Recorder {
     ///
     /// # Errors
     /// The trace cannot be written.
-    pub fn record(
-        &mut self,
-        row: &Row<COORDINATES>,
-        feeder: Option<&mut Feeder>,
-    ) -> io::Result<f64> {
+    pub fn record(&mut self, row: &Row<COORDINATES>, moves: &mut Moves) -> io::Result<f64> {
         let time = self.seconds(row.cycle);
         self.cycles += 1;
         if row.plan.speed > 0.0 {
@@ -291,9 +287,8 @@ impl Recorder {
             self.motion = Some((first, row.cycle));
         }
         self.path.length_mm = row.plan.distance;
-        if let Some(feeder) = feeder {
-            self.follow_path(time, row, feeder);
-        }
+        moves.take_up();
+        self.follow_path(time, row, moves);
         for axis in &mut self.axes {
             let at = axis.coordinate;
             let position = row.plan.position[at];
@@ -367,7 +362,7 @@ impl Recorder {
     }
 
     /// Compares setpoint and actual position with the programmed geometry.
-    fn follow_path(&mut self, time: f64, row: &Row<COORDINATES>, feeder: &mut Feeder) {
+    fn follow_path(&mut self, time: f64, row: &Row<COORDINATES>, moves: &mut Moves) {
         if row.plan.away {
             return;
         }
@@ -378,7 +373,7 @@ impl Recorder {
             self.tags[0] = tag;
         }
         let along = row.plan.distance - self.tag.1;
-        while let Some(switch) = feeder.switched(tag, &row.plan.position, along) {
+        while let Some(switch) = moves.switched(tag, &row.plan.position, along) {
             match switch {
                 Switch::Spindle(spindle) => self.spindle = spindle,
                 Switch::Coolant(coolant) => self.coolant = coolant,
@@ -389,8 +384,8 @@ impl Recorder {
         let last = self.tags.iter().fold(tag, |last, &of| last.max(of));
         let first = self.tags.iter().fold(tag, |first, &of| first.min(of));
         let first = first.min(tag.saturating_sub(BEHIND));
-        feeder.passed(first);
-        let Some(motion) = feeder.motion(tag) else {
+        moves.passed(first);
+        let Some(motion) = moves.motion(tag) else {
             return;
         };
         self.line = motion.line;
@@ -399,7 +394,7 @@ impl Recorder {
             let mut farther = 0;
             // Where this stretch passes into the next one it may be near to any move of that.
             for tag in (first..=last).rev().chain(last + 1..) {
-                let Some(ProgramMove { curve, .. }) = feeder.motion(tag) else {
+                let Some(ProgramMove { curve, .. }) = moves.motion(tag) else {
                     if tag > last {
                         break;
                     }

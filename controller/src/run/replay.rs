@@ -20,7 +20,7 @@
 use crate::control::fault::BusIndex;
 use crate::control::{Controller, End, Event, Instruction, Layout, Phase, Wake};
 use crate::port::{Burst, Outbox, Received};
-use crate::program::{COORDINATES, Feeder, Position, Program, ProgramError};
+use crate::program::{COORDINATES, Feeder, Moves, Position, Program, ProgramError};
 use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Duration;
@@ -571,7 +571,7 @@ impl Replay {
         if self.tape.is_none() {
             self.program.check(start)?;
             self.tape = Some(Tape {
-                feeder: self.program.feeder(start)?,
+                feeder: self.program.feeder(start, Moves::new().0)?,
                 kept: VecDeque::new(),
                 first: 0,
             });

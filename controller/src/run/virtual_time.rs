@@ -6,7 +6,7 @@ use crate::control::{Controller, Event, Layout, Row};
 use crate::machine::Machine;
 use crate::port::sim::SimPort;
 use crate::port::{Port, PortError};
-use crate::program::{COORDINATES, Feeder, Program, ProgramError};
+use crate::program::{COORDINATES, Feeder, Moves, Program, ProgramError, Upcoming};
 use std::sync::Arc;
 use syncline_canopen::Instant;
 
@@ -17,7 +17,10 @@ pub struct VirtualMachine<P = SimPort> {
     driver: Driver<COORDINATES, P>,
     frames: SharedFrames,
     program: Program,
+    /// Until the program starts.
+    upcoming: Option<Upcoming>,
     feeder: Option<Feeder>,
+    moves: Moves,
     now: Instant,
 }
 
@@ -56,11 +59,14 @@ impl<P: Port> VirtualMachine<P> {
     /// they carry.
     #[must_use]
     pub fn on(ports: Vec<P>, layout: Arc<Layout>, program: Program, frames: SharedFrames) -> Self {
+        let (upcoming, moves) = Moves::new();
         Self {
             driver: Driver::new(layout, ports, Instant::ZERO),
             frames,
             program,
+            upcoming: Some(upcoming),
             feeder: None,
+            moves,
             now: Instant::ZERO,
         }
     }
@@ -87,11 +93,11 @@ impl<P: Port> VirtualMachine<P> {
     /// Keeps the controller's plan full.
     fn feed(&mut self) -> Result<(), ProgramError> {
         let controller = &mut self.driver.controller;
-        if self.feeder.is_none()
-            && let Some(start) = controller.ready()
+        if let Some(start) = controller.ready()
+            && let Some(upcoming) = self.upcoming.take()
         {
             self.program.check(start)?;
-            self.feeder = Some(self.program.feeder(start)?);
+            self.feeder = Some(self.program.feeder(start, upcoming)?);
         }
         let Some(feeder) = &mut self.feeder else {
             return Ok(());
@@ -119,8 +125,8 @@ impl<P: Port> VirtualMachine<P> {
 
     /// What happened at the last SYNC, after a step that supervised, and the program's moves that
     /// are not passed yet.
-    pub fn row(&mut self) -> (Option<&Row<COORDINATES>>, Option<&mut Feeder>) {
-        (self.driver.controller.row(), self.feeder.as_mut())
+    pub fn row(&mut self) -> (Option<&Row<COORDINATES>>, &mut Moves) {
+        (self.driver.controller.row(), &mut self.moves)
     }
 
     /// The port of the bus with this index, to interfere with it.

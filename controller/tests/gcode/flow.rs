@@ -174,6 +174,23 @@ fn an_endless_program_runs_only_as_it_is_read() {
 }
 
 #[test]
+fn an_endless_program_that_moves_nothing_ends() {
+    let mut setup = xyz();
+    (setup.max_blocks, setup.max_idle_blocks) = (None, 1000);
+    for block in ["(nothing)", "G0 X5", "M3 S100"] {
+        let message = refusal_with(setup.clone(), &format!("{block}\nM99\n"));
+        assert!(message.contains("1000 blocks"), "{block}: {message}");
+        assert!(message.contains("nothing moved"), "{block}: {message}");
+    }
+    for block in ["G4 P0.1", "M0", "G91 G0 X1", "G3 I1 F100"] {
+        let program = format!("{block}\nM99\n");
+        let endless = Interpreter::from_text("part.ngc", program, setup.clone());
+        let good = endless.take(3000).filter(Result::is_ok).count();
+        assert_eq!(good, 3000, "{block}");
+    }
+}
+
+#[test]
 fn a_loop_that_does_nothing_ends() {
     let mut setup = Setup::new(xyz().axes);
     setup.max_blocks = Some(100_000);

@@ -181,3 +181,22 @@ fn arguments_that_do_not_parse() {
         assert!(errors.contains("Usage"), "{errors}");
     }
 }
+
+/// Each file that cannot be written is told by its name: before anything moves, or when it is full.
+#[test]
+fn files_that_cannot_be_written() {
+    let folder = Folder::new();
+    let machine = folder.machine("portal");
+    let program = folder.file("p.ngc", "G0 X1\nM2\n");
+    for (code, file) in [(2, "/nowhere/file"), (1, "/dev/full")] {
+        for option in ["--candump", "--pcapng", "--trace"] {
+            let mut command = syncline();
+            command.args(["validate", option, file]);
+            let output = command.args([&machine, &program]).output().unwrap();
+            let (ended, _, errors) = ended(&output);
+            assert_eq!(ended, code, "{option} {file}: {errors}");
+            let told = format!("cannot write {file}");
+            assert_eq!(errors.matches(&told).count(), 1, "{option}: {errors}");
+        }
+    }
+}

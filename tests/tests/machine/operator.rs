@@ -230,6 +230,7 @@ fn steps_back_and_on() {
 #[test]
 fn steps_back_from_a_program_stop() {
     let mut rig = Rig::portal("G0 X100\nM0\nG1 X200 F6000\nM2\n");
+    rig.goes_on = false;
     let paused = |rig: &Rig| {
         let pauses = rig
             .events
@@ -247,6 +248,22 @@ fn steps_back_from_a_program_stop() {
     rig.controller().obey(Order::GoOn);
     assert_eq!(rig.finish(), End::Finished, "{:?}", rig.events);
     assert_eq!(position(&rig)[0], 200.0);
+}
+
+#[test]
+fn going_on_from_a_program_stop_while_held() {
+    let mut rig = Rig::portal("G1 X1 F6000\nM0\nX2\nM2\n");
+    rig.goes_on = false;
+    rig.run_until(|rig| matches!(rig.events.last(), Some(Event::Paused { .. })));
+    rig.controller().obey(Order::Hold);
+    rows(&mut rig, 2);
+    rig.controller().obey(Order::GoOn);
+    rows(&mut rig, 100);
+    assert_eq!(rig.events.last(), Some(&Event::Held), "it does not go on");
+    assert!((position(&rig)[0] - 1.0).abs() < 1e-9);
+    rig.controller().obey(Order::Resume);
+    assert_eq!(rig.finish(), End::Finished, "{:?}", rig.events);
+    assert!(rig.events.contains(&Event::Resumed));
 }
 
 /// All of it again, by a file, through the command: the same frames each time.
@@ -317,6 +334,29 @@ fn events_that_end_in_a_hold() {
     }
 }
 
+/// The program is over before.
+#[test]
+fn events_that_never_come() {
+    let folder = Folder::new();
+    let program = folder.file("p.ngc", "G0 X5\nM2\n");
+    let events = "t_s,event,value\n0.05,feed_override,50\n50,hold,\n60,resume,\n";
+    let output = syncline()
+        .args(["validate", "--events"])
+        .args([
+            folder.file("e.csv", events),
+            folder.machine("portal"),
+            program,
+        ])
+        .output()
+        .unwrap();
+    let (code, _, errors) = ended(&output);
+    assert_eq!(code, 0, "{errors}");
+    assert!(
+        errors.contains("2 events from 50 s on never come"),
+        "{errors}"
+    );
+}
+
 #[test]
 fn an_events_file_that_is_wrong() {
     let folder = Folder::new();
@@ -364,5 +404,48 @@ fn keys_on_a_terminal() {
     }
     terminal.wait_for("interrupted by the user");
     let after = terminal.end().pop();
-    assert_eq!(before, after, "the terminal is as it was");
+    assert_eq!(Some(before), after, "the terminal is as it was");
+}
+
+/// The planner has enough to do for ever, and hears nobody.
+#[test]
+fn a_loop_that_moves_nothing_is_stopped_by_a_key() {
+    let folder = Folder::new();
+    let line = format!(
+        "{} run --stream {} {} --verbose 2>&1 | cat",
+        syncline().get_program().display(),
+        folder.machine("portal").display(),
+        folder.file("p.ngc", "G0 X10\nM99\n").display()
+    );
+    let mut terminal = Terminal::run(&line);
+    terminal.wait_for("ready");
+    terminal.press(b"q");
+    terminal.wait_for("interrupted by the user");
+    let _ = terminal.end();
+}
+
+/// The step of a jog is in view before the first one.
+#[test]
+fn the_step_of_a_jog_is_shown_while_held() {
+    let folder = Folder::new();
+    let line = format!(
+        "TERM=xterm {} run {} {} --verbose; true",
+        syncline().get_program().display(),
+        folder.machine("portal").display(),
+        folder.file("p.ngc", "G1 X1400 F3000\nM2\n").display()
+    );
+    let mut terminal = Terminal::run(&line);
+    for (key, shown) in [
+        ("", "ready"),
+        (" ", "held on the path"),
+        ("", " by 1 mm"),
+        ("]", " by 10 mm"),
+        (" ", "going on"),
+        ("", "3000 mm/min"),
+        ("q", "interrupted by the user"),
+    ] {
+        terminal.press(key.as_bytes());
+        terminal.wait_for(shown);
+    }
+    let _ = terminal.end();
 }

@@ -274,7 +274,7 @@ fn a_fault_ends_the_run_with_its_reason() {
     let (code, printed, log) = ended(&output);
     assert_eq!(code, 1, "{log}");
     assert!(
-        printed.starts_with("stopped: axis X: following error "),
+        printed.contains("outcome            stopped: axis X: following error "),
         "{printed}"
     );
     assert!(
