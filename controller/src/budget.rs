@@ -2,6 +2,7 @@
 
 use crate::machine::Machine;
 use std::fmt;
+use std::ops::RangeInclusive;
 use std::time::Duration;
 use syncline_canopen::budget::{Budget, Traffic, Verdict};
 use syncline_canopen::response_time::bit_time;
@@ -49,6 +50,17 @@ pub enum DoesNotFit {
         arithmetic: String,
         /// What would fit.
         advice: String,
+    },
+    /// The drives do not take the cycle.
+    #[error("a cycle of {} µs is not what the drives take: {} to {} µs in steps of {} µs",
+        .cycle.as_micros(), .allowed.start().as_micros(), .allowed.end().as_micros(), .step.as_micros())]
+    Cycle {
+        /// What is asked for.
+        cycle: Duration,
+        /// What they take …
+        allowed: RangeInclusive<Duration>,
+        /// … in multiples of this.
+        step: Duration,
     },
     /// The machine file's `setpoint_offset_us` leaves too little time before it or behind it.
     #[error(

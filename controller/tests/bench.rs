@@ -134,6 +134,14 @@ fn axes_are_spread_over_buses_that_take_them() {
     }
     for (arguments, why) in [
         ("--axes 64 --buses 21 --period 1ms", "1.110 ms"),
+        (
+            "--axes 1 --period 21ms",
+            "1000 to 20000 µs in steps of 1000 µs",
+        ),
+        (
+            "--axes 1 --period 1500us",
+            "1000 to 20000 µs in steps of 1000 µs",
+        ),
         ("--axes 2 --buses 2 --bus vcan0", "cannot be used with"),
     ] {
         let refused = bench(&format!("cycle {arguments} {short}"), None);

@@ -296,6 +296,12 @@ fn every_mistake_is_found_named_and_placed() {
             "axis \"Z\": `soft_limits` [-300, 163500] are beyond what drive \"Z\" can count",
             "allowed: -164221.470…163458.530 mm (-2147483648…2147483647 increments, 131072 for each",
         ),
+        (
+            "name = \"Y\"\ndrives = [\"Y\"]\npitch = 160.0\ngear = 8.0",
+            "name = §\"Y\"\ndrives = [\"Y\"]\npitch = 160.0\ngear = 1e-300",
+            "axis \"Y\": an increment of drive \"Y\" is more than `following_error_limit`",
+            "allowed: `pitch` / `gear` up to",
+        ),
         // Cycle and bit rate.
         (
             "cycle_us = 2000",

@@ -82,7 +82,7 @@ impl Recorded {
         let mut lines: Vec<String> = text.lines().map(str::to_owned).collect();
         change(&mut lines);
         let changed = self.folder.path().join("changed");
-        fs::write(&changed, lines.join("\n")).unwrap();
+        fs::write(&changed, lines.join("\n") + "\n").unwrap();
         replay(&changed, &self.machine, &self.program)
     }
 
@@ -142,6 +142,14 @@ fn a_validated_run_is_sent_again_bit_for_bit() {
     let (code, text) = recorded.replay_with(|lines| lines.truncate(lines.len() / 2));
     assert_eq!(code, 0, "{text}");
     assert!(text.contains("the log ends before the run does"), "{text}");
+
+    // In the middle of a frame, too.
+    let text = fs::read_to_string(&recorded.log).unwrap();
+    let cut = text.len() / 2 + text[text.len() / 2..].find('#').unwrap() + 4;
+    fs::write(&recorded.log, &text[..cut]).unwrap();
+    let (code, text) = recorded.replay();
+    assert_eq!(code, 0, "{text}");
+    assert!(text.contains("the last line is cut off"), "{text}");
 }
 
 #[test]

@@ -64,8 +64,15 @@ impl Shape {
     }
 
     /// # Errors
-    /// If a bus does not fit the period.
+    /// If a bus does not fit the period, or the drives do not take it.
     pub fn check(&self) -> Result<(), DoesNotFit> {
+        if !LXM32M.takes_cycle(self.period) {
+            return Err(DoesNotFit::Cycle {
+                cycle: self.period,
+                allowed: LXM32M.cycles.clone(),
+                step: LXM32M.cycle_step,
+            });
+        }
         // The first bus has the most axes.
         let traffic = self.traffic(0);
         let budget = traffic.budget();
@@ -234,7 +241,7 @@ impl Shape {
 }
 
 fn bus_name(bus: usize) -> String {
-    format!("bus {bus}")
+    bus.to_string()
 }
 
 /// Moves all axes to and fro along one line, for ever.

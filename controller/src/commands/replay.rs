@@ -87,8 +87,18 @@ impl Args {
         let cannot_read = |error| BadLog(format!("cannot read {}: {error}", self.log.display()));
         let file = File::open(&self.log).map_err(cannot_read)?;
         let mut log = Vec::new();
-        for (number, line) in (1..).zip(BufReader::new(file).lines()) {
-            let line = line.map_err(cannot_read)?;
+        let mut file = BufReader::new(file);
+        let mut line = String::new();
+        for number in 1.. {
+            line.clear();
+            if file.read_line(&mut line).map_err(cannot_read)? == 0 {
+                break;
+            }
+            if !line.ends_with('\n') {
+                let log = self.log.display();
+                eprintln!("{log}:{number}: the last line is cut off: left out");
+                break;
+            }
             if !line.starts_with('(') {
                 continue;
             }
@@ -128,7 +138,11 @@ fn print(outcome: &Outcome, layout: &Layout) {
         println!("dropped            {dropped} bursts that never came to the bus");
     }
     if let Some(cycle) = interrupted {
-        println!("interrupted        in cycle {cycle}");
+        // A hold begins as an interruption does, and then goes on.
+        let what = outcome
+            .difference
+            .map_or("interrupted", |_| "held, or broken off");
+        println!("{what:<18} in cycle {cycle}");
     }
     match &outcome.end {
         Some(end) => println!("the run's end      {}", end.describe(layout)),
@@ -167,8 +181,8 @@ fn print_difference(difference: &Difference, machine: &Machine, log: &[Logged], 
     }
     if *phase >= Phase::Program {
         println!(
-            "  No log tells of a hold, an override or a step back, nor of a plan that came late: with \
-             one of them, which the run told,\n  setpoints differ from there on."
+            "  No log tells of a hold, an override, a jog or a step back, nor of a plan that came late: \
+             with one of them, which the run told,\n  setpoints differ from there on."
         );
     }
 }

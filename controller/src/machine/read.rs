@@ -463,6 +463,22 @@ impl DriveTable {
                 ),
             );
         }
+        let counts = f64::from(self.model.increments_per_revolution);
+        let most = table.following_error_limit * counts;
+        if table.mm_per_revolution() > most {
+            log.report(
+                table.name.span(),
+                format!(
+                    "{}: an increment of {} is more than `following_error_limit`",
+                    table.title(),
+                    self.title()
+                ),
+                format!(
+                    "allowed: `pitch` / `gear` up to {most} {}, {counts} increments",
+                    table.unit()
+                ),
+            );
+        }
         Drive {
             name: self.name.into_inner(),
             bus,

@@ -110,19 +110,23 @@ fn limits(axes: &[AxisReport]) -> String {
     }
     let mut html = String::from(
         "<section>\n<h2>Against the limits</h2>\n<div class=scroll><table class=limits>\n<tr><th>\
-         Axis<th>Velocity <i>mm/s</i><th>Acceleration <i>mm/s²</i><th>Jerk <i>mm/s³</i>\
-         <th>Following error <i>mm</i><th class=n>RMS <i>mm</i></tr>\n",
+         Axis<th>Velocity<th>Acceleration<th>Jerk<th>Following error<th class=n>RMS</tr>\n",
     );
     for axis in axes {
         _ = write!(html, "<tr><th>{}</th>", escape(&axis.name));
-        for (value, limit) in [
-            (axis.max_velocity, axis.velocity_limit),
-            (axis.max_acceleration, axis.acceleration_limit),
-            (axis.max_jerk, axis.jerk_limit),
-            (axis.max_following_error, axis.following_error_limit),
+        let [position, velocity, acceleration, jerk] = axis.units;
+        for (value, limit, unit) in [
+            (axis.max_velocity, axis.velocity_limit, velocity),
+            (axis.max_acceleration, axis.acceleration_limit, acceleration),
+            (axis.max_jerk, axis.jerk_limit, jerk),
+            (
+                axis.max_following_error,
+                axis.following_error_limit,
+                position,
+            ),
         ] {
             let share = if limit > 0.0 { value / limit } else { 0.0 };
-            // The plan is allowed its rounding (issue: relative 1e-6).
+            // The plan is allowed its rounding.
             let class = if share > 1.0 + 1e-6 {
                 " class=over"
             } else {
@@ -131,7 +135,7 @@ fn limits(axes: &[AxisReport]) -> String {
             _ = write!(
                 html,
                 "<td{class}><div class=meter><div style='width:{:.1}%'></div></div>{} \
-                 <span>of {} · {:.0} %</span>",
+                 <span>of {} {unit} · {:.0} %</span>",
                 (share * 100.0).clamp(0.0, 100.0),
                 number(value),
                 number(limit),
@@ -140,7 +144,7 @@ fn limits(axes: &[AxisReport]) -> String {
         }
         _ = writeln!(
             html,
-            "<td class=n>{}</tr>",
+            "<td class=n>{} {position}</tr>",
             number(axis.rms_following_error)
         );
     }
