@@ -402,7 +402,7 @@ impl<const N: usize> Executor<N> {
 
     /// Nothing is left to execute, and nothing is waited for; the axes rest.
     pub fn is_idle(&self) -> bool {
-        let moved = self.away.is_some_and(|away| !away.rests());
+        let moved = self.away.as_ref().is_some_and(|away| !away.rests());
         self.committed == 0 && !self.held && !self.deaf && self.fresh.is_none() && !moved
     }
 
@@ -426,7 +426,7 @@ impl<const N: usize> Executor<N> {
                 busy: !self.is_idle(),
                 away: false,
             };
-            return self.away.map_or(rest, |away| away.setpoint(rest));
+            return (self.away.as_ref()).map_or(rest, |away| away.setpoint(rest));
         };
         let t = self.since(self.began).clamp(0.0, piece.duration);
         let (ds, v, a) = piece.at(t);
@@ -472,19 +472,21 @@ impl<const N: usize> Executor<N> {
             if duration > 0.0 && self.since(self.began) < duration {
                 break;
             }
-            self.finish_step(step, duration);
+            self.finish_step(*step, duration);
         }
         if let Some(Step::Piece(piece)) = self.current() {
             let (ds, _, _) = piece.at(self.since(self.began));
             self.enter_span_at(piece.distance + ds);
-            self.seek_stop();
+            if let Stop::Sought(departure) = self.stop {
+                self.seek_stop(departure);
+            }
         }
         self.setpoint()
     }
 
-    fn current(&self) -> Option<Step<N>> {
+    fn current(&self) -> Option<&Step<N>> {
         if self.committed > 0 {
-            self.steps.front().copied()
+            self.steps.front()
         } else {
             None
         }
@@ -542,7 +544,7 @@ impl<const N: usize> Executor<N> {
             self.rested = self.cycle;
         }
         if let Some(Step::Dwell { tag, .. }) = self.current() {
-            self.tag = tag;
+            self.tag = *tag;
         }
     }
 
@@ -708,7 +710,7 @@ impl<const N: usize> Executor<N> {
 
     /// Rests, or is coming to rest, until [`resume`](Self::resume).
     pub fn is_held(&self) -> bool {
-        let returns = self.away.is_some_and(|away| away.returns());
+        let returns = self.away.as_ref().is_some_and(|away| away.returns());
         !returns && (self.held || matches!(self.current(), Some(Step::Hold)))
     }
 
@@ -770,7 +772,7 @@ impl<const N: usize> Executor<N> {
 
     /// Goes on with what the axes came back for.
     fn come_back(&mut self) {
-        let Some(then) = self.away.and_then(|away| away.arrived()) else {
+        let Some(then) = self.away.as_ref().and_then(Excursion::arrived) else {
             return;
         };
         self.away = None;
@@ -898,17 +900,18 @@ impl<const N: usize> Executor<N> {
         self.committed = self.steps.len();
         self.stop = Stop::Sought(self.cycle);
         self.search.reset();
-        self.seek_stop();
+        self.seek_stop(self.cycle);
     }
 
     /// Replaces the plan by a shorter way to rest if there is one.
     ///
     /// First from where it is. Where that takes more than a cycle's share of the search, from
     /// a little ahead, so that the share of several cycles goes into the same law.
-    fn seek_stop(&mut self) {
-        let (Stop::Sought(departure), Some(Step::Piece(_)), Some(limits)) =
-            (self.stop, self.current(), self.limits)
-        else {
+    ///
+    /// Apart from the cycle that follows its plan: the search has a large stack.
+    #[inline(never)]
+    fn seek_stop(&mut self, departure: u64) {
+        let (Some(Step::Piece(_)), Some(limits)) = (self.current(), self.limits) else {
             return;
         };
         // Where the plan does nothing but come to rest, it does so as fast as it can.
