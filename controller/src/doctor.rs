@@ -184,6 +184,19 @@ impl Host {
         )
     }
 
+    /// The cores that this machine has; none if it does not tell.
+    fn present(&self) -> Vec<usize> {
+        let list = self.read("sys/devices/system/cpu/present");
+        parse_cores(&list.unwrap_or_default())
+    }
+
+    /// The cycle's core, if the machine has it.
+    fn named(&self) -> Option<usize> {
+        let present = self.present();
+        self.core
+            .filter(|core| present.is_empty() || present.contains(core))
+    }
+
     fn isolation(&self) -> Finding {
         let isolated = self
             .read("sys/devices/system/cpu/isolated")
@@ -192,15 +205,16 @@ impl Host {
             .read("sys/devices/system/cpu/nohz_full")
             .filter(|cores| cores != "(null)")
             .unwrap_or_default();
-        let all = self.read("sys/devices/system/cpu/present");
-        let core = self
-            .core
-            .or_else(|| parse_cores(all.as_deref()?).last().copied())
-            .unwrap_or(1);
+        let present = self.present();
+        let core = self.named().or(present.last().copied()).unwrap_or(1);
         let advice = format!(
             "other work on the core costs 10…100 us a wake-up: boot with isolcpus={core} nohz_full={core} rcu_nocbs={core} and name it: --core {core}"
         );
         let (weight, found) = match self.core {
+            Some(core) if self.named().is_none() => (
+                Weight::Bad,
+                format!("no core {core}: 0…{}", present.len() - 1),
+            ),
             _ if isolated.is_empty() => (Weight::Costly, "none isolated".to_owned()),
             Some(core) if !parse_cores(&isolated).contains(&core) => (
                 Weight::Costly,
@@ -245,7 +259,7 @@ impl Host {
     fn sleep_states(&self) -> Finding {
         let cpu = format!(
             "sys/devices/system/cpu/cpu{}/cpuidle",
-            self.core.unwrap_or(0)
+            self.named().unwrap_or(0)
         );
         let deepest = self
             .list(&cpu, "state")
@@ -273,7 +287,7 @@ impl Host {
     }
 
     fn interrupts(&self) -> Finding {
-        let Some(core) = self.core else {
+        let Some(core) = self.named() else {
             return Finding::new(
                 "interrupts",
                 Weight::Unknown,
@@ -542,6 +556,24 @@ mod tests {
         }
         assert_eq!(weight_of(&findings, "CAN interface"), Weight::Bad);
         assert_eq!(weight_of(&findings, "machine"), Weight::Bad);
+    }
+
+    #[test]
+    fn a_core_that_is_not_there_is_told() {
+        let host = Fake::new(&[
+            ("sys/devices/system/cpu/present", "0-3\n"),
+            ("sys/devices/system/cpu/isolated", "3\n"),
+            ("sys/devices/system/cpu/nohz_full", "3\n"),
+            ("proc/irq/16/effective_affinity_list", "0-3\n"),
+        ]);
+        let there = host.examine(Some(3));
+        assert_eq!(weight_of(&there, "cores"), Weight::Good);
+        assert_eq!(weight_of(&there, "interrupts"), Weight::Costly);
+        let not_there = host.examine(Some(4));
+        let cores = not_there.iter().find(|it| it.what == "cores").unwrap();
+        assert_eq!(cores.found, "no core 4: 0…3");
+        assert!(cores.advice.ends_with("--core 3"), "{}", cores.advice);
+        assert_eq!(weight_of(&not_there, "interrupts"), Weight::Unknown);
     }
 
     #[test]
