@@ -13,11 +13,33 @@ use syncline_controller::port::socketcan::{from_raw, to_raw};
 use syncline_drives::bus::{Band, BitRate, Node, SimBus, frame_bits};
 use syncline_drives::model::Increments;
 
+/// What the processor's caches hold before a wake-up for the setpoints.
+#[derive(Clone, Copy, PartialEq)]
+enum Caches {
+    /// What the cycle before left.
+    Warm,
+    /// Nothing of the cycle.
+    Cold,
+    /// As after a spin, which begins with a rehearsal.
+    Rehearsed,
+}
+
+/// Beyond what any cache holds, in bytes.
+const BEYOND_CACHES: usize = 128 << 20;
+
 /// Both wake-ups of a cycle, controller only: frames in, supervision, sampling, scaling, frames out.
-fn compute<const N: usize>(criterion: &mut Criterion, axes: usize) {
+fn compute<const N: usize>(criterion: &mut Criterion, axes: usize, caches: Caches) {
     let shape = Shape::on_fewest_buses(axes, Duration::from_millis(4)).expect("it fits");
     let mut machine = ready_machine::<N>(&shape);
     let mut plan = Shuttle::new(axes);
+    let mut memory = vec![
+        1_u8;
+        if caches == Caches::Warm {
+            0
+        } else {
+            BEYOND_CACHES
+        }
+    ];
     let mut cycle = || {
         while machine.controller.room() > 0 {
             machine.controller.accept(plan.instruction());
@@ -29,6 +51,10 @@ fn compute<const N: usize>(criterion: &mut Criterion, axes: usize) {
                 .next_wake()
                 .map_or(Instant::ZERO, Wake::at);
             machine.collect(now).expect("a simulated bus");
+            (memory.iter_mut().step_by(64)).for_each(|byte| *byte = byte.wrapping_add(1));
+            if caches == Caches::Rehearsed {
+                machine.controller.rehearse();
+            }
             let began = Clock::now();
             machine.compute(now);
             spent += began.elapsed();
@@ -36,17 +62,32 @@ fn compute<const N: usize>(criterion: &mut Criterion, axes: usize) {
         }
         spent
     };
-    criterion.bench_function(&format!("compute per cycle, axes/{axes}"), |bencher| {
+    let name = match caches {
+        Caches::Warm => "",
+        Caches::Cold => ", caches cold",
+        Caches::Rehearsed => ", caches cold, rehearsed",
+    };
+    let name = format!("compute per cycle{name}, axes/{axes}");
+    criterion.bench_function(&name, |bencher| {
         bencher.iter_custom(|cycles| (0..cycles).map(|_| cycle()).sum());
     });
 }
 
 fn cycles(criterion: &mut Criterion) {
-    compute::<9>(criterion, 1);
-    compute::<9>(criterion, 4);
-    compute::<9>(criterion, 8);
-    compute::<16>(criterion, 16);
-    compute::<64>(criterion, 64);
+    compute::<9>(criterion, 1, Caches::Warm);
+    compute::<9>(criterion, 4, Caches::Warm);
+    compute::<9>(criterion, 8, Caches::Warm);
+    compute::<16>(criterion, 16, Caches::Warm);
+    compute::<64>(criterion, 64, Caches::Warm);
+}
+
+/// What a cycle costs that finds nothing of its own in the caches.
+fn cold_cycles(criterion: &mut Criterion) {
+    for caches in [Caches::Cold, Caches::Rehearsed] {
+        compute::<9>(criterion, 1, caches);
+        compute::<9>(criterion, 6, caches);
+        compute::<64>(criterion, 64, caches);
+    }
 }
 
 fn frames(criterion: &mut Criterion) {
@@ -115,4 +156,13 @@ fn bus(criterion: &mut Criterion) {
 }
 
 criterion_group!(benches, cycles, frames, bus);
-criterion_main!(benches);
+// A cycle takes tens of milliseconds, of which a hundredth of a thousandth counts.
+criterion_group!(
+    name = cold;
+    config = Criterion::default()
+        .sample_size(50)
+        .warm_up_time(Duration::from_micros(1))
+        .measurement_time(Duration::from_micros(1));
+    targets = cold_cycles
+);
+criterion_main!(benches, cold);

@@ -192,12 +192,15 @@ pub fn last_core() -> Option<usize> {
 /// Takes the core from the caller, never from `get_core_ids`: that lists the inherited mask, in
 /// which isolated cores are missing. The mask is read back, since cpusets narrow it silently.
 fn pin(core: usize) -> io::Result<()> {
+    if core >= cores() {
+        return Err(io::Error::from_raw_os_error(libc::ENOENT));
+    }
     let wanted = core_affinity::CoreId { id: core };
-    let set = core < cores() && core_affinity::set_for_current(wanted);
+    let set = core_affinity::set_for_current(wanted);
     if set && core_affinity::get_core_ids().is_some_and(|mask| mask == [wanted]) {
         Ok(())
     } else {
-        Err(io::ErrorKind::PermissionDenied.into())
+        Err(io::Error::from_raw_os_error(libc::EPERM))
     }
 }
 
@@ -312,8 +315,9 @@ fn read_clock(clock: libc::clockid_t) -> Instant {
 }
 
 /// Sleeps until `instant` on CLOCK_MONOTONIC, the last `spin` of it awake: that trades one core
-/// for the kernel's wake-up latency. An instant that has passed returns at once.
-pub fn sleep_until(instant: Instant, spin: Duration) {
+/// for the kernel's wake-up latency. Awake, it begins with `rehearse`, for caches that went cold
+/// meanwhile. An instant that has passed returns at once.
+pub fn sleep_until(instant: Instant, spin: Duration, rehearse: impl FnOnce()) {
     let wake = instant.as_nanos().saturating_sub(spin.as_nanos() as u64);
     let time = libc::timespec {
         tv_sec: (wake / 1_000_000_000) as libc::time_t,
@@ -330,6 +334,9 @@ pub fn sleep_until(instant: Instant, spin: Duration) {
         )
     } == libc::EINTR
     {}
+    if now() < instant {
+        rehearse();
+    }
     while now() < instant {
         std::hint::spin_loop();
     }
@@ -371,10 +378,12 @@ mod tests {
     fn sleeps_to_the_instant_with_and_without_spin() {
         for spin in [Duration::ZERO, Duration::from_micros(200)] {
             let instant = now() + Duration::from_millis(2);
-            sleep_until(instant, spin);
+            let mut rehearsed = false;
+            sleep_until(instant, spin, || rehearsed = true);
             assert!(now() >= instant);
+            assert!(!(rehearsed && spin.is_zero()));
         }
-        sleep_until(Instant::ZERO, Duration::ZERO);
+        sleep_until(Instant::ZERO, Duration::ZERO, || panic!("it has passed"));
     }
 
     #[test]
@@ -387,7 +396,11 @@ mod tests {
             assert!(!granted.complete());
             let core = &granted.requests()[1];
             assert_eq!(core.what, "core 100000");
-            assert!(granted.to_string().contains("name a core"), "{granted}");
+            let told = granted.to_string();
+            assert!(
+                told.contains("core 100000 (not there: name a core"),
+                "{told}"
+            );
         })
         .join()
         .unwrap();

@@ -14,6 +14,7 @@ use crate::port::{Port, PortError, Received};
 use crate::realtime::{self, Granted, Settings};
 use crate::run::driver::Driver;
 use crate::timing::{Distribution, Stages};
+use std::hint::black_box;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
@@ -179,6 +180,7 @@ struct Record {
     arrival: Distribution,
     margin: Distribution,
     bare: Distribution,
+    bare_compute: Distribution,
     ours: Vec<u32>,
     theirs: Vec<u32>,
     late: u64,
@@ -211,6 +213,7 @@ impl Record {
             arrival: Distribution::new("T_PDO after SYNC"),
             margin: Distribution::new("setpoints before SYNC"),
             bare: Distribution::new("bare wake-up"),
+            bare_compute: Distribution::new("bare compute"),
             ours: samples(),
             theirs: samples(),
             late: 0,
@@ -307,7 +310,7 @@ impl<const N: usize> Cycle<N> {
                     what: format!("no bring-up: {:?}", self.driver.controller.end()),
                 });
             };
-            realtime::sleep_until(wake.at(), self.options.spin);
+            realtime::sleep_until(wake.at(), self.options.spin, || ());
             self.driver.step(realtime::now())?;
         }
         while matches!(self.driver.controller.next_wake(), Some(Wake::Setpoint(_))) {
@@ -327,7 +330,8 @@ impl<const N: usize> Cycle<N> {
     /// time, and a late wake-up delays controller and drives together.
     fn sleep_until(&mut self, instant: Instant) -> (Duration, Instant) {
         let due = instant + Duration::from_nanos(self.ahead);
-        realtime::sleep_until(due, self.options.spin);
+        let controller = &self.driver.controller;
+        realtime::sleep_until(due, self.options.spin, || controller.rehearse());
         let late = realtime::now().saturating_since(due);
         if !self.options.interfaces.is_empty() {
             return (late, instant + late);
@@ -380,13 +384,8 @@ impl<const N: usize> Cycle<N> {
         {
             self.driver.controller.accept(instruction);
         }
-        let switches = realtime::usage().involuntary_switches;
-        let (began, clock) = (realtime::now(), realtime::thread_time());
-        self.driver.compute(now);
-        let used = realtime::thread_time().saturating_sub(clock);
-        let computed = realtime::now();
-        if realtime::usage().involuntary_switches == switches {
-            let used = used.saturating_sub(record.clock);
+        let (used, compute) = timed(record.clock, || self.driver.compute(now));
+        if let Some(used) = used {
             record.compute.record(used, woken);
             let per_axis = used / self.options.shape.axes as u32;
             record.compute_axis.record(per_axis, woken);
@@ -402,7 +401,7 @@ impl<const N: usize> Cycle<N> {
             at: woken.saturating_since(record.start),
             wake: late,
             receive: received.saturating_since(woken),
-            compute: computed.saturating_since(began),
+            compute,
             send: done.saturating_since(before_send),
         };
         record.receive.record(stages.receive, woken);
@@ -418,14 +417,18 @@ impl<const N: usize> Cycle<N> {
         Ok(())
     }
 
-    /// Wakes between the setpoints and the next SYNC and does nothing: what cyclictest measures.
+    /// Wakes between the setpoints and the next SYNC: what cyclictest measures. Then times a
+    /// computation that needs no memory: what it takes beyond its median is the host's.
     fn bare(&mut self, sync_at: Instant, record: &mut Record) {
         let passed = self.since(sync_at);
         let free = self.options.shape.period.saturating_sub(passed);
         let due = sync_at + Duration::from_nanos(self.ahead) + passed + free / 2;
-        realtime::sleep_until(due, self.options.spin);
+        realtime::sleep_until(due, self.options.spin, || ());
         let late = realtime::now().saturating_since(due);
         record.bare.record(late, due);
+        if let (Some(used), _) = timed(record.clock, multiply) {
+            record.bare_compute.record(used, due);
+        }
         record
             .theirs
             .push(late.as_nanos().min(u32::MAX.into()) as u32);
@@ -449,6 +452,7 @@ impl<const N: usize> Cycle<N> {
             record.arrival,
             record.margin,
             record.bare,
+            record.bare_compute,
         ];
         distributions.retain(|distribution| distribution.count() > 0);
         Outcome {
@@ -466,6 +470,29 @@ impl<const N: usize> Cycle<N> {
             worst: record.worst,
             control: control.flatten(),
         }
+    }
+}
+
+/// The processor time that `work` takes, less what reading the clock takes at least, and how long it
+/// took; no processor time if the processor was taken away meanwhile.
+fn timed(clock: Duration, work: impl FnOnce()) -> (Option<Duration>, Duration) {
+    let switches = realtime::usage().involuntary_switches;
+    // Once for nothing: after a sleep the kernel's way there is cold.
+    let _ = realtime::thread_time();
+    let before = realtime::thread_time();
+    let began = realtime::now();
+    work();
+    let took = realtime::now().saturating_since(began);
+    let used = realtime::thread_time().saturating_sub(before);
+    let undisturbed = realtime::usage().involuntary_switches == switches;
+    (undisturbed.then(|| used.saturating_sub(clock)), took)
+}
+
+/// Some µs of multiplications, each of which waits for the one before.
+fn multiply() {
+    let mut number = black_box(1_u64);
+    for _ in 0..1000 {
+        number = black_box(number.wrapping_mul(6_364_136_223_846_793_005));
     }
 }
 

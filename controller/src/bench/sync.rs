@@ -78,7 +78,7 @@ fn from_thread(options: &Options) -> Result<Source, PortError> {
     let mut record = Record::new("SYNC by the thread", options);
     let start = realtime::now() + options.period;
     for cycle in 0..options.cycles {
-        realtime::sleep_until(start + options.period * cycle, Duration::ZERO);
+        realtime::sleep_until(start + options.period * cycle, Duration::ZERO, || ());
         sender.send(&mut vec![Frame::new(CobId::SYNC, &[])])?;
         record.hear(&mut listener)?;
     }
@@ -94,7 +94,7 @@ fn from_kernel(options: &Options) -> Result<Source, PortError> {
     while record.count < options.cycles
         && realtime::now() < start + 2 * options.period * options.cycles
     {
-        realtime::sleep_until(realtime::now() + options.period, Duration::ZERO);
+        realtime::sleep_until(realtime::now() + options.period, Duration::ZERO, || ());
         record.hear(&mut listener)?;
     }
     Ok(record.source())

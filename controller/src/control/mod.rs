@@ -39,6 +39,7 @@ use fault::{BusIndex, Names};
 use lateness::Lateness;
 use node::Node;
 use std::collections::VecDeque;
+use std::hint::black_box;
 use std::sync::Arc;
 use syncline_canopen::time::Duration;
 use syncline_canopen::{CanId, CobId, Frame, Instant, Transmit, nmt};
@@ -327,6 +328,22 @@ impl<const N: usize> Controller<N> {
             self.fail(fault);
         }
         self.send_acyclic(due, out);
+    }
+
+    /// Goes through what the wake-up for the setpoints of a moving machine works with, so that the
+    /// processor's caches have it; changes nothing.
+    pub fn rehearse(&self) {
+        if !self.setpoint_is_next || !(Phase::Program..=Phase::Stop).contains(&self.phase) {
+            return;
+        }
+        black_box(self.executor.setpoint());
+        for axis in &self.axes {
+            black_box(axis.sample(self.cycle, &self.nodes));
+        }
+        for node in &self.nodes {
+            black_box(node.command().is_ok());
+            black_box(node.check_follows(true).is_ok());
+        }
     }
 
     /// Takes a frame of a bus, before the wake-up for the setpoints that follows its arrival.

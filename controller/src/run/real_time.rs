@@ -205,7 +205,8 @@ impl Cycle {
         let mut before = (Instant::ZERO, Stages::default());
         while let Some(next) = self.driver.controller.next_wake() {
             let due = next.at() + origin;
-            realtime::sleep_until(due, self.timing.spin);
+            let controller = &self.driver.controller;
+            realtime::sleep_until(due, self.timing.spin, || controller.rehearse());
             let woke = realtime::now();
             let late = woke.saturating_since(due);
             self.measured.wake_up.record(late, woke);
