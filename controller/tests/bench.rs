@@ -5,6 +5,7 @@ use serde_json::Value;
 use std::collections::BTreeSet;
 use std::fs;
 use std::process::{Command, Output};
+use std::thread::available_parallelism;
 use tempfile::TempDir;
 
 fn bench(arguments: &str, files: Option<&TempDir>) -> Output {
@@ -87,6 +88,8 @@ fn the_cycle_is_told_in_all_forms() {
         let counted = distributions[name]["count"].as_u64().unwrap();
         assert_eq!(counted + found["preempted"].as_u64().unwrap(), 1200);
     }
+    assert!(distributions["bare compute"]["count"].as_u64() <= Some(1200));
+    assert_eq!(found["load_s"].as_array().map(Vec::len), Some(0));
     assert_eq!(found["late_setpoints"], 0);
     assert!(found["processor_s"].as_f64().unwrap() > 0.0);
     for quantile in ["median", "p99"] {
@@ -99,6 +102,20 @@ fn the_cycle_is_told_in_all_forms() {
         assert!(said.as_str().is_some_and(|text| !text.is_empty()));
     }
     assert!(!found["realtime"].as_array().unwrap().is_empty());
+}
+
+/// A thread a processor, each at work for a hundredth of the time at the very least, and over with the
+/// command.
+#[test]
+fn the_load_is_on_all_processors() {
+    let found = json(&bench("cycle --axes 1 --duration 2s --load --json", None));
+    let load = found["load_s"].as_array().unwrap();
+    assert_eq!(load.len(), available_parallelism().unwrap().get());
+    for busy in load {
+        assert!(busy.as_f64().unwrap() > 0.02, "{load:?}");
+    }
+    let said = format!("{} threads, ", load.len());
+    assert!(found["facts"]["load"].as_str().unwrap().starts_with(&said));
 }
 
 #[test]

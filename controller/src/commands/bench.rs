@@ -189,7 +189,7 @@ impl CycleArgs {
         };
         let load = self.load.then(Load::new);
         let measured = cycle::measure(&options);
-        drop(load);
+        let load = load.map(Load::end).unwrap_or_default();
         let outcome = match measured {
             Ok(outcome) => outcome,
             Err(error) => {
@@ -197,9 +197,9 @@ impl CycleArgs {
                 return Exit::Stopped;
             }
         };
-        let facts = self.facts(&options, &outcome);
+        let facts = self.facts(&options, &outcome, &load);
         if self.output.json {
-            println!("{:#}", cycle_json(&facts, &outcome));
+            println!("{:#}", cycle_json(&facts, &outcome, &load));
         } else {
             print_facts(&facts);
             println!("{}", outcome.granted);
@@ -212,7 +212,13 @@ impl CycleArgs {
             .write("bench cycle", &facts, &outcome.distributions)
     }
 
-    fn facts(&self, options: &cycle::Options, outcome: &Outcome) -> Vec<(String, String)> {
+    fn facts(
+        &self,
+        options: &cycle::Options,
+        outcome: &Outcome,
+        load: &[Duration],
+    ) -> Vec<(String, String)> {
+        let busy: Duration = load.iter().sum();
         let mut facts = vec![
             ("axes".into(), self.axes.to_string()),
             (
@@ -225,7 +231,13 @@ impl CycleArgs {
             ),
             (
                 "load".into(),
-                if self.load { "all processors" } else { "none" }.into(),
+                match load.len() {
+                    0 => "none".into(),
+                    threads => format!(
+                        "{threads} threads, {:.1} s of processor time",
+                        busy.as_secs_f64()
+                    ),
+                },
             ),
             ("cycles".into(), outcome.cycles.to_string()),
             ("late wake-ups".into(), outcome.late.to_string()),
@@ -265,7 +277,7 @@ fn processor(options: &cycle::Options, outcome: &Outcome) -> String {
     format!("{share:.1} % of one core{with}")
 }
 
-fn cycle_json(facts: &[(String, String)], outcome: &Outcome) -> Value {
+fn cycle_json(facts: &[(String, String)], outcome: &Outcome, load: &[Duration]) -> Value {
     let distributions: serde_json::Map<String, Value> = outcome
         .distributions
         .iter()
@@ -299,6 +311,7 @@ fn cycle_json(facts: &[(String, String)], outcome: &Outcome) -> Value {
         "late_setpoints": outcome.dropped,
         "preempted": outcome.preempted,
         "processor_s": outcome.processor.as_secs_f64(),
+        "load_s": load.iter().map(Duration::as_secs_f64).collect::<Vec<_>>(),
         "worst_stage": outcome.worst.longest().name(),
         "realtime": granted.collect::<Vec<_>>(),
         "control": control,
@@ -459,10 +472,10 @@ fn html(what: &str, facts: &[(String, String)], distributions: &[timing::Distrib
     .to_html()
 }
 
-/// Threads that keep every processor and its caches busy until dropped.
+/// Threads that keep every processor and its caches busy.
 struct Load {
     stop: Arc<AtomicBool>,
-    threads: Vec<thread::JoinHandle<()>>,
+    threads: Vec<thread::JoinHandle<Duration>>,
 }
 
 impl Load {
@@ -482,18 +495,17 @@ impl Load {
                             memory[place] = memory[place].wrapping_add(at as u64);
                         }
                     }
+                    realtime::thread_time()
                 })
             })
             .collect();
         Self { stop, threads }
     }
-}
 
-impl Drop for Load {
-    fn drop(&mut self) {
+    /// The processor time that each has taken.
+    fn end(self) -> Vec<Duration> {
         self.stop.store(true, Ordering::Relaxed);
-        for thread in self.threads.drain(..) {
-            let _ = thread.join();
-        }
+        let ended = self.threads.into_iter().map(thread::JoinHandle::join);
+        ended.map(Result::unwrap_or_default).collect()
     }
 }
