@@ -1,7 +1,8 @@
 //! What a cycle costs: the controller's share for 1 to 64 axes, packing of PDOs, the frame codecs,
 //! the exact length of a frame, and the simulated bus.
 
-use criterion::{Criterion, criterion_group, criterion_main};
+use criterion::measurement::WallTime;
+use criterion::{BenchmarkGroup, Criterion, SamplingMode, criterion_group, criterion_main};
 use std::hint::black_box;
 use std::time::{Duration, Instant as Clock};
 use syncline_canopen::cia402::Controlword;
@@ -14,7 +15,7 @@ use syncline_drives::bus::{Band, BitRate, Node, SimBus, frame_bits};
 use syncline_drives::model::Increments;
 
 /// What the processor's caches hold before a wake-up for the setpoints.
-#[derive(Clone, Copy, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 enum Caches {
     /// What the cycle before left.
     Warm,
@@ -28,7 +29,7 @@ enum Caches {
 const BEYOND_CACHES: usize = 128 << 20;
 
 /// Both wake-ups of a cycle, controller only: frames in, supervision, sampling, scaling, frames out.
-fn compute<const N: usize>(criterion: &mut Criterion, axes: usize, caches: Caches) {
+fn compute<const N: usize>(group: &mut BenchmarkGroup<'_, WallTime>, axes: usize, caches: Caches) {
     let shape = Shape::on_fewest_buses(axes, Duration::from_millis(4)).expect("it fits");
     let mut machine = ready_machine::<N>(&shape);
     let mut plan = Shuttle::new(axes);
@@ -51,9 +52,12 @@ fn compute<const N: usize>(criterion: &mut Criterion, axes: usize, caches: Cache
                 .next_wake()
                 .map_or(Instant::ZERO, Wake::at);
             machine.collect(now).expect("a simulated bus");
-            (memory.iter_mut().step_by(64)).for_each(|byte| *byte = byte.wrapping_add(1));
-            if caches == Caches::Rehearsed {
-                machine.controller.rehearse();
+            if machine.setpoints_are_next() {
+                (memory.iter_mut().step_by(64)).for_each(|byte| *byte = byte.wrapping_add(1));
+                black_box(&memory);
+                if caches == Caches::Rehearsed {
+                    machine.controller.rehearse();
+                }
             }
             let began = Clock::now();
             machine.compute(now);
@@ -62,31 +66,27 @@ fn compute<const N: usize>(criterion: &mut Criterion, axes: usize, caches: Cache
         }
         spent
     };
-    let name = match caches {
-        Caches::Warm => "",
-        Caches::Cold => ", caches cold",
-        Caches::Rehearsed => ", caches cold, rehearsed",
-    };
-    let name = format!("compute per cycle{name}, axes/{axes}");
-    criterion.bench_function(&name, |bencher| {
+    group.bench_function(format!("{caches:?}/{axes}"), |bencher| {
         bencher.iter_custom(|cycles| (0..cycles).map(|_| cycle()).sum());
     });
 }
 
 fn cycles(criterion: &mut Criterion) {
-    compute::<9>(criterion, 1, Caches::Warm);
-    compute::<9>(criterion, 4, Caches::Warm);
-    compute::<9>(criterion, 8, Caches::Warm);
-    compute::<16>(criterion, 16, Caches::Warm);
-    compute::<64>(criterion, 64, Caches::Warm);
-}
-
-/// What a cycle costs that finds nothing of its own in the caches.
-fn cold_cycles(criterion: &mut Criterion) {
+    let mut group = criterion.benchmark_group("compute per cycle");
+    compute::<9>(&mut group, 1, Caches::Warm);
+    compute::<9>(&mut group, 4, Caches::Warm);
+    compute::<9>(&mut group, 6, Caches::Warm);
+    compute::<9>(&mut group, 8, Caches::Warm);
+    compute::<16>(&mut group, 16, Caches::Warm);
+    compute::<64>(&mut group, 64, Caches::Warm);
+    // One at a time: emptying the caches takes a thousand times as long as the cycle.
+    group.sampling_mode(SamplingMode::Flat).sample_size(100);
+    group.warm_up_time(Duration::from_nanos(1));
+    group.measurement_time(Duration::from_nanos(1));
     for caches in [Caches::Cold, Caches::Rehearsed] {
-        compute::<9>(criterion, 1, caches);
-        compute::<9>(criterion, 6, caches);
-        compute::<64>(criterion, 64, caches);
+        compute::<9>(&mut group, 1, caches);
+        compute::<9>(&mut group, 6, caches);
+        compute::<64>(&mut group, 64, caches);
     }
 }
 
@@ -156,13 +156,4 @@ fn bus(criterion: &mut Criterion) {
 }
 
 criterion_group!(benches, cycles, frames, bus);
-// A cycle takes tens of milliseconds, of which a hundredth of a thousandth counts.
-criterion_group!(
-    name = cold;
-    config = Criterion::default()
-        .sample_size(50)
-        .warm_up_time(Duration::from_micros(1))
-        .measurement_time(Duration::from_micros(1));
-    targets = cold_cycles
-);
-criterion_main!(benches, cold);
+criterion_main!(benches);
