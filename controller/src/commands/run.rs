@@ -192,7 +192,7 @@ struct Person {
     rests: bool,
 }
 
-/// mm, or degrees
+/// By the keys, of X, Y and Z: mm.
 const JOG_STEPS: [f64; 5] = [0.01, 0.1, 1.0, 10.0, 100.0];
 
 impl Person {

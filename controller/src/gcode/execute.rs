@@ -279,20 +279,22 @@ impl State {
                 Code::G(611) => PathMode::ExactStop,
                 _ => {
                     let unit = self.modes.unit();
-                    let mut length = |letter| match words.take(letter, code)? {
-                        Some(value) if value <= 0.0 => Err(words.refuse(
-                            letter,
-                            out_of_range(
-                                char::from(letter),
-                                value,
-                                "a distance above 0; G61 keeps the path exactly",
-                            ),
-                        )),
-                        value => Ok(value.map(|value| value * unit)),
+                    let mut length = |letter, allowed: fn(f64) -> bool, what| {
+                        let value = words.take(letter, code)?;
+                        match value.filter(|value| !allowed(*value)) {
+                            Some(value) => {
+                                let refused = out_of_range(char::from(letter), value, what);
+                                Err(words.refuse(letter, refused))
+                            }
+                            None => Ok(value.map(|value| value * unit)),
+                        }
                     };
+                    let above = "a distance above 0; G61 keeps the path exactly";
+                    let tolerance = length(b'P', |value| value > 0.0, above)?;
+                    let merge = length(b'Q', |value| value >= 0.0, "a distance; 0 merges nothing")?;
                     PathMode::Blend {
-                        tolerance: length(b'P')?,
-                        merge: length(b'Q')?,
+                        tolerance,
+                        merge: merge.filter(|within| *within > 0.0),
                     }
                 }
             };

@@ -84,7 +84,7 @@ fn a_motion_keeps_the_axes_that_it_does_not_name() {
 #[test]
 fn path_modes() {
     insta::assert_snapshot!(listing(
-        "G61\nG61.1\nG64\nG64 P0.05\nG20 G64 P0.001 Q0.0005\nM2"
+        "G61\nG61.1\nG64\nG64 P0.05\nG64 P0.05 Q0\nG20 G64 P0.001 Q0.0005\nM2"
     ));
 }
 
