@@ -9,8 +9,8 @@
 //!   unless the reference falls within the next 10 ms of the way: there the path's own limit comes.
 //!
 //! A plan that takes over later than 10 ms after its command passes only where the old one does that
-//! itself, as on its way down to a corner. Counted apart are those for which no way down was found
-//! while the old plan sped up again: in the narrow of a corner, at little speed.
+//! itself, as on its way down to a corner. Counted apart are those where it sped up again and no way
+//! down was found at once: in a corner, where the axes leave hardly one.
 
 mod common;
 mod machine;
@@ -28,9 +28,11 @@ use syncline_trajectory::path::{
 const RESPONSE: f64 = 0.010;
 /// Cycle of the reference, s.
 const FINE: f64 = 0.001;
-/// Speeds that differ by less are the same: so much, mm/s, and this part.
+/// Speeds that differ by less are the same, mm/s.
 const SAME: f64 = 0.05;
-const SAME_PART: f64 = 5e-3;
+/// And by this part of what is asked for above it, or below, where a law may ripple that had to be tightened.
+const ABOVE: f64 = 1e-3;
+const BELOW: f64 = 0.015;
 /// An acceleration below this is none, mm/s²: 0.1 mm/s in a second.
 const STEADY: f64 = 0.1;
 /// From here on the reference falls, mm/s².
@@ -135,14 +137,14 @@ enum Fault {
 }
 
 fn fault(before: State, now: State, asked: f64, reference: &Reference) -> Option<Fault> {
-    let same = |speed: f64| SAME + SAME_PART * speed;
     let change = now.a - before.a;
-    if now.v > asked + same(asked) {
+    if now.v > asked * (1.0 + ABOVE) + SAME {
         return (now.a > -STEADY && change > -1e-6).then_some(Fault::StaysAbove);
     }
     let there = reference.speed(now.s).min(asked);
     let near = now.v * RESPONSE + 1e-3;
-    if now.v >= there - same(there) || reference.falls_between(now.s - near, now.s + near) {
+    if now.v >= there * (1.0 - BELOW) - SAME || reference.falls_between(now.s - near, now.s + near)
+    {
         None
     } else if now.a < -STEADY && change < 1e-6 {
         Some(Fault::Dips)
@@ -163,7 +165,7 @@ struct Count {
     in_force: usize,
     /// The worst of the others, ms.
     latest: f64,
-    /// Of those, how often no way down was found while the old plan went on above what is asked for.
+    /// How often the speed still rose above what is asked for, as there was no way down.
     no_way_down: usize,
     stay_above: usize,
     dip: usize,
@@ -251,7 +253,7 @@ fn follow(
             if machine.executor.awaits_plan() {
                 late = cycle;
             }
-            let waits = cycle <= late + response;
+            let waits = cycle <= late + 2 * response;
             let now = State::from(now);
             if cycle > response {
                 let asked = programmed.asked(now.s, overrides);
