@@ -3,44 +3,19 @@
 //! `cargo bench -p syncline-benches --bench hold`.
 
 use std::hint::black_box;
+use syncline_benches::paths::{begin, circle, lines, point, supply, zigzag};
 use syncline_controller::realtime::thread_time;
-use syncline_trajectory::path::{
-    Curve, Executor, Exit, Feed, Item, Limits, Move, Plane, Planner, curve::ArcDefinition,
-};
+use syncline_trajectory::path::Curve;
 
 const N: usize = 6;
-const PERIOD: f64 = 0.002;
 
 fn main() {
-    let limits = Limits {
-        velocity: [500.0; N],
-        acceleration: [5_000.0; N],
-        jerk: [80_000.0; N],
-    };
-    let point = |x: f64, y: f64| [x, y, 0.0, 0.0, 0.0, 0.0];
-    let line = |a, b| Curve::line(a, b).expect("two points");
-    let circle = |radius: f64| {
-        Curve::arc(ArcDefinition {
-            start: point(0.0, 0.0),
-            end: point(0.0, 0.0),
-            plane: Plane::Xy,
-            centre: (radius, 0.0),
-            clockwise: true,
-            turns: 0,
-        })
-        .expect("a circle")
-    };
-    let zigzag = (0..12)
-        .map(|k| {
-            let at = |k: i32| point(10.0 * f64::from(k), if k % 2 == 0 { 0.0 } else { 8.0 });
-            line(at(k), at(k + 1))
-        })
-        .collect();
+    let line = lines([point(0.0, 0.0), point(300.0, 200.0)].into_iter());
     let paths: [(&str, Vec<Curve<N>>); 4] = [
-        ("line", vec![line(point(0.0, 0.0), point(300.0, 200.0))]),
-        ("circle 5 mm", vec![circle(5.0)]),
-        ("circle 100 mm", vec![circle(100.0)]),
-        ("zigzag", zigzag),
+        ("line", line),
+        ("circle 5 mm", circle(5.0)),
+        ("circle 100 mm", circle(100.0)),
+        ("zigzag", zigzag(12)),
     ];
     println!(
         "{:14} {:>9} {:>9} {:>9} {:>9}",
@@ -49,24 +24,9 @@ fn main() {
     for (name, curves) in paths {
         let mut took = Vec::new();
         for feed in [20.0, 100.0, 400.0] {
-            let mut planner = Planner::new(limits, curves[0].start());
-            let mut plan = Executor::new(curves[0].start(), PERIOD, 4096);
-            for curve in &curves {
-                let motion = Move {
-                    curve: *curve,
-                    feed: Feed::Rate(feed),
-                    exit: Exit::Blend(0.1),
-                    tag: 0,
-                };
-                planner.push(Item::Move(motion)).expect("a path");
-            }
-            planner.finish();
+            let (mut planner, mut plan) = begin(&curves, feed, 0.1);
             loop {
-                while plan.room() > 0
-                    && let Some(command) = planner.pop()
-                {
-                    plan.accept(command);
-                }
+                supply(&mut planner, &mut plan);
                 if plan.is_idle() {
                     break;
                 }

@@ -3,5 +3,6 @@
 pub mod campaign;
 pub mod cases;
 pub mod contours;
+pub mod paths;
 pub mod peer;
 pub mod properties;
