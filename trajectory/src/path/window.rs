@@ -224,7 +224,8 @@ impl<const N: usize> Window<N> {
 
     /// The fastest motion along `spans` from `departure`, best a piece's start in the last plan, to rest
     /// at `end` or, where that takes too many cells, before it, though not before the last plan's
-    /// end; inside `limits` and each span's feed. In `haste` the cells are halved so often.
+    /// end; inside `limits` and each span's feed. In `haste` the cells are halved that often and once
+    /// more.
     ///
     /// # Errors
     /// No law was found that the certificate passes.
@@ -239,7 +240,11 @@ impl<const N: usize> Window<N> {
         self.effort.stretches += 1;
         let room = departure.distance + room_to_stop(spans, limits, departure);
         let rest = self.keep(departure).max(room).min(end);
-        let most = self.most_cells >> haste;
+        let most = if haste > 0 {
+            self.most_cells >> (haste + 1)
+        } else {
+            self.most_cells
+        };
         let planned = self.search(spans, limits, departure, (end, rest), most);
         if planned.is_ok() {
             self.last.pieces.clone_from(&self.pieces);
