@@ -6,8 +6,8 @@ use copp::path::{Path, PathEvaluator2nd, PathEvaluator3rd};
 use copp::robot::Robot;
 use copp::solver::topp2_ra::{ReachSet2OptionsBuilder, Topp2ProblemBuilder, topp2_ra};
 use copp::solver::topp3_lp::{ClarabelOptionsBuilder, Topp3ProblemBuilder, s_to_t_topp3, topp3_lp};
-use std::time::Instant;
 use syncline_benches::contours::{Contour, Plan, excess, six_axes, three_axes};
+use syncline_controller::realtime::thread_time;
 use syncline_trajectory::path::time_law::{Cell, Node, Slope, TimeLaw};
 use syncline_trajectory::path::{Derivatives, Exit, Limits, Span};
 
@@ -155,7 +155,7 @@ fn reference<const N: usize>(
 ) -> Option<Reference> {
     let (points, length) = (s.len(), geometry.length());
     let path = Path::from_evaluator_3rd(geometry.clone(), 0.0, length).ok()?;
-    let begin = Instant::now();
+    let begin = thread_time();
     let mut robot = Robot::with_capacity(N, points);
     let minus = |x: &[f64; N]| x.map(|x| -x);
     let (v, a, j) = (&limits.velocity, &limits.acceleration, &limits.jerk);
@@ -210,7 +210,7 @@ fn reference<const N: usize>(
             time,
             passes,
             second_order,
-            took: begin.elapsed().as_secs_f64(),
+            took: (thread_time() - begin).as_secs_f64(),
         });
         if still {
             break;
@@ -254,7 +254,7 @@ impl Reference {
     }
 }
 
-/// Our law over the reference's grid: its time, and the wall time of the solution.
+/// Our law over the reference's grid: its time, and what the solution took.
 fn own_law<const N: usize>(
     geometry: &Geometry<N>,
     limits: &Limits<N>,
@@ -262,7 +262,7 @@ fn own_law<const N: usize>(
 ) -> Option<(f64, f64)> {
     let points = grid.len();
     let s = |k: usize| grid[k];
-    let begin = Instant::now();
+    let begin = thread_time();
     let cells: Vec<Cell<N>> = (0..points - 1)
         .map(|k| {
             let fast = geometry.fast(s(k), limits);
@@ -314,7 +314,7 @@ fn own_law<const N: usize>(
     let outcome = law.solve(&cells, limits, Node::default(), guess, 0.3, 1e-4);
     outcome
         .converged
-        .then(|| (outcome.time, begin.elapsed().as_secs_f64()))
+        .then(|| (outcome.time, (thread_time() - begin).as_secs_f64()))
 }
 
 fn row<const N: usize>(contour: &Contour<N>) {
@@ -322,9 +322,9 @@ fn row<const N: usize>(contour: &Contour<N>) {
     let mut took = f64::INFINITY;
     let mut plan = Plan::default();
     for _ in 0..5 {
-        let begin = Instant::now();
+        let begin = thread_time();
         plan = Plan::of(limits, contour.items(None));
-        took = took.min(begin.elapsed().as_secs_f64());
+        took = took.min((thread_time() - begin).as_secs_f64());
     }
     assert_eq!(plan.sections.len(), 1, "{} stops on the way", contour.name);
     let load = plan.load(limits, 16);
@@ -374,7 +374,7 @@ fn row<const N: usize>(contour: &Contour<N>) {
             geometry.velocity_time(limits)
         ),
     }
-    // Wall times: the least of several.
+    // The least of several.
     let fastest = |times: &mut dyn Iterator<Item = Option<f64>>| {
         times.flatten().fold(f64::INFINITY, f64::min)
     };

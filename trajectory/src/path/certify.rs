@@ -1,5 +1,6 @@
 //! What a piece of the plan asks of the axes, between the samples too.
 
+use super::curve::Place;
 use super::{Limits, Piece, Span};
 
 /// The greatest values as parts of their limits: 1 is the limit.
@@ -105,11 +106,11 @@ struct Stretch<'a, const N: usize> {
     limits: &'a Limits<N>,
 }
 
-/// Velocity, acceleration and jerk of every axis as parts of their limits, at an instant; and the
-/// path's distance and acceleration.
+/// Velocity, acceleration and jerk of every axis as parts of their limits, at an instant; and where
+/// that is, and the path's acceleration.
 struct Sample<const N: usize> {
     parts: [[f64; N]; 3],
-    s: f64,
+    place: Place,
     a: f64,
 }
 
@@ -121,8 +122,8 @@ impl<const N: usize> Stretch<'_, N> {
             limits,
         } = self;
         let (ds, v, a) = piece.at(t);
-        let s = (piece.distance - span.start) + ds;
-        let at = span.curve.at(s);
+        let place = span.curve.place((piece.distance - span.start) + ds);
+        let at = span.curve.at_place(place);
         let mut parts = [[0.0; N]; 3];
         for i in 0..N {
             parts[0][i] = at.d1[i] * v / limits.velocity[i];
@@ -130,7 +131,7 @@ impl<const N: usize> Stretch<'_, N> {
             parts[2][i] = (at.d3[i] * v * v * v + 3.0 * at.d2[i] * v * a + at.d1[i] * piece.jerk)
                 / limits.jerk[i];
         }
-        Sample { parts, s, a }
+        Sample { parts, place, a }
     }
 
     /// Upper bounds between two instants; nowhere there is the path faster than `top`.
@@ -173,7 +174,8 @@ impl<const N: usize> Stretch<'_, N> {
 
     /// What three samples, evenly spread over `time`, tell, and upper bounds between them.
     fn estimate(&self, time: f64, top: f64, samples: [&Sample<N>; 3]) -> ([f64; 3], [f64; 3]) {
-        let [_, d2, d3, d4, d5, d6] = self.span.curve.growth(samples[0].s, samples[2].s);
+        let [_, d2, d3, d4, d5, d6] =
+            (self.span.curve).growth_between(samples[0].place, samples[2].place);
         let (v, a, j) = (
             top,
             samples[0].a.abs().max(samples[2].a.abs()),

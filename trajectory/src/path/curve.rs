@@ -596,8 +596,7 @@ impl<const N: usize> Poly<N> {
         u
     }
 
-    fn at(&self, s: f64) -> Derivatives<N> {
-        let u = self.parameter(s);
+    fn at(&self, u: f64) -> Derivatives<N> {
         let (u2, mut u3) = (self.second(u), [0.0; N]);
         for k in (2..5).rev() {
             let by = ((k - 1) * k * (k + 1)) as f64;
@@ -613,9 +612,8 @@ impl<const N: usize> Poly<N> {
         by_length(self.point(u), &u1, &u2, &u3, sigma, sigma1, sigma2)
     }
 
-    /// See [`Curve::growth`].
-    fn growth(&self, from: f64, to: f64) -> Growth<N> {
-        let (u0, u1) = (self.parameter(from), self.parameter(to));
+    /// See [`Curve::growth`]; between two parameters.
+    fn growth(&self, u0: f64, u1: f64) -> Growth<N> {
         let (middle, half) = (0.5 * (u0 + u1), 0.5 * (u1 - u0) * (1.0 + 1e-9) + 1e-12);
         // Taylor's coefficients of the derivative by the parameter, about the middle.
         let mut taylor: [[f64; N]; 5] =
@@ -778,6 +776,10 @@ pub enum Curve<const N: usize> {
     Poly(Poly<N>),
 }
 
+/// A place on a curve: the path length, on polynomials the parameter.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Place(f64);
+
 impl<const N: usize> Curve<N> {
     /// A straight line; see [`Line::new`].
     ///
@@ -868,11 +870,24 @@ impl<const N: usize> Curve<N> {
     /// Position and derivatives at the path length `s` from the start, which is brought into
     /// [0, [`length`](Self::length)].
     pub fn at(&self, s: f64) -> Derivatives<N> {
+        self.at_place(self.place(s))
+    }
+
+    /// The place at the path length `s`: what is found once for several questions about it.
+    pub(super) fn place(&self, s: f64) -> Place {
         let s = s.clamp(0.0, self.length());
+        Place(match self {
+            Curve::Line(_) | Curve::Arc(_) => s,
+            Curve::Poly(poly) => poly.parameter(s),
+        })
+    }
+
+    /// As [`at`](Self::at).
+    pub(super) fn at_place(&self, place: Place) -> Derivatives<N> {
         match self {
-            Curve::Line(line) => line.at(s),
-            Curve::Arc(arc) => arc.at(s),
-            Curve::Poly(poly) => poly.at(s),
+            Curve::Line(line) => line.at(place.0),
+            Curve::Arc(arc) => arc.at(place.0),
+            Curve::Poly(poly) => poly.at(place.0),
         }
     }
 
@@ -880,14 +895,19 @@ impl<const N: usize> Curve<N> {
     /// sixth, between the path lengths `from` and `to`. They hold everywhere in between and come
     /// closer to the greatest values the shorter the stretch is.
     pub fn growth(&self, from: f64, to: f64) -> Growth<N> {
+        self.growth_between(self.place(from), self.place(to))
+    }
+
+    /// As [`growth`](Self::growth).
+    pub(super) fn growth_between(&self, from: Place, to: Place) -> Growth<N> {
         match self {
             Curve::Line(line) => {
                 let mut out = [[0.0; N]; ORDERS];
                 out[0] = line.direction.map(f64::abs);
                 out
             }
-            Curve::Arc(arc) => arc.growth(from, to),
-            Curve::Poly(poly) => poly.growth(from, to),
+            Curve::Arc(arc) => arc.growth(from.0, to.0),
+            Curve::Poly(poly) => poly.growth(from.0, to.0),
         }
     }
 
@@ -1055,7 +1075,7 @@ mod tests {
                 for k in 1..=100 {
                     let s = poly.length() * f64::from(k) / 100.0;
                     let u = poly.parameter(s);
-                    let there = [poly.at(s).q, back.at(poly.length() - s).q];
+                    let there = [poly.at(u).q, back.at(back.parameter(poly.length() - s)).q];
                     for (q, back) in there[0].iter().zip(there[1]) {
                         assert!((q - back).abs() <= 1e-12, "{turn}°, {s} mm: {there:?}");
                     }

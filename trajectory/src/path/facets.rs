@@ -155,10 +155,13 @@ impl<const N: usize> Run<N> {
                 return Some(self.part(fit.curve, fit.facets, fit.astray, None));
             }
         }
-        let (start, end) = (self.start().q, self.points[1].0);
+        let start = self.start().q;
         let astray = distance(&start, &self.points[0].0);
-        let curve = Curve::line(start, end).ok()?;
-        let part = self.part(curve, 1, astray, None);
+        let (last, curve) = (1..=facets).find_map(|last| {
+            let line = Curve::line(start, self.points[last].0).ok();
+            line.map(|line| (last, line))
+        })?;
+        let part = self.part(curve, last, astray, None);
         Some(Part {
             goes_on: false,
             ..part
