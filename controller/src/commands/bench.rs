@@ -63,7 +63,8 @@ struct CycleArgs {
     /// Keep all processors busy meanwhile
     #[arg(long)]
     load: bool,
-    /// Interleave a bare wake-up loop and tell what the controller adds, with 95 % intervals
+    /// Interleave a bare wake-up loop and tell what the controller adds, with 95 % intervals; time a
+    /// computation without memory in the same cycles
     #[arg(long)]
     control: bool,
     /// The core to run on
@@ -72,7 +73,8 @@ struct CycleArgs {
     /// SCHED_FIFO priority
     #[arg(long, default_value_t = 80, value_parser = clap::value_parser!(u8).range(1..=99))]
     priority: u8,
-    /// Stay awake that long before each instant, for a core of its own
+    /// Stay awake that long before each instant, for a core of its own; from 50us on also time
+    /// enough to rehearse, for caches that went cold
     #[arg(long, default_value = "0us", value_parser = duration)]
     spin: Duration,
     #[command(flatten)]
