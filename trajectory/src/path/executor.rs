@@ -171,10 +171,10 @@ pub struct Executor<const N: usize> {
 
 /// Part of a speed that is asked for, at most `most`.
 fn part(asked: f64, most: f64) -> f64 {
-    if asked < LEAST_OVERRIDE {
-        0.0
-    } else {
+    if asked >= LEAST_OVERRIDE {
         asked.min(most)
+    } else {
+        0.0
     }
 }
 
@@ -581,7 +581,7 @@ impl<const N: usize> Executor<N> {
     // --- what a person does ---
 
     /// From now on these parts of the programmed speeds are asked for; values outside of the ranges
-    /// are brought into them, to rest where they are next to nothing.
+    /// are brought into them, to rest where they are next to nothing or no number.
     pub fn set_overrides(&mut self, overrides: Overrides) {
         let overrides = Overrides {
             feed: part(overrides.feed, 2.0),
