@@ -302,7 +302,7 @@ fn an_override_shows_within_ten_milliseconds_and_the_speed_goes_one_way() {
 
 /// `cargo test --release -p syncline-trajectory --test effect -- --ignored --nocapture`
 #[test]
-#[ignore = "takes minutes"]
+#[ignore = "takes a minute"]
 fn many_overrides() {
     let count = survey(400);
     println!("{count:?}");
