@@ -315,7 +315,7 @@ pub fn segments(count: usize, length: f64, mode: (&str, f64)) -> Sample {
     let name = format!("{count} segments of {length} mm");
     let mut path = Writer::new(name, mode.0, mode.1, 6_000.0, START);
     // As many as are gathered, at most, and what is before and behind.
-    path.sample.neighbours += 64;
+    path.sample.neighbours += 96;
     let mut angle: f64 = 0.0;
     let pitch = 2.0;
     for _ in 0..count {
