@@ -1,13 +1,17 @@
-//! What a hold costs in the cycle: processor time of `hold` and of every `advance` until rest, on lines,
-//! circles and rounded corners, from states all along the path:
+//! What coming to rest costs in the cycle, on lines, circles and rounded corners, from states all along
+//! the path: processor time of `hold`, with a planner that answers after 4 ms, or of `stop` without
+//! one, and of every cycle until rest; and what the planner's answers cost it:
 //! `cargo bench -p syncline-benches --bench hold`.
 
+use std::collections::VecDeque;
 use std::hint::black_box;
 use syncline_benches::paths::{begin, circle, lines, point, supply, zigzag};
 use syncline_controller::realtime::thread_time;
 use syncline_trajectory::path::Curve;
 
 const N: usize = 6;
+/// Cycles after which the planner answers.
+const ANSWER: usize = 2;
 
 fn main() {
     let line = lines([point(0.0, 0.0), point(300.0, 200.0)].into_iter());
@@ -18,24 +22,48 @@ fn main() {
         ("zigzag", zigzag(12)),
     ];
     println!(
-        "{:14} {:>9} {:>9} {:>9} {:>9}",
-        "µs", "calls", "p50", "p99.9", "max"
+        "{:6} {:14} {:>9} {:>9} {:>9} {:>9}",
+        "µs", "", "calls", "p50", "p99.9", "max"
     );
-    for (name, curves) in paths {
-        let mut took = Vec::new();
+    for ((name, curves), holds) in paths
+        .iter()
+        .flat_map(|path| [true, false].map(|holds| (path, holds)))
+    {
+        let (mut took, mut answered) = (Vec::new(), Vec::new());
         for feed in [20.0, 100.0, 400.0] {
-            let (mut planner, mut plan) = begin(&curves, feed, 0.1);
+            let (mut planner, mut plan) = begin(curves, feed, 0.1);
             loop {
                 supply(&mut planner, &mut plan);
                 if plan.is_idle() {
                     break;
                 }
                 let mut executor = plan.clone();
+                let mut answers = planner.clone();
+                let mut outlooks = VecDeque::new();
                 let begin = thread_time();
-                executor.hold();
+                if holds {
+                    executor.hold();
+                } else {
+                    executor.stop();
+                }
                 took.push(thread_time() - begin);
                 while executor.setpoint().speed > 0.0 {
+                    let mut commands = Vec::new();
+                    if holds {
+                        outlooks.push_back(executor.outlook());
+                        if outlooks.len() > ANSWER
+                            && let Some(Some(outlook)) = outlooks.pop_front()
+                        {
+                            let begin = thread_time();
+                            answers.observe(&outlook);
+                            answered.push(thread_time() - begin);
+                        }
+                        commands.extend(std::iter::from_fn(|| answers.pop()).take(executor.room()));
+                    }
                     let begin = thread_time();
+                    for command in commands {
+                        executor.accept(command);
+                    }
                     black_box(executor.advance());
                     took.push(thread_time() - begin);
                 }
@@ -44,14 +72,21 @@ fn main() {
                 }
             }
         }
-        took.sort_unstable();
-        let at = |part: f64| took[((took.len() - 1) as f64 * part) as usize].as_secs_f64() * 1e6;
-        println!(
-            "{name:14} {:>9} {:>9.2} {:>9.2} {:>9.2}",
-            took.len(),
-            at(0.5),
-            at(0.999),
-            at(1.0)
-        );
+        let what = if holds { "hold" } else { "stop" };
+        for (what, mut took) in [(what, took), ("answer", answered)] {
+            if took.is_empty() {
+                continue;
+            }
+            took.sort_unstable();
+            let at =
+                |part: f64| took[((took.len() - 1) as f64 * part) as usize].as_secs_f64() * 1e6;
+            println!(
+                "{what:6} {name:14} {:>9} {:>9.2} {:>9.2} {:>9.2}",
+                took.len(),
+                at(0.5),
+                at(0.999),
+                at(1.0)
+            );
+        }
     }
 }

@@ -12,9 +12,9 @@ use super::{Curve, Departure, Derivatives, Limits, Piece, Span};
 /// Cells that the way down from the greatest speed is cut into.
 const CELLS: usize = 24;
 /// … and into how many at most, where the path changes quickly.
-const MOST_CELLS: usize = 56;
+const MOST_CELLS: usize = 72;
 /// Cells in which an acceleration is taken back, at most.
-const RISING: usize = 16;
+const RISING: usize = 60;
 /// Pieces of a braking law at most.
 pub(super) const MOST_PIECES: usize = MOST_CELLS + RISING;
 /// Angle, in rad, over which the crest of a parabola tells what a circle asks for.
@@ -23,6 +23,15 @@ const TURN: f64 = 0.12;
 const POLY_CELLS: f64 = 6.0;
 /// A way whose nodes move by no more in a round, as a part of its length, is looked at.
 const SETTLED: f64 = 1e-2;
+/// Cells at whose ends the jerks that are allowed differ by more, as a part of what they are where
+/// nothing bends, are cut; and the same where an acceleration is taken back.
+const UNEVEN: f64 = 0.05;
+const UNEVEN_RISE: f64 = 0.02;
+/// Steps in which an acceleration is taken back where nothing bends …
+const RISING_STEPS: f64 = 8.0;
+/// … the shortest ones as a part of those, and how many are left to long ones.
+const SHORTEST: f64 = 0.03;
+const RISING_LEFT: usize = 12;
 /// Part of the jerk limit that a curve must leave for braking in closed form.
 const RESERVE: f64 = 0.4;
 /// Excess over a limit that is rounding, as a part of it.
@@ -106,18 +115,49 @@ pub(super) fn brake<'a, const N: usize>(
     from: Departure,
     target: f64,
 ) -> Option<Braking> {
-    Search::default().go_on(span, limits, from, target, MOST_ROUNDS)
+    let mut search = Search {
+        halvings: MANY_HALVINGS,
+        ..Search::default()
+    };
+    search
+        .go_on(span, limits, from, target, usize::MAX)
+        .flatten()
 }
 
+/// Times that a piece on a polynomial is halved, at most, to prove that it keeps the limits: where
+/// the cycle searches, and where there is time.
+const FEW_HALVINGS: usize = 3;
+const MANY_HALVINGS: usize = 5;
+
 /// Rounds that are worth their while.
-const MOST_ROUNDS: usize = 30;
+const MOST_ROUNDS: usize = 40;
+/// What work counts, roughly 0.2 µs each with six axes: a look at the path in a place …
+const LOOKING: usize = 2;
+/// … a node in a round …
+const RELAXING: usize = 1;
+/// … and a proof for a cell on a polynomial.
+const PROVING: usize = 12;
 
 /// The search for the hardest slowing down, which may go on from cycle to cycle.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Search<const N: usize> {
     way: Way<N>,
     from: Departure,
-    begun: bool,
+    stage: Stage,
+    halvings: usize,
+}
+
+/// What comes next in a search.
+#[derive(Debug, Clone, Copy)]
+enum Stage {
+    /// To begin.
+    Begin,
+    /// A round.
+    Round,
+    /// Whether the cell of that number keeps the limits, as all before did or not.
+    Check { cell: usize, kept: bool },
+    /// Whether that is certain.
+    Prove { cell: usize, certain: bool },
 }
 
 impl<const N: usize> Default for Search<N> {
@@ -128,6 +168,7 @@ impl<const N: usize> Default for Search<N> {
             a: 0.0,
             t: 0.0,
             jerk: 0.0,
+            uneven: 0.0,
             index: 0,
             rows: [[0.0; 3]; N],
             looked: [0.0; 2],
@@ -141,12 +182,16 @@ impl<const N: usize> Default for Search<N> {
                 rises: 0,
                 falling: [node; MOST_CELLS + 1],
                 falls: 0,
+                work: 0,
                 tick: 0.0,
+                step: 1.0,
+                rounds: 0,
                 refined: 0,
                 moved: f64::INFINITY,
             },
             from: Departure::default(),
-            begun: false,
+            stage: Stage::Begin,
+            halvings: FEW_HALVINGS,
         }
     }
 }
@@ -154,56 +199,91 @@ impl<const N: usize> Default for Search<N> {
 impl<const N: usize> Search<N> {
     /// The next search begins anew.
     pub(super) fn reset(&mut self) {
-        self.begun = false;
+        self.stage = Stage::Begin;
     }
 
-    /// As [`brake`], in so many rounds more; `from` is where the plan has come to meanwhile.
+    /// As [`brake`], with so much work more; `from` is where the plan has come to meanwhile. None if
+    /// there seems to be no way from there, of nothing if it has to go on.
     pub(super) fn go_on<'a>(
         &mut self,
         span: impl Fn(usize) -> Option<&'a Span<N>>,
         limits: &Limits<N>,
         from: Departure,
         target: f64,
-        rounds: usize,
-    ) -> Option<Braking> {
+        work: usize,
+    ) -> Option<Option<Braking>> {
         let first = span(0)?;
         if first.curve.direction().is_some()
             && let Some(closed) = brake_gently(first, limits, from, target)
         {
-            return Some(closed);
+            return Some(Some(closed));
         }
-        let found = self.search(span, limits, from, target, rounds);
-        self.begun = found.is_some();
-        found.flatten()
+        let found = self.search(span, limits, from, target, work);
+        if !matches!(found, Some(None)) {
+            self.reset();
+        }
+        found
     }
 
-    /// None if it has to begin anew, of nothing if it has to go on.
     fn search<'a>(
         &mut self,
         span: impl Fn(usize) -> Option<&'a Span<N>>,
         limits: &Limits<N>,
         from: Departure,
         target: f64,
-        rounds: usize,
+        work: usize,
     ) -> Option<Option<Braking>> {
         let way = &mut self.way;
-        if !self.begun {
+        way.work = 0;
+        if let Stage::Begin = self.stage {
             way.begin(&span, limits, from, target)?;
+            self.stage = Stage::Round;
         } else if self.from != from {
             way.later(&span, limits, from)?;
+            self.stage = Stage::Round;
         }
         self.from = from;
-        for _ in 0..rounds {
-            way.look(&span, limits)?;
-            if way.is_settled() && !way.refine(&span)? {
-                if way.keeps(&span, limits)? && way.is_certain(&span, limits)? {
-                    return Some(way.law(from));
+        while way.work < work {
+            self.stage = match self.stage {
+                Stage::Begin | Stage::Round => {
+                    let cost = (way.falls + 1) * (LOOKING + RELAXING);
+                    if way.work > 0 && way.work + cost > work {
+                        break;
+                    }
+                    way.work += cost;
+                    way.look(&span, limits)?;
+                    if way.is_settled() && !way.refine(&span, limits)? {
+                        Stage::Check {
+                            cell: 0,
+                            kept: true,
+                        }
+                    } else {
+                        way.relax(limits)?;
+                        Stage::Round
+                    }
                 }
-                let before = way.falling[0].v;
-                way.rise(&span, limits, from)?;
-                way.shrink(before)?;
-            }
-            way.relax(limits)?;
+                Stage::Check { cell, kept } if cell < way.cells() => Stage::Check {
+                    cell: cell + 1,
+                    kept: way.keeps(cell, &span, limits)? && kept,
+                },
+                Stage::Check { .. } if way.ends_beyond(&span)? => return None,
+                Stage::Check { kept: true, .. } => Stage::Prove {
+                    cell: 0,
+                    certain: true,
+                },
+                Stage::Prove { cell, certain } if cell < way.cells() => Stage::Prove {
+                    cell: cell + 1,
+                    certain: way.is_certain(cell, &span, limits, self.halvings)? && certain,
+                },
+                Stage::Prove { certain: true, .. } => return Some(way.law(from)),
+                Stage::Check { .. } | Stage::Prove { .. } => {
+                    let before = way.falling[0].v;
+                    way.rise(&span, limits, from)?;
+                    way.shrink(before)?;
+                    way.relax(limits)?;
+                    Stage::Round
+                }
+            };
         }
         Some(None)
     }
@@ -218,6 +298,8 @@ struct Node<const N: usize> {
     /// Duration of the cell, s, and the jerk in it.
     t: f64,
     jerk: f64,
+    /// By how much the path jerk that is allowed differs between its ends where that tells its jerk.
+    uneven: f64,
     /// The path there: on what span, and how.
     index: usize,
     rows: [Row; N],
@@ -238,8 +320,13 @@ struct Way<const N: usize> {
     /// Then the speed comes down.
     falling: [Node<N>; MOST_CELLS + 1],
     falls: usize,
+    /// What was done in this go, counted in halves of a look at the path.
+    work: usize,
     /// Duration of its cells in the first guess, and how often some were cut.
     tick: f64,
+    /// Part of the longest step in which an acceleration is taken back.
+    step: f64,
+    rounds: usize,
     refined: usize,
     /// By how far the nodes went in the last round, at most, mm.
     moved: f64,
@@ -254,7 +341,7 @@ const ENTRY_SLACK: f64 = 1e-6;
 /// What is used of the limits where a law that is closer to them is not certain to keep them.
 const UNCERTAIN: f64 = 0.985;
 /// What is kept of the limits from the first, for what happens between the nodes.
-const SHARE: f64 = 0.9985;
+const SHARE: f64 = 0.9992;
 
 impl<const N: usize> Way<N> {
     /// The first guess: the closed form with what the axes allow along the path here.
@@ -268,6 +355,7 @@ impl<const N: usize> Way<N> {
         let way = self;
         (way.target, way.falls, way.refined) = (target, CELLS, 0);
         way.moved = f64::INFINITY;
+        way.step = 1.0;
         for node in way.rising.iter_mut().chain(&mut way.falling) {
             node.share = [SHARE; 2];
             node.off = 0.0;
@@ -291,7 +379,7 @@ impl<const N: usize> Way<N> {
         };
         let whole = down + hold + landing;
         let tick = whole / CELLS as f64;
-        way.tick = tick;
+        (way.tick, way.rounds) = (tick, 0);
         for (k, node) in way.falling[..=CELLS].iter_mut().enumerate().skip(1) {
             let gone = tick * k as f64;
             let left = whole - gone;
@@ -329,6 +417,9 @@ impl<const N: usize> Way<N> {
     ) -> Option<()> {
         let before = self.falling[0];
         self.moved = f64::INFINITY;
+        for node in &mut self.rising {
+            node.share = [SHARE; 2];
+        }
         self.rise(span, limits, from)?;
         let top = self.falling[0];
         if top.v < before.v {
@@ -384,46 +475,27 @@ impl<const N: usize> Way<N> {
         let mut road = Road { span, index: 0 };
         self.rises = 0;
         let mut now = from;
-        let mut tick = 0.0;
-        while now.acceleration > 0.0 && self.rises < RISING {
-            let node = &mut self.rising[self.rises];
+        // Longest and shortest step, and the next one.
+        let (mut longest, mut tick) = (f64::INFINITY, f64::INFINITY);
+        while now.acceleration > 0.0 {
+            let steps = RISING - self.rises;
+            let node = self.rising[..RISING].get_mut(self.rises)?;
             node.take(now);
             node.look(&mut road, limits, now.distance)?;
-            let share = node.share[1];
-            let mut jerk = jerks(node, share, now.acceleration, 0.0)[0];
-            if tick == 0.0 {
-                tick = now.acceleration / node.along(limits)[1] / 8.0;
+            self.work += LOOKING + RELAXING;
+            if longest.is_infinite() {
+                longest = self.step * now.acceleration / node.along(limits)[1] / RISING_STEPS;
             }
-            // There the axes may allow less: a first guess of where it is is good enough.
-            for _ in 0..2 {
-                let whole = if jerk < 0.0 {
-                    now.acceleration / -jerk
-                } else {
-                    f64::INFINITY
-                };
-                let steps = (RISING - self.rises) as f64;
-                node.jerk = jerk;
-                node.t = if whole < 1.5 * tick || steps == 1.0 {
-                    whole
-                } else if jerk < 0.0 {
-                    tick.max(whole / steps)
-                } else {
-                    tick
-                };
-                let mut there = *node;
-                let end = node.end()?;
-                there.take(end);
-                let mut scout = Road {
-                    span: &road.span,
-                    index: road.index,
-                };
-                there.look(&mut scout, limits, end.distance)?;
-                jerk = jerk.max(jerks(&there, share, now.acceleration, node.t)[0]);
+            tick = tick.min(longest);
+            loop {
+                self.work += 2 * (LOOKING + RELAXING);
+                let uneven = node.ease(&road, limits, tick)?;
+                if uneven <= UNEVEN_RISE || steps <= RISING_LEFT || tick < SHORTEST * longest {
+                    break;
+                }
+                tick *= 0.5;
             }
-            node.jerk = jerk;
-            if node.t * -jerk > now.acceleration * (1.0 - 1e-9) || self.rises + 1 == RISING {
-                node.t = now.acceleration / -jerk;
-            }
+            tick *= 1.4;
             now = node.end()?;
             self.rises += 1;
             if now.acceleration < 1e-9 * from.acceleration {
@@ -453,6 +525,10 @@ impl<const N: usize> Way<N> {
             span,
             index: self.falling[0].index,
         };
+        self.rounds += 1;
+        if self.rounds > MOST_ROUNDS {
+            return None;
+        }
         let (mut along, mut whole) = (0.0, 0.0);
         for node in &self.falling[..=self.falls] {
             let off = node.s - node.looked[1];
@@ -487,12 +563,19 @@ impl<const N: usize> Way<N> {
         for k in (0..last).rev() {
             let (now, next) = (&nodes[k], &nodes[k + 1]);
             let a = -(2.0_f64 * most[k + 1]).sqrt();
-            let high =
-                jerks(next, now.share[1], a, 0.0)[1].min(jerks(now, now.share[1], a, -now.t)[1]);
+            let highs = [
+                jerks(next, now.share[1], a, 0.0)[1],
+                jerks(now, now.share[1], a, -now.t)[1],
+            ];
+            let high = highs[0].min(highs[1]);
             let low = accelerations(now, limits)[0].min(0.0);
-            most[k] = (most[k + 1] + high * (now.v - next.v))
-                .max(0.0)
-                .min(0.5 * low * low);
+            let by_jerk = (most[k + 1] + high * (now.v - next.v)).max(0.0);
+            most[k] = by_jerk.min(0.5 * low * low);
+            nodes[k].uneven = if most[k] < by_jerk {
+                0.0
+            } else {
+                (highs[0] - highs[1]).abs()
+            };
         }
         // On from the start: the greatest that the jerk allows.
         let mut e = 0.5 * nodes[0].a * nodes[0].a;
@@ -500,13 +583,19 @@ impl<const N: usize> Way<N> {
         for k in 0..last {
             let (now, next) = (&nodes[k], &nodes[k + 1]);
             let down = now.v - next.v;
-            let low = jerks(now, now.share[1], now.a, 0.0)[0]
-                .max(jerks(next, now.share[1], now.a, now.t)[0]);
+            let lows = [
+                jerks(now, now.share[1], now.a, 0.0)[0],
+                jerks(next, now.share[1], now.a, now.t)[0],
+            ];
+            let low = lows[0].max(lows[1]);
             let e1 = (e - low * down).min(most[k + 1]).max(0.0);
             let a1 = -(2.0 * e1).sqrt();
             let now = &mut nodes[k];
             now.t = -2.0 * down / (now.a + a1);
             now.jerk = (e - e1) / down;
+            if e1 < most[k + 1] {
+                now.uneven = (lows[0] - lows[1]).abs();
+            }
             let end = now.end()?;
             let next = &mut nodes[k + 1];
             next.a = a1;
@@ -520,7 +609,11 @@ impl<const N: usize> Way<N> {
 
     /// Cuts cells where the path changes quickly: about the joints of spans, and on polynomials.
     /// False where there is nothing to cut.
-    fn refine<'a>(&mut self, span: impl Fn(usize) -> Option<&'a Span<N>>) -> Option<bool> {
+    fn refine<'a>(
+        &mut self,
+        span: impl Fn(usize) -> Option<&'a Span<N>>,
+        limits: &Limits<N>,
+    ) -> Option<bool> {
         if self.refined >= 2 {
             return Some(false);
         }
@@ -548,6 +641,14 @@ impl<const N: usize> Way<N> {
                 && now.t > 0.2 * self.tick
             {
                 let parts = ((next.s - now.s) / curve.length() * POLY_CELLS)
+                    .ceil()
+                    .clamp(1.0, 4.0);
+                for k in 1..parts as usize {
+                    cuts[count] = now.t * k as f64 / parts;
+                    count += 1;
+                }
+            } else if now.t > 0.1 * self.tick {
+                let parts = (now.uneven / now.along(limits)[1] / UNEVEN)
                     .ceil()
                     .clamp(1.0, 4.0);
                 for k in 1..parts as usize {
@@ -585,57 +686,104 @@ impl<const N: usize> Way<N> {
         Some(cut)
     }
 
-    /// Whether every axis keeps its limits in every cell: at both ends and in the middle, and
+    /// How many cells the way has.
+    fn cells(&self) -> usize {
+        self.rises + self.falls
+    }
+
+    /// The nodes at the ends of a cell.
+    fn cell(&self, cell: usize) -> [Node<N>; 2] {
+        if cell + 1 < self.rises {
+            [self.rising[cell], self.rising[cell + 1]]
+        } else if cell < self.rises {
+            [self.rising[cell], self.falling[0]]
+        } else {
+            let cell = cell - self.rises;
+            [self.falling[cell], self.falling[cell + 1]]
+        }
+    }
+
+    fn node(&mut self, node: usize) -> &mut Node<N> {
+        if node < self.rises {
+            &mut self.rising[node]
+        } else {
+            &mut self.falling[node - self.rises]
+        }
+    }
+
+    /// Whether every axis keeps its limits in the cell: at both ends and in the middle, and
     /// between them as far as what is asked bends no more than there. Where one does not, less is
     /// used of it.
     fn keeps<'a>(
         &mut self,
+        cell: usize,
         span: impl Fn(usize) -> Option<&'a Span<N>>,
         limits: &Limits<N>,
     ) -> Option<bool> {
-        let mut kept = true;
-        let rises = self.rises;
-        self.rising[rises] = self.falling[0];
-        let falls = self.falls;
-        for nodes in [&mut self.rising[..=rises], &mut self.falling[..=falls]] {
-            for k in 1..nodes.len() {
-                let over = nodes[k - 1].asks(&nodes[k], &span, limits)?;
-                kept &= over.iter().all(|over| *over <= 1.0 + ROUNDING);
-                if over[1] > 1.0 + ROUNDING {
-                    for node in &mut nodes[k - 1..=k] {
-                        node.share[0] /= over[1] * (1.0 + 1e-3);
-                    }
-                }
-                if over[2] > 1.0 + ROUNDING {
-                    nodes[k - 1].share[1] /= over[2] * (1.0 + 1e-3);
-                }
+        let [now, next] = self.cell(cell);
+        let over = now.asks(&next, &span, limits, &mut self.work)?;
+        let kept = over.iter().all(|over| *over <= 1.0 + ROUNDING);
+        if over[1] > 1.0 + ROUNDING {
+            for node in [cell, cell + 1] {
+                let share = &mut self.node(node).share[0];
+                *share /= over[1] * (1.0 + 1e-3);
             }
         }
-        // Beyond what is known of the path nothing can be kept.
-        let end = &self.falling[falls];
+        if over[2] > 1.0 + ROUNDING {
+            self.node(cell).share[1] /= over[2] * (1.0 + 1e-3);
+        }
+        Some(kept)
+    }
+
+    /// Beyond what is known of the path nothing can be kept.
+    fn ends_beyond<'a>(&self, span: impl Fn(usize) -> Option<&'a Span<N>>) -> Option<bool> {
+        let end = &self.falling[self.falls];
         let span = span(end.index)?;
-        Some(kept && end.s <= span.start + span.curve.length() + ROUNDING)
+        Some(end.s > span.start + span.curve.length() + ROUNDING)
     }
 
     /// Whether that holds between the samples, too, where they may miss something. Where it is not
-    /// certain, less is used of the limits.
+    /// certain the cell is cut, or less is used of the limits.
     fn is_certain<'a>(
         &mut self,
+        cell: usize,
         span: impl Fn(usize) -> Option<&'a Span<N>>,
         limits: &Limits<N>,
+        halvings: usize,
     ) -> Option<bool> {
-        let mut certain = true;
-        let (rises, falls) = (self.rises, self.falls);
-        for nodes in [&mut self.rising[..=rises], &mut self.falling[..=falls]] {
-            for k in 1..nodes.len() {
-                let slack = if k <= ENTRY { ENTRY_SLACK } else { ROUNDING };
-                if !nodes[k - 1].is_certain(&nodes[k], &span, limits, slack)? {
-                    certain = false;
-                    nodes[k - 1].share = nodes[k - 1].share.map(|share| share * UNCERTAIN);
-                }
+        let [now, next] = self.cell(cell);
+        let slack = if cell < ENTRY { ENTRY_SLACK } else { ROUNDING };
+        let proof = (slack, halvings);
+        let certain = now.is_certain(&next, &span, limits, proof, &mut self.work)?;
+        if !certain {
+            if cell < self.rises && self.step > 0.1 {
+                self.step *= 0.5;
+            } else if cell >= self.rises && now.t > 0.1 * self.tick && self.falls < MOST_CELLS {
+                self.halve(cell - self.rises);
+            } else {
+                self.node(cell).share = now.share.map(|share| share * UNCERTAIN);
             }
         }
         Some(certain)
+    }
+
+    /// Cuts a cell on the way down in two.
+    fn halve(&mut self, cell: usize) {
+        let mut middle = self.falling[cell];
+        let t = 0.5 * middle.t;
+        let (ds, speed, acceleration) = middle.piece().at(t);
+        middle.take(Departure {
+            distance: middle.s + ds,
+            speed,
+            acceleration,
+        });
+        middle.t = t;
+        middle.looked = [middle.s; 2];
+        middle.off = 0.0;
+        self.falling[cell].t = t;
+        self.falling.copy_within(cell + 1..=self.falls, cell + 2);
+        self.falling[cell + 1] = middle;
+        self.falls += 1;
     }
 
     fn law(&self, from: Departure) -> Option<Braking> {
@@ -680,6 +828,56 @@ impl<const N: usize> Node<N> {
         most.map(|part| 1.0 / part)
     }
 
+    /// Takes the acceleration back for the duration `tick`, or until there is none, with the lowest
+    /// jerk that the axes allow at both ends, their accelerations kept. By how much more is allowed at
+    /// the start alone, as a part of what is where nothing bends; infinite if that is too much for an
+    /// axis.
+    fn ease<'a>(
+        &mut self,
+        road: &Road<impl Fn(usize) -> Option<&'a Span<N>>>,
+        limits: &Limits<N>,
+        tick: f64,
+    ) -> Option<f64> {
+        let along = self.along(limits)[1];
+        let [low, high] = jerks(self, self.share[1], self.a, 0.0);
+        if low > high + 1e-3 * along {
+            return None;
+        }
+        self.jerk = low;
+        let mut uneven = 0.0;
+        // The end is where the jerk takes it: the second look is close enough.
+        for _ in 0..2 {
+            let whole = if self.jerk < 0.0 {
+                self.a / -self.jerk
+            } else {
+                f64::INFINITY
+            };
+            self.t = if whole < 1.5 * tick { whole } else { tick };
+            let mut there = *self;
+            let end = self.end()?;
+            there.take(end);
+            let mut scout = Road {
+                span: &road.span,
+                index: road.index,
+            };
+            there.look(&mut scout, limits, end.distance)?;
+            let [least, most] = jerks(&there, self.share[1], self.a, self.t);
+            let steady = (accelerations(&there, limits)[0] - self.a) / self.t;
+            let need = low.max(least).max(steady);
+            uneven = if need > high.min(most) {
+                f64::INFINITY
+            } else {
+                (need - low) / along
+            };
+            self.jerk = need;
+        }
+        let gone = self.a * (1.0 - 1e-9);
+        if self.jerk < 0.0 && self.t * -self.jerk > gone {
+            self.t = self.a / -self.jerk;
+        }
+        Some(uneven)
+    }
+
     fn piece(&self) -> Piece {
         Piece {
             duration: self.t,
@@ -707,7 +905,8 @@ impl<const N: usize> Node<N> {
         next: &Self,
         span: &impl Fn(usize) -> Option<&'a Span<N>>,
         limits: &Limits<N>,
-        slack: f64,
+        (slack, halvings): (f64, usize),
+        work: &mut usize,
     ) -> Option<bool> {
         let piece = self.piece();
         let mut begin = 0.0;
@@ -727,7 +926,8 @@ impl<const N: usize> Node<N> {
                     acceleration,
                     jerk: piece.jerk,
                 };
-                if !certify::keeps(&part, here, limits, slack) {
+                *work += PROVING;
+                if !certify::keeps(&part, here, limits, slack, halvings) {
                     return Some(false);
                 }
             }
@@ -742,6 +942,7 @@ impl<const N: usize> Node<N> {
         next: &Self,
         span: &impl Fn(usize) -> Option<&'a Span<N>>,
         limits: &Limits<N>,
+        work: &mut usize,
     ) -> Option<[f64; 3]> {
         let piece = self.piece();
         let mut begin = 0.0;
@@ -781,6 +982,7 @@ impl<const N: usize> Node<N> {
                     .ceil()
                     .clamp(1.0, 6.0),
             };
+            *work += 2 * LOOKING * parts as usize + 1;
             let each = (until - begin) / parts;
             let mut last = first;
             for k in 0..parts as usize {

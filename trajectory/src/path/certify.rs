@@ -73,16 +73,14 @@ pub fn load<const N: usize>(piece: &Piece, span: &Span<N>, limits: &Limits<N>) -
     load.max(whole.bound([0.0, piece.duration], top, [&first, &last], HALVINGS))
 }
 
-/// Times that a piece is halved, at most, where the cycle looks at it.
-const FEW_HALVINGS: usize = 3;
-
 /// Whether every axis provably keeps its limits on `piece` but for that excess, at any feed; as
-/// [`load`], in bounded time. Some that do are not found to.
+/// [`load`], with so many halvings at most. Some that do are not found to.
 pub(super) fn keeps<const N: usize>(
     piece: &Piece,
     span: &Span<N>,
     limits: &Limits<N>,
     excess: f64,
+    halvings: usize,
 ) -> bool {
     let stretch = Stretch {
         piece,
@@ -95,7 +93,7 @@ pub(super) fn keeps<const N: usize>(
         [0.0, piece.duration],
         (top, 1.0 + excess),
         [&first, &last],
-        FEW_HALVINGS,
+        halvings,
     )
 }
 

@@ -94,16 +94,16 @@ const LEAST_OVERRIDE: f64 = 1e-3;
 
 /// From so far ahead a stop is searched for whose search takes more than a cycle, s.
 const AHEAD: f64 = 0.006;
-/// Rounds of the search for a stop on a curve in a cycle.
-const ROUNDS: usize = 5;
+/// Work on the search for a stop on a curve in a cycle; see `brake.rs`.
+const WORK: usize = 600;
 
 /// How far a stop on the path has come.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Stop {
     /// Nobody asked for one.
     No,
-    /// The plan is followed to its rest until a shorter way is found, from this cycle on.
-    Sought(u64),
+    /// The plan is followed to its rest until a shorter way is found from that cycle on; since this one.
+    Sought { departure: u64, since: u64 },
     /// The shorter way is being followed.
     Found,
 }
@@ -287,11 +287,8 @@ impl<const N: usize> Executor<N> {
     pub fn room(&self) -> usize {
         let room = (self.spans.capacity() - self.spans.len())
             .min(self.steps.capacity() - self.steps.len());
-        if self.held
-            || self.turns()
-            || self.refused == Some(self.cycle)
-            || self.is_held() && !self.deaf
-        {
+        let held = self.held || self.is_held() && !self.deaf;
+        if held && !self.seeks_rest() || self.turns() || self.refused == Some(self.cycle) {
             0
         } else if self.deaf || self.fresh.is_some() {
             room
@@ -358,6 +355,12 @@ impl<const N: usize> Executor<N> {
                 if cycle > 0 {
                     let most = (LONGEST_LEAD / self.period) as u64;
                     self.lead = (2 * self.lead).min(most.max(self.lead));
+                } else if let Stop::Sought { since, .. } = self.stop {
+                    // It is awake, and asked again.
+                    self.stop = Stop::Sought {
+                        departure: self.unanswered(),
+                        since,
+                    };
                 }
                 self.revise();
                 self.refused = Some(self.cycle);
@@ -392,6 +395,11 @@ impl<const N: usize> Executor<N> {
         }
         self.committed = self.steps.len();
         self.committed_spans = self.first_span + self.spans.len() as u64;
+        if self.held {
+            // That was the way to rest; the way on comes after it.
+            self.stop = Stop::Found;
+            self.revise();
+        }
     }
 
     /// How often a part of the plan came after the path had gone past the point from where it
@@ -477,8 +485,10 @@ impl<const N: usize> Executor<N> {
         if let Some(Step::Piece(piece)) = self.current() {
             let (ds, _, _) = piece.at(self.since(self.began));
             self.enter_span_at(piece.distance + ds);
-            if let Stop::Sought(departure) = self.stop {
-                self.seek_stop(departure);
+            if let Stop::Sought { departure, since } = self.stop
+                && departure <= self.cycle + self.ahead()
+            {
+                self.seek_stop(departure, since);
             }
         }
         self.setpoint()
@@ -616,9 +626,10 @@ impl<const N: usize> Executor<N> {
     /// [`resume`](Self::resume). Effective from the current cycle on; the next setpoints lead to
     /// rest. A dwell is broken off, and begins anew.
     ///
-    /// On a line that is the closed form. On curves a law that brakes as hard as the axes allow is
-    /// searched for, over several cycles if need be; until there is one the plan, which ends at
-    /// rest, too, is followed.
+    /// On a line that is the closed form. On curves the [`outlook`](Self::outlook) asks the planner
+    /// for a law that brakes as hard as the axes allow, and where it does not answer in time one is
+    /// searched for here, over several cycles; until there is one the plan, which ends at rest, too,
+    /// is followed.
     pub fn hold(&mut self) {
         if let Some(away) = &mut self.away {
             away.hold();
@@ -646,7 +657,7 @@ impl<const N: usize> Executor<N> {
         }
         self.step_back = None;
         self.leave_hold();
-        if self.backward && self.stop == Stop::No {
+        if self.backward && self.stop != Stop::Found {
             self.begin_stop();
         } else if !self.backward {
             self.stop = Stop::No;
@@ -671,7 +682,7 @@ impl<const N: usize> Executor<N> {
         self.leave_hold();
         if self.backward {
             self.stop = Stop::No;
-        } else if self.stop == Stop::No {
+        } else if self.stop != Stop::Found {
             self.begin_stop();
         }
         self.revise();
@@ -728,7 +739,7 @@ impl<const N: usize> Executor<N> {
             self.held = false;
             self.deaf = false;
             self.drop_uncommitted();
-            if self.stop == Stop::No {
+            if self.stop != Stop::Found {
                 self.begin_stop();
             }
             if self.committed == 0 {
@@ -796,10 +807,14 @@ impl<const N: usize> Executor<N> {
     /// From where on the plan has to be replaced, if it has. What is handed in before that is done
     /// is dropped.
     pub fn outlook(&self) -> Option<Outlook> {
-        if !self.deaf || self.held || self.turns() || self.refused == Some(self.cycle) {
+        let rest = self.seeks_rest();
+        let waits = self.held && !rest || self.turns() || self.refused == Some(self.cycle);
+        if !self.deaf || waits {
             return None;
         }
-        let cycle = self.cycle + self.lead;
+        // A way to rest is soon found.
+        let lead = if rest { self.lead * 3 / 4 } else { self.lead };
+        let cycle = self.cycle + lead.max(1);
         let mut leg = self.leg;
         let mut departure = Departure {
             distance: self.reached,
@@ -842,7 +857,25 @@ impl<const N: usize> Executor<N> {
             overrides: self.overrides,
             stop_after_block: self.stop_after_block,
             step_back: self.step_back,
+            rest,
         })
+    }
+
+    /// From this cycle on a stop is to begin that the planner, asked from now on, did not find.
+    fn unanswered(&self) -> u64 {
+        self.cycle + self.lead + self.ahead()
+    }
+
+    /// Cycles from which ahead a stop is searched for.
+    fn ahead(&self) -> u64 {
+        ((AHEAD / self.period) as u64).max(1)
+    }
+
+    /// It is to come to rest as soon as it can until [`resume`](Self::resume), and no way there was
+    /// found yet.
+    fn seeks_rest(&self) -> bool {
+        let moves = matches!(self.current(), Some(Step::Piece(_)));
+        self.held && moves && matches!(self.stop, Stop::Sought { .. })
     }
 
     /// The plan is to be replaced: nothing more of it is taken.
@@ -898,27 +931,25 @@ impl<const N: usize> Executor<N> {
         let run = self.steps.iter().position(|s| !goes_on(s));
         self.steps.truncate(run.unwrap_or(self.steps.len()));
         self.committed = self.steps.len();
-        self.stop = Stop::Sought(self.cycle);
+        self.stop = Stop::Sought {
+            departure: self.cycle,
+            since: self.cycle,
+        };
         self.search.reset();
-        self.seek_stop(self.cycle);
+        self.seek_stop(self.cycle, self.cycle);
     }
 
     /// Replaces the plan by a shorter way to rest if there is one.
     ///
-    /// First from where it is. Where that takes more than a cycle's share of the search, from
-    /// a little ahead, so that the share of several cycles goes into the same law.
+    /// A line has a closed form at once. Elsewhere the planner is asked for one after a hold; what
+    /// it does not answer in time, and every other stop, is searched for here from a little ahead, so
+    /// that the share of several cycles goes into the same law.
     ///
     /// Apart from the cycle that follows its plan: the search has a large stack.
     #[inline(never)]
-    fn seek_stop(&mut self, departure: u64) {
+    fn seek_stop(&mut self, departure: u64, since: u64) {
         let (Some(Step::Piece(_)), Some(limits)) = (self.current(), self.limits) else {
             return;
-        };
-        // Where the plan does nothing but come to rest, it does so as fast as it can.
-        let brakes = |s: &Step<N>| {
-            let Step::Piece(p) = s else { return false };
-            let cruises = p.acceleration.abs() <= 1e-9 && p.jerk >= 0.0;
-            !cruises && p.at(p.duration).2 <= 1e-9
         };
         let (index, t) = self.step_at(departure);
         let Some(Step::Piece(piece)) = self.steps.get(index).copied() else {
@@ -926,57 +957,73 @@ impl<const N: usize> Executor<N> {
             return;
         };
         let (ds, speed, acceleration) = piece.at(t.min(piece.duration));
-        if index == 0 && acceleration <= 0.0 && self.steps.iter().all(brakes) {
-            self.stop = Stop::Found;
-            return;
-        }
+        let first = self.cycle == since;
         let from = Departure {
             distance: piece.distance + ds,
             speed,
             acceleration,
         };
         let spans = &self.spans;
-        let first = (1..spans.len())
+        let passed = (1..spans.len())
             .take_while(|&k| spans[k].start > spans[k - 1].start && spans[k].start <= from.distance)
             .count();
         let span = |k: usize| {
-            let span = spans.get(first + k)?;
-            (k == 0 || span.start > spans[first + k - 1].start).then_some(span)
+            let span = spans.get(passed + k)?;
+            (k == 0 || span.start > spans[passed + k - 1].start).then_some(span)
         };
-        // A gentle way at once, the hardest as soon as it is found.
-        let hardest = self.search.go_on(span, &limits, from, 0.0, ROUNDS);
+        let gentle = || brake_gently(span(0)?, &limits, from, 0.0);
+        let straight = span(0).is_some_and(|span| span.curve.direction().is_some());
+        // Where the plan does nothing but come to rest on a line, it does so as fast as it can.
+        let brakes = |s: &Step<N>| {
+            let Step::Piece(p) = s else { return false };
+            let cruises = p.acceleration.abs() <= 1e-9 && p.jerk >= 0.0;
+            !cruises && p.at(p.duration).2 <= 1e-9
+        };
+        if first && straight && acceleration <= 0.0 && self.steps.iter().all(brakes) {
+            self.stop = Stop::Found;
+            return;
+        }
+        let last = departure == self.cycle && !first;
+        // The hardest as soon as it is found, and at last a gentle one.
+        let searched = match straight.then(gentle).flatten() {
+            None if first => Some(None),
+            None => self.search.go_on(span, &limits, from, 0.0, WORK),
+            law => Some(law),
+        };
+        let (lost, hardest) = (searched.is_none(), searched.flatten());
         let found = hardest.is_some();
-        let gentle = || {
-            let now = departure == self.cycle;
-            now.then(|| brake_gently(span(0)?, &limits, from, 0.0))
-                .flatten()
-        };
-        let plan_ends = self.steps.back().map_or(f64::INFINITY, |last| match last {
-            Step::Piece(last) => last.distance + last.at(last.duration).0,
-            _ => f64::INFINITY,
+        let gentle = || last.then(gentle).flatten();
+        let plan_ends = self.committed.checked_sub(1).map_or(f64::INFINITY, |last| {
+            match self.steps.get(last) {
+                Some(Step::Piece(last)) => last.distance + last.at(last.duration).0,
+                _ => f64::INFINITY,
+            }
         });
         if let Some(law) = hardest.or_else(gentle)
             && law.end.distance < plan_ends
         {
+            self.revise();
             let keep = self.cut(departure);
             self.steps.truncate(keep);
             self.steps
                 .extend(law.pieces().iter().copied().map(Step::Piece));
             self.committed = self.steps.len();
-            if !found {
-                self.search.reset();
-            }
+            self.search.reset();
         }
         if found {
             self.stop = Stop::Found;
-        } else if departure == self.cycle {
-            let ahead = (AHEAD / self.period) as u64;
-            let next = self.cycle + ahead.max(1);
+        } else if first || lost || departure == self.cycle {
+            let next = match (first, self.held) {
+                (true, true) => self.unanswered(),
+                (true, false) => self.cycle + 1,
+                _ => (departure + 1).max(self.cycle + self.ahead()),
+            };
             // Another section may begin before.
             let (index, _) = self.step_at(next);
             let mut until = self.steps.iter().take(index + 1);
             let same = until.all(|s| matches!(s, Step::Piece(_)));
-            self.stop = Stop::Sought(if same { next } else { self.cycle + 1 });
+            let departure = if same { next } else { self.cycle + 1 };
+            self.stop = Stop::Sought { departure, since };
         }
     }
 }

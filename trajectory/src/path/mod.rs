@@ -16,8 +16,9 @@
 //! A person acts on the [`Executor`] alone, in the cycle: [`Executor::set_overrides`],
 //! [`hold`](Executor::hold), [`resume`](Executor::resume),
 //! [`stop_after_block`](Executor::stop_after_block), [`step_back`](Executor::step_back). The
-//! executor brakes by itself where that is asked; for everything else it wants the rest of the path
-//! planned anew and says from where on: [`Executor::outlook`], once a cycle. Whoever feeds it hands
+//! executor brakes by itself on a line and where no planner answers; for everything else it wants the
+//! rest of the path, or the way to rest, planned anew and says from where on: [`Executor::outlook`],
+//! once a cycle. Whoever feeds it hands
 //! that to [`Planner::observe`], and the planner's commands go the usual way:
 //!
 //! ```text
@@ -267,6 +268,8 @@ pub struct Outlook {
     /// The way back is asked for, to the beginning of the block or, from there, of the one before; each
     /// time that a person asks under another number.
     pub step_back: Option<u64>,
+    /// Rest is asked for on the shortest way from that state, and nothing beyond.
+    pub rest: bool,
 }
 
 /// A state on a section of the path.

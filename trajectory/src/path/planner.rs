@@ -405,6 +405,10 @@ impl<const N: usize> Planner<N> {
         self.stop_after_block = outlook.stop_after_block;
         // The executor is on one of them, or on none.
         self.ways_back.retain(|way| outlook.leg == Some(way.number));
+        if outlook.rest {
+            self.come_to_rest(outlook);
+            return;
+        }
         let (leg, departure) = match outlook.step_back {
             Some(asked) => self.way_back(outlook, asked),
             None => self.way_on(outlook),
@@ -431,15 +435,7 @@ impl<const N: usize> Planner<N> {
                 let ended = self.plan_window(moves);
                 if self.out.len() == 1 {
                     if moves {
-                        // Nothing found: what comes too late is asked for again.
-                        self.out.clear();
-                        self.out.extend([
-                            Command::Revise {
-                                revision: outlook.revision,
-                                cycle: 0,
-                            },
-                            Command::Commit,
-                        ]);
+                        self.find_nothing(outlook);
                         self.cursor = before;
                         return;
                     }
@@ -457,6 +453,55 @@ impl<const N: usize> Planner<N> {
             }
             None => self.out.push_back(Command::Commit),
         }
+    }
+
+    /// Nothing was found: what comes too late is asked for again.
+    fn find_nothing(&mut self, outlook: &Outlook) {
+        self.out.clear();
+        self.out.extend([
+            Command::Revise {
+                revision: outlook.revision,
+                cycle: 0,
+            },
+            Command::Commit,
+        ]);
+    }
+
+    /// Plans the shortest way to rest, and nothing beyond until the next outlook.
+    fn come_to_rest(&mut self, outlook: &Outlook) {
+        self.revision = outlook.revision;
+        self.cursor.holds = true;
+        let from = outlook.departure;
+        let found = outlook.leg.and_then(|leg| {
+            let section = self.section(leg)?;
+            let spans = section.from(from.distance);
+            let law = brake(|k| spans.get(k), &self.limits, from, 0.0)?;
+            let begin = Command::Section {
+                leg,
+                origin: section.origin,
+                backward: leg >= BACK,
+                limits: self.limits,
+            };
+            let under_way = spans.iter().take_while(|s| s.start < law.end.distance);
+            let spans = under_way.copied().map(Command::Span).collect::<Vec<_>>();
+            Some((begin, spans, law))
+        });
+        let Some((begin, spans, law)) = found else {
+            self.find_nothing(outlook);
+            return;
+        };
+        self.out.clear();
+        self.out.extend([
+            Command::Revise {
+                revision: outlook.revision,
+                cycle: outlook.cycle,
+            },
+            begin,
+        ]);
+        self.out.extend(spans);
+        self.out
+            .extend(law.pieces().iter().copied().map(Command::Piece));
+        self.out.push_back(Command::Commit);
     }
 
     /// From where the path goes on.
