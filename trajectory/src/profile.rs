@@ -421,7 +421,12 @@ impl Exact {
             if step.is_nan() || step.abs() <= f64::EPSILON * later {
                 break;
             }
-            later = (later + step).clamp(0.0, room);
+            let next = (later + step).clamp(0.0, room);
+            // Where there is no room, or no more, nothing changes any more.
+            if next == later {
+                break;
+            }
+            later = next;
             state = self.after(later, j);
         }
         let arrived = left(p, &state).abs() <= 1e-6 * whole.abs();
