@@ -156,7 +156,8 @@ pub struct Executor<const N: usize> {
     rest: [f64; N],
     tag: u32,
     stop: Stop,
-    search: Search<N>,
+    /// Apart, for it is large; always there.
+    search: Option<Box<Search<N>>>,
     overrides: Overrides,
     stop_after_block: bool,
     /// The way back is asked for; the revision that the person asked for with it.
@@ -209,6 +210,7 @@ impl<const N: usize> Clone for Executor<N> {
         Executor {
             spans: copied(&self.spans),
             steps: copied(&self.steps),
+            search: self.search.clone(),
             ..*self
         }
     }
@@ -221,6 +223,7 @@ impl<const N: usize> Executor<N> {
         Executor {
             spans: touched(capacity + RESERVE, some_span()),
             steps: touched(capacity + RESERVE, Some(Step::Hold)),
+            search: Some(Box::default()),
             ..Executor::empty(position, period)
         }
     }
@@ -255,7 +258,7 @@ impl<const N: usize> Executor<N> {
             rest: position,
             tag: 0,
             stop: Stop::No,
-            search: Search::default(),
+            search: None,
             overrides: Overrides::default(),
             stop_after_block: false,
             step_back: None,
@@ -274,6 +277,7 @@ impl<const N: usize> Executor<N> {
         *self = Executor {
             spans,
             steps,
+            search: take(&mut self.search),
             overrides: self.overrides,
             revision: self.revision,
             ..Executor::empty(position, self.period)
@@ -935,8 +939,14 @@ impl<const N: usize> Executor<N> {
             departure: self.cycle,
             since: self.cycle,
         };
-        self.search.reset();
+        self.reset_search();
         self.seek_stop(self.cycle, self.cycle);
+    }
+
+    fn reset_search(&mut self) {
+        if let Some(search) = &mut self.search {
+            search.reset();
+        }
     }
 
     /// Replaces the plan by a shorter way to rest if there is one.
@@ -987,7 +997,8 @@ impl<const N: usize> Executor<N> {
         // The hardest as soon as it is found, and at last a gentle one.
         let searched = match straight.then(gentle).flatten() {
             None if first => Some(None),
-            None => self.search.go_on(span, &limits, from, 0.0, WORK),
+            None => (self.search.as_mut())
+                .and_then(|search| search.go_on(span, &limits, from, 0.0, WORK)),
             law => Some(law),
         };
         let (lost, hardest) = (searched.is_none(), searched.flatten());
@@ -1008,7 +1019,7 @@ impl<const N: usize> Executor<N> {
             self.steps
                 .extend(law.pieces().iter().copied().map(Step::Piece));
             self.committed = self.steps.len();
-            self.search.reset();
+            self.reset_search();
         }
         if found {
             self.stop = Stop::Found;
