@@ -15,14 +15,12 @@
 mod common;
 mod machine;
 
-use common::{LIMITS, contour};
+use common::{LIMITS, contour, planned};
 use machine::Machine;
 use proptest::prelude::*;
 use proptest::strategy::ValueTree;
 use proptest::test_runner::{Config, RngAlgorithm, TestRng, TestRunner};
-use syncline_trajectory::path::{
-    Command, Exit, Feed, Item, Move, Overrides, Planner, Setpoint, Span,
-};
+use syncline_trajectory::path::{Exit, Feed, Item, Move, Overrides, Setpoint, Span};
 
 /// A command shows after this long, s.
 const RESPONSE: f64 = 0.010;
@@ -61,22 +59,7 @@ struct Programmed(Vec<Span<3>>);
 
 impl Programmed {
     fn along(items: &[Item<3>], start: [f64; 3]) -> Self {
-        let mut planner = Planner::new(LIMITS, start);
-        let (mut spans, mut origin) = (Vec::new(), 0.0);
-        for item in items {
-            planner.push(*item).unwrap();
-        }
-        planner.finish();
-        while let Some(command) = planner.pop() {
-            match command {
-                Command::Section { origin: o, .. } => origin = o,
-                Command::Span(span) => spans.push(Span {
-                    start: origin + span.start,
-                    ..span
-                }),
-                _ => {}
-            }
-        }
+        let (_, spans) = planned(items, start, |_| ());
         Programmed(spans)
     }
 

@@ -4,37 +4,13 @@ mod common;
 
 use std::collections::VecDeque;
 
-use common::{LIMITS, contour};
+use common::{LIMITS, contour, planned};
 use proptest::prelude::*;
 use proptest::strategy::ValueTree;
 use proptest::test_runner::{Config, RngAlgorithm, TestRng, TestRunner};
-use syncline_trajectory::path::{
-    Command, Executor, Exit, Feed, Item, Move, Planner, Setpoint, Span,
-};
+use syncline_trajectory::path::{Executor, Exit, Feed, Item, Move, Planner, Setpoint, Span};
 
 const PERIOD: f64 = 0.002;
-
-fn planned(items: &[Item<3>], start: [f64; 3]) -> (Planner<3>, Executor<3>, Vec<Span<3>>) {
-    let mut planner = Planner::new(LIMITS, start);
-    let mut executor = Executor::new(start, PERIOD, 100_000);
-    let (mut spans, mut origin) = (Vec::<Span<3>>::new(), 0.0);
-    for item in items {
-        planner.push(*item).unwrap();
-    }
-    planner.finish();
-    while let Some(command) = planner.pop() {
-        match command {
-            Command::Section { origin: o, .. } => origin = o,
-            Command::Span(span) => spans.push(Span {
-                start: origin + span.start,
-                ..span
-            }),
-            _ => {}
-        }
-        assert!(executor.accept(command));
-    }
-    (planner, executor, spans)
-}
 
 /// A state on the way, and what the axes allow there.
 #[derive(Debug, Clone, Copy)]
@@ -274,7 +250,9 @@ fn survey(programs: u32, every: u32, holds: bool) -> Vec<f64> {
                 })
             })
             .collect();
-        let (planner, mut plan, spans) = planned(&items, curves[0].start());
+        let start = curves[0].start();
+        let mut plan = Executor::new(start, PERIOD, 100_000);
+        let (planner, spans) = planned(&items, start, |command| assert!(plan.accept(command)));
         let road = Road(&spans);
         for cycle in 1_u32.. {
             plan.advance();

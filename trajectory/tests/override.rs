@@ -4,12 +4,10 @@
 mod common;
 mod machine;
 
-use common::{LIMITS, contour};
+use common::{LIMITS, contour, planned};
 use machine::Machine;
 use proptest::prelude::*;
-use syncline_trajectory::path::{
-    Command, Exit, Feed, Item, Move, Overrides, Planner, Setpoint, Span,
-};
+use syncline_trajectory::path::{Exit, Feed, Item, Move, Overrides, Setpoint, Span};
 
 /// Short, so that what happens between the cycles of a real machine shows.
 const PERIOD: f64 = 0.000_5;
@@ -52,23 +50,7 @@ struct Path {
 
 impl Path {
     fn of(items: &[Item<3>], start: [f64; 3]) -> Self {
-        let mut planner = Planner::new(LIMITS, start);
-        let mut spans = Vec::new();
-        let mut origin = 0.0;
-        for item in items {
-            planner.push(*item).unwrap();
-        }
-        planner.finish();
-        while let Some(command) = planner.pop() {
-            match command {
-                Command::Section { origin: o, .. } => origin = o,
-                Command::Span(span) => spans.push(Span {
-                    start: origin + span.start,
-                    ..span
-                }),
-                _ => {}
-            }
-        }
+        let (_, spans) = planned(items, start, |_| ());
         Path { spans }
     }
 

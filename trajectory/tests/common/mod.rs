@@ -2,7 +2,9 @@
 
 use proptest::prelude::*;
 use std::ops::Range;
-use syncline_trajectory::path::{Curve, Limits, Plane, curve::ArcDefinition};
+use syncline_trajectory::path::{
+    Command, Curve, Item, Limits, Plane, Planner, Span, curve::ArcDefinition,
+};
 
 pub(crate) const LIMITS: Limits<3> = Limits {
     velocity: [500.0, 400.0, 200.0],
@@ -41,4 +43,31 @@ pub(crate) fn contour(sizes: Range<f64>) -> impl Strategy<Value = Vec<Curve<3>>>
             });
             joined.collect()
         })
+}
+
+/// A path that is planned in one go when nobody acts: its planner, and its spans by their distance
+/// from the beginning; `take` is handed every command.
+pub(crate) fn planned(
+    items: &[Item<3>],
+    start: [f64; 3],
+    mut take: impl FnMut(Command<3>),
+) -> (Planner<3>, Vec<Span<3>>) {
+    let mut planner = Planner::new(LIMITS, start);
+    let (mut spans, mut origin) = (Vec::<Span<3>>::new(), 0.0);
+    for item in items {
+        planner.push(*item).unwrap();
+    }
+    planner.finish();
+    while let Some(command) = planner.pop() {
+        match command {
+            Command::Section { origin: o, .. } => origin = o,
+            Command::Span(span) => spans.push(Span {
+                start: origin + span.start,
+                ..span
+            }),
+            _ => {}
+        }
+        take(command);
+    }
+    (planner, spans)
 }
