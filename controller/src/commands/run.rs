@@ -411,11 +411,7 @@ impl Run<'_> {
         {
             bar.suspend(|| eprintln!("{text}"));
         }
-        match event {
-            Event::Held | Event::Paused { .. } => person.rests = true,
-            Event::Resumed | Event::SteppingBack => person.rests = false,
-            _ => {}
-        }
+        person.rests = event.rests().unwrap_or(person.rests);
         if let Event::Paused { .. } = event {
             bar.suspend(|| eprintln!("press Enter to go on"));
             if person.keys.is_none() {

@@ -121,11 +121,9 @@ impl Args {
                 Err(error) => failure = failure.or(Some(error)),
             }
             while let Some(event) = virtual_machine.event() {
-                match event {
-                    Event::Paused { .. } => virtual_machine.controller().go_on(),
-                    Event::Held => held = true,
-                    Event::Resumed | Event::SteppingBack => held = false,
-                    _ => {}
+                held = event.rests().unwrap_or(held);
+                if let Event::Paused { .. } = event {
+                    virtual_machine.controller().go_on();
                 }
                 self.tell(&event, &**layout);
             }

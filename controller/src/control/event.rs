@@ -212,6 +212,16 @@ impl Event {
         matches!(self, Self::Phase(_) | Self::Frozen { .. })
     }
 
+    /// Whether the program rests from now on until a person goes on, if that tells.
+    #[must_use]
+    pub fn rests(&self) -> Option<bool> {
+        match self {
+            Self::Held | Self::Paused { .. } => Some(true),
+            Self::Resumed | Self::SteppingBack => Some(false),
+            _ => None,
+        }
+    }
+
     /// The log's line; `None` for what is not worth one.
     #[must_use]
     pub fn describe(&self, names: &impl Names) -> Option<String> {

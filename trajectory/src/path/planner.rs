@@ -14,12 +14,12 @@ use std::mem::take;
 
 use thiserror::Error;
 
+use crate::limits::PositionLimits;
+
 use super::blend::{Blend, blend};
 use super::brake::{brake, brake_gently};
 use super::facets::{Part, Run};
 use super::window::{Effort, Window, room_to_stop};
-use crate::limits::PositionLimits;
-
 use super::{Command, Curve, Departure, Item, Limits, Move, Outlook, Overrides, Piece, Span};
 
 /// Why an item cannot be planned.
@@ -401,6 +401,7 @@ impl<const N: usize> Planner<N> {
         if outlook.revision <= self.revision {
             return;
         }
+        self.revision = outlook.revision;
         self.override_speeds(outlook.overrides);
         self.stop_after_block = outlook.stop_after_block;
         // The executor is on one of them, or on none.
@@ -422,12 +423,7 @@ impl<const N: usize> Planner<N> {
             haste: HASTE,
             ..Cursor::default()
         };
-        self.out.clear();
-        self.out.push_back(Command::Revise {
-            revision: outlook.revision,
-            cycle: outlook.cycle,
-        });
-        self.revision = outlook.revision;
+        self.replace_from(outlook.cycle);
         self.window.faster.clear();
         let moves = departure.speed > 0.0;
         match self.section(leg) {
@@ -435,7 +431,7 @@ impl<const N: usize> Planner<N> {
                 let ended = self.plan_window(moves);
                 if self.out.len() == 1 {
                     if moves {
-                        self.find_nothing(outlook);
+                        self.find_nothing();
                         self.cursor = before;
                         return;
                     }
@@ -455,21 +451,23 @@ impl<const N: usize> Planner<N> {
         }
     }
 
-    /// Nothing was found: what comes too late is asked for again.
-    fn find_nothing(&mut self, outlook: &Outlook) {
+    /// What comes next replaces the old plan in that cycle.
+    fn replace_from(&mut self, cycle: u64) {
         self.out.clear();
-        self.out.extend([
-            Command::Revise {
-                revision: outlook.revision,
-                cycle: 0,
-            },
-            Command::Commit,
-        ]);
+        self.out.push_back(Command::Revise {
+            revision: self.revision,
+            cycle,
+        });
+    }
+
+    /// Nothing was found: what comes too late is asked for again.
+    fn find_nothing(&mut self) {
+        self.replace_from(0);
+        self.out.push_back(Command::Commit);
     }
 
     /// Plans the shortest way to rest, and nothing beyond until the next outlook.
     fn come_to_rest(&mut self, outlook: &Outlook) {
-        self.revision = outlook.revision;
         self.cursor.holds = true;
         let from = outlook.departure;
         let found = outlook.leg.and_then(|leg| {
@@ -487,17 +485,11 @@ impl<const N: usize> Planner<N> {
             Some((begin, spans, law))
         });
         let Some((begin, spans, law)) = found else {
-            self.find_nothing(outlook);
+            self.find_nothing();
             return;
         };
-        self.out.clear();
-        self.out.extend([
-            Command::Revise {
-                revision: outlook.revision,
-                cycle: outlook.cycle,
-            },
-            begin,
-        ]);
+        self.replace_from(outlook.cycle);
+        self.out.push_back(begin);
         self.out.extend(spans);
         self.out
             .extend(law.pieces().iter().copied().map(Command::Piece));
@@ -752,21 +744,19 @@ impl<const N: usize> Planner<N> {
             from.speed == 0.0
         } else {
             // Where a short window has no law a longer one may have.
-            let mut planned = (0..=haste).rev().any(|haste| {
-                let end = far(from, haste);
-                let window = &mut self.window;
-                window.plan(spans, &self.limits, from, end, haste).is_ok()
-            });
+            let plan = |window: &mut Window<N>, from| {
+                (0..=haste).rev().any(|haste| {
+                    let end = far(from, haste);
+                    window.plan(spans, &self.limits, from, end, haste).is_ok()
+                })
+            };
+            let mut planned = plan(&mut self.window, from);
             // Or one that slows down for what lies ahead before it is as slow as is asked for.
             if !planned && !self.slowing.is_empty() {
                 from = departure;
                 self.window.faster.clone_from(&self.slowing);
                 self.slowing.clear();
-                planned = (0..=haste).rev().any(|haste| {
-                    let end = far(from, haste);
-                    let window = &mut self.window;
-                    window.plan(spans, &self.limits, from, end, haste).is_ok()
-                });
+                planned = plan(&mut self.window, from);
             }
             for _ in 1..ATTEMPTS {
                 // Where no law is found there may be one from a little later on.
