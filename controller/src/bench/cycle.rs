@@ -81,31 +81,61 @@ pub struct Outcome {
     pub control: Option<[(&'static str, Difference); 2]>,
 }
 
-/// Measures on a thread of its own.
-///
-/// # Errors
-/// A bus cannot be used or failed.
-///
-/// # Panics
-/// If the measuring thread does.
-pub fn measure(options: &Options) -> Result<Outcome, PortError> {
-    let axes = options.shape.axes;
-    // The plan of `run` has nine coordinates, the letters of a program.
-    match axes {
-        ..=9 => measure_with::<9>(options),
-        10..=16 => measure_with::<16>(options),
-        _ => measure_with::<64>(options),
+/// The names of all distributions that there may be.
+pub fn names() -> impl Iterator<Item = &'static str> {
+    let all = Record::new(0).into_distributions().into_iter();
+    all.map(|distribution| distribution.name())
+}
+
+/// The interfaces, open: the controller's side of each and the drives'.
+pub struct Buses(Vec<(SocketCan, DriveSocket)>);
+
+impl Buses {
+    /// Opens them.
+    ///
+    /// # Errors
+    /// One cannot be used.
+    pub fn open(options: &Options) -> Result<Self, PortError> {
+        let open = |(bus, interface): (usize, &String)| {
+            let (receive, burst) = options.shape.identifiers(bus);
+            let bit_rate = 1_000_000;
+            let socket_options = SocketOptions {
+                bit_rate,
+                receive,
+                burst,
+            };
+            let port = SocketCan::open(interface, &socket_options)?;
+            Ok((port, DriveSocket::open(interface, bit_rate)?))
+        };
+        let interfaces = options.interfaces.iter().enumerate();
+        Ok(Self(interfaces.map(open).collect::<Result<_, _>>()?))
     }
 }
 
-fn measure_with<const N: usize>(options: &Options) -> Result<Outcome, PortError> {
+/// Measures on a thread of its own.
+///
+/// # Errors
+/// A bus failed, or the machine on it.
+///
+/// # Panics
+/// If the measuring thread does.
+pub fn measure(options: &Options, buses: Buses) -> Result<Outcome, PortError> {
+    let axes = options.shape.axes;
+    // The plan of `run` has nine coordinates, the letters of a program.
+    match axes {
+        ..=9 => measure_with::<9>(options, buses),
+        10..=16 => measure_with::<16>(options, buses),
+        _ => measure_with::<64>(options, buses),
+    }
+}
+
+fn measure_with<const N: usize>(options: &Options, buses: Buses) -> Result<Outcome, PortError> {
     let stop = Arc::new(AtomicBool::new(false));
-    let hosts: Vec<_> = options
-        .interfaces
-        .iter()
+    let (ports, sockets): (Vec<_>, Vec<_>) = buses.0.into_iter().unzip();
+    let hosts: Vec<_> = sockets
+        .into_iter()
         .enumerate()
-        .map(|(bus, interface)| {
-            let interface = interface.clone();
+        .map(|(bus, mut socket)| {
             let mut twins: Vec<_> = options.shape.twins(bus).collect();
             let stop = Arc::clone(&stop);
             thread::spawn(move || {
@@ -114,8 +144,7 @@ fn measure_with<const N: usize>(options: &Options) -> Result<Outcome, PortError>
                     priority: DRIVES_PRIORITY,
                     core: None,
                 });
-                let mut bus = DriveSocket::open(&interface, 1_000_000)?;
-                drive_host::host(&mut bus, &mut twins, &stop)
+                drive_host::host(&mut socket, &mut twins, &stop)
             })
         })
         .collect();
@@ -137,7 +166,7 @@ fn measure_with<const N: usize>(options: &Options) -> Result<Outcome, PortError>
         thread::spawn(move || {
             // First: it takes longer than a cycle.
             let record = Record::new(options.cycles);
-            Cycle::<N>::new(options, plan_out)?.run(record)
+            Cycle::<N>::new(options, ports, plan_out).run(record)
         })
     };
     let outcome = cycle.join();
@@ -224,24 +253,36 @@ impl Record {
             worst: Stages::default(),
         }
     }
+
+    fn into_distributions(self) -> [Distribution; 12] {
+        [
+            self.sync_wake,
+            self.sync_sent,
+            self.sync_stamped,
+            self.setpoint_wake,
+            self.receive,
+            self.compute,
+            self.compute_axis,
+            self.send,
+            self.arrival,
+            self.margin,
+            self.bare,
+            self.bare_compute,
+        ]
+    }
 }
 
 impl<const N: usize> Cycle<N> {
-    fn new(options: Options, plan: rtrb::Consumer<Instruction<N>>) -> Result<Self, PortError> {
+    fn new(
+        options: Options,
+        sockets: Vec<SocketCan>,
+        plan: rtrb::Consumer<Instruction<N>>,
+    ) -> Self {
         let granted = realtime::enter(&options.realtime);
         let mut stamps = "simulated bus";
         let mut notes = Vec::new();
         let mut ports: Vec<Box<dyn Port + Send>> = Vec::new();
-        for (bus, interface) in options.interfaces.iter().enumerate() {
-            let (receive, burst) = options.shape.identifiers(bus);
-            let port = SocketCan::open(
-                interface,
-                &SocketOptions {
-                    bit_rate: 1_000_000,
-                    receive,
-                    burst,
-                },
-            )?;
+        for port in sockets {
             notes.extend_from_slice(port.notes());
             stamps = match port.stamps() {
                 StampSource::Hardware => "adapter",
@@ -264,7 +305,7 @@ impl<const N: usize> Cycle<N> {
                 0,
             )
         };
-        Ok(Self {
+        Self {
             options,
             driver,
             plan,
@@ -272,7 +313,7 @@ impl<const N: usize> Cycle<N> {
             stamps,
             notes,
             ahead,
-        })
+        }
     }
 
     fn run(mut self, mut record: Record) -> Result<Outcome, PortError> {
@@ -440,27 +481,11 @@ impl<const N: usize> Cycle<N> {
             let difference = |quantile| quantile_difference(&record.ours, &record.theirs, quantile);
             Some([("median", difference(0.5)?), ("p99", difference(0.99)?)])
         });
-        let mut distributions = vec![
-            record.sync_wake,
-            record.sync_sent,
-            record.sync_stamped,
-            record.setpoint_wake,
-            record.receive,
-            record.compute,
-            record.compute_axis,
-            record.send,
-            record.arrival,
-            record.margin,
-            record.bare,
-            record.bare_compute,
-        ];
-        distributions.retain(|distribution| distribution.count() > 0);
         Outcome {
             granted: self.granted,
             stamps: self.stamps,
             notes: self.notes,
             start: record.start,
-            distributions,
             cycles: self.options.cycles,
             late: record.late,
             dropped: self.driver.controller.late_setpoints() - record.dropped_before,
@@ -469,6 +494,9 @@ impl<const N: usize> Cycle<N> {
             processor,
             worst: record.worst,
             control: control.flatten(),
+            distributions: (record.into_distributions().into_iter())
+                .filter(|distribution| distribution.count() > 0)
+                .collect(),
         }
     }
 }

@@ -10,6 +10,33 @@ use syncline_canopen::{CobId, Frame, Instant};
 use syncline_drives::bus::{Band, BitRate, Node, SimBus, Transmission};
 use syncline_drives::twin::lxm32m::{Twin, TwinConfig};
 
+/// A part of a simulation.
+#[derive(Clone, Copy, Debug)]
+pub struct Part {
+    /// What it is.
+    pub name: &'static str,
+    /// Measures it at a machine of this shape, in so many steps.
+    pub measure: fn(&Shape, u64) -> Throughput,
+}
+
+/// The simulated bus.
+pub const BUS: Part = Part {
+    name: "simulated bus",
+    measure: bus,
+};
+
+/// The simulated drives.
+pub const PLANT: Part = Part {
+    name: "simulated drives",
+    measure: plant,
+};
+
+/// The path planner.
+pub const PLAN: Part = Part {
+    name: "planner",
+    measure: plan,
+};
+
 /// How long one simulated second, or a thousand of something, took.
 #[derive(Debug)]
 pub struct Throughput {
@@ -77,10 +104,7 @@ impl Throughput {
 
 /// The simulated bus alone, its nodes without drives: a cycle's SYNC, T_PDOs and R_PDOs a step.
 ///
-/// # Panics
-/// Never: the bit rate can be simulated.
-#[must_use]
-pub fn bus(shape: &Shape, steps: u64) -> Throughput {
+fn bus(shape: &Shape, steps: u64) -> Throughput {
     /// Sends its T_PDO 50 µs after SYNC.
     struct Replier {
         frame: Frame,
@@ -120,12 +144,8 @@ pub fn bus(shape: &Shape, steps: u64) -> Throughput {
         .map(|&node| Frame::new(CobId::r_pdo(2, node), &[0x1F, 0, 1, 2, 3, 4]))
         .collect();
     let mut frames = 0_u64;
-    let mut throughput = Throughput::measure(
-        "simulated bus",
-        "cycles",
-        Some(shape.period),
-        steps,
-        |number| {
+    let mut throughput =
+        Throughput::measure(BUS.name, "cycles", Some(shape.period), steps, |number| {
             let mut count = |_: &Transmission| frames += 1;
             sim.send(Band::Sync, Frame::new(CobId::SYNC, &[]));
             for frame in &burst {
@@ -136,24 +156,18 @@ pub fn bus(shape: &Shape, steps: u64) -> Throughput {
             while let Some(received) = sim.receive() {
                 black_box(received);
             }
-        },
-    );
+        });
     throughput.done.push(("frames", frames * 10 / 11));
     throughput
 }
 
 /// Simulated drives, each a twin that stands powered and supervised: a cycle of all a step.
-#[must_use]
-pub fn plant(shape: &Shape, steps: u64) -> Throughput {
+fn plant(shape: &Shape, steps: u64) -> Throughput {
     let nodes = (1..=shape.axes.min(127) as u8).filter_map(NodeId::new);
     let mut twins: Vec<Twin> = nodes.map(|node| Twin::new(TwinConfig::new(node))).collect();
     let mut answers: Vec<Frame> = Vec::with_capacity(64);
-    let mut throughput = Throughput::measure(
-        "simulated drives",
-        "cycles",
-        Some(shape.period),
-        steps,
-        |number| {
+    let mut throughput =
+        Throughput::measure(PLANT.name, "cycles", Some(shape.period), steps, |number| {
             let end = Instant::ZERO + shape.period * (number as u32 + 1);
             for twin in &mut twins {
                 while let Some(due) = twin.deadline().filter(|due| *due <= end) {
@@ -161,8 +175,7 @@ pub fn plant(shape: &Shape, steps: u64) -> Throughput {
                 }
             }
             answers.clear();
-        },
-    );
+        });
     throughput
         .done
         .push(("drive cycles", steps * shape.axes as u64));
@@ -170,11 +183,10 @@ pub fn plant(shape: &Shape, steps: u64) -> Throughput {
 }
 
 /// The path planner: a straight move of all axes a step.
-#[must_use]
-pub fn plan(shape: &Shape, steps: u64) -> Throughput {
+fn plan(shape: &Shape, steps: u64) -> Throughput {
     fn of<const N: usize>(shape: &Shape, steps: u64) -> Throughput {
         let mut shuttle = Shuttle::<N>::new(shape.axes);
-        Throughput::measure("planner", "moves", None, steps, |_| shuttle.one_move())
+        Throughput::measure(PLAN.name, "moves", None, steps, |_| shuttle.one_move())
     }
     match shape.axes {
         ..=9 => of::<9>(shape, steps),

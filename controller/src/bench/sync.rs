@@ -45,19 +45,39 @@ pub struct Outcome {
     pub kernel: Source,
 }
 
+/// The names of the two sources.
+pub const NAMES: [&str; 2] = ["SYNC by the thread", "SYNC by the kernel"];
+
+/// The interface, open for the thread to send.
+pub struct Sender(DriveSocket);
+
+impl Sender {
+    /// Opens it.
+    ///
+    /// # Errors
+    /// It cannot be used.
+    pub fn open(options: &Options) -> Result<Self, PortError> {
+        open(options).map(Self)
+    }
+}
+
+fn open(options: &Options) -> Result<DriveSocket, PortError> {
+    DriveSocket::open(&options.interface, 1_000_000)
+}
+
 /// Measures on a thread of its own.
 ///
 /// # Errors
-/// The interface cannot be used.
+/// The interface failed.
 ///
 /// # Panics
 /// If the measuring thread does.
-pub fn measure(options: &Options) -> Result<Outcome, PortError> {
+pub fn measure(options: &Options, sender: Sender) -> Result<Outcome, PortError> {
     let options = options.clone();
     let measured = thread::spawn(move || {
         let granted = realtime::enter(&options.realtime);
         let start = realtime::now();
-        let thread = from_thread(&options)?;
+        let thread = from_thread(&options, sender)?;
         let kernel = from_kernel(&options)?;
         Ok(Outcome {
             granted,
@@ -72,22 +92,21 @@ pub fn measure(options: &Options) -> Result<Outcome, PortError> {
     }
 }
 
-fn from_thread(options: &Options) -> Result<Source, PortError> {
-    let mut listener = DriveSocket::open(&options.interface, 1_000_000)?;
-    let mut sender = DriveSocket::open(&options.interface, 1_000_000)?;
-    let mut record = Record::new("SYNC by the thread", options);
+fn from_thread(options: &Options, mut sender: Sender) -> Result<Source, PortError> {
+    let mut listener = open(options)?;
+    let mut record = Record::new(NAMES[0], options);
     let start = realtime::now() + options.period;
     for cycle in 0..options.cycles {
         realtime::sleep_until(start + options.period * cycle, Duration::ZERO, || ());
-        sender.send(&mut vec![Frame::new(CobId::SYNC, &[])])?;
+        sender.0.send(&mut vec![Frame::new(CobId::SYNC, &[])])?;
         record.hear(&mut listener)?;
     }
     Ok(record.source())
 }
 
 fn from_kernel(options: &Options) -> Result<Source, PortError> {
-    let mut listener = DriveSocket::open(&options.interface, 1_000_000)?;
-    let mut record = Record::new("SYNC by the kernel", options);
+    let mut listener = open(options)?;
+    let mut record = Record::new(NAMES[1], options);
     let sync = Frame::new(CobId::SYNC, &[]);
     let _sending = BroadcastManager::start(&options.interface, &sync, options.period)?;
     let start = realtime::now();

@@ -1,16 +1,18 @@
 //! `syncline bench`: measure this host.
 
-use super::{Exit, duration, report};
-use crate::bench::cycle::{self, Outcome};
-use crate::bench::offline::{self, Throughput};
+use super::output::{Claims, NoOutput, Target};
+use super::{Exit, bad_input, duration, report};
+use crate::bench::cycle::{self, Buses, Outcome};
+use crate::bench::offline::{self, Part};
 use crate::bench::rig::Shape;
-use crate::bench::sync;
+use crate::bench::sync::{self, Sender};
 use crate::realtime;
 use crate::report::Report;
 use crate::timing;
 use clap::{Args as ClapArgs, Subcommand};
 use serde_json::{Value, json};
-use std::path::{Path, PathBuf};
+use std::error::Error;
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
@@ -140,15 +142,34 @@ impl Args {
         match &self.what {
             What::Cycle(args) => args.execute(),
             What::Sync(args) => args.execute(),
-            What::Bus(args) => args.execute(offline::bus),
-            What::Plant(args) => args.execute(offline::plant),
-            What::Plan(args) => args.execute(offline::plan),
+            What::Bus(args) => args.execute(offline::BUS),
+            What::Plant(args) => args.execute(offline::PLANT),
+            What::Plan(args) => args.execute(offline::PLAN),
+        }
+    }
+}
+
+/// How a measurement ended.
+fn ended(measured: Result<(), Box<dyn Error>>) -> Exit {
+    match measured {
+        Ok(()) => Exit::Finished,
+        Err(error) => {
+            report(&*error);
+            Exit::Stopped
         }
     }
 }
 
 impl CycleArgs {
     fn execute(&self) -> Exit {
+        match self.prepare() {
+            Ok((options, files, buses)) => ended(self.measure(&options, files, buses)),
+            Err(error) => bad_input(&*error),
+        }
+    }
+
+    /// Opens files and buses.
+    fn prepare(&self) -> Result<(cycle::Options, Files, Buses), Box<dyn Error>> {
         let axes = usize::from(self.axes);
         let interfaces = if self.bus == ["sim"] {
             Vec::new()
@@ -160,21 +181,15 @@ impl CycleArgs {
             given => Some(given),
         };
         let shape = match buses {
-            None => Shape::on_fewest_buses(axes, self.period),
+            None => Shape::on_fewest_buses(axes, self.period)?,
             Some(buses) => {
                 let shape = Shape {
                     axes,
                     buses: buses.min(axes),
                     period: self.period,
                 };
-                shape.check().map(|()| shape)
-            }
-        };
-        let shape = match shape {
-            Ok(shape) => shape,
-            Err(refused) => {
-                report(&refused);
-                return Exit::BadInput;
+                shape.check()?;
+                shape
             }
         };
         let cycles = self.duration.as_nanos() / self.period.as_nanos().max(1);
@@ -189,17 +204,22 @@ impl CycleArgs {
             },
             spin: self.spin,
         };
+        let files = self.output.open(cycle::names())?;
+        let buses = Buses::open(&options)?;
+        Ok((options, files, buses))
+    }
+
+    fn measure(
+        &self,
+        options: &cycle::Options,
+        files: Files,
+        buses: Buses,
+    ) -> Result<(), Box<dyn Error>> {
         let load = self.load.then(Load::new);
-        let measured = cycle::measure(&options);
+        let measured = cycle::measure(options, buses);
         let load = load.map(Load::end).unwrap_or_default();
-        let outcome = match measured {
-            Ok(outcome) => outcome,
-            Err(error) => {
-                report(&error);
-                return Exit::Stopped;
-            }
-        };
-        let facts = self.facts(&options, &outcome, &load);
+        let outcome = measured?;
+        let facts = self.facts(options, &outcome, &load);
         if self.output.json {
             println!("{:#}", cycle_json(&facts, &outcome, &load));
         } else {
@@ -210,8 +230,7 @@ impl CycleArgs {
                 println!("{}", distribution.line(outcome.start));
             }
         }
-        self.output
-            .write("bench cycle", &facts, &outcome.distributions)
+        Ok(files.write("bench cycle", &facts, &outcome.distributions)?)
     }
 
     fn facts(
@@ -339,7 +358,7 @@ fn print_facts(facts: &[(String, String)]) {
 impl SyncArgs {
     fn execute(&self) -> Exit {
         let cycles = self.duration.as_nanos() / self.period.as_nanos().max(1);
-        let measured = sync::measure(&sync::Options {
+        let options = sync::Options {
             interface: self.bus.clone(),
             period: self.period,
             cycles: cycles.clamp(1, u32::MAX.into()) as u32,
@@ -347,14 +366,24 @@ impl SyncArgs {
                 priority: self.priority,
                 core: self.core,
             },
-        });
-        let outcome = match measured {
-            Ok(outcome) => outcome,
-            Err(error) => {
-                report(&error);
-                return Exit::Stopped;
-            }
         };
+        let files = match self.output.open(sync::NAMES.into_iter()) {
+            Ok(files) => files,
+            Err(error) => return bad_input(&error),
+        };
+        match Sender::open(&options) {
+            Ok(sender) => ended(self.measure(&options, files, sender)),
+            Err(error) => bad_input(&error),
+        }
+    }
+
+    fn measure(
+        &self,
+        options: &sync::Options,
+        files: Files,
+        sender: Sender,
+    ) -> Result<(), Box<dyn Error>> {
+        let outcome = sync::measure(options, sender)?;
         let sources = [outcome.thread, outcome.kernel];
         let drifts = sources.each_ref().map(|source| source.drift);
         let distributions = sources.map(|source| source.jitter);
@@ -388,18 +417,25 @@ impl SyncArgs {
                 println!("{}", distribution.line(outcome.start));
             }
         }
-        self.output.write("bench sync", &facts, &distributions)
+        Ok(files.write("bench sync", &facts, &distributions)?)
     }
 }
 
 impl OfflineArgs {
-    fn execute(&self, measure: fn(&Shape, u64) -> Throughput) -> Exit {
+    fn execute(&self, part: Part) -> Exit {
+        match self.output.open(std::iter::once(part.name)) {
+            Ok(files) => ended(self.measure(part, files).map_err(Into::into)),
+            Err(error) => bad_input(&error),
+        }
+    }
+
+    fn measure(&self, part: Part, files: Files) -> io::Result<()> {
         let shape = Shape {
             axes: self.axes.into(),
             buses: 1,
             period: self.period,
         };
-        let throughput = measure(&shape, self.steps.max(1));
+        let throughput = (part.measure)(&shape, self.steps.max(1));
         let facts = vec![
             ("axes".to_owned(), self.axes.to_string()),
             ("speed".to_owned(), throughput.speed()),
@@ -418,46 +454,52 @@ impl OfflineArgs {
             print_facts(&facts);
             println!("{}", distribution.line(throughput.start));
         }
-        self.output.write(
-            distribution.name(),
-            &facts,
-            std::slice::from_ref(distribution),
-        )
+        files.write(part.name, &facts, std::slice::from_ref(distribution))
     }
+}
+
+/// The files of an [`Output`].
+struct Files {
+    report: Option<Target>,
+    /// By the name of the distribution.
+    tables: Vec<(&'static str, Target)>,
 }
 
 impl Output {
-    /// Writes the files that were asked for.
-    fn write(
-        &self,
-        what: &str,
-        facts: &[(String, String)],
-        distributions: &[timing::Distribution],
-    ) -> Exit {
-        let written = (|| {
-            if let Some(file) = &self.report {
-                write(file, &html(what, facts, distributions))?;
-            }
-            for distribution in self.hgrm.iter().flat_map(|_| distributions) {
-                let name = distribution.name().replace(' ', "-");
-                let mut file = self.hgrm.clone().unwrap_or_default().into_os_string();
-                file.push(format!("-{name}.hgrm"));
-                write(Path::new(&file), &distribution.hgrm())?;
-            }
-            Ok(())
-        })();
-        match written {
-            Ok(()) => Exit::Finished,
-            Err((file, error)) => {
-                eprintln!("error: cannot write {}: {error}", file.display());
-                Exit::BadInput
+    /// Opens the files for distributions of these names.
+    fn open(&self, names: impl Iterator<Item = &'static str>) -> Result<Files, NoOutput> {
+        let mut claims = Claims::stdout("what is printed");
+        let report = claims.open("--report", &self.report)?;
+        let mut tables = Vec::new();
+        if let Some(file) = &self.hgrm {
+            for name in names {
+                let mut file = file.clone().into_os_string();
+                file.push(format!("-{}.hgrm", name.replace(' ', "-")));
+                tables.push((name, claims.target("--hgrm", file.as_ref())?));
             }
         }
+        Ok(Files { report, tables })
     }
 }
 
-fn write(file: &Path, text: &str) -> Result<(), (PathBuf, io::Error)> {
-    fs::write(file, text).map_err(|error| (file.into(), error))
+impl Files {
+    fn write(
+        self,
+        what: &str,
+        facts: &[(String, String)],
+        distributions: &[timing::Distribution],
+    ) -> io::Result<()> {
+        if let Some(report) = self.report {
+            report.put(&html(what, facts, distributions))?;
+        }
+        for (name, table) in self.tables {
+            // Those that there was nothing of go again.
+            if let Some(distribution) = distributions.iter().find(|it| it.name() == name) {
+                table.put(&distribution.hgrm())?;
+            }
+        }
+        Ok(())
+    }
 }
 
 fn html(what: &str, facts: &[(String, String)], distributions: &[timing::Distribution]) -> String {

@@ -1,6 +1,6 @@
 //! Files for the traffic of buses.
 
-use super::output::Named;
+use super::output::{Claims, NoOutput, Target};
 use crate::bus_log::{BusLog, LogFile};
 use crate::machine::Machine;
 use crate::port::sim::Observer;
@@ -11,9 +11,8 @@ use crate::realtime;
 use crate::run::frames::{SharedFrames, VIRTUAL_ORIGIN};
 use rtrb::RingBuffer;
 use std::error::Error;
-use std::fs::File;
-use std::io::{self, BufWriter};
-use std::path::{Path, PathBuf};
+use std::io;
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread::{self, JoinHandle};
@@ -31,57 +30,75 @@ pub(super) struct LogFiles {
     pcapng: Option<PathBuf>,
 }
 
-/// A log that cannot be written.
-#[derive(Debug, thiserror::Error)]
-#[error("cannot write {}", file.display())]
-pub(super) struct NoLog {
-    file: PathBuf,
-    source: io::Error,
+/// The files of [`LogFiles`].
+pub(super) struct Logs {
+    candump: Option<Target>,
+    packets: Option<Target>,
 }
 
 impl LogFiles {
-    /// Creates the files, if any are wanted, for buses with these names.
-    pub(super) fn begin(&self, buses: Vec<String>) -> Result<Option<BusLog>, NoLog> {
-        let file = |path: &Option<PathBuf>| path.as_deref().map(create).transpose();
-        let (candump, packets) = (file(&self.candump)?, file(&self.pcapng)?);
-        if candump.is_none() && packets.is_none() {
-            return Ok(None);
-        }
-        let log = BusLog::begin(buses, candump, packets).map_err(|source| NoLog {
-            file: self.pcapng.clone().unwrap_or_default(),
-            source,
-        })?;
-        Ok(Some(log))
+    /// Opens the files.
+    pub(super) fn open(&self, claims: &mut Claims) -> Result<Logs, NoOutput> {
+        Ok(Logs {
+            candump: claims.open("--candump", &self.candump)?,
+            packets: claims.open("--pcapng", &self.pcapng)?,
+        })
+    }
+}
+
+impl Logs {
+    /// Begins the files for buses with these names.
+    pub(super) fn begin(self, buses: Vec<String>) -> io::Result<BusLog> {
+        let begin = |target: Option<Target>| -> io::Result<Option<LogFile>> {
+            let file = target.map(Target::begin).transpose()?;
+            Ok(file.map(|file| Box::new(file) as LogFile))
+        };
+        BusLog::begin(buses, begin(self.candump)?, begin(self.packets)?)
     }
 
-    fn of_machine(&self, machine: &Machine) -> Result<Option<BusLog>, NoLog> {
-        self.begin(machine.buses.iter().map(|bus| bus.name.clone()).collect())
+    fn is_empty(&self) -> bool {
+        self.candump.is_none() && self.packets.is_none()
+    }
+
+    /// Has the frames of a machine written; instant zero is `origin` past 1970.
+    fn begin_of(
+        self,
+        machine: &Machine,
+        frames: &SharedFrames,
+        origin: Duration,
+    ) -> io::Result<()> {
+        if !self.is_empty() {
+            let buses = machine.buses.iter().map(|bus| bus.name.clone());
+            frames.write_to(self.begin(buses.collect())?, origin);
+        }
+        Ok(())
     }
 
     /// Has the frames of a machine in virtual time written.
-    pub(super) fn record_virtual(
-        &self,
-        machine: &Machine,
-        frames: &SharedFrames,
-    ) -> Result<(), NoLog> {
-        if let Some(log) = self.of_machine(machine)? {
-            frames.write_to(log, VIRTUAL_ORIGIN);
+    pub(super) fn record_virtual(self, machine: &Machine, frames: &SharedFrames) -> io::Result<()> {
+        self.begin_of(machine, frames, VIRTUAL_ORIGIN)
+    }
+
+    /// Who will listen to the buses that are not simulated.
+    pub(super) fn listeners(&self) -> Listeners {
+        Listeners {
+            logs: !self.is_empty(),
+            stop: Arc::default(),
+            threads: Vec::new(),
         }
-        Ok(())
     }
 
     /// Has the frames of a machine in real time written, by listeners of their own on the buses
     /// that are not simulated: the cycle does nothing for it.
     pub(super) fn record(
-        &self,
+        self,
         machine: &Machine,
         frames: &SharedFrames,
-    ) -> Result<Listeners, Box<dyn Error>> {
-        let mut listeners = Listeners::default();
-        let Some(log) = self.of_machine(machine)? else {
-            return Ok(listeners);
-        };
-        listeners.logs = true;
+        listeners: &mut Listeners,
+    ) -> Result<(), Box<dyn Error>> {
+        if self.is_empty() {
+            return Ok(());
+        }
         let mut wires = Vec::new();
         for (bus, spec) in machine.buses.iter().enumerate() {
             if spec.port != url::SIM {
@@ -95,11 +112,11 @@ impl LogFiles {
         } else {
             Duration::from_nanos(realtime::wall_clock_offset())
         };
-        frames.write_to(log, origin);
+        self.begin_of(machine, frames, origin)?;
         for (bus, wire) in wires {
             listeners.listen(bus, wire, frames.clone())?;
         }
-        Ok(listeners)
+        Ok(())
     }
 }
 
@@ -110,7 +127,6 @@ const LISTEN: Duration = Duration::from_millis(20);
 const OVERHEARD: usize = 4096;
 
 /// Threads that write what buses carry into a machine's log, until this value goes.
-#[derive(Default)]
 pub(super) struct Listeners {
     /// There is a log.
     logs: bool,
@@ -188,18 +204,5 @@ impl Drop for Listeners {
             // One that panicked has said so.
             let _ = thread.join();
         }
-    }
-}
-
-fn create(file: &Path) -> Result<LogFile, NoLog> {
-    if file == Path::new("-") {
-        return Ok(Box::new(io::stdout()));
-    }
-    match File::create(file) {
-        Ok(opened) => Ok(Box::new(BufWriter::new(Named::new(file, opened)))),
-        Err(source) => Err(NoLog {
-            file: file.to_owned(),
-            source,
-        }),
     }
 }

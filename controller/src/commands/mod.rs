@@ -55,6 +55,7 @@ use std::time::Duration;
 /// Multi-axis motion controller for CANopen servo drives.
 ///
 /// Exit codes: 0 finished, 1 stopped by a fault or failed validation, 2 bad input, 130 interrupted.
+/// FILE to be written may be `-`, standard output, once.
 #[derive(Debug, Parser)]
 #[command(name = "syncline", version, max_term_width = 100)]
 pub struct Cli {

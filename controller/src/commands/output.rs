@@ -1,20 +1,227 @@
-//! What `run` and `validate` leave in files.
+//! What commands write: each file is opened before a command does anything else, and emptied only
+//! when it is written.
 
+use crate::gcode::Tables;
 use crate::report::Report;
 use crate::run::recorder::Summary;
-use std::fs::{self, File};
+use std::error::Error;
+use std::fs::{File, Metadata};
 use std::io::{self, BufWriter, Write};
+use std::os::unix::fs::{FileTypeExt, MetadataExt};
 use std::path::{Path, PathBuf};
 
-/// A result that cannot be written.
+/// The option for JSON.
+const JSON: &str = "--json";
+
+/// Why a command does not begin.
 #[derive(Debug, thiserror::Error)]
-#[error("cannot write {}", file.display())]
-pub(super) struct WriteError {
-    file: PathBuf,
-    source: io::Error,
+pub(super) enum NoOutput {
+    #[error("cannot write {}", file.display())]
+    CannotWrite { file: PathBuf, source: io::Error },
+    #[error("{0} and {1} both go to standard output: give one of them a file")]
+    Stdout(&'static str, &'static str),
+    #[error("{first} and {second} are both {}: give each a file of its own", file.display())]
+    Same {
+        first: &'static str,
+        second: &'static str,
+        file: PathBuf,
+    },
 }
 
-/// Where results go.
+/// What the files of a command are for: none may be written over by another.
+#[derive(Default)]
+pub(super) struct Claims {
+    taken: Vec<(&'static str, Place)>,
+}
+
+#[derive(PartialEq, Eq)]
+enum Place {
+    Stdout,
+    /// Device and number on it.
+    File(u64, u64),
+}
+
+impl Place {
+    /// `None` for devices, which many may write to.
+    fn of(file: &Metadata) -> Option<Self> {
+        let kind = file.file_type();
+        (kind.is_file() || kind.is_fifo()).then(|| Self::File(file.dev(), file.ino()))
+    }
+}
+
+impl Claims {
+    /// What goes to standard output whatever the options say.
+    pub(super) fn stdout(what: &'static str) -> Self {
+        Self {
+            taken: vec![(what, Place::Stdout)],
+        }
+    }
+
+    /// For a program on a machine: neither is to be written over, nor are the tables.
+    pub(super) fn of_run(machine: &Path, program: &Path) -> Self {
+        Self::default()
+            .reads("the machine file", machine)
+            .reads("the tables", &Tables::beside(machine))
+            .reads("the program", program)
+    }
+
+    /// Something that is read, and so is not to be written over.
+    pub(super) fn reads(mut self, what: &'static str, file: &Path) -> Self {
+        // What is not there is told by who reads it.
+        let found = file.metadata().ok();
+        let place = found.as_ref().and_then(Place::of);
+        self.taken.extend(place.map(|place| (what, place)));
+        self
+    }
+
+    /// Prints a result for people: to standard error where standard output is a file's. JSON there
+    /// says it all.
+    pub(super) fn tell(&self, text: &str) {
+        let mut taken = self.taken.iter();
+        match taken.find(|(_, place)| *place == Place::Stdout) {
+            None => print!("{text}"),
+            Some((JSON, _)) => {}
+            Some(_) => eprint!("{text}"),
+        }
+    }
+
+    /// Opens an option's file, if there is one.
+    pub(super) fn open(
+        &mut self,
+        option: &'static str,
+        file: &Option<PathBuf>,
+    ) -> Result<Option<Target>, NoOutput> {
+        let file = file.as_deref();
+        file.map(|file| self.target(option, file)).transpose()
+    }
+
+    /// Opens an option's file.
+    pub(super) fn target(&mut self, option: &'static str, file: &Path) -> Result<Target, NoOutput> {
+        let cannot = |source| NoOutput::CannotWrite {
+            file: file.to_owned(),
+            source,
+        };
+        let (target, place) = if file == Path::new("-") {
+            (Target::stdout(), Some(Place::Stdout))
+        } else {
+            let target = Target::open(file).map_err(cannot)?;
+            let place = Place::of(&target.metadata().map_err(cannot)?);
+            (target, place)
+        };
+        if let Some(place) = place {
+            let before = self.taken.iter().find(|(_, taken)| *taken == place);
+            if let Some((before, _)) = before {
+                return Err(match place {
+                    Place::Stdout => NoOutput::Stdout(before, option),
+                    Place::File(..) => NoOutput::Same {
+                        first: before,
+                        second: option,
+                        file: file.to_owned(),
+                    },
+                });
+            }
+            self.taken.push((option, place));
+        }
+        Ok(target)
+    }
+}
+
+/// A file that can be written, or standard output. Its errors name it. What is in the file stays
+/// until its writing begins; one that was not there, and that nothing is written to, goes again.
+pub(super) struct Target {
+    path: PathBuf,
+    file: Option<File>,
+    /// Still empty, and made for this.
+    unused: bool,
+}
+
+impl Target {
+    fn stdout() -> Self {
+        Self {
+            path: "standard output".into(),
+            file: None,
+            unused: false,
+        }
+    }
+
+    fn open(path: &Path) -> io::Result<Self> {
+        let new = File::options().write(true).create_new(true).open(path);
+        let (file, unused) = match new {
+            Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {
+                let mut there = File::options();
+                there.write(true).create(true).truncate(false);
+                (there.open(path)?, false)
+            }
+            new => (new?, true),
+        };
+        Ok(Self {
+            path: path.to_owned(),
+            file: Some(file),
+            unused,
+        })
+    }
+
+    fn metadata(&self) -> io::Result<Metadata> {
+        self.file.as_ref().map_or_else(
+            || Err(io::ErrorKind::Unsupported.into()),
+            |file| file.metadata(),
+        )
+    }
+
+    /// Empties the file, to be written from now on.
+    pub(super) fn begin(mut self) -> io::Result<BufWriter<Self>> {
+        self.unused = false;
+        let emptied = match &self.file {
+            Some(file) if file.metadata().is_ok_and(|it| it.is_file()) => file.set_len(0),
+            _ => Ok(()),
+        };
+        self.name(emptied)?;
+        Ok(BufWriter::new(self))
+    }
+
+    /// Writes all there is to write.
+    pub(super) fn put(self, text: &str) -> io::Result<()> {
+        let mut file = self.begin()?;
+        file.write_all(text.as_bytes())?;
+        file.flush()
+    }
+
+    fn name<T>(&self, written: io::Result<T>) -> io::Result<T> {
+        written.map_err(|source| {
+            let text = format!("cannot write {}: {source}", self.path.display());
+            io::Error::new(source.kind(), text)
+        })
+    }
+}
+
+impl Write for Target {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let written = match &mut self.file {
+            Some(file) => file.write(bytes),
+            None => io::stdout().write(bytes),
+        };
+        self.name(written)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        let flushed = match &mut self.file {
+            Some(file) => file.flush(),
+            None => io::stdout().flush(),
+        };
+        self.name(flushed)
+    }
+}
+
+impl Drop for Target {
+    fn drop(&mut self) {
+        if self.unused {
+            // It is empty: no loss if it stays.
+            let _ = std::fs::remove_file(&self.path);
+        }
+    }
+}
+
+/// Where the results of `run` and `validate` go.
 #[derive(Debug, clap::Args)]
 pub(super) struct Output {
     /// Write the result as JSON (`-`: to standard output).
@@ -28,101 +235,51 @@ pub(super) struct Output {
     report: Option<PathBuf>,
 }
 
+/// The files of an [`Output`].
+pub(super) struct Results {
+    json: Option<Target>,
+    trace: Option<Target>,
+    report: Option<Target>,
+}
+
 impl Output {
-    pub(super) fn wants_report(&self) -> bool {
-        self.report.is_some()
-    }
-
-    pub(super) fn json_to_stdout(&self) -> bool {
-        self.json.as_deref() == Some(Path::new("-"))
-    }
-
-    /// Makes sure, before anything moves, that every file can be written.
-    pub(super) fn probe(&self) -> Result<(), WriteError> {
-        let files = [&self.json, &self.trace, &self.report];
-        for file in files.into_iter().flatten() {
-            if file != Path::new("-") {
-                let opened = File::options().append(true).create(true).open(file);
-                opened.map_err(|source| error(file, source))?;
-            }
-        }
-        Ok(())
-    }
-
-    /// The trace's file.
-    pub(super) fn trace(&self) -> Result<Option<Box<dyn Write>>, WriteError> {
-        let Some(file) = &self.trace else {
-            return Ok(None);
-        };
-        match File::create(file) {
-            Ok(opened) => Ok(Some(Box::new(BufWriter::new(Named::new(file, opened))))),
-            Err(source) => Err(error(file, source)),
-        }
-    }
-
-    /// Writes JSON and report.
-    pub(super) fn write(
-        &self,
-        summary: &Summary,
-        report: Option<Report>,
-        program: &Path,
-        mode: String,
-    ) -> Result<(), WriteError> {
-        if let Some(file) = &self.json {
-            let mut text = serde_json::to_string_pretty(summary)
-                .map_err(|source| error(file, source.into()))?;
-            text.push('\n');
-            let written = if self.json_to_stdout() {
-                io::stdout().write_all(text.as_bytes())
-            } else {
-                fs::write(file, text)
-            };
-            written.map_err(|source| error(file, source))?;
-        }
-        if let (Some(file), Some(mut report)) = (&self.report, report) {
-            report.program = program.display().to_string();
-            report.mode = mode;
-            fs::write(file, report.to_html()).map_err(|source| error(file, source))?;
-        }
-        Ok(())
-    }
-}
-
-/// A file that is named where it cannot be written on.
-pub(super) struct Named {
-    path: PathBuf,
-    file: File,
-}
-
-impl Named {
-    pub(super) fn new(path: &Path, file: File) -> Self {
-        let path = path.to_owned();
-        Self { path, file }
-    }
-
-    fn name<T>(&self, written: io::Result<T>) -> io::Result<T> {
-        written.map_err(|source| {
-            let text = format!("cannot write {}: {source}", self.path.display());
-            io::Error::new(source.kind(), text)
+    /// Opens the files.
+    pub(super) fn open(&self, claims: &mut Claims) -> Result<Results, NoOutput> {
+        Ok(Results {
+            json: claims.open(JSON, &self.json)?,
+            trace: claims.open("--trace", &self.trace)?,
+            report: claims.open("--report", &self.report)?,
         })
     }
 }
 
-impl Write for Named {
-    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        let written = self.file.write(bytes);
-        self.name(written)
+impl Results {
+    pub(super) fn wants_report(&self) -> bool {
+        self.report.is_some()
     }
 
-    fn flush(&mut self) -> io::Result<()> {
-        let flushed = self.file.flush();
-        self.name(flushed)
+    /// The trace, to be written.
+    pub(super) fn trace(&mut self) -> io::Result<Option<Box<dyn Write>>> {
+        let trace = self.trace.take().map(Target::begin).transpose()?;
+        Ok(trace.map(|trace| Box::new(trace) as Box<dyn Write>))
     }
-}
 
-fn error(file: &Path, source: io::Error) -> WriteError {
-    WriteError {
-        file: file.to_owned(),
-        source,
+    /// Writes JSON and report.
+    pub(super) fn write(
+        self,
+        summary: &Summary,
+        report: Option<Report>,
+        program: &Path,
+        mode: String,
+    ) -> Result<(), Box<dyn Error>> {
+        if let Some(json) = self.json {
+            json.put(&(serde_json::to_string_pretty(summary)? + "\n"))?;
+        }
+        if let (Some(file), Some(mut report)) = (self.report, report) {
+            report.program = program.display().to_string();
+            report.mode = mode;
+            file.put(&report.to_html())?;
+        }
+        Ok(())
     }
 }

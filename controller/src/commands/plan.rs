@@ -1,7 +1,9 @@
 //! `syncline plan`: a batch of state-to-state problems.
 
+use super::output::{Claims, NoOutput};
 use super::{Exit, report};
 use std::fmt::Write as _;
+use std::io;
 use std::path::{Path, PathBuf};
 use syncline_trajectory::limits::{Limits, PositionLimits};
 use syncline_trajectory::profile::{Profile, State};
@@ -39,8 +41,10 @@ pub(super) struct Args {
 enum PlanFileError {
     #[error("cannot read {0}")]
     Read(PathBuf, #[source] csv::Error),
-    #[error("cannot write {0}")]
-    Write(PathBuf, #[source] csv::Error),
+    #[error(transparent)]
+    NoOutput(#[from] NoOutput),
+    #[error(transparent)]
+    Write(#[from] io::Error),
     #[error("{file}: no column {column}: name it in the first line")]
     NoColumn { file: PathBuf, column: String },
     #[error("{file}: {axes} axes, more than the {MAX_AXES} that are planned together")]
@@ -55,7 +59,10 @@ impl Args {
             Ok(false) => Exit::BadInput,
             Err(error) => {
                 report(&error);
-                Exit::BadInput
+                match error {
+                    PlanFileError::Write(_) => Exit::Stopped,
+                    _ => Exit::BadInput,
+                }
             }
         }
     }
@@ -70,19 +77,11 @@ impl Args {
             .from_path(&self.cases)
             .map_err(read)?;
         let columns = Columns::new(reader.byte_headers().map_err(read)?, &self.cases)?;
-        let place = self
-            .out
-            .clone()
-            .unwrap_or_else(|| PathBuf::from("standard output"));
-        let sink: Box<dyn std::io::Write> = match &self.out {
-            Some(path) => Box::new(
-                std::fs::File::create(path)
-                    .map_err(|e| PlanFileError::Write(place.clone(), e.into()))?,
-            ),
-            None => Box::new(std::io::stdout().lock()),
-        };
-        let mut writer = csv::Writer::from_writer(sink);
-        let write = |e| PlanFileError::Write(place.clone(), e);
+        let out = self.out.as_deref().unwrap_or(Path::new("-"));
+        let mut claims = Claims::default().reads("CASES", &self.cases);
+        let target = claims.target("--out", out)?;
+        let mut writer = csv::Writer::from_writer(target.begin()?);
+        let write = |error: csv::Error| PlanFileError::Write(error.into());
         let mut header: Vec<String> = ["id", "status", "duration", "end_error", "limit_excess"]
             .map(String::from)
             .into();
@@ -118,9 +117,7 @@ impl Args {
             }
             writer.write_record(&fields).map_err(write)?;
         }
-        writer
-            .flush()
-            .map_err(|e| PlanFileError::Write(place.clone(), e.into()))?;
+        writer.flush()?;
         Ok(all_ok)
     }
 }

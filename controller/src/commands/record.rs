@@ -1,6 +1,7 @@
 //! `syncline record`: what goes over a bus, into files.
 
 use super::log_files::LogFiles;
+use super::output::Claims;
 use super::tool::{BusChoice, Session};
 use super::{Exit, bad_input, report};
 use crate::bus_log::BusLog;
@@ -37,12 +38,16 @@ const BUS: &str = "can0";
 impl Args {
     /// Records.
     pub(super) fn execute(&self) -> Exit {
+        let logs = match self.files.open(&mut Claims::default()) {
+            Ok(logs) => logs,
+            Err(error) => return bad_input(&error),
+        };
         let session = match self.bus.open() {
             Ok(session) => session,
             Err(error) => return bad_input(&error),
         };
-        let mut log = match self.files.begin(vec![BUS.to_owned()]) {
-            Ok(log) => log.unwrap_or_default(),
+        let mut log = match logs.begin(vec![BUS.to_owned()]) {
+            Ok(log) => log,
             Err(error) => return bad_input(&error),
         };
         match self.record(session, &mut log) {

@@ -2,7 +2,7 @@
 
 use super::keys::{self, Key, Keys};
 use super::log_files::{Listeners, LogFiles};
-use super::output::Output;
+use super::output::{Claims, Output, Results};
 use super::ports::PortChoice;
 use super::switches::Switches;
 use super::{Exit, bad_input, duration, report};
@@ -22,6 +22,7 @@ use crossbeam::channel::{self, Receiver};
 use indicatif::{ProgressBar, ProgressStyle};
 use rustix::termios::{QueueSelector, tcflush};
 use std::error::Error;
+use std::fmt::Display;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -84,7 +85,17 @@ pub(super) struct Args {
 impl Args {
     pub(super) fn execute(self) -> Exit {
         let prepared = self.prepare();
-        let (machine, layout, program, extent, ports, frames, listeners) = match prepared {
+        let Prepared {
+            machine,
+            layout,
+            program,
+            extent,
+            ports,
+            frames,
+            listeners,
+            claims,
+            results,
+        } = match prepared {
             Ok(prepared) => prepared,
             Err(error) => return bad_input(&*error),
         };
@@ -96,6 +107,8 @@ impl Args {
             extent,
             frames,
             listeners,
+            claims,
+            results,
         };
         match run.execute(ports) {
             Ok(exit) => exit,
@@ -107,30 +120,35 @@ impl Args {
     }
 }
 
-type Prepared = (
-    Machine,
-    Arc<Layout>,
-    Program,
-    Extent,
-    Ports,
-    SharedFrames,
-    Listeners,
-);
+/// All that a run needs.
+struct Prepared {
+    machine: Machine,
+    layout: Arc<Layout>,
+    program: Program,
+    extent: Extent,
+    ports: Ports,
+    frames: SharedFrames,
+    listeners: Listeners,
+    claims: Claims,
+    results: Results,
+}
 
 impl Args {
-    /// Reads and checks everything, and opens the buses, before anything moves.
+    /// Reads and checks everything, and opens files and buses, before anything moves.
     fn prepare(&self) -> Result<Prepared, Box<dyn Error>> {
         let mut machine = Machine::load(&self.machine)?;
         self.ports.apply(&mut machine)?;
         let layout = Arc::new(Layout::new(&machine)?);
         let program = (self.switches).program(&self.program, &machine, &self.machine)?;
         let extent = program.check(machine.rest())?;
-        self.output.probe()?;
+        let mut claims = Claims::of_run(&self.machine, &self.program);
+        let results = self.output.open(&mut claims)?;
+        let logs = self.log.open(&mut claims)?;
         if let Some(beginning) = program.beginning(machine.rest())? {
             confirm(&beginning)?;
         }
         let frames = SharedFrames::new(&machine);
-        let mut listeners = self.log.record(&machine, &frames)?;
+        let mut listeners = logs.listeners();
         let mut ports = Ports::new();
         for bus in 0..machine.buses.len() {
             let observer: Observer = if lockstep(&machine) {
@@ -142,7 +160,18 @@ impl Args {
             port.notes().iter().for_each(|note| eprintln!("{note}"));
             ports.push(port);
         }
-        Ok((machine, layout, program, extent, ports, frames, listeners))
+        logs.record(&machine, &frames, &mut listeners)?;
+        Ok(Prepared {
+            machine,
+            layout,
+            program,
+            extent,
+            ports,
+            frames,
+            listeners,
+            claims,
+            results,
+        })
     }
 }
 
@@ -175,6 +204,8 @@ struct Run<'a> {
     extent: Extent,
     frames: SharedFrames,
     listeners: Listeners,
+    claims: Claims,
+    results: Results,
 }
 
 /// What a person does.
@@ -239,7 +270,7 @@ impl Person {
 }
 
 impl Run<'_> {
-    fn execute(self, ports: Ports) -> Result<Exit, Box<dyn Error>> {
+    fn execute(mut self, ports: Ports) -> Result<Exit, Box<dyn Error>> {
         let lockstep = lockstep(self.machine);
         let timing = Timing {
             settings: realtime::Settings {
@@ -250,8 +281,8 @@ impl Run<'_> {
             lockstep,
             strict: self.args.strict,
         };
-        let output = &self.args.output;
-        let mut recorder = Recorder::new(self.machine, output.trace()?, output.wants_report())?;
+        let (trace, wants_report) = (self.results.trace()?, self.results.wants_report());
+        let mut recorder = Recorder::new(self.machine, trace, wants_report)?;
         let mut person = Person {
             interrupted: Arc::new(AtomicBool::new(false)),
             keys: Keys::listen()?,
@@ -438,16 +469,14 @@ impl Run<'_> {
         if let Some(report) = &mut rows {
             report.distributions = measured.distributions().to_vec();
         }
-        let output = &self.args.output;
         let mode = if lockstep {
             "run in real time on simulated drives"
         } else {
             "run in real time"
         };
-        output.write(&summary, rows, &self.args.program, mode.to_owned())?;
-        if !output.json_to_stdout() {
-            self.print(&summary, measured);
-        }
+        let text = self.text(&summary, measured);
+        (self.results).write(&summary, rows, &self.args.program, mode.to_owned())?;
+        self.claims.tell(&text);
         drop(self.listeners);
         self.frames.finish_log()?;
         Ok(match controller.end() {
@@ -457,22 +486,27 @@ impl Run<'_> {
         })
     }
 
-    fn print(&self, summary: &Summary, measured: &Measured) {
-        print!("{summary}");
-        let late = late_after(self.machine.cycle);
-        println!(
-            "late cycles        {} wake-ups later than {:.3} ms{}",
+    /// What is told at the end.
+    fn text(&self, summary: &Summary, measured: &Measured) -> String {
+        let mut text = summary.to_string();
+        let mut line = |what: &str, told: &dyn Display| {
+            text += &format!("{what:<19}{told}\n");
+        };
+        let late = format!(
+            "{} wake-ups later than {:.3} ms{}",
             measured.late,
-            late.as_secs_f64() * 1e3,
+            late_after(self.machine.cycle).as_secs_f64() * 1e3,
             causes(measured)
         );
-        println!("worst wake-up      {}", measured.worst);
+        line("late cycles", &late);
+        line("worst wake-up", &measured.worst);
         if measured.lost > 0 {
-            println!("lost               {} rows or messages", measured.lost);
+            line("lost", &format!("{} rows or messages", measured.lost));
         }
         for distribution in measured.distributions() {
-            println!("{}", distribution.line(measured.start));
+            text += &(distribution.line(measured.start) + "\n");
         }
+        text
     }
 }
 

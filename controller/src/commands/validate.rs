@@ -1,7 +1,7 @@
 //! `syncline validate`: proof before metal moves.
 
-use super::log_files::{LogFiles, NoLog};
-use super::output::Output;
+use super::log_files::{LogFiles, Logs};
+use super::output::{Claims, Output, Results};
 use super::switches::Switches;
 use super::{Exit, report};
 use crate::control::fault::Names;
@@ -49,49 +49,26 @@ pub(super) struct Args {
     verbose: bool,
 }
 
+/// All that a validation needs.
+struct Prepared {
+    machine: Machine,
+    layout: Arc<Layout>,
+    program: Program,
+    events: Events,
+    claims: Claims,
+    results: Results,
+    logs: Logs,
+}
+
 impl Args {
     pub(super) fn execute(self) -> Exit {
-        let machine = match Machine::load(&self.machine) {
-            Ok(machine) => machine,
-            Err(error) => return super::bad_input(&error),
+        let prepared = match self.prepare() {
+            Ok(prepared) => prepared,
+            Err(error) => return super::bad_input(&*error),
         };
-        let layout = match Layout::new(&machine) {
-            Ok(layout) => Arc::new(layout),
-            Err(error) => return super::bad_input(&error),
-        };
-        let program = match (self.switches).program(&self.program, &machine, &self.machine) {
-            Ok(program) => program,
-            Err(error) => return super::bad_input(&error),
-        };
-        if let Err(error) = program.check(machine.rest()) {
-            return super::bad_input(&error);
-        }
-        let events = match self
-            .events
-            .as_deref()
-            .map_or(Ok(Events::default()), Events::load)
-        {
-            Ok(events) => events,
-            Err(error) => return super::bad_input(&error),
-        };
-        if let Err(error) = self.output.probe() {
-            return super::bad_input(&error);
-        }
-        match program.beginning(machine.rest()) {
-            Ok(Some(beginning)) => eprintln!("{beginning}"),
-            Ok(None) => {}
-            Err(error) => return super::bad_input(&error),
-        }
-        match self.validate(&machine, &layout, program, events) {
-            Ok(summary) => {
-                self.print(&summary);
-                if summary.verdict == "pass" {
-                    Exit::Finished
-                } else {
-                    Exit::Stopped
-                }
-            }
-            Err(error) if error.is::<NoLog>() => super::bad_input(&*error),
+        match self.validate(prepared) {
+            Ok(summary) if summary.verdict == "pass" => Exit::Finished,
+            Ok(_) => Exit::Stopped,
             Err(error) => {
                 report(&*error);
                 Exit::Stopped
@@ -99,18 +76,50 @@ impl Args {
         }
     }
 
-    fn validate(
-        &self,
-        machine: &Machine,
-        layout: &Arc<Layout>,
-        program: Program,
-        mut events: Events,
-    ) -> Result<Summary, Box<dyn Error>> {
+    /// Reads and checks everything, and opens the files, before anything else.
+    fn prepare(&self) -> Result<Prepared, Box<dyn Error>> {
+        let machine = Machine::load(&self.machine)?;
+        let layout = Arc::new(Layout::new(&machine)?);
+        let program = (self.switches).program(&self.program, &machine, &self.machine)?;
+        program.check(machine.rest())?;
+        let mut claims = Claims::of_run(&self.machine, &self.program);
+        let events = match &self.events {
+            Some(file) => {
+                claims = claims.reads("--events", file);
+                Events::load(file)?
+            }
+            None => Events::default(),
+        };
+        let results = self.output.open(&mut claims)?;
+        let logs = self.log.open(&mut claims)?;
+        if let Some(beginning) = program.beginning(machine.rest())? {
+            eprintln!("{beginning}");
+        }
+        Ok(Prepared {
+            machine,
+            layout,
+            program,
+            events,
+            claims,
+            results,
+            logs,
+        })
+    }
+
+    fn validate(&self, prepared: Prepared) -> Result<Summary, Box<dyn Error>> {
+        let Prepared {
+            machine,
+            layout,
+            program,
+            mut events,
+            claims,
+            mut results,
+            logs,
+        } = prepared;
         let mut virtual_machine =
-            VirtualMachine::new(machine, Arc::clone(layout), program, self.seed)?;
-        self.log.record_virtual(machine, virtual_machine.frames())?;
-        let mut recorder =
-            Recorder::new(machine, self.output.trace()?, self.output.wants_report())?;
+            VirtualMachine::new(&machine, Arc::clone(&layout), program, self.seed)?;
+        logs.record_virtual(&machine, virtual_machine.frames())?;
+        let mut recorder = Recorder::new(&machine, results.trace()?, results.wants_report())?;
         let mut failure = None;
         let mut held = false;
         let mut last_moved = 0.0;
@@ -125,7 +134,7 @@ impl Args {
                 if let Event::Paused { .. } = event {
                     virtual_machine.controller().go_on();
                 }
-                self.tell(&event, &**layout);
+                self.tell(&event, &*layout);
             }
             let (row, moves) = virtual_machine.row();
             if let Some(row) = row {
@@ -161,9 +170,10 @@ impl Args {
         virtual_machine.frames().finish_log()?;
         let frames = Some(virtual_machine.frames().result());
         let controller: &Controller<COORDINATES> = virtual_machine.controller();
-        let (summary, rows) = recorder.finish(machine, layout, controller, frames)?;
+        let (summary, rows) = recorder.finish(&machine, &layout, controller, frames)?;
         let title = format!("validated in virtual time, seed {}", self.seed);
-        (self.output).write(&summary, rows, &self.program, title)?;
+        results.write(&summary, rows, &self.program, title)?;
+        claims.tell(&summary.to_string());
         Ok(summary)
     }
 
@@ -172,12 +182,6 @@ impl Args {
             && let Some(text) = event.describe(names)
         {
             eprintln!("{text}");
-        }
-    }
-
-    fn print(&self, summary: &Summary) {
-        if !self.output.json_to_stdout() {
-            print!("{summary}");
         }
     }
 }

@@ -1,0 +1,229 @@
+//! What commands write: tried before anything else happens, never two things into one file, and
+//! nothing lost where a command then refuses to begin. Exit codes mean the same in all commands.
+
+mod outside;
+
+use outside::{SYNCLINE, root};
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+use syncline_controller::bus_log::candump::Line;
+use tempfile::TempDir;
+
+/// A folder with a short program, which every command here runs in.
+struct Place(TempDir);
+
+impl Place {
+    fn new() -> Self {
+        let place = Self(TempDir::new().unwrap());
+        let machine = root().join("examples/portal/machine.toml");
+        fs::copy(machine, place.path().join("portal.toml")).unwrap();
+        fs::write(place.path().join("short.ngc"), "G0 X1\nM2\n").unwrap();
+        place
+    }
+
+    fn path(&self) -> &Path {
+        self.0.path()
+    }
+
+    /// Exit code, standard output, standard error.
+    fn run(&self, arguments: &str) -> (i32, String, String) {
+        let mut command = Command::new(SYNCLINE);
+        command.current_dir(self.path());
+        let output = (command.args(arguments.split_whitespace()).output()).unwrap();
+        let text = |bytes| String::from_utf8(bytes).unwrap();
+        let code = output.status.code().unwrap();
+        (code, text(output.stdout), text(output.stderr))
+    }
+
+    /// Refused as bad input, in these words, with nothing printed.
+    fn refused(&self, arguments: &str, told: &str) {
+        let expected = (2, String::new(), format!("error: {told}\n"));
+        assert_eq!(self.run(arguments), expected, "{arguments}");
+    }
+
+    /// What is in it, besides machine and program.
+    fn files(&self) -> Vec<String> {
+        let entries = fs::read_dir(self.path()).unwrap();
+        let names = entries.map(|entry| entry.unwrap().file_name().into_string().unwrap());
+        let mut names: Vec<_> = names
+            .filter(|name| !["portal.toml", "short.ngc"].contains(&&**name))
+            .collect();
+        names.sort();
+        names
+    }
+}
+
+const RUN: &str = "run portal.toml short.ngc";
+const VALIDATE: &str = "validate portal.toml short.ngc";
+
+#[test]
+fn standard_output_takes_one_file() {
+    let place = Place::new();
+    let both = |a: &str, b: &str| {
+        format!("{a} and {b} both go to standard output: give one of them a file")
+    };
+    for command in [RUN, VALIDATE] {
+        for (a, b) in [
+            ("--json", "--candump"),
+            ("--trace", "--report"),
+            ("--candump", "--pcapng"),
+        ] {
+            place.refused(&format!("{command} {a} - {b} -"), &both(a, b));
+        }
+    }
+    let record = "record --bus nocan17 --candump - --pcapng -";
+    place.refused(record, &both("--candump", "--pcapng"));
+    let report = "bench plan --steps 20 --report -";
+    place.refused(report, &both("what is printed", "--report"));
+    assert_eq!(place.files(), [""; 0]);
+}
+
+/// Whatever has standard output has it for itself.
+#[test]
+fn what_is_on_standard_output_is_nothing_else() {
+    let place = Place::new();
+    let (code, log, told) = place.run(&format!("{VALIDATE} --candump -"));
+    assert_eq!(code, 0, "{told}");
+    assert!(told.contains("pass"), "{told}");
+    assert!(log.lines().count() > 100);
+    for line in log.lines() {
+        assert!(Line::parse(line).is_ok(), "{line}");
+    }
+    let (_, trace, told) = place.run(&format!("{VALIDATE} --trace -"));
+    assert!(told.contains("pass"), "{told}");
+    let columns = |line: &str| line.split(',').count();
+    assert!(trace.lines().all(|line| columns(line) == 11), "{trace}");
+    let (_, page, _) = place.run(&format!("{VALIDATE} --report -"));
+    assert!(page.starts_with("<!doctype html>") && page.ends_with("</html>\n"));
+    let (_, json, told) = place.run(&format!("{VALIDATE} --json -"));
+    assert_eq!(told, "", "the JSON says it");
+    assert!(json.starts_with("{\n") && json.ends_with("}\n"), "{json}");
+    assert_eq!(place.files(), [""; 0]);
+}
+
+#[test]
+fn every_file_is_for_one_thing() {
+    let place = Place::new();
+    let program = fs::read(place.path().join("short.ngc")).unwrap();
+    for command in [RUN, VALIDATE] {
+        place.refused(
+            &format!("{command} --json out --candump ./out"),
+            "--json and --candump are both ./out: give each a file of its own",
+        );
+        place.refused(
+            &format!("{command} --trace short.ngc"),
+            "the program and --trace are both short.ngc: give each a file of its own",
+        );
+        place.refused(
+            &format!("{command} --report portal.toml"),
+            "the machine file and --report are both portal.toml: give each a file of its own",
+        );
+    }
+    fs::write(place.path().join("cases.csv"), "id,sync\n").unwrap();
+    let (code, _, _) = place.run("plan cases.csv --out cases.csv");
+    let cases = fs::read_to_string(place.path().join("cases.csv")).unwrap();
+    assert_eq!((code, &*cases), (2, "id,sync\n"));
+    let (code, _, told) = place.run(&format!("{VALIDATE} --json /dev/null --trace /dev/null"));
+    assert_eq!(code, 0, "{told}");
+    assert_eq!(fs::read(place.path().join("short.ngc")).unwrap(), program);
+    assert_eq!(place.files(), ["cases.csv"]);
+}
+
+/// A file that cannot be written is told before anything is done, and nothing is left of the others.
+#[test]
+fn files_are_tried_first() {
+    let place = Place::new();
+    let wrong = "nowhere/file";
+    let told = "cannot write nowhere/file: No such file or directory (os error 2)";
+    let options = ["--json", "--trace", "--report", "--candump", "--pcapng"];
+    for wrong_one in options {
+        let files = options.map(|option| {
+            let file = if option == wrong_one { wrong } else { option };
+            format!("{option} ./{file}")
+        });
+        let told = "cannot write ./nowhere/file: No such file or directory (os error 2)";
+        for command in [RUN, VALIDATE] {
+            place.refused(&format!("{command} {}", files.join(" ")), told);
+        }
+    }
+    for option in ["--candump", "--pcapng"] {
+        place.refused(&format!("record --bus nocan17 {option} {wrong}"), told);
+    }
+    for what in ["cycle --duration 2s", "bus", "plant", "plan"] {
+        place.refused(&format!("bench {what} --report {wrong}"), told);
+        let (code, printed, complaint) = place.run(&format!("bench {what} --hgrm {wrong}"));
+        assert_eq!((code, &*printed), (2, ""), "{what}: {complaint}");
+        assert!(complaint.starts_with("error: cannot write nowhere/file-"));
+    }
+    // One of several tables is a folder.
+    fs::create_dir(place.path().join("t-send.hgrm")).unwrap();
+    let (code, printed, complaint) = place.run("bench cycle --duration 2s --hgrm t");
+    assert_eq!((code, &*printed), (2, ""), "{complaint}");
+    assert!(complaint.starts_with("error: cannot write t-send.hgrm: "));
+    assert_eq!(place.files(), ["t-send.hgrm"]);
+}
+
+/// A command that does not begin leaves files as they were.
+#[test]
+fn a_refusal_costs_no_file() {
+    let place = Place::new();
+    let there = ["a", "b", "c"];
+    for name in there {
+        fs::write(place.path().join(name), "worth keeping").unwrap();
+    }
+    for refused in [
+        &format!("{RUN} --bus nocan17 --json a --trace b --candump c --report d --pcapng e"),
+        "record --bus nocan17 --candump a --pcapng e",
+        "bench cycle --bus nocan17 --report a --hgrm t",
+    ] {
+        let (code, printed, told) = place.run(refused);
+        assert_eq!((code, &*printed), (2, ""), "{refused}: {told}");
+        assert!(told.contains("nocan17"), "{refused}: {told}");
+        assert_eq!(place.files(), there, "{refused}");
+        for name in there {
+            let text = fs::read_to_string(place.path().join(name)).unwrap();
+            assert_eq!(text, "worth keeping", "{refused}: {name}");
+        }
+    }
+}
+
+/// A file that was longer before holds only what is new.
+#[test]
+fn files_are_replaced() {
+    let place = Place::new();
+    let names = ["a", "b", "c", "d", "e"];
+    for name in names {
+        fs::write(place.path().join(name), vec![b'#'; 9_000_000]).unwrap();
+    }
+    let all = "--json a --trace b --report c --candump d --pcapng e";
+    let (code, printed, told) = place.run(&format!("{VALIDATE} {all}"));
+    assert_eq!(code, 0, "{told}");
+    assert!(printed.contains("pass"), "{printed}");
+    for name in names {
+        let bytes = fs::read(place.path().join(name)).unwrap();
+        assert!(bytes.len() > 100 && !bytes.ends_with(b"##"), "{name}");
+    }
+}
+
+/// A bus that is not there is bad input to every command.
+#[test]
+fn a_bus_that_is_not_there() {
+    let place = Place::new();
+    for command in [
+        &format!("{RUN} --bus nocan17"),
+        "bench cycle --bus nocan17 --duration 1s",
+        "bench sync --bus nocan17 --duration 1s",
+        "drives portal.toml --bus nocan17",
+        "drives --node 1:lxm32m --bus nocan17",
+        "scan --bus nocan17",
+        "sdo --bus nocan17 read 1 6041",
+        "nmt --bus nocan17 start",
+        "monitor --bus nocan17",
+        "record --bus nocan17 --candump a",
+    ] {
+        let (code, printed, told) = place.run(command);
+        assert_eq!((code, &*printed), (2, ""), "{command}: {told}");
+        assert!(told.contains("nocan17"), "{command}: {told}");
+    }
+}
