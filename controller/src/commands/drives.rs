@@ -74,11 +74,11 @@ struct Hosted {
 impl Args {
     /// Hosts the drives.
     pub(super) fn execute(self) -> Exit {
-        let buses = match self.prepare() {
-            Ok(buses) => buses,
+        let opened = match self.prepare().and_then(|buses| self.open(buses)) {
+            Ok(opened) => opened,
             Err(error) => return bad_input(&*error),
         };
-        match self.host(buses) {
+        match host(opened) {
             Ok(()) => Exit::Finished,
             Err(error) => {
                 report(&*error);
@@ -149,49 +149,59 @@ impl Args {
         })
     }
 
-    fn host(&self, buses: Vec<Hosted>) -> Result<(), Box<dyn Error>> {
-        let stop = Arc::new(AtomicBool::new(false));
-        let asked = Arc::clone(&stop);
-        ctrlc::set_handler(move || asked.store(true, Ordering::Relaxed))?;
-        let mut wires = Vec::new();
-        let mut beacons = Vec::new();
-        for bus in &buses {
+    fn open(&self, buses: Vec<Hosted>) -> Result<Opened, Box<dyn Error>> {
+        let mut opened = Opened::default();
+        for bus in buses {
             let wire = bus.url.open(bus.bitrate, End::Host)?;
             if self.beacon
                 && let BusUrl::Socketcand { address, bus } = wire.name().parse()?
             {
-                beacons.push(Beacon::new(&address, &bus)?);
+                opened.beacons.push(Beacon::new(&address, &bus)?);
             }
-            wires.push(wire);
+            opened.buses.push((wire, bus));
         }
-        let ended: Result<(), PortError> = thread::scope(|scope| {
-            let mut hosts = Vec::new();
-            for (mut wire, bus) in wires.into_iter().zip(buses) {
-                announce(&*wire, &bus);
-                let stop = &stop;
-                hosts.push(scope.spawn(move || {
-                    let _granted = realtime::enter(&Settings {
-                        priority: PRIORITY,
-                        core: None,
-                    });
-                    let mut twins: Vec<_> = bus.twins.into_iter().map(Twin::new).collect();
-                    let ended = drive_host::host(&mut wire, &mut twins, stop);
-                    // One bus gone ends the machine.
-                    stop.store(true, Ordering::Relaxed);
-                    ended
-                }));
-            }
-            send_beacons(&beacons, &stop);
-            for host in hosts {
-                match host.join() {
-                    Ok(ended) => ended?,
-                    Err(panic) => std::panic::resume_unwind(panic),
-                }
-            }
-            Ok(())
-        });
-        Ok(ended?)
+        Ok(opened)
     }
+}
+
+/// Buses that are open.
+#[derive(Default)]
+struct Opened {
+    buses: Vec<(Box<dyn Wire + Send>, Hosted)>,
+    beacons: Vec<Beacon>,
+}
+
+fn host(Opened { buses, beacons }: Opened) -> Result<(), Box<dyn Error>> {
+    let stop = Arc::new(AtomicBool::new(false));
+    let asked = Arc::clone(&stop);
+    ctrlc::set_handler(move || asked.store(true, Ordering::Relaxed))?;
+    let ended: Result<(), PortError> = thread::scope(|scope| {
+        let mut hosts = Vec::new();
+        for (mut wire, bus) in buses {
+            announce(&*wire, &bus);
+            let stop = &stop;
+            hosts.push(scope.spawn(move || {
+                let _granted = realtime::enter(&Settings {
+                    priority: PRIORITY,
+                    core: None,
+                });
+                let mut twins: Vec<_> = bus.twins.into_iter().map(Twin::new).collect();
+                let ended = drive_host::host(&mut wire, &mut twins, stop);
+                // One bus gone ends the machine.
+                stop.store(true, Ordering::Relaxed);
+                ended
+            }));
+        }
+        send_beacons(&beacons, &stop);
+        for host in hosts {
+            match host.join() {
+                Ok(ended) => ended?,
+                Err(panic) => std::panic::resume_unwind(panic),
+            }
+        }
+        Ok(())
+    });
+    Ok(ended?)
 }
 
 fn describe(node: NodeId, model: &Model) -> String {
