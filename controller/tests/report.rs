@@ -187,6 +187,70 @@ fn check(html: &str) {
             html.matches(&format!("<{tag} ")).count() + html.matches(&format!("<{tag}>")).count();
         assert_eq!(opened, html.matches(&format!("</{tag}>")).count(), "{tag}");
     }
+    check_labels(html);
+}
+
+/// Every label lies inside of its picture, in the fonts of all readers.
+fn check_labels(html: &str) {
+    let between = |text: &str, start: &str, end: &str| {
+        let (_, rest) = text.split_once(start)?;
+        Some(rest.split_once(end)?.0.to_owned())
+    };
+    for svg in html.split("<svg ").skip(1) {
+        let svg = svg.split("</svg>").next().unwrap();
+        let width = between(svg, "viewBox='0 0 ", " ").unwrap();
+        let width: f64 = width.parse().unwrap();
+        // Larger letters on narrow pages.
+        let letter = if svg.starts_with("class=view") {
+            7.0
+        } else {
+            5.5
+        };
+        for label in svg.split("<text ").skip(1) {
+            let label = label.split("</text>").next().unwrap();
+            let (head, content) = label.split_once('>').unwrap();
+            let text: String = (content.split('<'))
+                .map(|part| part.split_once('>').map_or(part, |(_, text)| text))
+                .collect();
+            let x = between(&format!("{head} "), "x=", " ").unwrap();
+            let x: f64 = x.parse().unwrap();
+            let long = text.chars().count() as f64 * letter;
+            let left = match between(&format!("{head} "), "text-anchor=", " ").as_deref() {
+                Some("end") => x - long,
+                Some("middle") => x - long / 2.0,
+                _ => x,
+            };
+            assert!(left >= 0.0 && left + long <= width, "{text:?} at {left}");
+        }
+    }
+}
+
+/// Flat, thin, tiny and huge paths: no label is cut off, and noise is not told as an extent.
+#[test]
+fn labels_fit_their_pictures() {
+    for (size, told) in [
+        ([130.0, 0.000_101_7, 60.0], &["X ", "Z "][..]),
+        ([0.000_152_6, 0.0, 0.0], &["X "]),
+        ([0.03, 12_345.6, 0.03], &["Y "]),
+        ([0.037_71, 0.031_23, 0.033_33], &["X ", "Y ", "Z "]),
+        ([123_456.7, 98_765.4, 123_456.7], &["X ", "Y ", "Z "]),
+    ] {
+        let mut report = report(&plate(1));
+        for (axis, size) in report.axes.iter_mut().zip(size) {
+            let cycles = axis.set.len() as f64;
+            let steps = axis.set.iter_mut().enumerate();
+            steps.for_each(|(n, set)| *set = size * n as f64 / (cycles - 1.0));
+        }
+        let html = report.to_html();
+        check(&html);
+        let (_, space) = html.split_once("aria-label='Tool path in space'").unwrap();
+        let space = space.split("</svg>").next().unwrap();
+        for name in ["X ", "Y ", "Z "] {
+            let label = format!(">{name}<tspan class=unit>");
+            assert_eq!(space.contains(&label), told.contains(&name), "{size:?}");
+        }
+        save(&format!("labels-{}", size[0]), &html);
+    }
 }
 
 #[test]

@@ -11,6 +11,8 @@ const LEFT: f64 = 78.0;
 const RIGHT: f64 = 12.0;
 const STRIP: f64 = 96.0;
 const GAP: f64 = 24.0;
+/// Width of a letter of a label at most.
+const LETTER: f64 = 6.5;
 
 /// One line of a strip.
 pub(super) struct Line<'a> {
@@ -57,10 +59,11 @@ pub(super) fn strips(label: &str, time: &[f64], strips: &[Strip<'_>], marks: &[M
     }
     let foot = height - 26.0;
     for (tick, label) in x.ticks(10) {
+        let half = (label.chars().count() + 2) as f64 * LETTER / 2.0;
         _ = write!(
             svg,
             "<text class=tick x={:.1} y={:.1} text-anchor=middle>{label} s</text>",
-            x.at(tick),
+            x.at(tick).min(WIDTH - half),
             foot + 16.0,
         );
     }

@@ -25,8 +25,10 @@ pub struct Report {
     pub time: Vec<f64>,
     /// Line of the program in each cycle; 0 where none.
     pub line: Vec<u32>,
-    /// Speed along the path in each cycle, mm/s.
+    /// Speed of the tool along the path in each cycle, mm/s.
     pub feed: Vec<f64>,
+    /// Speed in each cycle in which A, B and C turn alone, °/s.
+    pub turning: Vec<f64>,
     /// Whether the tool moved at a programmed feed in each cycle, not in rapid or at rest.
     pub cutting: Vec<bool>,
     /// In the machine's order. X, Y and Z make the tool path.

@@ -9,7 +9,7 @@ use std::{fmt::Write, time::Duration};
 
 const WIDTH: f64 = 560.0;
 const HEIGHT: f64 = 210.0;
-const LEFT: f64 = 50.0;
+const LEFT: f64 = 76.0;
 const BARS: usize = 64;
 
 /// A card with bars, both axes logarithmic but for narrow distributions, and percentiles.

@@ -52,7 +52,7 @@ fn head(report: &Report) -> String {
     );
     for (name, value) in &report.facts {
         // A hash gets a line of its own.
-        let class = if value.len() > 24 { " class=wide" } else { "" };
+        let class = if value.len() > 32 { " class=wide" } else { "" };
         _ = writeln!(
             html,
             "<div{class}><dt>{}</dt><dd>{}</dd></div>",
@@ -74,17 +74,20 @@ fn violations(violations: &[Violation]) -> String {
         if violations.len() == 1 { "" } else { "s" }
     );
     for violation in violations.iter().take(LISTED) {
-        let unit = escape(violation.unit);
+        // A fault has no value.
+        let told = |value| match violation.unit {
+            "" => "–".to_owned(),
+            unit => format!("{} {}", number(value), escape(unit)),
+        };
         _ = writeln!(
             html,
-            "<tr><td>{}<td>{}<td class=n>{:.4} s<td class=n>{}<td class=n>{} {unit}<td class=n>{} \
-             {unit}</tr>",
+            "<tr><td>{}<td>{}<td class=n>{:.4} s<td class=n>{}<td class=n>{}<td class=n>{}</tr>",
             escape(&violation.what),
             escape(violation.axis.as_deref().unwrap_or("–")),
             violation.time,
             line(violation.line),
-            number(violation.value),
-            number(violation.limit),
+            told(violation.value),
+            told(violation.limit),
         );
     }
     html += "</table></div>\n";
@@ -177,33 +180,40 @@ fn toolpath(report: &Report) -> String {
 
 fn path_over_time(report: &Report) -> String {
     let lines: Vec<f64> = report.line.iter().map(|line| f64::from(*line)).collect();
-    let fastest = report.feed.iter().copied().fold(0.0, f64::max);
-    let strips = [
-        Strip {
-            title: "Feed",
-            unit: "mm/s",
-            note: format!("max {}", number(fastest)),
-            lines: vec![Line {
-                class: "set",
-                name: "",
-                values: &report.feed,
-                stepped: false,
-            }],
-            limits: Vec::new(),
-        },
-        Strip {
-            title: "Program line",
-            unit: "",
-            note: String::new(),
-            lines: vec![Line {
-                class: "set",
-                name: "",
-                values: &lines,
-                stepped: true,
-            }],
-            limits: Vec::new(),
-        },
-    ];
+    let strip = |title, unit, note, values, stepped| Strip {
+        title,
+        unit,
+        note,
+        lines: vec![Line {
+            class: "set",
+            name: "",
+            values,
+            stepped,
+        }],
+        limits: Vec::new(),
+    };
+    let most = |values: &[f64]| {
+        let most = values.iter().copied().fold(0.0, f64::max);
+        format!("max {}", number(most))
+    };
+    let mut strips = vec![strip(
+        "Feed",
+        "mm/s",
+        most(&report.feed),
+        &report.feed[..],
+        false,
+    )];
+    if report.turning.iter().any(|speed| *speed > 0.0) {
+        let note = most(&report.turning);
+        strips.push(strip(
+            "Feed of turns alone",
+            "°/s",
+            note,
+            &report.turning,
+            false,
+        ));
+    }
+    strips.push(strip("Program line", "", String::new(), &lines, true));
     let all: Vec<Mark> = report.violations.iter().take(LISTED).map(mark).collect();
     section(
         "Along the path",

@@ -8,7 +8,11 @@ use std::fmt::Write;
 
 const WIDTH: f64 = 560.0;
 const HEIGHT: f64 = 470.0;
-const MARGIN: f64 = 44.0;
+const MARGIN: f64 = 56.0;
+/// Width of a letter of a label at most, also in the larger ones of narrow pages.
+const LETTER: f64 = 8.5;
+/// What is so much less than the rest is an encoder's noise, and not told.
+const NOISE: f64 = 1e-3;
 /// Points nearer than this to the last one drawn are left out, in tenths of pixels.
 const RESOLUTION: i32 = 4;
 
@@ -223,7 +227,7 @@ impl ToolPath {
         let corners: Vec<Point> = (0..8).map(corner).collect();
         let across = extent(corners.iter().map(|p| flat(p).0)).unwrap_or((0.0, 1.0));
         let up = extent(corners.iter().map(|p| flat(p).1)).unwrap_or((0.0, 1.0));
-        let (sx, sy) = equal_scales(across, up, (76.0, WIDTH - 20.0), (HEIGHT - 30.0, 20.0));
+        let (sx, sy) = equal_scales(across, up, (90.0, WIDTH - 20.0), (HEIGHT - 30.0, 20.0));
         let project = |p: &Point| {
             let (across, up) = flat(p);
             (sx.at(across), sy.at(up))
@@ -243,6 +247,8 @@ impl ToolPath {
         self.shadow(&mut svg, extents, |p| project(&[p[0], p[1], floor]));
         self.draw(&mut svg, extents, project);
         self.ends(&mut svg, extents, project);
+        let longest = extents.iter().map(|(least, most)| most - least);
+        let longest = longest.fold(0.0, f64::max);
         for (name, from, to) in [
             ("X", corners[0], corners[1]),
             ("Y", corners[0], corners[2]),
@@ -255,13 +261,20 @@ impl ToolPath {
                 _ => (-8.0, 3.5, "end"),
             };
             let length: f64 = (0..3).map(|axis| to[axis] - from[axis]).sum();
+            if length < NOISE * longest {
+                continue;
+            }
+            let length = number(length);
+            let width = (name.len() + 4 + length.chars().count()) as f64 * LETTER;
+            let at = match anchor {
+                "end" => ((xa + xb) / 2.0 + dx).max(width),
+                _ => ((xa + xb) / 2.0 + dx).min(WIDTH - width),
+            };
             _ = write!(
                 svg,
-                "<text class=name x={:.1} y={:.1} text-anchor={anchor}>{name} <tspan class=unit>\
-                 {} mm</tspan></text>",
-                (xa + xb) / 2.0 + dx,
+                "<text class=name x={at:.1} y={:.1} text-anchor={anchor}>{name} <tspan class=unit>\
+                 {length} mm</tspan></text>",
                 (ya + yb) / 2.0 + dy,
-                number(length)
             );
         }
         svg + "</svg>"
