@@ -60,8 +60,10 @@ pub struct ProgramMove {
 pub struct Extent {
     /// Blocks executed.
     pub blocks: u64,
-    /// Length of all moves, mm.
+    /// Length of all moves that F counts in mm.
     pub length: f64,
+    /// Of those that turn A, B and C alone, degrees.
+    pub turned: f64,
 }
 
 /// Why a program cannot be run.
@@ -188,7 +190,11 @@ impl Program {
                 place: place(&interpreter, command.span),
                 source,
             })?;
-            extent.length += motion.map_or(0.0, |motion| motion.curve.length());
+            match motion.map(|motion| counted_length(&motion.curve)) {
+                Some((length, false)) => extent.length += length,
+                Some((angle, true)) => extent.turned += angle,
+                None => {}
+            }
         }
         extent.blocks = interpreter.executed();
         Ok(extent)
@@ -389,18 +395,51 @@ fn exit(mode: PathMode, tolerances: PathTolerances) -> Exit {
 /// Travel below this is rounding of the program's, mm or degrees.
 const ROUNDING: f64 = 1e-7;
 
-/// The path speed at which a move has a programmed feed: that is of X Y Z, of U V W if none of
-/// those moves, of A B C if only they do.
+/// What F counts is the first of these that moves: X Y Z, U V W, A B C.
+const COUNTED: [[usize; 3]; 3] = [[0, 1, 2], [6, 7, 8], [3, 4, 5]];
+
+/// Which of [`COUNTED`] are degrees.
+const TURNS: usize = 2;
+
+/// What each of [`COUNTED`] moves.
+fn moved(change: &Position) -> [f64; 3] {
+    COUNTED.map(|axes| {
+        let squares = axes.map(|i| change[i] * change[i]);
+        (squares[0] + squares[1] + squares[2]).sqrt()
+    })
+}
+
+/// Of a velocity, the speed as F counts it, and whether that is of a turn: degrees, not mm.
+#[must_use]
+pub fn counted_speed(velocity: &Position) -> (f64, bool) {
+    let groups = moved(velocity);
+    let most = groups.into_iter().fold(0.0, f64::max);
+    // The rounding of axes that rest is no movement.
+    let counted = groups.iter().position(|speed| *speed > 1e-9 * most);
+    counted.map_or((0.0, false), |group| (groups[group], group == TURNS))
+}
+
+/// The length of a move as F counts it, and whether it is that of a turn: degrees, not mm.
+fn counted_length(curve: &Curve<COORDINATES>) -> (f64, bool) {
+    let Curve::Line(_) = curve else {
+        return (curve.length(), false);
+    };
+    let groups = moved(&change(curve));
+    let counted = groups.iter().position(|travel| *travel > ROUNDING);
+    counted.map_or((0.0, false), |group| (groups[group], group == TURNS))
+}
+
+fn change(curve: &Curve<COORDINATES>) -> Position {
+    let (start, end) = (curve.start(), curve.end());
+    std::array::from_fn(|i| end[i] - start[i])
+}
+
+/// The path speed at which a move has a programmed feed.
 fn path_speed(curve: &Curve<COORDINATES>, feed: f64) -> f64 {
     let Curve::Line(_) = curve else {
         return feed;
     };
-    let (start, end) = (curve.start(), curve.end());
-    let travel = |axes: [usize; 3]| {
-        let squares = axes.map(|i| (end[i] - start[i]) * (end[i] - start[i]));
-        (squares[0] + squares[1] + squares[2]).sqrt()
-    };
-    let groups = [[0, 1, 2], [6, 7, 8], [3, 4, 5]].map(travel);
+    let groups = moved(&change(curve));
     let fed = groups.into_iter().find(|travel| *travel > ROUNDING);
     match fed {
         Some(fed) if groups.iter().any(|other| *other > 0.0 && *other != fed) => {

@@ -48,8 +48,12 @@ impl Args {
         describe(&machine, &budget);
         if let Some(program) = &self.program {
             let extent = self.check_program(&machine, program)?;
+            let turned = match extent.turned {
+                0.0 => String::new(),
+                degrees => format!(", {degrees:.1} ° of turns"),
+            };
             println!(
-                "program {}: {} blocks, {:.1} mm of path",
+                "program {}: {} blocks, {:.1} mm of path{turned}",
                 program.display(),
                 extent.blocks,
                 extent.length

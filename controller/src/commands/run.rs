@@ -11,7 +11,7 @@ use crate::gcode::Tables;
 use crate::machine::Machine;
 use crate::port::sim::Observer;
 use crate::port::{self, url};
-use crate::program::{Beginning, COORDINATES, Extent, Moves, Program};
+use crate::program::{Beginning, COORDINATES, Extent, Moves, Program, counted_speed};
 use crate::realtime;
 use crate::run::frames::SharedFrames;
 use crate::run::planning::Planning;
@@ -414,7 +414,7 @@ impl Run<'_> {
                     while let Some((line, output)) = recorder.output() {
                         bar.suspend(|| eprintln!("line {line}: {output}"));
                     }
-                    bar.set_position(row.plan.distance as u64);
+                    bar.set_position(recorder.passed() as u64);
                     bar.set_message(self.message(&row, recorder.line(), person));
                 }
             }
@@ -427,13 +427,17 @@ impl Run<'_> {
         let overridden = person.overridden();
         if row.plan.away || person.rests {
             let axes = self.machine.axes.iter().map(|axis| axis.letter());
-            let at = axes.map(|axis| format!("{axis}{:.3} ", row.plan.position[axis.index()]));
+            let at = axes.map(|axis| {
+                let unit = if axis.is_linear() { "" } else { "°" };
+                format!("{axis}{:.3}{unit} ", row.plan.position[axis.index()])
+            });
             let at: String = at.collect();
             let step = JOG_STEPS[person.jog_step];
             return format!("line {line}, {at}by {step} mm{overridden}");
         }
-        let feed = row.plan.speed * 60.0;
-        format!("line {line}, {feed:.0} mm/min{overridden}")
+        let (speed, turns) = counted_speed(&row.plan.velocity);
+        let unit = if turns { "°" } else { "mm" };
+        format!("line {line}, {:.0} {unit}/min{overridden}", speed * 60.0)
     }
 
     fn tell(&self, event: &Event, bar: &ProgressBar, person: &mut Person) {
@@ -452,8 +456,13 @@ impl Run<'_> {
     }
 
     fn progress_bar(&self) -> ProgressBar {
-        let bar = ProgressBar::new(self.extent.length as u64);
-        let style = ProgressStyle::with_template("{wide_bar} {pos}/{len} mm, {msg}");
+        let Extent { length, turned, .. } = self.extent;
+        let bar = ProgressBar::new((length + turned) as u64);
+        let style = ProgressStyle::with_template(if turned == 0.0 {
+            "{wide_bar} {pos}/{len} mm, {msg}"
+        } else {
+            "{wide_bar} {pos}/{len} mm and °, {msg}"
+        });
         bar.with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
     }
 

@@ -380,7 +380,7 @@ impl Fault {
             Self::FollowingError { axis, error } => {
                 let axis = names.axis(axis);
                 format!(
-                    "axis {}: following error {error:.3} {unit}, allowed {} {unit}: look for a \
+                    "axis {}: following error {error:.4} {unit}, allowed {} {unit}: look for a \
                      blocked axis, a weak loop or too high limits",
                     axis.name,
                     axis.following_error_limit,

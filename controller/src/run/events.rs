@@ -29,7 +29,7 @@ const EVENTS: [Event; 10] = [
     ("step_back", "", |_| Some(Order::StepBack)),
     (
         "jog",
-        "an axis and a distance as `X+1.5`, or its sign as `X-`; then as `F600` mm/min, at will",
+        "an axis and a distance as `X+1.5`, or its sign as `X-`; then as `F600` mm/min (A, B, C: °/min), at will",
         |value| jog(value).map(Order::Jog),
     ),
     ("jog_to", POSITIONS, |value| {

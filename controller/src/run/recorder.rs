@@ -5,7 +5,7 @@ use crate::control::layout::{self, Layout};
 use crate::control::{Controller, End, Row};
 use crate::gcode::{Coolant, Output, Spindle, Turning};
 use crate::machine::Machine;
-use crate::program::{COORDINATES, Moves, Position, ProgramMove, Switch};
+use crate::program::{COORDINATES, Moves, Position, ProgramMove, Switch, counted_speed};
 use crate::report::{AxisReport, Report, Violation};
 use serde::Serialize;
 use std::collections::VecDeque;
@@ -51,12 +51,31 @@ pub struct Summary {
 /// The path of a run.
 #[derive(Clone, Copy, Debug, Default, Serialize)]
 pub struct PathSummary {
-    /// Programmed length run, mm.
+    /// Programmed length run, as F counts it, mm.
     pub length_mm: f64,
+    /// Angle run where A, B and C turned alone, degrees.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub turned_deg: f64,
     /// Greatest distance of a setpoint from the programmed geometry, mm.
     pub max_deviation_mm: f64,
     /// Greatest distance of an actual position from the programmed geometry, mm.
     pub max_contour_error_mm: f64,
+}
+
+fn is_zero(number: &f64) -> bool {
+    *number == 0.0
+}
+
+impl PathSummary {
+    /// How long it was, as a person reads it.
+    #[must_use]
+    pub fn length(&self) -> String {
+        let turned = match self.turned_deg {
+            0.0 => String::new(),
+            degrees => format!(" and {degrees:.3} °"),
+        };
+        format!("{:.3} mm{turned}", self.length_mm)
+    }
 }
 
 /// A bus during a run.
@@ -107,8 +126,10 @@ impl fmt::Display for Summary {
         )?;
         writeln!(
             f,
-            "path               {:.3} mm; setpoints within {:.1e} mm, tool within {:.4} mm of it",
-            path.length_mm, path.max_deviation_mm, path.max_contour_error_mm
+            "path               {}; setpoints within {:.4} mm, tool within {:.4} mm of it",
+            path.length(),
+            path.max_deviation_mm,
+            path.max_contour_error_mm
         )?;
         for bus in &self.bus {
             writeln!(
@@ -147,7 +168,10 @@ impl fmt::Display for Summary {
                 writeln!(
                     f,
                     ": {} {}, allowed {}",
-                    violation.value, violation.unit, violation.limit
+                    // To the nanometre.
+                    (violation.value * 1e6).round() / 1e6,
+                    violation.unit,
+                    violation.limit
                 )?;
             }
         }
@@ -195,6 +219,10 @@ pub struct Recorder {
     deviation: Watch,
     violations: Vec<Violation>,
     path: PathSummary,
+    /// What of the last row's distance was no length of the tool's path.
+    besides: f64,
+    /// The last row's distance, and what of the next bit of it is length, and what angle.
+    passed: (f64, [f64; 2]),
     line: u32,
     /// The move of the last row, and the distance at its first.
     tag: (u32, f64),
@@ -255,6 +283,8 @@ impl Recorder {
             deviation: Watch::default(),
             violations: Vec::new(),
             path: PathSummary::default(),
+            besides: 0.0,
+            passed: (0.0, [1.0, 0.0]),
             line: 0,
             tag: (0, 0.0),
             tags: [0; STRETCHES],
@@ -286,7 +316,8 @@ impl Recorder {
             // The move's last step ends at rest.
             self.motion = Some((first, row.cycle));
         }
-        self.path.length_mm = row.plan.distance;
+        let counted = counted_speed(&row.plan.velocity);
+        self.measure(row, counted);
         moves.take_up();
         self.follow_path(time, row, moves);
         for axis in &mut self.axes {
@@ -323,7 +354,9 @@ impl Recorder {
         if let Some(report) = &mut self.report {
             report.time.push(time);
             report.line.push(self.line);
-            report.feed.push(row.plan.speed);
+            let (speed, turns) = counted;
+            report.feed.push(if turns { 0.0 } else { speed });
+            report.turning.push(if turns { speed } else { 0.0 });
             let feed = row.plan.feed;
             report.cutting.push(feed > 0.0 && feed.is_finite());
             for (axis, record) in report.axes.iter_mut().zip(&self.axes) {
@@ -359,6 +392,31 @@ impl Recorder {
     /// The nearest number of seconds to so many cycles.
     fn seconds(&self, cycles: u64) -> f64 {
         (u128::from(cycles) * self.cycle.as_nanos()) as f64 / 1e9
+    }
+
+    /// How far the program has come, mm and degrees.
+    #[must_use]
+    pub fn passed(&self) -> f64 {
+        self.path.length_mm + self.path.turned_deg
+    }
+
+    /// Adds up the path as F counts it. The plan's own distance also counts what other axes move.
+    fn measure(&mut self, row: &Row<COORDINATES>, (speed, turns): (f64, bool)) {
+        let (before, mut shares) = self.passed;
+        if row.plan.speed > 0.0 {
+            let share = speed / row.plan.speed;
+            let all = (share - 1.0).abs() < 1e-9;
+            shares = match (turns, all) {
+                (true, _) => [0.0, share],
+                (false, true) => [1.0, 0.0],
+                (false, false) => [share, 0.0],
+            };
+        }
+        let distance = row.plan.distance - before;
+        self.besides += distance * (1.0 - shares[0]);
+        self.path.length_mm = row.plan.distance - self.besides;
+        self.path.turned_deg += distance * shares[1];
+        self.passed = (row.plan.distance, shares);
     }
 
     /// Compares setpoint and actual position with the programmed geometry.
@@ -590,10 +648,10 @@ fn fill(report: &mut Report, summary: &Summary) {
     fact("motion time", format!("{:.3} s", summary.duration_s));
     fact("cycles", summary.cycles.to_string());
     fact("late setpoints", summary.late_setpoints.to_string());
-    fact("path length", format!("{:.3} mm", summary.path.length_mm));
+    fact("path length", summary.path.length());
     fact(
         "setpoints off the path",
-        format!("{:.1e} mm", summary.path.max_deviation_mm),
+        format!("{:.4} mm", summary.path.max_deviation_mm),
     );
     fact(
         "tool off the path",

@@ -449,3 +449,27 @@ fn the_step_of_a_jog_is_shown_while_held() {
     }
     let _ = terminal.end();
 }
+
+/// What a rotary axis does is told in degrees.
+#[test]
+fn a_turn_is_shown_in_degrees() {
+    let folder = Folder::new();
+    let line = format!(
+        "TERM=xterm {} run {} {} --verbose; true",
+        syncline().get_program().display(),
+        folder.machine("rotary").display(),
+        folder.file("p.ngc", "G1 A3000 F7200\nM2\n").display()
+    );
+    let mut terminal = Terminal::run(&line);
+    for (key, shown) in [
+        ("", "/3000 mm and °, "),
+        ("", "7200 °/min"),
+        (" ", "held on the path"),
+        ("", "° by 1 mm"),
+        ("q", "interrupted by the user"),
+    ] {
+        terminal.press(key.as_bytes());
+        terminal.wait_for(shown);
+    }
+    let _ = terminal.end();
+}

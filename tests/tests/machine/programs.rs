@@ -1,6 +1,7 @@
 //! Programs on a machine: what the modes promise, and where a run ends that cannot go on.
 
 use serde_json::Value;
+use std::f64::consts::PI;
 use std::path::Path;
 use std::process::Stdio;
 use syncline_controller::machine::Machine;
@@ -136,6 +137,47 @@ fn a_rotary_axis_follows_the_tool() {
     // The way of the micrometre is as long as that of 1,238° at 180°/s.
     let rotation = times(&trace, 11..=11)[0];
     assert!((rotation - 1238.0 / 180.0).abs() < 0.5, "{rotation} s");
+}
+
+/// Millimetres are those of the tool, degrees those of turns alone, in every form in which they are
+/// told.
+#[test]
+fn degrees_are_told_as_degrees() {
+    let folder = Folder::new();
+    let machine = folder.machine("rotary");
+    // From beside the machine's zero to Z100 first.
+    let program = "G0 Z100\nG61.1 G1 X30 A90 F1200\nG1 A180 F5400\nG2 X50 I10 A0 F1200\nM2\n";
+    let (mm, degrees) = (100.0 + 30.0 + 10.0 * PI, 90.0);
+    let (json, _) = passes(&machine, &folder, program);
+    for (key, expected) in [("length_mm", mm), ("turned_deg", degrees)] {
+        let told = json["path"][key].as_f64().unwrap();
+        assert!((told - expected).abs() < 1e-2, "{key}: {told}");
+    }
+    assert_eq!(json["axes"][3]["unit"], "°");
+    let (file, report) = (folder.path("p.ngc"), folder.path("report.html"));
+    let output = |arguments: &[&str]| {
+        let mut command = syncline();
+        command.args(arguments).args([&machine, &file]);
+        let output = command.output().unwrap();
+        let (code, told, errors) = ended(&output);
+        assert_eq!(code, 0, "{errors}");
+        told.to_owned()
+    };
+    let checked = output(&["check"]);
+    assert!(checked.ends_with(": 5 blocks, 161.4 mm of path, 90.0 ° of turns\n"));
+    let validated = output(&["validate", "--report", report.to_str().unwrap()]);
+    assert!(validated.contains("\npath               161.4") && validated.contains(" mm and 90.0"));
+    assert!(validated.contains(" of 180 °/s, "), "{validated}");
+    let report = folder.read("report.html");
+    // No more than F1200 and a rapid for the tool, F5400 for the turn.
+    for part in [" mm and 90.0", "Feed of turns alone", "max 90<", "0 … 400"] {
+        assert!(report.contains(part), "{part}");
+    }
+    let colours = report.split_once("class=legend").unwrap().1;
+    assert!(
+        colours.split("</svg>").next().unwrap().contains(">20<"),
+        "mm/s"
+    );
 }
 
 #[test]
