@@ -1,6 +1,7 @@
 //! The machine: configuration, bring-up, SYNC cycle, supervision, programs, recording, reports.
 //!
 //! - [`machine`]: the machine file
+//! - [`document`]: files in TOML, every mistake with its place
 //! - [`gcode`]: RS-274/NGC programs into canonical commands
 //! - [`budget`]: whether its frames fit its cycle
 //! - [`program`]: from commands to a plan
@@ -24,6 +25,7 @@ pub mod bus_log;
 pub mod commands;
 pub mod control;
 pub mod doctor;
+pub mod document;
 pub mod drive_host;
 pub mod gcode;
 pub mod machine;

@@ -2,7 +2,8 @@
 
 use std::path::Path;
 use std::time::Duration;
-use syncline_controller::machine::{Invalid, Machine};
+use syncline_controller::document::Invalid;
+use syncline_controller::machine::Machine;
 use syncline_drives::model::Increments;
 
 const PORTAL: &str = include_str!("../../examples/portal/machine.toml");

@@ -3,6 +3,7 @@
 use super::switches::Switches;
 use super::{Exit, report};
 use crate::budget::MachineBudget;
+use crate::gcode::Tables;
 use crate::machine::Machine;
 use crate::program::Extent;
 use std::error::Error;
@@ -11,12 +12,12 @@ use std::path::{Path, PathBuf};
 /// Check a machine file, and a program for it, and move nothing.
 ///
 /// The machine file: every key, the drives and axes it ties together, and whether its frames fit
-/// its cycle. The program: every block, as the machine would execute it from its zero, with the
-/// work offsets and tools that stand beside the machine file (portal.toml: portal.tables.toml),
+/// its cycle. The work offsets and tools that stand beside it (portal.toml: portal.tables.toml):
+/// every key. The program: every block, as the machine would execute it from its zero with those,
 /// every motion inside the soft limits.
 ///
-/// Good input: exit code 0. Bad input: every mistake of the machine file, or the first of the
-/// program, with file:line:column, what is allowed and what to do; exit code 2.
+/// Good input: exit code 0. Bad input: every mistake of the machine file, else of the tables, or
+/// the first of the program, with file:line:column, what is allowed and what to do; exit code 2.
 ///
 /// Example: syncline check examples/portal/machine.toml examples/portal/bracket.ngc
 #[derive(Debug, clap::Args)]
@@ -45,6 +46,7 @@ impl Args {
         let machine = Machine::load(&self.machine)?;
         let budget = MachineBudget::of(&machine);
         budget.check()?;
+        Tables::load(&Tables::beside(&self.machine))?;
         describe(&machine, &budget);
         if let Some(program) = &self.program {
             let extent = self.check_program(&machine, program)?;

@@ -4,9 +4,7 @@ use std::fmt;
 use std::ops::{Index, IndexMut};
 
 /// An axis by its program letter. X Y Z U V W are linear (mm), A B C rotary (degrees).
-#[derive(
-    Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize, serde::Deserialize,
-)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize)]
 pub enum Axis {
     /// Linear.
     X,
@@ -49,16 +47,21 @@ impl Axis {
 
     /// The upper-case program letter.
     pub const fn letter(self) -> char {
+        self.name().as_bytes()[0] as char
+    }
+
+    /// The same as a text.
+    pub const fn name(self) -> &'static str {
         match self {
-            Axis::X => 'X',
-            Axis::Y => 'Y',
-            Axis::Z => 'Z',
-            Axis::A => 'A',
-            Axis::B => 'B',
-            Axis::C => 'C',
-            Axis::U => 'U',
-            Axis::V => 'V',
-            Axis::W => 'W',
+            Axis::X => "X",
+            Axis::Y => "Y",
+            Axis::Z => "Z",
+            Axis::A => "A",
+            Axis::B => "B",
+            Axis::C => "C",
+            Axis::U => "U",
+            Axis::V => "V",
+            Axis::W => "W",
         }
     }
 

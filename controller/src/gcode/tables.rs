@@ -21,9 +21,11 @@ use std::fs::{self, File};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
+use toml::Spanned;
 
 use super::axes::{Axis, COORDINATE_LIMIT, Point};
+use crate::document::{self, Invalid, Log, Table};
 
 /// The names of the work offsets, in the order of their numbers 1 to 9.
 const WORK_OFFSETS: [&str; 9] = [
@@ -67,24 +69,9 @@ pub enum TablesError {
         /// Why.
         reason: io::Error,
     },
-    /// Its text is wrong; the message shows line, column and what is allowed.
-    #[error("{}: {reason}{remedy}", file.display())]
-    Text {
-        /// The file.
-        file: PathBuf,
-        /// What is wrong.
-        reason: Box<toml::de::Error>,
-        /// What to do, where that is known.
-        remedy: &'static str,
-    },
-    /// Its values are wrong.
-    #[error("{}: {fault}", file.display())]
-    Values {
-        /// The file.
-        file: PathBuf,
-        /// What is wrong and what to do.
-        fault: String,
-    },
+    /// It says what tables do not have.
+    #[error(transparent)]
+    Invalid(#[from] Invalid),
 }
 
 impl Tables {
@@ -111,24 +98,63 @@ impl Tables {
     /// Reads tables from the text of `file`.
     ///
     /// # Errors
-    /// The text says what tables do not have.
+    /// Everything in the text that tables do not have.
     pub fn parse(file: &Path, text: &str) -> Result<Tables, TablesError> {
-        let document: Document = toml::from_str(text).map_err(|error| TablesError::Text {
+        let mut log = Log::new(text);
+        let document = document::toml(&mut log, text);
+        let mut tables = Tables::default();
+        if log.is_empty() {
+            let file = Table::new("tables file", 0..0, document.get_ref());
+            tables.read(&mut log, file);
+        }
+        if log.is_empty() {
+            return Ok(tables);
+        }
+        Err(Invalid {
             file: file.to_owned(),
-            remedy: if ["`1`", "`2`", "`3`"]
-                .iter()
-                .any(|part| error.message().contains(part))
-            {
-                "a name with a point stands in quotes: \"G59.3\""
-            } else {
-                ""
-            },
-            reason: Box::new(error),
-        })?;
-        document.into_tables().map_err(|fault| TablesError::Values {
-            file: file.to_owned(),
-            fault,
-        })
+            diagnostics: log.into_diagnostics(),
+        }
+        .into())
+    }
+
+    fn read(&mut self, log: &mut Log<'_>, mut file: Table<'_, '_>) {
+        let work_offsets = file.table(log, "work_offsets", false);
+        let reference_points = file.table(log, "reference_points", false);
+        let tools = file.tables_if(log, "tool", "number");
+        file.finish(log);
+        if let Some(mut table) = work_offsets {
+            for (name, offset) in WORK_OFFSETS.into_iter().zip(&mut self.work_offsets) {
+                *offset = point(log, &mut table, name);
+            }
+            table.finish(log);
+        }
+        if let Some(mut table) = reference_points {
+            self.g28 = point(log, &mut table, "G28");
+            self.g30 = point(log, &mut table, "G30");
+            self.g92 = point(log, &mut table, "G92");
+            table.finish(log);
+        }
+        for mut table in tools {
+            let number = table.integer(log, "number", 0..=u32::MAX.into(), "");
+            let tool = Tool {
+                name: table.text_or(log, "name", "", "a text", |_| true),
+                diameter: (table
+                    .number_if(log, "diameter", "a number from 0 on (mm)", |mm| mm >= 0.0))
+                .map_or(0.0, Spanned::into_inner),
+                offset: point(log, &mut table, "offset"),
+            };
+            let title = table.title.clone();
+            table.finish(log);
+            let Some(number) = number else { continue };
+            // It is in the range of an u32.
+            if (self.tools.insert(*number.get_ref() as u32, tool)).is_some() {
+                log.report(
+                    number.span(),
+                    format!("{title} is there already"),
+                    "allowed: each `number` once",
+                );
+            }
+        }
     }
 
     /// Replaces a tables file by these tables at once: after a power cut the file is the old one or
@@ -137,14 +163,12 @@ impl Tables {
     /// # Errors
     /// The file, or the one beside it that is to replace it, cannot be written.
     pub fn save(&self, file: &Path) -> Result<(), TablesError> {
-        let text = toml::to_string(&Document::from(self)).map_err(|error| TablesError::Values {
-            file: file.to_owned(),
-            fault: error.to_string(),
-        })?;
-        replace(file, &text).map_err(|reason| TablesError::Io {
-            file: file.to_owned(),
-            reason,
-        })
+        let text = toml::to_string(&Document::from(self)).map_err(io::Error::other);
+        text.and_then(|text| replace(file, &text))
+            .map_err(|reason| TablesError::Io {
+                file: file.to_owned(),
+                reason,
+            })
     }
 }
 
@@ -169,8 +193,7 @@ fn replace(file: &Path, text: &str) -> io::Result<()> {
 type Values = BTreeMap<Axis, f64>;
 
 /// The file as it is written.
-#[derive(Serialize, Deserialize, Default)]
-#[serde(deny_unknown_fields, default)]
+#[derive(Serialize)]
 struct Document {
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     work_offsets: BTreeMap<String, Values>,
@@ -180,64 +203,13 @@ struct Document {
     tools: Vec<ToolEntry>,
 }
 
-#[derive(Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Serialize)]
 struct ToolEntry {
     number: u32,
-    #[serde(default, skip_serializing_if = "String::is_empty")]
+    #[serde(skip_serializing_if = "String::is_empty")]
     name: String,
-    #[serde(default)]
     diameter: f64,
-    #[serde(default)]
     offset: Values,
-}
-
-impl Document {
-    fn into_tables(self) -> Result<Tables, String> {
-        let mut tables = Tables::default();
-        for (name, values) in self.work_offsets {
-            let index = WORK_OFFSETS.iter().position(|known| *known == name);
-            let Some(offset) = index.and_then(|index| tables.work_offsets.get_mut(index)) else {
-                return Err(format!(
-                    "work_offsets.{name} is no work offset: use one of {}",
-                    WORK_OFFSETS.join(", ")
-                ));
-            };
-            *offset = point(&format!("work_offsets.{name}"), &values)?;
-        }
-        for (name, values) in self.reference_points {
-            let reference = match name.as_str() {
-                "G28" => &mut tables.g28,
-                "G30" => &mut tables.g30,
-                "G92" => &mut tables.g92,
-                _ => {
-                    return Err(format!(
-                        "reference_points.{name} is no reference point: use G28, G30 or G92"
-                    ));
-                }
-            };
-            *reference = point(&format!("reference_points.{name}"), &values)?;
-        }
-        for entry in self.tools {
-            let number = entry.number;
-            if !(entry.diameter >= 0.0 && entry.diameter.is_finite()) {
-                return Err(format!(
-                    "tool {number}: the diameter has to be 0 mm or more"
-                ));
-            }
-            let tool = Tool {
-                name: entry.name,
-                offset: point(&format!("tool {number}: offset"), &entry.offset)?,
-                diameter: entry.diameter,
-            };
-            if tables.tools.insert(number, tool).is_some() {
-                return Err(format!(
-                    "tool {number} is there twice: give each its own number"
-                ));
-            }
-        }
-        Ok(tables)
-    }
 }
 
 impl From<&Tables> for Document {
@@ -275,17 +247,28 @@ impl From<&Tables> for Document {
     }
 }
 
-fn point(what: &str, values: &Values) -> Result<Point, String> {
+/// The point `key` of a table; zero without it.
+fn point(log: &mut Log<'_>, table: &mut Table<'_, '_>, key: &'static str) -> Point {
     let mut point = Point::ZERO;
-    for (axis, value) in values {
-        if value.is_nan() || value.abs() > COORDINATE_LIMIT {
-            return Err(format!(
-                "{what}.{axis} has to be a number within ±{COORDINATE_LIMIT}"
-            ));
+    let allowed = "axes with their positions: { X = 400.0, Z = -250.0 }";
+    let Some(mut values) = table.table_if(log, key, allowed) else {
+        return point;
+    };
+    values.title = format!("{}: {key}", table.title);
+    if key == "G59" {
+        for (part, name) in [("1", "G59.1"), ("2", "G59.2"), ("3", "G59.3")] {
+            values.misread(log, part, &format!("\"{name}\", in quotes"));
         }
-        point[*axis] = *value;
     }
-    Ok(point)
+    for axis in Axis::ALL {
+        let (name, unit) = (axis.name(), axis.units()[0]);
+        let allowed = format!("a number within ±{COORDINATE_LIMIT} ({unit})");
+        let within = |value: f64| value.abs() <= COORDINATE_LIMIT;
+        let value = values.number_if(log, name, &allowed, within);
+        point[axis] = value.map_or(0.0, Spanned::into_inner);
+    }
+    values.finish(log);
+    point
 }
 
 fn values(point: &Point) -> Values {

@@ -1,15 +1,11 @@
 //! The machine file: buses, drives, axes, limits and supervision times of one machine, in TOML.
 //!
-//! Reading is strict: what is unknown, missing, doubled, out of range or contradictory is an
-//! [`Invalid`] that says for each mistake where it stands, what is allowed and what was probably
-//! meant. `docs/machine-file.md` is the reference of all keys.
+//! Reading is strict, see [`document`](crate::document). `docs/machine-file.md` is the reference of
+//! all keys.
 
-mod diagnostic;
 mod read;
-mod table;
 
-pub use diagnostic::{Diagnostic, Invalid};
-
+use crate::document::Invalid;
 use crate::gcode;
 use crate::program::Position;
 use std::{

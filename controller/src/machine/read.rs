@@ -2,11 +2,8 @@
 //! they fit together. Each stage reports all it finds, and the next starts only on what is clean,
 //! so that one mistake does not cause complaints about another thing.
 
-use super::{
-    Axis, Bus, Controller, Drive, Machine, PathTolerances,
-    diagnostic::{Diagnostic, Log},
-    table::{Table, integer, nearest, one_of},
-};
+use super::{Axis, Bus, Controller, Drive, Machine, PathTolerances};
+use crate::document::{self, Diagnostic, Log, Table, integer, nearest, one_of};
 use std::{collections::BTreeMap, ops::Range, time::Duration};
 use syncline_canopen::{Address, NodeId};
 use syncline_drives::model::{Data, Direction, Increments, MODELS, Model, Scaling, Write};
@@ -29,14 +26,7 @@ const BITRATES: [i64; 8] = [
 
 pub(super) fn machine(source: &str) -> Result<Machine, Vec<Diagnostic>> {
     let mut log = Log::new(source);
-    let (document, errors) = DeTable::parse_recoverable(source);
-    for error in errors {
-        log.report(
-            error.span().unwrap_or(0..0),
-            format!("not TOML: {}", error.message()),
-            "allowed: tables, keys and values as on https://toml.io",
-        );
-    }
+    let document = document::toml(&mut log, source);
     let machine = log
         .is_empty()
         .then(|| Tables::read(&mut log, document.get_ref()))

@@ -192,6 +192,9 @@ fn tables_that_cannot_be_used() {
         "[[tool]]\nnumber = 1\nlength = 3",
         "[tools]",
         "= 1",
+        // All at once, each with its place.
+        "tool = 3\n[work_offset]\nG54 = {}\n[reference_points]\nG28 = 5\nG92 = { z = 1, Y = \"a\", W = inf }",
+        "[work_offsets]\nG55 = { X = 2e9 }\n[[tool]]\nname = 1\n[[tool]]\nnumber = 2\noffset = [1]\ndiameter = nan",
     ] {
         let error = Tables::parse(Path::new("portal.tables.toml"), text).unwrap_err();
         messages += &format!("{error}\n");

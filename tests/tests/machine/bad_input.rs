@@ -98,6 +98,38 @@ fn mistakes_in_the_machine_file() {
     }
 }
 
+/// All mistakes in the tables beside the machine file at once, told in the same way.
+#[test]
+fn mistakes_in_the_tables() {
+    let folder = Folder::new();
+    let machine = folder.machine("portal");
+    let program = folder.file("p.ngc", "M2\n");
+    let tables = "[work_offsets]\nG54 = { X = 1.0, YY = 2.0 }\nG60 = { X = 3.0 }\nG59.1 = { Z = 1 }\n\n\
+                  [[tool]]\nnumber = 1\ndiametre = 6.0\n\n[[tool]]\nnumber = -2\n\n\
+                  [[tool]]\noffset = { Z = \"long\" }\n";
+    let file = folder.file("portal.tables.toml", tables);
+    let complaint = refusal(&machine, &program, &[]);
+    for told in [
+        "2:18: work_offsets: G54: unknown key `YY`",
+        "3:1: work_offsets: unknown key `G60`",
+        "nearest valid key: `G54`",
+        "4:5: work_offsets: G59: unknown key `1`",
+        "probably meant: \"G59.1\", in quotes",
+        "8:1: tool 1: unknown key `diametre`",
+        "nearest valid key: `diameter`",
+        "11:10: tool -2: `number` is -2",
+        "13:1: tool: missing key `number`",
+        "14:16: tool: offset: `Z` is \"long\"",
+    ] {
+        assert!(complaint.contains(told), "no {told} in {complaint}");
+    }
+    let places = complaint.matches(&format!("{}:", file.display())).count();
+    assert_eq!(places, 7, "{complaint}");
+    // The machine alone is checked with its tables too.
+    let check = syncline().arg("check").arg(&machine).output().unwrap();
+    assert_eq!(ended(&check), (2, "", &*complaint));
+}
+
 /// Each mistake in a program, and what a user has to be told: `file:line:column`, the block, what
 /// to do.
 #[test]

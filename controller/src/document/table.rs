@@ -12,15 +12,15 @@ use toml::{
 };
 
 /// A value that is good, with its place for what is checked later.
-pub(super) type Found<T> = Option<Spanned<T>>;
+pub(crate) type Found<T> = Option<Spanned<T>>;
 
 /// A table while it is read: every key is asked for once, then [`finish`](Table::finish) reports
 /// the missing ones and the ones nobody asked for.
-pub(super) struct Table<'a, 'i> {
+pub(crate) struct Table<'a, 'i> {
     /// How messages call it: `axis "X"`.
-    pub(super) title: String,
+    pub(crate) title: String,
     /// Its header.
-    pub(super) span: Range<usize>,
+    pub(crate) span: Range<usize>,
     entries: &'a DeTable<'i>,
     known: Vec<&'static str>,
     /// Keys that are required and absent, each with what it allows.
@@ -28,7 +28,7 @@ pub(super) struct Table<'a, 'i> {
 }
 
 impl<'a, 'i> Table<'a, 'i> {
-    pub(super) fn new(title: &str, span: Range<usize>, entries: &'a DeTable<'i>) -> Self {
+    pub(crate) fn new(title: &str, span: Range<usize>, entries: &'a DeTable<'i>) -> Self {
         Self {
             title: title.into(),
             span,
@@ -70,7 +70,7 @@ impl<'a, 'i> Table<'a, 'i> {
     }
 
     /// A required text that `accept` takes.
-    pub(super) fn text(
+    pub(crate) fn text(
         &mut self,
         log: &mut Log<'_>,
         key: &'static str,
@@ -88,7 +88,7 @@ impl<'a, 'i> Table<'a, 'i> {
     }
 
     /// A required name: one of `names`.
-    pub(super) fn choice<'n>(
+    pub(crate) fn choice<'n>(
         &mut self,
         log: &mut Log<'_>,
         key: &'static str,
@@ -111,7 +111,7 @@ impl<'a, 'i> Table<'a, 'i> {
     }
 
     /// One of `names`, or `default`.
-    pub(super) fn choice_or<'n>(
+    pub(crate) fn choice_or<'n>(
         &mut self,
         log: &mut Log<'_>,
         key: &'static str,
@@ -128,7 +128,7 @@ impl<'a, 'i> Table<'a, 'i> {
     }
 
     /// A text, or `default`.
-    pub(super) fn text_or(
+    pub(crate) fn text_or(
         &mut self,
         log: &mut Log<'_>,
         key: &'static str,
@@ -146,7 +146,7 @@ impl<'a, 'i> Table<'a, 'i> {
     }
 
     /// A required list of texts, as many as `count` says.
-    pub(super) fn texts(
+    pub(crate) fn texts(
         &mut self,
         log: &mut Log<'_>,
         key: &'static str,
@@ -169,7 +169,7 @@ impl<'a, 'i> Table<'a, 'i> {
     }
 
     /// `true` or `false`, or `default`.
-    pub(super) fn flag_or(&mut self, log: &mut Log<'_>, key: &'static str, default: bool) -> bool {
+    pub(crate) fn flag_or(&mut self, log: &mut Log<'_>, key: &'static str, default: bool) -> bool {
         match self.get(key) {
             None => default,
             Some(value) => value.get_ref().as_bool().unwrap_or_else(|| {
@@ -180,7 +180,7 @@ impl<'a, 'i> Table<'a, 'i> {
     }
 
     /// A required whole number in `range`.
-    pub(super) fn integer(
+    pub(crate) fn integer(
         &mut self,
         log: &mut Log<'_>,
         key: &'static str,
@@ -199,7 +199,7 @@ impl<'a, 'i> Table<'a, 'i> {
     }
 
     /// A whole number in `range`, or `default`.
-    pub(super) fn integer_or(
+    pub(crate) fn integer_or(
         &mut self,
         log: &mut Log<'_>,
         key: &'static str,
@@ -212,7 +212,7 @@ impl<'a, 'i> Table<'a, 'i> {
     }
 
     /// 1…`most` milliseconds, or `default`.
-    pub(super) fn millis_or(
+    pub(crate) fn millis_or(
         &mut self,
         log: &mut Log<'_>,
         key: &'static str,
@@ -224,7 +224,7 @@ impl<'a, 'i> Table<'a, 'i> {
     }
 
     /// A whole number in `range`, if the key is there.
-    pub(super) fn integer_if(
+    pub(crate) fn integer_if(
         &mut self,
         log: &mut Log<'_>,
         key: &'static str,
@@ -240,7 +240,7 @@ impl<'a, 'i> Table<'a, 'i> {
     }
 
     /// A required number that `accept` takes.
-    pub(super) fn number(
+    pub(crate) fn number(
         &mut self,
         log: &mut Log<'_>,
         key: &'static str,
@@ -257,35 +257,44 @@ impl<'a, 'i> Table<'a, 'i> {
         }
     }
 
-    /// A required number above zero.
-    pub(super) fn positive(
+    /// A number that `accept` takes, if the key is there.
+    pub(crate) fn number_if(
         &mut self,
         log: &mut Log<'_>,
         key: &'static str,
-        unit: &str,
-    ) -> Found<f64> {
-        self.number(log, key, &format!("a number above 0 {unit}"), |number| {
-            number > 0.0
-        })
-    }
-
-    /// A number above zero, if the key is there.
-    pub(super) fn positive_if(
-        &mut self,
-        log: &mut Log<'_>,
-        key: &'static str,
-        unit: &str,
+        allowed: &str,
+        accept: impl Fn(f64) -> bool,
     ) -> Found<f64> {
         if self.entries.contains_key(key) {
-            self.positive(log, key, unit)
+            self.number(log, key, allowed, accept)
         } else {
             self.known.push(key);
             None
         }
     }
 
+    /// A required number above zero.
+    pub(crate) fn positive(
+        &mut self,
+        log: &mut Log<'_>,
+        key: &'static str,
+        unit: &str,
+    ) -> Found<f64> {
+        self.number(log, key, &above_zero(unit), |number| number > 0.0)
+    }
+
+    /// A number above zero, if the key is there.
+    pub(crate) fn positive_if(
+        &mut self,
+        log: &mut Log<'_>,
+        key: &'static str,
+        unit: &str,
+    ) -> Found<f64> {
+        self.number_if(log, key, &above_zero(unit), |number| number > 0.0)
+    }
+
     /// A number above zero, or `default`.
-    pub(super) fn positive_or(
+    pub(crate) fn positive_or(
         &mut self,
         log: &mut Log<'_>,
         key: &'static str,
@@ -296,13 +305,25 @@ impl<'a, 'i> Table<'a, 'i> {
             .map_or(default, Spanned::into_inner)
     }
 
+    /// Reports a key that stands for another one.
+    pub(crate) fn misread(&mut self, log: &mut Log<'_>, key: &'static str, meant: &str) {
+        if let Some((place, _)) = self.entries.get_key_value(key) {
+            self.known.push(key);
+            log.report(
+                place.span(),
+                format!("{}: unknown key `{key}`", self.title),
+                format!("probably meant: {meant}"),
+            );
+        }
+    }
+
     /// Where the value of a key stands, if it is there.
-    pub(super) fn span_of(&self, key: &str) -> Option<Range<usize>> {
+    pub(crate) fn span_of(&self, key: &str) -> Option<Range<usize>> {
         self.entries.get(key).map(Spanned::span)
     }
 
     /// A required pair of numbers, the second above the first.
-    pub(super) fn interval(
+    pub(crate) fn interval(
         &mut self,
         log: &mut Log<'_>,
         key: &'static str,
@@ -323,7 +344,7 @@ impl<'a, 'i> Table<'a, 'i> {
     }
 
     /// The items of a list, if the key is there.
-    pub(super) fn items(
+    pub(crate) fn items(
         &mut self,
         log: &mut Log<'_>,
         key: &'static str,
@@ -342,52 +363,66 @@ impl<'a, 'i> Table<'a, 'i> {
     }
 
     /// The one table `[key]`, required or not.
-    pub(super) fn table(
+    pub(crate) fn table(
         &mut self,
         log: &mut Log<'_>,
         key: &'static str,
         required: bool,
     ) -> Option<Table<'a, 'i>> {
-        let value = if required {
-            self.require(key, format!("one table [{key}]"))?
-        } else {
-            self.get(key)?
-        };
+        let allowed = format!("one table [{key}]");
+        if required {
+            self.require(key, &allowed)?;
+        }
+        self.table_if(log, key, &allowed)
+    }
+
+    /// A table, if the key is there.
+    pub(crate) fn table_if(
+        &mut self,
+        log: &mut Log<'_>,
+        key: &'static str,
+        allowed: &str,
+    ) -> Option<Table<'a, 'i>> {
+        let value = self.get(key)?;
         let table = value.get_ref().as_table();
         if table.is_none() {
-            self.wrong(log, key, value, format!("one table [{key}]"));
+            self.wrong(log, key, value, allowed);
         }
         table.map(|table| Table::new(key, value.span(), table))
     }
 
-    /// The tables `[[key]]`, at least one.
-    pub(super) fn tables(&mut self, log: &mut Log<'_>, key: &'static str) -> Vec<Table<'a, 'i>> {
+    /// The tables `[[key]]`, at least one, each called by its name.
+    pub(crate) fn tables(&mut self, log: &mut Log<'_>, key: &'static str) -> Vec<Table<'a, 'i>> {
         let allowed = format!("one or more tables [[{key}]]");
         let Some(value) = self.require(key, &allowed) else {
             return Vec::new();
         };
-        let tables = value.get_ref().as_array().and_then(|items| {
-            let table = |item: &'a Spanned<DeValue<'i>>| {
-                let entries = item.get_ref().as_table()?;
-                let title = entries
-                    .get("name")
-                    .and_then(|name| name.get_ref().as_str())
-                    .map_or_else(|| key.to_owned(), |name| format!("{key} \"{name}\""));
-                Some(Table::new(&title, item.span(), entries))
-            };
-            items.iter().map(table).collect::<Option<Vec<_>>>()
-        });
-        tables
-            .filter(|tables| !tables.is_empty())
-            .unwrap_or_else(|| {
-                self.wrong(log, key, value, allowed);
-                Vec::new()
-            })
+        let tables = tables(key, "name", value).filter(|tables| !tables.is_empty());
+        tables.unwrap_or_else(|| {
+            self.wrong(log, key, value, allowed);
+            Vec::new()
+        })
+    }
+
+    /// The tables `[[key]]`, if there are any, each called by what `name` says.
+    pub(crate) fn tables_if(
+        &mut self,
+        log: &mut Log<'_>,
+        key: &'static str,
+        name: &str,
+    ) -> Vec<Table<'a, 'i>> {
+        let Some(value) = self.get(key) else {
+            return Vec::new();
+        };
+        tables(key, name, value).unwrap_or_else(|| {
+            self.wrong(log, key, value, format!("tables [[{key}]]"));
+            Vec::new()
+        })
     }
 
     /// Reports keys that do not exist here, and those that are missing unless one of the former
     /// is a misspelling of it.
-    pub(super) fn finish(self, log: &mut Log<'_>) {
+    pub(crate) fn finish(self, log: &mut Log<'_>) {
         let mut misspelt = Vec::new();
         for key in self.entries.keys() {
             let name: &str = key.get_ref();
@@ -423,13 +458,37 @@ impl<'a, 'i> Table<'a, 'i> {
     }
 }
 
-/// The name most like `name`.
-pub(super) fn nearest<'n>(name: &str, names: impl Iterator<Item = &'n str>) -> Option<&'n str> {
-    names.min_by_key(|candidate| strsim::damerau_levenshtein(name, candidate))
+/// A list's tables; `None` where it is something else.
+fn tables<'a, 'i>(
+    key: &str,
+    name: &str,
+    value: &'a Spanned<DeValue<'i>>,
+) -> Option<Vec<Table<'a, 'i>>> {
+    let items = value.get_ref().as_array()?;
+    let table = |item: &'a Spanned<DeValue<'i>>| {
+        let entries = item.get_ref().as_table()?;
+        let title = match entries.get(name).map(Spanned::get_ref) {
+            Some(DeValue::String(name)) => format!("{key} \"{name}\""),
+            Some(DeValue::Integer(number)) => format!("{key} {number}"),
+            _ => key.to_owned(),
+        };
+        Some(Table::new(&title, item.span(), entries))
+    };
+    items.iter().map(table).collect()
+}
+
+fn above_zero(unit: &str) -> String {
+    format!("a number above 0 {unit}")
+}
+
+/// The name most like `name`, in whatever case.
+pub(crate) fn nearest<'n>(name: &str, names: impl Iterator<Item = &'n str>) -> Option<&'n str> {
+    let name = name.to_lowercase();
+    names.min_by_key(|candidate| strsim::damerau_levenshtein(&name, &candidate.to_lowercase()))
 }
 
 /// `"a", "b" or "c"`.
-pub(super) fn one_of<'n>(names: impl Iterator<Item = &'n str>) -> String {
+pub(crate) fn one_of<'n>(names: impl Iterator<Item = &'n str>) -> String {
     let mut names: Vec<_> = names.map(|name| format!("\"{name}\"")).collect();
     match (names.pop(), names.is_empty()) {
         (Some(last), false) => format!("{} or {last}", names.join(", ")),
@@ -438,7 +497,7 @@ pub(super) fn one_of<'n>(names: impl Iterator<Item = &'n str>) -> String {
 }
 
 /// A whole number, if it is one that an i64 holds.
-pub(super) fn integer(value: &DeValue<'_>) -> Option<i64> {
+pub(crate) fn integer(value: &DeValue<'_>) -> Option<i64> {
     let integer = value.as_integer()?;
     i64::from_str_radix(integer.as_str(), integer.radix()).ok()
 }

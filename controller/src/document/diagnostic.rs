@@ -46,7 +46,7 @@ fn char_start(source: &str, index: usize) -> usize {
     at
 }
 
-/// Everything wrong with a machine file, in the order of its lines.
+/// Everything wrong with a file, in the order of its lines.
 #[derive(Clone, Debug, Error)]
 pub struct Invalid {
     /// The file as it was named.
@@ -88,20 +88,20 @@ impl fmt::Display for Invalid {
 
 /// Collects diagnostics while a file is read.
 #[derive(Debug)]
-pub(super) struct Log<'s> {
+pub(crate) struct Log<'s> {
     source: &'s str,
     found: Vec<(usize, Diagnostic)>,
 }
 
 impl<'s> Log<'s> {
-    pub(super) fn new(source: &'s str) -> Self {
+    pub(crate) fn new(source: &'s str) -> Self {
         Self {
             source,
             found: Vec::new(),
         }
     }
 
-    pub(super) fn report(
+    pub(crate) fn report(
         &mut self,
         span: Range<usize>,
         problem: impl Into<String>,
@@ -112,11 +112,11 @@ impl<'s> Log<'s> {
         self.found.push((start, diagnostic));
     }
 
-    pub(super) fn is_empty(&self) -> bool {
+    pub(crate) fn is_empty(&self) -> bool {
         self.found.is_empty()
     }
 
-    pub(super) fn into_diagnostics(mut self) -> Vec<Diagnostic> {
+    pub(crate) fn into_diagnostics(mut self) -> Vec<Diagnostic> {
         self.found.sort_by_key(|(start, _)| *start);
         self.found.into_iter().map(|(_, found)| found).collect()
     }
