@@ -63,8 +63,8 @@ fn bad_tables_are_told_once() {
     fs::write(folder.path().join("portal.tables.toml"), tables).unwrap();
     let bracket = "examples/portal/bracket.ngc";
     let error = refused(&[file.to_str().unwrap(), bracket]);
-    assert_eq!(error.matches("unknown variant").count(), 1, "{error}");
-    assert!(error.contains("in quotes: \"G59.3\""), "{error}");
+    assert_eq!(error.matches("unknown key").count(), 1, "{error}");
+    assert!(error.contains("meant: \"G59.3\", in quotes"), "{error}");
 }
 
 #[test]
