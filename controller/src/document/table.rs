@@ -370,8 +370,9 @@ impl<'a, 'i> Table<'a, 'i> {
         required: bool,
     ) -> Option<Table<'a, 'i>> {
         let allowed = format!("one table [{key}]");
-        if required {
-            self.require(key, &allowed)?;
+        if required && !self.entries.contains_key(key) {
+            self.require(key, &allowed);
+            return None;
         }
         self.table_if(log, key, &allowed)
     }
