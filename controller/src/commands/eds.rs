@@ -54,6 +54,12 @@ impl Args {
     }
 
     fn drive<'a>(&self, machine: &'a Machine) -> Result<&'a Drive, String> {
+        if let Some(wanted) = &self.bus
+            && machine.buses.iter().all(|bus| bus.name != *wanted)
+        {
+            let known: Vec<&str> = machine.buses.iter().map(|bus| &*bus.name).collect();
+            return Err(format!("no bus `{wanted}`, only {}", known.join(", ")));
+        }
         let on_bus = |drive: &&Drive| {
             let bus = &machine.buses[drive.bus].name;
             self.bus.as_ref().is_none_or(|wanted| wanted == bus)
@@ -109,7 +115,7 @@ fn compare(drive: &Drive, file: &Path) -> Exit {
     let bytes = match std::fs::read(file) {
         Ok(bytes) => bytes,
         Err(error) => {
-            eprintln!("error: {}: {error}", file.display());
+            eprintln!("error: cannot read {}: {error}", file.display());
             return Exit::BadInput;
         }
     };

@@ -101,15 +101,14 @@ impl Args {
         let source: Box<dyn BufRead> = if log == Path::new("-") {
             Box::new(io::stdin().lock())
         } else {
-            Box::new(BufReader::new(File::open(log).map_err(|error| {
-                BadLine(format!("cannot read {}: {error}", log.display()))
-            })?))
+            let file = File::open(log).map_err(|error| cannot_read(log, &error))?;
+            Box::new(BufReader::new(file))
         };
         // Each interface in the log is a bus of its own.
         let mut monitors = BTreeMap::new();
         let mut printer = Printer::new(self.count);
         for (number, line) in (1..).zip(source.lines()) {
-            let line = line?;
+            let line = line.map_err(|error| cannot_read(log, &error))?;
             if line.trim().is_empty() || printer.is_done() {
                 continue;
             }
@@ -128,6 +127,10 @@ impl Args {
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
 struct BadLine(String);
+
+fn cannot_read(log: &Path, error: &io::Error) -> BadLine {
+    BadLine(format!("cannot read {}: {error}", log.display()))
+}
 
 fn monitor(models: &BTreeMap<u8, &'static Model>) -> Monitor {
     let mut monitor = Monitor::new();
