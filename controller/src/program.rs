@@ -64,6 +64,9 @@ pub struct Extent {
     pub length: f64,
     /// Of those that turn A, B and C alone, degrees.
     pub turned: f64,
+    /// Whether it changes the tables, as far as is known: a program that is not read as a whole
+    /// may.
+    pub sets_tables: bool,
 }
 
 /// Why a program cannot be run.
@@ -179,7 +182,10 @@ impl Program {
     pub fn check(&self, start: Position) -> Result<Extent, ProgramError> {
         let mut interpreter = self.interpret(start)?;
         if self.stream {
-            return Ok(Extent::default());
+            return Ok(Extent {
+                sets_tables: true,
+                ..Extent::default()
+            });
         }
         let mut source = MoveSource { at: start };
         let mut extent = Extent::default();
@@ -197,6 +203,7 @@ impl Program {
             }
         }
         extent.blocks = interpreter.executed();
+        extent.sets_tables = *interpreter.tables() != self.setup.tables;
         Ok(extent)
     }
 

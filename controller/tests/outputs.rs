@@ -188,6 +188,52 @@ fn a_refusal_costs_no_file() {
     }
 }
 
+/// A program that sets offsets is not run where they could not be saved.
+#[test]
+fn tables_that_cannot_be_saved() {
+    let place = Place::new();
+    fs::write(place.path().join("set.ngc"), "G10 L2 P2 X5\nM2\n").unwrap();
+    let new = "portal.tables.toml.new";
+    fs::create_dir(place.path().join(new)).unwrap();
+    let told = format!("cannot write {new}: Is a directory (os error 21)");
+    place.refused("run portal.toml set.ngc", &told);
+    place.refused("run portal.toml set.ngc --stream", &told);
+    let (code, _, told) = place.run("validate portal.toml set.ngc");
+    assert_eq!(code, 0, "{told}");
+    assert_eq!(place.files(), [new, "set.ngc"]);
+    let tables = place.path().join("portal.tables.toml");
+    fs::create_dir(tables).unwrap();
+    let told = "cannot read portal.tables.toml: Is a directory (os error 21)";
+    place.refused("run portal.toml short.ngc", told);
+}
+
+/// What cannot be read is bad input too, and told by its name.
+#[test]
+fn files_that_cannot_be_read() {
+    let place = Place::new();
+    fs::write(place.path().join("bytes"), b"(1.0) can0 181#37\n\xff\n").unwrap();
+    let folder = "cannot read .: Is a directory (os error 21)";
+    let bytes = "cannot read bytes: stream did not contain valid UTF-8";
+    for (command, told) in [
+        ("check .", folder),
+        ("plan .", folder),
+        ("monitor --log .", folder),
+        ("replay . portal.toml short.ngc", folder),
+        ("eds portal.toml 1 --compare .", folder),
+        ("validate portal.toml short.ngc --events .", folder),
+        ("check bytes", bytes),
+        ("replay bytes portal.toml short.ngc --bus can0", bytes),
+        (
+            "eds portal.toml 1 --bus main",
+            "portal.toml: no bus `main`, only portal",
+        ),
+    ] {
+        place.refused(command, told);
+    }
+    let (code, _, told) = place.run("monitor --log bytes");
+    assert_eq!((code, told), (2, format!("error: {bytes}\n")));
+}
+
 /// A file that was longer before holds only what is new.
 #[test]
 fn files_are_replaced() {

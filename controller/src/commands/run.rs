@@ -144,6 +144,9 @@ impl Args {
         let mut claims = Claims::of_run(&self.machine, &self.program);
         let results = self.output.open(&mut claims)?;
         let logs = self.log.open(&mut claims)?;
+        if extent.sets_tables {
+            Tables::probe(&Tables::beside(&self.machine))?;
+        }
         if let Some(beginning) = program.beginning(machine.rest())? {
             confirm(&beginning)?;
         }
@@ -334,15 +337,18 @@ impl Run<'_> {
             if let Some(error) = failure {
                 report(&*error);
             }
+            let mut saved = Ok(());
             if controller.end() == Some(End::Finished)
                 && let Some(feeder) = planning.end()?
             {
-                feeder.save_tables(&Tables::beside(&self.args.machine))?;
+                saved = feeder.save_tables(&Tables::beside(&self.args.machine));
             }
-            Ok::<_, Box<dyn Error>>((controller, measured))
+            Ok::<_, Box<dyn Error>>((controller, measured, saved))
         });
-        let (controller, measured) = outcome?;
-        self.conclude(recorder, &controller, &measured, lockstep)
+        let (controller, measured, saved) = outcome?;
+        let exit = self.conclude(recorder, &controller, &measured, lockstep)?;
+        saved?;
+        Ok(exit)
     }
 }
 

@@ -61,13 +61,21 @@ pub struct Tool {
 /// A tables file that cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum TablesError {
-    /// It cannot be read or written.
-    #[error("{}: {reason}", file.display())]
-    Io {
+    /// It cannot be read.
+    #[error("cannot read {}", file.display())]
+    Read {
         /// The file.
         file: PathBuf,
         /// Why.
-        reason: io::Error,
+        source: io::Error,
+    },
+    /// It cannot be written.
+    #[error("cannot write {}", file.display())]
+    Write {
+        /// The file.
+        file: PathBuf,
+        /// Why.
+        source: io::Error,
     },
     /// It says what tables do not have.
     #[error(transparent)]
@@ -88,9 +96,9 @@ impl Tables {
         match fs::read_to_string(file) {
             Ok(text) => Tables::parse(file, &text),
             Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(Tables::default()),
-            Err(reason) => Err(TablesError::Io {
+            Err(source) => Err(TablesError::Read {
                 file: file.to_owned(),
-                reason,
+                source,
             }),
         }
     }
@@ -157,6 +165,16 @@ impl Tables {
         }
     }
 
+    /// Makes sure that a tables file could be replaced.
+    ///
+    /// # Errors
+    /// The one beside it that would replace it cannot be written.
+    pub fn probe(file: &Path) -> Result<(), TablesError> {
+        let new = beside(file);
+        let tried = File::create(&new).and_then(|_| fs::remove_file(&new));
+        tried.map_err(|source| TablesError::Write { file: new, source })
+    }
+
     /// Replaces a tables file by these tables at once: after a power cut the file is the old one or
     /// the new one.
     ///
@@ -165,15 +183,20 @@ impl Tables {
     pub fn save(&self, file: &Path) -> Result<(), TablesError> {
         let text = toml::to_string(&Document::from(self)).map_err(io::Error::other);
         text.and_then(|text| replace(file, &text))
-            .map_err(|reason| TablesError::Io {
+            .map_err(|source| TablesError::Write {
                 file: file.to_owned(),
-                reason,
+                source,
             })
     }
 }
 
+/// Where the file is written that is to replace a tables file.
+fn beside(file: &Path) -> PathBuf {
+    file.with_extension("toml.new")
+}
+
 fn replace(file: &Path, text: &str) -> io::Result<()> {
-    let new = file.with_extension("toml.new");
+    let new = beside(file);
     let mut writer = File::create(&new)?;
     writer.write_all(
         b"# Work offsets, reference points and tools. Rewritten by programs that set them.\n\n",
