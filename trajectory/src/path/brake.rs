@@ -9,31 +9,63 @@
 use super::certify::{self, crest};
 use super::{Curve, Departure, Derivatives, Limits, Piece, Span};
 
-/// Cells that the way down from the greatest speed is cut into.
-const CELLS: usize = 24;
-/// … and into how many at most, where the path changes quickly.
-const MOST_CELLS: usize = 72;
+/// Cells of the way down from the greatest speed, at most.
+const MOST_CELLS: usize = 160;
 /// Cells in which an acceleration is taken back, at most.
-const RISING: usize = 60;
+const MOST_RISING: usize = 120;
 /// Pieces of a braking law at most.
-pub(super) const MOST_PIECES: usize = MOST_CELLS + RISING;
+pub(super) const MOST_PIECES: usize = MOST_CELLS + MOST_RISING;
 /// Angle, in rad, over which the crest of a parabola tells what a circle asks for.
 const TURN: f64 = 0.12;
 /// Parts of a polynomial that deserve a cell of their own.
 const POLY_CELLS: f64 = 6.0;
-/// A way whose nodes move by no more in a round, as a part of its length, is looked at.
-const SETTLED: f64 = 1e-2;
-/// Cells at whose ends the jerks that are allowed differ by more, as a part of what they are where
-/// nothing bends, are cut; and the same where an acceleration is taken back.
-const UNEVEN: f64 = 0.05;
-const UNEVEN_RISE: f64 = 0.02;
+
+/// How carefully a way down is searched for.
+#[derive(Debug, Clone, Copy)]
+struct Care {
+    /// Cells that it is cut into at first, and at most where the path changes quickly.
+    cells: usize,
+    most_cells: usize,
+    /// Cells in which an acceleration is taken back, at most.
+    rising: usize,
+    /// Cells at whose ends the jerks that are allowed differ by more, as a part of what they are where
+    /// nothing bends, are cut; and the same where an acceleration is taken back.
+    uneven: f64,
+    uneven_rise: f64,
+    /// A way whose nodes move by no more in a round, as a part of its length, is looked at.
+    settled: f64,
+    /// Times that a piece on a polynomial is halved, at most, to prove that it keeps the limits.
+    halvings: usize,
+}
+
+/// Between two setpoints.
+const HASTY: Care = Care {
+    cells: 24,
+    most_cells: 72,
+    rising: 60,
+    uneven: 0.05,
+    uneven_rise: 0.02,
+    settled: 1e-2,
+    halvings: 3,
+};
+/// Where there is time.
+const CAREFUL: Care = Care {
+    cells: 48,
+    most_cells: MOST_CELLS,
+    rising: MOST_RISING,
+    uneven: 0.03,
+    uneven_rise: 0.02,
+    settled: 5e-3,
+    halvings: 5,
+};
 /// Steps in which an acceleration is taken back where nothing bends …
 const RISING_STEPS: f64 = 8.0;
-/// … the shortest ones as a part of those, and how many are left to long ones.
+/// … and the shortest ones as a part of those.
 const SHORTEST: f64 = 0.03;
-const RISING_LEFT: usize = 12;
 /// Part of the jerk limit that a curve must leave for braking in closed form.
 const RESERVE: f64 = 0.4;
+/// An E that is a smaller part of the one where nothing bends is no way down.
+const NO_WAY: f64 = 4e-4;
 /// Excess over a limit that is rounding, as a part of it.
 const ROUNDING: f64 = 1e-9;
 
@@ -115,19 +147,12 @@ pub(super) fn brake<'a, const N: usize>(
     from: Departure,
     target: f64,
 ) -> Option<Braking> {
-    let mut search = Search {
-        halvings: MANY_HALVINGS,
-        ..Search::default()
-    };
+    let mut search = Search::default();
+    search.way.care = CAREFUL;
     search
         .go_on(span, limits, from, target, usize::MAX)
         .flatten()
 }
-
-/// Times that a piece on a polynomial is halved, at most, to prove that it keeps the limits: where
-/// the cycle searches, and where there is time.
-const FEW_HALVINGS: usize = 3;
-const MANY_HALVINGS: usize = 5;
 
 /// Rounds that are worth their while.
 const MOST_ROUNDS: usize = 40;
@@ -144,7 +169,6 @@ pub(super) struct Search<const N: usize> {
     way: Way<N>,
     from: Departure,
     stage: Stage,
-    halvings: usize,
 }
 
 /// What comes next in a search.
@@ -177,8 +201,9 @@ impl<const N: usize> Default for Search<N> {
         };
         Search {
             way: Way {
+                care: HASTY,
                 target: 0.0,
-                rising: [node; RISING + 1],
+                rising: [node; MOST_RISING + 1],
                 rises: 0,
                 falling: [node; MOST_CELLS + 1],
                 falls: 0,
@@ -191,7 +216,6 @@ impl<const N: usize> Default for Search<N> {
             },
             from: Departure::default(),
             stage: Stage::Begin,
-            halvings: FEW_HALVINGS,
         }
     }
 }
@@ -273,7 +297,7 @@ impl<const N: usize> Search<N> {
                 },
                 Stage::Prove { cell, certain } if cell < way.cells() => Stage::Prove {
                     cell: cell + 1,
-                    certain: way.is_certain(cell, &span, limits, self.halvings)? && certain,
+                    certain: way.is_certain(cell, &span, limits)? && certain,
                 },
                 Stage::Prove { certain: true, .. } => return Some(way.law(from)),
                 Stage::Check { .. } | Stage::Prove { .. } => {
@@ -313,9 +337,10 @@ struct Node<const N: usize> {
 /// A law in the making.
 #[derive(Debug, Clone, Copy)]
 struct Way<const N: usize> {
+    care: Care,
     target: f64,
     /// First the acceleration is taken back, in so many cells.
-    rising: [Node<N>; RISING + 1],
+    rising: [Node<N>; MOST_RISING + 1],
     rises: usize,
     /// Then the speed comes down.
     falling: [Node<N>; MOST_CELLS + 1],
@@ -353,7 +378,8 @@ impl<const N: usize> Way<N> {
         target: f64,
     ) -> Option<()> {
         let way = self;
-        (way.target, way.falls, way.refined) = (target, CELLS, 0);
+        let cells = way.care.cells;
+        (way.target, way.falls, way.refined) = (target, cells, 0);
         way.moved = f64::INFINITY;
         way.step = 1.0;
         for node in way.rising.iter_mut().chain(&mut way.falling) {
@@ -378,13 +404,13 @@ impl<const N: usize> Way<N> {
             (0.0, 0.0, -2.0 * above / a, -a)
         };
         let whole = down + hold + landing;
-        let tick = whole / CELLS as f64;
+        let tick = whole / cells as f64;
         (way.tick, way.rounds) = (tick, 0);
-        for (k, node) in way.falling[..=CELLS].iter_mut().enumerate().skip(1) {
+        for (k, node) in way.falling[..=cells].iter_mut().enumerate().skip(1) {
             let gone = tick * k as f64;
             let left = whole - gone;
             // From the end, from the start, or in between.
-            (node.v, node.a) = if k == CELLS {
+            (node.v, node.a) = if k == cells {
                 (target, 0.0)
             } else if left < landing {
                 let jerk = peak / landing;
@@ -395,14 +421,14 @@ impl<const N: usize> Way<N> {
                 (target + peak * (left - 0.5 * landing), -peak)
             };
         }
-        for k in 0..CELLS {
+        for k in 0..cells {
             let (now, next) = (way.falling[k], way.falling[k + 1]);
             let t = -2.0 * (now.v - next.v) / (now.a + next.a);
             way.falling[k].t = t;
             way.falling[k].jerk = (next.a - now.a) / t;
             way.falling[k + 1].s = way.falling[k].end()?.distance;
         }
-        for node in &mut way.falling[..=CELLS] {
+        for node in &mut way.falling[..=cells] {
             node.looked = [node.s; 2];
         }
         Some(())
@@ -478,8 +504,12 @@ impl<const N: usize> Way<N> {
         // Longest and shortest step, and the next one.
         let (mut longest, mut tick) = (f64::INFINITY, f64::INFINITY);
         while now.acceleration > 0.0 {
-            let steps = RISING - self.rises;
-            let node = self.rising[..RISING].get_mut(self.rises)?;
+            // Cells that are used before their time make the others longer.
+            let used = self.rises as f64 / self.care.rising as f64;
+            let gone = 1.0 - now.acceleration / from.acceleration;
+            let early = (8.0 * (used - gone).max(0.0)) as u32;
+            let loose = self.care.uneven_rise * f64::from(1_u32 << early);
+            let node = self.rising[..self.care.rising].get_mut(self.rises)?;
             node.take(now);
             node.look(&mut road, limits, now.distance)?;
             self.work += LOOKING + RELAXING;
@@ -490,7 +520,7 @@ impl<const N: usize> Way<N> {
             loop {
                 self.work += 2 * (LOOKING + RELAXING);
                 let uneven = node.ease(&road, limits, tick)?;
-                if uneven <= UNEVEN_RISE || steps <= RISING_LEFT || tick < SHORTEST * longest {
+                if uneven <= loose || tick < SHORTEST * longest {
                     break;
                 }
                 tick *= 0.5;
@@ -511,7 +541,7 @@ impl<const N: usize> Way<N> {
 
     /// The nodes are where the path was looked up.
     fn is_settled(&self) -> bool {
-        self.moved <= SETTLED * (self.falling[self.falls].s - self.falling[0].s)
+        self.moved <= self.care.settled * (self.falling[self.falls].s - self.falling[0].s)
     }
 
     /// Looks the path up where the nodes are, or where they seem to be going (Anderson, "Iterative
@@ -537,7 +567,7 @@ impl<const N: usize> Way<N> {
             whole += change * change;
         }
         let part = if self.moved.is_finite() && !self.is_settled() && whole > 0.0 {
-            (along / whole).clamp(-2.0, 0.7)
+            (along / whole).clamp(-2.0, 0.9)
         } else {
             0.0
         };
@@ -569,8 +599,18 @@ impl<const N: usize> Way<N> {
             ];
             let high = highs[0].min(highs[1]);
             let low = accelerations(now, limits)[0].min(0.0);
-            let by_jerk = (most[k + 1] + high * (now.v - next.v)).max(0.0);
-            most[k] = by_jerk.min(0.5 * low * low);
+            let down = now.v - next.v;
+            let mut by_jerk = (most[k + 1] + high * down).max(0.0);
+            let mut by_acceleration = 0.5 * low * low;
+            // Where there is no way down the path is not passed at that speed: it is soon another one.
+            let [straight, jerk] = now.unbent(limits);
+            if by_jerk < (NO_WAY * straight).min(most[k + 1]) {
+                by_jerk = most[k + 1] + jerk * down;
+            }
+            if by_acceleration < NO_WAY * straight {
+                by_acceleration = straight;
+            }
+            most[k] = by_jerk.min(by_acceleration);
             nodes[k].uneven = if most[k] < by_jerk {
                 0.0
             } else {
@@ -588,7 +628,12 @@ impl<const N: usize> Way<N> {
                 jerks(next, now.share[1], now.a, now.t)[0],
             ];
             let low = lows[0].max(lows[1]);
-            let e1 = (e - low * down).min(most[k + 1]).max(0.0);
+            let [straight, jerk] = now.unbent(limits);
+            let mut by_jerk = e - low * down;
+            if by_jerk < (NO_WAY * straight).min(e) {
+                by_jerk = e + jerk * down;
+            }
+            let e1 = by_jerk.min(most[k + 1]).max(0.0);
             let a1 = -(2.0 * e1).sqrt();
             let now = &mut nodes[k];
             now.t = -2.0 * down / (now.a + a1);
@@ -618,11 +663,13 @@ impl<const N: usize> Way<N> {
             return Some(false);
         }
         self.refined += 1;
-        let old = self.falling;
+        // The old nodes wait at the end of the room, where the new ones do not come before they went.
+        let apart = MOST_CELLS - self.falls;
+        self.falling.copy_within(..=self.falls, apart);
         let (mut from, mut to) = (0, 0);
         while from < self.falls {
-            let (now, next) = (old[from], old[from + 1]);
-            let left = MOST_CELLS - to - (self.falls - from);
+            let (now, next) = (self.falling[apart + from], self.falling[apart + from + 1]);
+            let left = self.care.most_cells - to - (self.falls - from);
             let mut cuts = [0.0; 4];
             let mut count = 0;
             if next.index > now.index {
@@ -637,20 +684,13 @@ impl<const N: usize> Way<N> {
                         }
                     }
                 }
-            } else if let curve @ Curve::Poly(_) = span(now.index)?.curve
-                && now.t > 0.2 * self.tick
-            {
-                let parts = ((next.s - now.s) / curve.length() * POLY_CELLS)
-                    .ceil()
-                    .clamp(1.0, 4.0);
-                for k in 1..parts as usize {
-                    cuts[count] = now.t * k as f64 / parts;
-                    count += 1;
-                }
             } else if now.t > 0.1 * self.tick {
-                let parts = (now.uneven / now.along(limits)[1] / UNEVEN)
-                    .ceil()
-                    .clamp(1.0, 4.0);
+                let quick = match span(now.index)?.curve {
+                    ref curve @ Curve::Poly(_) => (next.s - now.s) / curve.length() * POLY_CELLS,
+                    _ => 0.0,
+                };
+                let uneven = now.uneven / now.along(limits)[1] / self.care.uneven;
+                let parts = quick.max(uneven).ceil().clamp(1.0, 4.0);
                 for k in 1..parts as usize {
                     cuts[count] = now.t * k as f64 / parts;
                     count += 1;
@@ -680,7 +720,7 @@ impl<const N: usize> Way<N> {
             }
             from += 1;
         }
-        self.falling[to] = old[self.falls];
+        self.falling[to] = self.falling[MOST_CELLS];
         let cut = to > self.falls;
         self.falls = to;
         Some(cut)
@@ -749,16 +789,18 @@ impl<const N: usize> Way<N> {
         cell: usize,
         span: impl Fn(usize) -> Option<&'a Span<N>>,
         limits: &Limits<N>,
-        halvings: usize,
     ) -> Option<bool> {
         let [now, next] = self.cell(cell);
         let slack = if cell < ENTRY { ENTRY_SLACK } else { ROUNDING };
-        let proof = (slack, halvings);
+        let proof = (slack, self.care.halvings);
         let certain = now.is_certain(&next, &span, limits, proof, &mut self.work)?;
         if !certain {
             if cell < self.rises && self.step > 0.1 {
                 self.step *= 0.5;
-            } else if cell >= self.rises && now.t > 0.1 * self.tick && self.falls < MOST_CELLS {
+            } else if cell >= self.rises
+                && now.t > 0.1 * self.tick
+                && self.falls < self.care.most_cells
+            {
                 self.halve(cell - self.rises);
             } else {
                 self.node(cell).share = now.share.map(|share| share * UNCERTAIN);
@@ -828,6 +870,12 @@ impl<const N: usize> Node<N> {
         most.map(|part| 1.0 / part)
     }
 
+    /// The E and the jerk that the axes allow where nothing bends.
+    fn unbent(&self, limits: &Limits<N>) -> [f64; 2] {
+        let [acceleration, jerk] = self.along(limits);
+        [0.5 * acceleration * acceleration, jerk]
+    }
+
     /// Takes the acceleration back for the duration `tick`, or until there is none, with the lowest
     /// jerk that the axes allow at both ends, their accelerations kept. By how much more is allowed at
     /// the start alone, as a part of what is where nothing bends; infinite if that is too much for an
@@ -867,7 +915,7 @@ impl<const N: usize> Node<N> {
             uneven = if need > high.min(most) {
                 f64::INFINITY
             } else {
-                (need - low) / along
+                (need - low.min(least)) / need.abs().clamp(0.1 * along, along)
             };
             self.jerk = need;
         }
