@@ -161,23 +161,44 @@ fn ways(grid: &[f64], e: &[f64], top: State) -> Vec<State> {
     out
 }
 
-/// Cycles after its command in which a hold begins to show where the path lets it: 6 ms.
-const BEGINS: usize = 3;
+/// Who comes to rest.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Rest {
+    Hold,
+    Stop,
+    /// A stop whose planner does not answer.
+    Alone,
+}
+
+impl Rest {
+    /// Cycles after its command in which it begins to show where the path lets it: 6 ms, or 14 ms.
+    fn begins(self) -> usize {
+        match self {
+            Rest::Hold | Rest::Stop => 3,
+            Rest::Alone => 7,
+        }
+    }
+}
 
 /// Cycles after which the planner answers: 4 ms.
 const ANSWER: usize = 2;
 
-/// A hold, or a stop without a planner: where it comes to rest, and the states from three cycles after the command on, or before
+/// Where it comes to rest, and the states from the cycle on in which that may begin to show, or before
 /// where it leaves the plan before, until it leaves the plan. Nothing of the limits is exceeded on
 /// the way.
-fn hold(planner: Option<&Planner<3>>, plan: &Executor<3>, road: &Road) -> (f64, Vec<State>) {
-    let mut planner = planner.cloned();
+fn come_to_rest(
+    rest: Rest,
+    planner: &Planner<3>,
+    plan: &Executor<3>,
+    road: &Road,
+) -> (f64, Vec<State>) {
+    let mut planner = (rest != Rest::Alone).then(|| planner.clone());
     let mut executor = plan.clone();
     let mut outlooks = VecDeque::new();
     let mut twin = plan.clone();
-    match planner {
-        Some(_) => executor.hold(),
-        None => executor.stop(),
+    match rest {
+        Rest::Hold => executor.hold(),
+        Rest::Stop | Rest::Alone => executor.stop(),
     }
     let mut states = vec![road.state(&executor.setpoint())];
     let mut together = true;
@@ -195,8 +216,12 @@ fn hold(planner: Option<&Planner<3>>, plan: &Executor<3>, road: &Road) -> (f64, 
                 executor.accept(command);
             }
         }
+        let before = executor.setpoint();
         let now = executor.advance();
         for i in 0..3 {
+            let change = (now.velocity[i] - before.velocity[i]).abs();
+            let most = LIMITS.acceleration[i] * PERIOD * (1.0 + 2e-9);
+            assert!(change <= most, "axis {i}: {before:?} {now:?}");
             for (is, limit) in [
                 (now.velocity[i], LIMITS.velocity[i]),
                 (now.acceleration[i], LIMITS.acceleration[i]),
@@ -219,13 +244,13 @@ fn hold(planner: Option<&Planner<3>>, plan: &Executor<3>, road: &Road) -> (f64, 
             states.push(state);
         }
     }
-    let begins = BEGINS.min(states.len() - 1);
+    let begins = rest.begins().min(states.len() - 1);
     (executor.setpoint().distance, states.split_off(begins))
 }
 
 /// Holds, or stops, every so many cycles of so many random programs: how much longer than the least their
 /// ways to rest are on curves, in ascending order.
-fn survey(programs: u32, every: u32, holds: bool) -> Vec<f64> {
+fn survey(programs: u32, every: u32, rest: Rest) -> Vec<f64> {
     let mut runner = TestRunner::new_with_rng(
         Config::default(),
         TestRng::deterministic_rng(RngAlgorithm::ChaCha),
@@ -262,10 +287,10 @@ fn survey(programs: u32, every: u32, holds: bool) -> Vec<f64> {
             if cycle % every != 0 || plan.setpoint().speed < 1.0 {
                 continue;
             }
-            let (rest, states) = hold(holds.then_some(&planner), &plan, &road);
-            let (first, took) = (states[0], rest - states[0].s);
+            let (end, states) = come_to_rest(rest, &planner, &plan, &road);
+            let (first, took) = (states[0], end - states[0].s);
             let span = road.span(first.s);
-            if span.curve.direction().is_some() && rest < span.start + span.curve.length() {
+            if span.curve.direction().is_some() && end < span.start + span.curve.length() {
                 straight += 1;
                 continue;
             }
@@ -277,7 +302,7 @@ fn survey(programs: u32, every: u32, holds: bool) -> Vec<f64> {
                 .fold(f64::INFINITY, f64::min);
             if least.is_finite() {
                 let factor = took / least;
-                if factor > 1.05 {
+                if factor > 1.02 {
                     println!(
                         "{program}/{cycle}, {} cycles: {took:.4} mm for {least:.4} from {first:?}",
                         states.len() - 1
@@ -291,7 +316,7 @@ fn survey(programs: u32, every: u32, holds: bool) -> Vec<f64> {
     }
     factors.sort_by(f64::total_cmp);
     println!(
-        "{straight} on lines, {} on curves, and {unknown} of unknown least",
+        "{rest:?}: {straight} on lines, {} on curves, and {unknown} of unknown least",
         factors.len()
     );
     for part in [0.5, 0.9, 0.95, 0.98, 0.99, 1.0] {
@@ -313,16 +338,18 @@ fn longer(factors: &[f64]) -> f64 {
 /// leaves hardly a way down; `many_holds_on_curves` counts them.
 #[test]
 fn a_hold_on_curves_stops_in_nearly_the_least_distance() {
-    let factors = survey(8, 41, true);
-    assert!(factors[factors.len() / 2] <= 1.002);
-    assert!(longer(&factors) <= 0.07, "{}", longer(&factors));
-    assert!(factors.last().is_some_and(|worst| *worst <= 3.0));
+    let factors = survey(8, 41, Rest::Hold);
+    assert!(factors[factors.len() / 2] <= 1.001);
+    assert!(longer(&factors) <= 0.01, "{}", longer(&factors));
+    assert!(factors.last().is_some_and(|worst| *worst <= 1.2));
 }
 
-/// Without a planner the cycle itself finds most of them.
+/// So does a stop for good; without an answer the cycle itself finds a way.
 #[test]
 fn a_stop_on_curves_needs_no_planner() {
-    let factors = survey(8, 41, false);
+    let factors = survey(4, 41, Rest::Stop);
+    assert!(longer(&factors) <= 0.01, "{}", longer(&factors));
+    let factors = survey(8, 41, Rest::Alone);
     assert!(factors[factors.len() / 2] <= 1.002);
     assert!(longer(&factors) <= 0.25, "{}", longer(&factors));
     assert!(factors.last().is_some_and(|worst| *worst <= 5.0));
@@ -332,8 +359,12 @@ fn a_stop_on_curves_needs_no_planner() {
 #[test]
 #[ignore = "takes a minute"]
 fn many_holds_on_curves() {
-    for (holds, most) in [(true, 0.02), (false, 0.06)] {
-        let longer = longer(&survey(40, 17, holds));
+    for (rest, most) in [
+        (Rest::Hold, 0.003),
+        (Rest::Stop, 0.003),
+        (Rest::Alone, 0.06),
+    ] {
+        let longer = longer(&survey(40, 17, rest));
         println!("above 1.02: {longer:.4}");
         assert!(longer <= most, "{longer}");
     }

@@ -603,11 +603,13 @@ impl<const N: usize> Controller<N> {
         let held = self.executor.leads_to_hold()
             || (self.executor.awaits_plan() && self.executor.outlook().is_none());
         let over = self.pause.is_some() || self.after_plan.is_some();
-        if held || over || self.phase != Phase::Program {
-            0
-        } else {
-            self.executor.room()
-        }
+        let takes = match self.phase {
+            Phase::Program => !held && !over,
+            // The way to rest, and nothing beyond.
+            Phase::Stop => !held,
+            _ => false,
+        };
+        if takes { self.executor.room() } else { 0 }
     }
 
     /// Takes the next instruction of the program; false if there is no room for it.
@@ -637,11 +639,11 @@ impl<const N: usize> Controller<N> {
         }
     }
 
-    /// From where on the program's path has to be planned anew, if it has; for
+    /// From where on the program's path has to be planned anew, if it has, also to rest at the end; for
     /// [`Feeder::observe`](crate::program::Feeder::observe).
     #[must_use]
     pub fn outlook(&self) -> Option<Outlook> {
-        (self.phase == Phase::Program)
+        matches!(self.phase, Phase::Program | Phase::Stop)
             .then(|| self.executor.outlook())
             .flatten()
     }

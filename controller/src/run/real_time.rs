@@ -8,7 +8,7 @@
 //! a thread of its own ([`planning`](super::planning)). Nothing else is shared.
 
 use super::driver::Driver;
-use crate::control::{Controller, Event, Instruction, Layout, Order, Phase, Row};
+use crate::control::{Controller, Event, Instruction, Layout, Order, Row};
 use crate::port::{Port, PortError};
 use crate::program::{COORDINATES, Position};
 use crate::realtime::{self, Granted};
@@ -293,10 +293,7 @@ impl Cycle {
     fn take_plan(&mut self, most: usize) -> Duration {
         let mut waited = Duration::ZERO;
         let mut taken = 0;
-        while taken < most
-            && self.driver.controller.phase() == Phase::Program
-            && self.driver.controller.room() > 0
-        {
+        while taken < most && self.driver.controller.room() > 0 {
             if !self.told_ready
                 && let Some(start) = self.driver.controller.ready()
             {
@@ -315,7 +312,7 @@ impl Cycle {
                     self.driver.controller.accept(instruction);
                     taken += 1;
                 }
-                Err(_) if self.timing.lockstep => {
+                Err(_) if self.timing.lockstep && !self.instructions.is_abandoned() => {
                     // Interrupted if the other side is gone, so that this ends.
                     std::thread::sleep(NAP);
                     waited += NAP;

@@ -507,7 +507,7 @@ impl<const N: usize> Way<N> {
             // Cells that are used before their time make the others longer.
             let used = self.rises as f64 / self.care.rising as f64;
             let gone = 1.0 - now.acceleration / from.acceleration;
-            let early = (8.0 * (used - gone).max(0.0)) as u32;
+            let early = (8.0 * (used - gone).clamp(0.0, 1.0)) as u32;
             let loose = self.care.uneven_rise * f64::from(1_u32 << early);
             let node = self.rising[..self.care.rising].get_mut(self.rises)?;
             node.take(now);

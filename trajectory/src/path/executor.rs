@@ -291,8 +291,8 @@ impl<const N: usize> Executor<N> {
     pub fn room(&self) -> usize {
         let room = (self.spans.capacity() - self.spans.len())
             .min(self.steps.capacity() - self.steps.len());
-        let held = self.held || self.is_held() && !self.deaf;
-        if held && !self.seeks_rest() || self.turns() || self.refused == Some(self.cycle) {
+        let held = self.held || self.stopped || self.turns() || self.is_held() && !self.deaf;
+        if held && !self.seeks_rest() || self.refused == Some(self.cycle) {
             0
         } else if self.deaf || self.fresh.is_some() {
             room
@@ -302,10 +302,10 @@ impl<const N: usize> Executor<N> {
     }
 
     /// Takes the next command of the plan; false, and nothing taken, if there is no room for it.
-    /// After [`stop`](Self::stop), and while the plan is to be replaced, commands are taken and
-    /// dropped.
+    /// After [`stop`](Self::stop), but for the way to rest, and while the plan is to be replaced,
+    /// commands are taken and dropped.
     pub fn accept(&mut self, command: Command<N>) -> bool {
-        if self.stopped {
+        if self.stopped && !self.seeks_rest() {
             return true;
         }
         if self.room() == 0 {
@@ -399,8 +399,8 @@ impl<const N: usize> Executor<N> {
         }
         self.committed = self.steps.len();
         self.committed_spans = self.first_span + self.spans.len() as u64;
-        if self.held {
-            // That was the way to rest; the way on comes after it.
+        if self.held || self.stopped || self.turns() {
+            // That was the way to rest; a way on comes after it.
             self.stop = Stop::Found;
             self.revise();
         }
@@ -415,7 +415,8 @@ impl<const N: usize> Executor<N> {
     /// Nothing is left to execute, and nothing is waited for; the axes rest.
     pub fn is_idle(&self) -> bool {
         let moved = self.away.as_ref().is_some_and(|away| !away.rests());
-        self.committed == 0 && !self.held && !self.deaf && self.fresh.is_none() && !moved
+        let waits = !self.stopped && (self.held || self.deaf || self.fresh.is_some());
+        self.committed == 0 && !waits && !moved
     }
 
     /// Number of the cycle that the last setpoint belongs to.
@@ -576,7 +577,7 @@ impl<const N: usize> Executor<N> {
             self.tag = span.tag;
             self.reached = end;
         }
-        if self.stopped {
+        if self.stopped && self.committed == 0 {
             self.spans.clear();
         }
     }
@@ -706,9 +707,7 @@ impl<const N: usize> Executor<N> {
 
     /// It has to come to rest before the new plan begins: that goes the other way.
     fn turns(&self) -> bool {
-        self.deaf
-            && self.steps_back() != self.backward
-            && matches!(self.current(), Some(Step::Piece(_)))
+        self.steps_back() != self.backward && matches!(self.current(), Some(Step::Piece(_)))
     }
 
     /// Comes to rest at the end of the block that is under way, or of the first one where that is
@@ -735,16 +734,20 @@ impl<const N: usize> Executor<N> {
         !self.deaf && matches!(last.and_then(|last| self.steps.get(last)), Some(Step::Hold))
     }
 
-    /// Comes to rest on the path as soon as the limits allow, as [`hold`](Self::hold) does, and
-    /// drops the rest of the plan for good.
+    /// Comes to rest on the path as soon as the limits allow, as [`hold`](Self::hold) does, also by
+    /// what a planner answers, and drops the rest of the plan for good.
     pub fn stop(&mut self) {
         if !self.stopped {
             self.stopped = true;
             self.held = false;
-            self.deaf = false;
-            self.drop_uncommitted();
-            if self.stop != Stop::Found {
-                self.begin_stop();
+            match self.stop {
+                Stop::No => {
+                    self.revise();
+                    self.begin_stop();
+                }
+                // A hold looks for the way already, or is on it.
+                Stop::Sought { .. } => {}
+                Stop::Found => self.drop_uncommitted(),
             }
             if self.committed == 0 {
                 self.spans.clear();
@@ -812,13 +815,33 @@ impl<const N: usize> Executor<N> {
     /// is dropped.
     pub fn outlook(&self) -> Option<Outlook> {
         let rest = self.seeks_rest();
-        let waits = self.held && !rest || self.turns() || self.refused == Some(self.cycle);
-        if !self.deaf || waits {
+        let held = self.held || self.stopped || self.turns();
+        if !self.deaf || held && !rest || self.refused == Some(self.cycle) {
             return None;
         }
         // A way to rest is soon found.
         let lead = if rest { self.lead * 3 / 4 } else { self.lead };
         let cycle = self.cycle + lead.max(1);
+        let (leg, departure) = self.state_at(cycle);
+        let later = std::array::from_fn(|k| {
+            let (same, later) = self.state_at(cycle + 1 + k as u64);
+            if same == leg { later } else { departure }
+        });
+        Some(Outlook {
+            revision: self.revision,
+            cycle,
+            leg,
+            departure,
+            overrides: self.overrides,
+            stop_after_block: self.stop_after_block,
+            step_back: self.step_back,
+            rest,
+            later,
+        })
+    }
+
+    /// The leg that is under way at the start of `cycle`, or over, and the state on it then.
+    fn state_at(&self, cycle: u64) -> (Option<u64>, Departure) {
         let mut leg = self.leg;
         let mut departure = Departure {
             distance: self.reached,
@@ -853,16 +876,7 @@ impl<const N: usize> Executor<N> {
                 Step::Hold => {}
             }
         }
-        Some(Outlook {
-            revision: self.revision,
-            cycle,
-            leg,
-            departure,
-            overrides: self.overrides,
-            stop_after_block: self.stop_after_block,
-            step_back: self.step_back,
-            rest,
-        })
+        (leg, departure)
     }
 
     /// From this cycle on a stop is to begin that the planner, asked from now on, did not find.
@@ -875,16 +889,16 @@ impl<const N: usize> Executor<N> {
         ((AHEAD / self.period) as u64).max(1)
     }
 
-    /// It is to come to rest as soon as it can until [`resume`](Self::resume), and no way there was
-    /// found yet.
+    /// It is to come to rest as soon as it can, until [`resume`](Self::resume), to turn or for good, and
+    /// no way there was found yet.
     fn seeks_rest(&self) -> bool {
         let moves = matches!(self.current(), Some(Step::Piece(_)));
-        self.held && moves && matches!(self.stop, Stop::Sought { .. })
+        moves && matches!(self.stop, Stop::Sought { .. })
     }
 
     /// The plan is to be replaced: nothing more of it is taken.
     fn revise(&mut self) {
-        if self.stopped {
+        if self.stopped && self.stop == Stop::Found {
             return;
         }
         self.drop_uncommitted();
@@ -1024,10 +1038,10 @@ impl<const N: usize> Executor<N> {
         if found {
             self.stop = Stop::Found;
         } else if first || lost || departure == self.cycle {
-            let next = match (first, self.held) {
-                (true, true) => self.unanswered(),
-                (true, false) => self.cycle + 1,
-                _ => (departure + 1).max(self.cycle + self.ahead()),
+            let next = if first {
+                self.unanswered()
+            } else {
+                (departure + 1).max(self.cycle + self.ahead())
             };
             // Another section may begin before.
             let (index, _) = self.step_at(next);

@@ -469,11 +469,17 @@ impl<const N: usize> Planner<N> {
     /// Plans the shortest way to rest, and nothing beyond until the next outlook.
     fn come_to_rest(&mut self, outlook: &Outlook) {
         self.cursor.holds = true;
-        let from = outlook.departure;
-        let found = outlook.leg.and_then(|leg| {
-            let section = self.section(leg)?;
-            let spans = section.from(from.distance);
-            let law = brake(|k| spans.get(k), &self.limits, from, 0.0)?;
+        let ways = (outlook.leg).and_then(|leg| Some((leg, self.section(leg)?)));
+        let found = ways.and_then(|(leg, section)| {
+            let departures = [outlook.departure].into_iter().chain(outlook.later);
+            let (cycle, spans, law) =
+                (outlook.cycle..)
+                    .zip(departures)
+                    .find_map(|(cycle, from)| {
+                        let spans = section.from(from.distance);
+                        let law = brake(|k| spans.get(k), &self.limits, from, 0.0)?;
+                        Some((cycle, spans, law))
+                    })?;
             let begin = Command::Section {
                 leg,
                 origin: section.origin,
@@ -482,13 +488,13 @@ impl<const N: usize> Planner<N> {
             };
             let under_way = spans.iter().take_while(|s| s.start < law.end.distance);
             let spans = under_way.copied().map(Command::Span).collect::<Vec<_>>();
-            Some((begin, spans, law))
+            Some((cycle, begin, spans, law))
         });
-        let Some((begin, spans, law)) = found else {
+        let Some((cycle, begin, spans, law)) = found else {
             self.find_nothing();
             return;
         };
-        self.replace_from(outlook.cycle);
+        self.replace_from(cycle);
         self.out.push_back(begin);
         self.out.extend(spans);
         self.out
