@@ -16,7 +16,10 @@ const MOST_RISING: usize = 120;
 /// Pieces of a braking law at most.
 pub(super) const MOST_PIECES: usize = MOST_CELLS + MOST_RISING;
 /// Angle, in rad, over which the crest of a parabola tells what a circle asks for.
-const TURN: f64 = 0.12;
+const TURN: f64 = 0.06;
+/// By how much that may be too little, as a part of it: a sine's third derivative over half the angle,
+/// with room for speeds that change meanwhile.
+const TURN_ERROR: f64 = 1.5e-5;
 /// Parts of a polynomial that deserve a cell of their own.
 const POLY_CELLS: f64 = 6.0;
 
@@ -50,7 +53,7 @@ const HASTY: Care = Care {
 };
 /// Where there is time.
 const CAREFUL: Care = Care {
-    cells: 48,
+    cells: 32,
     most_cells: MOST_CELLS,
     rising: MOST_RISING,
     uneven: 0.03,
@@ -167,7 +170,6 @@ const PROVING: usize = 12;
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Search<const N: usize> {
     way: Way<N>,
-    from: Departure,
     stage: Stage,
 }
 
@@ -176,6 +178,9 @@ pub(super) struct Search<const N: usize> {
 enum Stage {
     /// To begin.
     Begin,
+    /// An acceleration is taken back; after that comes the first guess, or the way down from another
+    /// greatest speed than that before.
+    Rise { before: Option<f64> },
     /// A round.
     Round,
     /// Whether the cell of that number keeps the limits, as all before did or not.
@@ -210,11 +215,12 @@ impl<const N: usize> Default for Search<N> {
                 work: 0,
                 tick: 0.0,
                 step: 1.0,
+                longest: f64::INFINITY,
+                stride: f64::INFINITY,
                 rounds: 0,
                 refined: 0,
                 moved: f64::INFINITY,
             },
-            from: Departure::default(),
             stage: Stage::Begin,
         }
     }
@@ -226,8 +232,8 @@ impl<const N: usize> Search<N> {
         self.stage = Stage::Begin;
     }
 
-    /// As [`brake`], with so much work more; `from` is where the plan has come to meanwhile. None if
-    /// there seems to be no way from there, of nothing if it has to go on.
+    /// As [`brake`], with so much work more. None if there seems to be no way, of nothing if it has to
+    /// go on.
     pub(super) fn go_on<'a>(
         &mut self,
         span: impl Fn(usize) -> Option<&'a Span<N>>,
@@ -259,17 +265,26 @@ impl<const N: usize> Search<N> {
     ) -> Option<Option<Braking>> {
         let way = &mut self.way;
         way.work = 0;
-        if let Stage::Begin = self.stage {
-            way.begin(&span, limits, from, target)?;
-            self.stage = Stage::Round;
-        } else if self.from != from {
-            way.later(&span, limits, from)?;
-            self.stage = Stage::Round;
-        }
-        self.from = from;
         while way.work < work {
             self.stage = match self.stage {
-                Stage::Begin | Stage::Round => {
+                Stage::Begin => {
+                    way.begin(target);
+                    Stage::Rise { before: None }
+                }
+                Stage::Rise { before } => {
+                    if !way.rise(&span, limits, from, work)? {
+                        break;
+                    }
+                    match before {
+                        None => way.guess(limits)?,
+                        Some(before) => {
+                            way.shrink(before)?;
+                            way.relax(limits)?;
+                        }
+                    }
+                    Stage::Round
+                }
+                Stage::Round => {
                     let cost = (way.falls + 1) * (LOOKING + RELAXING);
                     if way.work > 0 && way.work + cost > work {
                         break;
@@ -301,11 +316,10 @@ impl<const N: usize> Search<N> {
                 },
                 Stage::Prove { certain: true, .. } => return Some(way.law(from)),
                 Stage::Check { .. } | Stage::Prove { .. } => {
-                    let before = way.falling[0].v;
-                    way.rise(&span, limits, from)?;
-                    way.shrink(before)?;
-                    way.relax(limits)?;
-                    Stage::Round
+                    way.rises = 0;
+                    Stage::Rise {
+                        before: Some(way.falling[0].v),
+                    }
                 }
             };
         }
@@ -349,8 +363,10 @@ struct Way<const N: usize> {
     work: usize,
     /// Duration of its cells in the first guess, and how often some were cut.
     tick: f64,
-    /// Part of the longest step in which an acceleration is taken back.
+    /// Part of the longest step in which an acceleration is taken back, that step and the next one.
     step: f64,
+    longest: f64,
+    stride: f64,
     rounds: usize,
     refined: usize,
     /// By how far the nodes went in the last round, at most, mm.
@@ -369,24 +385,21 @@ const UNCERTAIN: f64 = 0.985;
 const SHARE: f64 = 0.9992;
 
 impl<const N: usize> Way<N> {
-    /// The first guess: the closed form with what the axes allow along the path here.
-    fn begin<'a>(
-        &mut self,
-        span: impl Fn(usize) -> Option<&'a Span<N>>,
-        limits: &Limits<N>,
-        from: Departure,
-        target: f64,
-    ) -> Option<()> {
-        let way = self;
-        let cells = way.care.cells;
-        (way.target, way.falls, way.refined) = (target, cells, 0);
-        way.moved = f64::INFINITY;
-        way.step = 1.0;
-        for node in way.rising.iter_mut().chain(&mut way.falling) {
+    fn begin(&mut self, target: f64) {
+        (self.target, self.rises, self.refined) = (target, 0, 0);
+        (self.falls, self.rounds) = (self.care.cells, 0);
+        self.moved = f64::INFINITY;
+        self.step = 1.0;
+        for node in self.rising.iter_mut().chain(&mut self.falling) {
             node.share = [SHARE; 2];
             node.off = 0.0;
         }
-        way.rise(&span, limits, from)?;
+    }
+
+    /// The first guess: the closed form with what the axes allow along the path here.
+    fn guess(&mut self, limits: &Limits<N>) -> Option<()> {
+        let way = self;
+        let (cells, target) = (way.falls, way.target);
         let top = way.falling[0];
         let [limit, j] = top.along(limits);
         let above = top.v - target;
@@ -405,7 +418,7 @@ impl<const N: usize> Way<N> {
         };
         let whole = down + hold + landing;
         let tick = whole / cells as f64;
-        (way.tick, way.rounds) = (tick, 0);
+        way.tick = tick;
         for (k, node) in way.falling[..=cells].iter_mut().enumerate().skip(1) {
             let gone = tick * k as f64;
             let left = whole - gone;
@@ -434,54 +447,6 @@ impl<const N: usize> Way<N> {
         Some(())
     }
 
-    /// The same way from a little later on the plan.
-    fn later<'a>(
-        &mut self,
-        span: impl Fn(usize) -> Option<&'a Span<N>>,
-        limits: &Limits<N>,
-        from: Departure,
-    ) -> Option<()> {
-        let before = self.falling[0];
-        self.moved = f64::INFINITY;
-        for node in &mut self.rising {
-            node.share = [SHARE; 2];
-        }
-        self.rise(span, limits, from)?;
-        let top = self.falling[0];
-        if top.v < before.v {
-            // The plan brakes, too: the way goes on where the speed is the same.
-            let nodes = &self.falling[..=self.falls];
-            let passed = nodes
-                .iter()
-                .skip(1)
-                .take_while(|n| n.v > 0.995 * top.v)
-                .count();
-            if passed + 4 > self.falls {
-                return None;
-            }
-            self.falling.copy_within(passed.., 0);
-            self.falling[0] = Node {
-                share: before.share,
-                t: self.falling[0].t,
-                ..top
-            };
-            self.falls -= passed;
-            let least = top.s + 1e-3 * (self.falling[self.falls].s - top.s);
-            for node in &mut self.falling[1..=self.falls] {
-                node.s = node.s.max(least);
-            }
-        } else {
-            for node in &mut self.falling[1..=self.falls] {
-                node.s += top.s - before.s;
-            }
-            self.shrink(before.v)?;
-        }
-        for node in &mut self.falling[..=self.falls] {
-            node.looked = [node.s; 2];
-        }
-        Some(())
-    }
-
     /// The speeds on the way down from another greatest speed than `before`.
     fn shrink(&mut self, before: f64) -> Option<()> {
         let above = self.falling[0].v - self.target;
@@ -491,19 +456,27 @@ impl<const N: usize> Way<N> {
         (above > 0.0).then_some(())
     }
 
-    /// Takes back the acceleration as fast as the axes allow, step by step.
+    /// Takes back the acceleration as fast as the axes allow, step by step; true when it is gone.
     fn rise<'a>(
         &mut self,
         span: impl Fn(usize) -> Option<&'a Span<N>>,
         limits: &Limits<N>,
         from: Departure,
-    ) -> Option<()> {
+        work: usize,
+    ) -> Option<bool> {
         let mut road = Road { span, index: 0 };
-        self.rises = 0;
         let mut now = from;
-        // Longest and shortest step, and the next one.
-        let (mut longest, mut tick) = (f64::INFINITY, f64::INFINITY);
-        while now.acceleration > 0.0 {
+        if self.rises == 0 {
+            (self.longest, self.stride) = (f64::INFINITY, f64::INFINITY);
+        } else {
+            let last = &self.rising[self.rises - 1];
+            now = last.end()?;
+            road.index = last.index;
+        }
+        while now.acceleration > 1e-9 * from.acceleration.max(0.0) {
+            if self.work >= work {
+                return Some(false);
+            }
             // Cells that are used before their time make the others longer.
             let used = self.rises as f64 / self.care.rising as f64;
             let gone = 1.0 - now.acceleration / from.acceleration;
@@ -513,30 +486,28 @@ impl<const N: usize> Way<N> {
             node.take(now);
             node.look(&mut road, limits, now.distance)?;
             self.work += LOOKING + RELAXING;
-            if longest.is_infinite() {
-                longest = self.step * now.acceleration / node.along(limits)[1] / RISING_STEPS;
+            if self.longest.is_infinite() {
+                self.longest = self.step * now.acceleration / node.along(limits)[1] / RISING_STEPS;
             }
-            tick = tick.min(longest);
+            self.stride = self.stride.min(self.longest);
             loop {
                 self.work += 2 * (LOOKING + RELAXING);
-                let uneven = node.ease(&road, limits, tick)?;
-                if uneven <= loose || tick < SHORTEST * longest {
+                let uneven = node.ease(&road, limits, self.stride)?;
+                if uneven <= loose || self.stride < SHORTEST * self.longest {
                     break;
                 }
-                tick *= 0.5;
+                self.stride *= 0.5;
             }
-            tick *= 1.4;
+            self.stride *= 1.4;
             now = node.end()?;
             self.rises += 1;
-            if now.acceleration < 1e-9 * from.acceleration {
-                now.acceleration = 0.0;
-            }
         }
+        now.acceleration = now.acceleration.min(0.0);
         let top = &mut self.falling[0];
         top.take(now);
         top.look(&mut road, limits, now.distance)?;
         top.looked = [now.distance; 2];
-        (now.acceleration <= 0.0).then_some(())
+        Some(true)
     }
 
     /// The nodes are where the path was looked up.
@@ -1024,11 +995,15 @@ impl<const N: usize> Node<N> {
                         .map(|(row, j)| row[1].abs() * j);
                     (way * bends.fold(0.0, f64::max) / 3.0 / TURN)
                         .ceil()
-                        .clamp(1.0, 4.0)
+                        .clamp(1.0, 32.0)
                 }
                 Curve::Poly(_) => (2.0 * POLY_CELLS * way / here.curve.length())
                     .ceil()
                     .clamp(1.0, 6.0),
+            };
+            let bent = match here.curve {
+                Curve::Arc(_) => 1.0 + TURN_ERROR,
+                _ => 1.0,
             };
             *work += 2 * LOOKING * parts as usize + 1;
             let each = (until - begin) / parts;
@@ -1042,7 +1017,7 @@ impl<const N: usize> Node<N> {
                 };
                 let load = loads([&last, &on(t + 0.5 * each), &next], piece.jerk, limits);
                 for (over, load) in over.iter_mut().zip(load) {
-                    *over = over.max(load);
+                    *over = over.max(load * bent);
                 }
                 last = next;
             }

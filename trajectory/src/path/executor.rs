@@ -92,10 +92,10 @@ const RESERVE: usize = 2048;
 /// Less of the programmed speed is none: a path that takes for ever cannot be planned.
 const LEAST_OVERRIDE: f64 = 1e-3;
 
-/// From so far ahead a stop is searched for whose search takes more than a cycle, s.
-const AHEAD: f64 = 0.006;
+/// From so many cycles ahead a stop is searched for that the planner does not find.
+const AHEAD: u64 = 12;
 /// Work on the search for a stop on a curve in a cycle; see `brake.rs`.
-const WORK: usize = 600;
+const WORK: usize = 150;
 
 /// How far a stop on the path has come.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -361,10 +361,7 @@ impl<const N: usize> Executor<N> {
                     self.lead = (2 * self.lead).min(most.max(self.lead));
                 } else if let Stop::Sought { since, .. } = self.stop {
                     // It is awake, and asked again.
-                    self.stop = Stop::Sought {
-                        departure: self.unanswered(),
-                        since,
-                    };
+                    self.seek_from(self.unanswered(), since);
                 }
                 self.revise();
                 self.refused = Some(self.cycle);
@@ -491,7 +488,7 @@ impl<const N: usize> Executor<N> {
             let (ds, _, _) = piece.at(self.since(self.began));
             self.enter_span_at(piece.distance + ds);
             if let Stop::Sought { departure, since } = self.stop
-                && departure <= self.cycle + self.ahead()
+                && departure <= self.cycle + AHEAD
             {
                 self.seek_stop(departure, since);
             }
@@ -881,12 +878,7 @@ impl<const N: usize> Executor<N> {
 
     /// From this cycle on a stop is to begin that the planner, asked from now on, did not find.
     fn unanswered(&self) -> u64 {
-        self.cycle + self.lead + self.ahead()
-    }
-
-    /// Cycles from which ahead a stop is searched for.
-    fn ahead(&self) -> u64 {
-        ((AHEAD / self.period) as u64).max(1)
+        self.cycle + self.lead + AHEAD
     }
 
     /// It is to come to rest as soon as it can, until [`resume`](Self::resume), to turn or for good, and
@@ -949,15 +941,13 @@ impl<const N: usize> Executor<N> {
         let run = self.steps.iter().position(|s| !goes_on(s));
         self.steps.truncate(run.unwrap_or(self.steps.len()));
         self.committed = self.steps.len();
-        self.stop = Stop::Sought {
-            departure: self.cycle,
-            since: self.cycle,
-        };
-        self.reset_search();
+        self.seek_from(self.cycle, self.cycle);
         self.seek_stop(self.cycle, self.cycle);
     }
 
-    fn reset_search(&mut self) {
+    /// A way to rest from that cycle on is searched for anew.
+    fn seek_from(&mut self, departure: u64, since: u64) {
+        self.stop = Stop::Sought { departure, since };
         if let Some(search) = &mut self.search {
             search.reset();
         }
@@ -965,9 +955,9 @@ impl<const N: usize> Executor<N> {
 
     /// Replaces the plan by a shorter way to rest if there is one.
     ///
-    /// A line has a closed form at once. Elsewhere the planner is asked for one after a hold; what
-    /// it does not answer in time, and every other stop, is searched for here from a little ahead, so
-    /// that the share of several cycles goes into the same law.
+    /// A line has a closed form at once. Elsewhere the planner is asked for one; what it does not
+    /// answer in time is searched for here from a little ahead, so that the share of several cycles
+    /// goes into the same law.
     ///
     /// Apart from the cycle that follows its plan: the search has a large stack.
     #[inline(never)]
@@ -1033,7 +1023,6 @@ impl<const N: usize> Executor<N> {
             self.steps
                 .extend(law.pieces().iter().copied().map(Step::Piece));
             self.committed = self.steps.len();
-            self.reset_search();
         }
         if found {
             self.stop = Stop::Found;
@@ -1041,14 +1030,14 @@ impl<const N: usize> Executor<N> {
             let next = if first {
                 self.unanswered()
             } else {
-                (departure + 1).max(self.cycle + self.ahead())
+                (departure + 1).max(self.cycle + AHEAD)
             };
             // Another section may begin before.
             let (index, _) = self.step_at(next);
             let mut until = self.steps.iter().take(index + 1);
             let same = until.all(|s| matches!(s, Step::Piece(_)));
             let departure = if same { next } else { self.cycle + 1 };
-            self.stop = Stop::Sought { departure, since };
+            self.seek_from(departure, since);
         }
     }
 }
