@@ -1023,8 +1023,11 @@ fn reach<const N: usize>(spans: &[Span<N>], from: f64, time: f64, limits: &Limit
         if needed > 1.25 * left {
             return at + left * speed;
         }
-        left -= needed;
         at = end;
+        left -= needed;
+        if left <= 0.0 {
+            break;
+        }
     }
     at
 }
