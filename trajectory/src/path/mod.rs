@@ -40,9 +40,11 @@ pub mod blend;
 mod brake;
 pub mod certify;
 pub mod curve;
+mod descent;
 pub mod executor;
 pub mod facets;
 pub mod jog;
+mod plan;
 pub mod planner;
 pub mod time_law;
 pub mod window;
@@ -176,6 +178,11 @@ impl Piece {
             v + t * (a + t * (j / 2.0)),
             a + t * j,
         )
+    }
+
+    /// Path distance at its end, mm.
+    pub fn end(&self) -> f64 {
+        self.distance + self.at(self.duration).0
     }
 }
 

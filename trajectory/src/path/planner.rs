@@ -18,7 +18,9 @@ use crate::limits::PositionLimits;
 
 use super::blend::{Blend, blend};
 use super::brake::{brake, brake_gently};
+use super::descent::{Attempt, attempts, dips, lay_descent, rises};
 use super::facets::{Part, Run};
+use super::plan::{Laid, Plan};
 use super::window::{Effort, Window, room_to_stop};
 use super::{Command, Curve, Departure, Item, Limits, Move, Outlook, Overrides, Piece, Span};
 
@@ -47,6 +49,8 @@ const NOTHING: f64 = 1e-9;
 const LESSER: [f64; 4] = [1.0, 0.25, 0.0625, 0.015625];
 /// States of the last plan that a window is tried from before the plan is followed to its end.
 const ATTEMPTS: usize = 4;
+/// How often a limit that falls gently is lowered at most.
+const LIMITS_LOWERED: usize = 4;
 /// Spans in a window, at most.
 const WINDOW_SPANS: usize = 1024;
 
@@ -79,6 +83,10 @@ pub struct Planner<const N: usize> {
     window: Window<N>,
     /// Slowing down that precedes the window.
     slowing: Vec<Piece>,
+    /// What is followed of the plan that the window's replaces.
+    followed: Vec<Piece>,
+    /// The plan that the executor was on by the last outlook, and the one that was its answer.
+    plans: [Plan; 2],
     out: VecDeque<Command<N>>,
     /// The way back that the executor is on, and behind it the one that was planned last.
     ways_back: Vec<Back<N>>,
@@ -181,6 +189,8 @@ impl<const N: usize> Planner<N> {
             cursor: Cursor::default(),
             window: Window::default(),
             slowing: Vec::new(),
+            followed: Vec::new(),
+            plans: <[Plan; 2]>::default(),
             out: VecDeque::new(),
             ways_back: Vec::new(),
             overrides: Overrides::default(),
@@ -414,27 +424,16 @@ impl<const N: usize> Planner<N> {
             Some(asked) => self.way_back(outlook, asked),
             None => self.way_on(outlook),
         };
-        let before = self.cursor;
-        self.cursor = Cursor {
-            leg,
-            departure,
-            sent: f64::NEG_INFINITY,
-            rest: departure.distance,
-            haste: HASTE,
-            ..Cursor::default()
-        };
-        self.replace_from(outlook.cycle);
-        self.window.faster.clear();
-        let moves = departure.speed > 0.0;
+        if departure.speed > 0.0 && self.section(leg).is_some() {
+            self.go_on(outlook.cycle, leg, departure);
+            return;
+        }
+        self.begin_answer(outlook.cycle, leg, departure);
+        self.plans[1].clear();
         match self.section(leg) {
             Some(_) => {
-                let ended = self.plan_window(moves);
+                let ended = self.plan_window(None);
                 if self.out.len() == 1 {
-                    if moves {
-                        self.find_nothing();
-                        self.cursor = before;
-                        return;
-                    }
                     self.out.push_back(Command::Commit);
                 }
                 if ended {
@@ -449,6 +448,52 @@ impl<const N: usize> Planner<N> {
             }
             None => self.out.push_back(Command::Commit),
         }
+    }
+
+    /// What comes next replaces the old plan in that cycle, and begins from that state.
+    fn begin_answer(&mut self, cycle: u64, leg: u64, departure: Departure) {
+        self.cursor = Cursor {
+            leg,
+            departure,
+            sent: f64::NEG_INFINITY,
+            rest: departure.distance,
+            haste: HASTE,
+            ..Cursor::default()
+        };
+        self.followed.clear();
+        self.window.faster.clear();
+        self.replace_from(cycle);
+    }
+
+    /// Plans on from a state in motion, or from where the old plan leads to from there.
+    fn go_on(&mut self, cycle: u64, leg: u64, departure: Departure) {
+        if self.plans[1].from(leg, departure).next().is_some() {
+            self.plans.swap(0, 1);
+        }
+        self.plans[1].clear();
+        let old: Vec<_> = self.plans[0].from(leg, departure).collect();
+        let before = self.cursor;
+        for attempt in attempts(&old) {
+            let (followed, ahead) = old.split_at(attempt.followed);
+            let from = match ahead.first() {
+                Some(next) => next.piece.into(),
+                None => departure,
+            };
+            self.begin_answer(cycle, leg, from);
+            self.followed.extend(followed.iter().map(|laid| laid.piece));
+            let kept = dips(ahead).next().unwrap_or(ahead.len());
+            self.window
+                .recall(if attempt.keeps { &ahead[..kept] } else { &[] });
+            let ended = self.plan_window(Some((attempt, ahead)));
+            if self.out.len() > 1 {
+                if ended {
+                    self.begin_leg(leg + 1);
+                }
+                return;
+            }
+        }
+        self.find_nothing();
+        self.cursor = before;
     }
 
     /// What comes next replaces the old plan in that cycle.
@@ -675,7 +720,7 @@ impl<const N: usize> Planner<N> {
                     if !section.closed && (ahead == 0.0 || ahead < self.horizon) {
                         return;
                     }
-                    if self.plan_window(false) {
+                    if self.plan_window(None) {
                         self.begin_leg(number + 1);
                     }
                 }
@@ -683,9 +728,11 @@ impl<const N: usize> Planner<N> {
         }
     }
 
-    /// Plans the next window of the section under way; if it is the first that is `asked_anew`, from a
-    /// state that may be faster than what is asked for. True if that reaches the section's end.
-    fn plan_window(&mut self, asked_anew: bool) -> bool {
+    /// Plans the next window of the section under way; the first that is asked for anew as that attempt
+    /// says, from a state that may be faster than what is asked for and on the old plan from there. True
+    /// if that reaches the section's end.
+    fn plan_window(&mut self, anew: Option<(Attempt, &[Laid])>) -> bool {
+        let followed = take(&mut self.followed);
         let leg = self.cursor.leg;
         let index = leg.checked_sub(self.first).map(|index| index as usize);
         let backward = leg >= BACK;
@@ -699,8 +746,9 @@ impl<const N: usize> Planner<N> {
         if departure.distance >= section.length - NOTHING {
             return section.closed;
         }
+        let begin = (followed.first()).map_or(departure.distance, |piece| piece.distance);
         if !backward {
-            self.kept -= section.forget_before(departure.distance);
+            self.kept -= section.forget_before(begin);
         }
         let spans = section.from(departure.distance);
         let mut way = spans
@@ -718,9 +766,21 @@ impl<const N: usize> Planner<N> {
                 .window
                 .straight(&spans[0], &self.limits, departure)
                 .is_ok();
-        let slow_down = asked_anew && !straight;
-        if slow_down && !lay_slowing(spans, &self.limits, &mut from, &mut self.slowing) {
-            return false;
+        let mut rest = None;
+        let mut gently = false;
+        if let Some((attempt, old)) = anew
+            && !straight
+        {
+            gently = attempt.gently;
+            if gently {
+                let limit = &mut self.window.faster;
+                rest = lay_descent(spans, &self.limits, departure, old, limit);
+                if limit.is_empty() {
+                    return false;
+                }
+            } else if !lay_slowing(spans, &self.limits, &mut from, &mut self.slowing) {
+                return false;
+            }
         }
         if backward {
             way = way.min(section.length);
@@ -729,13 +789,13 @@ impl<const N: usize> Planner<N> {
         }
         let haste = take(&mut self.cursor.haste);
         let known = spans.last().map_or(0.0, |s| s.start + s.curve.length());
-        let far = |from: Departure, haste| {
+        let far = |from: Departure, haste, rest: Option<f64>| {
             let time = self.horizon / f64::from(1_u32 << haste);
             let room = from.distance + room_to_stop(spans, &self.limits, from);
             let end = reach(spans, from.distance, time, &self.limits).max(room);
-            end.min(way).min(known)
+            rest.unwrap_or(end.min(way)).min(known)
         };
-        let end = far(from, haste);
+        let end = far(from, haste, rest);
         if end <= from.distance && self.slowing.is_empty() && from.speed == 0.0 {
             // There is no way on.
             self.out.extend([Command::Hold, Command::Commit]);
@@ -749,31 +809,55 @@ impl<const N: usize> Planner<N> {
             self.window.stay();
             from.speed == 0.0
         } else {
-            // Where a short window has no law a longer one may have.
-            let plan = |window: &mut Window<N>, from| {
-                (0..=haste).rev().any(|haste| {
-                    let end = far(from, haste);
-                    window.plan(spans, &self.limits, from, end, haste).is_ok()
-                })
+            let plan = |window: &mut Window<N>, from, haste, rest| {
+                let end = far(from, haste, rest);
+                window.plan(spans, &self.limits, from, end, haste).is_ok()
             };
-            let mut planned = plan(&mut self.window, from);
+            // Where a short window has no law a longer one may have.
+            let shortest = if anew.is_some() { haste } else { 0 };
+            let mut planned = (shortest..=haste)
+                .rev()
+                .any(|haste| plan(&mut self.window, from, haste, rest));
+            // Where it goes slower for a bend it must not rise to the limit again.
+            for _ in 0..LIMITS_LOWERED {
+                if !gently || !planned {
+                    break;
+                }
+                let law = self.window.laid();
+                if !rises(&law, spans) {
+                    break;
+                }
+                let kept = &law[..dips(&law).next().unwrap_or(0)];
+                let mut limit = Vec::new();
+                let lower = lay_descent(spans, &self.limits, departure, &law, &mut limit);
+                std::mem::swap(&mut self.window.faster, &mut limit);
+                self.window.recall(kept);
+                if plan(&mut self.window, from, haste, lower) {
+                    rest = lower;
+                } else {
+                    self.window.faster = limit;
+                    self.window.recall(kept);
+                    planned = plan(&mut self.window, from, haste, rest);
+                    break;
+                }
+            }
             // Or one that slows down for what lies ahead before it is as slow as is asked for.
             if !planned && !self.slowing.is_empty() {
                 from = departure;
                 self.window.faster.clone_from(&self.slowing);
                 self.slowing.clear();
-                planned = plan(&mut self.window, from);
+                planned = plan(&mut self.window, from, haste, rest);
             }
             for _ in 1..ATTEMPTS {
                 // Where no law is found there may be one from a little later on.
                 if !planned
-                    && !asked_anew
+                    && anew.is_none()
                     && let Some(step) = &mut self.cursor.splice
                     && let Some((pieces, later)) = self.window.later(from)
                 {
                     *step += pieces;
                     from = later;
-                    let end = far(from, 0);
+                    let end = far(from, 0, None);
                     planned = end > from.distance
                         && self.window.plan(spans, &self.limits, from, end, 0).is_ok();
                 }
@@ -781,7 +865,7 @@ impl<const N: usize> Planner<N> {
             planned
         };
         if !planned {
-            if asked_anew {
+            if anew.is_some() {
                 return false;
             }
             if departure.speed > 0.0 {
@@ -795,7 +879,7 @@ impl<const N: usize> Planner<N> {
             }
             self.window.crawl(spans, departure.distance, &self.limits);
         }
-        let slowing = self.slowing.len();
+        let before = followed.len() + self.slowing.len();
         let pieces = self.window.pieces();
         let Some(last) = pieces.last().or(self.slowing.last()) else {
             return false;
@@ -815,23 +899,29 @@ impl<const N: usize> Planner<N> {
             self.out.push_back(Command::Splice(step));
             self.cursor.step = step;
         }
-        for span in spans
+        for span in section
+            .from(begin)
             .iter()
             .filter(|s| s.start >= self.cursor.sent && s.start < rest)
         {
             self.out.push_back(Command::Span(*span));
         }
         self.cursor.sent = self.cursor.sent.max(rest);
-        let slowing_down = self.slowing.iter().copied().map(Command::Piece);
-        self.out.extend(slowing_down);
-        self.out.extend(pieces.iter().copied().map(Command::Piece));
+        let ahead = followed.iter().chain(&self.slowing);
+        let ahead = ahead
+            .map(|&piece| Laid::from(piece))
+            .chain(self.window.laid());
+        for (step, laid) in (self.cursor.step..).zip(ahead) {
+            self.out.push_back(Command::Piece(laid.piece));
+            self.plans[1].lay(leg, step, laid);
+        }
         self.cursor.holds = rest >= way - NOTHING;
         if self.cursor.holds {
             self.out.push_back(Command::Hold);
         }
         self.out.push_back(Command::Commit);
         self.cursor.rest = rest;
-        let first = self.cursor.step + slowing as u64;
+        let first = self.cursor.step + before as u64;
         self.cursor.step = first + pieces.len() as u64;
         // The end of a section is met to rounding.
         if section.closed && rest >= section.length - NOTHING {
@@ -848,7 +938,8 @@ impl<const N: usize> Planner<N> {
         // From where is the window's end out of sight? Half of it is kept in any case, of a short
         // one less.
         let half = pieces.len() / 2;
-        let mut time = self.slowing.iter().map(|piece| piece.duration).sum::<f64>();
+        let ahead = followed.iter().chain(&self.slowing);
+        let mut time = ahead.map(|piece| piece.duration).sum::<f64>();
         let soon = pieces.iter().position(|piece| {
             time += piece.duration;
             time >= HASTY

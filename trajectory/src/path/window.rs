@@ -1,8 +1,11 @@
 //! Plans a stretch of a section: cuts it into cells, solves for the time law, turns it into pieces
 //! and certifies them.
 
+use std::iter::repeat;
+
 use super::brake::instant_at;
 use super::certify::{ROUNDING, load};
+use super::plan::Laid;
 use super::planner::{Bounds, rest_to_rest};
 use super::time_law::{Cell, Node, Slope, TimeLaw};
 use super::{Departure, Limits, Piece, Span};
@@ -49,6 +52,8 @@ const SLOWED: f64 = 2e-4;
 /// Cells of the last stretch that the next one takes over, at most: time enough to do otherwise
 /// than the last one meant to.
 const KEPT_CELLS: usize = 40;
+/// Part of the way on which cells are taken over from another plan.
+const KEPT_WAY: f64 = 0.8;
 /// What is kept of the acceleration and jerk limits on curves from the first, for what happens
 /// between the nodes.
 const CURVE_SHARE: f64 = 5e-4;
@@ -105,6 +110,8 @@ pub struct Window<const N: usize> {
 struct Known {
     pieces: Vec<Piece>,
     cells: Vec<KnownCell>,
+    /// It comes to rest; otherwise it is the beginning of one that does.
+    rests: bool,
 }
 
 /// Where a cell ends, ṡ² there, and the cell's shares of the limits.
@@ -173,6 +180,7 @@ impl<const N: usize> Window<N> {
 
     /// No motion at all.
     pub fn stay(&mut self) {
+        self.cells.clear();
         self.pieces.clear();
     }
 
@@ -187,7 +195,7 @@ impl<const N: usize> Window<N> {
         limits: &Limits<N>,
         departure: Departure,
     ) -> Result<(), NoLaw> {
-        self.pieces.clear();
+        self.stay();
         let start = State {
             p: departure.distance,
             v: departure.speed,
@@ -213,7 +221,7 @@ impl<const N: usize> Window<N> {
 
     /// A motion from rest at `from` to rest at the end of the span there that needs no search.
     pub fn crawl(&mut self, spans: &[Span<N>], from: f64, limits: &Limits<N>) {
-        self.pieces.clear();
+        self.stay();
         let ahead = |s: &&Span<N>| s.start + s.curve.length() > from + 1e-9;
         if let Some(span) = spans.iter().find(ahead) {
             let length = span.start + span.curve.length() - from;
@@ -238,8 +246,14 @@ impl<const N: usize> Window<N> {
         haste: u32,
     ) -> Result<(), NoLaw> {
         self.effort.stretches += 1;
+        // No way leads to where no speed is asked for.
+        let slow = (self.faster.last()).map_or(departure.distance, Piece::end);
+        let reached = spans.iter().take_while(|s| s.start < end);
+        if slow < end && reached.last().is_some_and(|s| s.speed <= 0.0) {
+            return Err(NoLaw);
+        }
         let room = departure.distance + room_to_stop(spans, limits, departure);
-        let rest = self.keep(departure).max(room).min(end);
+        let rest = self.keep(departure, end).max(room).min(end);
         let most = if haste > 0 {
             self.most_cells >> (haste + 1)
         } else {
@@ -247,6 +261,7 @@ impl<const N: usize> Window<N> {
         };
         let planned = self.search(spans, limits, departure, (end, rest), most);
         if planned.is_ok() {
+            self.last.rests = true;
             self.last.pieces.clone_from(&self.pieces);
             self.last.cells.clear();
             let cells = self.nodes[1..].iter().zip(&self.law.nodes()[1..]);
@@ -258,6 +273,26 @@ impl<const N: usize> Window<N> {
             self.effort.unsolved += 1;
         }
         planned
+    }
+
+    /// The result of the last plan, with its cells' shares of the limits.
+    pub(super) fn laid(&self) -> Vec<Laid> {
+        let shares = self.cells.iter().map(|cell| cell.share);
+        let shares = shares.chain(repeat([1.0; 2]));
+        let laid = self.pieces.iter().zip(shares);
+        laid.map(|(&piece, share)| Laid { piece, share }).collect()
+    }
+
+    /// A beginning of a plan whose cells are taken over by one from a state on it.
+    pub(super) fn recall(&mut self, plan: &[Laid]) {
+        self.last.rests = false;
+        self.last.pieces.clear();
+        self.last.cells.clear();
+        for &Laid { piece, share } in plan {
+            let (_, v, _) = piece.at(piece.duration);
+            self.last.pieces.push(piece);
+            self.last.cells.push((piece.end(), v * v, share));
+        }
     }
 
     /// A state of the last plan some way on from `departure`, and how many pieces there are in
@@ -335,15 +370,23 @@ impl<const N: usize> Window<N> {
     }
 
     /// Sets aside the cells of the last plan that follow on `departure`: on them the law goes on as
-    /// it did, so there is one. Returns where it came to rest.
-    fn keep(&mut self, departure: Departure) -> f64 {
+    /// it did, so there is one. Returns where it ended.
+    fn keep(&mut self, departure: Departure, end: f64) -> f64 {
         self.kept.clear();
         let pieces = &self.last.pieces;
         match pieces.iter().position(|p| Departure::from(*p) == departure) {
             Some(first) if departure.speed > 0.0 => {
                 let after = &self.last.cells[first..];
-                let most = KEPT_CELLS.min(after.len() / 2);
-                self.kept.extend_from_slice(&after[..most]);
+                let (most, until) = if self.last.rests {
+                    (after.len() / 2, f64::INFINITY)
+                } else {
+                    (
+                        after.len(),
+                        departure.distance + KEPT_WAY * (end - departure.distance),
+                    )
+                };
+                let kept = after[..most.min(KEPT_CELLS)].iter();
+                self.kept.extend(kept.take_while(|(s, ..)| *s < until));
                 after[after.len() - 1].0
             }
             _ => departure.distance,
@@ -584,13 +627,20 @@ impl<const N: usize> Window<N> {
         }
     }
 
-    /// Whether every piece ends where and as the next one begins, the last one at rest.
+    /// Whether every piece ends where and as the next one begins, the last one at rest, and none goes back.
     fn continuous(&self) -> bool {
         let ends = self.nodes[1..].iter().zip(&self.law.nodes()[1..]);
         self.pieces.iter().zip(ends).all(|(piece, (&s, node))| {
             let (ds, v, a) = piece.at(piece.duration);
             let fast = piece.speed.max(v);
+            let turn = -piece.acceleration / piece.jerk;
+            let slow = if turn > 0.0 && turn < piece.duration {
+                piece.at(turn).1
+            } else {
+                0.0
+            };
             piece.duration > 0.0
+                && slow >= -SEAM * fast
                 && piece.duration.is_finite()
                 && piece.jerk.is_finite()
                 && (piece.distance + ds - s).abs() <= SEAM * (s - piece.distance)

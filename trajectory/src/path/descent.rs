@@ -1,0 +1,219 @@
+//! Ways to go on from a state in motion that may be faster than what is asked for.
+
+use super::brake::instant_at;
+use super::plan::Laid;
+use super::{Departure, Limits, Piece, Span};
+
+/// A way to plan on from a state in motion.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Attempt {
+    /// So many pieces of the old plan are followed first.
+    pub(super) followed: usize,
+    /// It slows down as the path lets it, under a limit of the speed that falls gently, instead of as soon
+    /// as it can.
+    pub(super) gently: bool,
+    /// The cells are those of the old plan, up to where it goes slowest: on them there is a law, its own.
+    pub(super) keeps: bool,
+}
+
+/// What is tried, in this order, to go on from the beginning of the `old` plan; the cheapest and
+/// soonest first.
+pub(super) fn attempts(old: &[Laid]) -> impl Iterator<Item = Attempt> + use<> {
+    let slope = |k: usize| old[k].piece.acceleration;
+    // Up to where it goes slowest, or takes no more of an acceleration back.
+    let turns = (1..old.len()).find(|&k| {
+        if slope(0) < 0.0 {
+            slope(k) >= 0.0
+        } else {
+            slope(k) < 0.0 || slope(k) >= slope(k - 1)
+        }
+    });
+    let keeps = !old.is_empty();
+    let now = [false, true].map(move |gently| (0, gently));
+    let then = turns
+        .into_iter()
+        .flat_map(|k| [false, true].map(|gently| (k, gently)));
+    let now = now.into_iter().flat_map(move |(followed, gently)| {
+        let cells = [Some(false), keeps.then_some(true)];
+        cells.into_iter().flatten().map(move |keeps| Attempt {
+            followed,
+            gently,
+            keeps,
+        })
+    });
+    now.chain(then.map(|(followed, gently)| Attempt {
+        followed,
+        gently,
+        keeps: true,
+    }))
+}
+
+/// The pieces that begin where the plan goes slowest, for now.
+pub(super) fn dips(plan: &[Laid]) -> impl Iterator<Item = usize> {
+    let slope = |k: usize| plan[k].piece.acceleration;
+    (1..plan.len()).filter(move |&k| slope(k) >= 0.0 && slope(k - 1) < 0.0)
+}
+
+/// Whether on the far side of where it goes slowest the law rises again to more than is asked for.
+pub(super) fn rises<const N: usize>(law: &[Laid], spans: &[Span<N>]) -> bool {
+    dips(law).next().is_some_and(|low| {
+        let [before, at] = [low - 1, low].map(|k| law[k].piece.speed);
+        law[low..].iter().any(|Laid { piece, .. }| {
+            let asked = span_at(spans, piece.distance).speed;
+            piece.speed > asked.max(before.min(at)) * (1.0 + RISE)
+        })
+    })
+}
+
+/// The part by which a speed may rise that should fall.
+const RISE: f64 = 1e-3;
+
+/// Lays a limit of the speed that falls gently to what is asked for from a state, and from where the
+/// `old` plan goes slowest on its way; nothing if the speed is no higher. Where nothing is asked for, that is
+/// to rest: returns where the path can rest then.
+pub(super) fn lay_descent<const N: usize>(
+    spans: &[Span<N>],
+    limits: &Limits<N>,
+    from: Departure,
+    old: &[Laid],
+    pieces: &mut Vec<Piece>,
+) -> Option<f64> {
+    let slope = Slope::along(spans, limits, from);
+    let mut target = spans[0].speed;
+    // The speed must come down to what is asked for where it has come down.
+    for _ in 0..4 {
+        pieces.clear();
+        let mut at = from;
+        let mut dips = dips(old).peekable();
+        let (a, above) = (from.acceleration, from.speed - target);
+        if a < 0.0
+            && above > 0.0
+            && 2.0 * slope.jerk * above < a * a
+            && let Some(low) = dips.next()
+        {
+            // It falls faster than that already.
+            pieces.extend(old[..low].iter().map(|laid| laid.piece));
+            at = lowest(old, low);
+        }
+        at = slope.descend(at, target, pieces);
+        for low in dips {
+            let low = lowest(old, low);
+            if low.distance >= at.distance {
+                break;
+            }
+            let passed = pieces.partition_point(|piece| piece.distance < low.distance);
+            let Some(last) = pieces[..passed].last_mut() else {
+                continue;
+            };
+            let t = instant_at(last, low.distance);
+            if low.speed < last.at(t).1 {
+                last.duration = t;
+                pieces.truncate(passed);
+                at = slope.descend(low, target, pieces);
+            }
+        }
+        let under_way = spans.iter().take_while(|s| s.start <= at.distance);
+        let least = under_way.map(|s| s.speed).fold(target, f64::min);
+        if least >= target {
+            break;
+        }
+        target = least;
+    }
+    let last = pieces.last().filter(|_| target <= 0.0)?;
+    Some(from.distance + SOONER * (last.end() - from.distance))
+}
+
+/// Part of the way of such a limit to rest on which the path comes to rest.
+const SOONER: f64 = 0.97;
+
+/// Where the plan goes slowest.
+fn lowest(plan: &[Laid], low: usize) -> Departure {
+    Departure {
+        acceleration: 0.0,
+        ..plan[low].piece.into()
+    }
+}
+
+fn span_at<const N: usize>(spans: &[Span<N>], distance: f64) -> &Span<N> {
+    &spans[spans.partition_point(|s| s.start <= distance).max(1) - 1]
+}
+
+/// How a limit of the speed falls.
+#[derive(Debug, Clone, Copy)]
+struct Slope {
+    acceleration: f64,
+    jerk: f64,
+}
+
+/// Part of the axes' accelerations and jerks with which it does.
+const GENTLY: f64 = 0.4;
+
+impl Slope {
+    /// Gently wherever the path leads from a state.
+    fn along<const N: usize>(spans: &[Span<N>], limits: &Limits<N>, from: Departure) -> Self {
+        let along = |s: f64| {
+            let span = span_at(spans, s);
+            let at = span.curve.at((s - span.start).min(span.curve.length()));
+            at.d1.map(f64::abs)
+        };
+        let least = |part: [f64; N], limit: &[f64; N]| {
+            (0..N)
+                .map(|i| GENTLY * limit[i] / part[i])
+                .fold(f64::INFINITY, f64::min)
+        };
+        let slope = |part| Slope {
+            acceleration: least(part, &limits.acceleration),
+            jerk: least(part, &limits.jerk),
+        };
+        let mut most = along(from.distance);
+        let here = slope(most);
+        let way = 0.5 * from.speed / here.acceleration + here.acceleration / here.jerk;
+        for part in [0.25, 0.5, 0.75, 1.0] {
+            let there = along(from.distance + part * way * from.speed);
+            most = std::array::from_fn(|i| most[i].max(there[i]));
+        }
+        slope(most)
+    }
+
+    /// Lays the closed form from a state down to the speed `target`, nothing if it is no higher;
+    /// returns where that ends.
+    fn descend(self, from: Departure, target: f64, pieces: &mut Vec<Piece>) -> Departure {
+        let (a, j) = (from.acceleration, self.jerk);
+        let above = from.speed - target;
+        let reached = above + a * a / (2.0 * j);
+        let shape = if above <= 0.0 && (a <= 0.0 || reached <= 0.0) {
+            [(0.0, 0.0); 3]
+        } else if a < 0.0 && 2.0 * j * above <= a * a {
+            [
+                (2.0 * above / -a, 0.5 * a * a / above),
+                (0.0, 0.0),
+                (0.0, 0.0),
+            ]
+        } else {
+            let peak = (j * reached).sqrt().min(self.acceleration.max(-a));
+            let hold = (reached - peak * peak / j) / peak;
+            [((a + peak) / j, -j), (hold, 0.0), (peak / j, j)]
+        };
+        let mut at = from;
+        for (duration, jerk) in shape {
+            if duration <= 0.0 {
+                continue;
+            }
+            let piece = Piece {
+                duration,
+                distance: at.distance,
+                speed: at.speed,
+                acceleration: at.acceleration,
+                jerk,
+            };
+            pieces.push(piece);
+            let (ds, speed, acceleration) = piece.at(duration);
+            at = Departure {
+                distance: at.distance + ds,
+                speed: speed.max(0.0),
+                acceleration,
+            };
+        }
+        at
+    }
+}

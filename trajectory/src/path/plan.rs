@@ -1,0 +1,102 @@
+//! The time law as it was handed over: what the executor follows, or will.
+
+use std::collections::VecDeque;
+
+use super::{Departure, Piece};
+
+/// Pieces that are kept: what an executor and the queue to it may hold.
+const KEPT: usize = 8192;
+/// By how much a state may be off that the plan leads to, as a part of the speed, or of the
+/// acceleration that is reached and of what it changes by in a piece.
+const SAME: f64 = 1e-6;
+/// What changes by less in a piece, as a part of itself, is the same throughout.
+const STEADY: f64 = 1e-9;
+
+/// A piece of a plan, and what shares of the acceleration and jerk limits were used for it.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Laid {
+    pub(super) piece: Piece,
+    pub(super) share: [f64; 2],
+}
+
+impl From<Piece> for Laid {
+    fn from(piece: Piece) -> Self {
+        Laid {
+            piece,
+            share: [1.0; 2],
+        }
+    }
+}
+
+/// The latest pieces, each with its leg and the number of its step, in order.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Plan(VecDeque<(u64, u64, Laid)>);
+
+impl Plan {
+    /// Forgets all that was handed over.
+    pub(super) fn clear(&mut self) {
+        self.0.clear();
+    }
+
+    /// The plan goes on with a piece, which replaces all from its step on.
+    pub(super) fn lay(&mut self, leg: u64, step: u64, laid: Laid) {
+        while self.0.back().is_some_and(|last| last.1 >= step) {
+            self.0.pop_back();
+        }
+        if self.0.len() >= KEPT {
+            self.0.pop_front();
+        }
+        self.0.push_back((leg, step, laid));
+    }
+
+    /// How the plan goes on from a state, to rest at most: the first piece is what is left of the one
+    /// that the state lies in. Nothing if the plan does not lead there.
+    pub(super) fn from(&self, leg: u64, state: Departure) -> impl Iterator<Item = Laid> {
+        let begun = (self.0)
+            .partition_point(|(l, _, laid)| (*l, laid.piece.distance) <= (leg, state.distance));
+        let here = begun.checked_sub(1).and_then(|here| self.0.get(here));
+        let rest = here.filter(|here| here.0 == leg).and_then(|(.., laid)| {
+            let piece = remainder(&laid.piece, state)?;
+            Some(Laid { piece, ..*laid })
+        });
+        let goes_on = move |(l, _, laid): &&(u64, u64, Laid)| *l == leg && laid.piece.speed > 0.0;
+        let after = self.0.iter().skip(begun).take_while(goes_on);
+        let after = after.map(|(.., laid)| *laid);
+        rest.into_iter()
+            .flat_map(move |rest| [rest].into_iter().chain(after.clone()))
+    }
+}
+
+/// What is left of a piece from a state on, if it leads there.
+fn remainder(piece: &Piece, state: Departure) -> Option<Piece> {
+    let Piece {
+        duration,
+        speed,
+        acceleration,
+        jerk,
+        ..
+    } = *piece;
+    // What changes most surely tells when that is.
+    let t = if (jerk * duration).abs() > SAME * acceleration.abs()
+        && (jerk * duration * duration).abs() > STEADY * speed
+    {
+        (state.acceleration - acceleration) / jerk
+    } else if (acceleration * duration).abs() > STEADY * speed {
+        (state.speed - speed) / acceleration
+    } else {
+        (state.distance - piece.distance) / speed
+    };
+    let t = t.clamp(0.0, duration);
+    let (ds, v, a) = piece.at(t);
+    let near = |is: f64, should: f64, by: f64| (is - should).abs() <= SAME * by;
+    let same = near(piece.distance + ds, state.distance, 1.0)
+        && near(v, state.speed, state.speed)
+        && near(a, state.acceleration, a.abs() + (jerk * duration).abs());
+    same.then_some(Piece {
+        duration: duration - t,
+        distance: state.distance,
+        speed: state.speed,
+        acceleration: state.acceleration,
+        jerk,
+    })
+}
