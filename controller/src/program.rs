@@ -408,8 +408,9 @@ const COUNTED: [[usize; 3]; 3] = [[0, 1, 2], [6, 7, 8], [3, 4, 5]];
 /// Which of [`COUNTED`] are degrees.
 const TURNS: usize = 2;
 
-/// What each of [`COUNTED`] moves.
-fn moved(change: &Position) -> [f64; 3] {
+/// What X Y Z, U V W and A B C move each.
+#[must_use]
+pub fn moved(change: &Position) -> [f64; 3] {
     COUNTED.map(|axes| {
         let squares = axes.map(|i| change[i] * change[i]);
         (squares[0] + squares[1] + squares[2]).sqrt()

@@ -5,7 +5,7 @@ use crate::control::layout::{self, Layout};
 use crate::control::{Controller, End, Row};
 use crate::gcode::{Coolant, Output, Spindle, Turning};
 use crate::machine::Machine;
-use crate::program::{COORDINATES, Moves, Position, ProgramMove, Switch, counted_speed};
+use crate::program::{COORDINATES, Moves, Position, ProgramMove, Switch, counted_speed, moved};
 use crate::report::{AxisReport, Report, Violation};
 use serde::Serialize;
 use std::collections::VecDeque;
@@ -212,6 +212,15 @@ struct AxisRecord {
     watches: [Watch; 5],
 }
 
+/// Where the last row was.
+#[derive(Debug, Default)]
+struct Passed {
+    distance: f64,
+    position: Position,
+    /// What of the distance was length then, and what angle.
+    shares: [f64; 2],
+}
+
 /// Records a run row by row.
 pub struct Recorder {
     cycle: Duration,
@@ -221,8 +230,7 @@ pub struct Recorder {
     path: PathSummary,
     /// What of the last row's distance was no length of the tool's path.
     besides: f64,
-    /// The last row's distance, and what of the next bit of it is length, and what angle.
-    passed: (f64, [f64; 2]),
+    passed: Passed,
     line: u32,
     /// The move of the last row, and the distance at its first.
     tag: (u32, f64),
@@ -284,7 +292,7 @@ impl Recorder {
             violations: Vec::new(),
             path: PathSummary::default(),
             besides: 0.0,
-            passed: (0.0, [1.0, 0.0]),
+            passed: Passed::default(),
             line: 0,
             tag: (0, 0.0),
             tags: [0; STRETCHES],
@@ -402,7 +410,13 @@ impl Recorder {
 
     /// Adds up the path as F counts it. The plan's own distance also counts what other axes move.
     fn measure(&mut self, row: &Row<COORDINATES>, (speed, turns): (f64, bool)) {
-        let (before, mut shares) = self.passed;
+        let Passed {
+            distance,
+            position,
+            shares: before,
+        } = self.passed;
+        let distance = row.plan.distance - distance;
+        let mut shares = before;
         if row.plan.speed > 0.0 {
             let share = speed / row.plan.speed;
             let all = (share - 1.0).abs() < 1e-9;
@@ -412,11 +426,22 @@ impl Recorder {
                 (false, false) => [share, 0.0],
             };
         }
-        let distance = row.plan.distance - before;
-        self.besides += distance * (1.0 - shares[0]);
+        let [mut length, mut angle] = shares.map(|share| share * distance);
+        if (shares[1] > 0.0) != (before[1] > 0.0) && distance != 0.0 {
+            // The end of one and the beginning of the other, with a rest between.
+            let at = row.plan.position;
+            let [tool, other, turn] = moved(&std::array::from_fn(|i| at[i] - position[i]));
+            length = if tool > 0.0 { tool } else { other };
+            angle = turn;
+        }
+        self.besides += distance - length;
         self.path.length_mm = row.plan.distance - self.besides;
-        self.path.turned_deg += distance * shares[1];
-        self.passed = (row.plan.distance, shares);
+        self.path.turned_deg += angle;
+        self.passed = Passed {
+            distance: row.plan.distance,
+            position: row.plan.position,
+            shares,
+        };
     }
 
     /// Compares setpoint and actual position with the programmed geometry.
