@@ -90,7 +90,7 @@ fn a_rotary_axis_is_measured_in_degrees() {
     let belt = text.replace("gear = 60.0", "pitch = 90.0\ngear = 60.0");
     assert_eq!(parse(&belt).unwrap().axes[3].mm_per_revolution, 1.5);
     for (good, bad, allowed) in [
-        ("= 180.0", "= 0", "a number above 0 (°/s)"),
+        ("= 180.0", "= 0", "a number from 0.001 to 1000000 (°/s)"),
         (
             "[-3600.0, 3600.0]",
             "[3600.0, -3600.0]",
@@ -241,31 +241,43 @@ fn every_mistake_is_found_named_and_placed() {
             "max_velocity = 700.0",
             "max_velocity = §0",
             "axis \"X\": `max_velocity` is 0",
-            "a number above 0 (mm/s)",
+            "a number from 0.001 to 1000000 (mm/s)",
         ),
         (
             "max_acceleration = 3000.0",
             "max_acceleration = §-3000.0",
             "axis \"X\": `max_acceleration` is -3000.0",
-            "a number above 0 (mm/s²)",
+            "a number from 0.001 to 1000000000 (mm/s²)",
         ),
         (
             "max_jerk = 60_000.0",
             "max_jerk = §inf",
             "axis \"X\": `max_jerk` is inf",
-            "above 0",
+            "from 0.001 to 1000000000000 (mm/s³)",
+        ),
+        (
+            "max_velocity = 700.0",
+            "max_velocity = §1e160",
+            "axis \"X\": `max_velocity` is 1e160",
+            "from 0.001 to 1000000 (mm/s)",
+        ),
+        (
+            "max_acceleration = 3000.0",
+            "max_acceleration = §1e-300",
+            "axis \"X\": `max_acceleration` is 1e-300",
+            "from 0.001 to 1000000000 (mm/s²)",
         ),
         (
             "max_jerk = 60_000.0",
             "max_jerk = §nan",
             "axis \"X\": `max_jerk` is nan",
-            "above 0",
+            "from 0.001 to 1000000000000 (mm/s³)",
         ),
         (
             "max_jerk = 60_000.0",
             "max_jerk = §1e999",
             "axis \"X\": `max_jerk`",
-            "above 0",
+            "from 0.001 to 1000000000000 (mm/s³)",
         ),
         (
             "following_error_limit = 2.0",

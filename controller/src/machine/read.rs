@@ -544,6 +544,20 @@ fn sdo_entry(
     }
 }
 
+/// A limit of the plan: wide enough for every machine, and its powers are numbers.
+fn limit(
+    log: &mut Log<'_>,
+    table: &mut Table<'_, '_>,
+    key: &'static str,
+    most: f64,
+    unit: &str,
+) -> Option<Spanned<f64>> {
+    let allowed = format!("a number from 0.001 to {most} {unit}");
+    table.number(log, key, &allowed, |number| {
+        (0.001..=most).contains(&number)
+    })
+}
+
 struct AxisTable {
     name: Spanned<String>,
     drives: Spanned<Vec<Spanned<String>>>,
@@ -584,9 +598,9 @@ impl AxisTable {
             table.positive(log, "pitch", "(mm per turn of the screw or pinion)")
         };
         let gear = table.positive_or(log, "gear", 1.0, "(motor turns per turn of the screw)");
-        let max_velocity = table.positive(log, "max_velocity", velocity);
-        let max_acceleration = table.positive(log, "max_acceleration", acceleration);
-        let max_jerk = table.positive(log, "max_jerk", jerk);
+        let max_velocity = limit(log, &mut table, "max_velocity", 1e6, velocity);
+        let max_acceleration = limit(log, &mut table, "max_acceleration", 1e9, acceleration);
+        let max_jerk = limit(log, &mut table, "max_jerk", 1e12, jerk);
         let allowed = if rotary {
             "[least, greatest] machine position in degrees, the first below the second"
         } else {

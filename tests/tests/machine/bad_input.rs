@@ -50,11 +50,11 @@ fn mistakes_in_the_machine_file() {
         ),
         (
             (axis_y, "max_jerk = 0.0"),
-            &["72:12:", "axis \"Y\": `max_jerk` is 0.0", "above 0"],
+            &["72:12:", "axis \"Y\": `max_jerk` is 0.0", "from 0.001"],
         ),
         (
             (axis_y, "max_jerk = -1.0"),
-            &["72:12:", "axis \"Y\": `max_jerk` is -1.0", "above 0"],
+            &["72:12:", "axis \"Y\": `max_jerk` is -1.0", "from 0.001"],
         ),
         (
             (axis_y, "max_jerk = \"a lot\""),
