@@ -137,6 +137,25 @@ fn a_hold_in_a_curve() {
     assert_ends_well(rig);
 }
 
+/// The planner answers both, also once the program is given up.
+#[test]
+fn a_stop_for_good_is_as_short_as_a_hold() {
+    let rounded = PROGRAM.replace("G61", "G64 P0.5");
+    for distance in [345.0, 355.0, 430.0, 560.0, 1025.0, 1040.0] {
+        let [held, stopped] = [Order::Hold, Order::Interrupt].map(|order| {
+            let mut rig = Rig::portal(&rounded);
+            run_to(&mut rig, distance);
+            rig.controller().obey(order);
+            let from = rig.rows.len();
+            let rests = |rig: &Rig| rig.rows.last().is_some_and(|row| row.plan.speed == 0.0);
+            rig.run_until(|rig| rig.rows.len() > from && rests(rig));
+            rig.rows.last().unwrap().plan.distance
+        });
+        assert_eq!(held, stopped, "from {distance}");
+        assert!(held > distance);
+    }
+}
+
 #[test]
 fn overrides_to_half_double_and_nothing() {
     let mut rig = Rig::portal(PROGRAM);
