@@ -819,26 +819,6 @@ impl<const N: usize> Executor<N> {
         // A way to rest is soon found.
         let lead = if rest { self.lead * 3 / 4 } else { self.lead };
         let cycle = self.cycle + lead.max(1);
-        let (leg, departure) = self.state_at(cycle);
-        let later = std::array::from_fn(|k| {
-            let (same, later) = self.state_at(cycle + 1 + k as u64);
-            if same == leg { later } else { departure }
-        });
-        Some(Outlook {
-            revision: self.revision,
-            cycle,
-            leg,
-            departure,
-            overrides: self.overrides,
-            stop_after_block: self.stop_after_block,
-            step_back: self.step_back,
-            rest,
-            later,
-        })
-    }
-
-    /// The leg that is under way at the start of `cycle`, or over, and the state on it then.
-    fn state_at(&self, cycle: u64) -> (Option<u64>, Departure) {
         let mut leg = self.leg;
         let mut departure = Departure {
             distance: self.reached,
@@ -873,7 +853,16 @@ impl<const N: usize> Executor<N> {
                 Step::Hold => {}
             }
         }
-        (leg, departure)
+        Some(Outlook {
+            revision: self.revision,
+            cycle,
+            leg,
+            departure,
+            overrides: self.overrides,
+            stop_after_block: self.stop_after_block,
+            step_back: self.step_back,
+            rest,
+        })
     }
 
     /// From this cycle on a stop is to begin that the planner, asked from now on, did not find.

@@ -277,13 +277,7 @@ pub struct Outlook {
     pub step_back: Option<u64>,
     /// Rest is asked for on the shortest way from that state, and nothing beyond.
     pub rest: bool,
-    /// The states in the cycles after, as far as the leg is the same: where there is no way to rest
-    /// from the first, there may be one from these.
-    pub later: [Departure; LATER],
 }
-
-/// Cycles after the first in which a way to rest may begin.
-const LATER: usize = 3;
 
 /// A state on a section of the path.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]

@@ -67,6 +67,28 @@ impl Plan {
     }
 }
 
+/// The pieces of a plan that are followed for so long, s, from a state, and where that leads; nothing if it
+/// ends before.
+pub(super) fn follow(plan: &[Laid], from: Departure, time: f64) -> Option<(Vec<Piece>, Departure)> {
+    let (mut followed, mut left) = (Vec::new(), time);
+    let mut pieces = plan.iter().map(|laid| laid.piece);
+    while left > 0.0 {
+        let piece = pieces.next()?;
+        let duration = piece.duration.min(left);
+        followed.push(Piece { duration, ..piece });
+        left -= duration;
+    }
+    let end = followed.last().map_or(from, |last| {
+        let (ds, speed, acceleration) = last.at(last.duration);
+        Departure {
+            distance: last.distance + ds,
+            speed,
+            acceleration,
+        }
+    });
+    Some((followed, end))
+}
+
 /// What is left of a piece from a state on, if it leads there.
 fn remainder(piece: &Piece, state: Departure) -> Option<Piece> {
     let Piece {

@@ -20,7 +20,7 @@ use super::blend::{Blend, blend};
 use super::brake::{brake, brake_gently};
 use super::descent::{Attempt, attempts, dips, lay_descent, rises};
 use super::facets::{Part, Run};
-use super::plan::{Laid, Plan};
+use super::plan::{Laid, Plan, follow};
 use super::window::{Effort, Window, room_to_stop};
 use super::{Command, Curve, Departure, Item, Limits, Move, Outlook, Overrides, Piece, Span};
 
@@ -49,6 +49,9 @@ const NOTHING: f64 = 1e-9;
 const LESSER: [f64; 4] = [1.0, 0.25, 0.0625, 0.015625];
 /// States of the last plan that a window is tried from before the plan is followed to its end.
 const ATTEMPTS: usize = 4;
+/// States of the last plan from which a way to rest is tried, and the time between them, s.
+const RESTS: usize = 4;
+const FOLLOWED: f64 = 0.002;
 /// How often a limit that falls gently is lowered at most.
 const LIMITS_LOWERED: usize = 4;
 /// Spans in a window, at most.
@@ -516,15 +519,19 @@ impl<const N: usize> Planner<N> {
         self.cursor.holds = true;
         let ways = (outlook.leg).and_then(|leg| Some((leg, self.section(leg)?)));
         let found = ways.and_then(|(leg, section)| {
-            let departures = [outlook.departure].into_iter().chain(outlook.later);
-            let (cycle, spans, law) =
-                (outlook.cycle..)
-                    .zip(departures)
-                    .find_map(|(cycle, from)| {
-                        let spans = section.from(from.distance);
-                        let law = brake(|k| spans.get(k), &self.limits, from, 0.0)?;
-                        Some((cycle, spans, law))
-                    })?;
+            let plans = self.plans.iter().rev();
+            let old = plans.map(|plan| plan.from(leg, outlook.departure).collect::<Vec<_>>());
+            let old = old
+                .into_iter()
+                .find(|old| !old.is_empty())
+                .unwrap_or_default();
+            let spans = section.from(outlook.departure.distance);
+            let (followed, law) = (0..RESTS).find_map(|k| {
+                let (followed, from) = follow(&old, outlook.departure, FOLLOWED * k as f64)?;
+                let ahead = section.from(from.distance);
+                let law = brake(|k| ahead.get(k), &self.limits, from, 0.0)?;
+                Some((followed, law))
+            })?;
             let begin = Command::Section {
                 leg,
                 origin: section.origin,
@@ -532,18 +539,18 @@ impl<const N: usize> Planner<N> {
                 limits: self.limits,
             };
             let under_way = spans.iter().take_while(|s| s.start < law.end.distance);
-            let spans = under_way.copied().map(Command::Span).collect::<Vec<_>>();
-            Some((cycle, begin, spans, law))
+            let mut plan = vec![begin];
+            plan.extend(under_way.copied().map(Command::Span));
+            plan.extend(followed.into_iter().map(Command::Piece));
+            plan.extend(law.pieces().iter().copied().map(Command::Piece));
+            Some(plan)
         });
-        let Some((cycle, begin, spans, law)) = found else {
+        let Some(plan) = found else {
             self.find_nothing();
             return;
         };
-        self.replace_from(cycle);
-        self.out.push_back(begin);
-        self.out.extend(spans);
-        self.out
-            .extend(law.pieces().iter().copied().map(Command::Piece));
+        self.replace_from(outlook.cycle);
+        self.out.extend(plan);
         self.out.push_back(Command::Commit);
     }
 
