@@ -89,6 +89,10 @@ fn a_rotary_axis_is_measured_in_degrees() {
     // What the gear turns is not the axis itself, but a wheel that a belt leads to it.
     let belt = text.replace("gear = 60.0", "pitch = 90.0\ngear = 60.0");
     assert_eq!(parse(&belt).unwrap().axes[3].mm_per_revolution, 1.5);
+    // Of one mistake, one complaint.
+    let misnamed = text.replace("name = \"A\"\ndrives", "name = \"a\"\ndrives");
+    let found = parse(&misnamed).unwrap_err();
+    assert_eq!(found.diagnostics.len(), 1, "{found}");
     for (good, bad, allowed) in [
         ("= 180.0", "= 0", "a number from 0.001 to 1000000 (°/s)"),
         (

@@ -595,7 +595,12 @@ impl AxisTable {
                 table.positive_or(log, "pitch", TURN, unit),
             ))
         } else {
-            table.positive(log, "pitch", "(mm per turn of the screw or pinion)")
+            let unit = "(mm per turn of the screw or pinion)";
+            match name {
+                Some(_) => table.positive(log, "pitch", unit),
+                // Who knows whether it turns.
+                None => table.positive_if(log, "pitch", unit),
+            }
         };
         let gear = table.positive_or(log, "gear", 1.0, "(motor turns per turn of the screw)");
         let max_velocity = limit(log, &mut table, "max_velocity", 1e6, velocity);
