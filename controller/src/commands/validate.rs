@@ -167,13 +167,14 @@ impl Args {
         if let Some(error) = failure {
             report(&error);
         }
-        virtual_machine.frames().finish_log()?;
+        let logged = virtual_machine.frames().finish_log();
         let frames = Some(virtual_machine.frames().result());
         let controller: &Controller<COORDINATES> = virtual_machine.controller();
         let (summary, rows) = recorder.finish(&machine, &layout, controller, frames)?;
         let title = format!("validated in virtual time, seed {}", self.seed);
         results.write(&summary, rows, &self.program, title)?;
         claims.tell(&summary.to_string());
+        logged?;
         Ok(summary)
     }
 
