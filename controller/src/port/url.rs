@@ -72,15 +72,18 @@ impl FromStr for BusUrl {
                 if address.is_empty() || bus.is_empty() || bus.contains(['/', ' ', '<', '>']) {
                     return Err(no_bus());
                 }
-                let has_port = address
-                    .rsplit_once(':')
-                    .is_some_and(|(_, port)| port.parse::<u16>().is_ok());
+                // The colons of an IPv6 address stand in brackets.
+                let (host, port) = match address.rsplit_once(':') {
+                    Some((host, port)) if !port.ends_with(']') => {
+                        (host, port.parse::<u16>().map_err(|_| no_bus())?)
+                    }
+                    _ => (address, SOCKETCAND_PORT),
+                };
+                if host.is_empty() || (host.contains(':') && !host.starts_with('[')) {
+                    return Err(no_bus());
+                }
                 Ok(Self::Socketcand {
-                    address: if has_port {
-                        address.to_owned()
-                    } else {
-                        format!("{address}:{SOCKETCAND_PORT}")
-                    },
+                    address: format!("{host}:{port}"),
                     bus: bus.to_owned(),
                 })
             }
@@ -191,6 +194,8 @@ mod tests {
                 "socketcand://localhost/can1",
                 "socketcand://localhost:29536/can1",
             ),
+            ("socketcand://[::1]/can0", "socketcand://[::1]:29536/can0"),
+            ("socketcand://[::1]:1/can0", "socketcand://[::1]:1/can0"),
             (
                 "udp://239.74.163.2:43113",
                 "udp://239.74.163.2:43113?interface=lo",
@@ -208,6 +213,10 @@ mod tests {
             "a-name-that-is-too-long-for-an-interface",
             "socketcand://127.0.0.1:29536",
             "socketcand:///can0",
+            "socketcand://:29536/can0",
+            "socketcand://127.0.0.1:99999/can0",
+            "socketcand://localhost:/can0",
+            "socketcand://::1/can0",
             "udp://127.0.0.1:43113",
             "udp://239.74.163.2",
             "udp://239.74.163.2:43113?x=y",
