@@ -326,7 +326,8 @@ fn a_dwell_rests_for_its_time_under_its_tag() {
 }
 
 /// From a cruise on a line the closed form: the stop begins in the next cycle and takes v/a + a/j,
-/// or 2·√(v/j) where the deceleration is not reached. On a gentle curve a little longer.
+/// or 2·√(v/j) where the deceleration is not reached. On a gentle curve a little longer, as the planner
+/// answers.
 #[test]
 fn a_stop_in_a_cruise_begins_at_once() {
     let line = Curve::line([0.0; 3], [900.0, 0.0, 0.0]).unwrap();
@@ -363,6 +364,14 @@ fn a_stop_in_a_cruise_begins_at_once() {
         executor.stop();
         let mut cycles = 0;
         while !executor.is_idle() {
+            if let Some(outlook) = executor.outlook() {
+                planner.observe(&outlook);
+            }
+            while executor.room() > 0
+                && let Some(command) = planner.pop()
+            {
+                executor.accept(command);
+            }
             executor.advance();
             cycles += 1;
         }
