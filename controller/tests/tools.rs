@@ -307,6 +307,33 @@ fn bad_input() {
             "no model `y`, only lxm32m",
         ),
         (&["monitor"], "required"),
+        (&["scan", "--bus", "can0", "--timeout", "0"], "1..=600000"),
+        (
+            &[
+                "sdo",
+                "--bus",
+                "can0",
+                "--timeout",
+                "99999999999999",
+                "read",
+                "1",
+                "6041",
+            ],
+            "1..=600000",
+        ),
+        (
+            &[
+                "record",
+                "--bus",
+                "can0",
+                "--candump",
+                "/dev/null",
+                "--seconds",
+                "18446744073709551615",
+            ],
+            "0..=2678400",
+        ),
+        (&["bench", "cycle", "--duration", "1e18s"], "31 days"),
     ] {
         let (code, error) = run(args);
         assert_eq!(code, Some(2), "{args:?}");

@@ -165,7 +165,7 @@ fn measure_with<const N: usize>(options: &Options, buses: Buses) -> Result<Outco
         let options = options.clone();
         thread::spawn(move || {
             // First: it takes longer than a cycle.
-            let record = Record::new(options.cycles);
+            let record = Record::new(if options.control { options.cycles } else { 0 });
             Cycle::<N>::new(options, ports, plan_out).run(record)
         })
     };
@@ -222,10 +222,11 @@ struct Record {
 }
 
 impl Record {
-    fn new(cycles: u64) -> Self {
+    /// For so many wake-ups that are compared.
+    fn new(compared: u64) -> Self {
         // Filled and emptied, so that no sample touches a page for the first time.
         let samples = || {
-            let mut samples = vec![u32::MAX; cycles as usize];
+            let mut samples = vec![u32::MAX; compared as usize];
             samples.clear();
             samples
         };
@@ -401,9 +402,11 @@ impl<const N: usize> Cycle<N> {
         let at = realtime::now();
         record.sync_wake.record(late, at);
         record.sync_sent.record(sent, at);
-        record
-            .ours
-            .push(late.as_nanos().min(u32::MAX.into()) as u32);
+        if self.options.control {
+            record
+                .ours
+                .push(late.as_nanos().min(u32::MAX.into()) as u32);
+        }
         Ok(due)
     }
 

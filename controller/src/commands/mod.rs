@@ -136,6 +136,9 @@ fn bad_input(error: &(dyn std::error::Error + 'static)) -> Exit {
     Exit::BadInput
 }
 
+/// Nothing that is waited for or measured takes longer: 31 days.
+const LONGEST: Duration = Duration::from_secs(31 * 24 * 3600);
+
 /// A duration as people write it: `500us`, `1ms`, `60s`, `2min`.
 fn duration(text: &str) -> Result<Duration, String> {
     let digits = text.trim_end_matches(|c: char| c.is_ascii_alphabetic());
@@ -147,7 +150,9 @@ fn duration(text: &str) -> Result<Duration, String> {
         _ => return Err("give a number and us, ms, s or min".into()),
     };
     let number: f64 = digits.parse().map_err(|_| "not a number".to_owned())?;
-    Duration::try_from_secs_f64(number * scale).map_err(|error| error.to_string())
+    let duration = Duration::try_from_secs_f64(number * scale).ok();
+    let duration = duration.filter(|duration| *duration <= LONGEST);
+    duration.ok_or_else(|| "give 0 to 31 days".to_owned())
 }
 
 /// Prints an error with everything that caused it, one line, to standard error.
@@ -163,7 +168,7 @@ pub fn report(error: &(dyn std::error::Error + 'static)) {
 
 #[cfg(test)]
 mod tests {
-    use super::duration;
+    use super::{LONGEST, duration};
     use std::time::Duration;
 
     #[test]
@@ -172,5 +177,10 @@ mod tests {
         assert_eq!(duration("1.5ms"), Ok(Duration::from_micros(1500)));
         assert_eq!(duration("2min"), Ok(Duration::from_secs(120)));
         assert!(duration("5").is_err() && duration("ms").is_err() && duration("-1s").is_err());
+        assert!(
+            duration("nans").is_err() && duration("1e30s").is_err() && duration("infs").is_err()
+        );
+        assert_eq!(duration("44640min"), Ok(LONGEST));
+        assert!(duration("44641min").is_err());
     }
 }

@@ -3,7 +3,7 @@
 use super::log_files::LogFiles;
 use super::output::Claims;
 use super::tool::{BusChoice, Session};
-use super::{Exit, bad_input, report};
+use super::{Exit, LONGEST, bad_input, report};
 use crate::bus_log::BusLog;
 use crate::realtime::now;
 use std::error::Error;
@@ -28,7 +28,7 @@ pub(super) struct Args {
     #[arg(long, value_name = "FRAMES")]
     count: Option<u64>,
     /// End after so many seconds.
-    #[arg(long, value_name = "SECONDS")]
+    #[arg(long, value_name = "SECONDS", value_parser = clap::value_parser!(u64).range(..=LONGEST.as_secs()))]
     seconds: Option<u64>,
 }
 

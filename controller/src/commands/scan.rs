@@ -1,6 +1,6 @@
 //! `syncline scan`: who is on a bus.
 
-use super::tool::{BusChoice, CAPACITY, Session};
+use super::tool::{BusChoice, CAPACITY, Session, milliseconds};
 use super::{Exit, bad_input, report};
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -27,7 +27,7 @@ pub(super) struct Args {
     #[command(flatten)]
     bus: BusChoice,
     /// Milliseconds to wait for an answer.
-    #[arg(long, value_name = "MS", default_value_t = 300)]
+    #[arg(long, value_name = "MS", default_value_t = 300, value_parser = milliseconds())]
     timeout: u64,
 }
 

@@ -1,7 +1,7 @@
 //! `syncline sdo`: reads and writes a node's objects.
 
 use super::scan::recognise;
-use super::tool::{BusChoice, CAPACITY, Known, Session, node_id};
+use super::tool::{BusChoice, CAPACITY, Known, Session, milliseconds, node_id};
 use super::{Exit, bad_input, report};
 use clap::Subcommand;
 use std::error::Error;
@@ -23,7 +23,7 @@ pub(super) struct Args {
     #[command(flatten)]
     known: Known,
     /// Milliseconds to wait for an answer.
-    #[arg(long, value_name = "MS", default_value_t = 500)]
+    #[arg(long, value_name = "MS", default_value_t = 500, value_parser = milliseconds())]
     timeout: u64,
     #[command(subcommand)]
     command: Command,

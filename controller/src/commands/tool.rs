@@ -5,6 +5,7 @@ use crate::port::PortError;
 use crate::port::url::{BusUrl, End};
 use crate::port::wire::Wire;
 use crate::realtime::now;
+use clap::builder::RangedU64ValueParser;
 use std::collections::BTreeMap;
 use std::error::Error;
 use std::path::PathBuf;
@@ -73,6 +74,11 @@ impl FromStr for NodeOfModel {
         })?;
         Ok(Self { node, model })
     }
+}
+
+/// How long to wait for an answer, on the command line.
+pub(super) fn milliseconds() -> RangedU64ValueParser {
+    clap::value_parser!(u64).range(1..=600_000)
 }
 
 /// A node id on the command line.
