@@ -13,6 +13,8 @@
 mod common;
 mod machine;
 
+use std::collections::BTreeMap;
+
 use common::{LIMITS, contour, planned};
 use machine::Machine;
 use proptest::prelude::*;
@@ -43,6 +45,18 @@ struct State {
     a: f64,
 }
 
+impl State {
+    /// After so long with that path jerk.
+    fn after(self, t: f64, jerk: f64) -> Self {
+        let State { s, v, a } = self;
+        State {
+            s: s + t * (v + t * (a / 2.0 + t * jerk / 6.0)),
+            v: v + t * (a + t * jerk / 2.0),
+            a: a + t * jerk,
+        }
+    }
+}
+
 impl From<Setpoint<3>> for State {
     fn from(now: Setpoint<3>) -> Self {
         let along = (0..3).map(|i| now.velocity[i] * now.acceleration[i]);
@@ -63,14 +77,24 @@ impl Programmed {
         Programmed(spans)
     }
 
+    fn span(&self, s: f64) -> &Span<3> {
+        &self.0[self.0.partition_point(|x| x.start <= s).max(1) - 1]
+    }
+
+    fn goes_on(&self, s: f64) -> bool {
+        self.0
+            .last()
+            .is_some_and(|last| s < last.start + last.curve.length() - 1e-9)
+    }
+
     fn at(&self, s: f64) -> Derivatives<3> {
-        let span = &self.0[self.0.partition_point(|x| x.start <= s).max(1) - 1];
+        let span = self.span(s);
         span.curve.at(s - span.start)
     }
 
     /// What is asked for after overrides.
     fn asked(&self, s: f64, overrides: Overrides) -> f64 {
-        let span = &self.0[self.0.partition_point(|x| x.start <= s).max(1) - 1];
+        let span = self.span(s);
         if span.feed.is_finite() {
             return span.feed * overrides.feed;
         }
@@ -143,69 +167,96 @@ fn fault(before: State, now: State, asked: f64, reference: &Reference) -> Option
     }
 }
 
-/// What an axis's limits leave of the path's accelerations, or of its jerks, where `asked` is asked for
-/// by the bends.
-fn left(d1: [f64; 3], asked: [f64; 3], limits: [f64; 3]) -> [f64; 2] {
+/// By what part a limit may be exceeded on the grid.
+const CLOSE: f64 = 2e-3;
+/// A step of the search for a law that falls, s, the jerks tried in each, and the looks at every span
+/// on its way.
+const STEP: f64 = 0.000_25;
+const JERKS: usize = 9;
+const LOOKS: usize = 4;
+/// States apart by these parts of speed and of the greatest acceleration are one.
+const GRID: [f64; 2] = [4e-3, 2e-3];
+/// A law must go on for so long beyond where another one does not fall, or come to rest before, s.
+const BEYOND: f64 = 0.05;
+
+/// The path jerks that every axis allows in a state.
+fn jerks(d: &Derivatives<3>, State { v, a, .. }: State) -> [f64; 2] {
     let mut range = [f64::NEG_INFINITY, f64::INFINITY];
     for i in 0..3 {
-        let limit = limits[i] * (1.0 + CLOSE);
-        if d1[i].abs() > 1e-9 {
-            let ends = [1.0, -1.0].map(|side| (side * limit - asked[i]) / d1[i]);
+        let asked = (d.d3[i] * v * v + 3.0 * d.d2[i] * a) * v;
+        let limit = LIMITS.jerk[i] * (1.0 + CLOSE);
+        let ends = [1.0, -1.0].map(|side| (side * limit - asked) / d.d1[i]);
+        if d.d1[i].abs() > 1e-9 {
             range[0] = range[0].max(ends[0].min(ends[1]));
             range[1] = range[1].min(ends[0].max(ends[1]));
-        } else if asked[i].abs() > limit {
+        } else if asked.abs() > limit {
             return [f64::INFINITY, f64::NEG_INFINITY];
         }
     }
     range
 }
 
-/// By what part a limit may be exceeded on the grid.
-const CLOSE: f64 = 2e-3;
-/// A law that falls must go on for so long beyond where another one does not, s.
-const BEYOND: f64 = 0.005;
-/// A step of the search for a law that falls, s, and the jerks tried in each.
-const STEP: f64 = 0.000_5;
-const JERKS: usize = 9;
-/// States apart by these parts of speed and of the greatest acceleration are one.
-const GRID: [f64; 2] = [4e-3, 2e-3];
+/// Whether every axis keeps its limits, looked at some times on each span, while the path goes on from a
+/// state for so long with constant jerk.
+fn keeps(programmed: &Programmed, from: State, jerk: f64, time: f64) -> bool {
+    let end = from.after(time, jerk).s;
+    let mut s = from.s;
+    loop {
+        let span = programmed.span(s);
+        let until = (span.start + span.curve.length()).min(end);
+        for k in 0..=LOOKS {
+            let there = s + (until - s) * k as f64 / LOOKS as f64;
+            let part = if end > from.s {
+                (there - from.s) / (end - from.s)
+            } else {
+                0.0
+            };
+            let State { v, a, .. } = from.after(part * time, jerk);
+            let d = span.curve.at((there - span.start).min(span.curve.length()));
+            let kept = |i: usize| {
+                let acceleration = d.d2[i] * v * v + d.d1[i] * a;
+                let jerk = d.d3[i] * v * v * v + 3.0 * d.d2[i] * v * a + d.d1[i] * jerk;
+                acceleration.abs() <= LIMITS.acceleration[i] * (1.0 + CLOSE)
+                    && jerk.abs() <= LIMITS.jerk[i] * (1.0 + CLOSE)
+            };
+            if !(0..3).all(kept) {
+                return false;
+            }
+        }
+        if until >= end || !programmed.goes_on(until) {
+            return until >= end;
+        }
+        s = until;
+    }
+}
 
 /// Whether the axes' limits leave any way on from a state for `time` on which the speed falls, or its
-/// acceleration does, until it is no higher than asked for: all that can be reached, on a grid.
+/// acceleration does, where it is above what is asked for: all that can be reached, on a grid.
 fn may_fall(programmed: &Programmed, overrides: Overrides, from: State, time: f64) -> bool {
     let mut states = vec![from];
     for _ in 0..(time / STEP) as usize {
-        let mut next = std::collections::BTreeMap::new();
+        let mut next = BTreeMap::new();
         for at in &states {
-            let d = programmed.at(at.s);
-            let (v, a) = (at.v, at.a);
-            let bends = std::array::from_fn(|i| (d.d3[i] * v * v + 3.0 * d.d2[i] * a) * v);
-            let [low, high] = left(d.d1, bends, LIMITS.jerk);
-            if low > high {
-                continue;
-            }
+            let [low, high] = jerks(&programmed.at(at.s), *at);
             for k in 0..JERKS {
                 let jerk = low + (high - low) * k as f64 / (JERKS - 1) as f64;
-                let there = State {
-                    s: at.s + STEP * (v + STEP * (a / 2.0 + STEP * jerk / 6.0)),
-                    v: v + STEP * (a + STEP * jerk / 2.0),
-                    a: a + STEP * jerk,
-                };
-                if there.v < 0.0 {
+                let there = at.after(STEP, jerk);
+                let above = there.v > programmed.asked(there.s, overrides);
+                if low > high
+                    || there.v < 0.0
+                    || above && there.a > 0.0 && jerk > 0.0
+                    || !keeps(programmed, *at, jerk, STEP)
+                {
                     continue;
                 }
-                let rests = there.v <= SAME && there.a * there.a <= 2.0 * there.v * LIMITS.jerk[2];
-                if rests || there.v <= programmed.asked(there.s, overrides) {
+                if there.v <= SAME && there.a * there.a <= 2.0 * there.v * LIMITS.jerk[2] {
                     return true;
                 }
-                let d = programmed.at(there.s);
-                let bends = std::array::from_fn(|i| d.d2[i] * there.v * there.v);
-                let [least, most] = left(d.d1, bends, LIMITS.acceleration);
-                let falls = there.a <= 0.0 || jerk <= 0.0;
-                if falls && there.a >= least && there.a <= most {
-                    let key = [there.v / from.v / GRID[0], there.a / 5_000.0 / GRID[1]];
-                    next.entry(key.map(|x| x.round() as i64)).or_insert(there);
-                }
+                let key = [
+                    there.v / from.v / GRID[0],
+                    there.a / LIMITS.acceleration[0] / GRID[1],
+                ];
+                next.entry(key.map(|x| x.round() as i64)).or_insert(there);
             }
         }
         states = next.into_values().collect();
@@ -328,7 +379,9 @@ fn follow(
                     faults.extend(fault.map(|fault| (fault, now, asked, reference.speed(now.s))));
                 } else if now.v > right.0 + SAME || cycle > right.1 + response {
                     let lasts = (cycle - response) as f64 * period + BEYOND;
-                    limited |= faults.is_empty() && !may_fall(&programmed, overrides, first, lasts);
+                    if faults.is_empty() && !limited {
+                        limited = !may_fall(&programmed, overrides, first, lasts);
+                    }
                     if !limited {
                         faults.push((Fault::StaysAbove, now, asked, reference.speed(now.s)));
                     }
@@ -363,16 +416,15 @@ fn follow(
     }
 }
 
-/// All but some take effect at once; of the others the old plan slows down for the path by itself. One is
-/// left that sped up behind a corner.
+/// All but some take effect at once; of the others the old plan slows down for the path by itself.
 #[test]
 fn an_override_shows_within_ten_milliseconds_and_the_speed_goes_one_way() {
     let count = survey(16);
     println!("{count:?}");
     assert!(count.overrides >= 30);
     assert!(count.in_force * 20 >= count.overrides * 19);
-    assert!(count.stay_above <= 1);
-    assert_eq!((count.limited, count.dip, count.stay_below), (0, 0, 0));
+    assert!(count.limited <= 1);
+    assert_eq!((count.stay_above, count.dip, count.stay_below), (0, 0, 0));
 }
 
 /// `cargo test --release -p syncline-trajectory --test effect -- --ignored --nocapture`
@@ -382,13 +434,11 @@ fn many_overrides() {
     let count = survey(400);
     println!("{count:?}");
     assert!(count.in_force * 100 >= count.overrides * 97);
-    assert!(count.limited * 100 <= count.overrides);
-    // Into the narrowest corners at the limits.
-    assert!(count.stay_above * 200 <= count.overrides);
-    assert_eq!((count.dip, count.stay_below), (0, 0));
+    assert!(count.limited * 80 <= count.overrides);
+    assert_eq!((count.stay_above, count.dip, count.stay_below), (0, 0, 0));
 }
 
-/// On a line from a cruise it may fall, from a corner that the axes must leave faster it may not.
+/// To rest from a cruise on a line it may, but not where the axes cannot take a deceleration back in time.
 #[test]
 fn a_speed_that_may_fall_is_told_from_one_that_may_not() {
     let at_rest = Overrides {
