@@ -1,0 +1,561 @@
+//! A law in the making: its cells, and what is done to them from round to round.
+
+use super::node::{Node, Road, accelerations, jerks};
+use super::{Braking, ROUNDING, instant_at};
+use crate::path::{Curve, Departure, Limits, Span};
+
+/// Cells of the way down from the greatest speed, at most.
+pub(super) const MOST_CELLS: usize = 160;
+/// Cells in which an acceleration is taken back, at most.
+pub(super) const MOST_RISING: usize = 120;
+/// Parts of a polynomial that deserve a cell of their own.
+pub(super) const POLY_CELLS: f64 = 6.0;
+
+/// How carefully a way down is searched for.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Care {
+    /// Cells that it is cut into at first, and at most where the path changes quickly.
+    cells: usize,
+    most_cells: usize,
+    /// Cells in which an acceleration is taken back, at most.
+    rising: usize,
+    /// Cells at whose ends the jerks that are allowed differ by more, as a part of what they are where
+    /// nothing bends, are cut; and the same where an acceleration is taken back.
+    uneven: f64,
+    uneven_rise: f64,
+    /// A way whose nodes move by no more in a round, as a part of its length, is looked at.
+    settled: f64,
+    /// Times that a piece on a polynomial is halved, at most, to prove that it keeps the limits.
+    halvings: usize,
+}
+
+/// Between two setpoints.
+pub(super) const HASTY: Care = Care {
+    cells: 24,
+    most_cells: 72,
+    rising: 60,
+    uneven: 0.05,
+    uneven_rise: 0.02,
+    settled: 1e-2,
+    halvings: 3,
+};
+/// Where there is time.
+pub(super) const CAREFUL: Care = Care {
+    cells: 32,
+    most_cells: MOST_CELLS,
+    rising: MOST_RISING,
+    uneven: 0.03,
+    uneven_rise: 0.02,
+    settled: 5e-3,
+    halvings: 5,
+};
+
+/// Steps in which an acceleration is taken back where nothing bends …
+const RISING_STEPS: f64 = 8.0;
+/// … and the shortest ones as a part of those.
+const SHORTEST: f64 = 0.03;
+/// An E that is a smaller part of the one where nothing bends is no way down.
+const NO_WAY: f64 = 4e-4;
+
+/// Rounds that are worth their while.
+const MOST_ROUNDS: usize = 40;
+
+/// What work counts, roughly 0.2 µs each with six axes: a look at the path in a place …
+pub(super) const LOOKING: usize = 2;
+/// … a node in a round …
+const RELAXING: usize = 1;
+/// … and a proof for a cell on a polynomial.
+pub(super) const PROVING: usize = 12;
+
+/// A law in the making.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Way<const N: usize> {
+    care: Care,
+    target: f64,
+    /// First the acceleration is taken back, in so many cells.
+    rising: [Node<N>; MOST_RISING + 1],
+    pub(super) rises: usize,
+    /// Then the speed comes down.
+    pub(super) falling: [Node<N>; MOST_CELLS + 1],
+    pub(super) falls: usize,
+    /// What was done in this go, counted in halves of a look at the path.
+    pub(super) work: usize,
+    /// Duration of its cells in the first guess, and how often some were cut.
+    tick: f64,
+    /// Part of the longest step in which an acceleration is taken back, that step and the next one.
+    step: f64,
+    longest: f64,
+    stride: f64,
+    rounds: usize,
+    refined: usize,
+    /// By how far the nodes went in the last round, at most, mm.
+    moved: f64,
+}
+
+/// Part of a cell that is cut off on either side of a joint.
+const SHORT: f64 = 0.05;
+/// The plan that is left may be at its limits, so that nothing proves that the first cells keep them
+/// closer than this.
+const ENTRY: usize = 2;
+const ENTRY_SLACK: f64 = 1e-6;
+/// What is used of the limits where a law that is closer to them is not certain to keep them.
+const UNCERTAIN: f64 = 0.985;
+/// What is kept of the limits from the first, for what happens between the nodes.
+pub(super) const SHARE: f64 = 0.9992;
+
+impl<const N: usize> Way<N> {
+    pub(super) fn new(care: Care) -> Self {
+        let node = Node::nowhere();
+        Way {
+            care,
+            target: 0.0,
+            rising: [node; MOST_RISING + 1],
+            rises: 0,
+            falling: [node; MOST_CELLS + 1],
+            falls: 0,
+            work: 0,
+            tick: 0.0,
+            step: 1.0,
+            longest: f64::INFINITY,
+            stride: f64::INFINITY,
+            rounds: 0,
+            refined: 0,
+            moved: f64::INFINITY,
+        }
+    }
+
+    /// The work of a round.
+    pub(super) fn round(&self) -> usize {
+        (self.falls + 1) * (LOOKING + RELAXING)
+    }
+
+    pub(super) fn begin(&mut self, target: f64) {
+        (self.target, self.rises, self.refined) = (target, 0, 0);
+        (self.falls, self.rounds) = (self.care.cells, 0);
+        self.moved = f64::INFINITY;
+        self.step = 1.0;
+        for node in self.rising.iter_mut().chain(&mut self.falling) {
+            node.share = [SHARE; 2];
+            node.off = 0.0;
+        }
+    }
+
+    /// The first guess: the closed form with what the axes allow along the path here.
+    pub(super) fn guess(&mut self, limits: &Limits<N>) -> Option<()> {
+        let way = self;
+        let (cells, target) = (way.falls, way.target);
+        let top = way.falling[0];
+        let [limit, j] = top.along(limits);
+        let above = top.v - target;
+        if above <= 0.0 {
+            return None;
+        }
+        let a = top.a;
+        let reached = above + a * a / (2.0 * j);
+        let peak = (j * reached).sqrt().min(limit);
+        // Durations of the parts; in the last one the rest of the acceleration goes.
+        let (down, hold, landing, peak) = if a + peak > 0.0 {
+            let hold = (reached - peak * peak / j) / peak;
+            ((a + peak) / j, hold.max(0.0), peak / j, peak)
+        } else {
+            (0.0, 0.0, -2.0 * above / a, -a)
+        };
+        let whole = down + hold + landing;
+        let tick = whole / cells as f64;
+        way.tick = tick;
+        for (k, node) in way.falling[..=cells].iter_mut().enumerate().skip(1) {
+            let gone = tick * k as f64;
+            let left = whole - gone;
+            // From the end, from the start, or in between.
+            (node.v, node.a) = if k == cells {
+                (target, 0.0)
+            } else if left < landing {
+                let jerk = peak / landing;
+                (target + 0.5 * jerk * left * left, -jerk * left)
+            } else if gone < down {
+                (top.v + gone * (a - 0.5 * j * gone), a - j * gone)
+            } else {
+                (target + peak * (left - 0.5 * landing), -peak)
+            };
+        }
+        for k in 0..cells {
+            let (now, next) = (way.falling[k], way.falling[k + 1]);
+            let t = -2.0 * (now.v - next.v) / (now.a + next.a);
+            way.falling[k].t = t;
+            way.falling[k].jerk = (next.a - now.a) / t;
+            way.falling[k + 1].s = way.falling[k].end()?.distance;
+        }
+        for node in &mut way.falling[..=cells] {
+            node.looked = [node.s; 2];
+        }
+        Some(())
+    }
+
+    /// The speeds on the way down from another greatest speed than `before`.
+    pub(super) fn shrink(&mut self, before: f64) -> Option<()> {
+        let above = self.falling[0].v - self.target;
+        for node in &mut self.falling[1..=self.falls] {
+            node.v = self.target + (node.v - self.target) * (above / (before - self.target));
+        }
+        (above > 0.0).then_some(())
+    }
+
+    /// Takes back the acceleration as fast as the axes allow, step by step; true when it is gone.
+    pub(super) fn rise<'a>(
+        &mut self,
+        span: impl Fn(usize) -> Option<&'a Span<N>>,
+        limits: &Limits<N>,
+        from: Departure,
+        work: usize,
+    ) -> Option<bool> {
+        let mut road = Road { span, index: 0 };
+        let mut now = from;
+        if self.rises == 0 {
+            (self.longest, self.stride) = (f64::INFINITY, f64::INFINITY);
+        } else {
+            let last = &self.rising[self.rises - 1];
+            now = last.end()?;
+            road.index = last.index;
+        }
+        while now.acceleration > 1e-9 * from.acceleration.max(0.0) {
+            if self.work >= work {
+                return Some(false);
+            }
+            // Cells that are used before their time make the others longer.
+            let used = self.rises as f64 / self.care.rising as f64;
+            let gone = 1.0 - now.acceleration / from.acceleration;
+            let early = (8.0 * (used - gone).clamp(0.0, 1.0)) as u32;
+            let loose = self.care.uneven_rise * f64::from(1_u32 << early);
+            let node = self.rising[..self.care.rising].get_mut(self.rises)?;
+            node.take(now);
+            node.look(&mut road, limits, now.distance)?;
+            self.work += LOOKING + RELAXING;
+            if self.longest.is_infinite() {
+                self.longest = self.step * now.acceleration / node.along(limits)[1] / RISING_STEPS;
+            }
+            self.stride = self.stride.min(self.longest);
+            loop {
+                self.work += 2 * (LOOKING + RELAXING);
+                let uneven = node.ease(&road, limits, self.stride)?;
+                if uneven <= loose || self.stride < SHORTEST * self.longest {
+                    break;
+                }
+                self.stride *= 0.5;
+            }
+            self.stride *= 1.4;
+            now = node.end()?;
+            self.rises += 1;
+        }
+        now.acceleration = now.acceleration.min(0.0);
+        let top = &mut self.falling[0];
+        top.take(now);
+        top.look(&mut road, limits, now.distance)?;
+        top.looked = [now.distance; 2];
+        Some(true)
+    }
+
+    /// The nodes are where the path was looked up.
+    pub(super) fn is_settled(&self) -> bool {
+        self.moved <= self.care.settled * (self.falling[self.falls].s - self.falling[0].s)
+    }
+
+    /// Looks the path up where the nodes are, or where they seem to be going (Anderson, "Iterative
+    /// Procedures for Nonlinear Integral Equations", 1965).
+    pub(super) fn look<'a>(
+        &mut self,
+        span: impl Fn(usize) -> Option<&'a Span<N>>,
+        limits: &Limits<N>,
+    ) -> Option<()> {
+        let mut road = Road {
+            span,
+            index: self.falling[0].index,
+        };
+        self.rounds += 1;
+        if self.rounds > MOST_ROUNDS {
+            return None;
+        }
+        let (mut along, mut whole) = (0.0, 0.0);
+        for node in &self.falling[..=self.falls] {
+            let off = node.s - node.looked[1];
+            let change = off - node.off;
+            along += off * change;
+            whole += change * change;
+        }
+        let part = if self.moved.is_finite() && !self.is_settled() && whole > 0.0 {
+            (along / whole).clamp(-2.0, 0.9)
+        } else {
+            0.0
+        };
+        let mut least = self.falling[0].s;
+        for node in &mut self.falling[1..=self.falls] {
+            let off = node.s - node.looked[1];
+            let before = node.looked[0] + node.off;
+            let next = (node.s - part * (node.s - before)).max(least);
+            least = next;
+            node.looked = [node.looked[1], next];
+            node.off = off;
+            node.look(&mut road, limits, next)?;
+        }
+        Some(())
+    }
+
+    /// The way down anew, for the path where it was looked up.
+    pub(super) fn relax(&mut self, limits: &Limits<N>) -> Option<()> {
+        let last = self.falls;
+        let nodes = &mut self.falling[..=last];
+        // Back from the end: the greatest E from where the end is reached.
+        let mut most = [0.0; MOST_CELLS + 1];
+        for k in (0..last).rev() {
+            let (now, next) = (&nodes[k], &nodes[k + 1]);
+            let a = -(2.0_f64 * most[k + 1]).sqrt();
+            let highs = [
+                jerks(next, now.share[1], a, 0.0)[1],
+                jerks(now, now.share[1], a, -now.t)[1],
+            ];
+            let high = highs[0].min(highs[1]);
+            let low = accelerations(now, limits)[0].min(0.0);
+            let down = now.v - next.v;
+            let mut by_jerk = (most[k + 1] + high * down).max(0.0);
+            let mut by_acceleration = 0.5 * low * low;
+            // Where there is no way down the path is not passed at that speed: it is soon another one.
+            let [straight, jerk] = now.unbent(limits);
+            if by_jerk < (NO_WAY * straight).min(most[k + 1]) {
+                by_jerk = most[k + 1] + jerk * down;
+            }
+            if by_acceleration < NO_WAY * straight {
+                by_acceleration = straight;
+            }
+            most[k] = by_jerk.min(by_acceleration);
+            nodes[k].uneven = if most[k] < by_jerk {
+                0.0
+            } else {
+                (highs[0] - highs[1]).abs()
+            };
+        }
+        // On from the start: the greatest that the jerk allows.
+        let mut e = 0.5 * nodes[0].a * nodes[0].a;
+        let mut moved = 0.0_f64;
+        for k in 0..last {
+            let (now, next) = (&nodes[k], &nodes[k + 1]);
+            let down = now.v - next.v;
+            let lows = [
+                jerks(now, now.share[1], now.a, 0.0)[0],
+                jerks(next, now.share[1], now.a, now.t)[0],
+            ];
+            let low = lows[0].max(lows[1]);
+            let [straight, jerk] = now.unbent(limits);
+            let mut by_jerk = e - low * down;
+            if by_jerk < (NO_WAY * straight).min(e) {
+                by_jerk = e + jerk * down;
+            }
+            let e1 = by_jerk.min(most[k + 1]).max(0.0);
+            let a1 = -(2.0 * e1).sqrt();
+            let now = &mut nodes[k];
+            now.t = -2.0 * down / (now.a + a1);
+            now.jerk = (e - e1) / down;
+            if e1 < most[k + 1] {
+                now.uneven = (lows[0] - lows[1]).abs();
+            }
+            let end = now.end()?;
+            let next = &mut nodes[k + 1];
+            next.a = a1;
+            next.s = end.distance;
+            moved = moved.max((next.s - next.looked[1]).abs());
+            e = e1;
+        }
+        self.moved = moved;
+        Some(())
+    }
+
+    /// Cuts cells where the path changes quickly: about the joints of spans, and on polynomials.
+    /// False where there is nothing to cut.
+    pub(super) fn refine<'a>(
+        &mut self,
+        span: impl Fn(usize) -> Option<&'a Span<N>>,
+        limits: &Limits<N>,
+    ) -> Option<bool> {
+        if self.refined >= 2 {
+            return Some(false);
+        }
+        self.refined += 1;
+        // The old nodes wait at the end of the room, where the new ones do not come before they went.
+        let apart = MOST_CELLS - self.falls;
+        self.falling.copy_within(..=self.falls, apart);
+        let (mut from, mut to) = (0, 0);
+        while from < self.falls {
+            let (now, next) = (self.falling[apart + from], self.falling[apart + from + 1]);
+            let left = self.care.most_cells - to - (self.falls - from);
+            let mut cuts = [0.0; 4];
+            let mut count = 0;
+            if next.index > now.index {
+                // A short cell holds the joint.
+                let joint = instant_at(&now.piece(), span(now.index + 1)?.start);
+                let short = SHORT * now.t;
+                if now.t > 0.5 * self.tick {
+                    for cut in [joint - short, joint + short] {
+                        if cut > short && cut < now.t - short {
+                            cuts[count] = cut;
+                            count += 1;
+                        }
+                    }
+                }
+            } else if now.t > 0.1 * self.tick {
+                let quick = match span(now.index)?.curve {
+                    ref curve @ Curve::Poly(_) => (next.s - now.s) / curve.length() * POLY_CELLS,
+                    _ => 0.0,
+                };
+                let uneven = now.uneven / now.along(limits)[1] / self.care.uneven;
+                let parts = quick.max(uneven).ceil().clamp(1.0, 4.0);
+                for k in 1..parts as usize {
+                    cuts[count] = now.t * k as f64 / parts;
+                    count += 1;
+                }
+            }
+            self.falling[to] = now;
+            to += 1;
+            if count <= left {
+                let mut begin = 0.0;
+                for &cut in &cuts[..count] {
+                    self.falling[to - 1].t = cut - begin;
+                    let mut node = now;
+                    let (ds, speed, acceleration) = now.piece().at(cut);
+                    let distance = now.s + ds;
+                    node.take(Departure {
+                        distance,
+                        speed,
+                        acceleration,
+                    });
+                    node.looked = [node.s; 2];
+                    node.off = 0.0;
+                    node.t = now.t - cut;
+                    self.falling[to] = node;
+                    begin = cut;
+                    to += 1;
+                }
+            }
+            from += 1;
+        }
+        self.falling[to] = self.falling[MOST_CELLS];
+        let cut = to > self.falls;
+        self.falls = to;
+        Some(cut)
+    }
+
+    /// How many cells the way has.
+    pub(super) fn cells(&self) -> usize {
+        self.rises + self.falls
+    }
+
+    /// The nodes at the ends of a cell.
+    fn cell(&self, cell: usize) -> [Node<N>; 2] {
+        if cell + 1 < self.rises {
+            [self.rising[cell], self.rising[cell + 1]]
+        } else if cell < self.rises {
+            [self.rising[cell], self.falling[0]]
+        } else {
+            let cell = cell - self.rises;
+            [self.falling[cell], self.falling[cell + 1]]
+        }
+    }
+
+    fn node(&mut self, node: usize) -> &mut Node<N> {
+        if node < self.rises {
+            &mut self.rising[node]
+        } else {
+            &mut self.falling[node - self.rises]
+        }
+    }
+
+    /// Whether every axis keeps its limits in the cell: at both ends and in the middle, and
+    /// between them as far as what is asked bends no more than there. Where one does not, less is
+    /// used of it.
+    pub(super) fn keeps<'a>(
+        &mut self,
+        cell: usize,
+        span: impl Fn(usize) -> Option<&'a Span<N>>,
+        limits: &Limits<N>,
+    ) -> Option<bool> {
+        let [now, next] = self.cell(cell);
+        let over = now.asks(&next, &span, limits, &mut self.work)?;
+        let kept = over.iter().all(|over| *over <= 1.0 + ROUNDING);
+        if over[1] > 1.0 + ROUNDING {
+            for node in [cell, cell + 1] {
+                let share = &mut self.node(node).share[0];
+                *share /= over[1] * (1.0 + 1e-3);
+            }
+        }
+        if over[2] > 1.0 + ROUNDING {
+            self.node(cell).share[1] /= over[2] * (1.0 + 1e-3);
+        }
+        Some(kept)
+    }
+
+    /// Beyond what is known of the path nothing can be kept.
+    pub(super) fn ends_beyond<'a>(
+        &self,
+        span: impl Fn(usize) -> Option<&'a Span<N>>,
+    ) -> Option<bool> {
+        let end = &self.falling[self.falls];
+        let span = span(end.index)?;
+        Some(end.s > span.start + span.curve.length() + ROUNDING)
+    }
+
+    /// Whether that holds between the samples, too, where they may miss something. Where it is not
+    /// certain the cell is cut, or less is used of the limits.
+    pub(super) fn is_certain<'a>(
+        &mut self,
+        cell: usize,
+        span: impl Fn(usize) -> Option<&'a Span<N>>,
+        limits: &Limits<N>,
+    ) -> Option<bool> {
+        let [now, next] = self.cell(cell);
+        let slack = if cell < ENTRY { ENTRY_SLACK } else { ROUNDING };
+        let proof = (slack, self.care.halvings);
+        let certain = now.is_certain(&next, &span, limits, proof, &mut self.work)?;
+        if !certain {
+            if cell < self.rises && self.step > 0.1 {
+                self.step *= 0.5;
+            } else if cell >= self.rises
+                && now.t > 0.1 * self.tick
+                && self.falls < self.care.most_cells
+            {
+                self.halve(cell - self.rises);
+            } else {
+                self.node(cell).share = now.share.map(|share| share * UNCERTAIN);
+            }
+        }
+        Some(certain)
+    }
+
+    /// Cuts a cell on the way down in two.
+    fn halve(&mut self, cell: usize) {
+        let mut middle = self.falling[cell];
+        let t = 0.5 * middle.t;
+        let (ds, speed, acceleration) = middle.piece().at(t);
+        middle.take(Departure {
+            distance: middle.s + ds,
+            speed,
+            acceleration,
+        });
+        middle.t = t;
+        middle.looked = [middle.s; 2];
+        middle.off = 0.0;
+        self.falling[cell].t = t;
+        self.falling.copy_within(cell + 1..=self.falls, cell + 2);
+        self.falling[cell + 1] = middle;
+        self.falls += 1;
+    }
+
+    pub(super) fn law(&self, from: Departure) -> Option<Braking> {
+        let mut law = Braking::new(from);
+        for node in self.rising[..self.rises]
+            .iter()
+            .chain(&self.falling[..self.falls])
+        {
+            law.push(node.t, node.jerk)?;
+        }
+        law.end.speed = self.target;
+        law.end.acceleration = 0.0;
+        Some(law)
+    }
+}
