@@ -7,7 +7,7 @@ mod machine;
 use common::{LIMITS, contour, planned};
 use machine::Machine;
 use proptest::prelude::*;
-use syncline_trajectory::path::{Exit, Feed, Item, Move, Overrides, Setpoint, Span};
+use syncline_trajectory::path::{Curve, Exit, Feed, Item, Move, Overrides, Setpoint, Span};
 
 /// Short, so that what happens between the cycles of a real machine shows.
 const PERIOD: f64 = 0.000_5;
@@ -125,6 +125,32 @@ fn check(path: &Path, before: &Setpoint<3>, now: &Setpoint<3>) -> Result<(), Tes
         prop_assert!(change.abs() <= slack, "{before:?} {now:?}");
     }
     Ok(())
+}
+
+/// What is left of the plan may be less than a rounding of lengths, and the axes still move.
+#[test]
+fn an_override_right_before_the_end_of_the_path() {
+    for k in 0..60 {
+        let line = Curve::line([0.0; 3], [10.0 + 0.0137 * f64::from(k), 0.0, 0.0]).unwrap();
+        let items = [Item::Move(Move {
+            curve: line,
+            feed: Feed::Rate(50.0),
+            exit: Exit::Stop,
+            tag: 0,
+        })];
+        let mut machine = Machine::new(LIMITS, &items, [0.0; 3], PERIOD);
+        let mut whole = 0;
+        while machine.advance().is_some() {
+            whole += 1;
+        }
+        for cycle in whole - 24..whole {
+            let slower = Overrides {
+                feed: 0.9,
+                rapid: 1.0,
+            };
+            run(&items, [0.0; 3], &[(cycle, Act::Override(slower))]).unwrap();
+        }
+    }
 }
 
 proptest! {

@@ -423,6 +423,13 @@ impl<const N: usize> Planner<N> {
             self.come_to_rest(outlook);
             return;
         }
+        // The last of the way is less than lengths tell apart, but takes time.
+        let from = outlook.departure;
+        let under_way = outlook.leg.and_then(|leg| self.section(leg));
+        if from.speed > 0.0 && under_way.is_some_and(|section| section.ends_at(from.distance)) {
+            self.find_nothing();
+            return;
+        }
         let (leg, departure) = match outlook.step_back {
             Some(asked) => self.way_back(outlook, asked),
             None => self.way_on(outlook),
@@ -571,9 +578,7 @@ impl<const N: usize> Planner<N> {
             (Some(leg), None) => (leg, outlook.departure),
         };
         match self.section(leg) {
-            Some(section) if !(section.closed && section.reaches_end(departure.distance)) => {
-                (leg, departure)
-            }
+            Some(section) if !section.ends_at(departure.distance) => (leg, departure),
             _ => (leg + 1, Departure::default()),
         }
     }
@@ -882,7 +887,7 @@ impl<const N: usize> Planner<N> {
                     ..Departure::default()
                 };
                 self.cursor.splice = None;
-                return section.closed && self.cursor.rest >= section.length - NOTHING;
+                return section.ends_at(self.cursor.rest);
             }
             self.window.crawl(spans, departure.distance, &self.limits);
         }
@@ -931,7 +936,7 @@ impl<const N: usize> Planner<N> {
         let first = self.cursor.step + before as u64;
         self.cursor.step = first + pieces.len() as u64;
         // The end of a section is met to rounding.
-        if section.closed && rest >= section.length - NOTHING {
+        if section.ends_at(rest) {
             return true;
         }
         if pieces.is_empty() {
@@ -1088,8 +1093,13 @@ impl<const N: usize> Section<N> {
         &self.spans[passed.saturating_sub(1)..]
     }
 
+    /// The path rests there.
+    fn ends_at(&self, distance: f64) -> bool {
+        self.closed && self.reaches_end(distance)
+    }
+
     fn reaches_end(&self, distance: f64) -> bool {
-        distance >= self.length - 1e-9
+        distance >= self.length - NOTHING
     }
 
     /// Least time of travel from `distance` to the end of what is known, s.
