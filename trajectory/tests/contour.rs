@@ -746,3 +746,29 @@ fn laws_are_found_along_joints_of_micrometres() {
     plan.check(&items, 0.001).unwrap();
     assert_eq!(plan.effort.unsolved, 0);
 }
+
+/// Accelerations that take minutes beside jerks that take none: rounded corners are laid in so many cells and
+/// no more.
+#[test]
+fn limits_that_differ_by_far_take_no_more_cells() {
+    let slow = Limits {
+        velocity: [400.0; 3],
+        acceleration: [0.01; 3],
+        jerk: [60_000.0; 3],
+    };
+    let corners = [
+        [0.0; 3],
+        [40.0, 5.0, 0.0],
+        [40.0, 0.0, 30.0],
+        [90.0, 0.0, 30.0],
+    ];
+    let mut planner = Planner::new(slow, corners[0]);
+    for ends in corners.windows(2) {
+        let line = Curve::line(ends[0], ends[1]).unwrap();
+        planner.push(go(line, 60.0, Exit::Blend(0.02), 1)).unwrap();
+    }
+    planner.finish();
+    let commands = std::iter::from_fn(|| planner.pop()).take(100_000);
+    let pieces = commands.filter(|command| matches!(command, Command::Piece(_)));
+    assert!((100..100_000).contains(&pieces.count()));
+}

@@ -26,6 +26,8 @@ impl From<Piece> for Departure {
 const CELLS_PER_RAMP: f64 = 10.0;
 /// Cells of a stretch, about.
 pub(super) const MOST_CELLS: usize = 600;
+/// A law of more is none: limits that differ by too much.
+const TOO_MANY_CELLS: usize = 16 * MOST_CELLS;
 /// Cells shorter than this would be nothing but rounding, mm.
 const SHORTEST: f64 = 1e-9;
 /// By how much of the time up to them cells may be longer than later ones.
@@ -316,11 +318,12 @@ impl<const N: usize> Window<N> {
     ) -> Result<(), NoLaw> {
         // The last stretch's law comes to rest, so one that ends no sooner exists.
         self.survey(spans, limits, departure, end);
-        self.cut(departure);
-        if self.nodes.len() > most_cells {
+        if !self.cut(departure, most_cells) {
             let end = self.nodes[most_cells * 9 / 10].max(rest);
             self.survey(spans, limits, departure, end);
-            self.cut(departure);
+            if !self.cut(departure, TOO_MANY_CELLS) {
+                return Err(NoLaw);
+            }
         }
         self.fill(spans, limits);
         self.effort.cells += self.cells.len();
@@ -471,8 +474,9 @@ impl<const N: usize> Window<N> {
             next = s.tick.min(next + FINER * duration);
         }
     }
-    /// Lays the nodes: about equal times apart, by the estimate.
-    fn cut(&mut self, departure: Departure) {
+    /// Lays the nodes: about equal times apart, by the estimate. False where they are more than so many,
+    /// and those behind are missing.
+    fn cut(&mut self, departure: Departure, most: usize) -> bool {
         self.nodes.clear();
         self.estimate.clear();
         let mut s = departure.distance;
@@ -493,6 +497,9 @@ impl<const N: usize> Window<N> {
             let tick = stretch.tick;
             let ramp = CELLS_PER_RAMP * tick;
             loop {
+                if self.nodes.len() > most {
+                    return false;
+                }
                 let rest = stretch.to - s;
                 let v = stretch.estimate(s).sqrt();
                 let left = rest / (0.5 * (v + stretch.w[1].sqrt()));
@@ -541,6 +548,7 @@ impl<const N: usize> Window<N> {
             self.nodes.insert(i + 1, middle);
             self.estimate.insert(i + 1, w);
         }
+        self.nodes.len() <= most
     }
 
     /// Leads the estimate over from what is kept of the last law to the survey's, within what is
