@@ -8,7 +8,7 @@
 //! a thread of its own ([`planning`](super::planning)). Nothing else is shared.
 
 use super::driver::Driver;
-use crate::control::{Controller, Event, Instruction, Layout, Order, Row};
+use crate::control::{Controller, Event, Instruction, Layout, Order, Phase, Row};
 use crate::port::{Port, PortError};
 use crate::program::{COORDINATES, Position};
 use crate::realtime::{self, Granted};
@@ -31,6 +31,8 @@ const ORDERS: usize = 64;
 const NEWS: usize = 16_384;
 /// How long the cycle of a simulated machine waits for its plan at a time.
 const NAP: Duration = Duration::from_micros(200);
+/// How long a simulated machine that stops waits for a plan in a wake-up, at most.
+const PATIENCE: Duration = Duration::from_millis(100);
 
 /// A machine's buses.
 pub type Ports = Vec<Box<dyn Port + Send>>;
@@ -312,8 +314,8 @@ impl Cycle {
                     self.driver.controller.accept(instruction);
                     taken += 1;
                 }
-                Err(_) if self.timing.lockstep && !self.instructions.is_abandoned() => {
-                    // Interrupted if the other side is gone, so that this ends.
+                // Interrupted if the other side is gone; for its way to rest it is not waited long.
+                Err(_) if self.timing.lockstep && (waited < PATIENCE || !self.stops()) => {
                     std::thread::sleep(NAP);
                     waited += NAP;
                     self.obey();
@@ -322,6 +324,10 @@ impl Cycle {
             }
         }
         waited
+    }
+
+    fn stops(&self) -> bool {
+        self.driver.controller.phase() == Phase::Stop
     }
 
     fn tell_all(&mut self) {
