@@ -585,9 +585,10 @@ impl Feeder {
     /// Plans the rest of the program anew where the executor wants that; the instructions of the
     /// new plan come next.
     pub fn observe(&mut self, outlook: &Outlook) {
-        self.planner.observe(outlook);
-        self.marked = None;
-        self.then = None;
+        if self.planner.observe(outlook) {
+            self.marked = None;
+            self.then = None;
+        }
     }
 
     /// Writes back the offsets and tools that the program changed.

@@ -409,11 +409,16 @@ impl<const N: usize> Planner<N> {
     /// Plans the rest of the path anew from the state that the executor looks out to; the commands
     /// come next. Where no law is found from there, the answer is a plan that is too late, and the
     /// executor, which follows its old plan meanwhile, will look out to another state. An outlook
-    /// that was answered is passed over.
-    pub fn observe(&mut self, outlook: &Outlook) {
-        if outlook.revision <= self.revision {
-            return;
+    /// that was answered is passed over; false then.
+    pub fn observe(&mut self, outlook: &Outlook) -> bool {
+        let news = outlook.revision > self.revision;
+        if news {
+            self.answer(outlook);
         }
+        news
+    }
+
+    fn answer(&mut self, outlook: &Outlook) {
         self.revision = outlook.revision;
         self.override_speeds(outlook.overrides);
         self.stop_after_block = outlook.stop_after_block;
