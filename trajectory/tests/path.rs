@@ -381,6 +381,62 @@ fn a_stop_in_a_cruise_begins_at_once() {
     }
 }
 
+/// However late its answers to an override came before, whether it answers now or not.
+#[test]
+fn a_hold_begins_soon_behind_a_slow_planner() {
+    let circle = Curve::arc(ArcDefinition {
+        start: [0.0; 3],
+        end: [0.0; 3],
+        plane: Plane::Xy,
+        centre: (50.0, 0.0),
+        clockwise: true,
+        turns: 2,
+    });
+    for (answers, most) in [(true, 5), (false, 20)] {
+        let mut planner = Planner::new(LIMITS, [0.0; 3]);
+        let mut executor = Executor::new([0.0; 3], PERIOD, 4096);
+        planner.push(go(circle.unwrap(), 200.0, 1)).unwrap();
+        planner.finish();
+        let supply = |planner: &mut Planner<3>, executor: &mut Executor<3>| {
+            while executor.room() > 0
+                && let Some(command) = planner.pop()
+            {
+                executor.accept(command);
+            }
+        };
+        supply(&mut planner, &mut executor);
+        while executor.setpoint().distance < 100.0 {
+            executor.advance();
+        }
+        executor.set_overrides(Overrides {
+            feed: 0.9,
+            rapid: 1.0,
+        });
+        // Each answer comes a cycle too late.
+        for _ in 0..4 {
+            let outlook = executor.outlook().unwrap();
+            while executor.cycle() <= outlook.cycle {
+                executor.advance();
+            }
+            planner.observe(&outlook);
+            supply(&mut planner, &mut executor);
+            executor.advance();
+        }
+        executor.hold();
+        let cruise = executor.setpoint().speed;
+        let mut cycles = 0;
+        while executor.setpoint().speed > cruise - 0.1 {
+            if answers && let Some(outlook) = executor.outlook() {
+                planner.observe(&outlook);
+                supply(&mut planner, &mut executor);
+            }
+            executor.advance();
+            cycles += 1;
+        }
+        assert!(cycles <= most, "{cycles} cycles");
+    }
+}
+
 /// So many lines of a zigzag whose corners are rounded, so that the path has no rest of its own, and
 /// an executor where it begins.
 fn zigzag(lines: u32) -> (Planner<3>, Executor<3>) {

@@ -15,7 +15,7 @@ pub enum Order<const N: usize = COORDINATES> {
     Hold,
     /// Ends a hold, also one that a stop after the block came to.
     Resume,
-    /// [`Order::Resume`] while held, otherwise [`Order::Hold`].
+    /// [`Order::Resume`] while held, otherwise, also at rest for want of speed, [`Order::Hold`].
     ToggleHold,
     /// Rests at the end of the block.
     StopAfterBlock,
@@ -41,7 +41,7 @@ impl<const N: usize> Controller<N> {
             Order::Hold => self.act(|path| path.hold()),
             Order::Resume => self.act(|path| path.resume()),
             Order::ToggleHold => self.act(|path| {
-                if path.is_held() {
+                if path.is_held() && !path.wants_speed() {
                     path.resume();
                 } else {
                     path.hold();

@@ -20,7 +20,7 @@ M2
 ";
 
 /// What `validate` says to a program with events: exit code, summary, trace, messages.
-fn validate(program: &str, events: &str) -> (i32, Value, Trace, String) {
+pub(super) fn validate(program: &str, events: &str) -> (i32, Value, Trace, String) {
     let folder = Folder::new();
     let machine = folder.machine("portal");
     let program = folder.file("p.ngc", program);

@@ -376,6 +376,39 @@ fn events_that_never_come() {
     );
 }
 
+/// Whatever came shortly before.
+#[test]
+fn the_last_order_holds() {
+    let program = "\
+G64 P0.1
+G0 X0 Y0
+G1 X100 F6000
+G3 X120 Y20 I0 J20
+G1 Y100
+G3 X100 Y120 I-20 J0
+G1 X0
+M2
+";
+    for (events, ends) in [
+        ("1.4,feed_override,0\n1.405,feed_override,100", true),
+        ("1.4,feed_override,0\n1.44,feed_override,100", true),
+        ("1.4,stop_after_block,\n1.5,resume,", true),
+        (
+            "1.4,stop_after_block,\n1.5,feed_override,50\n3.5,resume,",
+            true,
+        ),
+        ("1.9,step_back,\n2.15,resume,\n2.17,hold,", false),
+        ("1.9,step_back,\n2.15,resume,\n2.2,hold,", false),
+        (
+            "2.0,feed_override,0\n2.6,hold,\n2.8,feed_override,50",
+            false,
+        ),
+    ] {
+        let (code, json, ..) = super::jogs::validate(program, events);
+        assert_eq!(code, i32::from(!ends), "{events}: {json}");
+    }
+}
+
 #[test]
 fn an_events_file_that_is_wrong() {
     let folder = Folder::new();

@@ -602,8 +602,8 @@ impl<const N: usize> Executor<N> {
         if overrides != self.overrides {
             // A rest for want of speed ends; one that a person asked for does not, and what ends it
             // has the path planned anew.
-            let asked = self.held || self.stop_after_block || self.step_back.is_some();
             let rests = matches!(self.current(), Some(Step::Hold));
+            let asked = rests && !self.wants_speed();
             if rests && !asked {
                 self.finish_step(Step::Hold, 0.0);
             }
@@ -613,7 +613,7 @@ impl<const N: usize> Executor<N> {
                 away.change_speed();
             }
             self.overrides = overrides;
-            if !(rests && asked) {
+            if !asked {
                 self.revise();
             }
         }
@@ -637,24 +637,34 @@ impl<const N: usize> Executor<N> {
             away.hold();
             return;
         }
-        if self.stop == Stop::No && !self.is_held() {
+        let begun = self.held || self.stopped;
+        let rests = matches!(self.current(), Some(Step::Hold));
+        if rests {
+            self.held |= !self.stopped;
+        } else if !begun {
             self.revise();
             self.held = true;
-            self.begin_stop();
+            // To turn it comes to rest already.
+            if self.stop == Stop::No {
+                self.begin_stop();
+            }
         }
     }
 
     /// Ends a [`hold`](Self::hold), also one that a stop after the block came to.
     pub fn resume(&mut self) {
-        self.stop_after_block = false;
         if self.stopped {
             return;
         }
+        let goes_on = take(&mut self.stop_after_block);
         if let Some(away) = &mut self.away {
             away.go_home(Then::Resume);
             return;
         }
         if !(self.is_held() || self.steps_back()) {
+            if goes_on {
+                self.revise();
+            }
             return;
         }
         self.step_back = None;
@@ -725,10 +735,17 @@ impl<const N: usize> Executor<N> {
         !returns && (self.held || matches!(self.current(), Some(Step::Hold)))
     }
 
+    /// Rests because nothing is left of the programmed speed; nobody asked for it.
+    pub fn wants_speed(&self) -> bool {
+        let asked = self.held || self.stop_after_block || self.step_back.is_some();
+        !asked && matches!(self.current(), Some(Step::Hold))
+    }
+
     /// Nothing of the path is missing: what is committed leads to a rest that somebody has to end.
     pub fn leads_to_hold(&self) -> bool {
         let last = self.committed.checked_sub(1);
-        !self.deaf && matches!(last.and_then(|last| self.steps.get(last)), Some(Step::Hold))
+        let changes = self.deaf || self.fresh.is_some();
+        !changes && matches!(last.and_then(|last| self.steps.get(last)), Some(Step::Hold))
     }
 
     /// Comes to rest on the path as soon as the limits allow, as [`hold`](Self::hold) does, also by
@@ -924,6 +941,8 @@ impl<const N: usize> Executor<N> {
     }
 
     fn begin_stop(&mut self) {
+        // However slow its plans are: a way to rest is soon found.
+        self.lead = first_lead(self.period);
         self.drop_uncommitted();
         let goes_on =
             |s: &Step<N>| matches!(s, Step::Piece(_) | Step::Section { moving: true, .. });
