@@ -31,8 +31,8 @@ const ORDERS: usize = 64;
 const NEWS: usize = 16_384;
 /// How long the cycle of a simulated machine waits for its plan at a time.
 const NAP: Duration = Duration::from_micros(200);
-/// How long a simulated machine that stops waits for a plan in a wake-up, at most.
-const PATIENCE: Duration = Duration::from_millis(100);
+/// How long a simulated machine waits for its way to rest, in all.
+const PATIENCE: Duration = Duration::from_millis(200);
 
 /// A machine's buses.
 pub type Ports = Vec<Box<dyn Port + Send>>;
@@ -144,6 +144,8 @@ pub struct Cycle {
     news: Producer<News>,
     told_ready: bool,
     told_outlook: Option<Outlook>,
+    /// How much longer a simulated machine waits for its way to rest.
+    patience: Duration,
     measured: Measured,
 }
 
@@ -172,6 +174,7 @@ impl Cycle {
             news: tell,
             told_ready: false,
             told_outlook: None,
+            patience: PATIENCE,
             measured: Measured {
                 wake_up: Distribution::new("wake-up latency"),
                 sync_jitter: Distribution::new("SYNC jitter"),
@@ -314,20 +317,19 @@ impl Cycle {
                     self.driver.controller.accept(instruction);
                     taken += 1;
                 }
-                // Interrupted if the other side is gone; for its way to rest it is not waited long.
-                Err(_) if self.timing.lockstep && (waited < PATIENCE || !self.stops()) => {
+                // Interrupted if the other side is gone, so that this ends.
+                Err(_) if self.timing.lockstep && self.patience > Duration::ZERO => {
                     std::thread::sleep(NAP);
                     waited += NAP;
+                    if self.driver.controller.phase() == Phase::Stop {
+                        self.patience = self.patience.saturating_sub(NAP);
+                    }
                     self.obey();
                 }
                 Err(_) => break,
             }
         }
         waited
-    }
-
-    fn stops(&self) -> bool {
-        self.driver.controller.phase() == Phase::Stop
     }
 
     fn tell_all(&mut self) {
