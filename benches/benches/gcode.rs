@@ -4,7 +4,7 @@ use std::fmt::Write;
 use std::hint::black_box;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use syncline_controller::gcode::{AxisSet, Interpreter, Setup};
+use syncline_gcode::{AxisSet, Interpreter, Setup};
 
 const LINES: u32 = 170_000;
 

@@ -1,8 +1,6 @@
 //! The machine: configuration, bring-up, SYNC cycle, supervision, programs, recording, reports.
 //!
 //! - [`machine`]: the machine file
-//! - [`document`]: files in TOML, every mistake with its place
-//! - [`gcode`]: RS-274/NGC programs into canonical commands
 //! - [`budget`]: whether its frames fit its cycle
 //! - [`program`]: from commands to a plan
 //! - [`control`]: the controller itself, without I/O
@@ -25,9 +23,7 @@ pub mod bus_log;
 pub mod commands;
 pub mod control;
 pub mod doctor;
-pub mod document;
 pub mod drive_host;
-pub mod gcode;
 pub mod machine;
 pub mod port;
 pub mod program;

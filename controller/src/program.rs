@@ -8,13 +8,13 @@
 //! The plan's coordinates are the letters X Y Z A B C U V W, whatever axes the machine has.
 
 use crate::control::{Instruction, Pause};
-use crate::gcode::{self, Action, AxisSet, Interpreter, PathMode, Tables, TablesError};
 use crate::machine::{Machine, PathTolerances};
 use crossbeam::channel::{self, Receiver, Sender};
 use std::collections::VecDeque;
 use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
+use syncline_gcode::{self as gcode, Action, AxisSet, Interpreter, PathMode, Tables, TablesError};
 use syncline_trajectory::limits::PositionLimits;
 use syncline_trajectory::path::curve::ArcDefinition;
 use syncline_trajectory::path::{

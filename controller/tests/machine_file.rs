@@ -2,9 +2,9 @@
 
 use std::path::Path;
 use std::time::Duration;
-use syncline_controller::document::Invalid;
 use syncline_controller::machine::Machine;
 use syncline_drives::model::Increments;
+use syncline_strict_toml::Invalid;
 
 const PORTAL: &str = include_str!("../../examples/portal/machine.toml");
 const XYZ: &str = include_str!("../../examples/xyz/machine.toml");

@@ -3,11 +3,11 @@
 use super::switches::Switches;
 use super::{Exit, report};
 use crate::budget::MachineBudget;
-use crate::gcode::Tables;
 use crate::machine::Machine;
 use crate::program::Extent;
 use std::error::Error;
 use std::path::{Path, PathBuf};
+use syncline_gcode::Tables;
 
 /// Check a machine file, and a program for it, and move nothing.
 ///

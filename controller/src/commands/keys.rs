@@ -1,6 +1,5 @@
 //! Keys on the terminal while a program runs.
 
-use crate::gcode::Axis;
 use crossbeam::channel::{self, Receiver, Sender};
 use rustix::io::{Errno, read};
 use rustix::process::getpgrp;
@@ -9,6 +8,7 @@ use rustix::termios::{
 };
 use std::io::{self, stdin};
 use std::time::{Duration, Instant};
+use syncline_gcode::Axis;
 
 /// What a person does by a key.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,7 +1,6 @@
 //! What commands write: each file is opened before a command does anything else, and emptied only
 //! when it is written.
 
-use crate::gcode::Tables;
 use crate::report::Report;
 use crate::run::recorder::Summary;
 use std::error::Error;
@@ -9,6 +8,7 @@ use std::fs::{File, Metadata};
 use std::io::{self, BufWriter, Write};
 use std::os::unix::fs::{FileTypeExt, MetadataExt};
 use std::path::{Path, PathBuf};
+use syncline_gcode::Tables;
 
 /// The option for JSON.
 const JSON: &str = "--json";

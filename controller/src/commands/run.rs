@@ -7,7 +7,6 @@ use super::ports::PortChoice;
 use super::switches::Switches;
 use super::{Exit, bad_input, duration, report};
 use crate::control::{Controller, End, Event, Layout, Order, Row};
-use crate::gcode::Tables;
 use crate::machine::Machine;
 use crate::port::sim::Observer;
 use crate::port::{self, url};
@@ -27,6 +26,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
+use syncline_gcode::Tables;
 use syncline_trajectory::path::Jog;
 
 /// How often the outer side looks after the cycle.

@@ -1,9 +1,9 @@
 //! How a program is to be read: the switches of an operator's panel.
 
-use crate::gcode::TablesError;
 use crate::machine::Machine;
 use crate::program::Program;
 use std::path::Path;
+use syncline_gcode::TablesError;
 
 /// How a program is to be read.
 #[derive(Debug, clap::Args)]

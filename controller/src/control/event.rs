@@ -1,12 +1,12 @@
 //! What the controller has to tell, as plain numbers; the text is made outside of the cycle.
 
 use super::fault::{AxisIndex, BusIndex, DriveIndex, Fault, Names};
-use crate::gcode::Axis as Letter;
 use crate::port::bus_fault::BusFault;
 use std::fmt;
 use std::time::Duration;
 use syncline_canopen::sdo::AbortCode;
 use syncline_drives::model::Address;
+use syncline_gcode::Axis as Letter;
 use syncline_trajectory::path::JogError;
 
 /// Something worth a line in the log.

@@ -1,12 +1,10 @@
 //! The machine file: buses, drives, axes, limits and supervision times of one machine, in TOML.
 //!
-//! Reading is strict, see [`document`](crate::document). `docs/machine-file.md` is the reference of
+//! Reading is strict, see [`syncline_strict_toml`]. `docs/machine-file.md` is the reference of
 //! all keys.
 
 mod read;
 
-use crate::document::Invalid;
-use crate::gcode;
 use crate::program::Position;
 use std::{
     fs, io,
@@ -17,6 +15,8 @@ use syncline_canopen::NodeId;
 use syncline_drives::model::{
     Actuator, Direction, Heartbeat, Increments, Model, Scaling, Settings, Write,
 };
+use syncline_gcode as gcode;
+use syncline_strict_toml::Invalid;
 use thiserror::Error;
 
 /// One machine, checked.

@@ -3,10 +3,10 @@
 //! so that one mistake does not cause complaints about another thing.
 
 use super::{Axis, Bus, Controller, Drive, Machine, PathTolerances};
-use crate::document::{self, Diagnostic, Log, Table, integer, nearest, one_of};
 use std::{collections::BTreeMap, ops::Range, time::Duration};
 use syncline_canopen::{Address, NodeId};
 use syncline_drives::model::{Data, Direction, Increments, MODELS, Model, Scaling, Write};
+use syncline_strict_toml::{Diagnostic, Log, Table, integer, nearest, one_of};
 use toml::{
     Spanned,
     de::{DeTable, DeValue},
@@ -26,7 +26,7 @@ const BITRATES: [i64; 8] = [
 
 pub(super) fn machine(source: &str) -> Result<Machine, Vec<Diagnostic>> {
     let mut log = Log::new(source);
-    let document = document::toml(&mut log, source);
+    let document = syncline_strict_toml::parse(&mut log, source);
     let machine = log
         .is_empty()
         .then(|| Tables::read(&mut log, document.get_ref()))

@@ -1,12 +1,12 @@
 //! What a person does in a validated run, from a CSV file: `t_s,event,value`.
 
 use crate::control::Order;
-use crate::gcode::Axis;
 use crate::program::COORDINATES;
 use std::collections::VecDeque;
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
+use syncline_gcode::Axis;
 use syncline_trajectory::path::Jog;
 
 /// An event's name, what its value has to be, if it has one, and the order that they make.

@@ -3,7 +3,6 @@
 use super::deviation::distance;
 use crate::control::layout::{self, Layout};
 use crate::control::{Controller, End, Row};
-use crate::gcode::{Coolant, Output, Spindle, Turning};
 use crate::machine::Machine;
 use crate::program::{COORDINATES, Moves, Position, ProgramMove, Switch, counted_speed, moved};
 use crate::report::{AxisReport, Report, Violation};
@@ -12,6 +11,7 @@ use std::collections::VecDeque;
 use std::fmt::{self, Write as _};
 use std::io::{self, Write};
 use std::time::Duration;
+use syncline_gcode::{Coolant, Output, Spindle, Turning};
 
 /// A plan may exceed a limit by this part of it: rounding.
 const ROUNDING: f64 = 1e-9;

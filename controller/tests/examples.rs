@@ -1,0 +1,61 @@
+//! Every program under `examples/` is accepted on its machine.
+
+use std::path::{Path, PathBuf};
+
+use syncline_controller::machine::Machine;
+use syncline_gcode::{Action, Axis, AxisSet, Interpreter, Setup, Tables};
+
+fn setup(machine: &Path) -> Setup {
+    let axes = Machine::load(machine).unwrap().axes;
+    let letter = |name: &str| Axis::from_letter(name.chars().next().unwrap()).unwrap();
+    let mut setup = Setup::new(axes.iter().map(|a| letter(&a.name)).collect::<AxisSet>());
+    for axis in &axes {
+        setup.limits[letter(&axis.name).index()] = Some(axis.soft_limits);
+    }
+    setup.tables = Tables::load(&Tables::beside(machine)).unwrap();
+    setup
+}
+
+fn programs(directory: &Path) -> Vec<PathBuf> {
+    let mut files: Vec<PathBuf> = std::fs::read_dir(directory)
+        .unwrap()
+        .map(|entry| entry.unwrap().path())
+        .filter(|path| path.extension().is_some_and(|extension| extension == "ngc"))
+        .collect();
+    files.sort();
+    files
+}
+
+#[test]
+fn examples_are_accepted() {
+    let examples = Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples");
+    let mut summary = String::new();
+    for machine in ["portal", "rotary", "xyz"] {
+        let directory = examples.join(machine);
+        let setup = setup(&directory.join("machine.toml"));
+        for file in programs(&directory) {
+            let mut program = Interpreter::open(&file, setup.clone()).unwrap();
+            let (mut lines, mut arcs, mut rapids) = (0, 0, 0);
+            for command in program.by_ref() {
+                match command.unwrap_or_else(|error| panic!("{error}")).action {
+                    Action::Feed { .. } => lines += 1,
+                    Action::Arc { .. } => arcs += 1,
+                    Action::Rapid { .. } => rapids += 1,
+                    _ => {}
+                }
+            }
+            assert_eq!(
+                program.tables(),
+                &setup.tables,
+                "{} sets tables",
+                file.display()
+            );
+            let name = file.file_name().unwrap().display();
+            summary += &format!(
+                "{machine}/{name}: {} blocks, {rapids} rapids, {lines} lines, {arcs} arcs\n",
+                program.executed()
+            );
+        }
+    }
+    insta::assert_snapshot!(summary);
+}

@@ -1,0 +1,135 @@
+//! Arcs: both formats, planes, helices, turns, and where they go between their ends.
+
+use proptest::prelude::*;
+use syncline_gcode::{Action, Arc, Axis, Feed, Plane};
+
+use super::listing::{listing, run};
+
+#[test]
+fn formats_and_planes() {
+    insta::assert_snapshot!(listing(
+        "G0 Z1 F600
+G2 X10 Y0 I5
+G3 X0 I-5 J0 Z-2
+G2 X10 R5
+G3 X0 R-6
+G3 I5 (a full circle)
+G2 X0 Y0 J5 P3
+G18 G2 X8 Z-10 K-8
+G19 G3 Y10 Z0 R30
+G17 G90.1 G2 X20 Y10 I14 J10
+G91.1 G91 G3 X-10 Y10 J10
+M2"
+    ));
+}
+
+fn arc_of(program: &str) -> Arc {
+    let commands = run(program).unwrap();
+    match commands.iter().rev().nth(1).map(|command| &command.action) {
+        Some(Action::Arc { arc, .. }) => *arc,
+        other => panic!("{other:?}"),
+    }
+}
+
+#[test]
+fn radii_that_differ_by_rounding_end_exactly() {
+    let arc = arc_of("G0 X10\nG3 X0.0 Y10.004 I-10 F600\nM2");
+    assert_eq!(arc.at(1.0), arc.to);
+    assert_eq!((arc.start_radius, arc.end_radius), (10.0, 10.004));
+    let middle = arc.at(0.5);
+    let radius = middle[Axis::X].hypot(middle[Axis::Y]);
+    assert!((radius - 10.002).abs() < 1e-12, "{radius}");
+}
+
+#[test]
+fn a_great_circle_may_differ_by_a_thousandth() {
+    assert!(run("G0 X1000\nG3 X0 Y1000.9 I-1000 F600\nM2").is_ok());
+    assert!(run("G0 X1000\nG3 X0 Y1001.1 I-1000 F600\nM2").is_err());
+}
+
+#[test]
+fn feed_is_per_second() {
+    let commands = run("G2 I5 F90\nM2").unwrap();
+    let Action::Arc { feed, .. } = commands[0].action else {
+        panic!("{commands:?}")
+    };
+    assert_eq!(feed, Feed::Rate(1.5));
+}
+
+proptest! {
+    /// The whole arc lies within its extents and touches them.
+    #[test]
+    fn extents_hold_the_arc(
+        radius in 0.02f64..1000.0,
+        start in 0.0f64..360.0,
+        swept in 1.0f64..359.0,
+        stretch in -0.9f64..0.9,
+        clockwise: bool,
+        turns in 1u32..4,
+        plane in 0usize..3,
+    ) {
+        let (code, plane) = [(17, Plane::Xy), (18, Plane::Zx), (19, Plane::Yz)][plane];
+        let allowed = f64::max(0.005, 0.001 * radius);
+        let end_radius = radius + stretch * allowed;
+        let end = if clockwise { start - swept } else { start + swept };
+        let [first, second, third] = plane.axes();
+        let offsets = match plane {
+            Plane::Xy => ["I", "J"],
+            Plane::Zx => ["K", "I"],
+            Plane::Yz => ["J", "K"],
+        };
+        let (a, b) = (start.to_radians(), end.to_radians());
+        let arc = arc_of(&format!(
+            "G{code} G0 {first}{:.6} {second}{:.6}\nG{} {first}{:.6} {second}{:.6} {third}7 {}{:.6} {}{:.6} P{turns} F100\nM2",
+            radius * a.cos(), radius * a.sin(),
+            if clockwise { 2 } else { 3 },
+            end_radius * b.cos(), end_radius * b.sin(),
+            offsets[0], -radius * a.cos(), offsets[1], -radius * a.sin(),
+        ));
+        let expected = (swept + 360.0 * f64::from(turns - 1)).to_radians();
+        prop_assert!((arc.sweep.abs() - expected).abs() < 1e-3 + 1e-5 / radius, "{arc:?}");
+        for axis in [first, second, third] {
+            let (least, greatest) = arc.extent(axis);
+            let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+            let samples = 4000 * turns;
+            for k in 0..=samples {
+                let value = arc.at(f64::from(k) / f64::from(samples))[axis];
+                low = low.min(value);
+                high = high.max(value);
+            }
+            let fine = 1e-9 * radius.max(1.0);
+            prop_assert!(least <= low + fine && greatest >= high - fine, "{axis} {arc:?}");
+            // A sample lies within half a step of the extreme: r·(step/2)²/2.
+            let coarse = 4e-7 * radius + 1e-5;
+            prop_assert!(least >= low - coarse && greatest <= high + coarse, "{axis} {arc:?}");
+        }
+        prop_assert_eq!(arc.at(0.0), arc.from);
+        prop_assert_eq!(arc.at(1.0), arc.to);
+        let near = arc.at(1.0 - 1e-12);
+        for axis in [first, second] {
+            prop_assert!((near[axis] - arc.to[axis]).abs() < 1e-7 * radius.max(1.0), "{arc:?}");
+        }
+    }
+
+    /// A radius arc passes through its ends with the radius asked for, and turns the shorter way
+    /// for R > 0.
+    #[test]
+    fn radius_arcs(
+        x in -100.0f64..100.0,
+        y in 1.0f64..100.0,
+        excess in 1.001f64..10.0,
+        long: bool,
+        clockwise: bool,
+    ) {
+        let radius = x.hypot(y) / 2.0 * excess;
+        let arc = arc_of(&format!(
+            "G{} X{x:.6} Y{y:.6} R{}{radius:.6} F100\nM2",
+            if clockwise { 2 } else { 3 },
+            if long { "-" } else { "" },
+        ));
+        prop_assert!((arc.start_radius - radius).abs() < 1e-5);
+        prop_assert!((arc.end_radius - radius).abs() < 1e-5);
+        prop_assert_eq!(arc.sweep < 0.0, clockwise);
+        prop_assert_eq!(arc.sweep.abs() > std::f64::consts::PI, long);
+    }
+}

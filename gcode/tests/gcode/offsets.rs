@@ -1,0 +1,212 @@
+//! Work offsets, tools, reference points and the tables file.
+
+use std::path::Path;
+
+use syncline_gcode::{Action, Axis, Interpreter, Point, Setup, Tables, Tool};
+
+use super::listing::{listing, listing_with, refusals, run_with, xyz};
+
+fn with_tools() -> Setup {
+    let mut setup = xyz();
+    for (number, length) in [(1, 50.0), (2, 72.5)] {
+        let tool = Tool {
+            offset: Point::xyz(0.0, 0.0, length),
+            ..Tool::default()
+        };
+        setup.tables.tools.insert(number, tool);
+    }
+    setup.tables.work_offsets[0] = Point::xyz(100.0, 100.0, 0.0);
+    setup
+}
+
+#[test]
+fn tool_lengths() {
+    insta::assert_snapshot!(listing_with(
+        with_tools(),
+        "T1 M6 G43
+G0 X0 Z0
+G43 H2 Z0
+G49 Z0
+G43.1 Z10 (the motion rests for this block)
+Z0
+T2 M6
+G43 H0 Z0 (the tool in the spindle)
+G10 L1 P2 Z80 R3
+G43 Z0
+G10 L10 P2 Z5
+G43 Z5
+G10 L11 P2 Z-5
+G43 Z5
+G53 Z0
+M2"
+    ));
+}
+
+#[test]
+fn work_offsets_and_shifts() {
+    insta::assert_snapshot!(listing_with(
+        with_tools(),
+        "G0 X1 Y1 Z1
+G10 L2 P1 X10
+X1
+G10 L20 P0 Y0 Z0
+Y5
+G55 G10 L20 P2 X50
+X50
+G92 X0 Y0
+X1 Y1
+G92.2 X1
+G92.3 X1
+G92.1 X1
+G52 X100 Z2
+X0 Z0
+G20 G92 X1 Z0
+X1 Z0
+#5221=7 #5241=8
+G92.1
+G54 G21 X0
+G55 X0
+M30"
+    ));
+}
+
+/// Whatever else is in effect, after G10 L20 the position has the given coordinates.
+#[test]
+fn a_calculated_work_offset_counts_tool_and_shift() {
+    let program = "G0 X7 Y8 Z9\nG43 H1 G52 X3 Z4\nG10 L20 P0 X1 Y2 Z3\n\
+                   G53 G0 X#5420 Y#5421 Z#5422\nM2";
+    let commands = run_with(with_tools(), program).unwrap();
+    let Action::Rapid { to } = commands[1].action else {
+        panic!("{commands:?}")
+    };
+    assert_eq!(to, Point::xyz(1.0, 2.0, 3.0));
+}
+
+#[test]
+fn reference_points() {
+    insta::assert_snapshot!(listing_with(
+        with_tools(),
+        "G0 X5 Y5 Z-5
+G28.1
+G0 X50 Y50 Z-20
+G91 G28 Z2
+G90 G28 X40 Y40 (both over the given point)
+G30
+G1 F100 X1
+G30 Z1 (the motion rests)
+X2
+#5183=-7
+G30 Z0
+M2"
+    ));
+}
+
+#[test]
+fn what_the_system_parameters_show() {
+    insta::assert_snapshot!(listing_with(
+        with_tools(),
+        "T2 M6 G43 G20
+G0 X1 Y2 Z3
+G53 G0 X[#5021+#5083] Y[#5420+#<_y>] Z[#<_abs_z>+#5220+#5221]
+G21 S500 M3 F90 M8 G55 G91.1 G18
+G53 G0 X#<_motion_mode> Y#<_coord_system> Z[#<_spindle_on>+#<_rpm>+#<_feed>+#<_plane>+#<_flood>]
+G53 G0 X#5400 Y#5403 Z#<_line>
+M2"
+    ));
+}
+
+#[test]
+fn what_cannot_be_set() {
+    insta::assert_snapshot!(refusals(&[
+        ("G43 H9", "1:5"),
+        ("T9 M6\nG43", "2:1"),
+        ("G43.1", "1:1"),
+        ("G43.1 Z1 G0", "1:7"),
+        ("G43 G49", "1:5"),
+        ("G92", "1:1"),
+        ("G92 G0 X1", "1:8"),
+        ("G10 P1 X1", "1:1"),
+        ("G10 L2 X1", "1:1"),
+        ("G10 L2 P10 X1", "1:8"),
+        ("G10 L3 P1 X1", "1:5"),
+        ("G10 L2 P1 R45", "1:11"),
+        ("G10 L1 P0 Z1", "1:8"),
+        ("G10 L1 P1 R-1", "1:11"),
+        ("G28 G92 X1", "1:5"),
+        ("G28 G4 P1 X1 A1", "1:14"),
+        ("#<_x> = 1", "1:1"),
+        ("#5021 = 1", "1:1"),
+    ]));
+}
+
+#[test]
+fn outputs_are_handed_on() {
+    insta::assert_snapshot!(listing("M64 P3\nG0 X1 M101 P1.5 Q2\nM62\nM2"));
+}
+
+const TABLES: &str = r#"
+[work_offsets]
+G54 = { X = 400.0, Y = 300.0, Z = -250.0 }
+"G59.1" = { Z = 1 }
+
+[reference_points]
+G28 = { Z = -1.0 }
+
+[[tool]]
+number = 3
+name = "end mill 6 mm"
+diameter = 6.0
+offset = { Z = 52.3 }
+"#;
+
+#[test]
+fn tables_round_trip_through_their_file() {
+    let file = Path::new("portal.tables.toml");
+    let tables = Tables::parse(file, TABLES).unwrap();
+    assert_eq!(tables.work_offsets[0], Point::xyz(400.0, 300.0, -250.0));
+    assert_eq!(tables.work_offsets[6][Axis::Z], 1.0);
+    assert_eq!(tables.tools[&3].offset[Axis::Z], 52.3);
+
+    let directory = tempfile::tempdir().unwrap();
+    let saved = Tables::beside(&directory.path().join("portal.toml"));
+    assert!(saved.ends_with("portal.tables.toml"));
+    assert_eq!(Tables::load(&saved).unwrap(), Tables::default());
+    tables.save(&saved).unwrap();
+    assert_eq!(Tables::load(&saved).unwrap(), tables);
+    assert_eq!(std::fs::read_dir(directory.path()).unwrap().count(), 1);
+    insta::assert_snapshot!(std::fs::read_to_string(&saved).unwrap());
+}
+
+#[test]
+fn tables_that_cannot_be_used() {
+    let mut messages = String::new();
+    for text in [
+        "[work_offsets]\nG60 = { X = 1 }",
+        "[work_offsets]\nG54 = { Q = 1 }",
+        "[work_offsets]\nG59.3 = { X = 1 }",
+        "[work_offsets]\nG54 = { X = nan }",
+        "[reference_points]\nG29 = { X = 1 }",
+        "[[tool]]\nnumber = 1\n[[tool]]\nnumber = 1",
+        "[[tool]]\nnumber = 1\ndiameter = -1",
+        "[[tool]]\nnumber = -1",
+        "[[tool]]\nnumber = 1\nlength = 3",
+        "[tools]",
+        "= 1",
+        // All at once, each with its place.
+        "tool = 3\n[work_offset]\nG54 = {}\n[reference_points]\nG28 = 5\nG92 = { z = 1, Y = \"a\", W = inf }",
+        "[work_offsets]\nG55 = { X = 2e9 }\n[[tool]]\nname = 1\n[[tool]]\nnumber = 2\noffset = [1]\ndiameter = nan",
+    ] {
+        let error = Tables::parse(Path::new("portal.tables.toml"), text).unwrap_err();
+        messages += &format!("{error}\n");
+    }
+    insta::assert_snapshot!(messages);
+}
+
+#[test]
+fn the_interpreter_keeps_what_the_program_sets() {
+    let mut program =
+        Interpreter::from_text("part.ngc", "G10 L2 P3 X5\nG0 X1\nG28.1\nM2", with_tools());
+    assert!(program.by_ref().all(|command| command.is_ok()));
+    assert_eq!(program.tables().work_offsets[2][Axis::X], 5.0);
+    assert_eq!(program.tables().g28[Axis::X], 101.0);
+}

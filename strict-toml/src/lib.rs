@@ -1,0 +1,59 @@
+//! TOML files, read strictly: what is unknown, missing, doubled, out of range or contradictory is
+//! reported with its place, what is allowed and what was probably meant.
+//!
+//! [`parse`] turns the text into TOML. A [`Table`] is then asked for every key it may have, and
+//! [`Table::finish`] reports the keys that nobody asked for and the required ones that are absent.
+//! All mistakes of a file gather in one [`Log`], so that a person mends them in one go; [`Invalid`]
+//! shows them, each with its line.
+//!
+//! ```
+//! use std::path::Path;
+//! use syncline_strict_toml::{Invalid, Log, Table, parse};
+//!
+//! let text = "[pump]\nflow = 0.0\npresure = 3.5\n";
+//! let mut log = Log::new(text);
+//! let document = parse(&mut log, text);
+//! let mut file = Table::new("pump file", 0..0, document.get_ref());
+//! if let Some(mut pump) = file.table(&mut log, "pump", true) {
+//!     pump.positive(&mut log, "flow", "(l/min)");
+//!     pump.positive(&mut log, "pressure", "(bar)");
+//!     pump.finish(&mut log);
+//! }
+//! file.finish(&mut log);
+//!
+//! let invalid = Invalid { file: Path::new("pump.toml").into(), diagnostics: log.into_diagnostics() };
+//! assert_eq!(
+//!     invalid.to_string(),
+//!     "\
+//! pump.toml:2:8: pump: `flow` is 0.0
+//!   2 | flow = 0.0
+//!     |        ^^^
+//!     = allowed: a number above 0 (l/min)
+//! pump.toml:3:1: pump: unknown key `presure`
+//!   3 | presure = 3.5
+//!     | ^^^^^^^
+//!     = nearest valid key: `pressure`; allowed: flow, pressure"
+//! );
+//! ```
+
+mod diagnostic;
+mod table;
+
+pub use diagnostic::{Diagnostic, Invalid, Log};
+pub use table::{Found, Table, integer, nearest, one_of};
+
+use toml::Spanned;
+use toml::de::DeTable;
+
+/// Reads a file's text as TOML. What of it is none goes to the log.
+pub fn parse<'s>(log: &mut Log<'_>, source: &'s str) -> Spanned<DeTable<'s>> {
+    let (document, errors) = DeTable::parse_recoverable(source);
+    for error in errors {
+        log.report(
+            error.span().unwrap_or(0..0),
+            format!("not TOML: {}", error.message()),
+            "allowed: tables, keys and values as on https://toml.io",
+        );
+    }
+    document
+}
