@@ -377,3 +377,147 @@ impl Node {
             .extend(device.release().iter().copied().map(Step::Release));
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bench::rig::Shape;
+    use syncline_canopen::time::Duration;
+
+    /// What happens to a node, at a time in µs.
+    enum Step {
+        /// Data on 700h + id.
+        Says(u64, &'static [u8]),
+        /// [`Node::expect_boot`]
+        Forget,
+        /// [`Node::ask_set_up`]
+        SetUp,
+    }
+
+    /// Cases of heartbeat supervision with a limit of 300 ms: what the node said before the check
+    /// at the time in µs, and what the check tells, however often it is made.
+    #[test]
+    fn heartbeat_supervision() {
+        use Step::{Forget, Says, SetUp};
+        let state = |state| Err(Fault::NmtState { drive: 0, state });
+        let lost = Err(Fault::HeartbeatLost { drive: 0 });
+        let rebooted = Err(Fault::Rebooted { drive: 0 });
+        let initialising = state(Some(nmt::State::Initialising));
+        let pre_operational = state(Some(nmt::State::PreOperational));
+        let stopped = state(Some(nmt::State::Stopped));
+        let cases: [(&str, &[Step], u64, Result<(), Fault>); 20] = [
+            ("never heard", &[], 0, lost),
+            ("heard", &[Says(0, &[5])], 1, Ok(())),
+            ("at the limit", &[Says(0, &[5])], 300_000, Ok(())),
+            ("late", &[Says(0, &[5])], 300_001, lost),
+            (
+                "each one counts anew",
+                &[Says(0, &[5]), Says(300_000, &[5])],
+                600_000,
+                Ok(()),
+            ),
+            (
+                "back after having been lost",
+                &[Says(0, &[5]), Says(900_000, &[5])],
+                900_001,
+                Ok(()),
+            ),
+            ("boot-up in the run", &[Says(0, &[0])], 1, rebooted),
+            (
+                "boot-up in the run, running since",
+                &[Says(0, &[0]), Says(100_000, &[5])],
+                100_001,
+                rebooted,
+            ),
+            (
+                "boot-up before the set-up",
+                &[Says(0, &[0]), SetUp],
+                1,
+                initialising,
+            ),
+            (
+                "boot-up is a sign of life",
+                &[Says(0, &[0]), SetUp],
+                300_000,
+                initialising,
+            ),
+            (
+                "boot-up is no sign of life for ever",
+                &[Says(0, &[0]), SetUp],
+                300_001,
+                lost,
+            ),
+            (
+                "started after the set-up",
+                &[Says(0, &[0]), SetUp, Says(100_000, &[5])],
+                400_000,
+                Ok(()),
+            ),
+            ("forgotten", &[Says(0, &[5]), Forget], 1, lost),
+            (
+                "left Operational",
+                &[Says(0, &[5]), Says(100_000, &[0x7F])],
+                100_001,
+                pre_operational,
+            ),
+            (
+                "stopped, and late besides",
+                &[Says(0, &[5]), Says(100_000, &[4])],
+                400_001,
+                lost,
+            ),
+            (
+                "stopped",
+                &[Says(0, &[5]), Says(100_000, &[4])],
+                400_000,
+                stopped,
+            ),
+            (
+                "back in Operational",
+                &[Says(0, &[0x7F]), Says(100_000, &[5])],
+                100_001,
+                Ok(()),
+            ),
+            (
+                "a toggle bit, as in an answer to guarding: alive, its state unknown",
+                &[Says(0, &[5]), Says(100_000, &[0x85])],
+                400_000,
+                state(None),
+            ),
+            (
+                "a byte that is no state: alive, its state unknown",
+                &[Says(0, &[5]), Says(100_000, &[0x42])],
+                400_000,
+                state(None),
+            ),
+            (
+                "no heartbeat by its length",
+                &[Says(0, &[5]), Says(100_000, &[]), Says(100_000, &[0x7F, 0])],
+                300_001,
+                lost,
+            ),
+        ];
+        let shape = Shape::on_fewest_buses(1, Duration::from_millis(2)).unwrap();
+        let layout = Arc::new(shape.layout());
+        let at = |micros| Instant::ZERO + Duration::from_micros(micros);
+        for (case, steps, check, expected) in cases {
+            let mut node = Node::new(0, &layout);
+            let id = CobId::error_control(node.device().node());
+            for step in steps {
+                match *step {
+                    Says(micros, data) => {
+                        let heard =
+                            node.receive(at(micros), &Frame::new(id, data), None, &mut |_| ());
+                        assert_eq!(heard, Ok(()), "{case}");
+                    }
+                    Forget => node.expect_boot(),
+                    SetUp => node.ask_set_up(),
+                }
+            }
+            node.age = 0;
+            for _ in 0..2 {
+                assert_eq!(node.check_alive(at(check), &mut |_| ()), expected, "{case}");
+            }
+        }
+    }
+}
