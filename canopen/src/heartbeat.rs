@@ -85,11 +85,17 @@ pub enum Event {
 }
 
 /// One node watched by its heartbeat (one entry of 1016h).
+///
+/// It serves both ways to supervise. Who wants an event when time is up waits for
+/// [`Self::deadline`] and calls [`Self::poll`], as a device does: time is up at that instant. Who
+/// looks once a cycle asks [`Self::is_alive`], as a controller does: it has taken every frame up to
+/// the instant at which it looks, so that a heartbeat on the very limit would not have been late.
 #[derive(Clone, Debug)]
 pub struct Consumer {
     node: NodeId,
     time: Duration,
     state: Option<State>,
+    heard: Option<Instant>,
     expires: Option<Instant>,
 }
 
@@ -101,6 +107,7 @@ impl Consumer {
             node,
             time,
             state: None,
+            heard: None,
             expires: None,
         }
     }
@@ -111,7 +118,8 @@ impl Consumer {
         self.node
     }
 
-    /// The state last heard; `None` before the first heartbeat and after a missed one.
+    /// The state last heard, [`State::Initialising`] after a boot-up message; `None` before the
+    /// first message, after a missed heartbeat, and after a byte that is no state.
     #[must_use]
     pub const fn state(&self) -> Option<State> {
         self.state
@@ -123,17 +131,37 @@ impl Consumer {
         self.expires
     }
 
+    /// Forgets what was heard, as before the node is reset.
+    pub const fn forget(&mut self) {
+        self.state = None;
+        self.heard = None;
+        self.expires = None;
+    }
+
     /// Takes a frame if it comes from the node; tells only what is new.
+    ///
+    /// A byte that is no state, also one with the toggle bit of an answer to node guarding, is a
+    /// sign of life of a node whose state is not known; it is no heartbeat.
     pub fn on_frame(&mut self, now: Instant, frame: &Frame) -> Option<Event> {
-        let (_, state) = decode(frame).filter(|&(node, _)| node == self.node)?;
-        if state == State::Initialising {
-            // A boot-up message is not a heartbeat: watching starts with the first of those.
-            self.state = None;
-            self.expires = None;
-            return Some(Event::BootUp);
+        let &[byte] = frame.data() else {
+            return None;
+        };
+        if frame.id() != CanId::from(CobId::error_control(self.node)) {
+            return None;
         }
-        self.expires = Some(now + self.time);
-        (self.state.replace(state) != Some(state)).then_some(Event::State(state))
+        self.heard = Some(now);
+        let before = core::mem::replace(&mut self.state, State::from_byte(byte));
+        match self.state? {
+            State::Initialising => {
+                // A boot-up message is not a heartbeat: watching starts with the first of those.
+                self.expires = None;
+                Some(Event::BootUp)
+            }
+            state => {
+                self.expires = Some(now + self.time);
+                (before != Some(state)).then_some(Event::State(state))
+            }
+        }
     }
 
     /// Whether the heartbeat is missing: true once, then again only after another heartbeat.
@@ -144,5 +172,13 @@ impl Consumer {
             self.expires = None;
         }
         missing
+    }
+
+    /// Whether the node has been heard, by a boot-up message too, and not longer ago than the
+    /// time, so long still allowed. One that was never heard is not alive.
+    #[must_use]
+    pub fn is_alive(&self, now: Instant) -> bool {
+        self.heard
+            .is_some_and(|heard| now.saturating_since(heard) <= self.time)
     }
 }

@@ -53,6 +53,27 @@ fn heartbeats_keep_their_pace_and_are_missed_once() {
 }
 
 #[test]
+fn a_look_at_a_node_allows_it_the_whole_time() {
+    let mut consumer = heartbeat::Consumer::new(node(), 25 * MS);
+    let says = |byte| Frame::new(CobId::error_control(node()), &[byte]);
+    assert!(!consumer.is_alive(at(0)), "never heard");
+    consumer.on_frame(at(0), &says(0x00));
+    assert_eq!(consumer.state(), Some(State::Initialising));
+    assert!(consumer.is_alive(at(25)) && !consumer.is_alive(at(26)));
+    consumer.on_frame(at(30), &says(0x05));
+    assert_eq!(consumer.state(), Some(State::Operational));
+    // As in an answer to guarding: a sign of life, but no heartbeat.
+    assert_eq!(consumer.on_frame(at(40), &says(0x85)), None);
+    assert_eq!(
+        (consumer.state(), consumer.deadline()),
+        (None, Some(at(55)))
+    );
+    assert!(consumer.is_alive(at(65)) && !consumer.is_alive(at(66)));
+    consumer.forget();
+    assert!(!consumer.is_alive(at(41)) && consumer.deadline().is_none());
+}
+
+#[test]
 fn late_producer_sends_one_heartbeat_not_several() {
     let mut producer = heartbeat::Producer::new();
     let mut tx: Vec<Frame> = Vec::new();

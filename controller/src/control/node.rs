@@ -8,7 +8,7 @@ use crate::port::FrameBuf;
 use std::sync::Arc;
 use syncline_canopen::cia402::{Controlword, State, Statusword};
 use syncline_canopen::emcy::{self, Emergency};
-use syncline_canopen::{CanId, CobId, Frame, Instant, Transmit, nmt};
+use syncline_canopen::{CanId, CobId, Frame, Instant, Transmit, heartbeat, nmt};
 use syncline_drives::model::{Actuator, Increments, Scaling};
 
 /// One drive.
@@ -20,9 +20,8 @@ pub(super) struct Node {
     /// What an SDO transfer of several messages goes on with, until the next wake-up.
     replies: FrameBuf,
 
-    /// The last sign of life on 700h + id.
-    heard: Option<Instant>,
-    state: Option<nmt::State>,
+    heartbeat: heartbeat::Consumer,
+    /// A boot-up message has come since it was last waited for.
     booted: bool,
 
     statusword: Statusword,
@@ -45,13 +44,13 @@ pub(super) struct Node {
 
 impl Node {
     pub(super) fn new(index: DriveIndex, layout: &Arc<Layout>) -> Self {
+        let drive = &layout.drives[index];
         Self {
             script: Script::new(index, layout),
             layout: Arc::clone(layout),
             index,
             replies: FrameBuf::default(),
-            heard: None,
-            state: None,
+            heartbeat: heartbeat::Consumer::new(drive.device.node(), drive.heartbeat_timeout),
             booted: false,
             statusword: Statusword(0),
             actual: Increments::ZERO,
@@ -160,12 +159,9 @@ impl Node {
                 });
             }
             events(Event::ErrorReset { drive });
-        } else if is(CobId::error_control(node))
-            && let &[byte] = frame.data()
-        {
-            self.heard = Some(at);
-            self.state = nmt::State::from_byte(byte);
-            self.booted |= self.state == Some(nmt::State::Initialising);
+        } else {
+            let told = self.heartbeat.on_frame(at, frame);
+            self.booted |= told == Some(heartbeat::Event::BootUp);
         }
         Ok(())
     }
@@ -196,8 +192,7 @@ impl Node {
     /// Forgets the boot-up messages so far.
     pub(super) fn expect_boot(&mut self) {
         self.booted = false;
-        self.heard = None;
-        self.state = None;
+        self.heartbeat.forget();
         self.sampled = false;
     }
 
@@ -206,7 +201,7 @@ impl Node {
     }
 
     pub(super) fn is_operational(&self) -> bool {
-        self.state == Some(nmt::State::Operational)
+        self.heartbeat.state() == Some(nmt::State::Operational)
     }
 
     /// Whether the state that `wanted` names is reported.
@@ -254,20 +249,19 @@ impl Node {
             let misses = self.misses;
             return Err(Fault::MissingTPdo { drive, misses });
         }
-        match self.heard {
-            Some(heard) if now.saturating_since(heard) <= self.spec().heartbeat_timeout => {}
-            _ => return Err(Fault::HeartbeatLost { drive }),
-        }
-        match self.state {
-            Some(nmt::State::Operational) => Ok(()),
-            _ => Err(self.did_not_start()),
+        if !self.heartbeat.is_alive(now) {
+            Err(Fault::HeartbeatLost { drive })
+        } else if !self.is_operational() {
+            Err(self.did_not_start())
+        } else {
+            Ok(())
         }
     }
 
     /// Why a drive that should run in Operational does not.
     pub(super) fn did_not_start(&self) -> Fault {
         let drive = self.index;
-        match self.state {
+        match self.heartbeat.state() {
             Some(nmt::State::Operational) => Fault::MissingTPdo {
                 drive,
                 misses: self.misses,
