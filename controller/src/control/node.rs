@@ -388,8 +388,10 @@ mod tests {
         SetUp,
     }
 
-    /// Cases of heartbeat supervision with a limit of 300 ms: what the node said before the check
-    /// at the time in µs, and what the check tells, however often it is made.
+    /// Its name, what the node did, when it is checked in µs, and what that tells.
+    type Case = (&'static str, &'static [Step], u64, Result<(), Fault>);
+
+    /// Heartbeat supervision with a limit of 300 ms. What a check tells it tells every time.
     #[test]
     fn heartbeat_supervision() {
         use Step::{Forget, Says, SetUp};
@@ -399,7 +401,7 @@ mod tests {
         let initialising = state(Some(nmt::State::Initialising));
         let pre_operational = state(Some(nmt::State::PreOperational));
         let stopped = state(Some(nmt::State::Stopped));
-        let cases: [(&str, &[Step], u64, Result<(), Fault>); 20] = [
+        let cases: [Case; 20] = [
             ("never heard", &[], 0, lost),
             ("heard", &[Says(0, &[5])], 1, Ok(())),
             ("at the limit", &[Says(0, &[5])], 300_000, Ok(())),
