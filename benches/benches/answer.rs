@@ -4,7 +4,7 @@
 
 use std::f64::consts::TAU;
 use syncline_benches::paths::{begin, circle, lines, point, supply, zigzag};
-use syncline_controller::program::COORDINATES;
+use syncline_controller::machine::COORDINATES;
 use syncline_controller::realtime::thread_time;
 use syncline_trajectory::path::{Curve, Overrides};
 

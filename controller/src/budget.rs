@@ -200,7 +200,7 @@ fn typical_load(
     let mut per_cycle = bits(&Frame::new(CobId::SYNC, &[]));
     for (&drive, device) in drives.iter().zip(devices) {
         let drive = &machine.drives[drive];
-        let (least, most) = machine.axes[drive.axis].soft_limits;
+        let (least, most) = machine.axes[drive.axis].limits.position;
         let lengths: Vec<f64> = (0..POSITIONS)
             .map(|step| least + (most - least) * f64::from(step) / f64::from(POSITIONS))
             .filter_map(|mm| drive.scaling.to_increments(mm).ok())

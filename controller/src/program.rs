@@ -8,7 +8,7 @@
 //! The plan's coordinates are the letters X Y Z A B C U V W, whatever axes the machine has.
 
 use crate::control::{Instruction, Pause};
-use crate::machine::{Machine, PathTolerances};
+use crate::machine::{COORDINATES, Machine, PathTolerances, Position};
 use crossbeam::channel::{self, Receiver, Sender};
 use std::collections::VecDeque;
 use std::fmt;
@@ -22,14 +22,8 @@ use syncline_trajectory::path::{
     Plane, Planner,
 };
 
-/// Coordinates of a plan: the letters X Y Z A B C U V W.
-pub const COORDINATES: usize = 9;
-
 /// Rounding of a setpoint on a curve, mm.
 const ON_THE_PATH: f64 = 1e-9;
-
-/// A position in machine coordinates, mm or degrees, by letter.
-pub type Position = [f64; COORDINATES];
 
 /// Operator switches and the place a program starts from.
 #[derive(Clone, Debug)]
@@ -108,12 +102,12 @@ impl Program {
         };
         let mut soft_limits = [None; COORDINATES];
         for axis in &machine.axes {
-            axes.insert(axis.letter());
-            let coordinate = axis.letter().index();
-            limits.velocity[coordinate] = axis.max_velocity;
-            limits.acceleration[coordinate] = axis.max_acceleration;
-            limits.jerk[coordinate] = axis.max_jerk;
-            soft_limits[coordinate] = Some(axis.soft_limits);
+            axes.insert(axis.letter);
+            let coordinate = axis.letter.index();
+            limits.velocity[coordinate] = axis.limits.velocity;
+            limits.acceleration[coordinate] = axis.limits.acceleration;
+            limits.jerk[coordinate] = axis.limits.jerk;
+            soft_limits[coordinate] = Some(axis.limits.position);
         }
         let mut setup = gcode::Setup::new(axes);
         setup.limits = soft_limits;

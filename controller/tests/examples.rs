@@ -3,14 +3,13 @@
 use std::path::{Path, PathBuf};
 
 use syncline_controller::machine::Machine;
-use syncline_gcode::{Action, Axis, AxisSet, Interpreter, Setup, Tables};
+use syncline_gcode::{Action, AxisSet, Interpreter, Setup, Tables};
 
 fn setup(machine: &Path) -> Setup {
     let axes = Machine::load(machine).unwrap().axes;
-    let letter = |name: &str| Axis::from_letter(name.chars().next().unwrap()).unwrap();
-    let mut setup = Setup::new(axes.iter().map(|a| letter(&a.name)).collect::<AxisSet>());
+    let mut setup = Setup::new(axes.iter().map(|axis| axis.letter).collect::<AxisSet>());
     for axis in &axes {
-        setup.limits[letter(&axis.name).index()] = Some(axis.soft_limits);
+        setup.limits[axis.letter.index()] = Some(axis.limits.position);
     }
     setup.tables = Tables::load(&Tables::beside(machine)).unwrap();
     setup

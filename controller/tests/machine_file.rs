@@ -25,11 +25,11 @@ fn the_portal() {
     assert_eq!(machine.cycle, Duration::from_millis(2));
     assert_eq!(machine.controller.node.get(), 127);
     assert_eq!(machine.buses[0].bitrate, 1_000_000);
-    let names: Vec<_> = machine.axes.iter().map(|axis| axis.name.as_str()).collect();
+    let names: Vec<_> = machine.axes.iter().map(|axis| axis.name()).collect();
     assert_eq!(names, ["X", "Y", "Z"]);
     assert_eq!(machine.axes[0].drives, [0, 1]);
-    assert_eq!(machine.axes[0].skew_limit, Some(0.5));
-    assert_eq!(machine.axes[1].skew_limit, None);
+    assert_eq!(machine.axes[0].limits.skew, Some(0.5));
+    assert_eq!(machine.axes[1].limits.skew, None);
     assert_eq!(machine.axes[0].mm_per_revolution, 20.0);
 
     // One turn of the motor is 20 mm; the second side is mirrored.
@@ -62,19 +62,14 @@ fn nothing_is_wired_to_the_portal() {
     let moves: Vec<_> = machine
         .axes
         .iter()
-        .map(|axis| {
-            (
-                axis.name.as_str(),
-                machine.drives[axis.drives[0]].node.get(),
-            )
-        })
+        .map(|axis| (axis.name(), machine.drives[axis.drives[0]].node.get()))
         .collect();
     assert_eq!(moves, [("Z", 33), ("X", 17), ("Y", 9)]);
     // What the file leaves out.
     assert_eq!(machine.buses[0].port, "sim");
     assert_eq!(machine.controller.t_pdo_misses, 2);
     assert_eq!((machine.path.exact, machine.path.blend), (0.001, 0.01));
-    assert_eq!(machine.axes[0].standstill_window, 0.1);
+    assert_eq!(machine.axes[0].limits.standstill, 0.1);
     let drive = machine.actuator(2);
     assert_eq!(drive.setup()[30].address.to_string(), "3012h:6");
     assert_eq!(drive.interpolation_delay(), 1);
@@ -84,7 +79,7 @@ fn nothing_is_wired_to_the_portal() {
 fn a_rotary_axis_is_measured_in_degrees() {
     let text = include_str!("../../examples/rotary/machine.toml");
     let axes = parse(text).unwrap().axes;
-    assert_eq!((axes[3].name.as_str(), axes[3].units()[0]), ("A", "°"));
+    assert_eq!((axes[3].name(), axes[3].units()[0]), ("A", "°"));
     assert_eq!(axes[3].mm_per_revolution, 6.0);
     // What the gear turns is not the axis itself, but a wheel that a belt leads to it.
     let belt = text.replace("gear = 60.0", "pitch = 90.0\ngear = 60.0");

@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 use syncline_canopen::Instant;
+use syncline_controller::machine::AxisLimits;
 use syncline_controller::report::{AxisReport, Report, Violation};
 use syncline_controller::timing::Distribution;
 use syncline_trajectory::path::curve::ArcDefinition;
@@ -101,11 +102,14 @@ fn report(items: &[Item<3>]) -> Report {
             .map(|(n, name)| AxisReport {
                 units: ["mm", "mm/s", "mm/s²", "mm/s³"],
                 name: (*name).into(),
-                soft_limits: [(0.0, 1500.0), (0.0, 1000.0), (-300.0, 0.0)][n],
-                velocity_limit: LIMITS.velocity[n],
-                acceleration_limit: LIMITS.acceleration[n],
-                jerk_limit: LIMITS.jerk[n],
-                following_error_limit: 2.0,
+                limits: AxisLimits {
+                    position: [(0.0, 1500.0), (0.0, 1000.0), (-300.0, 0.0)][n],
+                    velocity: LIMITS.velocity[n],
+                    acceleration: LIMITS.acceleration[n],
+                    jerk: LIMITS.jerk[n],
+                    following_error: 2.0,
+                    ..AxisLimits::default()
+                },
                 ..AxisReport::default()
             })
             .collect(),

@@ -4,8 +4,8 @@
 use std::collections::VecDeque;
 use std::path::Path;
 use syncline_controller::control::Instruction;
-use syncline_controller::machine::Machine;
-use syncline_controller::program::{COORDINATES, Moves, Position, Program};
+use syncline_controller::machine::{COORDINATES, Machine, Position};
+use syncline_controller::program::{Moves, Program};
 use syncline_trajectory::path::{Command, Limits, Piece, Span};
 
 /// Samples of a piece on a curve.
@@ -63,10 +63,10 @@ impl Plan {
             start,
         };
         for axis in &machine.axes {
-            let coordinate = axis.letter().index();
-            plan.limits.velocity[coordinate] = axis.max_velocity;
-            plan.limits.acceleration[coordinate] = axis.max_acceleration;
-            plan.limits.jerk[coordinate] = axis.max_jerk;
+            let coordinate = axis.letter.index();
+            plan.limits.velocity[coordinate] = axis.limits.velocity;
+            plan.limits.acceleration[coordinate] = axis.limits.acceleration;
+            plan.limits.jerk[coordinate] = axis.limits.jerk;
         }
         let (mut committed, mut splice) = (0, None);
         // Where in the steps the section under way is.

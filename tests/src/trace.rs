@@ -62,10 +62,14 @@ impl fmt::Display for Excess<'_> {
 #[must_use]
 pub fn axes(machine: &Machine) -> Vec<AxisTrace> {
     let axes = machine.axes.iter().map(|axis| AxisTrace {
-        name: axis.name.clone(),
+        name: axis.name().to_owned(),
         set: Vec::new(),
         act: Vec::new(),
-        limits: [axis.max_velocity, axis.max_acceleration, axis.max_jerk],
+        limits: [
+            axis.limits.velocity,
+            axis.limits.acceleration,
+            axis.limits.jerk,
+        ],
     });
     axes.collect()
 }

@@ -2,6 +2,7 @@
 
 use crate::budget::DoesNotFit;
 use crate::control::{Instruction, Layout, layout};
+use crate::machine::AxisLimits;
 use crate::port::Port;
 use crate::port::sim::SimPort;
 use crate::run::driver::Driver;
@@ -14,7 +15,6 @@ use syncline_drives::model::{
     Actuator, Direction, Heartbeat, Increments, LXM32M, Scaling, Settings,
 };
 use syncline_drives::twin::lxm32m::{Twin, TwinConfig};
-use syncline_trajectory::limits::Limits as AxisLimits;
 use syncline_trajectory::path::{Curve, Exit, Feed, Item, Limits, Move, Planner};
 
 /// Of every bus.
@@ -229,11 +229,15 @@ impl Shape {
                     coordinate: axis,
                     unit: "mm",
                     drives: vec![axis],
-                    soft_limits: (-1.0, STROKE + 1.0),
-                    limits: AxisLimits::symmetric(SPEED, ACCELERATION, JERK),
-                    following_error_limit: 5.0,
-                    skew_limit: f64::INFINITY,
-                    standstill_window: 0.1,
+                    limits: AxisLimits {
+                        position: (-1.0, STROKE + 1.0),
+                        velocity: SPEED,
+                        acceleration: ACCELERATION,
+                        jerk: JERK,
+                        following_error: 5.0,
+                        skew: None,
+                        standstill: 0.1,
+                    },
                 })
                 .collect(),
         }

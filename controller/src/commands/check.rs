@@ -83,7 +83,7 @@ fn describe(machine: &Machine, budget: &MachineBudget) {
             let drives: Vec<String> = drives
                 .map(|drive| format!("{} at node {}", drive.name, drive.node))
                 .collect();
-            format!("{} ({})", axis.name, drives.join(" + "))
+            format!("{} ({})", axis.name(), drives.join(" + "))
         })
         .collect();
     println!("machine {}: {}", machine.name, axes.join(", "));

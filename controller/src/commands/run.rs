@@ -7,10 +7,10 @@ use super::ports::PortChoice;
 use super::switches::Switches;
 use super::{Exit, bad_input, duration, report};
 use crate::control::{Controller, End, Event, Layout, Order, Row};
-use crate::machine::Machine;
+use crate::machine::{COORDINATES, Machine};
 use crate::port::sim::Observer;
 use crate::port::{self, url};
-use crate::program::{Beginning, COORDINATES, Extent, Moves, Program, counted_speed};
+use crate::program::{Beginning, Extent, Moves, Program, counted_speed};
 use crate::realtime;
 use crate::run::frames::SharedFrames;
 use crate::run::planning::Planning;
@@ -432,7 +432,7 @@ impl Run<'_> {
     fn message(&self, row: &Row<COORDINATES>, line: u32, person: &Person) -> String {
         let overridden = person.overridden();
         if row.plan.away || person.rests {
-            let axes = self.machine.axes.iter().map(|axis| axis.letter());
+            let axes = self.machine.axes.iter().map(|axis| axis.letter);
             let at = axes.map(|axis| {
                 let unit = if axis.is_linear() { "" } else { "°" };
                 format!("{axis}{:.3}{unit} ", row.plan.position[axis.index()])

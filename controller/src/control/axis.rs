@@ -93,19 +93,25 @@ impl Axis {
         let (least, most) = sides.fold((f64::INFINITY, f64::NEG_INFINITY), |(least, most), mm| {
             (least.min(mm), most.max(mm))
         });
-        if most - least > self.spec.skew_limit {
+        if self.skewed(most - least) {
             let difference = most - least;
             return Err(Fault::Skew { axis, difference });
         }
         // The encoder's noise on a limit is not outside.
-        let window = self.spec.standstill_window;
-        let allowed = self.spec.soft_limits.0 - window..=self.spec.soft_limits.1 + window;
+        let window = self.spec.limits.standstill;
+        let (first, last) = self.spec.limits.position;
+        let allowed = first - window..=last + window;
         for position in [least, most] {
             if !allowed.contains(&position) {
                 return Err(Fault::OutsideSoftLimits { axis, position });
             }
         }
         Ok(least + (most - least) / 2.0)
+    }
+
+    /// Whether the two sides of a gantry are further apart than allowed.
+    fn skewed(&self, difference: f64) -> bool {
+        (self.spec.limits.skew).is_some_and(|allowed| difference > allowed)
     }
 
     /// Freezes the axis where its drives' setpoints are; the plan starts from the returned
@@ -196,13 +202,13 @@ impl Axis {
 
     /// Whether the axis has arrived where the plan is at rest.
     pub(super) fn is_in_position(&self, sample: &AxisSample) -> bool {
-        sample.following_error.abs() <= self.spec.standstill_window
+        sample.following_error.abs() <= self.spec.limits.standstill
     }
 
     /// Checks a sample while the setpoint is frozen.
     pub(super) fn check_standstill(&self, sample: &AxisSample) -> Result<(), Fault> {
         let distance = (sample.set - sample.act).abs();
-        if distance > self.spec.standstill_window {
+        if distance > self.spec.limits.standstill {
             let axis = self.index;
             return Err(Fault::Standstill { axis, distance });
         }
@@ -217,7 +223,7 @@ impl Axis {
     ) -> Result<(), Fault> {
         let axis = self.index;
         self.following.record(sample.following_error);
-        if sample.following_error.abs() > self.spec.following_error_limit {
+        if sample.following_error.abs() > self.spec.limits.following_error {
             let error = sample.following_error;
             return Err(Fault::FollowingError { axis, error });
         }
@@ -225,7 +231,7 @@ impl Axis {
             let (one, other) = (&nodes[one], &nodes[other]);
             let difference = (one.actual_mm() - other.actual_mm()).abs();
             // Positions of different SYNCs say nothing about each other.
-            if one.age() == other.age() && difference > self.spec.skew_limit {
+            if one.age() == other.age() && self.skewed(difference) {
                 return Err(Fault::Skew { axis, difference });
             }
         }

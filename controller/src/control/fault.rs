@@ -345,7 +345,7 @@ impl Fault {
             ),
             Self::OutsideSoftLimits { axis, position } => {
                 let axis = names.axis(axis);
-                let (least, most) = axis.soft_limits;
+                let (least, most) = axis.limits.position;
                 format!(
                     "axis {} stands at {position:.3} {unit}, outside its soft limits {least}…{most} \
                      {unit}: move it inside, or check the drive's `zero`",
@@ -363,7 +363,7 @@ impl Fault {
                     "axis {}: its two sides are {difference:.3} {unit} apart, allowed {} {unit}: align \
                      the gantry, or check the drives' `zero`",
                     axis.name,
-                    axis.skew_limit,
+                    axis.limits.skew.unwrap_or(f64::INFINITY),
                     unit = axis.unit
                 )
             }
@@ -373,7 +373,7 @@ impl Fault {
                     "axis {} left its frozen position by {distance:.4} {unit}, allowed {} {unit}: \
                      check its brake, its loop and `standstill_window`",
                     axis.name,
-                    axis.standstill_window,
+                    axis.limits.standstill,
                     unit = axis.unit
                 )
             }
@@ -383,7 +383,7 @@ impl Fault {
                     "axis {}: following error {error:.4} {unit}, allowed {} {unit}: look for a \
                      blocked axis, a weak loop or too high limits",
                     axis.name,
-                    axis.following_error_limit,
+                    axis.limits.following_error,
                     unit = axis.unit
                 )
             }

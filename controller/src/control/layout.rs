@@ -2,13 +2,12 @@
 
 use super::fault::{AxisIndex, BusIndex, DriveIndex, Names};
 use crate::budget::{BusBudget, DoesNotFit, MachineBudget};
-use crate::machine::Machine;
+use crate::machine::{AxisLimits, Machine};
 use syncline_canopen::budget::BLOCKING_BITS;
 use syncline_canopen::response_time::bit_time;
 use syncline_canopen::time::Duration;
 use syncline_canopen::{CanId, Frame, NodeId};
 use syncline_drives::model::{Actuator, Increments, Scaling};
-use syncline_trajectory::limits::Limits;
 
 /// Buses, drives, axes and times.
 #[derive(Debug)]
@@ -95,16 +94,8 @@ pub struct Axis {
     pub unit: &'static str,
     /// Its drives.
     pub drives: Vec<DriveIndex>,
-    /// Least and greatest machine position, mm.
-    pub soft_limits: (f64, f64),
-    /// What jogs keep.
-    pub limits: Limits,
-    /// Greatest |setpoint − actual position|, mm.
-    pub following_error_limit: f64,
-    /// Greatest difference between the two sides of a gantry, mm.
-    pub skew_limit: f64,
-    /// Greatest distance from a frozen setpoint, mm.
-    pub standstill_window: f64,
+    /// What it may do, and what is a fault.
+    pub limits: AxisLimits,
 }
 
 impl Layout {
@@ -123,7 +114,7 @@ impl Layout {
                 scaling: drive.scaling,
                 heartbeat_timeout: machine.controller.heartbeat_timeout,
                 standstill_window: (drive.scaling)
-                    .magnitude(machine.axes[drive.axis].standstill_window),
+                    .magnitude(machine.axes[drive.axis].limits.standstill),
             })
             .collect();
         let buses = (budget.buses.iter().enumerate())
@@ -144,19 +135,11 @@ impl Layout {
             t_pdo_misses: controller.t_pdo_misses,
             axes: (machine.axes.iter())
                 .map(|axis| Axis {
-                    name: axis.name.clone(),
-                    coordinate: axis.letter().index(),
+                    name: axis.name().to_owned(),
+                    coordinate: axis.letter.index(),
                     unit: axis.units()[0],
                     drives: axis.drives.clone(),
-                    soft_limits: axis.soft_limits,
-                    limits: Limits::symmetric(
-                        axis.max_velocity,
-                        axis.max_acceleration,
-                        axis.max_jerk,
-                    ),
-                    following_error_limit: axis.following_error_limit,
-                    skew_limit: axis.skew_limit.unwrap_or(f64::INFINITY),
-                    standstill_window: axis.standstill_window,
+                    limits: axis.limits,
                 })
                 .collect(),
             buses,

@@ -1,9 +1,9 @@
 //! What a person, or the program's feeder, orders.
 
 use super::{Controller, Event, Phase};
-use crate::program::COORDINATES;
+use crate::machine::COORDINATES;
 use std::mem::take;
-use syncline_trajectory::limits::PositionLimits;
+use syncline_trajectory::limits::{Limits, PositionLimits};
 use syncline_trajectory::path::{Jog, JogError, Overrides, Travel};
 
 /// An order to the controller; it is obeyed in the next cycle.
@@ -77,9 +77,10 @@ impl<const N: usize> Controller<N> {
     fn jog(&mut self, jog: Jog<N>) {
         let mut travel = [None; N];
         for axis in &self.layout.axes {
-            let (min, max) = axis.soft_limits;
+            let limits = &axis.limits;
+            let (min, max) = limits.position;
             travel[axis.coordinate] = Some(Travel {
-                limits: axis.limits,
+                limits: Limits::symmetric(limits.velocity, limits.acceleration, limits.jerk),
                 bounds: PositionLimits { min, max },
             });
         }

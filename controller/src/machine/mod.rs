@@ -5,7 +5,6 @@
 
 mod read;
 
-use crate::program::Position;
 use std::{
     fs, io,
     path::{Path, PathBuf},
@@ -103,33 +102,49 @@ pub struct Drive {
     pub objects: Vec<Write>,
 }
 
+/// Coordinates of a machine: one for each letter that a program has for an axis, in the order of
+/// [`gcode::Axis::ALL`].
+pub const COORDINATES: usize = gcode::Axis::ALL.len();
+
+/// A place in machine coordinates, mm and degrees; 0 for the axes that the machine does not have.
+pub type Position = [f64; COORDINATES];
+
 /// An axis: one drive, or two for a gantry pair. Of A, B and C every mm is a degree.
 #[derive(Clone, Debug)]
 pub struct Axis {
-    /// The program's letter.
-    pub name: String,
+    /// The program's letter, which is its name everywhere.
+    pub letter: gcode::Axis,
     /// Indices of its drives in [`Machine::drives`]; one, or two for a gantry pair.
     pub drives: Vec<usize>,
     /// mm per motor revolution.
     pub mm_per_revolution: f64,
-    /// mm/s.
-    pub max_velocity: f64,
-    /// mm/s².
-    pub max_acceleration: f64,
-    /// mm/s³.
-    pub max_jerk: f64,
-    /// Machine positions in mm that no setpoint leaves: least and greatest.
-    pub soft_limits: (f64, f64),
-    /// mm between setpoint and actual position that is a fault.
-    pub following_error_limit: f64,
-    /// mm between the two sides of a gantry pair that is a fault; `Some` for two drives.
-    pub skew_limit: Option<f64>,
-    /// mm that an actual position may leave its place before the program starts.
-    pub standstill_window: f64,
-    /// Whether the drives supervise [`following_error_limit`](Self::following_error_limit) too.
+    /// What it may do, and what is a fault.
+    pub limits: AxisLimits,
+    /// Whether the drives supervise [`AxisLimits::following_error`] too.
     pub drive_following_error: bool,
-    /// Whether the drives supervise [`soft_limits`](Self::soft_limits) too.
+    /// Whether the drives supervise [`AxisLimits::position`] too.
     pub drive_soft_limits: bool,
+}
+
+/// The limits of an axis, as the machine file has them. Of A, B and C every mm is a degree.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct AxisLimits {
+    /// `soft_limits`: the machine positions that no setpoint leaves, least and greatest, mm.
+    pub position: (f64, f64),
+    /// `max_velocity`, mm/s.
+    pub velocity: f64,
+    /// `max_acceleration`, mm/s².
+    pub acceleration: f64,
+    /// `max_jerk`, mm/s³.
+    pub jerk: f64,
+    /// `following_error_limit`: between setpoint and actual position; more is a fault. mm.
+    pub following_error: f64,
+    /// `skew_limit`: between the two sides of a gantry pair, `Some` for two drives; more is a
+    /// fault. mm.
+    pub skew: Option<f64>,
+    /// `standstill_window`: how far an actual position may leave its place before the program
+    /// starts, mm.
+    pub standstill: f64,
 }
 
 /// A machine file that cannot be used.
@@ -149,24 +164,23 @@ pub enum MachineError {
 }
 
 impl Axis {
-    /// The program's letter for it.
+    /// As programs and messages name it.
     #[must_use]
-    pub fn letter(&self) -> gcode::Axis {
-        let letter = self.name.chars().next().and_then(gcode::Axis::from_letter);
-        letter.expect("the machine file was checked for axis letters")
+    pub fn name(&self) -> &'static str {
+        self.letter.name()
     }
 
     /// Units of its position, velocity, acceleration and jerk.
     #[must_use]
     pub fn units(&self) -> [&'static str; 4] {
-        self.letter().units()
+        self.letter.units()
     }
 
     /// The machine position nearest to zero that its soft limits allow, mm: where a simulated
     /// axis stands when it is switched on.
     #[must_use]
     pub fn rest(&self) -> f64 {
-        0f64.clamp(self.soft_limits.0, self.soft_limits.1)
+        0f64.clamp(self.limits.position.0, self.limits.position.1)
     }
 }
 
@@ -177,7 +191,7 @@ impl Machine {
     pub fn rest(&self) -> Position {
         let mut rest = Position::default();
         for axis in &self.axes {
-            rest[axis.letter().index()] = axis.rest();
+            rest[axis.letter.index()] = axis.rest();
         }
         rest
     }
@@ -232,10 +246,10 @@ impl Machine {
             },
             following_error_limit: axis
                 .drive_following_error
-                .then(|| scaling.magnitude(axis.following_error_limit)),
+                .then(|| scaling.magnitude(axis.limits.following_error)),
             soft_limits: axis
                 .drive_soft_limits
-                .then(|| drive_soft_limits(axis, scaling)),
+                .then(|| drive_soft_limits(&axis.limits, scaling)),
             objects: objects.clone(),
             assumptions,
         })
@@ -244,11 +258,11 @@ impl Machine {
 
 /// The soft limits as a drive supervises them: its actual position follows the setpoint only to
 /// within the following error, so they stand that much further out.
-fn drive_soft_limits(axis: &Axis, scaling: &Scaling) -> (Increments, Increments) {
-    let (least, most) = axis.soft_limits;
+fn drive_soft_limits(limits: &AxisLimits, scaling: &Scaling) -> (Increments, Increments) {
+    let (least, most) = limits.position;
     let widened = [
-        least - axis.following_error_limit,
-        most + axis.following_error_limit,
+        least - limits.following_error,
+        most + limits.following_error,
     ];
     // Beyond what the drive can count there is nothing to supervise.
     let end = |mm, otherwise| scaling.to_increments(mm).unwrap_or(otherwise);

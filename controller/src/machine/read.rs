@@ -2,20 +2,17 @@
 //! they fit together. Each stage reports all it finds, and the next starts only on what is clean,
 //! so that one mistake does not cause complaints about another thing.
 
-use super::{Axis, Bus, Controller, Drive, Machine, PathTolerances};
+use super::{Axis, AxisLimits, Bus, Controller, Drive, Machine, PathTolerances};
 use std::{collections::BTreeMap, ops::Range, time::Duration};
 use syncline_canopen::{Address, NodeId};
 use syncline_drives::model::{Data, Direction, Increments, MODELS, Model, Scaling, Write};
+use syncline_gcode as gcode;
 use syncline_strict_toml::{Diagnostic, Log, Table, integer, nearest, one_of};
 use toml::{
     Spanned,
     de::{DeTable, DeValue},
 };
 
-/// The axes that a program can name.
-const AXES: [&str; 9] = ["X", "Y", "Z", "A", "B", "C", "U", "V", "W"];
-/// Those in degrees.
-const ROTARY: [&str; 3] = ["A", "B", "C"];
 /// Degrees for one turn of a rotary axis.
 const TURN: f64 = 360.0;
 
@@ -430,13 +427,13 @@ impl DriveTable {
             self.direction,
             self.zero,
         );
-        let (least, most) = *table.soft_limits.get_ref();
+        let (least, most) = table.limits.position;
         if scaling.to_increments(least).is_err() || scaling.to_increments(most).is_err() {
-            let unit = table.unit();
+            let unit = table.letter.units()[0];
             let mut ends = [Increments::MIN, Increments::MAX].map(|end| scaling.to_mm(end));
             ends.sort_by(f64::total_cmp);
             log.report(
-                table.soft_limits.span(),
+                table.soft_limits.clone(),
                 format!(
                     "{}: `soft_limits` [{least}, {most}] are beyond what {} can count",
                     table.title(),
@@ -454,7 +451,7 @@ impl DriveTable {
             );
         }
         let counts = f64::from(self.model.increments_per_revolution);
-        let most = table.following_error_limit * counts;
+        let most = table.limits.following_error * counts;
         if table.mm_per_revolution() > most {
             log.report(
                 table.name.span(),
@@ -465,7 +462,7 @@ impl DriveTable {
                 ),
                 format!(
                     "allowed: `pitch` / `gear` up to {most} {}, {counts} increments",
-                    table.unit()
+                    table.letter.units()[0]
                 ),
             );
         }
@@ -560,26 +557,25 @@ fn limit(
 
 struct AxisTable {
     name: Spanned<String>,
+    letter: gcode::Axis,
     drives: Spanned<Vec<Spanned<String>>>,
     pitch: f64,
     gear: f64,
-    max_velocity: f64,
-    max_acceleration: f64,
-    max_jerk: f64,
-    soft_limits: Spanned<(f64, f64)>,
-    following_error_limit: f64,
-    skew_limit: Option<f64>,
-    standstill_window: f64,
+    limits: AxisLimits,
+    /// Where they stand.
+    soft_limits: Range<usize>,
     drive_following_error: bool,
     drive_soft_limits: bool,
 }
 
 impl AxisTable {
     fn read(log: &mut Log<'_>, mut table: Table<'_, '_>) -> Option<Self> {
-        let name = table.choice(log, "name", AXES.into_iter());
-        let rotary = name
-            .as_ref()
-            .is_some_and(|name| ROTARY.contains(&name.get_ref().as_str()));
+        let name = table.choice(log, "name", gcode::Axis::ALL.iter().map(|axis| axis.name()));
+        let letter = name.as_ref().and_then(|name| {
+            let named = |axis: &gcode::Axis| axis.name() == name.get_ref();
+            gcode::Axis::ALL.into_iter().find(named)
+        });
+        let rotary = letter.is_some_and(|letter| !letter.is_linear());
         let [position, velocity, acceleration, jerk] = if rotary {
             ["(°)", "(°/s)", "(°/s²)", "(°/s³)"]
         } else {
@@ -630,7 +626,7 @@ impl AxisTable {
             }
             None
         };
-        let standstill_window = table.positive_or(log, "standstill_window", 0.1, position);
+        let standstill = table.positive_or(log, "standstill_window", 0.1, position);
         let drive_following_error = table.flag_or(log, "drive_following_error", false);
         let drive_soft_limits = table.flag_or(log, "drive_soft_limits", false);
         if let (Some(pitch), true) = (&pitch, log.is_empty())
@@ -646,16 +642,20 @@ impl AxisTable {
         table.finish(log);
         Some(Self {
             name: name?,
+            letter: letter?,
             drives: drives?,
             pitch: pitch?.into_inner(),
             gear,
-            max_velocity: max_velocity?.into_inner(),
-            max_acceleration: max_acceleration?.into_inner(),
-            max_jerk: max_jerk?.into_inner(),
-            soft_limits: soft_limits?,
-            following_error_limit: following_error_limit?.into_inner(),
-            skew_limit: skew_limit.map(Spanned::into_inner),
-            standstill_window,
+            soft_limits: soft_limits.as_ref()?.span(),
+            limits: AxisLimits {
+                position: soft_limits?.into_inner(),
+                velocity: max_velocity?.into_inner(),
+                acceleration: max_acceleration?.into_inner(),
+                jerk: max_jerk?.into_inner(),
+                following_error: following_error_limit?.into_inner(),
+                skew: skew_limit.map(Spanned::into_inner),
+                standstill,
+            },
             drive_following_error,
             drive_soft_limits,
         })
@@ -665,14 +665,6 @@ impl AxisTable {
         format!("axis \"{}\"", self.name.get_ref())
     }
 
-    fn unit(&self) -> &'static str {
-        if ROTARY.contains(&self.name.get_ref().as_str()) {
-            "°"
-        } else {
-            "mm"
-        }
-    }
-
     fn mm_per_revolution(&self) -> f64 {
         self.pitch / self.gear
     }
@@ -680,15 +672,9 @@ impl AxisTable {
     fn join(self, drives: Vec<usize>) -> Axis {
         Axis {
             mm_per_revolution: self.mm_per_revolution(),
-            name: self.name.into_inner(),
+            letter: self.letter,
             drives,
-            max_velocity: self.max_velocity,
-            max_acceleration: self.max_acceleration,
-            max_jerk: self.max_jerk,
-            soft_limits: self.soft_limits.into_inner(),
-            following_error_limit: self.following_error_limit,
-            skew_limit: self.skew_limit,
-            standstill_window: self.standstill_window,
+            limits: self.limits,
             drive_following_error: self.drive_following_error,
             drive_soft_limits: self.drive_soft_limits,
         }

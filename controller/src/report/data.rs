@@ -1,5 +1,6 @@
 //! What a report is made of; whoever ran the machine fills it in.
 
+use crate::machine::AxisLimits;
 use crate::timing::Distribution;
 use serde::Serialize;
 
@@ -58,23 +59,15 @@ pub struct Violation {
     pub unit: &'static str,
 }
 
-/// One axis: limits, and a value for each cycle of [`Report::time`].
+/// One axis: its limits, and a value for each cycle of [`Report::time`].
 #[derive(Clone, Debug, Default)]
 pub struct AxisReport {
     /// `X`.
     pub name: String,
     /// Of its position, velocity, acceleration and jerk; below it says mm for all axes.
     pub units: [&'static str; 4],
-    /// Least and greatest position, mm.
-    pub soft_limits: (f64, f64),
-    /// mm/s.
-    pub velocity_limit: f64,
-    /// mm/s².
-    pub acceleration_limit: f64,
-    /// mm/s³.
-    pub jerk_limit: f64,
-    /// mm.
-    pub following_error_limit: f64,
+    /// What it was held against.
+    pub limits: AxisLimits,
     /// Greatest of the plan, between the cycles too; mm/s.
     pub max_velocity: f64,
     /// Greatest of the plan; mm/s².

@@ -119,12 +119,16 @@ fn limits(axes: &[AxisReport]) -> String {
         _ = write!(html, "<tr><th>{}</th>", escape(&axis.name));
         let [position, velocity, acceleration, jerk] = axis.units;
         for (value, limit, unit) in [
-            (axis.max_velocity, axis.velocity_limit, velocity),
-            (axis.max_acceleration, axis.acceleration_limit, acceleration),
-            (axis.max_jerk, axis.jerk_limit, jerk),
+            (axis.max_velocity, axis.limits.velocity, velocity),
+            (
+                axis.max_acceleration,
+                axis.limits.acceleration,
+                acceleration,
+            ),
+            (axis.max_jerk, axis.limits.jerk, jerk),
             (
                 axis.max_following_error,
-                axis.following_error_limit,
+                axis.limits.following_error,
                 position,
             ),
         ] {
@@ -234,7 +238,7 @@ fn axis_over_time(report: &Report, axis: &AxisReport) -> String {
         }],
         limits: vec![limit, -limit],
     };
-    let (least, most) = axis.soft_limits;
+    let (least, most) = axis.limits.position;
     let [position, velocity, acceleration, jerk] = axis.units;
     let strips = [
         Strip {
@@ -261,7 +265,7 @@ fn axis_over_time(report: &Report, axis: &AxisReport) -> String {
             "Velocity",
             velocity,
             &axis.velocity,
-            axis.velocity_limit,
+            axis.limits.velocity,
             axis.max_velocity,
             false,
         ),
@@ -269,7 +273,7 @@ fn axis_over_time(report: &Report, axis: &AxisReport) -> String {
             "Acceleration",
             acceleration,
             &axis.acceleration,
-            axis.acceleration_limit,
+            axis.limits.acceleration,
             axis.max_acceleration,
             false,
         ),
@@ -277,7 +281,7 @@ fn axis_over_time(report: &Report, axis: &AxisReport) -> String {
             "Jerk",
             jerk,
             &axis.jerk,
-            axis.jerk_limit,
+            axis.limits.jerk,
             axis.max_jerk,
             true,
         ),
@@ -285,7 +289,7 @@ fn axis_over_time(report: &Report, axis: &AxisReport) -> String {
             "Following error",
             position,
             &axis.following_error,
-            axis.following_error_limit,
+            axis.limits.following_error,
             axis.max_following_error,
             false,
         ),

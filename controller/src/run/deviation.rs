@@ -1,6 +1,6 @@
 //! How far a point is from the programmed geometry.
 
-use crate::program::{COORDINATES, Position};
+use crate::machine::{COORDINATES, Position};
 use syncline_trajectory::path::Curve;
 
 /// Angle of the tangent between two places from which the nearest one is searched, rad.

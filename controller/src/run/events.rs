@@ -1,7 +1,7 @@
 //! What a person does in a validated run, from a CSV file: `t_s,event,value`.
 
 use crate::control::Order;
-use crate::program::COORDINATES;
+use crate::machine::COORDINATES;
 use std::collections::VecDeque;
 use std::fs;
 use std::io;

@@ -2,7 +2,8 @@
 //! the way of what a person does and of what the cycle tells.
 
 use crate::control::Instruction;
-use crate::program::{COORDINATES, Feeder, Position, Program, ProgramError, Upcoming};
+use crate::machine::{COORDINATES, Position};
+use crate::program::{Feeder, Program, ProgramError, Upcoming};
 use crossbeam::channel::{self, Receiver, RecvTimeoutError, Sender};
 use rtrb::Producer;
 use std::io;

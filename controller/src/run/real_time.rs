@@ -9,8 +9,8 @@
 
 use super::driver::Driver;
 use crate::control::{Controller, Event, Instruction, Layout, Order, Phase, Row};
+use crate::machine::{COORDINATES, Position};
 use crate::port::{Port, PortError};
-use crate::program::{COORDINATES, Position};
 use crate::realtime::{self, Granted};
 use crate::timing::{Distribution, Stage, Stages};
 use rtrb::{Consumer, Producer, PushError, RingBuffer};

@@ -3,8 +3,8 @@
 use super::deviation::distance;
 use crate::control::layout::{self, Layout};
 use crate::control::{Controller, End, Row};
-use crate::machine::Machine;
-use crate::program::{COORDINATES, Moves, Position, ProgramMove, Switch, counted_speed, moved};
+use crate::machine::{AxisLimits, COORDINATES, Machine, Position};
+use crate::program::{Moves, ProgramMove, Switch, counted_speed, moved};
 use crate::report::{AxisReport, Report, Violation};
 use serde::Serialize;
 use std::collections::VecDeque;
@@ -202,12 +202,12 @@ const AXIS_WATCHES: [&str; 5] = [
 
 #[derive(Debug)]
 struct AxisRecord {
-    name: String,
+    name: &'static str,
     coordinate: usize,
+    /// The machine file's; its positions widened by where the axis stood at first.
+    limits: AxisLimits,
     /// In the order of [`AXIS_WATCHES`].
     units: [&'static str; 5],
-    soft_limits: (f64, f64),
-    limits: [f64; 5],
     max: [f64; 5],
     watches: [Watch; 5],
 }
@@ -262,7 +262,7 @@ impl Recorder {
         if let Some(trace) = &mut trace {
             write!(trace, "t_s,line")?;
             for axis in &machine.axes {
-                write!(trace, ",{0}_set,{0}_act", axis.name)?;
+                write!(trace, ",{0}_set,{0}_act", axis.name())?;
             }
             writeln!(trace, ",spindle,coolant,tool")?;
         }
@@ -270,20 +270,13 @@ impl Recorder {
             cycle: machine.cycle,
             axes: (machine.axes.iter())
                 .map(|axis| AxisRecord {
-                    name: axis.name.clone(),
-                    coordinate: axis.letter().index(),
+                    name: axis.name(),
+                    coordinate: axis.letter.index(),
                     units: {
                         let [position, velocity, acceleration, jerk] = axis.units();
                         [velocity, acceleration, jerk, position, position]
                     },
-                    limits: [
-                        axis.max_velocity,
-                        axis.max_acceleration,
-                        axis.max_jerk,
-                        axis.following_error_limit,
-                        BEYOND,
-                    ],
-                    soft_limits: axis.soft_limits,
+                    limits: axis.limits,
                     max: [0.0; 5],
                     watches: Default::default(),
                 })
@@ -333,10 +326,10 @@ impl Recorder {
             let position = row.plan.position[at];
             if self.cycles == 1 {
                 // The encoder's noise of a machine that stands at a limit is no violation.
-                let (min, max) = axis.soft_limits;
-                axis.soft_limits = (min.min(position), max.max(position));
+                let (min, max) = axis.limits.position;
+                axis.limits.position = (min.min(position), max.max(position));
             }
-            let (min, max) = axis.soft_limits;
+            let (min, max) = axis.limits.position;
             let values = [
                 row.plan.velocity[at],
                 row.plan.acceleration[at],
@@ -344,18 +337,24 @@ impl Recorder {
                 row.axes[at].following_error,
                 (min - position).max(position - max).max(0.0),
             ];
-            for (watch, value) in values.map(f64::abs).into_iter().enumerate() {
+            let limits = [
+                axis.limits.velocity,
+                axis.limits.acceleration,
+                axis.limits.jerk,
+                axis.limits.following_error,
+                BEYOND,
+            ];
+            for (watch, (value, limit)) in values.map(f64::abs).into_iter().zip(limits).enumerate()
+            {
                 axis.max[watch] = axis.max[watch].max(value);
-                axis.watches[watch].look(&mut self.violations, value, axis.limits[watch], || {
-                    Violation {
-                        what: AXIS_WATCHES[watch].to_owned(),
-                        axis: Some(axis.name.clone()),
-                        time,
-                        line: self.line,
-                        value,
-                        limit: axis.limits[watch],
-                        unit: axis.units[watch],
-                    }
+                axis.watches[watch].look(&mut self.violations, value, limit, || Violation {
+                    what: AXIS_WATCHES[watch].to_owned(),
+                    axis: Some(axis.name.to_owned()),
+                    time,
+                    line: self.line,
+                    value,
+                    limit,
+                    unit: axis.units[watch],
                 });
             }
         }
@@ -595,14 +594,14 @@ impl Recorder {
                 .collect(),
             axes: (self.axes.iter())
                 .map(|axis| AxisSummary {
-                    name: axis.name.clone(),
+                    name: axis.name.to_owned(),
                     unit: axis.units[3],
                     max_velocity: axis.max[0],
                     max_acceleration: axis.max[1],
                     max_jerk: axis.max[2],
-                    velocity_limit: axis.limits[0],
-                    acceleration_limit: axis.limits[1],
-                    jerk_limit: axis.limits[2],
+                    velocity_limit: axis.limits.velocity,
+                    acceleration_limit: axis.limits.acceleration,
+                    jerk_limit: axis.limits.jerk,
                     max_following_error_mm: following(axis.coordinate).max,
                     rms_following_error_mm: following(axis.coordinate).rms(),
                 })
@@ -643,13 +642,9 @@ fn new_report(machine: &Machine) -> Report {
         machine: machine.name.clone(),
         axes: (machine.axes.iter())
             .map(|axis| AxisReport {
-                name: axis.name.clone(),
+                name: axis.name().to_owned(),
                 units: axis.units(),
-                soft_limits: axis.soft_limits,
-                velocity_limit: axis.max_velocity,
-                acceleration_limit: axis.max_acceleration,
-                jerk_limit: axis.max_jerk,
-                following_error_limit: axis.following_error_limit,
+                limits: axis.limits,
                 ..AxisReport::default()
             })
             .collect(),

@@ -19,8 +19,9 @@
 
 use crate::control::fault::BusIndex;
 use crate::control::{Controller, End, Event, Instruction, Layout, Phase, Wake};
+use crate::machine::{COORDINATES, Position};
 use crate::port::{Burst, Outbox, Received};
-use crate::program::{COORDINATES, Feeder, Moves, Position, Program, ProgramError};
+use crate::program::{Feeder, Moves, Program, ProgramError};
 use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Duration;

@@ -3,10 +3,10 @@
 use super::driver::Driver;
 use super::frames::SharedFrames;
 use crate::control::{Controller, Event, Layout, Row};
-use crate::machine::Machine;
+use crate::machine::{COORDINATES, Machine};
 use crate::port::sim::SimPort;
 use crate::port::{Port, PortError};
-use crate::program::{COORDINATES, Feeder, Moves, Program, ProgramError, Upcoming};
+use crate::program::{Feeder, Moves, Program, ProgramError, Upcoming};
 use std::sync::Arc;
 use syncline_canopen::Instant;
 

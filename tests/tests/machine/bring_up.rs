@@ -245,7 +245,7 @@ fn before_the_program_every_drive_stays_where_it_is() {
             let axis = &rig.machine.axes[rig.machine.drives[drive].axis];
             let window = rig.machine.drives[drive]
                 .scaling
-                .magnitude(axis.standstill_window)
+                .magnitude(axis.limits.standstill)
                 .get();
             let commands = rig.commands(drive);
             let mut still: Vec<i32> = Vec::new();

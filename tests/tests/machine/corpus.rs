@@ -99,10 +99,10 @@ impl Findings {
         for (index, axis) in machine.axes.iter().enumerate() {
             let increment = machine.drives[axis.drives[0]].scaling.resolution();
             let last = *trace.axes[index].set.last().unwrap();
-            let off = (last - end(axis.letter().index())).abs() / increment;
+            let off = (last - end(axis.letter.index())).abs() / increment;
             self.end = self.end.max(off);
             if off > 1.0 {
-                self.complain(&format!("axis {} ends {off} increments off", axis.name));
+                self.complain(&format!("axis {} ends {off} increments off", axis.name()));
             }
         }
     }

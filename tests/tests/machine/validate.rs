@@ -89,7 +89,7 @@ fn every_example_passes_inside_its_limits() {
                 (of("max_velocity") - fastest).abs() <= 0.02 * velocity,
                 "{name}"
             );
-            let (least, most) = machine.axes[index].soft_limits;
+            let (least, most) = machine.axes[index].limits.position;
             // Where a machine stands at a limit at first, its encoder's noise may be beyond.
             let drive = &machine.drives[machine.axes[index].drives[0]];
             let noise = 4.0 * drive.scaling.resolution();
@@ -98,7 +98,7 @@ fn every_example_passes_inside_its_limits() {
             let (most, mean) = (of("max_following_error_mm"), of("rms_following_error_mm"));
             assert!(mean > 0.0 && mean < most, "{name}");
             assert!(
-                most < machine.axes[index].following_error_limit / 2.0,
+                most < machine.axes[index].limits.following_error / 2.0,
                 "{name}"
             );
         }
@@ -228,20 +228,20 @@ fn the_tool_ends_where_the_program_says_to_an_increment() {
             let increment = machine.drives[axis.drives[0]].scaling.resolution();
             let coordinate = ["X", "Y", "Z"]
                 .iter()
-                .position(|it| *it == axis.name)
+                .position(|it| *it == axis.name())
                 .unwrap();
-            let end = *trace.axis(&axis.name).set.last().unwrap();
+            let end = *trace.axis(axis.name()).set.last().unwrap();
             let off = (end - to[coordinate]).abs();
             assert!(
                 off <= increment,
                 "{name} {}: {end}, off by {off}",
-                axis.name
+                axis.name()
             );
-            let act = *trace.axis(&axis.name).act.last().unwrap();
+            let act = *trace.axis(axis.name()).act.last().unwrap();
             assert!(
-                (act - end).abs() < axis.standstill_window,
+                (act - end).abs() < axis.limits.standstill,
                 "{name} {}",
-                axis.name
+                axis.name()
             );
         }
     }
