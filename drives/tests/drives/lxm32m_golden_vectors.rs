@@ -3,9 +3,7 @@
 //! Answers have to come as an ordered subsequence of what the node sends: T_PDOs in between are
 //! allowed, SDO answers are not.
 
-mod common;
-
-use common::{Bench, id, ms};
+use crate::common::{Bench, id, ms};
 use std::collections::BTreeMap;
 use syncline_canopen::CanId;
 use syncline_canopen::cia402::State;

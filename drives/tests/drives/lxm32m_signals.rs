@@ -1,9 +1,7 @@
 //! What else is wired to the drive, and what watches it: limits, capture inputs, position
 //! registers, digital signals, parameter sets, windows.
 
-mod common;
-
-use common::{
+use crate::common::{
     BIT_12, Bench, REF_OK, TARGET_REACHED, X_END, X_ERR, drive, enabled, id, ms, rpm, set, status,
     wait_for,
 };

@@ -1,8 +1,6 @@
 //! The path from outside: items in, setpoints out.
 
-mod machine;
-
-use machine::Machine;
+use crate::machine::Machine;
 use proptest::prelude::*;
 use syncline_trajectory::path::{
     Command, Curve, Executor, Exit, Feed, Item, Limits, Move, Overrides, Plane, Planner, Setpoint,

@@ -1,5 +1,4 @@
 //! What tests with other people's tools share: hosted drives, a network of their own, skipping.
-#![allow(dead_code, reason = "not every test uses everything")]
 
 use std::ffi::OsStr;
 use std::io::{BufRead, BufReader};

@@ -1,10 +1,8 @@
 //! Interpolated Position from the bus: set-up, enabling, streaming, and what goes wrong.
 
-mod common;
-
 use std::collections::BTreeMap;
 
-use common::{Bench, id, interpolation_setup, ms};
+use crate::common::{Bench, id, interpolation_setup, ms};
 use syncline_canopen::cia402::State;
 use syncline_canopen::nmt::Command;
 use syncline_canopen::time::Duration;

@@ -1,8 +1,6 @@
 //! The operating modes from the bus: start, monitoring bits, ending, Halt, Quick Stop.
 
-mod common;
-
-use common::{
+use crate::common::{
     BIT_12, Bench, HALT, REF_OK, TARGET_REACHED, X_END, X_ERR, drive, enabled, id, ms, rpm, set,
     status, wait_for,
 };

@@ -1,10 +1,8 @@
 //! How short a hold stops: on lines against the closed form, on curves against a dense grid.
 
-mod common;
-
 use std::collections::VecDeque;
 
-use common::{LIMITS, contour, planned};
+use crate::common::{LIMITS, contour, planned};
 use proptest::prelude::*;
 use proptest::strategy::ValueTree;
 use proptest::test_runner::{Config, RngAlgorithm, TestRng, TestRunner};
@@ -354,7 +352,7 @@ fn a_stop_on_curves_needs_no_planner() {
     assert!(longer(&factors) <= 0.25, "{}", longer(&factors));
 }
 
-/// `cargo test --release -p syncline-trajectory --test hold -- --ignored --nocapture`
+/// `cargo test --release -p syncline-trajectory --test trajectory hold -- --ignored --nocapture`
 #[test]
 #[ignore = "takes a minute"]
 fn many_holds_on_curves() {

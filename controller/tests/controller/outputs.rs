@@ -1,9 +1,7 @@
 //! What commands write: tried before anything else happens, never two things into one file, and
 //! nothing lost where a command then refuses to begin. Exit codes mean the same in all commands.
 
-mod outside;
-
-use outside::{SYNCLINE, root};
+use crate::outside::{SYNCLINE, root};
 use std::fs;
 use std::path::Path;
 use std::process::Command;

@@ -1,8 +1,6 @@
 //! Random frames at a twin in every state: no panic, and no motion without a valid enable.
 
-mod common;
-
-use common::{Bench, id, ms};
+use crate::common::{Bench, id, ms};
 use proptest::prelude::*;
 use syncline_canopen::cia402::State;
 use syncline_canopen::nmt::Command;

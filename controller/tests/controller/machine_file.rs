@@ -6,8 +6,8 @@ use syncline_controller::machine::Machine;
 use syncline_drives::model::Increments;
 use syncline_strict_toml::Invalid;
 
-const PORTAL: &str = include_str!("../../examples/portal/machine.toml");
-const XYZ: &str = include_str!("../../examples/xyz/machine.toml");
+const PORTAL: &str = include_str!("../../../examples/portal/machine.toml");
+const XYZ: &str = include_str!("../../../examples/xyz/machine.toml");
 
 fn parse(text: &str) -> Result<Machine, Invalid> {
     Machine::parse(Path::new("machine.toml"), text)
@@ -77,7 +77,7 @@ fn nothing_is_wired_to_the_portal() {
 
 #[test]
 fn a_rotary_axis_is_measured_in_degrees() {
-    let text = include_str!("../../examples/rotary/machine.toml");
+    let text = include_str!("../../../examples/rotary/machine.toml");
     let axes = parse(text).unwrap().axes;
     assert_eq!((axes[3].name(), axes[3].units()[0]), ("A", "°"));
     assert_eq!(axes[3].mm_per_revolution, 6.0);
@@ -502,7 +502,7 @@ fn text_that_is_no_machine_never_panics() {
 /// `docs/machine-file.md` has a row for each key that the reader knows, and no other.
 #[test]
 fn the_reference_is_complete() {
-    let reference = include_str!("../../docs/machine-file.md");
+    let reference = include_str!("../../../docs/machine-file.md");
     let chapters: Vec<&str> = reference.split("\n## ").skip(1).collect();
     let documented = |table: &str| -> Vec<String> {
         let chapter = chapters

@@ -1,8 +1,6 @@
 //! python-canopen, a real third-party master, against the simulated drives.
 
-mod outside;
-
-use outside::{Drives, LOCAL, Namespace, SYNCLINE, TWO_TOLERANT, available, root, runs};
+use crate::outside::{Drives, LOCAL, Namespace, SYNCLINE, TWO_TOLERANT, available, root, runs};
 use std::path::PathBuf;
 use std::process::Command;
 

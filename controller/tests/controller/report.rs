@@ -332,7 +332,7 @@ fn a_long_run_stays_small() {
     save("long", &html);
 }
 
-/// For eyes: `SYNCLINE_REPORTS=folder cargo test --test report`.
+/// For eyes: `SYNCLINE_REPORTS=folder cargo test --test controller report`.
 fn save(name: &str, html: &str) {
     if let Some(folder) = std::env::var_os("SYNCLINE_REPORTS") {
         let file = std::path::Path::new(&folder).join(format!("{name}.html"));

@@ -10,13 +10,10 @@
 //! - where it is below that and below the reference, it rises, or a deceleration is taken back,
 //!   unless the reference falls within the next 10 ms of the way: there the path's own limit comes.
 
-mod common;
-mod machine;
-
 use std::collections::BTreeMap;
 
-use common::{LIMITS, contour, planned};
-use machine::Machine;
+use crate::common::{LIMITS, contour, planned};
+use crate::machine::Machine;
 use proptest::prelude::*;
 use proptest::strategy::ValueTree;
 use proptest::test_runner::{Config, RngAlgorithm, TestRng, TestRunner};
@@ -427,7 +424,7 @@ fn an_override_shows_within_ten_milliseconds_and_the_speed_goes_one_way() {
     assert_eq!((count.stay_above, count.dip, count.stay_below), (0, 0, 0));
 }
 
-/// `cargo test --release -p syncline-trajectory --test effect -- --ignored --nocapture`
+/// `cargo test --release -p syncline-trajectory --test trajectory effect -- --ignored --nocapture`
 #[test]
 #[ignore = "takes two minutes"]
 fn many_overrides() {

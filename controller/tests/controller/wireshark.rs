@@ -1,8 +1,6 @@
 //! A recorded minute of the portal, as tshark and can-utils read it.
 
-mod outside;
-
-use outside::{SYNCLINE, available, root, runs};
+use crate::outside::{SYNCLINE, available, root, runs};
 use std::collections::BTreeMap;
 use std::fs::{self, OpenOptions};
 use std::path::Path;

@@ -1,8 +1,6 @@
 //! The CANopen node: NMT, monitoring, EMCY, PDO services, errors and their reset.
 
-mod common;
-
-use common::{Bench, id, ms};
+use crate::common::{Bench, id, ms};
 use syncline_canopen::cia402::{State, Statusword};
 use syncline_canopen::dictionary::Refusals;
 use syncline_canopen::nmt::{self, Command};

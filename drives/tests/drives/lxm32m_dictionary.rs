@@ -1,9 +1,7 @@
 //! The whole object dictionary over the bus, against a table that a script of its own
 //! (`data/extract_lxm32m_dictionary.py`) took from the reference.
 
-mod common;
-
-use common::Bench;
+use crate::common::Bench;
 use std::collections::BTreeMap;
 
 const TABLE: &str = include_str!("data/lxm32m_dictionary.csv");

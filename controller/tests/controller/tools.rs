@@ -1,8 +1,6 @@
 //! The tools for a bus at work, on simulated drives behind socketcand on loopback.
 
-mod outside;
-
-use outside::{Drives, Namespace, SYNCLINE, TWO_TOLERANT, available};
+use crate::outside::{Drives, Namespace, SYNCLINE, TWO_TOLERANT, available};
 use std::io::{Read, Write};
 use std::net::TcpStream;
 use std::process::{Command, Output};

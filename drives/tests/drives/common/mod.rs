@@ -1,5 +1,4 @@
 //! A small master for tests: SDO and NMT over a simulated bus, one virtual instant after another.
-#![allow(dead_code, unreachable_pub)]
 
 use syncline_canopen::cia402::Statusword;
 use syncline_canopen::time::Duration;
@@ -7,23 +6,23 @@ use syncline_canopen::{CanId, CobId, Frame, Instant, NodeId, nmt};
 use syncline_drives::bus::{Band, BitRate, Received, SimBus};
 use syncline_drives::twin::lxm32m::{Twin, TwinConfig};
 
-pub struct Bench {
-    pub bus: SimBus<Twin>,
+pub(crate) struct Bench {
+    pub(crate) bus: SimBus<Twin>,
     /// Everything that came from the nodes, oldest first.
-    pub log: Vec<Received>,
+    pub(crate) log: Vec<Received>,
 }
 
-pub fn id(node: u8) -> NodeId {
+pub(crate) fn id(node: u8) -> NodeId {
     NodeId::new(node).unwrap()
 }
 
-pub fn ms(millis: u64) -> Duration {
+pub(crate) fn ms(millis: u64) -> Duration {
     Duration::from_millis(millis)
 }
 
 impl Bench {
     /// Twins with these configurations at 1 Mbit/s, booted.
-    pub fn new(configs: impl IntoIterator<Item = TwinConfig>) -> Self {
+    pub(crate) fn new(configs: impl IntoIterator<Item = TwinConfig>) -> Self {
         let mut bus = SimBus::new(BitRate::from_kbit(1000).unwrap());
         for config in configs {
             bus.attach(Twin::new(config));
@@ -33,23 +32,23 @@ impl Bench {
         bench
     }
 
-    pub fn one() -> Self {
+    pub(crate) fn one() -> Self {
         Self::new([TwinConfig::new(id(1))])
     }
 
-    pub fn twin(&mut self) -> &mut Twin {
+    pub(crate) fn twin(&mut self) -> &mut Twin {
         self.bus.node_mut(0)
     }
 
-    pub fn now(&self) -> Instant {
+    pub(crate) fn now(&self) -> Instant {
         self.bus.now()
     }
 
-    pub fn wait(&mut self, time: Duration) {
+    pub(crate) fn wait(&mut self, time: Duration) {
         self.run_to(self.bus.now() + time);
     }
 
-    pub fn run_to(&mut self, until: Instant) {
+    pub(crate) fn run_to(&mut self, until: Instant) {
         self.bus.advance_to(until, &mut |_| {});
         while let Some(received) = self.bus.receive() {
             if !received.own {
@@ -58,17 +57,17 @@ impl Bench {
         }
     }
 
-    pub fn send(&mut self, id: u16, data: &[u8]) {
+    pub(crate) fn send(&mut self, id: u16, data: &[u8]) {
         self.bus
             .send(Band::Acyclic, Frame::new(CanId::Standard(id), data));
     }
 
-    pub fn sync(&mut self) {
+    pub(crate) fn sync(&mut self) {
         self.bus.send(Band::Sync, Frame::new(CobId::SYNC, &[]));
     }
 
     /// The first frame with this identifier that came since `from` of the log, waiting for it.
-    pub fn expect(&mut self, from: usize, id: u16, within: Duration) -> Option<Frame> {
+    pub(crate) fn expect(&mut self, from: usize, id: u16, within: Duration) -> Option<Frame> {
         let end = self.now() + within;
         loop {
             let found = self.log[from..]
@@ -84,7 +83,7 @@ impl Bench {
         }
     }
 
-    pub fn request(&mut self, node: u8, request: [u8; 8]) -> [u8; 8] {
+    pub(crate) fn request(&mut self, node: u8, request: [u8; 8]) -> [u8; 8] {
         let from = self.log.len();
         self.send(0x600 + u16::from(node), &request);
         let answer = self
@@ -94,7 +93,7 @@ impl Bench {
     }
 
     /// Expedited download; the abort code if it is refused.
-    pub fn write(&mut self, node: u8, index: u16, sub: u8, bytes: &[u8]) -> Result<(), u32> {
+    pub(crate) fn write(&mut self, node: u8, index: u16, sub: u8, bytes: &[u8]) -> Result<(), u32> {
         let [low, high] = index.to_le_bytes();
         let mut request = [
             0x23 | (4 - bytes.len() as u8) << 2,
@@ -117,7 +116,7 @@ impl Bench {
     }
 
     /// Expedited upload; the abort code if it is refused.
-    pub fn read(&mut self, node: u8, index: u16, sub: u8) -> Result<Vec<u8>, u32> {
+    pub(crate) fn read(&mut self, node: u8, index: u16, sub: u8) -> Result<Vec<u8>, u32> {
         let [low, high] = index.to_le_bytes();
         let answer = self.request(node, [0x40, low, high, sub, 0, 0, 0, 0]);
         assert_eq!(answer[1..4], [low, high, sub], "multiplexer");
@@ -130,22 +129,22 @@ impl Bench {
         }
     }
 
-    pub fn read_i32(&mut self, node: u8, index: u16, sub: u8) -> i32 {
+    pub(crate) fn read_i32(&mut self, node: u8, index: u16, sub: u8) -> i32 {
         let bytes = self.read(node, index, sub).unwrap();
         i32::from_le_bytes(bytes.try_into().unwrap())
     }
 
-    pub fn read_u16(&mut self, node: u8, index: u16, sub: u8) -> u16 {
+    pub(crate) fn read_u16(&mut self, node: u8, index: u16, sub: u8) -> u16 {
         let bytes = self.read(node, index, sub).unwrap();
         u16::from_le_bytes(bytes.try_into().unwrap())
     }
 
-    pub fn nmt(&mut self, command: nmt::Command, node: u8) {
+    pub(crate) fn nmt(&mut self, command: nmt::Command, node: u8) {
         self.send(0x000, &[command as u8, node]);
         self.wait(ms(1));
     }
 
-    pub fn controlword(&mut self, node: u8, word: u16) {
+    pub(crate) fn controlword(&mut self, node: u8, word: u16) {
         self.write(node, 0x6040, 0, &word.to_le_bytes()).unwrap();
         self.wait(ms(10));
     }
@@ -153,15 +152,15 @@ impl Bench {
 
 // ---- operating modes ----
 
-pub const TARGET_REACHED: u16 = Statusword::TARGET_REACHED;
-pub const BIT_12: u16 = Statusword::MODE_12;
-pub const X_ERR: u16 = Statusword::BIT_13;
-pub const X_END: u16 = Statusword::BIT_14;
-pub const REF_OK: u16 = Statusword::BIT_15;
-pub const HALT: u16 = 0x0100;
+pub(crate) const TARGET_REACHED: u16 = Statusword::TARGET_REACHED;
+pub(crate) const BIT_12: u16 = Statusword::MODE_12;
+pub(crate) const X_ERR: u16 = Statusword::BIT_13;
+pub(crate) const X_END: u16 = Statusword::BIT_14;
+pub(crate) const REF_OK: u16 = Statusword::BIT_15;
+pub(crate) const HALT: u16 = 0x0100;
 
 /// A drive in Operation Enabled, in this mode.
-pub fn enabled(config: TwinConfig, mode: i8) -> Bench {
+pub(crate) fn enabled(config: TwinConfig, mode: i8) -> Bench {
     let mut bench = Bench::new([config]);
     for word in [0x0006, 0x000F] {
         bench.controlword(1, word);
@@ -172,12 +171,12 @@ pub fn enabled(config: TwinConfig, mode: i8) -> Bench {
 }
 
 /// The same with all defaults.
-pub fn drive(mode: i8) -> Bench {
+pub(crate) fn drive(mode: i8) -> Bench {
     enabled(TwinConfig::new(id(1)), mode)
 }
 
 /// Writes a number in the object's own size.
-pub fn set(bench: &mut Bench, index: u16, sub: u8, value: i32) {
+pub(crate) fn set(bench: &mut Bench, index: u16, sub: u8, value: i32) {
     let bytes = value.to_le_bytes();
     let size = bench.read(1, index, sub).unwrap().len();
     assert_eq!(
@@ -187,12 +186,12 @@ pub fn set(bench: &mut Bench, index: u16, sub: u8, value: i32) {
     );
 }
 
-pub fn status(bench: &mut Bench) -> u16 {
+pub(crate) fn status(bench: &mut Bench) -> u16 {
     bench.read_u16(1, 0x6041, 0)
 }
 
 /// Waits until these statusword bits are set.
-pub fn wait_for(bench: &mut Bench, bits: u16, seconds: u64) {
+pub(crate) fn wait_for(bench: &mut Bench, bits: u16, seconds: u64) {
     for _ in 0..seconds * 100 {
         if status(bench) & bits == bits {
             return;
@@ -202,13 +201,13 @@ pub fn wait_for(bench: &mut Bench, bits: u16, seconds: u64) {
     panic!("bits {bits:04X} of {:04X}", status(bench));
 }
 
-pub fn rpm(bench: &mut Bench) -> f64 {
+pub(crate) fn rpm(bench: &mut Bench) -> f64 {
     bench.twin().velocity() * 60.0
 }
 
 /// I-01…I-30 of the manual's set-up for Interpolated Position (lxm32m 1604-1636) for a node and
 /// a period in milliseconds: index, subindex, bytes.
-pub fn interpolation_setup(node: u8, period: u8) -> Vec<(u16, u8, Vec<u8>)> {
+pub(crate) fn interpolation_setup(node: u8, period: u8) -> Vec<(u16, u8, Vec<u8>)> {
     let cob = |word: u32| (word + u32::from(node)).to_le_bytes().to_vec();
     let u8 = |value: u8| vec![value];
     let u16 = |value: u16| value.to_le_bytes().to_vec();

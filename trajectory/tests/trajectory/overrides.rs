@@ -1,11 +1,8 @@
 //! What a person does to a running path, at random: overrides, holds, stops after blocks, steps
 //! back. Whatever comes, the axes stay on the path and inside their limits.
 
-mod common;
-mod machine;
-
-use common::{LIMITS, contour, planned};
-use machine::Machine;
+use crate::common::{LIMITS, contour, planned};
+use crate::machine::Machine;
 use proptest::prelude::*;
 use syncline_trajectory::path::{Curve, Exit, Feed, Item, Move, Overrides, Setpoint, Span};
 

@@ -1,0 +1,10 @@
+//! CANopen from outside: what goes over the wire, and what it takes of a bus.
+
+mod bus_budget;
+mod codecs;
+mod eds;
+mod monitor;
+mod node;
+mod sdo_server;
+mod sdo_transfer;
+mod supervision;

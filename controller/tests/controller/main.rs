@@ -1,0 +1,19 @@
+//! The controller from outside: its files, its commands, and other people's tools against it.
+
+mod bench;
+mod check;
+mod eds;
+mod examples;
+mod lost_bus;
+mod machine_file;
+mod outputs;
+mod outside;
+mod overrun;
+mod plan;
+mod python_canopen;
+mod replay;
+mod report;
+mod stalled_server;
+mod switched_on;
+mod tools;
+mod wireshark;

@@ -1,0 +1,12 @@
+//! Device models and twins from outside: a small master on a simulated bus, and the manuals' tables.
+
+mod bus;
+mod bus_budget;
+mod common;
+mod lxm32m_dictionary;
+mod lxm32m_golden_vectors;
+mod lxm32m_interpolation;
+mod lxm32m_modes;
+mod lxm32m_node;
+mod lxm32m_random_frames;
+mod lxm32m_signals;

@@ -1,0 +1,10 @@
+//! Plans from outside: what they promise is checked on what an executor makes of them.
+
+mod common;
+mod contour;
+mod effect;
+mod hold;
+mod jog;
+mod machine;
+mod overrides;
+mod path;
