@@ -5,14 +5,13 @@ use criterion::measurement::WallTime;
 use criterion::{BenchmarkGroup, Criterion, SamplingMode, criterion_group, criterion_main};
 use std::hint::black_box;
 use std::time::{Duration, Instant as Clock};
-use syncline_canopen::cia402::Controlword;
 use syncline_canopen::{CobId, Frame, Instant};
 use syncline_controller::bench::rig::{Shape, Shuttle, ready_machine};
 use syncline_controller::bus_log::candump::Line;
 use syncline_controller::control::Wake;
 use syncline_controller::port::socketcan::{from_raw, to_raw};
 use syncline_drives::bus::{Band, BitRate, Node, SimBus, frame_bits};
-use syncline_drives::model::Increments;
+use syncline_drives::model::{Increments, PowerCommand, Setpoint};
 
 /// What the processor's caches hold before a wake-up for the setpoints.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -96,14 +95,23 @@ fn frames(criterion: &mut Criterion) {
         buses: 1,
         period: Duration::from_millis(2),
     };
-    let drive = shape.device(0);
-    let position = Increments::from(1_234_567);
+    let mut drive = shape.device(0);
+    let setpoint = Setpoint {
+        position: Increments::from(1_234_567),
+    };
+    let mut frames = [Frame::new(CobId::SYNC, &[])];
     criterion.bench_function("pack an R_PDO", |bencher| {
-        bencher.iter(|| drive.command(Controlword(0x1F), black_box(position)));
+        bencher.iter(|| {
+            drive.encode(PowerCommand::Run, black_box(setpoint), &mut frames);
+            frames
+        });
     });
-    let frame = drive.command(Controlword(0x1F), position).expect("it fits");
+    let [frame] = frames;
     criterion.bench_function("unpack a T_PDO", |bencher| {
-        bencher.iter(|| drive.sample(black_box(frame.data())));
+        bencher.iter(|| {
+            let data = black_box(frame.data());
+            (drive.status(0, data), drive.sample(0, data))
+        });
     });
     criterion.bench_function("a frame to the kernel's form and back", |bencher| {
         bencher.iter(|| from_raw(black_box(&to_raw(black_box(&frame)))));

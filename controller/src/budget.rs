@@ -8,7 +8,7 @@ use syncline_canopen::budget::{Budget, Traffic, Verdict};
 use syncline_canopen::response_time::bit_time;
 use syncline_canopen::{CobId, Frame};
 use syncline_drives::bus::frame_bits;
-use syncline_drives::model::Actuator;
+use syncline_drives::model::Drive;
 use thiserror::Error;
 
 /// The budget of one bus of a machine.
@@ -133,10 +133,8 @@ impl BusBudget {
         let drives: Vec<usize> = (0..machine.drives.len())
             .filter(|&drive| machine.drives[drive].bus == bus)
             .collect();
-        let devices: Vec<Box<dyn Actuator>> = drives
-            .iter()
-            .map(|&drive| machine.actuator(drive))
-            .collect();
+        let devices: Vec<Box<dyn Drive>> =
+            drives.iter().map(|&drive| machine.device(drive)).collect();
         let traffic = Traffic {
             bit_rate: machine.buses[bus].bitrate,
             cycle: machine.cycle,
@@ -193,7 +191,7 @@ const POSITIONS: u32 = 256;
 fn typical_load(
     machine: &Machine,
     drives: &[usize],
-    devices: &[Box<dyn Actuator>],
+    devices: &[Box<dyn Drive>],
     bit_rate: u32,
 ) -> f64 {
     let bits = |frame: &Frame| f64::from(frame_bits(frame));

@@ -75,11 +75,6 @@ impl FrameBuf {
         &self.frames[..self.len]
     }
 
-    /// The frames in order, to be sorted.
-    pub fn as_mut_slice(&mut self) -> &mut [Frame] {
-        &mut self.frames[..self.len]
-    }
-
     /// Room left, in frames.
     #[must_use]
     pub fn room(&self) -> usize {
@@ -217,21 +212,24 @@ pub fn open(
         BusUrl::SocketCan(interface) => {
             let drives = 0..machine.drives.len();
             let drives = drives.filter(|&drive| machine.drives[drive].bus == bus);
-            let devices: Vec<_> = drives.map(|drive| machine.actuator(drive)).collect();
+            let devices: Vec<_> = drives.map(|drive| machine.device(drive)).collect();
             let options = socketcan::Options {
                 bit_rate: spec.bitrate,
                 receive: (devices.iter())
                     .flat_map(|device| {
                         let node = device.node();
-                        [
-                            device.t_pdo().cob_id,
+                        let t_pdos = device.t_pdos().iter().map(|pdo| pdo.cob_id);
+                        t_pdos.chain([
                             CobId::t_sdo(node),
                             CobId::emcy(node),
                             CobId::error_control(node),
-                        ]
+                        ])
                     })
                     .collect(),
-                burst: devices.iter().map(|device| device.r_pdo().cob_id).collect(),
+                burst: (devices.iter())
+                    .flat_map(|device| device.r_pdos())
+                    .map(|pdo| pdo.cob_id)
+                    .collect(),
             };
             Ok(Box::new(SocketCan::open(&interface, &options)?))
         }

@@ -1,4 +1,4 @@
-//! A machine of any number of axes to measure with: each an LXM32M of its own, moving to and fro.
+//! A machine of any number of axes to measure with: each a drive of its own, moving to and fro.
 
 use crate::budget::DoesNotFit;
 use crate::control::{Instruction, Layout, layout};
@@ -12,7 +12,7 @@ use syncline_canopen::budget::{NodeTraffic, Traffic, Verdict};
 use syncline_canopen::{CobId, Instant, NodeId};
 use syncline_drives::bus::BitRate;
 use syncline_drives::model::{
-    Actuator, Direction, Heartbeat, Increments, LXM32M, Scaling, Settings,
+    Assumed, Direction, Drive, Heartbeat, Increments, MODELS, Model, Scaling, Settings,
 };
 use syncline_drives::twin::lxm32m::{Twin, TwinConfig};
 use syncline_trajectory::path::{Curve, Exit, Feed, Item, Limits, Move, Planner};
@@ -66,11 +66,11 @@ impl Shape {
     /// # Errors
     /// If a bus does not fit the period, or the drives do not take it.
     pub fn check(&self) -> Result<(), DoesNotFit> {
-        if !LXM32M.takes_cycle(self.period) {
+        if !model().takes_cycle(self.period) {
             return Err(DoesNotFit::Cycle {
                 cycle: self.period,
-                allowed: LXM32M.cycles.clone(),
-                step: LXM32M.cycle_step,
+                allowed: model().cycles.clone(),
+                step: model().cycle_step,
             });
         }
         // The first bus has the most axes.
@@ -96,8 +96,8 @@ impl Shape {
 
     /// The drive of an axis as the controller sees it.
     #[must_use]
-    pub fn device(&self, axis: usize) -> Box<dyn Actuator> {
-        (LXM32M.actuator)(&Settings {
+    pub fn device(&self, axis: usize) -> Box<dyn Drive> {
+        (model().drive)(&Settings {
             node: self.node(axis),
             cycle: self.period,
             heartbeat: Heartbeat {
@@ -108,7 +108,7 @@ impl Shape {
             following_error_limit: None,
             soft_limits: None,
             objects: Vec::new(),
-            assumptions: Vec::new(),
+            assumed: Assumed::default(),
         })
     }
 
@@ -127,20 +127,18 @@ impl Shape {
     /// Identifiers that the controller receives and sends on a bus.
     #[must_use]
     pub fn identifiers(&self, bus: usize) -> (Vec<CobId>, Vec<CobId>) {
-        let nodes: Vec<NodeId> = self.axes_of(bus).map(|axis| self.node(axis)).collect();
-        let receive = nodes
-            .iter()
-            .flat_map(|&node| {
-                [
-                    CobId::emcy(node),
-                    CobId::t_pdo(2, node),
-                    CobId::t_sdo(node),
-                    CobId::error_control(node),
-                ]
-            })
-            .collect();
-        let burst = nodes.iter().map(|&node| CobId::r_pdo(2, node)).collect();
-        (receive, burst)
+        let devices: Vec<_> = self.axes_of(bus).map(|axis| self.device(axis)).collect();
+        let receive = devices.iter().flat_map(|device| {
+            let node = device.node();
+            let t_pdos = device.t_pdos().iter().map(|pdo| pdo.cob_id);
+            t_pdos.chain([
+                CobId::emcy(node),
+                CobId::t_sdo(node),
+                CobId::error_control(node),
+            ])
+        });
+        let burst = devices.iter().flat_map(|device| device.r_pdos());
+        (receive.collect(), burst.map(|pdo| pdo.cob_id).collect())
     }
 
     /// The twins of a bus.
@@ -180,7 +178,8 @@ impl Shape {
         let latest = |offset: fn(&syncline_canopen::budget::Budget) -> Duration| {
             budgets.iter().map(offset).max().unwrap_or_default()
         };
-        let scaling = Scaling::new(131_072, 10.0, Direction::Positive, Increments::from(0));
+        let increments = (model().increments_per_revolution)(&Assumed::default());
+        let scaling = Scaling::new(increments, 10.0, Direction::Positive, Increments::from(0));
         Layout {
             cycle: self.period,
             setpoint_offset: latest(|budget| budget.setpoint_offset),
@@ -242,6 +241,11 @@ impl Shape {
                 .collect(),
         }
     }
+}
+
+/// What every axis is moved by: the first model that there is.
+fn model() -> &'static Model {
+    MODELS[0]
 }
 
 fn bus_name(bus: usize) -> String {

@@ -3,7 +3,7 @@
 use super::fault::{AxisIndex, Fault};
 use super::layout;
 use super::node::Node;
-use syncline_drives::model::{Increments, OutOfRange};
+use syncline_drives::model::{Increments, OutOfRange, Setpoint};
 
 /// Setpoints that are kept to look back by a drive's interpolation delay.
 const HISTORY: usize = 16;
@@ -14,6 +14,8 @@ struct Side {
     /// Increments to add to the converted plan, captured when the setpoint was frozen: the side
     /// stays where it is, whatever the other side does.
     offset: Increments,
+    /// What its drive is sent to next, before it is known that the other side's can be too.
+    next: Setpoint,
 }
 
 /// One axis.
@@ -124,7 +126,7 @@ impl Axis {
                 .scaling()
                 .to_increments(position)
                 .map_err(|OutOfRange| Fault::PositionRange { drive })?;
-            side.offset = node.setpoint - planned;
+            side.offset = node.setpoint.position - planned;
         }
         self.planned = [position; HISTORY];
         self.following = Following::default();
@@ -149,22 +151,17 @@ impl Axis {
         nodes: &mut [Node],
     ) -> Result<(), Fault> {
         let position = positions[self.spec.coordinate];
-        let setpoint = |side: &Side, drive: usize, nodes: &[Node]| {
-            let node = &nodes[drive];
-            let planned = node.scaling().to_increments(position).ok()?;
-            let setpoint = planned + side.offset;
-            node.can_take(setpoint).then_some(setpoint)
-        };
-        let sides = || self.sides.iter().zip(self.spec.drives.iter().copied());
-        let unable = sides().find(|&(side, drive)| setpoint(side, drive, nodes).is_none());
-        if let Some((_, drive)) = unable {
+        let mut sides = self.sides.iter_mut().zip(&self.spec.drives);
+        let converted = sides.try_for_each(|(side, &drive)| {
+            side.next = nodes[drive].setpoint_at(position, side.offset)?;
+            Ok(())
+        });
+        if let Err(fault) = converted {
             self.repeat(cycle - 1, 1);
-            return Err(Fault::PositionRange { drive });
+            return Err(fault);
         }
-        for (side, drive) in sides() {
-            if let Some(setpoint) = setpoint(side, drive, nodes) {
-                nodes[drive].setpoint = setpoint;
-            }
+        for (side, &drive) in self.sides.iter().zip(&self.spec.drives) {
+            nodes[drive].setpoint = side.next;
         }
         self.planned[cycle as usize % HISTORY] = position;
         Ok(())
@@ -187,7 +184,7 @@ impl Axis {
         for (index, (side, &drive)) in self.sides.iter().zip(&self.spec.drives).enumerate() {
             let node = &nodes[drive];
             let act = node.scaling().to_mm(node.actual() - side.offset);
-            let behind = (node.device().interpolation_delay())
+            let behind = (node.device().latency())
                 .saturating_add(node.age())
                 .min(HISTORY as u32 - 1);
             let latched = self.planned(cycle - u64::from(behind));

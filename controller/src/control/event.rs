@@ -1,9 +1,11 @@
 //! What the controller has to tell, as plain numbers; the text is made outside of the cycle.
 
-use super::fault::{AxisIndex, BusIndex, DriveIndex, Fault, Names};
+use super::fault::{AxisIndex, BusIndex, DriveIndex, Fault, Names, vendor_error};
 use crate::port::bus_fault::BusFault;
 use std::fmt;
 use std::time::Duration;
+use syncline_canopen::cia402::Statusword;
+use syncline_canopen::emcy::Emergency;
 use syncline_canopen::sdo::AbortCode;
 use syncline_drives::model::Address;
 use syncline_gcode::Axis as Letter;
@@ -24,7 +26,7 @@ pub enum Event {
         /// Which drive.
         drive: DriveIndex,
         /// Its statusword.
-        statusword: u16,
+        statusword: Statusword,
     },
     /// What a drive remembers of its last error, read before the set-up wipes it.
     History {
@@ -48,10 +50,8 @@ pub enum Event {
     Emergency {
         /// Which drive.
         drive: DriveIndex,
-        /// CiA 301 error code.
-        code: u16,
-        /// Manufacturer's error number.
-        vendor: u16,
+        /// What it says.
+        emergency: Emergency,
     },
     /// A drive's class 0 warning came (statusword bit 7).
     Warning {
@@ -235,7 +235,7 @@ impl Event {
                 format!("{}: no answer; it may just be starting", who(drive))
             }
             Self::FoundEnabled { drive, statusword } => format!(
-                "{}: found with its power stage on, statusword {statusword:04X}h: switching it off",
+                "{}: found with its power stage on, statusword {statusword:?}: switching it off",
                 who(drive)
             ),
             Self::History { value: 0, .. } => return None,
@@ -249,14 +249,11 @@ impl Event {
                 object,
                 code,
             } => format!("{}: {object} refused: {code}", who(drive)),
-            Self::Emergency {
-                drive,
-                code,
-                vendor,
-            } => format!(
-                "{}: EMCY {code:04X}h, vendor error {vendor:04X}h, before the set-up{}",
+            Self::Emergency { drive, emergency } => format!(
+                "{}: EMCY {:04X}h before the set-up{}",
                 who(drive),
-                names.meaning(drive, vendor)
+                emergency.code,
+                vendor_error(names, drive, &emergency)
             ),
             Self::Warning { drive } => {
                 format!("{}: warning pending (statusword bit 7)", who(drive))

@@ -4,6 +4,7 @@
 use std::fmt;
 use syncline_canopen::NodeId;
 use syncline_canopen::cia402::Statusword;
+use syncline_canopen::emcy::Emergency;
 use syncline_canopen::nmt;
 use syncline_canopen::sdo::AbortCode;
 use syncline_drives::model::{Address, NotFollowing};
@@ -82,7 +83,7 @@ pub enum Fault {
         /// Which drive.
         drive: DriveIndex,
         /// What it should have reached.
-        wanted: Wanted,
+        awaited: AwaitedState,
         /// Its last statusword.
         statusword: Statusword,
     },
@@ -95,7 +96,9 @@ pub enum Fault {
     WrongMode {
         /// Which drive.
         drive: DriveIndex,
-        /// 6061h as read.
+        /// The object that says which mode runs.
+        object: Address,
+        /// Its value.
         found: i8,
     },
     /// An axis stands outside its soft limits at the start.
@@ -135,12 +138,8 @@ pub enum Fault {
     Emergency {
         /// Which drive.
         drive: DriveIndex,
-        /// CiA 301 error code.
-        code: u16,
-        /// Error register 1001h.
-        register: u8,
-        /// Manufacturer's error number (603Fh on an LXM32M).
-        vendor: u16,
+        /// What it says.
+        emergency: Emergency,
     },
     /// A statusword shows a fault.
     DriveFault {
@@ -218,27 +217,27 @@ pub enum Fault {
     Program,
 }
 
-/// What a controlword asks a drive to reach.
+/// What a drive was told to reach and has to report.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Wanted {
+pub enum AwaitedState {
     /// Power stage off.
     Disabled,
-    /// CiA 402 Ready To Switch On.
-    ReadyToSwitchOn,
-    /// CiA 402 Operation Enabled.
-    OperationEnabled,
-    /// Operating mode started (statusword bit 12).
+    /// Ready to be enabled.
+    Ready,
+    /// Power stage on, in control.
+    Enabled,
+    /// Operating mode started.
     ModeStarted,
-    /// Operating mode ended (statusword bit 12 = 0).
+    /// Operating mode ended.
     ModeEnded,
 }
 
-impl fmt::Display for Wanted {
+impl fmt::Display for AwaitedState {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::Disabled => "power stage off",
-            Self::ReadyToSwitchOn => "Ready To Switch On",
-            Self::OperationEnabled => "Operation Enabled",
+            Self::Ready => "Ready To Switch On",
+            Self::Enabled => "Operation Enabled",
             Self::ModeStarted => "operating mode started (bit 12 = 1)",
             Self::ModeEnded => "operating mode ended (bit 12 = 0)",
         })
@@ -253,8 +252,14 @@ pub trait Names {
     fn axis(&self, axis: AxisIndex) -> &super::layout::Axis;
     /// A bus' name.
     fn bus(&self, bus: BusIndex) -> &str;
-    /// What a vendor error code means, as `": meaning"`, where it is known.
-    fn meaning(&self, drive: DriveIndex, vendor: u16) -> String;
+    /// What the bytes that its maker adds to a drive's EMCY say, if anything.
+    fn vendor_error(&self, drive: DriveIndex, bytes: [u8; 5]) -> Option<String>;
+}
+
+/// `, vendor error B404h: its meaning`, or nothing.
+pub(super) fn vendor_error(names: &impl Names, drive: DriveIndex, emergency: &Emergency) -> String {
+    let error = names.vendor_error(drive, emergency.vendor);
+    error.map_or_else(String::new, |error| format!(", {error}"))
 }
 
 impl Fault {
@@ -326,10 +331,10 @@ impl Fault {
             ),
             Self::StateTimeout {
                 drive,
-                wanted,
+                awaited,
                 statusword,
             } => format!(
-                "{}: expected {wanted}, statusword stays {statusword}: check supply, enable \
+                "{}: expected {awaited}, statusword stays {statusword}: check supply, enable \
                  inputs and the drive's error memory",
                 who(drive)
             ),
@@ -338,9 +343,13 @@ impl Fault {
                  or `standstill_window`",
                 who(drive)
             ),
-            Self::WrongMode { drive, found } => format!(
-                "{}: operating mode 6061h reads {found}, not the one selected: check for another \
-                 master or tool that writes 6060h",
+            Self::WrongMode {
+                drive,
+                object,
+                found,
+            } => format!(
+                "{}: operating mode {object} reads {found}, not the one selected: check for another \
+                 master or tool that selects one",
                 who(drive)
             ),
             Self::OutsideSoftLimits { axis, position } => {
@@ -387,17 +396,13 @@ impl Fault {
                     unit = axis.unit
                 )
             }
-            Self::Emergency {
-                drive,
-                code,
-                register,
-                vendor,
-            } => {
+            Self::Emergency { drive, emergency } => {
                 format!(
-                    "{}: EMCY {code:04X}h, error register {register:02X}h, vendor error \
-                     {vendor:04X}h{}",
+                    "{}: EMCY {:04X}h, error register {:02X}h{}",
                     who(drive),
-                    names.meaning(drive, vendor)
+                    emergency.code,
+                    emergency.register,
+                    vendor_error(names, drive, &emergency)
                 )
             }
             Self::DriveFault { drive, statusword } => {

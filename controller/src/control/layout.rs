@@ -7,7 +7,7 @@ use syncline_canopen::budget::BLOCKING_BITS;
 use syncline_canopen::response_time::bit_time;
 use syncline_canopen::time::Duration;
 use syncline_canopen::{CanId, Frame, NodeId};
-use syncline_drives::model::{Actuator, Increments, Scaling};
+use syncline_drives::model::{self, Increments, Scaling};
 
 /// Buses, drives, axes and times.
 #[derive(Debug)]
@@ -73,8 +73,8 @@ pub struct Drive {
     pub name: String,
     /// The bus it is on.
     pub bus: BusIndex,
-    /// What the controller knows of it.
-    pub device: Box<dyn Actuator>,
+    /// What the controller knows of it, as it is switched on.
+    pub device: Box<dyn model::Drive>,
     /// Machine millimetres to increments.
     pub scaling: Scaling,
     /// Without a heartbeat for so long it is lost.
@@ -110,7 +110,7 @@ impl Layout {
             .map(|(index, drive)| Drive {
                 name: drive.name.clone(),
                 bus: drive.bus,
-                device: machine.actuator(index),
+                device: machine.device(index),
                 scaling: drive.scaling,
                 heartbeat_timeout: machine.controller.heartbeat_timeout,
                 standstill_window: (drive.scaling)
@@ -145,6 +145,20 @@ impl Layout {
             buses,
             drives,
         })
+    }
+}
+
+impl Layout {
+    /// The R_PDOs of a bus by their identifiers, each as drive and place among its R_PDOs: the
+    /// order in which a burst leaves.
+    pub(super) fn burst(&self, bus: &Bus) -> Vec<(DriveIndex, usize)> {
+        let mut burst = Vec::new();
+        for &drive in &bus.drives {
+            let r_pdos = self.drives[drive].device.r_pdos().iter().enumerate();
+            burst.extend(r_pdos.map(|(place, r_pdo)| (r_pdo.cob_id.get(), (drive, place))));
+        }
+        burst.sort_unstable();
+        burst.into_iter().map(|(_, r_pdo)| r_pdo).collect()
     }
 }
 
@@ -185,8 +199,7 @@ impl Names for Layout {
         &self.buses[bus].name
     }
 
-    fn meaning(&self, drive: DriveIndex, vendor: u16) -> String {
-        let meaning = self.drives[drive].device.error_meaning(vendor);
-        meaning.map_or_else(String::new, |meaning| format!(": {meaning}"))
+    fn vendor_error(&self, drive: DriveIndex, bytes: [u8; 5]) -> Option<String> {
+        self.drives[drive].device.vendor_error(bytes)
     }
 }

@@ -13,18 +13,18 @@
 //! - [`layout`]: the machine as the controller needs it
 //! - [`Phase`]: bring-up, program, end, in their order
 //! - [`fault`], [`event`]: why it stopped, what it tells
-//! - `node`, `script`: one drive over its bus; what it is asked by SDO
+//! - `node`, `sdo_sequence`: one drive over its bus; what it is asked by SDO
 //! - `axis`: planned position to increments, following error
 
 mod axis;
 pub mod event;
 pub mod fault;
-mod lateness;
 pub mod layout;
 mod node;
 mod order;
 mod phases;
-mod script;
+mod sdo_sequence;
+mod setpoint_misses;
 
 pub use axis::{AxisSample, Following};
 pub use event::{Event, Pause, Phase};
@@ -35,14 +35,14 @@ pub use order::Order;
 use crate::port::bus_fault::{BusFault, Reaction};
 use crate::port::{Burst, Outbox, Received};
 use axis::Axis;
-use fault::{BusIndex, Names};
-use lateness::Lateness;
+use fault::{BusIndex, DriveIndex, Names};
 use node::Node;
+use setpoint_misses::SetpointMisses;
 use std::collections::VecDeque;
 use std::hint::black_box;
 use std::sync::Arc;
 use syncline_canopen::time::Duration;
-use syncline_canopen::{CanId, CobId, Frame, Instant, Transmit, nmt};
+use syncline_canopen::{CobId, Frame, Instant, Transmit, nmt};
 use syncline_trajectory::path::{Command as PathCommand, Executor, Outlook, Setpoint};
 
 /// Plan commands that the cycle holds at most.
@@ -144,7 +144,9 @@ pub struct Controller<const N: usize> {
     /// When the running cycle's SYNC left.
     sync_sent: Option<Instant>,
     heartbeat_due: Instant,
-    lateness: Vec<Lateness>,
+    misses: Vec<SetpointMisses>,
+    /// By bus: the R_PDOs of a burst, by identifier: drive, and which of its own.
+    bursts: Vec<Vec<(DriveIndex, usize)>>,
     /// By bus: it failed, and no drive has been heard on it since.
     lost: Vec<bool>,
     /// By bus: the drive whose turn it is to use the acyclic room.
@@ -200,7 +202,8 @@ impl<const N: usize> Controller<N> {
             sync_on: false,
             sync_sent: None,
             heartbeat_due: start,
-            lateness: (0..layout.buses.len()).map(Lateness::new).collect(),
+            misses: (0..layout.buses.len()).map(SetpointMisses::new).collect(),
+            bursts: layout.buses.iter().map(|bus| layout.burst(bus)).collect(),
             lost: vec![false; layout.buses.len()],
             turn: vec![0; layout.buses.len()],
             phase: Phase::Survey,
@@ -261,7 +264,7 @@ impl<const N: usize> Controller<N> {
         if lost > 0 && self.streams() {
             self.tell(Event::LostCycles { lost, late });
             for cycle in (self.cycle..).take(lost.min(2) as usize) {
-                (0..self.lateness.len()).for_each(|bus| self.miss(bus, cycle));
+                (0..self.misses.len()).for_each(|bus| self.miss(bus, cycle));
             }
             if self.frozen {
                 // The next SYNC latches what the lost ones would have.
@@ -312,9 +315,9 @@ impl<const N: usize> Controller<N> {
     fn on_setpoint(&mut self, now: Instant, out: &mut [Outbox]) {
         let due = self.sync_at + self.layout.setpoint_offset;
         self.row = None;
-        for bus in 0..self.lateness.len() {
+        for bus in 0..self.misses.len() {
             // What has not left by now has missed this cycle's SYNC.
-            if std::mem::take(&mut self.lateness[bus].unsent) > 0 {
+            if std::mem::take(&mut self.misses[bus].unsent) > 0 {
                 self.miss(bus, self.cycle);
             }
         }
@@ -341,7 +344,7 @@ impl<const N: usize> Controller<N> {
             black_box(axis.sample(self.cycle, &self.nodes));
         }
         for node in &self.nodes {
-            black_box(node.command().is_ok());
+            black_box(node.device().check(node.setpoint).is_ok());
             black_box(node.check_follows(true).is_ok());
         }
     }
@@ -355,8 +358,8 @@ impl<const N: usize> Controller<N> {
         let node = &mut self.nodes[drive];
         if *echo {
             let in_time = self.sync_sent.is_none_or(|sync| *at <= sync);
-            if in_time && frame.id() == CanId::from(node.device().r_pdo().cob_id) {
-                let unsent = &mut self.lateness[bus].unsent;
+            if in_time && node.r_pdos().iter().any(|sent| sent.id() == frame.id()) {
+                let unsent = &mut self.misses[bus].unsent;
                 *unsent = unsent.saturating_sub(1);
             }
             return;
@@ -367,16 +370,9 @@ impl<const N: usize> Controller<N> {
         drop(events);
         match outcome {
             // The set-up resets what was wrong before; what is wrong still shows after it.
-            Err(Fault::Emergency {
-                drive,
-                code,
-                vendor,
-                ..
-            }) if self.phase < Phase::SetUp => self.tell(Event::Emergency {
-                drive,
-                code,
-                vendor,
-            }),
+            Err(Fault::Emergency { drive, emergency }) if self.phase < Phase::SetUp => {
+                self.tell(Event::Emergency { drive, emergency });
+            }
             Err(fault) => self.fail(fault),
             Ok(()) => {}
         }
@@ -385,7 +381,7 @@ impl<const N: usize> Controller<N> {
     /// What became of the burst of the last wake-up on a bus.
     pub fn burst_sent(&mut self, bus: BusIndex, frames: usize, burst: Burst, echoes: bool) {
         match burst {
-            Burst::Queued if echoes => self.lateness[bus].unsent = frames as u32,
+            Burst::Queued if echoes => self.misses[bus].unsent = frames as u32,
             Burst::Queued => {}
             Burst::Dropped => self.miss(bus, self.cycle),
             Burst::Torn { .. } => self.fail(Fault::TornBurst { bus }),
@@ -416,10 +412,10 @@ impl<const N: usize> Controller<N> {
     /// way: a late one is told and counted, no more.
     fn miss(&mut self, bus: BusIndex, cycle: u64) {
         self.tell(Event::LateSetpoint { bus, cycle });
-        let lateness = &mut self.lateness[bus];
+        let misses = &mut self.misses[bus];
         if self.phase < Phase::Program {
-            lateness.count += 1;
-        } else if let Err(fault) = lateness.miss(cycle) {
+            misses.count += 1;
+        } else if let Err(fault) = misses.miss(cycle) {
             self.fail(fault);
         }
     }
@@ -427,10 +423,7 @@ impl<const N: usize> Controller<N> {
     // --- supervision ---
 
     fn supervise(&mut self, now: Instant) -> Result<(), Fault> {
-        let layout = Arc::clone(&self.layout);
-        for (node, drive) in self.nodes.iter_mut().zip(&layout.drives) {
-            node.watch_standstill(drive.standstill_window);
-        }
+        self.nodes.iter_mut().for_each(Node::watch_standstill);
         if (Phase::Program..=Phase::Stop).contains(&self.phase) {
             self.sample_axes();
         }
@@ -497,9 +490,7 @@ impl<const N: usize> Controller<N> {
             return outcome;
         }
         if !self.frozen {
-            for node in &mut self.nodes {
-                node.setpoint = node.actual();
-            }
+            self.nodes.iter_mut().for_each(Node::hold);
         } else {
             if std::mem::take(&mut self.left_out) {
                 self.plan();
@@ -518,21 +509,11 @@ impl<const N: usize> Controller<N> {
             (0..out.len()).for_each(|bus| self.miss(bus, self.cycle));
             return outcome;
         }
-        for (bus, outbox) in out.iter_mut().enumerate() {
-            let drives = self.layout.buses[bus].drives.iter();
-            for node in drives.map(|&drive| &self.nodes[drive]) {
-                if node.is_sampled() {
-                    match node.command() {
-                        Ok(frame) => outbox.burst.transmit(frame),
-                        Err(fault) => outcome = outcome.and(Err(fault)),
-                    }
-                }
+        self.nodes.iter_mut().for_each(Node::encode);
+        for (burst, outbox) in self.bursts.iter().zip(out) {
+            for &(drive, r_pdo) in burst {
+                outbox.burst.transmit(self.nodes[drive].r_pdos()[r_pdo]);
             }
-            let by_identifier = |frame: &Frame| frame.id().raw();
-            outbox
-                .burst
-                .as_mut_slice()
-                .sort_unstable_by_key(by_identifier);
         }
         outcome
     }
@@ -705,7 +686,7 @@ impl<const N: usize> Controller<N> {
     /// Bursts that missed their SYNC, of all buses.
     #[must_use]
     pub fn late_setpoints(&self) -> u64 {
-        self.lateness.iter().map(|bus| bus.count).sum()
+        self.misses.iter().map(|bus| bus.count).sum()
     }
 
     /// An axis' following error since the program began.

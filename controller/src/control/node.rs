@@ -1,22 +1,28 @@
 //! One drive as the controller sees it over its bus: what it last told and what it is told.
+//!
+//! What travels is the model's affair ([`Drive`]); here is what holds for every drive: that all
+//! its T_PDOs answer every SYNC, that it is alive, in Operational, and where it was told to be.
 
 use super::event::Event;
-use super::fault::{DriveIndex, Fault, Wanted};
-use super::layout::{Drive, Layout};
-use super::script::{Script, Step, is_powered};
+use super::fault::{AwaitedState, DriveIndex, Fault};
+use super::layout::{self, Layout};
+use super::sdo_sequence::{SdoSequence, Step};
 use crate::port::FrameBuf;
 use std::sync::Arc;
-use syncline_canopen::cia402::{Controlword, State, Statusword};
 use syncline_canopen::emcy::{self, Emergency};
 use syncline_canopen::{CanId, CobId, Frame, Instant, Transmit, heartbeat, nmt};
-use syncline_drives::model::{Actuator, Increments, Scaling};
+use syncline_drives::model::{
+    Drive, DriveStatus, Increments, OutOfRange, PowerCommand, PowerState, Scaling, Setpoint,
+};
 
 /// One drive.
 #[derive(Clone, Debug)]
 pub(super) struct Node {
     layout: Arc<Layout>,
     index: DriveIndex,
-    script: Script,
+    /// Its own, with what changes from frame to frame.
+    device: Box<dyn Drive>,
+    sequence: SdoSequence,
     /// What an SDO transfer of several messages goes on with, until the next wake-up.
     replies: FrameBuf,
 
@@ -24,62 +30,76 @@ pub(super) struct Node {
     /// A boot-up message has come since it was last waited for.
     booted: bool,
 
-    statusword: Statusword,
+    /// Identifier and length of each of its T_PDOs.
+    t_pdos: Vec<(CanId, usize)>,
+    /// Those that have come at all, one bit each.
+    come: u32,
+    /// Those that came since SYNC.
+    arrived: u32,
+    status: DriveStatus,
     actual: Increments,
-    /// A T_PDO has come at all.
-    sampled: bool,
-    /// SYNCs since the one that its last T_PDO answered; 0 if that was the last.
+    /// SYNCs since the one that its last T_PDOs answered; 0 if that was the last.
     age: u32,
     misses: u32,
-    /// Two T_PDOs came to this SYNC, and to the one before.
+    /// A T_PDO came twice to this SYNC, and one to the SYNC before.
     twice: bool,
     was_twice: bool,
     /// Cycles in a row within the standstill window around `still_at`.
     still: u32,
     still_at: Increments,
 
-    pub(super) controlword: Controlword,
-    pub(super) setpoint: Increments,
+    pub(super) power: PowerCommand,
+    pub(super) setpoint: Setpoint,
+    /// Its R_PDOs, as last encoded.
+    r_pdos: Vec<Frame>,
 }
 
 impl Node {
     pub(super) fn new(index: DriveIndex, layout: &Arc<Layout>) -> Self {
         let drive = &layout.drives[index];
+        let t_pdos = drive.device.t_pdos().iter();
+        let r_pdos = drive.device.r_pdos().iter();
         Self {
-            script: Script::new(index, layout),
+            sequence: SdoSequence::new(index, layout),
             layout: Arc::clone(layout),
             index,
+            device: drive.device.clone(),
             replies: FrameBuf::default(),
             heartbeat: heartbeat::Consumer::new(drive.device.node(), drive.heartbeat_timeout),
             booted: false,
-            statusword: Statusword(0),
+            t_pdos: t_pdos
+                .map(|pdo| (pdo.cob_id.into(), pdo.bytes.into()))
+                .collect(),
+            come: 0,
+            arrived: 0,
+            status: DriveStatus::default(),
             actual: Increments::ZERO,
-            sampled: false,
             age: 1,
             misses: 0,
             twice: false,
             was_twice: false,
             still: 0,
             still_at: Increments::ZERO,
-            controlword: Controlword::DISABLE_VOLTAGE,
-            setpoint: Increments::ZERO,
+            power: PowerCommand::Disable,
+            setpoint: Setpoint::default(),
+            r_pdos: r_pdos.map(|pdo| Frame::new(pdo.cob_id, &[])).collect(),
         }
     }
 
-    fn spec(&self) -> &Drive {
+    fn spec(&self) -> &layout::Drive {
         &self.layout.drives[self.index]
     }
 
-    pub(super) fn device(&self) -> &dyn Actuator {
-        &*self.spec().device
+    pub(super) fn device(&self) -> &dyn Drive {
+        &*self.device
     }
 
     pub(super) fn scaling(&self) -> &Scaling {
         &self.spec().scaling
     }
 
-    pub(super) fn is_script_done(&self) -> bool {
-        self.script.is_done()
+    pub(super) fn is_sequence_done(&self) -> bool {
+        self.sequence.is_done()
     }
 
     /// Looks for an SDO time-out and, if it `may_send`, sends the next request; whether it did.
@@ -94,10 +114,10 @@ impl Node {
             tx.transmit(*reply);
         }
         self.replies.clear();
-        self.script.poll(now, tx, events)?;
-        let sends = may_send && self.script.wants_to_send();
+        self.sequence.poll(now, tx, events)?;
+        let sends = may_send && self.sequence.wants_to_send();
         if sends {
-            self.script.advance(now, tx);
+            self.sequence.advance(now, tx);
         }
         Ok(sends)
     }
@@ -113,50 +133,28 @@ impl Node {
         events: &mut impl FnMut(Event),
     ) -> Result<(), Fault> {
         let drive = self.index;
-        let node = self.device().node();
+        let node = self.device.node();
         let is = |cob_id: CobId| frame.id() == CanId::from(cob_id);
-        if is(self.device().t_pdo().cob_id) {
-            if let Some(sample) = self.device().sample(frame.data()) {
-                if sample.statusword.has(Statusword::WARNING)
-                    && !self.statusword.has(Statusword::WARNING)
-                {
-                    events(Event::Warning { drive });
-                }
-                self.statusword = sample.statusword;
-                self.actual = sample.position;
-                self.sampled = true;
-                if since.is_some_and(|sync| at >= sync) {
-                    if std::mem::replace(&mut self.age, 0) == 0 {
-                        self.twice = true;
-                    }
-                    // Once may be a frame that was received twice.
-                    if self.twice && self.was_twice {
-                        return Err(Fault::TwoNodes { drive });
-                    }
-                }
+        let t_pdo =
+            |(id, length): &(CanId, usize)| *id == frame.id() && frame.data().len() >= *length;
+        if let Some(t_pdo) = self.t_pdos.iter().position(t_pdo) {
+            self.take(t_pdo, frame.data(), events);
+            if since.is_some_and(|sync| at >= sync) {
+                self.count(t_pdo)?;
             }
         } else if is(CobId::t_sdo(node)) {
             // A server that goes on before it has its reply is none to listen to.
             if !self.replies.as_slice().is_empty() {
                 return Ok(());
             }
-            self.script.receive(at, frame, &mut self.replies, events)?;
+            self.sequence
+                .receive(at, frame, &mut self.replies, events)?;
         } else if is(CobId::emcy(node)) {
             let Some(emergency) = Emergency::decode(frame.data()) else {
                 return Ok(());
             };
-            let Emergency {
-                code,
-                register,
-                vendor: [.., v0, v1],
-            } = emergency;
-            if code != emcy::code::NO_ERROR {
-                return Err(Fault::Emergency {
-                    drive,
-                    code,
-                    register,
-                    vendor: u16::from_le_bytes([v0, v1]),
-                });
+            if emergency.code != emcy::code::NO_ERROR {
+                return Err(Fault::Emergency { drive, emergency });
             }
             events(Event::ErrorReset { drive });
         } else {
@@ -164,6 +162,40 @@ impl Node {
             self.booted |= told == Some(heartbeat::Event::BootUp);
         }
         Ok(())
+    }
+
+    /// Takes what a T_PDO says.
+    fn take(&mut self, t_pdo: usize, data: &[u8], events: &mut impl FnMut(Event)) {
+        self.come |= 1 << t_pdo;
+        if let Some(status) = self.device.status(t_pdo, data) {
+            if status.warning && !self.status.warning {
+                events(Event::Warning { drive: self.index });
+            }
+            self.status = status;
+        }
+        if let Some(sample) = self.device.sample(t_pdo, data) {
+            self.actual = sample.position;
+        }
+    }
+
+    /// Counts a T_PDO as the answer to the running cycle's SYNC.
+    fn count(&mut self, t_pdo: usize) -> Result<(), Fault> {
+        let bit = 1 << t_pdo;
+        self.twice |= self.arrived & bit != 0;
+        self.arrived |= bit;
+        if self.are_all(self.arrived) {
+            self.age = 0;
+        }
+        // Once may be a frame that was received twice.
+        if self.twice && self.was_twice {
+            return Err(Fault::TwoNodes { drive: self.index });
+        }
+        Ok(())
+    }
+
+    /// Whether these are all of its T_PDOs.
+    fn are_all(&self, t_pdos: u32) -> bool {
+        t_pdos.count_ones() as usize == self.t_pdos.len()
     }
 
     /// The machine position that the drive reports, mm.
@@ -180,20 +212,20 @@ impl Node {
         self.age
     }
 
-    /// Whether a T_PDO has come at all.
+    /// Whether every T_PDO has come at all.
     pub(super) fn is_sampled(&self) -> bool {
-        self.sampled
+        self.are_all(self.come)
     }
 
-    pub(super) fn statusword(&self) -> Statusword {
-        self.statusword
+    pub(super) fn status(&self) -> &DriveStatus {
+        &self.status
     }
 
     /// Forgets the boot-up messages so far.
     pub(super) fn expect_boot(&mut self) {
         self.booted = false;
         self.heartbeat.forget();
-        self.sampled = false;
+        self.come = 0;
     }
 
     pub(super) fn has_booted(&self) -> bool {
@@ -204,15 +236,17 @@ impl Node {
         self.heartbeat.state() == Some(nmt::State::Operational)
     }
 
-    /// Whether the state that `wanted` names is reported.
-    pub(super) fn has_reached(&self, wanted: Wanted) -> bool {
-        let statusword = self.statusword;
-        match wanted {
-            Wanted::Disabled => !is_powered(statusword),
-            Wanted::ReadyToSwitchOn => statusword.state() == Some(State::ReadyToSwitchOn),
-            Wanted::OperationEnabled => statusword.state() == Some(State::OperationEnabled),
-            Wanted::ModeStarted => self.device().mode_started(self.statusword),
-            Wanted::ModeEnded => !self.device().mode_started(self.statusword),
+    /// Whether the drive reports what is `awaited`.
+    pub(super) fn has_reached(&self, awaited: AwaitedState) -> bool {
+        let DriveStatus {
+            power, mode_runs, ..
+        } = self.status;
+        match awaited {
+            AwaitedState::Disabled => !power.may_be_on(),
+            AwaitedState::Ready => power == PowerState::Ready,
+            AwaitedState::Enabled => power == PowerState::Enabled,
+            AwaitedState::ModeStarted => mode_runs,
+            AwaitedState::ModeEnded => !mode_runs || !self.device.ends_mode(),
         }
     }
 
@@ -226,6 +260,7 @@ impl Node {
     /// SYNC leaves: what came before it no longer counts.
     pub(super) fn on_sync(&mut self) {
         self.age = self.age.saturating_add(1);
+        self.arrived = 0;
         self.was_twice = std::mem::take(&mut self.twice);
     }
 
@@ -272,29 +307,30 @@ impl Node {
 
     /// Whether a drive that is not enabled yet reports no fault.
     pub(super) fn check_no_fault(&self) -> Result<(), Fault> {
-        let statusword = self.statusword;
-        let state = statusword.state();
-        if matches!(state, Some(State::Fault | State::FaultReactionActive)) {
-            let drive = self.index;
-            return Err(Fault::DriveFault { drive, statusword });
+        if self.status.power.is_fault() {
+            return Err(Fault::DriveFault {
+                drive: self.index,
+                statusword: self.status.statusword,
+            });
         }
         Ok(())
     }
 
-    /// Whether an enabled drive, in its mode if `started`, still does as it is told.
-    pub(super) fn check_follows(&self, started: bool) -> Result<(), Fault> {
+    /// Whether an enabled drive, in its mode if `in_mode`, still does as it is told.
+    pub(super) fn check_follows(&self, in_mode: bool) -> Result<(), Fault> {
         self.check_no_fault()?;
-        self.device()
-            .follows(self.statusword, started)
+        self.status
+            .follows(in_mode)
             .map_err(|why| Fault::NotFollowing {
                 drive: self.index,
-                statusword: self.statusword,
+                statusword: self.status.statusword,
                 why,
             })
     }
 
-    /// Counts the cycles in which the drive has stood within `window` increments.
-    pub(super) fn watch_standstill(&mut self, window: Increments) {
+    /// Counts the cycles in which the drive has stood within its window.
+    pub(super) fn watch_standstill(&mut self) {
+        let window = self.spec().standstill_window;
         if (self.actual - self.still_at).get().abs() <= window.get() {
             self.still = self.still.saturating_add(1);
         } else {
@@ -310,65 +346,75 @@ impl Node {
 
     // --- what it is told ---
 
-    /// The R_PDO for the next SYNC.
-    pub(super) fn command(&self) -> Result<Frame, Fault> {
-        self.device()
-            .command(self.controlword, self.setpoint)
-            .map_err(|_| Fault::PositionRange { drive: self.index })
+    /// What the drive has to be sent to for its axis to be at `mm`, `offset` increments beside.
+    pub(super) fn setpoint_at(&self, mm: f64, offset: Increments) -> Result<Setpoint, Fault> {
+        let out_of_range = |OutOfRange| Fault::PositionRange { drive: self.index };
+        let position = self.scaling().to_increments(mm).map_err(out_of_range)? + offset;
+        let setpoint = Setpoint { position };
+        self.device.check(setpoint).map_err(out_of_range)?;
+        Ok(setpoint)
     }
 
-    /// Whether the drive can be sent to `setpoint`.
-    pub(super) fn can_take(&self, setpoint: Increments) -> bool {
-        self.device().command(self.controlword, setpoint).is_ok()
+    /// Holds the drive where it is.
+    pub(super) fn hold(&mut self) {
+        self.setpoint.position = self.actual;
+    }
+
+    /// Encodes its R_PDOs for the next SYNC: once for a cycle in which they are sent.
+    pub(super) fn encode(&mut self) {
+        self.device
+            .encode(self.power, self.setpoint, &mut self.r_pdos);
+    }
+
+    /// Its R_PDOs as last encoded.
+    pub(super) fn r_pdos(&self) -> &[Frame] {
+        &self.r_pdos
     }
 
     pub(super) fn nmt(&self, command: nmt::Command) -> Frame {
         nmt::Request {
             command,
-            node: Some(self.device().node()),
+            node: Some(self.device.node()),
         }
         .encode()
     }
 
     /// The steps from a drive in an unknown state to one that may be reset.
     pub(super) fn ask_survey(&mut self) {
-        let history = self.layout.drives[self.index].device.history();
-        self.script.extend([Step::Survey]);
-        self.script
-            .extend(history.iter().copied().map(Step::History));
+        let history = self.device.history().iter().copied().map(Step::History);
+        self.sequence.extend([Step::Survey(self.device.survey())]);
+        self.sequence.extend(history);
     }
 
     /// The steps from the boot-up message to a drive that is set up.
     pub(super) fn ask_set_up(&mut self) {
         self.booted = false;
-        let device = &self.layout.drives[self.index].device;
+        let device = &self.device;
         let identity = device.identity().iter().copied().map(Step::Identity);
         let writes = device.setup().iter().copied().map(Step::Write);
         let read_back = device.read_back().iter().copied().map(Step::ReadBack);
-        self.script.extend(identity.chain(writes).chain(read_back));
+        self.sequence
+            .extend(identity.chain(writes).chain(read_back));
     }
 
-    /// The steps until the drive's clock follows SYNC.
+    /// The steps until the drive's clock follows SYNC; none for one without a clock that does.
     pub(super) fn ask_lock(&mut self) {
-        let lock = self.device().clock_lock();
-        self.script.extend(lock.map(Step::AwaitLock));
+        let lock = self.device.clock_lock();
+        self.sequence.extend(lock.map(Step::AwaitLock));
     }
 
     /// The step that checks the operating mode.
     pub(super) fn ask_mode(&mut self) {
-        let mode = self.device().mode();
-        self.script.extend([Step::Mode(mode)]);
+        self.sequence.extend([Step::Mode(self.device.mode())]);
     }
 
     /// The steps that take the set-up's cyclic part back.
     pub(super) fn ask_release(&mut self) {
-        self.script.clear();
-        if !self.script.has_identified() {
-            return;
+        self.sequence.clear();
+        if self.sequence.has_identified() {
+            let release = self.device.release().iter().copied().map(Step::Release);
+            self.sequence.extend(release);
         }
-        let device = &self.layout.drives[self.index].device;
-        self.script
-            .extend(device.release().iter().copied().map(Step::Release));
     }
 }
 

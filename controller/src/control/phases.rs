@@ -1,18 +1,18 @@
 //! From power-up to the program and from its end to power-down, one phase after the other.
 
-use super::fault::{Fault, Wanted};
+use super::fault::{AwaitedState, Fault};
 use super::{COMMAND_CYCLES, Controller, End, Event, Node, Phase, STILL, STILL_CYCLES};
 use crate::port::Outbox;
-use syncline_canopen::cia402::Controlword;
 use syncline_canopen::time::Duration;
 use syncline_canopen::{Transmit, nmt};
+use syncline_drives::model::PowerCommand;
 
 impl<const N: usize> Controller<N> {
     /// Does what the phase has to do in this cycle, and goes on to the next one when it is
     /// through.
     pub(super) fn step(&mut self, out: &mut [Outbox]) -> Result<(), Fault> {
         match self.phase {
-            Phase::Survey => self.go_on_if(self.scripts_done(), Phase::Boot, out),
+            Phase::Survey => self.go_on_if(self.sequences_done(), Phase::Boot, out),
             Phase::Boot => {
                 if self.timed_out(self.layout.boot_timeout) {
                     let missing = self.nodes.iter().position(|node| !node.has_booted());
@@ -21,7 +21,7 @@ impl<const N: usize> Controller<N> {
                 let booted = self.nodes.iter().all(Node::has_booted);
                 self.go_on_if(booted, Phase::SetUp, out);
             }
-            Phase::SetUp => self.go_on_if(self.scripts_done(), Phase::Start, out),
+            Phase::SetUp => self.go_on_if(self.sequences_done(), Phase::Start, out),
             Phase::Start => {
                 if self.cycle > self.phase_cycle && !self.acted {
                     self.acted = true;
@@ -37,7 +37,7 @@ impl<const N: usize> Controller<N> {
                 self.go_on_if(started, Phase::Lock, out);
             }
             Phase::Lock => {
-                let locked = self.scripts_done();
+                let locked = self.sequences_done();
                 if locked {
                     for axis in &self.axes {
                         axis.locate(&self.nodes)?;
@@ -45,9 +45,11 @@ impl<const N: usize> Controller<N> {
                 }
                 self.go_on_if(locked, Phase::Disabled, out);
             }
-            Phase::Disabled => self.await_all(Wanted::Disabled, Phase::ReadyToSwitchOn, out)?,
+            Phase::Disabled => {
+                self.await_all(AwaitedState::Disabled, Phase::ReadyToSwitchOn, out)?
+            }
             Phase::ReadyToSwitchOn => {
-                self.await_all(Wanted::ReadyToSwitchOn, Phase::OperationEnabled, out)?;
+                self.await_all(AwaitedState::Ready, Phase::OperationEnabled, out)?;
             }
             Phase::OperationEnabled => {
                 let cycles = self.still_cycles();
@@ -57,12 +59,12 @@ impl<const N: usize> Controller<N> {
                         return Err(Fault::NotAtRest { drive });
                     }
                     Some(_) => {}
-                    None => self.await_all(Wanted::OperationEnabled, Phase::ModeStart, out)?,
+                    None => self.await_all(AwaitedState::Enabled, Phase::ModeStart, out)?,
                 }
             }
             Phase::ModeStart => {
-                if self.scripts_done() {
-                    self.await_all(Wanted::ModeStarted, Phase::Program, out)?;
+                if self.sequences_done() {
+                    self.await_all(AwaitedState::ModeStarted, Phase::Program, out)?;
                 }
             }
             Phase::Program => {
@@ -78,11 +80,11 @@ impl<const N: usize> Controller<N> {
                 let over = self.executor.is_idle() && (settled || waited || self.is_faulty());
                 self.go_on_if(over, Phase::ModeEnd, out);
             }
-            Phase::ModeEnd => self.await_some(Wanted::ModeEnded, Phase::ShutDown, out),
+            Phase::ModeEnd => self.await_some(AwaitedState::ModeEnded, Phase::ShutDown, out),
             // Where a drive has a brake, it holds before 0000h takes what is left of the torque.
-            Phase::ShutDown => self.await_some(Wanted::Disabled, Phase::Disable, out),
-            Phase::Disable => self.await_some(Wanted::Disabled, Phase::Release, out),
-            Phase::Release => self.go_on_if(self.scripts_done(), Phase::PreOperational, out),
+            Phase::ShutDown => self.await_some(AwaitedState::Disabled, Phase::Disable, out),
+            Phase::Disable => self.await_some(AwaitedState::Disabled, Phase::Release, out),
+            Phase::Release => self.go_on_if(self.sequences_done(), Phase::PreOperational, out),
             Phase::PreOperational => {
                 let sent = self.cycle >= self.phase_cycle + COMMAND_CYCLES;
                 self.go_on_if(sent, Phase::Done, out);
@@ -108,25 +110,22 @@ impl<const N: usize> Controller<N> {
             Phase::Start => self.sync_on = true,
             Phase::Lock => self.ask(Node::ask_lock),
             Phase::Disabled | Phase::Disable => {
-                self.set_controlword(Controlword::DISABLE_VOLTAGE);
+                self.set_power(PowerCommand::Disable);
             }
             Phase::ReadyToSwitchOn | Phase::ShutDown => {
-                self.set_controlword(Controlword::SHUTDOWN);
+                self.set_power(PowerCommand::Prepare);
             }
             Phase::OperationEnabled => {
                 self.ask(Node::forget_standstill);
-                self.set_controlword(Controlword::ENABLE_OPERATION);
+                self.set_power(PowerCommand::Enable);
             }
-            Phase::ModeEnd => self.set_controlword(Controlword::ENABLE_OPERATION),
+            Phase::ModeEnd => self.set_power(PowerCommand::Enable),
             Phase::ModeStart => {
                 if let Err(fault) = self.freeze() {
                     return self.fail(fault);
                 }
-                for node in &mut self.nodes {
-                    let start = Controlword::ENABLE_OPERATION.with(node.device().start_mode());
-                    node.controlword = start;
-                    node.ask_mode();
-                }
+                self.set_power(PowerCommand::Run);
+                self.ask(Node::ask_mode);
             }
             Phase::Program => self.mode_cycle = self.cycle + 1,
             Phase::Stop => self.executor.stop(),
@@ -186,9 +185,7 @@ impl<const N: usize> Controller<N> {
 
     /// Freezes every drive's setpoint where it stands; the plan starts there.
     fn freeze(&mut self) -> Result<(), Fault> {
-        for node in &mut self.nodes {
-            node.setpoint = node.actual();
-        }
+        self.ask(Node::hold);
         let mut position = [0.0; N];
         for index in 0..self.axes.len() {
             let axis = &mut self.axes[index];
@@ -211,17 +208,25 @@ impl<const N: usize> Controller<N> {
         }
     }
 
-    /// Goes on once every drive reports `wanted`; one that does not in time is a fault.
-    fn await_all(&mut self, wanted: Wanted, next: Phase, out: &mut [Outbox]) -> Result<(), Fault> {
-        let missing = self.nodes.iter().position(|node| !node.has_reached(wanted));
-        self.go_on_without(missing, wanted, next, out)
+    /// Goes on once every drive reports what is `awaited`; one that does not in time is a fault.
+    fn await_all(
+        &mut self,
+        awaited: AwaitedState,
+        next: Phase,
+        out: &mut [Outbox],
+    ) -> Result<(), Fault> {
+        let missing = self
+            .nodes
+            .iter()
+            .position(|node| !node.has_reached(awaited));
+        self.go_on_without(missing, awaited, next, out)
     }
 
     /// Goes on if no drive is `missing`; if one is for too long, that is a fault.
     fn go_on_without(
         &mut self,
         missing: Option<usize>,
-        wanted: Wanted,
+        awaited: AwaitedState,
         next: Phase,
         out: &mut [Outbox],
     ) -> Result<(), Fault> {
@@ -233,8 +238,8 @@ impl<const N: usize> Controller<N> {
             }
             Some(drive) if self.timed_out(self.layout.state_timeout) => Err(Fault::StateTimeout {
                 drive,
-                wanted,
-                statusword: self.nodes[drive].statusword(),
+                awaited,
+                statusword: self.nodes[drive].status().statusword,
             }),
             Some(_) => Ok(()),
         }
@@ -242,11 +247,11 @@ impl<const N: usize> Controller<N> {
 
     /// On the way down: as [`Self::await_all`], but goes on in any case, and waits for nobody out of
     /// reach.
-    fn await_some(&mut self, wanted: Wanted, next: Phase, out: &mut [Outbox]) {
-        let awaited =
-            |drive: usize| self.is_in_reach(drive) && !self.nodes[drive].has_reached(wanted);
-        let missing = (0..self.nodes.len()).find(|&drive| awaited(drive));
-        if let Err(fault) = self.go_on_without(missing, wanted, next, out) {
+    fn await_some(&mut self, awaited: AwaitedState, next: Phase, out: &mut [Outbox]) {
+        let lags =
+            |drive: usize| self.is_in_reach(drive) && !self.nodes[drive].has_reached(awaited);
+        let missing = (0..self.nodes.len()).find(|&drive| lags(drive));
+        if let Err(fault) = self.go_on_without(missing, awaited, next, out) {
             // Told even where it is not the first one: this drive may still be enabled.
             if self.is_faulty() {
                 self.tell(Event::Fault(fault));
@@ -270,9 +275,9 @@ impl<const N: usize> Controller<N> {
         matches!(self.end, Some(End::Fault(_)))
     }
 
-    fn scripts_done(&self) -> bool {
+    fn sequences_done(&self) -> bool {
         let mut drives = (0..self.nodes.len()).filter(|&drive| self.is_in_reach(drive));
-        drives.all(|drive| self.nodes[drive].is_script_done())
+        drives.all(|drive| self.nodes[drive].is_sequence_done())
     }
 
     /// Whether the drive's bus carries frames.
@@ -292,8 +297,8 @@ impl<const N: usize> Controller<N> {
         self.nodes.iter_mut().for_each(what);
     }
 
-    fn set_controlword(&mut self, controlword: Controlword) {
-        self.ask(|node| node.controlword = controlword);
+    fn set_power(&mut self, power: PowerCommand) {
+        self.ask(|node| node.power = power);
     }
 
     fn send_nmt(&self, command: nmt::Command, out: &mut [Outbox]) {

@@ -12,7 +12,7 @@ use std::{
 };
 use syncline_canopen::NodeId;
 use syncline_drives::model::{
-    Actuator, Direction, Heartbeat, Increments, Model, Scaling, Settings, Write,
+    self, Assumed, Direction, Heartbeat, Increments, Model, Scaling, Settings, Write,
 };
 use syncline_gcode as gcode;
 use syncline_strict_toml::Invalid;
@@ -35,7 +35,7 @@ pub struct Machine {
     pub drives: Vec<Drive>,
     /// In the order of the file, at least one.
     pub axes: Vec<Axis>,
-    assumptions: Vec<(&'static Model, Vec<(&'static str, u32)>)>,
+    assumptions: Vec<(&'static Model, Assumed)>,
 }
 
 /// The controller's own settings.
@@ -221,7 +221,7 @@ impl Machine {
 
     /// What the controller needs to know of the drive with that index.
     #[must_use]
-    pub fn actuator(&self, drive: usize) -> Box<dyn Actuator> {
+    pub fn device(&self, drive: usize) -> Box<dyn model::Drive> {
         let Drive {
             node,
             model,
@@ -231,12 +231,7 @@ impl Machine {
             ..
         } = &self.drives[drive];
         let axis = &self.axes[*axis];
-        let assumptions = self
-            .assumptions
-            .iter()
-            .find(|(of, _)| of.name == model.name)
-            .map_or(Vec::new(), |(_, values)| values.clone());
-        (model.actuator)(&Settings {
+        (model.drive)(&Settings {
             node: *node,
             cycle: self.cycle,
             heartbeat: Heartbeat {
@@ -251,9 +246,16 @@ impl Machine {
                 .drive_soft_limits
                 .then(|| drive_soft_limits(&axis.limits, scaling)),
             objects: objects.clone(),
-            assumptions,
+            assumed: assumed(&self.assumptions, model),
         })
     }
+}
+
+/// What the file says of a model.
+fn assumed(assumptions: &[(&'static Model, Assumed)], model: &Model) -> Assumed {
+    let mut models = assumptions.iter();
+    let found = models.find(|(of, _)| of.name == model.name);
+    found.map_or_else(Assumed::default, |(_, assumed)| assumed.clone())
 }
 
 /// The soft limits as a drive supervises them: its actual position follows the setpoint only to

@@ -2,10 +2,10 @@
 //! they fit together. Each stage reports all it finds, and the next starts only on what is clean,
 //! so that one mistake does not cause complaints about another thing.
 
-use super::{Axis, AxisLimits, Bus, Controller, Drive, Machine, PathTolerances};
+use super::{Axis, AxisLimits, Bus, Controller, Drive, Machine, PathTolerances, assumed};
 use std::{collections::BTreeMap, ops::Range, time::Duration};
 use syncline_canopen::{Address, NodeId};
-use syncline_drives::model::{Data, Direction, Increments, MODELS, Model, Scaling, Write};
+use syncline_drives::model::{Assumed, Data, Direction, Increments, MODELS, Model, Scaling, Write};
 use syncline_gcode as gcode;
 use syncline_strict_toml::{Diagnostic, Log, Table, integer, nearest, one_of};
 use toml::{
@@ -45,7 +45,7 @@ struct Tables {
     buses: Vec<BusTable>,
     drives: Vec<DriveTable>,
     axes: Vec<AxisTable>,
-    assumptions: Vec<(&'static Model, Vec<(&'static str, u32)>)>,
+    assumptions: Vec<(&'static Model, Assumed)>,
 }
 
 impl Tables {
@@ -138,7 +138,10 @@ impl Tables {
             .into_iter()
             .zip(bus_of?)
             .zip(axis_of?)
-            .map(|((drive, bus), axis)| drive.join(log, bus, axis, &self.axes[axis]))
+            .map(|((drive, bus), axis)| {
+                let assumed = assumed(&self.assumptions, drive.model);
+                drive.join(log, bus, axis, &self.axes[axis], &assumed)
+            })
             .collect();
         let axes = self
             .axes
@@ -420,9 +423,17 @@ impl DriveTable {
         }
     }
 
-    fn join(self, log: &mut Log<'_>, bus: usize, axis: usize, table: &AxisTable) -> Drive {
+    fn join(
+        self,
+        log: &mut Log<'_>,
+        bus: usize,
+        axis: usize,
+        table: &AxisTable,
+        assumed: &Assumed,
+    ) -> Drive {
+        let increments_per_revolution = (self.model.increments_per_revolution)(assumed);
         let scaling = Scaling::new(
-            self.model.increments_per_revolution,
+            increments_per_revolution,
             table.mm_per_revolution(),
             self.direction,
             self.zero,
@@ -444,13 +455,13 @@ impl DriveTable {
                      revolution of {} {unit}, `zero` at {})",
                     ends[0],
                     ends[1],
-                    self.model.increments_per_revolution,
+                    increments_per_revolution,
                     table.mm_per_revolution(),
                     self.zero
                 ),
             );
         }
-        let counts = f64::from(self.model.increments_per_revolution);
+        let counts = f64::from(increments_per_revolution);
         let most = table.limits.following_error * counts;
         if table.mm_per_revolution() > most {
             log.report(
@@ -682,12 +693,9 @@ impl AxisTable {
 }
 
 /// `[model.<name>]`: what a model's manual leaves open, as this machine's drives have it.
-fn assumptions(
-    log: &mut Log<'_>,
-    mut tables: Table<'_, '_>,
-) -> Vec<(&'static Model, Vec<(&'static str, u32)>)> {
+fn assumptions(log: &mut Log<'_>, mut tables: Table<'_, '_>) -> Vec<(&'static Model, Assumed)> {
     let mut stated = Vec::new();
-    for model in MODELS {
+    for &model in MODELS {
         let Some(mut table) = tables.table(log, model.name, false) else {
             continue;
         };
@@ -700,7 +708,7 @@ fn assumptions(
             }
         }
         table.finish(log);
-        stated.push((model, values));
+        stated.push((model, Assumed(values)));
     }
     tables.finish(log);
     stated

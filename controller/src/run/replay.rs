@@ -22,7 +22,7 @@ use crate::control::{Controller, End, Event, Instruction, Layout, Phase, Wake};
 use crate::machine::{COORDINATES, Position};
 use crate::port::{Burst, Outbox, Received};
 use crate::program::{Feeder, Moves, Program, ProgramError};
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 use std::time::Duration;
 use syncline_canopen::response_time::bit_time;
@@ -251,7 +251,7 @@ impl Replay {
         let mut drives = self.layout.buses[logged.bus].drives.iter();
         drives.find_map(|&drive| {
             let device = &self.layout.drives[drive].device;
-            if is(device.r_pdo().cob_id) {
+            if device.r_pdos().iter().any(|pdo| is(pdo.cob_id)) {
                 Some(Band::Burst)
             } else {
                 is(CobId::r_sdo(device.node())).then_some(Band::Acyclic)
@@ -625,21 +625,17 @@ impl Replay {
 
     /// When the first setpoint from `place` on is another than the one before it.
     fn next_change(&self, place: usize) -> Option<Instant> {
-        let mut last: Vec<Option<Frame>> = vec![None; self.layout.drives.len()];
+        let mut last: BTreeMap<(usize, u32), Frame> = BTreeMap::new();
         let from = place.saturating_sub(16 * self.layout.drives.len() + 16);
         for (index, logged) in self.log.iter().enumerate().skip(from) {
             if self.band(logged) != Some(Band::Burst) {
                 continue;
             }
-            let drive = self.layout.buses[logged.bus].drives.iter().find(|&&drive| {
-                let r_pdo = self.layout.drives[drive].device.r_pdo().cob_id;
-                logged.frame.id() == CanId::from(r_pdo)
-            });
-            let last = &mut last[*drive?];
-            if index >= place && last.is_some_and(|last| last != logged.frame) {
+            let Logged { bus, frame, .. } = *logged;
+            let before = last.insert((bus, frame.id().raw()), frame);
+            if index >= place && before.is_some_and(|before| before != frame) {
                 return Some(logged.at);
             }
-            *last = Some(logged.frame);
         }
         None
     }

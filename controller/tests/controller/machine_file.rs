@@ -38,7 +38,7 @@ fn the_portal() {
     assert_eq!(position(1, 20.0), Increments::new(-843_776 - 131_072));
 
     // 6065h and 607Dh as each side counts: 2 mm further out than the soft limits.
-    let setup = |drive: usize| machine.actuator(drive).setup()[30..33].to_vec();
+    let setup = |drive: usize| machine.device(drive).setup()[30..33].to_vec();
     let shown: Vec<_> = setup(1)
         .iter()
         .map(|write| (write.address.to_string(), write.data.bits() as i32))
@@ -70,9 +70,9 @@ fn nothing_is_wired_to_the_portal() {
     assert_eq!(machine.controller.t_pdo_misses, 2);
     assert_eq!((machine.path.exact, machine.path.blend), (0.001, 0.01));
     assert_eq!(machine.axes[0].limits.standstill, 0.1);
-    let drive = machine.actuator(2);
+    let drive = machine.device(2);
     assert_eq!(drive.setup()[30].address.to_string(), "3012h:6");
-    assert_eq!(drive.interpolation_delay(), 1);
+    assert_eq!(drive.latency(), 1);
 }
 
 #[test]

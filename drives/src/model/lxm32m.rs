@@ -2,29 +2,31 @@
 //!
 //! Numbers in parentheses are lines of the fieldbus manual 0198441113789.06.
 
+use super::profile::{cia402, communication};
 use super::{
-    Actuator, Address, Assumption, ClockLock, Data, Device, Feedback, Identity, Increments, Model,
-    NotFollowing, OutOfRange, Sample, Settings, Write,
+    Address, Assumption, ClockLock, Data, Drive, DriveStatus, Feedback, Identity, Increments,
+    ModeDisplay, Model, OutOfRange, PowerCommand, PowerState, RemoteNode, Sample, Setpoint,
+    Settings, Survey, Write,
 };
 use crate::dictionary;
-use core::time::Duration;
+use core::{slice, time::Duration};
 use syncline_canopen::{
     CobId, Frame, NodeId,
-    budget::{Direction, NodeTraffic, Pdo},
-    cia402::{Controlword, State, Statusword},
+    budget::{Direction, Pdo},
+    cia402::{Controlword, Statusword},
     pdo::CobIdWord,
 };
 
 /// The LXM32M.
 ///
 /// Assumed, as the manual at hand does not say: cycles of 1…20 ms in whole milliseconds.
-pub static LXM32M: Model = Model {
+pub(super) static LXM32M: Model = Model {
     name: "lxm32m",
     title: "LXM32M",
     bitrates: &[50_000, 125_000, 250_000, 500_000, 1_000_000], // (1266, 1279)
     cycle_step: Duration::from_millis(1),
     cycles: Duration::from_millis(1)..=Duration::from_millis(20),
-    increments_per_revolution: 131_072, // (1602)
+    increments_per_revolution: |_| 131_072, // (1602)
     assumptions: &[
         INTERPOLATION_DELAY,
         SYNC_LOCKED,
@@ -33,7 +35,7 @@ pub static LXM32M: Model = Model {
     ],
     dictionary: &dictionary::LXM32M,
     reserved,
-    actuator: |settings| Box::new(Lxm32m::new(settings)),
+    drive: |settings| Box::new(Lxm32m::new(settings)),
 };
 
 const INTERPOLATION_DELAY: Assumption = Assumption {
@@ -67,6 +69,9 @@ const SDO_RESPONSE: Assumption = Assumption {
 
 const INTERPOLATED_POSITION: i8 = 7;
 
+/// Controlword bit that starts Interpolated Position on top of Enable Operation (1641).
+const START_MODE: u16 = Controlword::MODE_4;
+
 const IDENTITY: [Identity; 2] = [
     Identity {
         address: Address::new(0x1000, 0),
@@ -90,10 +95,8 @@ const HISTORY: [Address; 3] = [
 /// SyncMechStart = 0: the synchronisation mechanism is off (1636, 2580).
 const RELEASE: [Write; 1] = [Write::new(0x3022, 5, Data::u16(0))];
 
-const CONTROLWORD: Address = Address::new(0x6040, 0);
-
 /// One LXM32M.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 struct Lxm32m {
     node: NodeId,
     setup: Vec<Write>,
@@ -102,6 +105,10 @@ struct Lxm32m {
     sync_locked: u32,
     t_pdo_response: Duration,
     sdo_response: Duration,
+    /// Statusword and position (1620-1625).
+    t_pdo: Pdo,
+    /// Controlword and setpoint.
+    r_pdo: Pdo,
 }
 
 impl Lxm32m {
@@ -117,25 +124,30 @@ impl Lxm32m {
             setup.push(Write::new(0x607D, 2, Data::i32(saturated(most))));
         }
         setup.extend(&settings.objects);
-        setup.extend(connection_monitoring(settings));
+        // Heartbeats both ways (3282-3320).
+        setup.extend(communication::heartbeats(&settings.heartbeat));
 
-        let mut read_back: Vec<Write> = Vec::new();
-        for write in &setup {
-            read_back.retain(|earlier| earlier.address != write.address);
-            // A controlword is a command, not a setting.
-            if write.address != CONTROLWORD {
-                read_back.push(*write);
-            }
-        }
-        let micros = |assumption| Duration::from_micros(settings.assumed(assumption).into());
+        // A controlword is a command, not a setting.
+        let is_command = |write: &Write| write.address == cia402::CONTROLWORD;
+        let micros = |assumption| Duration::from_micros(settings.assumed.value(assumption).into());
         Self {
             node: settings.node,
             t_pdo_response: micros(&T_PDO_RESPONSE),
             sdo_response: micros(&SDO_RESPONSE),
+            read_back: communication::read_back(&setup, is_command),
             setup,
-            read_back,
-            interpolation_delay: settings.assumed(&INTERPOLATION_DELAY),
-            sync_locked: settings.assumed(&SYNC_LOCKED),
+            interpolation_delay: settings.assumed.value(&INTERPOLATION_DELAY),
+            sync_locked: settings.assumed.value(&SYNC_LOCKED),
+            t_pdo: Pdo {
+                direction: Direction::Transmit,
+                cob_id: CobId::t_pdo(2, settings.node),
+                bytes: 6,
+            },
+            r_pdo: Pdo {
+                direction: Direction::Receive,
+                cob_id: CobId::r_pdo(2, settings.node),
+                bytes: 6,
+            },
         }
     }
 }
@@ -189,19 +201,8 @@ fn standard_setup(node: NodeId, cycle: Duration) -> [Write; 30] {
     ]
 }
 
-/// The drive's own heartbeat (3299-3320) and its watch on the controller's (3282-3297).
-fn connection_monitoring(settings: &Settings) -> [Write; 2] {
-    let ms = |time: Duration| time.as_millis().min(u16::MAX.into()) as u16;
-    let heartbeat = &settings.heartbeat;
-    let watch = u32::from(heartbeat.controller.get()) << 16 | u32::from(ms(heartbeat.consumer));
-    [
-        Write::new(0x1017, 0, Data::u16(ms(heartbeat.producer))),
-        Write::new(0x1016, 1, Data::u32(watch)),
-    ]
-}
-
-/// Positions were range-checked against the scaling; a limit beyond what the object holds is
-/// no limit, which its end says just as well.
+/// The nearest position that the object holds: a limit beyond it is no limit, which its end says
+/// just as well.
 fn saturated(position: Increments) -> i32 {
     position.get().clamp(i32::MIN.into(), i32::MAX.into()) as i32
 }
@@ -218,7 +219,7 @@ fn reserved(Address { index, sub }: Address) -> bool {
     )
 }
 
-impl Device for Lxm32m {
+impl RemoteNode for Lxm32m {
     fn model(&self) -> &'static Model {
         &LXM32M
     }
@@ -243,18 +244,8 @@ impl Device for Lxm32m {
         &self.read_back
     }
 
-    /// COB-ID words keep only bit 31 and bits 10…0; the drive may report the others as it likes
-    /// (3528-3536).
     fn agrees(&self, written: &Write, read: &[u8]) -> bool {
-        let kept = match written.address.index {
-            0x1400..=0x1403 | 0x1800..=0x1803 if written.address.sub == 1 => 0x8000_07FF,
-            _ => u32::MAX,
-        };
-        read.len() == written.data.bytes().len() && {
-            let mut bytes = [0; 4];
-            bytes[..read.len()].copy_from_slice(read);
-            u32::from_le_bytes(bytes) & kept == written.data.bits() & kept
-        }
+        communication::agrees(written, read)
     }
 
     fn clock_lock(&self) -> Option<ClockLock> {
@@ -268,113 +259,107 @@ impl Device for Lxm32m {
         &RELEASE
     }
 
-    fn traffic(&self) -> NodeTraffic {
-        NodeTraffic {
-            node: self.node,
-            divider: 1,
-            response: self.t_pdo_response,
-            pdos: vec![self.t_pdo(), self.r_pdo()],
-        }
+    fn t_pdos(&self) -> &[Pdo] {
+        slice::from_ref(&self.t_pdo)
+    }
+
+    fn r_pdos(&self) -> &[Pdo] {
+        slice::from_ref(&self.r_pdo)
+    }
+
+    fn t_pdo_response(&self) -> Duration {
+        self.t_pdo_response
     }
 
     fn sdo_response(&self) -> Duration {
         self.sdo_response
     }
 
-    /// The manual at hand has no table of them (1953); this one is from the vendor's public
-    /// answer FAQ000270642.
-    fn error_meaning(&self, code: u16) -> Option<&'static str> {
-        (code == 0xB404).then_some("SYNC signal: missing more than twice, or its period deviates")
+    /// Bytes 6 and 7 are 603Fh. The manual at hand has no table of its values (1953); what is known
+    /// is from the vendor's public answer FAQ000270642.
+    fn vendor_error(&self, [_, _, _, low, high]: [u8; 5]) -> Option<String> {
+        let error = u16::from_le_bytes([low, high]);
+        let meaning = match error {
+            0xB404 => ": SYNC signal: missing more than twice, or its period deviates",
+            _ => "",
+        };
+        Some(format!("vendor error {error:04X}h{meaning}"))
     }
 }
 
 impl Feedback for Lxm32m {
-    fn t_pdo(&self) -> Pdo {
-        Pdo {
-            direction: Direction::Transmit,
-            cob_id: CobId::t_pdo(2, self.node),
-            bytes: 6,
-        }
-    }
-
-    fn sample(&self, data: &[u8]) -> Option<Sample> {
-        let &[s0, s1, p0, p1, p2, p3, ..] = data else {
+    fn sample(&self, _: usize, data: &[u8]) -> Option<Sample> {
+        let &[_, _, p0, p1, p2, p3, ..] = data else {
             return None;
         };
         Some(Sample {
-            statusword: Statusword(u16::from_le_bytes([s0, s1])),
             position: i32::from_le_bytes([p0, p1, p2, p3]).into(),
         })
     }
 }
 
-impl Actuator for Lxm32m {
-    fn mode(&self) -> i8 {
-        INTERPOLATED_POSITION
+impl Drive for Lxm32m {
+    fn clone_box(&self) -> Box<dyn Drive> {
+        Box::new(self.clone())
     }
 
-    fn start_mode(&self) -> u16 {
-        Controlword::MODE_4 // (1641)
+    fn survey(&self) -> Survey {
+        cia402::SURVEY
     }
 
-    fn mode_started(&self, statusword: Statusword) -> bool {
-        statusword.has(Statusword::MODE_12) // (1650)
+    fn mode(&self) -> ModeDisplay {
+        cia402::shows(INTERPOLATED_POSITION)
+    }
+
+    /// Statusword bit 12 follows controlword bit 4 (1641, 1650).
+    fn ends_mode(&self) -> bool {
+        true
+    }
+
+    fn latency(&self) -> u32 {
+        self.interpolation_delay
     }
 
     /// Bit 13, x_err, counts only in Operation Enabled: the manual's own examples show it set at
     /// rest in state 4 (1343, 1755).
-    fn follows(&self, statusword: Statusword, started: bool) -> Result<(), NotFollowing> {
-        match statusword.state() {
-            Some(State::OperationEnabled) => {}
-            Some(State::QuickStopActive) => return Err(NotFollowing::QuickStop),
-            Some(State::Fault | State::FaultReactionActive) => return Err(NotFollowing::Fault),
-            _ => return Err(NotFollowing::PowerStageOff),
-        }
-        if !statusword.has(Statusword::REMOTE) {
-            Err(NotFollowing::NotRemote)
-        } else if statusword.has(Statusword::BIT_13) {
-            Err(NotFollowing::Error)
-        } else if started && !self.mode_started(statusword) {
-            Err(NotFollowing::ModeEnded)
-        } else {
-            Ok(())
-        }
+    fn status(&self, _: usize, data: &[u8]) -> Option<DriveStatus> {
+        let &[s0, s1, ..] = data else {
+            return None;
+        };
+        let statusword = Statusword(u16::from_le_bytes([s0, s1]));
+        let status = cia402::status(statusword);
+        Some(DriveStatus {
+            error: status.power == PowerState::Enabled && statusword.has(Statusword::BIT_13),
+            ..status
+        })
     }
 
-    fn r_pdo(&self) -> Pdo {
-        Pdo {
-            direction: Direction::Receive,
-            cob_id: CobId::r_pdo(2, self.node),
-            bytes: 6,
-        }
+    fn check(&self, setpoint: Setpoint) -> Result<(), OutOfRange> {
+        setpoint.position.to_i32().map(|_| ())
     }
 
-    fn command(&self, controlword: Controlword, setpoint: Increments) -> Result<Frame, OutOfRange> {
-        let [c0, c1] = controlword.0.to_le_bytes();
-        let [p0, p1, p2, p3] = setpoint.to_i32()?.to_le_bytes();
-        Ok(Frame::new(self.r_pdo().cob_id, &[c0, c1, p0, p1, p2, p3]))
+    fn encode(&mut self, command: PowerCommand, setpoint: Setpoint, frames: &mut [Frame]) {
+        let [c0, c1] = cia402::controlword(command, START_MODE).0.to_le_bytes();
+        let [p0, p1, p2, p3] = saturated(setpoint.position).to_le_bytes();
+        frames[0] = Frame::new(self.r_pdo.cob_id, &[c0, c1, p0, p1, p2, p3]);
     }
 
-    fn in_motion(&self, position: Increments) -> Result<[Frame; 2], OutOfRange> {
+    fn in_motion(&self, position: Increments) -> Result<Vec<Frame>, OutOfRange> {
         let operation_enabled = 0x0037; // 0237h while a mode runs (1761)
         let statusword = operation_enabled | Statusword::REMOTE | Statusword::MODE_12;
         let [s0, s1] = statusword.to_le_bytes();
         let [p0, p1, p2, p3] = position.to_i32()?.to_le_bytes();
-        let controlword = Controlword(0x000F | self.start_mode());
-        Ok([
-            Frame::new(self.t_pdo().cob_id, &[s0, s1, p0, p1, p2, p3]),
-            self.command(controlword, position)?,
-        ])
-    }
-
-    fn interpolation_delay(&self) -> u32 {
-        self.interpolation_delay
+        let t_pdo = Frame::new(self.t_pdo.cob_id, &[s0, s1, p0, p1, p2, p3]);
+        let mut frames = vec![t_pdo; 2];
+        self.clone()
+            .encode(PowerCommand::Run, Setpoint { position }, &mut frames[1..]);
+        Ok(frames)
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::Heartbeat;
+    use super::super::{Assumed, Heartbeat, NotFollowing};
     use super::*;
 
     fn settings(node: u8, cycle_ms: u64) -> Settings {
@@ -389,7 +374,7 @@ mod tests {
             following_error_limit: None,
             soft_limits: None,
             objects: Vec::new(),
-            assumptions: Vec::new(),
+            assumed: Assumed::default(),
         }
     }
 
@@ -447,8 +432,8 @@ mod tests {
         assert_eq!(drive.setup()[0].data, Data::u32(0x8000_027E));
         assert_eq!(drive.setup()[3].data, Data::u32(0x0000_02FE));
         assert_eq!(drive.setup()[24].data, Data::u8(20));
-        assert_eq!(drive.r_pdo().cob_id.get(), 0x37E);
-        assert_eq!(drive.t_pdo().cob_id.get(), 0x2FE);
+        assert_eq!(drive.r_pdos()[0].cob_id.get(), 0x37E);
+        assert_eq!(drive.t_pdos()[0].cob_id.get(), 0x2FE);
     }
 
     #[test]
@@ -508,21 +493,34 @@ mod tests {
         assert!(!drive.agrees(&cycle, &[2, 0, 0, 0, 0]));
     }
 
+    fn at(position: i64) -> Setpoint {
+        Setpoint {
+            position: Increments::new(position),
+        }
+    }
+
     #[test]
     fn process_image() {
-        let drive = Lxm32m::new(&settings(1, 2));
-        let frame = drive
-            .command(Controlword(0x1F), Increments::new(-2))
-            .unwrap();
-        assert_eq!(format!("{frame:?}"), "301#1F00FEFFFFFF");
-        assert_eq!(
-            drive.command(Controlword(0x1F), Increments::new(1 << 31)),
-            Err(OutOfRange)
-        );
-        let sample = drive.sample(&[0x37, 0x12, 0x00, 0x00, 0x02, 0x00]).unwrap();
-        assert_eq!(sample.statusword, Statusword(0x1237));
+        let mut drive = Lxm32m::new(&settings(1, 2));
+        let mut frames = [Frame::new(CobId::SYNC, &[])];
+        for (command, position, expected) in [
+            (PowerCommand::Disable, 0, "301#000000000000"),
+            (PowerCommand::Prepare, 1, "301#060001000000"),
+            (PowerCommand::Enable, -2, "301#0F00FEFFFFFF"),
+            (PowerCommand::Run, -2, "301#1F00FEFFFFFF"),
+            (PowerCommand::Run, 1 << 31, "301#1F00FFFFFF7F"),
+        ] {
+            drive.encode(command, at(position), &mut frames);
+            assert_eq!(format!("{:?}", frames[0]), expected);
+        }
+        assert_eq!(drive.check(at(-2)), Ok(()));
+        assert_eq!(drive.check(at(1 << 31)), Err(OutOfRange));
+        let data = [0x37, 0x12, 0x00, 0x00, 0x02, 0x00];
+        let status = drive.status(0, &data).unwrap();
+        assert_eq!(status.statusword, Statusword(0x1237));
+        let sample = drive.sample(0, &data).unwrap();
         assert_eq!(sample.position, Increments::new(131_072));
-        assert_eq!(drive.sample(&[0x37, 0x12, 0, 0, 0]), None);
+        assert_eq!(drive.sample(0, &[0x37, 0x12, 0, 0, 0]), None);
     }
 
     /// The words that the manual prints (1755-1830), and those of faults by its table.
@@ -545,11 +543,8 @@ mod tests {
             (0x221F, true, Err(N::Fault)),
             (0x2238, true, Err(N::Fault)),
         ] {
-            assert_eq!(
-                drive.follows(Statusword(word), started),
-                expected,
-                "{word:04X}"
-            );
+            let status = drive.status(0, &u16::to_le_bytes(word)).unwrap();
+            assert_eq!(status.follows(started), expected, "{word:04X}");
         }
     }
 

@@ -1,29 +1,39 @@
-//! What the controller knows of each device: identity, set-up, PDO image, scaling, faults.
+//! What the controller knows of each device: identity, set-up, PDOs, scaling, faults.
 //!
-//! Three traits, from the general to the special: [`Device`], [`Feedback`] (it has a position),
-//! [`Actuator`] (it takes setpoints). A [`Model`] is what is known before a device is made: its
-//! name, the cycles and bit rates it takes, and what its manual leaves open ([`Assumption`]).
-//! The controller goes by these and never asks which model stands behind them.
+//! - [`RemoteNode`]: what every device has
+//! - [`Feedback`]: it tells a position
+//! - [`Drive`]: it moves an axis
+//!
+//! A [`Model`] is what is known before a device is made: its name, the cycles and bit rates it
+//! takes, and what its manual leaves open ([`Assumption`]). [`MODELS`] is the one list of them. The
+//! controller goes by these and never asks which model stands behind them: what is said and told in
+//! a model's own words, a controlword or a maker's EMCY bytes, is said and read in its file, or in
+//! `profile` where models share it.
+//!
+//! A new model is a file here with a [`Model`], and a line in [`MODELS`].
 
+mod drive;
+mod feedback;
 mod lxm32m;
+mod node;
 mod object;
+mod profile;
 mod scaling;
 
-pub use lxm32m::LXM32M;
+pub use drive::{
+    Drive, DriveStatus, ModeDisplay, NotFollowing, PowerCommand, PowerState, Setpoint, Survey,
+};
+pub use feedback::{Feedback, Sample};
+pub use node::{ClockLock, Identity, RemoteNode};
 pub use object::{Data, Write};
 pub use scaling::{Direction, Increments, OutOfRange, Scaling};
 pub use syncline_canopen::Address;
 
-use core::{fmt, ops::RangeInclusive, time::Duration};
-use syncline_canopen::{
-    Frame, NodeId,
-    budget::{NodeTraffic, Pdo},
-    cia402::{Controlword, Statusword},
-    dictionary::Entry,
-};
+use core::{ops::RangeInclusive, time::Duration};
+use syncline_canopen::{NodeId, dictionary::Entry};
 
-/// Every model, by which a machine file may name a drive.
-pub static MODELS: [&Model; 1] = [&LXM32M];
+/// Every model that a machine file may name.
+pub static MODELS: &[&Model] = &[&lxm32m::LXM32M];
 
 /// A kind of device: everything that is known before one is made.
 #[derive(Debug)]
@@ -38,8 +48,8 @@ pub struct Model {
     pub cycle_step: Duration,
     /// … within this range.
     pub cycles: RangeInclusive<Duration>,
-    /// Encoder increments per motor revolution.
-    pub increments_per_revolution: u32,
+    /// Encoder increments per motor revolution, with what the machine file says of the model.
+    pub increments_per_revolution: fn(&Assumed) -> u32,
     /// What the manual leaves open, with the value taken unless the machine file says otherwise.
     pub assumptions: &'static [Assumption],
     /// Its object dictionary.
@@ -47,7 +57,7 @@ pub struct Model {
     /// Whether the controller itself writes or owns the object, so that a user must not.
     pub reserved: fn(Address) -> bool,
     /// Makes the device.
-    pub actuator: fn(&Settings) -> Box<dyn Actuator>,
+    pub drive: fn(&Settings) -> Box<dyn Drive>,
 }
 
 impl Model {
@@ -93,15 +103,19 @@ pub struct Settings {
     pub soft_limits: Option<(Increments, Increments)>,
     /// Written after the standard set-up, in this order.
     pub objects: Vec<Write>,
-    /// Values of [`Model::assumptions`] that differ from the default, by name.
-    pub assumptions: Vec<(&'static str, u32)>,
+    /// What the machine file says of the model.
+    pub assumed: Assumed,
 }
 
-impl Settings {
+/// Values of a model's [`Assumption`]s that differ from the default, by name.
+#[derive(Clone, Debug, Default)]
+pub struct Assumed(pub Vec<(&'static str, u32)>);
+
+impl Assumed {
     /// The value that holds for `assumption`.
     #[must_use]
-    pub fn assumed(&self, assumption: &Assumption) -> u32 {
-        self.assumptions
+    pub fn value(&self, assumption: &Assumption) -> u32 {
+        self.0
             .iter()
             .find(|(name, _)| *name == assumption.name)
             .map_or(assumption.default, |(_, value)| *value)
@@ -117,151 +131,4 @@ pub struct Heartbeat {
     pub producer: Duration,
     /// Time without one after which the other side is lost; more than `producer`, ≤ 65535 ms.
     pub consumer: Duration,
-}
-
-/// An object that must read as stated, or this is another device.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Identity {
-    /// Where it stands.
-    pub address: Address,
-    /// Its name.
-    pub name: &'static str,
-    /// Its value.
-    pub value: u32,
-}
-
-/// An object to poll after SYNC has started, until the device's clock follows it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct ClockLock {
-    /// Where the status stands.
-    pub address: Address,
-    /// What it reads once the device's clock follows SYNC.
-    pub locked: u32,
-}
-
-/// What a T_PDO brought.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Sample {
-    /// 6041h.
-    pub statusword: Statusword,
-    /// 6064h, as sampled by the device.
-    pub position: Increments,
-}
-
-/// Why a statusword is not that of a drive that follows its setpoints.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum NotFollowing {
-    /// State 8 or 9: the drive has an error and stops or has stopped.
-    Fault,
-    /// State 7: a quick stop that the controller did not ask for.
-    QuickStop,
-    /// States 2…5: the power stage is off.
-    PowerStageOff,
-    /// Bit 9 = 0: another access channel has control.
-    NotRemote,
-    /// The operating mode has ended.
-    ModeEnded,
-    /// Bit 13: an error has to be fixed before going on.
-    Error,
-}
-
-impl fmt::Display for NotFollowing {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Fault => "fault",
-            Self::QuickStop => "quick stop active",
-            Self::PowerStageOff => "power stage off",
-            Self::NotRemote => "not under fieldbus control (statusword bit 9 = 0)",
-            Self::ModeEnded => "operating mode ended (statusword bit 12 = 0)",
-            Self::Error => "error pending (statusword bit 13)",
-        })
-    }
-}
-
-/// What every device on the bus has.
-pub trait Device: fmt::Debug + Send + Sync {
-    /// Its kind.
-    fn model(&self) -> &'static Model;
-
-    /// Its node id.
-    fn node(&self) -> NodeId;
-
-    /// The objects that tell this device from another, in the order to read them.
-    fn identity(&self) -> &[Identity];
-
-    /// The objects to log before a reset, which would wipe them: what stopped the drive last.
-    fn history(&self) -> &[Address];
-
-    /// The set-up writes, in order, to a device in NMT Pre-Operational after a reset of its
-    /// communication.
-    fn setup(&self) -> &[Write];
-
-    /// The objects to read back after the set-up, with the value that each must have. One that
-    /// refuses to be read is worth a log line, no more.
-    fn read_back(&self) -> &[Write];
-
-    /// Whether what was read is what `written` set, in the bits that the device has to keep.
-    fn agrees(&self, written: &Write, read: &[u8]) -> bool;
-
-    /// How to tell that the device's clock follows SYNC, if it has one that does.
-    fn clock_lock(&self) -> Option<ClockLock>;
-
-    /// The writes that take the set-up's cyclic part back, after the device is disabled.
-    fn release(&self) -> &[Write];
-
-    /// What the device adds to a cycle of its bus.
-    fn traffic(&self) -> NodeTraffic;
-
-    /// Longest time from the end of an SDO request until its answer stands in the device's
-    /// transmit queue.
-    fn sdo_response(&self) -> Duration;
-
-    /// What a vendor error code (603Fh; EMCY bytes 6 and 7) means, where it is known.
-    fn error_meaning(&self, code: u16) -> Option<&'static str>;
-}
-
-/// A device with a position.
-pub trait Feedback: Device {
-    /// The PDO that carries it.
-    fn t_pdo(&self) -> Pdo;
-
-    /// Decodes its data; `None` if they are too short.
-    fn sample(&self, data: &[u8]) -> Option<Sample>;
-}
-
-/// A device that takes a position setpoint every cycle, latched at SYNC.
-pub trait Actuator: Feedback {
-    /// The operating mode that 6061h must show before motion.
-    fn mode(&self) -> i8;
-
-    /// The controlword bits that start the mode, on top of Enable Operation.
-    fn start_mode(&self) -> u16;
-
-    /// Whether the statusword says that the mode runs.
-    fn mode_started(&self, statusword: Statusword) -> bool;
-
-    /// Whether a drive that was enabled, in its mode if `started`, still follows.
-    ///
-    /// # Errors
-    /// Why it does not.
-    fn follows(&self, statusword: Statusword, started: bool) -> Result<(), NotFollowing>;
-
-    /// The PDO that carries controlword and setpoint.
-    fn r_pdo(&self) -> Pdo;
-
-    /// Encodes controlword (6040h) and setpoint.
-    ///
-    /// # Errors
-    /// If the setpoint does not fit the drive's 32 bits.
-    fn command(&self, controlword: Controlword, setpoint: Increments) -> Result<Frame, OutOfRange>;
-
-    /// Its T_PDO and R_PDO of one cycle in motion, at `position`: what the bus typically carries.
-    ///
-    /// # Errors
-    /// If the position does not fit the drive's 32 bits.
-    fn in_motion(&self, position: Increments) -> Result<[Frame; 2], OutOfRange>;
-
-    /// Cycles from the SYNC that latches a setpoint until the drive's position reference has
-    /// reached it.
-    fn interpolation_delay(&self) -> u32;
 }

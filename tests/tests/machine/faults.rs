@@ -2,10 +2,11 @@
 //! drive switched off in its order, and nothing enabled again.
 
 use std::sync::LazyLock;
+use syncline_canopen::emcy::Emergency;
 use syncline_canopen::sdo::AbortCode;
 use syncline_canopen::time::Duration;
 use syncline_canopen::{Address, CanId, CobId, Frame, NodeId, nmt};
-use syncline_controller::control::fault::Wanted;
+use syncline_controller::control::fault::AwaitedState;
 use syncline_controller::control::{End, Event, Fault, Phase};
 use syncline_controller::port::Received;
 use syncline_drives::model::NotFollowing;
@@ -161,9 +162,11 @@ fn an_emcy_message() {
     let fault = fault_in_motion(|rig| rig.twin(Y).raise(error));
     let expected = Fault::Emergency {
         drive: Y,
-        code: 0x3130,
-        register: 5,
-        vendor: 0xA305,
+        emergency: Emergency {
+            code: 0x3130,
+            register: 5,
+            vendor: [0, 0, 0, 0x05, 0xA3],
+        },
     };
     assert_eq!(fault, expected);
 }
@@ -338,8 +341,10 @@ fn a_drive_that_supervises_itself_switches_off() {
         fault,
         Fault::Emergency {
             drive: Y,
-            vendor: 0xA320,
-            ..
+            emergency: Emergency {
+                vendor: [_, _, _, 0x20, 0xA3],
+                ..
+            },
         } | Fault::FollowingError { .. }
     );
     assert!(expected, "{fault:?}");
@@ -527,9 +532,14 @@ fn a_drive_that_does_not_enable() {
     };
     let mut rig = Rig::new("portal", &[], PORTAL_PROGRAM, slow);
     let fault = rig.finish_with_fault();
-    let wanted = Wanted::OperationEnabled;
-    let expected =
-        matches!(fault, Fault::StateTimeout { drive: Z, wanted: it, .. } if it == wanted);
+    let expected = matches!(
+        fault,
+        Fault::StateTimeout {
+            drive: Z,
+            awaited: AwaitedState::Enabled,
+            ..
+        }
+    );
     assert!(expected, "{fault:?}");
     assert_eq!(rig.rows.len(), 0);
     assert_switched_off(&mut rig, &[0x00, 0x06, 0x0F, 0x06, 0x00]);
@@ -544,7 +554,11 @@ fn another_operating_mode() {
     }));
     assert_eq!(
         rig.finish_with_fault(),
-        Fault::WrongMode { drive: Y, found: 1 }
+        Fault::WrongMode {
+            drive: Y,
+            object: Address::new(0x6061, 0),
+            found: 1
+        }
     );
     assert_eq!(rig.rows.len(), 0);
     assert_switched_off(&mut rig, &[0x00, 0x06, 0x0F, 0x1F, 0x0F, 0x06, 0x00]);

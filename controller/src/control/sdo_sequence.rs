@@ -5,14 +5,9 @@ use super::fault::{DriveIndex, Fault};
 use super::layout::Layout;
 use std::collections::VecDeque;
 use std::sync::Arc;
-use syncline_canopen::cia402::Statusword;
 use syncline_canopen::sdo::{self, Failure, Reason};
 use syncline_canopen::{Frame, Instant, Transmit};
-use syncline_drives::model::{Address, ClockLock, Data, Identity, Write};
-
-const CONTROLWORD: Address = Address::new(0x6040, 0);
-const STATUSWORD: Address = Address::new(0x6041, 0);
-const MODE_DISPLAY: Address = Address::new(0x6061, 0);
+use syncline_drives::model::{Address, ClockLock, Identity, ModeDisplay, Survey, Write};
 
 /// What an upload brought.
 struct Reading {
@@ -41,18 +36,13 @@ impl Reading {
     }
 }
 
-/// Whether the power stage is on, or the word means nothing and it might be.
-pub(super) fn is_powered(statusword: Statusword) -> bool {
-    statusword.state().is_none_or(|state| state.is_powered())
-}
-
 /// One step.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Step {
-    /// Reads the statusword of a drive in an unknown state; disables it if its power stage is on.
-    Survey,
-    /// Reads the statusword until the power stage is off.
-    AwaitDisabled,
+    /// Reads the status of a drive in an unknown state; disables it if its power stage is on.
+    Survey(Survey),
+    /// Reads the status until the power stage is off.
+    AwaitDisabled(Survey),
     /// Reads an object for the log.
     History(Address),
     /// Reads an object that must be the model's.
@@ -63,8 +53,8 @@ pub(super) enum Step {
     ReadBack(Write),
     /// Reads a status until the drive's clock follows SYNC.
     AwaitLock(ClockLock),
-    /// Reads 6061h, which must be this mode.
-    Mode(i8),
+    /// Reads which operating mode runs.
+    Mode(ModeDisplay),
     /// Writes on the way out; a refusal is an event.
     Release(Write),
 }
@@ -72,12 +62,12 @@ pub(super) enum Step {
 impl Step {
     fn address(&self) -> Address {
         match self {
-            Self::Survey | Self::AwaitDisabled => STATUSWORD,
+            Self::Survey(survey) | Self::AwaitDisabled(survey) => survey.address,
             Self::History(address) => *address,
             Self::Identity(identity) => identity.address,
             Self::Write(write) | Self::ReadBack(write) | Self::Release(write) => write.address,
             Self::AwaitLock(lock) => lock.address,
-            Self::Mode(_) => MODE_DISPLAY,
+            Self::Mode(display) => display.address,
         }
     }
 
@@ -90,13 +80,13 @@ impl Step {
 
     /// Whether a drive that says nothing may be passed over.
     fn may_fail(&self) -> bool {
-        matches!(self, Self::Survey | Self::History(_) | Self::Release(_))
+        matches!(self, Self::Survey(_) | Self::History(_) | Self::Release(_))
     }
 }
 
-/// Runs the steps of one node over its SDO client, one request outstanding.
+/// Takes the steps of one node over its SDO client, one request outstanding.
 #[derive(Clone, Debug)]
-pub(super) struct Script {
+pub(super) struct SdoSequence {
     layout: Arc<Layout>,
     drive: DriveIndex,
     client: sdo::Client,
@@ -111,10 +101,10 @@ pub(super) struct Script {
     stale: bool,
 }
 
-/// The longest object that a script reads, in bytes.
+/// The longest object that a sequence reads, in bytes.
 const LONGEST: usize = 8;
 
-impl Script {
+impl SdoSequence {
     pub(super) fn new(drive: DriveIndex, layout: &Arc<Layout>) -> Self {
         let node = layout.drives[drive].device.node();
         Self {
@@ -152,7 +142,7 @@ impl Script {
         self.steps.is_empty() && !self.client.is_busy()
     }
 
-    /// Whether the next call of [`Script::advance`] sends a request.
+    /// Whether the next call of [`SdoSequence::advance`] sends a request.
     pub(super) fn wants_to_send(&self) -> bool {
         !self.steps.is_empty() && !self.client.is_busy()
     }
@@ -241,24 +231,22 @@ impl Script {
         };
         let value = reading.number();
         match step {
-            Step::Survey => {
-                let statusword = value as u16;
+            Step::Survey(survey) => {
+                let status = (survey.status)(value);
                 self.next();
-                if is_powered(Statusword(statusword)) {
+                if status.power.may_be_on() {
+                    let statusword = status.statusword;
                     events(Event::FoundEnabled { drive, statusword });
-                    self.steps.push_front(Step::AwaitDisabled);
-                    self.steps.push_front(Step::Write(Write::new(
-                        CONTROLWORD.index,
-                        0,
-                        Data::u16(0),
-                    )));
+                    self.steps.push_front(Step::AwaitDisabled(survey));
+                    self.steps.push_front(Step::Write(survey.disable));
                 }
             }
-            Step::AwaitDisabled => {
-                let statusword = Statusword(value as u16);
-                if !is_powered(statusword) {
+            Step::AwaitDisabled(survey) => {
+                let status = (survey.status)(value);
+                if !status.power.may_be_on() {
                     self.next();
                 } else if self.out_of_patience(now) {
+                    let statusword = status.statusword;
                     return Err(Fault::StaysEnabled { drive, statusword });
                 }
             }
@@ -298,9 +286,13 @@ impl Script {
                     return Err(Fault::NoSyncLock { drive, status });
                 }
             }
-            Step::Mode(mode) if value as i8 != mode => {
+            Step::Mode(display) if value as i8 != display.mode => {
                 let found = value as i8;
-                return Err(Fault::WrongMode { drive, found });
+                return Err(Fault::WrongMode {
+                    drive,
+                    object,
+                    found,
+                });
             }
             Step::Identity(_) => {
                 self.next();

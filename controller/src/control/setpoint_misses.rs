@@ -10,7 +10,7 @@ const WINDOW: u64 = 1000;
 
 /// One bus' record.
 #[derive(Clone, Debug)]
-pub(super) struct Lateness {
+pub(super) struct SetpointMisses {
     bus: BusIndex,
     /// Bursts that missed their SYNC.
     pub(super) count: u64,
@@ -20,7 +20,7 @@ pub(super) struct Lateness {
     pub(super) unsent: u32,
 }
 
-impl Lateness {
+impl SetpointMisses {
     pub(super) fn new(bus: BusIndex) -> Self {
         Self {
             bus,
@@ -53,8 +53,8 @@ mod tests {
     use super::*;
 
     fn faults(cycles: &[u64]) -> bool {
-        let mut lateness = Lateness::new(0);
-        let mut outcomes = cycles.iter().map(|&cycle| lateness.miss(cycle));
+        let mut misses = SetpointMisses::new(0);
+        let mut outcomes = cycles.iter().map(|&cycle| misses.miss(cycle));
         outcomes.any(|outcome| outcome.is_err())
     }
 

@@ -1,0 +1,207 @@
+//! Devices that move an axis: what they are told, what they say of themselves.
+
+use super::{Address, Feedback, Increments, OutOfRange, Write};
+use core::fmt;
+use syncline_canopen::Frame;
+use syncline_canopen::cia402::Statusword;
+
+/// A device that takes a position setpoint every cycle, latched at SYNC.
+///
+/// The words and bits by which it is told and tells are the model's own affair: outside of it there
+/// are a [`PowerCommand`] and a [`DriveStatus`]. What changes from frame to frame, a toggle bit, a
+/// counter, a handshake, is the model's own too: [`Drive::encode`] is called once for each cycle
+/// whose frames are sent, and never to try something.
+pub trait Drive: Feedback {
+    /// A copy in the same state.
+    fn clone_box(&self) -> Box<dyn Drive>;
+
+    /// How to find out, by SDO, whether a drive in an unknown state is on, and to switch it off.
+    fn survey(&self) -> Survey;
+
+    /// Which operating mode the drive must say that it runs, once it is started.
+    fn mode(&self) -> ModeDisplay;
+
+    /// Whether the mode ends when it is no longer commanded ([`PowerCommand::Run`]). Where it does
+    /// not, it runs as long as the drive is enabled, and there is no end to wait for.
+    fn ends_mode(&self) -> bool;
+
+    /// Cycles from the SYNC that latches a setpoint until the drive's position reference has
+    /// reached it.
+    fn latency(&self) -> u32;
+
+    /// What the data of a T_PDO, all its mapped bytes, say of the drive; `None` if that PDO says
+    /// nothing of it.
+    fn status(&self, t_pdo: usize, data: &[u8]) -> Option<DriveStatus>;
+
+    /// Whether the drive can be sent to `setpoint`: a matter of range, not of state.
+    ///
+    /// # Errors
+    /// If it does not fit what carries it.
+    fn check(&self, setpoint: Setpoint) -> Result<(), OutOfRange>;
+
+    /// Its R_PDOs of this cycle, one each in `frames`. What [`Drive::check`] refuses goes to the end
+    /// of the range.
+    fn encode(&mut self, command: PowerCommand, setpoint: Setpoint, frames: &mut [Frame]);
+
+    /// Its T_PDOs and R_PDOs of one cycle in motion, at `position`: what the bus typically carries.
+    ///
+    /// # Errors
+    /// If the position does not fit what carries it.
+    fn in_motion(&self, position: Increments) -> Result<Vec<Frame>, OutOfRange>;
+}
+
+impl Clone for Box<dyn Drive> {
+    fn clone(&self) -> Self {
+        self.clone_box()
+    }
+}
+
+/// Where a drive shall be when it has carried out a cycle.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Setpoint {
+    /// As the drive counts.
+    pub position: Increments,
+}
+
+/// What a drive is told to do with its power stage.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PowerCommand {
+    /// Power off, at once.
+    Disable,
+    /// Be ready to be enabled; power off if it is on, with the brake first where there is one.
+    Prepare,
+    /// Power on, and hold the position.
+    Enable,
+    /// Power on, and follow the setpoints in the operating mode.
+    Run,
+}
+
+/// How far a drive is from following setpoints.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum PowerState {
+    /// Off.
+    #[default]
+    Off,
+    /// Off, and can be enabled.
+    Ready,
+    /// On, and in control.
+    Enabled,
+    /// On, braking or at rest after a quick stop.
+    QuickStop,
+    /// On, braking after an error.
+    FaultReaction,
+    /// Off after an error.
+    Fault,
+    /// What the drive says means no state: it may be on.
+    Unknown,
+}
+
+impl PowerState {
+    /// Whether the power stage is on, or might be.
+    #[must_use]
+    pub const fn may_be_on(self) -> bool {
+        matches!(
+            self,
+            Self::Enabled | Self::QuickStop | Self::FaultReaction | Self::Unknown
+        )
+    }
+
+    /// Whether an error has switched the drive off, or is doing so.
+    #[must_use]
+    pub const fn is_fault(self) -> bool {
+        matches!(self, Self::FaultReaction | Self::Fault)
+    }
+}
+
+/// What a drive says of itself.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct DriveStatus {
+    /// Its power stage.
+    pub power: PowerState,
+    /// Its operating mode runs: it follows the setpoints.
+    pub mode_runs: bool,
+    /// It takes commands from the bus, and from nobody else.
+    pub remote: bool,
+    /// A warning is pending, which does not stop it.
+    pub warning: bool,
+    /// An error is pending that has to be dealt with, although the power stage is on.
+    pub error: bool,
+    /// The word that it said this by, for messages.
+    pub statusword: Statusword,
+}
+
+impl DriveStatus {
+    /// Whether a drive that was enabled, in its mode if `in_mode`, still follows.
+    ///
+    /// # Errors
+    /// Why it does not.
+    pub fn follows(&self, in_mode: bool) -> Result<(), NotFollowing> {
+        match self.power {
+            PowerState::Enabled => {}
+            PowerState::QuickStop => return Err(NotFollowing::QuickStop),
+            PowerState::FaultReaction | PowerState::Fault => return Err(NotFollowing::Fault),
+            PowerState::Off | PowerState::Ready | PowerState::Unknown => {
+                return Err(NotFollowing::PowerStageOff);
+            }
+        }
+        if !self.remote {
+            Err(NotFollowing::NotRemote)
+        } else if self.error {
+            Err(NotFollowing::Error)
+        } else if in_mode && !self.mode_runs {
+            Err(NotFollowing::ModeEnded)
+        } else {
+            Ok(())
+        }
+    }
+}
+
+/// Why a drive that was enabled does not follow its setpoints.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum NotFollowing {
+    /// The drive has an error and stops or has stopped.
+    Fault,
+    /// A quick stop that the controller did not ask for.
+    QuickStop,
+    /// The power stage is off.
+    PowerStageOff,
+    /// Another access channel has control.
+    NotRemote,
+    /// The operating mode has ended.
+    ModeEnded,
+    /// An error has to be fixed before going on.
+    Error,
+}
+
+impl fmt::Display for NotFollowing {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Fault => "fault",
+            Self::QuickStop => "quick stop active",
+            Self::PowerStageOff => "power stage off",
+            Self::NotRemote => "not under fieldbus control (statusword bit 9 = 0)",
+            Self::ModeEnded => "operating mode ended (statusword bit 12 = 0)",
+            Self::Error => "error pending (statusword bit 13)",
+        })
+    }
+}
+
+/// How a drive in an unknown state is found out about by SDO, and switched off.
+#[derive(Clone, Copy, Debug)]
+pub struct Survey {
+    /// Where its status stands.
+    pub address: Address,
+    /// What a value read there says.
+    pub status: fn(u32) -> DriveStatus,
+    /// Switches the power stage off.
+    pub disable: Write,
+}
+
+/// The object that says which operating mode runs, and what it must say.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ModeDisplay {
+    /// Where it stands.
+    pub address: Address,
+    /// The mode's number.
+    pub mode: i8,
+}

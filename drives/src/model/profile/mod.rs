@@ -1,0 +1,8 @@
+//! What models of one device profile share. A model uses what applies to it and writes the rest
+//! itself; nothing here is called from outside of the models.
+//!
+//! - `communication`: set-up that CiA 301 has for every device
+//! - `cia402`: drives
+
+pub(super) mod cia402;
+pub(super) mod communication;
