@@ -1,6 +1,10 @@
 //! CANopen without I/O: every protocol is a state machine that is handed frames and an
 //! [`Instant`] and hands back frames and the next instant it wants to be called.
 //!
+//! ```
+#![doc = include_str!("../examples/read_an_object.rs")]
+//! ```
+//!
 //! - [`frame`], [`id`]: what travels on the wire (CAN 2.0A/B, CiA 301 pre-defined connection set)
 //! - [`response_time`], [`budget`]: whether a cycle's frames fit their cycle (Davis et al. 2007, 2013)
 //! - [`time`]: instants that are handed in, never read

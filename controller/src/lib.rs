@@ -12,7 +12,7 @@
 //! - [`timing`]: how punctual a cycle was
 //! - [`drive_host`]: simulated drives on a real bus
 //! - [`bus_log`]: the traffic of a bus in files
-//! - [`bench`]: measures cycles and what simulations are made of
+//! - [`bench`](mod@bench): measures cycles and what simulations are made of
 //! - [`commands`]: the `syncline` command line
 
 #![deny(unsafe_code)]

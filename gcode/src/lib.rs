@@ -1,5 +1,9 @@
 //! RS-274/NGC programs: text in, canonical commands in machine coordinates out.
 //!
+//! ```
+#![doc = include_str!("../examples/interpret.rs")]
+//! ```
+//!
 //! A line's bytes (`source`) become tokens (`lexer`), the tokens a block (`parser`, `block`).
 //! Its values are computed (`expression`, `parameters`, `system`), its words sorted into their
 //! modal groups (`words`, `modal`) and executed (`execute`, `offsets`, `motion`, `arc`,

@@ -1,5 +1,17 @@
 //! Jerk-limited trajectories: planned exactly, certified by a checker that does not trust the planner.
 //!
+//! One axis from state to state:
+//!
+//! ```
+#![doc = include_str!("../examples/plan_a_move.rs")]
+//! ```
+//!
+//! Along a path the plan goes to an executor, which the cycle asks for one setpoint after another:
+//!
+//! ```
+#![doc = include_str!("../examples/plan_a_path.rs")]
+//! ```
+//!
 //! This crate knows nothing of CAN. It opens no socket, starts no thread, reads no clock.
 //!
 //! - [`profile`]: motions of one axis as constant-jerk segments; evaluation and exact extrema.
