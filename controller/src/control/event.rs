@@ -144,11 +144,11 @@ pub enum Phase {
     Start,
     /// Waits until every drive's clock follows SYNC.
     Lock,
-    /// Controlword 0000h.
+    /// Power stages off.
     Disabled,
-    /// Controlword 0006h.
+    /// Drives ready to be enabled.
     ReadyToSwitchOn,
-    /// Controlword 000Fh; then the setpoint is frozen.
+    /// Power stages on; then the setpoint is frozen.
     OperationEnabled,
     /// Starts the operating mode on the frozen setpoint.
     ModeStart,
@@ -158,9 +158,9 @@ pub enum Phase {
     Stop,
     /// Ends the operating mode.
     ModeEnd,
-    /// Controlword 0006h.
+    /// Power stages off, brakes first.
     ShutDown,
-    /// Controlword 0000h.
+    /// Power stages off for good.
     Disable,
     /// Stops the drives' synchronisation to SYNC.
     Release,
@@ -178,15 +178,15 @@ impl fmt::Display for Phase {
             Self::SetUp => "setting up the drives",
             Self::Start => "SYNC on, starting the nodes",
             Self::Lock => "waiting until the drives' clocks follow SYNC",
-            Self::Disabled => "controlword 0000h",
-            Self::ReadyToSwitchOn => "controlword 0006h",
-            Self::OperationEnabled => "controlword 000Fh: power stages on",
+            Self::Disabled => "making sure that the power stages are off",
+            Self::ReadyToSwitchOn => "making the drives ready to switch on",
+            Self::OperationEnabled => "power stages on",
             Self::ModeStart => "setpoints frozen, starting the operating mode",
             Self::Program => "ready",
             Self::Stop => "coming to rest",
             Self::ModeEnd => "ending the operating mode",
             Self::ShutDown => "switching the power stages off",
-            Self::Disable => "power stages off, controlword 0000h",
+            Self::Disable => "power stages off",
             Self::Release => "ending the synchronisation",
             Self::PreOperational => "NMT Pre-Operational",
             Self::Done => "SYNC off",

@@ -77,6 +77,8 @@ pub enum Fault {
         drive: DriveIndex,
         /// The last status it reported.
         status: u32,
+        /// The model's assumption that says which status it should be.
+        assumption: &'static str,
     },
     /// A drive did not reach the state that its controlword asks for.
     StateTimeout {
@@ -320,13 +322,17 @@ impl Fault {
                 who(drive)
             ),
             Self::StaysEnabled { drive, statusword } => format!(
-                "{}: found enabled and does not switch off with controlword 0000h, statusword \
-                 {statusword}: switch it off by hand",
+                "{}: found enabled and does not switch off, statusword {statusword}: switch it \
+                 off by hand",
                 who(drive)
             ),
-            Self::NoSyncLock { drive, status } => format!(
+            Self::NoSyncLock {
+                drive,
+                status,
+                assumption,
+            } => format!(
                 "{}: not synchronised to SYNC, status {status}: check the cycle time and the \
-                 model's `sync_locked`",
+                 model's `{assumption}`",
                 who(drive)
             ),
             Self::StateTimeout {

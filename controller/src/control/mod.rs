@@ -25,6 +25,8 @@ mod order;
 mod phases;
 mod sdo_sequence;
 mod setpoint_misses;
+#[cfg(test)]
+mod tests;
 
 pub use axis::{AxisSample, Following};
 pub use event::{Event, Pause, Phase};

@@ -282,8 +282,11 @@ impl SdoSequence {
                 if value == lock.locked {
                     self.next();
                 } else if self.out_of_patience(now) {
-                    let status = value;
-                    return Err(Fault::NoSyncLock { drive, status });
+                    return Err(Fault::NoSyncLock {
+                        drive,
+                        status: value,
+                        assumption: lock.assumption,
+                    });
                 }
             }
             Step::Mode(display) if value as i8 != display.mode => {

@@ -252,6 +252,7 @@ impl RemoteNode for Lxm32m {
         Some(ClockLock {
             address: Address::new(0x3022, 6),
             locked: self.sync_locked,
+            assumption: SYNC_LOCKED.name,
         })
     }
 

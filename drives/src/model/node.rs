@@ -85,4 +85,6 @@ pub struct ClockLock {
     pub address: Address,
     /// What it reads once the device's clock follows SYNC.
     pub locked: u32,
+    /// The name of the [`Assumption`](super::Assumption) that says so.
+    pub assumption: &'static str,
 }

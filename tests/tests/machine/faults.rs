@@ -504,7 +504,8 @@ fn a_clock_that_does_not_follow_sync() {
         fault,
         Fault::NoSyncLock {
             drive: Z,
-            status: 1
+            status: 1,
+            assumption: "sync_locked"
         }
     );
 }
