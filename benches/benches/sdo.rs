@@ -1,18 +1,14 @@
-//! Expedited SDO transfers a second against a node with the LXM32M's whole dictionary, in process:
+//! Expedited SDO transfers a second against a node with a model's whole dictionary, in process:
 //! request in, answer out. Each pass goes through every object once.
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use std::hint::black_box;
-use std::ops::Range;
 use syncline_canopen::dictionary::{DataType, Dictionary, Entry};
 use syncline_canopen::node::{Node, Options};
 use syncline_canopen::time::Duration;
 use syncline_canopen::{CobId, Frame, Instant, NodeId, Transmit};
-use syncline_drives::bus::Node as _;
-use syncline_drives::dictionary::LXM32M;
-use syncline_drives::twin::lxm32m::{Twin, TwinConfig};
-
-const AT_ONCE: Range<Duration> = Duration::ZERO..Duration::ZERO;
+use syncline_drives::model::{MODELS, Model};
+use syncline_drives::twin::{Config, Kind};
 
 /// Keeps the last answer and counts those that are no abort.
 #[derive(Default)]
@@ -31,7 +27,7 @@ impl Transmit for Answers {
 }
 
 /// One request for each object that an expedited transfer can carry.
-fn requests(id: NodeId, command: impl Fn(&Entry) -> Option<u8>) -> Vec<Frame> {
+fn requests(model: &Model, id: NodeId, command: impl Fn(&Entry) -> Option<u8>) -> Vec<Frame> {
     let number = |entry: &&Entry| {
         entry.data_type.is_number() && entry.data_type.size() <= 4 && entry.access.readable()
     };
@@ -40,7 +36,8 @@ fn requests(id: NodeId, command: impl Fn(&Entry) -> Option<u8>) -> Vec<Frame> {
         let message = [command(entry)?, low, high, entry.address.sub, 0, 0, 0, 0];
         Some(Frame::new(CobId::r_sdo(id), &message))
     };
-    LXM32M.iter().filter(number).filter_map(request).collect()
+    let entries = model.dictionary.iter();
+    entries.filter(number).filter_map(request).collect()
 }
 
 fn upload(_: &Entry) -> Option<u8> {
@@ -60,13 +57,14 @@ fn download(entry: &Entry) -> Option<u8> {
 fn sdo(c: &mut Criterion) {
     let id = NodeId::new(1).expect("1…127");
     let mut group = c.benchmark_group("sdo");
+    let model = MODELS[0];
     for (name, requests) in [
-        ("upload", requests(id, upload)),
-        ("download", requests(id, download)),
+        ("upload", requests(model, id, upload)),
+        ("download", requests(model, id, download)),
     ] {
         group.throughput(Throughput::Elements(requests.len() as u64));
 
-        let mut objects = Dictionary::new(&LXM32M, id);
+        let mut objects = Dictionary::new(model.dictionary, id);
         let mut node = Node::new(id, &objects, Options::default());
         node.power_on(Instant::ZERO);
         node.poll(Instant::ZERO, &mut objects, &mut Answers::default());
@@ -84,11 +82,11 @@ fn sdo(c: &mut Criterion) {
         );
         group.bench_function(format!("node/{name}"), |b| b.iter(&mut pass));
 
-        let mut twin = Twin::new(TwinConfig {
-            t_pdo_delay: AT_ONCE,
-            sdo_delay: AT_ONCE,
-            boot_time: Duration::ZERO,
-            ..TwinConfig::new(id)
+        let kind = Kind::by_name(model.name).expect("every model has a twin");
+        let mut twin = (kind.make)(&Config {
+            prompt: true,
+            boot_time: Some(Duration::ZERO),
+            ..Config::new(id)
         });
         let now = Instant::from_nanos(1_000_000);
         twin.poll(now, &mut Answers::default());

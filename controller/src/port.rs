@@ -15,12 +15,15 @@ pub mod wire;
 
 use crate::machine::Machine;
 use bus_fault::BusFault;
-use sim::SimPort;
+use sim::{SimPort, Simulated};
 use socketcan::SocketCan;
 use syncline_canopen::{CobId, Frame, Instant, Transmit};
-use syncline_drives::bus::Transmission;
+use syncline_drives::world::{Observer, World};
 use url::{BusUrl, NoBus};
 use wire::WirePort;
+
+/// A machine's ports, one a bus.
+pub type Ports = Vec<Box<dyn Port + Send>>;
 
 /// Most frames in one burst: every R_PDO of a bus in one cycle.
 pub const BURST_CAPACITY: usize = 64;
@@ -115,8 +118,9 @@ pub enum Burst {
 
 /// One CAN bus. Errors are those of the interface itself; what a peer does wrong is a frame.
 pub trait Port {
-    /// Time has come to `now`; a simulated bus lives up to it, a real one does so by itself.
-    fn advance_to(&mut self, _now: Instant) {}
+    /// Gives the world what was sent to a simulated bus and takes what came from there, at the
+    /// present instant; what is sent to a real bus has left.
+    fn exchange(&mut self, _world: &mut World) {}
 
     /// Whether the port tells by [`Received::echo`] that a frame has left.
     fn echoes(&self) -> bool;
@@ -158,8 +162,8 @@ pub trait Port {
 }
 
 impl<P: Port + ?Sized> Port for Box<P> {
-    fn advance_to(&mut self, now: Instant) {
-        (**self).advance_to(now);
+    fn exchange(&mut self, world: &mut World) {
+        (**self).exchange(world);
     }
 
     fn echoes(&self) -> bool {
@@ -191,24 +195,45 @@ impl<P: Port + ?Sized> Port for Box<P> {
     }
 }
 
-/// Opens a bus of a machine by the name of its port. `seed` and `observer` are for a simulated
-/// one.
+/// Opens the buses of a machine by the names of their ports: the world of those that are
+/// simulated, and a port for each bus. `seed` and `observers`, one a bus, are for simulated ones.
 ///
 /// # Errors
-/// The interface cannot be used, with what to type to mend it.
+/// An interface cannot be used, with what to type to mend it.
 pub fn open(
     machine: &Machine,
-    bus: usize,
     seed: u64,
-    observer: impl FnMut(&Transmission) + Send + 'static,
+    observers: Vec<Observer>,
+) -> Result<(World, Ports), PortError> {
+    let urls: Vec<BusUrl> = (machine.buses.iter())
+        .map(|spec| {
+            spec.port.parse().map_err(|error: NoBus| PortError {
+                bus: spec.name.clone(),
+                what: error.to_string(),
+            })
+        })
+        .collect::<Result<_, _>>()?;
+    let observers = urls.iter().zip(observers);
+    let observers = observers.map(|(url, observer)| (*url == BusUrl::Sim).then_some(observer));
+    let simulated = Simulated::new(machine, seed, observers, |_, _| ())?;
+    let ports = urls.into_iter().enumerate().map(|(bus, url)| {
+        Ok(match simulated.buses[bus] {
+            Some(bus) => Box::new(SimPort::new(bus)),
+            None => open_real(machine, bus, url)?,
+        })
+    });
+    let ports = ports.collect::<Result<Ports, PortError>>()?;
+    Ok((simulated.world, ports))
+}
+
+/// Opens a bus that is not simulated here.
+fn open_real(
+    machine: &Machine,
+    bus: usize,
+    url: BusUrl,
 ) -> Result<Box<dyn Port + Send>, PortError> {
     let spec = &machine.buses[bus];
-    let url: BusUrl = spec.port.parse().map_err(|error: NoBus| PortError {
-        bus: spec.name.clone(),
-        what: error.to_string(),
-    })?;
     match url {
-        BusUrl::Sim => Ok(Box::new(SimPort::new(machine, bus, seed, observer)?)),
         BusUrl::SocketCan(interface) => {
             let drives = 0..machine.drives.len();
             let drives = drives.filter(|&drive| machine.drives[drive].bus == bus);

@@ -4,17 +4,19 @@
 
 use crate::command::{Folder, machine_file, machine_with};
 use crate::trace::{self, Trace};
+use std::any::Any;
 use std::sync::{Arc, Mutex, PoisonError};
 use syncline_canopen::{CanId, CobId, Frame, Instant};
 use syncline_controller::control::{Controller, End, Event, Fault, Layout, Phase, Row};
 use syncline_controller::machine::{COORDINATES, Machine};
-use syncline_controller::port::sim::SimPort;
+use syncline_controller::port::sim::{SimPort, Simulated};
 use syncline_controller::port::{Burst, Port, PortError, Received};
 use syncline_controller::program::Program;
 use syncline_controller::run::frames::SharedFrames;
 use syncline_controller::run::virtual_time::VirtualMachine;
-use syncline_drives::bus::{BitRate, Sender, Transmission};
-use syncline_drives::twin::lxm32m::{Twin, TwinConfig};
+use syncline_drives::bus::{Sender, Transmission};
+use syncline_drives::twin::{Config, SimulatedDevice};
+use syncline_drives::world::{DeviceId, Observer, World};
 
 /// Steps after which a run is taken for endless: 2 minutes of the portal's time.
 const MOST_STEPS: usize = 120_000;
@@ -50,13 +52,6 @@ pub struct TappedPort {
     late: Vec<Frame>,
 }
 
-impl TappedPort {
-    /// The twin that is the `index`-th drive.
-    pub fn twin(&mut self, index: usize) -> &mut Twin {
-        self.port.twin(index)
-    }
-}
-
 /// One less, if there is one.
 fn take_one(count: &mut u32) -> bool {
     let some = *count > 0;
@@ -65,8 +60,8 @@ fn take_one(count: &mut u32) -> bool {
 }
 
 impl Port for TappedPort {
-    fn advance_to(&mut self, now: Instant) {
-        self.port.advance_to(now);
+    fn exchange(&mut self, world: &mut World) {
+        self.port.exchange(world);
     }
 
     fn echoes(&self) -> bool {
@@ -128,6 +123,8 @@ pub struct Rig {
     /// At a pause a person goes on at once.
     pub goes_on: bool,
     virtual_machine: VirtualMachine<TappedPort>,
+    /// In the order of the machine file.
+    twins: Vec<DeviceId>,
     frames: Arc<Mutex<Vec<Transmission>>>,
     steps: usize,
     /// Holds the program, which is read while it runs.
@@ -151,7 +148,7 @@ impl Rig {
         machine: &str,
         replacements: &[(&str, &str)],
         program: &str,
-        configure: impl Fn(usize, &mut TwinConfig),
+        configure: impl Fn(usize, &mut Config),
     ) -> Self {
         let folder = Folder::new();
         let file = folder.file("machine.toml", &machine_with(machine, replacements));
@@ -162,27 +159,25 @@ impl Rig {
         let shared = SharedFrames::new(&machine);
         let frames = Arc::new(Mutex::new(Vec::new()));
         assert_eq!(machine.buses.len(), 1, "the examples have one bus");
-        let twins = machine.drives.iter().enumerate().map(|(index, drive)| {
-            let rest = machine.axes[drive.axis].rest();
-            let mut config = TwinConfig {
-                seed: index as u64 + 1,
-                initial_position: drive.scaling.to_increments(rest).expect("in range").get(),
-                ..TwinConfig::new(drive.node)
-            };
-            configure(index, &mut config);
-            Twin::new(config)
-        });
-        let bit_rate = BitRate::from_kbit(machine.buses[0].bitrate / 1000).expect("a rate");
         let mut digest = shared.observer(0);
         let seen = Arc::clone(&frames);
-        let port = SimPort::of_twins(bit_rate, twins, move |frame: &Transmission| {
+        let observer: Observer = Box::new(move |frame| {
             digest(frame);
             seen.lock()
                 .unwrap_or_else(PoisonError::into_inner)
                 .push(*frame);
         });
+        let simulated = Simulated::new(&machine, 0, [Some(observer)], |drive, config| {
+            config.seed = drive as u64 + 1;
+            configure(drive, config);
+        });
+        let Simulated {
+            world,
+            buses,
+            devices,
+        } = simulated.expect("a bit rate that can be simulated");
         let port = TappedPort {
-            port,
+            port: SimPort::new(buses[0].expect("it is simulated")),
             drop_bursts: 0,
             delay_bursts: 0,
             tear_bursts: 0,
@@ -191,7 +186,14 @@ impl Rig {
             late: Vec::new(),
         };
         Self {
-            virtual_machine: VirtualMachine::on(vec![port], Arc::clone(&layout), program, shared),
+            virtual_machine: VirtualMachine::on(
+                world,
+                vec![port],
+                Arc::clone(&layout),
+                program,
+                shared,
+            ),
+            twins: devices.into_iter().flatten().collect(),
             machine,
             layout,
             events: Vec::new(),
@@ -210,8 +212,18 @@ impl Rig {
     }
 
     /// The drive at that place in the machine file, to interfere with it.
-    pub fn twin(&mut self, drive: usize) -> &mut Twin {
-        self.bus().twin(drive)
+    pub fn twin(&mut self, drive: usize) -> &mut dyn SimulatedDevice {
+        let twin = self.twins[drive];
+        self.virtual_machine.world().device_mut(twin)
+    }
+
+    /// The same as what it is, for what only its model has.
+    ///
+    /// # Panics
+    /// If it is another model's twin.
+    pub fn twin_as<T: SimulatedDevice>(&mut self, drive: usize) -> &mut T {
+        let twin: &mut dyn Any = self.twin(drive);
+        twin.downcast_mut().expect("a twin of that type")
     }
 
     /// The controller.

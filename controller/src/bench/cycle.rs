@@ -10,7 +10,7 @@ use super::rig::{Shape, Shuttle, ready_machine};
 use crate::control::{End, Instruction, Wake};
 use crate::drive_host;
 use crate::port::socketcan::{DriveSocket, Options as SocketOptions, SocketCan, StampSource};
-use crate::port::{Port, PortError, Received};
+use crate::port::{Port, PortError, Ports, Received};
 use crate::realtime::{self, Granted, Settings};
 use crate::run::driver::Driver;
 use crate::timing::{Distribution, Stages};
@@ -20,6 +20,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::Duration;
 use syncline_canopen::{CanId, CobId, Instant};
+use syncline_drives::world::{Hosted, World};
 
 /// A wake-up later than this share of the period is late.
 const LATE_SHARE: u32 = 10;
@@ -136,7 +137,7 @@ fn measure_with<const N: usize>(options: &Options, buses: Buses) -> Result<Outco
         .into_iter()
         .enumerate()
         .map(|(bus, mut socket)| {
-            let mut twins: Vec<_> = options.shape.twins(bus).collect();
+            let mut devices = Hosted::new(options.shape.twins(bus).collect());
             let stop = Arc::clone(&stop);
             thread::spawn(move || {
                 // Drives answer at once, whatever else runs; the cycle stays above them.
@@ -144,7 +145,7 @@ fn measure_with<const N: usize>(options: &Options, buses: Buses) -> Result<Outco
                     priority: DRIVES_PRIORITY,
                     core: None,
                 });
-                drive_host::host(&mut socket, &mut twins, &stop)
+                drive_host::host(&mut socket, &mut devices, &stop)
             })
         })
         .collect();
@@ -282,7 +283,7 @@ impl<const N: usize> Cycle<N> {
         let granted = realtime::enter(&options.realtime);
         let mut stamps = "simulated bus";
         let mut notes = Vec::new();
-        let mut ports: Vec<Box<dyn Port + Send>> = Vec::new();
+        let mut ports = Ports::new();
         for port in sockets {
             notes.extend_from_slice(port.notes());
             stamps = match port.stamps() {
@@ -302,7 +303,7 @@ impl<const N: usize> Cycle<N> {
         } else {
             let start = realtime::now() + options.shape.period;
             (
-                Driver::new(Arc::new(options.shape.layout()), ports, start),
+                Driver::new(Arc::new(options.shape.layout()), World::new(), ports, start),
                 0,
             )
         };

@@ -8,7 +8,6 @@ use std::time::Duration;
 use syncline_canopen::NodeId;
 use syncline_canopen::{CobId, Frame, Instant};
 use syncline_drives::bus::{Band, BitRate, Node, SimBus, Transmission};
-use syncline_drives::twin::lxm32m::{Twin, TwinConfig};
 
 /// A part of a simulation.
 #[derive(Clone, Copy, Debug)]
@@ -163,8 +162,8 @@ fn bus(shape: &Shape, steps: u64) -> Throughput {
 
 /// Simulated drives, each a twin that stands powered and supervised: a cycle of all a step.
 fn plant(shape: &Shape, steps: u64) -> Throughput {
-    let nodes = (1..=shape.axes.min(127) as u8).filter_map(NodeId::new);
-    let mut twins: Vec<Twin> = nodes.map(|node| Twin::new(TwinConfig::new(node))).collect();
+    let shape = Shape { buses: 1, ..*shape };
+    let mut twins: Vec<_> = shape.twins(0).collect();
     let mut answers: Vec<Frame> = Vec::with_capacity(64);
     let mut throughput =
         Throughput::measure(PLANT.name, "cycles", Some(shape.period), steps, |number| {

@@ -3,8 +3,8 @@
 use crate::budget::DoesNotFit;
 use crate::control::{Instruction, Layout, layout};
 use crate::machine::AxisLimits;
-use crate::port::Port;
-use crate::port::sim::SimPort;
+use crate::port::sim::{self, SimPort};
+use crate::port::{Port, Ports};
 use crate::run::driver::Driver;
 use std::sync::Arc;
 use std::time::Duration;
@@ -14,7 +14,8 @@ use syncline_drives::bus::BitRate;
 use syncline_drives::model::{
     Assumed, Direction, Drive, Heartbeat, Increments, MODELS, Model, Scaling, Settings,
 };
-use syncline_drives::twin::lxm32m::{Twin, TwinConfig};
+use syncline_drives::twin::{Config, SimulatedDevice};
+use syncline_drives::world::World;
 use syncline_trajectory::path::{Curve, Exit, Feed, Item, Limits, Move, Planner};
 
 /// Of every bus.
@@ -142,28 +143,34 @@ impl Shape {
     }
 
     /// The twins of a bus.
-    pub fn twins(&self, bus: usize) -> impl Iterator<Item = Twin> + use<> {
+    pub fn twins(&self, bus: usize) -> impl Iterator<Item = Box<dyn SimulatedDevice>> + use<> {
         let shape = *self;
         self.axes_of(bus).map(move |axis| {
-            Twin::new(TwinConfig {
+            let config = Config {
                 seed: axis as u64,
-                ..TwinConfig::new(shape.node(axis))
-            })
+                ..Config::new(shape.node(axis))
+            };
+            sim::twin(model(), &config)
         })
     }
 
-    /// Its simulated buses.
+    /// Its buses, simulated, and the ports to them.
     ///
     /// # Panics
     /// Never: the bit rate can be simulated.
     #[must_use]
-    pub fn sim_ports(&self) -> Vec<Box<dyn Port + Send>> {
+    pub fn simulated(&self) -> (World, Ports) {
         let bit_rate = BitRate::from_kbit(BIT_RATE / 1000).expect("1 Mbit/s");
-        (0..self.buses)
-            .map(|bus| -> Box<dyn Port + Send> {
-                Box::new(SimPort::of_twins(bit_rate, self.twins(bus), |_| ()))
-            })
-            .collect()
+        let mut world = World::new();
+        let mut port = |number| -> Box<dyn Port + Send> {
+            let bus = world.add_bus(bit_rate, |_| ());
+            for twin in self.twins(number) {
+                world.attach(bus, twin);
+            }
+            Box::new(SimPort::new(bus))
+        };
+        let ports = (0..self.buses).map(&mut port).collect();
+        (world, ports)
     }
 
     /// The machine as the controller needs it.
@@ -315,7 +322,8 @@ impl<const N: usize> Shuttle<N> {
 #[must_use]
 pub fn ready_machine<const N: usize>(shape: &Shape) -> Driver<N, Box<dyn Port + Send>> {
     let layout = Arc::new(shape.layout());
-    let mut driver = Driver::new(layout, shape.sim_ports(), Instant::ZERO);
+    let (world, ports) = shape.simulated();
+    let mut driver = Driver::new(layout, world, ports, Instant::ZERO);
     for _ in 0..2 * BRING_UP_CYCLES {
         if driver.controller.ready().is_some() {
             return driver;

@@ -19,7 +19,8 @@ use std::thread;
 use std::time::{Duration, Instant};
 use syncline_canopen::NodeId;
 use syncline_drives::model::Model;
-use syncline_drives::twin::lxm32m::{Policies, Twin, TwinConfig};
+use syncline_drives::twin::Config;
+use syncline_drives::world::Hosted as Devices;
 
 /// Below a controller's on the same host.
 const PRIORITY: u8 = 50;
@@ -67,8 +68,8 @@ struct Hosted {
     url: BusUrl,
     bitrate: u32,
     /// `X1 = node 1 (LXM32M)`.
-    drives: Vec<String>,
-    twins: Vec<TwinConfig>,
+    names: Vec<String>,
+    drives: Vec<(&'static Model, Config)>,
 }
 
 impl Args {
@@ -97,34 +98,33 @@ impl Args {
             None => vec![self.single_nodes()?],
         };
         if let Some(bus) = buses.iter().find(|bus| bus.url == BusUrl::Sim) {
-            return Err(NotReal(bus.drives.join(", ")).into());
+            return Err(NotReal(bus.names.join(", ")).into());
         }
         let served = |bus: &Hosted| matches!(bus.url, BusUrl::Socketcand { .. });
         if self.beacon && !buses.iter().any(served) {
             return Err("--beacon: no bus is served by socketcand://".into());
         }
-        for twin in buses.iter_mut().flat_map(|bus| &mut bus.twins) {
-            if self.tolerant {
-                twin.policies = Policies::tolerant();
-            }
-            if self.prompt {
-                twin.sdo_delay = Duration::ZERO..Duration::ZERO;
-                twin.t_pdo_delay = Duration::ZERO..Duration::ZERO;
-            }
+        for (_, config) in buses.iter_mut().flat_map(|bus| &mut bus.drives) {
+            config.tolerant = self.tolerant;
+            config.prompt = self.prompt;
         }
         Ok(buses)
     }
 
     fn machine_buses(&self, machine: &Machine) -> Result<Vec<Hosted>, Box<dyn Error>> {
         let host = |(index, bus): (usize, &crate::machine::Bus)| {
-            let drives = machine.drives.iter().filter(|drive| drive.bus == index);
+            let drives = machine.drives.iter().enumerate();
+            let drives = drives.filter(|(_, drive)| drive.bus == index);
             Ok(Hosted {
                 url: bus.port.parse()?,
                 bitrate: bus.bitrate,
-                drives: drives
-                    .map(|drive| format!("{} = {}", drive.name, describe(drive.node, drive.model)))
+                names: (drives.clone())
+                    .map(|(_, drive)| (&drive.name, describe(drive.node, drive.model)))
+                    .map(|(name, node)| format!("{name} = {node}"))
                     .collect(),
-                twins: sim::twins(machine, index, self.seed).collect(),
+                drives: drives
+                    .map(|(place, it)| (it.model, sim::config(machine, place, self.seed)))
+                    .collect(),
             })
         };
         machine.buses.iter().enumerate().map(host).collect()
@@ -140,11 +140,11 @@ impl Args {
         Ok(Hosted {
             url: self.ports.only()?,
             bitrate: self.bitrate,
-            drives: (self.nodes.iter())
+            names: (self.nodes.iter())
                 .map(|single| describe(single.node, single.model))
                 .collect(),
-            twins: (ids.enumerate())
-                .map(|(index, node)| sim::twin(node, index, self.seed))
+            drives: (self.nodes.iter().enumerate())
+                .map(|(index, it)| (it.model, sim::single(it.node, index, self.seed)))
                 .collect(),
         })
     }
@@ -185,8 +185,10 @@ fn host(Opened { buses, beacons }: Opened) -> Result<(), Box<dyn Error>> {
                     priority: PRIORITY,
                     core: None,
                 });
-                let mut twins: Vec<_> = bus.twins.into_iter().map(Twin::new).collect();
-                let ended = drive_host::host(&mut wire, &mut twins, stop);
+                let drives = bus.drives.iter();
+                let twins = drives.map(|(model, config)| sim::twin(model, config));
+                let mut devices = Devices::new(twins.collect());
+                let ended = drive_host::host(&mut wire, &mut devices, stop);
                 // One bus gone ends the machine.
                 stop.store(true, Ordering::Relaxed);
                 ended
@@ -216,7 +218,7 @@ fn announce(wire: &dyn Wire, bus: &Hosted) {
         }
         _ => String::new(),
     };
-    let drives = bus.drives.join(", ");
+    let drives = bus.names.join(", ");
     // Nobody reading any more is fine.
     let _ = writeln!(io::stdout(), "{}: {drives}{reach}", wire.name());
 }

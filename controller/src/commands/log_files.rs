@@ -3,7 +3,6 @@
 use super::output::{Claims, NoOutput, Target};
 use crate::bus_log::{BusLog, LogFile};
 use crate::machine::Machine;
-use crate::port::sim::Observer;
 use crate::port::url::{BusUrl, End};
 use crate::port::wire::Wire;
 use crate::port::{PortError, url};
@@ -18,6 +17,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
 use syncline_drives::bus::Transmission;
+use syncline_drives::world::Observer;
 
 /// Where frames go.
 #[derive(Debug, clap::Args)]

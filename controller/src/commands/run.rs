@@ -8,13 +8,12 @@ use super::switches::Switches;
 use super::{Exit, bad_input, duration, report};
 use crate::control::{Controller, End, Event, Layout, Order, Row};
 use crate::machine::{COORDINATES, Machine};
-use crate::port::sim::Observer;
-use crate::port::{self, url};
+use crate::port::{self, Ports, url};
 use crate::program::{Beginning, Extent, Moves, Program, counted_speed};
 use crate::realtime;
 use crate::run::frames::SharedFrames;
 use crate::run::planning::Planning;
-use crate::run::real_time::{Cycle, Link, Measured, News, Ports, Timing, late_after};
+use crate::run::real_time::{Cycle, Link, Measured, News, Timing, late_after};
 use crate::run::recorder::{Recorder, Summary};
 use crate::timing::Stage;
 use crossbeam::channel::{self, Receiver};
@@ -26,6 +25,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
+use syncline_drives::world::{Observer, World};
 use syncline_gcode::Tables;
 use syncline_trajectory::path::Jog;
 
@@ -90,6 +90,7 @@ impl Args {
             layout,
             program,
             extent,
+            world,
             ports,
             frames,
             listeners,
@@ -110,7 +111,7 @@ impl Args {
             claims,
             results,
         };
-        match run.execute(ports) {
+        match run.execute(world, ports) {
             Ok(exit) => exit,
             Err(error) => {
                 report(&*error);
@@ -126,6 +127,7 @@ struct Prepared {
     layout: Arc<Layout>,
     program: Program,
     extent: Extent,
+    world: World,
     ports: Ports,
     frames: SharedFrames,
     listeners: Listeners,
@@ -152,16 +154,17 @@ impl Args {
         }
         let frames = SharedFrames::new(&machine);
         let mut listeners = logs.listeners();
-        let mut ports = Ports::new();
+        let mut observers: Vec<Observer> = Vec::with_capacity(machine.buses.len());
         for bus in 0..machine.buses.len() {
-            let observer: Observer = if lockstep(&machine) {
+            observers.push(if lockstep(&machine) {
                 Box::new(frames.observer(bus))
             } else {
                 listeners.overhear(bus, frames.clone())?
-            };
-            let port = port::open(&machine, bus, self.seed, observer)?;
+            });
+        }
+        let (world, ports) = port::open(&machine, self.seed, observers)?;
+        for port in &ports {
             port.notes().iter().for_each(|note| eprintln!("{note}"));
-            ports.push(port);
         }
         logs.record(&machine, &frames, &mut listeners)?;
         Ok(Prepared {
@@ -169,6 +172,7 @@ impl Args {
             layout,
             program,
             extent,
+            world,
             ports,
             frames,
             listeners,
@@ -273,7 +277,7 @@ impl Person {
 }
 
 impl Run<'_> {
-    fn execute(mut self, ports: Ports) -> Result<Exit, Box<dyn Error>> {
+    fn execute(mut self, world: World, ports: Ports) -> Result<Exit, Box<dyn Error>> {
         let lockstep = lockstep(self.machine);
         let timing = Timing {
             settings: realtime::Settings {
@@ -300,7 +304,7 @@ impl Run<'_> {
         let interrupted = Arc::clone(&person.interrupted);
         ctrlc::set_handler(move || interrupted.store(true, Ordering::Relaxed))?;
 
-        let (cycle, link, instructions) = Cycle::new(self.layout, ports, timing);
+        let (cycle, link, instructions) = Cycle::new(self.layout, world, ports, timing);
         let (upcoming, mut moves) = Moves::new();
         let mut planning = Planning::new(self.program.clone(), upcoming, instructions)?;
         let outcome = std::thread::scope(|scope| {

@@ -120,7 +120,8 @@ fn counting_machine() -> (Driver<9, Box<dyn crate::port::Port + Send>>, Arc<Aske
             asked: Arc::clone(&asked),
         });
     }
-    let mut machine = Driver::new(Arc::new(layout), shape.sim_ports(), Instant::ZERO);
+    let (world, ports) = shape.simulated();
+    let mut machine = Driver::new(Arc::new(layout), world, ports, Instant::ZERO);
     while machine.controller.ready().is_none() {
         let wake = machine.controller.next_wake().unwrap();
         machine.step(wake.at()).unwrap();

@@ -4,6 +4,7 @@ use crate::control::{Controller, Layout, Wake};
 use crate::port::{Outbox, Port, PortError, Received};
 use std::sync::Arc;
 use syncline_canopen::Instant;
+use syncline_drives::world::World;
 
 /// A controller with its ports. Nothing allocates after construction.
 pub struct Driver<const N: usize, P> {
@@ -11,20 +12,24 @@ pub struct Driver<const N: usize, P> {
     pub controller: Controller<N>,
     /// One a bus.
     pub ports: Vec<P>,
+    /// Where the simulated buses are.
+    pub world: World,
     outboxes: Vec<Outbox>,
     /// What the last collection brought, by bus.
     inbox: Vec<(usize, Received)>,
 }
 
 impl<const N: usize, P: Port> Driver<N, P> {
-    /// A machine on its buses, one port for each, that is switched on at `start`.
+    /// A machine on its buses, one port for each, that is switched on at `start`; simulated ones
+    /// are in `world`.
     #[must_use]
-    pub fn new(layout: Arc<Layout>, ports: Vec<P>, start: Instant) -> Self {
+    pub fn new(layout: Arc<Layout>, world: World, ports: Vec<P>, start: Instant) -> Self {
         Self {
             outboxes: vec![Outbox::default(); ports.len()],
             inbox: Vec::with_capacity(8 * layout.drives.len() + 64),
             controller: Controller::new(layout, start),
             ports,
+            world,
         }
     }
 
@@ -34,7 +39,7 @@ impl<const N: usize, P: Port> Driver<N, P> {
         matches!(self.controller.next_wake(), Some(Wake::Setpoint(_)))
     }
 
-    /// Lets simulated buses live up to `now`, and before setpoints takes what has arrived: one
+    /// Lets the simulated world live up to `now`, and before setpoints takes what has arrived: one
     /// receive call a bus and cycle, and nothing in front of SYNC.
     ///
     /// # Errors
@@ -43,11 +48,12 @@ impl<const N: usize, P: Port> Driver<N, P> {
         self.inbox.clear();
         let receives = self.setpoints_are_next();
         let mut failed = None;
+        self.world.advance_to(now);
+        if !receives {
+            return Ok(&self.inbox);
+        }
         for (bus, port) in self.ports.iter_mut().enumerate() {
-            port.advance_to(now);
-            if !receives {
-                continue;
-            }
+            port.exchange(&mut self.world);
             let inbox = &mut self.inbox;
             let received = port.receive(&mut |received| {
                 // Beyond the capacity is a flooded bus: dropped like a full socket would.
@@ -96,6 +102,9 @@ impl<const N: usize, P: Port> Driver<N, P> {
                 self.controller.bus_failed(bus);
                 failed = failed.and(Err(error));
             }
+        }
+        for port in &mut self.ports {
+            port.exchange(&mut self.world);
         }
         failed
     }

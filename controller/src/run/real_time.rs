@@ -10,7 +10,7 @@
 use super::driver::Driver;
 use crate::control::{Controller, Event, Instruction, Layout, Order, Phase, Row};
 use crate::machine::{COORDINATES, Position};
-use crate::port::{Port, PortError};
+use crate::port::{Port, PortError, Ports};
 use crate::realtime::{self, Granted};
 use crate::timing::{Distribution, Stage, Stages};
 use rtrb::{Consumer, Producer, PushError, RingBuffer};
@@ -19,6 +19,7 @@ use std::mem::replace;
 use std::sync::Arc;
 use std::time::Duration;
 use syncline_canopen::Instant;
+use syncline_drives::world::World;
 use syncline_trajectory::path::Outlook;
 
 /// Instructions on their way into the cycle.
@@ -33,9 +34,6 @@ const NEWS: usize = 16_384;
 const NAP: Duration = Duration::from_micros(200);
 /// How long a simulated machine waits for its way to rest, in all.
 const PATIENCE: Duration = Duration::from_millis(200);
-
-/// A machine's buses.
-pub type Ports = Vec<Box<dyn Port + Send>>;
 
 /// What the cycle tells.
 #[derive(Debug)]
@@ -154,6 +152,7 @@ impl Cycle {
     #[must_use]
     pub fn new(
         layout: &Arc<Layout>,
+        world: World,
         ports: Ports,
         timing: Timing,
     ) -> (Self, Link, Producer<Instruction<COORDINATES>>) {
@@ -166,7 +165,7 @@ impl Cycle {
             realtime::now() + 10 * layout.cycle
         };
         let cycle = Self {
-            driver: Driver::new(Arc::clone(layout), ports, start),
+            driver: Driver::new(Arc::clone(layout), world, ports, start),
             timing,
             period: layout.cycle,
             instructions,

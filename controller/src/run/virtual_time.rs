@@ -4,11 +4,12 @@ use super::driver::Driver;
 use super::frames::SharedFrames;
 use crate::control::{Controller, Event, Layout, Row};
 use crate::machine::{COORDINATES, Machine};
-use crate::port::sim::SimPort;
+use crate::port::sim::{SimPort, Simulated};
 use crate::port::{Port, PortError};
 use crate::program::{Feeder, Moves, Program, ProgramError, Upcoming};
 use std::sync::Arc;
 use syncline_canopen::Instant;
+use syncline_drives::world::{Observer, World};
 
 /// A machine of simulated drives and the controller, with a program to run.
 ///
@@ -47,21 +48,29 @@ impl VirtualMachine {
         seed: u64,
     ) -> Result<Self, PortError> {
         let frames = SharedFrames::new(machine);
-        let ports = (0..machine.buses.len())
-            .map(|bus| SimPort::new(machine, bus, seed, frames.observer(bus)))
-            .collect::<Result<Vec<_>, _>>()?;
-        Ok(Self::on(ports, layout, program, frames))
+        let observers =
+            (0..machine.buses.len()).map(|bus| Some(Box::new(frames.observer(bus)) as Observer));
+        let simulated = Simulated::new(machine, seed, observers, |_, _| ())?;
+        let ports = simulated.buses.iter().flatten();
+        let ports = ports.map(|bus| SimPort::new(*bus)).collect();
+        Ok(Self::on(simulated.world, ports, layout, program, frames))
     }
 }
 
 impl<P: Port> VirtualMachine<P> {
-    /// A machine on ports of the caller's, one a bus, whose simulated buses tell `frames` what
+    /// A machine on ports of the caller's, one a bus of `world`, whose buses tell `frames` what
     /// they carry.
     #[must_use]
-    pub fn on(ports: Vec<P>, layout: Arc<Layout>, program: Program, frames: SharedFrames) -> Self {
+    pub fn on(
+        world: World,
+        ports: Vec<P>,
+        layout: Arc<Layout>,
+        program: Program,
+        frames: SharedFrames,
+    ) -> Self {
         let (upcoming, moves) = Moves::new();
         Self {
-            driver: Driver::new(layout, ports, Instant::ZERO),
+            driver: Driver::new(layout, world, ports, Instant::ZERO),
             frames,
             program,
             upcoming: Some(upcoming),
@@ -132,6 +141,11 @@ impl<P: Port> VirtualMachine<P> {
     /// The port of the bus with this index, to interfere with it.
     pub fn bus(&mut self, bus: usize) -> &mut P {
         &mut self.driver.ports[bus]
+    }
+
+    /// The simulated world, to look at it and to interfere with it.
+    pub fn world(&mut self) -> &mut World {
+        &mut self.driver.world
     }
 
     /// Virtual time.

@@ -3,12 +3,13 @@
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::{Arc, Mutex};
 use syncline_canopen::time::Duration;
-use syncline_canopen::{CanId, CobId, Frame, Instant, NodeId};
+use syncline_canopen::{CanId, CobId, Frame, NodeId};
 use syncline_controller::bench::rig::{Shape, Shuttle, ready_machine};
 use syncline_controller::control::{End, Event, Fault};
 use syncline_controller::port::bus_fault::BusFault;
 use syncline_controller::port::{Burst, Port, PortError, Received};
 use syncline_controller::run::driver::Driver;
+use syncline_drives::world::World;
 
 const CYCLE: Duration = Duration::from_millis(2);
 
@@ -40,8 +41,8 @@ impl Plug {
 }
 
 impl Port for Plug {
-    fn advance_to(&mut self, now: Instant) {
-        self.port.advance_to(now);
+    fn exchange(&mut self, world: &mut World) {
+        self.port.exchange(world);
     }
     fn echoes(&self) -> bool {
         self.port.echoes()

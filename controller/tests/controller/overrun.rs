@@ -6,13 +6,13 @@ use syncline_canopen::time::Duration;
 use syncline_canopen::{Frame, Instant};
 use syncline_controller::bench::rig::{Shape, Shuttle, ready_machine};
 use syncline_controller::control::{End, Event, Fault, Layout, Phase, Wake};
-use syncline_controller::port::sim::{self, SimPort};
+use syncline_controller::port::sim::{self, SimPort, Simulated};
 use syncline_controller::port::{Burst, Port, PortError, Received};
 use syncline_controller::realtime;
 use syncline_controller::run::driver::Driver;
 use syncline_controller::run::real_time::{Cycle, Timing};
-use syncline_drives::bus::BitRate;
-use syncline_drives::twin::lxm32m::{Twin, TwinConfig};
+use syncline_drives::twin::Config;
+use syncline_drives::world::{Observer, World};
 
 const CYCLE: Duration = Duration::from_millis(2);
 
@@ -95,7 +95,8 @@ fn one_lost_cycle_is_counted_and_the_next_setpoint_is_that_of_its_own_instant() 
 fn a_late_first_wake_up_leaves_nothing_out() {
     let shape = Shape::on_fewest_buses(1, CYCLE).unwrap();
     let layout = Arc::new(shape.layout());
-    let mut machine = Driver::<9, _>::new(layout, shape.sim_ports(), Instant::ZERO);
+    let (world, ports) = shape.simulated();
+    let mut machine = Driver::<9, _>::new(layout, world, ports, Instant::ZERO);
     let phases: Vec<Phase> = (0..40)
         .flat_map(|wake| {
             let due = machine.controller.next_wake().unwrap().at();
@@ -138,14 +139,16 @@ fn two_nodes_with_one_id_are_a_fault_before_power_is_on() {
     let file = std::path::Path::new("../examples/portal/machine.toml");
     let machine = syncline_controller::machine::Machine::load(file).unwrap();
     let layout = std::sync::Arc::new(Layout::new(&machine).unwrap());
-    let stranger = TwinConfig {
+    let observer: Observer = Box::new(|_| ());
+    let simulated = Simulated::new(&machine, 0, [Some(observer)], |_, _| ()).unwrap();
+    let (mut world, bus) = (simulated.world, simulated.buses[0].unwrap());
+    let stranger = Config {
         seed: 7,
-        ..TwinConfig::new(machine.drives[2].node)
+        ..Config::new(machine.drives[2].node)
     };
-    let twins = sim::twins(&machine, 0, 0).chain([stranger]).map(Twin::new);
-    let bit_rate = BitRate::from_kbit(1000).unwrap();
-    let bus = SimPort::of_twins(bit_rate, twins, |_| ());
-    let mut machine: Driver<9, SimPort> = Driver::new(layout, vec![bus], Instant::ZERO);
+    world.attach(bus, sim::twin(machine.drives[2].model, &stranger));
+    let ports = vec![SimPort::new(bus)];
+    let mut machine: Driver<9, SimPort> = Driver::new(layout, world, ports, Instant::ZERO);
     let mut phases = Vec::new();
     while let Some(wake) = machine.controller.next_wake() {
         machine.step(wake.at()).unwrap();
@@ -169,8 +172,8 @@ struct Troubled {
 }
 
 impl Port for Troubled {
-    fn advance_to(&mut self, now: Instant) {
-        self.port.advance_to(now);
+    fn exchange(&mut self, world: &mut World) {
+        self.port.exchange(world);
     }
     fn echoes(&self) -> bool {
         self.port.echoes()
@@ -199,9 +202,10 @@ fn the_stage_that_made_a_wake_up_late_is_told() {
     let file = std::path::Path::new("../examples/portal/machine.toml");
     let machine = syncline_controller::machine::Machine::load(file).unwrap();
     let layout = std::sync::Arc::new(Layout::new(&machine).unwrap());
-    let sim = syncline_controller::port::open(&machine, 0, 0, |_| ()).unwrap();
+    let (world, mut ports) =
+        syncline_controller::port::open(&machine, 0, vec![Box::new(|_| ())]).unwrap();
     let slow = Troubled {
-        port: sim,
+        port: ports.remove(0),
         delay: 20 * CYCLE,
         drops: 0,
     };
@@ -214,7 +218,7 @@ fn the_stage_that_made_a_wake_up_late_is_told() {
         lockstep: true,
         strict: false,
     };
-    let (cycle, link, instructions) = Cycle::new(&layout, vec![Box::new(slow)], timing);
+    let (cycle, link, instructions) = Cycle::new(&layout, world, vec![Box::new(slow)], timing);
     // Nobody is there: it begins its way down at once.
     drop((link, instructions));
     let (_, measured) = cycle.run(|granted| granted);

@@ -6,8 +6,9 @@ use syncline_canopen::time::Duration;
 use syncline_canopen::{Frame, Instant};
 use syncline_controller::control::{Layout, Wake};
 use syncline_controller::machine::Machine;
-use syncline_controller::port::sim::SimPort;
+use syncline_controller::port::sim::{SimPort, Simulated};
 use syncline_controller::run::driver::Driver;
+use syncline_drives::world::Observer;
 
 const MACHINE: &str = concat!(
     env!("CARGO_MANIFEST_DIR"),
@@ -21,13 +22,15 @@ fn frames(start: Duration) -> Vec<(Duration, Frame)> {
     let layout = Arc::new(Layout::new(&machine).unwrap());
     let seen = Arc::new(Mutex::new(Vec::new()));
     let observed = Arc::clone(&seen);
-    let port = SimPort::new(&machine, 0, 0, move |frame| {
+    let observer: Observer = Box::new(move |frame| {
         let since = (frame.start - Instant::ZERO).checked_sub(start);
         let since = since.expect("no frame before the drives are switched on");
         observed.lock().unwrap().push((since, frame.frame));
     });
     let start = Instant::ZERO + start;
-    let mut driver = Driver::<9, _>::new(layout, vec![port.unwrap()], start);
+    let simulated = Simulated::new(&machine, 0, [Some(observer)], |_, _| ()).unwrap();
+    let ports = vec![SimPort::new(simulated.buses[0].unwrap())];
+    let mut driver = Driver::<9, _>::new(layout, simulated.world, ports, start);
     for _ in 0..1000 {
         let now = driver.controller.next_wake().map(Wake::at).unwrap();
         for (_, received) in driver.collect(now).unwrap() {

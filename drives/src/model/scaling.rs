@@ -163,6 +163,12 @@ impl Scaling {
         }
     }
 
+    /// Where the motor's shaft stands at a position of the drive, revolutions.
+    #[must_use]
+    pub fn to_revolutions(&self, position: Increments) -> f64 {
+        position.get() as f64 / self.increments_per_revolution
+    }
+
     /// A length in increments, rounded up, at least one and at most what an INTEGER32 holds.
     #[must_use]
     pub fn magnitude(&self, mm: f64) -> Increments {

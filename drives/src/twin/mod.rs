@@ -1,15 +1,36 @@
-//! Simulated drives: a CANopen node in front, control loops and mechanics behind it.
+//! Simulated devices: a CANopen node in front, control loops and a shaft behind it.
 //!
+//! - [`device`]: what every twin is to a bus, to mechanics, to observers and to tests
+//! - [`TWINS`]: all of them, by the name of the model that each stands for
 //! - [`lxm32m`]: the Lexium 32M
-//! - [`plant`], [`control`], [`clock`]: shaft and encoder, control loops, what paces them
+//! - [`node`]: the CANopen node as a device's processor runs it: delays, losses, restarts
+//! - [`cia402`]: the state machine of a drive
+//! - [`servo`]: cascade, clock, encoder, shaft, ramps
 //! - [`random`]: seeded randomness for noise, delays and oscillators
 //!
-//! A twin is a [`Node`](crate::bus::Node): put it on a [`SimBus`](crate::bus::SimBus), or feed it
-//! the frames of a real bus. It computes in `f64` with `+ - * /` and `sqrt` only, so the same
-//! frames come out on every machine.
+//! A twin is a [`Node`](crate::bus::Node): put it on a [`SimBus`](crate::bus::SimBus) or into a
+//! [`World`](crate::world::World), or feed it the frames of a real bus. It computes in `f64` with
+//! `+ - * /` and `sqrt` only, so the same frames come out on every machine.
+//!
+//! A twin never imports `model`: both read the manual, and a mistake shared by both would hide
+//! itself.
 
-pub mod clock;
-pub mod control;
+pub mod cia402;
+pub mod device;
 pub mod lxm32m;
-pub mod plant;
+pub mod node;
 pub mod random;
+pub mod servo;
+
+pub use device::{Config, Disturbance, ErrorClass, Kind, Observation, SimulatedDevice};
+
+/// Every twin.
+pub static TWINS: [&Kind; 1] = [&lxm32m::KIND];
+
+impl Kind {
+    /// The twin of the model with that name.
+    #[must_use]
+    pub fn by_name(name: &str) -> Option<&'static Self> {
+        TWINS.iter().copied().find(|twin| twin.name == name)
+    }
+}

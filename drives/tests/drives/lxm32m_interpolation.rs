@@ -9,6 +9,7 @@ use syncline_canopen::time::Duration;
 use syncline_canopen::{CanId, CobId, Frame, Instant};
 use syncline_drives::bus::Band;
 use syncline_drives::twin::lxm32m::{Policies, TwinConfig};
+use syncline_drives::twin::{Disturbance, SimulatedDevice};
 
 const START: i64 = 131_072 * 3 + 77;
 
@@ -181,13 +182,13 @@ fn follows_within_a_fraction_of_a_millimetre_and_not_perfectly() {
 fn nothing_moves_before_bit_4_and_the_end_is_orderly() {
     let mut stream = Stream::new(Stream::config());
     stream.until_locked();
-    let rest = stream.bench.twin().position();
+    let rest = stream.bench.twin().observe().position;
     for word in [0x0000, 0x0006, 0x000F] {
         stream.command(word);
         stream.setpoint += 20_000;
     }
     stream.cycles(50);
-    assert!((stream.bench.twin().position() - rest).abs() < 1e-3);
+    assert!((stream.bench.twin().observe().position - rest).abs() < 1e-3);
     stream.setpoint = stream.position;
     stream.command(0x001F);
     stream.travel();
@@ -319,13 +320,13 @@ fn a_wrong_period_never_locks() {
 #[test]
 fn a_blocked_axis_faults_by_following_error_and_a_reset_frees_it() {
     let mut stream = Stream::started(Stream::config());
-    stream.bench.twin().block_axis(true);
+    stream.bench.twin().disturb(Disturbance::Block(true));
     for _ in 0..100 {
         stream.setpoint += 500;
         stream.cycle();
     }
     assert_eq!(stream.bench.read_u16(1, 0x603F, 0), 0xA320);
-    stream.bench.twin().block_axis(false);
+    stream.bench.twin().disturb(Disturbance::Block(false));
     stream.command(0x0000);
     stream.command(0x0080);
     stream.command(0x0000);
@@ -351,7 +352,7 @@ fn same_seed_same_frames_other_seed_others() {
 #[test]
 fn a_drive_left_enabled_is_found_and_switched_off() {
     let mut bench = Bench::one();
-    bench.twin().start_enabled();
+    bench.twin().disturb(Disturbance::FoundEnabled);
     assert_eq!(bench.read_u16(1, 0x6041, 0) & 0x6F, 0x27);
     bench.controlword(1, 0);
     assert_eq!(bench.read_u16(1, 0x6041, 0) & 0x06, 0);
@@ -361,7 +362,7 @@ fn a_drive_left_enabled_is_found_and_switched_off() {
 fn a_reboot_is_announced_and_forgets_the_set_up() {
     let mut stream = Stream::started(Stream::config());
     let from = stream.bench.log.len();
-    stream.bench.twin().reboot();
+    stream.bench.twin().disturb(Disturbance::Reset);
     let boot_up = stream.bench.expect(from, 0x701, ms(100)).expect("boot-up");
     stream.bench.wait(ms(5));
     assert_eq!(boot_up, Frame::new(CobId::error_control(id(1)), &[0]));
@@ -391,11 +392,11 @@ fn halt_brakes_and_bit_4_has_to_fall_before_the_mode_starts_again() {
         0x4500,
         "halt, standstill, x_end, not started"
     );
-    let rest = stream.bench.twin().position();
+    let rest = stream.bench.twin().observe().position;
     stream.setpoint = stream.position;
     stream.command(0x001F);
     cruise(&mut stream, 50);
-    assert!((stream.bench.twin().position() - rest).abs() < 1e-3);
+    assert!((stream.bench.twin().observe().position - rest).abs() < 1e-3);
     stream.setpoint = stream.position;
     stream.command(0x000F);
     stream.command(0x001F);
@@ -406,12 +407,12 @@ fn halt_brakes_and_bit_4_has_to_fall_before_the_mode_starts_again() {
 fn quick_stop_brakes_along_its_ramp_and_ends_the_mode() {
     let mut stream = Stream::started(Stream::config());
     cruise(&mut stream, 500);
-    let speed = stream.bench.twin().velocity();
+    let speed = stream.bench.twin().observe().velocity;
     assert!((speed - 600.0 * 500.0 / 131_072.0).abs() < 0.01, "{speed}");
     stream.controlword = 0x001B;
     cruise(&mut stream, 12);
     // 6000 rpm/s take this speed away in 23 ms.
-    let left = stream.bench.twin().velocity();
+    let left = stream.bench.twin().observe().velocity;
     assert!(left < 0.5 * speed && left > 0.0, "{left}");
     cruise(&mut stream, 50);
     assert_eq!(stream.bench.twin().state(), State::QuickStopActive);
@@ -429,7 +430,7 @@ fn ending_the_mode_in_motion_brakes() {
     cruise(&mut stream, 500);
     assert_eq!(stream.status & 0x5000, 0x4000);
     assert_eq!(stream.bench.twin().state(), State::OperationEnabled);
-    assert!(stream.bench.twin().velocity().abs() < 1e-2);
+    assert!(stream.bench.twin().observe().velocity.abs() < 1e-2);
 }
 
 #[test]
@@ -468,7 +469,7 @@ fn by_sdo_the_mode_takes_an_edge_after_enabling() {
 #[test]
 fn lost_t_pdos_do_not_disturb_the_drive() {
     let mut stream = Stream::started(Stream::config());
-    stream.bench.twin().drop_t_pdos(20);
+    stream.bench.twin().disturb(Disturbance::LoseTPdos(20));
     let before = stream.position;
     cruise(&mut stream, 20);
     assert_eq!(stream.position, before);

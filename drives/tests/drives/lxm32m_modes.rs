@@ -5,6 +5,7 @@ use crate::common::{
     status, wait_for,
 };
 use syncline_canopen::cia402::State;
+use syncline_drives::twin::SimulatedDevice;
 use syncline_drives::twin::lxm32m::{Switches, TwinConfig};
 
 #[test]
@@ -111,8 +112,8 @@ fn change_on_set_point_does_not_stop_at_the_first_target() {
             bench.controlword(1, 0x001F | bit_9);
         }
         let mut slowest = f64::MAX;
-        while bench.twin().position() * 16384.0 < 70_000.0 {
-            if (bench.twin().position() * 16384.0 - 40_000.0).abs() < 2_000.0 {
+        while bench.twin().observe().position * 16384.0 < 70_000.0 {
+            if (bench.twin().observe().position * 16384.0 - 40_000.0).abs() < 2_000.0 {
                 slowest = slowest.min(rpm(&mut bench));
             }
             bench.wait(ms(1));
@@ -166,21 +167,21 @@ fn gear_follows_the_pulse_source() {
     set(&mut bench, 0x3026, 4, 100);
     set(&mut bench, 0x301B, 0x12, 1);
     bench.wait(ms(1000));
-    let (start, at) = (bench.twin().position(), bench.now());
+    let (start, at) = (bench.twin().observe().position, bench.now());
     bench.wait(ms(1000));
-    let moved = (bench.twin().position() - start) * 131_072.0;
+    let moved = (bench.twin().observe().position - start) * 131_072.0;
     let seconds = (bench.now() - at).as_secs_f64();
     assert!((moved - 100_000.0 * seconds).abs() < 300.0, "{moved}");
     set(&mut bench, 0x301B, 0x12, 0);
     wait_for(&mut bench, X_END, 2);
     // Compensated: pulses that came meanwhile are made up for.
-    let before = bench.twin().position();
+    let before = bench.twin().observe().position;
     bench.wait(ms(500));
     set(&mut bench, 0x301B, 0x12, 2);
     bench.wait(ms(50));
     bench.twin().set_pulse_frequency(0.0);
     bench.wait(ms(2000));
-    let moved = (bench.twin().position() - before) * 131_072.0;
+    let moved = (bench.twin().observe().position - before) * 131_072.0;
     assert!(moved > 50_000.0, "{moved}, {:?}", bench.twin().state());
 }
 
@@ -193,13 +194,13 @@ fn gear_may_be_barred_in_one_direction() {
     set(&mut bench, 0x301B, 0x12, 1);
     bench.twin().set_pulse_frequency(-1000.0);
     bench.wait(ms(500));
-    assert!(bench.twin().position().abs() < 0.01);
+    assert!(bench.twin().observe().position.abs() < 0.01);
     // What was barred is lost, not made up for.
     bench.twin().set_pulse_frequency(1000.0);
     bench.wait(ms(30));
     assert!(bench.read_i32(1, 0x301F, 0x0D) > 0);
     bench.wait(ms(970));
-    let moved = bench.twin().position() * 131_072.0;
+    let moved = bench.twin().observe().position * 131_072.0;
     assert!((80_000.0..120_000.0).contains(&moved), "{moved}");
     assert_eq!(bench.read_i32(1, 0x301F, 0x0D), 0);
 }
@@ -360,7 +361,7 @@ fn every_method_finds_its_reference_point_from_everywhere() {
             );
             wait_for(&mut bench, X_END | BIT_12 | TARGET_REACHED | REF_OK, 30);
             let user = f64::from(bench.read_i32(1, 0x6064, 0)) - 5000.0;
-            let actual = bench.twin().position();
+            let actual = bench.twin().observe().position;
             let referenced = actual - user / 16384.0;
             assert!(
                 (referenced - point).abs() < 2e-3,
@@ -385,7 +386,7 @@ fn position_setting_moves_nothing() {
     // Bit 15 outlives the power stage (1351).
     bench.controlword(1, 0x0000);
     assert_ne!(status(&mut bench) & REF_OK, 0);
-    assert!((bench.twin().position() - 1.25).abs() < 1e-3);
+    assert!((bench.twin().observe().position - 1.25).abs() < 1e-3);
 }
 
 #[test]
@@ -417,5 +418,5 @@ fn a_limit_switch_stops_a_profile_movement() {
     set(&mut bench, 0x60FF, 0, 300);
     wait_for(&mut bench, X_ERR | X_END, 5);
     assert_eq!(bench.twin().state(), State::QuickStopActive);
-    assert!((3.3..3.9).contains(&bench.twin().position()));
+    assert!((3.3..3.9).contains(&bench.twin().observe().position));
 }

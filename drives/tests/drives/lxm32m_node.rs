@@ -7,7 +7,8 @@ use syncline_canopen::nmt::{self, Command};
 use syncline_canopen::sdo::AbortCode;
 use syncline_canopen::time::Duration;
 use syncline_canopen::{Address, CanId, Frame};
-use syncline_drives::twin::lxm32m::{DriveError, ErrorClass, Identity, Policies, TwinConfig};
+use syncline_drives::twin::lxm32m::{DriveError, Identity, Policies, TwinConfig};
+use syncline_drives::twin::{Disturbance, ErrorClass, SimulatedDevice};
 
 fn enabled() -> Bench {
     let mut bench = Bench::one();
@@ -24,7 +25,7 @@ fn moving() -> Bench {
     bench.write(1, 0x6060, 0, &[3]).unwrap();
     bench.write(1, 0x60FF, 0, &300u32.to_le_bytes()).unwrap();
     bench.wait(ms(1000));
-    assert!(bench.twin().velocity() > 4.0);
+    assert!(bench.twin().observe().velocity > 4.0);
     bench
 }
 
@@ -41,7 +42,7 @@ fn boots_into_pre_operational_and_says_who_it_is() {
         frames(&bench, 0, 0x701),
         [Frame::new(CanId::Standard(0x701), &[0])]
     );
-    assert_eq!(bench.twin().nmt_state(), nmt::State::PreOperational);
+    assert_eq!(bench.twin().observe().nmt_state, nmt::State::PreOperational);
     assert_eq!(
         bench.read(1, 0x1000, 0).unwrap(),
         0x0042_0192u32.to_le_bytes()
@@ -81,7 +82,7 @@ fn stopping_or_resetting_the_node_with_power_on_is_an_error_of_class_2() {
         );
         bench.wait(ms(1000));
         assert_eq!(bench.twin().state(), State::Fault);
-        assert!(bench.twin().velocity().abs() < 1e-3);
+        assert!(bench.twin().observe().velocity.abs() < 1e-3);
         bench.nmt(Command::EnterPreOperational, 1);
         bench.wait(ms(10));
         if command == Command::Stop {
@@ -114,7 +115,7 @@ fn stored_parameters_survive_power_and_unstored_ones_do_not() {
     let mut bench = Bench::one();
     let reboot = |bench: &mut Bench| {
         let from = bench.log.len();
-        bench.twin().reboot();
+        bench.twin().disturb(Disturbance::Reset);
         bench.expect(from, 0x701, ms(100)).expect("boot-up");
     };
     bench.write(1, 0x3029, 4, &111u32.to_le_bytes()).unwrap();
@@ -165,7 +166,7 @@ fn a_watched_heartbeat_that_stays_away_is_a_fault_and_leaves_operational() {
     let from = bench.log.len();
     bench.wait(ms(100));
     assert_eq!(bench.twin().state(), State::Fault);
-    assert_eq!(bench.twin().nmt_state(), nmt::State::PreOperational);
+    assert_eq!(bench.twin().observe().nmt_state, nmt::State::PreOperational);
     let emcy = frames(&bench, from, 0x081);
     assert_eq!(emcy[0].data()[..3], [0x30, 0x81, 0x11]);
 }
@@ -191,11 +192,11 @@ fn three_heartbeats_are_watched_and_1029_says_what_follows() {
                     bench.send(node, &[5]);
                 }
             }
-            let before = bench.twin().nmt_state();
+            let before = bench.twin().observe().nmt_state;
             assert!(before == nmt::State::Operational || silent > 5, "{silent}");
             bench.wait(ms(40));
         }
-        assert_eq!(bench.twin().nmt_state(), state);
+        assert_eq!(bench.twin().observe().nmt_state, state);
         assert_eq!(bench.twin().state(), State::Fault);
     }
 }
@@ -293,17 +294,17 @@ fn without_mains_there_is_no_way_to_state_4() {
     let mut bench = Bench::one();
     let status = |bench: &mut Bench| bench.twin().statusword();
     assert!(status(&mut bench).has(Statusword::VOLTAGE_ENABLED));
-    bench.twin().set_mains(false);
+    bench.twin().disturb(Disturbance::Mains(false));
     for word in [0x0000, 0x0006, 0x000F] {
         bench.controlword(1, word);
         assert_eq!(bench.twin().state(), State::SwitchOnDisabled);
     }
     assert!(!status(&mut bench).has(Statusword::VOLTAGE_ENABLED));
-    bench.twin().set_mains(true);
+    bench.twin().disturb(Disturbance::Mains(true));
     bench.wait(ms(10));
     assert_eq!(bench.twin().state(), State::ReadyToSwitchOn);
     let mut bench = moving();
-    bench.twin().set_mains(false);
+    bench.twin().disturb(Disturbance::Mains(false));
     bench.wait(ms(5));
     assert_eq!(bench.twin().state(), State::Fault);
 }
@@ -313,7 +314,7 @@ fn without_mains_there_is_no_way_to_state_4() {
 fn another_access_channel_leaves_the_fieldbus_parameters_only() {
     let mut bench = enabled();
     bench.nmt(Command::Start, 1);
-    bench.twin().set_remote(false);
+    bench.twin().disturb(Disturbance::Remote(false));
     assert!(!bench.twin().statusword().has(Statusword::REMOTE));
     let refused = bench.write(1, 0x6040, 0, &[0, 0]);
     assert_eq!(refused, Err(AbortCode::LocalControl.code()));
@@ -322,7 +323,7 @@ fn another_access_channel_leaves_the_fieldbus_parameters_only() {
     assert_eq!(bench.twin().state(), State::OperationEnabled);
     assert_eq!(bench.write(1, 0x6081, 0, &77u32.to_le_bytes()), Ok(()));
     assert_eq!(bench.read_i32(1, 0x6081, 0), 77);
-    bench.twin().set_remote(true);
+    bench.twin().disturb(Disturbance::Remote(true));
     bench.send(0x201, &[0, 0]);
     bench.wait(ms(5));
     assert_eq!(bench.twin().state(), State::ReadyToSwitchOn);
@@ -349,7 +350,7 @@ fn a_warning_shows_for_a_tenth_of_a_second() {
 fn a_fault_is_told_kept_and_reset_by_the_edge_once_its_cause_is_gone() {
     let mut bench = enabled();
     let from = bench.log.len();
-    bench.twin().cause_persists(true);
+    bench.twin().disturb(Disturbance::FaultPersists(true));
     bench.twin().raise(DriveError {
         class: ErrorClass::SwitchOff,
         number: 0x1A2B,
@@ -376,7 +377,7 @@ fn a_fault_is_told_kept_and_reset_by_the_edge_once_its_cause_is_gone() {
         State::Fault,
         "the cause is still there"
     );
-    bench.twin().cause_persists(false);
+    bench.twin().disturb(Disturbance::FaultPersists(false));
     bench.controlword(1, 0x0080);
     assert_eq!(bench.twin().state(), State::Fault, "no edge");
     bench.controlword(1, 0x0000);
@@ -460,9 +461,10 @@ fn writes_that_are_wrong_get_the_manuals_abort_codes() {
             "{index:04X}:{sub}"
         );
     }
-    bench
-        .twin()
-        .refuse_write(Address::new(0x6065, 0), AbortCode::General);
+    bench.twin().disturb(Disturbance::RefuseWrite(
+        Address::new(0x6065, 0),
+        AbortCode::General,
+    ));
     assert_eq!(
         bench.write(1, 0x6065, 0, &[0; 4]),
         Err(AbortCode::General.code())
@@ -683,11 +685,11 @@ fn a_mapping_beyond_eight_bytes_is_refused() {
 fn a_mute_node_says_nothing_and_comes_back() {
     let mut bench = Bench::one();
     bench.write(1, 0x1017, 0, &[10, 0]).unwrap();
-    bench.twin().mute(true);
+    bench.twin().disturb(Disturbance::Mute(true));
     let from = bench.log.len();
     bench.wait(ms(200));
     assert_eq!(bench.log.len(), from);
-    bench.twin().mute(false);
+    bench.twin().disturb(Disturbance::Mute(false));
     bench.wait(ms(100));
     assert!(bench.log.len() > from);
 }
@@ -695,7 +697,7 @@ fn a_mute_node_says_nothing_and_comes_back() {
 #[test]
 fn dropped_t_pdos_are_lost_and_no_more() {
     let mut bench = mapped(1);
-    bench.twin().drop_t_pdos(2);
+    bench.twin().disturb(Disturbance::LoseTPdos(2));
     assert_eq!(syncs(&mut bench, 10), 8);
 }
 

@@ -6,6 +6,7 @@ use syncline_canopen::cia402::State;
 use syncline_canopen::nmt::Command;
 use syncline_canopen::{CanId, Frame};
 use syncline_drives::bus::Band;
+use syncline_drives::twin::SimulatedDevice;
 use syncline_drives::twin::lxm32m::{DriveError, Policies, TwinConfig};
 
 const STATES: [State; 7] = [
@@ -104,17 +105,17 @@ proptest! {
         let policies = if tolerant { Policies::tolerant() } else { Policies::default() };
         let mut bench = bench_in(state, node, policies);
         let mut enabled = bench.twin().state().is_powered();
-        let rest = bench.twin().position();
+        let rest = bench.twin().observe().position;
         for (frame, wait) in frames {
             enabled |= may_enable(&frame);
             bench.bus.send(Band::Acyclic, frame);
             bench.wait(std::time::Duration::from_micros(wait));
             let twin = bench.twin();
-            prop_assert!(twin.position().is_finite() && twin.velocity().is_finite());
+            prop_assert!(twin.observe().position.is_finite() && twin.observe().velocity.is_finite());
             if !enabled {
                 prop_assert!(!twin.state().is_powered(), "{:?}", twin.state());
-                prop_assert_eq!(twin.torque(), 0.0);
-                prop_assert_eq!(twin.position(), rest);
+                prop_assert_eq!(twin.observe().torque, 0.0);
+                prop_assert_eq!(twin.observe().position, rest);
             }
         }
     }

@@ -8,6 +8,7 @@ use crate::common::{
 use std::fmt::Write;
 use syncline_canopen::cia402::{State, Statusword};
 use syncline_drives::twin::lxm32m::{Policies, Switches, TwinConfig, storage_only};
+use syncline_drives::twin::{Disturbance, SimulatedDevice};
 
 /// usr_p in a revolution.
 const REVOLUTION: i32 = 16_384;
@@ -90,7 +91,7 @@ fn software_limits_stop_every_movement() {
         run(&mut bench, false);
         bench.wait(ms(100));
         assert_eq!(bench.twin().state(), State::OperationEnabled);
-        assert!(bench.twin().velocity() < 0.0);
+        assert!(bench.twin().observe().velocity < 0.0);
         wait_for(&mut bench, X_ERR | X_END, 10);
         bench.wait(ms(200));
         assert!(position(&mut bench) < -2 * REVOLUTION + 2000);
@@ -403,7 +404,7 @@ fn a_load_is_warned_of_and_then_an_error() {
         set(&mut bench, 0x6081, 0, 10);
         set(&mut bench, 0x607A, 0, 100 * REVOLUTION);
         bench.controlword(1, 0x001F);
-        bench.twin().block_axis(true);
+        bench.twin().disturb(Disturbance::Block(true));
         wait_for(&mut bench, Statusword::WARNING, 5);
         assert_eq!(bench.twin().state(), State::OperationEnabled);
         assert_eq!(bench.read_u16(1, 0x301C, 9), 0xA321);

@@ -5,7 +5,8 @@ use syncline_canopen::time::Duration;
 use syncline_canopen::{CanId, CobId, Frame, Instant, NodeId, nmt};
 use syncline_controller::control::{End, Event, Phase};
 use syncline_drives::bus::{Sender, Transmission};
-use syncline_drives::twin::lxm32m::DriveError;
+use syncline_drives::twin::Disturbance;
+use syncline_drives::twin::lxm32m::{DriveError, Twin};
 use syncline_tests::rig::{PORTAL_PROGRAM, Rig};
 
 /// The set-up of Interpolated Position, index:sub, length and value, in its order
@@ -337,8 +338,11 @@ fn the_end_goes_in_its_order() {
                 *syncs.last().unwrap(),
             ];
             assert!(order.is_sorted(), "node {node}: {order:?}");
-            assert!(!rig.twin(drive).state().is_powered());
-            assert_eq!(rig.twin(drive).nmt_state(), nmt::State::PreOperational);
+            assert!(!rig.twin(drive).observe().is_powered);
+            assert_eq!(
+                rig.twin(drive).observe().nmt_state,
+                nmt::State::PreOperational
+            );
         }
     }
 }
@@ -347,7 +351,7 @@ fn the_end_goes_in_its_order() {
 fn a_drive_found_enabled_is_switched_off_before_anything_else() {
     let mut rig = Rig::portal("G0 X10\nM2\n");
     rig.step();
-    rig.twin(2).start_enabled();
+    rig.twin(2).disturb(Disturbance::FoundEnabled);
     assert_eq!(rig.finish(), End::Finished, "{:?}", rig.events);
     let found = |it: &&Event| matches!(it, Event::FoundEnabled { .. });
     let found: Vec<_> = rig.events.iter().filter(found).collect();
@@ -381,7 +385,7 @@ fn a_drive_found_enabled_is_switched_off_before_anything_else() {
 fn what_a_drive_remembers_is_told_and_then_reset() {
     let mut rig = Rig::portal("G0 X10\nM2\n");
     rig.step();
-    rig.twin(1).raise(DriveError::FOLLOWING_ERROR);
+    rig.twin_as::<Twin>(1).raise(DriveError::FOLLOWING_ERROR);
     assert_eq!(rig.finish(), End::Finished, "{:?}", rig.events);
     let told = |object: &str| {
         rig.events.iter().find_map(|event| match event {

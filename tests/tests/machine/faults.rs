@@ -10,7 +10,8 @@ use syncline_controller::control::fault::AwaitedState;
 use syncline_controller::control::{End, Event, Fault, Phase};
 use syncline_controller::port::Received;
 use syncline_drives::model::NotFollowing;
-use syncline_drives::twin::lxm32m::{DriveError, ErrorClass, TwinConfig};
+use syncline_drives::twin::lxm32m::{DriveError, Twin};
+use syncline_drives::twin::{Config, Disturbance, ErrorClass};
 use syncline_tests::rig::{PORTAL_PROGRAM, Rig};
 
 /// A row of [`PORTAL_PROGRAM`] in the midst of its first arc.
@@ -38,7 +39,7 @@ fn moving() -> Rig {
     moving_with(&[], |_, _| ())
 }
 
-fn moving_with(replacements: &[(&str, &str)], configure: impl Fn(usize, &mut TwinConfig)) -> Rig {
+fn moving_with(replacements: &[(&str, &str)], configure: impl Fn(usize, &mut Config)) -> Rig {
     let mut rig = Rig::new("portal", replacements, PORTAL_PROGRAM, configure);
     rig.run_to_row(ON_THE_ARC);
     assert!(rig.rows[ON_THE_ARC].plan.speed > 100.0, "in motion");
@@ -101,7 +102,7 @@ fn assert_switched_off(rig: &mut Rig, controlwords: &[u16]) {
         "never to all nodes"
     );
     for drive in 0..rig.machine.drives.len() {
-        assert!(!rig.twin(drive).state().is_powered(), "drive {drive}");
+        assert!(!rig.twin(drive).observe().is_powered, "drive {drive}");
         let commands = rig.commands(drive);
         let mut words: Vec<u16> = commands.iter().map(|it| it.1).collect();
         words.dedup();
@@ -137,7 +138,7 @@ fn fault_in_motion(interfere: impl FnOnce(&mut Rig)) -> Fault {
 
 /// A fault before the machine moves: the drives are never enabled.
 fn fault_in_bring_up(
-    configure: impl Fn(usize, &mut TwinConfig),
+    configure: impl Fn(usize, &mut Config),
     interfere: impl FnOnce(&mut Rig),
 ) -> Fault {
     let mut rig = Rig::new("portal", &[], PORTAL_PROGRAM, configure);
@@ -159,7 +160,7 @@ fn an_emcy_message() {
         emcy_code: 0x3130,
         register: 4,
     };
-    let fault = fault_in_motion(|rig| rig.twin(Y).raise(error));
+    let fault = fault_in_motion(|rig| rig.twin_as::<Twin>(Y).raise(error));
     let expected = Fault::Emergency {
         drive: Y,
         emergency: Emergency {
@@ -176,7 +177,7 @@ fn a_fault_in_the_statusword_alone() {
     let fault = fault_in_motion(|rig| {
         let no_emcy = |it: &mut Received| !is(it, CobId::emcy(node(Z)), &[]);
         rig.bus().doctor = Some(Box::new(no_emcy));
-        rig.twin(Z).raise(DriveError::FOLLOWING_ERROR);
+        rig.twin_as::<Twin>(Z).raise(DriveError::FOLLOWING_ERROR);
     });
     assert!(
         matches!(fault, Fault::DriveFault { drive: Z, .. }),
@@ -215,9 +216,9 @@ fn a_statusword_that_no_longer_follows() {
 
 #[test]
 fn an_unexpected_reboot() {
-    let quick = |_: usize, config: &mut TwinConfig| config.boot_time = Duration::from_millis(1);
+    let quick = |_: usize, config: &mut Config| config.boot_time = Some(Duration::from_millis(1));
     let mut rig = moving_with(&[], quick);
-    rig.twin(Y).reboot();
+    rig.twin(Y).disturb(Disturbance::Reset);
     assert_eq!(rig.finish_with_fault(), Fault::Rebooted { drive: Y });
     assert_stopped_on_the_path(&mut rig);
 }
@@ -247,7 +248,7 @@ fn a_lost_heartbeat() {
 
 #[test]
 fn a_drive_that_falls_silent() {
-    let fault = fault_in_motion(|rig| rig.twin(Y).mute(true));
+    let fault = fault_in_motion(|rig| rig.twin(Y).disturb(Disturbance::Mute(true)));
     assert_eq!(
         fault,
         Fault::MissingTPdo {
@@ -260,17 +261,17 @@ fn a_drive_that_falls_silent() {
 #[test]
 fn one_missing_t_pdo_is_counted_and_two_in_a_row_are_a_fault() {
     let mut rig = moving();
-    rig.twin(Z).drop_t_pdos(1);
+    rig.twin(Z).disturb(Disturbance::LoseTPdos(1));
     for _ in 0..50 {
         rig.step();
     }
-    rig.twin(Z).drop_t_pdos(1);
+    rig.twin(Z).disturb(Disturbance::LoseTPdos(1));
     assert_eq!(rig.finish(), End::Finished, "{:?}", rig.events);
     let missed = |it: &&Event| **it == Event::MissedTPdo { drive: Z };
     assert_eq!(rig.events.iter().filter(missed).count(), 2);
     assert_eq!(positions(&rig), *NOMINAL);
 
-    let fault = fault_in_motion(|rig| rig.twin(Z).drop_t_pdos(2));
+    let fault = fault_in_motion(|rig| rig.twin(Z).disturb(Disturbance::LoseTPdos(2)));
     assert_eq!(
         fault,
         Fault::MissingTPdo {
@@ -308,7 +309,7 @@ const ALONE: (&str, &str) = (
 #[test]
 fn a_blocked_axis_is_a_following_error() {
     let mut rig = moving_with(&[ALONE], |_, _| ());
-    rig.twin(Y).block_axis(true);
+    rig.twin(Y).disturb(Disturbance::Block(true));
     let fault = rig.finish_with_fault();
     let Fault::FollowingError { axis, error } = fault else {
         panic!("{fault:?}");
@@ -321,7 +322,7 @@ fn a_blocked_axis_is_a_following_error() {
 #[test]
 fn a_blocked_side_of_the_gantry_is_a_skew() {
     let mut rig = moving();
-    rig.twin(X2).block_axis(true);
+    rig.twin(X2).disturb(Disturbance::Block(true));
     let fault = rig.finish_with_fault();
     let Fault::Skew { axis, difference } = fault else {
         panic!("{fault:?}");
@@ -335,7 +336,7 @@ fn a_blocked_side_of_the_gantry_is_a_skew() {
 fn a_drive_that_supervises_itself_switches_off() {
     let mut rig = moving();
     // Its own limit, 6065h, is the same as the controller's, but it looks more often.
-    rig.twin(Y).block_axis(true);
+    rig.twin(Y).disturb(Disturbance::Block(true));
     let fault = rig.finish_with_fault();
     let expected = matches!(
         fault,
@@ -406,11 +407,13 @@ fn an_interrupt_stops_on_the_path() {
 
 // --- bring-up ---
 
-fn as_configured(_: usize, _: &mut TwinConfig) {}
+fn as_configured(_: usize, _: &mut Config) {}
 
 #[test]
 fn a_drive_that_is_not_there() {
-    let fault = fault_in_bring_up(as_configured, |rig| rig.twin(Z).mute(true));
+    let fault = fault_in_bring_up(as_configured, |rig| {
+        rig.twin(Z).disturb(Disturbance::Mute(true))
+    });
     assert_eq!(fault, Fault::NoBootUp { drive: Z });
 }
 
@@ -418,7 +421,7 @@ fn a_drive_that_is_not_there() {
 fn a_drive_that_stops_answering() {
     let fault = fault_in_bring_up(as_configured, |rig| {
         rig.run_to(Phase::SetUp);
-        rig.twin(X2).mute(true);
+        rig.twin(X2).disturb(Disturbance::Mute(true));
     });
     let object = Address::new(0x1000, 0);
     assert_eq!(fault, Fault::SdoTimeout { drive: X2, object });
@@ -426,12 +429,9 @@ fn a_drive_that_stops_answering() {
 
 #[test]
 fn another_device_with_the_nodes_id() {
-    let stranger = |drive: usize, config: &mut TwinConfig| {
-        if drive == Y {
-            config.identity.vendor_id = 0x0000_00B7;
-        }
-    };
-    let fault = fault_in_bring_up(stranger, |_| ());
+    let fault = fault_in_bring_up(as_configured, |rig| {
+        rig.twin(Y).disturb(Disturbance::Vendor(0x0000_00B7));
+    });
     let expected = Fault::WrongIdentity {
         drive: Y,
         object: Address::new(0x1018, 1),
@@ -445,7 +445,9 @@ fn another_device_with_the_nodes_id() {
 fn a_set_up_write_that_is_refused() {
     let object = Address::new(0x60C2, 1);
     let code = AbortCode::InvalidValue;
-    let fault = fault_in_bring_up(as_configured, |rig| rig.twin(Y).refuse_write(object, code));
+    let fault = fault_in_bring_up(as_configured, |rig| {
+        rig.twin(Y).disturb(Disturbance::RefuseWrite(object, code))
+    });
     let expected = Fault::SdoAborted {
         drive: Y,
         object,
@@ -526,12 +528,9 @@ fn a_drive_that_stays_enabled() {
 
 #[test]
 fn a_drive_that_does_not_enable() {
-    let slow = |drive: usize, config: &mut TwinConfig| {
-        if drive == Z {
-            config.policies.enable_time = Duration::from_secs(3600);
-        }
-    };
-    let mut rig = Rig::new("portal", &[], PORTAL_PROGRAM, slow);
+    let mut rig = Rig::portal(PORTAL_PROGRAM);
+    let slow = Disturbance::EnableTime(Duration::from_secs(3600));
+    rig.twin(Z).disturb(slow);
     let fault = rig.finish_with_fault();
     let expected = matches!(
         fault,
@@ -590,12 +589,12 @@ fn an_axis_that_does_not_stand_still_when_its_mode_starts() {
 }
 
 /// Moves drives away from where their axis rests, in millimetres of the portal's X and Y.
-fn displaced(drives: &[usize], mm: f64) -> impl Fn(usize, &mut TwinConfig) {
+fn displaced(drives: &[usize], mm: f64) -> impl Fn(usize, &mut Config) {
     move |drive, config| {
         if drives.contains(&drive) {
             // X2 is mirrored.
             let sign = if drive == X2 { -1.0 } else { 1.0 };
-            config.initial_position += (sign * mm / 20.0 * 131_072.0) as i64;
+            config.position += sign * mm / 20.0;
         }
     }
 }

@@ -4,7 +4,7 @@
 use proptest::prelude::*;
 use syncline_canopen::CobId;
 use syncline_controller::control::{End, Phase};
-use syncline_drives::twin::lxm32m::{DriveError, ErrorClass};
+use syncline_drives::twin::{Disturbance, ErrorClass};
 use syncline_tests::rig::{PORTAL_PROGRAM, Rig};
 
 /// Something that goes wrong, or that a person does.
@@ -41,17 +41,14 @@ impl Event {
     fn happen(self, rig: &mut Rig, drive: usize) {
         match self {
             Self::Interrupt => rig.controller().interrupt(),
-            Self::Error(class) => rig.twin(drive).raise(DriveError {
-                class,
-                ..DriveError::FOLLOWING_ERROR
-            }),
-            Self::Mute => rig.twin(drive).mute(true),
-            Self::Reboot => rig.twin(drive).reboot(),
-            Self::Block => rig.twin(drive).block_axis(true),
+            Self::Error(class) => rig.twin(drive).disturb(Disturbance::Fault(class)),
+            Self::Mute => rig.twin(drive).disturb(Disturbance::Mute(true)),
+            Self::Reboot => rig.twin(drive).disturb(Disturbance::Reset),
+            Self::Block => rig.twin(drive).disturb(Disturbance::Block(true)),
             Self::Drop(count) => rig.bus().drop_bursts = count,
             Self::Delay(count) => rig.bus().delay_bursts = count,
             Self::Tear => rig.bus().tear_bursts = 1,
-            Self::LoseTPdos(count) => rig.twin(drive).drop_t_pdos(count),
+            Self::LoseTPdos(count) => rig.twin(drive).disturb(Disturbance::LoseTPdos(count)),
         }
     }
 }
@@ -75,8 +72,8 @@ fn assert_ended_well(rig: &mut Rig) {
             .count();
         assert!(enables <= 1, "{words:04X?}");
         assert!(words.last().is_none_or(|word| *word == 0), "{words:04X?}");
-        let state = rig.twin(drive).state();
-        assert!(!state.is_powered(), "drive {drive}: {state:?}");
+        let seen = rig.twin(drive).observe();
+        assert!(!seen.is_powered, "drive {drive}: {seen:?}");
         let node = rig.machine.drives[drive].node;
         let last_command = commands.last().map(|it| it.0);
         let last_request = rig.sent(CobId::r_sdo(node)).last().map(|it| it.start);

@@ -1,7 +1,9 @@
 //! What the CANopen node asks of the drive behind it.
 
 use super::drive::Drive;
-use super::fault::DriveError;
+use super::fault::{DriveError, Errors};
+use crate::twin::node::Firmware;
+use syncline_canopen::cia402::State;
 use syncline_canopen::dictionary::{Dictionary, Row};
 use syncline_canopen::emcy::{self, Emergency};
 use syncline_canopen::node::{Application, CommunicationError, Origin};
@@ -116,6 +118,19 @@ impl Application for Drive {
             _ => rows.event_mask_4,
         };
         self.objects.get(mask) as u64
+    }
+}
+
+impl Firmware for Drive {
+    fn run_until(&mut self, now: Instant) {
+        self.advance(now);
+        self.stale = true;
+    }
+
+    /// Nothing drives the shaft, and every error is forgotten.
+    fn power_off(&mut self) {
+        self.enter(State::NotReadyToSwitchOn);
+        self.errors = Errors::new();
     }
 }
 

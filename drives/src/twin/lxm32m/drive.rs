@@ -1,19 +1,22 @@
 //! The drive behind the CANopen node: loops, monitoring, what its objects show.
 
-use super::Identity;
 use super::fault::{DriveError, Errors};
 use super::modes::{Gear, Homing, Interpolation, Jog, Mode, ProfilePosition, Sequence};
-use super::motion::{Motion, Ramp};
+use super::motion::Motion;
 use super::policy::Policies;
 use super::rows::Rows;
 use super::signals::Captures;
 use super::switches::{Pulses, Switches};
 use super::synchronisation::{Synchronisation, Verdict};
-use crate::twin::clock::Clock;
-use crate::twin::control::{
+use super::units::INCREMENTS_PER_REVOLUTION;
+use super::{Identity, TwinConfig};
+use crate::twin::servo::cascade::{
     Cascade, Gains, POSITION_STEP_NS, Reference, SPEED_STEP_NS, SPEED_STEPS,
 };
-use crate::twin::plant::{INCREMENTS_PER_REVOLUTION, Plant};
+use crate::twin::servo::clock::Clock;
+use crate::twin::servo::encoder::Encoder;
+use crate::twin::servo::ramp::Ramp;
+use crate::twin::servo::shaft::Shaft;
 use syncline_canopen::cia402::{Controlword, State, Statusword};
 use syncline_canopen::dictionary::{Dictionary, Row};
 use syncline_canopen::sdo::AbortCode;
@@ -54,7 +57,8 @@ pub(super) struct Drive {
 
     pub(super) clock: Clock,
     pub(super) sync: Synchronisation,
-    plant: Plant,
+    shaft: Shaft,
+    sensor: Encoder,
     pub(super) cascade: Cascade,
     /// Gains that no object sets.
     pub(super) own_gains: Gains,
@@ -97,14 +101,23 @@ pub(super) struct Drive {
 impl Drive {
     pub(super) fn new(
         objects: Dictionary,
-        identity: Identity,
-        policies: Policies,
-        switches: Switches,
+        config: TwinConfig,
         clock: Clock,
-        mut plant: Plant,
-        cascade: Cascade,
+        mut sensor: Encoder,
     ) -> Self {
-        let encoder = plant.encoder(0.0);
+        let TwinConfig {
+            initial_position,
+            mechanics,
+            gains,
+            switches,
+            policies,
+            identity,
+            ..
+        } = config;
+        let revolutions = initial_position as f64 / INCREMENTS_PER_REVOLUTION;
+        let shaft = Shaft::new(mechanics, revolutions);
+        let cascade = Cascade::new(gains, initial_position);
+        let encoder = sensor.read(&shaft, 0.0);
         Self {
             rows: Rows::new(&objects),
             objects,
@@ -124,7 +137,8 @@ impl Drive {
             warning_until: Instant::ZERO,
             clock,
             sync: Synchronisation::new(),
-            plant,
+            shaft,
+            sensor,
             own_gains: cascade.gains.clone(),
             cascade,
             encoder,
@@ -159,12 +173,12 @@ impl Drive {
         self.state
     }
 
-    pub(super) fn plant(&self) -> &Plant {
-        &self.plant
+    pub(super) fn shaft(&self) -> &Shaft {
+        &self.shaft
     }
 
-    pub(super) fn plant_mut(&mut self) -> &mut Plant {
-        &mut self.plant
+    pub(super) fn shaft_mut(&mut self) -> &mut Shaft {
+        &mut self.shaft
     }
 
     /// Torque of the motor, N·m.
@@ -200,8 +214,9 @@ impl Drive {
             INCREMENTS_PER_REVOLUTION,
             SPEED_STEP,
         );
-        self.plant.step(dt, torque, self.is_powered());
-        self.encoder = self.plant.encoder(0.0);
+        let end = self.clock.step_end();
+        self.shaft.step(end, dt, torque, self.is_powered());
+        self.encoder = self.sensor.read(&self.shaft, 0.0);
         if self.clock.next_step() {
             self.interpolation.next_cycle();
         }
@@ -405,7 +420,8 @@ impl Drive {
     /// Brings the objects that show the drive's condition up to `now`.
     pub(super) fn publish(&mut self, now: Instant) {
         let rows = self.rows;
-        let encoder = self.plant.encoder(self.clock.since_step(now));
+        let since_step = self.clock.since_step(now);
+        let encoder = self.sensor.read(&self.shaft, since_step);
         let encoder = encoder.saturating_sub(self.zero);
         let reference = (self.ramp.position as i64).saturating_sub(self.zero);
         let velocity = self.actual_velocity();

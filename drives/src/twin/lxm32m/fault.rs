@@ -1,23 +1,11 @@
 //! Errors: their classes and codes, how they are told, and the memory of them.
+//!
+//! The manual at hand tells what classes 0 and 2 do (lxm32m 997, 1319, 2900); 1, 3 and 4 are
+//! described in the drive's own, which is not at hand: assumptions.
 
+use crate::twin::ErrorClass;
 use std::collections::VecDeque;
 use syncline_canopen::emcy::{Emergency, register};
-
-/// How the drive reacts to an error (lxm32m 997, 1319, 2900; classes 1, 3 and 4 are described in
-/// the drive's own manual, which is not at hand: assumptions).
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum ErrorClass {
-    /// A warning; the movement goes on.
-    Warning = 0,
-    /// Quick Stop, the power stage stays on (state 7).
-    QuickStop = 1,
-    /// Quick Stop, then power stage off (states 8, 9).
-    StopAndSwitchOff = 2,
-    /// Power stage off at once (state 9).
-    SwitchOff = 3,
-    /// As class 3, and only a power cycle leaves state 9.
-    Fatal = 4,
-}
 
 /// An error as the drive tells it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

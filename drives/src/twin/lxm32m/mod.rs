@@ -3,6 +3,7 @@
 //! ```
 //! use syncline_canopen::NodeId;
 //! use syncline_drives::bus::{BitRate, SimBus};
+//! use syncline_drives::twin::SimulatedDevice;
 //! use syncline_drives::twin::lxm32m::{Twin, TwinConfig};
 //!
 //! let mut bus = SimBus::new(BitRate::from_kbit(1000).ok_or("bit rate")?);
@@ -12,7 +13,7 @@
 //!     ..TwinConfig::new(NodeId::new(1).ok_or("node id")?)
 //! }));
 //! // … bring it up over the bus, then ask what a master cannot know:
-//! assert_eq!(bus.node(x).position(), 10.0);
+//! assert_eq!(bus.node(x).observe().position, 10.0);
 //! # Ok::<(), &str>(())
 //! ```
 //!
@@ -27,9 +28,9 @@
 //! SYNC *k* + 1 by linear interpolation at the position loop's rate: the interpolation delay is
 //! one cycle, an assumption.
 //!
-//! Tests interfere with it through [`Twin::raise`], [`Twin::mute`], [`Twin::drop_t_pdos`],
-//! [`Twin::block_axis`], [`Twin::set_mains`], [`Twin::set_remote`], [`Twin::start_enabled`], [`Twin::refuse_write`], [`Twin::reboot`] and
-//! [`TwinConfig::identity`].
+//! Tests interfere with it as with every device, by a [`Disturbance`]; what this drive alone has is
+//! reached through [`Twin::raise`], [`Twin::set_pulse_frequency`], [`Twin::preset_status`] and
+//! [`TwinConfig`].
 
 mod application;
 mod drive;
@@ -37,7 +38,6 @@ mod fault;
 mod limits;
 mod modes;
 mod motion;
-mod outbox;
 mod parameter_sets;
 mod policy;
 mod rows;
@@ -47,31 +47,35 @@ mod switches;
 mod synchronisation;
 mod units;
 
-pub use fault::{DriveError, ErrorClass};
+pub use fault::DriveError;
 pub use policy::{Policies, SetpointGap};
 pub use rows::storage_only;
 pub use switches::Switches;
 pub use synchronisation::SyncStatus;
 
-use super::clock::Clock;
-use super::control::{Cascade, Gains};
-use super::plant::{INCREMENTS_PER_REVOLUTION, Mechanics, Plant};
+use super::device::{Config, Disturbance, Kind, Observation, SimulatedDevice};
+use super::node::{Delays, DeviceNode, Firmware};
 use super::random::Random;
+use super::servo::cascade::Gains;
+use super::servo::clock::Clock;
+use super::servo::encoder::Encoder;
+use super::servo::shaft::Shaft;
 use crate::bus::Node;
 use crate::dictionary::LXM32M;
-use core::ops::Range;
+use crate::mechanics::rigid::Rigid;
 use drive::Drive;
-use outbox::Outbox;
 use syncline_canopen::cia402::{State, Statusword};
 use syncline_canopen::dictionary::Dictionary;
-use syncline_canopen::node::{Node as CanopenNode, Options, ParameterRules};
-use syncline_canopen::pdo::TransmissionType;
-use syncline_canopen::sdo::AbortCode;
+use syncline_canopen::node::{Options, ParameterRules};
 use syncline_canopen::time::Duration;
-use syncline_canopen::{Address, Frame, Instant, NodeId, Transmit, nmt};
+use syncline_canopen::{Frame, Instant, NodeId, Transmit};
+use units::INCREMENTS_PER_REVOLUTION;
 
-/// How often the drive looks after its state without being addressed.
-const TASK: Duration = Duration::from_millis(1);
+/// The twin in the registry.
+pub(super) static KIND: Kind = Kind {
+    name: "lxm32m",
+    make: |config| Box::new(Twin::new(config.into())),
+};
 
 /// What a twin is made of.
 #[derive(Clone, Debug)]
@@ -83,7 +87,9 @@ pub struct TwinConfig {
     /// Where the absolute multi-turn encoder stands, increments (131072 a revolution).
     pub initial_position: i64,
     /// The axis behind the motor.
-    pub mechanics: Mechanics,
+    pub mechanics: Rigid,
+    /// Standard deviation of the encoder's noise, increments.
+    pub encoder_noise: f64,
     /// Gains of the control loops.
     pub gains: Gains,
     /// The switches along it.
@@ -92,10 +98,8 @@ pub struct TwinConfig {
     pub policies: Policies,
     /// Who the drive says it is.
     pub identity: Identity,
-    /// Time from SYNC or event until a T_PDO, heartbeat or EMCY is handed to the CAN controller.
-    pub t_pdo_delay: Range<Duration>,
-    /// Time from a request to its SDO answer.
-    pub sdo_delay: Range<Duration>,
+    /// What its processor takes.
+    pub delays: Delays,
     /// Greatest error of the oscillator, parts per million; the seed picks one within.
     pub oscillator_ppm: f64,
     /// Time from a reset to the boot-up message.
@@ -110,20 +114,43 @@ impl TwinConfig {
             node,
             seed: 0,
             initial_position: 0,
-            mechanics: Mechanics::default(),
+            mechanics: Rigid::default(),
+            encoder_noise: 0.6,
             gains: Gains::default(),
             switches: Switches::default(),
             policies: Policies::default(),
             identity: Identity::default(),
-            t_pdo_delay: Duration::from_micros(30)..Duration::from_micros(90),
-            sdo_delay: Duration::from_micros(200)..Duration::from_micros(900),
+            delays: Delays {
+                t_pdo: Duration::from_micros(30)..Duration::from_micros(90),
+                sdo: Duration::from_micros(200)..Duration::from_micros(900),
+            },
             oscillator_ppm: 50.0,
             boot_time: Duration::from_millis(20),
         }
     }
 }
 
-/// 1000h, Objects 1000h, 1008h…100Ah and 1018h. Product code, revision and texts are not in the
+impl From<&Config> for TwinConfig {
+    fn from(config: &Config) -> Self {
+        let own = Self::new(config.node);
+        Self {
+            seed: config.seed,
+            initial_position: (config.position * INCREMENTS_PER_REVOLUTION) as i64,
+            policies: match config.tolerant {
+                true => Policies::tolerant(),
+                false => own.policies,
+            },
+            delays: match config.prompt {
+                true => Delays::NONE,
+                false => own.delays,
+            },
+            boot_time: config.boot_time.unwrap_or(own.boot_time),
+            ..own
+        }
+    }
+}
+
+/// Objects 1000h, 1008h…100Ah and 1018h. Product code, revision and texts are not in the
 /// manual at hand.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Identity {
@@ -159,15 +186,8 @@ impl Default for Identity {
 
 /// A Lexium 32M on a bus; see the [module](self).
 pub struct Twin {
-    config: TwinConfig,
-    node: CanopenNode,
+    node: DeviceNode,
     drive: Drive,
-    outbox: Outbox,
-    /// What the node has just sent.
-    sent: Vec<Frame>,
-    next_task: Instant,
-    power_cycle: bool,
-    dropped_t_pdos: u32,
 }
 
 impl Twin {
@@ -189,49 +209,18 @@ impl Twin {
             sdo_timeout: None,
             boot_time: config.boot_time,
         };
-        let mut node = CanopenNode::new(config.node, &objects, options);
-        node.power_on(Instant::ZERO);
+        let delays = config.delays.clone();
+        let node = DeviceNode::new(config.node, &objects, options, delays, stream(2));
         let ppm = stream(0).between(-config.oscillator_ppm, config.oscillator_ppm);
-        let revolutions = config.initial_position as f64 / INCREMENTS_PER_REVOLUTION;
+        let clock = Clock::new(Instant::ZERO, ppm);
+        let encoder = Encoder::new(INCREMENTS_PER_REVOLUTION, config.encoder_noise, stream(1));
         Self {
             node,
-            drive: Drive::new(
-                objects,
-                config.identity.clone(),
-                config.policies.clone(),
-                config.switches.clone(),
-                Clock::new(Instant::ZERO, ppm),
-                Plant::new(config.mechanics.clone(), revolutions, stream(1)),
-                Cascade::new(config.gains.clone(), config.initial_position),
-            ),
-            outbox: Outbox::new(stream(2)),
-            sent: Vec::with_capacity(16),
-            next_task: Instant::ZERO,
-            power_cycle: false,
-            dropped_t_pdos: 0,
-            config,
+            drive: Drive::new(objects, config, clock, encoder),
         }
     }
 
     // ---- what a master cannot know ----
-
-    /// True position of the shaft, revolutions from the encoder's zero.
-    #[must_use]
-    pub fn position(&self) -> f64 {
-        self.drive.plant().position()
-    }
-
-    /// True velocity of the shaft, rev/s.
-    #[must_use]
-    pub fn velocity(&self) -> f64 {
-        self.drive.plant().velocity()
-    }
-
-    /// Torque of the motor, N·m.
-    #[must_use]
-    pub fn torque(&self) -> f64 {
-        self.drive.torque()
-    }
 
     /// State of the drive.
     #[must_use]
@@ -245,69 +234,11 @@ impl Twin {
         self.drive.statusword()
     }
 
-    /// NMT state of the node.
-    #[must_use]
-    pub fn nmt_state(&self) -> nmt::State {
-        self.node.state()
-    }
-
-    /// Node id.
-    #[must_use]
-    pub fn node(&self) -> NodeId {
-        self.config.node
-    }
-
     // ---- interference ----
 
     /// Raises an error, as if the drive's monitoring had found one.
     pub fn raise(&mut self, error: DriveError) {
         self.drive.raise(error);
-    }
-
-    /// While true, the cause of an error is still there: Fault Reset is in vain.
-    pub fn cause_persists(&mut self, persists: bool) {
-        self.drive.errors.cause_persists = persists;
-    }
-
-    /// While true, nothing that the node sends reaches the bus.
-    pub fn mute(&mut self, muted: bool) {
-        self.outbox.mute(muted);
-    }
-
-    /// Loses the next `count` T_PDOs.
-    pub fn drop_t_pdos(&mut self, count: u32) {
-        self.dropped_t_pdos = count;
-    }
-
-    /// While true, the axis is blocked mechanically.
-    pub fn block_axis(&mut self, blocked: bool) {
-        self.drive.plant_mut().block(blocked);
-    }
-
-    /// Whether the DC bus has its voltage; without it state 3 is not left (lxm32m 1315).
-    pub fn set_mains(&mut self, on: bool) {
-        self.drive.has_mains = on;
-    }
-
-    /// Whether the fieldbus has control of the drive; while another access channel has it,
-    /// parameters can be read and written, commands are not executed (lxm32m 1327).
-    pub fn set_remote(&mut self, remote: bool) {
-        self.drive.remote = remote;
-    }
-
-    /// Operation Enabled, as a master that crashed may have left the drive.
-    pub fn start_enabled(&mut self) {
-        self.drive.start_enabled();
-    }
-
-    /// Refuses every SDO write to an object.
-    pub fn refuse_write(&mut self, address: Address, code: AbortCode) {
-        self.drive.refusals.push((address, code));
-    }
-
-    /// Power fails and returns; the boot-up message comes after the boot time.
-    pub fn reboot(&mut self) {
-        self.power_cycle = true;
     }
 
     /// Pulses/s at the PTI interface, the reference of Electronic Gear.
@@ -320,75 +251,67 @@ impl Twin {
         self.drive.target_reached = target_reached;
         self.drive.x_err = x_err;
     }
-
-    // ---- the node ----
-
-    fn advance(&mut self, now: Instant) {
-        self.drive.advance(now);
-        self.drive.stale = true;
-        if core::mem::take(&mut self.power_cycle) {
-            self.outbox.clear();
-            self.drive.power_off();
-            self.node.power_on(now + self.config.boot_time);
-        }
-    }
-
-    /// Passes on what the node has sent: delayed as a drive's processor delays it.
-    fn dispatch(&mut self, now: Instant) {
-        if self.node.state() == nmt::State::Initialising {
-            self.outbox.clear();
-        }
-        let config = &self.config;
-        for frame in self.sent.drain(..) {
-            let t_pdo = self.node.t_pdo(frame.id());
-            if t_pdo.is_some() && self.dropped_t_pdos > 0 {
-                self.dropped_t_pdos -= 1;
-            } else if self.node.is_sdo_answer(frame.id()) {
-                self.outbox.send_within(now, &config.sdo_delay, frame);
-            } else if t_pdo.is_some_and(|number| is_synchronous(&self.drive.objects, number)) {
-                self.outbox.send_within(now, &config.t_pdo_delay, frame);
-            } else {
-                self.outbox.send_behind(now, &config.t_pdo_delay, frame);
-            }
-        }
-    }
 }
 
-fn is_synchronous(objects: &Dictionary, t_pdo: u16) -> bool {
-    let kind = objects.value(0x1800 + t_pdo - 1, 2).unwrap_or(255);
-    TransmissionType::from(kind as u8).is_synchronous()
+impl SimulatedDevice for Twin {
+    fn node(&self) -> NodeId {
+        self.node.id()
+    }
+
+    fn observe(&self) -> Observation {
+        Observation {
+            nmt_state: self.node.state(),
+            is_powered: self.drive.is_powered(),
+            position: self.drive.shaft().position(),
+            velocity: self.drive.shaft().velocity(),
+            torque: self.drive.torque(),
+        }
+    }
+
+    fn disturb(&mut self, disturbance: Disturbance) {
+        let drive = &mut self.drive;
+        match disturbance {
+            // Without it state 3 is not left (lxm32m 1315).
+            Disturbance::Mains(on) => drive.has_mains = on,
+            Disturbance::Block(blocked) => drive.shaft_mut().block(blocked),
+            Disturbance::LoseTorque(lost) => drive.shaft_mut().lose_torque(lost),
+            Disturbance::Mute(muted) => self.node.mute(muted),
+            Disturbance::LoseTPdos(count) => self.node.lose_t_pdos(count),
+            Disturbance::Reset => self.node.power_cycle(),
+            Disturbance::Fault(class) => drive.raise(DriveError {
+                class,
+                ..DriveError::FOLLOWING_ERROR
+            }),
+            Disturbance::FaultPersists(persists) => drive.errors.cause_persists = persists,
+            Disturbance::FoundEnabled => drive.start_enabled(),
+            Disturbance::EnableTime(time) => drive.policies.enable_time = time,
+            // While another access channel has it, parameters can be read and written, commands
+            // are not executed (lxm32m 1327).
+            Disturbance::Remote(remote) => drive.remote = remote,
+            Disturbance::RefuseWrite(address, code) => drive.refusals.push((address, code)),
+            Disturbance::Vendor(id) => drive.identity.vendor_id = id,
+        }
+    }
+
+    fn shaft_mut(&mut self) -> Option<&mut Shaft> {
+        Some(self.drive.shaft_mut())
+    }
+
+    fn run_until(&mut self, now: Instant) {
+        self.drive.run_until(now);
+    }
 }
 
 impl Node for Twin {
     fn on_frame(&mut self, now: Instant, frame: &Frame, tx: &mut dyn Transmit) {
-        self.advance(now);
-        self.node
-            .on_frame(now, frame, &mut self.drive, &mut self.sent);
-        self.dispatch(now);
-        self.outbox.flush(now, tx);
+        self.node.on_frame(now, frame, &mut self.drive, tx);
     }
 
     fn poll(&mut self, now: Instant, tx: &mut dyn Transmit) {
-        self.advance(now);
-        let task = self.next_task <= now;
-        // Events are looked for by the task, not whenever a frame leaves: noise that is mapped
-        // into an event-driven T_PDO would fill the bus otherwise.
-        if task || self.node.deadline().is_some_and(|due| due <= now) {
-            self.node.poll(now, &mut self.drive, &mut self.sent);
-            self.dispatch(now);
-        }
-        self.outbox.flush(now, tx);
-        if task {
-            self.next_task = now + TASK;
-        }
+        self.node.poll(now, &mut self.drive, tx);
     }
 
     fn deadline(&self) -> Option<Instant> {
-        let due = [
-            self.node.deadline(),
-            self.outbox.deadline(),
-            Some(self.next_task),
-        ];
-        due.into_iter().flatten().min()
+        self.node.deadline()
     }
 }

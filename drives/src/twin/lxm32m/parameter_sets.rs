@@ -1,6 +1,6 @@
 //! The two sets of control loop parameters (lxm32m 2424-2428, 2438-2469). The manual at hand
 //! prints no values but 1000 for 100 % of feed-forward (1632): units and selection are
-//! assumptions. 0 leaves what [`Gains`](crate::twin::control::Gains) say.
+//! assumptions. 0 leaves what [`Gains`](crate::twin::servo::cascade::Gains) say.
 
 use super::drive::Drive;
 use syncline_canopen::dictionary::Row;

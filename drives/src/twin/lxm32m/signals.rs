@@ -4,7 +4,7 @@
 //! manual at hand prints names only (lxm32m 2300-2371): their values are assumptions.
 
 use super::drive::Drive;
-use crate::twin::plant::INCREMENTS_PER_REVOLUTION;
+use crate::twin::lxm32m::units::INCREMENTS_PER_REVOLUTION;
 use syncline_canopen::cia402::State;
 use syncline_canopen::dictionary::Row;
 use syncline_canopen::sdo::AbortCode;
@@ -45,7 +45,7 @@ impl Drive {
     /// Looks after the capture inputs. What is captured is where the edge is, however far the
     /// shaft has turned since.
     pub(super) fn watch_captures(&mut self) {
-        let position = self.plant().position();
+        let position = self.shaft().position();
         for input in 0..CAPTURES {
             let Some(range) = &self.switches.captures[input] else {
                 continue;
@@ -233,7 +233,7 @@ impl Drive {
 
     /// DI0…DI4: capture inputs 1 and 2, LIMP, LIMN, REF, each 1 while active.
     fn inputs(&self) -> [bool; 5] {
-        let position = self.plant().position();
+        let position = self.shaft().position();
         let [capture_1, capture_2] = self.captures.0.map(|level| level == Some(true));
         [
             capture_1,

@@ -1,8 +1,11 @@
 //! The CiA 402 state machine (lxm32m 1295-1393) and what errors do to it.
 
 use super::drive::Drive;
-use super::fault::{DriveError, ErrorClass, Errors};
-use super::motion::{Motion, Ramp};
+use super::fault::DriveError;
+use super::motion::Motion;
+use crate::twin::ErrorClass;
+use crate::twin::cia402::commanded;
+use crate::twin::servo::ramp::Ramp;
 use syncline_canopen::cia402::{Command, Controlword, State};
 use syncline_canopen::emcy::Emergency;
 use syncline_canopen::node::Origin;
@@ -87,41 +90,41 @@ impl Drive {
             return;
         };
         match (command, self.state) {
-            (Command::DisableVoltage, State::ReadyToSwitchOn) if self.becomes_ready_alone() => {
-                // T7, and back at once.
+            // T7, and back at once.
+            (Command::DisableVoltage, State::ReadyToSwitchOn) if self.becomes_ready_alone() => {}
+            // Without DC bus voltage state 3 is not left (lxm32m 1315).
+            (Command::Shutdown, State::SwitchOnDisabled) if !self.has_mains => {}
+            (Command::EnableOperation, State::QuickStopActive) if self.errors.active.is_some() => {}
+            (Command::SwitchOn, State::SwitchedOn) => self.enable_at = None,
+            (command, state) => {
+                if let Some(to) = commanded(state, command) {
+                    self.follow(to);
+                }
             }
-            (Command::DisableVoltage, _)
-            | (Command::QuickStop, State::ReadyToSwitchOn | State::SwitchedOn) => {
-                self.enter(State::SwitchOnDisabled);
-            }
-            (Command::QuickStop, State::OperationEnabled) => {
-                self.enter(State::QuickStopActive);
+        }
+        self.mode_command(previous, origin);
+    }
+
+    /// A commanded transition, with what the drive does on the way.
+    fn follow(&mut self, to: State) {
+        match (self.state, to) {
+            (_, State::QuickStopActive) => {
+                self.enter(to);
                 self.x_err = true;
                 self.quick_stop();
             }
-            // Without DC bus voltage state 3 is not left (lxm32m 1315).
-            (Command::Shutdown, State::SwitchOnDisabled) if !self.has_mains => {}
-            (
-                Command::Shutdown,
-                State::SwitchOnDisabled | State::SwitchedOn | State::OperationEnabled,
-            ) => self.enter(State::ReadyToSwitchOn),
-            (Command::SwitchOn, State::ReadyToSwitchOn | State::OperationEnabled) => {
-                self.enter(State::SwitchedOn);
+            (State::QuickStopActive, State::OperationEnabled) => {
+                self.enter(to);
+                self.quick_stopping = false;
+                self.x_err = false;
             }
-            (Command::SwitchOn, State::SwitchedOn) => self.enable_at = None,
-            (Command::EnableOperation, State::ReadyToSwitchOn | State::SwitchedOn) => {
+            (_, State::OperationEnabled) => {
                 self.enter(State::SwitchedOn);
                 let enabled = self.now + self.policies.enable_time;
                 self.enable_at.get_or_insert(enabled);
             }
-            (Command::EnableOperation, State::QuickStopActive) if self.errors.active.is_none() => {
-                self.enter(State::OperationEnabled);
-                self.quick_stopping = false;
-                self.x_err = false;
-            }
-            _ => {}
+            _ => self.enter(to),
         }
-        self.mode_command(previous, origin);
     }
 
     /// Brakes with the quick stop ramp; the mode is ended.
@@ -143,12 +146,6 @@ impl Drive {
     pub(super) fn start_enabled(&mut self) {
         self.controlword = Controlword::ENABLE_OPERATION;
         self.enter(State::OperationEnabled);
-    }
-
-    /// Power is gone: nothing drives the shaft, and every error is forgotten.
-    pub(super) fn power_off(&mut self) {
-        self.enter(State::NotReadyToSwitchOn);
-        self.errors = Errors::new();
     }
 
     /// The application starts with the objects as they were stored; an error stays.

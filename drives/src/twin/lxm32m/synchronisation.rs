@@ -1,7 +1,7 @@
 //! The mechanism of 3022h: watches SYNC and locks the drive's clock to it.
 
 use super::policy::Policies;
-use crate::twin::clock::Clock;
+use crate::twin::servo::clock::Clock;
 use syncline_canopen::Instant;
 
 /// 3022h:6 `SyncMechStatus`. The coding is an assumption (recollection of the drive's own manual).

@@ -2,9 +2,11 @@
 //! scaling objects say (lxm32m 1602, 2244, 2263, 2274; the meaning of the last two assumed).
 
 use super::drive::Drive;
-use super::motion::Limits;
-use crate::twin::plant::INCREMENTS_PER_REVOLUTION;
+use crate::twin::servo::ramp::Limits;
 use syncline_canopen::dictionary::Row;
+
+/// Encoder increments per motor revolution, the drive's internal resolution (lxm32m 1602).
+pub(super) const INCREMENTS_PER_REVOLUTION: f64 = 131_072.0;
 
 /// Increments/s in an rpm.
 const RPM: f64 = INCREMENTS_PER_REVOLUTION / 60.0;

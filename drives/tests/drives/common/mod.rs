@@ -4,6 +4,7 @@ use syncline_canopen::cia402::Statusword;
 use syncline_canopen::time::Duration;
 use syncline_canopen::{CanId, CobId, Frame, Instant, NodeId, nmt};
 use syncline_drives::bus::{Band, BitRate, Received, SimBus};
+use syncline_drives::twin::SimulatedDevice;
 use syncline_drives::twin::lxm32m::{Twin, TwinConfig};
 
 pub(crate) struct Bench {
@@ -202,7 +203,7 @@ pub(crate) fn wait_for(bench: &mut Bench, bits: u16, seconds: u64) {
 }
 
 pub(crate) fn rpm(bench: &mut Bench) -> f64 {
-    bench.twin().velocity() * 60.0
+    bench.twin().observe().velocity * 60.0
 }
 
 /// I-01…I-30 of the manual's set-up for Interpolated Position (lxm32m 1604-1636) for a node and

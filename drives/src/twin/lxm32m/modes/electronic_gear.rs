@@ -2,7 +2,8 @@
 
 use super::Mode;
 use crate::twin::lxm32m::drive::{Drive, POSITION_STEP};
-use crate::twin::lxm32m::motion::{Motion, Ramp};
+use crate::twin::lxm32m::motion::Motion;
+use crate::twin::servo::ramp::Ramp;
 
 /// 301Bh:12 `GEARreference` (lxm32m 1461).
 const WITHOUT_COMPENSATION: i64 = 1;

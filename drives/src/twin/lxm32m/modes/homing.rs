@@ -4,7 +4,7 @@ use crate::twin::lxm32m::drive::Drive;
 use crate::twin::lxm32m::fault::DriveError;
 use crate::twin::lxm32m::motion::Motion;
 use crate::twin::lxm32m::switches::Switch;
-use crate::twin::plant::INCREMENTS_PER_REVOLUTION;
+use crate::twin::lxm32m::units::INCREMENTS_PER_REVOLUTION;
 use syncline_canopen::dictionary::Row;
 
 /// How a method finds its reference point.
@@ -214,7 +214,7 @@ impl Drive {
     }
 
     fn is_on(&self, switch: Switch) -> bool {
-        self.switches.is_active(switch, self.plant().position())
+        self.switches.is_active(switch, self.shaft().position())
     }
 
     fn search(&mut self, direction: f64, turned: bool) {

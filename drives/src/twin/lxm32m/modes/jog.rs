@@ -51,7 +51,7 @@ impl Drive {
         }
     }
 
-    fn jog_command(&self) -> (f64, crate::twin::lxm32m::motion::Limits) {
+    fn jog_command(&self) -> (f64, crate::twin::servo::ramp::Limits) {
         let command = self.objects.get(self.rows.jog_activate);
         let fast = command & 0b100 != 0;
         let velocity = if fast {

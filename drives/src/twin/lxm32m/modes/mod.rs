@@ -21,6 +21,7 @@ pub(super) use profile_position::ProfilePosition;
 
 use super::drive::Drive;
 use super::synchronisation;
+use super::units::INCREMENTS_PER_REVOLUTION;
 use syncline_canopen::cia402::{Controlword, State};
 use syncline_canopen::dictionary::Row;
 use syncline_canopen::node::Origin;
@@ -227,7 +228,7 @@ impl Drive {
             self.set_gear();
         } else if row == rows.velocity_limit {
             let limit = self.velocity_of(value);
-            self.cascade.gains.speed_limit = limit / crate::twin::plant::INCREMENTS_PER_REVOLUTION;
+            self.cascade.gains.speed_limit = limit / INCREMENTS_PER_REVOLUTION;
         } else if row == rows.sync_start {
             if value == synchronisation::START {
                 let unit = self.policies.sync_tolerance_unit.as_nanos() as u64;

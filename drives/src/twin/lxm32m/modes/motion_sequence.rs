@@ -7,7 +7,8 @@
 //! rising edge of controlword bit 4. A logical operator joins a second condition: 1 both, 2 either.
 
 use crate::twin::lxm32m::drive::Drive;
-use crate::twin::lxm32m::motion::{Limits, Motion};
+use crate::twin::lxm32m::motion::Motion;
+use crate::twin::servo::ramp::Limits;
 use syncline_canopen::Instant;
 use syncline_canopen::cia402::Controlword;
 use syncline_canopen::dictionary::Row;

@@ -1,7 +1,8 @@
 //! Profile Position (lxm32m 1554-1594).
 
 use crate::twin::lxm32m::drive::Drive;
-use crate::twin::lxm32m::motion::{Limits, Motion};
+use crate::twin::lxm32m::motion::Motion;
+use crate::twin::servo::ramp::Limits;
 use syncline_canopen::cia402::Controlword;
 
 /// A target with the values that were taken over with it (lxm32m 1576).

@@ -3,7 +3,7 @@
 use super::Mode;
 use crate::twin::lxm32m::drive::{Drive, POSITION_STEP};
 use crate::twin::lxm32m::motion::Motion;
-use crate::twin::plant::INCREMENTS_PER_REVOLUTION;
+use crate::twin::lxm32m::units::INCREMENTS_PER_REVOLUTION;
 
 impl Drive {
     /// 6071h was written, in 0.1 % of the continuous stall torque.

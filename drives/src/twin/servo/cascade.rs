@@ -1,7 +1,7 @@
 //! The cascade in the drive: position loop with velocity feed-forward, speed loop, torque limit.
 //!
 //! The manual at hand names these parameters (3011h…3013h) without their values; the defaults
-//! here are assumptions that let the default [`Mechanics`](super::plant::Mechanics) follow well.
+//! here are assumptions that let the default [`Rigid`](crate::mechanics::rigid::Rigid) axis follow well.
 
 /// Steps of the speed loop per step of the position loop.
 pub const SPEED_STEPS: u32 = 4;

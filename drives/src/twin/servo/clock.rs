@@ -1,6 +1,6 @@
 //! The clock that paces a drive's loops: its own oscillator, or that oscillator locked to SYNC.
 
-use super::control::SPEED_STEP_NS;
+use super::cascade::SPEED_STEP_NS;
 use syncline_canopen::Instant;
 
 /// Steps of the speed loop in a cycle without SYNC: the drive's millisecond.

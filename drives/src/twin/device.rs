@@ -1,0 +1,134 @@
+//! What a simulated bus carries, whatever its model.
+
+use super::servo::shaft::Shaft;
+use crate::bus::Node;
+use core::any::Any;
+use syncline_canopen::sdo::AbortCode;
+use syncline_canopen::time::Duration;
+use syncline_canopen::{Address, Instant, NodeId, nmt};
+
+/// A device on a bus that stands in for a real one.
+///
+/// To the bus it is a [`Node`], switched on at the origin of time. To the [world](crate::world) it
+/// is a shaft that mechanics may couple to others. Observers see it without noise and change
+/// nothing; tests interfere with it by a [`Disturbance`]. What only one model has is reached by a
+/// downcast from [`Any`], in that model's own tests.
+pub trait SimulatedDevice: Node + Any + Send {
+    /// Its node id.
+    fn node(&self) -> NodeId;
+
+    /// What a master cannot know.
+    fn observe(&self) -> Observation;
+
+    /// Interferes with it.
+    fn disturb(&mut self, disturbance: Disturbance);
+
+    /// The shaft that its motor turns, if it has a motor.
+    fn shaft_mut(&mut self) -> Option<&mut Shaft>;
+
+    /// Lets its loops run up to `now`; the bus hears of it when the node is polled.
+    fn run_until(&mut self, now: Instant);
+}
+
+/// What is true of a device at its last step, without noise.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Observation {
+    /// NMT state.
+    pub nmt_state: nmt::State,
+    /// Whether the power stage is on.
+    pub is_powered: bool,
+    /// Position of the shaft, revolutions from the encoder's zero.
+    pub position: f64,
+    /// Velocity of the shaft, rev/s.
+    pub velocity: f64,
+    /// Torque of the motor, N·m.
+    pub torque: f64,
+}
+
+/// Something that happens to a device from outside. Each lasts until its opposite comes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Disturbance {
+    /// Whether the power stage has its supply.
+    Mains(bool),
+    /// Whether the shaft is blocked mechanically.
+    Block(bool),
+    /// Whether the motor has lost its torque, as with a broken cable.
+    LoseTorque(bool),
+    /// Whether nothing that it sends reaches the bus.
+    Mute(bool),
+    /// The next so many T_PDOs are lost.
+    LoseTPdos(u32),
+    /// The control supply fails and returns: the device starts anew.
+    Reset,
+    /// The device's monitoring finds an error of this class.
+    Fault(ErrorClass),
+    /// Whether the cause of an error is still there, so that its reset is in vain.
+    FaultPersists(bool),
+    /// The power stage is on, as a master that crashed may have left it.
+    FoundEnabled,
+    /// Time from the command to enable until the power stage is on.
+    EnableTime(Duration),
+    /// Whether the fieldbus has control of the device, not another access channel.
+    Remote(bool),
+    /// SDO writes to this object are refused.
+    RefuseWrite(Address, AbortCode),
+    /// It is another maker's: 1018h:1.
+    Vendor(u32),
+}
+
+/// How a drive reacts to an error.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum ErrorClass {
+    /// A warning; the movement goes on.
+    Warning = 0,
+    /// Quick Stop, the power stage stays on (state 7).
+    QuickStop = 1,
+    /// Quick Stop, then power stage off (states 8, 9).
+    StopAndSwitchOff = 2,
+    /// Power stage off at once (state 9).
+    SwitchOff = 3,
+    /// As class 3, and only a power cycle leaves state 9.
+    Fatal = 4,
+}
+
+/// What a twin is made of, whatever its model.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Config {
+    /// Node id.
+    pub node: NodeId,
+    /// Seed of encoder noise, delays and oscillator.
+    pub seed: u64,
+    /// Where the shaft stands, revolutions from the encoder's zero.
+    pub position: f64,
+    /// Time from a reset to the boot-up message; `None`: the model's own.
+    pub boot_time: Option<Duration>,
+    /// Made for masters on ordinary computers: SYNC may come when it likes, missing setpoints are
+    /// ridden out by holding the last one, the first setpoint may be anywhere.
+    pub tolerant: bool,
+    /// Answers at once, not after the time that a drive's processor takes.
+    pub prompt: bool,
+}
+
+impl Config {
+    /// A device with all defaults, at its encoder's zero.
+    #[must_use]
+    pub fn new(node: NodeId) -> Self {
+        Self {
+            node,
+            seed: 0,
+            position: 0.0,
+            boot_time: None,
+            tolerant: false,
+            prompt: false,
+        }
+    }
+}
+
+/// A kind of twin.
+#[derive(Debug)]
+pub struct Kind {
+    /// The name of the model that it stands for.
+    pub name: &'static str,
+    /// Makes one, switched on at the origin of time.
+    pub make: fn(&Config) -> Box<dyn SimulatedDevice>,
+}

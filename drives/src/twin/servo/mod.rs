@@ -1,0 +1,16 @@
+//! What servo drives share behind their bus interface.
+//!
+//! - [`cascade`]: position loop, speed loop, torque limit
+//! - [`clock`]: what paces them: the drive's own oscillator, free or locked to SYNC
+//! - [`encoder`], [`shaft`]: what the loops read, and what they move
+//! - [`ramp`]: the drive's own profile generator
+//!
+//! A drive puts them together in the order of one step of its speed loop: the cascade turns the
+//! last reading into a torque, the shaft moves under it for the length of the step, the encoder is
+//! read once.
+
+pub mod cascade;
+pub mod clock;
+pub mod encoder;
+pub mod ramp;
+pub mod shaft;

@@ -1,0 +1,352 @@
+//! The simulated world: buses, devices and mechanics on one clock.
+//!
+//! A [`World`] owns every simulated bus of a machine with the devices on it, and the mechanics that
+//! tie their shafts together. Whoever drives it says how far time goes
+//! ([`World::advance_to`]); it then lets happen what happens, event by event over all buses in the
+//! order of time, so that no bus runs ahead of another. There is one owner and no lock.
+//!
+//! A shaft that nothing couples moves with the speed loop of its own drive. Shafts that are
+//! [coupled](World::couple) move on the world's grid: at each of its points every coupled device
+//! runs its loops up to there, the mechanics take the loads of the step behind, and the shafts are
+//! told where they are. In between a drive reads its shaft extrapolated; the error of that is
+//! stated in [`mechanics`](crate::mechanics).
+//!
+//! Devices on a bus that others reach, another process or real ones, have no wire of this world:
+//! [`Hosted`] is such a bus's share, with the same clock and the same mechanics, and is a
+//! [`Node`] as a whole.
+//!
+//! ```
+//! use syncline_canopen::{CobId, Frame, Instant, NodeId};
+//! use syncline_drives::bus::{Band, BitRate};
+//! use syncline_drives::twin::{Config, TWINS};
+//! use syncline_drives::world::World;
+//!
+//! let mut world = World::new();
+//! let bus = world.add_bus(BitRate::from_kbit(1000).ok_or("bit rate")?, |_| ());
+//! let node = NodeId::new(1).ok_or("node id")?;
+//! let drive = world.attach(bus, (TWINS[0].make)(&Config::new(node)));
+//! world.send(bus, Band::Acyclic, Frame::new(CobId::NMT, &[0x01, 1]));
+//! world.advance_to(Instant::ZERO);
+//! world.advance_to(Instant::from_nanos(5_000_000));
+//! println!("{:?}, {:?}", world.receive(bus), world.device(drive).observe());
+//! # Ok::<(), &str>(())
+//! ```
+
+use crate::bus::{Band, BitRate, Node, Received, SimBus, Transmission};
+use crate::mechanics::{Load, Mechanics, Motion};
+use crate::twin::SimulatedDevice;
+use syncline_canopen::time::Duration;
+use syncline_canopen::{Frame, Instant, Transmit};
+
+/// Between two points of the grid on which coupled shafts move: a nominal step of a speed loop.
+pub const GRID: Duration = Duration::from_nanos(62_500);
+
+/// What sees every frame of a simulated bus, in bus order.
+pub type Observer = Box<dyn FnMut(&Transmission) + Send>;
+
+/// A bus of a world.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct BusId(usize);
+
+/// A device of a world.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct DeviceId {
+    bus: usize,
+    place: usize,
+}
+
+/// Simulated buses with their devices, and what couples these; see the [module](self).
+pub struct World {
+    buses: Vec<Bus>,
+    couplings: Couplings,
+    /// When everything was switched on: the world's own time begins at zero.
+    origin: Option<Instant>,
+}
+
+struct Bus {
+    wire: SimBus<Box<dyn SimulatedDevice>>,
+    observer: Observer,
+}
+
+impl Default for World {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl World {
+    /// A world with nothing in it.
+    #[must_use]
+    pub fn new() -> Self {
+        Self::on_grid(GRID)
+    }
+
+    /// The same with another step for coupled shafts.
+    #[must_use]
+    pub fn on_grid(step: Duration) -> Self {
+        Self {
+            buses: Vec::new(),
+            couplings: Couplings::new(step),
+            origin: None,
+        }
+    }
+
+    // ---- what is in it ----
+
+    /// Adds a bus; `observer` sees every frame on it, in bus order.
+    pub fn add_bus(
+        &mut self,
+        bit_rate: BitRate,
+        observer: impl FnMut(&Transmission) + Send + 'static,
+    ) -> BusId {
+        self.buses.push(Bus {
+            wire: SimBus::new(bit_rate),
+            observer: Box::new(observer),
+        });
+        BusId(self.buses.len() - 1)
+    }
+
+    /// Puts a device on a bus.
+    pub fn attach(&mut self, bus: BusId, device: Box<dyn SimulatedDevice>) -> DeviceId {
+        let place = self.buses[bus.0].wire.attach(device);
+        DeviceId { bus: bus.0, place }
+    }
+
+    /// Ties the shafts of these devices together, before time passes.
+    ///
+    /// # Panics
+    /// If one of them has no shaft.
+    pub fn couple(&mut self, mechanics: impl Mechanics + 'static, devices: &[DeviceId]) {
+        (self.couplings).add(Box::new(mechanics), devices, &mut self.buses[..]);
+    }
+
+    /// A device, to look at it.
+    #[must_use]
+    pub fn device(&self, device: DeviceId) -> &dyn SimulatedDevice {
+        &**self.buses[device.bus].wire.node(device.place)
+    }
+
+    /// A device, to interfere with it.
+    pub fn device_mut(&mut self, device: DeviceId) -> &mut dyn SimulatedDevice {
+        self.buses[..].device_mut(device)
+    }
+
+    // ---- the controller's side ----
+
+    /// Queues a frame of the controller at the present instant.
+    pub fn send(&mut self, bus: BusId, band: Band, frame: Frame) {
+        self.buses[bus.0].wire.send(band, frame);
+    }
+
+    /// The next frame that came to the controller on that bus, its own included.
+    pub fn receive(&mut self, bus: BusId) -> Option<Received> {
+        let passed = self.origin.unwrap_or(Instant::ZERO) - Instant::ZERO;
+        let received = self.buses[bus.0].wire.receive()?;
+        Some(Received {
+            at: received.at + passed,
+            ..received
+        })
+    }
+
+    // ---- time ----
+
+    /// Lets time pass up to and including `now`. The first call switches everything on.
+    pub fn advance_to(&mut self, now: Instant) {
+        let origin = *self.origin.get_or_insert(now);
+        let until = Instant::ZERO + (now - origin);
+        // One bus alone need not be held back.
+        if self.buses.len() > 1 || !self.couplings.is_empty() {
+            while let Some(event) = self.next_event().filter(|event| *event <= until) {
+                self.live_until(event);
+            }
+        }
+        self.live_until(until);
+    }
+
+    /// When anything happens next on any bus or to coupled shafts, in the world's own time.
+    fn next_event(&self) -> Option<Instant> {
+        let buses = self.buses.iter().filter_map(|bus| bus.wire.next_event());
+        buses.chain(self.couplings.next()).min()
+    }
+
+    fn live_until(&mut self, until: Instant) {
+        let passed = self.origin.unwrap_or(Instant::ZERO) - Instant::ZERO;
+        for Bus { wire, observer } in &mut self.buses {
+            wire.advance_to(until, &mut |sent| {
+                observer(&Transmission {
+                    start: sent.start + passed,
+                    end: sent.end + passed,
+                    ..*sent
+                });
+            });
+        }
+        self.couplings.move_until(until, &mut self.buses[..]);
+    }
+}
+
+/// Devices that share a bus which others reach, with the mechanics that couple them.
+///
+/// As a [`Node`] it is all of them at once: each lives up to the instant of a frame or of a poll,
+/// in the order of time.
+pub struct Hosted {
+    devices: Vec<Box<dyn SimulatedDevice>>,
+    couplings: Couplings,
+}
+
+impl Hosted {
+    /// Devices that are switched on at the origin of time.
+    #[must_use]
+    pub fn new(devices: Vec<Box<dyn SimulatedDevice>>) -> Self {
+        Self {
+            devices,
+            couplings: Couplings::new(GRID),
+        }
+    }
+
+    /// Ties the shafts of the devices at these places together, before time passes.
+    ///
+    /// # Panics
+    /// If one of them has no shaft.
+    pub fn couple(&mut self, mechanics: impl Mechanics + 'static, places: &[usize]) {
+        let devices: Vec<_> = (places.iter())
+            .map(|&place| DeviceId { bus: 0, place })
+            .collect();
+        (self.couplings).add(Box::new(mechanics), &devices, &mut self.devices[..]);
+    }
+
+    /// Lets all that is due until `now` happen, each at its own instant.
+    pub fn live_until(&mut self, now: Instant, tx: &mut dyn Transmit) {
+        while let Some(due) = self.deadline().filter(|due| *due <= now) {
+            self.poll(due, tx);
+        }
+    }
+}
+
+impl Node for Hosted {
+    fn on_frame(&mut self, now: Instant, frame: &Frame, tx: &mut dyn Transmit) {
+        self.live_until(now, tx);
+        for device in &mut self.devices {
+            device.on_frame(now, frame, tx);
+        }
+    }
+
+    fn poll(&mut self, now: Instant, tx: &mut dyn Transmit) {
+        for device in &mut self.devices {
+            if device.deadline().is_some_and(|due| due <= now) {
+                device.poll(now, tx);
+            }
+        }
+        self.couplings.move_until(now, &mut self.devices[..]);
+    }
+
+    fn deadline(&self) -> Option<Instant> {
+        let devices = self.devices.iter().filter_map(|device| device.deadline());
+        devices.chain(self.couplings.next()).min()
+    }
+}
+
+/// Where devices are found.
+trait Devices {
+    fn device_mut(&mut self, device: DeviceId) -> &mut dyn SimulatedDevice;
+}
+
+impl Devices for [Bus] {
+    fn device_mut(&mut self, device: DeviceId) -> &mut dyn SimulatedDevice {
+        &mut **self[device.bus].wire.node_mut(device.place)
+    }
+}
+
+impl Devices for [Box<dyn SimulatedDevice>] {
+    fn device_mut(&mut self, device: DeviceId) -> &mut dyn SimulatedDevice {
+        &mut *self[device.place]
+    }
+}
+
+/// All mechanics that couple shafts, and the grid on which they move.
+struct Couplings {
+    step: Duration,
+    /// The next point of the grid.
+    next: Instant,
+    couplings: Vec<Coupling>,
+}
+
+/// Shafts that are tied together.
+struct Coupling {
+    mechanics: Box<dyn Mechanics>,
+    devices: Vec<DeviceId>,
+    loads: Vec<Load>,
+    motions: Vec<Motion>,
+}
+
+impl Couplings {
+    fn new(step: Duration) -> Self {
+        Self {
+            step,
+            next: Instant::ZERO + step,
+            couplings: Vec::new(),
+        }
+    }
+
+    fn is_empty(&self) -> bool {
+        self.couplings.is_empty()
+    }
+
+    /// The next point of the grid, if anything moves on it.
+    fn next(&self) -> Option<Instant> {
+        (!self.is_empty()).then_some(self.next)
+    }
+
+    fn add(
+        &mut self,
+        mechanics: Box<dyn Mechanics>,
+        devices: &[DeviceId],
+        all: &mut (impl Devices + ?Sized),
+    ) {
+        let mut motions = Vec::with_capacity(devices.len());
+        for &device in devices {
+            let shaft = all.device_mut(device).shaft_mut();
+            let shaft = shaft.expect("mechanics couple devices that have a shaft");
+            shaft.couple(Instant::ZERO);
+            motions.push(Motion {
+                position: shaft.position(),
+                velocity: shaft.velocity(),
+                acceleration: 0.0,
+            });
+        }
+        self.couplings.push(Coupling {
+            mechanics,
+            devices: devices.to_vec(),
+            loads: vec![Load::default(); devices.len()],
+            motions,
+        });
+    }
+
+    /// Moves coupled shafts from point to point of the grid, up to `until`.
+    fn move_until(&mut self, until: Instant, devices: &mut (impl Devices + ?Sized)) {
+        while !self.is_empty() && self.next <= until {
+            for coupling in &mut self.couplings {
+                coupling.step(self.next, self.step, devices);
+            }
+            self.next += self.step;
+        }
+    }
+}
+
+impl Coupling {
+    fn step(&mut self, end: Instant, step: Duration, all: &mut (impl Devices + ?Sized)) {
+        for (load, &device) in self.loads.iter_mut().zip(&self.devices) {
+            let device = all.device_mut(device);
+            device.run_until(end);
+            if let Some(shaft) = device.shaft_mut() {
+                *load = shaft.take_load();
+            }
+        }
+        let dt = step.as_nanos() as f64 * 1e-9;
+        self.mechanics.step(dt, &self.loads, &mut self.motions);
+        for (&motion, &device) in self.motions.iter().zip(&self.devices) {
+            if let Some(shaft) = all.device_mut(device).shaft_mut() {
+                shaft.moved(end, motion);
+            }
+        }
+    }
+}

@@ -1,0 +1,42 @@
+//! Every model has its twin, and every twin its model.
+
+use std::collections::BTreeSet;
+use syncline_canopen::{NodeId, nmt};
+use syncline_drives::model::{MODELS, Model};
+use syncline_drives::twin::{Config, Kind, TWINS};
+
+#[test]
+fn models_and_twins_have_the_same_names() {
+    let models: BTreeSet<&str> = MODELS.iter().map(|model| model.name).collect();
+    let twins: BTreeSet<&str> = TWINS.iter().map(|twin| twin.name).collect();
+    assert_eq!(models, twins);
+    assert_eq!((models.len(), twins.len()), (MODELS.len(), TWINS.len()));
+}
+
+#[test]
+fn each_is_found_by_its_name_alone() {
+    for twin in TWINS {
+        assert!(Kind::by_name(twin.name).is_some_and(|found| std::ptr::eq(found, twin)));
+        assert!(Model::by_name(twin.name).is_some());
+        assert!(Kind::by_name(&twin.name.to_uppercase()).is_none());
+    }
+}
+
+#[test]
+fn a_twin_is_made_as_it_was_asked_for() {
+    for twin in TWINS {
+        let node = NodeId::new(5).unwrap();
+        let config = Config {
+            position: -12.5,
+            ..Config::new(node)
+        };
+        let device = (twin.make)(&config);
+        let seen = device.observe();
+        assert_eq!(device.node(), node);
+        assert_eq!(
+            (seen.position, seen.velocity, seen.torque),
+            (-12.5, 0.0, 0.0)
+        );
+        assert!(!seen.is_powered && seen.nmt_state == nmt::State::Initialising);
+    }
+}
