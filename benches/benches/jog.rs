@@ -39,7 +39,7 @@ fn main() {
         "µs", "calls", "p50", "p99.9", "max"
     );
     for (name, apart) in [("each axis", true), ("on a line", false)] {
-        let mut plan = Executor::new([0.0; N], PERIOD, 64);
+        let mut plan = Executor::new([0.0; N], PERIOD);
         let [mut orders, mut planning, mut least, mut under_way]: [Vec<Duration>; 4] =
             Default::default();
         let plans = if apart { N.div_ceil(PLANS) } else { 1 };

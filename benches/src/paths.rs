@@ -76,7 +76,7 @@ pub fn begin<const N: usize>(
         planner.push(Item::Move(motion)).expect("a path");
     }
     planner.finish();
-    (planner, Executor::new(curves[0].start(), PERIOD, 4096))
+    (planner, Executor::new(curves[0].start(), PERIOD))
 }
 
 /// Hands over what there is room for.

@@ -7,7 +7,7 @@
 //!
 //! The plan's coordinates are the letters X Y Z A B C U V W, whatever axes the machine has.
 
-use crate::control::{Instruction, Pause};
+use crate::control::{Instruction, Pause, StopPoint};
 use crate::machine::{COORDINATES, Machine, PathTolerances, Position};
 use crossbeam::channel::{self, Receiver, Sender};
 use std::collections::VecDeque;
@@ -152,6 +152,12 @@ impl Program {
         self
     }
 
+    /// Whether the program is read as it runs.
+    #[must_use]
+    pub fn streams(&self) -> bool {
+        self.stream
+    }
+
     /// What the line to begin at finds, for a person to confirm; `None` for the whole program.
     ///
     /// # Errors
@@ -227,8 +233,6 @@ impl Program {
             tolerances: self.tolerances,
             marks: VecDeque::new(),
             first_mark: 0,
-            marked: None,
-            then: None,
             upcoming,
             tag: 0,
             ended: false,
@@ -314,8 +318,8 @@ impl MoveSource {
     }
 }
 
-/// Marks that can come up again when the path is planned anew.
-const MOST_MARKS: usize = 16_384;
+/// Marks that can come up again when the path is planned anew: more than the planner keeps.
+const MOST_MARKS: usize = 2 * Planner::<COORDINATES>::KEPT;
 
 /// A running program: hands out one [`Instruction`] after the other.
 pub struct Feeder {
@@ -326,12 +330,9 @@ pub struct Feeder {
     planner: Planner<COORDINATES>,
     exit: Exit,
     tolerances: PathTolerances,
-    /// What comes at the planner's marks, from this one on.
-    marks: VecDeque<Instruction<COORDINATES>>,
+    /// What the planner's marks stand for, from this one on.
+    marks: VecDeque<StopPoint>,
     first_mark: u32,
-    /// The mark that the planner has reached, and what follows once it is committed.
-    marked: Option<u32>,
-    then: Option<Instruction<COORDINATES>>,
     upcoming: Upcoming,
     /// Of the next move.
     tag: u32,
@@ -457,38 +458,27 @@ impl Feeder {
         self.planner.deepen(times);
     }
 
-    /// The next instruction; after [`Instruction::End`] or [`Instruction::Broken`] none.
+    /// The next instruction; after [`StopPoint::End`] or [`StopPoint::Broken`] none.
     ///
     /// # Errors
     /// The block that cannot be run. What was programmed before it still comes, and then
-    /// [`Instruction::Broken`].
+    /// [`StopPoint::Broken`].
     pub fn next_instruction(&mut self) -> Result<Option<Instruction<COORDINATES>>, ProgramError> {
         loop {
-            if let Some(instruction) = self.then.take() {
-                return Ok(Some(instruction));
-            }
             if let Some(command) = self.planner.pop() {
-                match command {
-                    PathCommand::Mark { mark, .. } => self.marked = Some(mark),
-                    PathCommand::Commit => {
-                        let index = self.marked.take().map(|mark| mark - self.first_mark);
-                        self.then = index.and_then(|k| self.marks.get(k as usize).copied());
-                    }
-                    _ => {}
-                }
-                return Ok(Some(Instruction::Plan(command)));
+                return Ok(Some(self.instruction(command)));
             }
             if self.ended {
                 return Ok(None);
             }
             let Some(command) = self.interpreter.next() else {
-                self.stop_then(Instruction::End);
+                self.stop_then(StopPoint::End);
                 self.ended = true;
                 continue;
             };
             let taken = command.map_err(ProgramError::from);
             if let Err(error) = taken.and_then(|command| self.take(&command)) {
-                self.stop_then(Instruction::Broken);
+                self.stop_then(StopPoint::Broken);
                 self.ended = true;
                 return Err(error);
             }
@@ -538,13 +528,13 @@ impl Feeder {
                 if let gcode::Stop::ToolChange { tool } = *stop {
                     self.switch(Switch::Tool(tool));
                 }
-                self.stop_then(Instruction::Pause { reason, line });
+                self.stop_then(StopPoint::Pause { reason, line });
             }
             Action::Spindle(spindle) => self.switch(Switch::Spindle(*spindle)),
             Action::Coolant(coolant) => self.switch(Switch::Coolant(*coolant)),
             Action::Output(output) => self.switch(Switch::Output(line, *output)),
             Action::PathMode(mode) => self.exit = exit(*mode, self.tolerances),
-            Action::End => self.stop_then(Instruction::End),
+            Action::End => self.stop_then(StopPoint::End),
             _ => {}
         }
         self.ended |= command.action == Action::End;
@@ -566,23 +556,35 @@ impl Feeder {
             })
     }
 
-    /// Comes to rest, then `instruction`.
-    fn stop_then(&mut self, instruction: Instruction<COORDINATES>) {
+    /// A command of the planner; its marks with what they stand for.
+    fn instruction(&self, command: PathCommand<COORDINATES>) -> Instruction<COORDINATES> {
+        let PathCommand::Mark { leg, mark } = command else {
+            return Instruction::Plan(command);
+        };
+        let index = mark.checked_sub(self.first_mark);
+        let stop = index.and_then(|index| self.marks.get(index as usize));
+        debug_assert!(stop.is_some(), "mark {mark} was forgotten");
+        Instruction::Mark {
+            leg,
+            mark,
+            stop: stop.copied().unwrap_or(StopPoint::Broken),
+        }
+    }
+
+    /// Comes to rest, then `stop`.
+    fn stop_then(&mut self, stop: StopPoint) {
         if self.marks.len() == MOST_MARKS {
             self.marks.pop_front();
             self.first_mark += 1;
         }
-        self.marks.push_back(instruction);
+        self.marks.push_back(stop);
         (self.planner).mark(self.first_mark + self.marks.len() as u32 - 1);
     }
 
     /// Plans the rest of the program anew where the executor wants that; the instructions of the
     /// new plan come next.
     pub fn observe(&mut self, outlook: &Outlook) {
-        if self.planner.observe(outlook) {
-            self.marked = None;
-            self.then = None;
-        }
+        self.planner.observe(outlook);
     }
 
     /// Writes back the offsets and tools that the program changed.
@@ -632,8 +634,8 @@ impl Moves {
             let motion = self.motion(last).filter(|_| tag == last);
             motion.is_some_and(|ProgramMove { curve, .. }| {
                 let ends = curve.end().into_iter().zip(position);
-                // A full circle begins at its end too.
-                2.0 * along > curve.length() && ends.map(|(a, b)| a - b).all(|d| d.abs() < 1e-6)
+                // A full circle begins at its end too; a blend takes half of the move at most.
+                4.0 * along > curve.length() && ends.map(|(a, b)| a - b).all(|d| d.abs() < 1e-6)
             })
         });
         if tag < before && !done {

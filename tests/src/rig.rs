@@ -11,12 +11,13 @@ use syncline_controller::control::{Controller, End, Event, Fault, Layout, Phase,
 use syncline_controller::machine::{COORDINATES, Machine};
 use syncline_controller::port::sim::{SimPort, Simulated};
 use syncline_controller::port::{Burst, Port, PortError, Received};
-use syncline_controller::program::Program;
+use syncline_controller::program::{Program, Switch};
 use syncline_controller::run::frames::SharedFrames;
 use syncline_controller::run::virtual_time::VirtualMachine;
 use syncline_drives::bus::{Sender, Transmission};
 use syncline_drives::twin::{Config, SimulatedDevice};
 use syncline_drives::world::{DeviceId, Observer, World};
+use syncline_trajectory::path::Setpoint;
 
 /// Steps after which a run is taken for endless: 2 minutes of the portal's time.
 const MOST_STEPS: usize = 120_000;
@@ -118,6 +119,8 @@ pub struct Rig {
     pub events: Vec<Event>,
     /// What it recorded at every SYNC of the program.
     pub rows: Vec<Row<COORDINATES>>,
+    /// What the program switched.
+    pub switches: Vec<Switch>,
     /// When each phase was entered.
     pub phases: Vec<(Phase, Instant)>,
     /// At a pause a person goes on at once.
@@ -127,6 +130,8 @@ pub struct Rig {
     twins: Vec<DeviceId>,
     frames: Arc<Mutex<Vec<Transmission>>>,
     steps: usize,
+    /// The move under way, and its distance on the path.
+    move_begins: (u32, f64),
     /// Holds the program, which is read while it runs.
     _folder: Folder,
 }
@@ -138,7 +143,7 @@ impl Rig {
         Self::new("portal", &[], program, |_, _| ())
     }
 
-    /// An example machine with parts of its file replaced, a program, and changes to the twins,
+    /// An example machine with parts of its file replaced, a program that stops at M1, and changes to the twins,
     /// which are given by their place in the file.
     ///
     /// # Panics
@@ -156,6 +161,7 @@ impl Rig {
         let layout = Arc::new(Layout::new(&machine).expect("it fits its cycle"));
         let program_file = folder.file("program.ngc", program);
         let program = Program::new(&program_file, &machine, &file).expect("good tables");
+        let program = program.optional_stop(true);
         let shared = SharedFrames::new(&machine);
         let frames = Arc::new(Mutex::new(Vec::new()));
         assert_eq!(machine.buses.len(), 1, "the examples have one bus");
@@ -198,6 +204,8 @@ impl Rig {
             layout,
             events: Vec::new(),
             rows: Vec::new(),
+            switches: Vec::new(),
+            move_begins: (0, 0.0),
             phases: Vec::new(),
             frames,
             goes_on: true,
@@ -248,8 +256,30 @@ impl Rig {
             }
             self.events.push(event);
         }
-        self.rows.extend(self.virtual_machine.row().0.copied());
+        self.record();
         goes_on
+    }
+
+    /// Keeps the row of this wake-up, if it brought one, and what was switched at it.
+    fn record(&mut self) {
+        let (Some(row), moves) = self.virtual_machine.row() else {
+            return;
+        };
+        let Setpoint {
+            tag,
+            distance,
+            position,
+            ..
+        } = row.plan;
+        self.rows.push(*row);
+        if self.move_begins.0 != tag {
+            self.move_begins = (tag, distance);
+        }
+        moves.take_up();
+        let along = distance - self.move_begins.1;
+        while let Some(switch) = moves.switched(tag, &position, along) {
+            self.switches.push(switch);
+        }
     }
 
     /// Goes on until something is so.

@@ -1,6 +1,8 @@
 //! A person at a terminal of their own: a shell command, the keys and what stands there.
 
+use std::fs::File;
 use std::io::{Read, Write};
+use std::os::fd::AsFd;
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 
 /// A shell command that runs on a terminal.
@@ -42,6 +44,16 @@ impl Terminal {
     /// If nobody reads it any more.
     pub fn press(&mut self, keys: &[u8]) {
         self.keys.write_all(keys).expect("somebody listens");
+    }
+
+    /// The keyboard, for another thread that types.
+    ///
+    /// # Panics
+    /// If there are too many open files.
+    #[must_use]
+    pub fn keyboard(&self) -> File {
+        let keys = self.keys.as_fd().try_clone_to_owned();
+        keys.expect("a file more").into()
     }
 
     /// The next line that comes to stand there.

@@ -27,7 +27,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     planner.finish();
 
     // The planner's commands go to the executor, which gives one setpoint a cycle.
-    let mut executor = Executor::new(corners[0], CYCLE, 1024);
+    let mut executor = Executor::new(corners[0], CYCLE);
     while let Some(command) = planner.pop() {
         assert!(executor.accept(command), "room for 1024 commands");
     }

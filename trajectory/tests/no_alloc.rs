@@ -59,7 +59,7 @@ fn jogs_allocate_nothing() {
             max: 100.0,
         },
     };
-    let mut executor = Executor::new([0.0; 3], 0.002, 64);
+    let mut executor = Executor::new([0.0; 3], 0.002);
     assert_no_alloc(|| {
         for jog in [
             Jog::Continuous {

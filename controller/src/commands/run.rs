@@ -304,7 +304,10 @@ impl Run<'_> {
         let interrupted = Arc::clone(&person.interrupted);
         ctrlc::set_handler(move || interrupted.store(true, Ordering::Relaxed))?;
 
-        let (cycle, link, instructions) = Cycle::new(self.layout, world, ports, timing);
+        let (mut cycle, link, instructions) = Cycle::new(self.layout, world, ports, timing);
+        if self.program.streams() {
+            cycle.wait_for_input();
+        }
         let (upcoming, mut moves) = Moves::new();
         let mut planning = Planning::new(self.program.clone(), upcoming, instructions)?;
         let outcome = std::thread::scope(|scope| {

@@ -1,6 +1,7 @@
 //! Why the machine stopped. Plain numbers and indices: a fault is raised inside the cycle, the
 //! text is made outside of it by [`Fault::describe`].
 
+use super::NO_PLAN;
 use std::fmt;
 use syncline_canopen::NodeId;
 use syncline_canopen::cia402::Statusword;
@@ -217,6 +218,8 @@ pub enum Fault {
     },
     /// The program could not go on; its message is in the event log.
     Program,
+    /// The path rested in mid-program, nobody held it, and nothing more of its plan came.
+    NoPlan,
 }
 
 /// What a drive was told to reach and has to report.
@@ -484,6 +487,12 @@ impl Fault {
             Self::Program => {
                 "the program could not go on: see its message, mend it, start again".to_owned()
             }
+            Self::NoPlan => format!(
+                "the path rests in mid-program, nobody holds it, and no plan came for {} s: this is \
+                 a defect of syncline, please report it with the machine, the program and what was \
+                 done",
+                NO_PLAN.as_secs()
+            ),
         }
     }
 }

@@ -42,13 +42,12 @@ use node::Node;
 use setpoint_misses::SetpointMisses;
 use std::collections::VecDeque;
 use std::hint::black_box;
+use std::mem::take;
 use std::sync::Arc;
 use syncline_canopen::time::Duration;
 use syncline_canopen::{CobId, Frame, Instant, Transmit, nmt};
 use syncline_trajectory::path::{Command as PathCommand, Executor, Outlook, Setpoint};
 
-/// Plan commands that the cycle holds at most.
-const PLAN_CAPACITY: usize = 4096;
 /// Events that wait to be fetched at most; more are dropped, newest first.
 const EVENT_CAPACITY: usize = 1024;
 /// How long a drive has to stand still before its setpoint is frozen, and an axis has to be in
@@ -56,6 +55,9 @@ const EVENT_CAPACITY: usize = 1024;
 const STILL: Duration = Duration::from_millis(50);
 /// See [`STILL`].
 const STILL_CYCLES: u32 = 5;
+/// How long a path that could go on rests until a plan that does not come is a fault. A planner, and
+/// a program that computes before it moves, may take a while in real time; none takes so long.
+const NO_PLAN: Duration = Duration::from_secs(30);
 /// Cycles that a controlword stands at least, so that its effect is seen in a T_PDO.
 const COMMAND_CYCLES: u64 = 3;
 
@@ -81,8 +83,23 @@ impl Wake {
 /// What the program feeds to the cycle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Instruction<const N: usize> {
-    /// The next command of the plan.
+    /// The next command of the plan, but for its marks.
     Plan(PathCommand<N>),
+    /// The next mark of the plan, and what it stands for.
+    Mark {
+        /// As in [`PathCommand::Mark`].
+        leg: u64,
+        /// As in [`PathCommand::Mark`].
+        mark: u32,
+        /// What happens once the path rests there.
+        stop: StopPoint,
+    },
+}
+
+/// What happens at a mark of the plan. The path rests there until that is done, so that no
+/// replacement of the plan, whenever it comes, leaves it out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum StopPoint {
     /// Rest with drives enabled until a person goes on.
     Pause {
         /// Why.
@@ -92,7 +109,7 @@ pub enum Instruction<const N: usize> {
     },
     /// The program is complete.
     End,
-    /// What comes next in the program cannot be run: a fault, once the machine is there.
+    /// What comes next in the program cannot be run: a fault.
     Broken,
 }
 
@@ -171,14 +188,19 @@ pub struct Controller<const N: usize> {
     left_out: bool,
     row: Option<Row<N>>,
     in_position: u32,
-    pause: Option<(Pause, u32)>,
+    /// The last mark of the plan; there is never another one behind it before it is passed.
+    stop_point: Option<(u32, StopPoint)>,
     pause_told: bool,
+    /// Something of the program was handed in.
+    begun: bool,
+    /// For so many cycles the path has rested for want of a plan.
+    unplanned: u64,
+    /// That is no fault.
+    waits_for_input: bool,
     /// At rest until a person goes on.
     held: bool,
     /// As told.
     late_plans: u64,
-    /// How the run ends once the plan has been executed.
-    after_plan: Option<End>,
 }
 
 impl<const N: usize> Controller<N> {
@@ -189,7 +211,7 @@ impl<const N: usize> Controller<N> {
     #[must_use]
     pub fn new(layout: Arc<Layout>, start: Instant) -> Self {
         assert!(layout.axes.iter().all(|axis| axis.coordinate < N));
-        let executor = Executor::new([0.0; N], layout.cycle.as_secs_f64(), PLAN_CAPACITY);
+        let executor = Executor::new([0.0; N], layout.cycle.as_secs_f64());
         Self {
             nodes: (0..layout.drives.len())
                 .map(|drive| Node::new(drive, &layout))
@@ -219,11 +241,13 @@ impl<const N: usize> Controller<N> {
             left_out: false,
             row: None,
             in_position: 0,
-            pause: None,
+            stop_point: None,
             pause_told: false,
+            begun: false,
+            unplanned: 0,
+            waits_for_input: false,
             held: false,
             late_plans: 0,
-            after_plan: None,
             layout,
         }
     }
@@ -319,7 +343,7 @@ impl<const N: usize> Controller<N> {
         self.row = None;
         for bus in 0..self.misses.len() {
             // What has not left by now has missed this cycle's SYNC.
-            if std::mem::take(&mut self.misses[bus].unsent) > 0 {
+            if take(&mut self.misses[bus].unsent) > 0 {
                 self.miss(bus, self.cycle);
             }
         }
@@ -494,7 +518,7 @@ impl<const N: usize> Controller<N> {
         if !self.frozen {
             self.nodes.iter_mut().for_each(Node::hold);
         } else {
-            if std::mem::take(&mut self.left_out) {
+            if take(&mut self.left_out) {
                 self.plan();
             }
             self.plan();
@@ -585,14 +609,19 @@ impl<const N: usize> Controller<N> {
         // While held, nothing: the plan will be replaced.
         let held = self.executor.leads_to_hold()
             || (self.executor.awaits_plan() && self.executor.outlook().is_none());
-        let over = self.pause.is_some() || self.after_plan.is_some();
-        let takes = match self.phase {
-            Phase::Program => !held && !over,
-            // The way to rest, and nothing beyond.
-            Phase::Stop => !held,
-            _ => false,
-        };
-        if takes { self.executor.room() } else { 0 }
+        // While it stops: the way to rest, and nothing beyond.
+        let takes = matches!(self.phase, Phase::Program | Phase::Stop);
+        if takes && !held {
+            self.executor.room()
+        } else {
+            0
+        }
+    }
+
+    /// The program is read as it comes, and may stand still for as long as it likes in real time: then
+    /// it is no fault that no plan comes.
+    pub fn wait_for_input(&mut self) {
+        self.waits_for_input = true;
     }
 
     /// Takes the next instruction of the program; false if there is no room for it.
@@ -600,26 +629,23 @@ impl<const N: usize> Controller<N> {
         if self.room() == 0 {
             return false;
         }
+        self.begun = true;
         match instruction {
-            Instruction::Plan(command) => return self.executor.accept(command),
-            // It comes again, behind the new plan.
-            _ if self.executor.awaits_plan() => {}
-            Instruction::Pause { reason, line } => self.pause = Some((reason, line)),
-            Instruction::End => self.after_plan = Some(End::Finished),
-            Instruction::Broken => self.after_plan = Some(End::Fault(Fault::Program)),
-        }
-        true
-    }
-
-    /// What a person does with the path. Until the plan is replaced, what comes of the old one is dropped.
-    fn act(&mut self, act: impl FnOnce(&mut Executor<N>)) {
-        act(&mut self.executor);
-        if self.executor.awaits_plan() {
-            self.after_plan = None;
-            if !self.pause_told {
-                self.pause = None;
+            Instruction::Plan(command) => self.executor.accept(command),
+            Instruction::Mark { leg, mark, stop } => {
+                // A plan that is to be replaced is dropped, its marks with it: they come again.
+                if !self.executor.awaits_plan() {
+                    self.stop_point = Some((mark, stop));
+                }
+                self.executor.accept(PathCommand::Mark { leg, mark })
             }
         }
+    }
+
+    /// The stop point at which the path rests.
+    fn reached(&self) -> Option<StopPoint> {
+        let (mark, stop) = self.stop_point?;
+        (self.executor.mark() == Some(mark)).then_some(stop)
     }
 
     /// From where on the program's path has to be planned anew, if it has, also to rest at the end; for
@@ -633,12 +659,11 @@ impl<const N: usize> Controller<N> {
 
     /// A person ends a pause; what was jogged meanwhile goes back first.
     pub fn go_on(&mut self) {
-        if self.pause_told {
+        if take(&mut self.pause_told) {
             if self.executor.is_away() {
-                self.act(Executor::resume);
+                self.executor.resume();
             }
-            self.pause = None;
-            self.pause_told = false;
+            self.executor.pass();
             // Held besides, it stays so.
             self.tell(match self.executor.is_held() {
                 true => Event::Held,

@@ -38,36 +38,32 @@ impl<const N: usize> Controller<N> {
     pub fn obey(&mut self, order: Order<N>) {
         match order {
             Order::GoOn => self.go_on(),
-            Order::Hold => self.act(|path| path.hold()),
-            Order::Resume => self.act(|path| path.resume()),
-            Order::ToggleHold => self.act(|path| {
-                if path.is_held() && !path.wants_speed() {
-                    path.resume();
+            Order::Hold => self.executor.hold(),
+            Order::Resume => self.executor.resume(),
+            Order::ToggleHold => {
+                if self.executor.is_held() && !self.executor.wants_speed() {
+                    self.executor.resume();
                 } else {
-                    path.hold();
+                    self.executor.hold();
                 }
-            }),
-            Order::StopAfterBlock => self.act(|path| path.stop_after_block()),
+            }
+            Order::StopAfterBlock => self.executor.stop_after_block(),
             Order::StepBack => {
                 // A pause that is told comes again when the path has come back to it.
                 if take(&mut self.pause_told) {
                     self.tell(Event::SteppingBack);
                 }
-                self.act(|path| path.step_back());
+                self.executor.step_back();
             }
             Order::Jog(jog) => self.jog(jog),
-            Order::FeedOverride(feed) => self.act(|path| {
-                path.set_overrides(Overrides {
-                    feed,
-                    ..path.overrides()
-                });
-            }),
-            Order::RapidOverride(rapid) => self.act(|path| {
-                path.set_overrides(Overrides {
-                    rapid,
-                    ..path.overrides()
-                });
-            }),
+            Order::FeedOverride(feed) => {
+                let overrides = self.executor.overrides();
+                (self.executor).set_overrides(Overrides { feed, ..overrides });
+            }
+            Order::RapidOverride(rapid) => {
+                let overrides = self.executor.overrides();
+                (self.executor).set_overrides(Overrides { rapid, ..overrides });
+            }
             Order::Interrupt => self.interrupt(),
             Order::Abandon => self.abandon(),
         }
@@ -86,7 +82,7 @@ impl<const N: usize> Controller<N> {
         }
         let mut taken = Err(JogError::Moving);
         if self.phase == Phase::Program {
-            self.act(|path| taken = path.jog(jog, &travel));
+            taken = self.executor.jog(jog, &travel);
         }
         if let Err(error) = taken {
             self.tell(Event::NoJog(error));

@@ -1,7 +1,9 @@
 //! From power-up to the program and from its end to power-down, one phase after the other.
 
 use super::fault::{AwaitedState, Fault};
-use super::{COMMAND_CYCLES, Controller, End, Event, Node, Phase, STILL, STILL_CYCLES};
+use super::{
+    COMMAND_CYCLES, Controller, End, Event, NO_PLAN, Node, Phase, STILL, STILL_CYCLES, StopPoint,
+};
 use crate::port::Outbox;
 use syncline_canopen::time::Duration;
 use syncline_canopen::{Transmit, nmt};
@@ -73,6 +75,7 @@ impl<const N: usize> Controller<N> {
                     self.tell(Event::LatePlan);
                 }
                 self.step_program();
+                self.watch_plan()?;
             }
             Phase::Stop => {
                 let settled = self.in_position >= self.still_cycles();
@@ -171,16 +174,26 @@ impl<const N: usize> Controller<N> {
         if !self.executor.is_idle() {
             return;
         }
-        if let Some(End::Fault(fault)) = self.after_plan {
-            self.fail(fault);
-        } else if let Some(end) = self.after_plan {
-            self.finish(end);
-        } else if let Some((reason, line)) = self.pause
-            && !self.pause_told
-        {
-            self.pause_told = true;
-            self.tell(Event::Paused { line, reason });
+        match self.reached() {
+            Some(StopPoint::Pause { reason, line }) if !self.pause_told => {
+                self.pause_told = true;
+                self.tell(Event::Paused { line, reason });
+            }
+            Some(StopPoint::Pause { .. }) | None => {}
+            Some(StopPoint::End) => self.finish(End::Finished),
+            Some(StopPoint::Broken) => self.fail(Fault::Program),
         }
+    }
+
+    /// Where the path could go on and no plan comes for long, none ever will.
+    fn watch_plan(&mut self) -> Result<(), Fault> {
+        let waits = self.begun && self.phase == Phase::Program && self.executor.wants_plan();
+        self.unplanned = if waits { self.unplanned + 1 } else { 0 };
+        let most = NO_PLAN.as_nanos().div_ceil(self.layout.cycle.as_nanos()) as u64;
+        if self.unplanned > most && !self.waits_for_input {
+            return Err(Fault::NoPlan);
+        }
+        Ok(())
     }
 
     /// Freezes every drive's setpoint where it stands; the plan starts there.

@@ -193,6 +193,11 @@ impl Cycle {
         (cycle, link, give)
     }
 
+    /// See [`Controller::wait_for_input`].
+    pub fn wait_for_input(&mut self) {
+        self.driver.controller.wait_for_input();
+    }
+
     /// Runs the machine to its end; `started` is told what the kernel granted.
     pub fn run(
         mut self,

@@ -82,7 +82,7 @@ fn plate(layers: u32) -> Vec<Item<3>> {
 
 fn report(items: &[Item<3>]) -> Report {
     let mut planner = Planner::new(LIMITS, [0.0; 3]);
-    let mut executor = Executor::new([0.0; 3], PERIOD, 100_000);
+    let mut executor = Executor::new([0.0; 3], PERIOD);
     for item in items {
         planner.push(*item).unwrap();
     }

@@ -11,4 +11,5 @@ mod operator;
 mod programs;
 mod properties;
 mod run;
+mod stops;
 mod validate;

@@ -6,6 +6,7 @@ use std::mem::take;
 
 use super::brake::{Search, brake_gently};
 use super::jog::{Excursion, Jog, JogError, Then, Travel};
+use super::planner::MOST_AT_ONCE;
 use super::{Command, Curve, Departure, Limits, Outlook, Overrides, Piece, Span};
 
 /// Where every axis has to be, and what the path does there.
@@ -53,6 +54,7 @@ enum Step<const N: usize> {
     },
     Mark {
         leg: u64,
+        mark: u32,
     },
     Hold,
 }
@@ -85,9 +87,11 @@ fn first_lead(period: f64) -> u64 {
     ((RESPONSE / period) as u64).saturating_sub(1).max(1)
 }
 
-/// Steps, and spans, for which there is room beyond what is asked for: those of a new plan that
-/// comes while the old one is complete.
-const RESERVE: usize = 2048;
+/// Steps, and spans, of the plan that is followed: what is left of one commit and the next one, which
+/// comes when half of that was followed at the latest.
+const CAPACITY: usize = MOST_AT_ONCE + MOST_AT_ONCE / 2;
+/// Room beyond that, for a new plan that comes while the old one is complete.
+const RESERVE: usize = MOST_AT_ONCE;
 
 /// Less of the programmed speed is none: a path that takes for ever cannot be planned.
 const LEAST_OVERRIDE: f64 = 1e-3;
@@ -145,6 +149,8 @@ pub struct Executor<const N: usize> {
     rested: u64,
     /// When the first of `steps` began; meaningless when idle.
     began: Clock,
+    /// The mark at which the path rests until it is passed; then there are no steps.
+    mark: Option<u32>,
     /// The leg under way, or the last one, and the path distance from the beginning of everything
     /// to the section's.
     leg: Option<u64>,
@@ -217,12 +223,11 @@ impl<const N: usize> Clone for Executor<N> {
 }
 
 impl<const N: usize> Executor<N> {
-    /// At rest in `position`, with a cycle of `period` s and room for `capacity` commands; a
-    /// planner's windows need 4,096.
-    pub fn new(position: [f64; N], period: f64, capacity: usize) -> Self {
+    /// At rest in `position`, with a cycle of `period` s and room for whatever a planner commits.
+    pub fn new(position: [f64; N], period: f64) -> Self {
         Executor {
-            spans: touched(capacity + RESERVE, some_span()),
-            steps: touched(capacity + RESERVE, Some(Step::Hold)),
+            spans: touched(CAPACITY + RESERVE, some_span()),
+            steps: touched(CAPACITY + RESERVE, Some(Step::Hold)),
             search: Some(Box::default()),
             ..Executor::empty(position, period)
         }
@@ -251,6 +256,7 @@ impl<const N: usize> Executor<N> {
                 cycle: 0,
                 offset: 0.0,
             },
+            mark: None,
             leg: None,
             origin: 0.0,
             backward: false,
@@ -296,6 +302,8 @@ impl<const N: usize> Executor<N> {
             0
         } else if self.deaf || self.fresh.is_some() {
             room
+        } else if self.leads_to_mark() {
+            0
         } else {
             room.saturating_sub(RESERVE)
         }
@@ -342,7 +350,7 @@ impl<const N: usize> Executor<N> {
             Command::Dwell { leg, duration, tag } => {
                 self.steps.push_back(Step::Dwell { leg, duration, tag });
             }
-            Command::Mark { leg, .. } => self.steps.push_back(Step::Mark { leg }),
+            Command::Mark { leg, mark } => self.steps.push_back(Step::Mark { leg, mark }),
             Command::Hold => self.steps.push_back(Step::Hold),
             Command::Commit => self.commit(),
         }
@@ -352,7 +360,7 @@ impl<const N: usize> Executor<N> {
     fn commit(&mut self) {
         if let Some(cycle) = self.fresh.take() {
             // Who rests since before can begin whenever the plan comes.
-            let rests = self.committed == 0 && cycle >= self.rested;
+            let rests = self.committed == 0 && self.mark.is_none() && cycle >= self.rested;
             if cycle < self.cycle && !rests {
                 // Too late: another one is asked for in the next cycle, and from a planner that
                 // is slow further ahead. None was found where the cycle is 0.
@@ -412,8 +420,41 @@ impl<const N: usize> Executor<N> {
     /// Nothing is left to execute, and nothing is waited for; the axes rest.
     pub fn is_idle(&self) -> bool {
         let moved = self.away.as_ref().is_some_and(|away| !away.rests());
-        let waits = !self.stopped && (self.held || self.deaf || self.fresh.is_some());
+        // Behind a mark nothing is planned before it is passed.
+        let replaced = self.mark.is_none() && (self.deaf || self.fresh.is_some());
+        let waits = !self.stopped && (self.held || replaced);
         self.committed == 0 && !waits && !moved
+    }
+
+    /// The mark at which the path rests; it goes on behind it once that is passed.
+    pub fn mark(&self) -> Option<u32> {
+        self.mark
+    }
+
+    /// Lets the path go on behind the [`mark`](Self::mark) at which it rests.
+    pub fn pass(&mut self) {
+        self.mark = None;
+    }
+
+    /// What is committed ends at a mark, or the path rests at one: there is no more to follow before
+    /// that is passed.
+    fn leads_to_mark(&self) -> bool {
+        let whole = self.committed == self.steps.len();
+        self.mark.is_some() || whole && matches!(self.steps.back(), Some(Step::Mark { .. }))
+    }
+
+    /// Rests, and only more of the plan gets it on: nobody holds it, at no mark, and a speed is
+    /// asked for.
+    pub fn wants_plan(&self) -> bool {
+        let rests = match self.current() {
+            None => self.mark.is_none(),
+            Some(Step::Hold) => {
+                let Overrides { feed, rapid } = self.overrides;
+                self.wants_speed() && feed > 0.0 && rapid > 0.0
+            }
+            Some(_) => false,
+        };
+        rests && !self.held && !self.stopped && self.away.is_none()
     }
 
     /// Number of the cycle that the last setpoint belongs to.
@@ -549,7 +590,11 @@ impl<const N: usize> Executor<N> {
                     self.finish_run(piece.distance + piece.at(duration).0);
                 }
             }
-            Step::Dwell { leg, .. } | Step::Mark { leg } => self.leg = Some(leg),
+            Step::Dwell { leg, .. } => self.leg = Some(leg),
+            Step::Mark { leg, mark } => {
+                self.leg = Some(leg);
+                self.mark = Some(mark);
+            }
             Step::Hold => self.began = self.now(),
         }
         if self.committed == 0 {
@@ -690,6 +735,8 @@ impl<const N: usize> Executor<N> {
             return;
         }
         self.stop_after_block = false;
+        // It comes again.
+        self.mark = None;
         self.step_back = Some(self.revision + 1);
         self.leave_hold();
         if self.backward {
@@ -826,10 +873,11 @@ impl<const N: usize> Executor<N> {
     }
 
     /// From where on the plan has to be replaced, if it has. What is handed in before that is done
-    /// is dropped.
+    /// is dropped. Nowhere at a mark or so shortly before it that it is reached before: what is
+    /// replaced begins behind it once it is passed, and the mark itself is not lost.
     pub fn outlook(&self) -> Option<Outlook> {
         let rest = self.seeks_rest();
-        let held = self.held || self.stopped || self.turns();
+        let held = self.held || self.stopped || self.turns() || self.mark.is_some();
         if !self.deaf || held && !rest || self.refused == Some(self.cycle) {
             return None;
         }
@@ -851,7 +899,8 @@ impl<const N: usize> Executor<N> {
                     leg = Some(l);
                     departure = Departure::default();
                 }
-                Step::Dwell { leg: l, .. } | Step::Mark { leg: l } => leg = Some(l),
+                Step::Mark { .. } => return None,
+                Step::Dwell { leg: l, .. } => leg = Some(l),
                 Step::Piece(piece) => {
                     let under_way = index == last;
                     let (ds, speed, acceleration) =

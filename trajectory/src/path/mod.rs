@@ -226,7 +226,8 @@ pub enum Command<const N: usize> {
         /// As [`Move::tag`].
         tag: u32,
     },
-    /// The place of a [`Planner::mark`].
+    /// The place of a [`Planner::mark`]: rest until [`Executor::pass`]. What comes behind it is
+    /// taken then.
     Mark {
         /// As in [`Section`](Self::Section).
         leg: u64,

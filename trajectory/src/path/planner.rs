@@ -17,11 +17,11 @@ use thiserror::Error;
 use crate::limits::PositionLimits;
 
 use super::blend::{Blend, blend};
-use super::brake::{brake, brake_gently};
+use super::brake::{MOST_PIECES, brake, brake_gently};
 use super::descent::{Attempt, attempts, dips, lay_descent, rises};
 use super::facets::{Part, Run};
 use super::plan::{Laid, Plan, follow};
-use super::window::{Effort, Window, room_to_stop};
+use super::window::{Effort, MOST_CELLS, TOO_MANY_CELLS, Window, room_to_stop};
 use super::{Command, Curve, Departure, Item, Limits, Move, Outlook, Overrides, Piece, Span};
 
 /// Why an item cannot be planned.
@@ -54,6 +54,11 @@ const RESTS: usize = 4;
 const FOLLOWED: f64 = 0.002;
 /// How often a limit that falls gently is lowered at most.
 const LIMITS_LOWERED: usize = 4;
+/// Pieces of the last plan that are followed before a window, at most.
+const MOST_FOLLOWED: usize = 2 * MOST_CELLS;
+/// Steps, and spans, that come in one commit, at most: what is followed, what slows down, the window,
+/// its section and a hold. An [`Executor`](super::Executor) has room for that whenever it rests.
+pub(super) const MOST_AT_ONCE: usize = MOST_FOLLOWED + MOST_PIECES + TOO_MANY_CELLS + 2;
 /// Spans in a window, at most.
 const WINDOW_SPANS: usize = 1024;
 
@@ -163,7 +168,14 @@ const HASTE: u32 = 2;
 /// So much of such a window is kept, s: time to plan the next one. Its own end is out of sight until then.
 const HASTY: f64 = 0.06;
 
+/// See [`Planner::KEPT`]; it does not depend on the number of axes.
+const KEPT: usize = Planner::<0>::KEPT;
+
 impl<const N: usize> Planner<N> {
+    /// Spans, dwells and marks that are kept at least: what an executor and the queue to it may
+    /// hold, and what can be stepped back. Of those passed no more than that are kept.
+    pub const KEPT: usize = 16_384;
+
     /// For a machine with `limits` that rests in `position`.
     pub fn new(limits: Limits<N>, position: [f64; N]) -> Self {
         let stop = (0..N)
@@ -235,7 +247,7 @@ impl<const N: usize> Planner<N> {
         Ok(())
     }
 
-    /// The path rests here, and `mark` comes back as [`Command::Mark`].
+    /// The path rests here until [`mark`](super::Executor::mark) is [passed](super::Executor::pass).
     pub fn mark(&mut self, mark: u32) {
         self.close();
         self.legs.push_back(Leg::Mark(mark));
@@ -488,7 +500,7 @@ impl<const N: usize> Planner<N> {
         self.plans[1].clear();
         let old: Vec<_> = self.plans[0].from(leg, departure).collect();
         let before = self.cursor;
-        for attempt in attempts(&old) {
+        for attempt in attempts(&old).filter(|attempt| attempt.followed <= MOST_FOLLOWED) {
             let (followed, ahead) = old.split_at(attempt.followed);
             let from = match ahead.first() {
                 Some(next) => next.piece.into(),
@@ -1007,10 +1019,6 @@ fn block_end<const N: usize>(
         .unwrap_or(f64::INFINITY)
 }
 
-/// Spans that are kept at least: what an executor and the queue to it may hold, and what can be
-/// stepped back.
-const KEPT: usize = 16_384;
-
 /// The path speed that is asked for on a span after overrides.
 fn asked_speed<const N: usize>(span: &Span<N>, overrides: Overrides, limits: &Limits<N>) -> f64 {
     if span.feed.is_finite() {
@@ -1279,7 +1287,7 @@ pub(super) fn rest_to_rest(from: f64, length: f64, bounds: Bounds) -> [Piece; 7]
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::path::{Executor, Exit, Feed, Plane, curve::ArcDefinition, window::MOST_CELLS};
+    use crate::path::{Executor, Exit, Feed, Plane, curve::ArcDefinition};
 
     const LIMITS: Limits<3> = Limits {
         velocity: [500.0, 400.0, 200.0],
@@ -1376,7 +1384,7 @@ mod tests {
             planner.push(Item::Move(motion)).unwrap();
         }
         planner.finish();
-        let mut executor = Executor::new(points[0], 0.001, 4096);
+        let mut executor = Executor::new(points[0], 0.001);
         let (mut windows, mut pieces) = (Vec::new(), 0);
         loop {
             if executor.cycle() == acts {

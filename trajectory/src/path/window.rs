@@ -27,7 +27,7 @@ const CELLS_PER_RAMP: f64 = 10.0;
 /// Cells of a stretch, about.
 pub(super) const MOST_CELLS: usize = 600;
 /// A law of more is none: limits that differ by too much.
-const TOO_MANY_CELLS: usize = 16 * MOST_CELLS;
+pub(super) const TOO_MANY_CELLS: usize = 16 * MOST_CELLS;
 /// Cells shorter than this would be nothing but rounding, mm.
 const SHORTEST: f64 = 1e-9;
 /// By how much of the time up to them cells may be longer than later ones.

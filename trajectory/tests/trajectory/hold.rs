@@ -274,7 +274,7 @@ fn survey(programs: u32, every: u32, rest: Rest) -> Vec<f64> {
             })
             .collect();
         let start = curves[0].start();
-        let mut plan = Executor::new(start, PERIOD, 100_000);
+        let mut plan = Executor::new(start, PERIOD);
         let (planner, spans) = planned(&items, start, |command| assert!(plan.accept(command)));
         let road = Road(&spans);
         for cycle in 1_u32.. {

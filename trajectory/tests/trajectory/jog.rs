@@ -63,7 +63,7 @@ impl Machine {
     }
 
     fn at_rest(position: [f64; 3]) -> Self {
-        let executor = Executor::new(position, PERIOD, 4096);
+        let executor = Executor::new(position, PERIOD);
         Machine {
             planner: Planner::new(LIMITS, position),
             rows: vec![executor.setpoint()],

@@ -25,7 +25,7 @@ fn go(curve: Curve<3>, feed: f64, tag: u32) -> Item<3> {
 
 fn execute(start: [f64; 3], items: &[Item<3>], period: f64) -> (Executor<3>, Vec<Setpoint<3>>) {
     let mut planner = Planner::new(LIMITS, start);
-    let mut executor = Executor::new(start, period, 4096);
+    let mut executor = Executor::new(start, period);
     let mut rows = vec![executor.setpoint()];
     let mut items = items.iter();
     let mut finished = false;
@@ -229,7 +229,7 @@ proptest! {
         let items = [go(curve, feed, 1)];
         let (_, rows) = execute(curve.start(), &items, PERIOD);
         let mut planner = Planner::new(LIMITS, curve.start());
-        let mut executor = Executor::new(curve.start(), PERIOD, 4096);
+        let mut executor = Executor::new(curve.start(), PERIOD);
         planner.push(items[0]).unwrap();
         planner.finish();
         while let Some(command) = planner.pop() {
@@ -349,7 +349,7 @@ fn a_stop_in_a_cruise_begins_at_once() {
         ),
     ] {
         let mut planner = Planner::new(LIMITS, [0.0; 3]);
-        let mut executor = Executor::new([0.0; 3], PERIOD, 4096);
+        let mut executor = Executor::new([0.0; 3], PERIOD);
         planner.push(go(curve, feed, 1)).unwrap();
         planner.finish();
         while let Some(command) = planner.pop() {
@@ -392,7 +392,7 @@ fn a_hold_begins_soon_behind_a_slow_planner() {
     });
     for (answers, most) in [(true, 5), (false, 20)] {
         let mut planner = Planner::new(LIMITS, [0.0; 3]);
-        let mut executor = Executor::new([0.0; 3], PERIOD, 4096);
+        let mut executor = Executor::new([0.0; 3], PERIOD);
         planner.push(go(circle.unwrap(), 200.0, 1)).unwrap();
         planner.finish();
         let supply = |planner: &mut Planner<3>, executor: &mut Executor<3>| {
@@ -451,7 +451,7 @@ fn zigzag(lines: u32) -> (Planner<3>, Executor<3>) {
             .unwrap();
     }
     planner.finish();
-    (planner, Executor::new([0.0; 3], PERIOD, 4096))
+    (planner, Executor::new([0.0; 3], PERIOD))
 }
 
 /// A planner so slow that what it plans comes too late: the path rests on the way where it has to,
@@ -547,7 +547,7 @@ fn progress_is_certain_however_late_the_plans_come() {
 fn a_stop_drops_what_is_not_committed() {
     let line = Curve::line([0.0; 3], [100.0, 0.0, 0.0]).unwrap();
     let mut planner = Planner::new(LIMITS, [0.0; 3]);
-    let mut executor = Executor::new([0.0; 3], PERIOD, 4096);
+    let mut executor = Executor::new([0.0; 3], PERIOD);
     planner.push(go(line, 100.0, 1)).unwrap();
     planner.finish();
     while let Some(command) = planner.pop() {
@@ -879,7 +879,7 @@ fn a_hold_stops_in_the_least_distance() {
         for part in 1..9 {
             let at = rows.len() * part / 9;
             let mut planner = Planner::new(LIMITS, curve.start());
-            let mut executor = Executor::new(curve.start(), PERIOD, 4096);
+            let mut executor = Executor::new(curve.start(), PERIOD);
             planner.push(go(curve, feed, 1)).unwrap();
             planner.finish();
             while let Some(command) = planner.pop() {

@@ -20,7 +20,7 @@ impl<'a> Machine<'a> {
         period: f64,
     ) -> Self {
         Machine {
-            executor: Executor::new(start, period, 4096),
+            executor: Executor::new(start, period),
             planner: Planner::new(limits, start),
             items: items.iter(),
             finished: false,

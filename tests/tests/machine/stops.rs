@@ -1,0 +1,587 @@
+//! Nothing that a person does loses a stop, a dwell, a switch or the end of a program, whenever it
+//! is done: least of all one or two cycles before the path rests.
+
+use proptest::prelude::*;
+use proptest::strategy::ValueTree;
+use proptest::test_runner::{Config, RngAlgorithm, TestRng, TestRunner};
+use std::fmt::Write as _;
+use std::io::Write as _;
+use std::sync::mpsc::{RecvTimeoutError, channel};
+use std::time::Duration;
+use syncline_controller::bench::rig::{Shape, Shuttle, ready_machine};
+use syncline_controller::control::{Controller, End, Event, Fault, Instruction, Order};
+use syncline_controller::control::{Pause, StopPoint};
+use syncline_controller::program::Switch;
+use syncline_gcode::{Coolant, Output};
+use syncline_tests::command::{Folder, ended, syncline};
+use syncline_tests::rig::Rig;
+use syncline_tests::terminal::Terminal;
+use syncline_trajectory::path::Command;
+
+// --- programs that lost one ---
+
+/// What `validate` tells of a program with events: exit code and messages.
+fn validate(machine: &str, program: &str, events: &str) -> (i32, String) {
+    let folder = Folder::new();
+    let output = syncline()
+        .args(["validate", "--verbose", "--events"])
+        .args([
+            folder.file("e.csv", &format!("t_s,event,value\n{events}\n")),
+            folder.machine(machine),
+            folder.file("p.ngc", program),
+        ])
+        .output()
+        .unwrap();
+    let (code, _, told) = ended(&output);
+    (code, told.to_owned())
+}
+
+#[test]
+fn an_override_just_before_a_stop_leaves_it_in_place() {
+    let program = "\
+G21 G90 G64 P0.1
+G1 X10 F3000
+Y5
+M0
+G2 X15 Y0 I5
+M0
+G4 P0.2
+M0
+G0 X0 Y0
+M2
+";
+    let (code, told) = validate("xyz", program, "0.380,feed_override,50");
+    assert_eq!(code, 0, "{told}");
+    assert_eq!(told.matches("program stop (M0)").count(), 3, "{told}");
+}
+
+#[test]
+fn a_hold_just_before_a_stop_leaves_it_in_place() {
+    let program = "G21 G90\nG0 X10\nM0\nM2\n";
+    for held in ["0.180", "0.184", "0.188", "0.192", "0.196"] {
+        let (code, told) = validate("xyz", program, &format!("{held},hold,\n1.5,resume,"));
+        assert_eq!(code, 0, "{held}: {told}");
+        assert_eq!(told.matches("program stop (M0)").count(), 1, "{told}");
+    }
+}
+
+/// The corner before it leaves half of the last move.
+#[test]
+fn what_is_switched_behind_a_short_last_move_is_switched() {
+    let line = Block::Line(0.05, 0.0);
+    runs_whole(
+        &Sample::new("G64 P0.5", &[line, Block::ToolChange]),
+        Vec::new(),
+        0,
+    );
+}
+
+#[test]
+fn a_tool_change_behind_a_stop_after_the_block_is_made() {
+    for (program, resumed) in [
+        ("G21 G90\nG0 X10\nM6 T2\nG0 X0\nM2\n", true),
+        ("G21 G90\nG0 X10\nM6 T1\nM101\nG0 X0\nM2\n", true),
+        ("G21 G90\nG0 X10\nM2\n", false),
+    ] {
+        let events = "0.05,stop_after_block,\n1.000,resume,\n1.004,feed_override,90";
+        let (code, told) = validate("xyz", program, events);
+        assert_eq!(code, 0, "{told}");
+        assert_eq!(told.contains("tool change (M6)"), resumed, "{told}");
+    }
+}
+
+/// Axes whose limits differ by decades: the first window after the short block has thousands of
+/// steps.
+#[test]
+fn a_window_of_thousands_of_steps_finds_room() {
+    let (toml, program) = (
+        include_str!("stops/decades.toml"),
+        include_str!("stops/decades.ngc"),
+    );
+    let folder = Folder::new();
+    let output = syncline()
+        .arg("validate")
+        .args([folder.file("m.toml", toml), folder.file("p.ngc", program)])
+        .output()
+        .unwrap();
+    let (code, told, errors) = ended(&output);
+    assert_eq!(code, 0, "{told}{errors}");
+}
+
+// --- any program, any order, at any instant ---
+
+/// A block of a random program.
+#[derive(Clone, Copy, Debug)]
+enum Block {
+    /// A line this long in X and Y, mm.
+    Line(f64, f64),
+    /// A half circle of this radius, mm.
+    Arc(f64),
+    Dwell(f64),
+    Stop,
+    OptionalStop,
+    ToolChange,
+    Coolant(bool),
+    Output(u16),
+}
+
+fn block() -> impl Strategy<Value = Block> {
+    prop_oneof![
+        6 => (0.05..6.0_f64, -4.0..4.0_f64).prop_map(|(x, y)| Block::Line(x, y)),
+        2 => (0.2..4.0_f64).prop_map(Block::Arc),
+        2 => (0.004..0.2_f64).prop_map(Block::Dwell),
+        2 => Just(Block::Stop),
+        1 => Just(Block::OptionalStop),
+        2 => Just(Block::ToolChange),
+        1 => any::<bool>().prop_map(Block::Coolant),
+        1 => (100..110_u16).prop_map(Block::Output),
+    ]
+}
+
+/// A program, and what it is to do besides moving.
+#[derive(Clone, Debug)]
+struct Sample {
+    text: String,
+    stops: Vec<Pause>,
+    switches: Vec<Switch>,
+    /// Where, and for how long, s.
+    dwells: Vec<([f64; 2], f64)>,
+}
+
+impl Sample {
+    fn new(mode: &str, blocks: &[Block]) -> Self {
+        let mut sample = Self {
+            text: format!("G21 G90 G17 {mode} F9000\nG0 X100 Y100\n"),
+            stops: Vec::new(),
+            switches: Vec::new(),
+            dwells: Vec::new(),
+        };
+        let mut at = [100.0, 100.0];
+        let mut line = 2;
+        let mut flows = false;
+        for block in blocks {
+            let text = &mut sample.text;
+            line += 1;
+            let _ = match *block {
+                Block::Line(x, y) => {
+                    at = [at[0] + x, (at[1] + y).clamp(50.0, 150.0)];
+                    writeln!(text, "G1 X{:.4} Y{:.4}", at[0], at[1])
+                }
+                Block::Arc(radius) => {
+                    at[0] += 2.0 * radius;
+                    writeln!(text, "G3 X{:.4} Y{:.4} R{radius:.4}", at[0], at[1])
+                }
+                Block::Dwell(time) => {
+                    sample.dwells.push((at, time));
+                    writeln!(text, "G4 P{time:.4}")
+                }
+                Block::Stop => {
+                    sample.stops.push(Pause::ProgramStop);
+                    writeln!(text, "M0")
+                }
+                Block::OptionalStop => {
+                    sample.stops.push(Pause::OptionalStop);
+                    writeln!(text, "M1")
+                }
+                Block::ToolChange => {
+                    let tool = line;
+                    sample.stops.push(Pause::ToolChange(tool));
+                    sample.switches.push(Switch::Tool(tool));
+                    writeln!(text, "T{tool} M6")
+                }
+                Block::Coolant(flood) => {
+                    let coolant = Coolant { flood, mist: false };
+                    if flood != flows {
+                        sample.switches.push(Switch::Coolant(coolant));
+                    }
+                    flows = flood;
+                    writeln!(text, "{}", if flood { "M8" } else { "M9" })
+                }
+                Block::Output(code) => {
+                    let output = Output {
+                        code,
+                        p: None,
+                        q: None,
+                    };
+                    sample.switches.push(Switch::Output(line, output));
+                    writeln!(text, "M{code}")
+                }
+            };
+        }
+        sample.text += "M2\n";
+        sample
+    }
+}
+
+/// When a person acts, after what they did last.
+#[derive(Clone, Copy, Debug)]
+enum When {
+    /// So many cycles later.
+    Later(usize),
+    /// When the path has slowed down to that speed, mm/s: shortly before a rest.
+    Slow(f64),
+    /// So many cycles after the path has come to rest.
+    Rests(usize),
+}
+
+/// What a person does.
+#[derive(Clone, Copy, Debug)]
+enum Act {
+    Order(Order),
+    /// A key that is held, so many times: every 17 cycles 10 % of the feed more or less.
+    Held(i32, usize),
+}
+
+fn act() -> impl Strategy<Value = (When, Act)> {
+    let when = prop_oneof![
+        (0..400_usize).prop_map(When::Later),
+        (-3.0..1.5_f64).prop_map(|power| When::Slow(10_f64.powf(power))),
+        (0..12_usize).prop_map(When::Rests),
+    ];
+    let act = prop_oneof![
+        2 => (0.1..2.0_f64).prop_map(|part| Act::Order(Order::FeedOverride(part))),
+        1 => (0.1..1.0_f64).prop_map(|part| Act::Order(Order::RapidOverride(part))),
+        3 => Just(Act::Order(Order::Hold)),
+        1 => Just(Act::Order(Order::ToggleHold)),
+        2 => Just(Act::Order(Order::Resume)),
+        2 => Just(Act::Order(Order::StopAfterBlock)),
+        1 => Just(Act::Order(Order::StepBack)),
+        2 => (prop_oneof![Just(-1), Just(1)], 1..20_usize).prop_map(|(by, times)| Act::Held(by, times)),
+    ];
+    (when, act)
+}
+
+fn mode() -> impl Strategy<Value = &'static str> {
+    prop::sample::select(vec!["G61.1", "G61", "G64 P0.02", "G64 P0.5"])
+}
+
+type Case = (&'static str, Vec<Block>, Vec<(When, Act)>, usize);
+
+fn case() -> impl Strategy<Value = Case> {
+    (
+        mode(),
+        prop::collection::vec(block(), 1..14),
+        prop::collection::vec(act(), 0..8),
+        0..60_usize,
+    )
+}
+
+/// What the machine told that it waits for, one or both.
+#[derive(Clone, Copy, Debug, Default)]
+struct Rests {
+    held: bool,
+    paused: bool,
+}
+
+/// A person at the machine.
+struct Person {
+    acts: std::vec::IntoIter<(When, Act)>,
+    next: Option<(When, Act)>,
+    /// Since the last act: cycles, and cycles at rest.
+    since: usize,
+    rest: usize,
+    /// Presses that are still to come of a key that is held.
+    presses: (i32, usize),
+    percent: i32,
+    /// Cycles until what rests goes on.
+    patience: usize,
+    held: usize,
+    paused: usize,
+    stepped_back: bool,
+}
+
+impl Person {
+    fn new(acts: Vec<(When, Act)>, patience: usize) -> Self {
+        let mut acts = acts.into_iter();
+        Self {
+            next: acts.next(),
+            acts,
+            since: 0,
+            rest: 0,
+            presses: (0, 0),
+            percent: 100,
+            patience,
+            held: 0,
+            paused: 0,
+            stepped_back: false,
+        }
+    }
+
+    /// What is done in this cycle.
+    fn orders(&mut self, speed: f64, rests: Rests, orders: &mut Vec<Order>) {
+        self.since += 1;
+        self.rest = if speed == 0.0 { self.rest + 1 } else { 0 };
+        // What rests goes on in the end.
+        self.held = if rests.held { self.held + 1 } else { 0 };
+        if self.held > self.patience {
+            self.held = 0;
+            orders.push(Order::Resume);
+        }
+        self.paused = if rests.paused { self.paused + 1 } else { 0 };
+        if self.paused > self.patience {
+            self.paused = 0;
+            orders.push(Order::GoOn);
+        }
+        let (by, left) = self.presses;
+        if left > 0 && self.since.is_multiple_of(17) {
+            self.presses = (by, left - 1);
+            self.percent = (self.percent + 10 * by).clamp(10, 200);
+            orders.push(Order::FeedOverride(f64::from(self.percent) / 100.0));
+        }
+        let Some((when, act)) = self.next else {
+            return;
+        };
+        let now = match when {
+            When::Later(cycles) => self.since > cycles,
+            When::Slow(most) => speed > 0.0 && speed < most && self.since > 20,
+            When::Rests(cycles) => self.rest > cycles,
+        };
+        if !now {
+            return;
+        }
+        match act {
+            Act::Held(by, times) => self.presses = (by, times),
+            Act::Order(order) => {
+                self.stepped_back |= order == Order::StepBack;
+                orders.push(order);
+            }
+        }
+        self.next = self.acts.next();
+        (self.since, self.rest) = (0, 0);
+    }
+}
+
+/// Runs a program while a person acts, and checks that it does what it does without them; how long it
+/// took, cycles.
+fn runs_whole(sample: &Sample, acts: Vec<(When, Act)>, patience: usize) -> usize {
+    let mut rig = Rig::portal(&sample.text);
+    rig.goes_on = false;
+    let mut person = Person::new(acts, patience);
+    let mut rests = Rests::default();
+    let mut told = 0;
+    let mut orders = Vec::new();
+    let mut rows = 0;
+    while rig.step() {
+        for event in &rig.events[told..] {
+            match event {
+                Event::Held => rests.held = true,
+                Event::Resumed => rests.held = false,
+                Event::SteppingBack => rests = Rests::default(),
+                Event::Paused { .. } => rests.paused = true,
+                _ => {}
+            }
+        }
+        told = rig.events.len();
+        if rig.rows.len() > rows {
+            rows = rig.rows.len();
+            let speed = rig.rows[rows - 1].plan.speed;
+            person.orders(speed, rests, &mut orders);
+            for order in orders.drain(..) {
+                rests.paused &= order != Order::GoOn;
+                rig.controller().obey(order);
+            }
+        }
+    }
+    assert_eq!(rig.end(), Some(End::Finished), "{:?}", rig.events);
+    rig.trace().assert_within_limits();
+    let stops = rig.events.iter().filter_map(|event| match event {
+        Event::Paused { reason, .. } => Some(*reason),
+        _ => None,
+    });
+    // Stepped back over, stops come again.
+    let mut reached = 0;
+    for stop in stops {
+        if sample.stops.get(reached) == Some(&stop) {
+            reached += 1;
+        } else {
+            let again = person.stepped_back && sample.stops[..reached].contains(&stop);
+            assert!(again, "{stop:?} comes, not {:?}", &sample.stops[reached..]);
+        }
+    }
+    assert_eq!(
+        reached,
+        sample.stops.len(),
+        "{:?}",
+        &sample.stops[reached..]
+    );
+    assert_eq!(rig.switches, sample.switches);
+    for (place, time) in &sample.dwells {
+        let there = rig.rows.iter().filter(|row| {
+            let off = (0..2).map(|i| (row.plan.position[i] - place[i]).abs());
+            row.plan.speed == 0.0 && off.fold(0.0, f64::max) < 1e-3
+        });
+        let rested = (there.count() + 1) as f64 * rig.machine.cycle.as_secs_f64();
+        assert!(rested >= *time, "{rested} s in {place:?}, not {time} s");
+    }
+    rows
+}
+
+/// Checks a case: as long as at rest at every point at the least override, and what was commanded.
+fn check((mode, blocks, acts, patience): Case) {
+    let sample = Sample::new(mode, &blocks);
+    let at_rest = runs_whole(&Sample::new("G61.1", &blocks), Vec::new(), 0);
+    let rests = sample.stops.len() + acts.len();
+    let slowest = acts.iter().map(|(_, act)| match act {
+        Act::Order(Order::FeedOverride(part) | Order::RapidOverride(part)) => *part,
+        Act::Held(-1, _) => 0.1,
+        _ => 1.0,
+    });
+    let slowest = slowest.fold(1.0, f64::min);
+    // Each comes to rest and goes on, at most from the block before.
+    let most = 2.0 * (1 + acts.len()) as f64 * at_rest as f64 / slowest;
+    let waited = acts.iter().map(|(when, act)| match (when, act) {
+        (When::Later(cycles) | When::Rests(cycles), Act::Order(_)) => *cycles,
+        _ => 0,
+    });
+    let most = most as usize + (rests + 1) * (patience + 400) + waited.sum::<usize>();
+    let rows = runs_whole(&sample, acts, patience);
+    assert!(rows <= most, "{rows} cycles, at most {most}");
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(16))]
+
+    #[test]
+    fn whatever_a_person_does_every_stop_is_made(case in case()) {
+        check(case);
+    }
+}
+
+/// As long as is wanted: `CASES=1000`, from `SEED=0` on.
+#[test]
+#[ignore = "a campaign of minutes"]
+fn whatever_a_person_does_every_stop_is_made_for_long() {
+    let [cases, seed] = ["CASES", "SEED"].map(|name| {
+        let number = std::env::var(name).ok();
+        number.map(|text| text.parse::<u64>().expect("a number"))
+    });
+    for seed in (seed.unwrap_or(0)..).take(cases.unwrap_or(1000) as usize) {
+        let mut bytes = [0; 32];
+        bytes[..8].copy_from_slice(&seed.to_le_bytes());
+        let rng = TestRng::from_seed(RngAlgorithm::ChaCha, &bytes);
+        let mut runner = TestRunner::new_with_rng(Config::default(), rng);
+        let case = case().new_tree(&mut runner).expect("a case").current();
+        println!("seed {seed}: {case:?}");
+        check(case);
+    }
+}
+
+// --- a plan that does not come ---
+
+/// Runs the first move of a program of which no more comes, for so long at most; how it ended.
+fn without_plan(time: Duration, act: impl Fn(&mut Controller<1>)) -> Option<End> {
+    let shape = Shape {
+        axes: 1,
+        buses: 1,
+        period: syncline_canopen::time::Duration::from_millis(4),
+    };
+    let mut driver = ready_machine::<1>(&shape);
+    let mut shuttle = Shuttle::new(1);
+    loop {
+        let instruction = shuttle.instruction();
+        assert!(driver.controller.accept(instruction));
+        if instruction == Instruction::Plan(Command::Commit) {
+            break;
+        }
+    }
+    act(&mut driver.controller);
+    let until = driver.controller.next_wake().expect("it runs").at() + time;
+    while let Some(wake) = driver.controller.next_wake()
+        && wake.at() < until
+    {
+        driver.step(wake.at()).expect("a simulated bus");
+    }
+    driver.controller.end()
+}
+
+#[test]
+fn a_plan_that_never_comes_is_a_fault() {
+    let minute = Duration::from_secs(60);
+    let ended = without_plan(minute, |_| ());
+    assert_eq!(ended, Some(End::Fault(Fault::NoPlan)));
+    // A replacement that never comes, too.
+    let ended = without_plan(minute, |it| it.obey(Order::FeedOverride(0.5)));
+    assert_eq!(ended, Some(End::Fault(Fault::NoPlan)));
+}
+
+#[test]
+fn a_rest_that_somebody_or_something_wants_is_none() {
+    let minute = Duration::from_secs(60);
+    assert_eq!(without_plan(Duration::from_secs(29), |_| ()), None);
+    let held = without_plan(minute, |it| it.obey(Order::Hold));
+    assert_eq!(held, None);
+    let reads = without_plan(minute, Controller::wait_for_input);
+    assert_eq!(reads, None);
+    let paused = without_plan(minute, |it| {
+        let stop = StopPoint::Pause {
+            reason: Pause::ProgramStop,
+            line: 1,
+        };
+        let mark = Instruction::Mark {
+            leg: 1,
+            mark: 0,
+            stop,
+        };
+        assert!(it.accept(mark) && it.accept(Instruction::Plan(Command::Commit)));
+    });
+    assert_eq!(paused, None);
+    let dwells = without_plan(minute, |it| {
+        let dwell = Command::Dwell {
+            leg: 1,
+            duration: 90.0,
+            tag: 1,
+        };
+        assert!(it.accept(Instruction::Plan(dwell)));
+        assert!(it.accept(Instruction::Plan(Command::Commit)));
+    });
+    assert_eq!(dwells, None);
+}
+
+// --- in real time ---
+
+/// The feed's keys are held, in turn, while every tool change is confirmed.
+#[test]
+fn no_tool_change_is_skipped_while_keys_are_held() {
+    const CHANGES: u32 = 8;
+    let mut program = String::from("G21 G90 G61\n");
+    for change in 1..=CHANGES {
+        let _ = write!(
+            program,
+            "G1 X{} F3000\nM6 T{change}\nG1 X0\n",
+            5 + change % 2
+        );
+    }
+    program += "M2\n";
+    let folder = Folder::new();
+    let line = format!(
+        "{} run {} {} --verbose 2>&1 | cat",
+        syncline().get_program().display(),
+        folder.machine("xyz").display(),
+        folder.file("p.ngc", &program).display()
+    );
+    let mut terminal = Terminal::run(&line);
+    terminal.wait_for("keys: space hold");
+    let mut keyboard = terminal.keyboard();
+    let (stop, stopped) = channel::<()>();
+    // 30 a second, ten up and ten down.
+    let held = std::thread::spawn(move || {
+        let mut pressed = 0;
+        let period = Duration::from_millis(33);
+        while stopped.recv_timeout(period) == Err(RecvTimeoutError::Timeout) {
+            let key = if pressed / 10 % 2 == 0 { b"-" } else { b"+" };
+            pressed += 1;
+            if keyboard.write_all(key).is_err() {
+                break;
+            }
+        }
+    });
+    for change in 1..=CHANGES {
+        terminal.wait_for(&format!("tool change (M6): load tool {change}"));
+        std::thread::sleep(Duration::from_millis(50));
+        terminal.press(b"\r");
+    }
+    terminal.wait_for("program finished");
+    drop(stop);
+    held.join().expect("it presses keys");
+    let _ = terminal.end();
+}
