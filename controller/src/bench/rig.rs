@@ -108,6 +108,7 @@ impl Shape {
             },
             following_error_limit: None,
             soft_limits: None,
+            signals: false,
             objects: Vec::new(),
             assumed: Assumed::default(),
         })

@@ -58,6 +58,15 @@ pub enum Event {
         /// Which drive.
         drive: DriveIndex,
     },
+    /// One of a drive's digital inputs or outputs changed.
+    Signal {
+        /// Which drive.
+        drive: DriveIndex,
+        /// Its place among the drive's signals.
+        signal: usize,
+        /// Its new level.
+        on: bool,
+    },
     /// A drive told that its error is gone (EMCY code 0000h).
     ErrorReset {
         /// Which drive.
@@ -257,6 +266,10 @@ impl Event {
             ),
             Self::Warning { drive } => {
                 format!("{}: warning pending (statusword bit 7)", who(drive))
+            }
+            Self::Signal { drive, signal, on } => {
+                let level = if on { "on" } else { "off" };
+                format!("{}: {} {level}", who(drive), names.signal(drive, signal))
             }
             Self::ErrorReset { drive } => format!("{}: error reset", who(drive)),
             Self::Frozen { axis, position } => {

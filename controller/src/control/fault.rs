@@ -31,6 +31,8 @@ pub enum Fault {
         drive: DriveIndex,
         /// The object.
         object: Address,
+        /// Its name.
+        name: &'static str,
         /// What the model has there.
         expected: u32,
         /// What the device answered.
@@ -257,6 +259,8 @@ pub trait Names {
     fn axis(&self, axis: AxisIndex) -> &super::layout::Axis;
     /// A bus' name.
     fn bus(&self, bus: BusIndex) -> &str;
+    /// The name of one of a drive's digital inputs or outputs.
+    fn signal(&self, drive: DriveIndex, signal: usize) -> &str;
     /// What the bytes that its maker adds to a drive's EMCY say, if anything.
     fn vendor_error(&self, drive: DriveIndex, bytes: [u8; 5]) -> Option<String>;
 }
@@ -283,11 +287,12 @@ impl Fault {
             Self::WrongIdentity {
                 drive,
                 object,
+                name,
                 expected,
                 found,
             } => format!(
-                "{}: object {object} reads {found:08X}h, expected {expected:08X}h: another device \
-                 has this node id",
+                "{}: object {object} ({name}) reads {found:08X}h, expected {expected:08X}h: another \
+                 device has this node id, or it is not what the machine file says",
                 who(drive)
             ),
             Self::SdoAborted {

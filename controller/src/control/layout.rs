@@ -199,6 +199,12 @@ impl Names for Layout {
         &self.buses[bus].name
     }
 
+    fn signal(&self, drive: DriveIndex, signal: usize) -> &str {
+        let io = self.drives[drive].device.io();
+        io.and_then(|io| io.names().get(signal))
+            .map_or("", |name| name)
+    }
+
     fn vendor_error(&self, drive: DriveIndex, bytes: [u8; 5]) -> Option<String> {
         self.drives[drive].device.vendor_error(bytes)
     }

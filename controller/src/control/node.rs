@@ -38,6 +38,8 @@ pub(super) struct Node {
     arrived: u32,
     status: DriveStatus,
     actual: Increments,
+    /// Its digital inputs and outputs, off before they are first told.
+    signals: u32,
     /// SYNCs since the one that its last T_PDOs answered; 0 if that was the last.
     age: u32,
     misses: u32,
@@ -74,6 +76,7 @@ impl Node {
             arrived: 0,
             status: DriveStatus::default(),
             actual: Increments::ZERO,
+            signals: 0,
             age: 1,
             misses: 0,
             twice: false,
@@ -175,6 +178,18 @@ impl Node {
         }
         if let Some(sample) = self.device.sample(t_pdo, data) {
             self.actual = sample.position;
+        }
+        if let Some(io) = self.device.io()
+            && let Some(signals) = io.signals(t_pdo, data)
+        {
+            let drive = self.index;
+            let mut changed = signals ^ std::mem::replace(&mut self.signals, signals);
+            while changed != 0 {
+                let signal = changed.trailing_zeros() as usize;
+                let on = signals >> signal & 1 != 0;
+                events(Event::Signal { drive, signal, on });
+                changed &= changed - 1;
+            }
         }
     }
 

@@ -258,10 +258,11 @@ impl SdoSequence {
                 });
                 self.next();
             }
-            Step::Identity(identity) if value != identity.value => {
+            Step::Identity(identity) if value & identity.mask != identity.value => {
                 return Err(Fault::WrongIdentity {
                     drive,
                     object,
+                    name: identity.name,
                     expected: identity.value,
                     found: value,
                 });

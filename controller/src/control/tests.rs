@@ -6,7 +6,7 @@ use crate::run::driver::Driver;
 use std::sync::atomic::{AtomicU64, Ordering};
 use syncline_canopen::budget::Pdo;
 use syncline_drives::model::{
-    Address, ClockLock, Drive, DriveStatus, Feedback, Identity, Increments, ModeDisplay, Model,
+    Address, ClockLock, Drive, DriveStatus, Feedback, Identity, Increments, Io, ModeDisplay, Model,
     OutOfRange, PowerCommand, RemoteNode, Sample, Setpoint, Survey, Write,
 };
 
@@ -63,6 +63,9 @@ impl RemoteNode for Counting {
     }
     fn sdo_response(&self) -> Duration {
         self.drive.sdo_response()
+    }
+    fn io(&self) -> Option<&dyn Io> {
+        self.drive.io()
     }
     fn vendor_error(&self, bytes: [u8; 5]) -> Option<String> {
         self.drive.vendor_error(bytes)

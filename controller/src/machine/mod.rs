@@ -98,6 +98,8 @@ pub struct Drive {
     pub axis: usize,
     /// Its axis's millimetres and its own increments.
     pub scaling: Scaling,
+    /// Whether its digital inputs and outputs come with its position, and changes are told.
+    pub signals: bool,
     /// Written after the standard set-up, in this order.
     pub objects: Vec<Write>,
 }
@@ -227,6 +229,7 @@ impl Machine {
             model,
             axis,
             scaling,
+            signals,
             objects,
             ..
         } = &self.drives[drive];
@@ -245,6 +248,7 @@ impl Machine {
             soft_limits: axis
                 .drive_soft_limits
                 .then(|| drive_soft_limits(&axis.limits, scaling)),
+            signals: *signals,
             objects: objects.clone(),
             assumed: assumed(&self.assumptions, model),
         })

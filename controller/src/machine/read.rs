@@ -330,6 +330,7 @@ struct DriveTable {
     model: &'static Model,
     direction: Direction,
     zero: Increments,
+    signals: bool,
     objects: Vec<Write>,
 }
 
@@ -345,6 +346,14 @@ impl DriveTable {
         let direction = table.choice_or(log, "direction", "positive", directions);
         let (least, most) = (i64::from(i32::MIN), i64::from(i32::MAX));
         let zero = table.integer_or(log, "zero", 0, least..=most, " (increments)");
+        let signals = table.flag_or(log, "signals", false);
+        if let Some(model) = model.filter(|model| signals && !model.has_signals) {
+            log.report(
+                table.span_of("signals").unwrap_or_default(),
+                format!("{}: the {} tells no signals", table.title, model.title),
+                "leave the key out",
+            );
+        }
         let entries = table.items(log, "sdo", SDO);
         let objects: Vec<_> = match model {
             Some(model) => entries
@@ -365,6 +374,7 @@ impl DriveTable {
                 _ => Direction::Positive,
             },
             zero: Increments::new(zero),
+            signals,
             objects: objects.into_iter().collect::<Option<_>>()?,
         })
     }
@@ -484,6 +494,7 @@ impl DriveTable {
             model: self.model,
             axis,
             scaling,
+            signals: self.signals,
             objects: self.objects,
         }
     }

@@ -4,7 +4,7 @@
 
 use super::profile::{cia402, communication};
 use super::{
-    Address, Assumption, ClockLock, Data, Drive, DriveStatus, Feedback, Identity, Increments,
+    Address, Assumption, ClockLock, Data, Drive, DriveStatus, Feedback, Identity, Increments, Io,
     ModeDisplay, Model, OutOfRange, PowerCommand, PowerState, RemoteNode, Sample, Setpoint,
     Settings, Survey, Write,
 };
@@ -35,6 +35,7 @@ pub(super) static LXM32M: Model = Model {
     ],
     dictionary: &dictionary::LXM32M,
     reserved,
+    has_signals: true,
     drive: |settings| Box::new(Lxm32m::new(settings)),
 };
 
@@ -69,6 +70,15 @@ const SDO_RESPONSE: Assumption = Assumption {
 
 const INTERPOLATED_POSITION: i8 = 7;
 
+/// `_IO_act` (3008h:1) shows the physical state of inputs and outputs (2303); which bit is which it
+/// does not say. Assumed: bits 0…7 are inputs, bits 8…15 outputs, from the first one on.
+const SIGNALS: [&str; 9] = [
+    "DI0", "DI1", "DI2", "DI3", "DI4", "DI5", "DQ0", "DQ1", "DQ2",
+];
+
+/// Of [`SIGNALS`].
+const INPUTS: u32 = 6;
+
 /// Controlword bit that starts Interpolated Position on top of Enable Operation (1641).
 const START_MODE: u16 = Controlword::MODE_4;
 
@@ -76,11 +86,13 @@ const IDENTITY: [Identity; 2] = [
     Identity {
         address: Address::new(0x1000, 0),
         name: "device type",
+        mask: u32::MAX,
         value: 0x0042_0192, // (2947-2973)
     },
     Identity {
         address: Address::new(0x1018, 1),
         name: "vendor id",
+        mask: u32::MAX,
         value: 0x0800_005A, // (3348-3354)
     },
 ];
@@ -105,7 +117,7 @@ struct Lxm32m {
     sync_locked: u32,
     t_pdo_response: Duration,
     sdo_response: Duration,
-    /// Statusword and position (1620-1625).
+    /// Statusword and position (1620-1625), and signals.
     t_pdo: Pdo,
     /// Controlword and setpoint.
     r_pdo: Pdo,
@@ -114,6 +126,9 @@ struct Lxm32m {
 impl Lxm32m {
     fn new(settings: &Settings) -> Self {
         let mut setup = standard_setup(settings.node, settings.cycle).to_vec();
+        if settings.signals {
+            map_signals(&mut setup);
+        }
         if let Some(limit) = settings.following_error_limit {
             // MON_p_dif_load (2909), in position units as CiA 402 has it.
             setup.push(Write::new(0x6065, 0, Data::u32(saturated(limit) as u32)));
@@ -141,7 +156,7 @@ impl Lxm32m {
             t_pdo: Pdo {
                 direction: Direction::Transmit,
                 cob_id: CobId::t_pdo(2, settings.node),
-                bytes: 6,
+                bytes: if settings.signals { 8 } else { 6 },
             },
             r_pdo: Pdo {
                 direction: Direction::Receive,
@@ -199,6 +214,15 @@ fn standard_setup(node: NodeId, cycle: Duration) -> [Write; 30] {
         w(0x3022, 4, Data::u16(1)),    // SyncMechTol
         w(0x3022, 5, Data::u16(2)),    // SyncMechStart
     ]
+}
+
+/// Maps [`SIGNALS`] behind statusword and position.
+fn map_signals(setup: &mut Vec<Write>) {
+    let two_mapped = Write::new(0x1A01, 0, Data::u8(2));
+    if let Some(place) = setup.iter().position(|write| *write == two_mapped) {
+        let third = Write::new(0x1A01, 3, Data::u32(0x3008_0110));
+        setup.splice(place..=place, [third, Write::new(0x1A01, 0, Data::u8(3))]);
+    }
 }
 
 /// The nearest position that the object holds: a limit beyond it is no limit, which its end says
@@ -286,6 +310,25 @@ impl RemoteNode for Lxm32m {
         };
         Some(format!("vendor error {error:04X}h{meaning}"))
     }
+
+    fn io(&self) -> Option<&dyn Io> {
+        (self.t_pdo.bytes == 8).then_some(self)
+    }
+}
+
+impl Io for Lxm32m {
+    fn names(&self) -> &'static [&'static str] {
+        &SIGNALS
+    }
+
+    fn signals(&self, _: usize, data: &[u8]) -> Option<u32> {
+        let &[_, _, _, _, _, _, inputs, outputs] = data else {
+            return None;
+        };
+        let kept = (1 << SIGNALS.len()) - 1;
+        let inputs = u32::from(inputs) & ((1 << INPUTS) - 1);
+        Some((inputs | u32::from(outputs) << INPUTS) & kept)
+    }
 }
 
 impl Feedback for Lxm32m {
@@ -350,7 +393,9 @@ impl Drive for Lxm32m {
         let statusword = operation_enabled | Statusword::REMOTE | Statusword::MODE_12;
         let [s0, s1] = statusword.to_le_bytes();
         let [p0, p1, p2, p3] = position.to_i32()?.to_le_bytes();
-        let t_pdo = Frame::new(self.t_pdo.cob_id, &[s0, s1, p0, p1, p2, p3]);
+        let signals = [0; 2];
+        let data = [s0, s1, p0, p1, p2, p3, signals[0], signals[1]];
+        let t_pdo = Frame::new(self.t_pdo.cob_id, &data[..self.t_pdo.bytes.into()]);
         let mut frames = vec![t_pdo; 2];
         self.clone()
             .encode(PowerCommand::Run, Setpoint { position }, &mut frames[1..]);
@@ -374,6 +419,7 @@ mod tests {
             },
             following_error_limit: None,
             soft_limits: None,
+            signals: false,
             objects: Vec::new(),
             assumed: Assumed::default(),
         }
@@ -522,6 +568,33 @@ mod tests {
         let sample = drive.sample(0, &data).unwrap();
         assert_eq!(sample.position, Increments::new(131_072));
         assert_eq!(drive.sample(0, &[0x37, 0x12, 0, 0, 0]), None);
+    }
+
+    #[test]
+    fn signals_come_behind_the_position_where_they_are_asked_for() {
+        let drive = Lxm32m::new(&Settings {
+            signals: true,
+            ..settings(1, 2)
+        });
+        let mapping: Vec<_> = (drive.setup().iter())
+            .filter(|write| write.address.index == 0x1A01)
+            .map(|write| (write.address.sub, write.data.bits()))
+            .collect();
+        let expected = [
+            (0, 0),
+            (1, 0x6041_0010),
+            (2, 0x6064_0020),
+            (3, 0x3008_0110),
+            (0, 3),
+        ];
+        assert_eq!(mapping, expected);
+        assert_eq!(drive.t_pdos()[0].bytes, 8);
+        let io = drive.io().unwrap();
+        let signals = io.signals(0, &[0, 0, 0, 0, 0, 0, 0b1010_0001, 0b1111_1010]);
+        let on = |bit: &usize| signals.unwrap() >> bit & 1 != 0;
+        let on: Vec<_> = (0..32).filter(on).map(|bit| io.names()[bit]).collect();
+        assert_eq!(on, ["DI0", "DI5", "DQ1"]);
+        assert!(Lxm32m::new(&settings(1, 2)).io().is_none());
     }
 
     /// The words that the manual prints (1755-1830), and those of faults by its table.

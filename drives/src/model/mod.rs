@@ -3,6 +3,7 @@
 //! - [`RemoteNode`]: what every device has
 //! - [`Feedback`]: it tells a position
 //! - [`Drive`]: it moves an axis
+//! - [`Io`]: it has digital inputs and outputs
 //!
 //! A [`Model`] is what is known before a device is made: its name, the cycles and bit rates it
 //! takes, and what its manual leaves open ([`Assumption`]). [`MODELS`] is the one list of them. The
@@ -14,6 +15,7 @@
 
 mod drive;
 mod feedback;
+mod io;
 mod lxm32m;
 mod node;
 mod object;
@@ -24,6 +26,7 @@ pub use drive::{
     Drive, DriveStatus, ModeDisplay, NotFollowing, PowerCommand, PowerState, Setpoint, Survey,
 };
 pub use feedback::{Feedback, Sample};
+pub use io::Io;
 pub use node::{ClockLock, Identity, RemoteNode};
 pub use object::{Data, Write};
 pub use scaling::{Direction, Increments, OutOfRange, Scaling};
@@ -56,6 +59,9 @@ pub struct Model {
     pub dictionary: &'static [Entry],
     /// Whether the controller itself writes or owns the object, so that a user must not.
     pub reserved: fn(Address) -> bool,
+    /// Whether the device tells its digital inputs and outputs where [`Settings::signals`] asks for
+    /// them.
+    pub has_signals: bool,
     /// Makes the device.
     pub drive: fn(&Settings) -> Box<dyn Drive>,
 }
@@ -101,6 +107,8 @@ pub struct Settings {
     pub following_error_limit: Option<Increments>,
     /// Positions beyond which the drive itself faults; `None` leaves the drive's own.
     pub soft_limits: Option<(Increments, Increments)>,
+    /// Whether the device's digital inputs and outputs come with its T_PDOs.
+    pub signals: bool,
     /// Written after the standard set-up, in this order.
     pub objects: Vec<Write>,
     /// What the machine file says of the model.

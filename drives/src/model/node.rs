@@ -1,6 +1,6 @@
 //! What every CANopen device of a machine has, whatever it does.
 
-use super::{Address, Model, Write};
+use super::{Address, Io, Model, Write};
 use core::{fmt, time::Duration};
 use syncline_canopen::NodeId;
 use syncline_canopen::budget::{NodeTraffic, Pdo};
@@ -56,6 +56,11 @@ pub trait RemoteNode: fmt::Debug + Send + Sync {
     /// B404h: SYNC signal missing`. `None` if the maker says nothing by them.
     fn vendor_error(&self, bytes: [u8; 5]) -> Option<String>;
 
+    /// Its digital inputs and outputs, if its T_PDOs carry them.
+    fn io(&self) -> Option<&dyn Io> {
+        None
+    }
+
     /// What the device adds to a cycle of its bus.
     fn traffic(&self) -> NodeTraffic {
         NodeTraffic {
@@ -74,7 +79,9 @@ pub struct Identity {
     pub address: Address,
     /// Its name.
     pub name: &'static str,
-    /// Its value.
+    /// The bits that count.
+    pub mask: u32,
+    /// Their value.
     pub value: u32,
 }
 

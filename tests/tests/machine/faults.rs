@@ -435,6 +435,7 @@ fn another_device_with_the_nodes_id() {
     let expected = Fault::WrongIdentity {
         drive: Y,
         object: Address::new(0x1018, 1),
+        name: "vendor id",
         expected: 0x0800_005A,
         found: 0xB7,
     };

@@ -11,5 +11,6 @@ mod operator;
 mod programs;
 mod properties;
 mod run;
+mod signals;
 mod stops;
 mod validate;
