@@ -1,6 +1,6 @@
 //! One axis in the cycle: planned position to increments, actual position back, following error.
 
-use super::fault::{AxisIndex, Fault};
+use super::fault::{AxisCause, AxisIndex, DriveCause, Fault};
 use super::layout;
 use super::node::Node;
 use syncline_drives::model::{Increments, OutOfRange, Setpoint};
@@ -97,7 +97,7 @@ impl Axis {
         });
         if self.skewed(most - least) {
             let difference = most - least;
-            return Err(Fault::Skew { axis, difference });
+            return Err(Fault::Axis(axis, AxisCause::Skew { difference }));
         }
         // The encoder's noise on a limit is not outside.
         let window = self.spec.limits.standstill;
@@ -105,7 +105,7 @@ impl Axis {
         let allowed = first - window..=last + window;
         for position in [least, most] {
             if !allowed.contains(&position) {
-                return Err(Fault::OutsideSoftLimits { axis, position });
+                return Err(Fault::Axis(axis, AxisCause::OutsideSoftLimits { position }));
             }
         }
         Ok(least + (most - least) / 2.0)
@@ -125,7 +125,7 @@ impl Axis {
             let planned = node
                 .scaling()
                 .to_increments(position)
-                .map_err(|OutOfRange| Fault::PositionRange { drive })?;
+                .map_err(|OutOfRange| Fault::Drive(drive, DriveCause::PositionRange))?;
             side.offset = node.setpoint.position - planned;
         }
         self.planned = [position; HISTORY];
@@ -207,7 +207,7 @@ impl Axis {
         let distance = (sample.set - sample.act).abs();
         if distance > self.spec.limits.standstill {
             let axis = self.index;
-            return Err(Fault::Standstill { axis, distance });
+            return Err(Fault::Axis(axis, AxisCause::Standstill { distance }));
         }
         Ok(())
     }
@@ -222,14 +222,14 @@ impl Axis {
         self.following.record(sample.following_error);
         if sample.following_error.abs() > self.spec.limits.following_error {
             let error = sample.following_error;
-            return Err(Fault::FollowingError { axis, error });
+            return Err(Fault::Axis(axis, AxisCause::FollowingError { error }));
         }
         if let [one, other] = self.spec.drives[..] {
             let (one, other) = (&nodes[one], &nodes[other]);
             let difference = (one.actual_mm() - other.actual_mm()).abs();
             // Positions of different SYNCs say nothing about each other.
             if one.age() == other.age() && self.skewed(difference) {
-                return Err(Fault::Skew { axis, difference });
+                return Err(Fault::Axis(axis, AxisCause::Skew { difference }));
             }
         }
         Ok(())

@@ -1,6 +1,6 @@
 //! What the controller has to tell, as plain numbers; the text is made outside of the cycle.
 
-use super::fault::{AxisIndex, BusIndex, DriveIndex, Fault, Names, vendor_error};
+use super::fault::{AxisIndex, BusIndex, DriveIndex, Fault, Names};
 use crate::port::bus_fault::BusFault;
 use std::fmt;
 use std::time::Duration;
@@ -234,10 +234,7 @@ impl Event {
     /// The log's line; `None` for what is not worth one.
     #[must_use]
     pub fn describe(&self, names: &impl Names) -> Option<String> {
-        let who = |drive| {
-            let (node, name, model) = names.drive(drive);
-            format!("node {node} ({name}, {model})")
-        };
+        let who = |drive| names.who(drive);
         Some(match *self {
             Self::Phase(phase) => phase.to_string(),
             Self::Silent { drive } => {
@@ -262,7 +259,7 @@ impl Event {
                 "{}: EMCY {:04X}h before the set-up{}",
                 who(drive),
                 emergency.code,
-                vendor_error(names, drive, &emergency)
+                names.vendor_part(drive, &emergency)
             ),
             Self::Warning { drive } => {
                 format!("{}: warning pending (statusword bit 7)", who(drive))

@@ -1,7 +1,9 @@
-//! Why the machine stopped. Plain numbers and indices: a fault is raised inside the cycle, the
-//! text is made outside of it by [`Fault::describe`].
+//! Why the machine stopped: whom it concerns, and the cause. Plain numbers and indices, because a
+//! fault is raised inside the cycle; the text is made outside of it by [`Fault::describe`]. A
+//! cause's text stands at the cause, and says what came, what was expected and what to do next.
 
 use super::NO_PLAN;
+use super::layout::Axis;
 use std::fmt;
 use syncline_canopen::NodeId;
 use syncline_canopen::cia402::Statusword;
@@ -9,6 +11,7 @@ use syncline_canopen::emcy::Emergency;
 use syncline_canopen::nmt;
 use syncline_canopen::sdo::AbortCode;
 use syncline_drives::model::{Address, NotFollowing};
+use thiserror::Error;
 
 /// A drive by its place in the machine file.
 pub type DriveIndex = usize;
@@ -20,199 +23,12 @@ pub type BusIndex = usize;
 /// What stopped the machine. It stays stopped until a person starts it again.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Fault {
-    /// A drive did not send its boot-up message after the reset.
-    NoBootUp {
-        /// Which drive.
-        drive: DriveIndex,
-    },
-    /// An object that identifies the device has another value than the configured model.
-    WrongIdentity {
-        /// Which drive.
-        drive: DriveIndex,
-        /// The object.
-        object: Address,
-        /// Its name.
-        name: &'static str,
-        /// What the model has there.
-        expected: u32,
-        /// What the device answered.
-        found: u32,
-    },
-    /// A drive refused an SDO transfer.
-    SdoAborted {
-        /// Which drive.
-        drive: DriveIndex,
-        /// The object.
-        object: Address,
-        /// The value written; none for a read.
-        value: Option<u32>,
-        /// The drive's reason.
-        code: AbortCode,
-    },
-    /// A drive did not answer an SDO request, retries included.
-    SdoTimeout {
-        /// Which drive.
-        drive: DriveIndex,
-        /// The object.
-        object: Address,
-    },
-    /// A set-up value reads back as something else.
-    ReadBack {
-        /// Which drive.
-        drive: DriveIndex,
-        /// The object.
-        object: Address,
-        /// What was written.
-        expected: u32,
-        /// What came back.
-        found: u32,
-    },
-    /// A drive found enabled at the start would not let itself be disabled.
-    StaysEnabled {
-        /// Which drive.
-        drive: DriveIndex,
-        /// Its last statusword.
-        statusword: Statusword,
-    },
-    /// A drive did not synchronise its interpolation clock to SYNC in time.
-    NoSyncLock {
-        /// Which drive.
-        drive: DriveIndex,
-        /// The last status it reported.
-        status: u32,
-        /// The model's assumption that says which status it should be.
-        assumption: &'static str,
-    },
-    /// A drive did not reach the state that its controlword asks for.
-    StateTimeout {
-        /// Which drive.
-        drive: DriveIndex,
-        /// What it should have reached.
-        awaited: AwaitedState,
-        /// Its last statusword.
-        statusword: Statusword,
-    },
-    /// A drive did not come to rest, so that its setpoint could not be frozen.
-    NotAtRest {
-        /// Which drive.
-        drive: DriveIndex,
-    },
-    /// A drive runs another operating mode than the one selected.
-    WrongMode {
-        /// Which drive.
-        drive: DriveIndex,
-        /// The object that says which mode runs.
-        object: Address,
-        /// Its value.
-        found: i8,
-    },
-    /// An axis stands outside its soft limits at the start.
-    OutsideSoftLimits {
-        /// Which axis.
-        axis: AxisIndex,
-        /// Where it stands, mm.
-        position: f64,
-    },
-    /// A drive's position is not within the range of the axis' conversion.
-    PositionRange {
-        /// Which drive.
-        drive: DriveIndex,
-    },
-    /// The two sides of a gantry axis are further apart than allowed.
-    Skew {
-        /// Which axis.
-        axis: AxisIndex,
-        /// The difference, mm.
-        difference: f64,
-    },
-    /// An axis left its frozen position before the program.
-    Standstill {
-        /// Which axis.
-        axis: AxisIndex,
-        /// Distance from the frozen position, mm.
-        distance: f64,
-    },
-    /// An axis lags its setpoint by more than allowed.
-    FollowingError {
-        /// Which axis.
-        axis: AxisIndex,
-        /// Setpoint minus actual position, mm.
-        error: f64,
-    },
-    /// A drive sent an EMCY message.
-    Emergency {
-        /// Which drive.
-        drive: DriveIndex,
-        /// What it says.
-        emergency: Emergency,
-    },
-    /// A statusword shows a fault.
-    DriveFault {
-        /// Which drive.
-        drive: DriveIndex,
-        /// The statusword.
-        statusword: Statusword,
-    },
-    /// A drive does not follow its setpoints any longer without having been told so.
-    NotFollowing {
-        /// Which drive.
-        drive: DriveIndex,
-        /// The statusword.
-        statusword: Statusword,
-        /// What it says.
-        why: NotFollowing,
-    },
-    /// Two devices share a drive's node id: two T_PDOs came to one SYNC, in two cycles in a row.
-    TwoNodes {
-        /// Which drive.
-        drive: DriveIndex,
-    },
-    /// A drive's heartbeat stayed away.
-    HeartbeatLost {
-        /// Which drive.
-        drive: DriveIndex,
-    },
-    /// A drive reports another NMT state than Operational.
-    NmtState {
-        /// Which drive.
-        drive: DriveIndex,
-        /// The state that its heartbeat carried, if any came.
-        state: Option<nmt::State>,
-    },
-    /// A drive booted in the middle of the run.
-    Rebooted {
-        /// Which drive.
-        drive: DriveIndex,
-    },
-    /// A drive's T_PDO stayed away.
-    MissingTPdo {
-        /// Which drive.
-        drive: DriveIndex,
-        /// Cycles in a row.
-        misses: u32,
-    },
-    /// Too many bursts were dropped or late.
-    LateSetpoints {
-        /// Which bus.
-        bus: BusIndex,
-        /// Bursts that missed their SYNC so far.
-        count: u64,
-    },
-    /// A burst left in part: the axes of one cycle no longer act together.
-    TornBurst {
-        /// Which bus.
-        bus: BusIndex,
-    },
-    /// The adapter of a bus counted so many errors that it may soon leave the bus.
-    BusErrorPassive {
-        /// Which bus.
-        bus: BusIndex,
-    },
-    /// The interface of a bus failed; its message is in the event log.
-    BusFailed {
-        /// Which bus.
-        bus: BusIndex,
-    },
+    /// A drive, or what has its node id.
+    Drive(DriveIndex, DriveCause),
+    /// An axis.
+    Axis(AxisIndex, AxisCause),
+    /// A bus.
+    Bus(BusIndex, BusCause),
     /// The cycle woke up too late, and the run is strict about it.
     LateWakeUp {
         /// How late, ns.
@@ -222,6 +38,225 @@ pub enum Fault {
     Program,
     /// The path rested in mid-program, nobody held it, and nothing more of its plan came.
     NoPlan,
+}
+
+/// What a drive did, or did not do.
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
+pub enum DriveCause {
+    /// It did not send its boot-up message after the reset.
+    #[error("no boot-up message after the reset: check power, cabling, node id and bit rate")]
+    NoBootUp,
+    /// An object that identifies the device has another value than the configured model.
+    #[error(
+        "object {object} ({name}) reads {found:08X}h, expected {expected:08X}h: another device has \
+         this node id, or it is not what the machine file says"
+    )]
+    WrongIdentity {
+        /// The object.
+        object: Address,
+        /// Its name.
+        name: &'static str,
+        /// What the model has there.
+        expected: u32,
+        /// What the device answered.
+        found: u32,
+    },
+    /// It refused to have an object written.
+    #[error(
+        "SDO write {object} = {value} aborted {code}: check the value, and `sdo` in the machine file"
+    )]
+    WriteAborted {
+        /// The object.
+        object: Address,
+        /// The value.
+        value: u32,
+        /// Its reason.
+        code: AbortCode,
+    },
+    /// It refused to have an object read.
+    #[error(
+        "SDO read {object} aborted {code}: check that the device is the model of the machine file"
+    )]
+    ReadAborted {
+        /// The object.
+        object: Address,
+        /// Its reason.
+        code: AbortCode,
+    },
+    /// It did not answer an SDO request, retries included.
+    #[error("no answer to SDO {object}: check that the drive is on the bus")]
+    SdoTimeout {
+        /// The object.
+        object: Address,
+    },
+    /// A set-up value reads back as something else.
+    #[error(
+        "object {object} reads back {found} ({found:X}h), expected {expected} ({expected:X}h): check \
+         for another master or tool, and the drive's firmware"
+    )]
+    ReadBack {
+        /// The object.
+        object: Address,
+        /// What was written.
+        expected: u32,
+        /// What came back.
+        found: u32,
+    },
+    /// Found enabled at the start, it would not let itself be disabled.
+    #[error(
+        "found enabled and does not switch off, statusword {statusword}: switch it off by hand"
+    )]
+    StaysEnabled {
+        /// Its last statusword.
+        statusword: Statusword,
+    },
+    /// It did not synchronise its interpolation clock to SYNC in time.
+    #[error(
+        "not synchronised to SYNC, status {status}: check the cycle time and the model's \
+         `{assumption}`"
+    )]
+    NoSyncLock {
+        /// The last status it reported.
+        status: u32,
+        /// The model's assumption that says which status it should be.
+        assumption: &'static str,
+    },
+    /// It did not reach the state that its controlword asks for.
+    #[error(
+        "expected {awaited}, statusword stays {statusword}: check supply, enable inputs and the \
+         drive's error memory"
+    )]
+    StateTimeout {
+        /// What it should have reached.
+        awaited: AwaitedState,
+        /// Its last statusword.
+        statusword: Statusword,
+    },
+    /// It did not come to rest, so that its setpoint could not be frozen.
+    #[error(
+        "does not come to rest once enabled: check its loop and what moves its axis, or \
+         `standstill_window`"
+    )]
+    NotAtRest,
+    /// It runs another operating mode than the one selected.
+    #[error(
+        "operating mode {object} reads {found}, expected {expected}: check for another master or tool \
+         that selects one"
+    )]
+    WrongMode {
+        /// The object that says which mode runs.
+        object: Address,
+        /// The mode that was selected.
+        expected: i8,
+        /// The object's value.
+        found: i8,
+    },
+    /// Its position is not within the range of the axis's conversion.
+    #[error("setpoint outside the drive's position range: check `zero` and the travel")]
+    PositionRange,
+    /// It sent an EMCY message.
+    #[error("EMCY {:04X}h, error register {:02X}h", .emergency.code, .emergency.register)]
+    Emergency {
+        /// What it says.
+        emergency: Emergency,
+    },
+    /// Its statusword shows a fault.
+    #[error(
+        "drive fault, statusword {statusword}: read its error memory, clear the cause, start again"
+    )]
+    Reported {
+        /// The statusword.
+        statusword: Statusword,
+    },
+    /// It does not follow its setpoints any longer without having been told so.
+    #[error("{why}, statusword {statusword}: check the drive's inputs and its error memory")]
+    NotFollowing {
+        /// The statusword.
+        statusword: Statusword,
+        /// What it says.
+        why: NotFollowing,
+    },
+    /// Two devices share its node id: two T_PDOs came to one SYNC, in two cycles in a row.
+    #[error("two T_PDOs to one SYNC: another device has this node id, give it one of its own")]
+    TwoNodes,
+    /// Its heartbeat stayed away.
+    #[error("heartbeat lost: check cabling and supply")]
+    HeartbeatLost,
+    /// No heartbeat has carried an NMT state since it was to start.
+    #[error(
+        "no heartbeat that tells its NMT state, expected Operational: check cabling, bus load and \
+         for a master that guards it"
+    )]
+    NoNmtState,
+    /// Its heartbeat carries another NMT state than Operational.
+    #[error(
+        "NMT state is {state:?}, expected Operational: check for another NMT master and for \
+         communication errors"
+    )]
+    NmtState {
+        /// The state.
+        state: nmt::State,
+    },
+    /// It booted in the middle of the run.
+    #[error("booted in the middle of the run: check its supply and for another NMT master")]
+    Rebooted,
+    /// Its T_PDO stayed away.
+    #[error("no T_PDO in {misses} cycles in a row: check the bus load and the drive")]
+    MissingTPdo {
+        /// Cycles in a row.
+        misses: u32,
+    },
+}
+
+/// What an axis did.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum AxisCause {
+    /// It stands outside its soft limits at the start.
+    OutsideSoftLimits {
+        /// Where it stands, mm.
+        position: f64,
+    },
+    /// The two sides of a gantry are further apart than allowed.
+    Skew {
+        /// The difference, mm.
+        difference: f64,
+    },
+    /// It left its frozen position before the program.
+    Standstill {
+        /// Distance from the frozen position, mm.
+        distance: f64,
+    },
+    /// It lags its setpoint by more than allowed.
+    FollowingError {
+        /// Setpoint minus actual position, mm.
+        error: f64,
+    },
+}
+
+/// What went wrong with a bus.
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
+pub enum BusCause {
+    /// Too many bursts were dropped or late.
+    #[error("setpoints missed their SYNC {count} times: this host or bus does not hold the cycle")]
+    LateSetpoints {
+        /// Bursts that missed their SYNC so far.
+        count: u64,
+    },
+    /// A burst left in part: the axes of one cycle no longer act together.
+    #[error(
+        "only a part of one cycle's setpoints could be queued: see `syncline doctor` for the \
+         transmit queue"
+    )]
+    TornBurst,
+    /// The adapter counted so many errors that it may soon leave the bus.
+    #[error("error passive, more than 127 errors: check cable, termination and bit rate")]
+    ErrorPassive,
+    /// The interface failed; its message is in the event log.
+    #[error(
+        "the interface failed, drives out of reach stop by lost heartbeat: mend what its message \
+         says, start again"
+    )]
+    Failed,
 }
 
 /// What a drive was told to reach and has to report.
@@ -256,235 +291,40 @@ pub trait Names {
     /// A drive's node id, name and model.
     fn drive(&self, drive: DriveIndex) -> (NodeId, &str, &str);
     /// An axis.
-    fn axis(&self, axis: AxisIndex) -> &super::layout::Axis;
+    fn axis(&self, axis: AxisIndex) -> &Axis;
     /// A bus' name.
     fn bus(&self, bus: BusIndex) -> &str;
     /// The name of one of a drive's digital inputs or outputs.
     fn signal(&self, drive: DriveIndex, signal: usize) -> &str;
     /// What the bytes that its maker adds to a drive's EMCY say, if anything.
     fn vendor_error(&self, drive: DriveIndex, bytes: [u8; 5]) -> Option<String>;
-}
 
-/// `, vendor error B404h: its meaning`, or nothing.
-pub(super) fn vendor_error(names: &impl Names, drive: DriveIndex, emergency: &Emergency) -> String {
-    let error = names.vendor_error(drive, emergency.vendor);
-    error.map_or_else(String::new, |error| format!(", {error}"))
+    /// A drive as messages call it: `node 3 (Y, LXM32M)`.
+    fn who(&self, drive: DriveIndex) -> String {
+        let (node, name, model) = self.drive(drive);
+        format!("node {node} ({name}, {model})")
+    }
+
+    /// `, vendor error B404h: its meaning`, or nothing.
+    fn vendor_part(&self, drive: DriveIndex, emergency: &Emergency) -> String {
+        let error = self.vendor_error(drive, emergency.vendor);
+        error.map_or_else(String::new, |error| format!(", {error}"))
+    }
 }
 
 impl Fault {
     /// What happened, to whom, and what to do next, in words.
     #[must_use]
     pub fn describe(&self, names: &impl Names) -> String {
-        let who = |drive| {
-            let (node, name, model) = names.drive(drive);
-            format!("node {node} ({name}, {model})")
-        };
         match *self {
-            Self::NoBootUp { drive } => format!(
-                "{}: no boot-up message after the reset: check power, cabling, node id and bit rate",
-                who(drive)
+            Self::Drive(drive, cause @ DriveCause::Emergency { emergency }) => format!(
+                "{}: {cause}{}: clear its cause, start again",
+                names.who(drive),
+                names.vendor_part(drive, &emergency)
             ),
-            Self::WrongIdentity {
-                drive,
-                object,
-                name,
-                expected,
-                found,
-            } => format!(
-                "{}: object {object} ({name}) reads {found:08X}h, expected {expected:08X}h: another \
-                 device has this node id, or it is not what the machine file says",
-                who(drive)
-            ),
-            Self::SdoAborted {
-                drive,
-                object,
-                value: Some(value),
-                code,
-            } => format!(
-                "{}: SDO write {object} = {value} aborted {code}: check the value, and `sdo` in the \
-                 machine file",
-                who(drive)
-            ),
-            Self::SdoAborted {
-                drive,
-                object,
-                value: None,
-                code,
-            } => format!(
-                "{}: SDO read {object} aborted {code}: check that the device is the model of the \
-                 machine file",
-                who(drive)
-            ),
-            Self::SdoTimeout { drive, object } => format!(
-                "{}: no answer to SDO {object}: check that the drive is on the bus",
-                who(drive)
-            ),
-            Self::ReadBack {
-                drive,
-                object,
-                expected,
-                found,
-            } => format!(
-                "{}: object {object} reads back {found} ({found:X}h), expected {expected} \
-                 ({expected:X}h): check for another master or tool, and the drive's firmware",
-                who(drive)
-            ),
-            Self::StaysEnabled { drive, statusword } => format!(
-                "{}: found enabled and does not switch off, statusword {statusword}: switch it \
-                 off by hand",
-                who(drive)
-            ),
-            Self::NoSyncLock {
-                drive,
-                status,
-                assumption,
-            } => format!(
-                "{}: not synchronised to SYNC, status {status}: check the cycle time and the \
-                 model's `{assumption}`",
-                who(drive)
-            ),
-            Self::StateTimeout {
-                drive,
-                awaited,
-                statusword,
-            } => format!(
-                "{}: expected {awaited}, statusword stays {statusword}: check supply, enable \
-                 inputs and the drive's error memory",
-                who(drive)
-            ),
-            Self::NotAtRest { drive } => format!(
-                "{}: does not come to rest once enabled: check its loop and what moves its axis, \
-                 or `standstill_window`",
-                who(drive)
-            ),
-            Self::WrongMode {
-                drive,
-                object,
-                found,
-            } => format!(
-                "{}: operating mode {object} reads {found}, not the one selected: check for another \
-                 master or tool that selects one",
-                who(drive)
-            ),
-            Self::OutsideSoftLimits { axis, position } => {
-                let axis = names.axis(axis);
-                let (least, most) = axis.limits.position;
-                format!(
-                    "axis {} stands at {position:.3} {unit}, outside its soft limits {least}…{most} \
-                     {unit}: move it inside, or check the drive's `zero`",
-                    axis.name,
-                    unit = axis.unit
-                )
-            }
-            Self::PositionRange { drive } => format!(
-                "{}: setpoint outside the drive's position range: check `zero` and the travel",
-                who(drive)
-            ),
-            Self::Skew { axis, difference } => {
-                let axis = names.axis(axis);
-                format!(
-                    "axis {}: its two sides are {difference:.3} {unit} apart, allowed {} {unit}: align \
-                     the gantry, or check the drives' `zero`",
-                    axis.name,
-                    axis.limits.skew.unwrap_or(f64::INFINITY),
-                    unit = axis.unit
-                )
-            }
-            Self::Standstill { axis, distance } => {
-                let axis = names.axis(axis);
-                format!(
-                    "axis {} left its frozen position by {distance:.4} {unit}, allowed {} {unit}: \
-                     check its brake, its loop and `standstill_window`",
-                    axis.name,
-                    axis.limits.standstill,
-                    unit = axis.unit
-                )
-            }
-            Self::FollowingError { axis, error } => {
-                let axis = names.axis(axis);
-                format!(
-                    "axis {}: following error {error:.4} {unit}, allowed {} {unit}: look for a \
-                     blocked axis, a weak loop or too high limits",
-                    axis.name,
-                    axis.limits.following_error,
-                    unit = axis.unit
-                )
-            }
-            Self::Emergency { drive, emergency } => {
-                format!(
-                    "{}: EMCY {:04X}h, error register {:02X}h{}",
-                    who(drive),
-                    emergency.code,
-                    emergency.register,
-                    vendor_error(names, drive, &emergency)
-                )
-            }
-            Self::DriveFault { drive, statusword } => {
-                format!(
-                    "{}: drive fault, statusword {statusword}: read its error memory, clear the \
-                     cause, start again",
-                    who(drive)
-                )
-            }
-            Self::NotFollowing {
-                drive,
-                statusword,
-                why,
-            } => format!(
-                "{}: {why}, statusword {statusword}: check the drive's inputs and its error memory",
-                who(drive)
-            ),
-            Self::TwoNodes { drive } => format!(
-                "{}: two T_PDOs to one SYNC: another device has this node id, give it one of its own",
-                who(drive)
-            ),
-            Self::HeartbeatLost { drive } => {
-                format!("{}: heartbeat lost: check cabling and supply", who(drive))
-            }
-            Self::NmtState {
-                drive,
-                state: Some(state),
-            } => format!(
-                "{}: NMT state is {state:?}, expected Operational: check for another NMT master and \
-                 for communication errors",
-                who(drive)
-            ),
-            Self::NmtState { drive, state: None } => {
-                format!(
-                    "{}: no heartbeat after NMT start: check cabling and bus load",
-                    who(drive)
-                )
-            }
-            Self::Rebooted { drive } => {
-                format!(
-                    "{}: booted in the middle of the run: check its supply and for another NMT \
-                     master",
-                    who(drive)
-                )
-            }
-            Self::MissingTPdo { drive, misses } => format!(
-                "{}: no T_PDO in {misses} cycles in a row: check the bus load and the drive",
-                who(drive)
-            ),
-            Self::LateSetpoints { bus, count } => format!(
-                "bus {}: setpoints missed their SYNC {count} times: this host or bus does not \
-                 hold the cycle",
-                names.bus(bus)
-            ),
-            Self::TornBurst { bus } => format!(
-                "bus {}: only a part of one cycle's setpoints could be queued: see `syncline doctor` \
-                 for the transmit queue",
-                names.bus(bus)
-            ),
-            Self::BusErrorPassive { bus } => format!(
-                "bus {}: error passive, more than 127 errors: check cable, termination and bit rate",
-                names.bus(bus)
-            ),
-            Self::BusFailed { bus } => format!(
-                "bus {}: the interface failed, drives out of reach stop by lost heartbeat: mend what \
-                 its message says, start again",
-                names.bus(bus)
-            ),
+            Self::Drive(drive, cause) => format!("{}: {cause}", names.who(drive)),
+            Self::Axis(axis, cause) => cause.describe(names.axis(axis)),
+            Self::Bus(bus, cause) => format!("bus {}: {cause}", names.bus(bus)),
             Self::LateWakeUp { late_ns } => format!(
                 "the cycle woke up {:.3} ms late, and --strict allows none",
                 late_ns as f64 * 1e-6
@@ -497,6 +337,38 @@ impl Fault {
                  a defect of syncline, please report it with the machine, the program and what was \
                  done",
                 NO_PLAN.as_secs()
+            ),
+        }
+    }
+}
+
+impl AxisCause {
+    fn describe(self, axis: &Axis) -> String {
+        let Axis {
+            name, unit, limits, ..
+        } = axis;
+        match self {
+            Self::OutsideSoftLimits { position } => {
+                let (least, most) = limits.position;
+                format!(
+                    "axis {name} stands at {position:.3} {unit}, outside its soft limits \
+                     {least}…{most} {unit}: move it inside, or check the drive's `zero`"
+                )
+            }
+            Self::Skew { difference } => format!(
+                "axis {name}: its two sides are {difference:.3} {unit} apart, allowed {} {unit}: \
+                 align the gantry, or check the drives' `zero`",
+                limits.skew.unwrap_or_default()
+            ),
+            Self::Standstill { distance } => format!(
+                "axis {name} left its frozen position by {distance:.4} {unit}, allowed {} {unit}: \
+                 check its brake, its loop and `standstill_window`",
+                limits.standstill
+            ),
+            Self::FollowingError { error } => format!(
+                "axis {name}: following error {error:.4} {unit}, allowed {} {unit}: look for a \
+                 blocked axis, a weak loop or too high limits",
+                limits.following_error
             ),
         }
     }

@@ -37,7 +37,7 @@ pub use order::Order;
 use crate::port::bus_fault::{BusFault, Reaction};
 use crate::port::{Burst, Outbox, Received};
 use axis::Axis;
-use fault::{BusIndex, DriveIndex, Names};
+use fault::{BusCause, BusIndex, DriveCause, DriveIndex, Names};
 use node::Node;
 use setpoint_misses::SetpointMisses;
 use std::collections::VecDeque;
@@ -396,7 +396,9 @@ impl<const N: usize> Controller<N> {
         drop(events);
         match outcome {
             // The set-up resets what was wrong before; what is wrong still shows after it.
-            Err(Fault::Emergency { drive, emergency }) if self.phase < Phase::SetUp => {
+            Err(Fault::Drive(drive, DriveCause::Emergency { emergency }))
+                if self.phase < Phase::SetUp =>
+            {
                 self.tell(Event::Emergency { drive, emergency });
             }
             Err(fault) => self.fail(fault),
@@ -410,7 +412,7 @@ impl<const N: usize> Controller<N> {
             Burst::Queued if echoes => self.misses[bus].unsent = frames as u32,
             Burst::Queued => {}
             Burst::Dropped => self.miss(bus, self.cycle),
-            Burst::Torn { .. } => self.fail(Fault::TornBurst { bus }),
+            Burst::Torn { .. } => self.fail(Fault::Bus(bus, BusCause::TornBurst)),
         }
     }
 
@@ -423,13 +425,13 @@ impl<const N: usize> Controller<N> {
     /// A bus' interface failed.
     pub fn bus_failed(&mut self, bus: BusIndex) {
         self.lost[bus] = true;
-        self.fail(Fault::BusFailed { bus });
+        self.fail(Fault::Bus(bus, BusCause::Failed));
     }
 
     /// The adapter of a bus reported something although the bus can be used on.
     pub fn bus_reports(&mut self, bus: BusIndex, fault: BusFault) {
         match fault.reaction() {
-            Reaction::Stop => self.fail(Fault::BusErrorPassive { bus }),
+            Reaction::Stop => self.fail(Fault::Bus(bus, BusCause::ErrorPassive)),
             _ => self.tell(Event::BusWarning { bus, fault }),
         }
     }

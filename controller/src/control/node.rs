@@ -4,7 +4,7 @@
 //! its T_PDOs answer every SYNC, that it is alive, in Operational, and where it was told to be.
 
 use super::event::Event;
-use super::fault::{AwaitedState, DriveIndex, Fault};
+use super::fault::{AwaitedState, DriveCause, DriveIndex, Fault};
 use super::layout::{self, Layout};
 use super::sdo_sequence::{SdoSequence, Step};
 use crate::port::FrameBuf;
@@ -157,7 +157,7 @@ impl Node {
                 return Ok(());
             };
             if emergency.code != emcy::code::NO_ERROR {
-                return Err(Fault::Emergency { drive, emergency });
+                return Err(self.fault(DriveCause::Emergency { emergency }));
             }
             events(Event::ErrorReset { drive });
         } else {
@@ -203,7 +203,7 @@ impl Node {
         }
         // Once may be a frame that was received twice.
         if self.twice && self.was_twice {
-            return Err(Fault::TwoNodes { drive: self.index });
+            return Err(self.fault(DriveCause::TwoNodes));
         }
         Ok(())
     }
@@ -272,6 +272,11 @@ impl Node {
 
     // --- supervision ---
 
+    /// What this drive did.
+    fn fault(&self, cause: DriveCause) -> Fault {
+        Fault::Drive(self.index, cause)
+    }
+
     /// SYNC leaves: what came before it no longer counts.
     pub(super) fn on_sync(&mut self) {
         self.age = self.age.saturating_add(1);
@@ -287,7 +292,7 @@ impl Node {
     ) -> Result<(), Fault> {
         let drive = self.index;
         if self.booted {
-            return Err(Fault::Rebooted { drive });
+            return Err(self.fault(DriveCause::Rebooted));
         }
         if self.age == 0 {
             self.misses = 0;
@@ -297,10 +302,10 @@ impl Node {
         }
         if self.misses >= self.layout.t_pdo_misses {
             let misses = self.misses;
-            return Err(Fault::MissingTPdo { drive, misses });
+            return Err(self.fault(DriveCause::MissingTPdo { misses }));
         }
         if !self.heartbeat.is_alive(now) {
-            Err(Fault::HeartbeatLost { drive })
+            Err(self.fault(DriveCause::HeartbeatLost))
         } else if !self.is_operational() {
             Err(self.did_not_start())
         } else {
@@ -310,23 +315,20 @@ impl Node {
 
     /// Why a drive that should run in Operational does not.
     pub(super) fn did_not_start(&self) -> Fault {
-        let drive = self.index;
-        match self.heartbeat.state() {
-            Some(nmt::State::Operational) => Fault::MissingTPdo {
-                drive,
+        self.fault(match self.heartbeat.state() {
+            None => DriveCause::NoNmtState,
+            Some(nmt::State::Operational) => DriveCause::MissingTPdo {
                 misses: self.misses,
             },
-            state => Fault::NmtState { drive, state },
-        }
+            Some(state) => DriveCause::NmtState { state },
+        })
     }
 
     /// Whether a drive that is not enabled yet reports no fault.
     pub(super) fn check_no_fault(&self) -> Result<(), Fault> {
         if self.status.power.is_fault() {
-            return Err(Fault::DriveFault {
-                drive: self.index,
-                statusword: self.status.statusword,
-            });
+            let statusword = self.status.statusword;
+            return Err(self.fault(DriveCause::Reported { statusword }));
         }
         Ok(())
     }
@@ -334,13 +336,10 @@ impl Node {
     /// Whether an enabled drive, in its mode if `in_mode`, still does as it is told.
     pub(super) fn check_follows(&self, in_mode: bool) -> Result<(), Fault> {
         self.check_no_fault()?;
+        let statusword = self.status.statusword;
         self.status
             .follows(in_mode)
-            .map_err(|why| Fault::NotFollowing {
-                drive: self.index,
-                statusword: self.status.statusword,
-                why,
-            })
+            .map_err(|why| self.fault(DriveCause::NotFollowing { statusword, why }))
     }
 
     /// Counts the cycles in which the drive has stood within its window.
@@ -363,7 +362,7 @@ impl Node {
 
     /// What the drive has to be sent to for its axis to be at `mm`, `offset` increments beside.
     pub(super) fn setpoint_at(&self, mm: f64, offset: Increments) -> Result<Setpoint, Fault> {
-        let out_of_range = |OutOfRange| Fault::PositionRange { drive: self.index };
+        let out_of_range = |OutOfRange| self.fault(DriveCause::PositionRange);
         let position = self.scaling().to_increments(mm).map_err(out_of_range)? + offset;
         let setpoint = Setpoint { position };
         self.device.check(setpoint).map_err(out_of_range)?;
@@ -456,12 +455,13 @@ mod tests {
     #[test]
     fn heartbeat_supervision() {
         use Step::{Forget, Says, SetUp};
-        let state = |state| Err(Fault::NmtState { drive: 0, state });
-        let lost = Err(Fault::HeartbeatLost { drive: 0 });
-        let rebooted = Err(Fault::Rebooted { drive: 0 });
-        let initialising = state(Some(nmt::State::Initialising));
-        let pre_operational = state(Some(nmt::State::PreOperational));
-        let stopped = state(Some(nmt::State::Stopped));
+        let fault = |cause| Err(Fault::Drive(0, cause));
+        let state = |state| fault(DriveCause::NmtState { state });
+        let lost = fault(DriveCause::HeartbeatLost);
+        let rebooted = fault(DriveCause::Rebooted);
+        let initialising = state(nmt::State::Initialising);
+        let pre_operational = state(nmt::State::PreOperational);
+        let stopped = state(nmt::State::Stopped);
         let cases: [Case; 20] = [
             ("never heard", &[], 0, lost),
             ("heard", &[Says(0, &[5])], 1, Ok(())),
@@ -539,13 +539,13 @@ mod tests {
                 "a toggle bit, as in an answer to guarding: alive, its state unknown",
                 &[Says(0, &[5]), Says(100_000, &[0x85])],
                 400_000,
-                state(None),
+                fault(DriveCause::NoNmtState),
             ),
             (
                 "a byte that is no state: alive, its state unknown",
                 &[Says(0, &[5]), Says(100_000, &[0x42])],
                 400_000,
-                state(None),
+                fault(DriveCause::NoNmtState),
             ),
             (
                 "no heartbeat by its length",

@@ -1,6 +1,6 @@
 //! From power-up to the program and from its end to power-down, one phase after the other.
 
-use super::fault::{AwaitedState, Fault};
+use super::fault::{AwaitedState, DriveCause, Fault};
 use super::{
     COMMAND_CYCLES, Controller, End, Event, NO_PLAN, Node, Phase, STILL, STILL_CYCLES, StopPoint,
 };
@@ -18,7 +18,9 @@ impl<const N: usize> Controller<N> {
             Phase::Boot => {
                 if self.timed_out(self.layout.boot_timeout) {
                     let missing = self.nodes.iter().position(|node| !node.has_booted());
-                    missing.map_or(Ok(()), |drive| Err(Fault::NoBootUp { drive }))?;
+                    missing.map_or(Ok(()), |drive| {
+                        Err(Fault::Drive(drive, DriveCause::NoBootUp))
+                    })?;
                 }
                 let booted = self.nodes.iter().all(Node::has_booted);
                 self.go_on_if(booted, Phase::SetUp, out);
@@ -58,7 +60,7 @@ impl<const N: usize> Controller<N> {
                 let moving = self.nodes.iter().position(|node| node.still() < cycles);
                 match moving {
                     Some(drive) if self.timed_out(self.layout.state_timeout) => {
-                        return Err(Fault::NotAtRest { drive });
+                        return Err(Fault::Drive(drive, DriveCause::NotAtRest));
                     }
                     Some(_) => {}
                     None => self.await_all(AwaitedState::Enabled, Phase::ModeStart, out)?,
@@ -249,11 +251,16 @@ impl<const N: usize> Controller<N> {
                 self.go_on_if(seen, next, out);
                 Ok(())
             }
-            Some(drive) if self.timed_out(self.layout.state_timeout) => Err(Fault::StateTimeout {
-                drive,
-                awaited,
-                statusword: self.nodes[drive].status().statusword,
-            }),
+            Some(drive) if self.timed_out(self.layout.state_timeout) => {
+                let statusword = self.nodes[drive].status().statusword;
+                Err(Fault::Drive(
+                    drive,
+                    DriveCause::StateTimeout {
+                        awaited,
+                        statusword,
+                    },
+                ))
+            }
             Some(_) => Ok(()),
         }
     }

@@ -1,7 +1,7 @@
 //! What a node is asked by SDO, step after step: survey, identity, set-up, release.
 
 use super::event::Event;
-use super::fault::{DriveIndex, Fault};
+use super::fault::{DriveCause, DriveIndex, Fault};
 use super::layout::Layout;
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -199,6 +199,7 @@ impl SdoSequence {
             return Ok(());
         };
         let object = step.address();
+        let fault = |cause| Fault::Drive(drive, cause);
         let reading = match outcome {
             Ok(reading) => reading,
             Err(failure) => match failure.reason {
@@ -208,16 +209,17 @@ impl SdoSequence {
                     self.clear();
                     return Ok(());
                 }
-                Reason::TimedOut => return Err(Fault::SdoTimeout { drive, object }),
+                Reason::TimedOut => return Err(fault(DriveCause::SdoTimeout { object })),
                 Reason::Refused(code) | Reason::GivenUp(code) => {
                     if !step.may_fail() && !matches!(step, Step::ReadBack(_)) {
-                        let value = step.write().map(|write| write.data.bits());
-                        return Err(Fault::SdoAborted {
-                            drive,
-                            object,
-                            value,
-                            code,
-                        });
+                        return Err(fault(match step.write() {
+                            Some(write) => DriveCause::WriteAborted {
+                                object,
+                                value: write.data.bits(),
+                                code,
+                            },
+                            None => DriveCause::ReadAborted { object, code },
+                        }));
                     }
                     events(Event::Refused {
                         drive,
@@ -247,7 +249,7 @@ impl SdoSequence {
                     self.next();
                 } else if self.out_of_patience(now) {
                     let statusword = status.statusword;
-                    return Err(Fault::StaysEnabled { drive, statusword });
+                    return Err(fault(DriveCause::StaysEnabled { statusword }));
                 }
             }
             Step::History(object) => {
@@ -259,44 +261,40 @@ impl SdoSequence {
                 self.next();
             }
             Step::Identity(identity) if value & identity.mask != identity.value => {
-                return Err(Fault::WrongIdentity {
-                    drive,
+                return Err(fault(DriveCause::WrongIdentity {
                     object,
                     name: identity.name,
                     expected: identity.value,
                     found: value,
-                });
+                }));
             }
             Step::ReadBack(write)
                 if !self.layout.drives[drive]
                     .device
                     .agrees(&write, reading.bytes()) =>
             {
-                return Err(Fault::ReadBack {
-                    drive,
+                return Err(fault(DriveCause::ReadBack {
                     object,
                     expected: write.data.bits(),
                     found: value,
-                });
+                }));
             }
             Step::AwaitLock(lock) => {
                 if value == lock.locked {
                     self.next();
                 } else if self.out_of_patience(now) {
-                    return Err(Fault::NoSyncLock {
-                        drive,
+                    return Err(fault(DriveCause::NoSyncLock {
                         status: value,
                         assumption: lock.assumption,
-                    });
+                    }));
                 }
             }
             Step::Mode(display) if value as i8 != display.mode => {
-                let found = value as i8;
-                return Err(Fault::WrongMode {
-                    drive,
+                return Err(fault(DriveCause::WrongMode {
                     object,
-                    found,
-                });
+                    expected: display.mode,
+                    found: value as i8,
+                }));
             }
             Step::Identity(_) => {
                 self.next();

@@ -1,6 +1,6 @@
 //! Bursts that missed their SYNC, by bus: what is counted and what is a fault.
 
-use super::fault::{BusIndex, Fault};
+use super::fault::{BusCause, BusIndex, Fault};
 use std::collections::VecDeque;
 
 /// Bursts missed within [`WINDOW`] cycles that are a fault.
@@ -41,8 +41,8 @@ impl SetpointMisses {
         self.last.push_back(cycle);
         let crowded = self.last.len() == MISSES && cycle < self.last[0] + WINDOW;
         if in_a_row || crowded {
-            let Self { bus, count, .. } = *self;
-            return Err(Fault::LateSetpoints { bus, count });
+            let count = self.count;
+            return Err(Fault::Bus(self.bus, BusCause::LateSetpoints { count }));
         }
         Ok(())
     }

@@ -5,6 +5,7 @@ use std::sync::{Arc, Mutex};
 use syncline_canopen::time::Duration;
 use syncline_canopen::{CanId, CobId, Frame, NodeId};
 use syncline_controller::bench::rig::{Shape, Shuttle, ready_machine};
+use syncline_controller::control::fault::BusCause;
 use syncline_controller::control::{End, Event, Fault};
 use syncline_controller::port::bus_fault::BusFault;
 use syncline_controller::port::{Burst, Port, PortError, Received};
@@ -189,7 +190,7 @@ fn whichever_bus_is_lost_the_other_is_stopped_and_disabled_in_order() {
         let mut machine = Machine::moving();
         machine.buses[lost].unplugged.store(true, Relaxed);
         let end = machine.finish();
-        assert_eq!(end, Some(End::Fault(Fault::BusFailed { bus: lost })));
+        assert_eq!(end, Some(End::Fault(Fault::Bus(lost, BusCause::Failed))));
         machine.assert_disabled_in_order(1 - lost);
     }
 }
@@ -203,7 +204,7 @@ fn an_error_warning_is_told_and_error_passive_stops_in_order() {
     assert_eq!(machine.driver.controller.end(), None);
     *machine.buses[1].reports.lock().unwrap() = Some(BusFault::ErrorPassive);
     let end = machine.finish();
-    assert_eq!(end, Some(End::Fault(Fault::BusErrorPassive { bus: 1 })));
+    assert_eq!(end, Some(End::Fault(Fault::Bus(1, BusCause::ErrorPassive))));
     machine.assert_disabled_in_order(0);
     machine.assert_disabled_in_order(1);
 }

@@ -4,6 +4,7 @@ mod bench;
 mod check;
 mod eds;
 mod examples;
+mod fault_texts;
 mod lost_bus;
 mod machine_file;
 mod outputs;

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use syncline_canopen::time::Duration;
 use syncline_canopen::{Frame, Instant};
 use syncline_controller::bench::rig::{Shape, Shuttle, ready_machine};
+use syncline_controller::control::fault::{BusCause, DriveCause};
 use syncline_controller::control::{End, Event, Fault, Layout, Phase, Wake};
 use syncline_controller::port::sim::{self, SimPort, Simulated};
 use syncline_controller::port::{Burst, Port, PortError, Received};
@@ -125,7 +126,13 @@ fn two_lost_cycles_are_a_fault_and_the_stop_begins_where_the_plan_was_left() {
     step(&mut machine, &mut plan, 50 * CYCLE);
     let end = machine.controller.end();
     assert!(
-        matches!(end, Some(End::Fault(Fault::LateSetpoints { count: 2, .. }))),
+        matches!(
+            end,
+            Some(End::Fault(Fault::Bus(
+                _,
+                BusCause::LateSetpoints { count: 2 }
+            )))
+        ),
         "{end:?}"
     );
     step(&mut machine, &mut plan, Duration::ZERO);
@@ -156,7 +163,7 @@ fn two_nodes_with_one_id_are_a_fault_before_power_is_on() {
     }
     let end = machine.controller.end();
     assert!(
-        matches!(end, Some(End::Fault(Fault::TwoNodes { drive: 2 }))),
+        matches!(end, Some(End::Fault(Fault::Drive(2, DriveCause::TwoNodes)))),
         "{end:?}"
     );
     assert!(!phases.contains(&Phase::ReadyToSwitchOn));

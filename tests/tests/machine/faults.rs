@@ -6,7 +6,7 @@ use syncline_canopen::emcy::Emergency;
 use syncline_canopen::sdo::AbortCode;
 use syncline_canopen::time::Duration;
 use syncline_canopen::{Address, CanId, CobId, Frame, NodeId, nmt};
-use syncline_controller::control::fault::AwaitedState;
+use syncline_controller::control::fault::{AwaitedState, AxisCause, BusCause, DriveCause};
 use syncline_controller::control::{End, Event, Fault, Phase};
 use syncline_controller::port::Received;
 use syncline_drives::model::NotFollowing;
@@ -161,14 +161,12 @@ fn an_emcy_message() {
         register: 4,
     };
     let fault = fault_in_motion(|rig| rig.twin_as::<Twin>(Y).raise(error));
-    let expected = Fault::Emergency {
-        drive: Y,
-        emergency: Emergency {
-            code: 0x3130,
-            register: 5,
-            vendor: [0, 0, 0, 0x05, 0xA3],
-        },
+    let emergency = Emergency {
+        code: 0x3130,
+        register: 5,
+        vendor: [0, 0, 0, 0x05, 0xA3],
     };
+    let expected = Fault::Drive(Y, DriveCause::Emergency { emergency });
     assert_eq!(fault, expected);
 }
 
@@ -180,7 +178,7 @@ fn a_fault_in_the_statusword_alone() {
         rig.twin_as::<Twin>(Z).raise(DriveError::FOLLOWING_ERROR);
     });
     assert!(
-        matches!(fault, Fault::DriveFault { drive: Z, .. }),
+        matches!(fault, Fault::Drive(Z, DriveCause::Reported { .. })),
         "{fault:?}"
     );
 }
@@ -208,7 +206,7 @@ fn a_statusword_that_no_longer_follows() {
             })
         }));
         let fault = rig.finish_with_fault();
-        let told = matches!(fault, Fault::NotFollowing { drive: Y, why: told, .. } if told == why);
+        let told = matches!(fault, Fault::Drive(Y, DriveCause::NotFollowing { why: told, .. }) if told == why);
         assert!(told, "{why:?}: {fault:?}");
         rig.trace().assert_within_limits();
     }
@@ -219,7 +217,10 @@ fn an_unexpected_reboot() {
     let quick = |_: usize, config: &mut Config| config.boot_time = Some(Duration::from_millis(1));
     let mut rig = moving_with(&[], quick);
     rig.twin(Y).disturb(Disturbance::Reset);
-    assert_eq!(rig.finish_with_fault(), Fault::Rebooted { drive: Y });
+    assert_eq!(
+        rig.finish_with_fault(),
+        Fault::Drive(Y, DriveCause::Rebooted)
+    );
     assert_stopped_on_the_path(&mut rig);
 }
 
@@ -231,8 +232,8 @@ fn a_drive_that_left_operational() {
             !heartbeat || doctored(it, |data| data[0] = 0x7F)
         }));
     });
-    let state = Some(nmt::State::PreOperational);
-    assert_eq!(fault, Fault::NmtState { drive: X2, state });
+    let state = nmt::State::PreOperational;
+    assert_eq!(fault, Fault::Drive(X2, DriveCause::NmtState { state }));
 }
 
 // --- what drives do not tell ---
@@ -243,7 +244,7 @@ fn a_lost_heartbeat() {
         let silent = |it: &mut Received| !is(it, CobId::error_control(node(Y)), &[]);
         rig.bus().doctor = Some(Box::new(silent));
     });
-    assert_eq!(fault, Fault::HeartbeatLost { drive: Y });
+    assert_eq!(fault, Fault::Drive(Y, DriveCause::HeartbeatLost));
 }
 
 #[test]
@@ -251,10 +252,7 @@ fn a_drive_that_falls_silent() {
     let fault = fault_in_motion(|rig| rig.twin(Y).disturb(Disturbance::Mute(true)));
     assert_eq!(
         fault,
-        Fault::MissingTPdo {
-            drive: Y,
-            misses: 2
-        }
+        Fault::Drive(Y, DriveCause::MissingTPdo { misses: 2 })
     );
 }
 
@@ -274,10 +272,7 @@ fn one_missing_t_pdo_is_counted_and_two_in_a_row_are_a_fault() {
     let fault = fault_in_motion(|rig| rig.twin(Z).disturb(Disturbance::LoseTPdos(2)));
     assert_eq!(
         fault,
-        Fault::MissingTPdo {
-            drive: Z,
-            misses: 2
-        }
+        Fault::Drive(Z, DriveCause::MissingTPdo { misses: 2 })
     );
 }
 
@@ -290,10 +285,7 @@ fn a_t_pdo_that_is_late_or_cut_short_is_a_missing_one() {
     });
     assert_eq!(
         fault,
-        Fault::MissingTPdo {
-            drive: Y,
-            misses: 2
-        }
+        Fault::Drive(Y, DriveCause::MissingTPdo { misses: 2 })
     );
 }
 
@@ -311,7 +303,7 @@ fn a_blocked_axis_is_a_following_error() {
     let mut rig = moving_with(&[ALONE], |_, _| ());
     rig.twin(Y).disturb(Disturbance::Block(true));
     let fault = rig.finish_with_fault();
-    let Fault::FollowingError { axis, error } = fault else {
+    let Fault::Axis(axis, AxisCause::FollowingError { error }) = fault else {
         panic!("{fault:?}");
     };
     assert_eq!(rig.layout.axes[axis].name, "Y");
@@ -324,7 +316,7 @@ fn a_blocked_side_of_the_gantry_is_a_skew() {
     let mut rig = moving();
     rig.twin(X2).disturb(Disturbance::Block(true));
     let fault = rig.finish_with_fault();
-    let Fault::Skew { axis, difference } = fault else {
+    let Fault::Axis(axis, AxisCause::Skew { difference }) = fault else {
         panic!("{fault:?}");
     };
     assert_eq!(rig.layout.axes[axis].name, "X");
@@ -340,13 +332,15 @@ fn a_drive_that_supervises_itself_switches_off() {
     let fault = rig.finish_with_fault();
     let expected = matches!(
         fault,
-        Fault::Emergency {
-            drive: Y,
-            emergency: Emergency {
-                vendor: [_, _, _, 0x20, 0xA3],
-                ..
-            },
-        } | Fault::FollowingError { .. }
+        Fault::Drive(
+            Y,
+            DriveCause::Emergency {
+                emergency: Emergency {
+                    vendor: [_, _, _, 0x20, 0xA3],
+                    ..
+                },
+            }
+        ) | Fault::Axis(_, AxisCause::FollowingError { .. })
     );
     assert!(expected, "{fault:?}");
     assert_stopped_on_the_path(&mut rig);
@@ -370,10 +364,10 @@ fn a_dropped_burst_is_counted_and_does_not_shift_the_plan() {
 #[test]
 fn two_dropped_bursts_in_a_row_three_in_a_thousand_cycles_or_a_torn_one_are_a_fault() {
     let fault = fault_in_motion(|rig| rig.bus().drop_bursts = 2);
-    assert_eq!(fault, Fault::LateSetpoints { bus: 0, count: 2 });
+    assert_eq!(fault, Fault::Bus(0, BusCause::LateSetpoints { count: 2 }));
 
     let fault = fault_in_motion(|rig| rig.bus().delay_bursts = 2);
-    assert_eq!(fault, Fault::LateSetpoints { bus: 0, count: 2 });
+    assert_eq!(fault, Fault::Bus(0, BusCause::LateSetpoints { count: 2 }));
 
     let fault = fault_in_motion(|rig| {
         for row in [0, 100, 200] {
@@ -381,17 +375,17 @@ fn two_dropped_bursts_in_a_row_three_in_a_thousand_cycles_or_a_torn_one_are_a_fa
             rig.bus().drop_bursts = 1;
         }
     });
-    assert_eq!(fault, Fault::LateSetpoints { bus: 0, count: 3 });
+    assert_eq!(fault, Fault::Bus(0, BusCause::LateSetpoints { count: 3 }));
 
     let fault = fault_in_motion(|rig| rig.bus().tear_bursts = 1);
-    assert_eq!(fault, Fault::TornBurst { bus: 0 });
+    assert_eq!(fault, Fault::Bus(0, BusCause::TornBurst));
 }
 
 #[test]
 fn a_bus_that_is_gone() {
     let mut rig = moving();
     rig.bus().unplugged = true;
-    assert_eq!(rig.finish_with_fault(), Fault::BusFailed { bus: 0 });
+    assert_eq!(rig.finish_with_fault(), Fault::Bus(0, BusCause::Failed));
     rig.trace().assert_within_limits();
     // Nobody hears the controller any more: the drives' own supervision stops them.
 }
@@ -414,7 +408,7 @@ fn a_drive_that_is_not_there() {
     let fault = fault_in_bring_up(as_configured, |rig| {
         rig.twin(Z).disturb(Disturbance::Mute(true))
     });
-    assert_eq!(fault, Fault::NoBootUp { drive: Z });
+    assert_eq!(fault, Fault::Drive(Z, DriveCause::NoBootUp));
 }
 
 #[test]
@@ -424,7 +418,7 @@ fn a_drive_that_stops_answering() {
         rig.twin(X2).disturb(Disturbance::Mute(true));
     });
     let object = Address::new(0x1000, 0);
-    assert_eq!(fault, Fault::SdoTimeout { drive: X2, object });
+    assert_eq!(fault, Fault::Drive(X2, DriveCause::SdoTimeout { object }));
 }
 
 #[test]
@@ -432,13 +426,15 @@ fn another_device_with_the_nodes_id() {
     let fault = fault_in_bring_up(as_configured, |rig| {
         rig.twin(Y).disturb(Disturbance::Vendor(0x0000_00B7));
     });
-    let expected = Fault::WrongIdentity {
-        drive: Y,
-        object: Address::new(0x1018, 1),
-        name: "vendor id",
-        expected: 0x0800_005A,
-        found: 0xB7,
-    };
+    let expected = Fault::Drive(
+        Y,
+        DriveCause::WrongIdentity {
+            object: Address::new(0x1018, 1),
+            name: "vendor id",
+            expected: 0x0800_005A,
+            found: 0xB7,
+        },
+    );
     assert_eq!(fault, expected);
 }
 
@@ -449,12 +445,14 @@ fn a_set_up_write_that_is_refused() {
     let fault = fault_in_bring_up(as_configured, |rig| {
         rig.twin(Y).disturb(Disturbance::RefuseWrite(object, code))
     });
-    let expected = Fault::SdoAborted {
-        drive: Y,
-        object,
-        value: Some(2),
-        code,
-    };
+    let expected = Fault::Drive(
+        Y,
+        DriveCause::WriteAborted {
+            object,
+            value: 2,
+            code,
+        },
+    );
     assert_eq!(fault, expected);
 }
 
@@ -466,12 +464,14 @@ fn a_set_up_value_that_reads_back_as_another() {
             !answer || doctored(it, |data| data[4] = 4)
         }));
     });
-    let expected = Fault::ReadBack {
-        drive: Y,
-        object: Address::new(0x60C2, 1),
-        expected: 2,
-        found: 4,
-    };
+    let expected = Fault::Drive(
+        Y,
+        DriveCause::ReadBack {
+            object: Address::new(0x60C2, 1),
+            expected: 2,
+            found: 4,
+        },
+    );
     assert_eq!(fault, expected);
 }
 
@@ -505,11 +505,13 @@ fn a_clock_that_does_not_follow_sync() {
     });
     assert_eq!(
         fault,
-        Fault::NoSyncLock {
-            drive: Z,
-            status: 1,
-            assumption: "sync_locked"
-        }
+        Fault::Drive(
+            Z,
+            DriveCause::NoSyncLock {
+                status: 1,
+                assumption: "sync_locked"
+            }
+        )
     );
 }
 
@@ -522,7 +524,7 @@ fn a_drive_that_stays_enabled() {
         }));
     });
     assert!(
-        matches!(fault, Fault::StaysEnabled { drive: X2, .. }),
+        matches!(fault, Fault::Drive(X2, DriveCause::StaysEnabled { .. })),
         "{fault:?}"
     );
 }
@@ -535,11 +537,13 @@ fn a_drive_that_does_not_enable() {
     let fault = rig.finish_with_fault();
     let expected = matches!(
         fault,
-        Fault::StateTimeout {
-            drive: Z,
-            awaited: AwaitedState::Enabled,
-            ..
-        }
+        Fault::Drive(
+            Z,
+            DriveCause::StateTimeout {
+                awaited: AwaitedState::Enabled,
+                ..
+            }
+        )
     );
     assert!(expected, "{fault:?}");
     assert_eq!(rig.rows.len(), 0);
@@ -555,11 +559,14 @@ fn another_operating_mode() {
     }));
     assert_eq!(
         rig.finish_with_fault(),
-        Fault::WrongMode {
-            drive: Y,
-            object: Address::new(0x6061, 0),
-            found: 1
-        }
+        Fault::Drive(
+            Y,
+            DriveCause::WrongMode {
+                object: Address::new(0x6061, 0),
+                expected: 7,
+                found: 1
+            }
+        )
     );
     assert_eq!(rig.rows.len(), 0);
     assert_switched_off(&mut rig, &[0x00, 0x06, 0x0F, 0x1F, 0x0F, 0x06, 0x00]);
@@ -581,7 +588,7 @@ fn an_axis_that_does_not_stand_still_when_its_mode_starts() {
             })
     }));
     let fault = rig.finish_with_fault();
-    let Fault::Standstill { axis: 1, distance } = fault else {
+    let Fault::Axis(1, AxisCause::Standstill { distance }) = fault else {
         panic!("{fault:?}");
     };
     assert!((distance - 1.0).abs() < 0.01, "{distance}");
@@ -603,13 +610,13 @@ fn displaced(drives: &[usize], mm: f64) -> impl Fn(usize, &mut Config) {
 #[test]
 fn an_axis_outside_its_soft_limits() {
     let fault = fault_in_bring_up(displaced(&[Y], -1.0), |_| ());
-    let Fault::OutsideSoftLimits { axis: 1, position } = fault else {
+    let Fault::Axis(1, AxisCause::OutsideSoftLimits { position }) = fault else {
         panic!("{fault:?}");
     };
     assert!((position + 1.0).abs() < 0.01, "{position}");
     let fault = fault_in_bring_up(displaced(&[0, X2], 1501.0), |_| ());
     assert!(
-        matches!(fault, Fault::OutsideSoftLimits { axis: 0, .. }),
+        matches!(fault, Fault::Axis(0, AxisCause::OutsideSoftLimits { .. })),
         "{fault:?}"
     );
 }
@@ -617,11 +624,7 @@ fn an_axis_outside_its_soft_limits() {
 #[test]
 fn a_gantry_that_stands_askew() {
     let fault = fault_in_bring_up(displaced(&[0], 0.6), |_| ());
-    let Fault::Skew {
-        axis: 0,
-        difference,
-    } = fault
-    else {
+    let Fault::Axis(0, AxisCause::Skew { difference }) = fault else {
         panic!("{fault:?}");
     };
     assert!((difference - 0.6).abs() < 0.01, "{difference}");

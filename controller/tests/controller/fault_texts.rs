@@ -1,0 +1,193 @@
+//! Every fault's text: whom it concerns, what came, what was expected, what to do.
+
+use std::path::Path;
+use syncline_canopen::cia402::Statusword;
+use syncline_canopen::emcy::Emergency;
+use syncline_canopen::sdo::AbortCode;
+use syncline_canopen::{Address, nmt};
+use syncline_controller::control::fault::{AwaitedState, AxisCause, BusCause, DriveCause};
+use syncline_controller::control::{Fault, Layout};
+use syncline_controller::machine::Machine;
+use syncline_drives::model::NotFollowing;
+
+const OBJECT: Address = Address::new(0x60C2, 1);
+const SWITCHED_ON: Statusword = Statusword(0x0233);
+
+/// Faults, each with its pattern and its text. A fault without a row does not compile.
+macro_rules! texts {
+    ($($pattern:pat, $fault:expr, $text:literal;)*) => {
+        const TEXTS: &[(Fault, &str)] = &[$(($fault, $text)),*];
+
+        #[test]
+        fn every_fault_has_its_text() {
+            let layout = portal();
+            for (fault, text) in TEXTS {
+                assert_eq!(fault.describe(&layout), *text, "{fault:?}");
+            }
+            let mut rows = TEXTS.iter().map(|(fault, _)| *fault);
+            $(assert!(matches!(rows.next(), Some($pattern)), "{}", stringify!($pattern));)*
+        }
+
+        #[allow(dead_code, reason = "compiled only")]
+        fn is_complete(fault: Fault) {
+            match fault {
+                $($pattern => (),)*
+            }
+        }
+    };
+}
+
+fn portal() -> Layout {
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples/portal/machine.toml");
+    Layout::new(&Machine::load(&file).unwrap()).unwrap()
+}
+
+texts! {
+    Fault::Drive(_, DriveCause::NoBootUp), Fault::Drive(2, DriveCause::NoBootUp),
+    "node 3 (Y, LXM32M): no boot-up message after the reset: check power, cabling, node id and bit \
+     rate";
+
+    Fault::Drive(_, DriveCause::WrongIdentity { .. }),
+    Fault::Drive(2, DriveCause::WrongIdentity {
+        object: OBJECT, name: "vendor id", expected: 0x5A, found: 0xB7,
+    }),
+    "node 3 (Y, LXM32M): object 60C2h:1 (vendor id) reads 000000B7h, expected 0000005Ah: another \
+     device has this node id, or it is not what the machine file says";
+
+    Fault::Drive(_, DriveCause::WriteAborted { .. }),
+    Fault::Drive(2, DriveCause::WriteAborted {
+        object: OBJECT, value: 25, code: AbortCode::InvalidValue,
+    }),
+    "node 3 (Y, LXM32M): SDO write 60C2h:1 = 25 aborted 0609 0030h \"invalid value for \
+     parameter\": check the value, and `sdo` in the machine file";
+
+    Fault::Drive(_, DriveCause::ReadAborted { .. }),
+    Fault::Drive(2, DriveCause::ReadAborted { object: OBJECT, code: AbortCode::InvalidValue }),
+    "node 3 (Y, LXM32M): SDO read 60C2h:1 aborted 0609 0030h \"invalid value for parameter\": \
+     check that the device is the model of the machine file";
+
+    Fault::Drive(_, DriveCause::SdoTimeout { .. }),
+    Fault::Drive(2, DriveCause::SdoTimeout { object: OBJECT }),
+    "node 3 (Y, LXM32M): no answer to SDO 60C2h:1: check that the drive is on the bus";
+
+    Fault::Drive(_, DriveCause::ReadBack { .. }),
+    Fault::Drive(2, DriveCause::ReadBack { object: OBJECT, expected: 10, found: 20 }),
+    "node 3 (Y, LXM32M): object 60C2h:1 reads back 20 (14h), expected 10 (Ah): check for another \
+     master or tool, and the drive's firmware";
+
+    Fault::Drive(_, DriveCause::StaysEnabled { .. }),
+    Fault::Drive(2, DriveCause::StaysEnabled { statusword: SWITCHED_ON }),
+    "node 3 (Y, LXM32M): found enabled and does not switch off, statusword \
+     0233h (Switched On): switch it off by hand";
+
+    Fault::Drive(_, DriveCause::NoSyncLock { .. }),
+    Fault::Drive(2, DriveCause::NoSyncLock { status: 1, assumption: "sync_locked" }),
+    "node 3 (Y, LXM32M): not synchronised to SYNC, status 1: check the cycle time and the model's \
+     `sync_locked`";
+
+    Fault::Drive(_, DriveCause::StateTimeout { .. }),
+    Fault::Drive(2, DriveCause::StateTimeout {
+        awaited: AwaitedState::Enabled, statusword: SWITCHED_ON,
+    }),
+    "node 3 (Y, LXM32M): expected Operation Enabled, statusword stays 0233h (Switched On): check \
+     supply, enable inputs and the drive's error memory";
+
+    Fault::Drive(_, DriveCause::NotAtRest), Fault::Drive(2, DriveCause::NotAtRest),
+    "node 3 (Y, LXM32M): does not come to rest once enabled: check its loop and what moves its \
+     axis, or `standstill_window`";
+
+    Fault::Drive(_, DriveCause::WrongMode { .. }),
+    Fault::Drive(2, DriveCause::WrongMode { object: OBJECT, expected: 7, found: 1 }),
+    "node 3 (Y, LXM32M): operating mode 60C2h:1 reads 1, expected 7: check for another master or \
+     tool that selects one";
+
+    Fault::Drive(_, DriveCause::PositionRange), Fault::Drive(2, DriveCause::PositionRange),
+    "node 3 (Y, LXM32M): setpoint outside the drive's position range: check `zero` and the travel";
+
+    Fault::Drive(_, DriveCause::Emergency { .. }),
+    Fault::Drive(2, DriveCause::Emergency {
+        emergency: Emergency { code: 0x3130, register: 5, vendor: [0, 0, 0, 0x05, 0xA3] },
+    }),
+    "node 3 (Y, LXM32M): EMCY 3130h, error register 05h, vendor error A305h: clear its cause, \
+     start again";
+
+    Fault::Drive(_, DriveCause::Reported { .. }),
+    Fault::Drive(2, DriveCause::Reported { statusword: SWITCHED_ON }),
+    "node 3 (Y, LXM32M): drive fault, statusword 0233h (Switched On): read its error memory, clear \
+     the cause, start again";
+
+    Fault::Drive(_, DriveCause::NotFollowing { .. }),
+    Fault::Drive(2, DriveCause::NotFollowing {
+        statusword: SWITCHED_ON, why: NotFollowing::PowerStageOff,
+    }),
+    "node 3 (Y, LXM32M): power stage off, statusword 0233h (Switched On): check the drive's inputs \
+     and its error memory";
+
+    Fault::Drive(_, DriveCause::TwoNodes), Fault::Drive(2, DriveCause::TwoNodes),
+    "node 3 (Y, LXM32M): two T_PDOs to one SYNC: another device has this node id, give it one of \
+     its own";
+
+    Fault::Drive(_, DriveCause::HeartbeatLost), Fault::Drive(2, DriveCause::HeartbeatLost),
+    "node 3 (Y, LXM32M): heartbeat lost: check cabling and supply";
+
+    Fault::Drive(_, DriveCause::NoNmtState), Fault::Drive(2, DriveCause::NoNmtState),
+    "node 3 (Y, LXM32M): no heartbeat that tells its NMT state, expected Operational: check \
+     cabling, bus load and for a master that guards it";
+
+    Fault::Drive(_, DriveCause::NmtState { .. }),
+    Fault::Drive(2, DriveCause::NmtState { state: nmt::State::PreOperational }),
+    "node 3 (Y, LXM32M): NMT state is PreOperational, expected Operational: check for another NMT \
+     master and for communication errors";
+
+    Fault::Drive(_, DriveCause::Rebooted), Fault::Drive(2, DriveCause::Rebooted),
+    "node 3 (Y, LXM32M): booted in the middle of the run: check its supply and for another NMT \
+     master";
+
+    Fault::Drive(_, DriveCause::MissingTPdo { .. }),
+    Fault::Drive(2, DriveCause::MissingTPdo { misses: 2 }),
+    "node 3 (Y, LXM32M): no T_PDO in 2 cycles in a row: check the bus load and the drive";
+
+    Fault::Axis(_, AxisCause::OutsideSoftLimits { .. }),
+    Fault::Axis(1, AxisCause::OutsideSoftLimits { position: -1.0 }),
+    "axis Y stands at -1.000 mm, outside its soft limits 0…1000 mm: move it inside, or check the \
+     drive's `zero`";
+
+    Fault::Axis(_, AxisCause::Skew { .. }), Fault::Axis(0, AxisCause::Skew { difference: 0.75 }),
+    "axis X: its two sides are 0.750 mm apart, allowed 0.5 mm: align the gantry, or check the \
+     drives' `zero`";
+
+    Fault::Axis(_, AxisCause::Standstill { .. }),
+    Fault::Axis(1, AxisCause::Standstill { distance: 1.0 }),
+    "axis Y left its frozen position by 1.0000 mm, allowed 0.05 mm: check its brake, its loop and \
+     `standstill_window`";
+
+    Fault::Axis(_, AxisCause::FollowingError { .. }),
+    Fault::Axis(1, AxisCause::FollowingError { error: 2.5 }),
+    "axis Y: following error 2.5000 mm, allowed 2 mm: look for a blocked axis, a weak loop or too \
+     high limits";
+
+    Fault::Bus(_, BusCause::LateSetpoints { .. }),
+    Fault::Bus(0, BusCause::LateSetpoints { count: 2 }),
+    "bus portal: setpoints missed their SYNC 2 times: this host or bus does not hold the cycle";
+
+    Fault::Bus(_, BusCause::TornBurst), Fault::Bus(0, BusCause::TornBurst),
+    "bus portal: only a part of one cycle's setpoints could be queued: see `syncline doctor` for the \
+     transmit queue";
+
+    Fault::Bus(_, BusCause::ErrorPassive), Fault::Bus(0, BusCause::ErrorPassive),
+    "bus portal: error passive, more than 127 errors: check cable, termination and bit rate";
+
+    Fault::Bus(_, BusCause::Failed), Fault::Bus(0, BusCause::Failed),
+    "bus portal: the interface failed, drives out of reach stop by lost heartbeat: mend what its \
+     message says, start again";
+
+    Fault::LateWakeUp { .. }, Fault::LateWakeUp { late_ns: 2_500_000 },
+    "the cycle woke up 2.500 ms late, and --strict allows none";
+
+    Fault::Program, Fault::Program,
+    "the program could not go on: see its message, mend it, start again";
+
+    Fault::NoPlan, Fault::NoPlan,
+    "the path rests in mid-program, nobody holds it, and no plan came for 30 s: this is a defect of \
+     syncline, please report it with the machine, the program and what was done";
+}
