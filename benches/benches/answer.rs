@@ -60,9 +60,9 @@ fn answers(curves: &[Curve<N>], feed: f64) -> Vec<std::time::Duration> {
         for feed in [0.5, 1.5] {
             let (mut executor, mut planner) = (plan.clone(), planner.clone());
             executor.set_overrides(Overrides { feed, rapid: 1.0 });
-            if let Some(outlook) = executor.outlook() {
+            if let Some(request) = executor.replan_request() {
                 let begin = thread_time();
-                planner.observe(&outlook);
+                planner.replan(&request);
                 took.push(thread_time() - begin);
             }
         }

@@ -5,7 +5,7 @@
 //! as the tolerance lets them be.
 
 use syncline_benches::contours::{MILL, Plan};
-use syncline_trajectory::path::{Curve, Derivatives, Exit, Feed, Item, Move, Poly};
+use syncline_trajectory::path::{Curve, Derivatives, Feed, Move, PathControlMode, PathItem, Poly};
 
 /// Length of what is before and behind the corner, mm.
 const LEG: f64 = 100.0;
@@ -15,7 +15,7 @@ fn time(degree: i32, turn: f64, tolerance: f64, feed: f64) -> f64 {
     let along = [[1.0, 0.0, 0.0], [turn.cos(), turn.sin(), 0.0]];
     // The corner is furthest from the middle.
     let cut = tolerance * 2.0_f64.powi(degree) / (2.0 * (0.5 * turn).sin());
-    assert!(cut < LEG, "the legs are too short");
+    assert!(cut < LEG, "the items are too short");
     let at = |k: usize, s: f64| Derivatives {
         q: along[k].map(|d| d * s),
         d1: along[k],
@@ -31,10 +31,10 @@ fn time(degree: i32, turn: f64, tolerance: f64, feed: f64) -> f64 {
         Curve::line(to.q, at(1, LEG).q).expect("a line"),
     ];
     let items = curves.map(|curve| {
-        Item::Move(Move {
+        PathItem::Move(Move {
             curve,
             feed: Feed::Rate(feed),
-            exit: Exit::Exact(1e-6),
+            mode: PathControlMode::Exact(1e-6),
             tag: 0,
         })
     });

@@ -8,15 +8,15 @@ use copp::solver::topp2_ra::{ReachSet2OptionsBuilder, Topp2ProblemBuilder, topp2
 use copp::solver::topp3_lp::{ClarabelOptionsBuilder, Topp3ProblemBuilder, s_to_t_topp3, topp3_lp};
 use syncline_benches::contours::{Contour, Plan, excess, six_axes, three_axes};
 use syncline_controller::realtime::thread_time;
-use syncline_trajectory::path::time_law::{Cell, Node, Slope, TimeLaw};
-use syncline_trajectory::path::{Derivatives, Exit, Limits, Span};
+use syncline_trajectory::path::time_parametrisation::{Cell, Node, Slope, TimeParametrisation};
+use syncline_trajectory::path::{Derivatives, Limits, PathControlMode, PathSegment};
 
 /// A section's geometry, by path length.
 #[derive(Clone)]
-struct Geometry<const N: usize>(Vec<Span<N>>);
+struct Geometry<const N: usize>(Vec<PathSegment<N>>);
 
 impl<const N: usize> Geometry<N> {
-    fn span(&self, s: f64) -> &Span<N> {
+    fn span(&self, s: f64) -> &PathSegment<N> {
         let index = self.0.partition_point(|span| span.start <= s);
         &self.0[index.max(1) - 1]
     }
@@ -275,7 +275,7 @@ fn own_law<const N: usize>(
         })
         .collect();
     // A slow motion with the shape of one that keeps acceleration.
-    let mut law = TimeLaw::default();
+    let mut law = TimeParametrisation::default();
     let mut w: Vec<f64> = (0..points)
         .map(|k| {
             let at = geometry.at(s(k));
@@ -328,7 +328,7 @@ fn row<const N: usize>(contour: &Contour<N>) {
     }
     assert_eq!(plan.sections.len(), 1, "{} stops on the way", contour.name);
     let load = plan.load(limits, 16);
-    let stops = Plan::of(limits, contour.items(Some(Exit::Stop))).time();
+    let stops = Plan::of(limits, contour.items(Some(PathControlMode::Stop))).time();
     let geometry = Geometry(plan.sections[0].clone());
 
     let mut points = 501;

@@ -4,7 +4,7 @@
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use std::hint::black_box;
 use syncline_benches::contours::{MILL, Plan, polyline};
-use syncline_trajectory::path::{Curve, Exit, Feed, Item, Move};
+use syncline_trajectory::path::{Curve, Feed, Move, PathControlMode, PathItem};
 
 const COUNT: usize = 50_000;
 
@@ -26,18 +26,26 @@ fn plan(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("facets");
     group.throughput(Throughput::Elements(COUNT as u64));
     group.sample_size(10);
-    for (name, grain, exit) in [
-        ("G64 P0.01, rounded to 1 µm", 1e-3, Exit::Blend(0.01)),
-        ("G64 P0.01, rounded to 1 nm", 1e-6, Exit::Blend(0.01)),
-        ("G61, rounded to 1 nm", 1e-6, Exit::Exact(0.001)),
-        ("G61, rounded to 1 µm", 1e-3, Exit::Exact(0.001)),
+    for (name, grain, mode) in [
+        (
+            "G64 P0.01, rounded to 1 µm",
+            1e-3,
+            PathControlMode::Blend(0.01),
+        ),
+        (
+            "G64 P0.01, rounded to 1 nm",
+            1e-6,
+            PathControlMode::Blend(0.01),
+        ),
+        ("G61, rounded to 1 nm", 1e-6, PathControlMode::Exact(0.001)),
+        ("G61, rounded to 1 µm", 1e-3, PathControlMode::Exact(0.001)),
     ] {
         let curves = spiral(grain);
         let items = |curve: &Curve<3>| {
-            Item::Move(Move {
+            PathItem::Move(Move {
                 curve: *curve,
                 feed: Feed::Rate(60.0),
-                exit,
+                mode,
                 tag: 0,
             })
         };

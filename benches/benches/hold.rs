@@ -45,10 +45,10 @@ fn main() {
                 }
                 let mut executor = plan.clone();
                 let mut answers = planner.clone();
-                let mut outlooks = VecDeque::new();
+                let mut replan_requests = VecDeque::new();
                 let begin = thread_time();
                 if holds {
-                    executor.hold();
+                    executor.feed_hold();
                 } else {
                     executor.stop();
                 }
@@ -56,12 +56,12 @@ fn main() {
                 while executor.setpoint().speed > 0.0 {
                     let mut commands = Vec::new();
                     if holds {
-                        outlooks.push_back(executor.outlook());
-                        if outlooks.len() > ANSWER
-                            && let Some(Some(outlook)) = outlooks.pop_front()
+                        replan_requests.push_back(executor.replan_request());
+                        if replan_requests.len() > ANSWER
+                            && let Some(Some(request)) = replan_requests.pop_front()
                         {
                             let begin = thread_time();
-                            answers.observe(&outlook);
+                            answers.replan(&request);
                             answered.push(thread_time() - begin);
                         }
                         commands.extend(std::iter::from_fn(|| answers.pop()).take(executor.room()));

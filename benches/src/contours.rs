@@ -1,8 +1,8 @@
 //! Named paths, and what is planned along them.
 
 use syncline_trajectory::path::{
-    Command, Curve, Derivatives, Exit, Feed, Item, Limits, Move, Piece, Plane, Planner, Poly, Span,
-    curve::ArcDefinition,
+    Command, Curve, Derivatives, Feed, JerkSegment, Limits, Move, PathControlMode, PathItem,
+    PathSegment, Plane, Planner, Poly, curve::ArcDefinition,
 };
 
 /// A path with the limits of its machine.
@@ -14,19 +14,19 @@ pub struct Contour<const N: usize> {
     /// mm/s
     pub feed: Feed,
     /// How its moves join.
-    pub exit: Exit,
+    pub mode: PathControlMode,
     /// The moves.
     pub curves: Vec<Curve<N>>,
 }
 
 impl<const N: usize> Contour<N> {
     /// What the planner is fed with, under another exit if one is given.
-    pub fn items(&self, exit: Option<Exit>) -> impl Iterator<Item = Item<N>> {
+    pub fn items(&self, mode: Option<PathControlMode>) -> impl Iterator<Item = PathItem<N>> {
         self.curves.iter().zip(0..).map(move |(&curve, tag)| {
-            Item::Move(Move {
+            PathItem::Move(Move {
                 curve,
                 feed: self.feed,
-                exit: exit.unwrap_or(self.exit),
+                mode: mode.unwrap_or(self.mode),
                 tag,
             })
         })
@@ -38,19 +38,19 @@ impl<const N: usize> Contour<N> {
 #[derive(Debug, Clone, Default)]
 pub struct Plan<const N: usize> {
     /// Every section's spans.
-    pub sections: Vec<Vec<Span<N>>>,
+    pub sections: Vec<Vec<PathSegment<N>>>,
     /// Every piece with the number of its section.
-    pub pieces: Vec<(usize, Piece)>,
+    pub pieces: Vec<(usize, JerkSegment)>,
     /// Windows planned.
     pub windows: usize,
 }
 
 impl<const N: usize> Plan<N> {
     /// Plans all of it.
-    pub fn of(limits: &Limits<N>, items: impl Iterator<Item = Item<N>>) -> Self {
+    pub fn of(limits: &Limits<N>, items: impl Iterator<Item = PathItem<N>>) -> Self {
         let mut items = items.peekable();
         let start = match items.peek() {
-            Some(Item::Move(motion)) => motion.curve.start(),
+            Some(PathItem::Move(motion)) => motion.curve.start(),
             _ => [0.0; N],
         };
         let mut planner = Planner::new(*limits, start);
@@ -58,7 +58,7 @@ impl<const N: usize> Plan<N> {
     }
 
     /// Plans all of it with `planner`.
-    pub fn by(planner: &mut Planner<N>, items: impl Iterator<Item = Item<N>>) -> Self {
+    pub fn by(planner: &mut Planner<N>, items: impl Iterator<Item = PathItem<N>>) -> Self {
         let mut plan = Plan::default();
         let mut steps = Vec::new();
         for item in items {
@@ -71,19 +71,21 @@ impl<const N: usize> Plan<N> {
         plan
     }
 
-    fn take(&mut self, planner: &mut Planner<N>, steps: &mut Vec<Option<(usize, Piece)>>) {
+    fn take(&mut self, planner: &mut Planner<N>, steps: &mut Vec<Option<(usize, JerkSegment)>>) {
         while let Some(command) = planner.pop() {
             match command {
                 Command::Section { .. } => {
                     self.sections.push(Vec::new());
                     steps.push(None);
                 }
-                Command::Span(span) => self.sections.last_mut().expect("a section").push(span),
-                Command::Splice(step) => steps.truncate(step as usize),
-                Command::Piece(piece) => steps.push(Some((self.sections.len() - 1, piece))),
+                Command::PathSegment(span) => {
+                    self.sections.last_mut().expect("a section").push(span)
+                }
+                Command::ReplaceTail(step) => steps.truncate(step as usize),
+                Command::JerkSegment(piece) => steps.push(Some((self.sections.len() - 1, piece))),
                 Command::Dwell { .. } | Command::Mark { .. } | Command::Hold => steps.push(None),
                 Command::Commit => self.windows += 1,
-                Command::Revise { .. } => {}
+                Command::ReplacePlan { .. } => {}
             }
         }
     }
@@ -98,7 +100,7 @@ impl<const N: usize> Plan<N> {
         let mut worst = [0.0; 3];
         for (section, piece) in &self.pieces {
             let spans = &self.sections[*section];
-            let after = |s: &Span<N>| s.start <= piece.distance + 1e-9;
+            let after = |s: &PathSegment<N>| s.start <= piece.distance + 1e-9;
             let span = &spans[spans.partition_point(after).max(1) - 1];
             for k in 0..=n {
                 let (ds, v, a) = piece.at(piece.duration * k as f64 / n as f64);
@@ -202,7 +204,7 @@ pub const MILL: Limits<3> = Limits {
 
 /// The named paths of three axes.
 pub fn three_axes() -> Vec<Contour<3>> {
-    let exact = Exit::Exact(0.001);
+    let exact = PathControlMode::Exact(0.001);
     let lissajous = Contour {
         name: "Lissajous figure 2:3:5, all limits 1",
         limits: Limits {
@@ -211,7 +213,7 @@ pub fn three_axes() -> Vec<Contour<3>> {
             jerk: [1.0; 3],
         },
         feed: Feed::Rapid,
-        exit: exact,
+        mode: exact,
         curves: parametric(
             |u| {
                 [
@@ -233,7 +235,7 @@ pub fn three_axes() -> Vec<Contour<3>> {
         name: "rising hexagon, G64 P0.5",
         limits: MILL,
         feed: Feed::Rate(250.0),
-        exit: Exit::Blend(0.5),
+        mode: PathControlMode::Blend(0.5),
         curves: polyline(&hexagon),
     };
     let pocket = {
@@ -277,7 +279,7 @@ pub fn three_axes() -> Vec<Contour<3>> {
             name: "pocket with corners of radius 20, G64 P0.2",
             limits: MILL,
             feed: Feed::Rate(300.0),
-            exit: Exit::Blend(0.2),
+            mode: PathControlMode::Blend(0.2),
             curves,
         }
     };
@@ -285,7 +287,7 @@ pub fn three_axes() -> Vec<Contour<3>> {
         name: "helix, 3 turns of radius 15",
         limits: MILL,
         feed: Feed::Rate(400.0),
-        exit: exact,
+        mode: exact,
         curves: vec![
             Curve::arc(ArcDefinition {
                 start: [15.0, 0.0, 0.0],
@@ -302,7 +304,7 @@ pub fn three_axes() -> Vec<Contour<3>> {
         name: "spiral from radius 2 to 40",
         limits: MILL,
         feed: Feed::Rate(300.0),
-        exit: exact,
+        mode: exact,
         curves: parametric(
             |u| {
                 let (w, grow) = (4.0 * TURN, 38.0);
@@ -335,7 +337,7 @@ pub fn six_axes() -> Vec<Contour<6>> {
             jerk: [50_000.0, 40_000.0, 30_000.0, 20_000.0, 20_000.0, 30_000.0],
         },
         feed: Feed::Rate(250.0),
-        exit: Exit::Exact(0.001),
+        mode: PathControlMode::Exact(0.001),
         curves: parametric(
             |u| {
                 [

@@ -2,7 +2,8 @@
 //! cycle and between.
 
 use syncline_trajectory::path::{
-    Curve, Executor, Exit, Feed, Item, Limits, Move, Plane, Planner, curve::ArcDefinition,
+    Curve, Executor, Feed, Limits, Move, PathControlMode, PathItem, Plane, Planner,
+    curve::ArcDefinition,
 };
 
 /// Of the cycle, s.
@@ -70,10 +71,10 @@ pub fn begin<const N: usize>(
         let motion = Move {
             curve: *curve,
             feed: Feed::Rate(feed),
-            exit: Exit::Blend(tolerance),
+            mode: PathControlMode::Blend(tolerance),
             tag: 0,
         };
-        planner.push(Item::Move(motion)).expect("a path");
+        planner.push(PathItem::Move(motion)).expect("a path");
     }
     planner.finish();
     (planner, Executor::new(curves[0].start(), PERIOD))

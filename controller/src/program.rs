@@ -18,8 +18,8 @@ use syncline_gcode::{self as gcode, Action, AxisSet, Interpreter, PathMode, Tabl
 use syncline_trajectory::limits::PositionLimits;
 use syncline_trajectory::path::curve::ArcDefinition;
 use syncline_trajectory::path::{
-    Command as PathCommand, Curve, CurveError, Exit, Feed, Item, Limits, Move, Outlook, PathError,
-    Plane, Planner,
+    Command as PathCommand, Curve, CurveError, Feed, Limits, Move, PathControlMode, PathError,
+    PathItem, Plane, Planner, ReplanRequest,
 };
 
 /// Rounding of a setpoint on a curve, mm.
@@ -229,7 +229,7 @@ impl Program {
             interpreter: self.interpret(start)?,
             source: MoveSource { at: start },
             planner,
-            exit: exit(self.setup.path_mode, self.tolerances),
+            path_control_mode: path_control_mode(self.setup.path_mode, self.tolerances),
             tolerances: self.tolerances,
             marks: VecDeque::new(),
             first_mark: 0,
@@ -328,7 +328,7 @@ pub struct Feeder {
     tables: Tables,
     source: MoveSource,
     planner: Planner<COORDINATES>,
-    exit: Exit,
+    path_control_mode: PathControlMode,
     tolerances: PathTolerances,
     /// What the planner's marks stand for, from this one on.
     marks: VecDeque<StopPoint>,
@@ -380,15 +380,14 @@ pub enum Switch {
 }
 
 /// How moves are left in this mode.
-fn exit(mode: PathMode, tolerances: PathTolerances) -> Exit {
+fn path_control_mode(mode: PathMode, tolerances: PathTolerances) -> PathControlMode {
     match mode {
-        PathMode::ExactStop => Exit::Stop,
-        PathMode::ExactPath => Exit::Exact(tolerances.exact),
+        PathMode::ExactStop => PathControlMode::Stop,
+        PathMode::ExactPath => PathControlMode::Exact(tolerances.exact),
         PathMode::Blend { tolerance, merge } => {
             let tolerance = tolerance.unwrap_or(tolerances.blend);
-            merge.map_or(Exit::Blend(tolerance), |within| Exit::Merge {
-                tolerance,
-                within,
+            merge.map_or(PathControlMode::Blend(tolerance), |within| {
+                PathControlMode::Merge { tolerance, within }
             })
         }
     }
@@ -493,7 +492,7 @@ impl Feeder {
             source,
         })?;
         if let Some(mut motion) = motion {
-            motion.tolerance = self.exit.tolerance().max(ON_THE_PATH);
+            motion.tolerance = self.path_control_mode.tolerance().max(ON_THE_PATH);
             let feed = match &command.action {
                 Action::Feed { feed, .. } | Action::Arc { feed, .. } => match *feed {
                     gcode::Feed::Rate(rate) => Feed::Rate(path_speed(&motion.curve, rate)),
@@ -501,10 +500,10 @@ impl Feeder {
                 },
                 _ => Feed::Rapid,
             };
-            let item = Item::Move(Move {
+            let item = PathItem::Move(Move {
                 curve: motion.curve,
                 feed,
-                exit: self.exit,
+                mode: self.path_control_mode,
                 tag: self.tag,
             });
             self.tag += 1;
@@ -513,7 +512,7 @@ impl Feeder {
         }
         match &command.action {
             Action::Dwell { seconds } => {
-                let item = Item::Dwell {
+                let item = PathItem::Dwell {
                     duration: *seconds,
                     tag: self.tag.saturating_sub(1),
                 };
@@ -533,7 +532,9 @@ impl Feeder {
             Action::Spindle(spindle) => self.switch(Switch::Spindle(*spindle)),
             Action::Coolant(coolant) => self.switch(Switch::Coolant(*coolant)),
             Action::Output(output) => self.switch(Switch::Output(line, *output)),
-            Action::PathMode(mode) => self.exit = exit(*mode, self.tolerances),
+            Action::PathMode(mode) => {
+                self.path_control_mode = path_control_mode(*mode, self.tolerances)
+            }
             Action::End => self.stop_then(StopPoint::End),
             _ => {}
         }
@@ -547,7 +548,7 @@ impl Feeder {
         self.planner.keep_joint();
     }
 
-    fn push(&mut self, span: gcode::Span, item: Item<COORDINATES>) -> Result<(), ProgramError> {
+    fn push(&mut self, span: gcode::Span, item: PathItem<COORDINATES>) -> Result<(), ProgramError> {
         self.planner
             .push(item)
             .map_err(|source| ProgramError::Plan {
@@ -558,14 +559,14 @@ impl Feeder {
 
     /// A command of the planner; its marks with what they stand for.
     fn instruction(&self, command: PathCommand<COORDINATES>) -> Instruction<COORDINATES> {
-        let PathCommand::Mark { leg, mark } = command else {
+        let PathCommand::Mark { item, mark } = command else {
             return Instruction::Plan(command);
         };
         let index = mark.checked_sub(self.first_mark);
         let stop = index.and_then(|index| self.marks.get(index as usize));
         debug_assert!(stop.is_some(), "mark {mark} was forgotten");
         Instruction::Mark {
-            leg,
+            item,
             mark,
             stop: stop.copied().unwrap_or(StopPoint::Broken),
         }
@@ -583,8 +584,8 @@ impl Feeder {
 
     /// Plans the rest of the program anew where the executor wants that; the instructions of the
     /// new plan come next.
-    pub fn observe(&mut self, outlook: &Outlook) {
-        self.planner.observe(outlook);
+    pub fn replan(&mut self, request: &ReplanRequest) {
+        self.planner.replan(request);
     }
 
     /// Writes back the offsets and tools that the program changed.

@@ -476,19 +476,19 @@ pub fn planes() -> Vec<Sample> {
     MODES.map(in_mode).into()
 }
 
-/// Zigzags whose legs are shorter than what their blends would like to have.
+/// Zigzags whose items are shorter than what their blends would like to have.
 #[must_use]
 pub fn zigzags() -> Vec<Sample> {
     let in_mode = |(mode, tolerance)| {
         let mut path = Writer::new("zigzags", mode, tolerance, 12_000.0, START);
-        for leg in [2.0, 0.5, 0.1, 0.02, 0.005] {
+        for item in [2.0, 0.5, 0.1, 0.02, 0.005] {
             for k in 0..12 {
                 let side = if k % 2 == 0 { 1.0 } else { -1.0 };
-                path.by([leg, side * leg * (1.0 + 0.1 * f64::from(k)), 0.0]);
+                path.by([item, side * item * (1.0 + 0.1 * f64::from(k)), 0.0]);
             }
             path.by([3.0, 0.0, 0.0]);
-            path.by([leg, 0.0, 0.0]);
-            path.by([0.0, leg, 0.0]);
+            path.by([item, 0.0, 0.0]);
+            path.by([0.0, item, 0.0]);
             path.by([0.0, 5.0, 0.0]);
         }
         path.end()

@@ -6,7 +6,7 @@ use std::path::Path;
 use syncline_controller::control::Instruction;
 use syncline_controller::machine::{COORDINATES, Machine, Position};
 use syncline_controller::program::{Moves, Program};
-use syncline_trajectory::path::{Command, Limits, Piece, Span};
+use syncline_trajectory::path::{Command, JerkSegment, Limits, PathSegment};
 
 /// Samples of a piece on a curve.
 const SAMPLES: usize = 16;
@@ -15,9 +15,9 @@ const SAMPLES: usize = 16;
 #[derive(Clone, Debug)]
 pub enum Step {
     /// A section begins: distances count from 0 again.
-    Section(Vec<Span<COORDINATES>>),
+    Section(Vec<PathSegment<COORDINATES>>),
     /// Constant jerk along the section.
-    Piece(Piece),
+    JerkSegment(JerkSegment),
     /// Rest.
     Dwell(f64),
 }
@@ -81,15 +81,17 @@ impl Plan {
                     section = plan.steps.len();
                     plan.steps.push(Step::Section(Vec::new()));
                 }
-                Command::Splice(step) => splice = Some(step as usize),
-                Command::Span(span) => match &mut plan.steps[section] {
+                Command::ReplaceTail(step) => splice = Some(step as usize),
+                Command::PathSegment(span) => match &mut plan.steps[section] {
                     Step::Section(spans) => spans.push(span),
                     step => panic!("a span goes on with {step:?}"),
                 },
-                Command::Piece(piece) => plan.steps.push(Step::Piece(piece)),
+                Command::JerkSegment(piece) => plan.steps.push(Step::JerkSegment(piece)),
                 Command::Dwell { duration, .. } => plan.steps.push(Step::Dwell(duration)),
                 Command::Mark { .. } => plan.steps.push(Step::Dwell(0.0)),
-                Command::Revise { .. } | Command::Hold => panic!("nobody asked for {command:?}"),
+                Command::ReplacePlan { .. } | Command::Hold => {
+                    panic!("nobody asked for {command:?}")
+                }
                 Command::Commit => {
                     if let Some(step) = splice.take() {
                         assert!(section < step, "a section's law goes on in it");
@@ -108,7 +110,7 @@ impl Plan {
     pub fn time(&self) -> f64 {
         let time = |step: &Step| match step {
             Step::Section(_) => 0.0,
-            Step::Piece(piece) => piece.duration,
+            Step::JerkSegment(piece) => piece.duration,
             Step::Dwell(duration) => *duration,
         };
         self.steps.iter().map(time).sum()
@@ -117,7 +119,7 @@ impl Plan {
     /// What it moves along, in order.
     #[must_use]
     pub fn spans(&self) -> Spans<'_> {
-        fn of(step: &Step) -> &[Span<COORDINATES>] {
+        fn of(step: &Step) -> &[PathSegment<COORDINATES>] {
             match step {
                 Step::Section(spans) => spans,
                 _ => &[],
@@ -139,12 +141,13 @@ impl Plan {
         let mut faults = Vec::new();
         let mut loads = [0.0; 3];
         let mut at_rest_in = self.start;
-        let mut spans: &[Span<COORDINATES>] = &[];
+        let mut spans: &[PathSegment<COORDINATES>] = &[];
         // Path distance, speed and acceleration with which the last piece ended.
         let mut last: (f64, f64, f64) = (0.0, 0.0, 0.0);
         for (index, step) in self.steps.iter().enumerate() {
             let mut complain = |what: String| faults.push(format!("step {index}: {what}"));
-            if !matches!(step, Step::Piece(_)) && (last.1.abs() > 1e-6 || last.2.abs() > 1e-3) {
+            if !matches!(step, Step::JerkSegment(_)) && (last.1.abs() > 1e-6 || last.2.abs() > 1e-3)
+            {
                 complain(format!("begins in motion: {last:?}"));
             }
             match step {
@@ -169,8 +172,8 @@ impl Plan {
                     last = (0.0, 0.0, 0.0);
                     at_rest_in = of[of.len() - 1].curve.end();
                 }
-                Step::Piece(piece) => {
-                    let Piece {
+                Step::JerkSegment(piece) => {
+                    let JerkSegment {
                         distance,
                         speed,
                         acceleration,
@@ -197,8 +200,8 @@ impl Plan {
     /// Checks one piece: path speed against the feed, every axis against its limits.
     fn check(
         &self,
-        piece: &Piece,
-        spans: &[Span<COORDINATES>],
+        piece: &JerkSegment,
+        spans: &[PathSegment<COORDINATES>],
         loads: &mut [f64; 3],
         complain: &mut impl FnMut(String),
     ) {
@@ -219,7 +222,8 @@ impl Plan {
             let (begins, ends) = (reach(t == piece.duration), reach(t == 0.0));
             let next = spans.partition_point(|span| span.start - begins <= at);
             let here = &spans[next.saturating_sub(2)..next];
-            let goes_on = |span: &&Span<COORDINATES>| at <= span.start + span.curve.length() + ends;
+            let goes_on =
+                |span: &&PathSegment<COORDINATES>| at <= span.start + span.curve.length() + ends;
             let mut on_a_curve = false;
             for span in here.iter().filter(goes_on) {
                 on_a_curve = true;
@@ -256,7 +260,7 @@ impl Plan {
     /// # Panics
     /// Or if there is no motion to check.
     pub fn assert_good(&self) {
-        let moves = |step: &Step| matches!(step, Step::Piece(_));
+        let moves = |step: &Step| matches!(step, Step::JerkSegment(_));
         assert!(self.steps.iter().any(moves), "an empty plan proves nothing");
         let faults = self.faults();
         let first = &faults[..faults.len().min(5)];
@@ -265,7 +269,7 @@ impl Plan {
 }
 
 /// What a plan moves along.
-pub struct Spans<'a>(VecDeque<&'a Span<COORDINATES>>);
+pub struct Spans<'a>(VecDeque<&'a PathSegment<COORDINATES>>);
 
 impl Spans<'_> {
     /// How many there are.
@@ -327,7 +331,7 @@ impl Spans<'_> {
 
 /// Where velocity and acceleration of constant jerk on a line have their extrema, and as many
 /// instants between as a curve needs.
-fn instants(piece: &Piece) -> impl Iterator<Item = f64> {
+fn instants(piece: &JerkSegment) -> impl Iterator<Item = f64> {
     let even = (0..=SAMPLES).map(|i| piece.duration * i as f64 / SAMPLES as f64);
     let turn = -piece.acceleration / piece.jerk;
     let turn = Some(turn).filter(|t| (0.0..=piece.duration).contains(t));
@@ -354,9 +358,9 @@ mod tests {
         Plan::of(&machine, &file, &program)
     }
 
-    fn pieces(plan: &mut Plan) -> impl Iterator<Item = &mut Piece> {
+    fn pieces(plan: &mut Plan) -> impl Iterator<Item = &mut JerkSegment> {
         plan.steps.iter_mut().filter_map(|step| match step {
-            Step::Piece(piece) => Some(piece),
+            Step::JerkSegment(piece) => Some(piece),
             _ => None,
         })
     }
@@ -388,7 +392,7 @@ mod tests {
     #[test]
     fn breaks_in_the_plan_are_seen() {
         let mut plan = good();
-        while !matches!(plan.steps.pop(), Some(Step::Piece(_))) {}
+        while !matches!(plan.steps.pop(), Some(Step::JerkSegment(_))) {}
         assert!(sees(&plan, "ends in motion"));
 
         let mut plan = good();

@@ -3,7 +3,8 @@
 
 use std::fmt::Write;
 use syncline_trajectory::path::{
-    Command, Curve, Exit, Feed, Item, Limits, Move, Piece, Planner, Span,
+    Command, Curve, Feed, JerkSegment, Limits, Move, PathControlMode, PathItem, PathSegment,
+    Planner,
 };
 
 const LIMITS: Limits<2> = Limits {
@@ -23,30 +24,32 @@ struct Sample {
     jerk: [f64; 2],
 }
 
-fn samples(exit: Exit) -> Vec<Sample> {
+fn samples(mode: PathControlMode) -> Vec<Sample> {
     let points = [[0.0, 0.0], [LEG, 0.0], [LEG, LEG]];
     let mut planner = Planner::new(LIMITS, points[0]);
     for pair in points.windows(2) {
         let motion = Move {
             curve: Curve::line(pair[0], pair[1]).expect("points apart"),
             feed: Feed::Rate(FEED),
-            exit,
+            mode,
             tag: 0,
         };
-        planner.push(Item::Move(motion)).expect("one after another");
+        planner
+            .push(PathItem::Move(motion))
+            .expect("one after another");
     }
     planner.finish();
-    let mut sections: Vec<Vec<Span<2>>> = Vec::new();
-    let mut steps: Vec<Option<(usize, Piece)>> = Vec::new();
+    let mut sections: Vec<Vec<PathSegment<2>>> = Vec::new();
+    let mut steps: Vec<Option<(usize, JerkSegment)>> = Vec::new();
     while let Some(command) = planner.pop() {
         match command {
             Command::Section { .. } => {
                 sections.push(Vec::new());
                 steps.push(None);
             }
-            Command::Span(span) => sections.last_mut().expect("a section").push(span),
-            Command::Piece(piece) => steps.push(Some((sections.len() - 1, piece))),
-            Command::Splice(step) => steps.truncate(step as usize),
+            Command::PathSegment(span) => sections.last_mut().expect("a section").push(span),
+            Command::JerkSegment(piece) => steps.push(Some((sections.len() - 1, piece))),
+            Command::ReplaceTail(step) => steps.truncate(step as usize),
             _ => {}
         }
     }
@@ -54,7 +57,7 @@ fn samples(exit: Exit) -> Vec<Sample> {
     let mut begin = 0.0;
     for (section, piece) in steps.into_iter().flatten() {
         let spans = &sections[section];
-        let after = |s: &Span<2>| s.start <= piece.distance + 1e-9;
+        let after = |s: &PathSegment<2>| s.start <= piece.distance + 1e-9;
         let span = &spans[spans.partition_point(after).max(1) - 1];
         // Jerk jumps from piece to piece, so both ends are drawn; on curves it changes in between.
         let parts = if span.curve.direction().is_some() && piece.jerk == 0.0 {
@@ -126,14 +129,14 @@ fn panel(
 fn main() -> std::io::Result<()> {
     let directory = std::env::args().nth(1).unwrap_or_else(|| ".".into());
     let modes = [
-        ("g61-1", "G61.1", Exit::Stop),
-        ("g61", "G61 within 0.001 mm", Exit::Exact(0.001)),
-        ("g64-p005", "G64 P0.05", Exit::Blend(0.05)),
-        ("g64-p02", "G64 P0.2", Exit::Blend(0.2)),
-        ("g64-p1", "G64 P1", Exit::Blend(1.0)),
+        ("g61-1", "G61.1", PathControlMode::Stop),
+        ("g61", "G61 within 0.001 mm", PathControlMode::Exact(0.001)),
+        ("g64-p005", "G64 P0.05", PathControlMode::Blend(0.05)),
+        ("g64-p02", "G64 P0.2", PathControlMode::Blend(0.2)),
+        ("g64-p1", "G64 P1", PathControlMode::Blend(1.0)),
     ];
-    for (file, name, exit) in modes {
-        let rows = samples(exit);
+    for (file, name, mode) in modes {
+        let rows = samples(mode);
         let time = rows.last().map_or(0.0, |r| r.t);
         println!("{name}: {time:.4} s");
         let of = |f: &dyn Fn(&Sample) -> f64| rows.iter().map(|r| [r.t, f(r)]).collect();

@@ -2,7 +2,9 @@
 //! `cargo run -p syncline-trajectory --example plan_a_path`
 
 use std::error::Error;
-use syncline_trajectory::path::{Curve, Executor, Exit, Feed, Item, Limits, Move, Planner};
+use syncline_trajectory::path::{
+    Curve, Executor, Feed, Limits, Move, PathControlMode, PathItem, Planner,
+};
 
 const LIMITS: Limits<2> = Limits {
     velocity: [300.0; 2],
@@ -17,10 +19,10 @@ fn main() -> Result<(), Box<dyn Error>> {
     let corners = [[0.0, 0.0], [20.0, 0.0], [20.0, 20.0]];
     let mut planner = Planner::new(LIMITS, corners[0]);
     for ends in corners.windows(2) {
-        planner.push(Item::Move(Move {
+        planner.push(PathItem::Move(Move {
             curve: Curve::line(ends[0], ends[1])?,
             feed: Feed::Rate(100.0),
-            exit: Exit::Blend(0.2),
+            mode: PathControlMode::Blend(0.2),
             tag: 0,
         }))?;
     }

@@ -26,7 +26,7 @@ use crate::limits::Limits;
 
 /// What is between the ends of a plan, seen from the start: velocities, accelerations, distance.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Gap {
+pub(crate) struct Problem {
     pub(crate) v0: f64,
     pub(crate) a0: f64,
     pub(crate) vf: f64,
@@ -104,9 +104,9 @@ struct Reach {
 
 const REGIONS: usize = 7;
 
-/// A gap seen so that the greatest displacement is wanted and `W ≥ 0`.
+/// A problem seen so that the greatest displacement is wanted and `W ≥ 0`.
 #[derive(Clone, Copy)]
-pub(crate) struct Frame {
+pub(crate) struct NormalisedProblem {
     v0: f64,
     a0: f64,
     vf: f64,
@@ -136,11 +136,11 @@ pub(crate) struct Frame {
 
 /// The curve of extremal plans for one direction.
 pub(crate) struct Curve {
-    frame: Frame,
+    normalised: NormalisedProblem,
     regions: [Region; REGIONS],
     len: usize,
     /// Index of the first region after the interval of durations that no plan has.
-    after_gap: Option<usize>,
+    after_blocked: Option<usize>,
 }
 
 /// A difference of velocities, relative to the limits, that is taken for rounding.
@@ -148,8 +148,8 @@ pub(crate) const VELOCITY_ROUNDING: f64 = 4e-15;
 /// A difference of displacements, relative to the displacement, that is taken for rounding.
 const DISPLACEMENT_ROUNDING: f64 = 1e-13;
 
-impl Frame {
-    pub(crate) fn new(gap: &Gap, limits: &Limits, mirrored: bool) -> Self {
+impl NormalisedProblem {
+    pub(crate) fn new(problem: &Problem, limits: &Limits, mirrored: bool) -> Self {
         let (l, sign) = if mirrored {
             (limits.mirrored(), -1.0)
         } else {
@@ -158,12 +158,12 @@ impl Frame {
         let (j_up, j_down) = (l.j_max, -l.j_min);
         let (m, n) = (1.0 / j_up, 1.0 / j_down);
         let k = 0.5 * (m + n);
-        let (mut v0, mut a0) = (sign * gap.v0, sign * gap.a0);
-        let (mut vf, mut af) = (sign * gap.vf, sign * gap.af);
+        let (mut v0, mut a0) = (sign * problem.v0, sign * problem.a0);
+        let (mut vf, mut af) = (sign * problem.vf, sign * problem.af);
         let (mut upper, mut lower) = (l.a_max, -l.a_min);
         let w = (vf - v0) + 0.5 * m * (a0 - af) * (a0 + af);
         let rounding = VELOCITY_ROUNDING * (l.v_max - l.v_min);
-        // To rounding the single ramp up is a plan of either frame; it is found where the
+        // To rounding the single ramp up is a plan of either normalised; it is found where the
         // accelerations are positive.
         let reversed = if w.abs() <= rounding {
             a0 + af < 0.0
@@ -182,7 +182,7 @@ impl Frame {
         };
         let ramp = if af >= a0 { m } else { -n };
         let rest = (vf - v0) - 0.5 * ramp * (af - a0) * (af + a0);
-        Frame {
+        NormalisedProblem {
             v0,
             a0,
             vf,
@@ -205,7 +205,7 @@ impl Frame {
         }
     }
 
-    /// The first plan over `distance`, of which the shortest plan of all falls short; from the gap on
+    /// The first plan over `distance`, of which the shortest plan of all falls short; from the blocked interval on
     /// where there is one and no plan before it gets there.
     pub(crate) fn first_over(&self, distance: f64) -> Passage {
         let distance = self.signed(distance);
@@ -213,7 +213,7 @@ impl Frame {
         if !early {
             return Passage::Found(self.cross_over(|| self.begin_crossing(), distance));
         }
-        // Without a gap and with mean velocity c ≥ 0, D grows with the duration until a2 = 0.
+        // Without a blocked interval and with mean velocity c ≥ 0, D grows with the duration until a2 = 0.
         if self.c >= 0.0 && (self.a0 <= 0.0 || self.q >= self.a0 * self.a0) {
             let level = self.level();
             if self.reach(&level.plan).d < distance {
@@ -226,7 +226,7 @@ impl Frame {
                 return Passage::Found(self.phases(&plan));
             }
         }
-        if begin.gap {
+        if begin.blocked {
             if let [.., (held, plan, extent)] = begin.early[..begin.len] {
                 let plan = self.stretched(self.plan(held, &plan, extent), distance);
                 let miss = distance - self.reach(&plan).d;
@@ -235,12 +235,12 @@ impl Frame {
                 }
             }
             let plan = self.stretched(begin.crossing.plan, distance);
-            return Passage::Gap(self.phases(&plan), self.signed(self.reach(&plan).d));
+            return Passage::BlockedInterval(self.phases(&plan), self.signed(self.reach(&plan).d));
         }
         Passage::Found(self.cross_over(|| begin.crossing, distance))
     }
 
-    /// A plan beside the gap so much longer that it covers `distance`, where that changes the end
+    /// A plan beside the blocked interval so much longer that it covers `distance`, where that changes the end
     /// velocity by rounding only: where `a2` is close to zero, rounding of the velocities moves the
     /// duration by much more.
     fn stretched(&self, mut plan: Plan, distance: f64) -> Plan {
@@ -265,8 +265,8 @@ impl Frame {
         }
     }
 
-    /// The first plan after the gap over `distance`, of which the shortest after the gap falls short.
-    pub(crate) fn after_gap_over(&self, distance: f64) -> Phases {
+    /// The first plan after the blocked interval over `distance`, of which the shortest after the blocked interval falls short.
+    pub(crate) fn after_blocked_over(&self, distance: f64) -> Phases {
         self.cross_over(|| self.begin().crossing, self.signed(distance))
     }
 
@@ -297,7 +297,7 @@ impl Frame {
 
     /// The regions before the crossing, and where it begins.
     fn begin(&self) -> Begin {
-        let Frame {
+        let NormalisedProblem {
             a0, af, m, n, k, q, ..
         } = *self;
         let none = (
@@ -312,15 +312,15 @@ impl Frame {
         let mut begin = Begin {
             early: [none; 2],
             len: 0,
-            gap: false,
+            blocked: false,
             crossing: self.begin_crossing(),
         };
         if self.valley || af <= 0.0 {
             return begin;
         }
         let mut plan = self.peak();
-        begin.gap = q < a0 * a0 && a0 > 0.0;
-        let valley = if begin.gap {
+        begin.blocked = q < a0 * a0 && a0 > 0.0;
+        let valley = if begin.blocked {
             ((a0 - q.sqrt()) * (a0 + q.sqrt())).sqrt()
         } else {
             0.0
@@ -340,8 +340,13 @@ impl Frame {
                 }
             }
             if plan.a2 > valley && plan.t[1] == 0.0 {
-                let a1 = if begin.gap { a0 } else { q.sqrt().min(plan.a1) };
-                let growth = if begin.gap { q / (a0 + valley) } else { a1 } - self.spread(&plan);
+                let a1 = if begin.blocked {
+                    a0
+                } else {
+                    q.sqrt().min(plan.a1)
+                };
+                let growth =
+                    if begin.blocked { q / (a0 + valley) } else { a1 } - self.spread(&plan);
                 if growth > 0.0 {
                     begin.push(Held::Neither, plan, growth);
                 }
@@ -351,7 +356,7 @@ impl Frame {
                 plan.a1 = a1;
             }
         }
-        begin.crossing = if begin.gap {
+        begin.crossing = if begin.blocked {
             self.after_valley()
         } else {
             plan.a2 = 0.0;
@@ -469,7 +474,7 @@ impl Frame {
 
     /// The plan without a last ramp: up, hold, down to `af`.
     fn peak(&self) -> Plan {
-        let Frame {
+        let NormalisedProblem {
             a0, af, k, rest, ..
         } = *self;
         let base = a0.max(af);
@@ -560,7 +565,7 @@ impl Frame {
     /// How displacement and duration grow along a region that begins at `start` with `dD/dT = h`.
     #[inline]
     fn growth(&self, held: Held, start: &Plan, h: f64) -> Growth {
-        let Frame {
+        let NormalisedProblem {
             m,
             n,
             k,
@@ -821,8 +826,8 @@ impl Growth {
 /// Where a curve first passes a displacement.
 pub(crate) enum Passage {
     Found(Phases),
-    /// Not before the gap: the first plan after it, and its displacement.
-    Gap(Phases, f64),
+    /// Not before the blocked interval: the first plan after it, and its displacement.
+    BlockedInterval(Phases, f64),
 }
 
 /// The beginning of a curve.
@@ -831,7 +836,7 @@ struct Begin {
     early: [(Held, Plan, f64); 2],
     len: usize,
     /// Whether durations follow that no plan has.
-    gap: bool,
+    blocked: bool,
     crossing: Crossing,
 }
 
@@ -861,7 +866,7 @@ impl Crossing {
     }
 
     /// The region that begins here and its extent; `None` where the peak velocity is the highest.
-    fn next(&self, f: &Frame) -> Option<(Held, f64)> {
+    fn next(&self, f: &NormalisedProblem) -> Option<(Held, f64)> {
         if self.done {
             return None;
         }
@@ -889,7 +894,7 @@ impl Crossing {
     }
 
     /// Goes on to the end of the region.
-    fn advance(&mut self, f: &Frame, held: Held, extent: f64) {
+    fn advance(&mut self, f: &NormalisedProblem, held: Held, extent: f64) {
         let (a1, a2) = (self.plan.a1, self.plan.a2);
         let up = (f.upper - a1) * (f.upper + a1);
         let down = (f.lower + a2) * (f.lower - a2);
@@ -919,8 +924,8 @@ impl Crossing {
 
 impl Curve {
     /// The curve of greatest displacements, or of smallest ones where `mirrored`.
-    pub(crate) fn new(gap: &Gap, limits: &Limits, mirrored: bool) -> Self {
-        let frame = Frame::new(gap, limits, mirrored);
+    pub(crate) fn new(problem: &Problem, limits: &Limits, mirrored: bool) -> Self {
+        let normalised = NormalisedProblem::new(problem, limits, mirrored);
         let plan = Plan {
             t: [0.0; 7],
             a1: 0.0,
@@ -933,12 +938,12 @@ impl Curve {
             time: 0.0,
         };
         let mut curve = Curve {
-            frame,
+            normalised,
             regions: [region; REGIONS],
             len: 0,
-            after_gap: None,
+            after_blocked: None,
         };
-        let begin = curve.frame.begin();
+        let begin = curve.normalised.begin();
         for &(held, plan, extent) in &begin.early[..begin.len] {
             curve.push(Region {
                 held,
@@ -947,15 +952,15 @@ impl Curve {
                 time: plan.duration(),
             });
         }
-        if begin.gap {
-            curve.after_gap = Some(curve.len);
+        if begin.blocked {
+            curve.after_blocked = Some(curve.len);
         }
         curve.cross(begin.crossing);
         curve
     }
 
     fn cross(&mut self, mut crossing: Crossing) {
-        while let Some((held, extent)) = crossing.next(&self.frame) {
+        while let Some((held, extent)) = crossing.next(&self.normalised) {
             if extent > 0.0 {
                 let (plan, time) = (crossing.plan, crossing.plan.duration());
                 self.push(Region {
@@ -965,12 +970,12 @@ impl Curve {
                     time,
                 });
             }
-            crossing.advance(&self.frame, held, extent);
+            crossing.advance(&self.normalised, held, extent);
         }
         // From here on both ends of the cruise are ramps of their own.
         let mut plan = crossing.plan;
         let whole = plan.t[2];
-        plan.t[4] = (-plan.a2 * self.frame.n).min(whole);
+        plan.t[4] = (-plan.a2 * self.normalised.n).min(whole);
         plan.t[2] = whole - plan.t[4];
         let time = plan.duration();
         self.push(Region {
@@ -994,29 +999,29 @@ impl Curve {
     pub(crate) fn first(&self) -> (Phases, f64) {
         let plan = &self.regions[0].plan;
         (
-            self.frame.phases(plan),
-            self.frame.signed(self.frame.reach(plan).d),
+            self.normalised.phases(plan),
+            self.normalised.signed(self.normalised.reach(plan).d),
         )
     }
 
-    /// The first plan after the gap, where there is one.
-    pub(crate) fn first_after_gap(&self) -> Option<(Phases, f64)> {
-        let plan = &self.regions[self.after_gap?].plan;
+    /// The first plan after the blocked interval, where there is one.
+    pub(crate) fn first_after_blocked(&self) -> Option<(Phases, f64)> {
+        let plan = &self.regions[self.after_blocked?].plan;
         Some((
-            self.frame.phases(plan),
-            self.frame.signed(self.frame.reach(plan).d),
+            self.normalised.phases(plan),
+            self.normalised.signed(self.normalised.reach(plan).d),
         ))
     }
 
     /// The first plan over `distance` that lasts longer than `time`, where the plan of that duration
-    /// falls short of it; `None` where there is none before the gap.
+    /// falls short of it; `None` where there is none before the problem.
     pub(crate) fn next_over(&self, distance: f64, time: f64) -> Option<Phases> {
-        let distance = self.frame.signed(distance);
+        let distance = self.normalised.signed(distance);
         let mut index = self.index_at(time)?;
         let mut first = self.regions[index];
-        let skip = self.frame.parameter(&first, time - first.time);
+        let skip = self.normalised.parameter(&first, time - first.time);
         if skip > 0.0 {
-            first.plan = self.frame.plan(first.held, &first.plan, skip);
+            first.plan = self.normalised.plan(first.held, &first.plan, skip);
             first.extent -= skip;
         }
         let crossing = self.crossing();
@@ -1024,11 +1029,11 @@ impl Curve {
             let Region {
                 held, plan, extent, ..
             } = &first;
-            if let Some(plan) = self.frame.rise_over(*held, plan, *extent, distance) {
-                return Some(self.frame.phases(&plan));
+            if let Some(plan) = self.normalised.rise_over(*held, plan, *extent, distance) {
+                return Some(self.normalised.phases(&plan));
             }
             index += 1;
-            if self.after_gap == Some(index) {
+            if self.after_blocked == Some(index) {
                 return None;
             }
             first = self.regions[index];
@@ -1036,10 +1041,10 @@ impl Curve {
         // From here on D is convex: the last region that begins below holds the only passage.
         for i in (index..self.len).rev() {
             let region = if i == index { first } else { self.regions[i] };
-            let reach = self.frame.reach(&region.plan);
+            let reach = self.normalised.reach(&region.plan);
             if reach.d <= distance || i == index {
                 let plan = self.solve(&region, distance, reach);
-                return Some(self.frame.phases(&plan));
+                return Some(self.normalised.phases(&plan));
             }
         }
         None
@@ -1047,16 +1052,16 @@ impl Curve {
 
     fn solve(&self, region: &Region, distance: f64, at: Reach) -> Plan {
         if region.held == Held::Cruise {
-            let y = ((distance - at.d) / self.frame.v_max).max(0.0);
-            return self.frame.plan(region.held, &region.plan, y);
+            let y = ((distance - at.d) / self.normalised.v_max).max(0.0);
+            return self.normalised.plan(region.held, &region.plan, y);
         }
-        self.frame
+        self.normalised
             .solve(region.held, &region.plan, region.extent, distance, at)
     }
 
     /// Index of the first region with `a2 ≤ 0 ≤ a1` throughout.
     fn crossing(&self) -> usize {
-        if let Some(i) = self.after_gap {
+        if let Some(i) = self.after_blocked {
             return i;
         }
         self.regions()
@@ -1069,11 +1074,11 @@ impl Curve {
     pub(crate) fn at(&self, time: f64) -> Option<(Phases, f64)> {
         let index = self.index_at(time)?;
         let region = &self.regions[index];
-        let y = self.frame.parameter(region, time - region.time);
-        let plan = self.frame.plan(region.held, &region.plan, y);
+        let y = self.normalised.parameter(region, time - region.time);
+        let plan = self.normalised.plan(region.held, &region.plan, y);
         Some((
-            self.frame.phases(&plan),
-            self.frame.signed(self.frame.reach(&plan).d),
+            self.normalised.phases(&plan),
+            self.normalised.signed(self.normalised.reach(&plan).d),
         ))
     }
 
@@ -1081,9 +1086,9 @@ impl Curve {
         let time = time * (1.0 + 4.0 * f64::EPSILON);
         let index = self.regions().iter().rposition(|r| r.time <= time)?;
         let region = &self.regions[index];
-        if self.after_gap == Some(index + 1) {
+        if self.after_blocked == Some(index + 1) {
             let end = self
-                .frame
+                .normalised
                 .plan(region.held, &region.plan, region.extent)
                 .duration();
             if time > end {

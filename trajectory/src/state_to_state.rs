@@ -5,7 +5,7 @@
 
 use crate::double::Double;
 use crate::extremal::{
-    Change, Curve, Frame, Gap, Passage, Phases, VELOCITY_ROUNDING, fastest_change,
+    Change, Curve, NormalisedProblem, Passage, Phases, Problem, VELOCITY_ROUNDING, fastest_change,
 };
 use crate::limits::{Limits, PositionLimits};
 use crate::profile::{Exact, Profile, Segment, State};
@@ -190,20 +190,20 @@ pub(crate) fn check_duration(min_duration: f64) -> Result<(), PlanError> {
     }
 }
 
-/// A problem of one axis, split into the way back into the limits and the gap that is left.
+/// A problem of one axis, split into the way back into the limits and what is left to plan.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Route {
     start: State,
     limits: Limits,
     entry: Entry,
-    gap: Gap,
+    problem: Problem,
     /// The target, where the displacement matters.
     target: Option<State>,
     /// The position limits, as displacements from the start.
     bounds: Option<PositionLimits>,
 }
 
-/// A way over the gap.
+/// A way over the problem.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Course {
     /// An extremal plan.
@@ -237,7 +237,7 @@ impl Route {
             Target::State(state) => Some(state),
             Target::Velocity { .. } => None,
         };
-        let gap = Gap {
+        let problem = Problem {
             v0: reached.v,
             a0: reached.a,
             vf,
@@ -252,7 +252,7 @@ impl Route {
             start: axis.start,
             limits: axis.limits,
             entry,
-            gap,
+            problem,
             target,
             bounds,
         }
@@ -275,13 +275,13 @@ impl Route {
     /// The shortest course.
     pub(crate) fn fastest(&self) -> Result<Course, PlanError> {
         let free = Course::Extremal(if self.target.is_some() {
-            fastest(&self.gap, &self.limits)
+            fastest(&self.problem, &self.limits)
         } else {
             fastest_change(
-                self.gap.v0,
-                self.gap.a0,
-                self.gap.vf,
-                self.gap.af,
+                self.problem.v0,
+                self.problem.a0,
+                self.problem.vf,
+                self.problem.af,
                 &self.limits,
             )
             .phases()
@@ -313,33 +313,33 @@ impl Route {
     /// A course between the two extremal ones of this duration, or the shortest of those that last
     /// longer.
     fn extremes(&self, time: f64) -> Course {
-        let gap = &self.gap;
-        let up = Curve::new(gap, &self.limits, false);
+        let problem = &self.problem;
+        let up = Curve::new(problem, &self.limits, false);
         let (first, _) = up.first();
-        let down = Curve::new(gap, &self.limits, true);
+        let down = Curve::new(problem, &self.limits, true);
         let (highest, lowest) = (up.at(time), down.at(time));
         let mut longer = None;
         if let (Some((high, most)), Some((low, least))) = (highest, lowest) {
-            let rounding = slack(gap, most).max(slack(gap, least));
+            let rounding = slack(problem, most).max(slack(problem, least));
             if self.target.is_none() {
                 return Course::Between {
                     up: high,
                     down: low,
                     mix: 0.0,
                 };
-            } else if gap.distance > most + rounding {
-                longer = up.next_over(gap.distance, time);
-            } else if gap.distance < least - rounding {
-                longer = down.next_over(gap.distance, time);
+            } else if problem.distance > most + rounding {
+                longer = up.next_over(problem.distance, time);
+            } else if problem.distance < least - rounding {
+                longer = down.next_over(problem.distance, time);
             } else {
                 return self.between(high, most, low, least);
             }
         }
         // Otherwise the duration is one that no change of velocity and acceleration has.
-        let phases = longer.unwrap_or_else(|| match up.first_after_gap() {
+        let phases = longer.unwrap_or_else(|| match up.first_after_blocked() {
             None => first,
             Some((second, _)) if self.target.is_none() => second,
-            Some((second, d)) => after_gap(gap, &self.limits, second, d),
+            Some((second, d)) => after_blocked(problem, &self.limits, second, d),
         });
         Course::Extremal(phases)
     }
@@ -347,14 +347,14 @@ impl Route {
     /// A course of this duration with a cruise, where there is one. Its displacement grows with the
     /// cruise's velocity, as the velocity does at every instant.
     fn cruise(&self, time: f64) -> Option<Course> {
-        let Gap {
+        let Problem {
             v0,
             a0,
             vf,
             af,
             distance,
             ..
-        } = self.gap;
+        } = self.problem;
         let l = &self.limits;
         let change = |v: f64| {
             let into = fastest_change(v0, a0, v, 0.0, l);
@@ -412,24 +412,24 @@ impl Route {
     }
 
     fn distance(&self) -> f64 {
-        self.gap.distance + self.entry.displacement
+        self.problem.distance + self.entry.displacement
     }
 
     /// By way of the displacement `by`, velocity zero and acceleration `a`.
     fn via(&self, by: f64, a: f64, hold: f64) -> Course {
         let on_the_way = by - self.entry.displacement;
-        let first = Gap {
+        let first = Problem {
             vf: 0.0,
             af: a,
             distance: on_the_way,
-            ..self.gap
+            ..self.problem
         };
-        let distance = self.gap.distance - on_the_way;
-        let second = Gap {
+        let distance = self.problem.distance - on_the_way;
+        let second = Problem {
             v0: 0.0,
             a0: a,
             distance,
-            ..self.gap
+            ..self.problem
         };
         let second = if self.target.is_some() {
             fastest(&second, &self.limits)
@@ -501,7 +501,7 @@ impl Route {
 
     /// A course that rests on the way: where the axis can stop soonest, or at a position limit.
     fn resting(&self, time: f64) -> Option<Course> {
-        let Gap { v0, a0, .. } = self.gap;
+        let Problem { v0, a0, .. } = self.problem;
         let stop = self.entry.displacement
             + fastest_change(v0, a0, 0.0, 0.0, &self.limits).displacement(v0, a0);
         let bounds = self.bounds?;
@@ -532,11 +532,11 @@ impl Route {
         }
         let bound = |mix: f64| mix.clamp(-1.0, 1.0);
         let mut mix =
-            bound(0.5 * ((self.gap.distance - least) - (most - self.gap.distance)) / half);
+            bound(0.5 * ((self.problem.distance - least) - (most - self.problem.distance)) / half);
         // The displacement is linear in the mix, but for rounding.
         for _ in 0..2 {
             let steps = Steps::between(&up, &down, mix, &self.limits);
-            let miss = self.gap.distance - steps.displacement(self.gap.v0, self.gap.a0);
+            let miss = self.problem.distance - steps.displacement(self.problem.v0, self.problem.a0);
             mix = bound(mix + miss / half);
         }
         Course::Between { up, down, mix }
@@ -621,8 +621,8 @@ impl Route {
     fn drifts(&self, steps: &Steps) -> bool {
         let mut state = State {
             p: 0.0,
-            v: self.gap.v0,
-            a: self.gap.a0,
+            v: self.problem.v0,
+            a: self.problem.a0,
         };
         let mut length = self.entry.displacement.abs();
         let mut cruise = 0.0_f64;
@@ -635,7 +635,7 @@ impl Route {
             length += (next.p - state.p).abs();
             state = next;
         }
-        let speed = self.start.v.abs().max(self.gap.vf.abs());
+        let speed = self.start.v.abs().max(self.problem.vf.abs());
         let drift = cruise * (0.5 * cruise * self.limits.a_max + speed);
         4.0 * f64::EPSILON * drift > 1e-13 * length
     }
@@ -833,33 +833,34 @@ fn displacement(profile: &Profile) -> Double {
         .p
 }
 
-/// The fastest phases over a gap whose ends are inside the limits.
-fn fastest(gap: &Gap, limits: &Limits) -> Phases {
-    let change = fastest_change(gap.v0, gap.a0, gap.vf, gap.af, limits);
-    let d = change.displacement(gap.v0, gap.a0);
-    let miss = gap.distance - d;
+/// The fastest phases of a problem whose ends are inside the limits.
+fn fastest(problem: &Problem, limits: &Limits) -> Phases {
+    let change = fastest_change(problem.v0, problem.a0, problem.vf, problem.af, limits);
+    let d = change.displacement(problem.v0, problem.a0);
+    let miss = problem.distance - d;
     // Where the velocity turns around, rounding is that of the path travelled.
     let rounding = 16.0 * f64::EPSILON;
     let furthest = (limits.v_max - limits.v_min) * change.duration();
-    if miss.abs() <= slack(gap, d)
-        || miss.abs() <= rounding * furthest && miss.abs() <= rounding * change.path(gap.v0, gap.a0)
+    if miss.abs() <= slack(problem, d)
+        || miss.abs() <= rounding * furthest
+            && miss.abs() <= rounding * change.path(problem.v0, problem.a0)
     {
         return change.phases();
     }
-    let frame = Frame::new(gap, limits, miss < 0.0);
-    match frame.first_over(gap.distance) {
+    let normalised = NormalisedProblem::new(problem, limits, miss < 0.0);
+    match normalised.first_over(problem.distance) {
         Passage::Found(phases) => phases,
-        Passage::Gap(second, d) => after_gap(gap, limits, second, d),
+        Passage::BlockedInterval(second, d) => after_blocked(problem, limits, second, d),
     }
 }
 
-/// The fastest phases from the first ones after the gap on, whose displacement is `d`.
-fn after_gap(gap: &Gap, limits: &Limits, first: Phases, d: f64) -> Phases {
-    let miss = gap.distance - d;
-    if miss.abs() <= slack(gap, d) {
+/// The fastest phases from the first ones after the blocked interval on, whose displacement is `d`.
+fn after_blocked(problem: &Problem, limits: &Limits, first: Phases, d: f64) -> Phases {
+    let miss = problem.distance - d;
+    if miss.abs() <= slack(problem, d) {
         return first;
     }
-    Frame::new(gap, limits, miss < 0.0).after_gap_over(gap.distance)
+    NormalisedProblem::new(problem, limits, miss < 0.0).after_blocked_over(problem.distance)
 }
 
 /// A miss of the distance, relative to it, that is taken for rounding where meeting it would need
@@ -867,8 +868,8 @@ fn after_gap(gap: &Gap, limits: &Limits, first: Phases, d: f64) -> Phases {
 const SNAP: f64 = 9e-13;
 
 /// By how much a plan of displacement `d` may miss the distance and still be taken for it.
-fn slack(gap: &Gap, d: f64) -> f64 {
-    SNAP * d.abs().max(gap.distance.abs())
+fn slack(problem: &Problem, d: f64) -> f64 {
+    SNAP * d.abs().max(problem.distance.abs())
 }
 
 /// Brings a start outside the limits, or bound to leave them, back into them: the acceleration at

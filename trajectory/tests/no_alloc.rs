@@ -76,11 +76,11 @@ fn jogs_allocate_nothing() {
         ] {
             executor.jog(jog, &[Some(travel); 3]).unwrap();
             for _ in 0..100 {
-                assert!(executor.advance().away);
+                assert!(executor.advance().off_path);
             }
         }
         executor.resume();
-        while executor.is_away() {
+        while executor.is_off_path() {
             executor.advance();
         }
     });

@@ -16,7 +16,7 @@ use syncline_drives::model::{
 };
 use syncline_drives::twin::{Config, SimulatedDevice};
 use syncline_drives::world::World;
-use syncline_trajectory::path::{Curve, Exit, Feed, Item, Limits, Move, Planner};
+use syncline_trajectory::path::{Curve, Feed, Limits, Move, PathControlMode, PathItem, Planner};
 
 /// Of every bus.
 const BIT_RATE: u32 = 1_000_000;
@@ -306,10 +306,10 @@ impl<const N: usize> Shuttle<N> {
         };
         let line = Curve::line(place(self.out), place(!self.out)).expect("a line");
         self.out = !self.out;
-        let item = Item::Move(Move {
+        let item = PathItem::Move(Move {
             curve: line,
             feed: Feed::Rapid,
-            exit: Exit::Stop,
+            mode: PathControlMode::Stop,
             tag: 1,
         });
         self.planner.push(item).expect("within the limits");

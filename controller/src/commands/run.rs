@@ -421,7 +421,7 @@ impl Run<'_> {
                 News::Event(event) => self.tell(&event, bar, person),
                 News::BusFailed(error) => bar.suspend(|| eprintln!("{error}")),
                 News::Ready(start) => planning.begin(start),
-                News::Outlook(outlook) => planning.observe(outlook),
+                News::ReplanRequest(request) => planning.replan(request),
                 News::Row(row) => {
                     recorder.record(&row, moves)?;
                     while let Some((line, output)) = recorder.output() {
@@ -438,7 +438,7 @@ impl Run<'_> {
     /// What the machine does, beside the bar.
     fn message(&self, row: &Row<COORDINATES>, line: u32, person: &Person) -> String {
         let overridden = person.overridden();
-        if row.plan.away || person.rests {
+        if row.plan.off_path || person.rests {
             let axes = self.machine.axes.iter().map(|axis| axis.letter);
             let at = axes.map(|axis| {
                 let unit = if axis.is_linear() { "" } else { "°" };

@@ -46,7 +46,7 @@ use std::mem::take;
 use std::sync::Arc;
 use syncline_canopen::time::Duration;
 use syncline_canopen::{CobId, Frame, Instant, Transmit, nmt};
-use syncline_trajectory::path::{Command as PathCommand, Executor, Outlook, Setpoint};
+use syncline_trajectory::path::{Command as PathCommand, Executor, ReplanRequest, Setpoint};
 
 /// Events that wait to be fetched at most; more are dropped, newest first.
 const EVENT_CAPACITY: usize = 1024;
@@ -88,7 +88,7 @@ pub enum Instruction<const N: usize> {
     /// The next mark of the plan, and what it stands for.
     Mark {
         /// As in [`PathCommand::Mark`].
-        leg: u64,
+        item: u64,
         /// As in [`PathCommand::Mark`].
         mark: u32,
         /// What happens once the path rests there.
@@ -610,7 +610,7 @@ impl<const N: usize> Controller<N> {
     pub fn room(&self) -> usize {
         // While held, nothing: the plan will be replaced.
         let held = self.executor.leads_to_hold()
-            || (self.executor.awaits_plan() && self.executor.outlook().is_none());
+            || (self.executor.awaits_replacement() && self.executor.replan_request().is_none());
         // While it stops: the way to rest, and nothing beyond.
         let takes = matches!(self.phase, Phase::Program | Phase::Stop);
         if takes && !held {
@@ -634,12 +634,12 @@ impl<const N: usize> Controller<N> {
         self.begun = true;
         match instruction {
             Instruction::Plan(command) => self.executor.accept(command),
-            Instruction::Mark { leg, mark, stop } => {
+            Instruction::Mark { item, mark, stop } => {
                 // A plan that is to be replaced is dropped, its marks with it: they come again.
-                if !self.executor.awaits_plan() {
+                if !self.executor.awaits_replacement() {
                     self.stop_point = Some((mark, stop));
                 }
-                self.executor.accept(PathCommand::Mark { leg, mark })
+                self.executor.accept(PathCommand::Mark { item, mark })
             }
         }
     }
@@ -651,18 +651,18 @@ impl<const N: usize> Controller<N> {
     }
 
     /// From where on the program's path has to be planned anew, if it has, also to rest at the end; for
-    /// [`Feeder::observe`](crate::program::Feeder::observe).
+    /// [`Feeder::replan`](crate::program::Feeder::replan).
     #[must_use]
-    pub fn outlook(&self) -> Option<Outlook> {
+    pub fn replan_request(&self) -> Option<ReplanRequest> {
         matches!(self.phase, Phase::Program | Phase::Stop)
-            .then(|| self.executor.outlook())
+            .then(|| self.executor.replan_request())
             .flatten()
     }
 
     /// A person ends a pause; what was jogged meanwhile goes back first.
     pub fn go_on(&mut self) {
         if take(&mut self.pause_told) {
-            if self.executor.is_away() {
+            if self.executor.is_off_path() {
                 self.executor.resume();
             }
             self.executor.pass();

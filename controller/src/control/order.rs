@@ -38,22 +38,22 @@ impl<const N: usize> Controller<N> {
     pub fn obey(&mut self, order: Order<N>) {
         match order {
             Order::GoOn => self.go_on(),
-            Order::Hold => self.executor.hold(),
+            Order::Hold => self.executor.feed_hold(),
             Order::Resume => self.executor.resume(),
             Order::ToggleHold => {
                 if self.executor.is_held() && !self.executor.wants_speed() {
                     self.executor.resume();
                 } else {
-                    self.executor.hold();
+                    self.executor.feed_hold();
                 }
             }
-            Order::StopAfterBlock => self.executor.stop_after_block(),
+            Order::StopAfterBlock => self.executor.single_block(),
             Order::StepBack => {
                 // A pause that is told comes again when the path has come back to it.
                 if take(&mut self.pause_told) {
                     self.tell(Event::SteppingBack);
                 }
-                self.executor.step_back();
+                self.executor.retrace();
             }
             Order::Jog(jog) => self.jog(jog),
             Order::FeedOverride(feed) => {

@@ -164,10 +164,10 @@ impl<const N: usize> Controller<N> {
 
     fn step_program(&mut self) {
         // Jogs are no going on.
-        let rests = self.executor.is_held() && (self.planned.speed == 0.0 || self.planned.away);
+        let rests = self.executor.is_held() && (self.planned.speed == 0.0 || self.planned.off_path);
         if rests != self.held {
             self.held = rests;
-            self.tell(match (rests, self.executor.steps_back()) {
+            self.tell(match (rests, self.executor.retraces()) {
                 (true, _) => Event::Held,
                 (false, true) => Event::SteppingBack,
                 (false, false) => Event::Resumed,

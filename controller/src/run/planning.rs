@@ -9,7 +9,7 @@ use rtrb::Producer;
 use std::io;
 use std::thread::JoinHandle;
 use std::time::Duration;
-use syncline_trajectory::path::Outlook;
+use syncline_trajectory::path::ReplanRequest;
 
 /// How often it is looked for room in the cycle.
 const POLL: Duration = Duration::from_millis(1);
@@ -17,7 +17,7 @@ const POLL: Duration = Duration::from_millis(1);
 /// A program that is being planned.
 pub struct Planning {
     start: Sender<Position>,
-    outlooks: Sender<Outlook>,
+    replan_requests: Sender<ReplanRequest>,
     errors: Receiver<ProgramError>,
     /// Until it is seen to be over.
     thread: Option<JoinHandle<Planned>>,
@@ -40,7 +40,7 @@ pub enum PlanningError {
 
 /// The thread's side.
 struct Planner {
-    outlooks: Receiver<Outlook>,
+    replan_requests: Receiver<ReplanRequest>,
     errors: Sender<ProgramError>,
     instructions: Producer<Instruction<COORDINATES>>,
 }
@@ -57,10 +57,10 @@ impl Planning {
         instructions: Producer<Instruction<COORDINATES>>,
     ) -> io::Result<Self> {
         let (start, starts) = channel::bounded(1);
-        let (outlooks, seen) = channel::unbounded();
+        let (replan_requests, seen) = channel::unbounded();
         let (told, errors) = channel::unbounded();
         let planner = Planner {
-            outlooks: seen,
+            replan_requests: seen,
             errors: told,
             instructions,
         };
@@ -75,7 +75,7 @@ impl Planning {
         })?;
         Ok(Self {
             start,
-            outlooks,
+            replan_requests,
             errors,
             thread: Some(thread),
             feeder: None,
@@ -89,8 +89,8 @@ impl Planning {
     }
 
     /// The path has to be planned anew from there.
-    pub fn observe(&self, outlook: Outlook) {
-        let _ = self.outlooks.send(outlook);
+    pub fn replan(&self, request: ReplanRequest) {
+        let _ = self.replan_requests.send(request);
     }
 
     /// A block that cannot be run; the machine comes as far as that.
@@ -131,8 +131,8 @@ impl Planner {
     fn feed(mut self, mut feeder: Feeder) -> Feeder {
         while !self.instructions.is_abandoned() {
             // Where one came while another was answered, that is out of date.
-            if let Some(outlook) = self.outlooks.try_iter().last() {
-                feeder.observe(&outlook);
+            if let Some(request) = self.replan_requests.try_iter().last() {
+                feeder.replan(&request);
             }
             let next = if self.instructions.is_full() {
                 Ok(None)
@@ -144,8 +144,8 @@ impl Planner {
                     let given = self.instructions.push(instruction);
                     debug_assert!(given.is_ok(), "there is room");
                 }
-                Ok(None) => match self.outlooks.recv_timeout(POLL) {
-                    Ok(outlook) => feeder.observe(&outlook),
+                Ok(None) => match self.replan_requests.recv_timeout(POLL) {
+                    Ok(request) => feeder.replan(&request),
                     Err(RecvTimeoutError::Timeout) => {}
                     Err(RecvTimeoutError::Disconnected) => break,
                 },

@@ -20,7 +20,7 @@ use std::sync::Arc;
 use std::time::Duration;
 use syncline_canopen::Instant;
 use syncline_drives::world::World;
-use syncline_trajectory::path::Outlook;
+use syncline_trajectory::path::ReplanRequest;
 
 /// Instructions on their way into the cycle.
 const INSTRUCTIONS: usize = 1024;
@@ -46,7 +46,7 @@ pub enum News {
     /// What happened at one SYNC.
     Row(Row<COORDINATES>),
     /// The path has to be planned anew from there.
-    Outlook(Outlook),
+    ReplanRequest(ReplanRequest),
     /// A bus' interface failed.
     BusFailed(PortError),
 }
@@ -141,7 +141,7 @@ pub struct Cycle {
     orders: Consumer<Order>,
     news: Producer<News>,
     told_ready: bool,
-    told_outlook: Option<Outlook>,
+    told_request: Option<ReplanRequest>,
     /// How much longer a simulated machine waits for its way to rest.
     patience: Duration,
     measured: Measured,
@@ -172,7 +172,7 @@ impl Cycle {
             orders,
             news: tell,
             told_ready: false,
-            told_outlook: None,
+            told_request: None,
             patience: PATIENCE,
             measured: Measured {
                 wake_up: Distribution::new("wake-up latency"),
@@ -309,11 +309,11 @@ impl Cycle {
                 self.told_ready = true;
                 self.tell(News::Ready(start));
             }
-            let outlook = self.driver.controller.outlook();
-            if outlook != self.told_outlook {
-                self.told_outlook = outlook;
-                if let Some(outlook) = outlook {
-                    self.tell(News::Outlook(outlook));
+            let request = self.driver.controller.replan_request();
+            if request != self.told_request {
+                self.told_request = request;
+                if let Some(request) = request {
+                    self.tell(News::ReplanRequest(request));
                 }
             }
             match self.instructions.pop() {

@@ -445,7 +445,7 @@ impl Recorder {
 
     /// Compares setpoint and actual position with the programmed geometry.
     fn follow_path(&mut self, time: f64, row: &Row<COORDINATES>, moves: &mut Moves) {
-        if row.plan.away {
+        if row.plan.off_path {
             return;
         }
         let tag = row.plan.tag;

@@ -111,8 +111,8 @@ impl<P: Port> VirtualMachine<P> {
         let Some(feeder) = &mut self.feeder else {
             return Ok(());
         };
-        if let Some(outlook) = controller.outlook() {
-            feeder.observe(&outlook);
+        if let Some(request) = controller.replan_request() {
+            feeder.replan(&request);
         }
         while controller.room() > 0
             && let Some(instruction) = feeder.next_instruction()?

@@ -6,7 +6,9 @@ use syncline_controller::machine::AxisLimits;
 use syncline_controller::report::{AxisReport, Report, Violation};
 use syncline_controller::timing::Distribution;
 use syncline_trajectory::path::curve::ArcDefinition;
-use syncline_trajectory::path::{Curve, Executor, Exit, Feed, Item, Limits, Move, Plane, Planner};
+use syncline_trajectory::path::{
+    Curve, Executor, Feed, Limits, Move, PathControlMode, PathItem, Plane, Planner,
+};
 
 const PERIOD: f64 = 0.002;
 const LIMITS: Limits<3> = Limits {
@@ -16,7 +18,7 @@ const LIMITS: Limits<3> = Limits {
 };
 
 /// A plate with rounded corners and a ring of bores, `layers` deep.
-fn plate(layers: u32) -> Vec<Item<3>> {
+fn plate(layers: u32) -> Vec<PathItem<3>> {
     let mut items = Vec::new();
     let mut at = [0.0, 0.0, 0.0];
     let mut tag = 0;
@@ -33,10 +35,10 @@ fn plate(layers: u32) -> Vec<Item<3>> {
                 turns: 0,
             }),
         };
-        items.push(Item::Move(Move {
+        items.push(PathItem::Move(Move {
             curve: curve.unwrap(),
             feed,
-            exit: Exit::Stop,
+            mode: PathControlMode::Stop,
             tag,
         }));
         *at = to;
@@ -80,7 +82,7 @@ fn plate(layers: u32) -> Vec<Item<3>> {
     items
 }
 
-fn report(items: &[Item<3>]) -> Report {
+fn report(items: &[PathItem<3>]) -> Report {
     let mut planner = Planner::new(LIMITS, [0.0; 3]);
     let mut executor = Executor::new([0.0; 3], PERIOD);
     for item in items {

@@ -163,7 +163,7 @@ fn the_end_is_orderly_in_mid_jog_too() {
     assert_eq!(rig.finish(), End::Interrupted);
     assert!(rig.ends_at_rest());
     rig.trace().assert_within_limits();
-    assert!(rig.rows.last().unwrap().plan.away);
+    assert!(rig.rows.last().unwrap().plan.off_path);
     rig.controller().obey(Order::Jog(UP));
     assert!(rig.controller().event() == Some(Event::NoJog(JogError::Moving)));
 }
@@ -180,7 +180,7 @@ fn a_jog_is_told_as_a_hold_that_lasts() {
     rig.controller().obey(Order::ToggleHold);
     run_for(&mut rig, 300);
     let plan = rig.rows.last().unwrap().plan;
-    assert!(plan.away && plan.velocity == [0.0; 9], "{plan:?}");
+    assert!(plan.off_path && plan.velocity == [0.0; 9], "{plan:?}");
     rig.controller().obey(Order::ToggleHold);
     assert_eq!(rig.finish(), End::Finished);
     rig.trace().assert_within_limits();

@@ -518,7 +518,7 @@ fn a_rest_that_somebody_or_something_wants_is_none() {
             line: 1,
         };
         let mark = Instruction::Mark {
-            leg: 1,
+            item: 1,
             mark: 0,
             stop,
         };
@@ -527,7 +527,7 @@ fn a_rest_that_somebody_or_something_wants_is_none() {
     assert_eq!(paused, None);
     let dwells = without_plan(minute, |it| {
         let dwell = Command::Dwell {
-            leg: 1,
+            item: 1,
             duration: 90.0,
             tag: 1,
         };

@@ -109,7 +109,7 @@ fn deviation<const N: usize>(poly: &Poly<N>, before: &Curve<N>, after: &Curve<N>
     let length = curve.length();
     let step = length / SAMPLES as f64;
     let [before_bend, after_bend] = [before, after].map(|c| curvature(c, 0.0, c.length(), 6));
-    let mut astray = 0.0_f64;
+    let mut deviation = 0.0_f64;
     let mut missed = f64::INFINITY;
     let mut last = [0.0, distance(&curve.start(), &joint)];
     for k in 1..=SAMPLES {
@@ -130,11 +130,11 @@ fn deviation<const N: usize>(poly: &Poly<N>, before: &Curve<N>, after: &Curve<N>
         } else {
             0.0
         };
-        astray = astray.max(f0.min(g0)).max(f1.min(g1)).max(between);
+        deviation = deviation.max(f0.min(g0)).max(f1.min(g1)).max(between);
         missed = missed.min(distance(&p, &joint));
         last = here;
     }
-    astray.max(missed)
+    deviation.max(missed)
 }
 
 /// Upper bound of the curvature between two path lengths, followers included.

@@ -7,10 +7,10 @@
 //! path a speed is reached; that is taken from the round before.
 
 mod node;
-mod way;
+mod search;
 
-use super::{Curve, Departure, Limits, Piece, Span};
-use way::{CAREFUL, HASTY, MOST_CELLS, MOST_RISING, Way};
+use super::{Curve, JerkSegment, Limits, PathSegment, PathState};
+use search::{CAREFUL, HASTY, MOST_CELLS, MOST_RISING, SearchState};
 
 /// Pieces of a braking law at most.
 pub(super) const MOST_PIECES: usize = MOST_CELLS + MOST_RISING;
@@ -22,14 +22,14 @@ const ROUNDING: f64 = 1e-9;
 /// A law that slows down, and where it ends: at the target speed, without acceleration.
 #[derive(Debug, Clone)]
 pub(super) struct Braking {
-    pieces: [Piece; MOST_PIECES],
+    pieces: [JerkSegment; MOST_PIECES],
     count: usize,
-    pub(super) end: Departure,
+    pub(super) end: PathState,
 }
 
 impl Braking {
-    fn new(from: Departure) -> Self {
-        let nothing = Piece {
+    fn new(from: PathState) -> Self {
+        let nothing = JerkSegment {
             duration: 0.0,
             distance: 0.0,
             speed: 0.0,
@@ -43,7 +43,7 @@ impl Braking {
         }
     }
 
-    pub(super) fn pieces(&self) -> &[Piece] {
+    pub(super) fn pieces(&self) -> &[JerkSegment] {
         &self.pieces[..self.count]
     }
 
@@ -52,7 +52,7 @@ impl Braking {
         *self.pieces.get_mut(self.count)? = piece;
         self.count += 1;
         let (ds, speed, acceleration) = piece.at(duration);
-        self.end = Departure {
+        self.end = PathState {
             distance: self.end.distance + ds,
             speed,
             acceleration,
@@ -60,8 +60,8 @@ impl Braking {
         Some(())
     }
 
-    fn next(&self, duration: f64, jerk: f64) -> Piece {
-        Piece {
+    fn next(&self, duration: f64, jerk: f64) -> JerkSegment {
+        JerkSegment {
             duration,
             distance: self.end.distance,
             speed: self.end.speed,
@@ -74,13 +74,13 @@ impl Braking {
 /// The hardest slowing down found from `from` to the path speed `target` along the spans that
 /// `span` counts out. None if a limit breaks on the way.
 pub(super) fn brake<'a, const N: usize>(
-    span: impl Fn(usize) -> Option<&'a Span<N>>,
+    span: impl Fn(usize) -> Option<&'a PathSegment<N>>,
     limits: &Limits<N>,
-    from: Departure,
+    from: PathState,
     target: f64,
 ) -> Option<Braking> {
     let mut search = Search {
-        way: Way::new(CAREFUL),
+        state: SearchState::new(CAREFUL),
         stage: Stage::Begin,
     };
     search
@@ -91,7 +91,7 @@ pub(super) fn brake<'a, const N: usize>(
 /// The search for the hardest slowing down, which may go on from cycle to cycle.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Search<const N: usize> {
-    way: Way<N>,
+    state: SearchState<N>,
     stage: Stage,
 }
 
@@ -114,7 +114,7 @@ enum Stage {
 impl<const N: usize> Default for Search<N> {
     fn default() -> Self {
         Search {
-            way: Way::new(HASTY),
+            state: SearchState::new(HASTY),
             stage: Stage::Begin,
         }
     }
@@ -130,9 +130,9 @@ impl<const N: usize> Search<N> {
     /// go on.
     pub(super) fn go_on<'a>(
         &mut self,
-        span: impl Fn(usize) -> Option<&'a Span<N>>,
+        span: impl Fn(usize) -> Option<&'a PathSegment<N>>,
         limits: &Limits<N>,
-        from: Departure,
+        from: PathState,
         target: f64,
         work: usize,
     ) -> Option<Option<Braking>> {
@@ -151,13 +151,13 @@ impl<const N: usize> Search<N> {
 
     fn search<'a>(
         &mut self,
-        span: impl Fn(usize) -> Option<&'a Span<N>>,
+        span: impl Fn(usize) -> Option<&'a PathSegment<N>>,
         limits: &Limits<N>,
-        from: Departure,
+        from: PathState,
         target: f64,
         work: usize,
     ) -> Option<Option<Braking>> {
-        let way = &mut self.way;
+        let way = &mut self.state;
         way.work = 0;
         while way.work < work {
             self.stage = match self.stage {
@@ -222,7 +222,7 @@ impl<const N: usize> Search<N> {
 }
 
 /// When the piece reaches a distance, s from its start, between its start and its end.
-pub(super) fn instant_at(piece: &Piece, distance: f64) -> f64 {
+pub(super) fn instant_at(piece: &JerkSegment, distance: f64) -> f64 {
     let way = distance - piece.distance;
     let mut t = 0.0;
     // The speed changes little within a step: Newton's method is there at once.
@@ -236,16 +236,16 @@ pub(super) fn instant_at(piece: &Piece, distance: f64) -> f64 {
 /// A slowing down that leaves room for whatever the span's bends ask of the axes; on a straight span
 /// it is the hardest. None if the span leaves too little room, or ends before.
 pub(super) fn brake_gently<const N: usize>(
-    span: &Span<N>,
+    span: &PathSegment<N>,
     limits: &Limits<N>,
-    from: Departure,
+    from: PathState,
     target: f64,
 ) -> Option<Braking> {
     gentle(span, limits, &Braking::new(from), target)
 }
 
 fn gentle<const N: usize>(
-    span: &Span<N>,
+    span: &PathSegment<N>,
     limits: &Limits<N>,
     law: &Braking,
     target: f64,

@@ -1,7 +1,7 @@
 //! What a piece of the plan asks of the axes, between the samples too.
 
 use super::curve::Place;
-use super::{Limits, Piece, Span};
+use super::{JerkSegment, Limits, PathSegment};
 
 /// The greatest values as parts of their limits: 1 is the limit.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -41,7 +41,11 @@ const BEND: f64 = 0.064_150_029_909_958_42;
 /// acceleration and jerk by time follow from the path's first six derivatives, which are bounded on
 /// the stretch ([`Curve::growth`](super::Curve::growth)). Where that comes out above a limit that
 /// the parabolas keep, both halves are looked at.
-pub fn load<const N: usize>(piece: &Piece, span: &Span<N>, limits: &Limits<N>) -> Load {
+pub fn load<const N: usize>(
+    piece: &JerkSegment,
+    span: &PathSegment<N>,
+    limits: &Limits<N>,
+) -> Load {
     let mut top = piece.speed.max(piece.at(piece.duration).1);
     if piece.acceleration * piece.jerk < 0.0 {
         let turn = -piece.acceleration / piece.jerk;
@@ -76,8 +80,8 @@ pub fn load<const N: usize>(piece: &Piece, span: &Span<N>, limits: &Limits<N>) -
 /// Whether every axis provably keeps its limits on `piece` but for that excess, at any feed; as
 /// [`load`], with so many halvings at most. Some that do are not found to.
 pub(super) fn keeps<const N: usize>(
-    piece: &Piece,
-    span: &Span<N>,
+    piece: &JerkSegment,
+    span: &PathSegment<N>,
     limits: &Limits<N>,
     excess: f64,
     halvings: usize,
@@ -99,8 +103,8 @@ pub(super) fn keeps<const N: usize>(
 
 /// A piece on a curve.
 struct Stretch<'a, const N: usize> {
-    piece: &'a Piece,
-    span: &'a Span<N>,
+    piece: &'a JerkSegment,
+    span: &'a PathSegment<N>,
     limits: &'a Limits<N>,
 }
 

@@ -5,9 +5,11 @@ use std::iter::repeat_n;
 use std::mem::take;
 
 use super::brake::{Search, brake_gently};
-use super::jog::{Excursion, Jog, JogError, Then, Travel};
+use super::jog::{Jog, JogError, Jogging, Then, Travel};
 use super::planner::MOST_AT_ONCE;
-use super::{Command, Curve, Departure, Limits, Outlook, Overrides, Piece, Span};
+use super::{
+    Command, Curve, JerkSegment, Limits, Overrides, PathSegment, PathState, ReplanRequest,
+};
 
 /// Where every axis has to be, and what the path does there.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -31,13 +33,13 @@ pub struct Setpoint<const N: usize> {
     /// A move or a dwell is at work.
     pub busy: bool,
     /// A person moved the axes away from the path, and they are not back yet.
-    pub away: bool,
+    pub off_path: bool,
 }
 
 #[derive(Debug, Clone, Copy)]
 enum Step<const N: usize> {
     Section {
-        leg: u64,
+        item: u64,
         origin: f64,
         backward: bool,
         limits: Limits<N>,
@@ -46,14 +48,14 @@ enum Step<const N: usize> {
         /// It goes on with one that is under way.
         moving: bool,
     },
-    Piece(Piece),
+    JerkSegment(JerkSegment),
     Dwell {
-        leg: u64,
+        item: u64,
         duration: f64,
         tag: u32,
     },
     Mark {
-        leg: u64,
+        item: u64,
         mark: u32,
     },
     Hold,
@@ -63,7 +65,9 @@ impl<const N: usize> Step<N> {
     fn duration(&self) -> f64 {
         match *self {
             Step::Section { .. } | Step::Mark { .. } => 0.0,
-            Step::Piece(Piece { duration, .. }) | Step::Dwell { duration, .. } => duration,
+            Step::JerkSegment(JerkSegment { duration, .. }) | Step::Dwell { duration, .. } => {
+                duration
+            }
             Step::Hold => f64::INFINITY,
         }
     }
@@ -82,7 +86,7 @@ struct Clock {
 const RESPONSE: f64 = 0.010;
 /// A planner that is slow is asked for a state this far ahead, at most, s.
 const LONGEST_LEAD: f64 = 0.5;
-/// So many cycles after an outlook the new plan takes over.
+/// So many cycles after an request the new plan takes over.
 fn first_lead(period: f64) -> u64 {
     ((RESPONSE / period) as u64).saturating_sub(1).max(1)
 }
@@ -120,11 +124,11 @@ enum Stop {
 pub struct Executor<const N: usize> {
     period: f64,
     cycle: u64,
-    /// How many cycles after an outlook the new plan takes over.
+    /// How many cycles after an request the new plan takes over.
     lead: u64,
     limits: Option<Limits<N>>,
     /// Those of the section under way first; where `start` falls, others begin.
-    spans: VecDeque<Span<N>>,
+    spans: VecDeque<PathSegment<N>>,
     /// Number of the first of `spans`, and of the first that is not committed.
     first_span: u64,
     committed_spans: u64,
@@ -136,11 +140,11 @@ pub struct Executor<const N: usize> {
     /// The step that the uncommitted ones replace.
     splice: Option<u64>,
     /// The uncommitted steps are a new plan; it takes over in this cycle.
-    fresh: Option<u64>,
+    takeover: Option<u64>,
     /// How often the plan was to be replaced.
     revision: u64,
     /// It is to be replaced, and what still comes of the old one is dropped.
-    deaf: bool,
+    awaits_replacement: bool,
     /// In this cycle a new plan came too late.
     refused: Option<u64>,
     /// How often a part of the plan came too late.
@@ -151,9 +155,9 @@ pub struct Executor<const N: usize> {
     began: Clock,
     /// The mark at which the path rests until it is passed; then there are no steps.
     mark: Option<u32>,
-    /// The leg under way, or the last one, and the path distance from the beginning of everything
+    /// The item under way, or the last one, and the path distance from the beginning of everything
     /// to the section's.
-    leg: Option<u64>,
+    item: Option<u64>,
     origin: f64,
     /// The section leads back.
     backward: bool,
@@ -165,15 +169,15 @@ pub struct Executor<const N: usize> {
     /// Apart, for it is large; always there.
     search: Option<Box<Search<N>>>,
     overrides: Overrides,
-    stop_after_block: bool,
+    single_block: bool,
     /// The way back is asked for; the revision that the person asked for with it.
-    step_back: Option<u64>,
+    retrace: Option<u64>,
     /// Rest until `resume`.
     held: bool,
     /// Rest for good.
     stopped: bool,
     /// What a person does with the axes while the path rests.
-    away: Option<Excursion<N>>,
+    jogging: Option<Jogging<N>>,
 }
 
 /// Part of a speed that is asked for, at most `most`.
@@ -195,8 +199,8 @@ fn touched<T: Clone>(capacity: usize, filling: Option<T>) -> VecDeque<T> {
 }
 
 /// Any span at all.
-fn some_span<const N: usize>() -> Option<Span<N>> {
-    Some(Span {
+fn some_span<const N: usize>() -> Option<PathSegment<N>> {
+    Some(PathSegment {
         start: 0.0,
         curve: Curve::line([0.0; N], [1.0; N]).ok()?,
         feed: 0.0,
@@ -246,9 +250,9 @@ impl<const N: usize> Executor<N> {
             committed: 0,
             number: 0,
             splice: None,
-            fresh: None,
+            takeover: None,
             revision: 0,
-            deaf: false,
+            awaits_replacement: false,
             refused: None,
             late: 0,
             rested: 0,
@@ -257,7 +261,7 @@ impl<const N: usize> Executor<N> {
                 offset: 0.0,
             },
             mark: None,
-            leg: None,
+            item: None,
             origin: 0.0,
             backward: false,
             reached: 0.0,
@@ -266,11 +270,11 @@ impl<const N: usize> Executor<N> {
             stop: Stop::No,
             search: None,
             overrides: Overrides::default(),
-            stop_after_block: false,
-            step_back: None,
+            single_block: false,
+            retrace: None,
             held: false,
             stopped: false,
-            away: None,
+            jogging: None,
         }
     }
 
@@ -289,7 +293,7 @@ impl<const N: usize> Executor<N> {
             ..Executor::empty(position, self.period)
         };
         if self.overrides != Overrides::default() {
-            self.revise();
+            self.request_replacement();
         }
     }
 
@@ -297,10 +301,11 @@ impl<const N: usize> Executor<N> {
     pub fn room(&self) -> usize {
         let room = (self.spans.capacity() - self.spans.len())
             .min(self.steps.capacity() - self.steps.len());
-        let held = self.held || self.stopped || self.turns() || self.is_held() && !self.deaf;
+        let held =
+            self.held || self.stopped || self.turns() || self.is_held() && !self.awaits_replacement;
         if held && !self.seeks_rest() || self.refused == Some(self.cycle) {
             0
-        } else if self.deaf || self.fresh.is_some() {
+        } else if self.awaits_replacement || self.takeover.is_some() {
             room
         } else if self.leads_to_mark() {
             0
@@ -319,38 +324,46 @@ impl<const N: usize> Executor<N> {
         if self.room() == 0 {
             return false;
         }
-        if self.deaf {
-            if let Command::Revise { revision, cycle } = command
+        if self.awaits_replacement {
+            if let Command::ReplacePlan { revision, cycle } = command
                 && revision == self.revision
             {
-                self.deaf = false;
-                self.fresh = Some(cycle);
+                self.awaits_replacement = false;
+                self.takeover = Some(cycle);
             }
             return true;
         }
         let spans = self.first_span + self.spans.len() as u64;
         match command {
-            Command::Revise { .. } => {}
+            Command::ReplacePlan { .. } => {}
             Command::Section {
-                leg,
+                item,
                 origin,
                 backward,
                 limits,
             } => self.steps.push_back(Step::Section {
-                leg,
+                item,
                 origin,
                 backward,
                 limits,
                 spans,
                 moving: false,
             }),
-            Command::Splice(step) => self.splice = Some(step),
-            Command::Span(span) => self.spans.push_back(span),
-            Command::Piece(piece) => self.steps.push_back(Step::Piece(piece)),
-            Command::Dwell { leg, duration, tag } => {
-                self.steps.push_back(Step::Dwell { leg, duration, tag });
+            Command::ReplaceTail(step) => self.splice = Some(step),
+            Command::PathSegment(span) => self.spans.push_back(span),
+            Command::JerkSegment(piece) => self.steps.push_back(Step::JerkSegment(piece)),
+            Command::Dwell {
+                item,
+                duration,
+                tag,
+            } => {
+                self.steps.push_back(Step::Dwell {
+                    item,
+                    duration,
+                    tag,
+                });
             }
-            Command::Mark { leg, mark } => self.steps.push_back(Step::Mark { leg, mark }),
+            Command::Mark { item, mark } => self.steps.push_back(Step::Mark { item, mark }),
             Command::Hold => self.steps.push_back(Step::Hold),
             Command::Commit => self.commit(),
         }
@@ -358,7 +371,7 @@ impl<const N: usize> Executor<N> {
     }
 
     fn commit(&mut self) {
-        if let Some(cycle) = self.fresh.take() {
+        if let Some(cycle) = self.takeover.take() {
             // Who rests since before can begin whenever the plan comes.
             let rests = self.committed == 0 && self.mark.is_none() && cycle >= self.rested;
             if cycle < self.cycle && !rests {
@@ -371,7 +384,7 @@ impl<const N: usize> Executor<N> {
                     // It is awake, and asked again.
                     self.seek_from(self.unanswered(), since);
                 }
-                self.revise();
+                self.request_replacement();
                 self.refused = Some(self.cycle);
                 return;
             }
@@ -381,7 +394,7 @@ impl<const N: usize> Executor<N> {
             self.lead = first_lead(self.period);
             self.number = -(keep as i64);
             let under_way = keep.checked_sub(1).is_some_and(
-                |last| matches!(self.steps[last], Step::Piece(p) if p.at(p.duration).1 > 0.0),
+                |last| matches!(self.steps[last], Step::JerkSegment(p) if p.at(p.duration).1 > 0.0),
             );
             if let Some(Step::Section { moving, .. }) = self.steps.get_mut(keep) {
                 *moving = under_way;
@@ -394,7 +407,7 @@ impl<const N: usize> Executor<N> {
             let keep = step as i64 - self.number;
             if keep <= 0 {
                 self.late += 1;
-                self.revise();
+                self.request_replacement();
                 return;
             }
             self.steps
@@ -407,7 +420,7 @@ impl<const N: usize> Executor<N> {
         if self.held || self.stopped || self.turns() {
             // That was the way to rest; a way on comes after it.
             self.stop = Stop::Found;
-            self.revise();
+            self.request_replacement();
         }
     }
 
@@ -419,9 +432,12 @@ impl<const N: usize> Executor<N> {
 
     /// Nothing is left to execute, and nothing is waited for; the axes rest.
     pub fn is_idle(&self) -> bool {
-        let moved = self.away.as_ref().is_some_and(|away| !away.rests());
+        let moved = self
+            .jogging
+            .as_ref()
+            .is_some_and(|jogging| !jogging.rests());
         // Behind a mark nothing is planned before it is passed.
-        let replaced = self.mark.is_none() && (self.deaf || self.fresh.is_some());
+        let replaced = self.mark.is_none() && (self.awaits_replacement || self.takeover.is_some());
         let waits = !self.stopped && (self.held || replaced);
         self.committed == 0 && !waits && !moved
     }
@@ -454,7 +470,7 @@ impl<const N: usize> Executor<N> {
             }
             Some(_) => false,
         };
-        rests && !self.held && !self.stopped && self.away.is_none()
+        rests && !self.held && !self.stopped && self.jogging.is_none()
     }
 
     /// Number of the cycle that the last setpoint belongs to.
@@ -464,7 +480,8 @@ impl<const N: usize> Executor<N> {
 
     /// The current setpoint.
     pub fn setpoint(&self) -> Setpoint<N> {
-        let (Some(Step::Piece(piece)), Some(span)) = (self.current(), self.spans.front()) else {
+        let (Some(Step::JerkSegment(piece)), Some(span)) = (self.current(), self.spans.front())
+        else {
             let rest = Setpoint {
                 position: self.rest,
                 velocity: [0.0; N],
@@ -475,9 +492,9 @@ impl<const N: usize> Executor<N> {
                 speed: 0.0,
                 feed: 0.0,
                 busy: !self.is_idle(),
-                away: false,
+                off_path: false,
             };
-            return (self.away.as_ref()).map_or(rest, |away| away.setpoint(rest));
+            return (self.jogging.as_ref()).map_or(rest, |jogging| jogging.setpoint(rest));
         };
         let t = self.since(self.began).clamp(0.0, piece.duration);
         let (ds, v, a) = piece.at(t);
@@ -497,7 +514,7 @@ impl<const N: usize> Executor<N> {
             speed: v,
             feed: span.speed,
             busy: true,
-            away: false,
+            off_path: false,
         }
     }
 
@@ -512,8 +529,8 @@ impl<const N: usize> Executor<N> {
     /// Goes on by one cycle.
     pub fn advance(&mut self) -> Setpoint<N> {
         self.cycle += 1;
-        if let Some(away) = &mut self.away {
-            away.advance(self.overrides.rapid);
+        if let Some(jogging) = &mut self.jogging {
+            jogging.advance(self.overrides.rapid);
             self.come_back();
             return self.setpoint();
         }
@@ -525,7 +542,7 @@ impl<const N: usize> Executor<N> {
             }
             self.finish_step(*step, duration);
         }
-        if let Some(Step::Piece(piece)) = self.current() {
+        if let Some(Step::JerkSegment(piece)) = self.current() {
             let (ds, _, _) = piece.at(self.since(self.began));
             self.enter_span_at(piece.distance + ds);
             if let Stop::Sought { departure, since } = self.stop
@@ -567,7 +584,7 @@ impl<const N: usize> Executor<N> {
         self.committed -= 1;
         match step {
             Step::Section {
-                leg,
+                item,
                 origin,
                 backward,
                 limits,
@@ -578,21 +595,21 @@ impl<const N: usize> Executor<N> {
                 let passed = spans.saturating_sub(self.first_span) as usize;
                 self.spans.drain(..passed.min(self.spans.len()));
                 self.first_span = spans;
-                self.leg = Some(leg);
+                self.item = Some(item);
                 self.origin = origin;
                 self.backward = backward;
-                if !moving && let Some(Step::Piece(piece)) = self.current() {
+                if !moving && let Some(Step::JerkSegment(piece)) = self.current() {
                     self.reached = piece.distance;
                 }
             }
-            Step::Piece(piece) => {
-                if !matches!(self.current(), Some(Step::Piece(_))) {
+            Step::JerkSegment(piece) => {
+                if !matches!(self.current(), Some(Step::JerkSegment(_))) {
                     self.finish_run(piece.distance + piece.at(duration).0);
                 }
             }
-            Step::Dwell { leg, .. } => self.leg = Some(leg),
-            Step::Mark { leg, mark } => {
-                self.leg = Some(leg);
+            Step::Dwell { item, .. } => self.item = Some(item),
+            Step::Mark { item, mark } => {
+                self.item = Some(item);
                 self.mark = Some(mark);
             }
             Step::Hold => self.began = self.now(),
@@ -653,13 +670,13 @@ impl<const N: usize> Executor<N> {
                 self.finish_step(Step::Hold, 0.0);
             }
             if overrides.rapid != self.overrides.rapid
-                && let Some(away) = &mut self.away
+                && let Some(jogging) = &mut self.jogging
             {
-                away.change_speed();
+                jogging.change_speed();
             }
             self.overrides = overrides;
             if !asked {
-                self.revise();
+                self.request_replacement();
             }
         }
     }
@@ -673,13 +690,13 @@ impl<const N: usize> Executor<N> {
     /// [`resume`](Self::resume). Effective from the current cycle on; the next setpoints lead to
     /// rest. A dwell is broken off, and begins anew.
     ///
-    /// On a line that is the closed form. On curves the [`outlook`](Self::outlook) asks the planner
+    /// On a line that is the closed form. On curves the [`replan_request`](Self::replan_request) asks the planner
     /// for a law that brakes as hard as the axes allow, and where it does not answer in time one is
     /// searched for here, over several cycles; until there is one the plan, which ends at rest, too,
     /// is followed.
-    pub fn hold(&mut self) {
-        if let Some(away) = &mut self.away {
-            away.hold();
+    pub fn feed_hold(&mut self) {
+        if let Some(jogging) = &mut self.jogging {
+            jogging.hold();
             return;
         }
         let begun = self.held || self.stopped;
@@ -687,7 +704,7 @@ impl<const N: usize> Executor<N> {
         if rests {
             self.held |= !self.stopped;
         } else if !begun {
-            self.revise();
+            self.request_replacement();
             self.held = true;
             // To turn it comes to rest already.
             if self.stop == Stop::No {
@@ -696,60 +713,60 @@ impl<const N: usize> Executor<N> {
         }
     }
 
-    /// Ends a [`hold`](Self::hold), also one that a stop after the block came to.
+    /// Ends a [`feed_hold`](Self::feed_hold), also one that a stop after the block came to.
     pub fn resume(&mut self) {
         if self.stopped {
             return;
         }
-        let goes_on = take(&mut self.stop_after_block);
-        if let Some(away) = &mut self.away {
-            away.go_home(Then::Resume);
+        let goes_on = take(&mut self.single_block);
+        if let Some(jogging) = &mut self.jogging {
+            jogging.go_home(Then::Resume);
             return;
         }
-        if !(self.is_held() || self.steps_back()) {
+        if !(self.is_held() || self.retraces()) {
             if goes_on {
-                self.revise();
+                self.request_replacement();
             }
             return;
         }
-        self.step_back = None;
+        self.retrace = None;
         self.leave_hold();
         if self.backward && self.stop != Stop::Found {
             self.begin_stop();
         } else if !self.backward {
             self.stop = Stop::No;
         }
-        self.revise();
+        self.request_replacement();
     }
 
     /// Comes to rest, goes back along the path to the beginning of the block, or from there to that
     /// of the block before, and waits for [`resume`](Self::resume). On the way back it changes
     /// nothing.
-    pub fn step_back(&mut self) {
-        let under_way = self.steps_back() && !self.is_held();
+    pub fn retrace(&mut self) {
+        let under_way = self.retraces() && !self.is_held();
         if self.stopped || under_way {
             return;
         }
-        if let Some(away) = &mut self.away {
-            away.go_home(Then::StepBack);
+        if let Some(jogging) = &mut self.jogging {
+            jogging.go_home(Then::Retrace);
             return;
         }
-        self.stop_after_block = false;
+        self.single_block = false;
         // It comes again.
         self.mark = None;
-        self.step_back = Some(self.revision + 1);
+        self.retrace = Some(self.revision + 1);
         self.leave_hold();
         if self.backward {
             self.stop = Stop::No;
         } else if self.stop != Stop::Found {
             self.begin_stop();
         }
-        self.revise();
+        self.request_replacement();
     }
 
     /// Goes back along the path, or rests where that led, until [`resume`](Self::resume).
-    pub fn steps_back(&self) -> bool {
-        self.step_back.is_some()
+    pub fn retraces(&self) -> bool {
+        self.retrace.is_some()
     }
 
     fn leave_hold(&mut self) {
@@ -761,41 +778,44 @@ impl<const N: usize> Executor<N> {
 
     /// It has to come to rest before the new plan begins: that goes the other way.
     fn turns(&self) -> bool {
-        self.steps_back() != self.backward && matches!(self.current(), Some(Step::Piece(_)))
+        self.retraces() != self.backward && matches!(self.current(), Some(Step::JerkSegment(_)))
     }
 
     /// Comes to rest at the end of the block that is under way, or of the first one where that is
     /// possible, and waits for [`resume`](Self::resume). On the way back from a jog: of the block that
     /// then goes on.
-    pub fn stop_after_block(&mut self) {
-        if let Some(away) = &self.away {
-            self.stop_after_block |= away.returns();
-        } else if !self.is_held() && !self.steps_back() {
-            self.stop_after_block = true;
-            self.revise();
+    pub fn single_block(&mut self) {
+        if let Some(jogging) = &self.jogging {
+            self.single_block |= jogging.returns();
+        } else if !self.is_held() && !self.retraces() {
+            self.single_block = true;
+            self.request_replacement();
         }
     }
 
     /// Rests, or is coming to rest, until [`resume`](Self::resume).
     pub fn is_held(&self) -> bool {
-        let returns = self.away.as_ref().is_some_and(|away| away.returns());
+        let returns = self
+            .jogging
+            .as_ref()
+            .is_some_and(|jogging| jogging.returns());
         !returns && (self.held || matches!(self.current(), Some(Step::Hold)))
     }
 
     /// Rests because nothing is left of the programmed speed; nobody asked for it.
     pub fn wants_speed(&self) -> bool {
-        let asked = self.held || self.stop_after_block || self.step_back.is_some();
+        let asked = self.held || self.single_block || self.retrace.is_some();
         !asked && matches!(self.current(), Some(Step::Hold))
     }
 
     /// Nothing of the path is missing: what is committed leads to a rest that somebody has to end.
     pub fn leads_to_hold(&self) -> bool {
         let last = self.committed.checked_sub(1);
-        let changes = self.deaf || self.fresh.is_some();
+        let changes = self.awaits_replacement || self.takeover.is_some();
         !changes && matches!(last.and_then(|last| self.steps.get(last)), Some(Step::Hold))
     }
 
-    /// Comes to rest on the path as soon as the limits allow, as [`hold`](Self::hold) does, also by
+    /// Comes to rest on the path as soon as the limits allow, as [`feed_hold`](Self::feed_hold) does, also by
     /// what a planner answers, and drops the rest of the plan for good.
     pub fn stop(&mut self) {
         if !self.stopped {
@@ -803,7 +823,7 @@ impl<const N: usize> Executor<N> {
             self.held = false;
             match self.stop {
                 Stop::No => {
-                    self.revise();
+                    self.request_replacement();
                     self.begin_stop();
                 }
                 // A hold looks for the way already, or is on it.
@@ -813,81 +833,81 @@ impl<const N: usize> Executor<N> {
             if self.committed == 0 {
                 self.spans.clear();
             }
-            if let Some(away) = &mut self.away {
-                away.hold();
+            if let Some(jogging) = &mut self.jogging {
+                jogging.hold();
             }
         }
     }
 
-    /// Moves axes while the path rests: after a [`hold`](Self::hold), or where nothing is left of it;
+    /// Moves axes while the path rests: after a [`feed_hold`](Self::feed_hold), or where nothing is left of it;
     /// then nothing of it begins before [`resume`](Self::resume). That, and
-    /// [`step_back`](Self::step_back), lead the axes back to where the path was left, on a straight
-    /// line, before they take effect; [`hold`](Self::hold) and [`stop`](Self::stop) bring them to rest
+    /// [`retrace`](Self::retrace), lead the axes back to where the path was left, on a straight
+    /// line, before they take effect; [`feed_hold`](Self::feed_hold) and [`stop`](Self::stop) bring them to rest
     /// where they are. Whatever moves an order comes to, it is followed from the state of this cycle on.
     ///
     /// # Errors
     /// Why the order is refused; nothing changes then.
     pub fn jog(&mut self, jog: Jog<N>, travel: &[Option<Travel>; N]) -> Result<(), JogError> {
-        let moves = matches!(self.current(), Some(Step::Piece(_)));
+        let moves = matches!(self.current(), Some(Step::JerkSegment(_)));
         let rests = self.is_idle() || self.is_held() && !moves;
-        if self.stopped || !rests && self.away.is_none() {
+        if self.stopped || !rests && self.jogging.is_none() {
             return Err(JogError::Moving);
         }
-        let new = || Excursion::new(self.rest, self.period, travel);
-        let mut away = self.away.unwrap_or_else(new);
-        away.order(jog, self.overrides.rapid)?;
-        self.away = Some(away);
+        let new = || Jogging::new(self.rest, self.period, travel);
+        let mut jogging = self.jogging.unwrap_or_else(new);
+        jogging.order(jog, self.overrides.rapid)?;
+        self.jogging = Some(jogging);
         if !self.held {
-            self.revise();
+            self.request_replacement();
             self.held = true;
         }
         Ok(())
     }
 
     /// A person moved the axes away from the path, and they are not back yet.
-    pub fn is_away(&self) -> bool {
-        self.away.is_some()
+    pub fn is_off_path(&self) -> bool {
+        self.jogging.is_some()
     }
 
     /// Goes on with what the axes came back for.
     fn come_back(&mut self) {
-        let Some(then) = self.away.as_ref().and_then(Excursion::arrived) else {
+        let Some(then) = self.jogging.as_ref().and_then(Jogging::arrived) else {
             return;
         };
-        self.away = None;
+        self.jogging = None;
         match then {
             Then::Resume => {
-                let stop = self.stop_after_block;
+                let stop = self.single_block;
                 self.resume();
                 if stop {
-                    self.stop_after_block();
+                    self.single_block();
                 }
             }
-            Then::StepBack => self.step_back(),
+            Then::Retrace => self.retrace(),
         }
     }
 
     /// The plan is to be replaced, and what still comes of the old one is dropped.
-    pub fn awaits_plan(&self) -> bool {
-        self.deaf
+    pub fn awaits_replacement(&self) -> bool {
+        self.awaits_replacement
     }
 
     /// From where on the plan has to be replaced, if it has. What is handed in before that is done
     /// is dropped. Nowhere at a mark or so shortly before it that it is reached before: what is
     /// replaced begins behind it once it is passed, and the mark itself is not lost.
-    pub fn outlook(&self) -> Option<Outlook> {
+    pub fn replan_request(&self) -> Option<ReplanRequest> {
         let rest = self.seeks_rest();
         let held = self.held || self.stopped || self.turns() || self.mark.is_some();
-        if !self.deaf || held && !rest || self.refused == Some(self.cycle) {
+        if !self.awaits_replacement || held && !rest || self.refused == Some(self.cycle) {
             return None;
         }
         // A way to rest is soon found.
         let lead = if rest { self.lead * 3 / 4 } else { self.lead };
         let cycle = self.cycle + lead.max(1);
-        let mut leg = self.leg;
-        let mut departure = Departure {
+        let mut item = self.item;
+        let mut departure = PathState {
             distance: self.reached,
-            ..Departure::default()
+            ..PathState::default()
         };
         let (last, t) = self.step_at(cycle);
         for (index, step) in self.steps.iter().take(self.committed).enumerate() {
@@ -895,22 +915,22 @@ impl<const N: usize> Executor<N> {
                 break;
             }
             match *step {
-                Step::Section { leg: l, .. } => {
-                    leg = Some(l);
-                    departure = Departure::default();
+                Step::Section { item: l, .. } => {
+                    item = Some(l);
+                    departure = PathState::default();
                 }
                 Step::Mark { .. } => return None,
-                Step::Dwell { leg: l, .. } => leg = Some(l),
-                Step::Piece(piece) => {
+                Step::Dwell { item: l, .. } => item = Some(l),
+                Step::JerkSegment(piece) => {
                     let under_way = index == last;
                     let (ds, speed, acceleration) =
                         piece.at(if under_way { t } else { piece.duration });
                     let follows = matches!(
                         self.steps.get(index + 1),
-                        Some(Step::Piece(_) | Step::Section { moving: true, .. })
+                        Some(Step::JerkSegment(_) | Step::Section { moving: true, .. })
                     ) && index + 1 < self.committed;
                     let rests = !under_way && !follows;
-                    departure = Departure {
+                    departure = PathState {
                         distance: piece.distance + ds,
                         speed: if rests { 0.0 } else { speed.max(0.0) },
                         acceleration: if rests { 0.0 } else { acceleration },
@@ -919,14 +939,14 @@ impl<const N: usize> Executor<N> {
                 Step::Hold => {}
             }
         }
-        Some(Outlook {
+        Some(ReplanRequest {
             revision: self.revision,
             cycle,
-            leg,
+            item,
             departure,
             overrides: self.overrides,
-            stop_after_block: self.stop_after_block,
-            step_back: self.step_back,
+            single_block: self.single_block,
+            retrace: self.retrace,
             rest,
         })
     }
@@ -939,18 +959,18 @@ impl<const N: usize> Executor<N> {
     /// It is to come to rest as soon as it can, until [`resume`](Self::resume), to turn or for good, and
     /// no way there was found yet.
     fn seeks_rest(&self) -> bool {
-        let moves = matches!(self.current(), Some(Step::Piece(_)));
+        let moves = matches!(self.current(), Some(Step::JerkSegment(_)));
         moves && matches!(self.stop, Stop::Sought { .. })
     }
 
     /// The plan is to be replaced: nothing more of it is taken.
-    fn revise(&mut self) {
+    fn request_replacement(&mut self) {
         if self.stopped && self.stop == Stop::Found {
             return;
         }
         self.drop_uncommitted();
         self.revision += 1;
-        self.deaf = true;
+        self.awaits_replacement = true;
     }
 
     fn drop_uncommitted(&mut self) {
@@ -958,7 +978,7 @@ impl<const N: usize> Executor<N> {
         let spans = self.committed_spans.saturating_sub(self.first_span);
         self.spans.truncate(spans as usize);
         self.splice = None;
-        self.fresh = None;
+        self.takeover = None;
     }
 
     /// The committed step that is under way at the start of `cycle`, and for how long then; their
@@ -979,7 +999,7 @@ impl<const N: usize> Executor<N> {
     fn cut(&mut self, cycle: u64) -> usize {
         let (index, t) = self.step_at(cycle);
         match self.steps.get_mut(index) {
-            Some(Step::Piece(piece)) if index < self.committed => {
+            Some(Step::JerkSegment(piece)) if index < self.committed => {
                 piece.duration = t;
                 index + 1
             }
@@ -994,7 +1014,7 @@ impl<const N: usize> Executor<N> {
         self.lead = first_lead(self.period);
         self.drop_uncommitted();
         let goes_on =
-            |s: &Step<N>| matches!(s, Step::Piece(_) | Step::Section { moving: true, .. });
+            |s: &Step<N>| matches!(s, Step::JerkSegment(_) | Step::Section { moving: true, .. });
         let run = self.steps.iter().position(|s| !goes_on(s));
         self.steps.truncate(run.unwrap_or(self.steps.len()));
         self.committed = self.steps.len();
@@ -1019,17 +1039,17 @@ impl<const N: usize> Executor<N> {
     /// Apart from the cycle that follows its plan: the search has a large stack.
     #[inline(never)]
     fn seek_stop(&mut self, departure: u64, since: u64) {
-        let (Some(Step::Piece(_)), Some(limits)) = (self.current(), self.limits) else {
+        let (Some(Step::JerkSegment(_)), Some(limits)) = (self.current(), self.limits) else {
             return;
         };
         let (index, t) = self.step_at(departure);
-        let Some(Step::Piece(piece)) = self.steps.get(index).copied() else {
+        let Some(Step::JerkSegment(piece)) = self.steps.get(index).copied() else {
             self.stop = Stop::Found;
             return;
         };
         let (ds, speed, acceleration) = piece.at(t.min(piece.duration));
         let first = self.cycle == since;
-        let from = Departure {
+        let from = PathState {
             distance: piece.distance + ds,
             speed,
             acceleration,
@@ -1046,7 +1066,9 @@ impl<const N: usize> Executor<N> {
         let straight = span(0).is_some_and(|span| span.curve.direction().is_some());
         // Where the plan does nothing but come to rest on a line, it does so as fast as it can.
         let brakes = |s: &Step<N>| {
-            let Step::Piece(p) = s else { return false };
+            let Step::JerkSegment(p) = s else {
+                return false;
+            };
             let cruises = p.acceleration.abs() <= 1e-9 && p.jerk >= 0.0;
             !cruises && p.at(p.duration).2 <= 1e-9
         };
@@ -1067,18 +1089,18 @@ impl<const N: usize> Executor<N> {
         let gentle = || last.then(gentle).flatten();
         let plan_ends = self.committed.checked_sub(1).map_or(f64::INFINITY, |last| {
             match self.steps.get(last) {
-                Some(Step::Piece(last)) => last.distance + last.at(last.duration).0,
+                Some(Step::JerkSegment(last)) => last.distance + last.at(last.duration).0,
                 _ => f64::INFINITY,
             }
         });
         if let Some(law) = hardest.or_else(gentle)
             && law.end.distance < plan_ends
         {
-            self.revise();
+            self.request_replacement();
             let keep = self.cut(departure);
             self.steps.truncate(keep);
             self.steps
-                .extend(law.pieces().iter().copied().map(Step::Piece));
+                .extend(law.pieces().iter().copied().map(Step::JerkSegment));
             self.committed = self.steps.len();
         }
         if found {
@@ -1092,7 +1114,7 @@ impl<const N: usize> Executor<N> {
             // Another section may begin before.
             let (index, _) = self.step_at(next);
             let mut until = self.steps.iter().take(index + 1);
-            let same = until.all(|s| matches!(s, Step::Piece(_)));
+            let same = until.all(|s| matches!(s, Step::JerkSegment(_)));
             let departure = if same { next } else { self.cycle + 1 };
             self.seek_from(departure, since);
         }

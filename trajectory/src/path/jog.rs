@@ -129,12 +129,12 @@ struct Line<const N: usize> {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Then {
     Resume,
-    StepBack,
+    Retrace,
 }
 
 /// The axes away from the path.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Excursion<const N: usize> {
+pub(super) struct Jogging<const N: usize> {
     clock: Clock,
     travel: [Option<Travel>; N],
     motions: [Motion; N],
@@ -253,7 +253,7 @@ impl Motion {
     }
 }
 
-impl<const N: usize> Excursion<N> {
+impl<const N: usize> Jogging<N> {
     /// At rest in `home`. An axis that is outside of its travel may be there and come back.
     pub(super) fn new(home: [f64; N], period: f64, travel: &[Option<Travel>; N]) -> Self {
         let hull = |i: usize| {
@@ -265,7 +265,7 @@ impl<const N: usize> Excursion<N> {
                 },
             })
         };
-        Excursion {
+        Jogging {
             clock: Clock { cycle: 0, period },
             travel: std::array::from_fn(hull),
             motions: home.map(Motion::resting),
@@ -537,7 +537,7 @@ impl<const N: usize> Excursion<N> {
             speed,
             feed: if speed > 0.0 { f64::INFINITY } else { 0.0 },
             busy: !self.rests(),
-            away: true,
+            off_path: true,
             ..path
         }
     }
@@ -633,7 +633,7 @@ mod tests {
     }
 
     /// Goes on by one cycle; certifies, between the samples too, every plan that begins.
-    fn advance(axes: &mut Excursion<N>, rapid: f64) -> Result<(), TestCaseError> {
+    fn advance(axes: &mut Jogging<N>, rapid: f64) -> Result<(), TestCaseError> {
         let before: [State; N] = std::array::from_fn(|axis| axes.motions[axis].at(axes.clock).0);
         axes.advance(rapid);
         for axis in 0..N {
@@ -699,7 +699,7 @@ mod tests {
         fn whatever_is_ordered_whenever_every_plan_rests_inside_limits_and_travel(
             acts in prop::collection::vec((0..120_u32, act()), 1..25),
         ) {
-            let mut axes = Excursion::new(HOME, PERIOD, &machine());
+            let mut axes = Jogging::new(HOME, PERIOD, &machine());
             let mut rapid = 1.0;
             for (wait, act) in acts {
                 match act {

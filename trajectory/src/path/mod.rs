@@ -1,11 +1,11 @@
-//! Motion along a programmed path: geometry, the time law along it, and its execution.
+//! Motion along a programmed path: geometry, the time parametrisation along it, and its execution.
 //!
 //! ```text
-//! Item (curve, feed, exit) ──► Planner ──► Command ──► Executor ──► Setpoint, one a cycle
+//! PathItem (curve, feed, mode) ──► Planner ──► Command ──► Executor ──► Setpoint, one a cycle
 //! ```
 //!
 //! - [`curve`]: lines, arcs and helices with their derivatives by arc length,
-//! - [`planner`]: turns items into [`Piece`]s of constant jerk along the path; whatever it has
+//! - [`planner`]: turns items into [`JerkSegment`]s of constant jerk along the path; whatever it has
 //!   handed over ends at rest,
 //! - [`executor`]: what the cycle calls: where every axis has to be at the path's own clock, and a
 //!   stop on the path at any instant,
@@ -15,18 +15,18 @@
 //!
 //! A person acts on the [`Executor`] alone, in the cycle: [`Executor::set_overrides`],
 //! [`hold`](Executor::hold), [`resume`](Executor::resume),
-//! [`stop_after_block`](Executor::stop_after_block), [`step_back`](Executor::step_back). The
+//! [`single_block`](Executor::single_block), [`retrace`](Executor::retrace). The
 //! executor brakes by itself on a line and where no planner answers; for everything else it wants the
-//! rest of the path, or the way to rest, planned anew and says from where on: [`Executor::outlook`],
+//! rest of the path, or the way to rest, planned anew and says from where on: [`Executor::replan_request`],
 //! once a cycle. Whoever feeds it hands
-//! that to [`Planner::observe`], and the planner's commands go the usual way:
+//! that to [`Planner::replan`], and the planner's commands go the usual way:
 //!
 //! ```text
-//! Executor ──► Outlook ──► Planner ──► Revise, Section, Span …, Piece …, Commit ──► Executor
+//! Executor ──► ReplanRequest ──► Planner ──► ReplacePlan, Section, PathSegment …, JerkSegment …, Commit ──► Executor
 //! ```
 //!
 //! Until then the executor follows the old plan, which ends at rest, and drops what still comes of
-//! it. A new plan that comes after its cycle is dropped, too, and the outlook is given again.
+//! it. A new plan that comes after its cycle is dropped, too, and the request is given again.
 //!
 //! While the path rests a person can move single axes away from it ([`jog`]); the path goes on from
 //! where it was left.
@@ -40,13 +40,13 @@ pub mod blend;
 mod brake;
 pub mod certify;
 pub mod curve;
-mod descent;
 pub mod executor;
-pub mod facets;
 pub mod jog;
+mod override_transition;
 mod plan;
 pub mod planner;
-pub mod time_law;
+pub mod segment_fitting;
+pub mod time_parametrisation;
 pub mod window;
 
 pub use curve::{Arc, Curve, CurveError, Derivatives, Line, Plane, Poly};
@@ -86,7 +86,7 @@ impl Feed {
 
 /// How the tool leaves a move for the next one.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Exit {
+pub enum PathControlMode {
     /// At rest in the end point (G61.1, and every move before a dwell or a tool change).
     Stop,
     /// Through the end point within the tolerance in mm, without a stop where the path is smooth (G61).
@@ -102,21 +102,21 @@ pub enum Exit {
     },
 }
 
-impl Exit {
+impl PathControlMode {
     /// How far a corner may be rounded off, mm; `None` where the path stops.
     pub fn rounding(self) -> Option<f64> {
         match self {
-            Exit::Stop => None,
-            Exit::Exact(tolerance) | Exit::Blend(tolerance) | Exit::Merge { tolerance, .. } => {
-                Some(tolerance)
-            }
+            PathControlMode::Stop => None,
+            PathControlMode::Exact(tolerance)
+            | PathControlMode::Blend(tolerance)
+            | PathControlMode::Merge { tolerance, .. } => Some(tolerance),
         }
     }
 
     /// How far the path may leave what is programmed, mm.
     pub fn tolerance(self) -> f64 {
         match self {
-            Exit::Merge { tolerance, within } => tolerance + within,
+            PathControlMode::Merge { tolerance, within } => tolerance + within,
             _ => self.rounding().unwrap_or(0.0),
         }
     }
@@ -130,14 +130,14 @@ pub struct Move<const N: usize> {
     /// How fast.
     pub feed: Feed,
     /// How it joins the next move.
-    pub exit: Exit,
+    pub mode: PathControlMode,
     /// The caller's mark, as a rule the program line; comes back in [`Setpoint::tag`].
     pub tag: u32,
 }
 
 /// What the program feeds to the [`Planner`], one by one.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Item<const N: usize> {
+pub enum PathItem<const N: usize> {
     /// Motion.
     Move(Move<N>),
     /// Rest in place (G4); a duration of zero is an exact stop.
@@ -151,7 +151,7 @@ pub enum Item<const N: usize> {
 
 /// A stretch of constant jerk on the path's clock.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Piece {
+pub struct JerkSegment {
     /// s
     pub duration: f64,
     /// Path distance at its start, from the start of its section (the last rest), mm.
@@ -164,10 +164,10 @@ pub struct Piece {
     pub jerk: f64,
 }
 
-impl Piece {
+impl JerkSegment {
     /// Distance since the piece's start, speed and acceleration at `t` seconds into it.
     pub fn at(&self, t: f64) -> (f64, f64, f64) {
-        let &Piece {
+        let &JerkSegment {
             speed: v,
             acceleration: a,
             jerk: j,
@@ -190,18 +190,18 @@ impl Piece {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Command<const N: usize> {
     /// What follows, up to the commit, replaces all that is later than the start of the cycle, as
-    /// the [`Outlook`] of that revision asked.
-    Revise {
-        /// [`Outlook::revision`]
+    /// the [`ReplanRequest`] of that revision asked.
+    ReplacePlan {
+        /// [`ReplanRequest::revision`]
         revision: u64,
-        /// [`Outlook::cycle`]
+        /// [`ReplanRequest::cycle`]
         cycle: u64,
     },
-    /// A section begins, from rest, at distance 0, inside these limits; after a [`Revise`](Self::Revise) one goes
+    /// A section begins, from rest, at distance 0, inside these limits; after a [`ReplacePlan`](Self::ReplacePlan) one goes
     /// on where it was. Its spans follow.
     Section {
-        /// Legs are the sections, dwells and marks in the order in which they were pushed.
-        leg: u64,
+        /// Items are the sections, dwells and marks in the order in which they were pushed.
+        item: u64,
         /// Path distance from the beginning of everything to the section's, mm.
         origin: f64,
         /// The section leads back along the path.
@@ -211,16 +211,16 @@ pub enum Command<const N: usize> {
     },
     /// What follows replaces the step of that number and all after it. Steps are the sections,
     /// pieces, dwells and marks that were not replaced, counted from 0, and again after a
-    /// [`Revise`](Self::Revise).
-    Splice(u64),
+    /// [`ReplacePlan`](Self::ReplacePlan).
+    ReplaceTail(u64),
     /// The section's geometry goes on with this curve.
-    Span(Span<N>),
-    /// The section's time law goes on with this piece.
-    Piece(Piece),
+    PathSegment(PathSegment<N>),
+    /// The section's time parametrisation goes on with this piece.
+    JerkSegment(JerkSegment),
     /// Rest for `duration` s, under `tag`.
     Dwell {
         /// As in [`Section`](Self::Section).
-        leg: u64,
+        item: u64,
         /// s
         duration: f64,
         /// As [`Move::tag`].
@@ -230,7 +230,7 @@ pub enum Command<const N: usize> {
     /// taken then.
     Mark {
         /// As in [`Section`](Self::Section).
-        leg: u64,
+        item: u64,
         /// The caller's.
         mark: u32,
     },
@@ -260,29 +260,29 @@ impl Default for Overrides {
 
 /// From where on, and how, the executor wants its plan replaced.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Outlook {
+pub struct ReplanRequest {
     /// Number of the new plan.
     pub revision: u64,
     /// At the start of this cycle it takes over; it has to be committed before.
     pub cycle: u64,
-    /// The leg that is under way then, or over; none before the first.
-    pub leg: Option<u64>,
+    /// The item that is under way then, or over; none before the first.
+    pub item: Option<u64>,
     /// The state on it then.
-    pub departure: Departure,
+    pub departure: PathState,
     /// What a person set.
     pub overrides: Overrides,
     /// Rest is asked for at the end of the block.
-    pub stop_after_block: bool,
+    pub single_block: bool,
     /// The way back is asked for, to the beginning of the block or, from there, of the one before; each
     /// time that a person asks under another number.
-    pub step_back: Option<u64>,
+    pub retrace: Option<u64>,
     /// Rest is asked for on the shortest way from that state, and nothing beyond.
     pub rest: bool,
 }
 
 /// A state on a section of the path.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct Departure {
+pub struct PathState {
     /// mm
     pub distance: f64,
     /// mm/s
@@ -293,7 +293,7 @@ pub struct Departure {
 
 /// A curve in its place along the section.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Span<const N: usize> {
+pub struct PathSegment<const N: usize> {
     /// Path distance of its start from the start of the section, mm.
     pub start: f64,
     /// The geometry.

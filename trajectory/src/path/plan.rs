@@ -1,8 +1,8 @@
-//! The time law as it was handed over: what the executor follows, or will.
+//! The time parametrisation as it was handed over: what the executor follows, or will.
 
 use std::collections::VecDeque;
 
-use super::{Departure, Piece};
+use super::{JerkSegment, PathState};
 
 /// Pieces that are kept: what an executor and the queue to it may hold.
 const KEPT: usize = 8192;
@@ -15,12 +15,12 @@ const STEADY: f64 = 1e-9;
 /// A piece of a plan, and what shares of the acceleration and jerk limits were used for it.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Laid {
-    pub(super) piece: Piece,
+    pub(super) piece: JerkSegment,
     pub(super) share: [f64; 2],
 }
 
-impl From<Piece> for Laid {
-    fn from(piece: Piece) -> Self {
+impl From<JerkSegment> for Laid {
+    fn from(piece: JerkSegment) -> Self {
         Laid {
             piece,
             share: [1.0; 2],
@@ -28,7 +28,7 @@ impl From<Piece> for Laid {
     }
 }
 
-/// The latest pieces, each with its leg and the number of its step, in order.
+/// The latest pieces, each with its item and the number of its step, in order.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Plan(VecDeque<(u64, u64, Laid)>);
 
@@ -39,27 +39,27 @@ impl Plan {
     }
 
     /// The plan goes on with a piece, which replaces all from its step on.
-    pub(super) fn lay(&mut self, leg: u64, step: u64, laid: Laid) {
+    pub(super) fn lay(&mut self, item: u64, step: u64, laid: Laid) {
         while self.0.back().is_some_and(|last| last.1 >= step) {
             self.0.pop_back();
         }
         if self.0.len() >= KEPT {
             self.0.pop_front();
         }
-        self.0.push_back((leg, step, laid));
+        self.0.push_back((item, step, laid));
     }
 
     /// How the plan goes on from a state, to rest at most: the first piece is what is left of the one
     /// that the state lies in. Nothing if the plan does not lead there.
-    pub(super) fn from(&self, leg: u64, state: Departure) -> impl Iterator<Item = Laid> {
+    pub(super) fn from(&self, item: u64, state: PathState) -> impl Iterator<Item = Laid> {
         let begun = (self.0)
-            .partition_point(|(l, _, laid)| (*l, laid.piece.distance) <= (leg, state.distance));
+            .partition_point(|(l, _, laid)| (*l, laid.piece.distance) <= (item, state.distance));
         let here = begun.checked_sub(1).and_then(|here| self.0.get(here));
-        let rest = here.filter(|here| here.0 == leg).and_then(|(.., laid)| {
+        let rest = here.filter(|here| here.0 == item).and_then(|(.., laid)| {
             let piece = remainder(&laid.piece, state)?;
             Some(Laid { piece, ..*laid })
         });
-        let goes_on = move |(l, _, laid): &&(u64, u64, Laid)| *l == leg && laid.piece.speed > 0.0;
+        let goes_on = move |(l, _, laid): &&(u64, u64, Laid)| *l == item && laid.piece.speed > 0.0;
         let after = self.0.iter().skip(begun).take_while(goes_on);
         let after = after.map(|(.., laid)| *laid);
         rest.into_iter()
@@ -69,18 +69,22 @@ impl Plan {
 
 /// The pieces of a plan that are followed for so long, s, from a state, and where that leads; nothing if it
 /// ends before.
-pub(super) fn follow(plan: &[Laid], from: Departure, time: f64) -> Option<(Vec<Piece>, Departure)> {
+pub(super) fn follow(
+    plan: &[Laid],
+    from: PathState,
+    time: f64,
+) -> Option<(Vec<JerkSegment>, PathState)> {
     let (mut followed, mut left) = (Vec::new(), time);
     let mut pieces = plan.iter().map(|laid| laid.piece);
     while left > 0.0 {
         let piece = pieces.next()?;
         let duration = piece.duration.min(left);
-        followed.push(Piece { duration, ..piece });
+        followed.push(JerkSegment { duration, ..piece });
         left -= duration;
     }
     let end = followed.last().map_or(from, |last| {
         let (ds, speed, acceleration) = last.at(last.duration);
-        Departure {
+        PathState {
             distance: last.distance + ds,
             speed,
             acceleration,
@@ -90,8 +94,8 @@ pub(super) fn follow(plan: &[Laid], from: Departure, time: f64) -> Option<(Vec<P
 }
 
 /// What is left of a piece from a state on, if it leads there.
-fn remainder(piece: &Piece, state: Departure) -> Option<Piece> {
-    let Piece {
+fn remainder(piece: &JerkSegment, state: PathState) -> Option<JerkSegment> {
+    let JerkSegment {
         duration,
         speed,
         acceleration,
@@ -114,7 +118,7 @@ fn remainder(piece: &Piece, state: Departure) -> Option<Piece> {
     let same = near(piece.distance + ds, state.distance, 1.0)
         && near(v, state.speed, state.speed)
         && near(a, state.acceleration, a.abs() + (jerk * duration).abs());
-    same.then_some(Piece {
+    same.then_some(JerkSegment {
         duration: duration - t,
         distance: state.distance,
         speed: state.speed,

@@ -1,13 +1,13 @@
-//! Plans the time law along the path, window by window.
+//! Plans the time parametrisation along the path, window by window.
 //!
 //! Items are joined to sections: stretches of path without a stop. A section is planned in windows
 //! that overlap. Each ends at rest, so that whatever has been handed over is complete; the next one
 //! begins in the midst of it, at a piece from which the former end is out of sight, and replaces
-//! the rest ([`Command::Splice`]). Where windows end depends on the path alone, never on the pace
+//! the rest ([`Command::ReplaceTail`]). Where windows end depends on the path alone, never on the pace
 //! at which items come or commands go.
 //!
 //! What was planned is kept for a while, so that it can be planned again from any state on it: when
-//! the speeds that are asked for change, or after a hold ([`Planner::observe`]).
+//! the speeds that are asked for change, or after a hold ([`Planner::replan`]).
 
 use std::collections::VecDeque;
 use std::mem::take;
@@ -18,11 +18,14 @@ use crate::limits::PositionLimits;
 
 use super::blend::{Blend, blend};
 use super::brake::{MOST_PIECES, brake, brake_gently};
-use super::descent::{Attempt, attempts, dips, lay_descent, rises};
-use super::facets::{Part, Run};
+use super::override_transition::{Attempt, attempts, lay_transition, minima, overshoots};
 use super::plan::{Laid, Plan, follow};
+use super::segment_fitting::{Part, ShortSegments};
 use super::window::{Effort, MOST_CELLS, TOO_MANY_CELLS, Window, room_to_stop};
-use super::{Command, Curve, Departure, Item, Limits, Move, Outlook, Overrides, Piece, Span};
+use super::{
+    Command, Curve, JerkSegment, Limits, Move, Overrides, PathItem, PathSegment, PathState,
+    ReplanRequest,
+};
 
 /// Why an item cannot be planned.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
@@ -70,17 +73,17 @@ pub struct Planner<const N: usize> {
     /// Positions that curves of its own stay between.
     bounds: [PositionLimits; N],
     /// Time that is planned beyond what is final, and in all, s of travel at the programmed feed.
-    sight: f64,
+    lookahead: f64,
     horizon: f64,
     position: [f64; N],
-    /// Facets that may go on.
-    run: Option<Run<N>>,
+    /// Short segments that may go on.
+    short_segments: Option<ShortSegments<N>>,
     /// The last move, and how much of its start a blend took.
     pending: Option<(Move<N>, f64)>,
     /// How far that strays from what was programmed, mm.
-    astray: f64,
+    deviation: f64,
     /// What was planned lately, is under way, and is to be planned.
-    legs: VecDeque<Leg<N>>,
+    items: VecDeque<PlanItem<N>>,
     /// Number of the first of them.
     first: u64,
     /// How many spans they hold.
@@ -90,22 +93,22 @@ pub struct Planner<const N: usize> {
     cursor: Cursor,
     window: Window<N>,
     /// Slowing down that precedes the window.
-    slowing: Vec<Piece>,
+    slowing: Vec<JerkSegment>,
     /// What is followed of the plan that the window's replaces.
-    followed: Vec<Piece>,
-    /// The plan that the executor was on by the last outlook, and the one that was its answer.
+    followed: Vec<JerkSegment>,
+    /// The plan that the executor was on by the last request, and the one that was its answer.
     plans: [Plan; 2],
     out: VecDeque<Command<N>>,
     /// The way back that the executor is on, and behind it the one that was planned last.
     ways_back: Vec<Back<N>>,
     overrides: Overrides,
-    stop_after_block: bool,
+    single_block: bool,
     /// The last plan made.
     revision: u64,
 }
 
 #[derive(Debug, Clone)]
-enum Leg<const N: usize> {
+enum PlanItem<const N: usize> {
     Section(Section<N>),
     Dwell { duration: f64, tag: u32 },
     Mark(u32),
@@ -115,7 +118,7 @@ enum Leg<const N: usize> {
 #[derive(Debug, Clone)]
 struct Section<const N: usize> {
     /// Those not forgotten yet.
-    spans: Vec<Span<N>>,
+    spans: Vec<PathSegment<N>>,
     /// Path length from the beginning of everything.
     origin: f64,
     length: f64,
@@ -130,8 +133,8 @@ struct Back<const N: usize> {
     number: u64,
     /// The number under which it was asked for.
     asked: u64,
-    /// The leg that it goes back along, and where on that it begins.
-    leg: u64,
+    /// The item that it goes back along, and where on that it begins.
+    item: u64,
     from: f64,
     /// The spans from there, the other way round.
     section: Section<N>,
@@ -143,10 +146,10 @@ const BACK: u64 = 1 << 63;
 /// How far planning has come.
 #[derive(Debug, Clone, Copy, Default)]
 struct Cursor {
-    /// The leg that is being planned.
-    leg: u64,
+    /// The item that is being planned.
+    item: u64,
     /// Where the next window begins.
-    departure: Departure,
+    departure: PathState,
     /// The step that it replaces, if one; steps are counted as the executor counts them.
     splice: Option<u64>,
     /// The next step's number.
@@ -160,13 +163,13 @@ struct Cursor {
     /// There the executor holds.
     holds: bool,
     /// How often the next window is halved, so that it comes soon.
-    haste: u32,
+    halvings: u32,
 }
 
-/// How often the window that answers an outlook is halved; those behind it are ever longer.
-const HASTE: u32 = 2;
+/// How often the window that answers a request is halved; those behind it are ever longer.
+const ANSWER_HALVINGS: u32 = 2;
 /// So much of such a window is kept, s: time to plan the next one. Its own end is out of sight until then.
-const HASTY: f64 = 0.06;
+const ANSWER_KEPT: f64 = 0.06;
 
 /// See [`Planner::KEPT`]; it does not depend on the number of axes.
 const KEPT: usize = Planner::<0>::KEPT;
@@ -184,20 +187,20 @@ impl<const N: usize> Planner<N> {
                     + limits.acceleration[i] / limits.jerk[i]
             })
             .fold(0.0, f64::max);
-        let sight = SIGHT * stop;
+        let lookahead = LOOKAHEAD * stop;
         Planner {
             limits,
             bounds: [PositionLimits {
                 min: f64::NEG_INFINITY,
                 max: f64::INFINITY,
             }; N],
-            sight,
-            horizon: sight + sight.max(0.5),
+            lookahead,
+            horizon: lookahead + lookahead.max(0.5),
             position,
-            run: None,
+            short_segments: None,
             pending: None,
-            astray: 0.0,
-            legs: VecDeque::new(),
+            deviation: 0.0,
+            items: VecDeque::new(),
             first: 0,
             kept: 0,
             length: 0.0,
@@ -209,12 +212,12 @@ impl<const N: usize> Planner<N> {
             out: VecDeque::new(),
             ways_back: Vec::new(),
             overrides: Overrides::default(),
-            stop_after_block: false,
+            single_block: false,
             revision: 0,
         }
     }
 
-    /// From now on no rounding, and no curve in place of facets, leaves these positions; where one
+    /// From now on no rounding, and no curve in place of short segments, leaves these positions; where one
     /// would, the path follows what is programmed and stops if need be. The moves themselves are the
     /// caller's to check.
     pub fn keep_within(&mut self, bounds: [PositionLimits; N]) {
@@ -224,7 +227,7 @@ impl<const N: usize> Planner<N> {
     /// Windows are so many times as deep from now on. That changes what planning takes, and hardly the
     /// motion time: it is for measuring how hardly.
     pub fn deepen(&mut self, times: u32) {
-        self.sight *= f64::from(times);
+        self.lookahead *= f64::from(times);
         self.horizon *= f64::from(times);
         self.window.most_cells *= times as usize;
     }
@@ -233,16 +236,16 @@ impl<const N: usize> Planner<N> {
     ///
     /// # Errors
     /// See [`PathError`]; the item is not taken then.
-    pub fn push(&mut self, item: Item<N>) -> Result<(), PathError> {
+    pub fn push(&mut self, item: PathItem<N>) -> Result<(), PathError> {
         match item {
-            Item::Dwell { duration, .. } if !(duration >= 0.0 && duration.is_finite()) => {
+            PathItem::Dwell { duration, .. } if !(duration >= 0.0 && duration.is_finite()) => {
                 return Err(PathError::Dwell(duration));
             }
-            Item::Dwell { duration, tag } => {
+            PathItem::Dwell { duration, tag } => {
                 self.close();
-                self.legs.push_back(Leg::Dwell { duration, tag });
+                self.items.push_back(PlanItem::Dwell { duration, tag });
             }
-            Item::Move(motion) => self.push_move(motion)?,
+            PathItem::Move(motion) => self.push_move(motion)?,
         }
         Ok(())
     }
@@ -250,12 +253,12 @@ impl<const N: usize> Planner<N> {
     /// The path rests here until [`mark`](super::Executor::mark) is [passed](super::Executor::pass).
     pub fn mark(&mut self, mark: u32) {
         self.close();
-        self.legs.push_back(Leg::Mark(mark));
+        self.items.push_back(PlanItem::Mark(mark));
     }
 
     /// Moves to come do not become one with those that were pushed.
     pub fn keep_joint(&mut self) {
-        self.join_run();
+        self.join_short_segments();
     }
 
     /// What planning took so far.
@@ -278,7 +281,7 @@ impl<const N: usize> Planner<N> {
     }
 
     fn close(&mut self) {
-        self.join_run();
+        self.join_short_segments();
         self.rest_here();
     }
 
@@ -290,7 +293,7 @@ impl<const N: usize> Planner<N> {
 
     /// The path stops where it is.
     fn stop_here(&mut self) {
-        if let Some(Leg::Section(section)) = self.legs.back_mut() {
+        if let Some(PlanItem::Section(section)) = self.items.back_mut() {
             section.closed = true;
         }
     }
@@ -307,35 +310,39 @@ impl<const N: usize> Planner<N> {
             return Err(PathError::Gap(gap));
         }
         self.position = motion.curve.end();
-        if let Some(run) = &mut self.run
-            && run.extend(&motion)
+        if let Some(segments) = &mut self.short_segments
+            && segments.extend(&motion)
         {
             self.join_parts(false);
             return Ok(());
         }
-        self.join_run();
-        self.run = Run::begin(&motion);
-        if self.run.is_none() {
+        self.join_short_segments();
+        self.short_segments = ShortSegments::begin(&motion);
+        if self.short_segments.is_none() {
             self.join(Part {
                 motion,
-                astray: 0.0,
+                deviation: 0.0,
                 goes_on: false,
             });
         }
         Ok(())
     }
 
-    /// Joins the facets that were gathered.
-    fn join_run(&mut self) {
+    /// Joins the short segments that were gathered.
+    fn join_short_segments(&mut self) {
         self.join_parts(true);
-        self.run = None;
+        self.short_segments = None;
     }
 
-    /// Joins what the facets that were gathered give, all of it if there come no more.
+    /// Joins what the short segments that were gathered give, all of it if there come no more.
     fn join_parts(&mut self, ended: bool) {
         let bounds = self.bounds;
         let may_be = |curve: &Curve<N>| inside(curve, &bounds);
-        while let Some(part) = self.run.as_mut().and_then(|run| run.next(ended, may_be)) {
+        while let Some(part) = self
+            .short_segments
+            .as_mut()
+            .and_then(|segments| segments.next(ended, may_be))
+        {
             self.join(part);
         }
     }
@@ -344,17 +351,17 @@ impl<const N: usize> Planner<N> {
     fn join(&mut self, part: Part<N>) {
         let Part {
             motion,
-            astray,
+            deviation,
             goes_on,
         } = part;
         let feed = motion.feed.speed();
         let mut taken = 0.0;
         if let Some((before, _)) = self.pending {
-            match before.exit.rounding() {
+            match before.mode.rounding() {
                 Some(_) if goes_on || smooth(&before.curve, &motion.curve) => self.lay_pending(0.0),
                 Some(rounding) => {
-                    let astray = astray.max(self.astray);
-                    let left = rounding.min(before.exit.tolerance() - astray);
+                    let deviation = deviation.max(self.deviation);
+                    let left = rounding.min(before.mode.tolerance() - deviation);
                     let rounded = LESSER.iter().find_map(|part| {
                         blend(&before.curve, &motion.curve, left * part)
                             .filter(|blend| inside(&blend.curve, &self.bounds))
@@ -371,7 +378,7 @@ impl<const N: usize> Planner<N> {
             }
         }
         self.pending = Some((motion, taken));
-        self.astray = astray;
+        self.deviation = deviation;
     }
 
     /// Lays the pending move but for the last `cut` of it.
@@ -393,15 +400,15 @@ impl<const N: usize> Planner<N> {
 
     /// The section goes on with `curve`; if there is none, one begins.
     fn lay(&mut self, curve: Curve<N>, feed: f64, tag: u32) {
-        if !matches!(self.legs.back(), Some(Leg::Section(section)) if !section.closed) {
-            self.legs.push_back(Leg::Section(Section {
+        if !matches!(self.items.back(), Some(PlanItem::Section(section)) if !section.closed) {
+            self.items.push_back(PlanItem::Section(Section {
                 spans: Vec::new(),
                 origin: self.length,
                 length: 0.0,
                 closed: false,
             }));
         }
-        let mut span = Span {
+        let mut span = PathSegment {
             start: 0.0,
             curve,
             feed,
@@ -411,63 +418,64 @@ impl<const N: usize> Planner<N> {
         if self.overrides != Overrides::default() {
             span.speed = asked_speed(&span, self.overrides, &self.limits);
         }
-        if let Some(Leg::Section(section)) = self.legs.back_mut() {
+        if let Some(PlanItem::Section(section)) = self.items.back_mut() {
             section.push(span);
             self.length = section.origin + section.length;
             self.kept += 1;
         }
     }
 
-    /// Plans the rest of the path anew from the state that the executor looks out to; the commands
+    /// Plans the rest of the path anew from the state that the executor asks for; the commands
     /// come next. Where no law is found from there, the answer is a plan that is too late, and the
-    /// executor, which follows its old plan meanwhile, will look out to another state. An outlook
+    /// executor, which follows its old plan meanwhile, will ask for one from another state. A request
     /// that was answered is passed over; false then.
-    pub fn observe(&mut self, outlook: &Outlook) -> bool {
-        let news = outlook.revision > self.revision;
+    pub fn replan(&mut self, request: &ReplanRequest) -> bool {
+        let news = request.revision > self.revision;
         if news {
-            self.answer(outlook);
+            self.answer(request);
         }
         news
     }
 
-    fn answer(&mut self, outlook: &Outlook) {
-        self.revision = outlook.revision;
-        self.override_speeds(outlook.overrides);
-        self.stop_after_block = outlook.stop_after_block;
+    fn answer(&mut self, request: &ReplanRequest) {
+        self.revision = request.revision;
+        self.override_speeds(request.overrides);
+        self.single_block = request.single_block;
         // The executor is on one of them, or on none.
-        self.ways_back.retain(|way| outlook.leg == Some(way.number));
-        if outlook.rest {
-            self.come_to_rest(outlook);
+        self.ways_back
+            .retain(|way| request.item == Some(way.number));
+        if request.rest {
+            self.come_to_rest(request);
             return;
         }
         // The last of the way is less than lengths tell apart, but takes time.
-        let from = outlook.departure;
-        let under_way = outlook.leg.and_then(|leg| self.section(leg));
+        let from = request.departure;
+        let under_way = request.item.and_then(|item| self.section(item));
         if from.speed > 0.0 && under_way.is_some_and(|section| section.ends_at(from.distance)) {
             self.find_nothing();
             return;
         }
-        let (leg, departure) = match outlook.step_back {
-            Some(asked) => self.way_back(outlook, asked),
-            None => self.way_on(outlook),
+        let (item, departure) = match request.retrace {
+            Some(asked) => self.way_back(request, asked),
+            None => self.way_on(request),
         };
-        if departure.speed > 0.0 && self.section(leg).is_some() {
-            self.go_on(outlook.cycle, leg, departure);
+        if departure.speed > 0.0 && self.section(item).is_some() {
+            self.go_on(request.cycle, item, departure);
             return;
         }
-        self.begin_answer(outlook.cycle, leg, departure);
+        self.begin_answer(request.cycle, item, departure);
         self.plans[1].clear();
-        match self.section(leg) {
+        match self.section(item) {
             Some(_) => {
                 let ended = self.plan_window(None);
                 if self.out.len() == 1 {
                     self.out.push_back(Command::Commit);
                 }
                 if ended {
-                    self.begin_leg(leg + 1);
+                    self.begin_item(item + 1);
                 }
             }
-            None if outlook.step_back.is_some() => {
+            None if request.retrace.is_some() => {
                 // There is no way further back.
                 self.out.extend([Command::Hold, Command::Commit]);
                 self.cursor.step += 1;
@@ -478,13 +486,13 @@ impl<const N: usize> Planner<N> {
     }
 
     /// What comes next replaces the old plan in that cycle, and begins from that state.
-    fn begin_answer(&mut self, cycle: u64, leg: u64, departure: Departure) {
+    fn begin_answer(&mut self, cycle: u64, item: u64, departure: PathState) {
         self.cursor = Cursor {
-            leg,
+            item,
             departure,
             sent: f64::NEG_INFINITY,
             rest: departure.distance,
-            haste: HASTE,
+            halvings: ANSWER_HALVINGS,
             ..Cursor::default()
         };
         self.followed.clear();
@@ -493,12 +501,12 @@ impl<const N: usize> Planner<N> {
     }
 
     /// Plans on from a state in motion, or from where the old plan leads to from there.
-    fn go_on(&mut self, cycle: u64, leg: u64, departure: Departure) {
-        if self.plans[1].from(leg, departure).next().is_some() {
+    fn go_on(&mut self, cycle: u64, item: u64, departure: PathState) {
+        if self.plans[1].from(item, departure).next().is_some() {
             self.plans.swap(0, 1);
         }
         self.plans[1].clear();
-        let old: Vec<_> = self.plans[0].from(leg, departure).collect();
+        let old: Vec<_> = self.plans[0].from(item, departure).collect();
         let before = self.cursor;
         for attempt in attempts(&old).filter(|attempt| attempt.followed <= MOST_FOLLOWED) {
             let (followed, ahead) = old.split_at(attempt.followed);
@@ -506,15 +514,15 @@ impl<const N: usize> Planner<N> {
                 Some(next) => next.piece.into(),
                 None => departure,
             };
-            self.begin_answer(cycle, leg, from);
+            self.begin_answer(cycle, item, from);
             self.followed.extend(followed.iter().map(|laid| laid.piece));
-            let kept = dips(ahead).next().unwrap_or(ahead.len());
+            let kept = minima(ahead).next().unwrap_or(ahead.len());
             self.window
                 .recall(if attempt.keeps { &ahead[..kept] } else { &[] });
             let ended = self.plan_window(Some((attempt, ahead)));
             if self.out.len() > 1 {
                 if ended {
-                    self.begin_leg(leg + 1);
+                    self.begin_item(item + 1);
                 }
                 return;
             }
@@ -526,7 +534,7 @@ impl<const N: usize> Planner<N> {
     /// What comes next replaces the old plan in that cycle.
     fn replace_from(&mut self, cycle: u64) {
         self.out.clear();
-        self.out.push_back(Command::Revise {
+        self.out.push_back(Command::ReplacePlan {
             revision: self.revision,
             cycle,
         });
@@ -538,97 +546,97 @@ impl<const N: usize> Planner<N> {
         self.out.push_back(Command::Commit);
     }
 
-    /// Plans the shortest way to rest, and nothing beyond until the next outlook.
-    fn come_to_rest(&mut self, outlook: &Outlook) {
+    /// Plans the shortest way to rest, and nothing beyond until the next request.
+    fn come_to_rest(&mut self, request: &ReplanRequest) {
         self.cursor.holds = true;
-        let ways = (outlook.leg).and_then(|leg| Some((leg, self.section(leg)?)));
-        let found = ways.and_then(|(leg, section)| {
+        let ways = (request.item).and_then(|item| Some((item, self.section(item)?)));
+        let found = ways.and_then(|(item, section)| {
             let plans = self.plans.iter().rev();
-            let old = plans.map(|plan| plan.from(leg, outlook.departure).collect::<Vec<_>>());
+            let old = plans.map(|plan| plan.from(item, request.departure).collect::<Vec<_>>());
             let old = old
                 .into_iter()
                 .find(|old| !old.is_empty())
                 .unwrap_or_default();
-            let spans = section.from(outlook.departure.distance);
+            let spans = section.from(request.departure.distance);
             let (followed, law) = (0..RESTS).find_map(|k| {
-                let (followed, from) = follow(&old, outlook.departure, FOLLOWED * k as f64)?;
+                let (followed, from) = follow(&old, request.departure, FOLLOWED * k as f64)?;
                 let ahead = section.from(from.distance);
                 let law = brake(|k| ahead.get(k), &self.limits, from, 0.0)?;
                 Some((followed, law))
             })?;
             let begin = Command::Section {
-                leg,
+                item,
                 origin: section.origin,
-                backward: leg >= BACK,
+                backward: item >= BACK,
                 limits: self.limits,
             };
             let under_way = spans.iter().take_while(|s| s.start < law.end.distance);
             let mut plan = vec![begin];
-            plan.extend(under_way.copied().map(Command::Span));
-            plan.extend(followed.into_iter().map(Command::Piece));
-            plan.extend(law.pieces().iter().copied().map(Command::Piece));
+            plan.extend(under_way.copied().map(Command::PathSegment));
+            plan.extend(followed.into_iter().map(Command::JerkSegment));
+            plan.extend(law.pieces().iter().copied().map(Command::JerkSegment));
             Some(plan)
         });
         let Some(plan) = found else {
             self.find_nothing();
             return;
         };
-        self.replace_from(outlook.cycle);
+        self.replace_from(request.cycle);
         self.out.extend(plan);
         self.out.push_back(Command::Commit);
     }
 
     /// From where the path goes on.
-    fn way_on(&self, outlook: &Outlook) -> (u64, Departure) {
-        let (leg, departure) = match (outlook.leg, self.ways_back.first()) {
-            (None, _) => return (self.first, Departure::default()),
+    fn way_on(&self, request: &ReplanRequest) -> (u64, PathState) {
+        let (item, departure) = match (request.item, self.ways_back.first()) {
+            (None, _) => return (self.first, PathState::default()),
             (Some(_), Some(back)) => {
-                let distance = back.from - outlook.departure.distance;
+                let distance = back.from - request.departure.distance;
                 (
-                    back.leg,
-                    Departure {
+                    back.item,
+                    PathState {
                         distance: distance.max(0.0),
-                        ..Departure::default()
+                        ..PathState::default()
                     },
                 )
             }
-            (Some(leg), None) => (leg, outlook.departure),
+            (Some(item), None) => (item, request.departure),
         };
-        match self.section(leg) {
-            Some(section) if !section.ends_at(departure.distance) => (leg, departure),
-            _ => (leg + 1, Departure::default()),
+        match self.section(item) {
+            Some(section) if !section.ends_at(departure.distance) => (item, departure),
+            _ => (item + 1, PathState::default()),
         }
     }
 
     /// From where the path goes back: on a way back that is under way, or on a new one to the
     /// beginning of a block.
-    fn way_back(&mut self, outlook: &Outlook, asked: u64) -> (u64, Departure) {
-        let nowhere = (BACK, Departure::default());
+    fn way_back(&mut self, request: &ReplanRequest, asked: u64) -> (u64, PathState) {
+        let nowhere = (BACK, PathState::default());
         let mut number = BACK;
-        let (mut leg, mut from) = match (outlook.leg, self.ways_back.first()) {
+        let (mut item, mut from) = match (request.item, self.ways_back.first()) {
             (None, _) => return nowhere,
             (Some(at), Some(back)) => {
-                if !back.section.reaches_end(outlook.departure.distance) {
-                    return (at, outlook.departure);
+                if !back.section.reaches_end(request.departure.distance) {
+                    return (at, request.departure);
                 }
                 if back.asked == asked {
                     return nowhere;
                 }
                 number = at;
-                (back.leg, back.from - back.section.length)
+                (back.item, back.from - back.section.length)
             }
-            (Some(leg), None) => (leg, outlook.departure.distance),
+            (Some(item), None) => (item, request.departure.distance),
         };
         // From the beginning of a section, or a rest between two, into the one before.
-        while self.section(leg).is_none() || from <= NOTHING {
-            let legs = self.first..self.first + self.legs.len() as u64;
-            let Some(before) = leg.checked_sub(1).filter(|before| legs.contains(before)) else {
+        while self.section(item).is_none() || from <= NOTHING {
+            let items = self.first..self.first + self.items.len() as u64;
+            let Some(before) = item.checked_sub(1).filter(|before| items.contains(before)) else {
                 return nowhere;
             };
-            leg = before;
-            from = self.section(leg).map_or(0.0, |section| section.length);
+            item = before;
+            from = self.section(item).map_or(0.0, |section| section.length);
         }
-        let Some(section) = self.section(leg) else {
+        let Some(section) = self.section(item) else {
             return nowhere;
         };
         let last = (section.spans)
@@ -647,7 +655,7 @@ impl<const N: usize> Planner<N> {
             .rev()
             .take_while(|s| s.tag == tag)
         {
-            way.push(Span {
+            way.push(PathSegment {
                 curve: span.curve.reversed(),
                 ..*span
             });
@@ -656,13 +664,13 @@ impl<const N: usize> Planner<N> {
         self.ways_back.push(Back {
             number,
             asked,
-            leg,
+            item,
             from: end,
             section: way,
         });
-        let departure = Departure {
+        let departure = PathState {
             distance: (end - from).max(0.0),
-            ..Departure::default()
+            ..PathState::default()
         };
         (number, departure)
     }
@@ -672,15 +680,15 @@ impl<const N: usize> Planner<N> {
         if let Some(way) = self.ways_back.iter().find(|way| way.number == number) {
             return Some(&way.section);
         }
-        match self.leg(number) {
-            Some(Leg::Section(section)) => Some(section),
+        match self.item(number) {
+            Some(PlanItem::Section(section)) => Some(section),
             _ => None,
         }
     }
 
-    fn leg(&self, number: u64) -> Option<&Leg<N>> {
+    fn item(&self, number: u64) -> Option<&PlanItem<N>> {
         let index = number.checked_sub(self.first)?;
-        self.legs.get(index as usize)
+        self.items.get(index as usize)
     }
 
     /// From now on these parts of the programmed speeds are asked for.
@@ -689,8 +697,8 @@ impl<const N: usize> Planner<N> {
             return;
         }
         self.overrides = overrides;
-        let sections = self.legs.iter_mut().filter_map(|leg| match leg {
-            Leg::Section(section) => Some(section),
+        let sections = self.items.iter_mut().filter_map(|item| match item {
+            PlanItem::Section(section) => Some(section),
             _ => None,
         });
         let back = self.ways_back.iter_mut().map(|way| &mut way.section);
@@ -701,17 +709,17 @@ impl<const N: usize> Planner<N> {
         }
     }
 
-    /// Planning goes on with that leg; legs long passed are forgotten.
-    fn begin_leg(&mut self, leg: u64) {
+    /// Planning goes on with that item; items long passed are forgotten.
+    fn begin_item(&mut self, item: u64) {
         self.window.faster.clear();
         self.cursor = Cursor {
-            leg,
+            item,
             step: self.cursor.step,
             holds: self.cursor.holds,
             ..Cursor::default()
         };
-        while self.kept + self.legs.len() > KEPT && self.first + 1 < leg && leg < BACK {
-            if let Some(Leg::Section(section)) = self.legs.pop_front() {
+        while self.kept + self.items.len() > KEPT && self.first + 1 < item && item < BACK {
+            if let Some(PlanItem::Section(section)) = self.items.pop_front() {
                 self.kept -= section.spans.len();
             }
             self.first += 1;
@@ -721,27 +729,27 @@ impl<const N: usize> Planner<N> {
     /// Plans until there is a command, as far as the path is known.
     fn plan_on(&mut self) {
         while self.out.is_empty() && !self.cursor.holds {
-            let number = self.cursor.leg;
-            match self.leg(number) {
-                Some(&Leg::Dwell { duration, tag }) => {
+            let number = self.cursor.item;
+            match self.item(number) {
+                Some(&PlanItem::Dwell { duration, tag }) => {
                     self.out.extend([
                         Command::Dwell {
-                            leg: number,
+                            item: number,
                             duration,
                             tag,
                         },
                         Command::Commit,
                     ]);
                     self.cursor.step += 1;
-                    self.begin_leg(number + 1);
+                    self.begin_item(number + 1);
                 }
-                Some(&Leg::Mark(mark)) => {
+                Some(&PlanItem::Mark(mark)) => {
                     self.out
-                        .extend([Command::Mark { leg: number, mark }, Command::Commit]);
+                        .extend([Command::Mark { item: number, mark }, Command::Commit]);
                     self.cursor.step += 1;
-                    self.begin_leg(number + 1);
+                    self.begin_item(number + 1);
                 }
-                Some(Leg::Section(_)) | None => {
+                Some(PlanItem::Section(_)) | None => {
                     let Some(section) = self.section(number) else {
                         return;
                     };
@@ -750,7 +758,7 @@ impl<const N: usize> Planner<N> {
                         return;
                     }
                     if self.plan_window(None) {
-                        self.begin_leg(number + 1);
+                        self.begin_item(number + 1);
                     }
                 }
             }
@@ -762,12 +770,12 @@ impl<const N: usize> Planner<N> {
     /// if that reaches the section's end.
     fn plan_window(&mut self, anew: Option<(Attempt, &[Laid])>) -> bool {
         let followed = take(&mut self.followed);
-        let leg = self.cursor.leg;
-        let index = leg.checked_sub(self.first).map(|index| index as usize);
-        let backward = leg >= BACK;
-        let way = self.ways_back.iter_mut().find(|way| way.number == leg);
-        let section = match (index.and_then(|index| self.legs.get_mut(index)), way) {
-            (Some(Leg::Section(section)), _) => section,
+        let item = self.cursor.item;
+        let index = item.checked_sub(self.first).map(|index| index as usize);
+        let backward = item >= BACK;
+        let way = self.ways_back.iter_mut().find(|way| way.number == item);
+        let section = match (index.and_then(|index| self.items.get_mut(index)), way) {
+            (Some(PlanItem::Section(section)), _) => section,
             (None, Some(way)) => &mut way.section,
             _ => return true,
         };
@@ -803,7 +811,7 @@ impl<const N: usize> Planner<N> {
             gently = attempt.gently;
             if gently {
                 let limit = &mut self.window.faster;
-                rest = lay_descent(spans, &self.limits, departure, old, limit);
+                rest = lay_transition(spans, &self.limits, departure, old, limit);
                 if limit.is_empty() {
                     return false;
                 }
@@ -813,18 +821,18 @@ impl<const N: usize> Planner<N> {
         }
         if backward {
             way = way.min(section.length);
-        } else if self.stop_after_block {
+        } else if self.single_block {
             way = way.min(block_end(spans, section.closed, from, &self.limits));
         }
-        let haste = take(&mut self.cursor.haste);
+        let halvings = take(&mut self.cursor.halvings);
         let known = spans.last().map_or(0.0, |s| s.start + s.curve.length());
-        let far = |from: Departure, haste, rest: Option<f64>| {
-            let time = self.horizon / f64::from(1_u32 << haste);
+        let far = |from: PathState, halvings, rest: Option<f64>| {
+            let time = self.horizon / f64::from(1_u32 << halvings);
             let room = from.distance + room_to_stop(spans, &self.limits, from);
             let end = reach(spans, from.distance, time, &self.limits).max(room);
             rest.unwrap_or(end.min(way)).min(known)
         };
-        let end = far(from, haste, rest);
+        let end = far(from, halvings, rest);
         if end <= from.distance && self.slowing.is_empty() && from.speed == 0.0 {
             // There is no way on.
             self.out.extend([Command::Hold, Command::Commit]);
@@ -838,35 +846,37 @@ impl<const N: usize> Planner<N> {
             self.window.stay();
             from.speed == 0.0
         } else {
-            let plan = |window: &mut Window<N>, from, haste, rest| {
-                let end = far(from, haste, rest);
-                window.plan(spans, &self.limits, from, end, haste).is_ok()
+            let plan = |window: &mut Window<N>, from, halvings, rest| {
+                let end = far(from, halvings, rest);
+                window
+                    .plan(spans, &self.limits, from, end, halvings)
+                    .is_ok()
             };
             // Where a short window has no law a longer one may have.
-            let shortest = if anew.is_some() { haste } else { 0 };
-            let mut planned = (shortest..=haste)
+            let shortest = if anew.is_some() { halvings } else { 0 };
+            let mut planned = (shortest..=halvings)
                 .rev()
-                .any(|haste| plan(&mut self.window, from, haste, rest));
+                .any(|halvings| plan(&mut self.window, from, halvings, rest));
             // Where it goes slower for a bend it must not rise to the limit again.
             for _ in 0..LIMITS_LOWERED {
                 if !gently || !planned {
                     break;
                 }
                 let law = self.window.laid();
-                if !rises(&law, spans) {
+                if !overshoots(&law, spans) {
                     break;
                 }
-                let kept = &law[..dips(&law).next().unwrap_or(0)];
+                let kept = &law[..minima(&law).next().unwrap_or(0)];
                 let mut limit = Vec::new();
-                let lower = lay_descent(spans, &self.limits, departure, &law, &mut limit);
+                let lower = lay_transition(spans, &self.limits, departure, &law, &mut limit);
                 std::mem::swap(&mut self.window.faster, &mut limit);
                 self.window.recall(kept);
-                if plan(&mut self.window, from, haste, lower) {
+                if plan(&mut self.window, from, halvings, lower) {
                     rest = lower;
                 } else {
                     self.window.faster = limit;
                     self.window.recall(kept);
-                    planned = plan(&mut self.window, from, haste, rest);
+                    planned = plan(&mut self.window, from, halvings, rest);
                     break;
                 }
             }
@@ -875,7 +885,7 @@ impl<const N: usize> Planner<N> {
                 from = departure;
                 self.window.faster.clone_from(&self.slowing);
                 self.slowing.clear();
-                planned = plan(&mut self.window, from, haste, rest);
+                planned = plan(&mut self.window, from, halvings, rest);
             }
             for _ in 1..ATTEMPTS {
                 // Where no law is found there may be one from a little later on.
@@ -899,9 +909,9 @@ impl<const N: usize> Planner<N> {
             }
             if departure.speed > 0.0 {
                 // What was handed over ends at rest further on: from there it can always go on.
-                self.cursor.departure = Departure {
+                self.cursor.departure = PathState {
                     distance: self.cursor.rest,
-                    ..Departure::default()
+                    ..PathState::default()
                 };
                 self.cursor.splice = None;
                 return section.ends_at(self.cursor.rest);
@@ -916,7 +926,7 @@ impl<const N: usize> Planner<N> {
         let rest = last.distance + last.at(last.duration).0;
         if !self.cursor.begun {
             self.out.push_back(Command::Section {
-                leg,
+                item,
                 origin: section.origin,
                 backward,
                 limits: self.limits,
@@ -925,7 +935,7 @@ impl<const N: usize> Planner<N> {
             self.cursor.step += 1;
         }
         if let Some(step) = self.cursor.splice {
-            self.out.push_back(Command::Splice(step));
+            self.out.push_back(Command::ReplaceTail(step));
             self.cursor.step = step;
         }
         for span in section
@@ -933,7 +943,7 @@ impl<const N: usize> Planner<N> {
             .iter()
             .filter(|s| s.start >= self.cursor.sent && s.start < rest)
         {
-            self.out.push_back(Command::Span(*span));
+            self.out.push_back(Command::PathSegment(*span));
         }
         self.cursor.sent = self.cursor.sent.max(rest);
         let ahead = followed.iter().chain(&self.slowing);
@@ -941,8 +951,8 @@ impl<const N: usize> Planner<N> {
             .map(|&piece| Laid::from(piece))
             .chain(self.window.laid());
         for (step, laid) in (self.cursor.step..).zip(ahead) {
-            self.out.push_back(Command::Piece(laid.piece));
-            self.plans[1].lay(leg, step, laid);
+            self.out.push_back(Command::JerkSegment(laid.piece));
+            self.plans[1].lay(item, step, laid);
         }
         self.cursor.holds = rest >= way - NOTHING;
         if self.cursor.holds {
@@ -957,9 +967,9 @@ impl<const N: usize> Planner<N> {
             return true;
         }
         if pieces.is_empty() {
-            self.cursor.departure = Departure {
+            self.cursor.departure = PathState {
                 distance: rest,
-                ..Departure::default()
+                ..PathState::default()
             };
             self.cursor.splice = None;
             return false;
@@ -971,15 +981,15 @@ impl<const N: usize> Planner<N> {
         let mut time = ahead.map(|piece| piece.duration).sum::<f64>();
         let soon = pieces.iter().position(|piece| {
             time += piece.duration;
-            time >= HASTY
+            time >= ANSWER_KEPT
         });
         let least = match soon {
-            Some(soon) if haste > 0 => half.min(soon + 1),
+            Some(soon) if halvings > 0 => half.min(soon + 1),
             _ => half,
         };
         let mut left = 0.0;
         let mut keep = pieces.len() - 1;
-        while keep > least && left < self.sight {
+        while keep > least && left < self.lookahead {
             left += pieces[keep].duration;
             keep -= 1;
         }
@@ -989,9 +999,9 @@ impl<const N: usize> Planner<N> {
                 keep = k;
             }
         }
-        self.cursor.departure = Departure::from(pieces[keep]);
+        self.cursor.departure = PathState::from(pieces[keep]);
         self.cursor.splice = Some(first + keep as u64);
-        self.cursor.haste = haste.saturating_sub(1);
+        self.cursor.halvings = halvings.saturating_sub(1);
         false
     }
 }
@@ -999,9 +1009,9 @@ impl<const N: usize> Planner<N> {
 /// The end of the block that is under way at `from`, or of the first one where it is likely that
 /// the path can rest from there.
 fn block_end<const N: usize>(
-    spans: &[Span<N>],
+    spans: &[PathSegment<N>],
     closed: bool,
-    from: Departure,
+    from: PathState,
     limits: &Limits<N>,
 ) -> f64 {
     let room = room_to_stop(spans, limits, from);
@@ -1020,7 +1030,11 @@ fn block_end<const N: usize>(
 }
 
 /// The path speed that is asked for on a span after overrides.
-fn asked_speed<const N: usize>(span: &Span<N>, overrides: Overrides, limits: &Limits<N>) -> f64 {
+fn asked_speed<const N: usize>(
+    span: &PathSegment<N>,
+    overrides: Overrides,
+    limits: &Limits<N>,
+) -> f64 {
     if span.feed.is_finite() {
         span.feed * overrides.feed
     } else if overrides.rapid < 1.0 {
@@ -1037,10 +1051,10 @@ fn asked_speed<const N: usize>(span: &Span<N>, overrides: Overrides, limits: &Li
 /// Lays the pieces that bring `from` down to a state from where the way goes on at the speeds that
 /// are asked for; none if it is one. False if no law was found.
 fn lay_slowing<const N: usize>(
-    spans: &[Span<N>],
+    spans: &[PathSegment<N>],
     limits: &Limits<N>,
-    from: &mut Departure,
-    pieces: &mut Vec<Piece>,
+    from: &mut PathState,
+    pieces: &mut Vec<JerkSegment>,
 ) -> bool {
     let mut target = spans[0].speed;
     let along = spans[0].curve.at(from.distance - spans[0].start).d1;
@@ -1078,11 +1092,11 @@ fn lay_slowing<const N: usize>(
 const SLOWED: f64 = 1.0 - 1e-4;
 
 /// A window sees this many times the longest stop of an axis beyond what is final.
-const SIGHT: f64 = 2.0;
+const LOOKAHEAD: f64 = 2.0;
 
 impl<const N: usize> Section<N> {
-    fn push(&mut self, span: Span<N>) {
-        self.spans.push(Span {
+    fn push(&mut self, span: PathSegment<N>) {
+        self.spans.push(PathSegment {
             start: self.length,
             ..span
         });
@@ -1101,7 +1115,7 @@ impl<const N: usize> Section<N> {
     }
 
     /// The spans from the one at `distance` on.
-    fn from(&self, distance: f64) -> &[Span<N>] {
+    fn from(&self, distance: f64) -> &[PathSegment<N>] {
         let passed = self.spans.partition_point(|s| s.start <= distance);
         &self.spans[passed.saturating_sub(1)..]
     }
@@ -1121,7 +1135,7 @@ impl<const N: usize> Section<N> {
         if spans.len() > WINDOW_SPANS {
             return f64::INFINITY;
         }
-        let left = |span: &Span<N>| {
+        let left = |span: &PathSegment<N>| {
             let end = span.start + span.curve.length();
             (end - span.start.max(distance)).max(0.0) / top_speed(span, limits)
         };
@@ -1130,7 +1144,12 @@ impl<const N: usize> Section<N> {
 }
 
 /// The distance that is reached from `from` within `time`, at the earliest.
-fn reach<const N: usize>(spans: &[Span<N>], from: f64, time: f64, limits: &Limits<N>) -> f64 {
+fn reach<const N: usize>(
+    spans: &[PathSegment<N>],
+    from: f64,
+    time: f64,
+    limits: &Limits<N>,
+) -> f64 {
     let mut left = time;
     let mut at = from;
     for span in spans.iter().take(WINDOW_SPANS) {
@@ -1153,7 +1172,7 @@ fn reach<const N: usize>(spans: &[Span<N>], from: f64, time: f64, limits: &Limit
     at
 }
 
-fn top_speed<const N: usize>(span: &Span<N>, limits: &Limits<N>) -> f64 {
+fn top_speed<const N: usize>(span: &PathSegment<N>, limits: &Limits<N>) -> f64 {
     let axes = (0..N)
         .map(|i| limits.velocity[i] * limits.velocity[i])
         .sum::<f64>()
@@ -1192,7 +1211,7 @@ pub(super) struct Bounds {
 }
 
 impl Bounds {
-    pub(super) fn along<const N: usize>(span: &Span<N>, limits: &Limits<N>) -> Self {
+    pub(super) fn along<const N: usize>(span: &PathSegment<N>, limits: &Limits<N>) -> Self {
         // |q′|, |q″|, |q‴| of every axis, at most.
         let [d1, d2, d3] = span.curve.derivative_bounds();
         let least = |f: &dyn Fn(usize) -> f64| (0..N).map(f).fold(f64::INFINITY, f64::min);
@@ -1225,7 +1244,7 @@ impl Bounds {
 }
 
 /// The shortest profile over `length` from rest to rest: seven pieces, some of no duration.
-pub(super) fn rest_to_rest(from: f64, length: f64, bounds: Bounds) -> [Piece; 7] {
+pub(super) fn rest_to_rest(from: f64, length: f64, bounds: Bounds) -> [JerkSegment; 7] {
     let Bounds {
         speed: vmax,
         acceleration: amax,
@@ -1270,7 +1289,7 @@ pub(super) fn rest_to_rest(from: f64, length: f64, bounds: Bounds) -> [Piece; 7]
     let mut distance = from;
     let mut speed = 0.0;
     shape.map(|(duration, jerk, acceleration)| {
-        let piece = Piece {
+        let piece = JerkSegment {
             duration,
             distance,
             speed,
@@ -1287,7 +1306,7 @@ pub(super) fn rest_to_rest(from: f64, length: f64, bounds: Bounds) -> [Piece; 7]
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::path::{Executor, Exit, Feed, Plane, curve::ArcDefinition};
+    use crate::path::{Executor, Feed, PathControlMode, Plane, curve::ArcDefinition};
 
     const LIMITS: Limits<3> = Limits {
         velocity: [500.0, 400.0, 200.0],
@@ -1303,9 +1322,9 @@ mod tests {
         let mut take = |planner: &mut Planner<3>| {
             while let Some(command) = planner.pop() {
                 match command {
-                    Command::Splice(step) => steps.truncate(step as usize),
+                    Command::ReplaceTail(step) => steps.truncate(step as usize),
                     Command::Section { .. } => steps.push(0.0),
-                    Command::Piece(piece) => steps.push(piece.duration),
+                    Command::JerkSegment(piece) => steps.push(piece.duration),
                     Command::Commit => windows += 1,
                     _ => {}
                 }
@@ -1313,10 +1332,10 @@ mod tests {
         };
         for &curve in curves {
             planner
-                .push(Item::Move(Move {
+                .push(PathItem::Move(Move {
                     curve,
                     feed: Feed::Rate(feed),
-                    exit: Exit::Blend(0.02),
+                    mode: PathControlMode::Blend(0.02),
                     tag: 0,
                 }))
                 .unwrap();
@@ -1378,10 +1397,10 @@ mod tests {
             let motion = Move {
                 curve: Curve::line(ends[0], ends[1]).unwrap(),
                 feed: Feed::Rate(150.0),
-                exit: Exit::Blend(0.02),
+                mode: PathControlMode::Blend(0.02),
                 tag: 0,
             };
-            planner.push(Item::Move(motion)).unwrap();
+            planner.push(PathItem::Move(motion)).unwrap();
         }
         planner.finish();
         let mut executor = Executor::new(points[0], 0.001);
@@ -1391,15 +1410,15 @@ mod tests {
                 let feed = 1.0 + 1e-9;
                 executor.set_overrides(Overrides { feed, rapid: 1.0 });
             }
-            if let Some(outlook) = executor.outlook() {
-                planner.observe(&outlook);
+            if let Some(request) = executor.replan_request() {
+                planner.replan(&request);
                 windows.clear();
             }
             while executor.room() > 0
                 && let Some(command) = planner.pop()
             {
                 match command {
-                    Command::Piece(_) => pieces += 1,
+                    Command::JerkSegment(_) => pieces += 1,
                     Command::Commit => windows.push(take(&mut pieces)),
                     _ => {}
                 }

@@ -1,4 +1,4 @@
-//! Plans a stretch of a section: cuts it into cells, solves for the time law, turns it into pieces
+//! Plans a stretch of a section: cuts it into cells, solves for the time parametrisation, turns it into pieces
 //! and certifies them.
 
 use std::iter::repeat;
@@ -7,14 +7,14 @@ use super::brake::instant_at;
 use super::certify::{ROUNDING, load};
 use super::plan::Laid;
 use super::planner::{Bounds, rest_to_rest};
-use super::time_law::{Cell, Node, Slope, TimeLaw};
-use super::{Departure, Limits, Piece, Span};
+use super::time_parametrisation::{Cell, Node, Slope, TimeParametrisation};
+use super::{JerkSegment, Limits, PathSegment, PathState};
 use crate::profile::State;
 use crate::state_to_state::{self, Axis};
 
-impl From<Piece> for Departure {
-    fn from(piece: Piece) -> Self {
-        Departure {
+impl From<JerkSegment> for PathState {
+    fn from(piece: JerkSegment) -> Self {
+        PathState {
             distance: piece.distance,
             speed: piece.speed,
             acceleration: piece.acceleration,
@@ -35,9 +35,9 @@ const FINER: f64 = 0.4;
 /// Greatest turn of the tangent within a cell, rad.
 const CELL_TURN: f64 = 0.1;
 
-/// Heat of the first solution and of those with tightened limits.
-const COLD: f64 = 0.3;
-const WARM: f64 = 0.01;
+/// Barrier of the first solution and of those with tightened limits, in motion times.
+const BARRIER_FROM_GUESS: f64 = 0.3;
+const BARRIER_FROM_LAST: f64 = 0.01;
 
 /// Tolerance of the optimisation, as a part of the motion time.
 const TOLERANCE: f64 = 3e-4;
@@ -83,7 +83,7 @@ struct Stretch {
 
 /// The law of a stretch could not be found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct NoLaw;
+pub struct NoSolution;
 
 /// Scratch space of the planning of a stretch.
 #[derive(Debug, Clone)]
@@ -100,17 +100,17 @@ pub struct Window<const N: usize> {
     last: Known,
     /// Cells of the last plan that are taken over.
     kept: Vec<KnownCell>,
-    law: TimeLaw<N>,
-    pieces: Vec<Piece>,
+    law: TimeParametrisation<N>,
+    pieces: Vec<JerkSegment>,
     effort: Effort,
     /// A slowing down to the speed that is asked for; where it is faster than that, so may the plan be.
-    pub(super) faster: Vec<Piece>,
+    pub(super) faster: Vec<JerkSegment>,
 }
 
 /// The last plan that was found.
 #[derive(Debug, Clone, Default)]
 struct Known {
-    pieces: Vec<Piece>,
+    pieces: Vec<JerkSegment>,
     cells: Vec<KnownCell>,
     /// It comes to rest; otherwise it is the beginning of one that does.
     rests: bool,
@@ -146,7 +146,7 @@ impl<const N: usize> Default for Window<N> {
             cuts: Vec::new(),
             last: Known::default(),
             kept: Vec::new(),
-            law: TimeLaw::default(),
+            law: TimeParametrisation::default(),
             pieces: Vec::new(),
             effort: Effort::default(),
             faster: Vec::new(),
@@ -158,7 +158,7 @@ impl<const N: usize> Default for Window<N> {
 const LOOSE: f64 = 1e-3;
 
 /// The speed that is asked for on a span at the distance `s`, while slowing down.
-fn asked<const N: usize>(faster: &[Piece], span: &Span<N>, s: f64) -> f64 {
+fn asked<const N: usize>(faster: &[JerkSegment], span: &PathSegment<N>, s: f64) -> f64 {
     let begun = faster.partition_point(|piece| piece.distance <= s);
     match faster[..begun].last() {
         Some(piece) if s < piece.distance + piece.at(piece.duration).0 => {
@@ -171,7 +171,7 @@ fn asked<const N: usize>(faster: &[Piece], span: &Span<N>, s: f64) -> f64 {
 
 impl<const N: usize> Window<N> {
     /// The result of the last plan.
-    pub fn pieces(&self) -> &[Piece] {
+    pub fn pieces(&self) -> &[JerkSegment] {
         &self.pieces
     }
 
@@ -193,10 +193,10 @@ impl<const N: usize> Window<N> {
     /// The end comes too soon for that.
     pub fn straight(
         &mut self,
-        span: &Span<N>,
+        span: &PathSegment<N>,
         limits: &Limits<N>,
-        departure: Departure,
-    ) -> Result<(), NoLaw> {
+        departure: PathState,
+    ) -> Result<(), NoSolution> {
         self.stay();
         let start = State {
             p: departure.distance,
@@ -205,13 +205,13 @@ impl<const N: usize> Window<N> {
         };
         let end = State::at_rest(span.start + span.curve.length());
         let axis = Axis::new(start, end, Bounds::along(span, limits).limits());
-        let profile = state_to_state::plan(&axis, 0.0).map_err(|_| NoLaw)?;
+        let profile = state_to_state::plan(&axis, 0.0).map_err(|_| NoSolution)?;
         let speed = profile.extrema().velocity;
         if speed.min < -ROUNDING * speed.max {
-            return Err(NoLaw);
+            return Err(NoSolution);
         }
         self.pieces
-            .extend(profile.pieces().map(|(at, segment)| Piece {
+            .extend(profile.pieces().map(|(at, segment)| JerkSegment {
                 duration: segment.duration,
                 distance: at.p,
                 speed: at.v,
@@ -222,9 +222,9 @@ impl<const N: usize> Window<N> {
     }
 
     /// A motion from rest at `from` to rest at the end of the span there that needs no search.
-    pub fn crawl(&mut self, spans: &[Span<N>], from: f64, limits: &Limits<N>) {
+    pub fn crawl(&mut self, spans: &[PathSegment<N>], from: f64, limits: &Limits<N>) {
         self.stay();
-        let ahead = |s: &&Span<N>| s.start + s.curve.length() > from + 1e-9;
+        let ahead = |s: &&PathSegment<N>| s.start + s.curve.length() > from + 1e-9;
         if let Some(span) = spans.iter().find(ahead) {
             let length = span.start + span.curve.length() - from;
             self.pieces
@@ -234,30 +234,30 @@ impl<const N: usize> Window<N> {
 
     /// The fastest motion along `spans` from `departure`, best a piece's start in the last plan, to rest
     /// at `end` or, where that takes too many cells, before it, though not before the last plan's
-    /// end; inside `limits` and each span's feed. In `haste` the cells are halved that often and once
+    /// end; inside `limits` and each span's feed. For `halvings` the cells are halved that often and once
     /// more.
     ///
     /// # Errors
     /// No law was found that the certificate passes.
     pub fn plan(
         &mut self,
-        spans: &[Span<N>],
+        spans: &[PathSegment<N>],
         limits: &Limits<N>,
-        departure: Departure,
+        departure: PathState,
         end: f64,
-        haste: u32,
-    ) -> Result<(), NoLaw> {
+        halvings: u32,
+    ) -> Result<(), NoSolution> {
         self.effort.stretches += 1;
         // No way leads to where no speed is asked for.
-        let slow = (self.faster.last()).map_or(departure.distance, Piece::end);
+        let slow = (self.faster.last()).map_or(departure.distance, JerkSegment::end);
         let reached = spans.iter().take_while(|s| s.start < end);
         if slow < end && reached.last().is_some_and(|s| s.speed <= 0.0) {
-            return Err(NoLaw);
+            return Err(NoSolution);
         }
         let room = departure.distance + room_to_stop(spans, limits, departure);
         let rest = self.keep(departure, end).max(room).min(end);
-        let most = if haste > 0 {
-            self.most_cells >> (haste + 1)
+        let most = if halvings > 0 {
+            self.most_cells >> (halvings + 1)
         } else {
             self.most_cells
         };
@@ -299,30 +299,30 @@ impl<const N: usize> Window<N> {
 
     /// A state of the last plan some way on from `departure`, and how many pieces there are in
     /// between.
-    pub fn later(&self, departure: Departure) -> Option<(u64, Departure)> {
+    pub fn later(&self, departure: PathState) -> Option<(u64, PathState)> {
         let pieces = &self.last.pieces;
         let now = pieces
             .iter()
-            .position(|p| Departure::from(*p) == departure)?;
+            .position(|p| PathState::from(*p) == departure)?;
         let next = now + (pieces.len() - now) / 4;
         (next > now).then(|| ((next - now) as u64, pieces[next].into()))
     }
 
     fn search(
         &mut self,
-        spans: &[Span<N>],
+        spans: &[PathSegment<N>],
         limits: &Limits<N>,
-        departure: Departure,
+        departure: PathState,
         (end, rest): (f64, f64),
         most_cells: usize,
-    ) -> Result<(), NoLaw> {
+    ) -> Result<(), NoSolution> {
         // The last stretch's law comes to rest, so one that ends no sooner exists.
         self.survey(spans, limits, departure, end);
         if !self.cut(departure, most_cells) {
             let end = self.nodes[most_cells * 9 / 10].max(rest);
             self.survey(spans, limits, departure, end);
             if !self.cut(departure, TOO_MANY_CELLS) {
-                return Err(NoLaw);
+                return Err(NoSolution);
             }
         }
         self.fill(spans, limits);
@@ -336,23 +336,27 @@ impl<const N: usize> Window<N> {
         for round in 0..ROUNDS {
             known.clear();
             known.extend_from_slice(self.law.nodes());
-            let mut solve = |guess: &mut dyn Iterator<Item = Node>, heat| {
-                let outcome = (self.law).solve(&self.cells, limits, start, guess, heat, TOLERANCE);
+            let mut solve = |guess: &mut dyn Iterator<Item = Node>, barrier| {
+                let outcome =
+                    (self.law).solve(&self.cells, limits, start, guess, barrier, TOLERANCE);
                 self.effort.laws += 1;
                 self.effort.steps += outcome.iterations;
                 outcome.converged
             };
             // From the law before, unless that leads nowhere.
-            let solved = round > 0 && solve(&mut known.iter().copied(), WARM) || {
+            let solved = round > 0 && solve(&mut known.iter().copied(), BARRIER_FROM_LAST) || {
                 let kept = self.kept.len();
-                solve(&mut guess(&self.nodes, &self.estimate, start, kept), COLD)
+                solve(
+                    &mut guess(&self.nodes, &self.estimate, start, kept),
+                    BARRIER_FROM_GUESS,
+                )
             };
             if !solved {
-                return Err(NoLaw);
+                return Err(NoSolution);
             }
             self.read();
             if !self.continuous() {
-                return Err(NoLaw);
+                return Err(NoSolution);
             }
             let excess = self.tighten(spans, limits, round);
             if excess <= 1.0 {
@@ -369,15 +373,15 @@ impl<const N: usize> Window<N> {
                 return Ok(());
             }
         }
-        Err(NoLaw)
+        Err(NoSolution)
     }
 
     /// Sets aside the cells of the last plan that follow on `departure`: on them the law goes on as
     /// it did, so there is one. Returns where it ended.
-    fn keep(&mut self, departure: Departure, end: f64) -> f64 {
+    fn keep(&mut self, departure: PathState, end: f64) -> f64 {
         self.kept.clear();
         let pieces = &self.last.pieces;
-        match pieces.iter().position(|p| Departure::from(*p) == departure) {
+        match pieces.iter().position(|p| PathState::from(*p) == departure) {
             Some(first) if departure.speed > 0.0 => {
                 let after = &self.last.cells[first..];
                 let (most, until) = if self.last.rests {
@@ -397,7 +401,13 @@ impl<const N: usize> Window<N> {
     }
 
     /// Estimates the speed along the stretch, for the grid and the first guess only.
-    fn survey(&mut self, spans: &[Span<N>], limits: &Limits<N>, departure: Departure, end: f64) {
+    fn survey(
+        &mut self,
+        spans: &[PathSegment<N>],
+        limits: &Limits<N>,
+        departure: PathState,
+        end: f64,
+    ) {
         self.stretches.clear();
         for span in spans {
             let length = span.curve.length();
@@ -476,7 +486,7 @@ impl<const N: usize> Window<N> {
     }
     /// Lays the nodes: about equal times apart, by the estimate. False where they are more than so many,
     /// and those behind are missing.
-    fn cut(&mut self, departure: Departure, most: usize) -> bool {
+    fn cut(&mut self, departure: PathState, most: usize) -> bool {
         self.nodes.clear();
         self.estimate.clear();
         let mut s = departure.distance;
@@ -576,7 +586,7 @@ impl<const N: usize> Window<N> {
     }
 
     /// Takes the geometry and the limits of every cell.
-    fn fill(&mut self, spans: &[Span<N>], limits: &Limits<N>) {
+    fn fill(&mut self, spans: &[PathSegment<N>], limits: &Limits<N>) {
         self.cells.clear();
         self.span_of.clear();
         let mut index = 0;
@@ -625,7 +635,7 @@ impl<const N: usize> Window<N> {
             .zip(self.law.nodes())
             .zip(self.law.motions())
         {
-            self.pieces.push(Piece {
+            self.pieces.push(JerkSegment {
                 duration,
                 distance,
                 speed: node.w.sqrt(),
@@ -660,7 +670,7 @@ impl<const N: usize> Window<N> {
     /// Lowers the shares of the limits in and about the cells that break one, by the excess and
     /// more from round to round. Returns by what the time would have to be stretched for none to be
     /// broken; 1 if none is.
-    fn tighten(&mut self, spans: &[Span<N>], limits: &Limits<N>, round: usize) -> f64 {
+    fn tighten(&mut self, spans: &[PathSegment<N>], limits: &Limits<N>, round: usize) -> f64 {
         self.cuts.clear();
         self.cuts.resize(self.pieces.len(), [1.0; 3]);
         let margin = MARGIN * (1_usize << round.min(5)) as f64;
@@ -671,7 +681,7 @@ impl<const N: usize> Window<N> {
             let [begin, end] = ends.map(|s| asked(&self.faster, span, s));
             let speed = begin.max(end);
             let load = if speed > span.speed {
-                load(piece, &Span { speed, ..*span }, limits)
+                load(piece, &PathSegment { speed, ..*span }, limits)
             } else {
                 load(piece, span, limits)
             };
@@ -783,9 +793,9 @@ impl Stretch {
 
 /// More than the way to rest in the direction that the path has at `from`.
 pub(super) fn room_to_stop<const N: usize>(
-    spans: &[Span<N>],
+    spans: &[PathSegment<N>],
     limits: &Limits<N>,
-    from: Departure,
+    from: PathState,
 ) -> f64 {
     let here = spans.iter().rev().find(|s| s.start <= from.distance);
     let along = here.map(|s| s.curve.at(from.distance - s.start).d1);

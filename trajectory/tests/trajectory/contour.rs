@@ -3,8 +3,8 @@
 
 use proptest::prelude::*;
 use syncline_trajectory::path::{
-    Command, Curve, Exit, Feed, Item, Limits, Move, Piece, Plane, Planner, Span,
-    curve::ArcDefinition,
+    Command, Curve, Feed, JerkSegment, Limits, Move, PathControlMode, PathItem, PathSegment, Plane,
+    Planner, curve::ArcDefinition,
 };
 
 const LIMITS: Limits<3> = Limits {
@@ -13,11 +13,11 @@ const LIMITS: Limits<3> = Limits {
     jerk: [80_000.0, 50_000.0, 40_000.0],
 };
 
-fn go(curve: Curve<3>, feed: f64, exit: Exit, tag: usize) -> Item<3> {
-    Item::Move(Move {
+fn go(curve: Curve<3>, feed: f64, mode: PathControlMode, tag: usize) -> PathItem<3> {
+    PathItem::Move(Move {
         curve,
         feed: Feed::Rate(feed),
-        exit,
+        mode,
         tag: tag as u32,
     })
 }
@@ -25,19 +25,19 @@ fn go(curve: Curve<3>, feed: f64, exit: Exit, tag: usize) -> Item<3> {
 /// What is executed in the end: pieces with the spans of their section.
 #[derive(Default)]
 struct Plan {
-    sections: Vec<Vec<Span<3>>>,
+    sections: Vec<Vec<PathSegment<3>>>,
     /// Section and piece.
-    pieces: Vec<(usize, Piece)>,
+    pieces: Vec<(usize, JerkSegment)>,
     windows: usize,
     effort: syncline_trajectory::path::window::Effort,
 }
 
 impl Plan {
-    fn of(items: &[Item<3>], start: [f64; 3]) -> Self {
+    fn of(items: &[PathItem<3>], start: [f64; 3]) -> Self {
         let mut planner = Planner::new(LIMITS, start);
         let mut plan = Plan::default();
         // Steps as the executor counts them: None for those that are no pieces.
-        let mut steps: Vec<Option<(usize, Piece)>> = Vec::new();
+        let mut steps: Vec<Option<(usize, JerkSegment)>> = Vec::new();
         let mut drain = |planner: &mut Planner<3>| {
             while let Some(command) = planner.pop() {
                 match command {
@@ -45,9 +45,11 @@ impl Plan {
                         plan.sections.push(Vec::new());
                         steps.push(None);
                     }
-                    Command::Span(span) => plan.sections.last_mut().unwrap().push(span),
-                    Command::Splice(step) => steps.truncate(step as usize),
-                    Command::Piece(piece) => steps.push(Some((plan.sections.len() - 1, piece))),
+                    Command::PathSegment(span) => plan.sections.last_mut().unwrap().push(span),
+                    Command::ReplaceTail(step) => steps.truncate(step as usize),
+                    Command::JerkSegment(piece) => {
+                        steps.push(Some((plan.sections.len() - 1, piece)))
+                    }
                     Command::Dwell { .. } => steps.push(None),
                     Command::Commit => plan.windows += 1,
                     other => panic!("{other:?}"),
@@ -87,7 +89,7 @@ impl Plan {
         }
     }
 
-    fn check(&self, moves: &[Item<3>], tolerance: f64) -> Result<(), TestCaseError> {
+    fn check(&self, moves: &[PathItem<3>], tolerance: f64) -> Result<(), TestCaseError> {
         let mut worst = [0.0_f64; 4];
         let mut near = 0;
         self.sample(16, |q, a, j, v, feed| {
@@ -100,7 +102,7 @@ impl Plan {
             let mut nearest = f64::INFINITY;
             let order = (near..moves.len()).chain((0..near).rev());
             for k in order {
-                let far = astray(&moves[k], &q);
+                let far = deviation(&moves[k], &q);
                 if far < nearest {
                     (nearest, near) = (far, k);
                 }
@@ -146,8 +148,8 @@ impl Plan {
 }
 
 /// Distance of a point from a move, by brute force and then closer.
-fn astray(item: &Item<3>, q: &[f64; 3]) -> f64 {
-    let Item::Move(motion) = item else {
+fn deviation(item: &PathItem<3>, q: &[f64; 3]) -> f64 {
+    let PathItem::Move(motion) = item else {
         return f64::INFINITY;
     };
     let curve = &motion.curve;
@@ -219,7 +221,7 @@ proptest! {
     fn contours_keep_limits_and_tolerance(
         curves in contour(), feed in 5.0..800.0_f64, tolerance in prop_oneof![Just(0.001), 0.005..0.5_f64]
     ) {
-        let items: Vec<_> = curves.iter().enumerate().map(|(k, c)| go(*c, feed, Exit::Blend(tolerance), k)).collect();
+        let items: Vec<_> = curves.iter().enumerate().map(|(k, c)| go(*c, feed, PathControlMode::Blend(tolerance), k)).collect();
         let plan = Plan::of(&items, curves[0].start());
         plan.check(&items, tolerance)?;
         let (section, last) = plan.pieces.last().unwrap();
@@ -241,19 +243,19 @@ fn rounding_a_corner_is_faster_than_stopping_in_it() {
         [0.0, 50.0, 0.0],
         [0.0, 0.0, 0.0],
     ];
-    let time = |exit| {
+    let time = |mode| {
         let items: Vec<_> = square
             .windows(2)
-            .map(|p| go(Curve::line(p[0], p[1]).unwrap(), 200.0, exit, 0))
+            .map(|p| go(Curve::line(p[0], p[1]).unwrap(), 200.0, mode, 0))
             .collect();
         Plan::of(&items, square[0]).time()
     };
     let times = [
-        time(Exit::Stop),
-        time(Exit::Exact(0.001)),
-        time(Exit::Blend(0.01)),
-        time(Exit::Blend(0.1)),
-        time(Exit::Blend(1.0)),
+        time(PathControlMode::Stop),
+        time(PathControlMode::Exact(0.001)),
+        time(PathControlMode::Blend(0.01)),
+        time(PathControlMode::Blend(0.1)),
+        time(PathControlMode::Blend(1.0)),
     ];
     for pair in times.windows(2) {
         assert!(pair[1] < pair[0], "{times:?}");
@@ -282,7 +284,7 @@ impl Draw {
 }
 
 /// Lines and arcs one after another, by chance, and their tolerance.
-fn wander(draw: &mut Draw) -> (Vec<Item<3>>, f64) {
+fn wander(draw: &mut Draw) -> (Vec<PathItem<3>>, f64) {
     let size = draw.log(0.02, 200.0);
     let feed = draw.log(2.0, 800.0);
     let tolerance = if draw.unit() < 0.3 {
@@ -321,7 +323,12 @@ fn wander(draw: &mut Draw) -> (Vec<Item<3>>, f64) {
             })
         };
         if let Ok(curve) = curve {
-            items.push(go(curve, feed, Exit::Blend(tolerance), items.len()));
+            items.push(go(
+                curve,
+                feed,
+                PathControlMode::Blend(tolerance),
+                items.len(),
+            ));
             here = end;
         }
     }
@@ -410,7 +417,7 @@ fn facets_are_passed_like_the_curve_they_were_made_from() {
         let items: Vec<_> = curves
             .iter()
             .enumerate()
-            .map(|(k, c)| go(*c, feed, Exit::Blend(tolerance), k))
+            .map(|(k, c)| go(*c, feed, PathControlMode::Blend(tolerance), k))
             .collect();
         let plan = Plan::of(&items, curves[0].start());
         let spans: usize = plan.sections.iter().map(Vec::len).sum();
@@ -432,12 +439,12 @@ fn facets_are_passed_like_the_curve_they_were_made_from() {
 
 /// Short lines along a curve that bends by chance, with corners, noise and long lines among them,
 /// by chance, and the mode.
-fn crumbs(draw: &mut Draw) -> (Vec<Item<3>>, Exit) {
+fn crumbs(draw: &mut Draw) -> (Vec<PathItem<3>>, PathControlMode) {
     let tolerance = draw.log(0.001, 0.1);
-    let exit = match draw.uniform(0.0, 3.0) as u32 {
-        0 => Exit::Exact(tolerance),
-        1 => Exit::Blend(tolerance),
-        _ => Exit::Merge {
+    let mode = match draw.uniform(0.0, 3.0) as u32 {
+        0 => PathControlMode::Exact(tolerance),
+        1 => PathControlMode::Blend(tolerance),
+        _ => PathControlMode::Merge {
             tolerance,
             within: draw.log(0.1, 1.0) * tolerance,
         },
@@ -474,17 +481,19 @@ fn crumbs(draw: &mut Draw) -> (Vec<Item<3>>, Exit) {
     let lines = points
         .windows(2)
         .filter_map(|p| Curve::line(p[0], p[1]).ok());
-    let items = lines.zip(0..).map(|(line, k)| go(line, feed, exit, k));
-    (items.collect(), exit)
+    let items = lines.zip(0..).map(|(line, k)| go(line, feed, mode, k));
+    (items.collect(), mode)
 }
 
 /// How far the path stays away from the ends of the moves, which it is to pass in their order.
-fn missed(plan: &Plan, items: &[Item<3>], enough: f64) -> f64 {
+fn missed(plan: &Plan, items: &[PathItem<3>], enough: f64) -> f64 {
     let spans: Vec<_> = plan.sections.iter().flatten().collect();
     let mut first = 0;
     let mut worst = 0.0_f64;
     for item in items {
-        let Item::Move(motion) = item else { continue };
+        let PathItem::Move(motion) = item else {
+            continue;
+        };
         let end = motion.curve.end();
         let mut nearest = f64::INFINITY;
         for (index, span) in spans.iter().enumerate().skip(first) {
@@ -517,11 +526,11 @@ fn missed(plan: &Plan, items: &[Item<3>], enough: f64) -> f64 {
 fn crumbs_keep_limits_and_tolerance(seeds: std::ops::Range<u64>) {
     let (mut spans, mut moves) = (0, 0);
     for seed in seeds {
-        let (items, exit) = crumbs(&mut Draw(seed));
+        let (items, mode) = crumbs(&mut Draw(seed));
         let plan = Plan::of(&items, [0.0; 3]);
-        let tolerance = exit.tolerance();
+        let tolerance = mode.tolerance();
         if let Err(error) = plan.check(&items, tolerance) {
-            panic!("program {seed}, {exit:?}: {error}");
+            panic!("program {seed}, {mode:?}: {error}");
         }
         let missed = missed(&plan, &items, tolerance + 1e-9);
         assert!(
@@ -530,8 +539,8 @@ fn crumbs_keep_limits_and_tolerance(seeds: std::ops::Range<u64>) {
         );
         let stops: Vec<_> = (items.iter())
             .map(|item| match item {
-                Item::Move(motion) => Item::Move(Move {
-                    exit: Exit::Stop,
+                PathItem::Move(motion) => PathItem::Move(Move {
+                    mode: PathControlMode::Stop,
                     ..*motion
                 }),
                 dwell => *dwell,
@@ -564,14 +573,18 @@ fn many_short_lines_by_chance_keep_limits_and_tolerance() {
 #[ignore = "a measurement"]
 fn many_facets() {
     let curves = facets(150_000, 0.05, (5.0, 1.0), 0.0, 1e-3);
-    for exit in [Exit::Blend(0.01), Exit::Exact(0.001), Exit::Stop] {
+    for mode in [
+        PathControlMode::Blend(0.01),
+        PathControlMode::Exact(0.001),
+        PathControlMode::Stop,
+    ] {
         let begin = std::time::Instant::now();
-        let items: Vec<_> = curves.iter().map(|c| go(*c, 60.0, exit, 0)).collect();
+        let items: Vec<_> = curves.iter().map(|c| go(*c, 60.0, mode, 0)).collect();
         let plan = Plan::of(&items, curves[0].start());
         let took = begin.elapsed().as_secs_f64();
         let spans: usize = plan.sections.iter().map(Vec::len).sum();
         println!(
-            "{exit:?}: {:.0}/s, {spans} spans, {} s for {}, {:?}",
+            "{mode:?}: {:.0}/s, {spans} spans, {} s for {}, {:?}",
             150_000.0 / took,
             plan.time(),
             7500.0 / 60.0,
@@ -595,7 +608,7 @@ fn edge_cases_keep_limits_and_tolerance() {
         .unwrap()
     };
     let mut programs: Vec<(Vec<Curve<3>>, f64)> = Vec::new();
-    // Corners of every angle, the last one a reversal; their second leg short.
+    // Corners of every angle, the last one a reversal; their second item short.
     for k in 1..=12 {
         let angle = f64::from(k) * 15.0_f64.to_radians();
         let corner = [20.0, 0.0, 0.0];
@@ -642,12 +655,16 @@ fn edge_cases_keep_limits_and_tolerance() {
     let points = [a, b, [20.0, 0.2, 0.0], [0.0, 0.2, 0.0], [0.0, 0.2, 9.0]];
     programs.push((points.windows(2).map(|p| line(p[0], p[1])).collect(), 0.5));
     for (number, (curves, tolerance)) in programs.iter().enumerate() {
-        for exit in [Exit::Stop, Exit::Exact(0.001), Exit::Blend(*tolerance)] {
-            let items: Vec<_> = curves.iter().map(|c| go(*c, 150.0, exit, number)).collect();
+        for mode in [
+            PathControlMode::Stop,
+            PathControlMode::Exact(0.001),
+            PathControlMode::Blend(*tolerance),
+        ] {
+            let items: Vec<_> = curves.iter().map(|c| go(*c, 150.0, mode, number)).collect();
             let plan = Plan::of(&items, curves[0].start());
-            let within = exit.tolerance();
+            let within = mode.tolerance();
             if let Err(error) = plan.check(&items, within) {
-                panic!("program {number}, {exit:?}: {error}");
+                panic!("program {number}, {mode:?}: {error}");
             }
         }
     }
@@ -664,7 +681,7 @@ fn a_helix_is_passed_in_little_more_than_the_least_time() {
         clockwise: false,
         turns: 2,
     });
-    let items = [go(helix.unwrap(), 400.0, Exit::Exact(0.001), 0)];
+    let items = [go(helix.unwrap(), 400.0, PathControlMode::Exact(0.001), 0)];
     let plan = Plan::of(&items, [15.0, 0.0, 0.0]);
     println!("{:?}", plan.effort);
     plan.check(&items, 1e-6).unwrap();
@@ -679,7 +696,7 @@ fn a_move_of_nearly_no_length_takes_nearly_no_time() {
         for by in [[10.0, 5.0, 0.0], [tiny, 0.0, 0.0], [0.0, tiny, 0.0]] {
             let to: [f64; 3] = std::array::from_fn(|i| ((here[i] + by[i]) * 1e6_f64).round() / 1e6);
             let line = Curve::line(here, to).unwrap();
-            let plan = Plan::of(&[go(line, 200.0, Exit::Stop, 0)], here);
+            let plan = Plan::of(&[go(line, 200.0, PathControlMode::Stop, 0)], here);
             let time = plan.time();
             assert!(
                 time < 0.01 + 0.02 * line.length(),
@@ -704,14 +721,17 @@ fn a_bridged_joint_takes_no_longer_than_a_stop_in_it() {
                     [before, 0.0, 0.0],
                     [before + after * cos, after * sin, 0.0],
                 ];
-                let time = |exit| {
+                let time = |mode| {
                     let items: Vec<_> = points
                         .windows(2)
-                        .map(|p| go(Curve::line(p[0], p[1]).unwrap(), 200.0, exit, 0))
+                        .map(|p| go(Curve::line(p[0], p[1]).unwrap(), 200.0, mode, 0))
                         .collect();
                     Plan::of(&items, points[0]).time()
                 };
-                let (through, stop) = (time(Exit::Exact(0.001)), time(Exit::Stop));
+                let (through, stop) = (
+                    time(PathControlMode::Exact(0.001)),
+                    time(PathControlMode::Stop),
+                );
                 assert!(
                     through <= stop,
                     "{turn}°, {before} and {after} mm: {through} s, {stop} s with a stop"
@@ -738,7 +758,7 @@ fn laws_are_found_along_joints_of_micrometres() {
     let items: Vec<_> = (points.windows(2))
         .map(|p| {
             let line = Curve::line(p[0], p[1]).unwrap();
-            go(line, 100.0, Exit::Exact(0.001), 0)
+            go(line, 100.0, PathControlMode::Exact(0.001), 0)
         })
         .collect();
     let plan = Plan::of(&items, points[0]);
@@ -765,10 +785,12 @@ fn limits_that_differ_by_far_take_no_more_cells() {
     let mut planner = Planner::new(slow, corners[0]);
     for ends in corners.windows(2) {
         let line = Curve::line(ends[0], ends[1]).unwrap();
-        planner.push(go(line, 60.0, Exit::Blend(0.02), 1)).unwrap();
+        planner
+            .push(go(line, 60.0, PathControlMode::Blend(0.02), 1))
+            .unwrap();
     }
     planner.finish();
     let commands = std::iter::from_fn(|| planner.pop()).take(100_000);
-    let pieces = commands.filter(|command| matches!(command, Command::Piece(_)));
+    let pieces = commands.filter(|command| matches!(command, Command::JerkSegment(_)));
     assert!((100..100_000).contains(&pieces.count()));
 }

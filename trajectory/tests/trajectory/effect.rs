@@ -18,7 +18,7 @@ use proptest::prelude::*;
 use proptest::strategy::ValueTree;
 use proptest::test_runner::{Config, RngAlgorithm, TestRng, TestRunner};
 use syncline_trajectory::path::{
-    Curve, Derivatives, Exit, Feed, Item, Move, Overrides, Setpoint, Span,
+    Curve, Derivatives, Feed, Move, Overrides, PathControlMode, PathItem, PathSegment, Setpoint,
 };
 
 /// A command shows after this long, s.
@@ -66,15 +66,15 @@ impl From<Setpoint<3>> for State {
 }
 
 /// The speeds that are programmed along a path.
-struct Programmed(Vec<Span<3>>);
+struct Programmed(Vec<PathSegment<3>>);
 
 impl Programmed {
-    fn along(items: &[Item<3>], start: [f64; 3]) -> Self {
+    fn along(items: &[PathItem<3>], start: [f64; 3]) -> Self {
         let (_, spans) = planned(items, start, |_| ());
         Programmed(spans)
     }
 
-    fn span(&self, s: f64) -> &Span<3> {
+    fn span(&self, s: f64) -> &PathSegment<3> {
         &self.0[self.0.partition_point(|x| x.start <= s).max(1) - 1]
     }
 
@@ -105,7 +105,7 @@ impl Programmed {
 struct Reference(Vec<State>);
 
 impl Reference {
-    fn with(overrides: Overrides, items: &[Item<3>], start: [f64; 3]) -> Self {
+    fn with(overrides: Overrides, items: &[PathItem<3>], start: [f64; 3]) -> Self {
         let mut machine = Machine::new(LIMITS, items, start, FINE);
         machine.executor.set_overrides(overrides);
         let mut states = vec![State::from(machine.executor.setpoint())];
@@ -301,14 +301,14 @@ fn survey(programs: u32) -> Count {
         let rapid = |k: usize| k % 3 == 2 && curves[k].direction().is_some();
         let items: Vec<_> = (0..curves.len())
             .map(|k| {
-                Item::Move(Move {
+                PathItem::Move(Move {
                     curve: curves[k],
                     feed: if rapid(k) {
                         Feed::Rapid
                     } else {
                         Feed::Rate(log_feed.exp())
                     },
-                    exit: Exit::Blend(tolerance),
+                    mode: PathControlMode::Blend(tolerance),
                     tag: k as u32,
                 })
             })
@@ -330,7 +330,7 @@ fn survey(programs: u32) -> Count {
 
 /// One program; each override stands for its time.
 fn follow(
-    items: &[Item<3>],
+    items: &[PathItem<3>],
     start: [f64; 3],
     acts: &[(f64, Overrides)],
     period: f64,
@@ -362,7 +362,7 @@ fn follow(
             if cycle <= response {
                 differs |= twin.advance() != Some(now);
             }
-            if machine.executor.awaits_plan() {
+            if machine.executor.awaits_replacement() {
                 late = cycle;
             }
             let now = State::from(now);
@@ -443,7 +443,7 @@ fn a_speed_that_may_fall_is_told_from_one_that_may_not() {
         rapid: 0.0,
     };
     let along = |curve| {
-        Programmed(vec![Span {
+        Programmed(vec![PathSegment {
             start: 0.0,
             curve,
             feed: 100.0,

@@ -6,7 +6,9 @@ use crate::common::{LIMITS, contour, planned};
 use proptest::prelude::*;
 use proptest::strategy::ValueTree;
 use proptest::test_runner::{Config, RngAlgorithm, TestRng, TestRunner};
-use syncline_trajectory::path::{Executor, Exit, Feed, Item, Move, Planner, Setpoint, Span};
+use syncline_trajectory::path::{
+    Executor, Feed, Move, PathControlMode, PathItem, PathSegment, Planner, Setpoint,
+};
 
 const PERIOD: f64 = 0.002;
 
@@ -18,10 +20,10 @@ struct State {
     a: f64,
 }
 
-struct Road<'a>(&'a [Span<3>]);
+struct Road<'a>(&'a [PathSegment<3>]);
 
 impl Road<'_> {
-    fn span(&self, s: f64) -> &Span<3> {
+    fn span(&self, s: f64) -> &PathSegment<3> {
         &self.0[self.0.partition_point(|span| span.start <= s).max(1) - 1]
     }
 
@@ -192,21 +194,21 @@ fn come_to_rest(
 ) -> (f64, Vec<State>) {
     let mut planner = (rest != Rest::Alone).then(|| planner.clone());
     let mut executor = plan.clone();
-    let mut outlooks = VecDeque::new();
+    let mut replan_requests = VecDeque::new();
     let mut twin = plan.clone();
     match rest {
-        Rest::Hold => executor.hold(),
+        Rest::Hold => executor.feed_hold(),
         Rest::Stop | Rest::Alone => executor.stop(),
     }
     let mut states = vec![road.state(&executor.setpoint())];
     let mut together = true;
     while executor.setpoint().speed > 0.0 {
         if let Some(planner) = &mut planner {
-            outlooks.push_back(executor.outlook());
-            if outlooks.len() > ANSWER
-                && let Some(Some(outlook)) = outlooks.pop_front()
+            replan_requests.push_back(executor.replan_request());
+            if replan_requests.len() > ANSWER
+                && let Some(Some(request)) = replan_requests.pop_front()
             {
-                planner.observe(&outlook);
+                planner.replan(&request);
             }
             while executor.room() > 0
                 && let Some(command) = planner.pop()
@@ -265,10 +267,10 @@ fn survey(programs: u32, every: u32, rest: Rest) -> Vec<f64> {
         let (curves, feed, tolerance) = tree.current();
         let items: Vec<_> = (curves.iter())
             .map(|curve| {
-                Item::Move(Move {
+                PathItem::Move(Move {
                     curve: *curve,
                     feed: Feed::Rate(feed),
-                    exit: Exit::Blend(tolerance),
+                    mode: PathControlMode::Blend(tolerance),
                     tag: 0,
                 })
             })

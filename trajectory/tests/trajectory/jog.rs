@@ -3,8 +3,8 @@
 use proptest::prelude::*;
 use syncline_trajectory::limits::{Limits as AxisLimits, PositionLimits};
 use syncline_trajectory::path::{
-    Curve, Executor, Exit, Feed, Item, Jog, JogError, Limits, Move, Overrides, Planner, Setpoint,
-    Travel,
+    Curve, Executor, Feed, Jog, JogError, Limits, Move, Overrides, PathControlMode, PathItem,
+    Planner, Setpoint, Travel,
 };
 use syncline_trajectory::profile::State;
 use syncline_trajectory::state_to_state::{Axis, plan};
@@ -50,10 +50,10 @@ impl Machine {
             ([0.0; 3], [100.0, 0.0, 0.0]),
             ([100.0, 0.0, 0.0], [100.0, 60.0, 0.0]),
         ] {
-            let item = Item::Move(Move {
+            let item = PathItem::Move(Move {
                 curve: Curve::line(from, to).unwrap(),
                 feed: Feed::Rate(100.0),
-                exit: Exit::Exact(0.001),
+                mode: PathControlMode::Exact(0.001),
                 tag: 0,
             });
             machine.planner.push(item).unwrap();
@@ -73,8 +73,8 @@ impl Machine {
 
     fn cycles(&mut self, count: usize) {
         for _ in 0..count {
-            if let Some(outlook) = self.executor.outlook() {
-                self.planner.observe(&outlook);
+            if let Some(request) = self.executor.replan_request() {
+                self.planner.replan(&request);
             }
             while self.executor.room() > 0
                 && let Some(command) = self.planner.pop()
@@ -142,7 +142,7 @@ impl Machine {
             let along_y = (x - 100.0).hypot(y - y.clamp(0.0, 60.0));
             along_x.min(along_y).hypot(z)
         };
-        let on_it = self.rows.iter().filter(|row| !row.away);
+        let on_it = self.rows.iter().filter(|row| !row.off_path);
         on_it.map(off).fold(0.0, f64::max)
     }
 }
@@ -163,7 +163,7 @@ fn hold_jog_away_and_resume_where_the_path_was_left() {
     for held_at in [0.0, 40.0] {
         let mut machine = Machine::on_a_path();
         machine.until(|now| now.distance >= held_at);
-        machine.executor.hold();
+        machine.executor.feed_hold();
         if held_at > 0.0 {
             assert_eq!(machine.jog(step(2, 3.0)), Err(JogError::Moving), "braking");
         }
@@ -173,14 +173,14 @@ fn hold_jog_away_and_resume_where_the_path_was_left() {
         machine.cycles(30);
         machine.jog(Jog::To([Some(0.0), Some(77.0), None])).unwrap();
         machine.cycles(40);
-        assert!(machine.now().away && machine.now().speed > 0.0);
+        assert!(machine.now().off_path && machine.now().speed > 0.0);
         assert_eq!(machine.now().distance, left.distance);
         machine.until(|now| now.speed == 0.0);
         assert_eq!(machine.now().position, [0.0, 77.0, 3.0]);
         let out = machine.rows.len();
         machine.executor.resume();
         machine.cycles(1);
-        machine.until(|now| !now.away);
+        machine.until(|now| !now.off_path);
         assert_eq!(machine.now().position, left.position);
         // The way back is straight.
         let from = machine.rows[out - 1].position;
@@ -218,7 +218,7 @@ fn a_jog_is_refused_while_the_path_moves_and_where_it_cannot_be() {
     ] {
         assert_eq!(machine.jog(jog), Err(JogError::Moving));
     }
-    machine.executor.hold();
+    machine.executor.feed_hold();
     machine.until(|now| now.speed == 0.0);
     for (jog, error) in [
         (step(3, 1.0), JogError::NoAxis(3)),
@@ -253,7 +253,7 @@ fn a_jog_is_refused_while_the_path_moves_and_where_it_cannot_be() {
         rapid: 0.0,
     });
     assert_eq!(machine.jog(step(0, 1.0)), Err(JogError::NoSpeed));
-    assert!(!machine.executor.is_away());
+    assert!(!machine.executor.is_off_path());
     machine.executor.set_overrides(Overrides::default());
     machine.executor.resume();
     machine.end();
@@ -282,7 +282,7 @@ fn a_long_jog_ends_at_the_soft_limit_and_a_hold_stops_it_before() {
         .unwrap();
     machine.cycles(150);
     let braked = *machine.now();
-    machine.executor.hold();
+    machine.executor.feed_hold();
     machine.until(|now| !now.busy);
     let start = State {
         p: braked.position[0],
@@ -350,7 +350,7 @@ fn a_jog_after_a_stop_after_the_block_and_before_a_step_back() {
     let mut machine = Machine::on_a_path();
     machine.cycles(1);
     machine.until(|now| now.distance >= 20.0);
-    machine.executor.stop_after_block();
+    machine.executor.single_block();
     machine.cycles(50);
     machine.until(|now| now.speed == 0.0);
     let corner = machine.now().position;
@@ -360,20 +360,20 @@ fn a_jog_after_a_stop_after_the_block_and_before_a_step_back() {
         feed: 0.0,
         rapid: 0.5,
     });
-    machine.executor.stop_after_block();
+    machine.executor.single_block();
     machine.cycles(1000);
     assert_eq!(machine.now().position[0], corner[0] + 20.0);
     machine.executor.set_overrides(Overrides {
         feed: 1.5,
         rapid: 0.5,
     });
-    machine.executor.step_back();
+    machine.executor.retrace();
     machine.cycles(10);
     assert!(!machine.executor.is_held());
     // In mid-return the person wants to look again.
-    machine.executor.hold();
+    machine.executor.feed_hold();
     machine.cycles(500);
-    assert!(machine.executor.is_held() && machine.now().away);
+    assert!(machine.executor.is_held() && machine.now().off_path);
     machine
         .jog(Jog::Continuous {
             axis: 1,
@@ -381,10 +381,10 @@ fn a_jog_after_a_stop_after_the_block_and_before_a_step_back() {
         })
         .unwrap();
     machine.cycles(20);
-    machine.executor.step_back();
+    machine.executor.retrace();
     machine.cycles(3000);
     assert_eq!(machine.now().position, [0.0; 3]);
-    assert!(machine.executor.is_held() && !machine.executor.is_away());
+    assert!(machine.executor.is_held() && !machine.executor.is_off_path());
     machine.executor.resume();
     machine.end();
     assert_eq!(machine.now().position, [100.0, 60.0, 0.0]);
@@ -397,7 +397,7 @@ fn orders_on_the_way_back_count() {
         let mut machine = Machine::on_a_path();
         machine.cycles(1);
         machine.until(|now| now.distance >= 20.0);
-        machine.executor.hold();
+        machine.executor.feed_hold();
         machine.until(|now| now.speed == 0.0);
         machine.jog(step(0, 20.0)).unwrap();
         machine.cycles(500);
@@ -406,16 +406,16 @@ fn orders_on_the_way_back_count() {
     let mut machine = away();
     machine.executor.resume();
     machine.cycles(10);
-    machine.executor.stop_after_block();
+    machine.executor.single_block();
     machine.cycles(3000);
-    assert!(machine.executor.is_held() && !machine.executor.is_away());
+    assert!(machine.executor.is_held() && !machine.executor.is_off_path());
     // Both lines are one block.
     assert_eq!(machine.now().position, [100.0, 60.0, 0.0]);
     machine.executor.resume();
     machine.end();
 
     let mut machine = away();
-    machine.executor.step_back();
+    machine.executor.retrace();
     machine.cycles(10);
     machine.executor.resume();
     machine.end();
@@ -427,7 +427,7 @@ fn a_stop_away_from_the_path_ends_there() {
     let mut machine = Machine::on_a_path();
     machine.cycles(1);
     machine.until(|now| now.distance >= 20.0);
-    machine.executor.hold();
+    machine.executor.feed_hold();
     machine.until(|now| now.speed == 0.0);
     machine
         .jog(Jog::Line([Some(0.0), Some(50.0), Some(-20.0)]))
@@ -439,7 +439,7 @@ fn a_stop_away_from_the_path_ends_there() {
     assert!(!machine.executor.is_idle());
     machine.cycles(1);
     machine.end();
-    assert!(machine.now().away && machine.now().speed == 0.0);
+    assert!(machine.now().off_path && machine.now().speed == 0.0);
     assert_eq!(machine.jog(step(0, 1.0)), Err(JogError::Moving));
     // On the line, as far as the stop needs.
     let end = machine.now().position;
@@ -466,7 +466,7 @@ proptest! {
             machine.executor.set_overrides(Overrides { feed: 1.0, rapid });
         }
         machine.cycles(100);
-        machine.executor.hold();
+        machine.executor.feed_hold();
         machine.until(|now| now.speed == 0.0 && !now.busy);
         machine.assert_well();
         for row in &machine.rows {

@@ -4,7 +4,9 @@
 use crate::common::{LIMITS, contour, planned};
 use crate::machine::Machine;
 use proptest::prelude::*;
-use syncline_trajectory::path::{Curve, Exit, Feed, Item, Move, Overrides, Setpoint, Span};
+use syncline_trajectory::path::{
+    Curve, Feed, Move, Overrides, PathControlMode, PathItem, PathSegment, Setpoint,
+};
 
 /// Short, so that what happens between the cycles of a real machine shows.
 const PERIOD: f64 = 0.000_5;
@@ -42,11 +44,11 @@ fn act() -> impl Strategy<Value = Act> {
 
 /// The path as it is planned when nobody acts.
 struct Path {
-    spans: Vec<Span<3>>,
+    spans: Vec<PathSegment<3>>,
 }
 
 impl Path {
-    fn of(items: &[Item<3>], start: [f64; 3]) -> Self {
+    fn of(items: &[PathItem<3>], start: [f64; 3]) -> Self {
         let (_, spans) = planned(items, start, |_| ());
         Path { spans }
     }
@@ -60,7 +62,7 @@ impl Path {
 
 /// Executes items while a person acts at the given cycles; whoever is held goes on after a while.
 fn run(
-    items: &[Item<3>],
+    items: &[PathItem<3>],
     start: [f64; 3],
     acts: &[(u64, Act)],
 ) -> Result<Setpoint<3>, TestCaseError> {
@@ -73,9 +75,9 @@ fn run(
         if let Some((_, act)) = acts.next_if(|(at, _)| *at <= executor.cycle()) {
             match *act {
                 Act::Override(overrides) => executor.set_overrides(overrides),
-                Act::Hold => executor.hold(),
-                Act::StopAfterBlock => executor.stop_after_block(),
-                Act::StepBack => executor.step_back(),
+                Act::Hold => executor.feed_hold(),
+                Act::StopAfterBlock => executor.single_block(),
+                Act::StepBack => executor.retrace(),
             }
         }
         // Nobody waits for ever.
@@ -129,10 +131,10 @@ fn check(path: &Path, before: &Setpoint<3>, now: &Setpoint<3>) -> Result<(), Tes
 fn an_override_right_before_the_end_of_the_path() {
     for k in 0..60 {
         let line = Curve::line([0.0; 3], [10.0 + 0.0137 * f64::from(k), 0.0, 0.0]).unwrap();
-        let items = [Item::Move(Move {
+        let items = [PathItem::Move(Move {
             curve: line,
             feed: Feed::Rate(50.0),
-            exit: Exit::Stop,
+            mode: PathControlMode::Stop,
             tag: 0,
         })];
         let mut machine = Machine::new(LIMITS, &items, [0.0; 3], PERIOD);
@@ -163,10 +165,10 @@ proptest! {
         let items: Vec<_> = curves
             .iter()
             .enumerate()
-            .map(|(k, curve)| Item::Move(Move {
+            .map(|(k, curve)| PathItem::Move(Move {
                 curve: *curve,
                 feed: if k % 3 == 2 && curve.direction().is_some() { Feed::Rapid } else { Feed::Rate(feed) },
-                exit: Exit::Blend(tolerance),
+                mode: PathControlMode::Blend(tolerance),
                 tag: k as u32,
             }))
             .collect();

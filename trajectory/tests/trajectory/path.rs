@@ -3,8 +3,8 @@
 use crate::machine::Machine;
 use proptest::prelude::*;
 use syncline_trajectory::path::{
-    Command, Curve, Executor, Exit, Feed, Item, Limits, Move, Overrides, Plane, Planner, Setpoint,
-    blend::blend, curve::ArcDefinition,
+    Command, Curve, Executor, Feed, Limits, Move, Overrides, PathControlMode, PathItem, Plane,
+    Planner, Setpoint, blend::blend, curve::ArcDefinition,
 };
 
 const LIMITS: Limits<3> = Limits {
@@ -14,16 +14,16 @@ const LIMITS: Limits<3> = Limits {
 };
 const PERIOD: f64 = 0.002;
 
-fn go(curve: Curve<3>, feed: f64, tag: u32) -> Item<3> {
-    Item::Move(Move {
+fn go(curve: Curve<3>, feed: f64, tag: u32) -> PathItem<3> {
+    PathItem::Move(Move {
         curve,
         feed: Feed::Rate(feed),
-        exit: Exit::Stop,
+        mode: PathControlMode::Stop,
         tag,
     })
 }
 
-fn execute(start: [f64; 3], items: &[Item<3>], period: f64) -> (Executor<3>, Vec<Setpoint<3>>) {
+fn execute(start: [f64; 3], items: &[PathItem<3>], period: f64) -> (Executor<3>, Vec<Setpoint<3>>) {
     let mut planner = Planner::new(LIMITS, start);
     let mut executor = Executor::new(start, period);
     let mut rows = vec![executor.setpoint()];
@@ -273,12 +273,12 @@ fn smooth_joints_are_passed_without_a_stop() {
         })
         .unwrap()
     };
-    let items: Vec<Item<3>> = (0..40)
+    let items: Vec<PathItem<3>> = (0..40)
         .map(|k| {
-            Item::Move(Move {
+            PathItem::Move(Move {
                 curve: half(if k % 2 == 0 { 20.0 } else { -20.0 }, 0),
                 feed: Feed::Rate(150.0),
-                exit: Exit::Exact(0.001),
+                mode: PathControlMode::Exact(0.001),
                 tag: k,
             })
         })
@@ -306,7 +306,7 @@ fn a_dwell_rests_for_its_time_under_its_tag() {
     let b = Curve::line([10.0, 0.0, 0.0], [10.0, 20.0, 0.0]).unwrap();
     let items = [
         go(a, 100.0, 1),
-        Item::Dwell {
+        PathItem::Dwell {
             duration: 0.5,
             tag: 2,
         },
@@ -362,8 +362,8 @@ fn a_stop_in_a_cruise_begins_at_once() {
         executor.stop();
         let mut cycles = 0;
         while !executor.is_idle() {
-            if let Some(outlook) = executor.outlook() {
-                planner.observe(&outlook);
+            if let Some(request) = executor.replan_request() {
+                planner.replan(&request);
             }
             while executor.room() > 0
                 && let Some(command) = planner.pop()
@@ -412,20 +412,20 @@ fn a_hold_begins_soon_behind_a_slow_planner() {
         });
         // Each answer comes a cycle too late.
         for _ in 0..4 {
-            let outlook = executor.outlook().unwrap();
-            while executor.cycle() <= outlook.cycle {
+            let request = executor.replan_request().unwrap();
+            while executor.cycle() <= request.cycle {
                 executor.advance();
             }
-            planner.observe(&outlook);
+            planner.replan(&request);
             supply(&mut planner, &mut executor);
             executor.advance();
         }
-        executor.hold();
+        executor.feed_hold();
         let cruise = executor.setpoint().speed;
         let mut cycles = 0;
         while executor.setpoint().speed > cruise - 0.1 {
-            if answers && let Some(outlook) = executor.outlook() {
-                planner.observe(&outlook);
+            if answers && let Some(request) = executor.replan_request() {
+                planner.replan(&request);
                 supply(&mut planner, &mut executor);
             }
             executor.advance();
@@ -442,10 +442,10 @@ fn zigzag(lines: u32) -> (Planner<3>, Executor<3>) {
     let mut planner = Planner::new(LIMITS, [0.0; 3]);
     for n in 0..lines {
         planner
-            .push(Item::Move(Move {
+            .push(PathItem::Move(Move {
                 curve: Curve::line(corner(n), corner(n + 1)).unwrap(),
                 feed: Feed::Rate(300.0),
-                exit: Exit::Blend(0.5),
+                mode: PathControlMode::Blend(0.5),
                 tag: n,
             }))
             .unwrap();
@@ -459,7 +459,7 @@ fn zigzag(lines: u32) -> (Planner<3>, Executor<3>) {
 #[test]
 fn a_late_plan_is_waited_for_at_rest() {
     let (mut planner, mut executor) = zigzag(90);
-    let mut outlooks = std::collections::VecDeque::new();
+    let mut replan_requests = std::collections::VecDeque::new();
     let (mut rests, mut cycle) = (0, 0_u64);
     while executor.setpoint().position[0] < 1800.0 || !executor.is_idle() {
         let moved = executor.setpoint().speed > 0.0;
@@ -469,11 +469,14 @@ fn a_late_plan_is_waited_for_at_rest() {
         cycle += 1;
         assert!(cycle < 200_000, "never ends");
         // Every answer takes 80 cycles, and the next window 4,000.
-        outlooks.push_back((cycle + 80, executor.outlook()));
-        if cycle % 80 == 1 && executor.awaits_plan() || cycle % 4000 == 1 {
-            while outlooks.front().is_some_and(|(due, _)| *due <= cycle) {
-                if let Some((_, Some(outlook))) = outlooks.pop_front() {
-                    planner.observe(&outlook);
+        replan_requests.push_back((cycle + 80, executor.replan_request()));
+        if cycle % 80 == 1 && executor.awaits_replacement() || cycle % 4000 == 1 {
+            while replan_requests
+                .front()
+                .is_some_and(|(due, _)| *due <= cycle)
+            {
+                if let Some((_, Some(request))) = replan_requests.pop_front() {
+                    planner.replan(&request);
                 }
             }
             // A window at a time.
@@ -502,7 +505,7 @@ fn progress_is_certain_however_late_the_plans_come() {
     for late in [1, 30, 300, 1_000] {
         let (mut planner, mut executor) = zigzag(60);
         let mut due = 0;
-        let (mut outlook, mut plan) = (None, Vec::new());
+        let (mut request, mut plan) = (None, Vec::new());
         for cycle in 0_u64.. {
             assert!(cycle < 200_000, "{late} cycles late: never ends");
             // One window at a time is worked on, and ready so much later.
@@ -510,8 +513,8 @@ fn progress_is_certain_however_late_the_plans_come() {
                 for command in plan.drain(..) {
                     assert!(executor.accept(command));
                 }
-                if let Some(outlook) = &outlook {
-                    planner.observe(outlook);
+                if let Some(request) = &request {
+                    planner.replan(request);
                 }
                 while let Some(command) = planner.pop() {
                     plan.push(command);
@@ -519,7 +522,7 @@ fn progress_is_certain_however_late_the_plans_come() {
                         break;
                     }
                 }
-                outlook = None;
+                request = None;
                 due = cycle + late;
             }
             if plan.is_empty() && executor.is_idle() {
@@ -532,7 +535,7 @@ fn progress_is_certain_however_late_the_plans_come() {
                 let moved = (now.position[i] - before.position[i]).abs();
                 assert!(moved <= LIMITS.velocity[i] * PERIOD, "{before:?} {now:?}");
             }
-            outlook = executor.outlook().or(outlook);
+            request = executor.replan_request().or(request);
         }
         let end = executor.setpoint().position;
         assert!(
@@ -556,11 +559,11 @@ fn a_stop_drops_what_is_not_committed() {
     for _ in 0..200 {
         executor.advance();
     }
-    executor.step_back();
+    executor.retrace();
     while executor.setpoint().speed > 0.0 {
         executor.advance();
     }
-    planner.observe(&executor.outlook().unwrap());
+    planner.replan(&executor.replan_request().unwrap());
     for _ in 0..3 {
         assert!(executor.accept(planner.pop().unwrap()));
     }
@@ -576,7 +579,7 @@ fn a_stop_drops_what_is_not_committed() {
 
 /// Executes items with a person who acts before each cycle, and checks every setpoint.
 fn act(
-    items: &[Item<3>],
+    items: &[PathItem<3>],
     start: [f64; 3],
     mut person: impl FnMut(&mut Executor<3>) -> bool,
 ) -> Vec<Setpoint<3>> {
@@ -631,7 +634,7 @@ fn a_hold_rests_and_resumes() {
     let rows = act(&[go(line, 200.0, 1)], [0.0; 3], |executor| {
         cycle += 1;
         match cycle {
-            300 => executor.hold(),
+            300 => executor.feed_hold(),
             600 => {
                 assert!(executor.is_held());
                 executor.resume();
@@ -660,10 +663,10 @@ fn a_stop_after_the_block_rests_in_its_end() {
         .windows(2)
         .enumerate()
         .map(|(k, p)| {
-            Item::Move(Move {
+            PathItem::Move(Move {
                 curve: Curve::line(p[0], p[1]).unwrap(),
                 feed: Feed::Rate(100.0),
-                exit: Exit::Blend(0.1),
+                mode: PathControlMode::Blend(0.1),
                 tag: k as u32,
             })
         })
@@ -674,7 +677,7 @@ fn a_stop_after_the_block_rests_in_its_end() {
         cycle += 1;
         if cycle == 100 {
             assert_eq!(executor.setpoint().tag, 0);
-            executor.stop_after_block();
+            executor.single_block();
         }
         if executor.is_held() && rested.is_none() {
             rested = Some(cycle);
@@ -705,10 +708,10 @@ fn steps_back_and_forwards_again() {
         .windows(2)
         .enumerate()
         .map(|(k, p)| {
-            Item::Move(Move {
+            PathItem::Move(Move {
                 curve: Curve::line(p[0], p[1]).unwrap(),
                 feed: Feed::Rate(100.0),
-                exit: Exit::Blend(0.5),
+                mode: PathControlMode::Blend(0.5),
                 tag: k as u32,
             })
         })
@@ -721,7 +724,7 @@ fn steps_back_and_forwards_again() {
         let held = executor.is_held();
         if cycle == 400 || held && phase == 1 || held && phase == 2 {
             at.push(executor.setpoint());
-            executor.step_back();
+            executor.retrace();
             phase += 1;
         } else if held && phase == 3 {
             at.push(executor.setpoint());
@@ -772,7 +775,7 @@ fn overrides_change_nothing_of_where_a_step_back_leads() {
             cycle += 1;
             assert!(cycle < 100_000, "{times:?}: never ends");
             match cycle {
-                700 | 1850 => executor.step_back(),
+                700 | 1850 => executor.retrace(),
                 1500 | 1800 | 2500 => rests.push(executor.setpoint()),
                 _ => {}
             }
@@ -888,13 +891,13 @@ fn a_hold_stops_in_the_least_distance() {
             for _ in 0..at {
                 executor.advance();
             }
-            executor.hold();
+            executor.feed_hold();
             // On a line at once, on a curve when the planner has answered.
             let begins = if curve.direction().is_some() { 0 } else { 3 };
             let mut from = executor.setpoint();
             for cycle in 1.. {
-                if let Some(outlook) = executor.outlook() {
-                    planner.observe(&outlook);
+                if let Some(request) = executor.replan_request() {
+                    planner.replan(&request);
                 }
                 while executor.room() > 0
                     && let Some(command) = planner.pop()

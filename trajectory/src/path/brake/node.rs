@@ -1,9 +1,9 @@
 //! A place on the way down, what the axes allow there, and what a cell asks of them.
 
 use super::instant_at;
-use super::way::{LOOKING, POLY_CELLS, PROVING, SHARE};
+use super::search::{LOOKING, POLY_CELLS, PROVING, SHARE};
 use crate::path::certify::{self, crest};
-use crate::path::{Curve, Departure, Derivatives, Limits, Piece, Span};
+use crate::path::{Curve, Derivatives, JerkSegment, Limits, PathSegment, PathState};
 
 /// Angle, in rad, over which the crest of a parabola tells what a circle asks for.
 const TURN: f64 = 0.06;
@@ -12,14 +12,14 @@ const TURN: f64 = 0.06;
 const TURN_ERROR: f64 = 1.5e-5;
 
 /// Geometry under way: the spans of one section from some distance on.
-pub(super) struct Road<S> {
+pub(super) struct PathCursor<S> {
     pub(super) span: S,
     pub(super) index: usize,
 }
 
-impl<'a, const N: usize, S: Fn(usize) -> Option<&'a Span<N>>> Road<S> {
+impl<'a, const N: usize, S: Fn(usize) -> Option<&'a PathSegment<N>>> PathCursor<S> {
     /// The span at `distance`, no earlier than the last one asked for.
-    fn span_at(&mut self, distance: f64) -> Option<&'a Span<N>> {
+    fn span_at(&mut self, distance: f64) -> Option<&'a PathSegment<N>> {
         while let Some(next) = (self.span)(self.index + 1)
             && next.start <= distance
         {
@@ -67,20 +67,20 @@ impl<const N: usize> Node<N> {
         }
     }
 
-    pub(super) fn take(&mut self, state: Departure) {
+    pub(super) fn take(&mut self, state: PathState) {
         (self.s, self.v, self.a) = (state.distance, state.speed, state.acceleration);
     }
 
     /// Looks up the path.
     pub(super) fn look<'a>(
         &mut self,
-        road: &mut Road<impl Fn(usize) -> Option<&'a Span<N>>>,
+        cursor: &mut PathCursor<impl Fn(usize) -> Option<&'a PathSegment<N>>>,
         limits: &Limits<N>,
         distance: f64,
     ) -> Option<()> {
-        let span = road.span_at(distance)?;
+        let span = cursor.span_at(distance)?;
         self.rows = rows(&span.curve.at(distance - span.start), limits);
-        self.index = road.index;
+        self.index = cursor.index;
         Some(())
     }
 
@@ -106,7 +106,7 @@ impl<const N: usize> Node<N> {
     /// axis.
     pub(super) fn ease<'a>(
         &mut self,
-        road: &Road<impl Fn(usize) -> Option<&'a Span<N>>>,
+        cursor: &PathCursor<impl Fn(usize) -> Option<&'a PathSegment<N>>>,
         limits: &Limits<N>,
         tick: f64,
     ) -> Option<f64> {
@@ -128,9 +128,9 @@ impl<const N: usize> Node<N> {
             let mut there = *self;
             let end = self.end()?;
             there.take(end);
-            let mut scout = Road {
-                span: &road.span,
-                index: road.index,
+            let mut scout = PathCursor {
+                span: &cursor.span,
+                index: cursor.index,
             };
             there.look(&mut scout, limits, end.distance)?;
             let [least, most] = jerks(&there, self.share[1], self.a, self.t);
@@ -150,8 +150,8 @@ impl<const N: usize> Node<N> {
         Some(uneven)
     }
 
-    pub(super) fn piece(&self) -> Piece {
-        Piece {
+    pub(super) fn piece(&self) -> JerkSegment {
+        JerkSegment {
             duration: self.t,
             distance: self.s,
             speed: self.v,
@@ -161,10 +161,10 @@ impl<const N: usize> Node<N> {
     }
 
     /// The state at the end of the cell.
-    pub(super) fn end(&self) -> Option<Departure> {
+    pub(super) fn end(&self) -> Option<PathState> {
         let (ds, speed, acceleration) = self.piece().at(self.t);
         let sane = self.t >= 0.0 && self.t.is_finite() && ds.is_finite();
-        sane.then_some(Departure {
+        sane.then_some(PathState {
             distance: self.s + ds,
             speed,
             acceleration,
@@ -175,7 +175,7 @@ impl<const N: usize> Node<N> {
     pub(super) fn is_certain<'a>(
         &self,
         next: &Self,
-        span: &impl Fn(usize) -> Option<&'a Span<N>>,
+        span: &impl Fn(usize) -> Option<&'a PathSegment<N>>,
         limits: &Limits<N>,
         (slack, halvings): (f64, usize),
         work: &mut usize,
@@ -191,7 +191,7 @@ impl<const N: usize> Node<N> {
             };
             if let Curve::Poly(_) = here.curve {
                 let (ds, speed, acceleration) = piece.at(begin);
-                let part = Piece {
+                let part = JerkSegment {
                     duration: until - begin,
                     distance: piece.distance + ds,
                     speed,
@@ -212,7 +212,7 @@ impl<const N: usize> Node<N> {
     pub(super) fn asks<'a>(
         &self,
         next: &Self,
-        span: &impl Fn(usize) -> Option<&'a Span<N>>,
+        span: &impl Fn(usize) -> Option<&'a PathSegment<N>>,
         limits: &Limits<N>,
         work: &mut usize,
     ) -> Option<[f64; 3]> {

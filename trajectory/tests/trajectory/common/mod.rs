@@ -3,7 +3,7 @@
 use proptest::prelude::*;
 use std::ops::Range;
 use syncline_trajectory::path::{
-    Command, Curve, Item, Limits, Plane, Planner, Span, curve::ArcDefinition,
+    Command, Curve, Limits, PathItem, PathSegment, Plane, Planner, curve::ArcDefinition,
 };
 
 pub(crate) const LIMITS: Limits<3> = Limits {
@@ -48,12 +48,12 @@ pub(crate) fn contour(sizes: Range<f64>) -> impl Strategy<Value = Vec<Curve<3>>>
 /// A path that is planned in one go when nobody acts: its planner, and its spans by their distance
 /// from the beginning; `take` is handed every command.
 pub(crate) fn planned(
-    items: &[Item<3>],
+    items: &[PathItem<3>],
     start: [f64; 3],
     mut take: impl FnMut(Command<3>),
-) -> (Planner<3>, Vec<Span<3>>) {
+) -> (Planner<3>, Vec<PathSegment<3>>) {
     let mut planner = Planner::new(LIMITS, start);
-    let (mut spans, mut origin) = (Vec::<Span<3>>::new(), 0.0);
+    let (mut spans, mut origin) = (Vec::<PathSegment<3>>::new(), 0.0);
     for item in items {
         planner.push(*item).unwrap();
     }
@@ -61,7 +61,7 @@ pub(crate) fn planned(
     while let Some(command) = planner.pop() {
         match command {
             Command::Section { origin: o, .. } => origin = o,
-            Command::Span(span) => spans.push(Span {
+            Command::PathSegment(span) => spans.push(PathSegment {
                 start: origin + span.start,
                 ..span
             }),

@@ -1,13 +1,13 @@
 //! A planner that is never late, and an executor: items in, setpoints out.
 
-use syncline_trajectory::path::{Executor, Item, Limits, Planner, Setpoint};
+use syncline_trajectory::path::{Executor, Limits, PathItem, Planner, Setpoint};
 
 /// What runs, and what it still has to.
 #[derive(Clone)]
 pub(crate) struct Machine<'a> {
     pub(crate) executor: Executor<3>,
     planner: Planner<3>,
-    items: std::slice::Iter<'a, Item<3>>,
+    items: std::slice::Iter<'a, PathItem<3>>,
     finished: bool,
 }
 
@@ -15,7 +15,7 @@ impl<'a> Machine<'a> {
     /// At rest where the items begin.
     pub(crate) fn new(
         limits: Limits<3>,
-        items: &'a [Item<3>],
+        items: &'a [PathItem<3>],
         start: [f64; 3],
         period: f64,
     ) -> Self {
@@ -32,8 +32,8 @@ impl<'a> Machine<'a> {
         let Machine {
             executor, planner, ..
         } = self;
-        if let Some(outlook) = executor.outlook() {
-            planner.observe(&outlook);
+        if let Some(request) = executor.replan_request() {
+            planner.replan(&request);
         }
         while executor.room() > 0 {
             if let Some(command) = planner.pop() {

@@ -1,29 +1,29 @@
 //! Takes runs of short lines for what they were made from.
 //!
-//! CAM systems write curves as facets. A path that follows every one of them has the curvature of
+//! CAM systems write curves as short segments. A path that follows every one of them has the curvature of
 //! its joints, not that of the curve, and where coordinates are rounded that of the rounding. So
 //! lines that are short against the tolerance are gathered. Those that follow one line become that;
 //! the others become polynomials of degree five that go on one from the other with tangent and
 //! curvature, each the best (by least squares) for points far beyond its own end: the next one starts
 //! from where data on both sides held the curve, not from where it was let go. Every point and every
-//! facet is measured. Where a program says within what lines are to be merged, they are, however
+//! short segment is measured. Where a program says within what lines are to be merged, they are, however
 //! long they are.
 
 use super::blend::distance;
 use super::curve::{Curve, Poly};
-use super::{Exit, Move};
+use super::{Move, PathControlMode};
 
-/// Lines up to so many tolerances long are facets.
+/// Lines up to so many tolerances long are short segments.
 const SHORT: f64 = 100.0;
-/// Least cosine of the turn from one facet to the next.
+/// Least cosine of the turn from one short segment to the next.
 const GENTLE: f64 = 0.9;
 /// Part of the tolerance that a polynomial may stray between two others, …
 const SHARE: f64 = 0.97;
 /// … where what is left is for a blend with what comes before or after, …
 const OUTER_SHARE: f64 = 0.7;
-/// … and that a line through facets may, unless lines are to be merged.
+/// … and that a line through short segments may, unless lines are to be merged.
 const STRAIGHT: f64 = 1e-3;
-/// Facets that are looked at, at most, and at least where the curve is to go on.
+/// Short segments that are looked at, at most, and at least where the curve is to go on.
 const MOST: usize = 96;
 const FEWEST: usize = 6;
 /// Degree of the polynomials.
@@ -31,7 +31,7 @@ const DEGREE: usize = 5;
 
 /// Moves that are gathered.
 #[derive(Debug, Clone)]
-pub struct Run<const N: usize> {
+pub struct ShortSegments<const N: usize> {
     /// The last of them.
     last: Move<N>,
     /// Where the first begins, and the ends of all, with their tags.
@@ -44,22 +44,22 @@ pub struct Run<const N: usize> {
     line: Option<(Curve<N>, f64)>,
     /// What the curve goes on from at the first point.
     knot: Option<Knot<N>>,
-    /// Facets that the last polynomial was good for.
+    /// Short segments that the last polynomial was good for.
     reach: usize,
 }
 
 /// What curves stand for.
 #[derive(Debug, Clone, Copy)]
 pub struct Part<const N: usize> {
-    /// The curve, with the feed, the exit and the tag of the last move.
+    /// The curve, with the feed, the mode and the tag of the last move.
     pub motion: Move<N>,
     /// How far it strays from the moves, at most, mm.
-    pub astray: f64,
+    pub deviation: f64,
     /// It goes on from the one before with tangent and curvature.
     pub goes_on: bool,
 }
 
-/// A point of the curve: derivatives by the length of the facets.
+/// A point of the curve: derivatives by the length of the short segments.
 #[derive(Debug, Clone, Copy)]
 struct Knot<const N: usize> {
     q: [f64; N],
@@ -67,21 +67,21 @@ struct Knot<const N: usize> {
     d2: [f64; N],
 }
 
-/// A polynomial for some facets.
+/// A polynomial for some short segments.
 struct Fit<const N: usize> {
     curve: Curve<N>,
     /// For how many.
-    facets: usize,
-    astray: f64,
+    lines: usize,
+    deviation: f64,
     end: Knot<N>,
 }
 
-impl<const N: usize> Run<N> {
-    /// One move; `None` if that is no facet, nor to be merged.
+impl<const N: usize> ShortSegments<N> {
+    /// One move; `None` if that is no short segment, nor to be merged.
     pub fn begin(motion: &Move<N>) -> Option<Self> {
         let heading = motion.curve.direction()?;
         let curve_like = is_short(motion, &heading);
-        (curve_like || merged_within(motion.exit).is_some()).then(|| Run {
+        (curve_like || merged_within(motion.mode).is_some()).then(|| ShortSegments {
             last: *motion,
             points: vec![
                 (motion.curve.start(), motion.tag),
@@ -102,8 +102,8 @@ impl<const N: usize> Run<N> {
         };
         let turn: f64 = (0..N.min(3)).map(|i| heading[i] * self.heading[i]).sum();
         let curve_like = self.curve_like && is_short(motion, &heading) && turn >= GENTLE;
-        let merged = merged_within(motion.exit);
-        if motion.exit != self.last.exit
+        let merged = merged_within(motion.mode);
+        if motion.mode != self.last.mode
             || motion.feed != self.last.feed
             || !(curve_like || self.line.is_some() && merged.is_some())
         {
@@ -125,23 +125,23 @@ impl<const N: usize> Run<N> {
         true
     }
 
-    /// The next part, if enough of the facets behind it are known or there come no more. A curve of its
+    /// The next part, if enough of the short segments behind it are known or there come no more. A curve of its
     /// own is one that `may_be`.
     pub fn next(&mut self, ended: bool, may_be: impl Fn(&Curve<N>) -> bool) -> Option<Part<N>> {
-        let facets = self.points.len() - 1;
-        if facets == 0 || !ended && (self.line.is_some() || facets < self.wanted()) {
+        let lines = self.points.len() - 1;
+        if lines == 0 || !ended && (self.line.is_some() || lines < self.wanted()) {
             return None;
         }
-        if let Some((curve, astray)) = self.line {
-            return Some(self.part(curve, facets, astray, None));
+        if let Some((curve, deviation)) = self.line {
+            return Some(self.part(curve, lines, deviation, None));
         }
-        let mut ahead = facets.min(self.wanted());
+        let mut ahead = lines.min(self.wanted());
         loop {
-            let whole = ended && ahead == facets;
+            let whole = ended && ahead == lines;
             if let Some(fit) = self.fit(ahead, whole).filter(|fit| may_be(&fit.curve)) {
                 self.reach = ahead;
                 let end = (!whole).then_some(fit.end);
-                return Some(self.part(fit.curve, fit.facets, fit.astray, end));
+                return Some(self.part(fit.curve, fit.lines, fit.deviation, end));
             }
             if ahead <= FEWEST {
                 break;
@@ -150,31 +150,31 @@ impl<const N: usize> Run<N> {
         }
         // The curve ends in a corner.
         self.reach = MOST;
-        for ahead in (2..FEWEST.min(facets)).rev() {
+        for ahead in (2..FEWEST.min(lines)).rev() {
             if let Some(fit) = self.fit(ahead, true).filter(|fit| may_be(&fit.curve)) {
-                return Some(self.part(fit.curve, fit.facets, fit.astray, None));
+                return Some(self.part(fit.curve, fit.lines, fit.deviation, None));
             }
         }
         let start = self.start().q;
-        let astray = distance(&start, &self.points[0].0);
-        let (last, curve) = (1..=facets).find_map(|last| {
+        let deviation = distance(&start, &self.points[0].0);
+        let (last, curve) = (1..=lines).find_map(|last| {
             let line = Curve::line(start, self.points[last].0).ok();
             line.map(|line| (last, line))
         })?;
-        let part = self.part(curve, last, astray, None);
+        let part = self.part(curve, last, deviation, None);
         Some(Part {
             goes_on: false,
             ..part
         })
     }
 
-    /// How far a line may stray from the facets.
+    /// How far a line may stray from the short segments.
     fn within(&self) -> f64 {
-        let exit = self.last.exit;
-        merged_within(exit).unwrap_or(STRAIGHT * exit.rounding().unwrap_or(0.0))
+        let mode = self.last.mode;
+        merged_within(mode).unwrap_or(STRAIGHT * mode.rounding().unwrap_or(0.0))
     }
 
-    /// Facets that are looked at for the next polynomial.
+    /// Short segments that are looked at for the next polynomial.
     fn wanted(&self) -> usize {
         (self.reach + self.reach / 2 + 1).min(MOST)
     }
@@ -187,15 +187,15 @@ impl<const N: usize> Run<N> {
         })
     }
 
-    /// Takes the part that stands for so many facets out of the run, which goes on from `end`.
+    /// Takes the part that stands for so many short segments out of what was gathered, which goes on from `end`.
     fn part(
         &mut self,
         curve: Curve<N>,
-        facets: usize,
-        astray: f64,
+        lines: usize,
+        deviation: f64,
         end: Option<Knot<N>>,
     ) -> Part<N> {
-        self.points.drain(..facets);
+        self.points.drain(..lines);
         self.line = match end {
             None if self.points.len() > 1 => line(&self.points, self.within()),
             _ => None,
@@ -208,19 +208,19 @@ impl<const N: usize> Run<N> {
                 tag: self.points[0].1,
                 ..self.last
             },
-            astray,
+            deviation,
             goes_on,
         }
     }
 
-    /// The polynomial that goes on from the knot and is the best for that many facets: for all of them,
+    /// The polynomial that goes on from the knot and is the best for that many short segments: for all of them,
     /// with the last one's end as its own, or for the first half of them. `None` if it strays.
     fn fit(&self, ahead: usize, whole: bool) -> Option<Fit<N>> {
-        let facets = if whole { ahead } else { ahead / 2 };
+        let lines = if whole { ahead } else { ahead / 2 };
         let outer = whole || self.knot.is_none();
-        let within = self.last.exit.rounding()? * if outer { OUTER_SHARE } else { SHARE };
+        let within = self.last.mode.rounding()? * if outer { OUTER_SHARE } else { SHARE };
         let from = self.start();
-        // The lengths of the facets, from the first point on.
+        // The lengths of the short segments, from the first point on.
         let mut at = [0.0; MOST + 1];
         for k in 1..=ahead {
             let [a, b] = [k - 1, k].map(|k| &self.points[k].0);
@@ -279,17 +279,17 @@ impl<const N: usize> Run<N> {
         // The part of it that is kept.
         let mut scale = 1.0;
         for term in &mut terms {
-            scale *= at[facets] / length;
+            scale *= at[lines] / length;
             *term = term.map(|c| c * scale);
         }
         let poly = Poly::new(from.q, terms)?;
-        let astray = self.astray(&poly, &terms, &at[..=facets]);
+        let deviation = self.deviation(&poly, &terms, &at[..=lines]);
         let [q, d1, d2] = [poly.point(1.0), poly.first(1.0), poly.second(1.0)];
-        let by = 1.0 / at[facets];
-        (astray <= within).then_some(Fit {
+        let by = 1.0 / at[lines];
+        (deviation <= within).then_some(Fit {
             curve: Curve::Poly(poly),
-            facets,
-            astray,
+            lines,
+            deviation,
             end: Knot {
                 q,
                 d1: d1.map(|d| d * by),
@@ -298,10 +298,10 @@ impl<const N: usize> Run<N> {
         })
     }
 
-    /// How far the polynomial strays from the facets that end at these lengths, and they from it, at
+    /// How far the polynomial strays from the short segments that end at these lengths, and they from it, at
     /// most: no further than it does at the ends of each, and an eighth of the square of the parameter
     /// in between times the second derivative.
-    fn astray(&self, poly: &Poly<N>, terms: &[[f64; N]; DEGREE], at: &[f64]) -> f64 {
+    fn deviation(&self, poly: &Poly<N>, terms: &[[f64; N]; DEGREE], at: &[f64]) -> f64 {
         let norm = |d: [f64; N]| d.iter().map(|x| x * x).sum::<f64>().sqrt();
         let third = 6.0 * norm(terms[2]) + 24.0 * norm(terms[3]) + 60.0 * norm(terms[4]);
         let length = at[at.len() - 1];
@@ -361,13 +361,13 @@ fn solve<const N: usize>(
 /// Whether a line is short against its tolerance, and the tool's.
 fn is_short<const N: usize>(motion: &Move<N>, heading: &[f64; N]) -> bool {
     let led: f64 = heading[..N.min(3)].iter().map(|d| d * d).sum();
-    let tolerance = motion.exit.rounding().unwrap_or(0.0);
+    let tolerance = motion.mode.rounding().unwrap_or(0.0);
     led > 0.5 && motion.curve.length() <= SHORT * tolerance
 }
 
-fn merged_within(exit: Exit) -> Option<f64> {
-    match exit {
-        Exit::Merge { within, .. } => Some(within),
+fn merged_within(mode: PathControlMode) -> Option<f64> {
+    match mode {
+        PathControlMode::Merge { within, .. } => Some(within),
         _ => None,
     }
 }

@@ -2,7 +2,7 @@
 
 use super::brake::instant_at;
 use super::plan::Laid;
-use super::{Departure, Limits, Piece, Span};
+use super::{JerkSegment, Limits, PathSegment, PathState};
 
 /// A way to plan on from a state in motion.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -49,34 +49,34 @@ pub(super) fn attempts(old: &[Laid]) -> impl Iterator<Item = Attempt> + use<> {
 }
 
 /// The pieces that begin where the plan goes slowest, for now.
-pub(super) fn dips(plan: &[Laid]) -> impl Iterator<Item = usize> {
+pub(super) fn minima(plan: &[Laid]) -> impl Iterator<Item = usize> {
     let slope = |k: usize| plan[k].piece.acceleration;
     (1..plan.len()).filter(move |&k| slope(k) >= 0.0 && slope(k - 1) < 0.0)
 }
 
 /// Whether on the far side of where it goes slowest the law rises again to more than is asked for.
-pub(super) fn rises<const N: usize>(law: &[Laid], spans: &[Span<N>]) -> bool {
-    dips(law).next().is_some_and(|low| {
+pub(super) fn overshoots<const N: usize>(law: &[Laid], spans: &[PathSegment<N>]) -> bool {
+    minima(law).next().is_some_and(|low| {
         let [before, at] = [low - 1, low].map(|k| law[k].piece.speed);
         law[low..].iter().any(|Laid { piece, .. }| {
             let asked = span_at(spans, piece.distance).speed;
-            piece.speed > asked.max(before.min(at)) * (1.0 + RISE)
+            piece.speed > asked.max(before.min(at)) * (1.0 + OVERSHOOT)
         })
     })
 }
 
 /// The part by which a speed may rise that should fall.
-const RISE: f64 = 1e-3;
+const OVERSHOOT: f64 = 1e-3;
 
 /// Lays a limit of the speed that falls gently to what is asked for from a state, and from where the
 /// `old` plan goes slowest on its way; nothing if the speed is no higher. Where nothing is asked for, that is
 /// to rest: returns where the path can rest then.
-pub(super) fn lay_descent<const N: usize>(
-    spans: &[Span<N>],
+pub(super) fn lay_transition<const N: usize>(
+    spans: &[PathSegment<N>],
     limits: &Limits<N>,
-    from: Departure,
+    from: PathState,
     old: &[Laid],
-    pieces: &mut Vec<Piece>,
+    pieces: &mut Vec<JerkSegment>,
 ) -> Option<f64> {
     let slope = Slope::along(spans, limits, from);
     let mut target = spans[0].speed;
@@ -84,19 +84,19 @@ pub(super) fn lay_descent<const N: usize>(
     for _ in 0..4 {
         pieces.clear();
         let mut at = from;
-        let mut dips = dips(old).peekable();
+        let mut minima = minima(old).peekable();
         let (a, above) = (from.acceleration, from.speed - target);
         if a < 0.0
             && above > 0.0
             && 2.0 * slope.jerk * above < a * a
-            && let Some(low) = dips.next()
+            && let Some(low) = minima.next()
         {
             // It falls faster than that already.
             pieces.extend(old[..low].iter().map(|laid| laid.piece));
             at = lowest(old, low);
         }
         at = slope.descend(at, target, pieces);
-        for low in dips {
+        for low in minima {
             let low = lowest(old, low);
             if low.distance >= at.distance {
                 break;
@@ -127,14 +127,14 @@ pub(super) fn lay_descent<const N: usize>(
 const SOONER: f64 = 0.97;
 
 /// Where the plan goes slowest.
-fn lowest(plan: &[Laid], low: usize) -> Departure {
-    Departure {
+fn lowest(plan: &[Laid], low: usize) -> PathState {
+    PathState {
         acceleration: 0.0,
         ..plan[low].piece.into()
     }
 }
 
-fn span_at<const N: usize>(spans: &[Span<N>], distance: f64) -> &Span<N> {
+fn span_at<const N: usize>(spans: &[PathSegment<N>], distance: f64) -> &PathSegment<N> {
     &spans[spans.partition_point(|s| s.start <= distance).max(1) - 1]
 }
 
@@ -150,7 +150,11 @@ const GENTLY: f64 = 0.4;
 
 impl Slope {
     /// Gently wherever the path leads from a state.
-    fn along<const N: usize>(spans: &[Span<N>], limits: &Limits<N>, from: Departure) -> Self {
+    fn along<const N: usize>(
+        spans: &[PathSegment<N>],
+        limits: &Limits<N>,
+        from: PathState,
+    ) -> Self {
         let along = |s: f64| {
             let span = span_at(spans, s);
             let at = span.curve.at((s - span.start).min(span.curve.length()));
@@ -177,7 +181,7 @@ impl Slope {
 
     /// Lays the closed form from a state down to the speed `target`, nothing if it is no higher;
     /// returns where that ends.
-    fn descend(self, from: Departure, target: f64, pieces: &mut Vec<Piece>) -> Departure {
+    fn descend(self, from: PathState, target: f64, pieces: &mut Vec<JerkSegment>) -> PathState {
         let (a, j) = (from.acceleration, self.jerk);
         let above = from.speed - target;
         let reached = above + a * a / (2.0 * j);
@@ -199,7 +203,7 @@ impl Slope {
             if duration <= 0.0 {
                 continue;
             }
-            let piece = Piece {
+            let piece = JerkSegment {
                 duration,
                 distance: at.distance,
                 speed: at.speed,
@@ -208,7 +212,7 @@ impl Slope {
             };
             pieces.push(piece);
             let (ds, speed, acceleration) = piece.at(duration);
-            at = Departure {
+            at = PathState {
                 distance: at.distance + ds,
                 speed: speed.max(0.0),
                 acceleration,

@@ -101,7 +101,7 @@ const EXACT: f64 = 1e-12;
 
 /// A cell's state in the current iterate: all that its constraints depend on.
 #[derive(Debug, Clone, Copy, Default)]
-struct Frame {
+struct CellState {
     /// At both ends.
     w: [f64; 2],
     a: [f64; 2],
@@ -144,10 +144,10 @@ struct Row {
     force_step: [f64; 2],
 }
 
-/// A cell: its frame and where its constraints are.
+/// A cell: its state and where its constraints are.
 #[derive(Debug, Clone, Copy)]
 struct Stage {
-    frame: Frame,
+    state: CellState,
     /// First row of the jerk at the start, of the jerk at the end, of the others (the speed in the
     /// middle, then what depends on the start node alone), and of the next cell.
     rows: [usize; 4],
@@ -178,7 +178,7 @@ enum Aim {
     Dynamics,
 }
 
-impl Frame {
+impl CellState {
     /// A slope in terms of the end node, in terms of the start node; and its drift.
     #[inline]
     fn pull_back(&self, [w, a, m]: [f64; 3]) -> ([f64; 3], f64) {
@@ -355,19 +355,19 @@ fn raise(gradient: &mut [f64; 3], by: f64, row: [f64; 3]) {
 
 /// Solver with its scratch space; reused from window to window.
 #[derive(Debug, Clone, Default)]
-pub struct TimeLaw<const N: usize> {
+pub struct TimeParametrisation<const N: usize> {
     stages: Vec<Stage>,
     rows: Vec<Row>,
     nodes: Vec<Node>,
 }
 
-impl<const N: usize> TimeLaw<N> {
+impl<const N: usize> TimeParametrisation<N> {
     /// Duration and jerk of every cell in turn.
     pub fn motions(&self) -> impl Iterator<Item = (f64, f64)> {
-        self.stages.iter().map(|Stage { frame, .. }| {
+        self.stages.iter().map(|Stage { state, .. }| {
             (
-                frame.h / frame.sigma,
-                (frame.a[1] - frame.a[0]) * frame.sigma / frame.h,
+                state.h / state.sigma,
+                (state.a[1] - state.a[0]) * state.sigma / state.h,
             )
         })
     }
@@ -378,7 +378,7 @@ impl<const N: usize> TimeLaw<N> {
     }
 
     /// Fastest law over `cells` from `start` to rest at the end, to the relative `tolerance` of its
-    /// time. `guess` gives the first iterate, a state for every node with w > 0 inside; `heat` tells
+    /// time. `guess` gives the first iterate, a state for every node with w > 0 inside; `barrier` tells
     /// how good it is: 0.3 for one that has only the shape, less for a solution of nearly the same
     /// problem.
     pub fn solve(
@@ -387,7 +387,7 @@ impl<const N: usize> TimeLaw<N> {
         limits: &Limits<N>,
         start: Node,
         guess: impl Iterator<Item = Node>,
-        heat: f64,
+        barrier: f64,
         tolerance: f64,
     ) -> Outcome {
         let n = cells.len();
@@ -400,8 +400,8 @@ impl<const N: usize> TimeLaw<N> {
 
         self.lay_rows(cells, limits);
         let (time, _) = self.relinearise(cells);
-        for Stage { frame, weight, .. } in &mut self.stages {
-            *weight = 0.5 * (frame.h / frame.sigma / time + 1.0 / n as f64);
+        for Stage { state, weight, .. } in &mut self.stages {
+            *weight = 0.5 * (state.h / state.sigma / time + 1.0 / n as f64);
         }
         // Constraints, by weight.
         let pairs: f64 = self
@@ -409,10 +409,10 @@ impl<const N: usize> TimeLaw<N> {
             .iter()
             .map(|s| s.weight * (2 * (s.rows[3] - s.rows[0])) as f64)
             .sum();
-        let target = heat * time / pairs;
+        let target = barrier * time / pairs;
         for stage in &self.stages {
             for row in &mut self.rows[stage.rows[0]..stage.rows[3]] {
-                row.slack = row.over.map(|over| (-over).max(0.3 * heat));
+                row.slack = row.over.map(|over| (-over).max(0.3 * barrier));
                 row.force = row.slack.map(|slack| target * stage.weight / slack);
             }
         }
@@ -420,7 +420,7 @@ impl<const N: usize> TimeLaw<N> {
             converged: false,
             iterations: 0,
             time,
-            gap: heat * time,
+            gap: barrier * time,
             excess: 1.0,
         };
         let mut damping = 0.0_f64;
@@ -475,12 +475,12 @@ impl<const N: usize> TimeLaw<N> {
             self.direct(Aim::Dynamics);
             let (mut dw, mut da) = (0.0, 0.0);
             for (stage, node) in self.stages.iter_mut().zip(&mut self.nodes) {
-                let Stage { frame, gain, .. } = stage;
+                let Stage { state, gain, .. } = stage;
                 let dm = gain[0] * dw + gain[1] * da + gain[2];
                 node.w += dw;
                 node.a += da;
-                frame.m += dm;
-                (dw, da) = frame.follow([dw, da, dm]);
+                state.m += dm;
+                (dw, da) = state.follow([dw, da, dm]);
             }
             miss = self.relinearise(cells).1;
         }
@@ -543,10 +543,10 @@ impl<const N: usize> TimeLaw<N> {
             }
             rows[3] = self.rows.len();
             self.stages.push(Stage {
-                frame: Frame {
+                state: CellState {
                     m: self.nodes[k + 1].a - self.nodes[k].a,
                     at_rest: (k == 0 && self.nodes[0].w == 0.0) || k == last,
-                    ..Frame::default()
+                    ..CellState::default()
                 },
                 rows,
                 weight: 0.0,
@@ -560,7 +560,7 @@ impl<const N: usize> TimeLaw<N> {
         }
     }
 
-    /// Brings every frame and its rows up to date with the iterate; returns the motion time and by
+    /// Brings every state and its rows up to date with the iterate; returns the motion time and by
     /// what part of itself the dynamics miss w at most.
     fn relinearise(&mut self, cells: &[Cell<N>]) -> (f64, f64) {
         let (mut time, mut miss) = (0.0, 0.0_f64);
@@ -568,42 +568,42 @@ impl<const N: usize> TimeLaw<N> {
         for (k, (stage, cell)) in self.stages.iter_mut().zip(cells).enumerate() {
             let (x0, x1) = (self.nodes[k], self.nodes[k + 1]);
             let v1 = x1.w.sqrt();
-            let frame = &mut stage.frame;
+            let state = &mut stage.state;
             let sigma = 0.5 * (v0 + v1);
             let slope = |v: f64| if v > 0.0 { -0.25 / (v * sigma) } else { 0.0 };
-            frame.beta = [slope(v0), slope(v1)];
-            if frame.at_rest {
-                frame.h = 1.5 * cell.length;
-                frame.h_by = [0.0; 3];
+            state.beta = [slope(v0), slope(v1)];
+            if state.at_rest {
+                state.h = 1.5 * cell.length;
+                state.h_by = [0.0; 3];
             } else {
-                let bend = frame.m / (12.0 * sigma * sigma);
+                let bend = state.m / (12.0 * sigma * sigma);
                 let root = (1.0 - 4.0 * cell.length * bend).max(0.04).sqrt();
                 let h = 2.0 * cell.length / (1.0 + root);
                 // h − bend h² = Δs, and bend goes with m/σ².
                 let by = h * h / (1.0 - 2.0 * h * bend).max(0.2);
-                frame.h = h;
-                frame.h_by = [
-                    by * 2.0 * bend * frame.beta[0],
-                    by * 2.0 * bend * frame.beta[1],
+                state.h = h;
+                state.h_by = [
+                    by * 2.0 * bend * state.beta[0],
+                    by * 2.0 * bend * state.beta[1],
                     by / (12.0 * sigma * sigma),
                 ];
             }
-            frame.sigma = sigma;
-            frame.v = [v0, v1];
-            frame.w = [x0.w, x1.w];
-            frame.a = [x0.a, x1.a];
-            frame.defect = x0.a + frame.m - x1.a;
+            state.sigma = sigma;
+            state.v = [v0, v1];
+            state.w = [x0.w, x1.w];
+            state.a = [x0.a, x1.a];
+            state.defect = x0.a + state.m - x1.a;
             // w₁ = w₀ + h (2 a₀ + m)
-            let sum = 2.0 * x0.a + frame.m;
-            let own = 1.0 / (1.0 - sum * frame.h_by[1]);
-            frame.ahead = [
-                (1.0 + sum * frame.h_by[0]) * own,
-                2.0 * frame.h * own,
-                (frame.h + sum * frame.h_by[2]) * own,
-                (x0.w + frame.h * sum - x1.w) * own,
+            let sum = 2.0 * x0.a + state.m;
+            let own = 1.0 / (1.0 - sum * state.h_by[1]);
+            state.ahead = [
+                (1.0 + sum * state.h_by[0]) * own,
+                2.0 * state.h * own,
+                (state.h + sum * state.h_by[2]) * own,
+                (x0.w + state.h * sum - x1.w) * own,
             ];
-            miss = miss.max((frame.ahead[3] / x0.w.max(x1.w)).abs());
-            time += frame.h / sigma;
+            miss = miss.max((state.ahead[3] / x0.w.max(x1.w)).abs());
+            time += state.h / sigma;
             v0 = v1;
             stage.evaluate(&mut self.rows);
         }
@@ -621,24 +621,24 @@ impl<const N: usize> TimeLaw<N> {
         let mut landing = (0.0, 0.0);
         for (k, stage) in self.stages.iter_mut().enumerate().rev() {
             let mut q = stage.weigh(&mut self.rows, &mut worst);
-            let frame = &stage.frame;
-            frame.add_time(&mut q);
-            let along = frame.sigma / frame.h * stage.along;
+            let state = &stage.state;
+            state.add_time(&mut q);
+            let along = state.sigma / state.h * stage.along;
             q.square(damping * stage.weight, [0.0, 0.0, along]);
             stage.gradient = q.gradient;
             let [ww, wa, wm, aa, am, mm] = q.hessian;
             if k == last {
                 // a + m = 0 and w + h a = 0 at the end.
-                stage.gain = [0.0, -1.0, -frame.a[0] - frame.m];
+                stage.gain = [0.0, -1.0, -state.a[0] - state.m];
                 stage.cross = [wm, am, mm];
                 to_go = [ww, wa - wm, aa - 2.0 * am + mm];
-                landing = (frame.h, -(frame.w[0] + frame.h * frame.a[0]));
+                landing = (state.h, -(state.w[0] + state.h * state.a[0]));
                 continue;
             }
             stage.to_go = to_go;
             // Add the cost to go from x⁺: Δw⁺ = ahead · (Δw, Δa, Δm, 1), Δa⁺ = Δa + Δm + defect.
             let [pww, pwa, paa] = to_go;
-            let [ew, ea, em, e1] = frame.ahead;
+            let [ew, ea, em, e1] = state.ahead;
             // P [A B], column by column.
             let w_w = pww * ew;
             let (a_w, a_a) = (pww * ea + pwa, pwa * ea + paa);
@@ -657,7 +657,7 @@ impl<const N: usize> TimeLaw<N> {
                 [
                     -ew / by_m,
                     -(ea + l) / by_m,
-                    (miss - e1 - l * frame.defect) / by_m,
+                    (miss - e1 - l * state.defect) / by_m,
                 ]
             } else {
                 [-wm / mm, -am / mm, 0.0]
@@ -690,8 +690,8 @@ impl<const N: usize> TimeLaw<N> {
                 continue;
             }
             let [pww, pwa, paa] = stage.to_go;
-            let [ew, ea, em, e1] = stage.frame.ahead;
-            let defect = stage.frame.defect;
+            let [ew, ea, em, e1] = stage.state.ahead;
+            let defect = stage.state.defect;
             let rw = to_go[0] + pww * e1 + pwa * defect;
             let ra = to_go[1] + pwa * e1 + paa * defect;
             gw += ew * rw;
@@ -713,13 +713,13 @@ impl<const N: usize> TimeLaw<N> {
         let mut sums = Sums::default();
         let (mut dw, mut da) = (0.0, 0.0);
         for (k, stage) in self.stages.iter_mut().enumerate() {
-            let Stage { frame, gain, .. } = stage;
+            let Stage { state, gain, .. } = stage;
             let step = [dw, da, gain[0] * dw + gain[1] * da + gain[2]];
             if k > 0 {
                 // The tangent of 1/σ is worth little much further down.
-                sums.reach[0] = sums.reach[0].max(-dw / (0.8 * frame.w[0]));
+                sums.reach[0] = sums.reach[0].max(-dw / (0.8 * state.w[0]));
             }
-            let (beta, beta_drift) = frame.beta_slope();
+            let (beta, beta_drift) = state.beta_slope();
             let beta_step = beta[0] * step[0] + beta[1] * step[1] + beta[2] * step[2] + beta_drift;
             let target = target.map(|target| target * stage.weight);
             let [first, _, others, end] = stage.rows;
@@ -729,7 +729,7 @@ impl<const N: usize> TimeLaw<N> {
             for row in &mut self.rows[others..end] {
                 row.aim(step, 0.0, target, &mut sums);
             }
-            (dw, da) = frame.follow(step);
+            (dw, da) = state.follow(step);
             stage.step = step;
         }
         sums
@@ -741,7 +741,7 @@ impl<const N: usize> TimeLaw<N> {
             let [dw, da, dm] = stage.step;
             node.w += primal * dw;
             node.a += primal * da;
-            stage.frame.m += primal * dm;
+            stage.state.m += primal * dm;
         }
         for row in &mut self.rows {
             for side in 0..2 {
@@ -756,9 +756,9 @@ impl Stage {
     /// Values and slopes of the rows in the iterate.
     #[inline]
     fn evaluate(&self, rows: &mut [Row]) {
-        let frame = &self.frame;
-        let Frame { w, a, v, h, m, .. } = *frame;
-        let rate = frame.sigma / h;
+        let state = &self.state;
+        let CellState { w, a, v, h, m, .. } = *state;
+        let rate = state.sigma / h;
         let [first, second, others, end] = self.rows;
         for row in &mut rows[first..second] {
             let slope = [
@@ -775,11 +775,11 @@ impl Stage {
                 rate * row.terms[2],
             ];
             let value = slope[0] * w[1] + slope[1] * a[1] + slope[2] * m;
-            let (slope, drift) = frame.pull_back(slope);
+            let (slope, drift) = state.pull_back(slope);
             row.set(value, slope, drift);
         }
         let half = rows[others].terms[0];
-        let (by_end, drift) = frame.pull_back([half, 0.0, -0.5 * h * half]);
+        let (by_end, drift) = state.pull_back([half, 0.0, -0.5 * h * half]);
         let value = half * (w[0] + w[1] - 0.5 * m * h);
         rows[others].set(value, [half + by_end[0], by_end[1], by_end[2]], drift);
         for row in &mut rows[others + 1..end] {
@@ -791,7 +791,7 @@ impl Stage {
     #[inline]
     fn weigh(&self, rows: &mut [Row], worst: &mut f64) -> Quadratic {
         let mut q = Quadratic::default();
-        let (beta, beta_drift) = self.frame.beta_slope();
+        let (beta, beta_drift) = self.state.beta_slope();
         let (mut beta_weight, mut beta_pull) = (0.0, 0.0);
         let mut beta_cross = [0.0; 3];
         let [first, _, others, end] = self.rows;
@@ -828,7 +828,7 @@ impl Stage {
             raise(&mut gradient, pull[0] - pull[1], row.slope);
             beta_pull += pull[0] + pull[1];
         }
-        raise(&mut gradient, -beta_pull, self.frame.beta_slope().0);
+        raise(&mut gradient, -beta_pull, self.state.beta_slope().0);
         for row in &rows[others..end] {
             let pull = row.correct(target);
             raise(&mut gradient, pull[0] - pull[1], row.slope);
@@ -837,7 +837,7 @@ impl Stage {
     }
 }
 
-impl Frame {
+impl CellState {
     /// Adds the cell's duration h/σ, which is convex in w at both ends.
     fn add_time(&self, q: &mut Quadratic) {
         let time = self.h / self.sigma;

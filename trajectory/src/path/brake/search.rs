@@ -1,8 +1,8 @@
 //! A law in the making: its cells, and what is done to them from round to round.
 
-use super::node::{Node, Road, accelerations, jerks};
+use super::node::{Node, PathCursor, accelerations, jerks};
 use super::{Braking, ROUNDING, instant_at};
-use crate::path::{Curve, Departure, Limits, Span};
+use crate::path::{Curve, Limits, PathSegment, PathState};
 
 /// Cells of the way down from the greatest speed, at most.
 pub(super) const MOST_CELLS: usize = 160;
@@ -69,7 +69,7 @@ pub(super) const PROVING: usize = 12;
 
 /// A law in the making.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Way<const N: usize> {
+pub(super) struct SearchState<const N: usize> {
     care: Care,
     target: f64,
     /// First the acceleration is taken back, in so many cells.
@@ -103,10 +103,10 @@ const UNCERTAIN: f64 = 0.985;
 /// What is kept of the limits from the first, for what happens between the nodes.
 pub(super) const SHARE: f64 = 0.9992;
 
-impl<const N: usize> Way<N> {
+impl<const N: usize> SearchState<N> {
     pub(super) fn new(care: Care) -> Self {
         let node = Node::nowhere();
-        Way {
+        SearchState {
             care,
             target: 0.0,
             rising: [node; MOST_RISING + 1],
@@ -203,19 +203,19 @@ impl<const N: usize> Way<N> {
     /// Takes back the acceleration as fast as the axes allow, step by step; true when it is gone.
     pub(super) fn rise<'a>(
         &mut self,
-        span: impl Fn(usize) -> Option<&'a Span<N>>,
+        span: impl Fn(usize) -> Option<&'a PathSegment<N>>,
         limits: &Limits<N>,
-        from: Departure,
+        from: PathState,
         work: usize,
     ) -> Option<bool> {
-        let mut road = Road { span, index: 0 };
+        let mut cursor = PathCursor { span, index: 0 };
         let mut now = from;
         if self.rises == 0 {
             (self.longest, self.stride) = (f64::INFINITY, f64::INFINITY);
         } else {
             let last = &self.rising[self.rises - 1];
             now = last.end()?;
-            road.index = last.index;
+            cursor.index = last.index;
         }
         while now.acceleration > 1e-9 * from.acceleration.max(0.0) {
             if self.work >= work {
@@ -228,7 +228,7 @@ impl<const N: usize> Way<N> {
             let loose = self.care.uneven_rise * f64::from(1_u32 << early);
             let node = self.rising[..self.care.rising].get_mut(self.rises)?;
             node.take(now);
-            node.look(&mut road, limits, now.distance)?;
+            node.look(&mut cursor, limits, now.distance)?;
             self.work += LOOKING + RELAXING;
             if self.longest.is_infinite() {
                 self.longest = self.step * now.acceleration / node.along(limits)[1] / RISING_STEPS;
@@ -236,7 +236,7 @@ impl<const N: usize> Way<N> {
             self.stride = self.stride.min(self.longest);
             loop {
                 self.work += 2 * (LOOKING + RELAXING);
-                let uneven = node.ease(&road, limits, self.stride)?;
+                let uneven = node.ease(&cursor, limits, self.stride)?;
                 if uneven <= loose || self.stride < SHORTEST * self.longest {
                     break;
                 }
@@ -249,7 +249,7 @@ impl<const N: usize> Way<N> {
         now.acceleration = now.acceleration.min(0.0);
         let top = &mut self.falling[0];
         top.take(now);
-        top.look(&mut road, limits, now.distance)?;
+        top.look(&mut cursor, limits, now.distance)?;
         top.looked = [now.distance; 2];
         Some(true)
     }
@@ -263,10 +263,10 @@ impl<const N: usize> Way<N> {
     /// Procedures for Nonlinear Integral Equations", 1965).
     pub(super) fn look<'a>(
         &mut self,
-        span: impl Fn(usize) -> Option<&'a Span<N>>,
+        span: impl Fn(usize) -> Option<&'a PathSegment<N>>,
         limits: &Limits<N>,
     ) -> Option<()> {
-        let mut road = Road {
+        let mut cursor = PathCursor {
             span,
             index: self.falling[0].index,
         };
@@ -294,7 +294,7 @@ impl<const N: usize> Way<N> {
             least = next;
             node.looked = [node.looked[1], next];
             node.off = off;
-            node.look(&mut road, limits, next)?;
+            node.look(&mut cursor, limits, next)?;
         }
         Some(())
     }
@@ -371,7 +371,7 @@ impl<const N: usize> Way<N> {
     /// False where there is nothing to cut.
     pub(super) fn refine<'a>(
         &mut self,
-        span: impl Fn(usize) -> Option<&'a Span<N>>,
+        span: impl Fn(usize) -> Option<&'a PathSegment<N>>,
         limits: &Limits<N>,
     ) -> Option<bool> {
         if self.refined >= 2 {
@@ -420,7 +420,7 @@ impl<const N: usize> Way<N> {
                     let mut node = now;
                     let (ds, speed, acceleration) = now.piece().at(cut);
                     let distance = now.s + ds;
-                    node.take(Departure {
+                    node.take(PathState {
                         distance,
                         speed,
                         acceleration,
@@ -472,7 +472,7 @@ impl<const N: usize> Way<N> {
     pub(super) fn keeps<'a>(
         &mut self,
         cell: usize,
-        span: impl Fn(usize) -> Option<&'a Span<N>>,
+        span: impl Fn(usize) -> Option<&'a PathSegment<N>>,
         limits: &Limits<N>,
     ) -> Option<bool> {
         let [now, next] = self.cell(cell);
@@ -493,7 +493,7 @@ impl<const N: usize> Way<N> {
     /// Beyond what is known of the path nothing can be kept.
     pub(super) fn ends_beyond<'a>(
         &self,
-        span: impl Fn(usize) -> Option<&'a Span<N>>,
+        span: impl Fn(usize) -> Option<&'a PathSegment<N>>,
     ) -> Option<bool> {
         let end = &self.falling[self.falls];
         let span = span(end.index)?;
@@ -505,7 +505,7 @@ impl<const N: usize> Way<N> {
     pub(super) fn is_certain<'a>(
         &mut self,
         cell: usize,
-        span: impl Fn(usize) -> Option<&'a Span<N>>,
+        span: impl Fn(usize) -> Option<&'a PathSegment<N>>,
         limits: &Limits<N>,
     ) -> Option<bool> {
         let [now, next] = self.cell(cell);
@@ -532,7 +532,7 @@ impl<const N: usize> Way<N> {
         let mut middle = self.falling[cell];
         let t = 0.5 * middle.t;
         let (ds, speed, acceleration) = middle.piece().at(t);
-        middle.take(Departure {
+        middle.take(PathState {
             distance: middle.s + ds,
             speed,
             acceleration,
@@ -546,7 +546,7 @@ impl<const N: usize> Way<N> {
         self.falls += 1;
     }
 
-    pub(super) fn law(&self, from: Departure) -> Option<Braking> {
+    pub(super) fn law(&self, from: PathState) -> Option<Braking> {
         let mut law = Braking::new(from);
         for node in self.rising[..self.rises]
             .iter()
