@@ -212,7 +212,7 @@ impl Shape {
                     for axis in self.axes_of(bus) {
                         by_node[usize::from(self.node(axis).get())] = Some(axis);
                     }
-                    layout::Bus {
+                    layout::BusSpec {
                         name: bus_name(bus),
                         sdo_per_cycle: (budget.sdo_transfers as usize).max(1),
                         drives: self.axes_of(bus).collect(),
@@ -221,7 +221,7 @@ impl Shape {
                 })
                 .collect(),
             drives: (0..self.axes)
-                .map(|axis| layout::Drive {
+                .map(|axis| layout::DriveSpec {
                     name: format!("drive {axis}"),
                     bus: axis % self.buses,
                     device: self.device(axis),
@@ -231,7 +231,7 @@ impl Shape {
                 })
                 .collect(),
             axes: (0..self.axes)
-                .map(|axis| layout::Axis {
+                .map(|axis| layout::AxisSpec {
                     name: format!("axis {axis}"),
                     coordinate: axis,
                     unit: "mm",

@@ -2,7 +2,7 @@
 
 use super::fault::{AxisCause, AxisIndex, DriveCause, Fault};
 use super::layout;
-use super::node::Node;
+use super::node::DriveNode;
 use syncline_drives::model::{Increments, OutOfRange, Setpoint};
 
 /// Setpoints that are kept to look back by a drive's interpolation delay.
@@ -18,15 +18,15 @@ struct Side {
     next: Setpoint,
 }
 
-/// One axis.
+/// An axis in the cycle.
 #[derive(Clone, Debug)]
-pub(super) struct Axis {
+pub(super) struct AxisControl {
     index: AxisIndex,
-    spec: layout::Axis,
+    spec: layout::AxisSpec,
     sides: Vec<Side>,
     /// Planned positions by cycle, newest at `cycle % HISTORY`, mm.
     planned: [f64; HISTORY],
-    /// Statistics since the last [`Axis::freeze`].
+    /// Statistics since the last [`AxisControl::freeze`].
     pub(super) following: Following,
 }
 
@@ -68,8 +68,8 @@ pub struct AxisSample {
     pub following_error: f64,
 }
 
-impl Axis {
-    pub(super) fn new(index: AxisIndex, spec: layout::Axis) -> Self {
+impl AxisControl {
+    pub(super) fn new(index: AxisIndex, spec: layout::AxisSpec) -> Self {
         Self {
             index,
             sides: vec![Side::default(); spec.drives.len()],
@@ -85,7 +85,7 @@ impl Axis {
     }
 
     /// Checks where the axis stands before it is enabled, and returns its machine position in mm.
-    pub(super) fn locate(&self, nodes: &[Node]) -> Result<f64, Fault> {
+    pub(super) fn locate(&self, nodes: &[DriveNode]) -> Result<f64, Fault> {
         let axis = self.index;
         let sides = self
             .spec
@@ -118,7 +118,7 @@ impl Axis {
 
     /// Freezes the axis where its drives' setpoints are; the plan starts from the returned
     /// machine position in mm.
-    pub(super) fn freeze(&mut self, nodes: &[Node]) -> Result<f64, Fault> {
+    pub(super) fn freeze(&mut self, nodes: &[DriveNode]) -> Result<f64, Fault> {
         let position = self.locate(nodes)?;
         for (side, &drive) in self.sides.iter_mut().zip(&self.spec.drives) {
             let node = &nodes[drive];
@@ -148,7 +148,7 @@ impl Axis {
         &mut self,
         cycle: u64,
         positions: &[f64],
-        nodes: &mut [Node],
+        nodes: &mut [DriveNode],
     ) -> Result<(), Fault> {
         let position = positions[self.spec.coordinate];
         let mut sides = self.sides.iter_mut().zip(&self.spec.drives);
@@ -174,7 +174,7 @@ impl Axis {
 
     /// What the axis did at SYNC `cycle`, which has just been answered by its T_PDOs. A drive whose
     /// T_PDO is missing is measured by the plan of its last one.
-    pub(super) fn sample(&self, cycle: u64, nodes: &[Node]) -> AxisSample {
+    pub(super) fn sample(&self, cycle: u64, nodes: &[DriveNode]) -> AxisSample {
         let set = self.planned(cycle);
         let mut worst = AxisSample {
             set,
@@ -216,7 +216,7 @@ impl Axis {
     pub(super) fn check_motion(
         &mut self,
         sample: &AxisSample,
-        nodes: &[Node],
+        nodes: &[DriveNode],
     ) -> Result<(), Fault> {
         let axis = self.index;
         self.following.record(sample.following_error);

@@ -3,7 +3,7 @@
 //! cause's text stands at the cause, and says what came, what was expected and what to do next.
 
 use super::NO_PLAN;
-use super::layout::Axis;
+use super::layout::AxisSpec;
 use std::fmt;
 use syncline_canopen::NodeId;
 use syncline_canopen::cia402::Statusword;
@@ -291,7 +291,7 @@ pub trait Names {
     /// A drive's node id, name and model.
     fn drive(&self, drive: DriveIndex) -> (NodeId, &str, &str);
     /// An axis.
-    fn axis(&self, axis: AxisIndex) -> &Axis;
+    fn axis(&self, axis: AxisIndex) -> &AxisSpec;
     /// A bus' name.
     fn bus(&self, bus: BusIndex) -> &str;
     /// The name of one of a drive's digital inputs or outputs.
@@ -343,8 +343,8 @@ impl Fault {
 }
 
 impl AxisCause {
-    fn describe(self, axis: &Axis) -> String {
-        let Axis {
+    fn describe(self, axis: &AxisSpec) -> String {
+        let AxisSpec {
             name, unit, limits, ..
         } = axis;
         match self {

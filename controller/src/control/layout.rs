@@ -35,16 +35,16 @@ pub struct Layout {
     /// Cycles in a row without a drive's T_PDO that are a fault.
     pub t_pdo_misses: u32,
     /// Buses, in the order of the machine file.
-    pub buses: Vec<Bus>,
+    pub buses: Vec<BusSpec>,
     /// Drives, in the order of the machine file.
-    pub drives: Vec<Drive>,
+    pub drives: Vec<DriveSpec>,
     /// Axes, in the order of the machine file.
-    pub axes: Vec<Axis>,
+    pub axes: Vec<AxisSpec>,
 }
 
-/// One bus.
+/// A bus as the controller has to use it.
 #[derive(Debug)]
-pub struct Bus {
+pub struct BusSpec {
     /// As the machine file names it.
     pub name: String,
     /// SDO requests, with their answers, that fit beside one cycle's SYNC and PDOs; at least one,
@@ -56,7 +56,7 @@ pub struct Bus {
     pub by_node: [Option<DriveIndex>; 128],
 }
 
-impl Bus {
+impl BusSpec {
     /// The drive whose node id is in the frame's identifier.
     pub(super) fn node_of(&self, frame: &Frame) -> Option<DriveIndex> {
         match frame.id() {
@@ -66,9 +66,9 @@ impl Bus {
     }
 }
 
-/// One drive.
+/// A drive as it is switched on.
 #[derive(Debug)]
-pub struct Drive {
+pub struct DriveSpec {
     /// As the machine file names it.
     pub name: String,
     /// The bus it is on.
@@ -83,9 +83,9 @@ pub struct Drive {
     pub standstill_window: Increments,
 }
 
-/// One axis: a drive, or the two sides of a gantry.
+/// An axis and its limits: a drive, or the two sides of a gantry.
 #[derive(Clone, Debug)]
-pub struct Axis {
+pub struct AxisSpec {
     /// As the machine file names it.
     pub name: String,
     /// Its place in the plan's coordinates.
@@ -106,8 +106,8 @@ impl Layout {
     pub fn new(machine: &Machine) -> Result<Self, DoesNotFit> {
         let budget = MachineBudget::of(machine);
         budget.check()?;
-        let drives: Vec<Drive> = (machine.drives.iter().enumerate())
-            .map(|(index, drive)| Drive {
+        let drives: Vec<DriveSpec> = (machine.drives.iter().enumerate())
+            .map(|(index, drive)| DriveSpec {
                 name: drive.name.clone(),
                 bus: drive.bus,
                 device: machine.device(index),
@@ -118,7 +118,7 @@ impl Layout {
             })
             .collect();
         let buses = (budget.buses.iter().enumerate())
-            .map(|(index, bus)| Bus::new(index, bus, &drives))
+            .map(|(index, bus)| BusSpec::new(index, bus, &drives))
             .collect();
         let controller = &machine.controller;
         Ok(Self {
@@ -134,7 +134,7 @@ impl Layout {
             state_timeout: controller.state_timeout,
             t_pdo_misses: controller.t_pdo_misses,
             axes: (machine.axes.iter())
-                .map(|axis| Axis {
+                .map(|axis| AxisSpec {
                     name: axis.name().to_owned(),
                     coordinate: axis.letter.index(),
                     unit: axis.units()[0],
@@ -151,7 +151,7 @@ impl Layout {
 impl Layout {
     /// The R_PDOs of a bus by their identifiers, each as drive and place among its R_PDOs: the
     /// order in which a burst leaves.
-    pub(super) fn burst(&self, bus: &Bus) -> Vec<(DriveIndex, usize)> {
+    pub(super) fn burst(&self, bus: &BusSpec) -> Vec<(DriveIndex, usize)> {
         let mut burst = Vec::new();
         for &drive in &bus.drives {
             let r_pdos = self.drives[drive].device.r_pdos().iter().enumerate();
@@ -162,8 +162,8 @@ impl Layout {
     }
 }
 
-impl Bus {
-    fn new(index: BusIndex, bus: &BusBudget, drives: &[Drive]) -> Self {
+impl BusSpec {
+    fn new(index: BusIndex, bus: &BusBudget, drives: &[DriveSpec]) -> Self {
         let own: Vec<DriveIndex> = (0..drives.len())
             .filter(|&drive| drives[drive].bus == index)
             .collect();
@@ -191,7 +191,7 @@ impl Names for Layout {
         (drive.device.node(), &drive.name, drive.device.model().title)
     }
 
-    fn axis(&self, axis: AxisIndex) -> &Axis {
+    fn axis(&self, axis: AxisIndex) -> &AxisSpec {
         &self.axes[axis]
     }
 

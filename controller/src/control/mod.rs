@@ -13,7 +13,7 @@
 //! - [`layout`]: the machine as the controller needs it
 //! - [`Phase`]: bring-up, program, end, in their order
 //! - [`fault`], [`event`]: why it stopped, what it tells
-//! - `node`, `sdo_sequence`: one drive over its bus; what it is asked by SDO
+//! - `node`, `sdo_sequence`: a drive over its bus; what it is asked by SDO
 //! - `axis`: planned position to increments, following error
 
 mod axis;
@@ -36,9 +36,9 @@ pub use order::Order;
 
 use crate::port::bus_fault::{BusFault, Reaction};
 use crate::port::{Burst, Outbox, Received};
-use axis::Axis;
+use axis::AxisControl;
 use fault::{BusCause, BusIndex, DriveCause, DriveIndex, Names};
-use node::Node;
+use node::DriveNode;
 use setpoint_misses::SetpointMisses;
 use std::collections::VecDeque;
 use std::hint::black_box;
@@ -151,8 +151,8 @@ impl End {
 #[derive(Clone, Debug)]
 pub struct Controller<const N: usize> {
     layout: Arc<Layout>,
-    nodes: Vec<Node>,
-    axes: Vec<Axis>,
+    nodes: Vec<DriveNode>,
+    axes: Vec<AxisControl>,
     events: VecDeque<Event>,
 
     /// SYNC of the running cycle, as scheduled.
@@ -214,10 +214,10 @@ impl<const N: usize> Controller<N> {
         let executor = Executor::new([0.0; N], layout.cycle.as_secs_f64());
         Self {
             nodes: (0..layout.drives.len())
-                .map(|drive| Node::new(drive, &layout))
+                .map(|drive| DriveNode::new(drive, &layout))
                 .collect(),
             axes: (layout.axes.iter().cloned().enumerate())
-                .map(|(index, axis)| Axis::new(index, axis))
+                .map(|(index, axis)| AxisControl::new(index, axis))
                 .collect(),
             events: VecDeque::with_capacity(EVENT_CAPACITY),
             sync_at: start,
@@ -451,7 +451,7 @@ impl<const N: usize> Controller<N> {
     // --- supervision ---
 
     fn supervise(&mut self, now: Instant) -> Result<(), Fault> {
-        self.nodes.iter_mut().for_each(Node::watch_standstill);
+        self.nodes.iter_mut().for_each(DriveNode::watch_standstill);
         if (Phase::Program..=Phase::Stop).contains(&self.phase) {
             self.sample_axes();
         }
@@ -518,7 +518,7 @@ impl<const N: usize> Controller<N> {
             return outcome;
         }
         if !self.frozen {
-            self.nodes.iter_mut().for_each(Node::hold);
+            self.nodes.iter_mut().for_each(DriveNode::hold);
         } else {
             if take(&mut self.left_out) {
                 self.plan();
@@ -530,14 +530,14 @@ impl<const N: usize> Controller<N> {
                 outcome = outcome.and(planned);
             }
         }
-        if self.phase == Phase::Start && !self.nodes.iter().all(Node::is_sampled) {
+        if self.phase == Phase::Start && !self.nodes.iter().all(DriveNode::is_sampled) {
             return outcome;
         }
         if now > self.sync_at + self.layout.latest_burst {
             (0..out.len()).for_each(|bus| self.miss(bus, self.cycle));
             return outcome;
         }
-        self.nodes.iter_mut().for_each(Node::encode);
+        self.nodes.iter_mut().for_each(DriveNode::encode);
         for (burst, outbox) in self.bursts.iter().zip(out) {
             for &(drive, r_pdo) in burst {
                 outbox.burst.transmit(self.nodes[drive].r_pdos()[r_pdo]);
@@ -575,7 +575,7 @@ impl<const N: usize> Controller<N> {
         tx: &mut impl Transmit,
     ) -> Result<(), Fault> {
         let layout = Arc::clone(&self.layout);
-        let layout::Bus {
+        let layout::BusSpec {
             drives,
             sdo_per_cycle,
             ..

@@ -15,9 +15,9 @@ use syncline_drives::model::{
     Drive, DriveStatus, Increments, OutOfRange, PowerCommand, PowerState, Scaling, Setpoint,
 };
 
-/// One drive.
+/// A drive in the cycle: what it last told, and what it is told next.
 #[derive(Clone, Debug)]
-pub(super) struct Node {
+pub(super) struct DriveNode {
     layout: Arc<Layout>,
     index: DriveIndex,
     /// Its own, with what changes from frame to frame.
@@ -56,7 +56,7 @@ pub(super) struct Node {
     r_pdos: Vec<Frame>,
 }
 
-impl Node {
+impl DriveNode {
     pub(super) fn new(index: DriveIndex, layout: &Arc<Layout>) -> Self {
         let drive = &layout.drives[index];
         let t_pdos = drive.device.t_pdos().iter();
@@ -89,7 +89,7 @@ impl Node {
         }
     }
 
-    fn spec(&self) -> &layout::Drive {
+    fn spec(&self) -> &layout::DriveSpec {
         &self.layout.drives[self.index]
     }
 
@@ -442,9 +442,9 @@ mod tests {
     enum Step {
         /// Data on 700h + id.
         Says(u64, &'static [u8]),
-        /// [`Node::expect_boot`]
+        /// [`DriveNode::expect_boot`]
         Forget,
-        /// [`Node::ask_set_up`]
+        /// [`DriveNode::ask_set_up`]
         SetUp,
     }
 
@@ -558,7 +558,7 @@ mod tests {
         let layout = Arc::new(shape.layout());
         let at = |micros| Instant::ZERO + Duration::from_micros(micros);
         for (case, steps, check, expected) in cases {
-            let mut node = Node::new(0, &layout);
+            let mut node = DriveNode::new(0, &layout);
             let id = CobId::error_control(node.device().node());
             for step in steps {
                 match *step {

@@ -2,7 +2,8 @@
 
 use super::fault::{AwaitedState, DriveCause, Fault};
 use super::{
-    COMMAND_CYCLES, Controller, End, Event, NO_PLAN, Node, Phase, STILL, STILL_CYCLES, StopPoint,
+    COMMAND_CYCLES, Controller, DriveNode, End, Event, NO_PLAN, Phase, STILL, STILL_CYCLES,
+    StopPoint,
 };
 use crate::port::Outbox;
 use syncline_canopen::time::Duration;
@@ -22,7 +23,7 @@ impl<const N: usize> Controller<N> {
                         Err(Fault::Drive(drive, DriveCause::NoBootUp))
                     })?;
                 }
-                let booted = self.nodes.iter().all(Node::has_booted);
+                let booted = self.nodes.iter().all(DriveNode::has_booted);
                 self.go_on_if(booted, Phase::SetUp, out);
             }
             Phase::SetUp => self.go_on_if(self.sequences_done(), Phase::Start, out),
@@ -31,7 +32,7 @@ impl<const N: usize> Controller<N> {
                     self.acted = true;
                     self.send_nmt(nmt::Command::Start, out);
                 }
-                let started = |node: &Node| node.is_sampled() && node.is_operational();
+                let started = |node: &DriveNode| node.is_sampled() && node.is_operational();
                 if self.timed_out(self.layout.boot_timeout)
                     && let Some(drive) = self.nodes.iter().position(|node| !started(node))
                 {
@@ -106,14 +107,14 @@ impl<const N: usize> Controller<N> {
         self.acted = false;
         self.tell(Event::Phase(phase));
         match phase {
-            Phase::Survey => self.ask(Node::ask_survey),
+            Phase::Survey => self.ask(DriveNode::ask_survey),
             Phase::Boot => {
-                self.ask(Node::expect_boot);
+                self.ask(DriveNode::expect_boot);
                 self.send_nmt(nmt::Command::ResetCommunication, out);
             }
-            Phase::SetUp => self.ask(Node::ask_set_up),
+            Phase::SetUp => self.ask(DriveNode::ask_set_up),
             Phase::Start => self.sync_on = true,
-            Phase::Lock => self.ask(Node::ask_lock),
+            Phase::Lock => self.ask(DriveNode::ask_lock),
             Phase::Disabled | Phase::Disable => {
                 self.set_power(PowerCommand::Disable);
             }
@@ -121,7 +122,7 @@ impl<const N: usize> Controller<N> {
                 self.set_power(PowerCommand::Prepare);
             }
             Phase::OperationEnabled => {
-                self.ask(Node::forget_standstill);
+                self.ask(DriveNode::forget_standstill);
                 self.set_power(PowerCommand::Enable);
             }
             Phase::ModeEnd => self.set_power(PowerCommand::Enable),
@@ -130,7 +131,7 @@ impl<const N: usize> Controller<N> {
                     return self.fail(fault);
                 }
                 self.set_power(PowerCommand::Run);
-                self.ask(Node::ask_mode);
+                self.ask(DriveNode::ask_mode);
             }
             Phase::Program => self.mode_cycle = self.cycle + 1,
             Phase::Stop => self.executor.stop(),
@@ -200,7 +201,7 @@ impl<const N: usize> Controller<N> {
 
     /// Freezes every drive's setpoint where it stands; the plan starts there.
     fn freeze(&mut self) -> Result<(), Fault> {
-        self.ask(Node::hold);
+        self.ask(DriveNode::hold);
         let mut position = [0.0; N];
         for index in 0..self.axes.len() {
             let axis = &mut self.axes[index];
@@ -313,7 +314,7 @@ impl<const N: usize> Controller<N> {
         }
     }
 
-    fn ask(&mut self, what: impl Fn(&mut Node)) {
+    fn ask(&mut self, what: impl Fn(&mut DriveNode)) {
         self.nodes.iter_mut().for_each(what);
     }
 

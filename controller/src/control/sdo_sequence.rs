@@ -191,46 +191,68 @@ impl SdoSequence {
         outcome: Result<Reading, Failure>,
         events: &mut impl FnMut(Event),
     ) -> Result<(), Fault> {
-        let drive = self.drive;
         if std::mem::take(&mut self.stale) {
             return Ok(());
         }
         let Some(step) = self.steps.front().copied() else {
             return Ok(());
         };
+        match outcome {
+            Ok(reading) => self.answered(now, step, &reading, events),
+            Err(failure) => self.failed(step, failure, events),
+        }
+    }
+
+    /// What it means that the first step got no answer, or a refusal.
+    fn failed(
+        &mut self,
+        step: Step,
+        failure: Failure,
+        events: &mut impl FnMut(Event),
+    ) -> Result<(), Fault> {
+        let drive = self.drive;
         let object = step.address();
         let fault = |cause| Fault::Drive(drive, cause);
-        let reading = match outcome {
-            Ok(reading) => reading,
-            Err(failure) => match failure.reason {
-                Reason::TimedOut if self.tries <= self.layout.sdo_retries => return Ok(()),
-                Reason::TimedOut if step.may_fail() => {
-                    events(Event::Silent { drive });
-                    self.clear();
-                    return Ok(());
+        match failure.reason {
+            Reason::TimedOut if self.tries <= self.layout.sdo_retries => {}
+            Reason::TimedOut if step.may_fail() => {
+                events(Event::Silent { drive });
+                self.clear();
+            }
+            Reason::TimedOut => return Err(fault(DriveCause::SdoTimeout { object })),
+            Reason::Refused(code) | Reason::GivenUp(code) => {
+                if !step.may_fail() && !matches!(step, Step::ReadBack(_)) {
+                    return Err(fault(match step.write() {
+                        Some(write) => DriveCause::WriteAborted {
+                            object,
+                            value: write.data.bits(),
+                            code,
+                        },
+                        None => DriveCause::ReadAborted { object, code },
+                    }));
                 }
-                Reason::TimedOut => return Err(fault(DriveCause::SdoTimeout { object })),
-                Reason::Refused(code) | Reason::GivenUp(code) => {
-                    if !step.may_fail() && !matches!(step, Step::ReadBack(_)) {
-                        return Err(fault(match step.write() {
-                            Some(write) => DriveCause::WriteAborted {
-                                object,
-                                value: write.data.bits(),
-                                code,
-                            },
-                            None => DriveCause::ReadAborted { object, code },
-                        }));
-                    }
-                    events(Event::Refused {
-                        drive,
-                        object,
-                        code,
-                    });
-                    self.next();
-                    return Ok(());
-                }
-            },
-        };
+                events(Event::Refused {
+                    drive,
+                    object,
+                    code,
+                });
+                self.next();
+            }
+        }
+        Ok(())
+    }
+
+    /// What an answer means for the first step.
+    fn answered(
+        &mut self,
+        now: Instant,
+        step: Step,
+        reading: &Reading,
+        events: &mut impl FnMut(Event),
+    ) -> Result<(), Fault> {
+        let drive = self.drive;
+        let object = step.address();
+        let fault = |cause| Fault::Drive(drive, cause);
         let value = reading.number();
         match step {
             Step::Survey(survey) => {

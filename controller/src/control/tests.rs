@@ -94,7 +94,7 @@ impl Drive for Counting {
     fn latency(&self) -> u32 {
         self.drive.latency()
     }
-    fn status(&self, t_pdo: usize, data: &[u8]) -> Option<DriveStatus> {
+    fn status(&mut self, t_pdo: usize, data: &[u8]) -> Option<DriveStatus> {
         self.drive.status(t_pdo, data)
     }
     fn check(&self, setpoint: Setpoint) -> Result<(), OutOfRange> {

@@ -572,7 +572,7 @@ impl Recorder {
         let passed = self.violations.is_empty() && controller.end() == Some(End::Finished);
         let (digest, loads) = frames.unzip();
         let following = |coordinate| {
-            let at = |axis: &layout::Axis| axis.coordinate == coordinate;
+            let at = |axis: &layout::AxisSpec| axis.coordinate == coordinate;
             let axis = layout.axes.iter().position(at);
             axis.map(|axis| controller.following(axis))
                 .unwrap_or_default()

@@ -30,8 +30,8 @@ pub trait Drive: Feedback {
     fn latency(&self) -> u32;
 
     /// What the data of a T_PDO, all its mapped bytes, say of the drive; `None` if that PDO says
-    /// nothing of it.
-    fn status(&self, t_pdo: usize, data: &[u8]) -> Option<DriveStatus>;
+    /// nothing of it. What a handshake goes on with, the model keeps.
+    fn status(&mut self, t_pdo: usize, data: &[u8]) -> Option<DriveStatus>;
 
     /// Whether the drive can be sent to `setpoint`: a matter of range, not of state.
     ///

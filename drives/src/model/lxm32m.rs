@@ -366,7 +366,7 @@ impl Drive for Lxm32m {
 
     /// Bit 13, x_err, counts only in Operation Enabled: the manual's own examples show it set at
     /// rest in state 4 (1343, 1755).
-    fn status(&self, _: usize, data: &[u8]) -> Option<DriveStatus> {
+    fn status(&mut self, _: usize, data: &[u8]) -> Option<DriveStatus> {
         let &[s0, s1, ..] = data else {
             return None;
         };
@@ -601,7 +601,7 @@ mod tests {
     #[test]
     fn statuswords() {
         use NotFollowing as N;
-        let drive = Lxm32m::new(&settings(1, 2));
+        let mut drive = Lxm32m::new(&settings(1, 2));
         for (word, started, expected) in [
             (0x1237, true, Ok(())),
             (0x0237, false, Ok(())),
