@@ -4,7 +4,7 @@ use super::*;
 use crate::bench::rig::{Shape, Shuttle};
 use crate::run::driver::Driver;
 use std::sync::atomic::{AtomicU64, Ordering};
-use syncline_canopen::budget::Pdo;
+use syncline_canopen::budget::{Direction, Pdo};
 use syncline_drives::model::{
     Address, ClockLock, Drive, DriveStatus, Feedback, Identity, Increments, Io, ModeDisplay, Model,
     OutOfRange, PowerCommand, RemoteNode, Sample, Setpoint, Survey, Write,
@@ -19,12 +19,49 @@ struct Asked {
 
 /// A drive that counts, and leaves the rest to another one.
 #[derive(Clone, Debug)]
-struct Counting {
+struct Probe {
     drive: Box<dyn Drive>,
     asked: Arc<Asked>,
+    t_pdos: Vec<Pdo>,
+    r_pdos: Vec<Pdo>,
+    ends_mode: bool,
 }
 
-impl RemoteNode for Counting {
+impl Probe {
+    fn new(drive: Box<dyn Drive>, asked: &Arc<Asked>) -> Self {
+        Self {
+            asked: Arc::clone(asked),
+            t_pdos: drive.t_pdos().to_vec(),
+            r_pdos: drive.r_pdos().to_vec(),
+            ends_mode: drive.ends_mode(),
+            drive,
+        }
+    }
+
+    /// As a drive with a PDO each for words and positions, whose mode has no end.
+    fn in_two_pdos(drive: Box<dyn Drive>) -> Self {
+        let node = drive.node();
+        let pdo = |direction, cob_id, bytes| Pdo {
+            direction,
+            cob_id,
+            bytes,
+        };
+        Self {
+            t_pdos: vec![
+                pdo(Direction::Transmit, CobId::t_pdo(1, node), 2),
+                pdo(Direction::Transmit, CobId::t_pdo(3, node), 4),
+            ],
+            r_pdos: vec![
+                pdo(Direction::Receive, CobId::r_pdo(1, node), 2),
+                pdo(Direction::Receive, CobId::r_pdo(3, node), 4),
+            ],
+            ends_mode: false,
+            ..Self::new(drive, &Arc::default())
+        }
+    }
+}
+
+impl RemoteNode for Probe {
     fn model(&self) -> &'static Model {
         self.drive.model()
     }
@@ -53,10 +90,10 @@ impl RemoteNode for Counting {
         self.drive.release()
     }
     fn t_pdos(&self) -> &[Pdo] {
-        self.drive.t_pdos()
+        &self.t_pdos
     }
     fn r_pdos(&self) -> &[Pdo] {
-        self.drive.r_pdos()
+        &self.r_pdos
     }
     fn t_pdo_response(&self) -> Duration {
         self.drive.t_pdo_response()
@@ -72,13 +109,17 @@ impl RemoteNode for Counting {
     }
 }
 
-impl Feedback for Counting {
+impl Feedback for Probe {
     fn sample(&self, t_pdo: usize, data: &[u8]) -> Option<Sample> {
-        self.drive.sample(t_pdo, data)
+        match self.t_pdos.len() {
+            1 => self.drive.sample(t_pdo, data),
+            _ if t_pdo == 1 => self.drive.sample(0, &[&[0, 0], data].concat()),
+            _ => None,
+        }
     }
 }
 
-impl Drive for Counting {
+impl Drive for Probe {
     fn clone_box(&self) -> Box<dyn Drive> {
         Box::new(self.clone())
     }
@@ -89,13 +130,16 @@ impl Drive for Counting {
         self.drive.mode()
     }
     fn ends_mode(&self) -> bool {
-        self.drive.ends_mode()
+        self.ends_mode
     }
     fn latency(&self) -> u32 {
         self.drive.latency()
     }
     fn status(&mut self, t_pdo: usize, data: &[u8]) -> Option<DriveStatus> {
-        self.drive.status(t_pdo, data)
+        match t_pdo {
+            0 => self.drive.status(0, data),
+            _ => None,
+        }
     }
     fn check(&self, setpoint: Setpoint) -> Result<(), OutOfRange> {
         self.asked.checks.fetch_add(1, Ordering::Relaxed);
@@ -103,7 +147,15 @@ impl Drive for Counting {
     }
     fn encode(&mut self, command: PowerCommand, setpoint: Setpoint, frames: &mut [Frame]) {
         self.asked.encodings.fetch_add(1, Ordering::Relaxed);
-        self.drive.encode(command, setpoint, frames);
+        if let [words, positions] = frames {
+            let mut whole = [*words];
+            self.drive.encode(command, setpoint, &mut whole);
+            let (word, position) = whole[0].data().split_at(2);
+            *words = Frame::new(self.r_pdos[0].cob_id, word);
+            *positions = Frame::new(self.r_pdos[1].cob_id, position);
+        } else {
+            self.drive.encode(command, setpoint, frames);
+        }
     }
     fn in_motion(&self, position: Increments) -> Result<Vec<Frame>, OutOfRange> {
         self.drive.in_motion(position)
@@ -118,10 +170,7 @@ fn counting_machine() -> (Driver<9, Box<dyn crate::port::Port + Send>>, Arc<Aske
     let asked = Arc::new(Asked::default());
     let mut layout = shape.layout();
     for drive in &mut layout.drives {
-        drive.device = Box::new(Counting {
-            drive: drive.device.clone(),
-            asked: Arc::clone(&asked),
-        });
+        drive.device = Box::new(Probe::new(drive.device.clone(), &asked));
     }
     let (world, ports) = shape.simulated();
     let mut machine = Driver::new(Arc::new(layout), world, ports, Instant::ZERO);
@@ -174,4 +223,93 @@ fn nothing_is_encoded_that_is_not_sent() {
     assert!(setpoint.at() < sync.at() + Duration::from_millis(2));
     assert_eq!(encodings(), before, "late");
     assert_eq!(machine.controller.late_setpoints(), 1);
+}
+
+/// The layout of a machine whose drives have two PDOs each way.
+fn two_pdos_each() -> Arc<Layout> {
+    let shape = Shape::on_fewest_buses(2, Duration::from_millis(2)).unwrap();
+    let mut layout = shape.layout();
+    for drive in &mut layout.drives {
+        drive.device = Box::new(Probe::in_two_pdos(drive.device.clone()));
+    }
+    Arc::new(layout)
+}
+
+#[test]
+fn a_drive_has_answered_when_all_its_t_pdos_have() {
+    let layout = two_pdos_each();
+    let mut node = DriveNode::new(0, &layout);
+    let id = node.device().node();
+    let (word, position) = (CobId::t_pdo(1, id), CobId::t_pdo(3, id));
+    let sync = Instant::ZERO;
+    let take = |node: &mut DriveNode, id, data: &[u8]| {
+        node.receive(sync, &Frame::new(id, data), Some(sync), &mut |_| ())
+    };
+    node.on_sync();
+    assert_eq!(take(&mut node, word, &[0x37, 0x02]), Ok(()));
+    assert_eq!((node.is_sampled(), node.age()), (false, 2));
+    assert_eq!(take(&mut node, position, &[7, 0, 0]), Ok(()), "cut short");
+    assert_eq!((node.is_sampled(), node.age()), (false, 2));
+    assert_eq!(take(&mut node, position, &[7, 0, 0, 0]), Ok(()));
+    assert_eq!((node.is_sampled(), node.age()), (true, 0));
+    assert_eq!(node.actual(), Increments::new(7));
+    assert!(node.has_reached(fault::AwaitedState::Enabled));
+    // One of two is a missing answer.
+    node.on_sync();
+    assert_eq!(take(&mut node, position, &[8, 0, 0, 0]), Ok(()));
+    assert_eq!((node.actual(), node.age()), (Increments::new(8), 1));
+    // One of them twice to a SYNC, and again to the next: another device has its node id.
+    let twice = |node: &mut DriveNode| {
+        node.on_sync();
+        [(); 2].map(|()| {
+            node.receive(
+                sync,
+                &Frame::new(word, &[0x37, 0x02]),
+                Some(sync),
+                &mut |_| (),
+            )
+        })
+    };
+    assert_eq!(twice(&mut node), [Ok(()), Ok(())]);
+    assert_eq!(
+        twice(&mut node)[1],
+        Err(Fault::Drive(0, fault::DriveCause::TwoNodes))
+    );
+}
+
+#[test]
+fn a_burst_leaves_by_identifiers_whichever_drive_they_are_of() {
+    let layout = two_pdos_each();
+    let mut controller = Controller::<9>::new(Arc::clone(&layout), Instant::ZERO);
+    for node in &mut controller.nodes {
+        node.power = PowerCommand::Enable;
+        node.encode();
+    }
+    let burst = controller.bursts[0].iter();
+    let frames = burst.map(|&(drive, r_pdo)| controller.nodes[drive].r_pdos()[r_pdo]);
+    let frames: Vec<String> = frames.map(|frame| format!("{frame:?}")).collect();
+    assert_eq!(
+        frames,
+        ["201#0F00", "202#0F00", "401#00000000", "402#00000000"]
+    );
+}
+
+#[test]
+fn a_mode_without_an_end_is_not_waited_for() {
+    use fault::AwaitedState::{ModeEnded, ModeStarted};
+    let running = |layout: &Arc<Layout>, t_pdo: CobId, data: &[u8]| {
+        let mut node = DriveNode::new(0, layout);
+        let frame = Frame::new(t_pdo, data);
+        let taken = node.receive(Instant::ZERO, &frame, None, &mut |_| ());
+        assert_eq!(taken, Ok(()));
+        [ModeStarted, ModeEnded].map(|awaited| node.has_reached(awaited))
+    };
+    let layout = two_pdos_each();
+    let id = layout.drives[0].device.node();
+    let word = [0x37, 0x12];
+    assert_eq!(running(&layout, CobId::t_pdo(1, id), &word), [true, true]);
+    let shape = Shape::on_fewest_buses(1, Duration::from_millis(2)).unwrap();
+    let layout = Arc::new(shape.layout());
+    let data = [0x37, 0x12, 0, 0, 0, 0];
+    assert_eq!(running(&layout, CobId::t_pdo(2, id), &data), [true, false]);
 }
