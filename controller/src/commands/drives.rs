@@ -69,7 +69,7 @@ struct Hosted {
     bitrate: u32,
     /// `X1 = node 1 (LXM32M)`.
     names: Vec<String>,
-    drives: Vec<(&'static Model, Config)>,
+    drives: Devices,
 }
 
 impl Args {
@@ -89,7 +89,7 @@ impl Args {
     }
 
     fn prepare(&self) -> Result<Vec<Hosted>, Box<dyn Error>> {
-        let mut buses = match &self.machine {
+        let buses = match &self.machine {
             Some(file) => {
                 let mut machine = Machine::load(file)?;
                 self.ports.apply(&mut machine)?;
@@ -104,27 +104,24 @@ impl Args {
         if self.beacon && !buses.iter().any(served) {
             return Err("--beacon: no bus is served by socketcand://".into());
         }
-        for (_, config) in buses.iter_mut().flat_map(|bus| &mut bus.drives) {
-            config.tolerant = self.tolerant;
-            config.prompt = self.prompt;
-        }
         Ok(buses)
+    }
+
+    fn configure(&self, config: &mut Config) {
+        config.tolerant = self.tolerant;
+        config.prompt = self.prompt;
     }
 
     fn machine_buses(&self, machine: &Machine) -> Result<Vec<Hosted>, Box<dyn Error>> {
         let host = |(index, bus): (usize, &crate::machine::Bus)| {
-            let drives = machine.drives.iter().enumerate();
-            let drives = drives.filter(|(_, drive)| drive.bus == index);
+            let drives = machine.drives.iter().filter(|drive| drive.bus == index);
             Ok(Hosted {
                 url: bus.port.parse()?,
                 bitrate: bus.bitrate,
-                names: (drives.clone())
-                    .map(|(_, drive)| (&drive.name, describe(drive.node, drive.model)))
-                    .map(|(name, node)| format!("{name} = {node}"))
+                names: drives
+                    .map(|drive| format!("{} = {}", drive.name, describe(drive.node, drive.model)))
                     .collect(),
-                drives: drives
-                    .map(|(place, it)| (it.model, sim::config(machine, place, self.seed)))
-                    .collect(),
+                drives: sim::hosted(machine, index, self.seed, |config| self.configure(config))?,
             })
         };
         machine.buses.iter().enumerate().map(host).collect()
@@ -143,9 +140,15 @@ impl Args {
             names: (self.nodes.iter())
                 .map(|single| describe(single.node, single.model))
                 .collect(),
-            drives: (self.nodes.iter().enumerate())
-                .map(|(index, it)| (it.model, sim::single(it.node, index, self.seed)))
-                .collect(),
+            drives: Devices::new(
+                (self.nodes.iter().enumerate())
+                    .map(|(index, single)| {
+                        let mut config = sim::single(single.node, index, self.seed);
+                        self.configure(&mut config);
+                        sim::twin(single.model, &config)
+                    })
+                    .collect(),
+            ),
         })
     }
 
@@ -185,10 +188,8 @@ fn host(Opened { buses, beacons }: Opened) -> Result<(), Box<dyn Error>> {
                     priority: PRIORITY,
                     core: None,
                 });
-                let drives = bus.drives.iter();
-                let twins = drives.map(|(model, config)| sim::twin(model, config));
-                let mut devices = Devices::new(twins.collect());
-                let ended = drive_host::host(&mut wire, &mut devices, stop);
+                let mut drives = bus.drives;
+                let ended = drive_host::host(&mut wire, &mut drives, stop);
                 // One bus gone ends the machine.
                 stop.store(true, Ordering::Relaxed);
                 ended

@@ -4,6 +4,9 @@
 //! all keys.
 
 mod read;
+mod simulation;
+
+pub use simulation::Mechanics;
 
 use std::{
     fs, io,
@@ -126,6 +129,8 @@ pub struct Axis {
     pub drive_following_error: bool,
     /// Whether the drives supervise [`AxisLimits::position`] too.
     pub drive_soft_limits: bool,
+    /// What ties its drives together when they are simulated.
+    pub mechanics: Option<Mechanics>,
 }
 
 /// The limits of an axis, as the machine file has them. Of A, B and C every mm is a degree.

@@ -1,12 +1,13 @@
 //! The simulated part of a machine: its world, and ports to the buses in it.
 
 use super::{Burst, Port, PortError, Received};
-use crate::machine::Machine;
+use crate::machine::{Axis, Machine, Mechanics};
 use syncline_canopen::{Frame, NodeId};
 use syncline_drives::bus::{Band, BitRate};
-use syncline_drives::model::Model;
+use syncline_drives::mechanics::rigid_beam::{RigidBeam, Side};
+use syncline_drives::model::{Direction, Model};
 use syncline_drives::twin::{Config, Kind, SimulatedDevice};
-use syncline_drives::world::{BusId, DeviceId, Observer, World};
+use syncline_drives::world::{BusId, DeviceId, Hosted, Observer, World};
 
 /// The controller's side of a simulated bus: what is to be sent there, and what came from there.
 ///
@@ -89,7 +90,8 @@ impl Simulated {
     /// a drive, given by its index, before it is made.
     ///
     /// # Errors
-    /// If a bus cannot be simulated at its bit rate.
+    /// If a bus cannot be simulated at its bit rate, or mechanics tie a simulated drive to one
+    /// that is not.
     pub fn new(
         machine: &Machine,
         seed: u64,
@@ -115,13 +117,70 @@ impl Simulated {
             let bus = buses[drive.bus]?;
             Some(world.attach(bus, twin(drive.model, &config)))
         });
-        let devices = devices.collect();
+        let devices: Vec<Option<DeviceId>> = devices.collect();
+        for axis in &machine.axes {
+            let Some(mechanics) = &axis.mechanics else {
+                continue;
+            };
+            let tied: Vec<DeviceId> = axis.drives.iter().filter_map(|it| devices[*it]).collect();
+            if tied.len() == axis.drives.len() {
+                let sides = axis.drives.iter().zip(&tied);
+                let sides = sides.map(|(&drive, &id)| side(machine, drive, world.device_mut(id)));
+                let mechanics = tie(machine, axis, mechanics, sides.collect())?;
+                world.couple(mechanics, &tied);
+            } else if !tied.is_empty() {
+                return Err(split(machine, axis, mechanics));
+            }
+        }
         Ok(Self {
             world,
             buses,
             devices,
         })
     }
+}
+
+/// The drives of one bus of a machine, to be hosted where others reach them.
+///
+/// `seed` and `configure` are as with [`Simulated::new`].
+///
+/// # Errors
+/// If mechanics tie one of them to a drive of another bus, which has a clock of its own.
+pub fn hosted(
+    machine: &Machine,
+    bus: usize,
+    seed: u64,
+    mut configure: impl FnMut(&mut Config),
+) -> Result<Hosted, PortError> {
+    let drives = 0..machine.drives.len();
+    let drives: Vec<usize> = drives.filter(|it| machine.drives[*it].bus == bus).collect();
+    let mut devices: Vec<_> = (drives.iter())
+        .map(|&drive| {
+            let mut config = config(machine, drive, seed);
+            configure(&mut config);
+            twin(machine.drives[drive].model, &config)
+        })
+        .collect();
+    let mut ties = Vec::new();
+    for axis in &machine.axes {
+        let Some(mechanics) = &axis.mechanics else {
+            continue;
+        };
+        let place = |drive| drives.iter().position(|it| it == drive);
+        let places: Vec<usize> = axis.drives.iter().filter_map(place).collect();
+        if places.len() == axis.drives.len() {
+            let sides = axis.drives.iter().zip(&places);
+            let sides = sides.map(|(&drive, &it)| side(machine, drive, &mut *devices[it]));
+            ties.push((tie(machine, axis, mechanics, sides.collect())?, places));
+        } else if !places.is_empty() {
+            return Err(split(machine, axis, mechanics));
+        }
+    }
+    let mut hosted = Hosted::new(devices);
+    for (mechanics, places) in ties {
+        hosted.couple(mechanics, &places);
+    }
+    Ok(hosted)
 }
 
 /// A drive of a machine by its index, to be switched on with its axis at rest.
@@ -154,4 +213,61 @@ pub fn single(node: NodeId, index: usize, seed: u64) -> Config {
 pub fn twin(model: &Model, config: &Config) -> Box<dyn SimulatedDevice> {
     let kind = Kind::by_name(model.name).expect("every model has a twin");
     (kind.make)(config)
+}
+
+/// The drive train of one side of an axis.
+fn side(machine: &Machine, drive: usize, device: &mut dyn SimulatedDevice) -> Side {
+    let scaling = &machine.drives[drive].scaling;
+    let travel = machine.axes[machine.drives[drive].axis].mm_per_revolution / 1000.0;
+    let shaft = device.shaft_mut().expect("a drive has a shaft");
+    Side {
+        travel: match scaling.direction() {
+            Direction::Positive => travel,
+            Direction::Negative => -travel,
+        },
+        rigid: shaft.rigid().clone(),
+    }
+}
+
+/// What ties the sides of an axis together.
+///
+/// # Errors
+/// If its numbers are beyond what can be counted with.
+fn tie(
+    machine: &Machine,
+    axis: &Axis,
+    mechanics: &Mechanics,
+    sides: Vec<Side>,
+) -> Result<RigidBeam, PortError> {
+    let Mechanics::RigidBeam(beam) = *mechanics;
+    let sides: Option<[Side; 2]> = sides.try_into().ok();
+    let tied = sides.and_then(|sides| RigidBeam::new(beam, sides));
+    tied.ok_or_else(|| {
+        let why = "cannot be computed with these masses and this travel for a revolution";
+        refusal(machine, axis, mechanics, why)
+    })
+}
+
+/// Mechanics that tie drives together which do not live by one clock.
+fn split(machine: &Machine, axis: &Axis, mechanics: &Mechanics) -> PortError {
+    let drives = axis.drives.iter().map(|drive| {
+        let drive = &machine.drives[*drive];
+        let bus = &machine.buses[drive.bus];
+        format!("{} on bus {} (port {})", drive.name, bus.name, bus.port)
+    });
+    let drives: Vec<String> = drives.collect();
+    let why = format!(
+        "ties together {}, which are not simulated by one clock: let both buses be \"sim\", put both \
+         drives on one bus, or take `simulation` out",
+        drives.join(" and ")
+    );
+    refusal(machine, axis, mechanics, &why)
+}
+
+fn refusal(machine: &Machine, axis: &Axis, mechanics: &Mechanics, why: &str) -> PortError {
+    let bus = axis.drives.first().map(|drive| machine.drives[*drive].bus);
+    PortError {
+        bus: bus.map_or(String::new(), |bus| machine.buses[bus].name.clone()),
+        what: format!("axis {}: {} {why}", axis.name(), mechanics.name()),
+    }
 }

@@ -303,6 +303,33 @@ fn every_mistake_is_found_named_and_placed() {
             "a gantry pair",
         ),
         (
+            "skew_limit = 0.5",
+            "skew_limit = 0.5\nsimulation = §{ mechanics = \"rigid_beam\", mass = 80, inertia = 15 }",
+            "axis \"X\": simulation: missing key `span`",
+            "add `span`: a number from 1 to 1000000 (mm from side to side)",
+        ),
+        (
+            "skew_limit = 0.5",
+            "skew_limit = 0.5\nsimulation = { mechanics = §\"rigid_bean\", mass = 80, inertia = 15, \
+             span = 1500 }",
+            "axis \"X\": simulation: `mechanics` is \"rigid_bean\"",
+            "nearest: \"rigid_beam\"",
+        ),
+        (
+            "skew_limit = 0.5",
+            "skew_limit = 0.5\nsimulation = { mechanics = \"rigid_beam\", mass = §0, inertia = 15, \
+             span = 1500 }",
+            "axis \"X\": simulation: `mass` is 0",
+            "allowed: a number from 0.001 to 1000000 (kg)",
+        ),
+        (
+            "soft_limits = [0.0, 1000.0]",
+            "soft_limits = [0.0, 1000.0]\nsimulation = §{ mechanics = \"rigid_beam\", mass = 80, \
+             inertia = 15, span = 1500 }",
+            "axis \"Y\": `simulation` where nothing is tied together",
+            "a gantry pair",
+        ),
+        (
             "soft_limits = [-300.0, 0.0]",
             "soft_limits = §[-300.0, 163_500]",
             "axis \"Z\": `soft_limits` [-300, 163500] are beyond what drive \"Z\" can count",

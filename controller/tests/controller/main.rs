@@ -14,6 +14,7 @@ mod plan;
 mod python_canopen;
 mod replay;
 mod report;
+mod simulated;
 mod stalled_server;
 mod switched_on;
 mod tools;

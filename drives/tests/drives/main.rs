@@ -11,3 +11,4 @@ mod lxm32m_node;
 mod lxm32m_random_frames;
 mod lxm32m_signals;
 mod registry;
+mod world;

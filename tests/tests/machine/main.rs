@@ -2,6 +2,7 @@
 //! input and faults, and what the bus sees of it.
 
 mod bad_input;
+mod beam;
 mod bring_up;
 mod corpus;
 mod faults;

@@ -194,7 +194,7 @@ fn short() -> (Folder, PathBuf) {
     (folder, program)
 }
 
-fn digest(machine: &Path, program: &Path, arguments: &[&str]) -> String {
+pub(crate) fn digest(machine: &Path, program: &Path, arguments: &[&str]) -> String {
     let (json, code) = json(machine, program, arguments);
     assert_eq!(code, 0, "{json:#}");
     json["frames_sha256"].as_str().unwrap().to_owned()
