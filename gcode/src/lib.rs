@@ -10,6 +10,7 @@
 //! `cycles`); O-words lead on to other blocks (`flow`). [`Interpreter`] hands out the
 //! [`Command`]s that come of it, one block at a time. What a program may not do is refused with an
 //! [`Error`] that shows the place, the block, what is wrong and what to do.
+#![forbid(unsafe_code)]
 
 mod arc;
 mod axes;

@@ -35,6 +35,7 @@
 //!     = nearest valid key: `pressure`; allowed: flow, pressure"
 //! );
 //! ```
+#![forbid(unsafe_code)]
 
 mod diagnostic;
 mod table;

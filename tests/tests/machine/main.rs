@@ -9,6 +9,7 @@ mod faults;
 mod fits;
 mod jogs;
 mod operator;
+mod pages;
 mod programs;
 mod properties;
 mod run;
