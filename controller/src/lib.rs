@@ -5,11 +5,12 @@
 //! - [`program`]: from commands to a plan
 //! - [`control`]: the controller itself, without I/O
 //! - [`port`]: one CAN bus as the cycle uses it
+//! - [`session`]: the machine as an operator has it: commands in, status and events out
 //! - [`run`]: the controller in virtual and in real time
+//! - [`observe`]: what only watches: limits, deviation, statistics, trace
 //! - [`doctor`]: what the host has that helps or hurts a cycle
 //! - [`realtime`]: what the cycle thread asks of the kernel, and what it got
 //! - [`report`]: what a run leaves to look at
-//! - [`timing`]: how punctual a cycle was
 //! - [`drive_host`]: simulated drives on a real bus
 //! - [`bus_log`]: the traffic of a bus in files
 //! - [`bench`](mod@bench): measures cycles and what simulations are made of
@@ -25,9 +26,10 @@ pub mod control;
 pub mod doctor;
 pub mod drive_host;
 pub mod machine;
+pub mod observe;
 pub mod port;
 pub mod program;
 pub mod realtime;
 pub mod report;
 pub mod run;
-pub mod timing;
+pub mod session;

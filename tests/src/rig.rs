@@ -9,15 +9,17 @@ use std::sync::{Arc, Mutex, PoisonError};
 use syncline_canopen::{CanId, CobId, Frame, Instant};
 use syncline_controller::control::{Controller, End, Event, Fault, Layout, Phase, Row};
 use syncline_controller::machine::{COORDINATES, Machine};
+use syncline_controller::observe::Observers;
+use syncline_controller::observe::frames::SharedFrames;
 use syncline_controller::port::sim::{SimPort, Simulated};
 use syncline_controller::port::{Burst, Port, PortError, Received};
 use syncline_controller::program::{Program, Switch};
-use syncline_controller::run::frames::SharedFrames;
+use syncline_controller::run::Progress;
 use syncline_controller::run::virtual_time::VirtualMachine;
+use syncline_controller::session::{self, Command, Operator, Session, Subscription};
 use syncline_drives::bus::{Sender, Transmission};
 use syncline_drives::twin::{Config, SimulatedDevice};
 use syncline_drives::world::{DeviceId, Observer, World};
-use syncline_trajectory::path::Setpoint;
 
 /// Steps after which a run is taken for endless: 2 minutes of the portal's time.
 const MOST_STEPS: usize = 120_000;
@@ -123,15 +125,16 @@ pub struct Rig {
     pub switches: Vec<Switch>,
     /// When each phase was entered.
     pub phases: Vec<(Phase, Instant)>,
-    /// At a pause a person goes on at once.
+    /// At a pause the operator goes on at once.
     pub goes_on: bool,
-    virtual_machine: VirtualMachine<TappedPort>,
+    /// The machine as operators have it.
+    pub session: Session<VirtualMachine<TappedPort>>,
+    operator: Operator,
+    told: Subscription,
     /// In the order of the machine file.
     twins: Vec<DeviceId>,
     frames: Arc<Mutex<Vec<Transmission>>>,
     steps: usize,
-    /// The move under way, and its distance on the path.
-    move_begins: (u32, f64),
     /// Holds the program, which is read while it runs.
     _folder: Folder,
 }
@@ -143,8 +146,8 @@ impl Rig {
         Self::new("portal", &[], program, |_, _| ())
     }
 
-    /// An example machine with parts of its file replaced, a program that stops at M1, and changes to the twins,
-    /// which are given by their place in the file.
+    /// An example machine with parts of its file replaced, a program that stops at M1, and changes to
+    /// the twins, which are given by their place in the file.
     ///
     /// # Panics
     /// If the machine is not good.
@@ -191,21 +194,20 @@ impl Rig {
             doctor: None,
             late: Vec::new(),
         };
+        let (timeline, moves) =
+            VirtualMachine::on(world, vec![port], Arc::clone(&layout), program, shared);
+        let observers = Observers::new(&machine, None, false);
+        let mut session = Session::new(&machine, timeline, moves, observers);
         Self {
-            virtual_machine: VirtualMachine::on(
-                world,
-                vec![port],
-                Arc::clone(&layout),
-                program,
-                shared,
-            ),
+            operator: session.operator("rig"),
+            told: session.subscribe(),
+            session,
             twins: devices.into_iter().flatten().collect(),
             machine,
             layout,
             events: Vec::new(),
             rows: Vec::new(),
             switches: Vec::new(),
-            move_begins: (0, 0.0),
             phases: Vec::new(),
             frames,
             goes_on: true,
@@ -216,13 +218,13 @@ impl Rig {
 
     /// The bus, to interfere with it.
     pub fn bus(&mut self) -> &mut TappedPort {
-        self.virtual_machine.bus(0)
+        self.session.timeline().bus(0)
     }
 
     /// The drive at that place in the machine file, to interfere with it.
     pub fn twin(&mut self, drive: usize) -> &mut dyn SimulatedDevice {
         let twin = self.twins[drive];
-        self.virtual_machine.world().device_mut(twin)
+        self.session.timeline().world().device_mut(twin)
     }
 
     /// The same as what it is, for what only its model has.
@@ -236,7 +238,7 @@ impl Rig {
 
     /// The controller.
     pub fn controller(&mut self) -> &mut Controller<COORDINATES> {
-        self.virtual_machine.controller()
+        self.session.timeline().controller()
     }
 
     /// One wake-up; false at the end. Program stops go on at once.
@@ -246,40 +248,38 @@ impl Rig {
     pub fn step(&mut self) -> bool {
         self.steps += 1;
         assert!(self.steps < MOST_STEPS, "no end: {:?}", self.phases.last());
-        // A program that cannot go on is an event and a fault, too.
-        let goes_on = self.virtual_machine.step().unwrap_or(true);
-        while let Some(event) = self.virtual_machine.event() {
+        let goes_on = self.session.advance() != Progress::Ended;
+        let now = self.session.timeline().now();
+        for event in self.told.events() {
+            let event = match event {
+                session::Event::Machine(event) => event,
+                session::Event::Switched(switch) => {
+                    self.switches.push(switch);
+                    continue;
+                }
+                // A program that cannot go on is an event and a fault, too.
+                session::Event::Problem(_) | session::Event::Accepted(_) => continue,
+            };
             match event {
-                Event::Phase(phase) => self.phases.push((phase, self.virtual_machine.now())),
-                Event::Paused { .. } if self.goes_on => self.controller().go_on(),
+                Event::Phase(phase) => self.phases.push((phase, now)),
+                Event::Paused { .. } if self.goes_on => {
+                    let taken = self.operator.command(Command::CycleStart);
+                    taken.expect("there is room");
+                }
                 _ => {}
             }
             self.events.push(event);
         }
-        self.record();
+        self.rows.extend(self.session.timeline().row().copied());
         goes_on
     }
 
-    /// Keeps the row of this wake-up, if it brought one, and what was switched at it.
-    fn record(&mut self) {
-        let (Some(row), moves) = self.virtual_machine.row() else {
-            return;
-        };
-        let Setpoint {
-            tag,
-            distance,
-            position,
-            ..
-        } = row.plan;
-        self.rows.push(*row);
-        if self.move_begins.0 != tag {
-            self.move_begins = (tag, distance);
-        }
-        moves.take_up();
-        let along = distance - self.move_begins.1;
-        while let Some(switch) = moves.switched(tag, &position, along) {
-            self.switches.push(switch);
-        }
+    /// Commands something.
+    ///
+    /// # Panics
+    /// If too much was commanded since the last wake-up.
+    pub fn command(&mut self, command: Command) {
+        self.operator.command(command).expect("there is room");
     }
 
     /// Goes on until something is so.

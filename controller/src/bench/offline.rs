@@ -1,8 +1,8 @@
 //! How fast the parts of a simulation are: bus, drive, planner.
 
 use super::rig::{Shape, Shuttle};
+use crate::observe::timing::Distribution;
 use crate::realtime;
-use crate::timing::Distribution;
 use std::hint::black_box;
 use std::time::Duration;
 use syncline_canopen::NodeId;

@@ -1,11 +1,11 @@
 //! SYNC from the cycle's thread and from the kernel's broadcast manager, one after the other on
 //! one interface: how even each is, and whether it keeps to the clock.
 
+use crate::observe::timing::Distribution;
 use crate::port::PortError;
 use crate::port::socketcan::{BroadcastManager, DriveSocket};
 use crate::port::wire::Wire;
 use crate::realtime::{self, Granted, Settings};
-use crate::timing::Distribution;
 use std::thread;
 use std::time::Duration;
 use syncline_canopen::{CanId, CobId, Frame, Instant};

@@ -45,14 +45,16 @@ impl BusLog {
         })
     }
 
-    /// Takes a frame of the bus with index `bus`; `at` counts from 1970.
+    /// Takes a frame of the bus with index `bus`; `at` counts from 1970. Each file has it in one
+    /// call, so that one which ends ends behind a frame.
     ///
     /// # Errors
     /// It cannot be written.
     pub fn keep(&mut self, bus: usize, at: Duration, frame: &Frame) -> io::Result<()> {
         if let Some(file) = &mut self.candump {
             let (frame, bus) = (*frame, &*self.buses[bus]);
-            writeln!(file, "{}", candump::Line { at, bus, frame })?;
+            let line = format!("{}\n", candump::Line { at, bus, frame });
+            file.write_all(line.as_bytes())?;
         }
         if let Some(file) = &mut self.packets {
             pcapng::append(file, bus, at, frame)?;

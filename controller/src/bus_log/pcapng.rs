@@ -63,10 +63,8 @@ pub fn append(file: &mut impl Write, bus: usize, at: Duration, frame: &Frame) ->
 
 fn block(file: &mut impl Write, kind: u32, body: &[u8]) -> io::Result<()> {
     let length = (body.len() as u32 + 12).to_le_bytes();
-    file.write_all(&kind.to_le_bytes())?;
-    file.write_all(&length)?;
-    file.write_all(body)?;
-    file.write_all(&length)
+    let kind = kind.to_le_bytes();
+    file.write_all(&[&kind, &length, body, &length].concat())
 }
 
 fn option(body: &mut Vec<u8>, code: u16, value: &[u8]) {

@@ -1,96 +1,75 @@
-//! Keys on the terminal while a program runs.
+//! Keys on the terminal while a program runs: each is a command to the session.
 
-use crossbeam::channel::{self, Receiver, Sender};
+use crate::session::{Command, Direction, Jog, NotTaken, Operator, Override, StepChange};
 use rustix::io::{Errno, read};
 use rustix::process::getpgrp;
 use rustix::termios::{
     LocalModes, OptionalActions, SpecialCodeIndex, Termios, isatty, tcgetattr, tcgetpgrp, tcsetattr,
 };
 use std::io::{self, stdin};
+use std::thread;
 use std::time::{Duration, Instant};
 use syncline_gcode::Axis;
 
-/// What a person does by a key.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Key {
-    /// Space
-    Hold,
-    /// `+`, `-`: feed override, %.
-    Feed(i32),
-    /// `>`, `<`: rapid override, %.
-    Rapid(i32),
-    /// `s`
-    StopAfterBlock,
-    /// `b`
-    StepBack,
-    /// Arrows and page keys: an axis by one step, and its direction.
-    Jog(Axis, f64),
-    /// `[`, `]`: a smaller or a greater step.
-    JogStep(isize),
-    /// `q`
-    Stop,
-    /// Enter
-    GoOn,
-}
-
-/// For the person at the terminal.
-pub(super) const HELP: &str = "keys: space hold and go on, + - feed, < > rapid, s stop after block, \
-                               b step back, q stop, Enter go on at a program stop; while \
+/// For the operator at the terminal.
+pub(super) const HELP: &str = "keys: space feed hold and resume, + - feed, < > rapid, s single block, \
+                               b retrace, q stop, Enter cycle start at a program stop; while \
                                held: arrows and page keys jog X Y Z, [ ] by less or more";
 
 /// How much an override changes by a key, %.
-const STEP: i32 = 10;
+const STEP: f64 = 10.0;
 
-impl Key {
-    fn of(byte: u8) -> Option<Self> {
-        Some(match byte {
-            b' ' => Self::Hold,
-            b'+' | b'=' => Self::Feed(STEP),
-            b'-' => Self::Feed(-STEP),
-            b'>' => Self::Rapid(STEP),
-            b'<' => Self::Rapid(-STEP),
-            b's' => Self::StopAfterBlock,
-            b'b' => Self::StepBack,
-            b'[' => Self::JogStep(-1),
-            b']' => Self::JogStep(1),
-            b'q' => Self::Stop,
-            b'\n' | b'\r' => Self::GoOn,
-            _ => return None,
-        })
-    }
+/// What a character commands.
+fn command(byte: u8) -> Option<Command> {
+    Some(match byte {
+        b' ' => Command::ToggleFeedHold,
+        b'+' | b'=' => Command::FeedOverride(Override::By(STEP)),
+        b'-' => Command::FeedOverride(Override::By(-STEP)),
+        b'>' => Command::RapidOverride(Override::By(STEP)),
+        b'<' => Command::RapidOverride(Override::By(-STEP)),
+        b's' => Command::SingleBlock,
+        b'b' => Command::Retrace,
+        b'[' => Command::JogStep(StepChange::Smaller),
+        b']' => Command::JogStep(StepChange::Greater),
+        b'q' => Command::Stop,
+        b'\n' | b'\r' => Command::CycleStart,
+        _ => return None,
+    })
+}
 
-    /// What a terminal sends behind escape and `[`, or `O`, for a key without a character.
-    fn of_sequence(sequence: &[u8]) -> Option<Self> {
-        Some(match sequence {
-            b"C" => Self::Jog(Axis::X, 1.0),
-            b"D" => Self::Jog(Axis::X, -1.0),
-            b"A" => Self::Jog(Axis::Y, 1.0),
-            b"B" => Self::Jog(Axis::Y, -1.0),
-            b"5~" => Self::Jog(Axis::Z, 1.0),
-            b"6~" => Self::Jog(Axis::Z, -1.0),
-            _ => return None,
-        })
-    }
+/// What a key without a character commands; a terminal sends it behind escape and `[`, or `O`.
+fn command_of_sequence(sequence: &[u8]) -> Option<Command> {
+    let (axis, direction) = match sequence {
+        b"C" => (Axis::X, Direction::Positive),
+        b"D" => (Axis::X, Direction::Negative),
+        b"A" => (Axis::Y, Direction::Positive),
+        b"B" => (Axis::Y, Direction::Negative),
+        b"5~" => (Axis::Z, Direction::Positive),
+        b"6~" => (Axis::Z, Direction::Negative),
+        _ => return None,
+    };
+    Some(Command::Jog(Jog::Step { axis, direction }))
 }
 
 /// Takes apart what a terminal sends.
 #[derive(Debug, Default)]
 struct Decoder {
-    /// Since an escape, that included. A terminal sends it in one burst, a person does not.
+    /// Since an escape, that included. A terminal sends it in one burst, an operator does not.
     sequence: Vec<u8>,
 }
 
 impl Decoder {
-    /// The keys of what was read; that is nothing where a tenth of a second brought nothing.
-    fn keys<'a>(&'a mut self, read: &'a [u8]) -> impl Iterator<Item = Key> + 'a {
+    /// What the keys of what was read command; that is nothing where a tenth of a second brought
+    /// nothing.
+    fn commands<'a>(&'a mut self, read: &'a [u8]) -> impl Iterator<Item = Command> + 'a {
         if read.is_empty() {
             self.sequence.clear();
         }
-        read.iter().filter_map(|byte| self.key(*byte))
+        read.iter().filter_map(|byte| self.command(*byte))
     }
 
-    /// The key that a byte completes.
-    fn key(&mut self, byte: u8) -> Option<Key> {
+    /// The command of the key that a byte completes.
+    fn command(&mut self, byte: u8) -> Option<Command> {
         const ESCAPE: u8 = 0x1B;
         let within = match self.sequence.len() {
             0 => false,
@@ -104,7 +83,7 @@ impl Decoder {
                 self.sequence.push(byte);
                 return None;
             }
-            return Key::of(byte);
+            return command(byte);
         }
         self.sequence.push(byte);
         if self.sequence.len() == 2 || byte < b'@' {
@@ -114,24 +93,24 @@ impl Decoder {
             }
             return None;
         }
-        let key = Key::of_sequence(&self.sequence[2..]);
+        let command = command_of_sequence(&self.sequence[2..]);
         self.sequence.clear();
-        key
+        command
     }
 }
 
 /// The terminal hands over every key at once until this is dropped, also by a panic.
 pub(super) struct Keys {
     before: Termios,
-    pressed: Receiver<Key>,
 }
 
 impl Keys {
-    /// Begins to listen; `None` where standard input is not this process's terminal.
+    /// Begins to listen for the operator; `None` where standard input is not this process's
+    /// terminal.
     ///
     /// # Errors
     /// The terminal cannot be set.
-    pub(super) fn listen() -> io::Result<Option<Self>> {
+    pub(super) fn listen(operator: Operator) -> io::Result<Option<Self>> {
         let input = stdin();
         // In the background the terminal is somebody else's.
         if !isatty(&input) || tcgetpgrp(&input).ok() != Some(getpgrp()) {
@@ -145,14 +124,8 @@ impl Keys {
         modes.special_codes[SpecialCodeIndex::VMIN] = 0;
         modes.special_codes[SpecialCodeIndex::VTIME] = 1;
         tcsetattr(&input, OptionalActions::Now, &modes)?;
-        let (sender, pressed) = channel::bounded(16);
-        std::thread::spawn(move || hand_over(&sender));
-        Ok(Some(Self { before, pressed }))
-    }
-
-    /// The next key, if one was pressed.
-    pub(super) fn pressed(&self) -> Option<Key> {
-        self.pressed.try_recv().ok()
+        thread::spawn(move || hand_over(&operator));
+        Ok(Some(Self { before }))
     }
 }
 
@@ -163,8 +136,8 @@ impl Drop for Keys {
     }
 }
 
-/// Hands over keys until nobody wants them any more.
-fn hand_over(keys: &Sender<Key>) {
+/// Commands what is typed until the session is over.
+fn hand_over(operator: &Operator) {
     let mut bytes = [0; 16];
     let mut decoder = Decoder::default();
     loop {
@@ -178,9 +151,12 @@ fn hand_over(keys: &Sender<Key>) {
         if count == 0 && asked.elapsed() < Duration::from_millis(50) {
             return;
         }
-        for key in decoder.keys(&bytes[..count]) {
-            if keys.send(key).is_err() {
-                return;
+        for command in decoder.commands(&bytes[..count]) {
+            while let Err(reason) = operator.command(command) {
+                match reason {
+                    NotTaken::Busy => thread::sleep(Duration::from_millis(1)),
+                    NotTaken::Over => return,
+                }
             }
         }
     }
@@ -190,40 +166,56 @@ fn hand_over(keys: &Sender<Key>) {
 mod tests {
     use super::*;
 
-    fn keys(bytes: &[u8]) -> Vec<Key> {
-        Decoder::default().keys(bytes).collect()
+    fn keys(bytes: &[u8]) -> Vec<Command> {
+        Decoder::default().commands(bytes).collect()
+    }
+
+    fn jog(axis: Axis, direction: Direction) -> Command {
+        Command::Jog(Jog::Step { axis, direction })
     }
 
     /// What a person types slowly: each byte, then nothing for a while.
-    fn slowly(bytes: &[u8]) -> Vec<Key> {
+    fn slowly(bytes: &[u8]) -> Vec<Command> {
         let mut decoder = Decoder::default();
         let mut keys = Vec::new();
         for byte in bytes {
-            keys.extend(decoder.keys(&[*byte]));
-            assert_eq!(decoder.keys(&[]).next(), None);
+            keys.extend(decoder.commands(&[*byte]));
+            assert_eq!(decoder.commands(&[]).next(), None);
         }
         keys
     }
 
     #[test]
     fn arrows_and_page_keys_jog() {
-        let [right, down] = [Key::Jog(Axis::X, 1.0), Key::Jog(Axis::Y, -1.0)];
+        let [right, down] = [
+            jog(Axis::X, Direction::Positive),
+            jog(Axis::Y, Direction::Negative),
+        ];
         assert_eq!(keys(b"\x1B[C\x1BOB"), [right, down]);
-        let [up, down] = [1.0, -1.0].map(|sign| Key::Jog(Axis::Z, sign));
-        assert_eq!(keys(b"\x1B[5~]\x1B[6~"), [up, Key::JogStep(1), down]);
+        let [up, down] = [Direction::Positive, Direction::Negative].map(|to| jog(Axis::Z, to));
+        assert_eq!(
+            keys(b"\x1B[5~]\x1B[6~"),
+            [up, Command::JogStep(StepChange::Greater), down]
+        );
     }
 
     #[test]
     fn keys_that_mean_nothing_hide_none_that_do() {
         // F5, shift and an arrow, delete.
-        assert_eq!(keys(b"\x1B[15~\x1B[1;2C\x1B[3~b"), [Key::StepBack]);
+        assert_eq!(keys(b"\x1B[15~\x1B[1;2C\x1B[3~b"), [Command::Retrace]);
         for before in ["", "\x1B", "\x1B\x1B", "\x1B[", "\x1B[1", "\x1B[15;2"] {
             let typed = [before.as_bytes(), b" "].concat();
-            assert_eq!(keys(&typed), [Key::Hold], "{before:?}");
+            assert_eq!(keys(&typed), [Command::ToggleFeedHold], "{before:?}");
         }
-        assert_eq!(slowly(b"\x1B[q"), [Key::JogStep(-1), Key::Stop]);
-        assert_eq!(slowly(b"\x1BOb"), [Key::StepBack]);
+        assert_eq!(
+            slowly(b"\x1B[q"),
+            [Command::JogStep(StepChange::Smaller), Command::Stop]
+        );
+        assert_eq!(slowly(b"\x1BOb"), [Command::Retrace]);
         let endless = [b"\x1B[".as_slice(), &[b'1'; 40], b"\x1B[A"].concat();
-        assert_eq!(keys(&endless).last(), Some(&Key::Jog(Axis::Y, 1.0)));
+        assert_eq!(
+            keys(&endless).last(),
+            Some(&jog(Axis::Y, Direction::Positive))
+        );
     }
 }

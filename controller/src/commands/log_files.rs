@@ -1,13 +1,14 @@
 //! Files for the traffic of buses.
 
 use super::output::{Claims, NoOutput, Target};
+use super::writers::Writers;
 use crate::bus_log::{BusLog, LogFile};
 use crate::machine::Machine;
+use crate::observe::frames::{SharedFrames, VIRTUAL_ORIGIN};
 use crate::port::url::{BusUrl, End};
 use crate::port::wire::Wire;
 use crate::port::{PortError, url};
 use crate::realtime;
-use crate::run::frames::{SharedFrames, VIRTUAL_ORIGIN};
 use rtrb::RingBuffer;
 use std::error::Error;
 use std::io;
@@ -47,36 +48,31 @@ impl LogFiles {
 }
 
 impl Logs {
-    /// Begins the files for buses with these names.
+    /// Begins the files for buses with these names, each frame to be written at once.
     pub(super) fn begin(self, buses: Vec<String>) -> io::Result<BusLog> {
-        let begin = |target: Option<Target>| -> io::Result<Option<LogFile>> {
-            let file = target.map(Target::begin).transpose()?;
-            Ok(file.map(|file| Box::new(file) as LogFile))
-        };
-        BusLog::begin(buses, begin(self.candump)?, begin(self.packets)?)
+        self.begin_by(buses, |target| Ok(Box::new(target.begin()?)))
+    }
+
+    fn begin_by(
+        self,
+        buses: Vec<String>,
+        mut begin: impl FnMut(Target) -> io::Result<LogFile>,
+    ) -> io::Result<BusLog> {
+        let candump = self.candump.map(&mut begin).transpose()?;
+        let packets = self.packets.map(&mut begin).transpose()?;
+        BusLog::begin(buses, candump, packets)
     }
 
     fn is_empty(&self) -> bool {
         self.candump.is_none() && self.packets.is_none()
     }
 
-    /// Has the frames of a machine written; instant zero is `origin` past 1970.
-    fn begin_of(
-        self,
-        machine: &Machine,
-        frames: &SharedFrames,
-        origin: Duration,
-    ) -> io::Result<()> {
-        if !self.is_empty() {
-            let buses = machine.buses.iter().map(|bus| bus.name.clone());
-            frames.write_to(self.begin(buses.collect())?, origin);
-        }
-        Ok(())
-    }
-
     /// Has the frames of a machine in virtual time written.
     pub(super) fn record_virtual(self, machine: &Machine, frames: &SharedFrames) -> io::Result<()> {
-        self.begin_of(machine, frames, VIRTUAL_ORIGIN)
+        if !self.is_empty() {
+            frames.write_to(self.begin(names(machine))?, VIRTUAL_ORIGIN);
+        }
+        Ok(())
     }
 
     /// Who will listen to the buses that are not simulated.
@@ -88,13 +84,14 @@ impl Logs {
         }
     }
 
-    /// Has the frames of a machine in real time written, by listeners of their own on the buses
-    /// that are not simulated: the cycle does nothing for it.
+    /// Has the frames of a machine in real time written by `writers`, and heard by listeners of
+    /// their own on the buses that are not simulated: the cycle does nothing for it.
     pub(super) fn record(
         self,
         machine: &Machine,
         frames: &SharedFrames,
         listeners: &mut Listeners,
+        writers: &mut Writers,
     ) -> Result<(), Box<dyn Error>> {
         if self.is_empty() {
             return Ok(());
@@ -112,12 +109,20 @@ impl Logs {
         } else {
             Duration::from_nanos(realtime::wall_clock_offset())
         };
-        self.begin_of(machine, frames, origin)?;
+        let log = self.begin_by(names(machine), |target| {
+            Ok(Box::new(writers.begin(target)?))
+        })?;
+        frames.write_to(log, origin);
         for (bus, wire) in wires {
             listeners.listen(bus, wire, frames.clone())?;
         }
         Ok(())
     }
+}
+
+/// Of a machine's buses.
+fn names(machine: &Machine) -> Vec<String> {
+    machine.buses.iter().map(|bus| bus.name.clone()).collect()
 }
 
 /// How long a listener waits at a time, and for the last frames.

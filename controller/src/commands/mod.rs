@@ -29,9 +29,11 @@ macro_rules! eprintln {
 mod bench;
 mod budget;
 mod check;
+mod console;
 mod doctor;
 mod drives;
 mod eds;
+mod events;
 mod keys;
 mod log_files;
 mod monitor;
@@ -47,6 +49,7 @@ mod sdo;
 mod switches;
 mod tool;
 mod validate;
+mod writers;
 
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
@@ -157,13 +160,18 @@ fn duration(text: &str) -> Result<Duration, String> {
 
 /// Prints an error with everything that caused it, one line, to standard error.
 pub fn report(error: &(dyn std::error::Error + 'static)) {
-    eprint!("error: {error}");
+    eprintln!("{}", told(error));
+}
+
+/// An error with everything that caused it, as it is told.
+fn told(error: &(dyn std::error::Error + 'static)) -> String {
+    let mut text = format!("error: {error}");
     let mut cause = error.source();
     while let Some(error) = cause {
-        eprint!(": {error}");
+        text += &format!(": {error}");
         cause = error.source();
     }
-    eprintln!();
+    text
 }
 
 #[cfg(test)]

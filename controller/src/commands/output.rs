@@ -1,8 +1,10 @@
 //! What commands write: each file is opened before a command does anything else, and emptied only
 //! when it is written.
 
-use crate::report::Report;
-use crate::run::recorder::Summary;
+use super::writers::Writers;
+use crate::observe::record::Report;
+use crate::observe::summary::Summary;
+use crate::observe::trace::Sink;
 use std::error::Error;
 use std::fs::{File, Metadata};
 use std::io::{self, BufWriter, Write};
@@ -32,6 +34,25 @@ pub(super) enum NoOutput {
 #[derive(Default)]
 pub(super) struct Claims {
     taken: Vec<(&'static str, Place)>,
+}
+
+/// A standard stream.
+#[derive(Clone, Copy)]
+pub(super) enum Stream {
+    /// Standard output.
+    Output,
+    /// Standard error.
+    Error,
+}
+
+impl Stream {
+    /// Prints to it.
+    pub(super) fn print(self, text: &str) {
+        match self {
+            Self::Output => print!("{text}"),
+            Self::Error => eprint!("{text}"),
+        }
+    }
 }
 
 #[derive(PartialEq, Eq)]
@@ -74,14 +95,21 @@ impl Claims {
         self
     }
 
-    /// Prints a result for people: to standard error where standard output is a file's. JSON there
-    /// says it all.
-    pub(super) fn tell(&self, text: &str) {
+    /// Where a result for people is printed: to standard error where standard output is a file's.
+    /// Nowhere where JSON is there, which says it all.
+    pub(super) fn stream(&self) -> Option<Stream> {
         let mut taken = self.taken.iter();
         match taken.find(|(_, place)| *place == Place::Stdout) {
-            None => print!("{text}"),
-            Some((JSON, _)) => {}
-            Some(_) => eprint!("{text}"),
+            None => Some(Stream::Output),
+            Some((JSON, _)) => None,
+            Some(_) => Some(Stream::Error),
+        }
+    }
+
+    /// Prints a result for people.
+    pub(super) fn tell(&self, text: &str) {
+        if let Some(stream) = self.stream() {
+            stream.print(text);
         }
     }
 
@@ -102,9 +130,9 @@ impl Claims {
             source,
         };
         let (target, place) = if file == Path::new("-") {
-            (Target::stdout(), Some(Place::Stdout))
+            (Target::stdout(option), Some(Place::Stdout))
         } else {
-            let target = Target::open(file).map_err(cannot)?;
+            let target = Target::open(option, file).map_err(cannot)?;
             let place = Place::of(&target.metadata().map_err(cannot)?);
             (target, place)
         };
@@ -129,6 +157,7 @@ impl Claims {
 /// A file that can be written, or standard output. Its errors name it. What is in the file stays
 /// until its writing begins; one that was not there, and that nothing is written to, goes again.
 pub(super) struct Target {
+    option: &'static str,
     path: PathBuf,
     file: Option<File>,
     /// Still empty, and made for this.
@@ -136,15 +165,16 @@ pub(super) struct Target {
 }
 
 impl Target {
-    fn stdout() -> Self {
+    fn stdout(option: &'static str) -> Self {
         Self {
+            option,
             path: "standard output".into(),
             file: None,
             unused: false,
         }
     }
 
-    fn open(path: &Path) -> io::Result<Self> {
+    fn open(option: &'static str, path: &Path) -> io::Result<Self> {
         let new = File::options().write(true).create_new(true).open(path);
         let (file, unused) = match new {
             Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {
@@ -155,6 +185,7 @@ impl Target {
             new => (new?, true),
         };
         Ok(Self {
+            option,
             path: path.to_owned(),
             file: Some(file),
             unused,
@@ -168,15 +199,30 @@ impl Target {
         )
     }
 
-    /// Empties the file, to be written from now on.
-    pub(super) fn begin(mut self) -> io::Result<BufWriter<Self>> {
+    /// The option that named it.
+    pub(super) fn option(&self) -> &'static str {
+        self.option
+    }
+
+    /// As it was named.
+    pub(super) fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// The file, to be written from now on.
+    pub(super) fn begin(self) -> io::Result<BufWriter<Self>> {
+        Ok(BufWriter::new(self.emptied()?))
+    }
+
+    /// The file with nothing in it, and no buffer before it.
+    pub(super) fn emptied(mut self) -> io::Result<Self> {
         self.unused = false;
         let emptied = match &self.file {
             Some(file) if file.metadata().is_ok_and(|it| it.is_file()) => file.set_len(0),
             _ => Ok(()),
         };
         self.name(emptied)?;
-        Ok(BufWriter::new(self))
+        Ok(self)
     }
 
     /// Writes all there is to write.
@@ -258,27 +304,39 @@ impl Results {
         self.report.is_some()
     }
 
-    /// The trace, to be written.
-    pub(super) fn trace(&mut self) -> io::Result<Option<Box<dyn Write>>> {
+    /// The trace, to be written at once.
+    pub(super) fn trace(&mut self) -> io::Result<Option<Sink>> {
         let trace = self.trace.take().map(Target::begin).transpose()?;
-        Ok(trace.map(|trace| Box::new(trace) as Box<dyn Write>))
+        Ok(trace.map(|trace| Box::new(trace) as Sink))
     }
 
-    /// Writes JSON and report.
-    pub(super) fn write(
+    /// The trace, to be written beside the motion.
+    pub(super) fn trace_by(&mut self, writers: &mut Writers) -> io::Result<Option<Sink>> {
+        let trace = self.trace.take().map(|file| writers.begin(file));
+        Ok(trace.transpose()?.map(|trace| Box::new(trace) as Sink))
+    }
+
+    /// Writes JSON and report; `begin` begins a file.
+    pub(super) fn write<W: Write>(
         self,
         summary: &Summary,
         report: Option<Report>,
         program: &Path,
         mode: String,
+        mut begin: impl FnMut(Target) -> io::Result<W>,
     ) -> Result<(), Box<dyn Error>> {
+        let mut put = |target: Target, text: String| {
+            let mut file = begin(target)?;
+            file.write_all(text.as_bytes())?;
+            file.flush()
+        };
         if let Some(json) = self.json {
-            json.put(&(serde_json::to_string_pretty(summary)? + "\n"))?;
+            put(json, serde_json::to_string_pretty(summary)? + "\n")?;
         }
         if let (Some(file), Some(mut report)) = (self.report, report) {
             report.program = program.display().to_string();
             report.mode = mode;
-            file.put(&report.to_html())?;
+            put(file, report.to_html())?;
         }
         Ok(())
     }

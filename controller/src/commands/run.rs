@@ -1,35 +1,37 @@
 //! `syncline run`: a program on a machine, in real time.
 
-use super::keys::{self, Key, Keys};
+use super::console::{Console, Messages, Screen};
+use super::keys::{self, Keys};
 use super::log_files::{Listeners, LogFiles};
 use super::output::{Claims, Output, Results};
 use super::ports::PortChoice;
 use super::switches::Switches;
-use super::{Exit, bad_input, duration, report};
-use crate::control::{Controller, End, Event, Layout, Order, Row};
-use crate::machine::{COORDINATES, Machine};
+use super::writers::Writers;
+use super::{Exit, bad_input, duration, report, told};
+use crate::control::{End, Event as MachineEvent, Layout};
+use crate::machine::Machine;
+use crate::observe::Observers;
+use crate::observe::frames::SharedFrames;
+use crate::observe::summary::Summary;
+use crate::observe::timing::Stage;
 use crate::port::{self, Ports, url};
-use crate::program::{Beginning, Extent, Moves, Program, counted_speed};
+use crate::program::{Beginning, Extent, Program};
 use crate::realtime;
-use crate::run::frames::SharedFrames;
-use crate::run::planning::Planning;
-use crate::run::real_time::{Cycle, Link, Measured, News, Timing, late_after};
-use crate::run::recorder::{Recorder, Summary};
-use crate::timing::Stage;
-use crossbeam::channel::{self, Receiver};
-use indicatif::{ProgressBar, ProgressStyle};
+use crate::run::Progress;
+use crate::run::real_time::{Ended, Measured, RealTime, Timing, late_after};
+use crate::session::{Command, Event, Operator, Session, Subscription};
 use rustix::termios::{QueueSelector, tcflush};
 use std::error::Error;
 use std::fmt::Display;
+use std::io;
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant};
+use std::thread;
+use std::time::Duration;
 use syncline_drives::world::{Observer, World};
 use syncline_gcode::Tables;
-use syncline_trajectory::path::Jog;
 
-/// How often the outer side looks after the cycle.
+/// How often it is looked after the session.
 const POLL: Duration = Duration::from_millis(1);
 
 /// Run a program on a machine, in real time.
@@ -38,10 +40,11 @@ const POLL: Duration = Duration::from_millis(1);
 /// a fault or Ctrl-C leads to a stop on the path, then the drives are disabled. At a program stop
 /// (M0, M1 with --optional-stop, M6) the machine rests with its drives enabled until Enter.
 ///
-/// On a terminal, space holds on the path and goes on, + and - change the feed override by 10 %,
-/// the keys > and < the rapid override, s stops after the block, b goes back to the beginning of
-/// the block, q stops as Ctrl-C does. While it is held or at a program stop, the arrows and page
-/// keys jog X, Y and Z, by steps that [ and ] choose; what goes on goes back first.
+/// On a terminal, space is feed hold and resume, + and - change the feed override by 10 %, the keys >
+/// and < the rapid override, s is single block, b retraces to the beginning of the block, q stops as
+/// Ctrl-C does. While it is held or at a program stop, the arrows and page keys jog X, Y and Z, by
+/// steps that [ and ] choose; what goes on goes back first. No file or terminal that takes nothing
+/// is in the way of a key, of Ctrl-C or of the motion: what could not be written is told in the end.
 ///
 /// A bus whose port is `sim` is simulated here, with a simulated drive for each of its nodes. If
 /// all are, their time goes with the cycle: a late wake-up delays both and is counted.
@@ -94,6 +97,7 @@ impl Args {
             ports,
             frames,
             listeners,
+            writers,
             claims,
             results,
         } = match prepared {
@@ -102,22 +106,19 @@ impl Args {
         };
         let run = Run {
             args: &self,
-            machine: &machine,
-            layout: &layout,
-            program,
+            machine,
+            layout,
             extent,
             frames,
             listeners,
+            writers,
             claims,
             results,
         };
-        match run.execute(world, ports) {
-            Ok(exit) => exit,
-            Err(error) => {
-                report(&*error);
-                Exit::Stopped
-            }
-        }
+        run.execute(world, ports, program).unwrap_or_else(|error| {
+            report(&*error);
+            Exit::Stopped
+        })
     }
 }
 
@@ -131,6 +132,7 @@ struct Prepared {
     ports: Ports,
     frames: SharedFrames,
     listeners: Listeners,
+    writers: Writers,
     claims: Claims,
     results: Results,
 }
@@ -166,7 +168,8 @@ impl Args {
         for port in &ports {
             port.notes().iter().for_each(|note| eprintln!("{note}"));
         }
-        logs.record(&machine, &frames, &mut listeners)?;
+        let mut writers = Writers::default();
+        logs.record(&machine, &frames, &mut listeners, &mut writers)?;
         Ok(Prepared {
             machine,
             layout,
@@ -176,6 +179,7 @@ impl Args {
             ports,
             frames,
             listeners,
+            writers,
             claims,
             results,
         })
@@ -202,83 +206,27 @@ fn confirm(beginning: &Beginning) -> Result<(), NotConfirmed> {
 #[error("--from-line: standard input is closed, nobody can confirm: press Enter there")]
 struct NotConfirmed;
 
-/// The side of a run that is outside of the cycle.
+/// A run that is ready to begin.
 struct Run<'a> {
     args: &'a Args,
-    machine: &'a Machine,
-    layout: &'a Arc<Layout>,
-    program: Program,
+    machine: Machine,
+    layout: Arc<Layout>,
     extent: Extent,
     frames: SharedFrames,
     listeners: Listeners,
+    writers: Writers,
     claims: Claims,
     results: Results,
 }
 
-/// What a person does.
-struct Person {
-    interrupted: Arc<AtomicBool>,
-    /// At the machine's own terminal.
-    keys: Option<Keys>,
-    /// Lines of standard input where that is no terminal, once they are wanted.
-    lines: Option<Receiver<()>>,
-    /// Feed and rapid override, %.
-    overrides: [i32; 2],
-    /// Which of [`JOG_STEPS`] a jog by a key is.
-    jog_step: usize,
-    /// The path rests, so that there may be jogs.
-    rests: bool,
-}
-
-/// By the keys, of X, Y and Z: mm.
-const JOG_STEPS: [f64; 5] = [0.01, 0.1, 1.0, 10.0, 100.0];
-
-impl Person {
-    /// The next order by a key.
-    fn order(&mut self) -> Option<Order> {
-        let key = self.keys.as_ref()?.pressed()?;
-        let [feed, rapid] = &mut self.overrides;
-        Some(match key {
-            Key::Jog(axis, direction) => Order::Jog(Jog::Step {
-                axis: axis.index(),
-                distance: direction * JOG_STEPS[self.jog_step],
-                speed: f64::INFINITY,
-            }),
-            Key::JogStep(by) => {
-                let step = self.jog_step.saturating_add_signed(by);
-                self.jog_step = step.min(JOG_STEPS.len() - 1);
-                return self.order();
-            }
-            Key::Hold => Order::ToggleHold,
-            Key::Feed(step) => {
-                *feed = (*feed + step).clamp(0, 200);
-                Order::FeedOverride(f64::from(*feed) / 100.0)
-            }
-            Key::Rapid(step) => {
-                *rapid = (*rapid + step).clamp(0, 100);
-                Order::RapidOverride(f64::from(*rapid) / 100.0)
-            }
-            Key::StopAfterBlock => Order::StopAfterBlock,
-            Key::StepBack => Order::StepBack,
-            Key::Stop => Order::Interrupt,
-            Key::GoOn => Order::GoOn,
-        })
-    }
-
-    /// What of the programmed speeds is asked for, if it is not all of them.
-    fn overridden(&self) -> String {
-        let [feed, rapid] = self.overrides;
-        let tell = |what: &str, percent: i32| match percent {
-            100 => String::new(),
-            _ => format!(", {what} {percent} %"),
-        };
-        tell("feed", feed) + &tell("rapid", rapid)
-    }
-}
-
 impl Run<'_> {
-    fn execute(mut self, world: World, ports: Ports) -> Result<Exit, Box<dyn Error>> {
-        let lockstep = lockstep(self.machine);
+    fn execute(
+        mut self,
+        world: World,
+        ports: Ports,
+        program: Program,
+    ) -> Result<Exit, Box<dyn Error>> {
+        let lockstep = lockstep(&self.machine);
         let timing = Timing {
             settings: realtime::Settings {
                 priority: self.args.priority,
@@ -288,227 +236,103 @@ impl Run<'_> {
             lockstep,
             strict: self.args.strict,
         };
-        let (trace, wants_report) = (self.results.trace()?, self.results.wants_report());
-        let mut recorder = Recorder::new(self.machine, trace, wants_report)?;
-        let mut person = Person {
-            interrupted: Arc::new(AtomicBool::new(false)),
-            keys: Keys::listen()?,
-            lines: None,
-            overrides: [100; 2],
-            jog_step: 2,
-            rests: false,
+        let trace = self.results.trace_by(&mut self.writers)?;
+        let observers = Observers::new(&self.machine, trace, self.results.wants_report());
+        let (messages, waiting) = Console::messages();
+        let tell = messages.clone();
+        let (timeline, moves) = RealTime::start(
+            &self.layout,
+            world,
+            ports,
+            timing,
+            program,
+            move |granted| {
+                tell.tell(granted.to_string());
+            },
+        )?;
+        let mut session = Session::new(&self.machine, timeline, moves, observers);
+        let screen = Screen {
+            events: session.subscribe(),
+            view: session.view(),
+            layout: Arc::clone(&self.layout),
+            machine: self.machine.clone(),
+            extent: self.extent,
+            verbose: self.args.verbose,
         };
-        if person.keys.is_some() {
-            eprintln!("{}", keys::HELP);
+        let console = Console::start(screen, messages.clone(), waiting)?;
+        let keys = listen(&mut session, &messages)?;
+        loop {
+            match session.advance() {
+                Progress::More => {}
+                Progress::Idle => thread::sleep(POLL),
+                Progress::Ended => break,
+            }
         }
-        let interrupted = Arc::clone(&person.interrupted);
-        ctrlc::set_handler(move || interrupted.store(true, Ordering::Relaxed))?;
-
-        let (mut cycle, link, instructions) = Cycle::new(self.layout, world, ports, timing);
-        if self.program.streams() {
-            cycle.wait_for_input();
-        }
-        let (upcoming, mut moves) = Moves::new();
-        let mut planning = Planning::new(self.program.clone(), upcoming, instructions)?;
-        let outcome = std::thread::scope(|scope| {
-            // Goes before the cycle is waited for, also by a panic: that makes the cycle stop.
-            let mut link = link;
-            let cycle = std::thread::Builder::new()
-                .name("cycle".into())
-                .spawn_scoped(scope, move || {
-                    cycle.run(|granted| {
-                        eprintln!("{granted}");
-                        granted
-                    })
-                })?;
-            let mut failure = None;
-            let bar = self.progress_bar();
-            let mut attend = |link: &mut Link, planning: &mut Planning| {
-                self.attend(link, &mut person, &bar, planning)?;
-                self.follow(link, &mut person, &bar, &mut recorder, &mut moves, planning)
-            };
-            while !cycle.is_finished() {
-                let done = attend(&mut link, &mut planning).unwrap_or_else(|error| {
-                    link.order(Order::Abandon);
-                    failure.get_or_insert(error);
-                    true
-                });
-                if done {
-                    std::thread::sleep(POLL);
-                }
-            }
-            while !attend(&mut link, &mut planning)? {}
-            bar.finish_and_clear();
-            let (controller, measured) = cycle.join().map_err(|_| CyclePanic)?;
-            self.program.abandon();
-            if let Some(error) = failure {
-                report(&*error);
-            }
-            let mut saved = Ok(());
-            if controller.end() == Some(End::Finished)
-                && let Some(feeder) = planning.end()?
-            {
-                saved = feeder.save_tables(&Tables::beside(&self.args.machine));
-            }
-            Ok::<_, Box<dyn Error>>((controller, measured, saved))
+        let concluded = self.conclude(session, &messages, lockstep);
+        let exit = concluded.unwrap_or_else(|error| {
+            messages.tell(told(&*error));
+            Exit::Stopped
         });
-        let (controller, measured, saved) = outcome?;
-        let exit = self.conclude(recorder, &controller, &measured, lockstep)?;
-        saved?;
+        console.finish();
+        drop(keys);
         Ok(exit)
     }
-}
 
-/// The cycle itself panicked: the drives' own supervision stops them.
-#[derive(Debug, thiserror::Error)]
-#[error("the cycle failed: this is a defect of syncline; the drives stop by lost heartbeat")]
-struct CyclePanic;
-
-impl Run<'_> {
-    /// Hands over what the person wants, and tells them what came of the program. Nothing here
-    /// waits for anything.
-    fn attend(
-        &self,
-        link: &mut Link,
-        person: &mut Person,
-        bar: &ProgressBar,
-        planning: &mut Planning,
-    ) -> Result<(), Box<dyn Error>> {
-        if person.interrupted.swap(false, Ordering::Relaxed) {
-            link.order(Order::Interrupt);
-        }
-        while let Some(order) = person.order() {
-            link.order(order);
-        }
-        if let Some(lines) = &person.lines {
-            match lines.try_recv() {
-                Ok(()) => {
-                    link.order(Order::GoOn);
-                    person.lines = None;
-                }
-                Err(channel::TryRecvError::Disconnected) => {
-                    bar.suspend(|| {
-                        eprintln!("standard input is closed, nobody can go on: stopping");
-                    });
-                    link.order(Order::Interrupt);
-                    person.lines = None;
-                }
-                Err(channel::TryRecvError::Empty) => {}
-            }
-        }
-        while let Some(error) = planning.error() {
-            bar.suspend(|| report(&error));
-        }
-        Ok(planning.check()?)
-    }
-
-    /// Takes what the cycle tells, for a while; false if there may be more of it.
-    fn follow(
-        &self,
-        link: &mut Link,
-        person: &mut Person,
-        bar: &ProgressBar,
-        recorder: &mut Recorder,
-        moves: &mut Moves,
-        planning: &Planning,
-    ) -> Result<bool, Box<dyn Error>> {
-        let until = Instant::now() + POLL;
-        while Instant::now() < until {
-            let Some(news) = link.news() else {
-                return Ok(true);
-            };
-            match news {
-                News::Event(event) => self.tell(&event, bar, person),
-                News::BusFailed(error) => bar.suspend(|| eprintln!("{error}")),
-                News::Ready(start) => planning.begin(start),
-                News::ReplanRequest(request) => planning.replan(request),
-                News::Row(row) => {
-                    recorder.record(&row, moves)?;
-                    while let Some((line, output)) = recorder.output() {
-                        bar.suspend(|| eprintln!("line {line}: {output}"));
-                    }
-                    bar.set_position(recorder.passed() as u64);
-                    bar.set_message(self.message(&row, recorder.line(), person));
-                }
-            }
-        }
-        Ok(false)
-    }
-
-    /// What the machine does, beside the bar.
-    fn message(&self, row: &Row<COORDINATES>, line: u32, person: &Person) -> String {
-        let overridden = person.overridden();
-        if row.plan.off_path || person.rests {
-            let axes = self.machine.axes.iter().map(|axis| axis.letter);
-            let at = axes.map(|axis| {
-                let unit = if axis.is_linear() { "" } else { "°" };
-                format!("{axis}{:.3}{unit} ", row.plan.position[axis.index()])
-            });
-            let at: String = at.collect();
-            let step = JOG_STEPS[person.jog_step];
-            return format!("line {line}, {at}by {step} mm{overridden}");
-        }
-        let (speed, turns) = counted_speed(&row.plan.velocity);
-        let unit = if turns { "°" } else { "mm" };
-        format!("line {line}, {:.0} {unit}/min{overridden}", speed * 60.0)
-    }
-
-    fn tell(&self, event: &Event, bar: &ProgressBar, person: &mut Person) {
-        if (self.args.verbose || !event.is_routine())
-            && let Some(text) = event.describe(&**self.layout)
-        {
-            bar.suspend(|| eprintln!("{text}"));
-        }
-        person.rests = event.rests().unwrap_or(person.rests);
-        if let Event::Paused { .. } = event {
-            bar.suspend(|| eprintln!("press Enter to go on"));
-            if person.keys.is_none() {
-                person.lines = Some(read_lines());
-            }
-        }
-    }
-
-    fn progress_bar(&self) -> ProgressBar {
-        let Extent { length, turned, .. } = self.extent;
-        let bar = ProgressBar::new((length + turned) as u64);
-        let style = ProgressStyle::with_template(if turned == 0.0 {
-            "{wide_bar} {pos}/{len} mm, {msg}"
-        } else {
-            "{wide_bar} {pos}/{len} mm and °, {msg}"
-        });
-        bar.with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
-    }
-
+    /// Writes what is left to write, and tells the result.
     fn conclude(
-        self,
-        recorder: Recorder,
-        controller: &Controller<COORDINATES>,
-        measured: &Measured,
+        mut self,
+        session: Session<RealTime>,
+        messages: &Messages,
         lockstep: bool,
     ) -> Result<Exit, Box<dyn Error>> {
+        let (timeline, observers) = session.end();
+        let Ended {
+            controller,
+            measured,
+            feeder,
+        } = timeline.end()?;
+        let mut problems: Vec<Box<dyn Error>> = Vec::new();
+        if controller.end() == Some(End::Finished)
+            && let Some(feeder) = feeder
+            && let Err(error) = feeder.save_tables(&Tables::beside(&self.args.machine))
+        {
+            problems.push(error.into());
+        }
         let frames = lockstep.then(|| self.frames.result());
-        let (summary, mut rows) = recorder.finish(self.machine, self.layout, controller, frames)?;
+        let (summary, mut rows) =
+            observers.finish(&self.machine, &self.layout, &controller, frames)?;
         if let Some(report) = &mut rows {
             report.distributions = measured.distributions().to_vec();
         }
+        let text = self.text(&summary, &measured);
         let mode = if lockstep {
             "run in real time on simulated drives"
         } else {
             "run in real time"
         };
-        let text = self.text(&summary, measured);
-        (self.results).write(&summary, rows, &self.args.program, mode.to_owned())?;
-        self.claims.tell(&text);
+        let writers = &mut self.writers;
+        let (program, mode) = (&self.args.program, mode.to_owned());
+        let begin = |target| writers.begin(target);
+        let written = (self.results).write(&summary, rows, program, mode, begin);
+        problems.extend(written.err());
+        if let Some(stream) = self.claims.stream() {
+            messages.conclude(stream, text);
+        }
         drop(self.listeners);
-        self.frames.finish_log()?;
+        problems.extend(self.frames.finish_log().err().map(Into::into));
+        let missing = self.writers.finish().into_iter();
+        problems.extend(missing.map(Into::into));
+        for problem in &problems {
+            messages.tell(told(&**problem));
+        }
         Ok(match controller.end() {
-            Some(End::Finished) => Exit::Finished,
+            Some(End::Finished) if problems.is_empty() => Exit::Finished,
             Some(End::Interrupted) => Exit::Interrupted,
-            Some(End::Fault(_)) | None => Exit::Stopped,
+            _ => Exit::Stopped,
         })
     }
 
-    /// What is told at the end.
+    /// What is told in the end.
     fn text(&self, summary: &Summary, measured: &Measured) -> String {
         let mut text = summary.to_string();
         let mut line = |what: &str, told: &dyn Display| {
@@ -549,18 +373,42 @@ fn causes(measured: &Measured) -> String {
     }
 }
 
-/// Says when a line of standard input has come; disconnected at its end.
-fn read_lines() -> Receiver<()> {
-    let (sender, receiver) = channel::bounded(1);
-    std::thread::spawn(move || {
-        let mut line = String::new();
-        if std::io::stdin()
-            .read_line(&mut line)
-            .is_ok_and(|bytes| bytes > 0)
-        {
-            // Nobody listening any more is fine.
-            let _ = sender.send(());
-        }
-    });
-    receiver
+/// Has the operators heard who belong to this process: signals, and the terminal's keys or, where
+/// standard input is no terminal, its lines.
+fn listen(
+    session: &mut Session<RealTime>,
+    messages: &Messages,
+) -> Result<Option<Keys>, Box<dyn Error>> {
+    let signals = session.operator("signal");
+    ctrlc::set_handler(move || {
+        // Where the session is over there is nothing to stop, and hundreds of commands go first.
+        let _ = signals.command(Command::Stop);
+    })?;
+    let keys = Keys::listen(session.operator("keys"))?;
+    if keys.is_some() {
+        messages.tell(keys::HELP.to_owned());
+    } else {
+        let (operator, events) = (session.operator("standard input"), session.subscribe());
+        let messages = messages.clone();
+        let thread = thread::Builder::new().name("lines".into());
+        thread.spawn(move || obey_lines(&operator, &events, &messages))?;
+    }
+    Ok(keys)
+}
+
+/// At a program stop a line of standard input is cycle start, and its end stops the job.
+fn obey_lines(operator: &Operator, events: &Subscription, messages: &Messages) {
+    while let Ok(event) = events.wait(Duration::MAX) {
+        let Some(Event::Machine(MachineEvent::Paused { .. })) = event else {
+            continue;
+        };
+        let line = io::stdin().read_line(&mut String::new());
+        // Nobody listening any more is fine.
+        let _ = if line.is_ok_and(|bytes| bytes > 0) {
+            operator.command(Command::CycleStart)
+        } else {
+            messages.tell("standard input is closed, nobody can go on: stopping".to_owned());
+            operator.command(Command::Stop)
+        };
+    }
 }

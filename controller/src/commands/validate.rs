@@ -1,16 +1,19 @@
 //! `syncline validate`: proof before metal moves.
 
+use super::events::Events;
 use super::log_files::{LogFiles, Logs};
-use super::output::{Claims, Output, Results};
+use super::output::{Claims, Output, Results, Target};
 use super::switches::Switches;
 use super::{Exit, report};
 use crate::control::fault::Names;
-use crate::control::{Controller, Event, Layout, Order};
-use crate::machine::{COORDINATES, Machine};
-use crate::program::Program;
-use crate::run::events::Events;
-use crate::run::recorder::{Recorder, Summary};
+use crate::control::{Event as MachineEvent, Layout};
+use crate::machine::Machine;
+use crate::observe::Observers;
+use crate::observe::summary::Summary;
+use crate::program::{Program, Switch};
+use crate::run::Progress;
 use crate::run::virtual_time::VirtualMachine;
+use crate::session::{Command, Event, NotTaken, Operator, Session, Status};
 use std::error::Error;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -39,8 +42,8 @@ pub(super) struct Args {
     seed: u64,
     #[command(flatten)]
     switches: Switches,
-    /// What a person does, as CSV with the columns `t_s,event,value`: feed_override and
-    /// rapid_override (%), hold, resume, stop_after_block, step_back, jog (X+1.5 or X-),
+    /// What an operator does, as CSV with the columns `t_s,event,value`: feed_override and
+    /// rapid_override (%), feed_hold, resume, single_block, retrace, jog (X+1.5 or X-),
     /// jog_to, move_to (X10 Y20), stop, at times of the trace.
     #[arg(long, value_name = "FILE")]
     events: Option<PathBuf>,
@@ -111,78 +114,108 @@ impl Args {
             machine,
             layout,
             program,
-            mut events,
+            events,
             claims,
             mut results,
             logs,
         } = prepared;
-        let mut virtual_machine =
+        let (timeline, moves) =
             VirtualMachine::new(&machine, Arc::clone(&layout), program, self.seed)?;
-        logs.record_virtual(&machine, virtual_machine.frames())?;
-        let mut recorder = Recorder::new(&machine, results.trace()?, results.wants_report())?;
+        logs.record_virtual(&machine, timeline.frames())?;
+        let observers = Observers::new(&machine, results.trace()?, results.wants_report());
+        let mut session = Session::new(&machine, timeline, moves, observers);
+        let (told, nobody) = (session.subscribe(), session.operator("validate"));
+        let mut script = Script {
+            operator: session.operator("events"),
+            events,
+            last_moved: 0.0,
+        };
         let mut failure = None;
-        let mut held = false;
-        let mut last_moved = 0.0;
-        loop {
-            match virtual_machine.step() {
-                Ok(true) => {}
-                Ok(false) => break,
-                Err(error) => failure = failure.or(Some(error)),
-            }
-            while let Some(event) = virtual_machine.event() {
-                held = event.rests().unwrap_or(held);
-                if let Event::Paused { .. } = event {
-                    virtual_machine.controller().go_on();
-                }
-                self.tell(&event, &*layout);
-            }
-            let (row, moves) = virtual_machine.row();
-            if let Some(row) = row {
-                let time = recorder.record(row, moves)?;
-                while let Some((line, output)) = recorder.output() {
-                    eprintln!("line {line}: {output}");
-                }
-                if !held || row.plan.velocity.iter().any(|it| *it != 0.0) {
-                    last_moved = time;
-                }
-                while let Some(order) = events.due(time) {
-                    last_moved = time;
-                    virtual_machine.controller().obey(order);
-                }
-                if events.left().is_none() && time - last_moved > PATIENCE {
-                    eprintln!("the events end while the program is held: stopped");
-                    last_moved = f64::INFINITY;
-                    virtual_machine.controller().obey(Order::Interrupt);
+        while session.advance() != Progress::Ended {
+            for event in told.events() {
+                match event {
+                    Event::Machine(event) => {
+                        if let MachineEvent::Paused { .. } = event {
+                            nobody.command(Command::CycleStart)?;
+                        }
+                        self.tell(&event, &*layout);
+                    }
+                    Event::Switched(Switch::Output(line, output)) => {
+                        eprintln!("line {line}: {output}");
+                    }
+                    Event::Problem(error) => failure = failure.or(Some(error)),
+                    Event::Accepted(_) | Event::Switched(_) => {}
                 }
             }
+            script.follow(session.status())?;
         }
-        if let Some((time, count)) = events.left() {
+        script.tell_left();
+        if let Some(error) = failure {
+            report(&*error);
+        }
+        let (mut timeline, observers) = session.end();
+        let logged = timeline.frames().finish_log();
+        let frames = Some(timeline.frames().result());
+        let controller = timeline.controller();
+        let (summary, rows) = observers.finish(&machine, &layout, controller, frames)?;
+        let title = format!("validated in virtual time, seed {}", self.seed);
+        results.write(&summary, rows, &self.program, title, Target::begin)?;
+        claims.tell(&summary.to_string());
+        logged?;
+        Ok(summary)
+    }
+
+    fn tell(&self, event: &MachineEvent, names: &impl Names) {
+        if (self.verbose || matches!(event, MachineEvent::Fault(_) | MachineEvent::NoJog(_)))
+            && let Some(text) = event.describe(names)
+        {
+            eprintln!("{text}");
+        }
+    }
+}
+
+/// The operator of an events file.
+struct Script {
+    operator: Operator,
+    events: Events,
+    /// When the machine moved last, or did not wait for an operator, or the last event came, s.
+    last_moved: f64,
+}
+
+impl Script {
+    /// Commands what is due, and stops a machine that nobody will have go on.
+    fn follow(&mut self, status: &Status) -> Result<(), NotTaken> {
+        let Some(time) = status.time else {
+            return Ok(());
+        };
+        if !status.waits || status.velocity.iter().any(|it| *it != 0.0) {
+            self.last_moved = self.last_moved.max(time);
+        }
+        while let Some(command) = self.events.due(time) {
+            self.last_moved = time;
+            match self.operator.command(command) {
+                Err(NotTaken::Busy) => return Ok(()),
+                taken => taken?,
+            }
+            self.events.pass();
+        }
+        if self.events.left().is_none() && time - self.last_moved > PATIENCE {
+            eprintln!("the events end while the program is held: stopped");
+            self.last_moved = f64::INFINITY;
+            self.operator.command(Command::Stop)?;
+        }
+        Ok(())
+    }
+
+    /// Tells what did not come.
+    fn tell_left(&self) {
+        if let Some((time, count)) = self.events.left() {
             let (events, come) = if count == 1 {
                 ("event", "comes")
             } else {
                 ("events", "come")
             };
             eprintln!("{count} {events} from {time} s on never {come}: the run is over before");
-        }
-        if let Some(error) = failure {
-            report(&error);
-        }
-        let logged = virtual_machine.frames().finish_log();
-        let frames = Some(virtual_machine.frames().result());
-        let controller: &Controller<COORDINATES> = virtual_machine.controller();
-        let (summary, rows) = recorder.finish(&machine, &layout, controller, frames)?;
-        let title = format!("validated in virtual time, seed {}", self.seed);
-        results.write(&summary, rows, &self.program, title)?;
-        claims.tell(&summary.to_string());
-        logged?;
-        Ok(summary)
-    }
-
-    fn tell(&self, event: &Event, names: &impl Names) {
-        if (self.verbose || matches!(event, Event::Fault(_) | Event::NoJog(_)))
-            && let Some(text) = event.describe(names)
-        {
-            eprintln!("{text}");
         }
     }
 }

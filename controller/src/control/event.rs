@@ -2,6 +2,7 @@
 
 use super::fault::{AxisIndex, BusIndex, DriveIndex, Fault, Names};
 use crate::port::bus_fault::BusFault;
+use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::time::Duration;
 use syncline_canopen::cia402::Statusword;
@@ -141,7 +142,8 @@ pub enum Pause {
 }
 
 /// Where the machine is between power-up and the end.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Phase {
     /// Reads every drive's state; disables what is found enabled.
     Survey,

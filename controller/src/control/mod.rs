@@ -700,6 +700,12 @@ impl<const N: usize> Controller<N> {
         self.row.as_ref()
     }
 
+    /// The running cycle, counted from the first one.
+    #[must_use]
+    pub fn cycle(&self) -> u64 {
+        self.cycle
+    }
+
     /// Where the machine is.
     #[must_use]
     pub fn phase(&self) -> Phase {

@@ -4,7 +4,7 @@ use super::{
     html::escape,
     scale::{Scale, count, number},
 };
-use crate::timing::{self, Distribution};
+use crate::observe::timing::{self, Distribution};
 use std::{fmt::Write, time::Duration};
 
 const WIDTH: f64 = 560.0;

@@ -2,13 +2,12 @@
 //! following error, distribution of cycle times. No network, no script.
 
 mod chart;
-mod data;
 mod distribution;
 mod html;
 mod scale;
 mod toolpath;
 
-pub use data::{AxisReport, Report, Violation};
+use crate::observe::record::{AxisReport, Report, Violation};
 
 impl Report {
     /// The file's text.

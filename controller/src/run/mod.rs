@@ -1,20 +1,77 @@
-//! Drives the controller: in virtual time or in real time, over simulated or real buses.
+//! The machine in its time: real, virtual, or that of a recorded run.
 //!
 //! - [`driver`]: a controller on its buses
 //! - [`virtual_time`]: as fast as the CPU allows, deterministic
 //! - [`real_time`]: on the host's clock
 //! - [`planning`]: the program on its way there, in a thread of its own
-//! - [`events`]: what a person does, in a validated run
-//! - [`recorder`]: what a run leaves: summary, violations, trace, report
 //! - [`replay`]: a recorded run once more
-//! - [`frames`]: what the simulated buses carried: hash, utilisation
+//!
+//! A [`Timeline`] is a machine with its program in either time, as a session drives it.
 
-pub mod deviation;
 pub mod driver;
-pub mod events;
-pub mod frames;
 pub mod planning;
 pub mod real_time;
-pub mod recorder;
 pub mod replay;
 pub mod virtual_time;
+
+use crate::control::{Event, Order, Row};
+use crate::machine::COORDINATES;
+use crate::port::PortError;
+use crate::program::ProgramError;
+
+/// What the cycle reports.
+#[derive(Debug)]
+#[allow(clippy::large_enum_variant)] // a ring's slots are all of one size
+pub enum CycleReport {
+    /// An order took effect, and so did all before it.
+    Obeyed {
+        /// The order's number.
+        number: u64,
+        /// The controller's cycle.
+        cycle: u64,
+    },
+    /// Something worth a line in the log.
+    Event(Event),
+    /// What happened at one SYNC of the program.
+    Row(Row<COORDINATES>),
+    /// A bus' interface failed.
+    BusFailed(PortError),
+}
+
+/// What there is to do on a timeline.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Progress {
+    /// It goes on at once.
+    More,
+    /// Nothing, for about a millisecond.
+    Idle,
+    /// The machine is at its end, and all has been reported.
+    Ended,
+}
+
+/// Why a run cannot go on as it was meant to. The machine comes to its end all the same.
+#[derive(Debug, thiserror::Error)]
+pub enum RunError {
+    /// A bus failed.
+    #[error(transparent)]
+    Port(#[from] PortError),
+    /// The program cannot be run from where the machine stands, or a block of it cannot.
+    #[error(transparent)]
+    Program(#[from] ProgramError),
+    /// The planner's thread panicked; the panic's own message stands above.
+    #[error("the planner failed: this is a defect of syncline, please report it with the program")]
+    Planner,
+}
+
+/// A machine with its program, in real or in virtual time.
+pub trait Timeline {
+    /// Orders something. No order gets lost; each takes effect in the next cycle, in turn, and is
+    /// reported by the number that it is given here.
+    fn order(&mut self, number: u64, order: Order);
+
+    /// Goes on by what there is to do, without waiting, and reports what happened.
+    ///
+    /// # Errors
+    /// Something cannot go on; the machine comes to its end when this is called further.
+    fn advance(&mut self, report: &mut dyn FnMut(CycleReport)) -> Result<Progress, RunError>;
+}

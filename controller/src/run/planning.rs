@@ -1,23 +1,39 @@
 //! A program's way into the cycle, in a thread of its own: no plan, however long it takes, is in
-//! the way of what a person does and of what the cycle tells.
+//! the way of what an operator does and of what the cycle reports.
 
+use super::RunError;
 use crate::control::Instruction;
 use crate::machine::{COORDINATES, Position};
 use crate::program::{Feeder, Program, ProgramError, Upcoming};
-use crossbeam::channel::{self, Receiver, RecvTimeoutError, Sender};
-use rtrb::Producer;
+use crossbeam::channel::{self, Receiver, Sender};
+use rtrb::{Consumer, Producer};
 use std::io;
-use std::thread::JoinHandle;
+use std::thread::{self, JoinHandle};
 use std::time::Duration;
 use syncline_trajectory::path::ReplanRequest;
 
-/// How often it is looked for room in the cycle.
+/// How often the planner looks for requests, and for room in the cycle, where there is none.
 const POLL: Duration = Duration::from_millis(1);
+
+/// What the cycle asks the planner for. It comes straight from there.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum PlanRequest {
+    /// The machine stands there, ready for the program; it begins once.
+    Begin(Position),
+    /// The path has to be planned anew from there.
+    Replan(ReplanRequest),
+}
+
+/// The planner's ends of its queues with the cycle.
+pub struct PlanQueues {
+    /// What the cycle asks for.
+    pub requests: Consumer<PlanRequest>,
+    /// The plan on its way into the cycle.
+    pub instructions: Producer<Instruction<COORDINATES>>,
+}
 
 /// A program that is being planned.
 pub struct Planning {
-    start: Sender<Position>,
-    replan_requests: Sender<ReplanRequest>,
     errors: Receiver<ProgramError>,
     /// Until it is seen to be over.
     thread: Option<JoinHandle<Planned>>,
@@ -27,22 +43,10 @@ pub struct Planning {
 /// The program as it was left, if it began.
 type Planned = Result<Option<Feeder>, ProgramError>;
 
-/// Why nothing more comes of a program.
-#[derive(Debug, thiserror::Error)]
-pub enum PlanningError {
-    /// The program cannot be run from where the machine stands.
-    #[error(transparent)]
-    Program(#[from] ProgramError),
-    /// The thread panicked; the panic's own message stands above.
-    #[error("the planner failed: this is a defect of syncline, please report it with the program")]
-    Panic,
-}
-
 /// The thread's side.
 struct Planner {
-    replan_requests: Receiver<ReplanRequest>,
+    queues: PlanQueues,
     errors: Sender<ProgramError>,
-    instructions: Producer<Instruction<COORDINATES>>,
 }
 
 impl Planning {
@@ -51,22 +55,15 @@ impl Planning {
     ///
     /// # Errors
     /// There is no thread for it.
-    pub fn new(
-        program: Program,
-        upcoming: Upcoming,
-        instructions: Producer<Instruction<COORDINATES>>,
-    ) -> io::Result<Self> {
-        let (start, starts) = channel::bounded(1);
-        let (replan_requests, seen) = channel::unbounded();
+    pub fn new(program: Program, upcoming: Upcoming, queues: PlanQueues) -> io::Result<Self> {
         let (told, errors) = channel::unbounded();
-        let planner = Planner {
-            replan_requests: seen,
+        let mut planner = Planner {
+            queues,
             errors: told,
-            instructions,
         };
-        let thread = std::thread::Builder::new().name("planner".into());
+        let thread = thread::Builder::new().name("planner".into());
         let thread = thread.spawn(move || {
-            let Ok(start) = starts.recv() else {
+            let Some(start) = planner.start() else {
                 return Ok(None);
             };
             program.check(start)?;
@@ -74,23 +71,10 @@ impl Planning {
             Ok(Some(planner.feed(feeder)))
         })?;
         Ok(Self {
-            start,
-            replan_requests,
             errors,
             thread: Some(thread),
             feeder: None,
         })
-    }
-
-    /// The machine stands there, ready for the program; it starts once.
-    pub fn begin(&self, start: Position) {
-        // A thread that is over is seen by its end.
-        let _ = self.start.try_send(start);
-    }
-
-    /// The path has to be planned anew from there.
-    pub fn replan(&self, request: ReplanRequest) {
-        let _ = self.replan_requests.send(request);
     }
 
     /// A block that cannot be run; the machine comes as far as that.
@@ -102,7 +86,7 @@ impl Planning {
     ///
     /// # Errors
     /// Nothing more comes of the program; told once.
-    pub fn check(&mut self) -> Result<(), PlanningError> {
+    pub fn check(&mut self) -> Result<(), RunError> {
         match self.thread.take_if(|thread| thread.is_finished()) {
             Some(thread) => self.join(thread),
             None => Ok(()),
@@ -113,42 +97,58 @@ impl Planning {
     ///
     /// # Errors
     /// As [`check`](Self::check).
-    pub fn end(mut self) -> Result<Option<Feeder>, PlanningError> {
+    pub fn end(mut self) -> Result<Option<Feeder>, RunError> {
         if let Some(thread) = self.thread.take() {
             self.join(thread)?;
         }
         Ok(self.feeder)
     }
 
-    fn join(&mut self, thread: JoinHandle<Planned>) -> Result<(), PlanningError> {
-        self.feeder = thread.join().map_err(|_| PlanningError::Panic)??;
+    fn join(&mut self, thread: JoinHandle<Planned>) -> Result<(), RunError> {
+        self.feeder = thread.join().map_err(|_| RunError::Planner)??;
         Ok(())
     }
 }
 
 impl Planner {
+    /// Waits for where the program begins; `None` if the cycle ends before.
+    fn start(&mut self) -> Option<Position> {
+        loop {
+            // Looked for first: what the cycle asked before it went is still there.
+            let gone = self.queues.instructions.is_abandoned();
+            match self.queues.requests.pop() {
+                Ok(PlanRequest::Begin(start)) => return Some(start),
+                Ok(PlanRequest::Replan(_)) => {}
+                Err(_) if gone => return None,
+                Err(_) => thread::sleep(POLL),
+            }
+        }
+    }
+
     /// Keeps the cycle's queue full until the cycle is gone.
     fn feed(mut self, mut feeder: Feeder) -> Feeder {
-        while !self.instructions.is_abandoned() {
+        while !self.queues.instructions.is_abandoned() {
+            let mut latest = None;
             // Where one came while another was answered, that is out of date.
-            if let Some(request) = self.replan_requests.try_iter().last() {
+            while let Ok(request) = self.queues.requests.pop() {
+                if let PlanRequest::Replan(request) = request {
+                    latest = Some(request);
+                }
+            }
+            if let Some(request) = latest {
                 feeder.replan(&request);
             }
-            let next = if self.instructions.is_full() {
+            let next = if self.queues.instructions.is_full() {
                 Ok(None)
             } else {
                 feeder.next_instruction()
             };
             match next {
                 Ok(Some(instruction)) => {
-                    let given = self.instructions.push(instruction);
+                    let given = self.queues.instructions.push(instruction);
                     debug_assert!(given.is_ok(), "there is room");
                 }
-                Ok(None) => match self.replan_requests.recv_timeout(POLL) {
-                    Ok(request) => feeder.replan(&request),
-                    Err(RecvTimeoutError::Timeout) => {}
-                    Err(RecvTimeoutError::Disconnected) => break,
-                },
+                Ok(None) => thread::sleep(POLL),
                 Err(error) => {
                     // Nobody listening any more is fine.
                     let _ = self.errors.send(error);
@@ -168,13 +168,18 @@ mod tests {
     use std::path::Path;
 
     /// A program on the portal that is being planned, and the cycle's end of it.
-    fn planning(file: &Path) -> (Program, Planning, rtrb::Consumer<Instruction<COORDINATES>>) {
+    fn planning(file: &Path) -> (Program, Planning, Consumer<Instruction<COORDINATES>>) {
         let portal = Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples/portal/machine.toml");
         let machine = Machine::load(&portal).unwrap();
         let program = Program::new(file, &machine, &portal).unwrap().stream(true);
         let (instructions, taken) = RingBuffer::new(4);
-        let planning = Planning::new(program.clone(), Moves::new().0, instructions).unwrap();
-        planning.begin([0.0; COORDINATES]);
+        let (mut ask, requests) = RingBuffer::new(1);
+        let queues = PlanQueues {
+            requests,
+            instructions,
+        };
+        let planning = Planning::new(program.clone(), Moves::new().0, queues).unwrap();
+        ask.push(PlanRequest::Begin([0.0; COORDINATES])).unwrap();
         (program, planning, taken)
     }
 
@@ -198,7 +203,7 @@ mod tests {
         while !planning.thread.as_ref().unwrap().is_finished() {
             std::thread::yield_now();
         }
-        let Err(PlanningError::Program(_)) = planning.check() else {
+        let Err(RunError::Program(_)) = planning.check() else {
             panic!("there is no such file");
         };
         assert!(planning.check().is_ok());

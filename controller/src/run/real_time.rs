@@ -1,22 +1,38 @@
-//! A machine on the host's clock: the cycle in a thread of its own, everything else outside.
+//! A machine on the host's clock: the cycle and the planner in threads of their own, everything else
+//! outside.
 //!
 //! ```text
-//!  instructions, orders ──► cycle thread ──► news: events, rows, progress
+//!  orders ──► cycle thread ──► reports
+//!              ▲       │
+//!   instructions       plan requests
+//!              │       ▼
+//!            planner thread
 //! ```
 //!
-//! One bounded queue of orders goes in, one of news comes out; the plan has a queue of its own, from
-//! a thread of its own ([`planning`](super::planning)). Nothing else is shared.
+//! One bounded queue of orders goes in, one of reports comes out; cycle and planner have a pair of
+//! their own. Nothing else is shared, and nobody who prints or writes stands in between.
+//!
+//! On the host's clock the cycle waits for nobody. Where every bus is simulated its time goes with the
+//! cycle, which waits for the plan as long as the program goes on, so that the motion does not depend
+//! on the host; it hears orders meanwhile. Once it is to stop it waits for the planner for at most
+//! [`PATIENCE`] in all, and at all times for whoever takes its reports for at most
+//! [`REPORT_PATIENCE`] in all: then reports are lost, and counted.
 
 use super::driver::Driver;
-use crate::control::{Controller, Event, Instruction, Layout, Order, Phase, Row};
-use crate::machine::{COORDINATES, Position};
-use crate::port::{Port, PortError, Ports};
+use super::planning::{PlanQueues, PlanRequest, Planning};
+use super::{CycleReport, Progress, RunError, Timeline};
+use crate::control::{Controller, Instruction, Layout, Order, Phase};
+use crate::machine::COORDINATES;
+use crate::observe::timing::{Distribution, Stage, Stages};
+use crate::port::{Port, Ports};
+use crate::program::{Feeder, Moves, Program};
 use crate::realtime::{self, Granted};
-use crate::timing::{Distribution, Stage, Stages};
 use rtrb::{Consumer, Producer, PushError, RingBuffer};
 use std::collections::VecDeque;
+use std::io;
 use std::mem::replace;
 use std::sync::Arc;
+use std::thread::{self, JoinHandle};
 use std::time::Duration;
 use syncline_canopen::Instant;
 use syncline_drives::world::World;
@@ -28,28 +44,20 @@ const INSTRUCTIONS: usize = 1024;
 const TAKEN_AT_ONCE: usize = 128;
 /// Orders on their way into the cycle.
 const ORDERS: usize = 64;
-/// News on their way out of the cycle.
-const NEWS: usize = 16_384;
+/// Reports on their way out of the cycle.
+const REPORTS: usize = 16_384;
+/// Requests on their way to the planner.
+const REQUESTS: usize = 64;
+/// Reports that are taken at once, so that orders are heard in between.
+const REPORTS_AT_ONCE: usize = 64;
+/// The number of the timeline's own orders; no session comes that far.
+const OWN: u64 = u64::MAX;
 /// How long the cycle of a simulated machine waits for its plan at a time.
 const NAP: Duration = Duration::from_micros(200);
 /// How long a simulated machine waits for its way to rest, in all.
 const PATIENCE: Duration = Duration::from_millis(200);
-
-/// What the cycle tells.
-#[derive(Debug)]
-#[allow(clippy::large_enum_variant)] // a ring's slots are all of one size
-pub enum News {
-    /// Something worth a line in the log.
-    Event(Event),
-    /// The machine is ready; the plan has to start here.
-    Ready(Position),
-    /// What happened at one SYNC.
-    Row(Row<COORDINATES>),
-    /// The path has to be planned anew from there.
-    ReplanRequest(ReplanRequest),
-    /// A bus' interface failed.
-    BusFailed(PortError),
-}
+/// How long it waits for who takes its reports, in all.
+const REPORT_PATIENCE: Duration = Duration::from_secs(1);
 
 /// How the cycle treats time.
 #[derive(Clone, Copy, Debug)]
@@ -80,7 +88,7 @@ pub struct Measured {
     pub late_by: [u64; 4],
     /// The wake-up that was over latest.
     pub worst: Stages,
-    /// News that nobody fetched in time.
+    /// Reports that nobody fetched in time.
     pub lost: u64,
     /// When the cycle began.
     pub start: Instant,
@@ -100,19 +108,19 @@ pub fn late_after(cycle: Duration) -> Duration {
     cycle / 4
 }
 
-/// The outer ends of a person's queues.
-pub struct Link {
-    orders: Producer<Order>,
+/// The outer ends of the cycle's queues.
+pub struct CycleHandle {
+    orders: Producer<(u64, Order)>,
     /// Orders that found no room yet.
-    waiting: VecDeque<Order>,
-    news: Consumer<News>,
+    waiting: VecDeque<(u64, Order)>,
+    reports: Consumer<CycleReport>,
 }
 
-impl Link {
+impl CycleHandle {
     /// Orders something. None gets lost: what finds no room goes with the next order or
-    /// [`Link::news`].
-    pub fn order(&mut self, order: Order) {
-        self.waiting.push_back(order);
+    /// [`CycleHandle::report`].
+    pub fn order(&mut self, number: u64, order: Order) {
+        self.waiting.push_back((number, order));
         self.hand_over();
     }
 
@@ -125,10 +133,10 @@ impl Link {
         }
     }
 
-    /// The next news.
-    pub fn news(&mut self) -> Option<News> {
+    /// The next report.
+    pub fn report(&mut self) -> Option<CycleReport> {
         self.hand_over();
-        self.news.pop().ok()
+        self.reports.pop().ok()
     }
 }
 
@@ -138,12 +146,15 @@ pub struct Cycle {
     timing: Timing,
     period: Duration,
     instructions: Consumer<Instruction<COORDINATES>>,
-    orders: Consumer<Order>,
-    news: Producer<News>,
-    told_ready: bool,
-    told_request: Option<ReplanRequest>,
+    orders: Consumer<(u64, Order)>,
+    reports: Producer<CycleReport>,
+    requests: Producer<PlanRequest>,
+    asked_to_begin: bool,
+    asked: Option<ReplanRequest>,
     /// How much longer a simulated machine waits for its way to rest.
     patience: Duration,
+    /// How much longer it waits for who takes its reports.
+    report_patience: Duration,
     measured: Measured,
 }
 
@@ -155,10 +166,11 @@ impl Cycle {
         world: World,
         ports: Ports,
         timing: Timing,
-    ) -> (Self, Link, Producer<Instruction<COORDINATES>>) {
+    ) -> (Self, CycleHandle, PlanQueues) {
         let (give, instructions) = RingBuffer::new(INSTRUCTIONS);
         let (order, orders) = RingBuffer::new(ORDERS);
-        let (tell, news) = RingBuffer::new(NEWS);
+        let (report, reports) = RingBuffer::new(REPORTS);
+        let (ask, requests) = RingBuffer::new(REQUESTS);
         let start = if timing.lockstep {
             Instant::ZERO
         } else {
@@ -170,10 +182,12 @@ impl Cycle {
             period: layout.cycle,
             instructions,
             orders,
-            news: tell,
-            told_ready: false,
-            told_request: None,
+            reports: report,
+            requests: ask,
+            asked_to_begin: false,
+            asked: None,
             patience: PATIENCE,
+            report_patience: REPORT_PATIENCE,
             measured: Measured {
                 wake_up: Distribution::new("wake-up latency"),
                 sync_jitter: Distribution::new("SYNC jitter"),
@@ -185,25 +199,22 @@ impl Cycle {
                 start: realtime::now(),
             },
         };
-        let link = Link {
+        let handle = CycleHandle {
             orders: order,
             waiting: VecDeque::new(),
-            news,
+            reports,
         };
-        (cycle, link, give)
-    }
-
-    /// See [`Controller::wait_for_input`].
-    pub fn wait_for_input(&mut self) {
-        self.driver.controller.wait_for_input();
+        let queues = PlanQueues {
+            requests,
+            instructions: give,
+        };
+        (cycle, handle, queues)
     }
 
     /// Runs the machine to its end; `started` is told what the kernel granted.
-    pub fn run(
-        mut self,
-        started: impl FnOnce(Granted) -> Granted,
-    ) -> (Controller<COORDINATES>, Measured) {
-        let _granted = started(realtime::enter(&self.timing.settings));
+    pub fn run(mut self, started: impl FnOnce(&Granted)) -> (Controller<COORDINATES>, Measured) {
+        let granted = realtime::enter(&self.timing.settings);
+        started(&granted);
         // Where the simulated machine's time stands on the host's clock.
         let mut origin = Duration::ZERO;
         if self.timing.lockstep {
@@ -269,13 +280,13 @@ impl Cycle {
             if let Err(error) = collected.and(sent)
                 && !replace(&mut bus_failed, true)
             {
-                self.tell(News::BusFailed(error));
+                self.report(CycleReport::BusFailed(error));
             }
             if setpoints {
                 self.measured
                     .compute
                     .record(over.saturating_since(woke), woke);
-                self.tell_all();
+                self.report_all();
                 // Behind the setpoints, which nothing is to delay.
                 if !self.timing.lockstep {
                     self.take_plan(TAKEN_AT_ONCE);
@@ -292,8 +303,14 @@ impl Cycle {
         if self.orders.is_abandoned() {
             self.driver.controller.interrupt();
         }
-        while let Ok(order) = self.orders.pop() {
+        let mut last = None;
+        while let Ok((number, order)) = self.orders.pop() {
             self.driver.controller.obey(order);
+            last = Some(number).filter(|number| *number != OWN).or(last);
+        }
+        if let Some(number) = last {
+            let cycle = self.driver.controller.cycle();
+            self.report(CycleReport::Obeyed { number, cycle });
         }
     }
 
@@ -303,19 +320,7 @@ impl Cycle {
         let mut waited = Duration::ZERO;
         let mut taken = 0;
         while taken < most && self.driver.controller.room() > 0 {
-            if !self.told_ready
-                && let Some(start) = self.driver.controller.ready()
-            {
-                self.told_ready = true;
-                self.tell(News::Ready(start));
-            }
-            let request = self.driver.controller.replan_request();
-            if request != self.told_request {
-                self.told_request = request;
-                if let Some(request) = request {
-                    self.tell(News::ReplanRequest(request));
-                }
-            }
+            self.ask_planner();
             match self.instructions.pop() {
                 Ok(instruction) => {
                     self.driver.controller.accept(instruction);
@@ -323,7 +328,7 @@ impl Cycle {
                 }
                 // Interrupted if the other side is gone, so that this ends.
                 Err(_) if self.timing.lockstep && self.patience > Duration::ZERO => {
-                    std::thread::sleep(NAP);
+                    thread::sleep(NAP);
                     waited += NAP;
                     if self.driver.controller.phase() == Phase::Stop {
                         self.patience = self.patience.saturating_sub(NAP);
@@ -336,26 +341,160 @@ impl Cycle {
         waited
     }
 
-    fn tell_all(&mut self) {
-        while let Some(event) = self.driver.controller.event() {
-            self.tell(News::Event(event));
+    /// Asks the planner for what is wanted of it and was not asked for yet. Where there is no room
+    /// for a request, the next wake-up asks.
+    fn ask_planner(&mut self) {
+        if !self.asked_to_begin
+            && let Some(start) = self.driver.controller.ready()
+        {
+            self.asked_to_begin = self.requests.push(PlanRequest::Begin(start)).is_ok();
         }
-        if let Some(row) = self.driver.controller.row() {
-            let row = News::Row(*row);
-            self.tell(row);
+        let wanted = self.driver.controller.replan_request();
+        if wanted == self.asked {
+            return;
+        }
+        let asked = wanted.is_none_or(|from| self.requests.push(PlanRequest::Replan(from)).is_ok());
+        if asked {
+            self.asked = wanted;
         }
     }
 
-    /// Tells something; what finds no room is lost and counted, but a simulated machine waits.
-    fn tell(&mut self, mut news: News) {
-        while let Err(PushError::Full(back)) = self.news.push(news) {
-            if !self.timing.lockstep || self.news.is_abandoned() {
+    fn report_all(&mut self) {
+        while let Some(event) = self.driver.controller.event() {
+            self.report(CycleReport::Event(event));
+        }
+        if let Some(row) = self.driver.controller.row() {
+            let row = CycleReport::Row(*row);
+            self.report(row);
+        }
+    }
+
+    /// Reports something; what finds no room is lost and counted, but a simulated machine waits
+    /// for a while.
+    fn report(&mut self, mut report: CycleReport) {
+        while let Err(PushError::Full(back)) = self.reports.push(report) {
+            let waits = self.timing.lockstep && self.report_patience > Duration::ZERO;
+            if !waits || self.reports.is_abandoned() {
                 self.measured.lost += 1;
                 return;
             }
-            std::thread::sleep(NAP);
-            news = back;
+            thread::sleep(NAP);
+            self.report_patience = self.report_patience.saturating_sub(NAP);
+            report = back;
         }
+    }
+}
+
+/// A machine with its program on the host's clock.
+pub struct RealTime {
+    /// Goes first: without it the cycle stops.
+    handle: Option<CycleHandle>,
+    cycle: Option<JoinHandle<(Controller<COORDINATES>, Measured)>>,
+    planning: Option<Planning>,
+    program: Program,
+}
+
+/// The cycle itself panicked: the drives' own supervision stops them.
+#[derive(Debug, thiserror::Error)]
+#[error("the cycle failed: this is a defect of syncline; the drives stop by lost heartbeat")]
+pub struct CyclePanic;
+
+/// A machine at its end.
+pub struct Ended {
+    /// The controller as it was left.
+    pub controller: Controller<COORDINATES>,
+    /// What the cycle measured.
+    pub measured: Measured,
+    /// The program as it was left, if it began and its planner did not fail.
+    pub feeder: Option<Feeder>,
+}
+
+impl RealTime {
+    /// Starts the threads, and says where the program's moves come up; `started` is told what the
+    /// kernel granted the cycle, in its thread.
+    ///
+    /// # Errors
+    /// There is no thread for it.
+    pub fn start(
+        layout: &Arc<Layout>,
+        world: World,
+        ports: Ports,
+        timing: Timing,
+        program: Program,
+        started: impl FnOnce(&Granted) + Send + 'static,
+    ) -> io::Result<(Self, Moves)> {
+        let (mut cycle, handle, queues) = Cycle::new(layout, world, ports, timing);
+        if program.streams() {
+            cycle.driver.controller.wait_for_input();
+        }
+        let (upcoming, moves) = Moves::new();
+        let planning = Planning::new(program.clone(), upcoming, queues)?;
+        let thread = thread::Builder::new().name("cycle".into());
+        let cycle = thread.spawn(move || cycle.run(started))?;
+        let machine = Self {
+            handle: Some(handle),
+            cycle: Some(cycle),
+            planning: Some(planning),
+            program,
+        };
+        Ok((machine, moves))
+    }
+
+    /// Waits for the threads, which end with [`Progress::Ended`].
+    ///
+    /// # Errors
+    /// The cycle panicked.
+    pub fn end(mut self) -> Result<Ended, CyclePanic> {
+        self.program.abandon();
+        let cycle = self.cycle.take().ok_or(CyclePanic)?;
+        let (controller, measured) = cycle.join().map_err(|_| CyclePanic)?;
+        // Why it failed was told when it did.
+        let feeder = self.planning.take().and_then(|it| it.end().ok().flatten());
+        Ok(Ended {
+            controller,
+            measured,
+            feeder,
+        })
+    }
+}
+
+/// Also where a panic ends the session: the cycle stops and is waited for.
+impl Drop for RealTime {
+    fn drop(&mut self) {
+        self.handle = None;
+        self.program.abandon();
+        if let Some(cycle) = self.cycle.take() {
+            let _ = cycle.join();
+        }
+    }
+}
+
+impl Timeline for RealTime {
+    fn order(&mut self, number: u64, order: Order) {
+        if let Some(handle) = &mut self.handle {
+            handle.order(number, order);
+        }
+    }
+
+    fn advance(&mut self, report: &mut dyn FnMut(CycleReport)) -> Result<Progress, RunError> {
+        let over = self.cycle.as_ref().is_none_or(JoinHandle::is_finished);
+        let (Some(handle), Some(planning)) = (&mut self.handle, &mut self.planning) else {
+            return Ok(Progress::Ended);
+        };
+        if let Some(error) = planning.error() {
+            return Err(error.into());
+        }
+        planning.check().inspect_err(|_| {
+            handle.order(OWN, Order::Abandon);
+        })?;
+        for _ in 0..REPORTS_AT_ONCE {
+            match handle.report() {
+                Some(it) => report(it),
+                None if over => return Ok(Progress::Ended),
+                None => return Ok(Progress::Idle),
+            }
+        }
+        Ok(Progress::More)
     }
 }
 
@@ -366,21 +505,22 @@ mod tests {
     #[test]
     fn no_order_gets_lost_while_the_cycle_stands() {
         let (orders, mut taken) = RingBuffer::new(ORDERS);
-        let (_, news) = RingBuffer::new(1);
-        let mut link = Link {
+        let (_, reports) = RingBuffer::new(1);
+        let mut handle = CycleHandle {
             orders,
             waiting: VecDeque::new(),
-            news,
+            reports,
         };
-        for _ in 0..2 * ORDERS {
-            link.order(Order::StopAfterBlock);
+        let many = 2 * ORDERS as u64;
+        for number in 0..many {
+            handle.order(number, Order::StopAfterBlock);
         }
-        link.order(Order::Interrupt);
+        handle.order(many, Order::Interrupt);
         let mut last = None;
-        for _ in 0..=2 * ORDERS {
+        for _ in 0..=many {
             last = taken.pop().ok();
-            assert!(link.news().is_none());
+            assert!(handle.report().is_none());
         }
-        assert_eq!(last, Some(Order::Interrupt));
+        assert_eq!(last, Some((many, Order::Interrupt)));
     }
 }

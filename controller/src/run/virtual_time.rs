@@ -1,9 +1,10 @@
 //! A machine in virtual time: the real controller against simulated drives.
 
 use super::driver::Driver;
-use super::frames::SharedFrames;
-use crate::control::{Controller, Event, Layout, Row};
+use super::{CycleReport, Progress, RunError, Timeline};
+use crate::control::{Controller, Layout, Order, Row};
 use crate::machine::{COORDINATES, Machine};
+use crate::observe::frames::SharedFrames;
 use crate::port::sim::{SimPort, Simulated};
 use crate::port::{Port, PortError};
 use crate::program::{Feeder, Moves, Program, ProgramError, Upcoming};
@@ -21,23 +22,13 @@ pub struct VirtualMachine<P = SimPort> {
     /// Until the program starts.
     upcoming: Option<Upcoming>,
     feeder: Option<Feeder>,
-    moves: Moves,
     now: Instant,
-}
-
-/// Why a virtual run broke off.
-#[derive(Debug, thiserror::Error)]
-pub enum RunError {
-    /// A bus cannot be simulated.
-    #[error(transparent)]
-    Port(#[from] PortError),
-    /// The program cannot be run from where the machine stands.
-    #[error(transparent)]
-    Program(#[from] ProgramError),
+    /// The last order that was obeyed and is not reported, and the cycle.
+    obeyed: Option<(u64, u64)>,
 }
 
 impl VirtualMachine {
-    /// A machine that has just been switched on.
+    /// A machine that has just been switched on, and where its program's moves come up.
     ///
     /// # Errors
     /// If a bus cannot be simulated.
@@ -46,7 +37,7 @@ impl VirtualMachine {
         layout: Arc<Layout>,
         program: Program,
         seed: u64,
-    ) -> Result<Self, PortError> {
+    ) -> Result<(Self, Moves), PortError> {
         let frames = SharedFrames::new(machine);
         let observers =
             (0..machine.buses.len()).map(|bus| Some(Box::new(frames.observer(bus)) as Observer));
@@ -59,7 +50,7 @@ impl VirtualMachine {
 
 impl<P: Port> VirtualMachine<P> {
     /// A machine on ports of the caller's, one a bus of `world`, whose buses tell `frames` what
-    /// they carry.
+    /// they carry, and where its program's moves come up.
     #[must_use]
     pub fn on(
         world: World,
@@ -67,25 +58,22 @@ impl<P: Port> VirtualMachine<P> {
         layout: Arc<Layout>,
         program: Program,
         frames: SharedFrames,
-    ) -> Self {
+    ) -> (Self, Moves) {
         let (upcoming, moves) = Moves::new();
-        Self {
+        let machine = Self {
             driver: Driver::new(layout, world, ports, Instant::ZERO),
             frames,
             program,
             upcoming: Some(upcoming),
             feeder: None,
-            moves,
             now: Instant::ZERO,
-        }
+            obeyed: None,
+        };
+        (machine, moves)
     }
 
     /// Goes on to the next wake-up; false once the machine is at its end.
-    ///
-    /// # Errors
-    /// If the program turns out not to run; the machine comes to its end all the same when this
-    /// is called further.
-    pub fn step(&mut self) -> Result<bool, RunError> {
+    fn step(&mut self) -> Result<bool, RunError> {
         let Some(next) = self.driver.controller.next_wake() else {
             return Ok(false);
         };
@@ -127,15 +115,10 @@ impl<P: Port> VirtualMachine<P> {
         &mut self.driver.controller
     }
 
-    /// The next thing worth a line in the log.
-    pub fn event(&mut self) -> Option<Event> {
-        self.driver.controller.event()
-    }
-
-    /// What happened at the last SYNC, after a step that supervised, and the program's moves that
-    /// are not passed yet.
-    pub fn row(&mut self) -> (Option<&Row<COORDINATES>>, &mut Moves) {
-        (self.driver.controller.row(), &mut self.moves)
+    /// What happened at the last SYNC, after a wake-up that supervised.
+    #[must_use]
+    pub fn row(&self) -> Option<&Row<COORDINATES>> {
+        self.driver.controller.row()
     }
 
     /// The port of the bus with this index, to interfere with it.
@@ -158,5 +141,31 @@ impl<P: Port> VirtualMachine<P> {
     #[must_use]
     pub fn frames(&self) -> &SharedFrames {
         &self.frames
+    }
+}
+
+impl<P: Port> Timeline for VirtualMachine<P> {
+    fn order(&mut self, number: u64, order: Order) {
+        let controller = &mut self.driver.controller;
+        self.obeyed = Some((number, controller.cycle()));
+        controller.obey(order);
+    }
+
+    /// One wake-up.
+    fn advance(&mut self, report: &mut dyn FnMut(CycleReport)) -> Result<Progress, RunError> {
+        if let Some((number, cycle)) = self.obeyed.take() {
+            report(CycleReport::Obeyed { number, cycle });
+        }
+        let stepped = self.step();
+        while let Some(event) = self.driver.controller.event() {
+            report(CycleReport::Event(event));
+        }
+        if let Some(row) = self.row() {
+            report(CycleReport::Row(*row));
+        }
+        Ok(match stepped? {
+            true => Progress::More,
+            false => Progress::Ended,
+        })
     }
 }

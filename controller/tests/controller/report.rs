@@ -3,8 +3,8 @@
 use std::time::Duration;
 use syncline_canopen::Instant;
 use syncline_controller::machine::AxisLimits;
-use syncline_controller::report::{AxisReport, Report, Violation};
-use syncline_controller::timing::Distribution;
+use syncline_controller::observe::record::{AxisReport, Report, Violation};
+use syncline_controller::observe::timing::Distribution;
 use syncline_trajectory::path::curve::ArcDefinition;
 use syncline_trajectory::path::{
     Curve, Executor, Feed, Limits, Move, PathControlMode, PathItem, Plane, Planner,

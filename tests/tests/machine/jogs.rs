@@ -51,11 +51,11 @@ fn near(one: [f64; 3], other: [f64; 3]) -> bool {
 fn hold_jog_and_resume_by_events() {
     let (_, without, untouched, _) = validate(PROGRAM, "");
     let events = "\
-4,hold,
+4,feed_hold,
 5,jog,Z-30
 5.1,jog,X+ F3000
 5.15,jog,X- F12000
-5.6,hold,
+5.6,feed_hold,
 6.5,jog,Y+40
 6.52,jog,Y-10
 7.5,move_to,X500 Y50 Z-100
@@ -109,7 +109,7 @@ fn a_jog_while_the_machine_moves_is_refused_and_changes_nothing() {
 
 #[test]
 fn a_soft_limit_ends_a_long_jog_and_nothing_leads_beyond() {
-    let events = "1,hold,\n2,jog,X+\n2,jog,Z+500\n6,jog_to,Y1000.001\n6,jog,A+1\n7,resume,\n";
+    let events = "1,feed_hold,\n2,jog,X+\n2,jog,Z+500\n6,jog_to,Y1000.001\n6,jog,A+1\n7,resume,\n";
     let (code, json, trace, errors) = validate(PROGRAM, events);
     assert_eq!(
         (code, &json["verdict"]),

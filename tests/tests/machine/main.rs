@@ -7,6 +7,7 @@ mod bring_up;
 mod corpus;
 mod faults;
 mod fits;
+mod heard;
 mod jogs;
 mod operator;
 mod pages;

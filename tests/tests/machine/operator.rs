@@ -291,8 +291,8 @@ fn events_from_a_file() {
     let folder = Folder::new();
     let machine = folder.machine("portal");
     let program = folder.file("p.ngc", PROGRAM);
-    let events = "t_s,event,value\n0.2,rapid_override,40\n1.5,feed_override,50\n2,hold,\n2.5,resume,\n\
-                  3,feed_override,200\n4,step_back,\n6,resume,\n7,stop_after_block,\n11,resume,\n";
+    let events = "t_s,event,value\n0.2,rapid_override,40\n1.5,feed_override,50\n2,feed_hold,\n2.5,resume,\n\
+                  3,feed_override,200\n4,retrace,\n6,resume,\n7,single_block,\n11,resume,\n";
     let events = folder.file("events.csv", events);
     let validate = |trace: &Path| {
         let output = syncline()
@@ -333,10 +333,10 @@ fn events_that_end_in_a_hold() {
     let machine = folder.machine("portal");
     let program = folder.file("p.ngc", "G1 X100 F3000\nM2\n");
     for last in [
-        "hold,",
-        "stop_after_block,",
+        "feed_hold,",
+        "single_block,",
         "feed_override,0",
-        "hold,\n1,jog,X+5 F60",
+        "feed_hold,\n1,jog,X+5 F60",
     ] {
         let events = format!("t_s,event,value\n0.5,{last}\n");
         let events = folder.file("events.csv", &events);
@@ -358,7 +358,7 @@ fn events_that_end_in_a_hold() {
 fn events_that_never_come() {
     let folder = Folder::new();
     let program = folder.file("p.ngc", "G0 X5\nM2\n");
-    let events = "t_s,event,value\n0.05,feed_override,50\n50,hold,\n60,resume,\n";
+    let events = "t_s,event,value\n0.05,feed_override,50\n50,feed_hold,\n60,resume,\n";
     let output = syncline()
         .args(["validate", "--events"])
         .args([
@@ -392,15 +392,12 @@ M2
     for (events, ends) in [
         ("1.4,feed_override,0\n1.405,feed_override,100", true),
         ("1.4,feed_override,0\n1.44,feed_override,100", true),
-        ("1.4,stop_after_block,\n1.5,resume,", true),
+        ("1.4,single_block,\n1.5,resume,", true),
+        ("1.4,single_block,\n1.5,feed_override,50\n3.5,resume,", true),
+        ("1.9,retrace,\n2.15,resume,\n2.17,feed_hold,", false),
+        ("1.9,retrace,\n2.15,resume,\n2.2,feed_hold,", false),
         (
-            "1.4,stop_after_block,\n1.5,feed_override,50\n3.5,resume,",
-            true,
-        ),
-        ("1.9,step_back,\n2.15,resume,\n2.17,hold,", false),
-        ("1.9,step_back,\n2.15,resume,\n2.2,hold,", false),
-        (
-            "2.0,feed_override,0\n2.6,hold,\n2.8,feed_override,50",
+            "2.0,feed_override,0\n2.6,feed_hold,\n2.8,feed_override,50",
             false,
         ),
     ] {
@@ -413,7 +410,7 @@ M2
 fn an_events_file_that_is_wrong() {
     let folder = Folder::new();
     let program = folder.file("p.ngc", "G0 X5\nM2\n");
-    let events = folder.file("e.csv", "t_s,event,value\n1,hold,\n0.5,resume,\n");
+    let events = folder.file("e.csv", "t_s,event,value\n1,feed_hold,\n0.5,resume,\n");
     let output = syncline()
         .args(["validate", "--events"])
         .args([events, folder.machine("portal"), program])
@@ -439,7 +436,7 @@ fn keys_on_a_terminal() {
     );
     let mut terminal = Terminal::run(&line);
     let before = terminal.line();
-    terminal.wait_for("keys: space hold");
+    terminal.wait_for("keys: space feed hold");
     terminal.wait_for("ready");
     for (key, answer) in [
         (" ", "held on the path"),

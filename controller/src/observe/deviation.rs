@@ -1,12 +1,101 @@
-//! How far a point is from the programmed geometry.
+//! Setpoint and tool against the programmed geometry.
 
+use super::Observed;
+use super::limits::Watch;
+use super::record::Violation;
+use super::summary::PathSummary;
+use super::travel::Travel;
 use crate::machine::{COORDINATES, Position};
+use crate::program::ProgramMove;
 use syncline_trajectory::path::Curve;
 
 /// Angle of the tangent between two places from which the nearest one is searched, rad.
 const SWEEP: f64 = 0.5;
 /// Steps of Newton's method.
 const STEPS: usize = 12;
+/// Moves farther away than the ones before, in a row, after which nearer ones are not expected.
+pub const AHEAD: u32 = 8;
+
+/// How far setpoint and tool were from the program's moves so far.
+#[derive(Debug, Default)]
+pub(super) struct Deviation {
+    /// Of the setpoint, mm.
+    setpoint: f64,
+    /// Of the actual position, mm.
+    tool: f64,
+    watch: Watch,
+}
+
+impl Deviation {
+    /// Takes what is seen at one SYNC.
+    pub(super) fn observe(
+        &mut self,
+        observed: &Observed,
+        time: f64,
+        violations: &mut Vec<Violation>,
+    ) {
+        let plan = &observed.row.plan;
+        let Some(motion) = observed.tags.and(observed.moves.motion(plan.tag)) else {
+            return;
+        };
+        let deviation = nearest(observed, &plan.position, 1e-9);
+        let tool = nearest(observed, &observed.actual, 0.0);
+        self.setpoint = self.setpoint.max(deviation);
+        self.tool = self.tool.max(tool);
+        (self.watch).look(violations, deviation, motion.tolerance, || Violation {
+            what: "path_deviation".to_owned(),
+            axis: None,
+            time,
+            line: motion.line,
+            value: deviation,
+            limit: motion.tolerance,
+            unit: "mm",
+        });
+    }
+
+    /// Ends a violation that goes on.
+    pub(super) fn close(&mut self, violations: &mut Vec<Violation>) {
+        self.watch.close(violations);
+    }
+
+    /// With how far the tool came, the path of the run.
+    pub(super) fn path(&self, travel: &Travel) -> PathSummary {
+        PathSummary {
+            length_mm: travel.length_mm,
+            turned_deg: travel.turned_deg,
+            max_deviation_mm: self.setpoint,
+            max_contour_error_mm: self.tool,
+        }
+    }
+}
+
+/// Distance of a point from the moves that it may be on, mm; at once where it is `good_enough`.
+fn nearest(observed: &Observed, point: &Position, good_enough: f64) -> f64 {
+    let Some(tags) = observed.tags else {
+        return f64::INFINITY;
+    };
+    let (first, last) = (*tags.start(), *tags.end());
+    let mut nearest = f64::INFINITY;
+    let mut farther = 0;
+    // Where this stretch passes into the next one it may be near to any move of that.
+    for tag in (first..=last).rev().chain(last + 1..) {
+        let Some(ProgramMove { curve, .. }) = observed.moves.motion(tag) else {
+            if tag > last {
+                break;
+            }
+            continue;
+        };
+        let away = distance(curve, point);
+        // Counted among those only that are ahead.
+        let nearer = away < nearest || tag <= last;
+        farther = if nearer { 0 } else { farther + 1 };
+        nearest = nearest.min(away);
+        if nearest <= good_enough || farther > AHEAD {
+            break;
+        }
+    }
+    nearest
+}
 
 /// Distance of `point` from `curve`, mm; exact for points nearer than the curve's radius.
 ///

@@ -1,53 +1,59 @@
-//! What a person does in a validated run, from a CSV file: `t_s,event,value`.
+//! What an operator does in a validated run, from a CSV file: `t_s,event,value`.
 
-use crate::control::Order;
 use crate::machine::COORDINATES;
+use crate::session::{Command, Direction, Jog, LEAST, MOST_FEED, MOST_RAPID, Override};
 use std::collections::VecDeque;
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 use syncline_gcode::Axis;
-use syncline_trajectory::path::Jog;
 
-/// An event's name, what its value has to be, if it has one, and the order that they make.
-type Event = (&'static str, &'static str, fn(&str) -> Option<Order>);
+/// An event's name, what its value has to be, if it has one, and the command that they make.
+type Event = (&'static str, &'static str, fn(&str) -> Option<Command>);
 
 const EVENTS: [Event; 10] = [
     (
         "feed_override",
         "0 or a value from 0.1 to 200 (%)",
-        |value| percent(value, 200.0).map(Order::FeedOverride),
+        |value| percent(value, MOST_FEED).map(Command::FeedOverride),
     ),
     (
         "rapid_override",
         "0 or a value from 0.1 to 100 (%)",
-        |value| percent(value, 100.0).map(Order::RapidOverride),
+        |value| percent(value, MOST_RAPID).map(Command::RapidOverride),
     ),
-    ("hold", "", |_| Some(Order::Hold)),
-    ("resume", "", |_| Some(Order::Resume)),
-    ("stop_after_block", "", |_| Some(Order::StopAfterBlock)),
-    ("step_back", "", |_| Some(Order::StepBack)),
+    ("feed_hold", "", |_| Some(Command::FeedHold)),
+    ("resume", "", |_| Some(Command::Resume)),
+    ("single_block", "", |_| Some(Command::SingleBlock)),
+    ("retrace", "", |_| Some(Command::Retrace)),
     (
         "jog",
         "an axis and a distance as `X+1.5`, or its sign as `X-`; then as `F600` mm/min (A, B, C: °/min), at will",
-        |value| jog(value).map(Order::Jog),
+        |value| jog(value).map(Command::Jog),
     ),
     ("jog_to", POSITIONS, |value| {
-        positions(value).map(|to| Order::Jog(Jog::To(to)))
+        positions(value).map(|to| Command::Jog(Jog::To(to)))
     }),
     ("move_to", POSITIONS, |value| {
-        positions(value).map(|to| Order::Jog(Jog::Line(to)))
+        positions(value).map(|to| Command::Jog(Jog::Line(to)))
     }),
-    ("stop", "", |_| Some(Order::Interrupt)),
+    ("stop", "", |_| Some(Command::Stop)),
 ];
 
 const POSITIONS: &str = "axes and their positions as `X10 Y-2.5`";
 
-/// The part of the whole.
-fn percent(value: &str, most: f64) -> Option<f64> {
+/// Events of files of old, and what each is called now.
+const RENAMED: [(&str, &str); 3] = [
+    ("hold", "feed_hold"),
+    ("stop_after_block", "single_block"),
+    ("step_back", "retrace"),
+];
+
+/// So many percent.
+fn percent(value: &str, most: f64) -> Option<Override> {
     let percent = value.parse().ok();
-    let percent = percent.filter(|it: &f64| *it == 0.0 || (0.1..=most).contains(it));
-    percent.map(|it| it / 100.0)
+    let percent = percent.filter(|it: &f64| *it == 0.0 || (LEAST..=most).contains(it));
+    percent.map(Override::To)
 }
 
 /// A letter and what follows it.
@@ -64,31 +70,30 @@ fn number(text: &str) -> Option<f64> {
 }
 
 /// `X+1.5`, `X-1.5 F600`, `X+`, `X- F600`
-fn jog(value: &str) -> Option<Jog<COORDINATES>> {
+fn jog(value: &str) -> Option<Jog> {
     let mut words = value.split_whitespace().map(word);
     let (letter, distance) = words.next()??;
-    let axis = Axis::from_letter(letter)?.index();
+    let axis = Axis::from_letter(letter)?;
     let speed = match words.next() {
-        None => f64::INFINITY,
+        None => None,
         Some(feed) => {
             let (letter, feed) = feed?;
             let feed = number(feed).filter(|it| letter == 'F' && *it > 0.0);
-            feed? / 60.0
+            Some(feed? / 60.0)
         }
     };
     if words.next().is_some() {
         return None;
     }
+    let continuous = |direction| Jog::Continuous {
+        axis,
+        direction,
+        speed,
+    };
     Some(match distance {
-        "+" => Jog::Continuous {
-            axis,
-            velocity: speed,
-        },
-        "-" => Jog::Continuous {
-            axis,
-            velocity: -speed,
-        },
-        _ => Jog::Step {
+        "+" => continuous(Direction::Positive),
+        "-" => continuous(Direction::Negative),
+        _ => Jog::By {
             axis,
             distance: number(distance).filter(|_| distance.starts_with(['+', '-']))?,
             speed,
@@ -109,13 +114,13 @@ fn positions(value: &str) -> Option<[Option<f64>; COORDINATES]> {
     positions.iter().any(Option::is_some).then_some(positions)
 }
 
-/// Orders in the order of their times.
+/// Commands in the order of their times.
 #[derive(Clone, Debug, Default)]
-pub struct Events(VecDeque<(f64, Order)>);
+pub(super) struct Events(VecDeque<(f64, Command)>);
 
 /// An events file that cannot be used.
 #[derive(Debug, thiserror::Error)]
-pub enum EventsError {
+pub(super) enum EventsError {
     /// It cannot be read.
     #[error("cannot read {}", file.display())]
     Read {
@@ -146,7 +151,7 @@ impl Events {
     ///
     /// # Errors
     /// It cannot be read, or the first line that is wrong.
-    pub fn load(file: &Path) -> Result<Self, EventsError> {
+    pub(super) fn load(file: &Path) -> Result<Self, EventsError> {
         let text = fs::read_to_string(file).map_err(|source| EventsError::Read {
             file: file.to_owned(),
             source,
@@ -158,7 +163,7 @@ impl Events {
     ///
     /// # Errors
     /// The first line that is wrong.
-    pub fn parse(file: &Path, text: &str) -> Result<Self, EventsError> {
+    pub(super) fn parse(file: &Path, text: &str) -> Result<Self, EventsError> {
         let mut events = VecDeque::new();
         let mut before = 0.0;
         let header = |line: &str| line.split(',').map(str::trim).eq(["t_s", "event", "value"]);
@@ -195,6 +200,9 @@ impl Events {
                 refuse(at, problem)
             })?;
             before = seconds;
+            if let Some((_, now)) = RENAMED.iter().find(|(old, _)| *old == event) {
+                return Err(refuse(event_at, format!("`{event}` is called `{now}` now")));
+            }
             let known = EVENTS.iter().find(|(name, ..)| *name == event);
             let (name, needs, read) = known.copied().ok_or_else(|| {
                 let names = EVENTS.map(|(name, ..)| name);
@@ -217,27 +225,28 @@ impl Events {
             if needs.is_empty() && !value.is_empty() {
                 return Err(refuse_value("has no value".to_owned()));
             }
-            let order = read(value);
-            let order = order.ok_or_else(|| refuse_value(format!("needs {needs}")))?;
-            events.push_back((seconds, order));
+            let command = read(value);
+            let command = command.ok_or_else(|| refuse_value(format!("needs {needs}")))?;
+            events.push_back((seconds, command));
         }
         Ok(Self(events))
     }
 
     /// How many have not come, and the time of the first.
-    #[must_use]
-    pub fn left(&self) -> Option<(f64, usize)> {
+    pub(super) fn left(&self) -> Option<(f64, usize)> {
         let (time, _) = self.0.front()?;
         Some((*time, self.0.len()))
     }
 
-    /// The next order that is due at this time, s.
-    pub fn due(&mut self, now: f64) -> Option<Order> {
-        let (at, _) = self.0.front()?;
-        if *at > now {
-            return None;
-        }
-        self.0.pop_front().map(|(_, order)| order)
+    /// The next command, if it is due at this time, s.
+    pub(super) fn due(&self, now: f64) -> Option<Command> {
+        let (at, command) = self.0.front()?;
+        (*at <= now).then_some(*command)
+    }
+
+    /// The next command has been given.
+    pub(super) fn pass(&mut self) {
+        self.0.pop_front();
     }
 }
 
@@ -262,63 +271,73 @@ mod tests {
     }
 
     #[test]
-    fn orders_come_when_they_are_due() {
-        let text = "t_s,event,value\r\n0.5, hold,\n0.5,feed_override, 120\n\n2,resume\n";
+    fn commands_come_when_they_are_due() {
+        let text = "t_s,event,value\r\n0.5, feed_hold,\n0.5,feed_override, 120\n\n2,resume\n";
         let mut events = parse(text).unwrap();
-        assert_eq!(events.due(0.49), None);
-        assert_eq!(events.due(0.5), Some(Order::Hold));
-        assert_eq!(events.due(0.5), Some(Order::FeedOverride(1.2)));
-        assert_eq!(events.due(1.9), None);
-        assert_eq!(events.due(2.5), Some(Order::Resume));
-        assert_eq!(events.due(9.0), None);
+        let mut next = |now| {
+            let due = events.due(now)?;
+            events.pass();
+            Some(due)
+        };
+        assert_eq!(next(0.49), None);
+        assert_eq!(next(0.5), Some(Command::FeedHold));
+        assert_eq!(next(0.5), Some(Command::FeedOverride(Override::To(120.0))));
+        assert_eq!(next(1.9), None);
+        assert_eq!(next(2.5), Some(Command::Resume));
+        assert_eq!(next(9.0), None);
     }
 
     #[test]
     fn jogs_have_axes_and_numbers() {
-        let order = |event: &str| {
+        let command = |event: &str| {
             let text = format!("t_s,event,value\n0,{event}\n");
             parse(&text).ok()?.due(0.0)
         };
-        let (axis, speed) = (0, 10.0);
+        let axis = Axis::X;
         for (event, jog) in [
             (
                 "jog,X+1.5",
-                Jog::Step {
+                Jog::By {
                     axis,
                     distance: 1.5,
-                    speed: f64::INFINITY,
+                    speed: None,
                 },
             ),
             (
                 "jog, x-.25 F600",
-                Jog::Step {
+                Jog::By {
                     axis,
                     distance: -0.25,
-                    speed,
+                    speed: Some(10.0),
                 },
             ),
             (
                 "jog,X- F600",
                 Jog::Continuous {
                     axis,
-                    velocity: -speed,
+                    direction: Direction::Negative,
+                    speed: Some(10.0),
                 },
             ),
             (
                 "jog,X+",
                 Jog::Continuous {
                     axis,
-                    velocity: f64::INFINITY,
+                    direction: Direction::Positive,
+                    speed: None,
                 },
             ),
         ] {
-            assert_eq!(order(event), Some(Order::Jog(jog)), "{event}");
+            assert_eq!(command(event), Some(Command::Jog(jog)), "{event}");
         }
         let mut to = [None; COORDINATES];
         to[1] = Some(20.0);
         to[8] = Some(-1.0);
-        assert_eq!(order("jog_to,Y20 W-1"), Some(Order::Jog(Jog::To(to))));
-        assert_eq!(order("move_to,W-1  Y20."), Some(Order::Jog(Jog::Line(to))));
+        assert_eq!(command("jog_to,Y20 W-1"), Some(Command::Jog(Jog::To(to))));
+        assert_eq!(
+            command("move_to,W-1  Y20."),
+            Some(Command::Jog(Jog::Line(to)))
+        );
     }
 
     #[test]
@@ -326,19 +345,27 @@ mod tests {
         for (text, place, told) in [
             ("t,event,value\n", "e.csv:1:1:", "header"),
             ("t_s,event,value\n1\n", "e.csv:2:2:", "no event"),
-            ("t_s,event,value\n-1,hold,\n", "e.csv:2:1:", "from 0 on"),
             (
-                "t_s,event,value\n2,hold,\n1,hold,\n",
+                "t_s,event,value\n-1,feed_hold,\n",
+                "e.csv:2:1:",
+                "from 0 on",
+            ),
+            (
+                "t_s,event,value\n2,feed_hold,\n1,feed_hold,\n",
                 "e.csv:3:1:",
                 "from 2 on",
             ),
             ("t_s,event,value\nnan,hold,\n", "e.csv:2:1:", "no time"),
             (
-                "t_s,event,value\n1, hodl,\n",
+                "t_s,event,value\n1, feed_hodl,\n",
                 "e.csv:2:4:",
-                "nearest: `hold`",
+                "nearest: `feed_hold`",
             ),
-            ("t_s,event,value\n1,hold,5\n", "e.csv:2:8:", "no value"),
+            (
+                "t_s,event,value\n1,feed_hold,5\n",
+                "e.csv:2:13:",
+                "no value",
+            ),
             (
                 "t_s,event,value\n1,feed_override,\n",
                 "e.csv:2:17:",
@@ -360,9 +387,24 @@ mod tests {
                 "0.1 to 100",
             ),
             (
-                "t_s,event,value\n1,hold,,x\n",
-                "e.csv:2:9:",
+                "t_s,event,value\n1,feed_hold,,x\n",
+                "e.csv:2:14:",
                 "nothing follows",
+            ),
+            (
+                "t_s,event,value\n1,hold,\n",
+                "e.csv:2:3:",
+                "`hold` is called `feed_hold` now",
+            ),
+            (
+                "t_s,event,value\n1,stop_after_block,\n",
+                "e.csv:2:3:",
+                "`single_block` now",
+            ),
+            (
+                "t_s,event,value\n1,step_back,\n",
+                "e.csv:2:3:",
+                "`retrace` now",
             ),
             ("t_s,event,value\n1,jog,X5\n", "e.csv:2:7:", "`X+1.5`"),
             ("t_s,event,value\n1,jog,\n", "e.csv:2:7:", "`X+1.5`"),

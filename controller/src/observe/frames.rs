@@ -5,6 +5,7 @@ use crate::machine::Machine;
 use sha2::{Digest, Sha256};
 use std::collections::VecDeque;
 use std::io;
+use std::mem::take;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use syncline_canopen::time::Duration;
 use syncline_canopen::{CanId, CobId, Frame, Instant};
@@ -166,15 +167,16 @@ impl SharedFrames {
         self.lock().failed.get_or_insert(error);
     }
 
-    /// Writes the log to its end.
+    /// Writes the log to its end, and closes it.
     ///
     /// # Errors
     /// The log could not be written.
     pub fn finish_log(&self) -> io::Result<()> {
         let mut frames = self.lock();
         frames.digest_before(Instant::from_nanos(u64::MAX), Duration::ZERO);
+        let mut log = take(&mut frames.log);
         frames.failed.take().map_or(Ok(()), Err)?;
-        frames.log.finish()
+        log.finish()
     }
 
     /// Digest and peak utilisation of each bus.

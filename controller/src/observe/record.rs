@@ -1,0 +1,175 @@
+//! A run row by row, as its report shows it, and what must not be in it.
+
+use super::summary::Summary;
+use super::timing::Distribution;
+use crate::control::Row;
+use crate::machine::{AxisLimits, COORDINATES, Machine};
+use serde::Serialize;
+
+/// One run or validation.
+#[derive(Clone, Debug, Default)]
+pub struct Report {
+    /// The machine's name.
+    pub machine: String,
+    /// The program's file name.
+    pub program: String,
+    /// What was done: `validated in virtual time`, `run in real time`.
+    pub mode: String,
+    /// `true` if nothing was wrong.
+    pub passed: bool,
+    /// The verdict's reason in a sentence: `finished`, or what stopped it.
+    pub outcome: String,
+    /// Every violation, in order of time.
+    pub violations: Vec<Violation>,
+    /// Name and value of what else there is to say, in order: motion time, cycles, late
+    /// setpoints, path length, deviation, bus load, frame hash, seed …
+    pub facts: Vec<(String, String)>,
+    /// Time of each cycle's SYNC from the first motion, s.
+    pub time: Vec<f64>,
+    /// Line of the program in each cycle; 0 where none.
+    pub line: Vec<u32>,
+    /// Speed of the tool along the path in each cycle, mm/s.
+    pub feed: Vec<f64>,
+    /// Speed in each cycle in which A, B and C turn alone, °/s.
+    pub turning: Vec<f64>,
+    /// Whether the tool moved at a programmed feed in each cycle, not in rapid or at rest.
+    pub cutting: Vec<bool>,
+    /// In the machine's order. X, Y and Z make the tool path.
+    pub axes: Vec<AxisReport>,
+    /// Distributions of times: cycle time, wake-up latency, SYNC jitter.
+    pub distributions: Vec<Distribution>,
+}
+
+/// Something that must not be.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Violation {
+    /// What: `following error`, `velocity`.
+    pub what: String,
+    /// Whose, where it is an axis's.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub axis: Option<String>,
+    /// When, s on [`Report::time`].
+    #[serde(rename = "time_s")]
+    pub time: f64,
+    /// Line of the program; 0 where none.
+    pub line: u32,
+    /// What it was …
+    pub value: f64,
+    /// … and what it may be at most.
+    pub limit: f64,
+    /// Of both.
+    pub unit: &'static str,
+}
+
+/// One axis: its limits, and a value for each cycle of [`Report::time`].
+#[derive(Clone, Debug, Default)]
+pub struct AxisReport {
+    /// `X`.
+    pub name: String,
+    /// Of its position, velocity, acceleration and jerk; below it says mm for all axes.
+    pub units: [&'static str; 4],
+    /// What it was held against.
+    pub limits: AxisLimits,
+    /// Greatest of the plan, between the cycles too; mm/s.
+    pub max_velocity: f64,
+    /// Greatest of the plan; mm/s².
+    pub max_acceleration: f64,
+    /// Greatest of the plan; mm/s³.
+    pub max_jerk: f64,
+    /// Greatest absolute following error, mm.
+    pub max_following_error: f64,
+    /// Root mean square of the following error, mm.
+    pub rms_following_error: f64,
+    /// Setpoint, mm.
+    pub set: Vec<f64>,
+    /// Actual position, mm.
+    pub act: Vec<f64>,
+    /// Of the plan, mm/s.
+    pub velocity: Vec<f64>,
+    /// Of the plan, mm/s².
+    pub acceleration: Vec<f64>,
+    /// Of the plan, mm/s³.
+    pub jerk: Vec<f64>,
+    /// Setpoint minus actual position after the drive's delay, the worse side of a gantry; mm.
+    pub following_error: Vec<f64>,
+}
+
+impl Report {
+    /// About a machine that has not moved yet.
+    pub(super) fn of(machine: &Machine) -> Self {
+        Self {
+            machine: machine.name.clone(),
+            axes: (machine.axes.iter())
+                .map(|axis| AxisReport {
+                    name: axis.name().to_owned(),
+                    units: axis.units(),
+                    limits: axis.limits,
+                    ..AxisReport::default()
+                })
+                .collect(),
+            ..Self::default()
+        }
+    }
+
+    /// Appends a row: its time, the program's line, the speed as F counts it and whether that is
+    /// of a turn; `coordinates` are those of the axes.
+    pub(super) fn push(
+        &mut self,
+        time: f64,
+        line: u32,
+        row: &Row<COORDINATES>,
+        (speed, turns): (f64, bool),
+        coordinates: impl Iterator<Item = usize>,
+    ) {
+        self.time.push(time);
+        self.line.push(line);
+        self.feed.push(if turns { 0.0 } else { speed });
+        self.turning.push(if turns { speed } else { 0.0 });
+        let feed = row.plan.feed;
+        self.cutting.push(feed > 0.0 && feed.is_finite());
+        for (axis, at) in self.axes.iter_mut().zip(coordinates) {
+            axis.set.push(row.axes[at].set);
+            axis.act.push(row.axes[at].act);
+            axis.velocity.push(row.plan.velocity[at]);
+            axis.acceleration.push(row.plan.acceleration[at]);
+            axis.jerk.push(row.plan.jerk[at]);
+            axis.following_error.push(row.axes[at].following_error);
+        }
+    }
+
+    /// Adds the result to the rows.
+    pub(super) fn conclude(&mut self, summary: &Summary) {
+        self.passed = summary.verdict == "pass";
+        self.outcome.clone_from(&summary.outcome);
+        self.violations.clone_from(&summary.violations);
+        for (axis, sum) in self.axes.iter_mut().zip(&summary.axes) {
+            axis.max_velocity = sum.max_velocity;
+            axis.max_acceleration = sum.max_acceleration;
+            axis.max_jerk = sum.max_jerk;
+            axis.max_following_error = sum.max_following_error_mm;
+            axis.rms_following_error = sum.rms_following_error_mm;
+        }
+        let mut fact = |name: &str, value: String| self.facts.push((name.to_owned(), value));
+        fact("motion time", format!("{:.3} s", summary.duration_s));
+        fact("cycles", summary.cycles.to_string());
+        fact("late setpoints", summary.late_setpoints.to_string());
+        fact("path length", summary.path.length());
+        fact(
+            "setpoints off the path",
+            format!("{:.4} mm", summary.path.max_deviation_mm),
+        );
+        fact(
+            "tool off the path",
+            format!("{:.4} mm", summary.path.max_contour_error_mm),
+        );
+        for bus in &summary.bus {
+            fact(
+                &format!("busiest cycle, {}", bus.name),
+                format!("{:.1} %", bus.peak_utilisation * 100.0),
+            );
+        }
+        if let Some(digest) = &summary.frames_sha256 {
+            fact("frames, SHA-256", digest.clone());
+        }
+    }
+}

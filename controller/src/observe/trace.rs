@@ -1,0 +1,72 @@
+//! Every row as CSV: time, line, setpoint and actual position of every axis, what is switched.
+
+use super::{MachineFunctions, Observed};
+use crate::machine::Machine;
+use std::fmt::Write as _;
+use std::io::{self, Write};
+use syncline_gcode::Turning;
+
+/// What takes a trace, each row in one call.
+pub type Sink = Box<dyn Write + Send>;
+
+/// A trace that is being written.
+pub(super) struct Trace {
+    file: Sink,
+    /// Of the axes, in the machine's order.
+    coordinates: Vec<usize>,
+    row: String,
+    /// Nothing is written behind the first failure.
+    written: io::Result<()>,
+}
+
+impl Trace {
+    /// A trace with its header.
+    pub(super) fn begin(mut file: Sink, machine: &Machine) -> Self {
+        let mut header = "t_s,line".to_owned();
+        for axis in &machine.axes {
+            // Writing to a string does not fail.
+            let _ = write!(header, ",{0}_set,{0}_act", axis.name());
+        }
+        header += ",spindle,coolant,tool\n";
+        Self {
+            written: file.write_all(header.as_bytes()),
+            file,
+            coordinates: (machine.axes.iter())
+                .map(|axis| axis.letter.index())
+                .collect(),
+            row: header,
+        }
+    }
+
+    /// Appends a row.
+    pub(super) fn push(&mut self, time: f64, observed: &Observed) {
+        let text = &mut self.row;
+        text.clear();
+        let _ = write!(text, "{time},{}", observed.line);
+        for &coordinate in &self.coordinates {
+            let sample = &observed.row.axes[coordinate];
+            let _ = write!(text, ",{},{}", sample.set, sample.act);
+        }
+        let MachineFunctions {
+            spindle,
+            coolant,
+            tool,
+        } = observed.functions;
+        let spindle = match spindle.turning {
+            Turning::Clockwise => spindle.speed,
+            Turning::Counterclockwise => -spindle.speed,
+            Turning::Off => 0.0,
+        };
+        let coolant = u8::from(coolant.mist) + 2 * u8::from(coolant.flood);
+        let _ = writeln!(text, ",{spindle},{coolant},{tool}");
+        if self.written.is_ok() {
+            self.written = self.file.write_all(text.as_bytes());
+        }
+    }
+
+    /// Writes what is still to be written.
+    pub(super) fn finish(mut self) -> io::Result<()> {
+        self.written?;
+        self.file.flush()
+    }
+}

@@ -1,0 +1,81 @@
+//! How far the tool has come along the program as F counts it, and for how long it moved.
+
+use crate::control::Row;
+use crate::machine::{COORDINATES, Position};
+use crate::program::moved;
+
+/// Path and time of a run so far.
+#[derive(Debug, Default)]
+pub(super) struct Travel {
+    /// Length, mm.
+    pub(super) length_mm: f64,
+    /// Angle where A, B and C turned alone, degrees.
+    pub(super) turned_deg: f64,
+    /// The first and the last cycle of motion.
+    pub(super) motion: Option<(u64, u64)>,
+    /// What of the last row's distance was no length of the tool's path.
+    besides: f64,
+    last: Last,
+}
+
+/// Where the last row was.
+#[derive(Debug, Default)]
+struct Last {
+    distance: f64,
+    position: Position,
+    /// What of the distance was length then, and what angle.
+    shares: [f64; 2],
+}
+
+impl Travel {
+    /// Takes what happened at one SYNC; the second is the speed as F counts it, and whether that
+    /// is of a turn.
+    pub(super) fn observe(&mut self, row: &Row<COORDINATES>, counted: (f64, bool)) {
+        if row.plan.speed > 0.0 {
+            let (first, _) = self.motion.unwrap_or((row.cycle.saturating_sub(1), 0));
+            self.motion = Some((first, row.cycle));
+        } else if let Some((first, last)) = self.motion
+            && last + 1 == row.cycle
+        {
+            // The move's last step ends at rest.
+            self.motion = Some((first, row.cycle));
+        }
+        self.measure(row, counted);
+    }
+
+    /// Adds up the path. The plan's own distance also counts what other axes move.
+    fn measure(&mut self, row: &Row<COORDINATES>, (speed, turns): (f64, bool)) {
+        let Last {
+            distance,
+            position,
+            shares: before,
+        } = self.last;
+        let distance = row.plan.distance - distance;
+        let mut shares = before;
+        if row.plan.speed > 0.0 {
+            let share = speed / row.plan.speed;
+            let all = (share - 1.0).abs() < 1e-9;
+            shares = match (turns, all) {
+                (true, _) => [0.0, share],
+                (false, true) => [1.0, 0.0],
+                (false, false) => [share, 0.0],
+            };
+        }
+        let [mut length, mut angle] = shares.map(|share| share * distance);
+        if (shares[1] > 0.0) != (before[1] > 0.0) && distance != 0.0 {
+            // The end of one and the beginning of the other, with a rest between.
+            let at = row.plan.position;
+            let [tool, other, turn] = moved(&std::array::from_fn(|i| at[i] - position[i]));
+            length = if tool > 0.0 { tool } else { other };
+            angle = turn;
+        }
+        self.besides += distance - length;
+        self.length_mm = row.plan.distance - self.besides;
+        self.turned_deg += angle;
+        self.last = Last {
+            distance: row.plan.distance,
+            position: row.plan.position,
+            shares,
+        };
+    }
+}

@@ -1,0 +1,174 @@
+//! Who commands the machine, and who is told what happens: bounded queues that nobody waits at.
+
+use super::Command;
+use crate::control;
+use crate::program::Switch;
+use crate::run::RunError;
+use crossbeam::channel::{self, Receiver, RecvTimeoutError, Sender, TryIter, TrySendError};
+use serde::{Deserialize, Serialize};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Duration;
+
+/// Commands that wait for the session at most.
+const COMMANDS: usize = 256;
+/// Events that wait for a subscriber at most.
+const EVENTS: usize = 4096;
+
+/// A source of commands.
+#[derive(Clone, Debug)]
+pub struct Operator {
+    name: Arc<str>,
+    commands: Sender<Issued>,
+}
+
+/// A command on its way.
+#[derive(Clone, Debug)]
+pub(super) struct Issued {
+    pub(super) source: Arc<str>,
+    pub(super) command: Command,
+}
+
+/// Why a command is not taken.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum NotTaken {
+    /// Too many others wait; later there is room.
+    #[error("too many commands at once")]
+    Busy,
+    /// The session is over.
+    #[error("the session is over")]
+    Over,
+}
+
+impl Operator {
+    /// Commands something; commands take effect in the order in which they are taken.
+    ///
+    /// # Errors
+    /// It is not taken.
+    pub fn command(&self, command: Command) -> Result<(), NotTaken> {
+        let issued = Issued {
+            source: Arc::clone(&self.name),
+            command,
+        };
+        self.commands.try_send(issued).map_err(|error| match error {
+            TrySendError::Full(_) => NotTaken::Busy,
+            TrySendError::Disconnected(_) => NotTaken::Over,
+        })
+    }
+}
+
+/// The session's end of its operators.
+pub(super) struct Inlet {
+    commands: Receiver<Issued>,
+    given: Sender<Issued>,
+}
+
+impl Default for Inlet {
+    fn default() -> Self {
+        let (given, commands) = channel::bounded(COMMANDS);
+        Self { commands, given }
+    }
+}
+
+impl Inlet {
+    /// A source with this name.
+    pub(super) fn operator(&self, name: &str) -> Operator {
+        Operator {
+            name: name.into(),
+            commands: self.given.clone(),
+        }
+    }
+
+    /// What has come.
+    pub(super) fn commands(&self) -> TryIter<'_, Issued> {
+        self.commands.try_iter()
+    }
+}
+
+/// A command that took effect; in the order of a session's log.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Accepted {
+    /// In this cycle of the controller's, counted from its beginning.
+    pub cycle: u64,
+    /// Whose it was.
+    pub source: String,
+    /// What it was.
+    pub command: Command,
+}
+
+/// Something that happened.
+#[derive(Clone, Debug)]
+pub enum Event {
+    /// The controller tells it.
+    Machine(control::Event),
+    /// A command took effect.
+    Accepted(Accepted),
+    /// An M-code was executed.
+    Switched(Switch),
+    /// A bus failed, or the program cannot go on.
+    Problem(Arc<RunError>),
+}
+
+/// The session's end of its subscribers.
+#[derive(Default)]
+pub(super) struct Outlets(Vec<Outlet>);
+
+struct Outlet {
+    events: Sender<Event>,
+    missed: Arc<AtomicU64>,
+}
+
+/// Somebody's events, in their order.
+#[derive(Debug)]
+pub struct Subscription {
+    events: Receiver<Event>,
+    missed: Arc<AtomicU64>,
+}
+
+impl Outlets {
+    pub(super) fn subscribe(&mut self) -> Subscription {
+        let (tell, events) = channel::bounded(EVENTS);
+        let missed = Arc::new(AtomicU64::new(0));
+        self.0.push(Outlet {
+            events: tell,
+            missed: Arc::clone(&missed),
+        });
+        Subscription { events, missed }
+    }
+
+    /// Tells everybody. Who does not listen misses it, and it is counted.
+    pub(super) fn tell(&mut self, event: &Event) {
+        self.0.retain(|outlet| {
+            let told = outlet.events.try_send(event.clone());
+            if let Err(TrySendError::Full(_)) = told {
+                outlet.missed.fetch_add(1, Ordering::Relaxed);
+            }
+            !matches!(told, Err(TrySendError::Disconnected(_)))
+        });
+    }
+}
+
+impl Subscription {
+    /// The events that have come.
+    pub fn events(&self) -> TryIter<'_, Event> {
+        self.events.try_iter()
+    }
+
+    /// The next event, waited for; `Ok(None)` where none comes in time.
+    ///
+    /// # Errors
+    /// The session is over and all its events are fetched.
+    pub fn wait(&self, at_most: Duration) -> Result<Option<Event>, NotTaken> {
+        match self.events.recv_timeout(at_most) {
+            Ok(event) => Ok(Some(event)),
+            Err(RecvTimeoutError::Timeout) => Ok(None),
+            Err(RecvTimeoutError::Disconnected) => Err(NotTaken::Over),
+        }
+    }
+
+    /// Events that found no room, as they were not fetched.
+    #[must_use]
+    pub fn missed(&self) -> u64 {
+        self.missed.load(Ordering::Relaxed)
+    }
+}

@@ -1,0 +1,70 @@
+//! How things are: one snapshot, replaced at most once a cycle.
+
+use super::Settings;
+use crate::control::Phase;
+use crate::machine::COORDINATES;
+use serde::{Deserialize, Serialize};
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// A machine and its job at one instant. Arrays are by letter, X Y Z A B C U V W, in machine
+/// coordinates; what has no axis stays 0.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Status {
+    /// The phase between power-up and the end.
+    pub phase: Phase,
+    /// Since the program could begin, s; `None` before.
+    pub time: Option<f64>,
+    /// The program's line.
+    pub line: u32,
+    /// Setpoints, mm and degrees.
+    pub setpoint: [f64; COORDINATES],
+    /// Where the axes are, mm and degrees.
+    pub actual: [f64; COORDINATES],
+    /// Of the setpoints, mm/s and °/s.
+    pub velocity: [f64; COORDINATES],
+    /// How far the program has come, mm and degrees together.
+    pub passed: f64,
+    /// At rest on the path until an operator goes on: a feed hold or a program stop.
+    pub waits: bool,
+    /// Axes are jogged away from the path, or go back to it.
+    pub off_path: bool,
+    /// What operators have set.
+    pub settings: Settings,
+}
+
+impl Default for Status {
+    fn default() -> Self {
+        Self {
+            phase: Phase::Survey,
+            time: None,
+            line: 0,
+            setpoint: [0.0; COORDINATES],
+            actual: [0.0; COORDINATES],
+            velocity: [0.0; COORDINATES],
+            passed: 0.0,
+            waits: false,
+            off_path: false,
+            settings: Settings::default(),
+        }
+    }
+}
+
+/// The latest status of a session, from any thread.
+#[derive(Clone, Debug)]
+pub struct StatusView(Arc<Mutex<Status>>);
+
+impl StatusView {
+    pub(super) fn new(status: Status) -> Self {
+        Self(Arc::new(Mutex::new(status)))
+    }
+
+    pub(super) fn show(&self, status: &Status) {
+        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = *status;
+    }
+
+    /// How things are now.
+    #[must_use]
+    pub fn get(&self) -> Status {
+        *self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
