@@ -190,7 +190,7 @@ impl fmt::Display for Phase {
             Self::Start => "SYNC on, starting the nodes",
             Self::Lock => "waiting until the drives' clocks follow SYNC",
             Self::Disabled => "making sure that the power stages are off",
-            Self::ReadyToSwitchOn => "making the drives ready to switch on",
+            Self::ReadyToSwitchOn => "preparing the power stages",
             Self::OperationEnabled => "power stages on",
             Self::ModeStart => "setpoints frozen, starting the operating mode",
             Self::Program => "ready",
