@@ -59,7 +59,7 @@ M2
 fn a_hold_just_before_a_stop_leaves_it_in_place() {
     let program = "G21 G90\nG0 X10\nM0\nM2\n";
     for held in ["0.180", "0.184", "0.188", "0.192", "0.196"] {
-        let (code, told) = validate("xyz", program, &format!("{held},hold,\n1.5,resume,"));
+        let (code, told) = validate("xyz", program, &format!("{held},feed_hold,\n1.5,resume,"));
         assert_eq!(code, 0, "{held}: {told}");
         assert_eq!(told.matches("program stop (M0)").count(), 1, "{told}");
     }
@@ -83,7 +83,7 @@ fn a_tool_change_behind_a_stop_after_the_block_is_made() {
         ("G21 G90\nG0 X10\nM6 T1\nM101\nG0 X0\nM2\n", true),
         ("G21 G90\nG0 X10\nM2\n", false),
     ] {
-        let events = "0.05,stop_after_block,\n1.000,resume,\n1.004,feed_override,90";
+        let events = "0.05,single_block,\n1.000,resume,\n1.004,feed_override,90";
         let (code, told) = validate("xyz", program, events);
         assert_eq!(code, 0, "{told}");
         assert_eq!(told.contains("tool change (M6)"), resumed, "{told}");
@@ -560,7 +560,7 @@ fn no_tool_change_is_skipped_while_keys_are_held() {
         folder.file("p.ngc", &program).display()
     );
     let mut terminal = Terminal::run(&line);
-    terminal.wait_for("keys: space hold");
+    terminal.wait_for("keys: space feed hold");
     let mut keyboard = terminal.keyboard();
     let (stop, stopped) = channel::<()>();
     // 30 a second, ten up and ten down.
