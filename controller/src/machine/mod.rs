@@ -255,8 +255,14 @@ impl Machine {
                 .then(|| drive_soft_limits(&axis.limits, scaling)),
             signals: *signals,
             objects: objects.clone(),
-            assumed: assumed(&self.assumptions, model),
+            assumed: self.assumed(model),
         })
+    }
+
+    /// What this machine's file says of a model where its manual is silent.
+    #[must_use]
+    pub fn assumed(&self, model: &Model) -> Assumed {
+        assumed(&self.assumptions, model)
     }
 }
 

@@ -40,6 +40,20 @@ fn observer() -> Option<Observer> {
 }
 
 #[test]
+fn a_twin_is_told_what_the_machine_file_knows_of_its_model() {
+    let file = concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/../examples/portal/machine.toml"
+    );
+    let model = "\n[model.lxm32m]\nsync_locked = 77\n";
+    let text = std::fs::read_to_string(file).unwrap() + model;
+    let machine = Machine::parse(Path::new("machine.toml"), &text).unwrap();
+    let config = sim::config(&machine, 0, 0);
+    assert_eq!(config.assumed("sync_locked"), Some(77));
+    assert_eq!(config.assumed("no_such_thing"), None);
+}
+
+#[test]
 fn a_beam_may_span_two_simulated_buses() {
     let machine = gantry_on_two_buses();
     let simulated = Simulated::new(&machine, 0, [observer(), observer()], |_, _| ()).unwrap();

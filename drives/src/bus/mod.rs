@@ -37,7 +37,8 @@
 //! }
 //! ```
 //!
-//! Several buses are several `SimBus` on the same clock. Given the same calls the same frames
+//! Several buses on one clock, with what their devices move, are a
+//! [`World`](crate::world::World). Given the same calls the same frames
 //! come out at the same nanosecond: nothing here is random.
 
 mod port;

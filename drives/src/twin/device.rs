@@ -107,6 +107,9 @@ pub struct Config {
     pub tolerant: bool,
     /// Answers at once, not after the time that a drive's processor takes.
     pub prompt: bool,
+    /// What is known of the real device where its manual is silent, by the names that its model has
+    /// for it, such as a resolution; a twin takes what it is made of.
+    pub assumed: Vec<(&'static str, u32)>,
 }
 
 impl Config {
@@ -120,7 +123,17 @@ impl Config {
             boot_time: None,
             tolerant: false,
             prompt: false,
+            assumed: Vec::new(),
         }
+    }
+
+    /// What is known by that name, if anything is.
+    #[must_use]
+    pub fn assumed(&self, name: &str) -> Option<u32> {
+        let mut known = self.assumed.iter();
+        known
+            .find(|(known, _)| *known == name)
+            .map(|(_, value)| *value)
     }
 }
 
