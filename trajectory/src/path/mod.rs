@@ -37,6 +37,7 @@
 #![allow(clippy::needless_range_loop)]
 
 pub mod blend;
+mod bounds;
 mod brake;
 pub mod certify;
 pub mod curve;

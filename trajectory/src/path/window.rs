@@ -3,10 +3,10 @@
 
 use std::iter::repeat;
 
+use super::bounds::{Bounds, rest_to_rest};
 use super::brake::instant_at;
 use super::certify::{ROUNDING, load};
 use super::plan::Laid;
-use super::planner::{Bounds, rest_to_rest};
 use super::time_parametrisation::{Cell, Node, Slope, TimeParametrisation};
 use super::{JerkSegment, Limits, PathSegment, PathState};
 use crate::profile::State;

@@ -1,0 +1,106 @@
+//! What the path allows everywhere along a segment, and the motion from rest to rest that needs no
+//! search.
+
+use super::{JerkSegment, Limits, PathSegment};
+
+/// Path speed, acceleration and jerk that, together and in any combination, keep every axis inside
+/// its limits.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Bounds {
+    speed: f64,
+    acceleration: f64,
+    jerk: f64,
+}
+
+impl Bounds {
+    pub(super) fn along<const N: usize>(span: &PathSegment<N>, limits: &Limits<N>) -> Self {
+        // |q′|, |q″|, |q‴| of every axis, at most.
+        let [d1, d2, d3] = span.curve.derivative_bounds();
+        let least = |f: &dyn Fn(usize) -> f64| (0..N).map(f).fold(f64::INFINITY, f64::min);
+        // Curved paths: 0.7 of the acceleration and 0.3 of the jerk for the curvature's own terms.
+        let speed = least(&|i| {
+            (limits.velocity[i] / d1[i])
+                .min((0.7 * limits.acceleration[i] / d2[i]).sqrt())
+                .min(libm::cbrt(0.3 * limits.jerk[i] / d3[i]))
+        })
+        .min(span.speed);
+        let acceleration = least(&|i| {
+            let left = limits.acceleration[i] - d2[i] * speed * speed;
+            (left / d1[i]).min(0.35 * limits.jerk[i] / (3.0 * d2[i] * speed))
+        });
+        let jerk = least(&|i| {
+            let used = d3[i] * speed * speed * speed + 3.0 * d2[i] * speed * acceleration;
+            (limits.jerk[i] - used) / d1[i]
+        });
+        Bounds {
+            speed,
+            acceleration,
+            jerk,
+        }
+    }
+
+    /// As those of one axis.
+    pub(super) fn limits(self) -> crate::limits::Limits {
+        crate::limits::Limits::symmetric(self.speed, self.acceleration, self.jerk)
+    }
+}
+
+/// The shortest profile over `length` from rest to rest: seven pieces, some of no duration.
+pub(super) fn rest_to_rest(from: f64, length: f64, bounds: Bounds) -> [JerkSegment; 7] {
+    let Bounds {
+        speed: vmax,
+        acceleration: amax,
+        jerk: j,
+    } = bounds;
+    // Time of constant jerk and of constant acceleration on the way to the speed `v`.
+    let ramp = |v: f64| {
+        if v * j >= amax * amax {
+            (amax / j, v / amax - amax / j)
+        } else {
+            ((v / j).sqrt(), 0.0)
+        }
+    };
+    let way = |v: f64| {
+        let (tj, ta) = ramp(v);
+        v * (2.0 * tj + ta) // up and down again
+    };
+    let mut v = vmax;
+    if way(v) > length {
+        // Without constant acceleration: length = 2 v √(v/j); with it: length = v (a/j + v/a).
+        let short = libm::cbrt(length * length * j / 4.0);
+        v = if short * j <= amax * amax {
+            short
+        } else {
+            let b = amax * amax / j;
+            ((b * b + 4.0 * amax * length).sqrt() - b) / 2.0
+        };
+        v = v.min(vmax);
+    }
+    let (tj, ta) = ramp(v);
+    let cruise = ((length - way(v)) / v).max(0.0);
+    let a = j * tj;
+    let shape = [
+        (tj, j, 0.0),
+        (ta, 0.0, a),
+        (tj, -j, a),
+        (cruise, 0.0, 0.0),
+        (tj, -j, 0.0),
+        (ta, 0.0, -a),
+        (tj, j, -a),
+    ];
+    let mut distance = from;
+    let mut speed = 0.0;
+    shape.map(|(duration, jerk, acceleration)| {
+        let piece = JerkSegment {
+            duration,
+            distance,
+            speed,
+            acceleration,
+            jerk,
+        };
+        let (ds, v, _) = piece.at(duration);
+        distance += ds;
+        speed = v;
+        piece
+    })
+}

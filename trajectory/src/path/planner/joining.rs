@@ -1,0 +1,175 @@
+//! Joins moves to sections: fits curves to short segments, rounds corners, and rests where it can do
+//! neither.
+
+use super::{NOTHING, PathError, PlanItem, Planner, Section, asked_speed};
+use crate::limits::PositionLimits;
+use crate::path::blend::{Blend, blend};
+use crate::path::segment_fitting::{Part, ShortSegments};
+use crate::path::{Curve, Move, Overrides, PathSegment};
+
+/// Gaps up to this are rounding of the caller's, mm.
+const GAP: f64 = 1e-6;
+/// Tangents, and curvatures by the mm or as parts of the greater, that differ by no more are equal.
+const SMOOTH: f64 = 1e-10;
+/// Parts of the tolerance that a rounding is tried with, so that it stays between the positions
+/// allowed.
+const LESSER: [f64; 4] = [1.0, 0.25, 0.0625, 0.015625];
+
+impl<const N: usize> Planner<N> {
+    /// The path rests where what was joined so far ends.
+    pub(super) fn rest_here(&mut self) {
+        self.lay_pending(0.0);
+        self.stop_here();
+    }
+
+    /// The path stops where it is.
+    fn stop_here(&mut self) {
+        if let Some(PlanItem::Section(section)) = self.items.back_mut() {
+            section.closed = true;
+        }
+    }
+
+    pub(super) fn push_move(&mut self, motion: Move<N>) -> Result<(), PathError> {
+        let feed = motion.feed.speed();
+        if feed.is_nan() || feed <= 0.0 {
+            return Err(PathError::Feed(feed));
+        }
+        let start = motion.curve.start();
+        let gap = (0..N)
+            .map(|i| (start[i] - self.position[i]).abs())
+            .fold(0.0, f64::max);
+        if gap.is_nan() || gap > GAP {
+            return Err(PathError::Gap(gap));
+        }
+        self.position = motion.curve.end();
+        if let Some(segments) = &mut self.short_segments
+            && segments.extend(&motion)
+        {
+            self.join_parts(false);
+            return Ok(());
+        }
+        self.join_short_segments();
+        self.short_segments = ShortSegments::begin(&motion);
+        if self.short_segments.is_none() {
+            self.join(Part {
+                motion,
+                deviation: 0.0,
+                goes_on: false,
+            });
+        }
+        Ok(())
+    }
+
+    /// Joins the short segments that were gathered.
+    pub(super) fn join_short_segments(&mut self) {
+        self.join_parts(true);
+        self.short_segments = None;
+    }
+
+    /// Joins what the short segments that were gathered give, all of it if there come no more.
+    fn join_parts(&mut self, ended: bool) {
+        let bounds = self.bounds;
+        let may_be = |curve: &Curve<N>| inside(curve, &bounds);
+        while let Some(part) = self
+            .short_segments
+            .as_mut()
+            .and_then(|segments| segments.next(ended, may_be))
+        {
+            self.join(part);
+        }
+    }
+
+    /// Joins a part of the path to the last one.
+    fn join(&mut self, part: Part<N>) {
+        let Part {
+            motion,
+            deviation,
+            goes_on,
+        } = part;
+        let feed = motion.feed.speed();
+        let mut taken = 0.0;
+        if let Some((before, _)) = self.pending {
+            match before.mode.rounding() {
+                Some(_) if goes_on || smooth(&before.curve, &motion.curve) => self.lay_pending(0.0),
+                Some(rounding) => {
+                    let deviation = deviation.max(self.deviation);
+                    let left = rounding.min(before.mode.tolerance() - deviation);
+                    let rounded = LESSER.iter().find_map(|part| {
+                        blend(&before.curve, &motion.curve, left * part)
+                            .filter(|blend| inside(&blend.curve, &self.bounds))
+                    });
+                    if let Some(Blend { curve, cut }) = rounded {
+                        self.lay_pending(cut);
+                        self.lay(curve, before.feed.speed().min(feed), before.tag);
+                        taken = cut;
+                    } else {
+                        self.rest_here();
+                    }
+                }
+                None => self.rest_here(),
+            }
+        }
+        self.pending = Some((motion, taken));
+        self.deviation = deviation;
+    }
+
+    /// Lays the pending move but for the last `cut` of it.
+    fn lay_pending(&mut self, cut: f64) {
+        if let Some((motion, taken)) = self.pending.take() {
+            let length = motion.curve.length();
+            // Where blends have taken both halves nothing is left.
+            if length - taken - cut > NOTHING * length {
+                let whole = taken == 0.0 && cut == 0.0;
+                let curve = if whole {
+                    motion.curve
+                } else {
+                    motion.curve.part(taken, length - cut)
+                };
+                self.lay(curve, motion.feed.speed(), motion.tag);
+            }
+        }
+    }
+
+    /// The section goes on with `curve`; if there is none, one begins.
+    fn lay(&mut self, curve: Curve<N>, feed: f64, tag: u32) {
+        if !matches!(self.items.back(), Some(PlanItem::Section(section)) if !section.closed) {
+            self.items.push_back(PlanItem::Section(Section {
+                spans: Vec::new(),
+                origin: self.length,
+                length: 0.0,
+                closed: false,
+            }));
+        }
+        let mut span = PathSegment {
+            start: 0.0,
+            curve,
+            feed,
+            speed: feed,
+            tag,
+        };
+        if self.overrides != Overrides::default() {
+            span.speed = asked_speed(&span, self.overrides, &self.limits);
+        }
+        if let Some(PlanItem::Section(section)) = self.items.back_mut() {
+            section.push(span);
+            self.length = section.origin + section.length;
+            self.kept += 1;
+        }
+    }
+}
+
+/// Whether a curve stays between these positions, but for rounding.
+fn inside<const N: usize>(curve: &Curve<N>, bounds: &[PositionLimits; N]) -> bool {
+    let (low, high) = curve.bounds();
+    (0..N).all(|i| low[i] >= bounds[i].min - NOTHING && high[i] <= bounds[i].max + NOTHING)
+}
+
+/// Whether tangent and curvature go on unbroken from one curve to the next.
+fn smooth<const N: usize>(before: &Curve<N>, after: &Curve<N>) -> bool {
+    let (b, a) = (before.at(before.length()), after.at(0.0));
+    let bend = (0..N)
+        .map(|i| b.d2[i].abs().max(a.d2[i].abs()))
+        .fold(1.0, f64::max);
+    (0..N)
+        .all(|i| (b.d1[i] - a.d1[i]).abs() <= SMOOTH && (b.d2[i] - a.d2[i]).abs() <= SMOOTH * bend)
+}

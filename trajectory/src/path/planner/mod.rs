@@ -1,0 +1,380 @@
+//! Plans the time parametrisation along the path, window by window.
+//!
+//! Items are joined to sections: stretches of path without a stop. A section is planned in windows
+//! that overlap. Each ends at rest, so that whatever has been handed over is complete; the next one
+//! begins in the midst of it, at a piece from which the former end is out of sight, and replaces
+//! the rest ([`Command::ReplaceTail`]). Where windows end depends on the path alone, never on the pace
+//! at which items come or commands go.
+//!
+//! What was planned is kept for a while, so that it can be planned again from any state on it: when
+//! the speeds that are asked for change, or after a hold ([`Planner::replan`]).
+
+mod answer;
+mod joining;
+mod section;
+#[cfg(test)]
+mod tests;
+mod windows;
+
+use std::collections::VecDeque;
+
+use thiserror::Error;
+
+use super::brake::MOST_PIECES;
+use super::plan::Plan;
+use super::segment_fitting::ShortSegments;
+use super::window::{Effort, MOST_CELLS, TOO_MANY_CELLS, Window};
+use super::{Command, JerkSegment, Limits, Move, Overrides, PathItem, PathSegment, PathState};
+use crate::limits::PositionLimits;
+use section::Section;
+
+/// Why an item cannot be planned.
+#[derive(Debug, Clone, Copy, PartialEq, Error)]
+pub enum PathError {
+    /// The curve does not begin where the last one ended.
+    #[error("the move begins {0} mm away from the end of the last one")]
+    Gap(f64),
+    /// The feed is not a positive number.
+    #[error("a feed of {0} mm/s moves nothing")]
+    Feed(f64),
+    /// The dwell is negative or not a number.
+    #[error("a dwell of {0} s")]
+    Dwell(f64),
+}
+
+/// A part of a curve this small (as a part of it) or of a section (in mm) is rounding.
+const NOTHING: f64 = 1e-9;
+/// Pieces of the last plan that are followed before a window, at most.
+const MOST_FOLLOWED: usize = 2 * MOST_CELLS;
+/// Steps, and spans, that come in one commit, at most: what is followed, what slows down, the window,
+/// its section and a hold. An [`Executor`](super::Executor) has room for that whenever it rests.
+pub(super) const MOST_AT_ONCE: usize = MOST_FOLLOWED + MOST_PIECES + TOO_MANY_CELLS + 2;
+
+/// Turns items into commands. Everything that it has given out up to a [`Command::Commit`] ends
+/// at rest.
+#[derive(Debug, Clone)]
+pub struct Planner<const N: usize> {
+    limits: Limits<N>,
+    /// Positions that curves of its own stay between.
+    bounds: [PositionLimits; N],
+    /// Time that is planned beyond what is final, and in all, s of travel at the programmed feed.
+    lookahead: f64,
+    horizon: f64,
+    position: [f64; N],
+    /// Short segments that may go on.
+    short_segments: Option<ShortSegments<N>>,
+    /// The last move, and how much of its start a blend took.
+    pending: Option<(Move<N>, f64)>,
+    /// How far that strays from what was programmed, mm.
+    deviation: f64,
+    /// What was planned lately, is under way, and is to be planned.
+    items: VecDeque<PlanItem<N>>,
+    /// Number of the first of them.
+    first: u64,
+    /// How many spans they hold.
+    kept: usize,
+    /// Path length of all sections.
+    length: f64,
+    cursor: Cursor,
+    window: Window<N>,
+    /// What is followed of the plan that the window's replaces.
+    followed: Vec<JerkSegment>,
+    /// The plan that the executor was on by the last request, and the one that was its answer.
+    plans: [Plan; 2],
+    out: VecDeque<Command<N>>,
+    /// The way back that the executor is on, and behind it the one that was planned last.
+    ways_back: Vec<Back<N>>,
+    overrides: Overrides,
+    single_block: bool,
+    /// The last plan made.
+    revision: u64,
+}
+
+#[derive(Debug, Clone)]
+enum PlanItem<const N: usize> {
+    Section(Section<N>),
+    Dwell { duration: f64, tag: u32 },
+    Mark(u32),
+}
+
+/// A way back along a section.
+#[derive(Debug, Clone)]
+struct Back<const N: usize> {
+    /// Its number.
+    number: u64,
+    /// The number under which it was asked for.
+    asked: u64,
+    /// The item that it goes back along, and where on that it begins.
+    item: u64,
+    from: f64,
+    /// The spans from there, the other way round.
+    section: Section<N>,
+}
+
+/// Numbers of ways back have this bit set.
+const BACK: u64 = 1 << 63;
+
+/// How far planning has come.
+#[derive(Debug, Clone, Copy, Default)]
+struct Cursor {
+    /// The item that is being planned.
+    item: u64,
+    /// Where the next window begins.
+    departure: PathState,
+    /// The step that it replaces, if one; steps are counted as the executor counts them.
+    splice: Option<u64>,
+    /// The next step's number.
+    step: u64,
+    /// The section was announced.
+    begun: bool,
+    /// Up to where spans were handed over.
+    sent: f64,
+    /// Where the last window came to rest.
+    rest: f64,
+    /// There the executor holds.
+    holds: bool,
+    /// How often the next window is halved, so that it comes soon.
+    halvings: u32,
+}
+
+impl Cursor {
+    /// The next window begins where the last one rests.
+    fn begin_at_rest(&mut self) {
+        self.departure = PathState {
+            distance: self.rest,
+            ..PathState::default()
+        };
+        self.splice = None;
+    }
+}
+
+/// How often the window that answers a request is halved; those behind it are ever longer.
+const ANSWER_HALVINGS: u32 = 2;
+/// So much of such a window is kept, s: time to plan the next one. Its own end is out of sight until then.
+const ANSWER_KEPT: f64 = 0.06;
+
+/// See [`Planner::KEPT`]; it does not depend on the number of axes.
+const KEPT: usize = Planner::<0>::KEPT;
+
+impl<const N: usize> Planner<N> {
+    /// Spans, dwells and marks that are kept at least: what an executor and the queue to it may
+    /// hold, and what can be stepped back. Of those passed no more than that are kept.
+    pub const KEPT: usize = 16_384;
+
+    /// For a machine with `limits` that rests in `position`.
+    pub fn new(limits: Limits<N>, position: [f64; N]) -> Self {
+        let stop = (0..N)
+            .map(|i| {
+                limits.velocity[i] / limits.acceleration[i]
+                    + limits.acceleration[i] / limits.jerk[i]
+            })
+            .fold(0.0, f64::max);
+        let lookahead = LOOKAHEAD * stop;
+        Planner {
+            limits,
+            bounds: [PositionLimits {
+                min: f64::NEG_INFINITY,
+                max: f64::INFINITY,
+            }; N],
+            lookahead,
+            horizon: lookahead + lookahead.max(0.5),
+            position,
+            short_segments: None,
+            pending: None,
+            deviation: 0.0,
+            items: VecDeque::new(),
+            first: 0,
+            kept: 0,
+            length: 0.0,
+            cursor: Cursor::default(),
+            window: Window::default(),
+            followed: Vec::new(),
+            plans: <[Plan; 2]>::default(),
+            out: VecDeque::new(),
+            ways_back: Vec::new(),
+            overrides: Overrides::default(),
+            single_block: false,
+            revision: 0,
+        }
+    }
+
+    /// From now on no rounding, and no curve in place of short segments, leaves these positions; where one
+    /// would, the path follows what is programmed and stops if need be. The moves themselves are the
+    /// caller's to check.
+    pub fn keep_within(&mut self, bounds: [PositionLimits; N]) {
+        self.bounds = bounds;
+    }
+
+    /// Windows are so many times as deep from now on. That changes what planning takes, and hardly the
+    /// motion time: it is for measuring how hardly.
+    pub fn deepen(&mut self, times: u32) {
+        self.lookahead *= f64::from(times);
+        self.horizon *= f64::from(times);
+        self.window.most_cells *= times as usize;
+    }
+
+    /// Takes the next item.
+    ///
+    /// # Errors
+    /// See [`PathError`]; the item is not taken then.
+    pub fn push(&mut self, item: PathItem<N>) -> Result<(), PathError> {
+        match item {
+            PathItem::Dwell { duration, .. } if !(duration >= 0.0 && duration.is_finite()) => {
+                return Err(PathError::Dwell(duration));
+            }
+            PathItem::Dwell { duration, tag } => {
+                self.close();
+                self.items.push_back(PlanItem::Dwell { duration, tag });
+            }
+            PathItem::Move(motion) => self.push_move(motion)?,
+        }
+        Ok(())
+    }
+
+    /// The path rests here until [`mark`](super::Executor::mark) is [passed](super::Executor::pass).
+    pub fn mark(&mut self, mark: u32) {
+        self.close();
+        self.items.push_back(PlanItem::Mark(mark));
+    }
+
+    /// Moves to come do not become one with those that were pushed.
+    pub fn keep_joint(&mut self) {
+        self.join_short_segments();
+    }
+
+    /// What planning took so far.
+    pub fn effort(&self) -> Effort {
+        self.window.effort()
+    }
+
+    /// No further item comes for now: whatever was taken is planned to rest.
+    pub fn finish(&mut self) {
+        self.close();
+    }
+
+    /// The next command; plans a window if none is ready. None where the next window needs more
+    /// items, or [`finish`](Self::finish).
+    pub fn pop(&mut self) -> Option<Command<N>> {
+        if self.out.is_empty() {
+            self.plan_on();
+        }
+        self.out.pop_front()
+    }
+
+    fn close(&mut self) {
+        self.join_short_segments();
+        self.rest_here();
+    }
+
+    /// The section with that number, on the way or back.
+    fn section(&self, number: u64) -> Option<&Section<N>> {
+        if let Some(way) = self.ways_back.iter().find(|way| way.number == number) {
+            return Some(&way.section);
+        }
+        match self.item(number) {
+            Some(PlanItem::Section(section)) => Some(section),
+            _ => None,
+        }
+    }
+
+    fn item(&self, number: u64) -> Option<&PlanItem<N>> {
+        let index = number.checked_sub(self.first)?;
+        self.items.get(index as usize)
+    }
+
+    /// From now on these parts of the programmed speeds are asked for.
+    fn override_speeds(&mut self, overrides: Overrides) {
+        if overrides == self.overrides {
+            return;
+        }
+        self.overrides = overrides;
+        let sections = self.items.iter_mut().filter_map(|item| match item {
+            PlanItem::Section(section) => Some(section),
+            _ => None,
+        });
+        let back = self.ways_back.iter_mut().map(|way| &mut way.section);
+        for section in sections.chain(back) {
+            for span in &mut section.spans {
+                span.speed = asked_speed(span, overrides, &self.limits);
+            }
+        }
+    }
+
+    /// Planning goes on with that item; items long passed are forgotten.
+    fn begin_item(&mut self, item: u64) {
+        self.window.faster.clear();
+        self.cursor = Cursor {
+            item,
+            step: self.cursor.step,
+            holds: self.cursor.holds,
+            ..Cursor::default()
+        };
+        while self.kept + self.items.len() > KEPT && self.first + 1 < item && item < BACK {
+            if let Some(PlanItem::Section(section)) = self.items.pop_front() {
+                self.kept -= section.spans.len();
+            }
+            self.first += 1;
+        }
+    }
+
+    /// Plans until there is a command, as far as the path is known.
+    fn plan_on(&mut self) {
+        while self.out.is_empty() && !self.cursor.holds {
+            let number = self.cursor.item;
+            match self.item(number) {
+                Some(&PlanItem::Dwell { duration, tag }) => {
+                    self.out.extend([
+                        Command::Dwell {
+                            item: number,
+                            duration,
+                            tag,
+                        },
+                        Command::Commit,
+                    ]);
+                    self.cursor.step += 1;
+                    self.begin_item(number + 1);
+                }
+                Some(&PlanItem::Mark(mark)) => {
+                    self.out
+                        .extend([Command::Mark { item: number, mark }, Command::Commit]);
+                    self.cursor.step += 1;
+                    self.begin_item(number + 1);
+                }
+                Some(PlanItem::Section(_)) | None => {
+                    let Some(section) = self.section(number) else {
+                        return;
+                    };
+                    let ahead = section.time_from(self.cursor.departure.distance, &self.limits);
+                    if !section.closed && (ahead == 0.0 || ahead < self.horizon) {
+                        return;
+                    }
+                    if self.plan_window(None) {
+                        self.begin_item(number + 1);
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// The path speed that is asked for on a span after overrides.
+fn asked_speed<const N: usize>(
+    span: &PathSegment<N>,
+    overrides: Overrides,
+    limits: &Limits<N>,
+) -> f64 {
+    if span.feed.is_finite() {
+        span.feed * overrides.feed
+    } else if overrides.rapid < 1.0 {
+        let [d1, _, _] = span.curve.derivative_bounds();
+        let axes = (0..N)
+            .map(|i| limits.velocity[i] / d1[i])
+            .fold(f64::INFINITY, f64::min);
+        axes * overrides.rapid
+    } else {
+        f64::INFINITY
+    }
+}
+
+/// A window sees this many times the longest stop of an axis beyond what is final.
+const LOOKAHEAD: f64 = 2.0;

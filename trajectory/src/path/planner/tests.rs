@@ -1,0 +1,143 @@
+//! How deep windows are shows neither in the motion time nor in how soon a person is answered.
+
+use std::mem::take;
+
+use super::*;
+use crate::path::{Curve, Executor, Feed, PathControlMode, Plane, curve::ArcDefinition};
+
+const LIMITS: Limits<3> = Limits {
+    velocity: [500.0, 400.0, 200.0],
+    acceleration: [5_000.0, 3_000.0, 2_000.0],
+    jerk: [80_000.0, 50_000.0, 40_000.0],
+};
+
+/// Motion time when windows are so many times deeper, and how many there were.
+fn time(curves: &[Curve<3>], feed: f64, depth: u32) -> (f64, usize) {
+    let mut planner = Planner::new(LIMITS, curves[0].start());
+    planner.deepen(depth);
+    let (mut steps, mut windows) = (Vec::new(), 0);
+    let mut take = |planner: &mut Planner<3>| {
+        while let Some(command) = planner.pop() {
+            match command {
+                Command::ReplaceTail(step) => steps.truncate(step as usize),
+                Command::Section { .. } => steps.push(0.0),
+                Command::JerkSegment(piece) => steps.push(piece.duration),
+                Command::Commit => windows += 1,
+                _ => {}
+            }
+        }
+    };
+    for &curve in curves {
+        planner
+            .push(PathItem::Move(Move {
+                curve,
+                feed: Feed::Rate(feed),
+                mode: PathControlMode::Blend(0.02),
+                tag: 0,
+            }))
+            .unwrap();
+        take(&mut planner);
+    }
+    planner.finish();
+    take(&mut planner);
+    (steps.iter().sum(), windows)
+}
+
+#[test]
+fn the_depth_of_the_window_does_not_show() {
+    let lines = |points: Vec<[f64; 3]>| -> Vec<Curve<3>> {
+        points
+            .windows(2)
+            .map(|p| Curve::line(p[0], p[1]).unwrap())
+            .collect()
+    };
+    let zigzag = (0..12).map(|k| [4.0 * f64::from(k), 14.0 * f64::from(k % 2), 0.0]);
+    let facets = (0..3_000).map(|k| {
+        let angle = 0.005 * f64::from(k);
+        let radius = 10.0 + angle;
+        [radius * libm::cos(angle), radius * libm::sin(angle), 0.0]
+    });
+    let waves = (0..10).map(|k| {
+        let x = 20.0 * f64::from(k);
+        Curve::arc(ArcDefinition {
+            start: [x, 0.0, 0.0],
+            end: [x + 20.0, 0.0, 0.0],
+            plane: Plane::Xy,
+            centre: (x + 10.0, 0.0),
+            clockwise: k % 2 == 0,
+            turns: 0,
+        })
+        .unwrap()
+    });
+    for (curves, feed) in [
+        (lines(zigzag.collect()), 300.0),
+        (lines(facets.collect()), 120.0),
+        (waves.collect(), 200.0),
+    ] {
+        let (once, windows) = time(&curves, feed, 1);
+        let (twice, fewer) = time(&curves, feed, 2);
+        assert!(
+            windows > 2 && fewer < windows,
+            "{windows} and {fewer} windows"
+        );
+        println!("{once} s in {windows} windows, {twice} s in {fewer}");
+        let longer = once / twice - 1.0;
+        assert!(longer < 1e-3, "{once} s instead of {twice} s");
+    }
+}
+
+/// Executes a zigzag; at the given cycle a person changes nothing worth mentioning. Returns
+/// how many cycles it took, and of how many pieces each window was from then on.
+fn execute(points: &[[f64; 3]], acts: u64) -> (u64, Vec<usize>) {
+    let mut planner = Planner::new(LIMITS, points[0]);
+    for ends in points.windows(2) {
+        let motion = Move {
+            curve: Curve::line(ends[0], ends[1]).unwrap(),
+            feed: Feed::Rate(150.0),
+            mode: PathControlMode::Blend(0.02),
+            tag: 0,
+        };
+        planner.push(PathItem::Move(motion)).unwrap();
+    }
+    planner.finish();
+    let mut executor = Executor::new(points[0], 0.001);
+    let (mut windows, mut pieces) = (Vec::new(), 0);
+    loop {
+        if executor.cycle() == acts {
+            let feed = 1.0 + 1e-9;
+            executor.set_overrides(Overrides { feed, rapid: 1.0 });
+        }
+        if let Some(request) = executor.replan_request() {
+            planner.replan(&request);
+            windows.clear();
+        }
+        while executor.room() > 0
+            && let Some(command) = planner.pop()
+        {
+            match command {
+                Command::JerkSegment(_) => pieces += 1,
+                Command::Commit => windows.push(take(&mut pieces)),
+                _ => {}
+            }
+            assert!(executor.accept(command));
+        }
+        if executor.is_idle() {
+            assert_eq!(executor.late_plans(), 0);
+            return (executor.cycle(), windows);
+        }
+        executor.advance();
+    }
+}
+
+#[test]
+fn a_short_window_answers_a_person_and_costs_little_time() {
+    let points: Vec<_> = (0..12)
+        .map(|k| [4.0 * f64::from(k), 25.0 * f64::from(k % 2), 0.0])
+        .collect();
+    let (cycles, _) = execute(&points, u64::MAX);
+    for acts in [100, 400, 700] {
+        let (with, windows) = execute(&points, acts);
+        assert!(windows[0] < MOST_CELLS / 3, "{windows:?}");
+        assert!(with <= cycles + cycles / 300, "{with}, not {cycles}");
+    }
+}
