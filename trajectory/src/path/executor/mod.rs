@@ -1,15 +1,18 @@
 //! Executes the plan on the path's own clock, one setpoint a cycle.
 
+mod operator;
+mod replan;
+mod stop;
+
 use std::collections::VecDeque;
 use std::iter::repeat_n;
 use std::mem::take;
 
-use super::brake::{Search, brake_gently};
-use super::jog::{Jog, JogError, Jogging, Then, Travel};
+use super::brake::Search;
+use super::jog::Jogging;
 use super::planner::MOST_AT_ONCE;
-use super::{
-    Command, Curve, JerkSegment, Limits, Overrides, PathSegment, PathState, ReplanRequest,
-};
+use super::{Command, Curve, JerkSegment, Limits, Overrides, PathSegment};
+use stop::Stop;
 
 /// Where every axis has to be, and what the path does there.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -62,6 +65,15 @@ enum Step<const N: usize> {
 }
 
 impl<const N: usize> Step<N> {
+    /// Does nothing but come to rest.
+    fn brakes(&self) -> bool {
+        let Step::JerkSegment(p) = self else {
+            return false;
+        };
+        let cruises = p.acceleration.abs() <= 1e-9 && p.jerk >= 0.0;
+        !cruises && p.at(p.duration).2 <= 1e-9
+    }
+
     fn duration(&self) -> f64 {
         match *self {
             Step::Section { .. } | Step::Mark { .. } => 0.0,
@@ -105,15 +117,15 @@ const AHEAD: u64 = 12;
 /// Work on the search for a stop on a curve in a cycle; see `brake.rs`.
 const WORK: usize = 150;
 
-/// How far a stop on the path has come.
+/// What the executor knows of its plan.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Stop {
-    /// Nobody asked for one.
-    No,
-    /// The plan is followed to its rest until a shorter way is found from that cycle on; since this one.
-    Sought { departure: u64, since: u64 },
-    /// The shorter way is being followed.
-    Found,
+enum PlanStatus {
+    /// What comes goes on with it.
+    Current,
+    /// It is to be replaced, and what still comes of it is dropped.
+    AwaitingReplacement,
+    /// A replacement comes in; it takes over in that cycle.
+    Receiving { takeover: u64 },
 }
 
 /// Holds the plan and samples it. Allocates only in [`Executor::new`].
@@ -139,12 +151,9 @@ pub struct Executor<const N: usize> {
     number: i64,
     /// The step that the uncommitted ones replace.
     splice: Option<u64>,
-    /// The uncommitted steps are a new plan; it takes over in this cycle.
-    takeover: Option<u64>,
+    plan: PlanStatus,
     /// How often the plan was to be replaced.
     revision: u64,
-    /// It is to be replaced, and what still comes of the old one is dropped.
-    awaits_replacement: bool,
     /// In this cycle a new plan came too late.
     refused: Option<u64>,
     /// How often a part of the plan came too late.
@@ -250,9 +259,8 @@ impl<const N: usize> Executor<N> {
             committed: 0,
             number: 0,
             splice: None,
-            takeover: None,
+            plan: PlanStatus::Current,
             revision: 0,
-            awaits_replacement: false,
             refused: None,
             late: 0,
             rested: 0,
@@ -301,11 +309,13 @@ impl<const N: usize> Executor<N> {
     pub fn room(&self) -> usize {
         let room = (self.spans.capacity() - self.spans.len())
             .min(self.steps.capacity() - self.steps.len());
-        let held =
-            self.held || self.stopped || self.turns() || self.is_held() && !self.awaits_replacement;
+        let held = self.held
+            || self.stopped
+            || self.turns()
+            || self.is_held() && !self.awaits_replacement();
         if held && !self.seeks_rest() || self.refused == Some(self.cycle) {
             0
-        } else if self.awaits_replacement || self.takeover.is_some() {
+        } else if self.plan != PlanStatus::Current {
             room
         } else if self.leads_to_mark() {
             0
@@ -324,12 +334,11 @@ impl<const N: usize> Executor<N> {
         if self.room() == 0 {
             return false;
         }
-        if self.awaits_replacement {
+        if self.awaits_replacement() {
             if let Command::ReplacePlan { revision, cycle } = command
                 && revision == self.revision
             {
-                self.awaits_replacement = false;
-                self.takeover = Some(cycle);
+                self.plan = PlanStatus::Receiving { takeover: cycle };
             }
             return true;
         }
@@ -371,7 +380,8 @@ impl<const N: usize> Executor<N> {
     }
 
     fn commit(&mut self) {
-        if let Some(cycle) = self.takeover.take() {
+        if let PlanStatus::Receiving { takeover: cycle } = self.plan {
+            self.plan = PlanStatus::Current;
             // Who rests since before can begin whenever the plan comes.
             let rests = self.committed == 0 && self.mark.is_none() && cycle >= self.rested;
             if cycle < self.cycle && !rests {
@@ -437,7 +447,7 @@ impl<const N: usize> Executor<N> {
             .as_ref()
             .is_some_and(|jogging| !jogging.rests());
         // Behind a mark nothing is planned before it is passed.
-        let replaced = self.mark.is_none() && (self.awaits_replacement || self.takeover.is_some());
+        let replaced = self.mark.is_none() && self.plan != PlanStatus::Current;
         let waits = !self.stopped && (self.held || replaced);
         self.committed == 0 && !waits && !moved
     }
@@ -649,474 +659,6 @@ impl<const N: usize> Executor<N> {
             }
             self.spans.pop_front();
             self.first_span += 1;
-        }
-    }
-
-    // --- what a person does ---
-
-    /// From now on these parts of the programmed speeds are asked for; values outside of the ranges
-    /// are brought into them, to rest where they are next to nothing or no number.
-    pub fn set_overrides(&mut self, overrides: Overrides) {
-        let overrides = Overrides {
-            feed: part(overrides.feed, 2.0),
-            rapid: part(overrides.rapid, 1.0),
-        };
-        if overrides != self.overrides {
-            // A rest for want of speed ends; one that a person asked for does not, and what ends it
-            // has the path planned anew.
-            let rests = matches!(self.current(), Some(Step::Hold));
-            let asked = rests && !self.wants_speed();
-            if rests && !asked {
-                self.finish_step(Step::Hold, 0.0);
-            }
-            if overrides.rapid != self.overrides.rapid
-                && let Some(jogging) = &mut self.jogging
-            {
-                jogging.change_speed();
-            }
-            self.overrides = overrides;
-            if !asked {
-                self.request_replacement();
-            }
-        }
-    }
-
-    /// What parts of the programmed speeds are asked for.
-    pub fn overrides(&self) -> Overrides {
-        self.overrides
-    }
-
-    /// Comes to rest on the path as soon as the limits allow and waits for
-    /// [`resume`](Self::resume). Effective from the current cycle on; the next setpoints lead to
-    /// rest. A dwell is broken off, and begins anew.
-    ///
-    /// On a line that is the closed form. On curves the [`replan_request`](Self::replan_request) asks the planner
-    /// for a law that brakes as hard as the axes allow, and where it does not answer in time one is
-    /// searched for here, over several cycles; until there is one the plan, which ends at rest, too,
-    /// is followed.
-    pub fn feed_hold(&mut self) {
-        if let Some(jogging) = &mut self.jogging {
-            jogging.hold();
-            return;
-        }
-        let begun = self.held || self.stopped;
-        let rests = matches!(self.current(), Some(Step::Hold));
-        if rests {
-            self.held |= !self.stopped;
-        } else if !begun {
-            self.request_replacement();
-            self.held = true;
-            // To turn it comes to rest already.
-            if self.stop == Stop::No {
-                self.begin_stop();
-            }
-        }
-    }
-
-    /// Ends a [`feed_hold`](Self::feed_hold), also one that a stop after the block came to.
-    pub fn resume(&mut self) {
-        if self.stopped {
-            return;
-        }
-        let goes_on = take(&mut self.single_block);
-        if let Some(jogging) = &mut self.jogging {
-            jogging.go_home(Then::Resume);
-            return;
-        }
-        if !(self.is_held() || self.retraces()) {
-            if goes_on {
-                self.request_replacement();
-            }
-            return;
-        }
-        self.retrace = None;
-        self.leave_hold();
-        if self.backward && self.stop != Stop::Found {
-            self.begin_stop();
-        } else if !self.backward {
-            self.stop = Stop::No;
-        }
-        self.request_replacement();
-    }
-
-    /// Comes to rest, goes back along the path to the beginning of the block, or from there to that
-    /// of the block before, and waits for [`resume`](Self::resume). On the way back it changes
-    /// nothing.
-    pub fn retrace(&mut self) {
-        let under_way = self.retraces() && !self.is_held();
-        if self.stopped || under_way {
-            return;
-        }
-        if let Some(jogging) = &mut self.jogging {
-            jogging.go_home(Then::Retrace);
-            return;
-        }
-        self.single_block = false;
-        // It comes again.
-        self.mark = None;
-        self.retrace = Some(self.revision + 1);
-        self.leave_hold();
-        if self.backward {
-            self.stop = Stop::No;
-        } else if self.stop != Stop::Found {
-            self.begin_stop();
-        }
-        self.request_replacement();
-    }
-
-    /// Goes back along the path, or rests where that led, until [`resume`](Self::resume).
-    pub fn retraces(&self) -> bool {
-        self.retrace.is_some()
-    }
-
-    fn leave_hold(&mut self) {
-        self.held = false;
-        if let Some(Step::Hold) = self.current() {
-            self.finish_step(Step::Hold, 0.0);
-        }
-    }
-
-    /// It has to come to rest before the new plan begins: that goes the other way.
-    fn turns(&self) -> bool {
-        self.retraces() != self.backward && matches!(self.current(), Some(Step::JerkSegment(_)))
-    }
-
-    /// Comes to rest at the end of the block that is under way, or of the first one where that is
-    /// possible, and waits for [`resume`](Self::resume). On the way back from a jog: of the block that
-    /// then goes on.
-    pub fn single_block(&mut self) {
-        if let Some(jogging) = &self.jogging {
-            self.single_block |= jogging.returns();
-        } else if !self.is_held() && !self.retraces() {
-            self.single_block = true;
-            self.request_replacement();
-        }
-    }
-
-    /// Rests, or is coming to rest, until [`resume`](Self::resume).
-    pub fn is_held(&self) -> bool {
-        let returns = self
-            .jogging
-            .as_ref()
-            .is_some_and(|jogging| jogging.returns());
-        !returns && (self.held || matches!(self.current(), Some(Step::Hold)))
-    }
-
-    /// Rests because nothing is left of the programmed speed; nobody asked for it.
-    pub fn wants_speed(&self) -> bool {
-        let asked = self.held || self.single_block || self.retrace.is_some();
-        !asked && matches!(self.current(), Some(Step::Hold))
-    }
-
-    /// Nothing of the path is missing: what is committed leads to a rest that somebody has to end.
-    pub fn leads_to_hold(&self) -> bool {
-        let last = self.committed.checked_sub(1);
-        let changes = self.awaits_replacement || self.takeover.is_some();
-        !changes && matches!(last.and_then(|last| self.steps.get(last)), Some(Step::Hold))
-    }
-
-    /// Comes to rest on the path as soon as the limits allow, as [`feed_hold`](Self::feed_hold) does, also by
-    /// what a planner answers, and drops the rest of the plan for good.
-    pub fn stop(&mut self) {
-        if !self.stopped {
-            self.stopped = true;
-            self.held = false;
-            match self.stop {
-                Stop::No => {
-                    self.request_replacement();
-                    self.begin_stop();
-                }
-                // A hold looks for the way already, or is on it.
-                Stop::Sought { .. } => {}
-                Stop::Found => self.drop_uncommitted(),
-            }
-            if self.committed == 0 {
-                self.spans.clear();
-            }
-            if let Some(jogging) = &mut self.jogging {
-                jogging.hold();
-            }
-        }
-    }
-
-    /// Moves axes while the path rests: after a [`feed_hold`](Self::feed_hold), or where nothing is left of it;
-    /// then nothing of it begins before [`resume`](Self::resume). That, and
-    /// [`retrace`](Self::retrace), lead the axes back to where the path was left, on a straight
-    /// line, before they take effect; [`feed_hold`](Self::feed_hold) and [`stop`](Self::stop) bring them to rest
-    /// where they are. Whatever moves an order comes to, it is followed from the state of this cycle on.
-    ///
-    /// # Errors
-    /// Why the order is refused; nothing changes then.
-    pub fn jog(&mut self, jog: Jog<N>, travel: &[Option<Travel>; N]) -> Result<(), JogError> {
-        let moves = matches!(self.current(), Some(Step::JerkSegment(_)));
-        let rests = self.is_idle() || self.is_held() && !moves;
-        if self.stopped || !rests && self.jogging.is_none() {
-            return Err(JogError::Moving);
-        }
-        let new = || Jogging::new(self.rest, self.period, travel);
-        let mut jogging = self.jogging.unwrap_or_else(new);
-        jogging.order(jog, self.overrides.rapid)?;
-        self.jogging = Some(jogging);
-        if !self.held {
-            self.request_replacement();
-            self.held = true;
-        }
-        Ok(())
-    }
-
-    /// A person moved the axes away from the path, and they are not back yet.
-    pub fn is_off_path(&self) -> bool {
-        self.jogging.is_some()
-    }
-
-    /// Goes on with what the axes came back for.
-    fn come_back(&mut self) {
-        let Some(then) = self.jogging.as_ref().and_then(Jogging::arrived) else {
-            return;
-        };
-        self.jogging = None;
-        match then {
-            Then::Resume => {
-                let stop = self.single_block;
-                self.resume();
-                if stop {
-                    self.single_block();
-                }
-            }
-            Then::Retrace => self.retrace(),
-        }
-    }
-
-    /// The plan is to be replaced, and what still comes of the old one is dropped.
-    pub fn awaits_replacement(&self) -> bool {
-        self.awaits_replacement
-    }
-
-    /// From where on the plan has to be replaced, if it has. What is handed in before that is done
-    /// is dropped. Nowhere at a mark or so shortly before it that it is reached before: what is
-    /// replaced begins behind it once it is passed, and the mark itself is not lost.
-    pub fn replan_request(&self) -> Option<ReplanRequest> {
-        let rest = self.seeks_rest();
-        let held = self.held || self.stopped || self.turns() || self.mark.is_some();
-        if !self.awaits_replacement || held && !rest || self.refused == Some(self.cycle) {
-            return None;
-        }
-        // A way to rest is soon found.
-        let lead = if rest { self.lead * 3 / 4 } else { self.lead };
-        let cycle = self.cycle + lead.max(1);
-        let mut item = self.item;
-        let mut departure = PathState {
-            distance: self.reached,
-            ..PathState::default()
-        };
-        let (last, t) = self.step_at(cycle);
-        for (index, step) in self.steps.iter().take(self.committed).enumerate() {
-            if index > last {
-                break;
-            }
-            match *step {
-                Step::Section { item: l, .. } => {
-                    item = Some(l);
-                    departure = PathState::default();
-                }
-                Step::Mark { .. } => return None,
-                Step::Dwell { item: l, .. } => item = Some(l),
-                Step::JerkSegment(piece) => {
-                    let under_way = index == last;
-                    let (ds, speed, acceleration) =
-                        piece.at(if under_way { t } else { piece.duration });
-                    let follows = matches!(
-                        self.steps.get(index + 1),
-                        Some(Step::JerkSegment(_) | Step::Section { moving: true, .. })
-                    ) && index + 1 < self.committed;
-                    let rests = !under_way && !follows;
-                    departure = PathState {
-                        distance: piece.distance + ds,
-                        speed: if rests { 0.0 } else { speed.max(0.0) },
-                        acceleration: if rests { 0.0 } else { acceleration },
-                    };
-                }
-                Step::Hold => {}
-            }
-        }
-        Some(ReplanRequest {
-            revision: self.revision,
-            cycle,
-            item,
-            departure,
-            overrides: self.overrides,
-            single_block: self.single_block,
-            retrace: self.retrace,
-            rest,
-        })
-    }
-
-    /// From this cycle on a stop is to begin that the planner, asked from now on, did not find.
-    fn unanswered(&self) -> u64 {
-        self.cycle + self.lead + AHEAD
-    }
-
-    /// It is to come to rest as soon as it can, until [`resume`](Self::resume), to turn or for good, and
-    /// no way there was found yet.
-    fn seeks_rest(&self) -> bool {
-        let moves = matches!(self.current(), Some(Step::JerkSegment(_)));
-        moves && matches!(self.stop, Stop::Sought { .. })
-    }
-
-    /// The plan is to be replaced: nothing more of it is taken.
-    fn request_replacement(&mut self) {
-        if self.stopped && self.stop == Stop::Found {
-            return;
-        }
-        self.drop_uncommitted();
-        self.revision += 1;
-        self.awaits_replacement = true;
-    }
-
-    fn drop_uncommitted(&mut self) {
-        self.steps.truncate(self.committed);
-        let spans = self.committed_spans.saturating_sub(self.first_span);
-        self.spans.truncate(spans as usize);
-        self.splice = None;
-        self.takeover = None;
-    }
-
-    /// The committed step that is under way at the start of `cycle`, and for how long then; their
-    /// number if there is none any more.
-    fn step_at(&self, cycle: u64) -> (usize, f64) {
-        let mut t = self.since(self.began) + (cycle - self.cycle) as f64 * self.period;
-        for (index, step) in self.steps.iter().take(self.committed).enumerate() {
-            let duration = step.duration();
-            if t < duration {
-                return (index, t.max(0.0));
-            }
-            t -= duration;
-        }
-        (self.committed, 0.0)
-    }
-
-    /// Cuts the committed plan at the start of `cycle`; returns how many of its steps remain.
-    fn cut(&mut self, cycle: u64) -> usize {
-        let (index, t) = self.step_at(cycle);
-        match self.steps.get_mut(index) {
-            Some(Step::JerkSegment(piece)) if index < self.committed => {
-                piece.duration = t;
-                index + 1
-            }
-            // A dwell is not cut short.
-            Some(Step::Dwell { .. }) if index < self.committed => index + 1,
-            _ => index,
-        }
-    }
-
-    fn begin_stop(&mut self) {
-        // However slow its plans are: a way to rest is soon found.
-        self.lead = first_lead(self.period);
-        self.drop_uncommitted();
-        let goes_on =
-            |s: &Step<N>| matches!(s, Step::JerkSegment(_) | Step::Section { moving: true, .. });
-        let run = self.steps.iter().position(|s| !goes_on(s));
-        self.steps.truncate(run.unwrap_or(self.steps.len()));
-        self.committed = self.steps.len();
-        self.seek_from(self.cycle, self.cycle);
-        self.seek_stop(self.cycle, self.cycle);
-    }
-
-    /// A way to rest from that cycle on is searched for anew.
-    fn seek_from(&mut self, departure: u64, since: u64) {
-        self.stop = Stop::Sought { departure, since };
-        if let Some(search) = &mut self.search {
-            search.reset();
-        }
-    }
-
-    /// Replaces the plan by a shorter way to rest if there is one.
-    ///
-    /// A line has a closed form at once. Elsewhere the planner is asked for one; what it does not
-    /// answer in time is searched for here from a little ahead, so that the share of several cycles
-    /// goes into the same law.
-    ///
-    /// Apart from the cycle that follows its plan: the search has a large stack.
-    #[inline(never)]
-    fn seek_stop(&mut self, departure: u64, since: u64) {
-        let (Some(Step::JerkSegment(_)), Some(limits)) = (self.current(), self.limits) else {
-            return;
-        };
-        let (index, t) = self.step_at(departure);
-        let Some(Step::JerkSegment(piece)) = self.steps.get(index).copied() else {
-            self.stop = Stop::Found;
-            return;
-        };
-        let (ds, speed, acceleration) = piece.at(t.min(piece.duration));
-        let first = self.cycle == since;
-        let from = PathState {
-            distance: piece.distance + ds,
-            speed,
-            acceleration,
-        };
-        let spans = &self.spans;
-        let passed = (1..spans.len())
-            .take_while(|&k| spans[k].start > spans[k - 1].start && spans[k].start <= from.distance)
-            .count();
-        let span = |k: usize| {
-            let span = spans.get(passed + k)?;
-            (k == 0 || span.start > spans[passed + k - 1].start).then_some(span)
-        };
-        let gentle = || brake_gently(span(0)?, &limits, from, 0.0);
-        let straight = span(0).is_some_and(|span| span.curve.direction().is_some());
-        // Where the plan does nothing but come to rest on a line, it does so as fast as it can.
-        let brakes = |s: &Step<N>| {
-            let Step::JerkSegment(p) = s else {
-                return false;
-            };
-            let cruises = p.acceleration.abs() <= 1e-9 && p.jerk >= 0.0;
-            !cruises && p.at(p.duration).2 <= 1e-9
-        };
-        if first && straight && acceleration <= 0.0 && self.steps.iter().all(brakes) {
-            self.stop = Stop::Found;
-            return;
-        }
-        let last = departure == self.cycle && !first;
-        // The hardest as soon as it is found, and at last a gentle one.
-        let searched = match straight.then(gentle).flatten() {
-            None if first => Some(None),
-            None => (self.search.as_mut())
-                .and_then(|search| search.go_on(span, &limits, from, 0.0, WORK)),
-            law => Some(law),
-        };
-        let (lost, hardest) = (searched.is_none(), searched.flatten());
-        let found = hardest.is_some();
-        let gentle = || last.then(gentle).flatten();
-        let plan_ends = self.committed.checked_sub(1).map_or(f64::INFINITY, |last| {
-            match self.steps.get(last) {
-                Some(Step::JerkSegment(last)) => last.distance + last.at(last.duration).0,
-                _ => f64::INFINITY,
-            }
-        });
-        if let Some(law) = hardest.or_else(gentle)
-            && law.end.distance < plan_ends
-        {
-            self.request_replacement();
-            let keep = self.cut(departure);
-            self.steps.truncate(keep);
-            self.steps
-                .extend(law.pieces().iter().copied().map(Step::JerkSegment));
-            self.committed = self.steps.len();
-        }
-        if found {
-            self.stop = Stop::Found;
-        } else if first || lost || departure == self.cycle {
-            let next = if first {
-                self.unanswered()
-            } else {
-                (departure + 1).max(self.cycle + AHEAD)
-            };
-            // Another section may begin before.
-            let (index, _) = self.step_at(next);
-            let mut until = self.steps.iter().take(index + 1);
-            let same = until.all(|s| matches!(s, Step::JerkSegment(_)));
-            let departure = if same { next } else { self.cycle + 1 };
-            self.seek_from(departure, since);
         }
     }
 }
