@@ -1,5 +1,9 @@
 //! The machine: configuration, bring-up, SYNC cycle, supervision, programs, recording, reports.
 //!
+//! ```
+#![doc = include_str!("../examples/validate.rs")]
+//! ```
+//!
 //! - [`machine`]: the machine file
 //! - [`budget`]: whether its frames fit its cycle
 //! - [`program`]: from commands to a plan
