@@ -11,18 +11,19 @@
 //!   stop on the path at any instant,
 //! - [`jog`]: single axes in machine coordinates, from any state, and back to the path.
 //!
-//! # Override, hold, step back
+//! # Override, feed hold, retrace
 //!
 //! A person acts on the [`Executor`] alone, in the cycle: [`Executor::set_overrides`],
-//! [`hold`](Executor::hold), [`resume`](Executor::resume),
+//! [`feed_hold`](Executor::feed_hold), [`resume`](Executor::resume),
 //! [`single_block`](Executor::single_block), [`retrace`](Executor::retrace). The
 //! executor brakes by itself on a line and where no planner answers; for everything else it wants the
-//! rest of the path, or the way to rest, planned anew and says from where on: [`Executor::replan_request`],
-//! once a cycle. Whoever feeds it hands
-//! that to [`Planner::replan`], and the planner's commands go the usual way:
+//! rest of the path, or the way to rest, planned anew and says from where on:
+//! [`Executor::replan_request`], once a cycle. Whoever feeds it hands that to [`Planner::replan`], and the planner's commands go the usual way:
 //!
 //! ```text
-//! Executor ──► ReplanRequest ──► Planner ──► ReplacePlan, Section, PathSegment …, JerkSegment …, Commit ──► Executor
+//! Executor ──► ReplanRequest ──► Planner ──┐
+//!    ▲                                     │
+//!    └─ ReplacePlan, Section, PathSegment …, JerkSegment …, Commit
 //! ```
 //!
 //! Until then the executor follows the old plan, which ends at rest, and drops what still comes of

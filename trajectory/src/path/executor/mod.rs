@@ -1,4 +1,21 @@
 //! Executes the plan on the path's own clock, one setpoint a cycle.
+//!
+//! The plan is a queue of steps: sections, segments of constant jerk along them, dwells, marks and
+//! holds. Those up to the last commit may run, and end at rest; what came since waits for the next
+//! commit, as the tail of the plan goes on ([`Command::ReplaceTail`]), or as a whole new plan that takes
+//! over in a cycle of its own ([`Command::ReplacePlan`]). So there is a way to rest at
+//! every instant, whatever becomes of the planner.
+//!
+//! A setpoint is a function of the cycle's number: it is evaluated from the beginning of its step on
+//! a clock that counts cycles, never summed up from setpoint to setpoint.
+//!
+//! A dwell and a mark are never cut: a new plan that takes over while one is under way begins behind
+//! the dwell, and at a mark only once that is [passed](Executor::pass). What is replaced before
+//! them brings them again. Nothing that a person does can lose one.
+//!
+//! - `operator`: what a person does,
+//! - `stop`: the shortest way to rest,
+//! - `replan`: from which state on a plan is asked for.
 
 mod operator;
 mod replan;
