@@ -15,8 +15,8 @@
 //! On the host's clock the cycle waits for nobody. Where every bus is simulated its time goes with the
 //! cycle, which waits for the plan as long as the program goes on, so that the motion does not depend
 //! on the host; it hears orders meanwhile. Once it is to stop it waits for the planner for at most
-//! [`PATIENCE`] in all, and at all times for whoever takes its reports for at most
-//! [`REPORT_PATIENCE`] in all: then reports are lost, and counted.
+//! `PATIENCE` in all, and at all times for whoever takes its reports for at most
+//! `REPORT_PATIENCE` in all: then reports are lost, and counted.
 
 use super::driver::Driver;
 use super::planning::{PlanQueues, PlanRequest, Planning};
