@@ -369,9 +369,13 @@ impl DriveNode {
         Ok(setpoint)
     }
 
-    /// Holds the drive where it is.
+    /// Holds the drive where it is. One that follows its setpoints as soon as it is enabled is held
+    /// where it was before: if its setpoint went along with its noise, nothing would hold it.
     pub(super) fn hold(&mut self) {
-        self.setpoint.position = self.actual;
+        let follows = self.power == PowerCommand::Enable && !self.device.ends_mode();
+        if !follows {
+            self.setpoint.position = self.actual;
+        }
     }
 
     /// Encodes its R_PDOs for the next SYNC: once for a cycle in which they are sent.

@@ -313,3 +313,35 @@ fn a_mode_without_an_end_is_not_waited_for() {
     let data = [0x37, 0x12, 0, 0, 0, 0];
     assert_eq!(running(&layout, CobId::t_pdo(2, id), &data), [true, false]);
 }
+
+/// A drive that follows its setpoints as soon as it is enabled holds its place by the last one
+/// before; one whose mode is started later goes along until then.
+#[test]
+fn a_drive_that_follows_once_enabled_keeps_its_last_setpoint() {
+    let held = |layout: &Arc<Layout>, t_pdo: CobId, data: fn(u8) -> Vec<u8>| {
+        let mut node = DriveNode::new(0, layout);
+        [
+            (PowerCommand::Prepare, 7),
+            (PowerCommand::Enable, 8),
+            (PowerCommand::Enable, 9),
+            (PowerCommand::Prepare, 10),
+        ]
+        .map(|(power, position)| {
+            node.power = power;
+            let frame = Frame::new(t_pdo, &data(position));
+            let taken = node.receive(Instant::ZERO, &frame, None, &mut |_| ());
+            assert_eq!(taken, Ok(()));
+            node.hold();
+            node.setpoint.position.get()
+        })
+    };
+    let layout = two_pdos_each();
+    let position = CobId::t_pdo(3, layout.drives[0].device.node());
+    let at = |position| vec![position, 0, 0, 0];
+    assert_eq!(held(&layout, position, at), [7, 7, 7, 10]);
+    let shape = Shape::on_fewest_buses(1, Duration::from_millis(2)).unwrap();
+    let layout = Arc::new(shape.layout());
+    let position = CobId::t_pdo(2, layout.drives[0].device.node());
+    let at = |position| vec![0x37, 0x02, position, 0, 0, 0];
+    assert_eq!(held(&layout, position, at), [7, 8, 9, 10]);
+}
