@@ -131,12 +131,17 @@ impl Lxm32m {
         }
         if let Some(limit) = settings.following_error_limit {
             // MON_p_dif_load (2909), in position units as CiA 402 has it.
-            setup.push(Write::new(0x6065, 0, Data::u32(saturated(limit) as u32)));
+            setup.push(Write::new(
+                0x6065,
+                0,
+                Data::u32(limit.saturating_i32() as u32),
+            ));
         }
         if let Some((least, most)) = settings.soft_limits {
-            // MON_swLimN, MON_swLimP (2919, 2920).
-            setup.push(Write::new(0x607D, 1, Data::i32(saturated(least))));
-            setup.push(Write::new(0x607D, 2, Data::i32(saturated(most))));
+            // MON_swLimN, MON_swLimP (2919, 2920). A limit beyond what they hold is no limit, which their
+            // ends say just as well.
+            setup.push(Write::new(0x607D, 1, Data::i32(least.saturating_i32())));
+            setup.push(Write::new(0x607D, 2, Data::i32(most.saturating_i32())));
         }
         setup.extend(&settings.objects);
         // Heartbeats both ways (3282-3320).
@@ -223,12 +228,6 @@ fn map_signals(setup: &mut Vec<Write>) {
         let third = Write::new(0x1A01, 3, Data::u32(0x3008_0110));
         setup.splice(place..=place, [third, Write::new(0x1A01, 0, Data::u8(3))]);
     }
-}
-
-/// The nearest position that the object holds: a limit beyond it is no limit, which its end says
-/// just as well.
-fn saturated(position: Increments) -> i32 {
-    position.get().clamp(i32::MIN.into(), i32::MAX.into()) as i32
 }
 
 /// The communication profile, the words of the state machine, mode, cycle, scaling and
@@ -384,7 +383,7 @@ impl Drive for Lxm32m {
 
     fn encode(&mut self, command: PowerCommand, setpoint: Setpoint, frames: &mut [Frame]) {
         let [c0, c1] = cia402::controlword(command, START_MODE).0.to_le_bytes();
-        let [p0, p1, p2, p3] = saturated(setpoint.position).to_le_bytes();
+        let [p0, p1, p2, p3] = setpoint.position.saturating_i32().to_le_bytes();
         frames[0] = Frame::new(self.r_pdo.cob_id, &[c0, c1, p0, p1, p2, p3]);
     }
 

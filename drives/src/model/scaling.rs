@@ -38,6 +38,12 @@ impl Increments {
     pub fn to_i32(self) -> Result<i32, OutOfRange> {
         i32::try_from(self.0).map_err(|_| OutOfRange)
     }
+
+    /// The nearest position that a drive's object holds.
+    #[must_use]
+    pub fn saturating_i32(self) -> i32 {
+        self.clamp(Self::MIN, Self::MAX).0 as i32
+    }
 }
 
 impl From<i32> for Increments {
