@@ -159,7 +159,7 @@ fn every_mistake_is_found_named_and_placed() {
             "model = \"lxm32m\"",
             "model = §\"lxm23m\"",
             "drive \"X1\": `model` is \"lxm23m\"",
-            "allowed: \"lxm32m\"; nearest: \"lxm32m\"",
+            "allowed: \"lxm32m\" or \"cia402_csp\"; nearest: \"lxm32m\"",
         ),
         (
             "bus = \"portal\"\nnode = 3",

@@ -12,6 +12,7 @@ mod outside;
 mod overrun;
 mod plan;
 mod python_canopen;
+mod python_canopen_csp;
 mod replay;
 mod report;
 mod simulated;

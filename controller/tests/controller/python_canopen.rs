@@ -7,7 +7,7 @@ use std::process::Command;
 const CLIENT: &str = "tests/python/client.py";
 
 /// The interpreter that `tests/python/prepare` sets up, or else the host's.
-fn python() -> PathBuf {
+pub(crate) fn python() -> PathBuf {
     let prepared = root().join("target/python/bin/python");
     if prepared.exists() {
         prepared
@@ -16,7 +16,7 @@ fn python() -> PathBuf {
     }
 }
 
-fn has_python_canopen() -> Result<(), String> {
+pub(crate) fn has_python_canopen() -> Result<(), String> {
     runs(python(), &["-c", "import can, canopen, msgpack"])
         .map_err(|why| format!("{why}; run tests/python/prepare"))
 }

@@ -302,7 +302,7 @@ fn bad_input() {
         ),
         (
             &["monitor", "--log", "x", "--node", "1:y"],
-            "no model `y`, only lxm32m",
+            "no model `y`, only lxm32m, cia402_csp",
         ),
         (&["monitor"], "required"),
         (&["scan", "--bus", "can0", "--timeout", "0"], "1..=600000"),

@@ -13,6 +13,7 @@
 //!
 //! A new model is a file here with a [`Model`], and a line in [`MODELS`].
 
+mod cia402_csp;
 mod drive;
 mod feedback;
 mod io;
@@ -36,7 +37,7 @@ use core::{ops::RangeInclusive, time::Duration};
 use syncline_canopen::{NodeId, dictionary::Entry};
 
 /// Every model that a machine file may name.
-pub static MODELS: &[&Model] = &[&lxm32m::LXM32M];
+pub static MODELS: &[&Model] = &[&lxm32m::LXM32M, &cia402_csp::CIA402_CSP];
 
 /// A kind of device: everything that is known before one is made.
 #[derive(Debug)]

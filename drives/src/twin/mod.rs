@@ -3,6 +3,7 @@
 //! - [`device`]: what every twin is to a bus, to mechanics, to observers and to tests
 //! - [`TWINS`]: all of them, by the name of the model that each stands for
 //! - [`lxm32m`]: the Lexium 32M
+//! - [`cia402_csp`]: a drive by the profile alone, in Cyclic Synchronous Position
 //! - [`node`]: the CANopen node as a device's processor runs it: delays, losses, restarts
 //! - [`cia402`]: the state machine of a drive
 //! - [`servo`]: cascade, clock, encoder, shaft, ramps
@@ -16,6 +17,7 @@
 //! itself.
 
 pub mod cia402;
+pub mod cia402_csp;
 pub mod device;
 pub mod lxm32m;
 pub mod node;
@@ -25,7 +27,7 @@ pub mod servo;
 pub use device::{Config, Disturbance, ErrorClass, Kind, Observation, SimulatedDevice};
 
 /// Every twin.
-pub static TWINS: [&Kind; 1] = [&lxm32m::KIND];
+pub static TWINS: [&Kind; 2] = [&lxm32m::KIND, &cia402_csp::KIND];
 
 impl Kind {
     /// The twin of the model with that name.

@@ -2,6 +2,7 @@
 
 mod bus;
 mod bus_budget;
+mod cia402_csp;
 mod common;
 mod lxm32m_dictionary;
 mod lxm32m_golden_vectors;

@@ -4,6 +4,7 @@
 mod bad_input;
 mod beam;
 mod bring_up;
+mod cia402_csp;
 mod corpus;
 mod faults;
 mod fits;

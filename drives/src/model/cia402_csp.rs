@@ -1,0 +1,564 @@
+//! A servo drive as the profile has it: CiA 402 (IEC 61800-7-201) in Cyclic Synchronous Position,
+//! by the profile's own objects.
+//!
+//! The mode has no start: an enabled drive runs to 607Ah within the cycle after each SYNC, and
+//! statusword bit 12 says so. Nothing that a maker adds is used, no clock that follows SYNC
+//! either; what the profile leaves to the maker is an [`Assumption`].
+//!
+//! Positions are encoder increments at the motor's shaft. What a revolution counts (608Fh) and that
+//! the drive reckons with no gear of its own (6091h) is read before anything is written: the travel
+//! per motor revolution stands in the machine file.
+
+use super::profile::{cia402, communication};
+use super::{
+    Address, Assumed, Assumption, ClockLock, Data, Drive, DriveStatus, Feedback, Identity,
+    Increments, ModeDisplay, Model, OutOfRange, PowerCommand, PowerState, RemoteNode, Sample,
+    Setpoint, Settings, Survey, Write,
+};
+use crate::dictionary;
+use core::{slice, time::Duration};
+use syncline_canopen::{
+    CobId, Frame, NodeId,
+    budget::{Direction, Pdo},
+    cia402::Statusword,
+    pdo::CobIdWord,
+};
+
+/// The drive.
+///
+/// Cycles are those that 60C2h holds in milliseconds or tenths of them.
+pub(super) static CIA402_CSP: Model = Model {
+    name: "cia402_csp",
+    title: "CiA 402 CSP",
+    bitrates: &[
+        10_000, 20_000, 50_000, 125_000, 250_000, 500_000, 800_000, 1_000_000,
+    ],
+    cycle_step: Duration::from_micros(500),
+    cycles: Duration::from_micros(500)..=Duration::from_millis(20),
+    increments_per_revolution: |assumed| assumed.value(&ENCODER_INCREMENTS),
+    assumptions: &[
+        ENCODER_INCREMENTS,
+        PDOS,
+        R_PDO,
+        T_PDO,
+        INTERPOLATION_DELAY,
+        T_PDO_RESPONSE,
+        SDO_RESPONSE,
+    ],
+    dictionary: &dictionary::CIA402_CSP,
+    reserved,
+    has_signals: false,
+    drive: |settings| Box::new(Cia402Csp::new(settings)),
+};
+
+const ENCODER_INCREMENTS: Assumption = Assumption {
+    name: "encoder_increments",
+    default: 1_048_576,
+    allowed: 1..=1 << 30,
+    meaning: "increments for each motor revolution: what 608Fh:1 has to read, with 608Fh:2 = 1",
+};
+
+const PDOS: Assumption = Assumption {
+    name: "pdos",
+    default: 4,
+    allowed: 1..=4,
+    meaning: "PDOs that the drive has in each direction; those without use are switched off",
+};
+
+const R_PDO: Assumption = Assumption {
+    name: "r_pdo",
+    default: 1,
+    allowed: 1..=4,
+    meaning: "number of the R_PDO that brings controlword and target position",
+};
+
+const T_PDO: Assumption = Assumption {
+    name: "t_pdo",
+    default: 1,
+    allowed: 1..=4,
+    meaning: "number of the T_PDO that brings statusword and actual position",
+};
+
+const INTERPOLATION_DELAY: Assumption = Assumption {
+    name: "interpolation_delay",
+    default: 1,
+    allowed: 0..=10,
+    meaning: "cycles from the SYNC that latches a setpoint until the position reference reaches it",
+};
+
+const T_PDO_RESPONSE: Assumption = Assumption {
+    name: "t_pdo_response_us",
+    default: 100,
+    allowed: 0..=1_000_000,
+    meaning: "longest time in µs from the end of SYNC until the drive queues its T_PDO",
+};
+
+const SDO_RESPONSE: Assumption = Assumption {
+    name: "sdo_response_us",
+    default: 1000,
+    allowed: 0..=1_000_000,
+    meaning: "longest time in µs from the end of an SDO request until the drive queues its answer",
+};
+
+const CYCLIC_SYNCHRONOUS_POSITION: i8 = 8;
+
+/// Bit of 6502h for [`CYCLIC_SYNCHRONOUS_POSITION`].
+const SUPPORTS_THE_MODE: u32 = 1 << 7;
+
+/// Statusword bit 13 in this mode: the following error is beyond 6065h.
+const FOLLOWING_ERROR: u16 = Statusword::BIT_13;
+
+/// What tells a drive that does as this file says.
+fn identity(encoder_increments: u32) -> [Identity; 6] {
+    let reads = |index, sub, name, mask, value| Identity {
+        address: Address::new(index, sub),
+        name,
+        mask,
+        value,
+    };
+    let (mode, counts) = (SUPPORTS_THE_MODE, encoder_increments);
+    [
+        // What stands above CiA 402 tells a servo from other drives.
+        reads(0x1000, 0, "device type", 0xFFFF, 402),
+        reads(0x6502, 0, "supported drive modes", mode, mode),
+        reads(0x608F, 1, "encoder increments", u32::MAX, counts),
+        reads(0x608F, 2, "motor revolutions", u32::MAX, 1),
+        reads(0x6091, 1, "gear ratio, motor shaft", u32::MAX, 1),
+        reads(0x6091, 2, "gear ratio, driving shaft", u32::MAX, 1),
+    ]
+}
+
+/// Error code, error register, newest entry of the error list.
+const HISTORY: [Address; 3] = [
+    Address::new(0x603F, 0),
+    Address::new(0x1001, 0),
+    Address::new(0x1003, 1),
+];
+
+/// One drive.
+#[derive(Clone, Debug)]
+struct Cia402Csp {
+    node: NodeId,
+    identity: [Identity; 6],
+    setup: Vec<Write>,
+    read_back: Vec<Write>,
+    interpolation_delay: u32,
+    t_pdo_response: Duration,
+    sdo_response: Duration,
+    /// Statusword and actual position.
+    t_pdo: Pdo,
+    /// Controlword and target position.
+    r_pdo: Pdo,
+}
+
+/// The number of a PDO, 1…4.
+fn number(assumed: &Assumed, assumption: &Assumption) -> u8 {
+    assumed.value(assumption) as u8
+}
+
+impl Cia402Csp {
+    fn new(settings: &Settings) -> Self {
+        let (node, assumed) = (settings.node, &settings.assumed);
+        let (r_pdo, t_pdo) = (number(assumed, &R_PDO), number(assumed, &T_PDO));
+        let setup = setup(settings, r_pdo, t_pdo);
+        // A controlword is a command, not a setting.
+        let is_command = |write: &Write| write.address == cia402::CONTROLWORD;
+        let micros = |assumption| Duration::from_micros(assumed.value(assumption).into());
+        Self {
+            node,
+            identity: identity(assumed.value(&ENCODER_INCREMENTS)),
+            read_back: communication::read_back(&setup, is_command),
+            setup,
+            interpolation_delay: assumed.value(&INTERPOLATION_DELAY),
+            t_pdo_response: micros(&T_PDO_RESPONSE),
+            sdo_response: micros(&SDO_RESPONSE),
+            t_pdo: Pdo {
+                direction: Direction::Transmit,
+                cob_id: CobId::t_pdo(t_pdo, node),
+                bytes: 6,
+            },
+            r_pdo: Pdo {
+                direction: Direction::Receive,
+                cob_id: CobId::r_pdo(r_pdo, node),
+                bytes: 6,
+            },
+        }
+    }
+}
+
+/// Every PDO off; mode, cycle and limits; the two that are used mapped, and on.
+fn setup(settings: &Settings, r_pdo: u8, t_pdo: u8) -> Vec<Write> {
+    let Settings {
+        node,
+        cycle,
+        assumed,
+        ..
+    } = settings;
+    let w = Write::new;
+    let pdos = number(assumed, &PDOS);
+    let r_pdo_word = |n| CobIdWord::valid(CobId::r_pdo(n, *node)).0;
+    // Not to be asked for by remote requests, which many devices do not know.
+    let t_pdo_word = |n| CobIdWord::valid(CobId::t_pdo(n, *node)).0 | CobIdWord::NO_RTR;
+    let off = |word| Data::u32(word | CobIdWord::INVALID);
+
+    let mut setup = Vec::new();
+    for n in 1..=pdos.max(r_pdo) {
+        setup.push(w(parameter(0x1400, n), 1, off(r_pdo_word(n))));
+    }
+    for n in 1..=pdos.max(t_pdo) {
+        setup.push(w(parameter(0x1800, n), 1, off(t_pdo_word(n))));
+    }
+    setup.push(w(0x6040, 0, Data::u16(0)));
+    setup.push(w(0x6040, 0, Data::u16(0x80))); // Fault Reset
+    setup.push(w(0x6060, 0, Data::u8(CYCLIC_SYNCHRONOUS_POSITION as u8)));
+    let (mantissa, exponent) = interpolation_period(*cycle);
+    setup.push(w(0x60C2, 1, Data::u8(mantissa)));
+    setup.push(w(0x60C2, 2, Data::u8(exponent as u8)));
+    if let Some(limit) = settings.following_error_limit {
+        let limit = limit.saturating_i32() as u32;
+        setup.push(w(0x6065, 0, Data::u32(limit)));
+    }
+    if let Some((least, most)) = settings.soft_limits {
+        setup.push(w(0x607D, 1, Data::i32(least.saturating_i32())));
+        setup.push(w(0x607D, 2, Data::i32(most.saturating_i32())));
+    }
+    setup.extend(&settings.objects);
+    for (from, n, mapped) in [
+        (0x1600, r_pdo, [0x6040_0010, 0x607A_0020]),
+        (0x1A00, t_pdo, [0x6041_0010, 0x6064_0020]),
+    ] {
+        let index = parameter(from, n);
+        setup.push(w(index, 0, Data::u8(0)));
+        setup.push(w(index, 1, Data::u32(mapped[0])));
+        setup.push(w(index, 2, Data::u32(mapped[1])));
+        setup.push(w(index, 0, Data::u8(2)));
+    }
+    let (receive, transmit) = (parameter(0x1400, r_pdo), parameter(0x1800, t_pdo));
+    setup.push(w(receive, 2, Data::u8(1))); // at every SYNC
+    setup.push(w(transmit, 2, Data::u8(1)));
+    setup.push(w(receive, 1, Data::u32(r_pdo_word(r_pdo))));
+    setup.push(w(transmit, 1, Data::u32(t_pdo_word(t_pdo))));
+    setup.extend(communication::heartbeats(&settings.heartbeat));
+    setup
+}
+
+/// The index of PDO `n`'s object in the block that begins with PDO 1's.
+const fn parameter(first: u16, n: u8) -> u16 {
+    first + n as u16 - 1
+}
+
+/// 60C2h, mantissa and power of ten in seconds: of a whole millisecond -3, which every drive knows,
+/// otherwise -4. A cycle that [`Model::takes_cycle`] takes fits.
+fn interpolation_period(cycle: Duration) -> (u8, i8) {
+    let tenths = cycle.as_micros() / 100;
+    if tenths.is_multiple_of(10) {
+        ((tenths / 10) as u8, -3)
+    } else {
+        (tenths as u8, -4)
+    }
+}
+
+/// The communication profile, the words of the state machine, mode, cycle and scaling are the
+/// controller's; tuning is the user's.
+fn reserved(Address { index, .. }: Address) -> bool {
+    matches!(
+        index,
+        0x1000..=0x1FFF | 0x6040 | 0x6060 | 0x6065 | 0x607A | 0x607D | 0x608F | 0x6091 | 0x60C2
+    )
+}
+
+impl RemoteNode for Cia402Csp {
+    fn model(&self) -> &'static Model {
+        &CIA402_CSP
+    }
+
+    fn node(&self) -> NodeId {
+        self.node
+    }
+
+    fn identity(&self) -> &[Identity] {
+        &self.identity
+    }
+
+    fn history(&self) -> &[Address] {
+        &HISTORY
+    }
+
+    fn setup(&self) -> &[Write] {
+        &self.setup
+    }
+
+    fn read_back(&self) -> &[Write] {
+        &self.read_back
+    }
+
+    fn agrees(&self, written: &Write, read: &[u8]) -> bool {
+        communication::agrees(written, read)
+    }
+
+    fn clock_lock(&self) -> Option<ClockLock> {
+        None
+    }
+
+    fn release(&self) -> &[Write] {
+        &[]
+    }
+
+    fn t_pdos(&self) -> &[Pdo] {
+        slice::from_ref(&self.t_pdo)
+    }
+
+    fn r_pdos(&self) -> &[Pdo] {
+        slice::from_ref(&self.r_pdo)
+    }
+
+    fn t_pdo_response(&self) -> Duration {
+        self.t_pdo_response
+    }
+
+    fn sdo_response(&self) -> Duration {
+        self.sdo_response
+    }
+
+    /// What the bytes mean is the maker's affair, and nobody knows who that is.
+    fn vendor_error(&self, _: [u8; 5]) -> Option<String> {
+        None
+    }
+}
+
+impl Feedback for Cia402Csp {
+    fn sample(&self, _: usize, data: &[u8]) -> Option<Sample> {
+        let &[_, _, p0, p1, p2, p3, ..] = data else {
+            return None;
+        };
+        Some(Sample {
+            position: i32::from_le_bytes([p0, p1, p2, p3]).into(),
+        })
+    }
+}
+
+impl Drive for Cia402Csp {
+    fn clone_box(&self) -> Box<dyn Drive> {
+        Box::new(self.clone())
+    }
+
+    fn survey(&self) -> Survey {
+        cia402::SURVEY
+    }
+
+    fn mode(&self) -> ModeDisplay {
+        cia402::shows(CYCLIC_SYNCHRONOUS_POSITION)
+    }
+
+    fn ends_mode(&self) -> bool {
+        false
+    }
+
+    fn latency(&self) -> u32 {
+        self.interpolation_delay
+    }
+
+    fn status(&mut self, _: usize, data: &[u8]) -> Option<DriveStatus> {
+        let &[s0, s1, ..] = data else {
+            return None;
+        };
+        let statusword = Statusword(u16::from_le_bytes([s0, s1]));
+        let status = cia402::status(statusword);
+        Some(DriveStatus {
+            error: status.power == PowerState::Enabled && statusword.has(FOLLOWING_ERROR),
+            ..status
+        })
+    }
+
+    fn check(&self, setpoint: Setpoint) -> Result<(), OutOfRange> {
+        setpoint.position.to_i32().map(|_| ())
+    }
+
+    fn encode(&mut self, command: PowerCommand, setpoint: Setpoint, frames: &mut [Frame]) {
+        let [c0, c1] = cia402::controlword(command, 0).0.to_le_bytes();
+        let [p0, p1, p2, p3] = setpoint.position.saturating_i32().to_le_bytes();
+        frames[0] = Frame::new(self.r_pdo.cob_id, &[c0, c1, p0, p1, p2, p3]);
+    }
+
+    fn in_motion(&self, position: Increments) -> Result<Vec<Frame>, OutOfRange> {
+        let operation_enabled = 0x0037;
+        let statusword = operation_enabled | Statusword::REMOTE | Statusword::MODE_12;
+        let [s0, s1] = statusword.to_le_bytes();
+        let [p0, p1, p2, p3] = position.to_i32()?.to_le_bytes();
+        let t_pdo = Frame::new(self.t_pdo.cob_id, &[s0, s1, p0, p1, p2, p3]);
+        let mut frames = vec![t_pdo; 2];
+        self.clone()
+            .encode(PowerCommand::Run, Setpoint { position }, &mut frames[1..]);
+        Ok(frames)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{Heartbeat, NotFollowing};
+    use super::*;
+
+    fn settings(cycle_us: u64, assumed: &[(&'static str, u32)]) -> Settings {
+        Settings {
+            node: NodeId::new(3).unwrap(),
+            cycle: Duration::from_micros(cycle_us),
+            heartbeat: Heartbeat {
+                controller: NodeId::new(127).unwrap(),
+                producer: Duration::from_millis(100),
+                consumer: Duration::from_millis(250),
+            },
+            following_error_limit: None,
+            soft_limits: None,
+            signals: false,
+            objects: Vec::new(),
+            assumed: Assumed(assumed.to_vec()),
+        }
+    }
+
+    /// As a table: `index:sub bytes value`, hexadecimal.
+    fn writes(drive: &Cia402Csp) -> Vec<String> {
+        let row = |write: &Write| {
+            let Address { index, sub } = write.address;
+            let (len, bits) = (write.data.bytes().len(), write.data.bits());
+            format!("{index:04X}:{sub:X} {len} {bits:X}")
+        };
+        drive.setup().iter().map(row).collect()
+    }
+
+    #[test]
+    fn the_set_up_write_for_write() {
+        let drive = Cia402Csp::new(&settings(2000, &[]));
+        let expected = "
+            1400:1 4 80000203, 1401:1 4 80000303, 1402:1 4 80000403, 1403:1 4 80000503,
+            1800:1 4 C0000183, 1801:1 4 C0000283, 1802:1 4 C0000383, 1803:1 4 C0000483,
+            6040:0 2 0, 6040:0 2 80, 6060:0 1 8, 60C2:1 1 2, 60C2:2 1 FD,
+            1600:0 1 0, 1600:1 4 60400010, 1600:2 4 607A0020, 1600:0 1 2,
+            1A00:0 1 0, 1A00:1 4 60410010, 1A00:2 4 60640020, 1A00:0 1 2,
+            1400:2 1 1, 1800:2 1 1, 1400:1 4 203, 1800:1 4 40000183,
+            1017:0 2 64, 1016:1 4 7F00FA";
+        let expected: Vec<&str> = expected.split(',').map(str::trim).collect();
+        assert_eq!(writes(&drive), expected);
+    }
+
+    #[test]
+    fn limits_and_own_objects_come_while_the_pdos_are_off() {
+        let own = Write::new(0x6085, 0, Data::u32(5));
+        let drive = Cia402Csp::new(&Settings {
+            following_error_limit: Some(Increments::new(26_214)),
+            soft_limits: Some((Increments::new(-10), Increments::new(5_000_000_000))),
+            objects: vec![own],
+            ..settings(2000, &[])
+        });
+        assert_eq!(
+            drive.setup()[13..17],
+            [
+                Write::new(0x6065, 0, Data::u32(26_214)),
+                Write::new(0x607D, 1, Data::i32(-10)),
+                Write::new(0x607D, 2, Data::i32(i32::MAX)),
+                own,
+            ]
+        );
+    }
+
+    #[test]
+    fn pdos_have_the_numbers_that_the_machine_file_says() {
+        let drive = Cia402Csp::new(&settings(2000, &[("r_pdo", 4), ("t_pdo", 2), ("pdos", 1)]));
+        assert_eq!(drive.r_pdos()[0].cob_id.get(), 0x503);
+        assert_eq!(drive.t_pdos()[0].cob_id.get(), 0x283);
+        let writes = writes(&drive);
+        let count = |object: &str| writes.iter().filter(|row| row.starts_with(object)).count();
+        // Those below are switched off, those above the drive does not have.
+        assert_eq!([count("1402:1"), count("1403:1")], [1, 2]);
+        assert_eq!([count("1801:1"), count("1802:1")], [2, 0]);
+        assert!(writes.contains(&"1403:1 4 503".into()));
+        assert!(writes.contains(&"1603:2 4 607A0020".into()));
+        assert!(writes.contains(&"1A01:2 4 60640020".into()));
+        assert!(writes.contains(&"1801:1 4 40000283".into()));
+    }
+
+    #[test]
+    fn the_period_is_a_mantissa_and_a_power_of_ten() {
+        for (micros, expected) in [
+            (500, (5, -4)),
+            (1000, (1, -3)),
+            (1500, (15, -4)),
+            (2000, (2, -3)),
+            (10_000, (10, -3)),
+            (19_500, (195, -4)),
+            (20_000, (20, -3)),
+        ] {
+            let cycle = Duration::from_micros(micros);
+            assert!(CIA402_CSP.takes_cycle(cycle));
+            assert_eq!(interpolation_period(cycle), expected, "{micros} µs");
+        }
+        for micros in [250, 750, 20_500] {
+            assert!(!CIA402_CSP.takes_cycle(Duration::from_micros(micros)));
+        }
+    }
+
+    #[test]
+    fn what_a_revolution_counts_is_the_machine_files() {
+        let assumed = [("encoder_increments", 10_000)];
+        let drive = Cia402Csp::new(&settings(2000, &assumed));
+        let expects = |index, sub| {
+            let mut identity = drive.identity().iter();
+            let found = identity.find(|it| it.address == Address::new(index, sub));
+            found.map(|it| it.value)
+        };
+        assert_eq!(expects(0x608F, 1), Some(10_000));
+        assert_eq!(expects(0x6091, 1), Some(1));
+        let counts = CIA402_CSP.increments_per_revolution;
+        assert_eq!(counts(&Assumed(assumed.to_vec())), 10_000);
+        assert_eq!(counts(&Assumed::default()), 1_048_576);
+    }
+
+    #[test]
+    fn process_image() {
+        let mut drive = Cia402Csp::new(&settings(2000, &[]));
+        let mut frames = [Frame::new(CobId::SYNC, &[])];
+        for (command, position, expected) in [
+            (PowerCommand::Disable, 0, "203#000000000000"),
+            (PowerCommand::Prepare, 1, "203#060001000000"),
+            (PowerCommand::Enable, -2, "203#0F00FEFFFFFF"),
+            (PowerCommand::Run, -2, "203#0F00FEFFFFFF"),
+            (PowerCommand::Run, 1 << 31, "203#0F00FFFFFF7F"),
+        ] {
+            let position = Increments::new(position);
+            drive.encode(command, Setpoint { position }, &mut frames);
+            assert_eq!(format!("{:?}", frames[0]), expected);
+        }
+        let position = |position| Setpoint {
+            position: Increments::new(position),
+        };
+        assert_eq!(drive.check(position(-2)), Ok(()));
+        assert_eq!(drive.check(position(1 << 31)), Err(OutOfRange));
+        let data = [0x37, 0x12, 0x00, 0x00, 0x02, 0x00];
+        let sample = drive.sample(0, &data).unwrap();
+        assert_eq!(sample.position, Increments::new(131_072));
+        assert_eq!(drive.sample(0, &data[..5]), None);
+    }
+
+    #[test]
+    fn statuswords() {
+        use NotFollowing as N;
+        let mut drive = Cia402Csp::new(&settings(2000, &[]));
+        for (word, in_mode, expected) in [
+            (0x1237, true, Ok(())),
+            (0x0237, false, Ok(())),
+            (0x12B7, true, Ok(())), // a warning does not stop
+            (0x0237, true, Err(N::ModeEnded)),
+            (0x1037, true, Err(N::NotRemote)),
+            (0x3237, true, Err(N::Error)),
+            (0x0217, true, Err(N::QuickStop)),
+            (0x0231, true, Err(N::PowerStageOff)),
+            (0x0218, true, Err(N::Fault)),
+            (0x021F, true, Err(N::Fault)),
+        ] {
+            let status = drive.status(0, &u16::to_le_bytes(word)).unwrap();
+            assert_eq!(status.follows(in_mode), expected, "{word:04X}");
+        }
+        // Off, bit 13 is no following error.
+        let status = drive.status(0, &0x2231u16.to_le_bytes()).unwrap();
+        assert!(!status.error);
+    }
+}

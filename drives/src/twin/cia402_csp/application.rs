@@ -1,0 +1,119 @@
+//! What the CANopen node asks of the drive behind it.
+
+use super::MODE;
+use super::drive::Drive;
+use super::fault::Errors;
+use super::settings::Settings;
+use crate::twin::node::Firmware;
+use syncline_canopen::cia402::{Controlword, State};
+use syncline_canopen::dictionary::{Dictionary, Row};
+use syncline_canopen::emcy::{Emergency, code, register};
+use syncline_canopen::node::{Application, CommunicationError, Origin};
+use syncline_canopen::sdo::AbortCode;
+use syncline_canopen::sync::Sync;
+use syncline_canopen::{Instant, nmt};
+
+impl Application for Drive {
+    fn objects(&self) -> &Dictionary {
+        &self.objects
+    }
+
+    fn objects_mut(&mut self) -> &mut Dictionary {
+        &mut self.objects
+    }
+
+    fn refresh(&mut self, now: Instant, row: Option<Row>) {
+        // What can be written is what was written.
+        let settled = row.is_some_and(|row| self.objects.entry(row).access.writable());
+        if !settled && core::mem::take(&mut self.stale) {
+            self.publish(now);
+        }
+    }
+
+    fn check_write(&self, row: Row, value: i64, origin: Origin) -> Result<(), AbortCode> {
+        let address = self.objects.entry(row).address;
+        let mut refusals = self.refusals.iter();
+        if origin == Origin::Sdo
+            && let Some((_, code)) = refusals.find(|(refused, _)| *refused == address)
+        {
+            return Err(*code);
+        }
+        match address.index {
+            0x6040 if !self.remote => Err(AbortCode::LocalControl),
+            0x6060 if value != 0 && value != MODE => Err(AbortCode::InvalidValue),
+            0x60C2 if self.is_operational && self.policies.period_before_operational => {
+                Err(AbortCode::DeviceState)
+            }
+            _ => Ok(()),
+        }
+    }
+
+    fn written(&mut self, _: Instant, row: Row, _: Origin) {
+        self.stale = true;
+        self.settings = Settings::of(&self.objects);
+        match self.objects.entry(row).address.index {
+            0x6040 => self.command(Controlword(self.objects.get(row) as u16)),
+            0x6060 => self.mode_changed(),
+            _ => {}
+        }
+    }
+
+    fn on_sync(&mut self, now: Instant, _: Sync) {
+        self.stale = true;
+        Drive::on_sync(self, now);
+    }
+
+    fn on_nmt(&mut self, _: Instant, event: nmt::Event) {
+        self.is_operational = event == nmt::Event::Entered(nmt::State::Operational);
+        let aborts = match event {
+            nmt::Event::Entered(state) => state == nmt::State::Stopped,
+            nmt::Event::ResetNode | nmt::Event::ResetCommunication => true,
+        };
+        if aborts && self.is_powered() {
+            self.abort_connection();
+        }
+    }
+
+    fn on_reset(&mut self, _: Instant, reset: nmt::Event) {
+        self.show_presets();
+        self.settings = Settings::of(&self.objects);
+        if reset == nmt::Event::ResetNode {
+            self.restart();
+        }
+    }
+
+    fn on_communication_error(
+        &mut self,
+        _: Instant,
+        error: CommunicationError,
+    ) -> Option<Emergency> {
+        match error {
+            CommunicationError::ShortPdo(number) => Some(Emergency {
+                code: code::PDO_TOO_SHORT,
+                register: register::GENERIC | register::COMMUNICATION,
+                vendor: [0, 0, number as u8, 0, 0],
+            }),
+            CommunicationError::Heartbeat(_) | CommunicationError::LifeGuarding => {
+                self.abort_connection();
+                None
+            }
+        }
+    }
+
+    fn next_emergency(&mut self) -> Option<Emergency> {
+        self.errors.next_emergency()
+    }
+}
+
+impl Firmware for Drive {
+    fn run_until(&mut self, now: Instant) {
+        self.advance(now);
+        self.stale = true;
+    }
+
+    /// Nothing drives the shaft, and every error is forgotten.
+    fn power_off(&mut self) {
+        self.enter(State::NotReadyToSwitchOn);
+        self.errors = Errors::new();
+    }
+}

@@ -1,0 +1,388 @@
+//! The drive behind the CANopen node: loops, monitoring, what its objects show.
+
+use super::fault::{DriveError, Errors};
+use super::policy::Policies;
+use super::settings::Settings;
+use super::{MODE, TwinConfig};
+use crate::twin::servo::cascade::{
+    Cascade, POSITION_STEP_NS, Reference, SPEED_STEP_NS, SPEED_STEPS,
+};
+use crate::twin::servo::clock::Clock;
+use crate::twin::servo::encoder::Encoder;
+use crate::twin::servo::ramp::Ramp;
+use crate::twin::servo::shaft::Shaft;
+use syncline_canopen::cia402::{Controlword, State, Statusword};
+use syncline_canopen::dictionary::Dictionary;
+use syncline_canopen::sdo::AbortCode;
+use syncline_canopen::time::Duration;
+use syncline_canopen::{Address, Instant};
+
+/// Nominal seconds per step of the speed loop and of the position loop.
+const SPEED_STEP: f64 = SPEED_STEP_NS as f64 * 1e-9;
+const POSITION_STEP: f64 = POSITION_STEP_NS as f64 * 1e-9;
+
+/// Time constant of the measured velocity, s.
+const VELOCITY_FILTER: f64 = 5e-3;
+
+/// Speed below which the motor counts as standing, rev/s (10 rpm).
+const STANDSTILL: f64 = 1.0 / 6.0;
+
+/// What the position reference does.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Motion {
+    /// It rests.
+    Hold,
+    /// It brakes with this deceleration, increments/s².
+    Stop(f64),
+    /// It runs to the setpoint that the last SYNC brought.
+    Follow(Segment),
+}
+
+/// From where the reference was at a SYNC to the setpoint, in a straight line within the period
+/// of 60C2h; there it rests.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Segment {
+    from: f64,
+    to: f64,
+    since: Instant,
+    /// Seconds.
+    period: f64,
+}
+
+impl Segment {
+    fn at(&self, now: Instant) -> Ramp {
+        let elapsed = seconds(now.saturating_since(self.since));
+        if elapsed >= self.period {
+            return Ramp::at(self.to);
+        }
+        let velocity = (self.to - self.from) / self.period;
+        Ramp {
+            position: self.from + velocity * elapsed,
+            velocity,
+        }
+    }
+}
+
+fn seconds(time: Duration) -> f64 {
+    time.as_nanos() as f64 * 1e-9
+}
+
+/// A drive without its bus.
+pub(super) struct Drive {
+    pub(super) objects: Dictionary,
+    pub(super) settings: Settings,
+    pub(super) policies: Policies,
+    pub(super) errors: Errors,
+    pub(super) now: Instant,
+
+    pub(super) state: State,
+    pub(super) state_since: Instant,
+    pub(super) enable_at: Option<Instant>,
+    pub(super) controlword: Controlword,
+    /// It brakes by itself: quick stop or fault reaction.
+    pub(super) braking: bool,
+    /// Whether the DC link has its voltage.
+    pub(super) has_mains: bool,
+    /// Whether the fieldbus has control, not another access channel.
+    pub(super) remote: bool,
+    /// Whether the node is in NMT Operational.
+    pub(super) is_operational: bool,
+
+    clock: Clock,
+    shaft: Shaft,
+    sensor: Encoder,
+    pub(super) cascade: Cascade,
+    increments_per_revolution: f64,
+    pub(super) encoder: i64,
+    /// Measured, increments/s.
+    velocity: f64,
+    last_encoder: i64,
+    pub(super) reference: Ramp,
+    pub(super) motion: Motion,
+    /// Since when the following error has been too large, and the position within its window.
+    too_far_since: Option<Instant>,
+    in_window_since: Option<Instant>,
+    following_error: bool,
+    target_reached: bool,
+
+    /// The objects do not show the present condition yet.
+    pub(super) stale: bool,
+    /// What these objects read after a reset, instead of the table's values.
+    pub(super) presets: Vec<(Address, i64)>,
+    /// Tests: writes to these are refused.
+    pub(super) refusals: Vec<(Address, AbortCode)>,
+}
+
+impl Drive {
+    pub(super) fn new(
+        objects: Dictionary,
+        config: TwinConfig,
+        clock: Clock,
+        mut sensor: Encoder,
+    ) -> Self {
+        let increments_per_revolution = f64::from(config.encoder_increments);
+        let shaft = Shaft::new(config.mechanics, config.position);
+        let encoder = sensor.read(&shaft, 0.0);
+        let mut drive = Self {
+            settings: Settings::of(&objects),
+            objects,
+            policies: config.policies,
+            errors: Errors::new(),
+            now: Instant::ZERO,
+            state: State::NotReadyToSwitchOn,
+            state_since: Instant::ZERO,
+            enable_at: None,
+            controlword: Controlword(0),
+            braking: false,
+            has_mains: true,
+            remote: true,
+            is_operational: false,
+            clock,
+            shaft,
+            sensor,
+            cascade: Cascade::new(config.gains, encoder),
+            increments_per_revolution,
+            encoder,
+            velocity: 0.0,
+            last_encoder: encoder,
+            reference: Ramp::at(encoder as f64),
+            motion: Motion::Hold,
+            too_far_since: None,
+            in_window_since: None,
+            following_error: false,
+            target_reached: false,
+            stale: true,
+            presets: Vec::new(),
+            refusals: Vec::new(),
+        };
+        let resolution = Address::new(0x608F, 1);
+        drive.preset(resolution, config.encoder_increments.into());
+        drive
+    }
+
+    pub(super) fn shaft(&self) -> &Shaft {
+        &self.shaft
+    }
+
+    pub(super) fn shaft_mut(&mut self) -> &mut Shaft {
+        &mut self.shaft
+    }
+
+    pub(super) fn is_powered(&self) -> bool {
+        self.state.is_powered()
+    }
+
+    // ---- time ----
+
+    /// Lets the loops and the shaft run up to `now`.
+    pub(super) fn advance(&mut self, now: Instant) {
+        while self.clock.step_end() <= now {
+            self.step();
+        }
+        self.now = now;
+    }
+
+    fn step(&mut self) {
+        let (step, dt) = self.clock.step();
+        let end = self.clock.step_end();
+        if step % SPEED_STEPS == 0 {
+            self.now = end;
+            self.position_step();
+        }
+        let counts = self.increments_per_revolution;
+        let reference = self.loop_reference();
+        let torque = self
+            .cascade
+            .speed_step(reference, self.encoder, counts, SPEED_STEP);
+        self.shaft.step(end, dt, torque, self.is_powered());
+        self.encoder = self.sensor.read(&self.shaft, 0.0);
+        self.clock.next_step();
+    }
+
+    fn position_step(&mut self) {
+        let moved = (self.encoder - self.last_encoder) as f64 / POSITION_STEP;
+        self.last_encoder = self.encoder;
+        self.velocity += (moved - self.velocity) * (POSITION_STEP / VELOCITY_FILTER);
+        self.change_state();
+        if self.is_powered() {
+            self.move_reference();
+            self.monitor();
+        } else {
+            self.reference = Ramp::at(self.encoder as f64);
+        }
+        let counts = self.increments_per_revolution;
+        let reference = self.loop_reference();
+        self.cascade.position_step(reference, self.encoder, counts);
+    }
+
+    fn loop_reference(&self) -> Reference {
+        if !self.is_powered() {
+            return Reference::Off;
+        }
+        Reference::Position {
+            position: self.reference.position,
+            velocity: self.reference.velocity,
+        }
+    }
+
+    fn move_reference(&mut self) {
+        match self.motion {
+            Motion::Hold => self.reference.velocity = 0.0,
+            Motion::Stop(deceleration) => {
+                if self.reference.brake(deceleration, POSITION_STEP) {
+                    self.motion = Motion::Hold;
+                }
+            }
+            Motion::Follow(segment) => self.reference = segment.at(self.now),
+        }
+    }
+
+    /// Lets the reference come to rest with the quick stop ramp.
+    pub(super) fn brake(&mut self) {
+        if self.motion != Motion::Hold {
+            self.motion = Motion::Stop(self.settings.quick_stop_deceleration);
+        }
+    }
+
+    /// A SYNC, after the synchronous R_PDOs have been put into effect.
+    pub(super) fn on_sync(&mut self, now: Instant) {
+        let follows = self.state == State::OperationEnabled && self.settings.mode == MODE;
+        if !follows {
+            return;
+        }
+        let from = match self.motion {
+            Motion::Follow(segment) => segment.at(now).position,
+            _ => self.reference.position,
+        };
+        self.motion = Motion::Follow(Segment {
+            from,
+            to: self.settings.target,
+            since: now,
+            period: self.settings.period.max(POSITION_STEP),
+        });
+    }
+
+    /// The power stage goes on: the reference is where the motor is.
+    pub(super) fn start_loops(&mut self) {
+        self.cascade.reset();
+        self.reference = Ramp::at(self.encoder as f64);
+        self.motion = Motion::Hold;
+        self.too_far_since = None;
+        self.following_error = false;
+    }
+
+    // ---- monitoring ----
+
+    fn monitor(&mut self) {
+        if self.braking && self.is_at_rest() {
+            self.end_braking();
+        } else if self.misses_sync() {
+            self.raise(DriveError::SYNC_LOST);
+        }
+        let Settings {
+            following_error,
+            following_error_time,
+            window,
+            window_time,
+            ..
+        } = self.settings;
+        let deviation = (self.reference.position - self.encoder as f64).abs();
+        let too_far = following_error.is_some_and(|limit| deviation > limit);
+        self.following_error = lasts(
+            &mut self.too_far_since,
+            self.now,
+            too_far,
+            following_error_time,
+        );
+        if self.following_error && self.policies.following_error_is_fault && !self.braking {
+            self.raise(DriveError::FOLLOWING_ERROR);
+        }
+        let is_in = window.is_some_and(|window| deviation <= window);
+        self.target_reached = lasts(&mut self.in_window_since, self.now, is_in, window_time);
+    }
+
+    /// Whether more SYNCs are overdue than may be missing: each by half a period.
+    fn misses_sync(&self) -> bool {
+        match (self.motion, self.policies.missing_syncs) {
+            (Motion::Follow(segment), Some(most)) => {
+                let periods = f64::from(most) + 1.5;
+                seconds(self.now.saturating_since(segment.since)) > segment.period * periods
+            }
+            _ => false,
+        }
+    }
+
+    fn is_at_rest(&self) -> bool {
+        let standstill = STANDSTILL * self.increments_per_revolution;
+        self.motion == Motion::Hold && self.velocity.abs() < standstill
+    }
+
+    // ---- objects ----
+
+    /// Gives an object another value, now and after each reset.
+    pub(super) fn preset(&mut self, address: Address, value: i64) {
+        self.presets.push((address, value));
+        self.show_presets();
+    }
+
+    pub(super) fn show_presets(&mut self) {
+        for &(Address { index, sub }, value) in &self.presets {
+            self.objects.put(index, sub, value);
+        }
+    }
+
+    /// Brings the objects that show the drive's condition up to `now`.
+    pub(super) fn publish(&mut self, now: Instant) {
+        let ahead = self.clock.since_step(now);
+        let position = self.sensor.read(&self.shaft, ahead);
+        let reference = match self.motion {
+            Motion::Follow(segment) => segment.at(now).position,
+            _ => self.reference.position,
+        };
+        let deviation = libm::round(reference) as i64 - position;
+        let torque = self.cascade.torque() / self.cascade.gains.continuous_torque * 1000.0;
+        for (index, value) in [
+            (0x1001, self.errors.register().into()),
+            (0x603F, self.errors.code().into()),
+            (0x6041, self.statusword().0.into()),
+            (0x6061, self.settings.mode),
+            (0x6064, position),
+            (0x606C, libm::round(self.velocity) as i64),
+            (0x6077, libm::round(torque) as i64),
+            (0x60F4, deviation),
+        ] {
+            self.objects.put(index, 0, value);
+        }
+    }
+
+    /// 6041h.
+    pub(super) fn statusword(&self) -> Statusword {
+        let follows = matches!(self.motion, Motion::Follow(_));
+        let flags = [
+            (self.has_mains, Statusword::VOLTAGE_ENABLED),
+            (self.errors.warning, Statusword::WARNING),
+            (self.remote, Statusword::REMOTE),
+            (
+                self.target_reached && self.is_powered(),
+                Statusword::TARGET_REACHED,
+            ),
+            (
+                follows && self.settings.target_is_limited,
+                Statusword::INTERNAL_LIMIT,
+            ),
+            (follows, Statusword::MODE_12),
+            (
+                self.following_error && self.is_powered(),
+                Statusword::BIT_13,
+            ),
+        ];
+        let bits = flags.iter().filter(|(set, _)| *set).map(|(_, bit)| bit);
+        Statusword(bits.fold(self.state.bits(), |word, bit| word | bit))
+    }
+}
+
+/// Whether something that is so now has been so for `time`; `since` keeps when it began.
+fn lasts(since: &mut Option<Instant>, now: Instant, is_so: bool, time: Duration) -> bool {
+    *since = is_so.then(|| since.unwrap_or(now));
+    since.is_some_and(|since| now.saturating_since(since) >= time)
+}

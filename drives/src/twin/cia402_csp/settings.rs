@@ -1,0 +1,72 @@
+//! What the objects say that the loops and the state machine go by.
+
+use syncline_canopen::dictionary::Dictionary;
+use syncline_canopen::time::Duration;
+
+/// 605Ah and 605Eh: off at once.
+pub(super) const SWITCH_OFF: i64 = 0;
+/// 605Ah: brake with the quick stop ramp and stay in Quick Stop Active.
+pub(super) const BRAKE_AND_STAY: i64 = 6;
+
+/// Taken anew from the objects with each write.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Settings {
+    /// 6060h.
+    pub(super) mode: i64,
+    /// 607Ah, within 607Dh: increments.
+    pub(super) target: f64,
+    /// 607Ah is outside of 607Dh.
+    pub(super) target_is_limited: bool,
+    /// 60C2h, seconds.
+    pub(super) period: f64,
+    /// 6065h, increments; `None`: not watched.
+    pub(super) following_error: Option<f64>,
+    /// 6066h.
+    pub(super) following_error_time: Duration,
+    /// 6067h, increments; `None`: not watched.
+    pub(super) window: Option<f64>,
+    /// 6068h.
+    pub(super) window_time: Duration,
+    /// 6085h, increments/s².
+    pub(super) quick_stop_deceleration: f64,
+    /// 605Ah.
+    pub(super) quick_stop: i64,
+    /// 605Eh.
+    pub(super) fault_reaction: i64,
+    /// 6007h.
+    pub(super) abort_connection: i64,
+}
+
+impl Settings {
+    pub(super) fn of(objects: &Dictionary) -> Self {
+        let value = |index, sub| objects.value(index, sub).unwrap_or(0);
+        // FFFF FFFFh switches a window off (CiA 402).
+        let window = |index| {
+            let increments = value(index, 0);
+            (increments != u32::MAX.into()).then_some(increments as f64)
+        };
+        let millis = |index| Duration::from_millis(value(index, 0) as u64);
+        let (least, most) = (value(0x607D, 1), value(0x607D, 2));
+        let target = value(0x607A, 0);
+        let limited = target.max(least).min(most);
+        Self {
+            mode: value(0x6060, 0),
+            target: limited as f64,
+            target_is_limited: limited != target,
+            period: value(0x60C2, 1) as f64 * power_of_ten(value(0x60C2, 2)),
+            following_error: window(0x6065),
+            following_error_time: millis(0x6066),
+            window: window(0x6067),
+            window_time: millis(0x6068),
+            quick_stop_deceleration: value(0x6085, 0) as f64,
+            quick_stop: value(0x605A, 0),
+            fault_reaction: value(0x605E, 0),
+            abort_connection: value(0x6007, 0),
+        }
+    }
+}
+
+/// 10 to a power of −6…0.
+fn power_of_ten(exponent: i64) -> f64 {
+    1.0 / 10u32.pow(-exponent.clamp(-6, 0) as u32) as f64
+}

@@ -1,0 +1,292 @@
+//! The drive by the profile alone on its bus: set-up, state machine, setpoints.
+
+use crate::common::{id, ms};
+use syncline_canopen::cia402::State;
+use syncline_canopen::{CanId, CobId, Frame, nmt};
+use syncline_drives::bus::{Band, BitRate, SimBus};
+use syncline_drives::twin::cia402_csp::{Policies, Twin, TwinConfig};
+use syncline_drives::twin::{Disturbance, ErrorClass, SimulatedDevice};
+
+const NODE: u8 = 1;
+
+/// Increments for a revolution.
+const REVOLUTION: f64 = 1_048_576.0;
+
+struct Bench {
+    bus: SimBus<Twin>,
+    /// What came from the drive, oldest first.
+    log: Vec<Frame>,
+}
+
+impl Bench {
+    fn new(config: TwinConfig) -> Self {
+        let mut bus = SimBus::new(BitRate::from_kbit(1000).unwrap());
+        bus.attach(Twin::new(config));
+        let mut bench = Self { bus, log: vec![] };
+        bench.wait(5);
+        bench
+    }
+
+    fn plain() -> Self {
+        Self::new(TwinConfig::new(id(NODE)))
+    }
+
+    fn wait(&mut self, millis: u64) {
+        let until = self.bus.now() + ms(millis);
+        self.bus.advance_to(until, &mut |_| {});
+        while let Some(received) = self.bus.receive() {
+            if !received.own {
+                self.log.push(received.frame);
+            }
+        }
+    }
+
+    fn send(&mut self, id: impl Into<CanId>, data: &[u8]) {
+        self.bus.send(Band::Acyclic, Frame::new(id, data));
+    }
+
+    fn state(&mut self) -> State {
+        self.bus.node_mut(0).state()
+    }
+
+    fn last(&self, cob_id: CobId) -> Option<&Frame> {
+        let of = |frame: &&Frame| frame.id() == CanId::from(cob_id);
+        self.log.iter().rev().find(of)
+    }
+
+    /// An SDO request and its answer.
+    fn request(&mut self, request: [u8; 8]) -> [u8; 8] {
+        self.log.clear();
+        self.send(CobId::r_sdo(id(NODE)), &request);
+        self.wait(3);
+        let answer = self.last(CobId::t_sdo(id(NODE))).expect("an answer");
+        answer.data().try_into().unwrap()
+    }
+
+    /// The abort code, if it is refused.
+    fn write(&mut self, index: u16, sub: u8, bytes: &[u8]) -> Result<(), u32> {
+        let [low, high] = index.to_le_bytes();
+        let mut request = [
+            0x23 | (4 - bytes.len() as u8) << 2,
+            low,
+            high,
+            sub,
+            0,
+            0,
+            0,
+            0,
+        ];
+        request[4..4 + bytes.len()].copy_from_slice(bytes);
+        match self.request(request) {
+            [0x60, ..] => Ok(()),
+            [_, _, _, _, code @ ..] => Err(u32::from_le_bytes(code)),
+        }
+    }
+
+    fn read(&mut self, index: u16, sub: u8) -> i32 {
+        let [low, high] = index.to_le_bytes();
+        let answer = self.request([0x40, low, high, sub, 0, 0, 0, 0]);
+        assert_eq!(answer[0] & 0xF3, 0x43, "{index:04X}:{sub}");
+        i32::from_le_bytes(answer[4..].try_into().unwrap())
+    }
+
+    fn controlword(&mut self, word: u16) -> State {
+        self.write(0x6040, 0, &word.to_le_bytes()).unwrap();
+        self.wait(6);
+        self.state()
+    }
+
+    fn nmt(&mut self, command: nmt::Command) {
+        self.send(CanId::Standard(0), &[command as u8, NODE]);
+        self.wait(1);
+    }
+
+    /// Mode 8, a period of 10 ms, R_PDO2 at SYNC, Operational and enabled.
+    fn following(config: TwinConfig) -> Self {
+        let mut bench = Self::new(config);
+        bench.write(0x6060, 0, &[8]).unwrap();
+        bench.write(0x60C2, 1, &[10]).unwrap();
+        bench.nmt(nmt::Command::Start);
+        assert_eq!(bench.controlword(0x06), State::ReadyToSwitchOn);
+        let position = bench.position();
+        bench.cycles(1, 0x06, position);
+        bench.cycles(2, 0x0F, position);
+        assert_eq!(bench.state(), State::OperationEnabled);
+        bench
+    }
+
+    fn position(&mut self) -> i32 {
+        (self.bus.node_mut(0).observe().position * REVOLUTION) as i32
+    }
+
+    /// Cycles of 10 ms with R_PDO2 and SYNC.
+    fn cycles(&mut self, count: usize, word: u16, target: i32) {
+        for _ in 0..count {
+            let [c0, c1] = word.to_le_bytes();
+            let [p0, p1, p2, p3] = target.to_le_bytes();
+            self.send(CobId::r_pdo(2, id(NODE)), &[c0, c1, p0, p1, p2, p3]);
+            self.wait(1);
+            self.send(CobId::SYNC, &[]);
+            self.wait(9);
+        }
+    }
+
+    fn statusword(&mut self) -> u16 {
+        self.bus.node_mut(0).statusword().0
+    }
+}
+
+/// The transitions by their numbers, as far as commands lead to them.
+#[test]
+fn states_by_commands() {
+    use State::{OperationEnabled, QuickStopActive, ReadyToSwitchOn, SwitchOnDisabled, SwitchedOn};
+    let mut bench = Bench::plain();
+    assert_eq!(bench.state(), SwitchOnDisabled); // T0, T1
+    bench.write(0x605A, 0, &6i16.to_le_bytes()).unwrap();
+    for (word, state) in [
+        (0x06, ReadyToSwitchOn),  // T2
+        (0x07, SwitchedOn),       // T3
+        (0x0F, OperationEnabled), // T4
+        (0x07, SwitchedOn),       // T5
+        (0x06, ReadyToSwitchOn),  // T6
+        (0x00, SwitchOnDisabled), // T7
+        (0x06, ReadyToSwitchOn),
+        (0x0F, OperationEnabled), // T3, T4
+        (0x06, ReadyToSwitchOn),  // T8
+        (0x0F, OperationEnabled),
+        (0x00, SwitchOnDisabled), // T9
+        (0x06, ReadyToSwitchOn),
+        (0x07, SwitchedOn),
+        (0x00, SwitchOnDisabled), // T10
+        (0x06, ReadyToSwitchOn),
+        (0x0F, OperationEnabled),
+        (0x0B, QuickStopActive),  // T11
+        (0x0F, OperationEnabled), // T16
+        (0x0B, QuickStopActive),
+        (0x00, SwitchOnDisabled), // T12
+    ] {
+        assert_eq!(bench.controlword(word), state, "{word:02X}h");
+    }
+}
+
+#[test]
+fn an_error_brakes_and_its_reset_needs_its_cause_gone() {
+    let mut bench = Bench::following(TwinConfig::new(id(NODE)));
+    let twin = bench.bus.node_mut(0);
+    twin.disturb(Disturbance::Fault(ErrorClass::StopAndSwitchOff));
+    twin.disturb(Disturbance::FaultPersists(true));
+    assert_eq!(bench.state(), State::FaultReactionActive); // T13
+    bench.wait(20);
+    assert_eq!(bench.state(), State::Fault); // T14
+    let emcy = bench
+        .last(CobId::emcy(id(NODE)))
+        .map(|it| it.data().to_vec());
+    assert_eq!(emcy.unwrap(), [0x11, 0x86, 0x21, 0, 0, 0, 0, 0]);
+    assert_eq!(bench.read(0x603F, 0) & 0xFFFF, 0x8611);
+    assert_eq!(bench.read(0x1003, 1) & 0xFFFF, 0x8611);
+    assert_eq!(bench.controlword(0x80), State::Fault);
+    let twin = bench.bus.node_mut(0);
+    twin.disturb(Disturbance::FaultPersists(false));
+    assert_eq!(bench.controlword(0x00), State::Fault);
+    assert_eq!(bench.controlword(0x80), State::SwitchOnDisabled); // T15
+    assert_eq!(bench.read(0x603F, 0) & 0xFFFF, 0);
+}
+
+/// In a straight line to the target within the period, and there it rests: at SYNC after SYNC the
+/// drive is where the SYNC before sent it.
+#[test]
+fn it_is_a_period_behind_and_rests_without_a_target() {
+    let mut bench = Bench::following(TwinConfig::new(id(NODE)));
+    assert_ne!(bench.statusword() & 0x1000, 0, "follows");
+    let start = bench.position();
+    // A tenth of a revolution a second, speeded up in the first period.
+    for k in 1..=50 {
+        bench.cycles(1, 0x0F, start + k * 1_049);
+        let behind = start + k * 1_049 - bench.position();
+        assert!(behind.abs() < 1_100, "{k}: {behind}");
+    }
+    let end = start + 50 * 1_049;
+    bench.cycles(20, 0x0F, end);
+    assert!((bench.position() - end).abs() < 60);
+    assert_ne!(bench.statusword() & 0x0400, 0, "within its window");
+}
+
+#[test]
+fn a_missing_sync_is_ridden_out_as_its_policy_says() {
+    let mut bench = Bench::following(TwinConfig::new(id(NODE)));
+    bench.wait(20);
+    assert_eq!(bench.state(), State::OperationEnabled);
+    bench.wait(20);
+    assert!(bench.state() != State::OperationEnabled);
+    let emcy = bench.last(CobId::emcy(id(NODE))).unwrap();
+    assert_eq!(emcy.data()[..2], [0x00, 0x87]);
+
+    let mut bench = Bench::following(TwinConfig {
+        policies: Policies::tolerant(),
+        ..TwinConfig::new(id(NODE))
+    });
+    bench.wait(500);
+    assert_eq!(bench.state(), State::OperationEnabled);
+}
+
+#[test]
+fn a_following_error_is_told_by_bit_13_or_is_a_fault() {
+    for is_fault in [true, false] {
+        let mut bench = Bench::following(TwinConfig {
+            policies: Policies {
+                following_error_is_fault: is_fault,
+                ..Policies::default()
+            },
+            ..TwinConfig::new(id(NODE))
+        });
+        bench.write(0x6065, 0, &5_000u32.to_le_bytes()).unwrap();
+        bench.write(0x6066, 0, &15u16.to_le_bytes()).unwrap();
+        bench.bus.node_mut(0).disturb(Disturbance::Block(true));
+        let start = bench.position();
+        bench.cycles(1, 0x0F, start + 20_000);
+        assert_eq!(bench.statusword() & 0x2000, 0, "not for 15 ms yet");
+        bench.cycles(2, 0x0F, start + 20_000);
+        if is_fault {
+            assert!(bench.state() != State::OperationEnabled);
+        } else {
+            assert_eq!(bench.state(), State::OperationEnabled);
+            assert_ne!(bench.statusword() & 0x2000, 0);
+        }
+    }
+}
+
+#[test]
+fn what_is_refused() {
+    let mut bench = Bench::plain();
+    for (index, sub, bytes, code) in [
+        (0x6060, 0, &[7][..], 0x0609_0030), // another mode
+        (0x1A00, 0, &[0], 0x0601_0000),     // mapped while it is on
+        (0x608F, 1, &[0; 4], 0x0601_0002),
+        (0x6091, 1, &[0; 4], 0x0601_0002),
+        (0x60C2, 1, &[0], 0x0609_0030),
+        (0x2000, 0, &[0], 0x0602_0000),
+    ] {
+        assert_eq!(bench.write(index, sub, bytes), Err(code), "{index:04X}");
+    }
+    bench.nmt(nmt::Command::Start);
+    assert_eq!(bench.write(0x60C2, 1, &[2]), Err(0x0800_0022));
+    bench.bus.node_mut(0).disturb(Disturbance::Remote(false));
+    assert_eq!(bench.write(0x6040, 0, &[6, 0]), Err(0x0800_0021));
+}
+
+#[test]
+fn a_lost_heartbeat_is_a_fault() {
+    let mut bench = Bench::following(TwinConfig {
+        policies: Policies::tolerant(),
+        ..TwinConfig::new(id(NODE))
+    });
+    let watch = 0x7F_0000u32 | 50;
+    bench.write(0x1016, 1, &watch.to_le_bytes()).unwrap();
+    bench.send(CanId::Standard(0x77F), &[5]);
+    bench.wait(30);
+    assert_eq!(bench.state(), State::OperationEnabled);
+    bench.wait(60);
+    assert_eq!(bench.state(), State::Fault);
+    let emcy = bench.last(CobId::emcy(id(NODE))).unwrap();
+    assert_eq!(emcy.data()[..3], [0x30, 0x81, 0x11]);
+}
