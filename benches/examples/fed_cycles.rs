@@ -13,8 +13,9 @@
 use std::time::Duration;
 use syncline_canopen::Instant;
 use syncline_controller::bench::rig::{Shape, Shuttle, ready_machine};
+use syncline_controller::bus::{Burst, Outbox, Received};
 use syncline_controller::control::{Controller, Instruction, Wake};
-use syncline_controller::port::{Burst, Outbox, Port, Received};
+use syncline_controller::port::Port;
 
 /// Coordinates of the plan, as `run` has them.
 const N: usize = 9;

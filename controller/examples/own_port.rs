@@ -7,8 +7,9 @@ use std::error::Error;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::time::Duration;
 use syncline_canopen::{CobId, Frame, Instant, NodeId};
+use syncline_controller::bus::Burst;
 use syncline_controller::port::wire::{Wire, WirePort};
-use syncline_controller::port::{Burst, Port, PortError};
+use syncline_controller::port::{Port, PortError};
 use syncline_controller::realtime;
 
 /// One end of a channel of frames.

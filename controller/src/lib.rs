@@ -8,6 +8,7 @@
 //! - [`budget`]: whether its frames fit its cycle
 //! - [`program`]: from commands to a plan
 //! - [`control`]: the controller itself, without I/O
+//! - [`bus`]: one CAN bus as the controller sees it
 //! - [`port`]: one CAN bus as the cycle uses it
 //! - [`session`]: the machine as an operator has it: commands in, status and events out
 //! - [`run`]: the controller in virtual and in real time
@@ -24,6 +25,7 @@
 
 pub mod bench;
 pub mod budget;
+pub mod bus;
 pub mod bus_log;
 pub mod commands;
 pub mod control;

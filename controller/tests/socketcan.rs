@@ -5,9 +5,10 @@ use socketcan::{CanSocket, EmbeddedFrame, Frame as _, Socket, StandardId};
 use std::process::Command;
 use std::time::Duration;
 use syncline_canopen::{CobId, Frame, NodeId};
-use syncline_controller::port::bus_fault::BusFault;
+use syncline_controller::bus::BusFault;
+use syncline_controller::bus::{Burst, Received};
+use syncline_controller::port::Port;
 use syncline_controller::port::socketcan::{Options, SocketCan, StampSource};
-use syncline_controller::port::{Burst, Port, Received};
 use syncline_controller::realtime;
 
 fn ip(arguments: &str) {

@@ -7,11 +7,12 @@
 
 use super::compare::{Difference, quantile_difference};
 use super::rig::{Shape, Shuttle, ready_machine};
+use crate::bus::Received;
 use crate::control::{End, Instruction, Wake};
 use crate::drive_host;
 use crate::observe::timing::{Distribution, Stages};
 use crate::port::socketcan::{DriveSocket, Options as SocketOptions, SocketCan, StampSource};
-use crate::port::{Port, PortError, Ports, Received};
+use crate::port::{Port, PortError, Ports};
 use crate::realtime::{self, Granted, Settings};
 use crate::run::driver::Driver;
 use std::hint::black_box;

@@ -1,7 +1,7 @@
 //! What the controller has to tell, as plain numbers; the text is made outside of the cycle.
 
 use super::fault::{AxisIndex, BusIndex, DriveIndex, Fault, Names};
-use crate::port::bus_fault::BusFault;
+use crate::bus::BusFault;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::time::Duration;

@@ -34,8 +34,8 @@ pub use fault::Fault;
 pub use layout::Layout;
 pub use order::Order;
 
-use crate::port::bus_fault::{BusFault, Reaction};
-use crate::port::{Burst, Outbox, Received};
+use crate::bus::{Burst, Outbox, Received};
+use crate::bus::{BusFault, Reaction};
 use axis::AxisControl;
 use fault::{BusCause, BusIndex, DriveCause, DriveIndex, Names};
 use node::DriveNode;

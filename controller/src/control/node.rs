@@ -7,7 +7,7 @@ use super::event::Event;
 use super::fault::{AwaitedState, DriveCause, DriveIndex, Fault};
 use super::layout::{self, Layout};
 use super::sdo_sequence::{SdoSequence, Step};
-use crate::port::FrameBuf;
+use crate::bus::FrameBuf;
 use std::sync::Arc;
 use syncline_canopen::emcy::{self, Emergency};
 use syncline_canopen::{CanId, CobId, Frame, Instant, Transmit, heartbeat, nmt};

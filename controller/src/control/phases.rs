@@ -5,7 +5,7 @@ use super::{
     COMMAND_CYCLES, Controller, DriveNode, End, Event, NO_PLAN, Phase, STILL, STILL_CYCLES,
     StopPoint,
 };
-use crate::port::Outbox;
+use crate::bus::Outbox;
 use syncline_canopen::time::Duration;
 use syncline_canopen::{Transmit, nmt};
 use syncline_drives::model::PowerCommand;

@@ -1,6 +1,7 @@
 //! The simulated part of a machine: its world, and ports to the buses in it.
 
-use super::{Burst, Port, PortError, Received};
+use super::{Port, PortError};
+use crate::bus::{Burst, Received};
 use crate::machine::{Axis, Machine, Mechanics};
 use syncline_canopen::{Frame, NodeId};
 use syncline_drives::bus::{Band, BitRate};

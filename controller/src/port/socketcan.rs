@@ -9,9 +9,11 @@
 //! wait, so that a burst is queued only where all of it fits behind what waits already.
 #![allow(unsafe_code)]
 
-use super::bus_fault::{BusFault, FaultCounts, Reaction};
+use super::error_frame;
 use super::wire::Wire;
-use super::{BURST_CAPACITY, Burst, Port, PortError, Received};
+use super::{Port, PortError};
+use crate::bus::{BURST_CAPACITY, Burst, Received};
+use crate::bus::{BusFault, FaultCounts, Reaction};
 use crate::realtime;
 use libc::{c_int, can_frame, iovec, mmsghdr, timespec};
 use socketcan::nl::CanState;
@@ -283,7 +285,7 @@ impl Port for SocketCan {
 impl SocketCan {
     fn error_frame(&mut self, frame: CanErrorFrame) -> Result<(), PortError> {
         let error = frame.into_error();
-        BusFault::of(&error).try_for_each(|fault| self.fault(fault))
+        error_frame::faults(&error).try_for_each(|fault| self.fault(fault))
     }
 }
 

@@ -1,7 +1,8 @@
 //! A bus whose frames are read and written as they come: what tools, and hosts of simulated
 //! drives, use.
 
-use super::{Burst, Port, PortError, Received};
+use super::{Port, PortError};
+use crate::bus::{Burst, Received};
 use std::time::Duration;
 use syncline_canopen::{Frame, Instant};
 

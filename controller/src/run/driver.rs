@@ -1,7 +1,8 @@
 //! A controller on its buses: what one wake-up takes, in its three stages.
 
+use crate::bus::{Outbox, Received};
 use crate::control::{Controller, Layout, Wake};
-use crate::port::{Outbox, Port, PortError, Received};
+use crate::port::{Port, PortError};
 use std::sync::Arc;
 use syncline_canopen::Instant;
 use syncline_drives::world::World;

@@ -17,10 +17,10 @@
 //! Stamps are ends of frame, rounded up to a microsecond as [`candump`](crate::bus_log::candump)
 //! does; cycle and setpoint offset are whole microseconds, so that nothing is lost by that.
 
+use crate::bus::{Burst, Outbox, Received};
 use crate::control::fault::BusIndex;
 use crate::control::{Controller, End, Event, Instruction, Layout, Phase, Wake};
 use crate::machine::{COORDINATES, Position};
-use crate::port::{Burst, Outbox, Received};
 use crate::program::{Feeder, Moves, Program, ProgramError};
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;

@@ -5,10 +5,11 @@ use std::sync::{Arc, Mutex};
 use syncline_canopen::time::Duration;
 use syncline_canopen::{CanId, CobId, Frame, NodeId};
 use syncline_controller::bench::rig::{Shape, Shuttle, ready_machine};
+use syncline_controller::bus::BusFault;
+use syncline_controller::bus::{Burst, Received};
 use syncline_controller::control::fault::BusCause;
 use syncline_controller::control::{End, Event, Fault};
-use syncline_controller::port::bus_fault::BusFault;
-use syncline_controller::port::{Burst, Port, PortError, Received};
+use syncline_controller::port::{Port, PortError};
 use syncline_controller::run::driver::Driver;
 use syncline_drives::world::World;
 

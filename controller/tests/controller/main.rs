@@ -1,5 +1,6 @@
 //! The controller from outside: its files, its commands, and other people's tools against it.
 
+mod arrows;
 mod bench;
 mod check;
 mod eds;

@@ -4,9 +4,10 @@ use std::io::{Read as _, Write as _};
 use std::net::{TcpListener, TcpStream};
 use std::time::{Duration, Instant};
 use syncline_canopen::{CanId, Frame};
+use syncline_controller::bus::{BURST_CAPACITY, Burst};
+use syncline_controller::port::Port as _;
 use syncline_controller::port::url::{BusUrl, End};
 use syncline_controller::port::wire::WirePort;
-use syncline_controller::port::{BURST_CAPACITY, Burst, Port as _};
 
 /// Greets a client.
 fn accept(listener: &TcpListener) -> TcpStream {

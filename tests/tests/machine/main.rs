@@ -5,6 +5,7 @@ mod bad_input;
 mod beam;
 mod bring_up;
 mod cia402_csp;
+mod consoles;
 mod corpus;
 mod faults;
 mod fits;

@@ -1,9 +1,9 @@
 //! Digital inputs and outputs of the drives, as the controller tells them.
 
 use syncline_canopen::{CanId, CobId, Frame, NodeId};
+use syncline_controller::bus::Received;
 use syncline_controller::control::{End, Event};
 use syncline_controller::machine::Machine;
-use syncline_controller::port::Received;
 use syncline_tests::rig::Rig;
 
 const Y: usize = 2;
