@@ -138,7 +138,7 @@ fn print(outcome: &Outcome, layout: &Layout) {
         println!("dropped            {dropped} bursts that never came to the bus");
     }
     if let Some(cycle) = interrupted {
-        // A hold begins as an interruption does, and then goes on.
+        // A feed hold begins as an interruption does, and then goes on.
         let what = outcome
             .difference
             .map_or("interrupted", |_| "held, or broken off");
@@ -181,7 +181,7 @@ fn print_difference(difference: &Difference, machine: &Machine, log: &[Logged], 
     }
     if *phase >= Phase::Program {
         println!(
-            "  No log tells of a hold, an override, a jog or a step back, nor of a plan that came late: \
+            "  No log tells of a feed hold, an override, a jog or a retrace, nor of a plan that came late: \
              with one of them, which the run told,\n  setpoints differ from there on."
         );
     }

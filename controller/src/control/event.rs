@@ -109,19 +109,19 @@ pub enum Event {
     /// A part of the plan came too late: the plan before is followed, to rest if need be, until
     /// there is a new one.
     LatePlan,
-    /// The program waits for a person.
+    /// The program waits for an operator.
     Paused {
         /// Program line.
         line: u32,
         /// Why.
         reason: Pause,
     },
-    /// The machine rests on the path until a person goes on.
+    /// The machine rests on the path until an operator goes on.
     Held,
-    /// The person went on.
+    /// The operator went on.
     Resumed,
-    /// A person has the program go back along the path.
-    SteppingBack,
+    /// An operator has the program go back along the path.
+    Retracing,
     /// A jog was refused.
     NoJog(JogError),
     /// The user asked for the end.
@@ -223,12 +223,12 @@ impl Event {
         matches!(self, Self::Phase(_) | Self::Frozen { .. })
     }
 
-    /// Whether the program rests from now on until a person goes on, if that tells.
+    /// Whether the program rests from now on until an operator goes on, if that tells.
     #[must_use]
     pub fn rests(&self) -> Option<bool> {
         match self {
             Self::Held | Self::Paused { .. } => Some(true),
-            Self::Resumed | Self::SteppingBack => Some(false),
+            Self::Resumed | Self::Retracing => Some(false),
             _ => None,
         }
     }
@@ -295,9 +295,9 @@ impl Event {
                                the program"
                 .to_owned(),
             Self::Paused { line, reason } => format!("line {line}: {reason}"),
-            Self::Held => "held on the path".to_owned(),
+            Self::Held => "feed hold: held on the path".to_owned(),
             Self::Resumed => "going on".to_owned(),
-            Self::SteppingBack => "going back along the path".to_owned(),
+            Self::Retracing => "retracing: going back along the path".to_owned(),
             Self::NoJog(error) => format!("no jog: {}", refusal(error)),
             Self::Interrupted => "interrupted: stopping on the path".to_owned(),
             Self::Fault(fault) => format!("FAULT: {}", fault.describe(names)),
@@ -309,7 +309,7 @@ impl Event {
 fn refusal(error: JogError) -> String {
     let letter = |axis: usize| Letter::ALL.get(axis).map_or('?', |axis| axis.letter());
     match error {
-        JogError::Moving => "the machine moves: hold it first".to_owned(),
+        JogError::Moving => "the machine moves: feed hold first".to_owned(),
         JogError::NoAxis(axis) => format!("the machine has no axis {}", letter(axis)),
         JogError::OutsideTravel(axis) => {
             format!(

@@ -100,7 +100,7 @@ pub enum Instruction<const N: usize> {
 /// replacement of the plan, whenever it comes, leaves it out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StopPoint {
-    /// Rest with drives enabled until a person goes on.
+    /// Rest with drives enabled until an operator goes on.
     Pause {
         /// Why.
         reason: Pause,
@@ -197,7 +197,7 @@ pub struct Controller<const N: usize> {
     unplanned: u64,
     /// That is no fault.
     waits_for_input: bool,
-    /// At rest until a person goes on.
+    /// At rest until an operator goes on.
     held: bool,
     /// As told.
     late_plans: u64,
@@ -659,7 +659,7 @@ impl<const N: usize> Controller<N> {
             .flatten()
     }
 
-    /// A person ends a pause; what was jogged meanwhile goes back first.
+    /// An operator ends a pause; what was jogged meanwhile goes back first.
     pub fn go_on(&mut self) {
         if take(&mut self.pause_told) {
             if self.executor.is_off_path() {

@@ -1,4 +1,4 @@
-//! What a person, or the program's feeder, orders.
+//! What the session, or the program's feeder, orders.
 
 use super::{Controller, Event, Phase};
 use crate::machine::COORDINATES;
@@ -10,17 +10,17 @@ use syncline_trajectory::path::{Jog, JogError, Overrides, Travel};
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Order<const N: usize = COORDINATES> {
     /// Ends a pause: program stop, tool change.
-    GoOn,
+    CycleStart,
     /// Rests on the path.
-    Hold,
-    /// Ends a hold, also one that a stop after the block came to.
+    FeedHold,
+    /// Ends a feed hold, also one that a single block came to.
     Resume,
-    /// [`Order::Resume`] while held, otherwise, also at rest for want of speed, [`Order::Hold`].
-    ToggleHold,
+    /// [`Order::Resume`] while held, otherwise, also at rest for want of speed, [`Order::FeedHold`].
+    ToggleFeedHold,
     /// Rests at the end of the block.
-    StopAfterBlock,
+    SingleBlock,
     /// Goes back to the beginning of the block and rests there.
-    StepBack,
+    Retrace,
     /// Moves axes while the path rests: held, or at a pause.
     Jog(Jog<N>),
     /// Part of the programmed feeds, 0…2.
@@ -37,21 +37,21 @@ impl<const N: usize> Controller<N> {
     /// Does what is ordered.
     pub fn obey(&mut self, order: Order<N>) {
         match order {
-            Order::GoOn => self.go_on(),
-            Order::Hold => self.executor.feed_hold(),
+            Order::CycleStart => self.go_on(),
+            Order::FeedHold => self.executor.feed_hold(),
             Order::Resume => self.executor.resume(),
-            Order::ToggleHold => {
+            Order::ToggleFeedHold => {
                 if self.executor.is_held() && !self.executor.wants_speed() {
                     self.executor.resume();
                 } else {
                     self.executor.feed_hold();
                 }
             }
-            Order::StopAfterBlock => self.executor.single_block(),
-            Order::StepBack => {
+            Order::SingleBlock => self.executor.single_block(),
+            Order::Retrace => {
                 // A pause that is told comes again when the path has come back to it.
                 if take(&mut self.pause_told) {
-                    self.tell(Event::SteppingBack);
+                    self.tell(Event::Retracing);
                 }
                 self.executor.retrace();
             }

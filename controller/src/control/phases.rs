@@ -170,7 +170,7 @@ impl<const N: usize> Controller<N> {
             self.held = rests;
             self.tell(match (rests, self.executor.retraces()) {
                 (true, _) => Event::Held,
-                (false, true) => Event::SteppingBack,
+                (false, true) => Event::Retracing,
                 (false, false) => Event::Resumed,
             });
         }

@@ -10,7 +10,7 @@
 //!   stamp alone cannot tell, as a real wake-up is some µs late, what the controller sent then does.
 //! - **bursts that never left** are missing from the log; the controller is told that they were
 //!   dropped.
-//! - **persons**, and the planner: how many cycles the machine rested before its program, or behind
+//! - **operators**, and the planner: how many cycles the machine rested before its program, or behind
 //!   a pause, shows in the setpoints; whether the run was interrupted, in the first ones that
 //!   leave the plan.
 //!
@@ -150,8 +150,8 @@ enum Waits {
     No,
     /// That many cycles until the plan comes.
     ForPlan(u64),
-    /// That many cycles until a person goes on.
-    ForPerson(u64),
+    /// That many cycles until an operator goes on.
+    ForOperator(u64),
 }
 
 /// Everything that changes in a replay; a copy of it is a trial.
@@ -534,7 +534,7 @@ impl Replay {
 
     // --- what no frame tells ---
 
-    /// Feeds the plan, and does for persons what they did.
+    /// Feeds the plan, and does for operators what they did.
     fn attend(&mut self, state: &mut State, due: Instant) -> Result<(), NoReplay> {
         if !state.began
             && let Some(start) = state.controller.ready()
@@ -545,16 +545,16 @@ impl Replay {
             state.waits = Waits::ForPlan(cycles);
         }
         if std::mem::take(&mut state.paused) {
-            let cycles = self.rest(state, due, Waits::ForPerson(0))?;
-            state.waits = Waits::ForPerson(cycles);
+            let cycles = self.rest(state, due, Waits::ForOperator(0))?;
+            state.waits = Waits::ForOperator(cycles);
         }
         match &mut state.waits {
             Waits::ForPlan(0) => state.waits = Waits::No,
-            Waits::ForPerson(0) => {
+            Waits::ForOperator(0) => {
                 state.waits = Waits::No;
                 state.controller.go_on();
             }
-            Waits::ForPlan(cycles) | Waits::ForPerson(cycles) => *cycles -= 1,
+            Waits::ForPlan(cycles) | Waits::ForOperator(cycles) => *cycles -= 1,
             Waits::No => {}
         }
         if state.began && state.waits == Waits::No {

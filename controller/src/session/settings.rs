@@ -61,12 +61,12 @@ impl Settings {
     /// Takes over what a command sets; the order to the cycle, if it takes one.
     pub fn order(&mut self, command: Command) -> Option<Order> {
         Some(match command {
-            Command::CycleStart => Order::GoOn,
-            Command::FeedHold => Order::Hold,
+            Command::CycleStart => Order::CycleStart,
+            Command::FeedHold => Order::FeedHold,
             Command::Resume => Order::Resume,
-            Command::ToggleFeedHold => Order::ToggleHold,
-            Command::SingleBlock => Order::StopAfterBlock,
-            Command::Retrace => Order::StepBack,
+            Command::ToggleFeedHold => Order::ToggleFeedHold,
+            Command::SingleBlock => Order::SingleBlock,
+            Command::Retrace => Order::Retrace,
             Command::FeedOverride(change) => {
                 self.feed_override = change.of(self.feed_override, MOST_FEED);
                 Order::FeedOverride(self.feed_override / 100.0)

@@ -102,7 +102,7 @@ fn a_jog_while_the_machine_moves_is_refused_and_changes_nothing() {
     let (_, without, ..) = validate(PROGRAM, "");
     let (code, json, _, errors) = validate(PROGRAM, "2,jog,Z-30\n3,move_to,X5\n");
     assert_eq!(code, 0);
-    let refused = errors.matches("no jog: the machine moves: hold it first");
+    let refused = errors.matches("no jog: the machine moves: feed hold first");
     assert_eq!(refused.count(), 2, "{errors}");
     assert_eq!(json["frames_sha256"], without["frames_sha256"]);
 }
@@ -144,7 +144,7 @@ fn run_for(rig: &mut Rig, rows: usize) {
 fn held_rig() -> Rig {
     let mut rig = Rig::portal(PROGRAM);
     rig.run_to_row(1500);
-    rig.controller().obey(Order::Hold);
+    rig.controller().obey(Order::FeedHold);
     run_for(&mut rig, 300);
     rig
 }
@@ -175,13 +175,13 @@ fn a_jog_is_told_as_a_hold_that_lasts() {
     run_for(&mut rig, 100);
     assert!(!rig.events.contains(&Event::Resumed), "{:?}", rig.events);
     // Space, and in mid-return once more.
-    rig.controller().obey(Order::ToggleHold);
+    rig.controller().obey(Order::ToggleFeedHold);
     run_for(&mut rig, 10);
-    rig.controller().obey(Order::ToggleHold);
+    rig.controller().obey(Order::ToggleFeedHold);
     run_for(&mut rig, 300);
     let plan = rig.rows.last().unwrap().plan;
     assert!(plan.off_path && plan.velocity == [0.0; 9], "{plan:?}");
-    rig.controller().obey(Order::ToggleHold);
+    rig.controller().obey(Order::ToggleFeedHold);
     assert_eq!(rig.finish(), End::Finished);
     rig.trace().assert_within_limits();
     let told = rig

@@ -122,7 +122,7 @@ fn a_hold_in_a_curve() {
     run_to(&mut rig, FIRST + 200.0 + 80.0);
     let before = speed(&rig);
     assert!((before - 100.0).abs() < 0.1, "{before}");
-    rig.controller().obey(Order::Hold);
+    rig.controller().obey(Order::FeedHold);
     // The effect starts within 10 ms.
     rows(&mut rig, 5);
     assert!(speed(&rig) < before, "{}", speed(&rig));
@@ -142,7 +142,7 @@ fn a_hold_in_a_curve() {
 fn a_stop_for_good_is_as_short_as_a_hold() {
     let rounded = PROGRAM.replace("G61", "G64 P0.5");
     for distance in [345.0, 355.0, 430.0, 560.0, 1025.0, 1040.0] {
-        let [held, stopped] = [Order::Hold, Order::Interrupt].map(|order| {
+        let [held, stopped] = [Order::FeedHold, Order::Interrupt].map(|order| {
             let mut rig = Rig::portal(&rounded);
             run_to(&mut rig, distance);
             rig.controller().obey(order);
@@ -219,7 +219,7 @@ fn a_stop_after_the_block_and_on() {
     let mut rig = Rig::portal(PROGRAM);
     run_to(&mut rig, FIRST + 100.0);
     for point in [1, 2, 3] {
-        rig.controller().obey(Order::StopAfterBlock);
+        rig.controller().obey(Order::SingleBlock);
         rows(&mut rig, 2500);
         assert_at(&rig, POINTS[point]);
         rig.controller().obey(Order::Resume);
@@ -234,13 +234,13 @@ fn steps_back_and_on() {
     let mut rig = Rig::portal(PROGRAM);
     run_to(&mut rig, FIRST + 200.0 + 80.0);
     for point in [1, 0] {
-        rig.controller().obey(Order::StepBack);
+        rig.controller().obey(Order::Retrace);
         rows(&mut rig, 2500);
         assert_at(&rig, POINTS[point]);
     }
     // The first one in motion, the second one from rest.
-    let told = (rig.events.iter()).filter(|it| matches!(it, Event::Held | Event::SteppingBack));
-    assert!(told.eq(&[Event::Held, Event::SteppingBack, Event::Held]));
+    let told = (rig.events.iter()).filter(|it| matches!(it, Event::Held | Event::Retracing));
+    assert!(told.eq(&[Event::Held, Event::Retracing, Event::Held]));
     rig.controller().obey(Order::Resume);
     assert_ends_well(rig);
 }
@@ -258,13 +258,13 @@ fn steps_back_from_a_program_stop() {
         pauses.count()
     };
     rig.run_until(|rig| paused(rig) == 1);
-    rig.controller().obey(Order::StepBack);
+    rig.controller().obey(Order::Retrace);
     rows(&mut rig, 1500);
     assert_eq!(position(&rig)[0], 0.0);
     rig.controller().obey(Order::Resume);
     rig.run_until(|rig| paused(rig) == 2);
     assert_eq!(position(&rig)[0], 100.0);
-    rig.controller().obey(Order::GoOn);
+    rig.controller().obey(Order::CycleStart);
     assert_eq!(rig.finish(), End::Finished, "{:?}", rig.events);
     assert_eq!(position(&rig)[0], 200.0);
 }
@@ -274,9 +274,9 @@ fn going_on_from_a_program_stop_while_held() {
     let mut rig = Rig::portal("G1 X1 F6000\nM0\nX2\nM2\n");
     rig.goes_on = false;
     rig.run_until(|rig| matches!(rig.events.last(), Some(Event::Paused { .. })));
-    rig.controller().obey(Order::Hold);
+    rig.controller().obey(Order::FeedHold);
     rows(&mut rig, 2);
-    rig.controller().obey(Order::GoOn);
+    rig.controller().obey(Order::CycleStart);
     rows(&mut rig, 100);
     assert_eq!(rig.events.last(), Some(&Event::Held), "it does not go on");
     assert!((position(&rig)[0] - 1.0).abs() < 1e-9);

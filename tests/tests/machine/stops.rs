@@ -241,11 +241,11 @@ fn act() -> impl Strategy<Value = (When, Act)> {
     let act = prop_oneof![
         2 => (0.1..2.0_f64).prop_map(|part| Act::Order(Order::FeedOverride(part))),
         1 => (0.1..1.0_f64).prop_map(|part| Act::Order(Order::RapidOverride(part))),
-        3 => Just(Act::Order(Order::Hold)),
-        1 => Just(Act::Order(Order::ToggleHold)),
+        3 => Just(Act::Order(Order::FeedHold)),
+        1 => Just(Act::Order(Order::ToggleFeedHold)),
         2 => Just(Act::Order(Order::Resume)),
-        2 => Just(Act::Order(Order::StopAfterBlock)),
-        1 => Just(Act::Order(Order::StepBack)),
+        2 => Just(Act::Order(Order::SingleBlock)),
+        1 => Just(Act::Order(Order::Retrace)),
         2 => (prop_oneof![Just(-1), Just(1)], 1..20_usize).prop_map(|(by, times)| Act::Held(by, times)),
     ];
     (when, act)
@@ -320,7 +320,7 @@ impl Person {
         self.paused = if rests.paused { self.paused + 1 } else { 0 };
         if self.paused > self.patience {
             self.paused = 0;
-            orders.push(Order::GoOn);
+            orders.push(Order::CycleStart);
         }
         let (by, left) = self.presses;
         if left > 0 && self.since.is_multiple_of(17) {
@@ -342,7 +342,7 @@ impl Person {
         match act {
             Act::Held(by, times) => self.presses = (by, times),
             Act::Order(order) => {
-                self.stepped_back |= order == Order::StepBack;
+                self.stepped_back |= order == Order::Retrace;
                 orders.push(order);
             }
         }
@@ -366,7 +366,7 @@ fn runs_whole(sample: &Sample, acts: Vec<(When, Act)>, patience: usize) -> usize
             match event {
                 Event::Held => rests.held = true,
                 Event::Resumed => rests.held = false,
-                Event::SteppingBack => rests = Rests::default(),
+                Event::Retracing => rests = Rests::default(),
                 Event::Paused { .. } => rests.paused = true,
                 _ => {}
             }
@@ -377,7 +377,7 @@ fn runs_whole(sample: &Sample, acts: Vec<(When, Act)>, patience: usize) -> usize
             let speed = rig.rows[rows - 1].plan.speed;
             person.orders(speed, rests, &mut orders);
             for order in orders.drain(..) {
-                rests.paused &= order != Order::GoOn;
+                rests.paused &= order != Order::CycleStart;
                 rig.controller().obey(order);
             }
         }
@@ -509,7 +509,7 @@ fn a_plan_that_never_comes_is_a_fault() {
 fn a_rest_that_somebody_or_something_wants_is_none() {
     let minute = Duration::from_secs(60);
     assert_eq!(without_plan(Duration::from_secs(29), |_| ()), None);
-    let held = without_plan(minute, |it| it.obey(Order::Hold));
+    let held = without_plan(minute, |it| it.obey(Order::FeedHold));
     assert_eq!(held, None);
     let reads = without_plan(minute, Controller::wait_for_input);
     assert_eq!(reads, None);
