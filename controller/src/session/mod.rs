@@ -51,8 +51,9 @@ pub struct Session<T> {
 /// The session's side of what the cycle reports.
 struct Desk {
     settings: Settings,
-    /// Commands that were ordered and have not taken effect, the oldest first.
-    waiting: VecDeque<Issued>,
+    /// Commands that have not taken effect, the oldest first, and whether each is for the session
+    /// alone.
+    waiting: VecDeque<(Issued, bool)>,
     /// The number of the first of them.
     first: u64,
     /// The cycle in which the last one took effect.
@@ -123,12 +124,13 @@ impl<T: Timeline> Session<T> {
             desk,
         } = self;
         for issued in inlet.commands() {
-            match desk.settings.order(issued.command) {
-                Some(order) => timeline.order(desk.ordered(issued), order),
-                // For the session alone: it takes effect here.
-                None => desk.accept(issued),
+            let order = desk.settings.order(issued.command);
+            let number = desk.keep(issued, order.is_none());
+            if let Some(order) = order {
+                timeline.order(number, order);
             }
         }
+        desk.accept_own();
         let progress = timeline.advance(&mut |report| desk.take(report));
         desk.status.settings = desk.settings;
         desk.view.show(&desk.status);
@@ -152,9 +154,19 @@ impl<T: Timeline> Session<T> {
 
 impl Desk {
     /// Keeps a command until it takes effect; its number.
-    fn ordered(&mut self, issued: Issued) -> u64 {
-        self.waiting.push_back(issued);
+    fn keep(&mut self, issued: Issued, own: bool) -> u64 {
+        self.waiting.push_back((issued, own));
         self.first + self.waiting.len() as u64 - 1
+    }
+
+    /// What is for the session alone takes effect in its turn, behind what was ordered before it.
+    fn accept_own(&mut self) {
+        while self.waiting.front().is_some_and(|(_, own)| *own)
+            && let Some((issued, _)) = self.waiting.pop_front()
+        {
+            self.first += 1;
+            self.accept(issued);
+        }
     }
 
     /// Tells that a command has taken effect.
@@ -175,11 +187,12 @@ impl Desk {
             CycleReport::Obeyed { number, cycle } => {
                 self.cycle = cycle;
                 while self.first <= number
-                    && let Some(issued) = self.waiting.pop_front()
+                    && let Some((issued, _)) = self.waiting.pop_front()
                 {
                     self.first += 1;
                     self.accept(issued);
                 }
+                self.accept_own();
             }
             CycleReport::Event(event) => {
                 if let control::Event::Phase(phase) = event {
