@@ -381,7 +381,7 @@ fn listen(
 ) -> Result<Option<Keys>, Box<dyn Error>> {
     let signals = session.operator("signal");
     ctrlc::set_handler(move || {
-        // Where the session is over there is nothing to stop, and hundreds of commands go first.
+        // Where the session is over there is nothing to stop.
         let _ = signals.command(Command::Stop);
     })?;
     let keys = Keys::listen(session.operator("keys"))?;

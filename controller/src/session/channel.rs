@@ -12,6 +12,8 @@ use std::time::Duration;
 
 /// Commands that wait for the session at most.
 const COMMANDS: usize = 256;
+/// Stops that wait for the session at most: all of them are obeyed by the first.
+const STOPS: usize = 1;
 /// Events that wait for a subscriber at most.
 const EVENTS: usize = 4096;
 
@@ -19,6 +21,14 @@ const EVENTS: usize = 4096;
 #[derive(Clone, Debug)]
 pub struct Operator {
     name: Arc<str>,
+    lanes: Lanes,
+}
+
+/// The ways to the session. A stop has one of its own, so that no crowd of other commands keeps it
+/// out, and it goes first.
+#[derive(Clone, Debug)]
+struct Lanes {
+    stops: Sender<Issued>,
     commands: Sender<Issued>,
 }
 
@@ -41,7 +51,8 @@ pub enum NotTaken {
 }
 
 impl Operator {
-    /// Commands something; commands take effect in the order in which they are taken.
+    /// Commands something; commands take effect in the order in which they are taken, but for
+    /// [`Command::Stop`], which overtakes what waits and is never refused for want of room.
     ///
     /// # Errors
     /// It is not taken.
@@ -50,23 +61,42 @@ impl Operator {
             source: Arc::clone(&self.name),
             command,
         };
-        self.commands.try_send(issued).map_err(|error| match error {
-            TrySendError::Full(_) => NotTaken::Busy,
-            TrySendError::Disconnected(_) => NotTaken::Over,
-        })
+        let stops = command == Command::Stop;
+        let Lanes {
+            stops: first,
+            commands,
+        } = &self.lanes;
+        let lane = if stops { first } else { commands };
+        match lane.try_send(issued) {
+            Ok(()) => Ok(()),
+            Err(TrySendError::Disconnected(_)) => Err(NotTaken::Over),
+            // The stop that waits is as good.
+            Err(TrySendError::Full(_)) if stops => Ok(()),
+            Err(TrySendError::Full(_)) => Err(NotTaken::Busy),
+        }
     }
 }
 
 /// The session's end of its operators.
 pub(super) struct Inlet {
+    stops: Receiver<Issued>,
     commands: Receiver<Issued>,
-    given: Sender<Issued>,
+    given: Lanes,
 }
 
 impl Default for Inlet {
     fn default() -> Self {
-        let (given, commands) = channel::bounded(COMMANDS);
-        Self { commands, given }
+        let (first, stops) = channel::bounded(STOPS);
+        let (others, commands) = channel::bounded(COMMANDS);
+        let given = Lanes {
+            stops: first,
+            commands: others,
+        };
+        Self {
+            stops,
+            commands,
+            given,
+        }
     }
 }
 
@@ -75,13 +105,13 @@ impl Inlet {
     pub(super) fn operator(&self, name: &str) -> Operator {
         Operator {
             name: name.into(),
-            commands: self.given.clone(),
+            lanes: self.given.clone(),
         }
     }
 
-    /// What has come.
-    pub(super) fn commands(&self) -> TryIter<'_, Issued> {
-        self.commands.try_iter()
+    /// What has come, a stop first.
+    pub(super) fn commands(&self) -> impl Iterator<Item = Issued> {
+        self.stops.try_iter().chain(self.commands.try_iter())
     }
 }
 
@@ -170,5 +200,27 @@ impl Subscription {
     #[must_use]
     pub fn missed(&self) -> u64 {
         self.missed.load(Ordering::Relaxed)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_crowd_of_commands_keeps_a_stop_out() {
+        let inlet = Inlet::default();
+        let [crowd, person] = ["crowd", "person"].map(|name| inlet.operator(name));
+        while crowd.command(Command::SingleBlock).is_ok() {}
+        assert_eq!(crowd.command(Command::FeedHold), Err(NotTaken::Busy));
+        for _ in 0..2 * STOPS {
+            assert_eq!(person.command(Command::Stop), Ok(()));
+        }
+        let mut taken = inlet.commands();
+        let first = taken.next().unwrap();
+        assert_eq!((&*first.source, first.command), ("person", Command::Stop));
+        assert_eq!(taken.count(), COMMANDS);
+        drop(inlet);
+        assert_eq!(person.command(Command::Stop), Err(NotTaken::Over));
     }
 }

@@ -89,9 +89,6 @@ fn report(items: &[PathItem<3>]) -> Report {
         planner.push(*item).unwrap();
     }
     planner.finish();
-    while let Some(command) = planner.pop() {
-        assert!(executor.accept(command));
-    }
     let mut report = Report {
         machine: "portal".into(),
         program: "plate <1>.ngc".into(),
@@ -117,7 +114,15 @@ fn report(items: &[PathItem<3>]) -> Report {
             .collect(),
         ..Report::default()
     };
-    while !executor.is_idle() {
+    loop {
+        while executor.room() > 0
+            && let Some(command) = planner.pop()
+        {
+            assert!(executor.accept(command));
+        }
+        if executor.is_idle() {
+            break;
+        }
         let now = executor.advance();
         report.time.push(report.time.len() as f64 * PERIOD);
         report.line.push(now.tag);
