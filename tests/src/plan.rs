@@ -72,9 +72,9 @@ impl Plan {
         // Where in the steps the section under way is.
         let mut section = 0;
         while let Some(instruction) = feeder.next_instruction().expect("a good program") {
-            let Instruction::Plan(command) = instruction else {
-                assert_eq!(plan.steps.len(), committed, "a pause comes at rest");
-                continue;
+            let command = match instruction {
+                Instruction::Plan(command) => command,
+                Instruction::Mark { item, mark, .. } => Command::Mark { item, mark },
             };
             match command {
                 Command::Section { .. } => {
