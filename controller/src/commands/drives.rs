@@ -10,6 +10,7 @@ use crate::port::url::{BusUrl, End};
 use crate::port::wire::Wire;
 use crate::port::{PortError, sim};
 use crate::realtime::{self, Settings};
+use crossbeam::channel::Receiver;
 use std::error::Error;
 use std::io::{self, Write};
 use std::path::PathBuf;
@@ -155,7 +156,8 @@ impl Args {
     fn open(&self, buses: Vec<Hosted>) -> Result<Opened, Box<dyn Error>> {
         let mut opened = Opened::default();
         for bus in buses {
-            let wire = bus.url.open(bus.bitrate, End::Host)?;
+            let mut wire = bus.url.open(bus.bitrate, End::Host)?;
+            opened.notices.extend(wire.notices());
             if self.beacon
                 && let BusUrl::Socketcand { address, bus } = wire.name().parse()?
             {
@@ -172,9 +174,15 @@ impl Args {
 struct Opened {
     buses: Vec<(Box<dyn Wire + Send>, Hosted)>,
     beacons: Vec<Beacon>,
+    notices: Vec<Receiver<String>>,
 }
 
-fn host(Opened { buses, beacons }: Opened) -> Result<(), Box<dyn Error>> {
+fn host(opened: Opened) -> Result<(), Box<dyn Error>> {
+    let Opened {
+        buses,
+        beacons,
+        notices,
+    } = opened;
     let stop = Arc::new(AtomicBool::new(false));
     let asked = Arc::clone(&stop);
     ctrlc::set_handler(move || asked.store(true, Ordering::Relaxed))?;
@@ -195,7 +203,7 @@ fn host(Opened { buses, beacons }: Opened) -> Result<(), Box<dyn Error>> {
                 ended
             }));
         }
-        send_beacons(&beacons, &stop);
+        watch(&beacons, &notices, &stop);
         for host in hosts {
             match host.join() {
                 Ok(ended) => ended?,
@@ -224,13 +232,16 @@ fn announce(wire: &dyn Wire, bus: &Hosted) {
     let _ = writeln!(io::stdout(), "{}: {drives}{reach}", wire.name());
 }
 
-/// Sends beacons, if there are any, until `stop` is set.
-fn send_beacons(beacons: &[Beacon], stop: &AtomicBool) {
+/// Sends beacons and tells what buses have to say, until `stop` is set.
+fn watch(beacons: &[Beacon], notices: &[Receiver<String>], stop: &AtomicBool) {
     let mut next = Instant::now();
-    while !beacons.is_empty() && !stop.load(Ordering::Relaxed) {
+    while !stop.load(Ordering::Relaxed) {
         if Instant::now() >= next {
             beacons.iter().for_each(Beacon::send);
             next += Beacon::INTERVAL;
+        }
+        for line in notices.iter().flat_map(Receiver::try_iter) {
+            eprintln!("{line}");
         }
         thread::sleep(Duration::from_millis(50));
     }

@@ -26,6 +26,7 @@ pub(super) struct NetworkBus {
     next: Option<(Instant, Frame)>,
     inlet: Receiver<(Instant, Frame)>,
     outlet: Box<dyn Outlet>,
+    notices: Option<Receiver<String>>,
 }
 
 impl NetworkBus {
@@ -39,6 +40,15 @@ impl NetworkBus {
             next: None,
             inlet,
             outlet,
+            notices: None,
+        }
+    }
+
+    /// With what its other side tells a person, line by line.
+    pub(super) fn with_notices(self, notices: Receiver<String>) -> Self {
+        Self {
+            notices: Some(notices),
+            ..self
         }
     }
 
@@ -57,6 +67,10 @@ impl NetworkBus {
 impl Wire for NetworkBus {
     fn name(&self) -> &str {
         &self.name
+    }
+
+    fn notices(&mut self) -> Option<Receiver<String>> {
+        self.notices.take()
     }
 
     fn wait(&mut self, most: Duration) -> Result<(), PortError> {

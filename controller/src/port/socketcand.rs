@@ -12,24 +12,24 @@
 //! spaces before `>`. There are no remote frames. Clients expect the greeting and the answers each
 //! in a segment of its own.
 
+mod server;
+
+pub(crate) use server::Beacon;
+pub(super) use server::serve;
+
 use super::PortError;
-use super::network::{Inlet, NetworkBus, Outlet};
+use super::network::{NetworkBus, Outlet};
 use crate::realtime;
 use socket2::SockRef;
 use std::fmt::Write as _;
 use std::io::{self, Read, Write};
-use std::net::{IpAddr, Ipv4Addr, SocketAddr, TcpListener, TcpStream, ToSocketAddrs, UdpSocket};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::net::{SocketAddr, TcpStream, ToSocketAddrs};
 use std::thread;
-use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use std::time::Duration;
 use syncline_canopen::{CanId, Frame};
 
 /// For a connection, and for each step of the greeting.
 const TIMEOUT: Duration = Duration::from_secs(10);
-/// After `< ok >` to `< rawmode >`, before the first frame.
-const PAUSE: Duration = Duration::from_millis(20);
-/// Where servers announce themselves.
-const BEACON_PORT: u16 = 42_000;
 /// The longest message of raw mode is far shorter.
 const LONGEST: usize = 200;
 
@@ -233,151 +233,6 @@ impl Outlet for Client {
             Err(error) if error.kind() != io::ErrorKind::WouldBlock => Err(error),
             _ => Ok(()),
         }
-    }
-}
-
-/// The clients of a served bus.
-type Clients = Arc<Mutex<Vec<(SocketAddr, TcpStream)>>>;
-
-/// Serves a bus named `bus` to any number of socketcand clients. What one client sends reaches
-/// the others too.
-///
-/// # Errors
-/// The address cannot be listened on.
-pub(super) fn serve(name: &str, address: &str, bus: &str) -> Result<NetworkBus, PortError> {
-    let fail = |error: io::Error| PortError {
-        bus: name.to_owned(),
-        what: format!("cannot listen: {error}"),
-    };
-    let listener = TcpListener::bind(address).map_err(fail)?;
-    let name = format!(
-        "socketcand://{}/{bus}",
-        listener.local_addr().map_err(fail)?
-    );
-    let clients = Clients::default();
-    let (inlet, frames) = NetworkBus::inlet();
-    let bus_name = bus.to_owned();
-    let all = Arc::clone(&clients);
-    thread::spawn(move || {
-        for stream in listener.incoming().flatten() {
-            let (inlet, clients, bus) = (inlet.clone(), Arc::clone(&all), bus_name.clone());
-            thread::spawn(move || {
-                // A client that breaks off is gone, no more.
-                let _ = attend(stream, &bus, &inlet, &clients);
-            });
-        }
-    });
-    Ok(NetworkBus::new(name, frames, Box::new(Server(clients))))
-}
-
-/// Announces a served bus on the network of its address, on loopback only to this host.
-pub(crate) struct Beacon {
-    socket: UdpSocket,
-    to: SocketAddr,
-    text: String,
-}
-
-impl Beacon {
-    /// How often it is to be sent.
-    pub(crate) const INTERVAL: Duration = Duration::from_secs(3);
-
-    /// The beacon of `bus`, served at `address`.
-    ///
-    /// # Errors
-    /// The address is not one of an IPv4 interface of this host.
-    pub(crate) fn new(address: &str, bus: &str) -> Result<Self, PortError> {
-        let fail = |what: String| PortError {
-            bus: format!("socketcand://{address}/{bus}"),
-            what: format!("no beacon: {what}"),
-        };
-        let served = resolve(address).map_err(|error| fail(error.to_string()))?;
-        let to = match served.ip() {
-            IpAddr::V4(ip) if ip.is_loopback() => ip,
-            IpAddr::V4(ip) if !ip.is_unspecified() => Ipv4Addr::BROADCAST,
-            _ => return Err(fail("it tells an IPv4 address: serve on one".to_owned())),
-        };
-        let socket = UdpSocket::bind((served.ip(), 0))
-            .and_then(|socket| socket.set_broadcast(true).map(|()| socket))
-            .map_err(|error| fail(error.to_string()))?;
-        Ok(Self {
-            socket,
-            to: (to, BEACON_PORT).into(),
-            text: format!(
-                "<CANBeacon name=\"syncline\" type=\"SocketCAN\" \
-                 description=\"simulated drives\"><URL>can://{served}</URL>\
-                 <Bus name=\"{bus}\"/></CANBeacon>"
-            ),
-        })
-    }
-
-    /// Sends it once; nobody listening is no error.
-    pub(crate) fn send(&self) {
-        let _ = self.socket.send_to(self.text.as_bytes(), self.to);
-    }
-}
-
-/// Speaks with one client until it leaves.
-fn attend(mut stream: TcpStream, bus: &str, inlet: &Inlet, clients: &Clients) -> io::Result<()> {
-    let peer = stream.peer_addr()?;
-    stream.set_nodelay(true)?;
-    stream.set_write_timeout(Some(TIMEOUT))?;
-    let mut answer = stream.try_clone()?;
-    answer.write_all(b"< hi >")?;
-    let mut outcome = Ok(());
-    read_messages(&mut stream, &mut Messages::default(), |message| {
-        let handled = (|| {
-            let mut words = message.split_ascii_whitespace();
-            match words.next() {
-                Some("open") if words.next() == Some(bus) => answer.write_all(b"< ok >"),
-                Some("open") => answer.write_all(b"< error could not open bus >"),
-                Some("rawmode") => {
-                    answer.write_all(b"< ok >")?;
-                    thread::sleep(PAUSE);
-                    lock(clients).push((peer, answer.try_clone()?));
-                    Ok(())
-                }
-                Some("send") => match parse_send(words) {
-                    Some(frame) => {
-                        // A full channel loses the frame, as a full bus would.
-                        let _ = inlet.try_send((realtime::now(), frame));
-                        broadcast(clients, &frame, Some(peer));
-                        Ok(())
-                    }
-                    None => answer.write_all(b"< error invalid frame >"),
-                },
-                Some("echo") => answer.write_all(b"< echo >"),
-                _ => answer.write_all(b"< error unknown command >"),
-            }
-        })();
-        if outcome.is_ok() {
-            outcome = handled;
-        }
-    });
-    lock(clients).retain(|(address, _)| *address != peer);
-    outcome
-}
-
-fn lock(clients: &Clients) -> std::sync::MutexGuard<'_, Vec<(SocketAddr, TcpStream)>> {
-    clients.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
-/// Sends a frame to all clients but one; drops those that do not take it.
-fn broadcast(clients: &Clients, frame: &Frame, except: Option<SocketAddr>) {
-    let time = SystemTime::now().duration_since(UNIX_EPOCH);
-    let message = frame_message(frame, time.unwrap_or_default());
-    lock(clients).retain_mut(|(address, stream)| {
-        Some(*address) == except || stream.write_all(message.as_bytes()).is_ok()
-    });
-}
-
-struct Server(Clients);
-
-impl Outlet for Server {
-    fn write(&mut self, frames: &[Frame]) -> io::Result<()> {
-        for frame in frames.iter().filter(|frame| !frame.is_remote()) {
-            broadcast(&self.0, frame, None);
-        }
-        Ok(())
     }
 }
 

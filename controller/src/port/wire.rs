@@ -3,6 +3,7 @@
 
 use super::{Port, PortError};
 use crate::bus::{Burst, Received};
+use crossbeam::channel::Receiver;
 use std::time::Duration;
 use syncline_canopen::{Frame, Instant};
 
@@ -10,6 +11,12 @@ use syncline_canopen::{Frame, Instant};
 pub trait Wire {
     /// Its URL, with the port number that the host gave if any was asked for.
     fn name(&self) -> &str;
+
+    /// What a person should know although the bus works on, a line each, as it happens. To be
+    /// taken once.
+    fn notices(&mut self) -> Option<Receiver<String>> {
+        None
+    }
 
     /// Sleeps until something may have arrived, for `most` at most.
     ///
@@ -34,6 +41,10 @@ pub trait Wire {
 impl<W: Wire + ?Sized> Wire for Box<W> {
     fn name(&self) -> &str {
         (**self).name()
+    }
+
+    fn notices(&mut self) -> Option<Receiver<String>> {
+        (**self).notices()
     }
 
     fn wait(&mut self, most: Duration) -> Result<(), PortError> {

@@ -17,7 +17,7 @@ mod python_canopen_csp;
 mod replay;
 mod report;
 mod simulated;
-mod stalled_server;
+mod stalled_peers;
 mod switched_on;
 mod tools;
 mod wireshark;
