@@ -5,6 +5,7 @@
 //! A [`Port`] carries both over one bus with a number of system calls that does not grow with
 //! the number of frames.
 
+mod arrival;
 mod error_frame;
 mod network;
 pub mod sim;

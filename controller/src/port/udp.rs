@@ -1,14 +1,27 @@
 //! CAN over UDP multicast, as python-can's `udp_multicast` has it: a datagram is one frame, a
 //! MessagePack map of eleven keys.
+//!
+//! A group is joined on one interface, but the kernel by itself hands a socket whatever any program
+//! of the host has joined, on any interface. Here it is told not to, and each datagram is held
+//! against the interface that it came by: nobody beyond it moves a drive.
 
 use super::PortError;
+use super::arrival::Arrivals;
 use super::wire::Wire;
 use crate::realtime;
+use nix::cmsg_space;
+use nix::errno::Errno;
+use nix::libc::{in_pktinfo, in6_pktinfo};
+use nix::net::if_::if_nametoindex;
+use nix::sys::socket::{
+    ControlMessageOwned, MsgFlags, SockaddrStorage, recvmsg, setsockopt, sockopt,
+};
+use nix::sys::time::TimeSpec;
 use serde::{Deserialize, Serialize};
 use socket2::{Domain, InterfaceIndexOrAddress, Protocol, Socket, Type};
-use std::fs;
-use std::io;
+use std::io::{self, IoSliceMut};
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr, UdpSocket};
+use std::os::fd::AsRawFd as _;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 use syncline_canopen::{CanId, Frame, Instant};
 
@@ -81,6 +94,11 @@ fn decode(bytes: &[u8]) -> Option<Frame> {
 pub(super) struct Group {
     name: String,
     receiving: UdpSocket,
+    arrivals: Arrivals,
+    /// Room for what the kernel says of a datagram.
+    control: Vec<u8>,
+    /// The only one that counts.
+    interface: u32,
     sending: UdpSocket,
     /// Of the sending socket: datagrams come back to their sender.
     own_port: u16,
@@ -103,12 +121,15 @@ impl Group {
             let receiving = receiving_socket(group, port, index)?;
             let sending = sending_socket(group, interface)?;
             let own_port = sending.local_addr()?.port();
-            Ok((receiving, sending, own_port))
+            Ok((index, receiving, sending, own_port))
         };
         match sockets() {
-            Ok((receiving, sending, own_port)) => Ok(Self {
+            Ok((interface, receiving, sending, own_port)) => Ok(Self {
                 name,
                 receiving,
+                arrivals: Arrivals::new(),
+                control: cmsg_space!(TimeSpec, in_pktinfo, in6_pktinfo),
+                interface,
                 sending,
                 own_port,
                 to: SocketAddr::new(group, port),
@@ -146,18 +167,23 @@ impl Wire for Group {
     }
 
     fn receive(&mut self, sink: &mut dyn FnMut(Instant, &Frame)) -> Result<bool, PortError> {
+        let asked = realtime::now();
         let mut bytes = [0; LONGEST];
-        match self.receiving.recv_from(&mut bytes) {
-            Ok((length, from)) => {
-                if from.port() != self.own_port
-                    && let Some(frame) = decode(&bytes[..length])
+        match self.read(&mut bytes) {
+            Ok(received) => {
+                if received.from != self.own_port
+                    && received.interface == self.interface
+                    && let Some(frame) = decode(&bytes[..received.length])
                 {
-                    sink(realtime::now(), &frame);
+                    sink(self.arrivals.at(received.stamp), &frame);
                 }
                 Ok(true)
             }
-            Err(error) if error.kind() == io::ErrorKind::WouldBlock => Ok(false),
-            Err(error) => Err(self.fail("receiving", &error)),
+            Err(Errno::EAGAIN) => {
+                self.arrivals.found_empty(asked);
+                Ok(false)
+            }
+            Err(error) => Err(self.fail("receiving", &error.into())),
         }
     }
 
@@ -179,11 +205,57 @@ impl Wire for Group {
     }
 }
 
+/// A datagram as the kernel hands it over.
+#[derive(Default)]
+struct Received {
+    length: usize,
+    /// The sender's port.
+    from: u16,
+    /// Number of the interface that it came by.
+    interface: u32,
+    /// When it came, on CLOCK_REALTIME.
+    stamp: Option<TimeSpec>,
+}
+
+impl Group {
+    /// Reads a datagram, if there is one.
+    fn read(&mut self, bytes: &mut [u8]) -> nix::Result<Received> {
+        let mut slices = [IoSliceMut::new(bytes)];
+        let message = recvmsg::<SockaddrStorage>(
+            self.receiving.as_raw_fd(),
+            &mut slices,
+            Some(&mut self.control),
+            MsgFlags::MSG_DONTWAIT,
+        )?;
+        let from = message.address.as_ref().and_then(|from| {
+            let v4 = from.as_sockaddr_in().map(|it| it.port());
+            v4.or_else(|| from.as_sockaddr_in6().map(|it| it.port()))
+        });
+        let mut received = Received {
+            length: message.bytes,
+            from: from.unwrap_or_default(),
+            ..Received::default()
+        };
+        for told in message.cmsgs()? {
+            match told {
+                ControlMessageOwned::ScmTimestampns(stamp) => received.stamp = Some(stamp),
+                ControlMessageOwned::Ipv4PacketInfo(info) => {
+                    received.interface = info.ipi_ifindex.cast_unsigned();
+                }
+                ControlMessageOwned::Ipv6PacketInfo(info) => {
+                    received.interface = info.ipi6_ifindex;
+                }
+                _ => {}
+            }
+        }
+        Ok(received)
+    }
+}
+
 /// The number of a network interface.
 fn interface_index(interface: &str) -> io::Result<u32> {
     let none = |_| io::Error::new(io::ErrorKind::NotFound, "there is no such interface");
-    let text = fs::read_to_string(format!("/sys/class/net/{interface}/ifindex")).map_err(none)?;
-    (text.trim().parse()).map_err(|_| io::Error::from(io::ErrorKind::InvalidData))
+    if_nametoindex(interface).map_err(none)
 }
 
 fn receiving_socket(group: IpAddr, port: u16, index: u32) -> io::Result<UdpSocket> {
@@ -194,11 +266,18 @@ fn receiving_socket(group: IpAddr, port: u16, index: u32) -> io::Result<UdpSocke
     socket.set_recv_buffer_size(RECEIVE_BUFFER)?;
     socket.set_nonblocking(true)?;
     socket.bind(&SocketAddr::new(group, port).into())?;
+    setsockopt(&socket, sockopt::ReceiveTimestampns, &true)?;
     match group {
         IpAddr::V4(group) => {
+            socket.set_multicast_all_v4(false)?;
+            setsockopt(&socket, sockopt::Ipv4PacketInfo, &true)?;
             socket.join_multicast_v4_n(&group, &InterfaceIndexOrAddress::Index(index))?;
         }
-        IpAddr::V6(group) => socket.join_multicast_v6(&group, index)?,
+        IpAddr::V6(group) => {
+            socket.set_multicast_all_v6(false)?;
+            setsockopt(&socket, sockopt::Ipv6RecvPacketInfo, &true)?;
+            socket.join_multicast_v6(&group, index)?;
+        }
     }
     Ok(socket.into())
 }
@@ -232,7 +311,7 @@ fn domain(group: IpAddr) -> Domain {
 mod tests {
     use super::*;
     use proptest::prelude::*;
-    use std::os::fd::AsRawFd as _;
+    use std::fs;
 
     /// What the kernel has no room for is no reason to stop a cycle.
     #[test]

@@ -3,11 +3,12 @@
 use crate::outside::{Drives, Namespace, SYNCLINE, TWO_TOLERANT, available};
 use std::io::{Read, Write};
 use std::net::TcpStream;
-use std::process::{Command, Output};
-use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use std::process::{Command, Output, Stdio};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 use syncline_canopen::{CanId, Frame};
 use syncline_controller::bus_log::candump::Line;
 use syncline_controller::port::url::{BusUrl, End};
+use syncline_controller::realtime;
 
 const MACHINE: &str = concat!(
     env!("CARGO_MANIFEST_DIR"),
@@ -272,6 +273,124 @@ fn every_tool_over_udp() {
         log.contains(" 000#8202") && log.contains(" 702#00"),
         "{log}"
     );
+}
+
+/// What comes from another host moves no drive that is on loopback, even if another program of this
+/// host has joined the group on the interface that it comes by.
+#[test]
+fn multicast_stays_on_its_interface() {
+    let hosts = || {
+        let (here, there) = (Namespace::new()?, Namespace::new()?);
+        here.join(("cable", "10.9.8.1/24"), &there, ("outside", "10.9.8.2/24"))?;
+        Ok((here, there))
+    };
+    let (here, there) = match hosts() {
+        Ok(hosts) => hosts,
+        Err(why) => {
+            available(Err(why));
+            return;
+        }
+    };
+    const BUS: &str = "udp://239.74.163.2:43113";
+    const CABLE: &str = "udp://239.74.163.2:43113?interface=cable";
+    const OUTSIDE: &str = "udp://239.74.163.2:43113?interface=outside";
+    let drives = Drives::start(here.command(SYNCLINE), &TWO_TOLERANT, BUS);
+    let say = |host: &Namespace, bus: &str, words: &[&str]| {
+        let mut command = host.command(SYNCLINE);
+        let output = command
+            .arg(words[0])
+            .args(["--bus", bus])
+            .args(&words[1..])
+            .output();
+        let output = output.expect("runs");
+        assert!(output.status.success(), "{words:?}: {output:?}");
+        String::from_utf8(output.stdout).expect("UTF-8")
+    };
+    say(
+        &here,
+        BUS,
+        &["sdo", "--timeout", "5000", "write", "2", "1017", "20"],
+    );
+
+    // Another program joins the group on the cable, and hears what comes from there.
+    let mut joined = here.command(SYNCLINE);
+    let joined = joined.args(["monitor", "--bus", CABLE, "--count", "1"]);
+    let mut joined = joined.stdout(Stdio::piped()).spawn().expect("runs");
+    let deadline = Instant::now() + Duration::from_secs(20);
+    while joined.try_wait().expect("a child").is_none() {
+        assert!(Instant::now() < deadline, "nothing crosses the cable");
+        say(&there, OUTSIDE, &["nmt", "start", "2"]);
+        std::thread::sleep(Duration::from_millis(50));
+    }
+    let heard = joined.wait_with_output().expect("ended").stdout;
+    let heard = String::from_utf8(heard).expect("UTF-8");
+    assert!(heard.contains("000#0102"), "{heard}");
+
+    let state = |count| say(&here, BUS, &["monitor", "--count", count]);
+    let before = state("5");
+    assert_eq!(before.matches("702#7F").count(), 5, "{before}");
+    say(&here, BUS, &["nmt", "start", "2"]);
+    let after = state("5");
+    assert_eq!(after.matches("702#05").count(), 5, "{after}");
+    drives.stop();
+}
+
+/// A frame that waits to be read is stamped when it came, over UDP too.
+#[test]
+fn frames_are_stamped_when_they_come() {
+    // A thread for its namespace.
+    let read = std::thread::spawn(read_late_in_a_namespace).join();
+    read.unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+}
+
+fn read_late_in_a_namespace() {
+    // What this thread and its children open is in there.
+    let alone = nix::sched::unshare(nix::sched::CloneFlags::CLONE_NEWNET);
+    let alone = alone.map_err(|error| format!("no network namespace: {error}"));
+    let up = ["link", "set", "lo", "up", "multicast", "on"];
+    let route = ["route", "add", "224.0.0.0/4", "dev", "lo"];
+    let ready = alone.and_then(|()| outside::runs("ip", &up));
+    if !available(ready.and_then(|()| outside::runs("ip", &route))) {
+        return;
+    }
+    let open = || {
+        let url: BusUrl = "udp://239.74.163.2:43113".parse().expect("a bus");
+        url.open(1_000_000, End::Client).expect("opens")
+    };
+    let (mut sender, mut reader) = (open(), open());
+    let frame = Frame::new(CanId::Standard(0x181), &[1, 2]);
+    // When it was sent, and when it came.
+    let mut late = |wait| {
+        let before = realtime::now();
+        sender.send(&mut vec![frame]).expect("sent");
+        let after = realtime::now();
+        std::thread::sleep(Duration::from_millis(wait));
+        let mut came = Vec::new();
+        while (reader.receive(&mut |at, frame| came.push((at, *frame)))).expect("open") {}
+        let [(at, same)] = came[..] else {
+            panic!("{came:?}");
+        };
+        assert_eq!(same, frame);
+        (before, at, after)
+    };
+    // The readings of two clocks lie this close together.
+    let close = Duration::from_micros(200);
+    // The kernel begins to stamp some time after it is asked to.
+    let deadline = Instant::now() + Duration::from_secs(20);
+    loop {
+        let (_, at, after) = late(10);
+        if at <= after + close {
+            break;
+        }
+        assert!(Instant::now() < deadline, "stamped when they are read");
+    }
+    for wait in [0, 5, 20, 50] {
+        let (before, at, after) = late(wait);
+        assert!(
+            before <= at + close && at <= after + close,
+            "{before:?} {at:?} {after:?}"
+        );
+    }
 }
 
 #[test]

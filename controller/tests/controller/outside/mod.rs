@@ -55,6 +55,22 @@ impl Namespace {
         Ok(namespace)
     }
 
+    /// Ties it to another by a cable, named in each as given, with an address for each end.
+    pub(crate) fn join(
+        &self,
+        (own, own_address): (&str, &str),
+        other: &Self,
+        (its, its_address): (&str, &str),
+    ) -> Result<(), String> {
+        self.ip(&["link", "add", own, "type", "veth", "peer", "name", its])?;
+        self.ip(&["link", "set", its, "netns", &other.0])?;
+        for (end, cable, address) in [(self, own, own_address), (other, its, its_address)] {
+            end.ip(&["address", "add", address, "dev", cable])?;
+            end.ip(&["link", "set", cable, "up"])?;
+        }
+        Ok(())
+    }
+
     /// Configures its network.
     pub(crate) fn ip(&self, arguments: &[&str]) -> Result<(), String> {
         runs("ip", &[&["-n", &self.0], arguments].concat())
