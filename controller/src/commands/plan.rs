@@ -22,8 +22,10 @@ use syncline_trajectory::verify;
 ///
 /// The answer is CSV: `id, status, duration, end_error, limit_excess`, the last two from the
 /// checker, which does not trust the planner. `status` is ok, bad_row, nan, zero_limit,
-/// target_breaks_limit, target_outside_position, start_outside_position, not_straight, min_duration
-/// or unreachable. Every row is answered; the exit code is 2 where one is not ok.
+/// target_breaks_limit, target_outside_position, start_outside_position, not_straight, min_duration,
+/// unreachable, too_large (a number beyond ±1e15), too_small (a limit within ±1e-15) or
+/// not_certified (the checker finds an error above 1e-9). Every row is answered; the exit code is 2
+/// where one is not ok.
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
     /// Problems, one a row
@@ -226,6 +228,13 @@ struct Answer {
 
 const BAD_ROW: &str = "bad_row";
 
+/// Beyond it there is no machine, and what is computed loses its meaning.
+const LARGEST: f64 = 1e15;
+/// The least that a limit may allow.
+const SMALLEST: f64 = 1e-15;
+/// The greatest relative error of a plan that is called ok.
+const CERTIFIED: f64 = 1e-9;
+
 impl Row {
     fn read(columns: &Columns, record: &csv::ByteRecord) -> Result<Self, &'static str> {
         let text = |i: usize| -> Result<&str, &'static str> {
@@ -317,10 +326,46 @@ impl Row {
         })
     }
 
+    /// Refuses numbers with which no plan means anything. Those that are none, and limits of zero,
+    /// are the planner's to refuse.
+    fn check_range(&self) -> Result<(), &'static str> {
+        let large = |x: &f64| x.is_finite() && x.abs() > LARGEST;
+        let small = |x: &f64| *x != 0.0 && x.abs() < SMALLEST;
+        for (_, axis) in &self.axes {
+            let Limits {
+                v_max,
+                v_min,
+                a_max,
+                a_min,
+                j_max,
+                j_min,
+            } = axis.limits;
+            let limits = [v_max, v_min, a_max, a_min, j_max, j_min];
+            let target = match axis.target {
+                Target::State(state) => state,
+                Target::Velocity { v, a } => State { p: 0.0, v, a },
+            };
+            let states = [axis.start, target].map(|state| [state.p, state.v, state.a]);
+            let bounds = axis.bounds.map_or([0.0; 2], |it| [it.min, it.max]);
+            let mut all = states.iter().flatten().chain(&limits).chain(&bounds);
+            if all.any(large) {
+                return Err("too_large");
+            }
+            if limits.iter().any(small) {
+                return Err("too_small");
+            }
+        }
+        if large(&self.min_duration) {
+            return Err("too_large");
+        }
+        Ok(())
+    }
+
     fn plan(&self) -> Result<Answer, &'static str> {
         if self.min_duration.is_nan() {
             return Err(status(PlanError::NotANumber));
         }
+        self.check_range()?;
         let axes: Vec<Axis> = self.axes.iter().map(|(_, axis)| *axis).collect();
         let mut profiles: Vec<Profile> = axes.iter().map(|a| Profile::new(a.start)).collect();
         let duration = synchronise::plan(
@@ -340,6 +385,9 @@ impl Row {
             let certificate = verify::axis(&profile, axis);
             answer.end_error = answer.end_error.max(certificate.end_error);
             answer.limit_excess = answer.limit_excess.max(certificate.limit_excess);
+            if !certificate.holds(CERTIFIED) {
+                return Err("not_certified");
+            }
             answer.profiles[*index] = Some(profile);
         }
         Ok(answer)
@@ -356,5 +404,75 @@ fn status(error: PlanError) -> &'static str {
         PlanError::NotStraight => "not_straight",
         PlanError::MinDuration => "min_duration",
         PlanError::Unreachable => "unreachable",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// Numbers as people, programs and fuzzers write them: of every size, and none.
+    fn number() -> impl Strategy<Value = String> {
+        prop_oneof![
+            4 => (-1000.0..1000.0_f64).prop_map(|x| x.to_string()),
+            2 => (any::<bool>(), -320.0..308.0_f64).prop_map(|(minus, exponent)| {
+                let x = 10_f64.powf(exponent);
+                format!("{:e}", if minus { -x } else { x })
+            }),
+            2 => (any::<bool>(), -16.0..16.0_f64).prop_map(|(minus, exponent)| {
+                let x = 10_f64.powf(exponent);
+                format!("{:e}", if minus { -x } else { x })
+            }),
+            1 => Just("0".to_owned()),
+            1 => prop::sample::select(vec!["1e308", "-1e308", "5e-324", "inf", "-inf", "nan", "", "x"])
+                .prop_map(str::to_owned),
+        ]
+    }
+
+    /// A limit of either sign, mostly the right one.
+    fn limit(sign: f64) -> impl Strategy<Value = String> {
+        prop_oneof![
+            8 => (-17.0..17.0_f64).prop_map(move |exponent| (sign * 10_f64.powf(exponent)).to_string()),
+            8 => (-2.0..4.0_f64).prop_map(move |exponent| (sign * 10_f64.powf(exponent)).to_string()),
+            1 => number(),
+        ]
+    }
+
+    fn axis() -> impl Strategy<Value = String> {
+        let states = proptest::collection::vec(number(), 6);
+        let limits = (limit(1.0), limit(-1.0), limit(1.0), limit(-1.0), limit(1.0));
+        (states, limits).prop_map(|(states, (a, b, c, d, e))| {
+            [&states.join(","), &*a, &b, &c, &d, &e].join(",")
+        })
+    }
+
+    fn row() -> impl Strategy<Value = String> {
+        let words = ["", "time", "line", "none", "x"];
+        let sync = prop::sample::select(words.to_vec());
+        let least = prop_oneof![3 => Just(String::new()), 1 => number()];
+        (sync, least, axis(), axis())
+            .prop_map(|(sync, least, one, other)| format!("{sync},{least},{one},{other}"))
+    }
+
+    const HEADER: &str = "id,sync,min_duration,\
+        p0_0,v0_0,a0_0,pf_0,vf_0,af_0,vmax_0,vmin_0,amax_0,amin_0,jmax_0,\
+        p0_1,v0_1,a0_1,pf_1,vf_1,af_1,vmax_1,vmin_1,amax_1,amin_1,jmax_1";
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(4096))]
+
+        /// Whatever stands in a file of cases, each row is answered, and what is called ok is.
+        #[test]
+        fn every_row_is_answered_and_what_is_ok_is_certified(row in row()) {
+            let text = format!("{HEADER}\nrow,{row}\n");
+            let mut reader = csv::ReaderBuilder::new().flexible(true).from_reader(text.as_bytes());
+            let columns = Columns::new(reader.byte_headers().unwrap(), Path::new("cases.csv")).unwrap();
+            let record = reader.byte_records().next().unwrap().unwrap();
+            if let Ok(plan) = Row::read(&columns, &record).and_then(|row| row.plan()) {
+                prop_assert!(plan.duration.is_finite());
+                prop_assert!(plan.end_error <= CERTIFIED && plan.limit_excess <= CERTIFIED);
+            }
+        }
     }
 }

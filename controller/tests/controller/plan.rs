@@ -85,6 +85,23 @@ fn every_row_is_answered_with_its_own_status() {
             format!("line,,,0,1,0,1,0,0,1,-1,1,-1,1,,,,{SECOND}"),
         ),
         ("min_duration", format!(",-1,,{axis},{SECOND}")),
+        ("too_large", format!(",1e300,,{axis},{SECOND}")),
+        (
+            "too_large",
+            format!(",,,0,0,0,1e308,0,0,1,-1,1,-1,1,,,,{SECOND}"),
+        ),
+        (
+            "too_large",
+            format!(",,,0,0,1e200,1,0,0,1,-1,1,-1,1,,,,{SECOND}"),
+        ),
+        (
+            "too_large",
+            format!(",,,0,1e60,0,1,0,0,1000,-1000,1000,-1000,1e-6,,,,{SECOND}"),
+        ),
+        (
+            "too_small",
+            format!(",,,0,0,0,1,0,0,1,-1,1,-1,1e-20,,,,{SECOND}"),
+        ),
     ];
     let rows: Vec<String> = cases
         .iter()
