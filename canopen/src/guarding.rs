@@ -4,6 +4,12 @@
 use crate::nmt::State;
 use crate::{CanId, CobId, Frame, Instant, NodeId, Transmit, time::Duration};
 
+/// A master's question for a node's state.
+#[must_use]
+pub fn request(node: NodeId) -> Option<Frame> {
+    Frame::remote(CobId::error_control(node), 1)
+}
+
 /// A node's side: answers requests, and misses them after the life time (100Ch × 100Dh).
 #[derive(Clone, Debug, Default)]
 pub struct Slave {
@@ -117,7 +123,7 @@ impl Master {
         if lost {
             self.state = None;
         }
-        if let Some(request) = Frame::remote(CobId::error_control(self.node), 1) {
+        if let Some(request) = request(self.node) {
             tx.transmit(request);
         }
         lost.then_some(Event::Lost)

@@ -13,6 +13,14 @@ pub fn encode(node: NodeId, state: State) -> Frame {
 /// state in it.
 #[must_use]
 pub fn decode(frame: &Frame) -> Option<(NodeId, State)> {
+    let (node, state) = state_byte(frame)?;
+    Some((node, State::from_byte(state)?))
+}
+
+/// As [`decode`], but the state as a number, without the toggle bit of guarding: there are only four
+/// that CiA 301 defines.
+#[must_use]
+pub fn state_byte(frame: &Frame) -> Option<(NodeId, u8)> {
     let CanId::Standard(id) = frame.id() else {
         return None;
     };
@@ -20,7 +28,7 @@ pub fn decode(frame: &Frame) -> Option<(NodeId, State)> {
     let &[byte] = frame.data() else {
         return None;
     };
-    Some((node, State::from_byte(byte & 0x7F)?))
+    Some((node, byte & 0x7F))
 }
 
 /// A node's own heartbeat (1017h).

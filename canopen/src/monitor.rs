@@ -41,6 +41,9 @@ use core::fmt::Write;
 /// Nodes that a bus can have.
 const NODES: usize = 127;
 
+/// Bytes of a segmented transfer that are kept, however many come.
+const KEPT: usize = 1 << 16;
+
 /// Follows a bus.
 #[derive(Debug)]
 pub struct Monitor {
@@ -66,6 +69,10 @@ struct Transfer {
     pending: Option<(Row, i64)>,
     /// Segments' bytes so far.
     data: Vec<u8>,
+    /// How many there are to be, if that was told.
+    told: Option<usize>,
+    /// The toggle bit that the next segment must have.
+    toggle: bool,
     blocks: Blocks,
 }
 
@@ -127,7 +134,10 @@ impl Monitor {
         if let Some(request) = Request::decode(frame) {
             return self.nmt(request);
         }
-        if let Some((node, state)) = heartbeat::decode(frame) {
+        if id == 0 {
+            return format!("unknown NMT command{}", raw(frame));
+        }
+        if let Some((node, state)) = heartbeat::state_byte(frame) {
             return self.error_control(node, state, frame);
         }
         if let Some((node, emergency)) = Emergency::from_frame(frame) {
@@ -187,16 +197,17 @@ impl Monitor {
         }
     }
 
-    fn error_control(&mut self, node: NodeId, state: State, frame: &Frame) -> String {
-        let state = match state {
-            State::Initialising => {
+    fn error_control(&mut self, node: NodeId, state: u8, frame: &Frame) -> String {
+        let state = match State::from_byte(state) {
+            Some(State::Initialising) => {
                 // Whatever it was told before is gone.
                 self.node(node).forget(true);
                 return format!("node {node} boot-up");
             }
-            State::Stopped => "Stopped",
-            State::Operational => "Operational",
-            State::PreOperational => "Pre-Operational",
+            Some(State::Stopped) => "Stopped".to_owned(),
+            Some(State::Operational) => "Operational".to_owned(),
+            Some(State::PreOperational) => "Pre-Operational".to_owned(),
+            None => format!("unknown NMT state {state:02X}h"),
         };
         // A heartbeat has no toggle bit; a guarding answer has one every other time.
         let service = match frame.data() {
@@ -345,13 +356,25 @@ impl Watched {
         };
         match (request, command >> 5) {
             (true, 0) | (false, 0) => {
-                self.sdo.data.extend_from_slice(segment);
+                let toggle = command & 0x10 != 0;
+                if toggle != self.sdo.toggle {
+                    return format!("wrong toggle bit, segment {}", bytes(segment));
+                }
+                self.sdo.toggle = !toggle;
+                if self.sdo.data.len() < KEPT {
+                    self.sdo.data.extend_from_slice(segment);
+                }
                 if !last {
                     return format!("segment {}", bytes(segment));
                 }
                 let (address, data) = (self.sdo.address, core::mem::take(&mut self.sdo.data));
+                let other = |told: &usize| *told != data.len() && data.len() < KEPT;
+                let size = match self.sdo.told.filter(other) {
+                    Some(told) => format!("{} bytes instead of {told}, ", data.len()),
+                    None => String::new(),
+                };
                 let value = self.value(address, &data);
-                format!("last segment, {} = {value}", self.title(address))
+                format!("last segment, {size}{} = {value}", self.title(address))
             }
             (true, 1) => {
                 self.start(named);
@@ -361,6 +384,7 @@ impl Watched {
                     let value = self.value(named, data);
                     format!("write {} = {value}", self.title(named))
                 } else {
+                    self.sdo.told = Some(word as usize);
                     format!("write {}, {word} bytes", self.title(named))
                 }
             }
@@ -377,6 +401,7 @@ impl Watched {
                     self.keep(self.number(named, data));
                     format!("{} = {}", self.title(named), self.value(named, data))
                 } else {
+                    self.sdo.told = Some(word as usize);
                     format!("{}, {word} bytes", self.title(named))
                 }
             }

@@ -266,3 +266,34 @@ proptest! {
         }
     }
 }
+
+/// What is wrong on a bus is told by its name.
+#[test]
+fn mistakes_have_names() {
+    let mut bus = Bus::new();
+    assert_eq!(
+        bus.send(0x703, &[0x03]),
+        ["node 3 heartbeat: unknown NMT state 03h"]
+    );
+    assert_eq!(bus.send(0x000, &[7, 3]), ["unknown NMT command: 07 03"]);
+    let answers = |bus: &mut Bus, messages: [[u8; 8]; 3]| {
+        let told = messages.map(|message| bus.send(0x583, &message).concat());
+        told.map(|line| line.replace("node 3 SDO answer: ", ""))
+    };
+    let begin = [0x41, 0x08, 0x10, 0, 9, 0, 0, 0];
+    let first = [0x00, b'a', b'b', b'c', b'd', b'e', b'f', b'g'];
+    assert_eq!(
+        answers(&mut bus, [begin, first, first]),
+        [
+            "1008h:0 Device name, 9 bytes",
+            "segment 61 62 63 64 65 66 67",
+            "wrong toggle bit, segment 61 62 63 64 65 66 67"
+        ]
+    );
+    // One byte only in the last segment, where two are left.
+    let last = [0x1D, b'h', 0, 0, 0, 0, 0, 0];
+    assert_eq!(
+        answers(&mut bus, [begin, first, last])[2],
+        "last segment, 8 bytes instead of 9, 1008h:0 Device name = \"abcdefgh\""
+    );
+}

@@ -2,13 +2,15 @@
 
 use super::tool::{BusChoice, CAPACITY, Session, milliseconds};
 use super::{Exit, bad_input, report};
-use std::collections::BTreeMap;
+use crate::port::PortError;
+use crate::realtime::now;
+use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 use syncline_canopen::cia402::Statusword;
 use syncline_canopen::dictionary::Preset;
 use syncline_canopen::nmt::State;
-use syncline_canopen::sdo::Client;
-use syncline_canopen::{Address, Frame, NodeId, heartbeat};
+use syncline_canopen::sdo::{Client, Reason};
+use syncline_canopen::{Address, Frame, Instant, NodeId, guarding, heartbeat};
 use syncline_drives::model::{MODELS, Model};
 
 const DEVICE_TYPE: Address = Address::new(0x1000, 0);
@@ -18,10 +20,11 @@ const PRODUCT: Address = Address::new(0x1018, 2);
 const REVISION: Address = Address::new(0x1018, 3);
 const STATUSWORD: Address = Address::new(0x6041, 0);
 
-/// Find out who is on a bus: every node that answers, its identity and state.
+/// Find out who is on a bus: every node that answers or is heard, its identity and state.
 ///
-/// Reads device type, name, identity and statusword of all 127 nodes at once; nothing is
-/// written, nothing is commanded. The NMT state is shown if a heartbeat is heard meanwhile.
+/// Reads device type, name, identity and statusword of all 127 nodes at once, and listens for
+/// heartbeats meanwhile. Nothing is written, nothing is commanded. A node that is Stopped and has no
+/// heartbeat is found by --guarding only.
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
     #[command(flatten)]
@@ -29,10 +32,17 @@ pub(super) struct Args {
     /// Milliseconds to wait for an answer.
     #[arg(long, value_name = "MS", default_value_t = 300, value_parser = milliseconds())]
     timeout: u64,
+    /// Milliseconds to listen for heartbeats, at least.
+    #[arg(long, value_name = "MS", default_value_t = 1100, value_parser = milliseconds())]
+    listen: u64,
+    /// Ask nodes that are not found otherwise for their state by node guarding, where the bus has
+    /// remote frames. Mind that this starts the life guarding of a node that has a life time.
+    #[arg(long)]
+    guarding: bool,
 }
 
 impl Args {
-    /// Prints who answers.
+    /// Prints who is there.
     pub(super) fn execute(&self) -> Exit {
         let session = match self.bus.open() {
             Ok(session) => session,
@@ -47,59 +57,124 @@ impl Args {
         }
     }
 
-    fn scan(&self, mut session: Session) -> Result<(), crate::port::PortError> {
-        let mut nodes: Vec<NodeId> = (1..=127).filter_map(NodeId::new).collect();
+    fn scan(&self, mut session: Session) -> Result<(), PortError> {
+        let end = now() + Duration::from_millis(self.listen);
         let timeout = Duration::from_millis(self.timeout);
-        let mut states: BTreeMap<u8, State> = BTreeMap::new();
+        let mut heard = Heard::default();
         let mut ask = |nodes: &[NodeId], address| {
             let clients = nodes.iter();
             let mut clients: Vec<Client> = clients
                 .map(|&node| Client::new(node, timeout, CAPACITY))
                 .collect();
-            session.ask(&mut clients, address, &mut |frame: &Frame| {
-                if let Some((node, state)) = heartbeat::decode(frame) {
-                    states.insert(node.get(), state);
-                }
-            })
+            let answers = session.ask(&mut clients, address, &mut |frame| heard.note(frame))?;
+            Ok::<_, PortError>(nodes.iter().copied().zip(answers).collect::<Answers>())
         };
-        let types = ask(&nodes, DEVICE_TYPE)?;
-        let mut answered = types.iter();
-        nodes.retain(|_| answered.next().is_some_and(Option::is_some));
-        let types: Vec<Vec<u8>> = types.into_iter().flatten().collect();
-        let names = ask(&nodes, NAME)?;
-        let vendors = ask(&nodes, VENDOR)?;
-        let products = ask(&nodes, PRODUCT)?;
-        let revisions = ask(&nodes, REVISION)?;
-        let statuswords = ask(&nodes, STATUSWORD)?;
-        for (place, node) in nodes.iter().enumerate() {
-            let device_type = number(&types[place]);
-            let vendor = vendors[place].as_deref().map(number);
-            let model = recognise(device_type, vendor).map_or("unknown", |model| model.title);
-            let hex = |value: &Option<Vec<u8>>| match value {
-                Some(data) => format!("{:08X}h", number(data)),
-                None => "-".into(),
+        let all: Vec<NodeId> = (1..=127).filter_map(NodeId::new).collect();
+        let mut types = ask(&all, DEVICE_TYPE)?;
+        types.retain(|_, answer| *answer != Err(Reason::TimedOut));
+        let nodes: Vec<NodeId> = types.keys().copied().collect();
+        let objects = Objects {
+            types,
+            names: ask(&nodes, NAME)?,
+            vendors: ask(&nodes, VENDOR)?,
+            products: ask(&nodes, PRODUCT)?,
+            revisions: ask(&nodes, REVISION)?,
+            statuswords: ask(&nodes, STATUSWORD)?,
+        };
+        listen(&mut session, &mut heard, end)?;
+        if self.guarding {
+            // Whoever a master guards has been heard by now: no toggle bit of its is disturbed.
+            let is_silent = |node: &&NodeId| {
+                !objects.types.contains_key(node) && !heard.states.contains_key(node)
             };
-            println!("node {node}: {model}");
-            println!(
-                "  device type {device_type:08X}h, vendor {}, product {}, revision {}",
-                hex(&vendors[place]),
-                hex(&products[place]),
-                hex(&revisions[place])
-            );
-            if let Some(name) = &names[place] {
-                println!("  name {:?}", String::from_utf8_lossy(name).trim_end());
+            let silent = all.iter().filter(is_silent);
+            for request in silent.filter_map(|&node| guarding::request(node)) {
+                session.send(request)?;
             }
-            if let Some(state) = states.get(&node.get()) {
-                println!("  NMT {state:?}");
-            }
-            if let Some(word) = &statuswords[place] {
-                println!("  statusword {}", Statusword(number(word) as u16));
-            }
+            listen(&mut session, &mut heard, now() + timeout)?;
         }
-        if nodes.is_empty() {
-            println!("nobody answers");
+        let found: BTreeSet<_> = objects.types.keys().chain(heard.states.keys()).collect();
+        for &&node in &found {
+            objects.print(node, heard.states.get(&node));
+        }
+        if found.is_empty() {
+            println!("nobody answers, nobody is heard");
         }
         Ok(())
+    }
+}
+
+/// Hears what goes over the bus until `end`.
+fn listen(session: &mut Session, heard: &mut Heard, end: Instant) -> Result<(), PortError> {
+    while now() < end {
+        let left = end.saturating_since(now());
+        session.receive(left, &mut |_, frame| heard.note(frame))?;
+    }
+    Ok(())
+}
+
+/// What each node answers.
+type Answers = BTreeMap<NodeId, Result<Vec<u8>, Reason>>;
+
+/// What goes over the bus while nodes are asked.
+#[derive(Default)]
+struct Heard {
+    /// The last byte of each node's error control, without the toggle bit.
+    states: BTreeMap<NodeId, u8>,
+}
+
+impl Heard {
+    fn note(&mut self, frame: &Frame) {
+        self.states.extend(heartbeat::state_byte(frame));
+    }
+}
+
+/// What nodes say of themselves.
+struct Objects {
+    types: Answers,
+    names: Answers,
+    vendors: Answers,
+    products: Answers,
+    revisions: Answers,
+    statuswords: Answers,
+}
+
+impl Objects {
+    fn print(&self, node: NodeId, state: Option<&u8>) {
+        let of = |answers: &Answers| Some(number(answers.get(&node)?.as_ref().ok()?));
+        let hex = |answers| of(answers).map_or("-".into(), |value| format!("{value:08X}h"));
+        let device_type = of(&self.types);
+        let model = device_type.and_then(|device_type| recognise(device_type, of(&self.vendors)));
+        println!(
+            "node {node}: {}",
+            model.map_or("unknown", |model| model.title)
+        );
+        match self.types.get(&node) {
+            None => println!("  does not answer, is only heard"),
+            Some(answer) => {
+                let device_type = match answer {
+                    Ok(_) => hex(&self.types),
+                    Err(reason) => reason.to_string(),
+                };
+                println!(
+                    "  device type {device_type}, vendor {}, product {}, revision {}",
+                    hex(&self.vendors),
+                    hex(&self.products),
+                    hex(&self.revisions)
+                );
+            }
+        }
+        if let Some(Ok(name)) = self.names.get(&node) {
+            println!("  name {:?}", String::from_utf8_lossy(name).trim_end());
+        }
+        match state.map(|&byte| (byte, State::from_byte(byte))) {
+            Some((_, Some(state))) => println!("  NMT {state:?}"),
+            Some((byte, None)) => println!("  NMT state {byte:02X}h, which CiA 301 does not know"),
+            None => {}
+        }
+        if let Some(word) = of(&self.statuswords) {
+            println!("  statusword {}", Statusword(word as u16));
+        }
     }
 }
 

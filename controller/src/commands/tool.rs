@@ -11,7 +11,7 @@ use std::error::Error;
 use std::path::PathBuf;
 use std::str::FromStr;
 use std::time::Duration;
-use syncline_canopen::sdo::Client;
+use syncline_canopen::sdo::{Client, Reason};
 use syncline_canopen::{Address, Frame, Instant, NodeId};
 use syncline_drives::model::{MODELS, Model};
 
@@ -142,27 +142,26 @@ impl Session {
     }
 
     /// Asks several nodes for an object each at once, and hands over whatever arrives meanwhile.
-    /// `None` for those that refuse it or do not answer.
     pub(super) fn ask(
         &mut self,
         clients: &mut [Client],
         address: Address,
         other: &mut dyn FnMut(&Frame),
-    ) -> Result<Vec<Option<Vec<u8>>>, PortError> {
+    ) -> Result<Vec<Result<Vec<u8>, Reason>>, PortError> {
         let Self { wire, requests } = self;
         for client in clients.iter_mut() {
             // A new client is idle.
             let _ = client.upload(now(), address, requests);
         }
-        let mut answers = vec![None; clients.len()];
+        let mut answers = vec![Err(Reason::TimedOut); clients.len()];
         while clients.iter().any(Client::is_busy) {
             wire.send(requests)?;
             wire.wait(Duration::from_millis(5))?;
             while wire.receive(&mut |at, frame| {
                 other(frame);
                 for (client, answer) in clients.iter_mut().zip(&mut answers) {
-                    if let Some(Ok(data)) = client.on_frame(at, frame, requests) {
-                        *answer = Some(data.to_vec());
+                    if let Some(ended) = client.on_frame(at, frame, requests) {
+                        *answer = ended.map(<[u8]>::to_vec).map_err(|failed| failed.reason);
                     }
                 }
             })? {}

@@ -251,6 +251,16 @@ fn every_tool_over_udp() {
         (Some(0), 4),
         "{found}"
     );
+    // One that is Stopped and has no heartbeat answers to guarding only.
+    assert_eq!(tool("nmt", &["stop", "3"]).0, Some(0));
+    let (_, found, _) = tool("scan", &["--timeout", "2000"]);
+    assert!(
+        found.contains("node 4: LXM32M") && !found.contains("node 3"),
+        "{found}"
+    );
+    let (_, found, _) = tool("scan", &["--timeout", "2000", "--guarding"]);
+    let stopped = "node 3: unknown\n  does not answer, is only heard\n  NMT Stopped\n";
+    assert!(found.contains(stopped), "{found}");
     assert_eq!(tool("sdo", &["write", "2", "1017", "20"]).0, Some(0));
     assert_eq!(tool("nmt", &["start", "2"]).0, Some(0));
     let (_, seen, _) = tool("monitor", &["--machine", MACHINE, "--count", "3"]);
