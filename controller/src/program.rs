@@ -596,7 +596,7 @@ impl Feeder {
         if *self.interpreter.tables() == self.tables {
             return Ok(());
         }
-        self.interpreter.tables().save(file)
+        self.interpreter.tables().save(file, &self.tables)
     }
 }
 

@@ -16,12 +16,13 @@
 //!
 //! All lengths in mm, in machine coordinates; an axis that is not named is zero.
 
+mod save;
+
 use std::collections::BTreeMap;
-use std::fs::{self, File};
-use std::io::{self, Write};
+use std::fs::File;
+use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
-use serde::Serialize;
 use toml::Spanned;
 
 use super::axes::{Axis, COORDINATE_LIMIT, Point};
@@ -31,6 +32,9 @@ use syncline_strict_toml::{Invalid, Log, Table};
 const WORK_OFFSETS: [&str; 9] = [
     "G54", "G55", "G56", "G57", "G58", "G59", "G59.1", "G59.2", "G59.3",
 ];
+
+/// Bytes that a tables file may have: thousands of tools.
+const LONGEST: u64 = 1 << 20;
 
 /// What programs read and set beyond their own end. mm and degrees, machine coordinates.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -77,6 +81,23 @@ pub enum TablesError {
         /// Why.
         source: io::Error,
     },
+    /// Somebody else has set what the program set, since the program began.
+    #[error(
+        "{}: {place} was {was} at the start, is {is} now, and the program sets {set}: \
+         none of what the program set is written; set it by hand", file.display()
+    )]
+    Changed {
+        /// The file.
+        file: PathBuf,
+        /// Which value, as `G54 X`.
+        place: String,
+        /// Its value at the start.
+        was: f64,
+        /// Its value now.
+        is: f64,
+        /// What the program set.
+        set: f64,
+    },
     /// It says what tables do not have.
     #[error(transparent)]
     Invalid(#[from] Invalid),
@@ -93,13 +114,9 @@ impl Tables {
     /// # Errors
     /// The file cannot be read, or says what tables do not have.
     pub fn load(file: &Path) -> Result<Tables, TablesError> {
-        match fs::read_to_string(file) {
-            Ok(text) => Tables::parse(file, &text),
-            Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(Tables::default()),
-            Err(source) => Err(TablesError::Read {
-                file: file.to_owned(),
-                source,
-            }),
+        match read(file)? {
+            Some(text) => Tables::parse(file, &text),
+            None => Ok(Tables::default()),
         }
     }
 
@@ -170,104 +187,41 @@ impl Tables {
     /// # Errors
     /// The one beside it that would replace it cannot be written.
     pub fn probe(file: &Path) -> Result<(), TablesError> {
-        let new = beside(file);
-        let tried = File::create(&new).and_then(|_| fs::remove_file(&new));
-        tried.map_err(|source| TablesError::Write { file: new, source })
+        save::probe(file)
     }
 
-    /// Replaces a tables file by these tables at once: after a power cut the file is the old one or
-    /// the new one.
+    /// Writes what is different from the tables at the start, `since`, into a tables file, and leaves
+    /// all else in it as it is now. The file is replaced at once: after a power cut it is the old one
+    /// or the new one.
     ///
     /// # Errors
-    /// The file, or the one beside it that is to replace it, cannot be written.
-    pub fn save(&self, file: &Path) -> Result<(), TablesError> {
-        let text = toml::to_string(&Document::from(self)).map_err(io::Error::other);
-        text.and_then(|text| replace(file, &text))
-            .map_err(|source| TablesError::Write {
-                file: file.to_owned(),
-                source,
-            })
+    /// Somebody else has changed one of these values too; the file cannot be read, or it, or the one
+    /// beside it that is to replace it, cannot be written.
+    pub fn save(&self, file: &Path, since: &Tables) -> Result<(), TablesError> {
+        save::save(file, since, self)
     }
 }
 
-/// Where the file is written that is to replace a tables file.
-fn beside(file: &Path) -> PathBuf {
-    file.with_extension("toml.new")
-}
-
-fn replace(file: &Path, text: &str) -> io::Result<()> {
-    let new = beside(file);
-    let mut writer = File::create(&new)?;
-    writer.write_all(
-        b"# Work offsets, reference points and tools. Rewritten by programs that set them.\n\n",
-    )?;
-    writer.write_all(text.as_bytes())?;
-    writer.sync_all()?;
-    fs::rename(&new, file)?;
-    // The rename itself is on disk only when the directory is.
-    match file.parent() {
-        Some(directory) if directory.as_os_str().is_empty() => File::open(".")?.sync_all(),
-        Some(directory) => File::open(directory)?.sync_all(),
-        None => Ok(()),
+/// The text of a tables file, if there is one.
+fn read(file: &Path) -> Result<Option<String>, TablesError> {
+    let fail = |source| TablesError::Read {
+        file: file.to_owned(),
+        source,
+    };
+    let source = match File::open(file) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
+        source => source.map_err(fail)?,
+    };
+    let mut text = String::new();
+    source
+        .take(LONGEST + 1)
+        .read_to_string(&mut text)
+        .map_err(fail)?;
+    if text.len() as u64 > LONGEST {
+        let what = format!("more than {LONGEST} bytes: is it a tables file?");
+        return Err(fail(io::Error::new(io::ErrorKind::FileTooLarge, what)));
     }
-}
-
-/// Values by axis.
-type Values = BTreeMap<Axis, f64>;
-
-/// The file as it is written.
-#[derive(Serialize)]
-struct Document {
-    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
-    work_offsets: BTreeMap<String, Values>,
-    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
-    reference_points: BTreeMap<String, Values>,
-    #[serde(rename = "tool", skip_serializing_if = "Vec::is_empty")]
-    tools: Vec<ToolEntry>,
-}
-
-#[derive(Serialize)]
-struct ToolEntry {
-    number: u32,
-    #[serde(skip_serializing_if = "String::is_empty")]
-    name: String,
-    diameter: f64,
-    offset: Values,
-}
-
-impl From<&Tables> for Document {
-    fn from(tables: &Tables) -> Document {
-        let work_offsets = WORK_OFFSETS
-            .into_iter()
-            .zip(&tables.work_offsets)
-            .filter(|(_, offset)| **offset != Point::ZERO)
-            .map(|(name, offset)| (name.to_owned(), values(offset)))
-            .collect();
-        let reference_points = [
-            ("G28", &tables.g28),
-            ("G30", &tables.g30),
-            ("G92", &tables.g92),
-        ]
-        .into_iter()
-        .filter(|(_, reference)| **reference != Point::ZERO)
-        .map(|(name, reference)| (name.to_owned(), values(reference)))
-        .collect();
-        let tools = tables
-            .tools
-            .iter()
-            .map(|(number, tool)| ToolEntry {
-                number: *number,
-                name: tool.name.clone(),
-                diameter: tool.diameter,
-                offset: values(&tool.offset),
-            })
-            .collect();
-        Document {
-            work_offsets,
-            reference_points,
-            tools,
-        }
-    }
+    Ok(Some(text))
 }
 
 /// The point `key` of a table; zero without it.
@@ -292,12 +246,4 @@ fn point(log: &mut Log<'_>, table: &mut Table<'_, '_>, key: &'static str) -> Poi
     }
     values.finish(log);
     point
-}
-
-fn values(point: &Point) -> Values {
-    Axis::ALL
-        .into_iter()
-        .map(|axis| (axis, point[axis]))
-        .filter(|(_, value)| *value != 0.0)
-        .collect()
 }

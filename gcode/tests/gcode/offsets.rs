@@ -171,10 +171,110 @@ fn tables_round_trip_through_their_file() {
     let saved = Tables::beside(&directory.path().join("portal.toml"));
     assert!(saved.ends_with("portal.tables.toml"));
     assert_eq!(Tables::load(&saved).unwrap(), Tables::default());
-    tables.save(&saved).unwrap();
+    tables.save(&saved, &Tables::default()).unwrap();
     assert_eq!(Tables::load(&saved).unwrap(), tables);
     assert_eq!(std::fs::read_dir(directory.path()).unwrap().count(), 1);
     insta::assert_snapshot!(std::fs::read_to_string(&saved).unwrap());
+}
+
+/// A person's file with all that a person may write, and three values in it.
+const BY_HAND: &str = r#"# Vice at the left stop; checked on Monday.
+[[tool]]      # the one with the chip
+number = 3
+diameter = 6
+offset = { Z = 52.3 } # measured
+
+[work_offsets]
+"G59.1" = { Z = 1 }   # probe
+G54={X=400.0,Y=300.0} # stop
+# G55 = { X = 1 } was the old one
+"#;
+
+/// What a program sets is written in its place, and nothing else is touched.
+#[test]
+fn a_tables_file_keeps_its_comments_order_and_layout() {
+    let directory = tempfile::tempdir().unwrap();
+    let file = directory.path().join("portal.tables.toml");
+    std::fs::write(&file, BY_HAND).unwrap();
+    let before = Tables::load(&file).unwrap();
+    let mut after = before.clone();
+    // With the dust of arithmetic, which is not stored.
+    after.work_offsets[0][Axis::X] = 401.250_000_000_000_06;
+    after.work_offsets[0][Axis::Y] = 299.999_999_999_999_94;
+    after.work_offsets[0][Axis::Z] = -7.5;
+    after.tools.get_mut(&3).unwrap().offset[Axis::Z] = 52.0;
+    after.g28[Axis::Z] = -1.0;
+    after.save(&file, &before).unwrap();
+    let text = std::fs::read_to_string(&file).unwrap();
+    let expected = BY_HAND
+        .replace("Z = 52.3", "Z = 52.0")
+        .replace("{X=400.0,Y=300.0}", "{ X = 401.25, Y = 300.0, Z = -7.5 }");
+    assert_eq!(
+        text,
+        expected + "\n[reference_points]\nG28 = { Z = -1.0 }\n"
+    );
+    // Nothing changed, nothing written.
+    after.save(&file, &after).unwrap();
+    assert_eq!(std::fs::read_to_string(&file).unwrap(), text);
+}
+
+/// Two runs, or a run and a person, that set different values lose nothing; the same value is
+/// refused by name.
+#[test]
+fn what_others_set_meanwhile_is_kept() {
+    let directory = tempfile::tempdir().unwrap();
+    let file = directory.path().join("portal.tables.toml");
+    std::fs::write(&file, BY_HAND).unwrap();
+    let before = Tables::load(&file).unwrap();
+    let with = |change: fn(&mut Tables)| {
+        let mut tables = before.clone();
+        change(&mut tables);
+        tables
+    };
+    let one = with(|tables| tables.work_offsets[0][Axis::X] = 1.0);
+    let other = with(|tables| tables.work_offsets[0][Axis::Y] = 2.0);
+    one.save(&file, &before).unwrap();
+    other.save(&file, &before).unwrap();
+    let both = Tables::load(&file).unwrap();
+    assert_eq!(both.work_offsets[0], Point::xyz(1.0, 2.0, 0.0));
+
+    let late = with(|tables| tables.work_offsets[0][Axis::X] = 3.0);
+    let error = late.save(&file, &before).unwrap_err().to_string();
+    let told = ": G54 X was 400 at the start, is 1 now, and the program sets 3: ";
+    assert!(error.contains(told), "{error}");
+    assert_eq!(Tables::load(&file).unwrap(), both);
+}
+
+/// A link in the place of the new file leads nowhere, a link to the tables to the tables.
+#[test]
+fn saving_follows_no_planted_link() {
+    let directory = tempfile::tempdir().unwrap();
+    let at = |name: &str| directory.path().join(name);
+    std::fs::write(at("precious"), "worth keeping").unwrap();
+    std::fs::write(at("shared.toml"), BY_HAND).unwrap();
+    std::os::unix::fs::symlink(at("shared.toml"), at("portal.tables.toml")).unwrap();
+    for name in ["shared.toml.new", "portal.tables.toml.new"] {
+        std::os::unix::fs::symlink(at("precious"), at(name)).unwrap();
+    }
+    let file = at("portal.tables.toml");
+    Tables::probe(&file).unwrap();
+    let before = Tables::load(&file).unwrap();
+    let mut after = before.clone();
+    after.g30[Axis::X] = 5.0;
+    after.save(&file, &before).unwrap();
+    assert_eq!(Tables::load(&at("shared.toml")).unwrap(), after);
+    assert!(file.is_symlink());
+    let precious = std::fs::read_to_string(at("precious")).unwrap();
+    assert_eq!(precious, "worth keeping");
+}
+
+/// A file that does not end is not read to its end.
+#[test]
+fn a_tables_file_is_bounded() {
+    let error = Tables::load(Path::new("/dev/zero"))
+        .unwrap_err()
+        .to_string();
+    assert_eq!(error, "cannot read /dev/zero");
 }
 
 #[test]
