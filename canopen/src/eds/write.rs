@@ -58,7 +58,7 @@ impl Object {
         write!(f, "ObjectType=0x{object_type:X}\r\n")?;
         if !self.object_type.has_subs() {
             return match self.subs.get(&0) {
-                Some(value) => value.write(f),
+                Some(value) => value.write(f, false),
                 None => write!(f, "\r\n"),
             };
         }
@@ -66,15 +66,17 @@ impl Object {
         for (sub, value) in &self.subs {
             write!(f, "[{index:04X}sub{sub:X}]\r\n")?;
             write!(f, "ParameterName={}\r\nObjectType=0x7\r\n", value.name)?;
-            value.write(f)?;
+            // Index, subindex and length: in hexadecimal a person sees them.
+            let maps = sub > &0 && matches!(index, 0x1600..0x1800 | 0x1A00..0x1C00);
+            value.write(f, maps)?;
         }
         Ok(())
     }
 }
 
 impl Parameter {
-    /// All but name and object type.
-    fn write(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+    /// All but name and object type; the default of what `maps` an object in hexadecimal.
+    fn write(&self, f: &mut fmt::Formatter<'_>, maps: bool) -> fmt::Result {
         write!(f, "DataType=0x{:04X}\r\n", self.data_type)?;
         write!(f, "AccessType={}\r\n", self.access)?;
         for (key, value) in [
@@ -82,8 +84,10 @@ impl Parameter {
             ("HighLimit", &self.high),
             ("DefaultValue", &self.default),
         ] {
-            if let Some(value) = value {
-                write!(f, "{key}={value}\r\n")?;
+            match value {
+                Some(Value::Number(object)) if maps => write!(f, "{key}=0x{object:08X}\r\n")?,
+                Some(value) => write!(f, "{key}={value}\r\n")?,
+                None => {}
             }
         }
         write!(f, "PDOMapping={}\r\n\r\n", u8::from(self.pdo_mapping))

@@ -1,26 +1,39 @@
 //! `syncline eds`: a node's electronic data sheet.
 
-use super::{Exit, report};
+use super::tool::NodeOfModel;
+use super::{Exit, bad_input, input};
 use crate::machine::{Drive, Machine};
+use std::error::Error;
+use std::io::{self, Write};
 use std::path::{Path, PathBuf};
-use syncline_canopen::NodeId;
-use syncline_canopen::eds::Eds;
+use std::time::{SystemTime, UNIX_EPOCH};
+use syncline_canopen::eds::{Difference, Eds};
+use syncline_drives::model::Model;
 
 /// Write a node's electronic data sheet (EDS), or compare one with what is built in.
 ///
-/// Prints the data sheet of the drive with that node id to standard output, for other CANopen
-/// tools. With --compare the file's objects, types, access, PDO mappability, limits and defaults
-/// are held against the built-in table instead; what one side leaves open is no difference.
-/// Exit code 0: written, or no difference; 1: differences, one a line; 2: bad input.
+/// Prints the data sheet of the drive with that node id, or of a --node, to standard output, for
+/// other CANopen tools. With --compare the file's objects, types, access, PDO mappability, limits
+/// and defaults are held against the built-in table instead; what one side leaves open is no
+/// difference. Exit code 0: written, or no difference; 1: differences, one a line; 2: bad input.
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
     /// Machine file
-    machine: PathBuf,
+    #[arg(required_unless_present = "of", requires = "node")]
+    machine: Option<PathBuf>,
     /// Node id of the drive
     #[arg(value_parser = clap::value_parser!(u8).range(1..=127))]
-    node: u8,
+    node: Option<u8>,
+    /// A drive without a machine file, such as 1:lxm32m
+    #[arg(
+        long = "node",
+        id = "of",
+        value_name = "ID:MODEL",
+        conflicts_with = "machine"
+    )]
+    of: Option<NodeOfModel>,
     /// The drive's bus, if several buses have a drive with that node id
-    #[arg(long)]
+    #[arg(long, requires = "machine")]
     bus: Option<String>,
     /// An EDS file to compare instead
     #[arg(long, value_name = "FILE")]
@@ -30,30 +43,40 @@ pub(super) struct Args {
 impl Args {
     /// Prints the data sheet or the differences.
     pub(super) fn execute(&self) -> Exit {
-        let machine = match Machine::load(&self.machine) {
-            Ok(machine) => machine,
-            Err(error) => {
-                report(&error);
-                return Exit::BadInput;
-            }
+        let model = match self.model() {
+            Ok(model) => model,
+            Err(error) => return bad_input(&*error),
         };
-        let drive = match self.drive(&machine) {
-            Ok(drive) => drive,
-            Err(message) => {
-                eprintln!("error: {}: {message}", self.machine.display());
-                return Exit::BadInput;
-            }
+        let Some(file) = &self.compare else {
+            return write(&data_sheet(model));
         };
-        match &self.compare {
-            None => {
-                print!("{}", data_sheet(drive));
-                Exit::Finished
+        match differences(model, file) {
+            Ok(differences) if differences.is_empty() => Exit::Finished,
+            Ok(differences) => {
+                for difference in &differences {
+                    println!("{difference}");
+                }
+                Exit::Stopped
             }
-            Some(file) => compare(drive, file),
+            Err(error) => bad_input(&*error),
         }
     }
 
-    fn drive<'a>(&self, machine: &'a Machine) -> Result<&'a Drive, String> {
+    /// What the node is.
+    fn model(&self) -> Result<&'static Model, Box<dyn Error>> {
+        let (Some(file), Some(node)) = (&self.machine, self.node) else {
+            let of = self
+                .of
+                .ok_or("give a machine file and a node id, or --node")?;
+            return Ok(of.model);
+        };
+        let machine = Machine::load(file)?;
+        let drive = self.drive(&machine, node);
+        let drive = drive.map_err(|message| format!("{}: {message}", file.display()))?;
+        Ok(drive.model)
+    }
+
+    fn drive<'a>(&self, machine: &'a Machine, node: u8) -> Result<&'a Drive, String> {
         if let Some(wanted) = &self.bus
             && machine.buses.iter().all(|bus| bus.name != *wanted)
         {
@@ -64,13 +87,12 @@ impl Args {
             let bus = &machine.buses[drive.bus].name;
             self.bus.as_ref().is_none_or(|wanted| wanted == bus)
         };
-        let of_node = |drive: &&Drive| NodeId::new(self.node) == Some(drive.node);
+        let of_node = |drive: &&Drive| drive.node.get() == node;
         let mut drives = machine.drives.iter().filter(on_bus).filter(of_node);
         match (drives.next(), drives.next()) {
             (Some(drive), None) => Ok(drive),
             (Some(_), Some(_)) => Err(format!(
-                "several buses have a node {}: say which by --bus",
-                self.node
+                "several buses have a node {node}: say which by --bus"
             )),
             (None, _) => {
                 let known = machine.drives.iter().filter(on_bus);
@@ -78,8 +100,7 @@ impl Args {
                     .map(|drive| format!("{} ({})", drive.node, drive.name))
                     .collect();
                 Err(format!(
-                    "no drive with node id {}, only {}",
-                    self.node,
+                    "no drive with node id {node}, only {}",
                     known.join(", ")
                 ))
             }
@@ -87,10 +108,11 @@ impl Args {
     }
 }
 
-fn data_sheet(drive: &Drive) -> Eds {
-    let model = drive.model;
+fn data_sheet(model: &Model) -> Eds {
     let mut eds = Eds::of(model.dictionary);
     let pair = |key: &str, value: &str| (key.to_owned(), value.to_owned());
+    let (date, time) = date_and_time(SystemTime::now());
+    let author = concat!("syncline ", env!("CARGO_PKG_VERSION"));
     eds.file = vec![
         pair("FileName", &format!("{}.eds", model.name)),
         pair("FileVersion", "1"),
@@ -100,9 +122,22 @@ fn data_sheet(drive: &Drive) -> Eds {
             "Description",
             &format!("{} as Syncline knows it", model.title),
         ),
-        pair("CreatedBy", concat!("syncline ", env!("CARGO_PKG_VERSION"))),
+        pair("CreationTime", &time),
+        pair("CreationDate", &date),
+        pair("CreatedBy", author),
+        pair("ModificationTime", &time),
+        pair("ModificationDate", &date),
+        pair("ModifiedBy", author),
     ];
-    eds.device.insert(0, pair("ProductName", model.title));
+    let vendor = eds.device_info("VendorNumber").and_then(vendor_name);
+    let vendor = vendor.map(|name| pair("VendorName", name));
+    eds.device.splice(0..0, vendor);
+    let place = eds
+        .device
+        .iter()
+        .position(|(key, _)| key == "ProductNumber");
+    let place = place.unwrap_or(eds.device.len());
+    eds.device.insert(place, pair("ProductName", model.title));
     for rate in [10, 20, 50, 125, 250, 500, 800, 1000] {
         let takes = model.bitrates.contains(&(rate * 1000));
         let key = format!("BaudRate_{rate}");
@@ -111,29 +146,82 @@ fn data_sheet(drive: &Drive) -> Eds {
     eds
 }
 
-fn compare(drive: &Drive, file: &Path) -> Exit {
-    let bytes = match std::fs::read(file) {
-        Ok(bytes) => bytes,
-        Err(error) => {
-            eprintln!("error: cannot read {}: {error}", file.display());
-            return Exit::BadInput;
-        }
-    };
-    // Data sheets of older tools are in some 8-bit code; names do not matter here.
-    let theirs = match Eds::parse(&String::from_utf8_lossy(&bytes)) {
-        Ok(theirs) => theirs,
-        Err(error) => {
-            eprintln!("error: {}: {error}", file.display());
-            return Exit::BadInput;
-        }
-    };
-    let differences = data_sheet(drive).compare(&theirs);
-    for difference in &differences {
-        println!("{difference}");
+/// Who has a vendor number (1018h:1), as far as built-in models need it.
+fn vendor_name(number: &str) -> Option<&'static str> {
+    match number {
+        "0x0800005A" => Some("Schneider Electric"),
+        _ => None,
     }
-    if differences.is_empty() {
-        Exit::Finished
-    } else {
-        Exit::Stopped
+}
+
+/// An instant in UTC as CiA 306 writes it: month, day and year, and the time on a clock of 12 hours.
+fn date_and_time(instant: SystemTime) -> (String, String) {
+    let since_1970 = instant.duration_since(UNIX_EPOCH).unwrap_or_default();
+    let minutes = since_1970.as_secs() / 60 % (24 * 60);
+    let (hour, minute) = (minutes / 60, minutes % 60);
+    let half = if hour < 12 { "AM" } else { "PM" };
+    let mut days = since_1970.as_secs() / (24 * 3600);
+    let is_leap =
+        |year: u64| year.is_multiple_of(4) && !year.is_multiple_of(100) || year.is_multiple_of(400);
+    let mut year = 1970;
+    while days >= 365 + u64::from(is_leap(year)) {
+        days -= 365 + u64::from(is_leap(year));
+        year += 1;
+    }
+    let february = 28 + u64::from(is_leap(year));
+    let mut month = 1;
+    for length in [31, february, 31, 30, 31, 30, 31, 31, 30, 31, 30] {
+        if days < length {
+            break;
+        }
+        days -= length;
+        month += 1;
+    }
+    (
+        format!("{month:02}-{:02}-{year}", days + 1),
+        format!("{:02}:{minute:02}{half}", (hour + 11) % 12 + 1),
+    )
+}
+
+/// Prints the file as it is, with the ends of lines that CiA 306 wants.
+fn write(eds: &Eds) -> Exit {
+    let mut stdout = io::stdout();
+    let written = stdout.write_all(eds.to_string().as_bytes());
+    match written.and_then(|()| stdout.flush()) {
+        Err(error) if error.kind() != io::ErrorKind::BrokenPipe => {
+            eprintln!("error: cannot write standard output: {error}");
+            Exit::Stopped
+        }
+        _ => Exit::Finished,
+    }
+}
+
+fn differences(model: &Model, file: &Path) -> Result<Vec<Difference>, Box<dyn Error>> {
+    let bytes = input::read(file);
+    let bytes = bytes.map_err(|error| format!("cannot read {}: {error}", file.display()))?;
+    // Data sheets of older tools are in some 8-bit code; names do not matter here.
+    let theirs = Eds::parse(&String::from_utf8_lossy(&bytes));
+    let theirs = theirs.map_err(|error| format!("{}: {error}", file.display()))?;
+    Ok(data_sheet(model).compare(&theirs))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::time::Duration;
+
+    #[test]
+    fn dates_are_those_of_the_calendar() {
+        for (seconds, date, time) in [
+            (0, "01-01-1970", "12:00AM"),
+            (951_782_400, "02-29-2000", "12:00AM"),
+            (951_868_799, "02-29-2000", "11:59PM"),
+            (1_735_689_599, "12-31-2024", "11:59PM"),
+            (1_740_829_500, "03-01-2025", "11:45AM"),
+            (4_107_542_400, "03-01-2100", "12:00AM"),
+        ] {
+            let instant = UNIX_EPOCH + Duration::from_secs(seconds);
+            assert_eq!(date_and_time(instant), (date.into(), time.into()));
+        }
     }
 }

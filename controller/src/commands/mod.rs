@@ -1,11 +1,10 @@
 //! The `syncline` command line: one module a subcommand, each with its `Args` and an `execute`.
 
-/// As the standard library's macro of this name, but a reader that has gone, as `head` goes, is no
-/// reason to panic: least of all while axes move.
+/// As the standard library's macro of this name, but what cannot be written is told at the end: least
+/// of all while axes move is it a reason to panic. Control characters, as a file's name may have
+/// them, are shown and not obeyed.
 macro_rules! print {
-    ($($text:tt)*) => {{
-        let _ = std::io::Write::write_fmt(&mut std::io::stdout(), format_args!($($text)*));
-    }};
+    ($($text:tt)*) => { $crate::commands::to_stdout(&format!($($text)*)) };
 }
 
 /// See [`print`].
@@ -13,11 +12,9 @@ macro_rules! println {
     ($($text:tt)*) => { print!("{}\n", format_args!($($text)*)) };
 }
 
-/// See [`print`].
+/// See [`print`]; nobody is told of what cannot be written here.
 macro_rules! eprint {
-    ($($text:tt)*) => {{
-        let _ = std::io::Write::write_fmt(&mut std::io::stderr(), format_args!($($text)*));
-    }};
+    ($($text:tt)*) => { $crate::commands::to_stderr(&format!($($text)*)) };
 }
 
 /// See [`print`].
@@ -34,6 +31,7 @@ mod doctor;
 mod drives;
 mod eds;
 mod events;
+mod input;
 mod keys;
 mod log_files;
 mod monitor;
@@ -52,7 +50,10 @@ mod validate;
 mod writers;
 
 use clap::{Parser, Subcommand};
+use std::borrow::Cow;
+use std::io::{self, Write};
 use std::process::ExitCode;
+use std::sync::OnceLock;
 use std::time::Duration;
 
 /// Multi-axis motion controller for CANopen servo drives.
@@ -89,7 +90,21 @@ impl Cli {
     /// Runs the chosen subcommand to its end.
     #[must_use]
     pub fn execute(self) -> Exit {
-        match self.command {
+        let exit = self.command.execute();
+        note(io::stdout().flush());
+        match (exit, UNWRITTEN.get()) {
+            (Exit::Finished, Some(error)) => {
+                eprintln!("error: cannot write standard output: {error}");
+                Exit::Stopped
+            }
+            _ => exit,
+        }
+    }
+}
+
+impl Command {
+    fn execute(self) -> Exit {
+        match self {
             Command::Check(args) => args.execute(),
             Command::Run(args) => args.execute(),
             Command::Validate(args) => args.execute(),
@@ -131,6 +146,45 @@ impl From<Exit> for ExitCode {
             Exit::Interrupted => 130,
         })
     }
+}
+
+/// Why standard output could not be written.
+static UNWRITTEN: OnceLock<io::Error> = OnceLock::new();
+
+/// Remembers why standard output could not be written. A reader that has gone, as `head` goes, wants
+/// no more: that is no failure.
+fn note(written: io::Result<()>) {
+    if let Err(error) = written
+        && error.kind() != io::ErrorKind::BrokenPipe
+    {
+        // The first one counts.
+        let _ = UNWRITTEN.set(error);
+    }
+}
+
+fn to_stdout(text: &str) {
+    note(io::stdout().write_all(shown(text).as_bytes()));
+}
+
+fn to_stderr(text: &str) {
+    let _ = io::stderr().write_all(shown(text).as_bytes());
+}
+
+/// Text as a terminal may have it: control characters but those of lines and columns are escaped.
+fn shown(text: &str) -> Cow<'_, str> {
+    let is_obeyed = |c: char| c.is_control() && !matches!(c, '\n' | '\t');
+    if !text.contains(is_obeyed) {
+        return text.into();
+    }
+    let mut shown = String::with_capacity(text.len());
+    for c in text.chars() {
+        if is_obeyed(c) {
+            shown.extend(c.escape_default());
+        } else {
+            shown.push(c);
+        }
+    }
+    shown.into()
 }
 
 /// Reports input that cannot be used.
@@ -176,8 +230,14 @@ fn told(error: &(dyn std::error::Error + 'static)) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::{LONGEST, duration};
+    use super::{LONGEST, duration, shown};
     use std::time::Duration;
+
+    #[test]
+    fn control_characters_are_shown() {
+        assert_eq!(shown("a plain\n\tline µ"), "a plain\n\tline µ");
+        assert_eq!(shown("\x1b[2Jx\r\u{9b}"), "\\u{1b}[2Jx\\r\\u{9b}");
+    }
 
     #[test]
     fn durations_are_read_as_people_write_them() {

@@ -1,5 +1,6 @@
 //! `syncline monitor`: what goes over a bus, decoded.
 
+use super::input::ShortLines;
 use super::tool::{BitRate, Known, Session};
 use super::{Exit, bad_input, report};
 use crate::bus_log::candump::Line;
@@ -99,10 +100,10 @@ impl Args {
         models: &BTreeMap<u8, &'static Model>,
     ) -> Result<(), Box<dyn Error>> {
         let source: Box<dyn BufRead> = if log == Path::new("-") {
-            Box::new(io::stdin().lock())
+            Box::new(BufReader::new(ShortLines::new(io::stdin().lock())))
         } else {
             let file = File::open(log).map_err(|error| cannot_read(log, &error))?;
-            Box::new(BufReader::new(file))
+            Box::new(BufReader::new(ShortLines::new(file)))
         };
         // Each interface in the log is a bus of its own.
         let mut monitors = BTreeMap::new();

@@ -6,7 +6,7 @@ use crate::observe::record::Report;
 use crate::observe::summary::Summary;
 use crate::observe::trace::Sink;
 use std::error::Error;
-use std::fs::{File, Metadata};
+use std::fs::{self, File, Metadata};
 use std::io::{self, BufWriter, Write};
 use std::os::unix::fs::{FileTypeExt, MetadataExt};
 use std::path::{Path, PathBuf};
@@ -60,6 +60,8 @@ enum Place {
     Stdout,
     /// Device and number on it.
     File(u64, u64),
+    /// Nothing is there yet.
+    Free(PathBuf),
 }
 
 impl Place {
@@ -67,6 +69,13 @@ impl Place {
     fn of(file: &Metadata) -> Option<Self> {
         let kind = file.file_type();
         (kind.is_file() || kind.is_fifo()).then(|| Self::File(file.dev(), file.ino()))
+    }
+
+    /// Of a file that may yet come to be.
+    fn free(file: &Path) -> Option<Self> {
+        let folder = file.parent().filter(|it| !it.as_os_str().is_empty());
+        let folder = folder.unwrap_or(Path::new(".")).canonicalize().ok()?;
+        Some(Self::Free(folder.join(file.file_name()?)))
     }
 }
 
@@ -78,19 +87,29 @@ impl Claims {
         }
     }
 
-    /// For a program on a machine: neither is to be written over, nor are the tables.
+    /// For a program on a machine: neither is to be written over, nor are the tables, be they there
+    /// or to be made by the program, nor the files beside the program that it can call.
     pub(super) fn of_run(machine: &Path, program: &Path) -> Self {
-        Self::default()
+        let folder = program.parent().filter(|it| !it.as_os_str().is_empty());
+        // A folder that cannot be read holds nothing that can be called.
+        let beside = fs::read_dir(folder.unwrap_or(Path::new("."))).into_iter();
+        let beside = beside.flatten().flatten().map(|entry| entry.path());
+        let callable = beside.filter(|it| it.extension().is_some_and(|it| it == "ngc"));
+        let claims = Self::default()
             .reads("the machine file", machine)
             .reads("the tables", &Tables::beside(machine))
-            .reads("the program", program)
+            .reads("the program", program);
+        callable.fold(claims, |claims, file| {
+            claims.reads("a program that can be called", &file)
+        })
     }
 
     /// Something that is read, and so is not to be written over.
     pub(super) fn reads(mut self, what: &'static str, file: &Path) -> Self {
-        // What is not there is told by who reads it.
-        let found = file.metadata().ok();
-        let place = found.as_ref().and_then(Place::of);
+        let place = match file.metadata() {
+            Ok(found) => Place::of(&found),
+            Err(_) => Place::free(file),
+        };
         self.taken.extend(place.map(|place| (what, place)));
         self
     }
@@ -129,23 +148,27 @@ impl Claims {
             file: file.to_owned(),
             source,
         };
-        let (target, place) = if file == Path::new("-") {
-            (Target::stdout(option), Some(Place::Stdout))
+        let stdout = file == Path::new("-");
+        let (target, places) = if stdout {
+            (Target::stdout(option), [Some(Place::Stdout), None])
         } else {
             let target = Target::open(option, file).map_err(cannot)?;
             let place = Place::of(&target.metadata().map_err(cannot)?);
-            (target, place)
+            // The file behind a link, which is there now.
+            let real = place.as_ref().and_then(|_| file.canonicalize().ok());
+            (target, [place, real.as_deref().and_then(Place::free)])
         };
-        if let Some(place) = place {
+        for place in places.into_iter().flatten() {
             let before = self.taken.iter().find(|(_, taken)| *taken == place);
             if let Some((before, _)) = before {
-                return Err(match place {
-                    Place::Stdout => NoOutput::Stdout(before, option),
-                    Place::File(..) => NoOutput::Same {
+                return Err(if stdout {
+                    NoOutput::Stdout(before, option)
+                } else {
+                    NoOutput::Same {
                         first: before,
                         second: option,
                         file: file.to_owned(),
-                    },
+                    }
                 });
             }
             self.taken.push((option, place));

@@ -1,8 +1,10 @@
 //! `syncline plan`: a batch of state-to-state problems.
 
+use super::input::ShortLines;
 use super::output::{Claims, NoOutput};
 use super::{Exit, report};
 use std::fmt::Write as _;
+use std::fs::File;
 use std::io;
 use std::path::{Path, PathBuf};
 use syncline_trajectory::limits::{Limits, PositionLimits};
@@ -76,8 +78,9 @@ impl Args {
             .flexible(true)
             .trim(csv::Trim::All)
             .comment(Some(b'#'))
-            .from_path(&self.cases)
-            .map_err(read)?;
+            .from_reader(ShortLines::new(
+                File::open(&self.cases).map_err(|error| read(error.into()))?,
+            ));
         let columns = Columns::new(reader.byte_headers().map_err(read)?, &self.cases)?;
         let out = self.out.as_deref().unwrap_or(Path::new("-"));
         let mut claims = Claims::default().reads("CASES", &self.cases);

@@ -1,5 +1,6 @@
 //! `syncline replay`: a recorded run once more.
 
+use super::input::ShortLines;
 use super::ports::PortChoice;
 use super::switches::Switches;
 use super::{Exit, bad_input};
@@ -15,7 +16,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 use syncline_canopen::monitor::Monitor;
-use syncline_canopen::{Frame, Instant};
+use syncline_canopen::{CobId, Frame, Instant};
 
 /// Feed a recorded run back through the controller and compare what it sends.
 ///
@@ -73,6 +74,13 @@ impl Args {
             })?;
         let began = log.first().map_or(Instant::ZERO, |first| first.at);
         print(&outcome, &layout);
+        if outcome.difference.is_none() && is_longer(&log, &outcome, &layout) {
+            return Err(BadLog(format!(
+                "{}: what comes behind the run's end is not compared: give each run a log of its own",
+                self.log.display()
+            ))
+            .into());
+        }
         Ok(match &outcome.difference {
             None => Exit::Finished,
             Some(difference) => {
@@ -87,7 +95,7 @@ impl Args {
         let cannot_read = |error| BadLog(format!("cannot read {}: {error}", self.log.display()));
         let file = File::open(&self.log).map_err(cannot_read)?;
         let mut log = Vec::new();
-        let mut file = BufReader::new(file);
+        let mut file = BufReader::new(ShortLines::new(file));
         let mut line = String::new();
         for number in 1.. {
             line.clear();
@@ -121,6 +129,19 @@ impl Args {
         log.sort_by_key(|logged| logged.at);
         Ok(log)
     }
+}
+
+/// Whether SYNC goes on in the log for longer than the run that was replayed lasted.
+fn is_longer(log: &[Logged], outcome: &Outcome, layout: &Layout) -> bool {
+    let is_sync = |logged: &&Logged| logged.frame.id() == CobId::SYNC.into();
+    let first = log.iter().find(is_sync);
+    let last = log.iter().rev().find(is_sync);
+    let Some((first, last)) = first.zip(last) else {
+        return false;
+    };
+    // Clocks differ, and cycles may have been left out.
+    let most = layout.cycle.mul_f64(10.0 + 1.02 * outcome.cycles as f64);
+    last.at.saturating_since(first.at) > most
 }
 
 fn print(outcome: &Outcome, layout: &Layout) {

@@ -63,3 +63,52 @@ fn unknown_node() {
         "{error}"
     );
 }
+
+/// Without a machine file, and with all that CiA 306 wants of a file.
+#[test]
+fn data_sheet_of_a_model() {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_syncline"));
+    let output = command.args(["eds", "--node", "1:lxm32m"]).output();
+    let text = String::from_utf8(output.expect("runs").stdout).expect("UTF-8");
+    let sheet = Eds::parse(&text).expect("an EDS");
+    assert_eq!(sheet.device_info("VendorName"), Some("Schneider Electric"));
+    assert_eq!(sheet.device_info("ProductName"), Some("LXM32M"));
+    let file = |key: &str| {
+        let mut pairs = sheet.file.iter();
+        pairs
+            .find(|(name, _)| name == key)
+            .map(|(_, value)| &**value)
+    };
+    for side in ["Creation", "Modification"] {
+        let date = file(&format!("{side}Date")).expect("a date");
+        let time = file(&format!("{side}Time")).expect("a time");
+        assert!(
+            date.len() == 10 && &date[2..3] == "-" && &date[5..6] == "-",
+            "{date}"
+        );
+        assert!(time.len() == 7 && time.ends_with('M'), "{time}");
+    }
+    assert!(file("CreatedBy").is_some() && file("ModifiedBy").is_some());
+    // Statusword, 16 bits.
+    assert!(text.contains("DefaultValue=0x60410010\r\n"), "{text}");
+    let (_, of_machine, _) = eds(&["1"]);
+    let objects = |text: &str| text[text.find("[DeviceInfo]").expect("a section")..].to_owned();
+    assert_eq!(objects(&of_machine), objects(&text));
+}
+
+/// What cannot be written is told.
+#[test]
+fn a_full_disk_is_an_error() {
+    for arguments in [&["eds", "--node", "1:lxm32m"][..], &["budget", MACHINE]] {
+        let full = std::fs::File::options().write(true).open("/dev/full");
+        let mut command = Command::new(env!("CARGO_BIN_EXE_syncline"));
+        let command = command.args(arguments).stdout(full.expect("a device"));
+        let output = command.output().expect("runs");
+        let told = String::from_utf8(output.stderr).expect("UTF-8");
+        assert_eq!(output.status.code(), Some(1), "{arguments:?}: {told}");
+        assert!(
+            told.contains("cannot write standard output: No space"),
+            "{told}"
+        );
+    }
+}

@@ -232,6 +232,67 @@ fn files_that_cannot_be_read() {
     assert_eq!((code, told), (2, format!("error: {bytes}\n")));
 }
 
+/// Neither a program that is called nor tables that are yet to be made are written over.
+#[test]
+fn inputs_are_not_written_over() {
+    let place = Place::new();
+    let called = "o<part> sub\nG0 X2\no<part> endsub\n";
+    fs::write(place.path().join("part.ngc"), called).unwrap();
+    fs::write(place.path().join("calls.ngc"), "o<part> call\nM2\n").unwrap();
+    std::os::unix::fs::symlink("portal.tables.toml", place.path().join("link")).unwrap();
+    for command in ["run", "validate"] {
+        let command = format!("{command} portal.toml calls.ngc");
+        place.refused(
+            &format!("{command} --json part.ngc"),
+            "a program that can be called and --json are both part.ngc: give each a file of its own",
+        );
+        for file in ["portal.tables.toml", "link"] {
+            let told =
+                format!("the tables and --json are both {file}: give each a file of its own");
+            place.refused(&format!("{command} --json {file}"), &told);
+            let _ = fs::remove_file(place.path().join("portal.tables.toml"));
+        }
+    }
+    let kept = fs::read_to_string(place.path().join("part.ngc")).unwrap();
+    assert_eq!(kept, called);
+}
+
+/// A line that does not end is not read to its end, nor is a file.
+#[test]
+fn inputs_are_bounded() {
+    let place = Place::new();
+    let line = "a line of more than 65536 bytes";
+    for (command, told) in [
+        ("plan /dev/zero", &*format!("cannot read /dev/zero: {line}")),
+        (
+            "monitor --log /dev/zero",
+            &format!("cannot read /dev/zero: {line}"),
+        ),
+        (
+            "replay /dev/zero portal.toml short.ngc",
+            &format!("cannot read /dev/zero: {line}"),
+        ),
+        (
+            "eds --node 1:lxm32m --compare /dev/zero",
+            "cannot read /dev/zero: more than 16777216 bytes",
+        ),
+    ] {
+        place.refused(command, told);
+    }
+}
+
+/// Names do not command the terminal.
+#[test]
+fn control_characters_are_shown_not_obeyed() {
+    let place = Place::new();
+    let (code, _, told) = place.run("check \u{1b}[2J.toml");
+    assert_eq!(code, 2);
+    assert!(
+        told.contains("\\u{1b}[2J.toml") && !told.contains('\u{1b}'),
+        "{told:?}"
+    );
+}
+
 /// A file that was longer before holds only what is new.
 #[test]
 fn files_are_replaced() {

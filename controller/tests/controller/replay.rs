@@ -152,6 +152,22 @@ fn a_validated_run_is_sent_again_bit_for_bit() {
     assert!(text.contains("the last line is cut off"), "{text}");
 }
 
+/// A second run in the log is compared with nothing: that is no success.
+#[test]
+fn what_is_not_compared_is_told() {
+    let recorded = Recorded::validated();
+    let (code, text) = recorded.replay_with(|lines| {
+        let again = lines.clone();
+        lines.extend(again.iter().map(|line| line.replacen("(00", "(01", 1)));
+    });
+    assert_eq!(code, 2, "{text}");
+    assert!(text.contains("program finished"), "{text}");
+    assert!(
+        text.contains("behind the run's end is not compared"),
+        "{text}"
+    );
+}
+
 #[test]
 fn what_differs_is_told_with_its_place() {
     let recorded = Recorded::validated();
