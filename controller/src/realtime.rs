@@ -169,7 +169,7 @@ fn grant_capabilities() -> String {
 }
 
 /// Processors that the kernel has configured.
-fn cores() -> usize {
+pub(crate) fn cores() -> usize {
     // SAFETY: sysconf takes a number and gives one.
     usize::try_from(unsafe { libc::sysconf(libc::_SC_NPROCESSORS_CONF) }).unwrap_or(1)
 }

@@ -1,7 +1,7 @@
 //! `syncline bench`: measure this host.
 
 use super::output::{Claims, NoOutput, Target};
-use super::{Exit, bad_input, duration, report};
+use super::{Exit, bad_input, core, duration, report};
 use crate::bench::cycle::{self, Buses, Outcome};
 use crate::bench::offline::{self, Part};
 use crate::bench::rig::Shape;
@@ -70,7 +70,7 @@ struct CycleArgs {
     #[arg(long)]
     control: bool,
     /// The core to run on
-    #[arg(long)]
+    #[arg(long, value_parser = core)]
     core: Option<usize>,
     /// SCHED_FIFO priority
     #[arg(long, default_value_t = 80, value_parser = clap::value_parser!(u8).range(1..=99))]
@@ -97,7 +97,7 @@ struct SyncArgs {
     #[arg(long, default_value = "20s", value_parser = duration)]
     duration: Duration,
     /// The core to run on
-    #[arg(long)]
+    #[arg(long, value_parser = core)]
     core: Option<usize>,
     /// SCHED_FIFO priority
     #[arg(long, default_value_t = 80, value_parser = clap::value_parser!(u8).range(1..=99))]

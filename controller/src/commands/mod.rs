@@ -49,6 +49,7 @@ mod tool;
 mod validate;
 mod writers;
 
+use crate::realtime;
 use clap::{Parser, Subcommand};
 use std::borrow::Cow;
 use std::io::{self, Write};
@@ -210,6 +211,13 @@ fn duration(text: &str) -> Result<Duration, String> {
     let duration = Duration::try_from_secs_f64(number * scale).ok();
     let duration = duration.filter(|duration| *duration <= LONGEST);
     duration.ok_or_else(|| "give 0 to 31 days".to_owned())
+}
+
+/// A processor core of this machine, isolated or not.
+fn core(text: &str) -> Result<usize, String> {
+    let cores = realtime::cores();
+    let core = text.parse().ok().filter(|core| *core < cores);
+    core.ok_or_else(|| format!("this machine has cores 0 to {}", cores - 1))
 }
 
 /// Prints an error with everything that caused it, one line, to standard error.

@@ -7,7 +7,7 @@ use super::output::{Claims, Output, Results};
 use super::ports::PortChoice;
 use super::switches::Switches;
 use super::writers::Writers;
-use super::{Exit, bad_input, duration, report, told};
+use super::{Exit, bad_input, core, duration, report, told};
 use crate::control::{End, Event as MachineEvent, Layout};
 use crate::machine::Machine;
 use crate::observe::Observers;
@@ -75,7 +75,7 @@ pub(super) struct Args {
     priority: u8,
     /// Processor core of the cycle; an isolated one is best. Without it, the last one that this
     /// process may use.
-    #[arg(long)]
+    #[arg(long, value_parser = core)]
     core: Option<usize>,
     /// Stay awake that long before each wake-up, for a core of its own: 50us.
     #[arg(long, default_value = "0us", value_parser = duration)]

@@ -1,9 +1,10 @@
 //! The tools for a bus at work, on simulated drives behind socketcand on loopback.
 
-use crate::outside::{Drives, Namespace, SYNCLINE, TWO_TOLERANT, available};
+use crate::outside::{Drives, Namespace, SYNCLINE, TWO_TOLERANT, available, runs};
 use std::io::{Read, Write};
 use std::net::TcpStream;
 use std::process::{Command, Output, Stdio};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 use syncline_canopen::{CanId, Frame};
 use syncline_controller::bus_log::candump::Line;
@@ -128,6 +129,58 @@ fn tools_on_a_bus() {
     assert_eq!(code, 0);
     assert_eq!(text.lines().count(), 5);
     assert!(text.starts_with("    0.000000  703#05"), "{text}");
+}
+
+/// A node that is Stopped, one of which only heartbeats are heard, in a state that CiA 301 does not
+/// know, and one that refuses to tell its device type.
+#[test]
+fn scan_finds_who_does_not_answer() {
+    let drives = Drives::local(&TWO_TOLERANT);
+    let tool = |args: &[&str]| {
+        let mut command = syncline();
+        let command = command
+            .args([args[0], "--bus", drives.url()])
+            .args(&args[1..]);
+        String::from_utf8(command.output().expect("runs").stdout).expect("UTF-8")
+    };
+    tool(&["sdo", "--timeout", "5000", "write", "1", "1017", "50"]);
+    tool(&["nmt", "stop", "1"]);
+    let url: BusUrl = drives.url().parse().expect("a bus");
+    let mut wire = url.open(1_000_000, End::Client).expect("opens");
+    let stop = AtomicBool::new(false);
+    let found = std::thread::scope(|scope| {
+        scope.spawn(|| {
+            while !stop.load(Ordering::Relaxed) {
+                let mut frames = vec![Frame::new(CanId::Standard(0x705), &[0x03])];
+                wire.wait(Duration::from_millis(20)).expect("open");
+                let mut answer = |_, frame: &Frame| {
+                    if frame.id() == CanId::Standard(0x606) {
+                        let [_, low, high, sub, ..] = *frame.data() else {
+                            return;
+                        };
+                        // 0602 0000h: object does not exist.
+                        let abort = [0x80, low, high, sub, 0, 0, 0x02, 0x06];
+                        frames.push(Frame::new(CanId::Standard(0x586), &abort));
+                    }
+                };
+                while wire.receive(&mut answer).expect("open") {}
+                wire.send(&mut frames).expect("open");
+            }
+        });
+        let found = tool(&["scan", "--timeout", "1000"]);
+        stop.store(true, Ordering::Relaxed);
+        found
+    });
+    for told in [
+        "node 1: unknown\n  does not answer, is only heard\n  NMT Stopped\n",
+        "node 2: LXM32M\n",
+        "node 5: unknown\n  does not answer, is only heard\n  \
+         NMT state 03h, which CiA 301 does not know\n",
+        "node 6: unknown\n  device type aborted 0602 0000h \
+         \"object does not exist in the object dictionary\", vendor -, product -, revision -\n",
+    ] {
+        assert!(found.contains(told), "{found}");
+    }
 }
 
 /// What `run` records of a bus that is not its own: its own frames and the drives'.
@@ -359,8 +412,8 @@ fn read_late_in_a_namespace() {
     let alone = alone.map_err(|error| format!("no network namespace: {error}"));
     let up = ["link", "set", "lo", "up", "multicast", "on"];
     let route = ["route", "add", "224.0.0.0/4", "dev", "lo"];
-    let ready = alone.and_then(|()| outside::runs("ip", &up));
-    if !available(ready.and_then(|()| outside::runs("ip", &route))) {
+    let ready = alone.and_then(|()| runs("ip", &up));
+    if !available(ready.and_then(|()| runs("ip", &route))) {
         return;
     }
     let open = || {
@@ -461,6 +514,10 @@ fn bad_input() {
             "0..=2678400",
         ),
         (&["bench", "cycle", "--duration", "1e18s"], "31 days"),
+        (
+            &["run", MACHINE, "x.ngc", "--core", "9999"],
+            "this machine has cores 0 to ",
+        ),
     ] {
         let (code, error) = run(args);
         assert_eq!(code, Some(2), "{args:?}");
