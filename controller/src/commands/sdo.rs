@@ -182,7 +182,13 @@ fn shown(address: Address, known: Option<DataType>, data: &[u8]) -> String {
             let value = number.extend(u64::from_le_bytes(raw), data.len() as u32 * 8);
             monitor::value_text(address, number, value)
         }
-        _ => data.iter().map(|byte| format!("{byte:02X} ")).collect(),
+        known => {
+            let hex: String = data.iter().map(|byte| format!("{byte:02X} ")).collect();
+            match known.filter(|known| known.is_number()) {
+                Some(number) => format!("{hex}({} bytes instead of {})", data.len(), number.size()),
+                None => hex,
+            }
+        }
     }
 }
 
@@ -214,4 +220,17 @@ fn encoded(value: &str, known: Option<DataType>) -> Result<Vec<u8>, Box<dyn Erro
         return Err(format!("{value} is outside {least} to {greatest}").into());
     }
     Ok(number.to_le_bytes()[..data_type.size()].to_vec())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_value_of_another_size_is_told() {
+        let show = |data: &[u8]| shown(Address::new(0x1017, 0), Some(DataType::U16), data);
+        assert_eq!(show(&[0x32, 0]), "50 (0032h)");
+        assert_eq!(show(&[0x32, 0, 0, 0]), "32 00 00 00 (4 bytes instead of 2)");
+        assert_eq!(shown(Address::new(0x2000, 0), None, &[1, 2]), "01 02 ");
+    }
 }
