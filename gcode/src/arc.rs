@@ -4,6 +4,7 @@ use std::f64::consts::{PI, TAU};
 
 use super::axes::{Axis, Point};
 use super::error::Fault;
+use super::modal::Code;
 
 /// Radii of start and end may differ by this, or by [`RADIUS_RATIO`] if that is more. mm.
 pub const RADIUS_TOLERANCE: f64 = 0.005;
@@ -32,6 +33,15 @@ impl Plane {
             Plane::Zx => [Axis::Z, Axis::X, Axis::Y],
             Plane::Yz => [Axis::Y, Axis::Z, Axis::X],
         }
+    }
+
+    /// The code that selects the plane.
+    pub(crate) const fn code(self) -> Code {
+        Code::G(match self {
+            Plane::Xy => 170,
+            Plane::Zx => 180,
+            Plane::Yz => 190,
+        })
     }
 
     /// The letters of the centre's offsets along the first and second axis.

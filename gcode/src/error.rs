@@ -3,6 +3,7 @@
 use std::io;
 
 use super::axes::{Axis, AxisSet};
+use super::command::Span;
 use super::lexer::Columns;
 use super::modal::Code;
 
@@ -44,6 +45,8 @@ fn excerpt(block: &str, columns: Columns) -> String {
 pub(crate) struct Refusal {
     pub(crate) columns: Columns,
     pub(crate) fault: Box<Fault>,
+    /// The block, if it is not the one that was read last.
+    pub(crate) origin: Option<Box<Origin>>,
 }
 
 impl Refusal {
@@ -51,6 +54,24 @@ impl Refusal {
         Refusal {
             columns,
             fault: Box::new(fault),
+            origin: None,
+        }
+    }
+}
+
+/// A block that something is still to be done for when others have been read.
+#[derive(Clone, Debug)]
+pub(crate) struct Origin {
+    pub(crate) span: Span,
+    pub(crate) text: std::sync::Arc<str>,
+}
+
+impl Origin {
+    /// A refusal of this block.
+    pub(crate) fn refuse(&self, fault: Fault) -> Refusal {
+        Refusal {
+            origin: Some(Box::new(self.clone())),
+            ..Refusal::new(self.span.columns, fault)
         }
     }
 }
@@ -189,6 +210,53 @@ pub enum Fault {
         least: f64,
         greatest: f64,
     },
+
+    // Cutter compensation.
+    #[error(
+        "{code} is not possible while G41 or G42 is on: write it before, or G40 and a line first"
+    )]
+    WhileCompensated { code: Code },
+    #[error("{0} cannot be set while G41 or G42 is on: set it before, or behind G40")]
+    ParameterWhileCompensated(String),
+    #[error(
+        "{code} behind G40: write a line first (G0 or G1), on which the tool leaves the contour"
+    )]
+    CutterLeaving { code: Code },
+    #[error("{code} has no tool: write D, or load one with T and M6")]
+    CutterNoTool { code: Code },
+    #[error("the move behind G41 or G42 cannot be an arc: write a line to the contour's start")]
+    CutterEntryArc,
+    #[error(
+        "the move behind G41 or G42 is {length:.4} mm long in the plane, the tool's radius \
+         {radius:.4} mm: begin farther away from the contour"
+    )]
+    CutterEntry { length: f64, radius: f64 },
+    #[error(
+        "the tool does not fit into this arc: its radius is {cutter:.4} mm, the arc's {radius:.4} \
+         mm: take a smaller tool"
+    )]
+    CutterArc { radius: f64, cutter: f64 },
+    #[error(
+        "the radii of the arc's start and end differ too much for G41 and G42: write more digits"
+    )]
+    CutterSpiral,
+    #[error(
+        "the tool does not fit into the corner between line {line} and this block: one of them is \
+         too short for it: take a smaller tool, or leave the step out"
+    )]
+    CutterCorner { line: u32 },
+    #[error(
+        "the tool does not fit between line {line} and this block: its radius is {radius:.4} mm: \
+         take a smaller tool"
+    )]
+    CutterGouge { line: u32, radius: f64 },
+    #[error(
+        "{allowed} blocks without a move in the plane while G41 or G42 is on, which has to know \
+         the next: write G40 before them"
+    )]
+    CutterWaits { allowed: usize },
+    #[error("line {line} is on a compensated contour: begin where G41 or G42 is, or before")]
+    BeginCompensated { line: u32 },
 
     // The program as a whole.
     #[error("O{label} has no {missing}: add it")]

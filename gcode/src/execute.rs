@@ -11,6 +11,7 @@ use super::arc::Plane;
 use super::axes::{Axis, Point};
 use super::block::{Block, Target};
 use super::command::{Action, Output, PathMode, Stop, Turning};
+use super::compensation::Cutter;
 use super::cycles::Series;
 use super::error::{Fault, Refusal};
 use super::expression::{Scope, Value};
@@ -38,6 +39,17 @@ pub(crate) enum Continuation {
     EndSubprogram { columns: Columns },
 }
 
+/// Whether the tool goes beside the programmed contour.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) enum Compensated {
+    #[default]
+    Off,
+    /// G41, G42: for this cutter, or for one without a radius.
+    On(Option<Cutter>),
+    /// G40 was read and the tool is still beside the contour.
+    Leaving,
+}
+
 /// What executing a program knows between two blocks.
 pub(crate) struct State {
     pub(crate) setup: Setup,
@@ -49,6 +61,7 @@ pub(crate) struct State {
     /// Whether the shift of G92 and G52 is in effect.
     pub(crate) g92_applies: bool,
     pub(crate) parameters: Parameters,
+    pub(crate) compensated: Compensated,
     /// What canned cycles keep from block to block.
     pub(crate) series: Series,
     /// The line of the block that is being executed.
@@ -72,6 +85,7 @@ impl State {
             tool_offset: Point::ZERO,
             g92_applies: false,
             parameters: Parameters::default(),
+            compensated: Compensated::default(),
             series: Series::default(),
             line: 0,
             call_level: 0,
@@ -87,6 +101,7 @@ impl State {
         commands: &mut VecDeque<Action>,
     ) -> Result<Continuation, Refusal> {
         let mut words = self.evaluate(block)?;
+        self.end_compensation_by(&words)?;
         self.speeds(&mut words, commands)?;
         self.dwell(&mut words, commands)?;
         self.set_modes(&mut words, commands)?;
@@ -310,7 +325,7 @@ impl State {
         if let Some(code) = words.code(Group::CycleReturn) {
             self.modes.retract_to_r = code == Code::G(990);
         }
-        Ok(())
+        self.compensate(words)
     }
 
     /// The codes that stop, end or go elsewhere.
@@ -356,6 +371,9 @@ impl State {
 
     fn set_numbered(&mut self, index: f64, value: f64) -> Result<(), Fault> {
         let index = parameters::index(index)?;
+        if self.shifts(index) && self.cutter().is_some() {
+            return Err(Fault::ParameterWhileCompensated(format!("#{index}")));
+        }
         if self.set_system(index, value)? {
             return Ok(());
         }

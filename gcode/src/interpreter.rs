@@ -10,7 +10,8 @@ use super::Setup;
 use super::axes::Point;
 use super::block::Block;
 use super::command::{Action, Command, Span};
-use super::error::{Error, Fault, Refusal};
+use super::compensation::Compensation;
+use super::error::{Error, Fault, Origin, Refusal};
 use super::execute::{Continuation, State};
 use super::flow::{At, Control};
 use super::lexer::Columns;
@@ -35,9 +36,13 @@ pub struct Interpreter {
     pub(super) line: u32,
     pub(super) state: State,
     pub(super) control: Control,
-    pending: VecDeque<Action>,
-    /// Where the pending commands come from.
-    span: Span,
+    /// What the block that is being executed asks for, in the program's own positions.
+    actions: VecDeque<Action>,
+    compensation: Option<Compensation>,
+    /// What is settled and not handed out.
+    pending: VecDeque<Command>,
+    /// Where `pending` leads the machine.
+    settled_at: Point,
     executed: u64,
     /// Blocks since the machine moved or rested: a loop that does nothing is refused even while
     /// streaming.
@@ -106,10 +111,12 @@ impl Interpreter {
             block: Block::default(),
             line: 0,
             idle_at: setup.start,
+            settled_at: setup.start,
             state: State::new(setup),
             control: Control::default(),
+            actions: VecDeque::new(),
+            compensation: None,
             pending: VecDeque::new(),
-            span: Span::default(),
             executed: 0,
             idle: 0,
             started: false,
@@ -119,7 +126,8 @@ impl Interpreter {
         }
     }
 
-    /// The text of the block that the last command came from.
+    /// The text of the block that was read last: of the last command, but under G41 and G42, where
+    /// a block is known only with the one behind it.
     pub fn block(&self) -> &str {
         &self.block.text
     }
@@ -131,7 +139,7 @@ impl Interpreter {
             .map_or("", |file| &file.name)
     }
 
-    /// The modal state after the block that the last command came from.
+    /// The modal state after that block.
     pub fn modes(&self) -> &Modes {
         &self.state.modes
     }
@@ -183,12 +191,19 @@ impl Interpreter {
                 ));
             }
         }
-        self.span = Span {
+        if self.compensation.is_some() {
+            return Err(Refusal::new(
+                self.block.columns(),
+                Fault::BeginCompensated { line },
+            ));
+        }
+        self.state.resume(start, &mut self.actions)?;
+        let span = Span {
             file: 0,
             line,
             columns: Columns { start: 1, end: 2 },
         };
-        self.state.resume(start, &mut self.pending)
+        self.settle(span)
     }
 
     /// Reads and executes blocks until there is a command.
@@ -213,9 +228,7 @@ impl Interpreter {
         }
         self.check_end_of_file()
             .map_err(|fault| Refusal::new(self.block.columns(), fault))?;
-        self.span = self.span();
-        self.end();
-        Ok(())
+        self.end()
     }
 
     /// Reads the next line of the current file into the block; `false` at the file's end.
@@ -259,12 +272,11 @@ impl Interpreter {
 
     /// Executes the block, which starts at `this`.
     fn execute(&mut self, this: At) -> Result<(), Refusal> {
-        self.span = self.span();
         if self.block.percent {
             if self.started {
                 self.check_end_of_file()
                     .map_err(|fault| Refusal::new(self.block.columns(), fault))?;
-                self.end();
+                self.end()?;
             }
             self.percent = true;
             self.started = true;
@@ -281,16 +293,48 @@ impl Interpreter {
             return Ok(());
         }
         self.words_seen |= !self.block.words.is_empty() || !self.block.settings.is_empty();
-        let continuation = self.state.execute(&self.block, &mut self.pending)?;
+        let continuation = self.state.execute(&self.block, &mut self.actions)?;
+        self.settle(self.span())?;
         match continuation {
             Continuation::Next => {}
-            Continuation::End => self.end(),
+            Continuation::End => self.end()?,
             Continuation::CallSubprogram {
                 number,
                 repeats,
                 columns,
             } => self.call_subprogram(number, repeats, columns)?,
             Continuation::EndSubprogram { columns } => self.end_subprogram(columns)?,
+        }
+        Ok(())
+    }
+
+    /// Takes over what a block asked for; under G41 and G42 as far as the contour is known.
+    fn settle(&mut self, span: Span) -> Result<(), Refusal> {
+        let cutter = self.state.cutter();
+        let judge = |from: &Point, action: &Action| self.state.within_limits(from, action);
+        if let Some(compensation) = &mut self.compensation
+            && Some(compensation.cutter()) != cutter
+        {
+            compensation.finish(&judge, &mut self.pending)?;
+            self.compensation = None;
+        }
+        if let Some(cutter) = cutter {
+            let text = self.block.text.as_str().into();
+            let origin = Origin { span, text };
+            let start = || Compensation::new(cutter, self.settled_at);
+            let compensation = self.compensation.get_or_insert_with(start);
+            for action in self.actions.drain(..) {
+                compensation.take(action, &origin, &judge, &mut self.pending)?;
+            }
+            return Ok(());
+        }
+        for action in self.actions.drain(..) {
+            match &action {
+                Action::Rapid { to } | Action::Feed { to, .. } => self.settled_at = *to,
+                Action::Arc { arc, .. } => self.settled_at = arc.to,
+                _ => {}
+            }
+            self.pending.push_back(Command { span, action });
         }
         Ok(())
     }
@@ -307,18 +351,31 @@ impl Interpreter {
     fn error(&mut self, refusal: Refusal) -> Error {
         self.ended = true;
         self.pending.clear();
+        let (file, line, block) = match refusal.origin {
+            Some(origin) => {
+                let file = self.file(origin.span.file).to_owned();
+                (file, origin.span.line, origin.text.to_string())
+            }
+            None => {
+                let file = self.files[self.current].name.clone();
+                (file, self.line, self.block.text.clone())
+            }
+        };
         Error {
-            file: self.files[self.current].name.clone(),
-            line: self.line,
+            file,
+            line,
             columns: refusal.columns,
-            block: self.block.text.clone(),
+            block,
             fault: *refusal.fault,
         }
     }
 
-    fn end(&mut self) {
-        self.pending.push_back(Action::End);
+    fn end(&mut self) -> Result<(), Refusal> {
+        self.state.end_compensation();
+        self.actions.push_back(Action::End);
+        self.settle(self.span())?;
         self.ended = true;
+        Ok(())
     }
 }
 
@@ -329,8 +386,8 @@ impl Iterator for Interpreter {
         if let Err(refusal) = self.advance() {
             return Some(Err(self.error(refusal)));
         }
-        let action = self.pending.pop_front()?;
-        let (at, does) = match &action {
+        let command = self.pending.pop_front()?;
+        let (at, does) = match &command.action {
             Action::Rapid { to } | Action::Feed { to, .. } => (*to, *to != self.idle_at),
             Action::Arc { arc, .. } => (arc.to, true),
             Action::Dwell { .. } | Action::Stop(_) => (self.idle_at, true),
@@ -339,7 +396,6 @@ impl Iterator for Interpreter {
         if does {
             (self.idle, self.idle_at) = (0, at);
         }
-        let span = self.span;
-        Some(Ok(Command { span, action }))
+        Some(Ok(command))
     }
 }

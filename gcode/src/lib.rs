@@ -7,7 +7,8 @@
 //! A line's bytes (`source`) become tokens (`lexer`), the tokens a block (`parser`, `block`).
 //! Its values are computed (`expression`, `parameters`, `system`), its words sorted into their
 //! modal groups (`words`, `modal`) and executed (`execute`, `offsets`, `motion`, `arc`,
-//! `cycles`); O-words lead on to other blocks (`flow`). [`Interpreter`] hands out the
+//! `cycles`); O-words lead on to other blocks (`flow`). Under G41 and G42 the contour becomes the way
+//! of the tool's centre (`compensation`). [`Interpreter`] hands out the
 //! [`Command`]s that come of it, one block at a time. What a program may not do is refused with an
 //! [`Error`] that shows the place, the block, what is wrong and what to do.
 #![forbid(unsafe_code)]
@@ -16,6 +17,7 @@ mod arc;
 mod axes;
 mod block;
 mod command;
+mod compensation;
 mod cycles;
 mod error;
 mod execute;

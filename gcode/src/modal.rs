@@ -131,10 +131,7 @@ impl Code {
                 200 | 210 => Supported(Group::Units),
                 330 | 331 | 740 | 760 | 840 => Refused(NO_SYNCHRONISED_SPINDLE),
                 382..=385 => Refused("the controller has no probe input"),
-                400 => Supported(Group::CutterCompensation),
-                410 | 411 | 420 | 421 => {
-                    Refused("have the tool's radius compensated where the program is made")
-                }
+                400 | 410 | 411 | 420 | 421 => Supported(Group::CutterCompensation),
                 430 | 431 | 490 => Supported(Group::ToolLength),
                 530 => Supported(Group::MachineCoordinates),
                 540 | 550 | 560 | 570 | 580 | 590..=593 => Supported(Group::WorkOffset),
@@ -231,6 +228,8 @@ pub struct Modes {
     pub work_offset: usize,
     /// G43 or G43.1 instead of G49.
     pub tool_length: bool,
+    /// G41, G42, G41.1 or G42.1 instead of G40.
+    pub compensation: Option<Code>,
     /// G61, G61.1 or G64; at the start the machine's own.
     pub path_mode: PathMode,
     /// F under G94.
@@ -263,17 +262,14 @@ impl Modes {
 impl fmt::Display for Modes {
     /// The codes that set this state.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let plane = match self.plane {
-            Plane::Xy => "G17",
-            Plane::Zx => "G18",
-            Plane::Yz => "G19",
-        };
+        let plane = self.plane.code();
         let pick = |second: bool, codes: [&'static str; 2]| codes[usize::from(second)];
         write!(
             f,
-            "{} {plane} {} G40 {} {} {} {} {} {}",
+            "{} {plane} {} {} {} {} {} {} {} {}",
             self.motion.code(),
             pick(self.inches, ["G21", "G20"]),
+            self.compensation.unwrap_or(Code::G(400)),
             pick(self.tool_length, ["G49", "G43"]),
             self.work_offset_code(),
             pick(self.incremental, ["G90", "G91"]),

@@ -8,13 +8,13 @@ use super::block::Block;
 use super::command::{Action, Feed, Stop};
 use super::cycles::Cycle;
 use super::error::{Fault, Refusal};
-use super::execute::State;
+use super::execute::{Compensated, State};
 use super::lexer::Columns;
 use super::modal::{Code, Group, Modes, Motion};
 use super::words::{Words, out_of_range};
 
 /// Arcs beyond this radius are a mistake, or lines. mm.
-const RADIUS_LIMIT: f64 = 1e7;
+pub(crate) const RADIUS_LIMIT: f64 = 1e7;
 /// Travel below this is rounding of the program's. mm or degrees.
 const FEED_ROUNDING: f64 = 1e-7;
 /// A position may be outside of the soft limits by this much: what conversions round. mm.
@@ -69,6 +69,11 @@ impl State {
                 _ => Ok(()),
             };
         }
+        if !matches!(motion, Motion::Rapid | Motion::Feed | Motion::None)
+            && self.compensated == Compensated::Leaving
+        {
+            return Err(Refusal::new(motion_columns, Fault::CutterLeaving { code }));
+        }
         if let Motion::Cycle(cycle) = motion {
             return self.cycle(cycle, words, motion_columns, commands);
         }
@@ -112,10 +117,17 @@ impl State {
         columns: Columns,
         commands: &mut VecDeque<Action>,
     ) -> Result<(), Refusal> {
-        self.within_limits(&action).map_err(|(axis, fault)| {
-            let word = words.columns(axis.letter() as u8);
-            Refusal::new(word.unwrap_or(columns), fault)
-        })?;
+        // Of a compensated contour the tool's way is judged, when it is known.
+        if self.cutter().is_none() {
+            self.within_limits(&self.at, &action)
+                .map_err(|(axis, fault)| {
+                    let word = words.columns(axis.letter() as u8);
+                    Refusal::new(word.unwrap_or(columns), fault)
+                })?;
+        }
+        if self.compensated == Compensated::Leaving {
+            self.compensated = Compensated::Off;
+        }
         match &action {
             Action::Rapid { to } | Action::Feed { to, .. } => self.at = *to,
             Action::Arc { arc, .. } => self.at = arc.to,
@@ -313,7 +325,7 @@ impl State {
     }
 
     /// Refuses a motion that leaves the soft limits anywhere.
-    fn within_limits(&self, action: &Action) -> Result<(), (Axis, Fault)> {
+    pub(crate) fn within_limits(&self, from: &Point, action: &Action) -> Result<(), (Axis, Fault)> {
         for axis in self.setup.axes.iter() {
             if let Action::Rapid { to } | Action::Feed { to, .. } = action {
                 in_range(axis, to[axis]).map_err(|fault| (axis, fault))?;
@@ -327,7 +339,7 @@ impl State {
                 _ => continue,
             };
             // An axis that rests may stand outside: that is for the caller to judge.
-            if (low, high) == (self.at[axis], self.at[axis]) {
+            if (low, high) == (from[axis], from[axis]) {
                 continue;
             }
             let value = if low < least - LIMIT_ROUNDING {

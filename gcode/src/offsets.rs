@@ -5,8 +5,9 @@ use std::collections::VecDeque;
 use super::axes::{Axis, Point};
 use super::command::Action;
 use super::error::{Fault, Refusal};
-use super::execute::{State, missing};
+use super::execute::{Compensated, State, missing};
 use super::modal::{Code, Group};
+use super::motion::RADIUS_LIMIT;
 use super::words::{Words, out_of_range};
 
 impl State {
@@ -171,11 +172,11 @@ impl State {
                     }
                 }
                 if let Some(radius) = words.take(b'R', code)? {
-                    if radius < 0.0 {
-                        let fault = out_of_range('R', radius, "a radius from 0");
+                    tool.diameter = 2.0 * radius * self.modes.unit();
+                    if tool.diameter.abs() > 2.0 * RADIUS_LIMIT {
+                        let fault = out_of_range('R', radius, "within 10 km");
                         return Err(words.refuse(b'R', fault));
                     }
-                    tool.diameter = 2.0 * radius * self.modes.unit();
                 }
                 self.setup.tables.tools.insert(number, tool);
                 Ok(())
@@ -196,6 +197,9 @@ impl State {
             _ => self.setup.tables.g30,
         };
         let columns = words.code_columns(Group::Offsets).unwrap_or_default();
+        if self.compensated == Compensated::Leaving {
+            return Err(Refusal::new(columns, Fault::CutterLeaving { code }));
+        }
         let all = !words.has_axes();
         let over = self.target(words, code, false)?;
         let mut to = over;

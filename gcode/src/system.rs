@@ -2,7 +2,6 @@
 //!
 //! Positions are in the program's units, stored points and offsets in mm, as RS-274/NGC keeps them.
 
-use super::arc::Plane;
 use super::axes::{Axis, Point};
 use super::command::Turning;
 use super::error::Fault;
@@ -51,6 +50,14 @@ impl State {
         Ok(true)
     }
 
+    /// Whether a parameter moves the origin.
+    pub(crate) fn shifts(&self, index: usize) -> bool {
+        matches!(
+            State::stored(index),
+            Some((Stored::G92 | Stored::Work(_), _))
+        )
+    }
+
     /// A parameter that shows the machine's state.
     pub(crate) fn system(&self, index: usize) -> Option<f64> {
         let tables = &self.setup.tables;
@@ -73,7 +80,7 @@ impl State {
             5220 => self.modes.work_offset as f64 + 1.0,
             5400 => f64::from(self.modes.tool),
             5401..=5409 => tool.map_or(0.0, |tool| tool.offset[Axis::ALL[index - 5401]]),
-            5410 => tool.map_or(0.0, |tool| tool.diameter),
+            5410 => tool.map_or(0.0, |tool| tool.diameter + tool.diameter_wear),
             5420..=5428 => self.relative(Axis::ALL[index - 5420]),
             _ => return None,
         })
@@ -101,12 +108,10 @@ impl State {
             "value" | "value_returned" => return self.parameters.named(&format!("_{name}")),
             "line" => f64::from(self.line),
             "motion_mode" => f64::from(modes.motion.code().number()),
-            "plane" => match modes.plane {
-                Plane::Xy => 170.0,
-                Plane::Zx => 180.0,
-                Plane::Yz => 190.0,
-            },
-            "ccomp" => 400.0,
+            "plane" => f64::from(modes.plane.code().number()),
+            "ccomp" => modes
+                .compensation
+                .map_or(400.0, |code| f64::from(code.number())),
             "metric" => flag(!modes.inches),
             "imperial" => flag(modes.inches),
             "absolute" => flag(!modes.incremental),

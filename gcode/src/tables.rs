@@ -11,6 +11,7 @@
 //! number = 1
 //! name = "end mill 6 mm"
 //! diameter = 6.0
+//! diameter_wear = -0.02
 //! offset = { Z = 52.3 }
 //! ```
 //!
@@ -58,8 +59,10 @@ pub struct Tool {
     pub name: String,
     /// What G43 adds to the axes: for a tool along Z its length.
     pub offset: Point,
-    /// Its diameter, mm.
+    /// Its diameter, mm. One below zero compensates on the other side of the contour.
     pub diameter: f64,
+    /// What its diameter has gained, mm: below zero for a tool that has worn.
+    pub diameter_wear: f64,
 }
 
 /// A tables file that cannot be used.
@@ -163,9 +166,8 @@ impl Tables {
             let number = table.integer(log, "number", 0..=u32::MAX.into(), "");
             let tool = Tool {
                 name: table.text_or(log, "name", "", "a text", |_| true),
-                diameter: (table
-                    .number_if(log, "diameter", "a number from 0 on (mm)", |mm| mm >= 0.0))
-                .map_or(0.0, Spanned::into_inner),
+                diameter: length(log, &mut table, "diameter"),
+                diameter_wear: length(log, &mut table, "diameter_wear"),
                 offset: point(log, &mut table, "offset"),
             };
             let title = table.title.clone();
@@ -222,6 +224,13 @@ fn read(file: &Path) -> Result<Option<String>, TablesError> {
         return Err(fail(io::Error::new(io::ErrorKind::FileTooLarge, what)));
     }
     Ok(Some(text))
+}
+
+/// The length `key` of a table, mm; zero without it.
+fn length(log: &mut Log<'_>, table: &mut Table<'_, '_>, key: &'static str) -> f64 {
+    let allowed = format!("a number within ±{COORDINATE_LIMIT} (mm)");
+    let within = |mm: f64| mm.abs() <= COORDINATE_LIMIT;
+    (table.number_if(log, key, &allowed, within)).map_or(0.0, Spanned::into_inner)
 }
 
 /// The point `key` of a table; zero without it.

@@ -1,10 +1,13 @@
 //! The RS-274/NGC front end from outside: programs as text, canonical commands and refusals.
 
 mod arcs;
+mod compensation;
 mod cycles;
 mod flow;
+mod linuxcnc;
 mod listing;
 mod motion;
 mod offsets;
 mod refusals;
 mod resume;
+mod sweep;

@@ -1,0 +1,389 @@
+//! Lines and circular arcs in a plane: offsets, crossings, distances.
+
+use std::f64::consts::TAU;
+
+/// A point or a vector in the plane, mm.
+pub(crate) type Vector = [f64; 2];
+
+/// What arithmetic on coordinates may round, mm.
+pub(crate) const ROUNDING: f64 = 1e-9;
+
+pub(crate) fn minus(a: Vector, b: Vector) -> Vector {
+    [a[0] - b[0], a[1] - b[1]]
+}
+
+/// `from` moved by `length` along `direction`.
+pub(crate) fn along(from: Vector, direction: Vector, length: f64) -> Vector {
+    [
+        from[0] + direction[0] * length,
+        from[1] + direction[1] * length,
+    ]
+}
+
+pub(crate) fn dot(a: Vector, b: Vector) -> f64 {
+    a[0] * b[0] + a[1] * b[1]
+}
+
+pub(crate) fn cross(a: Vector, b: Vector) -> f64 {
+    a[0] * b[1] - a[1] * b[0]
+}
+
+/// The vector turned a quarter to the left.
+pub(crate) fn left_of(vector: Vector) -> Vector {
+    [-vector[1], vector[0]]
+}
+
+pub(crate) fn distance(a: Vector, b: Vector) -> f64 {
+    libm::hypot(a[0] - b[0], a[1] - b[1])
+}
+
+fn angle(vector: Vector) -> f64 {
+    libm::atan2(vector[1], vector[0])
+}
+
+/// An angle brought into 0 … 2π, where what lies just below 2π by rounding counts as just below 0.
+fn once_round(angle: f64, rounding: f64) -> f64 {
+    let angle = angle.rem_euclid(TAU);
+    if angle > TAU - rounding {
+        angle - TAU
+    } else {
+        angle
+    }
+}
+
+/// A line or an arc with a sense.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Segment {
+    Line {
+        from: Vector,
+        to: Vector,
+    },
+    Arc {
+        center: Vector,
+        radius: f64,
+        /// Angle of the start about the centre, rad.
+        start: f64,
+        /// Angle swept, rad, positive to the left.
+        sweep: f64,
+    },
+}
+
+impl Segment {
+    pub(crate) fn length(&self) -> f64 {
+        match *self {
+            Segment::Line { from, to } => distance(from, to),
+            Segment::Arc { radius, sweep, .. } => radius * sweep.abs(),
+        }
+    }
+
+    pub(crate) fn from(&self) -> Vector {
+        match *self {
+            Segment::Line { from, .. } => from,
+            Segment::Arc {
+                center,
+                radius,
+                start,
+                ..
+            } => on_circle(center, radius, start),
+        }
+    }
+
+    pub(crate) fn to(&self) -> Vector {
+        match *self {
+            Segment::Line { to, .. } => to,
+            Segment::Arc {
+                center,
+                radius,
+                start,
+                sweep,
+            } => on_circle(center, radius, start + sweep),
+        }
+    }
+
+    /// Unit vectors along the segment at its start and at its end.
+    pub(crate) fn directions(&self) -> [Vector; 2] {
+        match *self {
+            Segment::Line { from, to } => {
+                let length = distance(from, to);
+                [[(to[0] - from[0]) / length, (to[1] - from[1]) / length]; 2]
+            }
+            Segment::Arc { start, sweep, .. } => [start, start + sweep]
+                .map(|angle| left_of(on_circle([0.0; 2], sweep.signum(), angle))),
+        }
+    }
+
+    /// Curvature, 1/mm, positive to the left.
+    pub(crate) fn curvature(&self) -> f64 {
+        match *self {
+            Segment::Line { .. } => 0.0,
+            Segment::Arc { radius, sweep, .. } => sweep.signum() / radius,
+        }
+    }
+
+    /// How far the direction turns from start to end, rad, positive to the left.
+    pub(crate) fn turning(&self) -> f64 {
+        match *self {
+            Segment::Line { .. } => 0.0,
+            Segment::Arc { sweep, .. } => sweep,
+        }
+    }
+
+    /// The parallel at a distance to the left; `None` where an arc has no such parallel.
+    pub(crate) fn parallel(&self, left: f64) -> Option<Segment> {
+        match *self {
+            Segment::Line { from, to } => {
+                let aside = left_of(self.directions()[0]);
+                Some(Segment::Line {
+                    from: along(from, aside, left),
+                    to: along(to, aside, left),
+                })
+            }
+            Segment::Arc {
+                center,
+                radius,
+                start,
+                sweep,
+            } => {
+                let radius = radius - left * sweep.signum();
+                (radius > ROUNDING).then_some(Segment::Arc {
+                    center,
+                    radius,
+                    start,
+                    sweep,
+                })
+            }
+        }
+    }
+
+    /// How far a point of the segment is ahead of its start, mm: negative by rounding at most.
+    pub(crate) fn ahead(&self, point: Vector) -> f64 {
+        match *self {
+            Segment::Line { from, .. } => dot(minus(point, from), self.directions()[0]),
+            Segment::Arc {
+                center,
+                radius,
+                start,
+                sweep,
+            } => {
+                let angle = (angle(minus(point, center)) - start) * sweep.signum();
+                radius * once_round(angle, (ROUNDING / radius).max(1e-12))
+            }
+        }
+    }
+
+    /// How far a point of the segment is behind its end, mm: negative by rounding at most.
+    pub(crate) fn behind(&self, point: Vector) -> f64 {
+        self.reversed().ahead(point)
+    }
+
+    fn reversed(&self) -> Segment {
+        match *self {
+            Segment::Line { from, to } => Segment::Line { from: to, to: from },
+            Segment::Arc {
+                center,
+                radius,
+                start,
+                sweep,
+            } => Segment::Arc {
+                center,
+                radius,
+                start: start + sweep,
+                sweep: -sweep,
+            },
+        }
+    }
+
+    /// The segment with this much taken off its start; what is less than nothing is added.
+    pub(crate) fn without_start(&self, length: f64) -> Segment {
+        match *self {
+            Segment::Line { from, to } => Segment::Line {
+                from: along(from, self.directions()[0], length),
+                to,
+            },
+            Segment::Arc {
+                center,
+                radius,
+                start,
+                sweep,
+            } => {
+                let angle = length / radius * sweep.signum();
+                Segment::Arc {
+                    center,
+                    radius,
+                    start: start + angle,
+                    sweep: sweep - angle,
+                }
+            }
+        }
+    }
+
+    /// The segment with this much taken off its end.
+    pub(crate) fn without_end(&self, length: f64) -> Segment {
+        self.reversed().without_start(length).reversed()
+    }
+
+    /// The segment in parts that turn by no more than an angle, rad.
+    pub(crate) fn parts(self, most: f64) -> impl Iterator<Item = Segment> {
+        let count = (self.turning().abs() / most).ceil().max(1.0);
+        (0..count as u32).map(move |part| match self {
+            Segment::Line { .. } => self,
+            Segment::Arc {
+                center,
+                radius,
+                start,
+                sweep,
+            } => Segment::Arc {
+                center,
+                radius,
+                start: start + sweep * f64::from(part) / count,
+                sweep: sweep / count,
+            },
+        })
+    }
+
+    /// Where the lines and circles that two segments are parts of cross; for parallel lines and
+    /// for circles apart there are none.
+    pub(crate) fn crossings(&self, other: &Segment) -> [Option<Vector>; 2] {
+        match (*self, *other) {
+            (
+                Segment::Line { from, .. },
+                Segment::Line {
+                    from: other_from, ..
+                },
+            ) => {
+                let (direction, other) = (self.directions()[0], other.directions()[0]);
+                let length = cross(minus(other_from, from), other) / cross(direction, other);
+                let crossing = along(from, direction, length);
+                [length.is_finite().then_some(crossing), None]
+            }
+            (Segment::Line { from, .. }, Segment::Arc { center, radius, .. }) => {
+                line_and_circle(from, self.directions()[0], center, radius)
+            }
+            (Segment::Arc { .. }, Segment::Line { .. }) => other.crossings(self),
+            (
+                Segment::Arc { center, radius, .. },
+                Segment::Arc {
+                    center: other,
+                    radius: other_radius,
+                    ..
+                },
+            ) => circles(center, radius, other, other_radius),
+        }
+    }
+
+    /// Whether a point of the segment's line or circle lies within the segment.
+    pub(crate) fn holds(&self, point: Vector) -> bool {
+        let ahead = self.ahead(point);
+        ahead >= -ROUNDING && ahead <= self.length() + ROUNDING
+    }
+
+    /// The least distance between two segments, mm.
+    ///
+    /// It is zero where they cross, and else between an end and the other segment, or where both
+    /// are at right angles to the straight line between them: for circles on the line through the
+    /// centres, for a line and a circle on the perpendicular through the centre.
+    pub(crate) fn distance(&self, other: &Segment) -> f64 {
+        let crossing = |point: &Vector| self.holds(*point) && other.holds(*point);
+        if self.crossings(other).iter().flatten().any(crossing) {
+            return 0.0;
+        }
+        let ends = |a: &Segment, b: &Segment| a.distance_to(b.from()).min(a.distance_to(b.to()));
+        let mut least = ends(self, other).min(ends(other, self));
+        let facing = match (self, other) {
+            (Segment::Arc { center, .. }, _) => Some((*center, other)),
+            (_, Segment::Arc { center, .. }) => Some((*center, self)),
+            _ => None,
+        };
+        if let Some((center, across)) = facing {
+            let arc = if matches!(self, Segment::Arc { .. }) {
+                self
+            } else {
+                other
+            };
+            for foot in across.feet(center).into_iter().flatten() {
+                if across.holds(foot) {
+                    least = least.min(arc.distance_to(foot));
+                }
+            }
+        }
+        least
+    }
+
+    /// The distance of a point from the segment, mm.
+    fn distance_to(&self, point: Vector) -> f64 {
+        let ends = distance(point, self.from()).min(distance(point, self.to()));
+        self.feet(point)
+            .into_iter()
+            .flatten()
+            .filter(|foot| self.holds(*foot))
+            .map(|foot| distance(point, foot))
+            .fold(ends, f64::min)
+    }
+
+    /// The points of the segment's line or circle whose perpendicular goes through a point.
+    fn feet(&self, point: Vector) -> [Option<Vector>; 2] {
+        match *self {
+            Segment::Line { from, .. } => {
+                let direction = self.directions()[0];
+                let length = dot(minus(point, from), direction);
+                [Some(along(from, direction, length)), None]
+            }
+            Segment::Arc { center, radius, .. } => {
+                let towards = angle(minus(point, center));
+                [radius, -radius].map(|radius| Some(on_circle(center, radius, towards)))
+            }
+        }
+    }
+
+    /// Least and greatest coordinates: a box that holds the segment, not always the smallest.
+    pub(crate) fn extent(&self) -> [Vector; 2] {
+        let (from, to) = (self.from(), self.to());
+        let bulge = match *self {
+            Segment::Line { .. } => 0.0,
+            // Of an arc up to a half turn; a longer one stays within the diameter.
+            Segment::Arc { radius, sweep, .. } => {
+                radius
+                    * if sweep.abs() < 3.0 {
+                        1.0 - libm::cos(sweep / 2.0)
+                    } else {
+                        2.0
+                    }
+            }
+        };
+        [
+            [from[0].min(to[0]) - bulge, from[1].min(to[1]) - bulge],
+            [from[0].max(to[0]) + bulge, from[1].max(to[1]) + bulge],
+        ]
+    }
+}
+
+fn on_circle(center: Vector, radius: f64, angle: f64) -> Vector {
+    along(center, [libm::cos(angle), libm::sin(angle)], radius)
+}
+
+fn line_and_circle(
+    from: Vector,
+    direction: Vector,
+    center: Vector,
+    radius: f64,
+) -> [Option<Vector>; 2] {
+    let to_center = minus(center, from);
+    let (nearest, aside) = (dot(to_center, direction), cross(to_center, direction));
+    let half = ((radius - aside) * (radius + aside)).sqrt();
+    if half.is_nan() {
+        return [None; 2];
+    }
+    [nearest - half, nearest + half].map(|length| Some(along(from, direction, length)))
+}
+
+fn circles(a: Vector, radius_a: f64, b: Vector, radius_b: f64) -> [Option<Vector>; 2] {
+    let apart = distance(a, b);
+    let direction = [(b[0] - a[0]) / apart, (b[1] - a[1]) / apart];
+    let nearest = (apart + (radius_a - radius_b) * (radius_a + radius_b) / apart) / 2.0;
+    let half = ((radius_a - nearest) * (radius_a + nearest)).sqrt();
+    if half.is_nan() || apart < ROUNDING {
+        return [None; 2];
+    }
+    let foot = along(a, direction, nearest);
+    [half, -half].map(|half| Some(along(foot, left_of(direction), half)))
+}

@@ -1,0 +1,166 @@
+//! Cutter compensation: words, joints, refusals, and proof by an independent sweep of the tool.
+
+use std::fmt::Write;
+
+use syncline_gcode::{Setup, Tool};
+
+use super::listing::{listing_with, refusals_with, run_with, xyz};
+
+/// Tools of 6 mm: T1, T2 with its sign, T3 that has worn to 5.8 mm.
+fn with_cutters() -> Setup {
+    let mut setup = xyz();
+    for (number, diameter, diameter_wear) in [(1, 6.0, 0.0), (2, -6.0, 0.0), (3, 6.0, -0.2)] {
+        let tool = Tool {
+            diameter,
+            diameter_wear,
+            ..Tool::default()
+        };
+        setup.tables.tools.insert(number, tool);
+    }
+    setup
+}
+
+#[test]
+fn lines_and_arcs_left_and_right() {
+    let contour = "X40\nY20\nG3 X20 Y40 I-20\nG1 Z-2\nM8\nG1 X0\nY60\nG2 X10 Y50 I0 J-10 Z-3\nG40 G1 X30 Y30\nM2";
+    let mut text = String::new();
+    for on in [
+        "G41 D1",
+        "G42 D1",
+        "G41 D2",
+        "G42 D3",
+        "G41.1 D6",
+        "G42.1 D-6",
+        "T1 M6 G41",
+        "G41 D0",
+    ] {
+        writeln!(text, "{on}").unwrap();
+        let program = format!("F600\n{on}\nG1 X20 Y0\n{contour}");
+        text += &listing_with(with_cutters(), &program);
+    }
+    insta::assert_snapshot!(text);
+}
+
+#[test]
+fn the_other_planes() {
+    insta::assert_snapshot!(listing_with(
+        with_cutters(),
+        "G18 F600 G41 D1
+G1 X20 Z0
+X40
+Z20
+G2 X20 Z40 K20
+G40 G1 X0
+G19 G42 D1
+G1 Y20 Z40
+Y40
+Z60
+G3 Y60 Z80 K20
+G40 G0 X0 Y0 Z0
+M2"
+    ));
+}
+
+/// A rapid goes around a corner on lines; what stands between two moves stays there.
+#[test]
+fn rapids_and_what_stands_between() {
+    insta::assert_snapshot!(listing_with(
+        with_cutters(),
+        "G42 D1 G0 X20 Y0
+Z-5
+G1 X40 F600
+M0
+Z-6
+S100 M3
+X39.999 Y20
+G0 X20 Y40
+G1 X0
+G4 P1
+M2"
+    ));
+}
+
+#[test]
+fn what_a_compensated_contour_refuses() {
+    let on = "F600\nG41 D1 G1 X20\nX40\n";
+    let programs = [
+        // The words.
+        ("G41".to_owned(), "1:1"),
+        ("G41 D9".to_owned(), "1:5"),
+        ("T9 M6 G41".to_owned(), "1:7"),
+        ("G41.1".to_owned(), "1:1"),
+        ("G41 G42 D1".to_owned(), "1:5"),
+        ("G41 D1 G93".to_owned(), "1:1"),
+        ("G40 D1".to_owned(), "1:5"),
+        // The entry.
+        ("F600 G41 D1\nG1 X3".to_owned(), "2:1"),
+        ("F600 G41 D1\nG2 X30 I15".to_owned(), "2:1"),
+        // Meanwhile.
+        (format!("{on}G18"), "4:1"),
+        (format!("{on}G41 D1"), "4:1"),
+        (format!("{on}G43 H1"), "4:1"),
+        (format!("{on}G55"), "4:1"),
+        (format!("{on}T2 M6"), "4:4"),
+        (format!("{on}G10 L2 P1 X3"), "4:1"),
+        (format!("{on}G92 X0"), "4:1"),
+        (format!("{on}G52 X0"), "4:1"),
+        (format!("{on}G28"), "4:1"),
+        (format!("{on}G30 X0"), "4:1"),
+        (format!("{on}G53 G0 X0"), "4:1"),
+        (format!("{on}G93"), "4:1"),
+        (format!("{on}G81 X50 Z-5 R2"), "4:1"),
+        (format!("{on}#5221 = 3"), "4:1"),
+        (format!("{on}#5211 = 3"), "4:1"),
+        // Behind G40.
+        (format!("{on}G40 G2 X50 I5"), "4:5"),
+        (format!("{on}G40\nG81 X50 Z-5 R2"), "5:1"),
+        (format!("{on}G40\nG28"), "5:1"),
+        // What the tool does not fit into.
+        (format!("{on}G3 X40 Y4 J2"), "4:1"),
+        (format!("{on}Y2\nX60"), "4:1"),
+        (format!("{on}Y4\nX30"), "5:1"),
+        // The neck of a bottle.
+        (format!("{on}Y-20\nX80\nY-10\nX44\nY10\nX50"), "7:1"),
+        (format!("{on}X60 Y20\nX30 Y0\nX10 Y-3"), "5:1"),
+    ];
+    let programs: Vec<_> = programs
+        .iter()
+        .map(|(text, at)| (text.as_str(), *at))
+        .collect();
+    insta::assert_snapshot!(refusals_with(&with_cutters(), &programs));
+}
+
+/// It is the tool that has to stay inside the soft limits, not the contour.
+#[test]
+fn soft_limits_hold_for_the_tool() {
+    let mut setup = with_cutters();
+    setup.limits[1] = Some((-2.0, 50.0));
+    let inside = "F600 G42 D1\nG1 X20 Y1\nX40\nY20\nG40 X60\nM2";
+    assert!(run_with(setup.clone(), inside).is_ok());
+    let programs = [
+        ("F600 G42 D1\nG1 X20 Y0\nX40\nY20", "2:1"),
+        ("F600 G42 D1\nG1 X20 Y5\nX40\nX60 Y-1\nX80", "4:1"),
+    ];
+    insta::assert_snapshot!(refusals_with(&setup, &programs));
+}
+
+#[test]
+fn beginning_on_a_contour_is_refused() {
+    let program = "F600 G41 D1\nG1 X20\nX40\nY20\nG40 X0\nX1\nM2";
+    let begun = |line| {
+        let mut program =
+            syncline_gcode::Interpreter::from_text("part.ngc", program, with_cutters());
+        program
+            .start_at_line(line)
+            .map_err(|error| error.to_string())
+    };
+    assert_eq!(begun(1), Ok(()));
+    assert_eq!(begun(6), Ok(()));
+    for line in 2..=5 {
+        let message = begun(line).unwrap_err();
+        assert!(
+            message.contains(&format!("line {line} is on a compensated contour")),
+            "{message}"
+        );
+    }
+}

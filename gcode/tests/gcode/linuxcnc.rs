@@ -1,0 +1,114 @@
+//! Compensated contours against LinuxCNC's stand-alone interpreter, `rs274`, where it is installed.
+
+use std::fs;
+use std::process::Command;
+
+use syncline_gcode::{Action, Axis};
+
+use super::listing::run;
+use super::sweep::Random;
+
+/// Whether the tool starts. Where every tool is required, as in CI, it has to.
+fn available() -> bool {
+    let found = Command::new("rs274").arg("-?").output().is_ok();
+    let required = std::env::var_os("SYNCLINE_REQUIRE_TOOLS").is_some();
+    assert!(found || !required, "required, but there is no rs274");
+    if !found {
+        eprintln!("skipped: there is no rs274 (Debian's linuxcnc-uspace)");
+    }
+    found
+}
+
+/// Ends of moves and centres of arcs in the plane X Y, by the other interpreter; `None` where it
+/// refuses the program.
+fn theirs(program: &str) -> Option<Vec<Vec<f64>>> {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("part.ngc");
+    fs::write(&file, program).unwrap();
+    let mut command = Command::new("rs274");
+    command.arg("-g").arg(&file).current_dir(folder.path());
+    let output = command.output().unwrap();
+    let text = String::from_utf8(output.stdout).unwrap();
+    let moves = text.lines().filter_map(|line| {
+        let (name, values) = line.split_once('(')?;
+        let values: Vec<f64> = values
+            .split([',', ')'])
+            .map_while(|value| value.trim().parse().ok())
+            .collect();
+        if name.ends_with("ARC_FEED") {
+            Some(values[..4].to_vec())
+        } else if name.ends_with("STRAIGHT_FEED") || name.ends_with("STRAIGHT_TRAVERSE") {
+            Some(values[..3].to_vec())
+        } else {
+            None
+        }
+    });
+    let moves = moves.collect();
+    text.contains("PROGRAM_END").then_some(moves)
+}
+
+fn ours(program: &str) -> Option<Vec<Vec<f64>>> {
+    let commands = run(program).ok()?;
+    let moves = commands.iter().filter_map(|command| match &command.action {
+        Action::Rapid { to } | Action::Feed { to, .. } => Some(to.0[..3].to_vec()),
+        Action::Arc { arc, .. } => {
+            let [x, y] = arc.center;
+            Some(vec![arc.to[Axis::X], arc.to[Axis::Y], x, y])
+        }
+        _ => None,
+    });
+    Some(moves.collect())
+}
+
+/// A contour that turns by at least 5° at every corner: below that the other joins as if smooth.
+fn contour(random: &mut Random) -> String {
+    let mut text = "G21 G17 G90 G0 X0 Y0 Z0\nF600\n".to_owned();
+    let code = if random.chance(0.5) { "G41.1" } else { "G42.1" };
+    text += &format!("{code} D{:.3} G1 X50 Y0\nG91\n", random.scaled(0.1, 12.0));
+    let mut direction: f64 = 0.0;
+    for _ in 0..8 {
+        let turn = random.between(0.1, 2.5) * if random.chance(0.5) { 1.0 } else { -1.0 };
+        direction += turn;
+        if random.chance(0.6) {
+            let length = random.scaled(3.0, 60.0);
+            let [x, y] = [direction.cos(), direction.sin()].map(|x| x * length);
+            text += &format!("G1 X{x:.4} Y{y:.4}\n");
+            continue;
+        }
+        let (radius, sweep) = (random.scaled(3.0, 60.0), random.between(0.3, 2.8));
+        let left = if random.chance(0.5) { 1.0 } else { -1.0 };
+        let out = direction - left * std::f64::consts::FRAC_PI_2;
+        let end = out + left * sweep;
+        direction += left * sweep;
+        let [i, j] = [-out.cos(), -out.sin()].map(|x| x * radius);
+        let [x, y] = [end.cos() * radius + i, end.sin() * radius + j];
+        let code = if left > 0.0 { "G3" } else { "G2" };
+        text += &format!("{code} X{x:.6} Y{y:.6} I{i:.6} J{j:.6}\n");
+    }
+    text + "G90 G40 G1 X0 Y0\nM2\n"
+}
+
+#[test]
+fn compensated_contours_end_where_linuxcnc_ends_them() {
+    if !available() {
+        return;
+    }
+    let (mut both, mut only_theirs) = (0, 0);
+    for seed in 0..100 {
+        let program = contour(&mut Random(seed));
+        let (Some(ours), theirs) = (ours(&program), theirs(&program)) else {
+            only_theirs += u32::from(theirs(&program).is_some());
+            continue;
+        };
+        let theirs = theirs.unwrap_or_else(|| panic!("seed {seed}: they refuse\n{program}"));
+        let differ = ours.len() != theirs.len()
+            || ours.iter().zip(&theirs).any(|(ours, theirs)| {
+                ours.len() != theirs.len()
+                    || ours.iter().zip(theirs).any(|(a, b)| (a - b).abs() > 1e-4)
+            });
+        assert!(!differ, "seed {seed}\n{program}{ours:#?}\n{theirs:#?}");
+        both += 1;
+    }
+    println!("{both} contours agree; {only_theirs} are accepted by them alone");
+    assert!(both > 20, "{both}");
+}
