@@ -529,6 +529,7 @@ impl Feeder {
                 }
                 self.stop_then(StopPoint::Pause { reason, line });
             }
+            Action::ToolLoaded(tool) => self.switch(Switch::Tool(*tool)),
             Action::Spindle(spindle) => self.switch(Switch::Spindle(*spindle)),
             Action::Coolant(coolant) => self.switch(Switch::Coolant(*coolant)),
             Action::Output(output) => self.switch(Switch::Output(line, *output)),

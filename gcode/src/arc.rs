@@ -6,8 +6,14 @@ use super::axes::{Axis, Point};
 use super::error::Fault;
 use super::modal::Code;
 
-/// Radii of start and end may differ by this, or by [`RADIUS_RATIO`] if that is more. mm.
-pub const RADIUS_TOLERANCE: f64 = 0.005;
+/// Radii of start and end may differ by this, or by [`RADIUS_RATIO`] if that is more. mm. It is what
+/// post-processors make of three decimals of an inch.
+pub const RADIUS_TOLERANCE: f64 = 0.028;
+/// Radii that differ by less than this are equal but for rounding. mm.
+const RADIUS_ROUNDING: f64 = 1e-6;
+/// Where the centre cannot be moved, as nearly all around a circle, the radius may change by this
+/// along the arc, or by [`RADIUS_RATIO`]. mm.
+const SPIRAL_TOLERANCE: f64 = 0.005;
 /// Radii of start and end may differ by this part of the radius.
 pub const RADIUS_RATIO: f64 = 0.001;
 /// Start and end of an arc closer than this are the same point: a full circle. mm.
@@ -66,9 +72,10 @@ pub enum Direction {
 /// An arc, helix or full circle in machine coordinates.
 ///
 /// The defining curve: over the fraction of the sweep, from 0 to 1, the angle about the centre, the
-/// distance from it and every other axis go linearly from their start to their end. With equal
-/// radii it is a circle or a helix; a program whose radii differ by its rounding gives a spiral so
-/// slight that both ends are met exactly.
+/// distance from it and every other axis go linearly from their start to their end: a circle or a
+/// helix. Where the digits of a program make the radii of start and end differ, the centre is moved
+/// so that they agree and both ends are met exactly; [`deviation`](Arc::deviation) tells what that
+/// changes. Where that changes too much, the arc is a spiral that is as slight as the digits.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Arc {
     /// The plane of the circle.
@@ -89,12 +96,90 @@ pub struct Arc {
     pub start_angle: f64,
     /// Angle swept, rad: positive counterclockwise; beyond a full circle for turns.
     pub sweep: f64,
+    /// How far the arc is from what the program's own centre and radii describe, mm.
+    pub deviation: f64,
 }
 
 impl Arc {
     /// An arc about a centre. `turns` ≥ 1 counts the last, possibly partial, turn. Start and end at
     /// one point make full circles.
     pub(crate) fn about(
+        plane: Plane,
+        from: Point,
+        to: Point,
+        center: [f64; 2],
+        direction: Direction,
+        turns: u32,
+    ) -> Result<Arc, Fault> {
+        let spiral = Arc::spiral(plane, from, to, center, direction, turns)?;
+        let [start, end] = [spiral.start_radius, spiral.end_radius];
+        let difference = (end - start).abs();
+        if difference < RADIUS_ROUNDING {
+            return Ok(spiral);
+        }
+        let allowed = RADIUS_TOLERANCE.max(RADIUS_RATIO * start);
+        let moved = Arc::spiral(plane, from, to, spiral.middle_center(), direction, turns);
+        if let Ok(mut moved) = moved
+            && difference <= allowed
+        {
+            moved.deviation = moved.distance_from(&spiral);
+            if moved.deviation <= allowed {
+                return Ok(moved);
+            }
+        }
+        let slight = SPIRAL_TOLERANCE.max(RADIUS_RATIO * start);
+        if difference <= slight {
+            return Ok(spiral);
+        }
+        let allowed = if difference > allowed {
+            allowed
+        } else {
+            slight
+        };
+        Err(Fault::ArcRadii {
+            start,
+            end,
+            difference,
+            allowed,
+        })
+    }
+
+    /// The centre that is nearest to this one and as far from the start as from the end.
+    fn middle_center(&self) -> [f64; 2] {
+        let [first, second, _] = self.plane.axes();
+        let (from, to) = (self.from, self.to);
+        let chord = [to[first] - from[first], to[second] - from[second]];
+        let square = chord[0] * chord[0] + chord[1] * chord[1];
+        let [start, end] = [self.start_radius, self.end_radius];
+        // By the difference of the squares of both radii.
+        let part = (end - start) * (end + start) / (2.0 * square);
+        [
+            self.center[0] + chord[0] * part,
+            self.center[1] + chord[1] * part,
+        ]
+    }
+
+    /// How far this arc is from another between the same ends, measured from the other's centre.
+    fn distance_from(&self, other: &Arc) -> f64 {
+        let [first, second, _] = self.plane.axes();
+        let most = |most: f64, k: u32| {
+            let fraction = f64::from(k) / 32.0;
+            let point = self.at(fraction);
+            let away = [
+                point[first] - other.center[0],
+                point[second] - other.center[1],
+            ];
+            most.max((libm::hypot(away[0], away[1]) - other.radius(fraction)).abs())
+        };
+        let turned = (self.sweep - other.sweep).abs();
+        if turned > PI {
+            return f64::INFINITY;
+        }
+        (1..32).fold(0.0, most)
+    }
+
+    /// An arc about a centre whose radius goes from that of the start to that of the end.
+    fn spiral(
         plane: Plane,
         from: Point,
         mut to: Point,
@@ -114,16 +199,6 @@ impl Arc {
         let end_radius = libm::hypot(end[0], end[1]);
         if start_radius < SAME_POINT {
             return Err(Fault::ArcNoRadius);
-        }
-        let difference = (end_radius - start_radius).abs();
-        let allowed = RADIUS_TOLERANCE.max(RADIUS_RATIO * start_radius);
-        if difference > allowed {
-            return Err(Fault::ArcRadii {
-                start: start_radius,
-                end: end_radius,
-                difference,
-                allowed,
-            });
         }
         let start_angle = libm::atan2(start[1], start[0]);
         // The angle between the two rays, by cross and dot product: exact for equal points.
@@ -151,6 +226,7 @@ impl Arc {
                 Direction::Counterclockwise => whole,
                 Direction::Clockwise => -whole,
             },
+            deviation: 0.0,
         })
     }
 

@@ -59,6 +59,8 @@ pub enum Action {
     Spindle(Spindle),
     /// The coolant is to be in this state from here on (M7, M8, M9).
     Coolant(Coolant),
+    /// This tool is in the spindle from here on, without a change (M61); 0: none.
+    ToolLoaded(u32),
     /// The tool that the next change loads (T).
     SelectTool(u32),
     /// A command for the machine's outputs (M62 … M65, M100 … M199), to be given when the motion

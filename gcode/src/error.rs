@@ -157,7 +157,15 @@ pub enum Fault {
     #[error("tool {number} is not in the tool table: add it, or set it with G10 L1 P{number}")]
     NoSuchTool { number: u32 },
 
+    #[error("{code} P0 would take the override from the operator, who keeps it: remove it")]
+    OperatorsOverride { code: Code },
+
+    #[error("the work's axes are not turned: have the program turned where it is made, write R0")]
+    TurnedWork,
+
     // Motion.
+    #[error("{code} does not move at F0: write a feed above 0 in this block or before")]
+    FeedZero { code: Code },
     #[error("{code} has no feed: write F in this block or before")]
     NoFeed { code: Code },
     #[error("{code} under G93 has no time: write F in this block (F2 is half a minute)")]

@@ -20,6 +20,9 @@ use super::modal::{Code, Group, Modes, ProgrammedFeed};
 use super::parameters::{self, Parameters};
 use super::words::{Words, out_of_range, whole};
 
+/// The least feed above 0, and what is as good as any greater one: no axis keeps up with it.
+const LEAST_FEED: f64 = 0.001;
+const GREATEST_FEED: f64 = 1e7;
 /// The longest dwell, s.
 pub(crate) const DWELL_LIMIT: f64 = 1e6;
 
@@ -172,13 +175,13 @@ impl State {
             self.modes.inverse_time = inverse_time;
         }
         if let Some(number) = words.take_free(b'F') {
-            if !(0.001..=1e7).contains(&number) {
-                let allowed = "a feed from 0.001 to 10000000";
+            if number < 0.0 || (number > 0.0 && number < LEAST_FEED) {
+                let allowed = "0, or a feed from 0.001";
                 return Err(words.refuse(b'F', out_of_range('F', number, allowed)));
             }
             if !self.modes.inverse_time {
                 self.modes.feed = Some(ProgrammedFeed {
-                    number,
+                    number: number.min(GREATEST_FEED),
                     unit: self.modes.unit(),
                 });
             }
@@ -202,7 +205,19 @@ impl State {
             self.modes.selected_tool = tool;
             commands.push_back(Action::SelectTool(tool));
         }
-        if words.code(Group::ToolChange).is_some() {
+        if let Some(code @ Code::M(61)) = words.code(Group::ToolChange) {
+            let allowed = "the number of the tool that is in the spindle";
+            let Some(tool) = words.take_whole(b'Q', code, 0..=99_999, allowed)? else {
+                return Err(missing(
+                    words,
+                    Group::ToolChange,
+                    code,
+                    "Q, the tool in the spindle",
+                ));
+            };
+            self.modes.tool = tool;
+            commands.push_back(Action::ToolLoaded(tool));
+        } else if words.code(Group::ToolChange).is_some() {
             self.modes.tool = self.modes.selected_tool;
             commands.push_back(Action::Stop(Stop::ToolChange {
                 tool: self.modes.tool,
@@ -241,6 +256,11 @@ impl State {
         if coolant != self.modes.coolant {
             self.modes.coolant = coolant;
             commands.push_back(Action::Coolant(coolant));
+        }
+        if let Some(code @ Code::M(50..=53)) = words.code(Group::Overrides)
+            && words.take(b'P', code)? == Some(0.0)
+        {
+            return Err(words.refuse(b'P', Fault::OperatorsOverride { code }));
         }
         if let Some(code @ Code::M(number)) = words.code(Group::Output) {
             commands.push_back(Action::Output(Output {
@@ -304,11 +324,11 @@ impl State {
                             None => Ok(value.map(|value| value * unit)),
                         }
                     };
-                    let above = "a distance above 0; G61 keeps the path exactly";
-                    let tolerance = length(b'P', |value| value > 0.0, above)?;
+                    let distance = "a distance; 0 is the machine's own";
+                    let tolerance = length(b'P', |value| value >= 0.0, distance)?;
                     let merge = length(b'Q', |value| value >= 0.0, "a distance; 0 merges nothing")?;
                     PathMode::Blend {
-                        tolerance,
+                        tolerance: tolerance.filter(|within| *within > 0.0),
                         merge: merge.filter(|within| *within > 0.0),
                     }
                 }

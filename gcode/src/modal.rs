@@ -54,6 +54,8 @@ pub(crate) enum Group {
     WorkOffset,
     PathMode,
     SpindleMode,
+    /// G8
+    Diameters,
     Stopping,
     ToolChange,
     Spindle,
@@ -86,6 +88,7 @@ impl Group {
             Group::WorkOffset => "work offsets",
             Group::PathMode => "path modes",
             Group::SpindleMode => "spindle speed modes",
+            Group::Diameters => "diameter modes",
             Group::Stopping => "stops and subprograms",
             Group::ToolChange => "tool changes",
             Group::Spindle => "spindle commands",
@@ -110,6 +113,11 @@ const NO_SYNCHRONISED_SPINDLE: &str =
     "it moves in step with the spindle, whose angle the controller does not know";
 const NO_LATHE: &str = "it is for lathes";
 const NO_SPLINE: &str = "write the curve as lines and arcs";
+const NO_SCALING: &str =
+    "have the program scaled where it is made: write G50 away if it only ends that";
+const NO_ROTATION: &str =
+    "have the program turned where it is made: write G69 away if it only ends that";
+const NO_CIRCLES: &str = "write the circle with G2 or G3 and its radius's compensation with G41";
 
 impl Code {
     /// The code's group, or why it is refused.
@@ -125,14 +133,18 @@ impl Code {
                 40 => Supported(Group::Dwell),
                 100 | 280 | 281 | 300 | 301 | 520 | 920..=923 => Supported(Group::Offsets),
                 50..=53 => Refused(NO_SPLINE),
-                70 | 80 => Refused(NO_LATHE),
+                70 => Refused(NO_LATHE),
+                80 => Supported(Group::Diameters),
+                120 | 130 => Refused(NO_CIRCLES),
                 170 | 180 | 190 => Supported(Group::Plane),
                 171 | 181 | 191 => Refused("planes of U V W have no arcs: use G17, G18 or G19"),
                 200 | 210 => Supported(Group::Units),
                 330 | 331 | 740 | 760 | 840 => Refused(NO_SYNCHRONISED_SPINDLE),
                 382..=385 => Refused("the controller has no probe input"),
                 400 | 410 | 411 | 420 | 421 => Supported(Group::CutterCompensation),
-                430 | 431 | 490 => Supported(Group::ToolLength),
+                430..=432 | 490 => Supported(Group::ToolLength),
+                500 | 510 => Refused(NO_SCALING),
+                680 | 690 => Refused(NO_ROTATION),
                 530 => Supported(Group::MachineCoordinates),
                 540 | 550 | 560 | 570 | 580 | 590..=593 => Supported(Group::WorkOffset),
                 610 | 611 | 640 => Supported(Group::PathMode),
@@ -152,12 +164,12 @@ impl Code {
                 7 => Supported(Group::Mist),
                 8 | 9 => Supported(Group::Coolant),
                 19 => Refused(NO_SYNCHRONISED_SPINDLE),
-                48 => Supported(Group::Overrides),
-                61 => Refused("write T and M6"),
+                48 | 50..=53 => Supported(Group::Overrides),
+                61 => Supported(Group::ToolChange),
                 62..=65 => Supported(Group::Output),
                 67 | 68 => Refused("there are no analog outputs"),
                 100..=199 => Supported(Group::Output),
-                49..=53 => Refused("the overrides stay with the operator"),
+                49 => Refused("the overrides stay with the operator"),
                 60 => Refused("there is no pallet changer: write M0"),
                 66 => Refused("a program does not wait for inputs"),
                 70..=73 => Refused("set the modes that you need by their own codes"),

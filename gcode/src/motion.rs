@@ -167,7 +167,8 @@ impl State {
         let mut over = if down { goal } else { start };
         over[across] = start[across].max(goal[across]);
         for to in [over, goal] {
-            let action = match self.modes.feed {
+            let feed = self.modes.feed.filter(|feed| feed.number > 0.0);
+            let action = match feed {
                 // What is below may not have been cut yet.
                 Some(rate) if down && to == goal => Action::Feed {
                     to,
@@ -236,11 +237,15 @@ impl State {
     pub(crate) fn feed(&self, words: &mut Words, code: Code, to: Point) -> Result<Feed, Fault> {
         if self.modes.inverse_time {
             return match words.take_free(b'F') {
-                Some(number) => Ok(Feed::Duration(60.0 / number)),
+                Some(number) if number > 0.0 => Ok(Feed::Duration(60.0 / number)),
+                Some(_) => Err(Fault::FeedZero { code }),
                 None => Err(Fault::NoInverseTime { code }),
             };
         }
         let feed = self.modes.feed.ok_or(Fault::NoFeed { code })?;
+        if feed.number == 0.0 {
+            return Err(Fault::FeedZero { code });
+        }
         let moves = |axis: Axis| (to[axis] - self.at[axis]).abs() > FEED_ROUNDING;
         let only_rotary = matches!(code, Code::G(10))
             && Axis::ALL.into_iter().any(moves)

@@ -26,19 +26,19 @@ impl State {
         }
     }
 
-    /// G43, G43.1, G49.
+    /// G43, G43.1, G43.2, G49.
     pub(crate) fn tool_length(&mut self, words: &mut Words) -> Result<(), Refusal> {
         let Some(code) = words.code(Group::ToolLength) else {
             return Ok(());
         };
         match code {
-            Code::G(430) => {
+            Code::G(430 | 432) => {
                 let allowed = "the number of a tool";
                 let number = match words.take_whole(b'H', code, 0..=99_999, allowed)? {
                     None | Some(0) => self.modes.tool,
                     Some(number) => number,
                 };
-                self.tool_offset = match self.setup.tables.tools.get(&number) {
+                let offset = match self.setup.tables.tools.get(&number) {
                     Some(tool) => tool.offset,
                     None if number == 0 => Point::ZERO,
                     None => {
@@ -51,6 +51,12 @@ impl State {
                         ));
                     }
                 };
+                if code == Code::G(430) {
+                    self.tool_offset = offset;
+                } else {
+                    let sum = self.tool_offset.0.iter_mut().zip(offset.0);
+                    sum.for_each(|(value, more)| *value += more);
+                }
             }
             Code::G(431) => {
                 if !words.has_axes() {
@@ -138,6 +144,11 @@ impl State {
                     Some(number) => number as usize - 1,
                     None => return Err(missing(words, Group::Offsets, code, allowed)),
                 };
+                if let Some(turned) = words.take(b'R', code)?
+                    && turned != 0.0
+                {
+                    return Err(words.refuse(b'R', Fault::TurnedWork));
+                }
                 for axis in self.setup.axes.iter() {
                     if let Some(value) = self.coordinate(words, axis, code)? {
                         let work = self.setup.tables.work_offsets[self.modes.work_offset][axis];

@@ -128,14 +128,16 @@ impl State {
             "spindle_css_mode" => 0.0,
             "spindle_on" => flag(modes.spindle.turning != Turning::Off),
             "spindle_cw" => flag(modes.spindle.turning == Turning::Clockwise),
+            "lathe_diameter_mode" | "adaptive_feed" | "remap_level" => 0.0,
+            "lathe_radius_mode" | "speed_override" | "feed_override" | "feed_hold" => 1.0,
             "mist" => flag(modes.coolant.mist),
             "flood" => flag(modes.coolant.flood),
             "feed" => modes
                 .feed
                 .map_or(0.0, |feed| feed.number * feed.unit / modes.unit()),
             "rpm" => modes.spindle.speed,
-            "current_tool" => f64::from(modes.tool),
-            "selected_tool" => f64::from(modes.selected_tool),
+            "current_tool" | "current_pocket" => f64::from(modes.tool),
+            "selected_tool" | "selected_pocket" => f64::from(modes.selected_tool),
             _ => return None,
         })
     }

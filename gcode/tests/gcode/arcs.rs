@@ -33,12 +33,56 @@ fn arc_of(program: &str) -> Arc {
 
 #[test]
 fn radii_that_differ_by_rounding_end_exactly() {
-    let arc = arc_of("G0 X10\nG3 X0.0 Y10.004 I-10 F600\nM2");
-    assert_eq!(arc.at(1.0), arc.to);
-    assert_eq!((arc.start_radius, arc.end_radius), (10.0, 10.004));
-    let middle = arc.at(0.5);
-    let radius = middle[Axis::X].hypot(middle[Axis::Y]);
-    assert!((radius - 10.002).abs() < 1e-12, "{radius}");
+    for (start, end, center) in [
+        ("X10", "X0.0 Y10.004", "I-10"),
+        ("X10", "X0.0 Y10.027", "I-10"),
+        // A post-processor's three decimals of an inch, and a short arc of a great radius.
+        ("X35.56", "X38.1 Y2.515", "I0.013 J2.54"),
+        ("X1000", "X999.99 Y2.0", "I-1000"),
+    ] {
+        let arc = arc_of(&format!("G0 {start}\nG3 {end} {center} F600\nM2"));
+        assert_eq!(arc.at(0.0), arc.from);
+        assert_eq!(arc.at(1.0), arc.to);
+        assert!((arc.start_radius - arc.end_radius).abs() < 1e-9, "{arc:?}");
+        assert!(arc.deviation < 0.028, "{arc:?}");
+    }
+    // What differs by rounding alone is left as it is.
+    assert_eq!(
+        arc_of("G0 X10\nG3 Y10.0000001 X0 I-10 F600\nM2").deviation,
+        0.0
+    );
+}
+
+/// All but a full circle: to move the centre would move the far side by much more than the radii
+/// differ.
+#[test]
+fn the_centre_of_nearly_a_circle_stays() {
+    let arc = arc_of("G0 X10\nG3 X10.004 Y-0.01 I-10 F600\nM2");
+    assert_eq!(arc.center, [0.0, 0.0]);
+    assert!((arc.end_radius - 10.004).abs() < 1e-5);
+    assert!(run("G0 X10\nG3 X10.02 Y-0.01 I-10 F600\nM2").is_err());
+}
+
+proptest! {
+    /// The tolerance holds at its edge, and the arc stays within its deviation of the program's.
+    #[test]
+    fn a_moved_centre_keeps_the_arc(sweep in 0.01f64..6.2, radius in 1f64..100.0, off in -0.06f64..0.06) {
+        let end = [(radius + off) * sweep.cos(), (radius + off) * sweep.sin()];
+        let program = format!("G0 X{radius}\nG3 X{} Y{} I-{radius} F600\nM2", end[0], end[1]);
+        let allowed = 0.028f64.max(0.001 * radius);
+        match run(&program) {
+            Ok(_) => {
+                prop_assert!(off.abs() < allowed + 1e-9);
+                let arc = arc_of(&program);
+                for k in 0..=100 {
+                    let point = arc.at(f64::from(k) / 100.0);
+                    let away = point[Axis::X].hypot(point[Axis::Y]) - radius;
+                    prop_assert!(away.abs() < off.abs() + arc.deviation + 1e-6, "{}", away);
+                }
+            }
+            Err(_) => prop_assert!(off.abs() > 0.005, "{}", off),
+        }
+    }
 }
 
 #[test]

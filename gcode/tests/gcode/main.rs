@@ -11,3 +11,4 @@ mod offsets;
 mod refusals;
 mod resume;
 mod sweep;
+mod words;
