@@ -61,6 +61,71 @@ pub struct Extent {
     /// Whether it changes the tables, as far as is known: a program that is not read as a whole
     /// may.
     pub sets_tables: bool,
+    /// The greatest change of an arc that was made for its ends to be exact, mm, and its line.
+    pub arc_deviation: (f64, u32),
+}
+
+/// How many mistakes of a program are told, and of how many lines of the same one.
+const MOST_MISTAKES: usize = 50;
+const MOST_LINES: usize = 12;
+
+/// A mistake of a program, and where it is made again.
+#[derive(Debug)]
+pub struct Mistake {
+    first: gcode::Error,
+    lines: Vec<u32>,
+    more: u64,
+}
+
+/// All mistakes of a program, in the order in which they are met.
+#[derive(Debug, Default)]
+pub struct Mistakes(Vec<Mistake>);
+
+impl Mistakes {
+    /// Adds a mistake; `false` if no more can be told.
+    fn add(&mut self, error: gcode::Error) -> bool {
+        // Numbers aside, the same message is the same mistake.
+        let kind = |error: &gcode::Error| {
+            let text = error.fault.to_string();
+            text.replace(|c: char| c.is_ascii_digit() || "-.".contains(c), "")
+        };
+        let known = kind(&error);
+        let same = |mistake: &&mut Mistake| {
+            mistake.first.file == error.file && kind(&mistake.first) == known
+        };
+        match self.0.iter_mut().find(same) {
+            Some(mistake) if mistake.lines.len() < MOST_LINES => mistake.lines.push(error.line),
+            Some(mistake) => mistake.more += 1,
+            None => self.0.push(Mistake {
+                first: error,
+                lines: Vec::new(),
+                more: 0,
+            }),
+        }
+        self.0.len() < MOST_MISTAKES
+    }
+}
+
+impl fmt::Display for Mistakes {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut separator = "";
+        for mistake in &self.0 {
+            write!(f, "{separator}{}", mistake.first)?;
+            separator = "\n";
+            if mistake.lines.is_empty() {
+                continue;
+            }
+            let lines: Vec<String> = mistake.lines.iter().map(u32::to_string).collect();
+            write!(f, "\n  the same in line {}", lines.join(", "))?;
+            if mistake.more > 0 {
+                write!(f, " and {} more", mistake.more)?;
+            }
+        }
+        if self.0.len() == MOST_MISTAKES {
+            f.write_str("\nfurther mistakes are not told: correct these first")?;
+        }
+        Ok(())
+    }
 }
 
 /// Why a program cannot be run.
@@ -69,6 +134,9 @@ pub enum ProgramError {
     /// A block is wrong or not supported.
     #[error(transparent)]
     Block(#[from] gcode::Error),
+    /// Some are.
+    #[error("{0}")]
+    Blocks(Mistakes),
     /// A move has no curve.
     #[error("{place}: this move cannot be followed")]
     Curve {
@@ -178,7 +246,7 @@ impl Program {
     /// Interprets the whole program from `start` without moving anything.
     ///
     /// # Errors
-    /// The first block that cannot be run.
+    /// Every block that cannot be run.
     pub fn check(&self, start: Position) -> Result<Extent, ProgramError> {
         let mut interpreter = self.interpret(start)?;
         if self.stream {
@@ -189,8 +257,26 @@ impl Program {
         }
         let mut source = MoveSource { at: start };
         let mut extent = Extent::default();
+        let mut mistakes = Mistakes::default();
         while let Some(command) = interpreter.next() {
-            let command = command?;
+            let command = match command {
+                Ok(command) => command,
+                Err(error) => {
+                    let goes_on = interpreter.go_on(&error);
+                    if mistakes.add(error) && goes_on {
+                        continue;
+                    }
+                    break;
+                }
+            };
+            if !mistakes.0.is_empty() {
+                continue;
+            }
+            if let Action::Arc { arc, .. } = &command.action
+                && arc.deviation > extent.arc_deviation.0
+            {
+                extent.arc_deviation = (arc.deviation, command.span.line);
+            }
             let motion = source.curve(&command);
             let motion = motion.map_err(|source| ProgramError::Curve {
                 place: place(&interpreter, command.span),
@@ -201,6 +287,9 @@ impl Program {
                 Some((angle, true)) => extent.turned += angle,
                 None => {}
             }
+        }
+        if !mistakes.0.is_empty() {
+            return Err(ProgramError::Blocks(mistakes));
         }
         extent.blocks = interpreter.executed();
         extent.sets_tables = *interpreter.tables() != self.setup.tables;

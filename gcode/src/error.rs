@@ -76,6 +76,28 @@ impl Origin {
     }
 }
 
+impl Fault {
+    /// Whether nothing can be said of the program behind it.
+    pub(crate) fn ends_reading(&self) -> bool {
+        matches!(
+            self,
+            Fault::Read(_)
+                | Fault::NoEndOf { .. }
+                | Fault::NotOpen { .. }
+                | Fault::NoSubprogram { .. }
+                | Fault::NoSubprogramEnd
+                | Fault::SubprogramEndInSub
+                | Fault::RunsInto { .. }
+                | Fault::CallsTooDeep { .. }
+                | Fault::NoEnd
+                | Fault::NoSuchLine { .. }
+                | Fault::TooManyBlocks { .. }
+                | Fault::IdleLoop { .. }
+                | Fault::Abandoned
+        )
+    }
+}
+
 /// What is wrong with a block. The text says what to do.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs, reason = "each variant's message is its documentation")]
@@ -87,6 +109,8 @@ pub enum Fault {
     LineTooLong { allowed: usize },
     #[error("{0:?} means nothing here: remove it")]
     Character(char),
+    #[error("a comma is no decimal point: write `{0}`")]
+    Comma(String),
     #[error("`{0}` is not a number: digits with at most one point, and not beyond 1e308")]
     Number(String),
     #[error("the comment has no end: add `)`")]
@@ -97,6 +121,11 @@ pub enum Fault {
     UnclosedName,
     #[error("the name is empty: write it between `<` and `>`")]
     EmptyName,
+    #[error("{written} is not a statement: write {nearest}, if that is meant")]
+    Statement {
+        written: String,
+        nearest: &'static str,
+    },
     #[error("found {found}: write {what}")]
     Expected { what: &'static str, found: String },
     #[error("nested deeper than {allowed}: compute a part in a block of its own")]

@@ -160,6 +160,26 @@ impl Interpreter {
         self.executed
     }
 
+    /// After an error goes on behind its block, to find the program's other mistakes; what comes is
+    /// not to be run. `false` if nothing can be said of what is behind: where a subroutine, a loop
+    /// or a branch begins or ends, or where the program cannot be read.
+    pub fn go_on(&mut self, error: &Error) -> bool {
+        let words = error.block.trim_start_matches(['/', ' ', '\t']);
+        let words = match words.strip_prefix(['N', 'n']) {
+            Some(number) => number.trim_start_matches(|c: char| c == ' ' || c.is_ascii_digit()),
+            None => words,
+        };
+        if error.fault.ends_reading() || words.starts_with(['O', 'o']) {
+            return false;
+        }
+        self.actions.clear();
+        self.compensation = None;
+        self.state.forget_compensation();
+        self.settled_at = self.state.at;
+        self.ended = false;
+        true
+    }
+
     /// Begins in the middle: executes the program up to a line without handing out its commands.
     /// After this [`Interpreter::modes`] and [`Interpreter::position`] show what the line starts
     /// from, for the operator to confirm, and the next commands set it up: tool, spindle, coolant,

@@ -153,6 +153,10 @@ impl Tokens {
         }
         // Blanks behind the last digit are not the number's.
         *cursor = behind;
+        if !point && let Some(decimals) = cursor.decimals_behind_comma() {
+            let meant = format!("{}.{decimals}", self.digits);
+            return Err(Refusal::new(cursor.since(start), Fault::Comma(meant)));
+        }
         match self.digits.parse::<f64>() {
             Ok(value) if value.is_finite() => Ok(Kind::Number(value)),
             _ => Err(Refusal::new(
@@ -208,6 +212,17 @@ impl Cursor<'_> {
         self.offset += character.len_utf8();
         self.column += 1;
         Some(character)
+    }
+
+    /// The digits behind a comma that comes next; the cursor is behind them then.
+    fn decimals_behind_comma(&mut self) -> Option<String> {
+        let behind = self.line[self.offset..].strip_prefix(',')?;
+        let digits: String = behind.chars().take_while(char::is_ascii_digit).collect();
+        if digits.is_empty() {
+            return None;
+        }
+        (0..=digits.len()).for_each(|_| drop(self.next()));
+        Some(digits)
     }
 
     fn skip_blanks(&mut self) {

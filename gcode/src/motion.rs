@@ -78,6 +78,22 @@ impl State {
             return self.cycle(cycle, words, motion_columns, commands);
         }
         let to = self.target(words, code, machine)?;
+        let moved = self.move_to(to, motion, words, motion_columns, commands);
+        // Who looks for further mistakes goes on from where a refused motion was to lead.
+        self.at = to;
+        moved
+    }
+
+    /// Straight or on an arc to a point.
+    fn move_to(
+        &mut self,
+        to: Point,
+        motion: Motion,
+        words: &mut Words,
+        motion_columns: Columns,
+        commands: &mut VecDeque<Action>,
+    ) -> Result<(), Refusal> {
+        let code = motion.code();
         let action = match motion {
             Motion::None | Motion::Cycle(_) => {
                 let first = Axis::ALL

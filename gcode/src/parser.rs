@@ -184,6 +184,28 @@ impl<'a> Parser<'a> {
         found
     }
 
+    /// The letters that come next, as one word, without that of a G-code word behind it.
+    fn letters(&self) -> String {
+        let tokens = self.tokens[self.at.min(self.tokens.len())..].iter();
+        let letters = tokens.clone().map_while(|token| match token.kind {
+            Kind::Letter(letter) => Some(char::from(letter)),
+            _ => None,
+        });
+        let mut written: String = letters.collect();
+        let behind = tokens.clone().nth(written.len());
+        let word = behind.is_some_and(|token| matches!(token.kind, Kind::Number(_)));
+        if word && written.len() > 1 {
+            written.pop();
+        }
+        written
+    }
+
+    /// The columns of as many letters.
+    fn letters_columns(&self, count: usize) -> Columns {
+        let last = &self.tokens[self.at + count - 1];
+        self.peek().columns.to(last.columns)
+    }
+
     fn emit(&mut self, operation: Operation, columns: Columns) {
         self.steps.push(Step { operation, columns });
     }
@@ -364,18 +386,22 @@ impl<'a> Parser<'a> {
             ("CONTINUE", Statement::Continue, 0..1),
         ];
         let (statement, count) = match self.peek().kind {
-            Kind::Letter(_) => match STATEMENTS
-                .into_iter()
-                .find(|(keyword, ..)| self.keyword(keyword))
-            {
-                Some((_, statement, count)) => (statement, count),
-                None => {
-                    return Err(self.expected(
-                        "SUB, ENDSUB, CALL, RETURN, IF, ELSEIF, ELSE, ENDIF, WHILE, ENDWHILE, DO, \
-                         REPEAT, ENDREPEAT, BREAK or CONTINUE",
-                    ));
-                }
-            },
+            Kind::Letter(_) => {
+                let written = self.letters();
+                let found = STATEMENTS
+                    .into_iter()
+                    .find(|(keyword, ..)| *keyword == written);
+                let Some((keyword, statement, count)) = found else {
+                    let columns = self.letters_columns(written.len());
+                    let nearest = STATEMENTS
+                        .iter()
+                        .min_by_key(|(keyword, ..)| difference(keyword, &written))
+                        .map_or("", |(keyword, ..)| keyword);
+                    return Err(Refusal::new(columns, Fault::Statement { written, nearest }));
+                };
+                self.at += keyword.len();
+                (statement, count)
+            }
             _ => (Statement::Program, 0..1),
         };
         let mut end = self.previous();
@@ -398,4 +424,19 @@ impl<'a> Parser<'a> {
             columns: start.to(end),
         })
     }
+}
+
+/// How many letters have to be added, left out or changed to make one word of another.
+fn difference(a: &str, b: &str) -> usize {
+    let b = b.as_bytes();
+    let mut row: Vec<usize> = (0..=b.len()).collect();
+    for (i, x) in a.bytes().enumerate() {
+        let mut diagonal = std::mem::replace(&mut row[0], i + 1);
+        for (j, y) in b.iter().enumerate() {
+            let changed = diagonal + usize::from(x != *y);
+            diagonal = row[j + 1];
+            row[j + 1] = changed.min(row[j] + 1).min(diagonal + 1);
+        }
+    }
+    row[b.len()]
 }

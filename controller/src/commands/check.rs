@@ -16,8 +16,8 @@ use syncline_gcode::Tables;
 /// every key. The program: every block, as the machine would execute it from its zero with those,
 /// every motion inside the soft limits.
 ///
-/// Good input: exit code 0. Bad input: every mistake of the machine file, else of the tables, or
-/// the first of the program, with file:line:column, what is allowed and what to do; exit code 2.
+/// Good input: exit code 0. Bad input: every mistake of the machine file, else of the tables, else
+/// of the program, with file:line:column, what is allowed and what to do; exit code 2.
 ///
 /// Example: syncline check examples/portal/machine.toml examples/portal/bracket.ngc
 #[derive(Debug, clap::Args)]
@@ -60,6 +60,12 @@ impl Args {
                 extent.blocks,
                 extent.length
             );
+            let (deviation, line) = extent.arc_deviation;
+            if deviation > 0.0 {
+                println!(
+                    "arcs: changed by up to {deviation:.4} mm (line {line}), so that their ends are exact"
+                );
+            }
         }
         Ok(())
     }

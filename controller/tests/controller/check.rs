@@ -142,6 +142,36 @@ fn a_bad_program_is_refused_before_anything_moves() {
 }
 
 #[test]
+fn every_mistake_of_a_program_is_told_at_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("part.ngc");
+    let mut program = "G21\nG33 X1 K1\nG1 X10\nG1 X20\nG0 Z9999 F100\n".to_owned();
+    program += &"G96 S100\n".repeat(40);
+    program += "G0 Z1\nG2 X30 Y30 I1\nG0 X1,5\nG0 X1\n";
+    fs::write(&file, program).unwrap();
+    let file = file.to_str().unwrap();
+    let error = refused(&[PORTAL, file]);
+    let places: Vec<&str> = error
+        .lines()
+        .filter_map(|line| line.trim_start_matches("error: ").strip_prefix(file))
+        .filter_map(|place| place.split(':').nth(1))
+        .collect();
+    assert_eq!(places, ["2", "3", "5", "6", "47", "48"], "{error}");
+    assert!(error.contains("the same in line 4\n"), "{error}");
+    assert!(error.contains("17, 18 and 27 more\n"), "{error}");
+}
+
+#[test]
+fn the_change_of_an_arc_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("part.ngc");
+    fs::write(&file, "F600 G0 X10 Z-1\nG3 X0 Y10.02 I-10\n").unwrap();
+    let output = check(&[PORTAL, file.to_str().unwrap()]);
+    let good = text(&output.stdout);
+    assert!(good.contains("mm (line 2)"), "{good}");
+}
+
+#[test]
 fn block_delete_is_the_operators_choice() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("part.ngc");
