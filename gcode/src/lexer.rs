@@ -221,7 +221,9 @@ impl Cursor<'_> {
         if digits.is_empty() {
             return None;
         }
-        (0..=digits.len()).for_each(|_| drop(self.next()));
+        for _ in 0..=digits.len() {
+            self.next();
+        }
         Some(digits)
     }
 

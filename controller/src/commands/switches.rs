@@ -11,9 +11,9 @@ pub(super) struct Switches {
     /// Stop at M1.
     #[arg(long)]
     optional_stop: bool,
-    /// Skip blocks that begin with `/`.
+    /// Execute blocks that begin with `/` instead of skipping them.
     #[arg(long)]
-    block_delete: bool,
+    no_block_delete: bool,
     /// Begin at this line, with the modes and the position that the lines before it lead to. They
     /// are shown; `run` begins when they are confirmed with Enter.
     #[arg(long, value_name = "LINE", value_parser = clap::value_parser!(u32).range(1..))]
@@ -34,7 +34,7 @@ impl Switches {
     ) -> Result<Program, TablesError> {
         Ok(Program::new(file, machine, machine_file)?
             .optional_stop(self.optional_stop)
-            .block_delete(self.block_delete)
+            .block_delete(!self.no_block_delete)
             .from_line(self.from_line)
             .stream(self.stream))
     }

@@ -177,8 +177,9 @@ fn block_delete_is_the_operators_choice() {
     let file = folder.path().join("part.ngc");
     fs::write(&file, "G0 X10\n/G0 X5000\n").unwrap();
     let file = file.to_str().unwrap();
-    assert!(refused(&[PORTAL, file]).starts_with(&format!("error: {file}:2:")));
-    let output = check(&[PORTAL, file, "--block-delete"]);
+    let error = refused(&[PORTAL, file, "--no-block-delete"]);
+    assert!(error.starts_with(&format!("error: {file}:2:")), "{error}");
+    let output = check(&[PORTAL, file]);
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
 }
 

@@ -281,3 +281,23 @@ fn what_does_not_belong_together() {
         ("o1 if [#<none>]", "1:8"),
     ]));
 }
+
+#[test]
+fn a_value_returned_from_inside_a_branch() {
+    insta::assert_snapshot!(listing(
+        "o<f> sub
+  o1 if [#1 GT 3]
+    o<f> return [#1 * 2]
+  o1 endif
+o<f> endsub [1]
+o<f> call [5]
+G0 X#<_value>
+o<f> call [2]
+G0 X#<_value>
+#<own> = 3
+o<f> call [2]
+G0 Y#<own> Z#5399
+G0 X#5400 Y#<_spindle_rpm_mode> Z[#<_current_pocket> + #<_feed_override>]
+M2"
+    ));
+}

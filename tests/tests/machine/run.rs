@@ -155,7 +155,8 @@ fn a_program_stop_goes_on_with_enter() {
     let program = folder.file("p.ngc", "G0 X50\nM0\nX60\nM1\nT3 M6\nX70\n/X90\nM2\n");
     let trace = folder.path("trace.csv");
     let machine = folder.machine("portal");
-    let mut command = run(&machine, &program, &["--trace", trace.to_str().unwrap()]);
+    let arguments = ["--no-block-delete", "--trace", trace.to_str().unwrap()];
+    let mut command = run(&machine, &program, &arguments);
     let mut run = Watched::start(command.stdin(Stdio::piped()));
     let mut enter = run.child.stdin.take().unwrap();
     run.wait_for("line 2: program stop (M0)");
@@ -173,7 +174,7 @@ fn a_program_stop_goes_on_with_enter() {
     let end = *trace.axis("X").set.last().unwrap();
     assert!(
         (end - 90.0).abs() < 1e-3,
-        "without --block-delete `/` is nothing: {end}"
+        "with --no-block-delete `/` is nothing: {end}"
     );
 }
 
@@ -181,7 +182,7 @@ fn a_program_stop_goes_on_with_enter() {
 fn the_operators_switches_count() {
     let folder = Folder::new();
     let program = folder.file("p.ngc", "G0 X10\nM1\n/X90\nM2\n");
-    let arguments = ["--optional-stop", "--block-delete"];
+    let arguments = ["--optional-stop"];
     let mut command = run(&folder.machine("portal"), &program, &arguments);
     let mut run = Watched::start(command.stdin(Stdio::piped()));
     let mut enter = run.child.stdin.take().unwrap();
