@@ -165,7 +165,7 @@ fn every_mistake_of_a_program_is_told_at_once() {
 fn the_change_of_an_arc_is_told() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("part.ngc");
-    fs::write(&file, "F600 G0 X10 Z-1\nG3 X0 Y10.02 I-10\n").unwrap();
+    fs::write(&file, "F600 G0 X10 Y0 Z-1\nG3 X0 Y10.02 I-10\n").unwrap();
     let output = check(&[PORTAL, file.to_str().unwrap()]);
     let good = text(&output.stdout);
     assert!(good.contains("mm (line 2)"), "{good}");

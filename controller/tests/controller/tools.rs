@@ -99,6 +99,8 @@ fn tools_on_a_bus() {
     }
 
     assert_eq!(drives.tool("nmt", &["start", "3"]).0, 0);
+    // With the next tool's answer the command is on the bus, and what it caused.
+    assert_eq!(sdo(&["read", "3", "1017"]).0, 0);
     let (code, text, _) = drives.tool("monitor", &["--node", "3:lxm32m", "--count", "2"]);
     assert_eq!(code, 0);
     assert_eq!(

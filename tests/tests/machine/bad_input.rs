@@ -136,7 +136,7 @@ fn mistakes_in_the_tables() {
 fn mistakes_in_the_program() {
     for (program, told) in [
         ("G0 X10\nG1 X20\nM2\n", &[":2:1:", "G1 X20", "F"][..]),
-        ("G41 D1\n", &[":1:1:", "G41"]),
+        ("G95\n", &[":1:1:", "G95"]),
         ("G0 X1\nG0 X10 Q3\n", &[":2:8:", "uses Q"]),
         (
             "F600\nG2 X10 Y10 I3 J0\n",
