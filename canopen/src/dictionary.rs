@@ -457,6 +457,19 @@ impl Dictionary {
         self
     }
 
+    /// Gives the values to another node: those that were stored with its id, as COB-IDs are, follow
+    /// it; present ones stay until they are [restored](Self::restore).
+    pub fn move_to(&mut self, node: NodeId) {
+        for (stored, entry) in self.stored.iter_mut().zip(self.entries) {
+            if let Preset::PlusNode(_) = entry.preset
+                && *stored == preset_number(entry, self.node)
+            {
+                *stored = preset_number(entry, node);
+            }
+        }
+        self.node = node;
+    }
+
     /// The device's table.
     #[must_use]
     pub const fn entries(&self) -> &'static [Entry] {

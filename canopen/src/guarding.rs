@@ -35,16 +35,16 @@ impl Slave {
         self.expires = None;
     }
 
-    /// Answers a guarding request with state and toggle bit.
+    /// Answers a guarding request, which came on the same identifier, with state and toggle bit.
     pub fn answer(
         &mut self,
         now: Instant,
-        node: NodeId,
+        id: CobId,
         state: State,
         tx: &mut (impl Transmit + ?Sized),
     ) {
         let byte = state as u8 | u8::from(self.toggle) << 7;
-        tx.transmit(Frame::new(CobId::error_control(node), &[byte]));
+        tx.transmit(Frame::new(id, &[byte]));
         self.toggle = !self.toggle;
         self.expires = (!self.life_time.is_zero()).then(|| now + self.life_time);
     }

@@ -70,14 +70,14 @@ impl Producer {
     pub fn poll(
         &mut self,
         now: Instant,
-        node: NodeId,
+        id: CobId,
         state: State,
         tx: &mut (impl Transmit + ?Sized),
     ) {
         let Some(due) = self.next.filter(|&due| now >= due) else {
             return;
         };
-        tx.transmit(encode(node, state));
+        tx.transmit(Frame::new(id, &[state as u8]));
         let next = due + self.period;
         self.next = Some(if next > now { next } else { now + self.period });
     }

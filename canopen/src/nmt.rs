@@ -1,6 +1,6 @@
 //! Network management (CiA 301): the master's commands and a node's state.
 
-use crate::{CanId, CobId, Frame, NodeId, Transmit};
+use crate::{CanId, CobId, Frame, NodeId};
 
 /// What an NMT master commands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -115,9 +115,9 @@ impl State {
 pub enum Event {
     /// The node is in this state now.
     Entered(State),
-    /// The owner resets application and communication objects, then calls [`Slave::boot`].
+    /// The owner resets application and communication objects, then [enters](Slave::enter) Pre-Operational.
     ResetNode,
-    /// The owner resets communication objects, then calls [`Slave::boot`].
+    /// The owner resets communication objects, then [enters](Slave::enter) Pre-Operational.
     ResetCommunication,
 }
 
@@ -150,13 +150,7 @@ impl Slave {
         self.state
     }
 
-    /// Ends the initialisation: boot-up message, then Pre-Operational.
-    pub fn boot(&mut self, tx: &mut (impl Transmit + ?Sized)) {
-        tx.transmit(Frame::new(CobId::error_control(self.node), &[0]));
-        self.state = State::PreOperational;
-    }
-
-    /// Changes the state without a command (1029h).
+    /// Changes the state without a command: at the end of the initialisation, by 1029h.
     pub fn enter(&mut self, state: State) {
         self.state = state;
     }

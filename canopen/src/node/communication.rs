@@ -2,7 +2,9 @@
 
 use super::r_pdo::{RPdo, Reception};
 use super::t_pdo::TPdo;
-use super::{Application, CommunicationError, Options, Origin, ParameterRules};
+use super::{
+    Application, BootUp, CommunicationError, LifeGuarding, Options, Origin, ParameterRules,
+};
 use crate::dictionary::{Address, DataType, Dictionary, Row};
 use crate::emcy::{self, Emergency};
 use crate::guarding;
@@ -32,6 +34,10 @@ pub(super) struct Communication {
     guarding: guarding::Slave,
     emcy: emcy::Producer,
     emcy_id: Option<CobId>,
+    /// Of heartbeat and guarding.
+    error_control: CobId,
+    /// 1005h, as far as it is in effect.
+    sync_word: Option<CobIdWord>,
     sync_id: Option<CobId>,
     sync: Option<sync::Producer>,
     r_pdos: Vec<RPdo>,
@@ -68,6 +74,8 @@ impl Communication {
             guarding: guarding::Slave::new(),
             emcy: emcy::Producer::new(),
             emcy_id: None,
+            error_control: CobId::error_control(id),
+            sync_word: None,
             sync_id: None,
             sync: None,
             r_pdos: numbers(0x1400).map(RPdo::new).collect(),
@@ -81,22 +89,40 @@ impl Communication {
         self.load_1005_sync(now, objects);
         self.guarding = guarding::Slave::new();
         self.load_100c_guarding(objects);
+        self.load_100e_error_control(objects);
         self.load_1014_emcy(objects);
+        self.load_1015_inhibit(objects);
         self.emcy.reset();
         self.load_1016_watched(objects);
         // The boot-up message stands for the first heartbeat.
         self.load_1017_heartbeat(now + heartbeat_period(objects), objects);
         self.r_pdos.iter_mut().for_each(|pdo| pdo.load(objects));
         for pdo in &mut self.t_pdos {
-            pdo.load(objects);
+            pdo.load(objects, self.options.event_timer);
             pdo.stop();
         }
+    }
+
+    /// Ends the initialisation.
+    pub(super) fn boot(&mut self, tx: &mut (impl Transmit + ?Sized)) {
+        match (self.options.boot_up, self.emcy_id) {
+            (BootUp::Message, _) => {
+                tx.transmit(heartbeat::encode(self.nmt.node(), State::Initialising));
+            }
+            (BootUp::EmptyEmergency, Some(id)) => tx.transmit(Frame::new(id, &[])),
+            (BootUp::EmptyEmergency, None) | (BootUp::Silent, _) => {}
+        }
+        self.nmt.enter(State::PreOperational);
     }
 
     pub(super) fn deadline(&self) -> Option<Instant> {
         let watched = self.watched.iter().filter_map(|watched| watched.deadline());
         let t_pdos = self.t_pdos.iter().filter_map(TPdo::deadline);
-        let always = [self.heartbeat.deadline(), self.guarding.deadline()];
+        let expiry = match self.options.life_guarding {
+            LifeGuarding::AtExpiry => self.guarding.deadline(),
+            LifeGuarding::AtLateRequest => None,
+        };
+        let always = [self.heartbeat.deadline(), expiry];
         let sync = self.sync.as_ref().and_then(sync::Producer::deadline);
         // Neither is sent while the node is Stopped.
         let communicating =
@@ -122,12 +148,14 @@ impl Communication {
         app: &mut impl Application,
         tx: &mut (impl Transmit + ?Sized),
     ) {
-        let (node, state) = (self.nmt.node(), self.nmt.state());
+        let state = self.nmt.state();
         if frame.is_remote() {
-            if frame.id() == CobId::error_control(node).into() {
+            if frame.id() == self.error_control.into() {
                 // Heartbeat and guarding exclude each other.
                 if !self.heartbeat.is_on() {
-                    self.guarding.answer(now, node, state, tx);
+                    self.watch_guarding(now, app, tx);
+                    let state = self.nmt.state();
+                    self.guarding.answer(now, self.error_control, state, tx);
                 }
             } else if state == State::Operational {
                 app.refresh(now, None);
@@ -204,7 +232,7 @@ impl Communication {
     ) {
         if !from.communicates() && state.communicates() {
             // SYNC starts anew, and its counter with it.
-            self.load_1005_sync(now, app.objects());
+            self.start_sync(now, app.objects());
         }
         self.nmt.enter(state);
         self.r_pdos.iter_mut().for_each(RPdo::reset);
@@ -224,21 +252,33 @@ impl Communication {
         app: &mut impl Application,
         tx: &mut (impl Transmit + ?Sized),
     ) {
-        let (node, state) = (self.nmt.node(), self.nmt.state());
-        self.heartbeat.poll(now, node, state, tx);
+        let state = self.nmt.state();
+        self.heartbeat.poll(now, self.error_control, state, tx);
         for place in 0..self.watched.len() {
             if self.watched[place].poll(now) {
                 let error = CommunicationError::Heartbeat(self.watched[place].node());
                 self.on_lost(now, error, app, tx);
             }
         }
-        if self.guarding.poll(now) {
-            self.on_lost(now, CommunicationError::LifeGuarding, app, tx);
+        if self.options.life_guarding == LifeGuarding::AtExpiry {
+            self.watch_guarding(now, app, tx);
         }
         if self.nmt.state().communicates()
             && let Some(sync) = self.sync.as_mut().and_then(|sync| sync.poll(now, tx))
         {
             self.on_sync(now, sync, app, tx);
+        }
+    }
+
+    /// Whether the life time has passed without a guarding request.
+    fn watch_guarding(
+        &mut self,
+        now: Instant,
+        app: &mut impl Application,
+        tx: &mut (impl Transmit + ?Sized),
+    ) {
+        if self.guarding.poll(now) {
+            self.on_lost(now, CommunicationError::LifeGuarding, app, tx);
         }
     }
 
@@ -254,12 +294,9 @@ impl Communication {
             self.emergency(now, emergency, app, tx);
         }
         let state = self.nmt.state();
-        match app.objects().value(0x1029, 1).unwrap_or(0) {
-            0 if state == State::Operational => {
-                self.enter(now, state, State::PreOperational, app);
-            }
-            2 if state != State::Stopped => self.enter(now, state, State::Stopped, app),
-            _ => {}
+        let then = app.state_after_loss(state);
+        if then != state {
+            self.enter(now, state, then, app);
         }
     }
 
@@ -338,7 +375,7 @@ impl Communication {
             (0x1003, _) => return self.write_1003_errors(now, row, value, app),
             (0x1010, _) => return write_1010_store(address, value, objects),
             (0x1011, _) => return write_1011_restore(address, value, objects),
-            (0x1005 | 0x1014, 0)
+            (0x1005 | 0x100E | 0x1014, 0)
             | (0x1201..=0x127F, 1 | 2)
             | (0x1400..0x1600 | 0x1800..0x1A00, 1) => {
                 self.cob_id_word(address.index, objects.get(row), value)?
@@ -355,14 +392,19 @@ impl Communication {
         };
         objects.set(row, value);
         match address.index {
-            0x1005 | 0x1006 | 0x1019 => self.load_1005_sync(now, objects),
+            0x1005 | 0x100E | 0x1014 if self.options.identifiers_at_reset => {}
+            0x100E => self.load_100e_error_control(objects),
+            0x1005 => self.load_1005_sync(now, objects),
+            0x1006 | 0x1019 => self.start_sync(now, objects),
             0x100C | 0x100D => self.load_100c_guarding(objects),
-            0x1014 | 0x1015 => self.load_1014_emcy(objects),
+            0x1014 => self.load_1014_emcy(objects),
+            0x1015 => self.load_1015_inhibit(objects),
             0x1016 => self.load_1016_watched(objects),
             // The first heartbeat goes out as soon as the time is set (lxm32m 1100).
             0x1017 => self.load_1017_heartbeat(now, objects),
             0x1201..=0x127F => self.servers_changed = true,
             0x1400..0x1C00 => self.load_pdo(now, address.index, objects),
+            index if self.options.event_timer == Some(index) => self.load_t_pdos(now, objects),
             _ => {}
         }
         app.written(now, row, Origin::Sdo);
@@ -374,7 +416,7 @@ impl Communication {
         match self.options.parameters {
             ParameterRules::Lenient { pdo, sync_and_emcy } => {
                 let writable = match index {
-                    0x1005 | 0x1014 => sync_and_emcy,
+                    0x1005 | 0x100E | 0x1014 => sync_and_emcy,
                     _ => pdo,
                 };
                 Ok(old & !i64::from(writable) | new & i64::from(writable))
@@ -418,14 +460,23 @@ impl Communication {
     }
 
     fn load_1005_sync(&mut self, now: Instant, objects: &Dictionary) {
+        let word = objects.value(0x1005, 0);
+        self.sync_word = word.map(|word| CobIdWord(word as u32));
+        self.start_sync(now, objects);
+    }
+
+    /// SYNC begins anew, taken or generated.
+    fn start_sync(&mut self, now: Instant, objects: &Dictionary) {
         let value = |index| objects.value(index, 0);
-        let word = value(0x1005).map(|word| CobIdWord(word as u32));
-        self.sync_id = word.and_then(CobIdWord::cob_id);
-        let period = Duration::from_micros(value(0x1006).unwrap_or(0) as u64);
+        let word = self.sync_word;
+        // Bit 31 of DS 301 V3: the device takes SYNC.
+        let takes = |word: &CobIdWord| !self.options.sync_by_bit_31 || !word.is_valid();
+        self.sync_id = word.filter(takes).and_then(CobIdWord::cob_id);
+        let period = self.options.cycle_period_unit * value(0x1006).unwrap_or(0) as u32;
         // Bit 30: the device generates SYNC.
         let produces = word.is_some_and(|word| word.0 & CobIdWord::NO_RTR != 0);
-        self.sync = self
-            .sync_id
+        self.sync = word
+            .and_then(CobIdWord::cob_id)
             .filter(|_| produces && !period.is_zero())
             .map(|id| {
                 let overflow = value(0x1019).unwrap_or(0) as u8;
@@ -441,8 +492,16 @@ impl Communication {
         self.guarding.set_life_time(life_time);
     }
 
+    fn load_100e_error_control(&mut self, objects: &Dictionary) {
+        let word = objects.value(0x100E, 0).and_then(valid_cob_id);
+        self.error_control = word.unwrap_or(CobId::error_control(self.nmt.node()));
+    }
+
     fn load_1014_emcy(&mut self, objects: &Dictionary) {
         self.emcy_id = objects.value(0x1014, 0).and_then(valid_cob_id);
+    }
+
+    fn load_1015_inhibit(&mut self, objects: &Dictionary) {
         let inhibit = objects.value(0x1015, 0).unwrap_or(0) as u32;
         self.emcy
             .set_inhibit_time(Duration::from_micros(100) * inhibit);
@@ -560,11 +619,21 @@ impl Communication {
             if let Some(pdo) = pdos.find(|pdo| pdo.number == number) {
                 pdo.load(objects);
             }
-        } else if let Some(pdo) = self.t_pdos.iter_mut().find(|pdo| pdo.number == number) {
-            pdo.load(objects);
-            if self.nmt.state() == State::Operational {
-                pdo.start(now);
+        } else {
+            let pdos = self.t_pdos.iter_mut();
+            for pdo in pdos.filter(|pdo| pdo.number == number) {
+                pdo.load(objects, self.options.event_timer);
+                if self.nmt.state() == State::Operational {
+                    pdo.start(now);
+                }
             }
+        }
+    }
+
+    fn load_t_pdos(&mut self, now: Instant, objects: &Dictionary) {
+        for place in 0..self.t_pdos.len() {
+            let number = self.t_pdos[place].number;
+            self.load_pdo(now, 0x1800 + number - 1, objects);
         }
     }
 }

@@ -79,6 +79,21 @@ pub trait Application {
         let _ = (now, row);
     }
 
+    /// The node id from now on: asked at power-on and at Reset Node, before the objects get their
+    /// values. `None` leaves it as it is.
+    fn node_id(&self) -> Option<NodeId> {
+        None
+    }
+
+    /// Asked before an object is read by SDO.
+    ///
+    /// # Errors
+    /// Why the device refuses it; the client gets to know.
+    fn check_read(&self, row: Row) -> Result<(), AbortCode> {
+        let _ = row;
+        Ok(())
+    }
+
     /// Asked before an object is written, with a number of the right length and in its range.
     ///
     /// # Errors
@@ -125,6 +140,16 @@ pub trait Application {
             register: emcy::register::GENERIC | emcy::register::COMMUNICATION,
             vendor: [0, 0, pdo, 0, 0],
         })
+    }
+
+    /// The NMT state that a loss of communication leads to from this one: by default what 1029h:1
+    /// says, and Pre-Operational from Operational where the table lacks it.
+    fn state_after_loss(&self, state: State) -> State {
+        match self.objects().value(0x1029, 1).unwrap_or(0) {
+            0 if state == State::Operational => State::PreOperational,
+            2 => State::Stopped,
+            _ => state,
+        }
     }
 
     /// An emergency that the device wants sent; asked for until there is none.
@@ -177,6 +202,26 @@ pub enum ParameterRules {
     },
 }
 
+/// How a node tells that its initialisation is over.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BootUp {
+    /// By one byte 0 on 700h + id (CiA 301 V4).
+    Message,
+    /// By an emergency without data (DS 301 V3).
+    EmptyEmergency,
+    /// Not at all.
+    Silent,
+}
+
+/// When a node finds that its master's guarding requests are missing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LifeGuarding {
+    /// When the life time has passed.
+    AtExpiry,
+    /// When a request comes that is later than the life time; the answer tells the new state.
+    AtLateRequest,
+}
+
 /// What a node's table does not say.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Options {
@@ -188,8 +233,24 @@ pub struct Options {
     pub block_transfer: bool,
     /// After what silence of its client an SDO server gives a transfer up.
     pub sdo_timeout: Option<Duration>,
+    /// Whether an SDO server's confirmation of an expedited download repeats its data.
+    pub sdo_echo: bool,
     /// Time from an NMT reset to the boot-up message.
     pub boot_time: Duration,
+    /// How the node tells that its initialisation is over.
+    pub boot_up: BootUp,
+    /// When the node finds that guarding requests are missing.
+    pub life_guarding: LifeGuarding,
+    /// Whether the identifiers of SYNC, guarding and EMCY (1005h, 100Eh, 1014h) change at the next
+    /// reset only.
+    pub identifiers_at_reset: bool,
+    /// Whether the node takes SYNC only while bit 31 of 1005h is set (DS 301 V3).
+    pub sync_by_bit_31: bool,
+    /// What 1006h counts.
+    pub cycle_period_unit: Duration,
+    /// The object whose milliseconds are the event timer of those T_PDOs that have none of their
+    /// own (6200h of CiA 406).
+    pub event_timer: Option<u16>,
 }
 
 impl Default for Options {
@@ -199,7 +260,14 @@ impl Default for Options {
             dummy_mapping: true,
             block_transfer: true,
             sdo_timeout: Some(Duration::from_secs(5)),
+            sdo_echo: false,
             boot_time: Duration::ZERO,
+            boot_up: BootUp::Message,
+            life_guarding: LifeGuarding::AtExpiry,
+            identifiers_at_reset: false,
+            sync_by_bit_31: false,
+            cycle_period_unit: Duration::from_micros(1),
+            event_timer: None,
         }
     }
 }
@@ -239,10 +307,13 @@ impl Node {
                 Some(timeout) => server.with_timeout(timeout),
                 None => server,
             };
-            if options.block_transfer {
-                server
-            } else {
-                server.without_block_transfer()
+            let server = match options.block_transfer {
+                true => server,
+                false => server.without_block_transfer(),
+            };
+            match options.sdo_echo {
+                true => server.with_echo(),
+                false => server,
             }
         };
         let mut servers = vec![(Channel::Default, server())];
@@ -312,6 +383,10 @@ impl Node {
         let Some((_, reset)) = self.booting.take_if(|(at, _)| now >= *at) else {
             return;
         };
+        if let Some(id) = app.node_id().filter(|_| reset == nmt::Event::ResetNode) {
+            self.move_to(id);
+            app.objects_mut().move_to(id);
+        }
         app.objects_mut().restore(|entry| {
             reset == nmt::Event::ResetNode || (0x1000..0x2000).contains(&entry.address.index)
         });
@@ -321,7 +396,7 @@ impl Node {
             .iter_mut()
             .for_each(|(_, server)| server.reset());
         self.load_servers(app.objects());
-        self.communication.nmt.boot(tx);
+        self.communication.boot(tx);
         self.settle(now, app, tx);
     }
 
@@ -406,6 +481,16 @@ impl Node {
         self.communication.send_events(now, app, tx);
     }
 
+    /// The node has another id from now on.
+    fn move_to(&mut self, id: NodeId) {
+        self.communication.nmt = nmt::Slave::new(id);
+        for (channel, server) in &mut self.servers {
+            if let Channel::Default = channel {
+                server.set_channel(Some((CobId::r_sdo(id), CobId::t_sdo(id))));
+            }
+        }
+    }
+
     /// Loads the identifiers of 1201h ff.
     fn load_servers(&mut self, objects: &Dictionary) {
         self.communication.servers_changed = false;
@@ -434,6 +519,7 @@ impl<A: Application> Objects for Access<'_, A> {
         if !self.app.objects().entry(row).access.readable() {
             return Err(AbortCode::WriteOnly);
         }
+        self.app.check_read(row)?;
         self.app.refresh(self.now, Some(row));
         self.app.objects().encode(row, buffer)
     }

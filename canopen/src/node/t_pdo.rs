@@ -50,7 +50,9 @@ impl TPdo {
         }
     }
 
-    pub(super) fn load(&mut self, objects: &Dictionary) {
+    /// Takes the parameters from the objects. `event_timer` is the object with the event timer of
+    /// those that have none of their own.
+    pub(super) fn load(&mut self, objects: &Dictionary, event_timer: Option<u16>) {
         let parameter = 0x1800 + self.number - 1;
         let value = |sub| objects.value(parameter, sub);
         let word = CobIdWord(value(1).unwrap_or(i64::from(CobIdWord::INVALID)) as u32);
@@ -58,7 +60,9 @@ impl TPdo {
         self.allows_rtr = word.allows_rtr();
         self.kind = TransmissionType::from(value(2).unwrap_or(255) as u8);
         self.inhibit_time = Duration::from_micros(100) * value(3).unwrap_or(0) as u32;
-        self.event_time = Duration::from_millis(value(5).unwrap_or(0) as u64);
+        let common = || event_timer.and_then(|index| objects.value(index, 0));
+        let event_time = value(5).or_else(common).unwrap_or(0);
+        self.event_time = Duration::from_millis(event_time as u64);
         self.sync_start = value(6).unwrap_or(0) as u8;
         self.mapping.clear();
         let mapping = 0x1A00 + self.number - 1;

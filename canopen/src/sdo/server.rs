@@ -34,6 +34,7 @@ pub struct Server {
     channel: Option<(CobId, CobId)>,
     timeout: Option<Duration>,
     block_size: Option<u8>,
+    echo: bool,
     state: State,
     deadline: Option<Instant>,
     /// The object in transfer, with room for a last block segment's unused bytes.
@@ -96,6 +97,7 @@ impl Server {
             channel: Some((request, response)),
             timeout: None,
             block_size: Some(127),
+            echo: false,
             state: State::Idle,
             deadline: None,
             buffer: vec![0; capacity.max(8) + 7].into_boxed_slice(),
@@ -113,6 +115,13 @@ impl Server {
     #[must_use]
     pub fn with_block_size(mut self, segments: u8) -> Self {
         self.block_size = Some(segments.clamp(1, 127));
+        self
+    }
+
+    /// Repeats the data of an expedited download in its confirmation, where CiA 301 has zeros.
+    #[must_use]
+    pub const fn with_echo(mut self) -> Self {
+        self.echo = true;
         self
     }
 
@@ -324,6 +333,7 @@ impl Server {
     ) -> Result<(), AbortCode> {
         self.state = State::Idle;
         let sized = message[0] & 0x01 != 0;
+        let mut confirmed: &[u8] = &[];
         if message[0] & 0x02 != 0 {
             let size = if sized {
                 4 - usize::from(message[0] >> 2 & 3)
@@ -331,6 +341,9 @@ impl Server {
                 objects.begin_download(address, None)?.min(4)
             };
             objects.download(address, &message[4..4 + size])?;
+            if self.echo {
+                confirmed = &message[4..4 + size];
+            }
         } else {
             let size = sized.then_some(wire::word(message) as usize);
             let limit = self.limit(objects.begin_download(address, size)?, size)?;
@@ -342,7 +355,7 @@ impl Server {
                 toggle: false,
             };
         }
-        self.send(tx, wire::message(0x60, address, &[]));
+        self.send(tx, wire::message(0x60, address, confirmed));
         Ok(())
     }
 

@@ -5,6 +5,7 @@ mod codecs;
 mod eds;
 mod monitor;
 mod node;
+mod node_options;
 mod sdo_server;
 mod sdo_transfer;
 mod supervision;

@@ -24,7 +24,12 @@ fn heartbeats_keep_their_pace_and_are_missed_once() {
     let mut told = Vec::new();
     for ms in 0..=100 {
         if ms < 50 {
-            producer.poll(at(ms), node(), State::Operational, &mut tx);
+            producer.poll(
+                at(ms),
+                CobId::error_control(node()),
+                State::Operational,
+                &mut tx,
+            );
         }
         for frame in tx.drain(..) {
             told.extend(
@@ -78,7 +83,12 @@ fn late_producer_sends_one_heartbeat_not_several() {
     let mut producer = heartbeat::Producer::new();
     let mut tx: Vec<Frame> = Vec::new();
     producer.start(at(10), 10 * MS);
-    producer.poll(at(95), node(), State::Stopped, &mut tx);
+    producer.poll(
+        at(95),
+        CobId::error_control(node()),
+        State::Stopped,
+        &mut tx,
+    );
     assert_eq!(format!("{tx:?}"), "[703#04]");
     assert_eq!(producer.deadline(), Some(at(105)));
 }
@@ -100,7 +110,8 @@ fn guarding_toggles_and_both_sides_notice_silence() {
         for request in tx {
             assert!(request.is_remote());
             if ms < 120 {
-                slave.answer(at(ms), node(), State::PreOperational, &mut answers);
+                let id = CobId::error_control(node());
+                slave.answer(at(ms), id, State::PreOperational, &mut answers);
                 let answer = answers.last().expect("answered");
                 told.extend(master.on_frame(answer).map(|event| (ms, event)));
             }

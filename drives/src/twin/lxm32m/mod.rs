@@ -208,6 +208,7 @@ impl Twin {
             block_transfer: false,
             sdo_timeout: None,
             boot_time: config.boot_time,
+            ..Options::default()
         };
         let delays = config.delays.clone();
         let node = DeviceNode::new(config.node, &objects, options, delays, stream(2));
