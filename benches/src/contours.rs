@@ -83,7 +83,10 @@ impl<const N: usize> Plan<N> {
                 }
                 Command::ReplaceTail(step) => steps.truncate(step as usize),
                 Command::JerkSegment(piece) => steps.push(Some((self.sections.len() - 1, piece))),
-                Command::Dwell { .. } | Command::Mark { .. } | Command::Hold => steps.push(None),
+                Command::Dwell { .. }
+                | Command::Mark { .. }
+                | Command::Waypoint { .. }
+                | Command::Hold => steps.push(None),
                 Command::Commit => self.windows += 1,
                 Command::ReplacePlan { .. } => {}
             }

@@ -7,7 +7,8 @@
 //!
 //! The plan's coordinates are the letters X Y Z A B C U V W, whatever axes the machine has.
 
-use crate::control::{Instruction, Pause, StopPoint};
+use crate::control::functions::SWITCHES;
+use crate::control::{Instruction, Pause, StopPoint, Switch};
 use crate::machine::{COORDINATES, Machine, PathTolerances, Position};
 use crossbeam::channel::{self, Receiver, Sender};
 use std::collections::VecDeque;
@@ -322,6 +323,8 @@ impl Program {
             tolerances: self.tolerances,
             marks: VecDeque::new(),
             first_mark: 0,
+            switches: VecDeque::new(),
+            since_stop: 0,
             upcoming,
             tag: 0,
             ended: false,
@@ -422,50 +425,32 @@ pub struct Feeder {
     /// What the planner's marks stand for, from this one on.
     marks: VecDeque<StopPoint>,
     first_mark: u32,
+    /// What is switched at the planner's waypoints, on its way into the cycle.
+    switches: VecDeque<Switch>,
+    /// How many of them the path passes without a stop.
+    since_stop: usize,
     upcoming: Upcoming,
     /// Of the next move.
     tag: u32,
     ended: bool,
 }
 
-/// Takes the moves and switches that come up in a program; [`Moves`] has them.
-pub struct Upcoming(Sender<Step>);
-
-/// What comes next in a program.
-#[allow(clippy::large_enum_variant)] // most are moves
-enum Step {
-    Move(ProgramMove),
-    Switch(Switch),
-}
+/// Takes the moves that come up in a program; [`Moves`] has them.
+pub struct Upcoming(Sender<ProgramMove>);
 
 impl Upcoming {
-    fn tell(&self, step: Step) {
+    fn tell(&self, motion: ProgramMove) {
         // Nobody following is fine.
-        let _ = self.0.send(step);
+        let _ = self.0.send(motion);
     }
 }
 
-/// The moves and switches of a running program that the machine has not passed yet.
+/// The moves of a running program that the machine has not passed yet.
 pub struct Moves {
-    steps: Receiver<Step>,
+    coming: Receiver<ProgramMove>,
     moves: VecDeque<ProgramMove>,
     /// Tag of the first of `moves`.
     first: u32,
-    /// What is to be switched, each with the tag of the move that it comes before.
-    switches: VecDeque<(u32, Switch)>,
-}
-
-/// What a program switches between two moves.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Switch {
-    /// The spindle: M3, M4, M5, S.
-    Spindle(gcode::Spindle),
-    /// The coolant: M7, M8, M9.
-    Coolant(gcode::Coolant),
-    /// The tool that M6 loaded.
-    Tool(u32),
-    /// An M-code for the machine's outputs, and its line.
-    Output(u32, gcode::Output),
 }
 
 /// How moves are left in this mode.
@@ -553,6 +538,10 @@ impl Feeder {
     /// [`StopPoint::Broken`].
     pub fn next_instruction(&mut self) -> Result<Option<Instruction<COORDINATES>>, ProgramError> {
         loop {
+            // What is switched has to be there before the path comes to its place.
+            if let Some(switch) = self.switches.pop_front() {
+                return Ok(Some(Instruction::Switch(switch)));
+            }
             if let Some(command) = self.planner.pop() {
                 return Ok(Some(self.instruction(command)));
             }
@@ -596,7 +585,7 @@ impl Feeder {
                 tag: self.tag,
             });
             self.tag += 1;
-            self.upcoming.tell(Step::Move(motion));
+            self.upcoming.tell(motion);
             return self.push(command.span, item);
         }
         match &command.action {
@@ -632,10 +621,14 @@ impl Feeder {
         Ok(())
     }
 
+    /// What is switched once the path has come here.
     fn switch(&mut self, switch: Switch) {
-        self.upcoming.tell(Step::Switch(switch));
-        // What comes behind the last move does not come in the midst of one.
-        self.planner.keep_joint();
+        if self.since_stop == SWITCHES {
+            self.stop_then(StopPoint::Rest);
+        }
+        self.since_stop += 1;
+        self.switches.push_back(switch);
+        self.planner.waypoint();
     }
 
     fn push(&mut self, span: gcode::Span, item: PathItem<COORDINATES>) -> Result<(), ProgramError> {
@@ -664,6 +657,7 @@ impl Feeder {
 
     /// Comes to rest, then `stop`.
     fn stop_then(&mut self, stop: StopPoint) {
+        self.since_stop = 0;
         if self.marks.len() == MOST_MARKS {
             self.marks.pop_front();
             self.first_mark += 1;
@@ -694,46 +688,18 @@ impl Moves {
     /// None yet, and what takes them.
     #[must_use]
     pub fn new() -> (Upcoming, Self) {
-        let (sender, steps) = channel::unbounded();
+        let (sender, coming) = channel::unbounded();
         let moves = Self {
-            steps,
+            coming,
             moves: VecDeque::new(),
             first: 0,
-            switches: VecDeque::new(),
         };
         (Upcoming(sender), moves)
     }
 
     /// Takes up what has come.
     pub fn take_up(&mut self) {
-        for step in self.steps.try_iter() {
-            match step {
-                Step::Move(motion) => self.moves.push_back(motion),
-                Step::Switch(switch) => {
-                    let next = self.first + self.moves.len() as u32;
-                    self.switches.push_back((next, switch));
-                }
-            }
-        }
-    }
-
-    /// What is switched next, once the move before it is done: the setpoint is in a later move, or
-    /// at the end of that one. `along` is how far it is along the move with the `tag`, mm.
-    pub fn switched(&mut self, tag: u32, position: &Position, along: f64) -> Option<Switch> {
-        let (before, switch) = *self.switches.front()?;
-        let done = before.checked_sub(1).is_none_or(|last| {
-            let motion = self.motion(last).filter(|_| tag == last);
-            motion.is_some_and(|ProgramMove { curve, .. }| {
-                let ends = curve.end().into_iter().zip(position);
-                // A full circle begins at its end too; a blend takes half of the move at most.
-                4.0 * along > curve.length() && ends.map(|(a, b)| a - b).all(|d| d.abs() < 1e-6)
-            })
-        });
-        if tag < before && !done {
-            return None;
-        }
-        self.switches.pop_front();
-        Some(switch)
+        self.moves.extend(self.coming.try_iter());
     }
 
     /// The move behind a setpoint's tag, unless it was forgotten.

@@ -75,6 +75,7 @@ impl Plan {
             let command = match instruction {
                 Instruction::Plan(command) => command,
                 Instruction::Mark { item, mark, .. } => Command::Mark { item, mark },
+                Instruction::Switch(_) => continue,
             };
             match command {
                 Command::Section { .. } => {
@@ -88,7 +89,9 @@ impl Plan {
                 },
                 Command::JerkSegment(piece) => plan.steps.push(Step::JerkSegment(piece)),
                 Command::Dwell { duration, .. } => plan.steps.push(Step::Dwell(duration)),
-                Command::Mark { .. } => plan.steps.push(Step::Dwell(0.0)),
+                Command::Mark { .. } | Command::Waypoint { .. } => {
+                    plan.steps.push(Step::Dwell(0.0));
+                }
                 Command::ReplacePlan { .. } | Command::Hold => {
                     panic!("nobody asked for {command:?}")
                 }

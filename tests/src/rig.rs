@@ -8,13 +8,13 @@ use std::any::Any;
 use std::sync::{Arc, Mutex, PoisonError};
 use syncline_canopen::{CanId, CobId, Frame, Instant};
 use syncline_controller::bus::{Burst, Received};
-use syncline_controller::control::{Controller, End, Event, Fault, Layout, Phase, Row};
+use syncline_controller::control::{Controller, End, Event, Fault, Layout, Phase, Row, Switch};
 use syncline_controller::machine::{COORDINATES, Machine};
 use syncline_controller::observe::Observers;
 use syncline_controller::observe::frames::SharedFrames;
 use syncline_controller::port::sim::{SimPort, Simulated};
 use syncline_controller::port::{Port, PortError};
-use syncline_controller::program::{Program, Switch};
+use syncline_controller::program::Program;
 use syncline_controller::run::Progress;
 use syncline_controller::run::virtual_time::VirtualMachine;
 use syncline_controller::session::{self, Command, Operator, Session, Subscription};
@@ -254,14 +254,11 @@ impl Rig {
         for event in self.told.events() {
             let event = match event {
                 session::Event::Machine(event) => event,
-                session::Event::Switched(switch) => {
-                    self.switches.push(switch);
-                    continue;
-                }
                 // A program that cannot go on is an event and a fault, too.
                 session::Event::Problem(_) | session::Event::Accepted(_) => continue,
             };
             match event {
+                Event::Switched(switch) => self.switches.push(switch),
                 Event::Phase(phase) => self.phases.push((phase, now)),
                 Event::Paused { .. } if self.goes_on => {
                     let taken = self.operator.command(Command::CycleStart);

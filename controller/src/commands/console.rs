@@ -6,7 +6,7 @@ use super::told;
 use super::writers::GIVE_UP;
 use crate::control::{self, Layout};
 use crate::machine::Machine;
-use crate::program::{Extent, Switch, counted_speed};
+use crate::program::{Extent, counted_speed};
 use crate::session::{Event, Settings, Status, StatusView, Subscription};
 use crossbeam::channel::{self, Receiver, Sender};
 use indicatif::{ProgressBar, ProgressStyle};
@@ -166,12 +166,9 @@ impl Screen {
                     bar.suspend(|| eprintln!("press Enter for cycle start, to go on"));
                 }
             }
-            Event::Switched(Switch::Output(line, output)) => {
-                bar.suspend(|| eprintln!("line {line}: {output}"));
-            }
             Event::Problem(error) => bar.suspend(|| eprintln!("{}", told(&**error))),
-            // What comes of a command is seen, and the trace has what else is switched.
-            Event::Accepted(_) | Event::Switched(_) => {}
+            // What comes of a command is seen.
+            Event::Accepted(_) => {}
         }
     }
 

@@ -10,7 +10,7 @@ use crate::control::{Event as MachineEvent, Layout};
 use crate::machine::Machine;
 use crate::observe::Observers;
 use crate::observe::summary::Summary;
-use crate::program::{Program, Switch};
+use crate::program::Program;
 use crate::run::Progress;
 use crate::run::virtual_time::VirtualMachine;
 use crate::session::{Command, Event, NotTaken, Operator, Session, Status};
@@ -140,11 +140,8 @@ impl Args {
                         }
                         self.tell(&event, &*layout);
                     }
-                    Event::Switched(Switch::Output(line, output)) => {
-                        eprintln!("line {line}: {output}");
-                    }
                     Event::Problem(error) => failure = failure.or(Some(error)),
-                    Event::Accepted(_) | Event::Switched(_) => {}
+                    Event::Accepted(_) => {}
                 }
             }
             script.follow(session.status())?;

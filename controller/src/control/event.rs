@@ -1,6 +1,7 @@
 //! What the controller has to tell, as plain numbers; the text is made outside of the cycle.
 
 use super::fault::{AxisIndex, BusIndex, DriveIndex, Fault, Names};
+use super::functions::Switch;
 use crate::bus::BusFault;
 use serde::{Deserialize, Serialize};
 use std::fmt;
@@ -109,6 +110,8 @@ pub enum Event {
     /// A part of the plan came too late: the plan before is followed, to rest if need be, until
     /// there is a new one.
     LatePlan,
+    /// An M-code was executed.
+    Switched(Switch),
     /// The program waits for an operator.
     Paused {
         /// Program line.
@@ -294,6 +297,9 @@ impl Event {
             Self::LatePlan => "the plan came late, so the path slows down: this host is slow for \
                                the program"
                 .to_owned(),
+            Self::Switched(Switch::Output(line, output)) => format!("line {line}: {output}"),
+            // The trace has it.
+            Self::Switched(_) => return None,
             Self::Paused { line, reason } => format!("line {line}: {reason}"),
             Self::Held => "feed hold: held on the path".to_owned(),
             Self::Resumed => "going on".to_owned(),

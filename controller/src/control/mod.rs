@@ -13,12 +13,14 @@
 //! - [`layout`]: the machine as the controller needs it
 //! - [`Phase`]: bring-up, program, end, in their order
 //! - [`fault`], [`event`]: why it stopped, what it tells
+//! - [`functions`]: what M-codes switch, at their place on the path
 //! - `node`, `sdo_sequence`: a drive over its bus; what it is asked by SDO
 //! - `axis`: planned position to increments, following error
 
 mod axis;
 pub mod event;
 pub mod fault;
+pub mod functions;
 pub mod layout;
 mod node;
 mod order;
@@ -31,6 +33,7 @@ mod tests;
 pub use axis::{AxisSample, Following};
 pub use event::{Event, Pause, Phase};
 pub use fault::Fault;
+pub use functions::{MachineFunctions, Switch};
 pub use layout::Layout;
 pub use order::Order;
 
@@ -38,6 +41,7 @@ use crate::bus::{Burst, Outbox, Received};
 use crate::bus::{BusFault, Reaction};
 use axis::AxisControl;
 use fault::{BusCause, BusIndex, DriveCause, DriveIndex, Names};
+use functions::{MOST_SWITCHED, Switches};
 use node::DriveNode;
 use setpoint_misses::SetpointMisses;
 use std::collections::VecDeque;
@@ -94,6 +98,8 @@ pub enum Instruction<const N: usize> {
         /// What happens once the path rests there.
         stop: StopPoint,
     },
+    /// What is switched at the next waypoint of the plan; it comes before the plan leads there.
+    Switch(Switch),
 }
 
 /// What happens at a mark of the plan. The path rests there until that is done, so that no
@@ -109,6 +115,9 @@ pub enum StopPoint {
     },
     /// The program is complete.
     End,
+    /// The path goes on at once: so many M-codes have come without a stop that there is no room for more
+    /// of them.
+    Rest,
     /// What comes next in the program cannot be run: a fault.
     Broken,
 }
@@ -122,6 +131,8 @@ pub struct Row<const N: usize> {
     pub plan: Setpoint<N>,
     /// By coordinate of the plan.
     pub axes: [AxisSample; N],
+    /// What the program has switched by then.
+    pub functions: MachineFunctions,
 }
 
 /// How a run ended.
@@ -190,6 +201,7 @@ pub struct Controller<const N: usize> {
     in_position: u32,
     /// The last mark of the plan; there is never another one behind it before it is passed.
     stop_point: Option<(u32, StopPoint)>,
+    switches: Switches,
     pause_told: bool,
     /// Something of the program was handed in.
     begun: bool,
@@ -242,6 +254,7 @@ impl<const N: usize> Controller<N> {
             row: None,
             in_position: 0,
             stop_point: None,
+            switches: Switches::new(),
             pause_told: false,
             begun: false,
             unplanned: 0,
@@ -494,6 +507,7 @@ impl<const N: usize> Controller<N> {
             cycle: self.cycle.saturating_sub(self.mode_cycle),
             plan: self.planned,
             axes: samples,
+            functions: self.switches.functions,
         });
     }
 
@@ -555,6 +569,18 @@ impl<const N: usize> Controller<N> {
     fn plan(&mut self) {
         if (Phase::Program..=Phase::Stop).contains(&self.phase) {
             self.planned = self.executor.advance();
+            self.switch();
+        }
+    }
+
+    /// Executes the M-codes whose place the path has come to.
+    fn switch(&mut self) {
+        let waypoints = self.executor.waypoints();
+        for _ in 0..MOST_SWITCHED {
+            let Some(switch) = self.switches.next(waypoints) else {
+                break;
+            };
+            self.tell(Event::Switched(switch));
         }
     }
 
@@ -641,6 +667,7 @@ impl<const N: usize> Controller<N> {
                 }
                 self.executor.accept(PathCommand::Mark { item, mark })
             }
+            Instruction::Switch(switch) => self.switches.push(switch),
         }
     }
 

@@ -174,7 +174,7 @@ impl<const N: usize> Controller<N> {
                 (false, false) => Event::Resumed,
             });
         }
-        if !self.executor.is_idle() {
+        if !self.executor.is_idle() || self.switches.lag(self.executor.waypoints()) {
             return;
         }
         match self.reached() {
@@ -183,6 +183,7 @@ impl<const N: usize> Controller<N> {
                 self.tell(Event::Paused { line, reason });
             }
             Some(StopPoint::Pause { .. }) | None => {}
+            Some(StopPoint::Rest) => self.executor.pass(),
             Some(StopPoint::End) => self.finish(End::Finished),
             Some(StopPoint::Broken) => self.fail(Fault::Program),
         }

@@ -30,20 +30,8 @@ use std::io;
 use std::ops::RangeInclusive;
 use std::time::Duration;
 use summary::{AxisSummary, BusSummary, Summary};
-use syncline_gcode::{Coolant, Spindle};
 use trace::{Sink, Trace};
 use travel::Travel;
-
-/// What the program has switched.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct MachineFunctions {
-    /// M3, M4, M5, S.
-    pub spindle: Spindle,
-    /// M7, M8, M9.
-    pub coolant: Coolant,
-    /// The tool that M6 loaded.
-    pub tool: u32,
-}
 
 /// What is there to be seen at one SYNC of the program.
 #[derive(Clone, Copy)]
@@ -54,8 +42,6 @@ pub struct Observed<'a> {
     pub actual: Position,
     /// The program's line.
     pub line: u32,
-    /// What the program has switched.
-    pub functions: &'a MachineFunctions,
     /// The program's moves about here.
     pub moves: &'a Moves,
     /// The tags of the moves that setpoint and tool may be on; `None` while the axes are off the

@@ -1,6 +1,7 @@
 //! Every row as CSV: time, line, setpoint and actual position of every axis, what is switched.
 
-use super::{MachineFunctions, Observed};
+use super::Observed;
+use crate::control::MachineFunctions;
 use crate::machine::Machine;
 use std::fmt::Write as _;
 use std::io::{self, Write};
@@ -51,7 +52,7 @@ impl Trace {
             spindle,
             coolant,
             tool,
-        } = observed.functions;
+        } = observed.row.functions;
         let spindle = match spindle.turning {
             Turning::Clockwise => spindle.speed,
             Turning::Counterclockwise => -spindle.speed,

@@ -2,7 +2,6 @@
 
 use super::Command;
 use crate::control;
-use crate::program::Switch;
 use crate::run::RunError;
 use crossbeam::channel::{self, Receiver, RecvTimeoutError, Sender, TryIter, TrySendError};
 use serde::{Deserialize, Serialize};
@@ -133,8 +132,6 @@ pub enum Event {
     Machine(control::Event),
     /// A command took effect.
     Accepted(Accepted),
-    /// An M-code was executed.
-    Switched(Switch),
     /// A bus failed, or the program cannot go on.
     Problem(Arc<RunError>),
 }

@@ -12,7 +12,7 @@
 //! - [`Command`]: what an operator asks for; any number of sources, each with a name
 //! - [`Settings`]: what operators have set, here and nowhere else
 //! - [`Event`], [`Status`]: what happens and how things are, to any number of subscribers
-//! - `job`: the program that runs, and its M-codes, which are executed at their place on the path
+//! - `job`: the program that runs: where on its moves the setpoint is
 //!
 //! Whoever calls [`Session::advance`] lends the session its thread, and nothing in there waits: not
 //! for a subscriber, not for an operator, not for the planner of a machine in real time. So a
@@ -208,8 +208,7 @@ impl Desk {
 
     /// Takes what happened at one SYNC of the program.
     fn follow(&mut self, row: &Row<COORDINATES>) {
-        let outlets = &mut self.outlets;
-        (self.job).follow(row, |switch| outlets.tell(&Event::Switched(switch)));
+        self.job.follow(row);
         let mut actual = row.plan.position;
         for &at in &self.coordinates {
             actual[at] = row.axes[at].act;
@@ -218,7 +217,6 @@ impl Desk {
             row,
             actual,
             line: self.job.line,
-            functions: &self.job.functions,
             moves: &self.job.moves,
             tags: self.job.tags.as_ref(),
         });

@@ -18,4 +18,5 @@ mod properties;
 mod run;
 mod signals;
 mod stops;
+mod switched;
 mod validate;

@@ -202,7 +202,7 @@ pub enum Command<const N: usize> {
     /// A section begins, from rest, at distance 0, inside these limits; after a [`ReplacePlan`](Self::ReplacePlan) one goes
     /// on where it was. Its spans follow.
     Section {
-        /// Items are the sections, dwells and marks in the order in which they were pushed.
+        /// Items are the sections, dwells, marks and waypoints at rest in the order in which they were pushed.
         item: u64,
         /// Path distance from the beginning of everything to the section's, mm.
         origin: f64,
@@ -212,7 +212,7 @@ pub enum Command<const N: usize> {
         limits: Limits<N>,
     },
     /// What follows replaces the step of that number and all after it. Steps are the sections,
-    /// pieces, dwells and marks that were not replaced, counted from 0, and again after a
+    /// pieces, dwells, marks and waypoints that were not replaced, counted from 0, and again after a
     /// [`ReplacePlan`](Self::ReplacePlan).
     ReplaceTail(u64),
     /// The section's geometry goes on with this curve.
@@ -235,6 +235,13 @@ pub enum Command<const N: usize> {
         item: u64,
         /// The caller's.
         mark: u32,
+    },
+    /// [Waypoints](Planner::waypoint) that the path comes to at rest.
+    Waypoint {
+        /// As in [`Section`](Self::Section).
+        item: u64,
+        /// How many there are up to here.
+        waypoints: u32,
     },
     /// Rest until [`Executor::resume`].
     Hold,
@@ -306,4 +313,6 @@ pub struct PathSegment<const N: usize> {
     pub speed: f64,
     /// As [`Move::tag`].
     pub tag: u32,
+    /// How many [waypoints](Planner::waypoint) come before it.
+    pub waypoints: u32,
 }

@@ -449,6 +449,7 @@ fn a_speed_that_may_fall_is_told_from_one_that_may_not() {
             feed: 100.0,
             speed: 100.0,
             tag: 0,
+            waypoints: 0,
         }])
     };
     let line = along(Curve::line([0.0; 3], [100.0, 0.0, 0.0]).unwrap());

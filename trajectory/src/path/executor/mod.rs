@@ -1,7 +1,7 @@
 //! Executes the plan on the path's own clock, one setpoint a cycle.
 //!
-//! The plan is a queue of steps: sections, segments of constant jerk along them, dwells, marks and
-//! holds. Those up to the last commit may run, and end at rest; what came since waits for the next
+//! The plan is a queue of steps: sections, segments of constant jerk along them, dwells, marks,
+//! waypoints and holds. Those up to the last commit may run, and end at rest; what came since waits for the next
 //! commit, as the tail of the plan goes on ([`Command::ReplaceTail`]), or as a whole new plan that takes
 //! over in a cycle of its own ([`Command::ReplacePlan`]). So there is a way to rest at
 //! every instant, whatever becomes of the planner.
@@ -11,7 +11,8 @@
 //!
 //! A dwell and a mark are never cut: a new plan that takes over while one is under way begins behind
 //! the dwell, and at a mark only once that is [passed](Executor::pass). What is replaced before
-//! them brings them again. Nothing that a person does can lose one.
+//! them brings them again. Waypoints are counted from the beginning of everything, so that each counts
+//! once, however often the path goes over it. Nothing that a person does can lose one.
 //!
 //! - `operator`: what a person does,
 //! - `stop`: the shortest way to rest,
@@ -78,6 +79,10 @@ enum Step<const N: usize> {
         item: u64,
         mark: u32,
     },
+    Waypoint {
+        item: u64,
+        waypoints: u32,
+    },
     Hold,
 }
 
@@ -93,7 +98,7 @@ impl<const N: usize> Step<N> {
 
     fn duration(&self) -> f64 {
         match *self {
-            Step::Section { .. } | Step::Mark { .. } => 0.0,
+            Step::Section { .. } | Step::Mark { .. } | Step::Waypoint { .. } => 0.0,
             Step::JerkSegment(JerkSegment { duration, .. }) | Step::Dwell { duration, .. } => {
                 duration
             }
@@ -181,6 +186,8 @@ pub struct Executor<const N: usize> {
     began: Clock,
     /// The mark at which the path rests until it is passed; then there are no steps.
     mark: Option<u32>,
+    /// How many waypoints the path has come to.
+    waypoints: u32,
     /// The item under way, or the last one, and the path distance from the beginning of everything
     /// to the section's.
     item: Option<u64>,
@@ -232,6 +239,7 @@ fn some_span<const N: usize>() -> Option<PathSegment<N>> {
         feed: 0.0,
         speed: 0.0,
         tag: 0,
+        waypoints: 0,
     })
 }
 
@@ -286,6 +294,7 @@ impl<const N: usize> Executor<N> {
                 offset: 0.0,
             },
             mark: None,
+            waypoints: 0,
             item: None,
             origin: 0.0,
             backward: false,
@@ -390,6 +399,9 @@ impl<const N: usize> Executor<N> {
                 });
             }
             Command::Mark { item, mark } => self.steps.push_back(Step::Mark { item, mark }),
+            Command::Waypoint { item, waypoints } => {
+                self.steps.push_back(Step::Waypoint { item, waypoints });
+            }
             Command::Hold => self.steps.push_back(Step::Hold),
             Command::Commit => self.commit(),
         }
@@ -477,6 +489,12 @@ impl<const N: usize> Executor<N> {
     /// Lets the path go on behind the [`mark`](Self::mark) at which it rests.
     pub fn pass(&mut self) {
         self.mark = None;
+    }
+
+    /// How many [waypoints](super::Planner::waypoint) the path has come to. It grows only: on a path that is
+    /// gone over again they do not count again.
+    pub fn waypoints(&self) -> u32 {
+        self.waypoints
     }
 
     /// What is committed ends at a mark, or the path rests at one: there is no more to follow before
@@ -572,6 +590,7 @@ impl<const N: usize> Executor<N> {
         if let Some(Step::JerkSegment(piece)) = self.current() {
             let (ds, _, _) = piece.at(self.since(self.began));
             self.enter_span_at(piece.distance + ds);
+            self.pass_waypoints();
             if let Stop::Sought { departure, since } = self.stop
                 && departure <= self.cycle + AHEAD
             {
@@ -639,6 +658,10 @@ impl<const N: usize> Executor<N> {
                 self.item = Some(item);
                 self.mark = Some(mark);
             }
+            Step::Waypoint { item, waypoints } => {
+                self.item = Some(item);
+                self.waypoints = self.waypoints.max(waypoints);
+            }
             Step::Hold => self.began = self.now(),
         }
         if self.committed == 0 {
@@ -652,6 +675,7 @@ impl<const N: usize> Executor<N> {
     /// The axes have come to rest at `end` on the section, or another law takes over there.
     fn finish_run(&mut self, end: f64) {
         self.enter_span_at(end);
+        self.pass_waypoints();
         if let Some(span) = self.spans.front() {
             let whole = span.start + span.curve.length();
             let complete = end >= whole - 1e-9;
@@ -665,6 +689,13 @@ impl<const N: usize> Executor<N> {
         }
         if self.stopped && self.committed == 0 {
             self.spans.clear();
+        }
+    }
+
+    /// The path is on its first span, and has come to all waypoints before that.
+    fn pass_waypoints(&mut self) {
+        if let Some(span) = self.spans.front() {
+            self.waypoints = self.waypoints.max(span.waypoints);
         }
     }
 

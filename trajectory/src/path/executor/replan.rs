@@ -38,7 +38,7 @@ impl<const N: usize> Executor<N> {
                     departure = PathState::default();
                 }
                 Step::Mark { .. } => return None,
-                Step::Dwell { item: l, .. } => item = Some(l),
+                Step::Dwell { item: l, .. } | Step::Waypoint { item: l, .. } => item = Some(l),
                 Step::JerkSegment(piece) => {
                     let under_way = index == last;
                     let (ds, speed, acceleration) =

@@ -1,7 +1,7 @@
 //! Joins moves to sections: fits curves to short segments, rounds corners, and rests where it can do
 //! neither.
 
-use super::{NOTHING, PathError, PlanItem, Planner, Section, asked_speed};
+use super::{NOTHING, PathError, Pending, PlanItem, Planner, Section, asked_speed};
 use crate::limits::PositionLimits;
 use crate::path::blend::{Blend, blend};
 use crate::path::segment_fitting::{Part, ShortSegments};
@@ -88,7 +88,12 @@ impl<const N: usize> Planner<N> {
         } = part;
         let feed = motion.feed.speed();
         let mut taken = 0.0;
-        if let Some((before, _)) = self.pending {
+        if let Some(Pending {
+            motion: before,
+            waypoints,
+            ..
+        }) = self.pending
+        {
             match before.mode.rounding() {
                 Some(_) if goes_on || smooth(&before.curve, &motion.curve) => self.lay_pending(0.0),
                 Some(rounding) => {
@@ -100,7 +105,8 @@ impl<const N: usize> Planner<N> {
                     });
                     if let Some(Blend { curve, cut }) = rounded {
                         self.lay_pending(cut);
-                        self.lay(curve, before.feed.speed().min(feed), before.tag);
+                        let feed = before.feed.speed().min(feed);
+                        self.lay(curve, feed, before.tag, waypoints);
                         taken = cut;
                     } else {
                         self.rest_here();
@@ -109,13 +115,23 @@ impl<const N: usize> Planner<N> {
                 None => self.rest_here(),
             }
         }
-        self.pending = Some((motion, taken));
+        self.pending = Some(Pending {
+            motion,
+            taken,
+            waypoints: self.waypoints,
+        });
         self.deviation = deviation;
     }
 
     /// Lays the pending move but for the last `cut` of it.
     fn lay_pending(&mut self, cut: f64) {
-        if let Some((motion, taken)) = self.pending.take() {
+        let pending = self.pending.take();
+        if let Some(Pending {
+            motion,
+            taken,
+            waypoints,
+        }) = pending
+        {
             let length = motion.curve.length();
             // Where blends have taken both halves nothing is left.
             if length - taken - cut > NOTHING * length {
@@ -125,13 +141,13 @@ impl<const N: usize> Planner<N> {
                 } else {
                     motion.curve.part(taken, length - cut)
                 };
-                self.lay(curve, motion.feed.speed(), motion.tag);
+                self.lay(curve, motion.feed.speed(), motion.tag, waypoints);
             }
         }
     }
 
     /// The section goes on with `curve`; if there is none, one begins.
-    fn lay(&mut self, curve: Curve<N>, feed: f64, tag: u32) {
+    fn lay(&mut self, curve: Curve<N>, feed: f64, tag: u32, waypoints: u32) {
         if !matches!(self.items.back(), Some(PlanItem::Section(section)) if !section.closed) {
             self.items.push_back(PlanItem::Section(Section {
                 spans: Vec::new(),
@@ -146,7 +162,9 @@ impl<const N: usize> Planner<N> {
             feed,
             speed: feed,
             tag,
+            waypoints,
         };
+        self.placed = waypoints;
         if self.overrides != Overrides::default() {
             span.speed = asked_speed(&span, self.overrides, &self.limits);
         }

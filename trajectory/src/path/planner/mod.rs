@@ -63,8 +63,7 @@ pub struct Planner<const N: usize> {
     position: [f64; N],
     /// Short segments that may go on.
     short_segments: Option<ShortSegments<N>>,
-    /// The last move, and how much of its start a blend took.
-    pending: Option<(Move<N>, f64)>,
+    pending: Option<Pending<N>>,
     /// How far that strays from what was programmed, mm.
     deviation: f64,
     /// What was planned lately, is under way, and is to be planned.
@@ -73,6 +72,9 @@ pub struct Planner<const N: usize> {
     first: u64,
     /// How many spans they hold.
     kept: usize,
+    /// Waypoints so far, and how many of them have their place in `items`.
+    waypoints: u32,
+    placed: u32,
     /// Path length of all sections.
     length: f64,
     cursor: Cursor,
@@ -93,8 +95,23 @@ pub struct Planner<const N: usize> {
 #[derive(Debug, Clone)]
 enum PlanItem<const N: usize> {
     Section(Section<N>),
-    Dwell { duration: f64, tag: u32 },
+    Dwell {
+        duration: f64,
+        tag: u32,
+    },
     Mark(u32),
+    /// At rest; how many waypoints there are up to here.
+    Waypoint(u32),
+}
+
+/// The last move, until what comes next tells how it is left.
+#[derive(Debug, Clone, Copy)]
+struct Pending<const N: usize> {
+    motion: Move<N>,
+    /// How much of its start a blend took, mm.
+    taken: f64,
+    /// Waypoints before it.
+    waypoints: u32,
 }
 
 /// A way back along a section.
@@ -185,6 +202,8 @@ impl<const N: usize> Planner<N> {
             items: VecDeque::new(),
             first: 0,
             kept: 0,
+            waypoints: 0,
+            placed: 0,
             length: 0.0,
             cursor: Cursor::default(),
             window: Window::default(),
@@ -237,9 +256,15 @@ impl<const N: usize> Planner<N> {
         self.items.push_back(PlanItem::Mark(mark));
     }
 
-    /// Moves to come do not become one with those that were pushed.
-    pub fn keep_joint(&mut self) {
+    /// A place that the path passes without a stop, between the items before and those to come: it
+    /// counts in [`Executor::waypoints`](super::Executor::waypoints) once the path has come to it. Moves
+    /// before and behind it do not become one.
+    pub fn waypoint(&mut self) {
         self.join_short_segments();
+        self.waypoints += 1;
+        if self.pending.is_none() {
+            self.place_waypoints();
+        }
     }
 
     /// What planning took so far.
@@ -264,6 +289,15 @@ impl<const N: usize> Planner<N> {
     fn close(&mut self) {
         self.join_short_segments();
         self.rest_here();
+        self.place_waypoints();
+    }
+
+    /// Waypoints behind which no move came are passed at rest.
+    fn place_waypoints(&mut self) {
+        if self.placed < self.waypoints {
+            self.placed = self.waypoints;
+            self.items.push_back(PlanItem::Waypoint(self.waypoints));
+        }
     }
 
     /// The section with that number, on the way or back.
@@ -337,6 +371,15 @@ impl<const N: usize> Planner<N> {
                 Some(&PlanItem::Mark(mark)) => {
                     self.out
                         .extend([Command::Mark { item: number, mark }, Command::Commit]);
+                    self.cursor.step += 1;
+                    self.begin_item(number + 1);
+                }
+                Some(&PlanItem::Waypoint(waypoints)) => {
+                    let waypoint = Command::Waypoint {
+                        item: number,
+                        waypoints,
+                    };
+                    self.out.extend([waypoint, Command::Commit]);
                     self.cursor.step += 1;
                     self.begin_item(number + 1);
                 }
