@@ -83,9 +83,21 @@ pub(super) fn brake<'a, const N: usize>(
         state: SearchState::new(CAREFUL),
         stage: Stage::Begin,
     };
-    search
-        .go_on(span, limits, from, target, usize::MAX)
-        .flatten()
+    match search.go_on(span, limits, from, target, usize::MAX) {
+        Outcome::Found(braking) => Some(braking),
+        Outcome::Unfinished | Outcome::Impossible => None,
+    }
+}
+
+/// What a search has come to.
+#[allow(clippy::large_enum_variant)] // it lives for a moment, on the stack
+pub(super) enum Outcome {
+    /// The hardest slowing down that was found.
+    Found(Braking),
+    /// The work that was allowed is done, and the search is not.
+    Unfinished,
+    /// There seems to be no way.
+    Impossible,
 }
 
 /// The search for the hardest slowing down, which may go on from cycle to cycle.
@@ -111,6 +123,17 @@ enum Stage {
     Prove { cell: usize, certain: bool },
 }
 
+/// What one step of a search leads to.
+#[allow(clippy::large_enum_variant)] // it lives for a moment, on the stack
+enum Step {
+    /// What comes next.
+    Next(Stage),
+    /// The next one needs more work than is left.
+    Pause,
+    /// A braking that provably keeps the limits.
+    Done(Braking),
+}
+
 impl<const N: usize> Default for Search<N> {
     fn default() -> Self {
         Search {
@@ -126,8 +149,7 @@ impl<const N: usize> Search<N> {
         self.stage = Stage::Begin;
     }
 
-    /// As [`brake`], with so much work more. None if there seems to be no way, of nothing if it has to
-    /// go on.
+    /// Goes on, as [`brake`], with so much work more.
     pub(super) fn go_on<'a>(
         &mut self,
         span: impl Fn(usize) -> Option<&'a PathSegment<N>>,
@@ -135,89 +157,99 @@ impl<const N: usize> Search<N> {
         from: PathState,
         target: f64,
         work: usize,
-    ) -> Option<Option<Braking>> {
-        let first = span(0)?;
+    ) -> Outcome {
+        let Some(first) = span(0) else {
+            return Outcome::Impossible;
+        };
         if first.curve.direction().is_some()
             && let Some(closed) = brake_gently(first, limits, from, target)
         {
-            return Some(Some(closed));
+            return Outcome::Found(closed);
         }
-        let found = self.search(span, limits, from, target, work);
-        if !matches!(found, Some(None)) {
-            self.reset();
+        self.state.work = 0;
+        while self.state.work < work {
+            match self.step(&span, limits, from, target, work) {
+                Some(Step::Next(stage)) => self.stage = stage,
+                Some(Step::Pause) => break,
+                Some(Step::Done(braking)) => {
+                    self.reset();
+                    return Outcome::Found(braking);
+                }
+                None => {
+                    self.reset();
+                    return Outcome::Impossible;
+                }
+            }
         }
-        found
+        Outcome::Unfinished
     }
 
-    fn search<'a>(
+    /// One step of the search; none where that shows that there is no way.
+    fn step<'a>(
         &mut self,
-        span: impl Fn(usize) -> Option<&'a PathSegment<N>>,
+        span: &impl Fn(usize) -> Option<&'a PathSegment<N>>,
         limits: &Limits<N>,
         from: PathState,
         target: f64,
         work: usize,
-    ) -> Option<Option<Braking>> {
-        let way = &mut self.state;
-        way.work = 0;
-        while way.work < work {
-            self.stage = match self.stage {
-                Stage::Begin => {
-                    way.begin(target);
-                    Stage::Rise { before: None }
+    ) -> Option<Step> {
+        let search = &mut self.state;
+        Some(Step::Next(match self.stage {
+            Stage::Begin => {
+                search.begin(target);
+                Stage::Rise { before: None }
+            }
+            Stage::Rise { before } => {
+                if !search.rise(span, limits, from, work)? {
+                    return Some(Step::Pause);
                 }
-                Stage::Rise { before } => {
-                    if !way.rise(&span, limits, from, work)? {
-                        break;
+                match before {
+                    None => search.guess(limits)?,
+                    Some(before) => {
+                        search.shrink(before)?;
+                        search.relax(limits)?;
                     }
-                    match before {
-                        None => way.guess(limits)?,
-                        Some(before) => {
-                            way.shrink(before)?;
-                            way.relax(limits)?;
-                        }
+                }
+                Stage::Round
+            }
+            Stage::Round => {
+                let cost = search.round();
+                if search.work > 0 && search.work + cost > work {
+                    return Some(Step::Pause);
+                }
+                search.work += cost;
+                search.look(span, limits)?;
+                if search.is_settled() && !search.refine(span, limits)? {
+                    Stage::Check {
+                        cell: 0,
+                        kept: true,
                     }
+                } else {
+                    search.relax(limits)?;
                     Stage::Round
                 }
-                Stage::Round => {
-                    let cost = way.round();
-                    if way.work > 0 && way.work + cost > work {
-                        break;
-                    }
-                    way.work += cost;
-                    way.look(&span, limits)?;
-                    if way.is_settled() && !way.refine(&span, limits)? {
-                        Stage::Check {
-                            cell: 0,
-                            kept: true,
-                        }
-                    } else {
-                        way.relax(limits)?;
-                        Stage::Round
-                    }
+            }
+            Stage::Check { cell, kept } if cell < search.cells() => Stage::Check {
+                cell: cell + 1,
+                kept: search.keeps(cell, span, limits)? && kept,
+            },
+            Stage::Check { .. } if search.ends_beyond(span)? => return None,
+            Stage::Check { kept: true, .. } => Stage::Prove {
+                cell: 0,
+                certain: true,
+            },
+            Stage::Prove { cell, certain } if cell < search.cells() => Stage::Prove {
+                cell: cell + 1,
+                certain: search.is_certain(cell, span, limits)? && certain,
+            },
+            Stage::Prove { certain: true, .. } => return Some(Step::Done(search.law(from)?)),
+            Stage::Check { .. } | Stage::Prove { .. } => {
+                search.rises = 0;
+                Stage::Rise {
+                    before: Some(search.falling[0].v),
                 }
-                Stage::Check { cell, kept } if cell < way.cells() => Stage::Check {
-                    cell: cell + 1,
-                    kept: way.keeps(cell, &span, limits)? && kept,
-                },
-                Stage::Check { .. } if way.ends_beyond(&span)? => return None,
-                Stage::Check { kept: true, .. } => Stage::Prove {
-                    cell: 0,
-                    certain: true,
-                },
-                Stage::Prove { cell, certain } if cell < way.cells() => Stage::Prove {
-                    cell: cell + 1,
-                    certain: way.is_certain(cell, &span, limits)? && certain,
-                },
-                Stage::Prove { certain: true, .. } => return Some(way.law(from)),
-                Stage::Check { .. } | Stage::Prove { .. } => {
-                    way.rises = 0;
-                    Stage::Rise {
-                        before: Some(way.falling[0].v),
-                    }
-                }
-            };
-        }
-        Some(None)
+            }
+        }))
     }
 }
 

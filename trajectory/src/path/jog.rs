@@ -125,14 +125,7 @@ struct Line<const N: usize> {
     law: Motion,
 }
 
-/// What follows once the axes are back.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Then {
-    Resume,
-    Retrace,
-}
-
-/// The axes away from the path.
+/// The axes off the path.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Jogging<const N: usize> {
     clock: Clock,
@@ -144,8 +137,6 @@ pub(super) struct Jogging<const N: usize> {
     wanted: Option<([Option<f64>; N], Due)>,
     /// Where the path was left.
     home: [f64; N],
-    /// They are on their way back.
-    then: Option<Then>,
 }
 
 /// A plan goes no further than it may if by rounding it goes further by less, mm.
@@ -272,7 +263,6 @@ impl<const N: usize> Jogging<N> {
             line: None,
             wanted: None,
             home,
-            then: None,
         }
     }
 
@@ -342,7 +332,6 @@ impl<const N: usize> Jogging<N> {
                 }
             }
         }
-        self.then = None;
         Ok(())
     }
 
@@ -363,7 +352,6 @@ impl<const N: usize> Jogging<N> {
 
     /// Comes to rest as fast as the axes can: on their line, or each on its own.
     pub(super) fn hold(&mut self) {
-        self.then = None;
         self.wanted = None;
         self.halt();
     }
@@ -393,22 +381,14 @@ impl<const N: usize> Jogging<N> {
     }
 
     /// Back to where the path was left, on a straight line.
-    pub(super) fn go_home(&mut self, then: Then) {
-        if self.then.replace(then).is_none() {
-            self.wanted = Some((self.home.map(Some), Due::Now));
-        }
+    pub(super) fn go_home(&mut self) {
+        self.wanted = Some((self.home.map(Some), Due::Now));
     }
 
-    /// The axes are on their way back.
-    pub(super) fn returns(&self) -> bool {
-        self.then.is_some()
-    }
-
-    /// What follows, once the axes are back.
-    pub(super) fn arrived(&self) -> Option<Then> {
+    /// They rest where the path was left.
+    pub(super) fn is_home(&self) -> bool {
         let mut motions = self.motions.iter().zip(&self.home);
-        let back = self.rests() && motions.all(|(motion, home)| motion.end() == *home);
-        self.then.filter(|_| back)
+        self.rests() && motions.all(|(motion, home)| motion.end() == *home)
     }
 
     /// No axis moves, and none is going to.
@@ -708,7 +688,7 @@ mod tests {
                         prop_assert!(taken.is_ok() || rapid == 0.0, "{taken:?}");
                     }
                     Act::Hold => axes.hold(),
-                    Act::GoHome => axes.go_home(Then::Resume),
+                    Act::GoHome => axes.go_home(),
                     Act::Rapid(part) => {
                         rapid = part;
                         axes.change_speed();
@@ -724,7 +704,7 @@ mod tests {
             }
             for home in [false, true] {
                 if home {
-                    axes.go_home(Then::Resume);
+                    axes.go_home();
                 }
                 let begun = axes.clock.cycle;
                 while !axes.rests() {
@@ -737,7 +717,7 @@ mod tests {
                     }
                 }
             }
-            prop_assert_eq!(axes.arrived(), Some(Then::Resume));
+            prop_assert!(axes.is_home());
             let there: [State; N] = std::array::from_fn(|axis| axes.motions[axis].at(axes.clock).0);
             prop_assert_eq!(there, HOME.map(State::at_rest));
         }

@@ -278,15 +278,27 @@ pub struct ReplanRequest {
     pub item: Option<u64>,
     /// The state on it then.
     pub departure: PathState,
-    /// What a person set.
+    /// What an operator set.
     pub overrides: Overrides,
-    /// Rest is asked for at the end of the block.
-    pub single_block: bool,
-    /// The way back is asked for, to the beginning of the block or, from there, of the one before; each
-    /// time that a person asks under another number.
-    pub retrace: Option<u64>,
-    /// Rest is asked for on the shortest way from that state, and nothing beyond.
-    pub rest: bool,
+    /// What is wanted from there on.
+    pub goal: ReplanGoal,
+}
+
+/// What a new plan is to lead to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ReplanGoal {
+    /// On along the path.
+    Ahead {
+        /// To rest at the end of the block.
+        single_block: bool,
+    },
+    /// Back along the path, to the beginning of the block or, from there, of the one before.
+    Back {
+        /// Another number each time that an operator asks.
+        asked: u64,
+    },
+    /// To rest as soon as the limits allow, and nothing beyond.
+    Rest,
 }
 
 /// A state on a section of the path.

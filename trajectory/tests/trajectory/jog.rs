@@ -370,7 +370,7 @@ fn a_jog_after_a_stop_after_the_block_and_before_a_step_back() {
     machine.executor.retrace();
     machine.cycles(10);
     assert!(!machine.executor.is_held());
-    // In mid-return the person wants to look again.
+    // In mid-return the operator wants to look again.
     machine.executor.feed_hold();
     machine.cycles(500);
     assert!(machine.executor.is_held() && machine.now().off_path);
@@ -390,7 +390,7 @@ fn a_jog_after_a_stop_after_the_block_and_before_a_step_back() {
     assert_eq!(machine.now().position, [100.0, 60.0, 0.0]);
 }
 
-/// What a person wants on the way back from a jog is done once it is over.
+/// What an operator wants on the way back from a jog is done once it is over.
 #[test]
 fn orders_on_the_way_back_count() {
     let away = || {
@@ -417,6 +417,22 @@ fn orders_on_the_way_back_count() {
     let mut machine = away();
     machine.executor.retrace();
     machine.cycles(10);
+    machine.executor.resume();
+    machine.end();
+    assert_eq!(machine.now().position, [100.0, 60.0, 0.0]);
+
+    // The last one counts, also where the path was retraced before.
+    let mut machine = away();
+    machine.executor.retrace();
+    machine.cycles(3000);
+    machine.jog(step(1, 5.0)).unwrap();
+    machine.cycles(500);
+    machine.executor.resume();
+    machine.cycles(10);
+    machine.executor.retrace();
+    machine.cycles(3000);
+    assert!(machine.executor.is_held() && !machine.executor.is_off_path());
+    assert_eq!(machine.now().position, [0.0; 3]);
     machine.executor.resume();
     machine.end();
     assert_eq!(machine.now().position, [100.0, 60.0, 0.0]);

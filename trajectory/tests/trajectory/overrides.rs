@@ -1,5 +1,5 @@
-//! What a person does to a running path, at random: overrides, holds, stops after blocks, steps
-//! back. Whatever comes, the axes stay on the path and inside their limits.
+//! What an operator does to a running path, at random: overrides, feed holds and what ends them, single
+//! blocks, retracing. Whatever comes, the axes stay on the path and inside their limits.
 
 use crate::common::{LIMITS, contour, planned};
 use crate::machine::Machine;
@@ -27,8 +27,9 @@ const FAST: Overrides = Overrides {
 enum Act {
     Override(Overrides),
     Hold,
-    StopAfterBlock,
-    StepBack,
+    Resume,
+    SingleBlock,
+    Retrace,
 }
 
 fn act() -> impl Strategy<Value = Act> {
@@ -37,8 +38,9 @@ fn act() -> impl Strategy<Value = Act> {
     prop_oneof![
         4 => overrides.prop_map(|(feed, rapid)| Act::Override(Overrides { feed, rapid })),
         2 => Just(Act::Hold),
-        1 => Just(Act::StopAfterBlock),
-        1 => Just(Act::StepBack),
+        1 => Just(Act::Resume),
+        1 => Just(Act::SingleBlock),
+        1 => Just(Act::Retrace),
     ]
 }
 
@@ -60,7 +62,7 @@ impl Path {
     }
 }
 
-/// Executes items while a person acts at the given cycles; whoever is held goes on after a while.
+/// Executes items while an operator acts at the given cycles; whoever is held goes on after a while.
 fn run(
     items: &[PathItem<3>],
     start: [f64; 3],
@@ -76,8 +78,9 @@ fn run(
             match *act {
                 Act::Override(overrides) => executor.set_overrides(overrides),
                 Act::Hold => executor.feed_hold(),
-                Act::StopAfterBlock => executor.single_block(),
-                Act::StepBack => executor.retrace(),
+                Act::Resume => executor.resume(),
+                Act::SingleBlock => executor.single_block(),
+                Act::Retrace => executor.retrace(),
             }
         }
         // Nobody waits for ever.
@@ -156,7 +159,7 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: cases(), max_shrink_iters: 60, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
-    fn whatever_a_person_does_the_axes_stay_on_the_path_and_inside_their_limits(
+    fn whatever_an_operator_does_the_axes_stay_on_the_path_and_inside_their_limits(
         curves in contour(10.0..100.0),
         feed in 5.0..800.0_f64,
         tolerance in prop_oneof![Just(0.001), 0.005..0.5_f64],

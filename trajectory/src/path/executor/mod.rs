@@ -12,25 +12,28 @@
 //! A dwell and a mark are never cut: a new plan that takes over while one is under way begins behind
 //! the dwell, and at a mark only once that is [passed](Executor::pass). What is replaced before
 //! them brings them again. Waypoints are counted from the beginning of everything, so that each counts
-//! once, however often the path goes over it. Nothing that a person does can lose one.
+//! once, however often the path goes over it. Nothing that an operator does can lose one.
 //!
-//! - `operator`: what a person does,
+//! What it is doing is one [`Activity`]: following the path, retracing it, stopping, holding, jogging or
+//! ended. What it knows of its plan is another enum, [`PlanStatus`].
+//!
+//! - `activity`: what it is doing, and what follows from that,
+//! - `operator`: what an operator does,
 //! - `stop`: the shortest way to rest,
 //! - `replan`: from which state on a plan is asked for.
 
+mod activity;
 mod operator;
 mod replan;
 mod stop;
 
 use std::collections::VecDeque;
 use std::iter::repeat_n;
-use std::mem::take;
 
 use super::brake::Search;
-use super::jog::Jogging;
 use super::planner::MOST_AT_ONCE;
 use super::{Command, Curve, JerkSegment, Limits, Overrides, PathSegment};
-use stop::Stop;
+use activity::{Activity, Next, WayToRest};
 
 /// Where every axis has to be, and what the path does there.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -53,7 +56,7 @@ pub struct Setpoint<const N: usize> {
     pub feed: f64,
     /// A move or a dwell is at work.
     pub busy: bool,
-    /// A person moved the axes away from the path, and they are not back yet.
+    /// Jogging has moved the axes off the path, and they are not back yet.
     pub off_path: bool,
 }
 
@@ -144,10 +147,60 @@ const WORK: usize = 150;
 enum PlanStatus {
     /// What comes goes on with it.
     Current,
+    /// What comes replaces its steps from that number on.
+    ReceivingTail { from: u64 },
     /// It is to be replaced, and what still comes of it is dropped.
     AwaitingReplacement,
-    /// A replacement comes in; it takes over in that cycle.
-    Receiving { takeover: u64 },
+    /// Its replacement is coming, for that cycle.
+    ReceivingReplacement { takeover: u64 },
+}
+
+impl PlanStatus {
+    /// It is to be replaced, and is not yet.
+    fn is_replaced(self) -> bool {
+        matches!(
+            self,
+            PlanStatus::AwaitingReplacement | PlanStatus::ReceivingReplacement { .. }
+        )
+    }
+}
+
+/// Where on the path the executor is.
+#[derive(Debug, Clone, Copy)]
+struct Place<const N: usize> {
+    /// Those of the section under way.
+    limits: Option<Limits<N>>,
+    /// The item under way, or the last one, and the path distance from the beginning of everything
+    /// to the section's.
+    item: Option<u64>,
+    origin: f64,
+    /// The section leads back.
+    backward: bool,
+    /// Where on the section the path came to rest last, and where the axes are there.
+    reached: f64,
+    position: [f64; N],
+    tag: u32,
+    /// The mark at which the path rests until it is passed; then there are no steps.
+    mark: Option<u32>,
+    /// How many waypoints the path has come to.
+    waypoints: u32,
+}
+
+impl<const N: usize> Place<N> {
+    /// On no path yet.
+    fn before_the_path(position: [f64; N]) -> Self {
+        Place {
+            limits: None,
+            item: None,
+            origin: 0.0,
+            backward: false,
+            reached: 0.0,
+            position,
+            tag: 0,
+            mark: None,
+            waypoints: 0,
+        }
+    }
 }
 
 /// Holds the plan and samples it. Allocates only in [`Executor::new`].
@@ -158,9 +211,8 @@ enum PlanStatus {
 pub struct Executor<const N: usize> {
     period: f64,
     cycle: u64,
-    /// How many cycles after an request the new plan takes over.
+    /// How many cycles after a request the new plan takes over.
     lead: u64,
-    limits: Option<Limits<N>>,
     /// Those of the section under way first; where `start` falls, others begin.
     spans: VecDeque<PathSegment<N>>,
     /// Number of the first of `spans`, and of the first that is not committed.
@@ -171,8 +223,6 @@ pub struct Executor<const N: usize> {
     committed: usize,
     /// Number of the first of `steps`, counted from the last revision's first.
     number: i64,
-    /// The step that the uncommitted ones replace.
-    splice: Option<u64>,
     plan: PlanStatus,
     /// How often the plan was to be replaced.
     revision: u64,
@@ -184,33 +234,11 @@ pub struct Executor<const N: usize> {
     rested: u64,
     /// When the first of `steps` began; meaningless when idle.
     began: Clock,
-    /// The mark at which the path rests until it is passed; then there are no steps.
-    mark: Option<u32>,
-    /// How many waypoints the path has come to.
-    waypoints: u32,
-    /// The item under way, or the last one, and the path distance from the beginning of everything
-    /// to the section's.
-    item: Option<u64>,
-    origin: f64,
-    /// The section leads back.
-    backward: bool,
-    /// Where on the section the path came to rest last.
-    reached: f64,
-    rest: [f64; N],
-    tag: u32,
-    stop: Stop,
-    /// Apart, for it is large; always there.
-    search: Option<Box<Search<N>>>,
+    place: Place<N>,
     overrides: Overrides,
-    single_block: bool,
-    /// The way back is asked for; the revision that the person asked for with it.
-    retrace: Option<u64>,
-    /// Rest until `resume`.
-    held: bool,
-    /// Rest for good.
-    stopped: bool,
-    /// What a person does with the axes while the path rests.
-    jogging: Option<Jogging<N>>,
+    activity: Activity<N>,
+    /// For the way to rest; apart, for it is large.
+    search: Box<Search<N>>,
 }
 
 /// Part of a speed that is asked for, at most `most`.
@@ -264,26 +292,15 @@ impl<const N: usize> Executor<N> {
     /// At rest in `position`, with a cycle of `period` s and room for whatever a planner commits.
     pub fn new(position: [f64; N], period: f64) -> Self {
         Executor {
-            spans: touched(CAPACITY + RESERVE, some_span()),
-            steps: touched(CAPACITY + RESERVE, Some(Step::Hold)),
-            search: Some(Box::default()),
-            ..Executor::empty(position, period)
-        }
-    }
-
-    fn empty(position: [f64; N], period: f64) -> Self {
-        Executor {
             period,
             cycle: 0,
             lead: first_lead(period),
-            limits: None,
-            spans: VecDeque::new(),
+            spans: touched(CAPACITY + RESERVE, some_span()),
             first_span: 0,
             committed_spans: 0,
-            steps: VecDeque::new(),
+            steps: touched(CAPACITY + RESERVE, Some(Step::Hold)),
             committed: 0,
             number: 0,
-            splice: None,
             plan: PlanStatus::Current,
             revision: 0,
             refused: None,
@@ -293,38 +310,31 @@ impl<const N: usize> Executor<N> {
                 cycle: 0,
                 offset: 0.0,
             },
-            mark: None,
-            waypoints: 0,
-            item: None,
-            origin: 0.0,
-            backward: false,
-            reached: 0.0,
-            rest: position,
-            tag: 0,
-            stop: Stop::No,
-            search: None,
+            place: Place::before_the_path(position),
             overrides: Overrides::default(),
-            single_block: false,
-            retrace: None,
-            held: false,
-            stopped: false,
-            jogging: None,
+            activity: Activity::Following {
+                single_block: false,
+            },
+            search: Box::default(),
         }
     }
 
     /// Forgets the plan and rests in `position`, its cycle number zero; the overrides stay as they
     /// are. Allocates nothing.
     pub fn restart(&mut self, position: [f64; N]) {
-        let (mut spans, mut steps) = (take(&mut self.spans), take(&mut self.steps));
-        spans.clear();
-        steps.clear();
-        *self = Executor {
-            spans,
-            steps,
-            search: take(&mut self.search),
-            overrides: self.overrides,
-            revision: self.revision,
-            ..Executor::empty(position, self.period)
+        self.spans.clear();
+        self.steps.clear();
+        self.search.reset();
+        (self.first_span, self.committed_spans) = (0, 0);
+        (self.committed, self.number) = (0, 0);
+        (self.cycle, self.rested) = (0, 0);
+        self.began = self.now();
+        (self.refused, self.late) = (None, 0);
+        self.lead = first_lead(self.period);
+        self.plan = PlanStatus::Current;
+        self.place = Place::before_the_path(position);
+        self.activity = Activity::Following {
+            single_block: false,
         };
         if self.overrides != Overrides::default() {
             self.request_replacement();
@@ -335,13 +345,11 @@ impl<const N: usize> Executor<N> {
     pub fn room(&self) -> usize {
         let room = (self.spans.capacity() - self.spans.len())
             .min(self.steps.capacity() - self.steps.len());
-        let held = self.held
-            || self.stopped
-            || self.turns()
-            || self.is_held() && !self.awaits_replacement();
-        if held && !self.seeks_rest() || self.refused == Some(self.cycle) {
+        // While it rests nothing is taken, but for the plan that ends the rest.
+        let waits = self.rests_at_hold() && !self.awaits_replacement();
+        if self.activity.goal().is_none() || waits || self.refused == Some(self.cycle) {
             0
-        } else if self.plan != PlanStatus::Current {
+        } else if self.plan.is_replaced() {
             room
         } else if self.leads_to_mark() {
             0
@@ -354,7 +362,7 @@ impl<const N: usize> Executor<N> {
     /// After [`stop`](Self::stop), but for the way to rest, and while the plan is to be replaced,
     /// commands are taken and dropped.
     pub fn accept(&mut self, command: Command<N>) -> bool {
-        if self.stopped && !self.seeks_rest() {
+        if self.activity.ends() && !self.activity.seeks_rest() {
             return true;
         }
         if self.room() == 0 {
@@ -364,7 +372,7 @@ impl<const N: usize> Executor<N> {
             if let Command::ReplacePlan { revision, cycle } = command
                 && revision == self.revision
             {
-                self.plan = PlanStatus::Receiving { takeover: cycle };
+                self.plan = PlanStatus::ReceivingReplacement { takeover: cycle };
             }
             return true;
         }
@@ -384,7 +392,7 @@ impl<const N: usize> Executor<N> {
                 spans,
                 moving: false,
             }),
-            Command::ReplaceTail(step) => self.splice = Some(step),
+            Command::ReplaceTail(step) => self.plan = PlanStatus::ReceivingTail { from: step },
             Command::PathSegment(span) => self.spans.push_back(span),
             Command::JerkSegment(piece) => self.steps.push_back(Step::JerkSegment(piece)),
             Command::Dwell {
@@ -409,57 +417,78 @@ impl<const N: usize> Executor<N> {
     }
 
     fn commit(&mut self) {
-        if let PlanStatus::Receiving { takeover: cycle } = self.plan {
-            self.plan = PlanStatus::Current;
-            // Who rests since before can begin whenever the plan comes.
-            let rests = self.committed == 0 && self.mark.is_none() && cycle >= self.rested;
-            if cycle < self.cycle && !rests {
-                // Too late: another one is asked for in the next cycle, and from a planner that
-                // is slow further ahead. None was found where the cycle is 0.
-                if cycle > 0 {
-                    let most = (LONGEST_LEAD / self.period) as u64;
-                    self.lead = (2 * self.lead).min(most.max(self.lead));
-                } else if let Stop::Sought { since, .. } = self.stop {
-                    // It is awake, and asked again.
-                    self.seek_from(self.unanswered(), since);
+        match std::mem::replace(&mut self.plan, PlanStatus::Current) {
+            PlanStatus::ReceivingReplacement { takeover } => {
+                if !self.can_take_over(takeover) {
+                    self.refuse_replacement(takeover);
+                    return;
                 }
-                self.request_replacement();
-                self.refused = Some(self.cycle);
-                return;
+                self.take_over(takeover);
             }
-            let keep = self.cut(cycle.max(self.cycle));
-            self.steps.drain(keep..self.committed);
-            self.stop = Stop::No;
-            self.lead = first_lead(self.period);
-            self.number = -(keep as i64);
-            let under_way = keep.checked_sub(1).is_some_and(
-                |last| matches!(self.steps[last], Step::JerkSegment(p) if p.at(p.duration).1 > 0.0),
-            );
-            if let Some(Step::Section { moving, .. }) = self.steps.get_mut(keep) {
-                *moving = under_way;
+            PlanStatus::ReceivingTail { from } => {
+                // A step that has begun cannot be replaced any more.
+                let keep = from as i64 - self.number;
+                if keep <= 0 {
+                    self.late += 1;
+                    self.request_replacement();
+                    return;
+                }
+                self.steps
+                    .drain((keep as usize).min(self.committed)..self.committed);
             }
-            if keep == 0 {
-                self.began = self.now();
+            PlanStatus::Current | PlanStatus::AwaitingReplacement => {
+                if self.committed == 0 {
+                    self.began = self.now();
+                }
             }
-        } else if let Some(step) = self.splice.take() {
-            // A step that has begun cannot be replaced any more.
-            let keep = step as i64 - self.number;
-            if keep <= 0 {
-                self.late += 1;
-                self.request_replacement();
-                return;
-            }
-            self.steps
-                .drain((keep as usize).min(self.committed)..self.committed);
-        } else if self.committed == 0 {
-            self.began = self.now();
         }
         self.committed = self.steps.len();
         self.committed_spans = self.first_span + self.spans.len() as u64;
-        if self.held || self.stopped || self.turns() {
+        if let Activity::Stopping { way, .. } = &mut self.activity {
             // That was the way to rest; a way on comes after it.
-            self.stop = Stop::Found;
+            *way = WayToRest::Found;
             self.request_replacement();
+        }
+    }
+
+    /// The replacement for that cycle is in time. Who rests since before can begin whenever it comes.
+    fn can_take_over(&self, takeover: u64) -> bool {
+        let rests = self.committed == 0 && self.place.mark.is_none() && takeover >= self.rested;
+        takeover >= self.cycle || rests
+    }
+
+    /// The replacement came too late: another one is asked for in the next cycle.
+    fn refuse_replacement(&mut self, takeover: u64) {
+        if takeover > 0 {
+            // From a planner that is slow, further ahead.
+            let most = (LONGEST_LEAD / self.period) as u64;
+            self.lead = (2 * self.lead).min(most.max(self.lead));
+        } else if let Activity::Stopping {
+            way: WayToRest::Sought { since, .. },
+            ..
+        } = self.activity
+        {
+            // None was found. The planner is awake, and asked again.
+            self.seek_from(self.unanswered(), since);
+        }
+        self.request_replacement();
+        self.refused = Some(self.cycle);
+    }
+
+    /// The uncommitted steps follow the committed ones from that cycle on.
+    fn take_over(&mut self, takeover: u64) {
+        let keep = self.cut(takeover.max(self.cycle));
+        self.steps.drain(keep..self.committed);
+        self.lead = first_lead(self.period);
+        self.number = -(keep as i64);
+        let under_way = keep.checked_sub(1).is_some_and(
+            |last| matches!(self.steps[last], Step::JerkSegment(p) if p.at(p.duration).1 > 0.0),
+        );
+        if let Some(Step::Section { moving, .. }) = self.steps.get_mut(keep) {
+            *moving = under_way;
+        }
+        if keep == 0 {
+            self.began = self.now();
         }
     }
 
@@ -471,51 +500,58 @@ impl<const N: usize> Executor<N> {
 
     /// Nothing is left to execute, and nothing is waited for; the axes rest.
     pub fn is_idle(&self) -> bool {
-        let moved = self
-            .jogging
-            .as_ref()
-            .is_some_and(|jogging| !jogging.rests());
+        let moved = self.activity.jogging().is_some_and(|axes| !axes.rests());
         // Behind a mark nothing is planned before it is passed.
-        let replaced = self.mark.is_none() && self.plan != PlanStatus::Current;
-        let waits = !self.stopped && (self.held || replaced);
+        let replaced = self.place.mark.is_none() && self.plan.is_replaced();
+        let waits = match self.activity {
+            Activity::Ended => false,
+            Activity::Following { .. } | Activity::Retracing { .. } => replaced,
+            Activity::Stopping { next, .. } => match next {
+                Next::End => false,
+                Next::Hold => true,
+                Next::Follow { .. } | Next::Retrace { .. } => replaced,
+            },
+            Activity::Holding => true,
+            Activity::Jogging { next, .. } => next != Next::End,
+        };
         self.committed == 0 && !waits && !moved
     }
 
     /// The mark at which the path rests; it goes on behind it once that is passed.
     pub fn mark(&self) -> Option<u32> {
-        self.mark
+        self.place.mark
     }
 
     /// Lets the path go on behind the [`mark`](Self::mark) at which it rests.
     pub fn pass(&mut self) {
-        self.mark = None;
+        self.place.mark = None;
     }
 
     /// How many [waypoints](super::Planner::waypoint) the path has come to. It grows only: on a path that is
     /// gone over again they do not count again.
     pub fn waypoints(&self) -> u32 {
-        self.waypoints
+        self.place.waypoints
     }
 
     /// What is committed ends at a mark, or the path rests at one: there is no more to follow before
     /// that is passed.
     fn leads_to_mark(&self) -> bool {
         let whole = self.committed == self.steps.len();
-        self.mark.is_some() || whole && matches!(self.steps.back(), Some(Step::Mark { .. }))
+        self.place.mark.is_some() || whole && matches!(self.steps.back(), Some(Step::Mark { .. }))
     }
 
     /// Rests, and only more of the plan gets it on: nobody holds it, at no mark, and a speed is
     /// asked for.
     pub fn wants_plan(&self) -> bool {
         let rests = match self.current() {
-            None => self.mark.is_none(),
+            None => self.place.mark.is_none(),
             Some(Step::Hold) => {
                 let Overrides { feed, rapid } = self.overrides;
                 self.wants_speed() && feed > 0.0 && rapid > 0.0
             }
             Some(_) => false,
         };
-        rests && !self.held && !self.stopped && self.jogging.is_none()
+        rests && self.activity.takes_plans()
     }
 
     /// Number of the cycle that the last setpoint belongs to.
@@ -528,18 +564,19 @@ impl<const N: usize> Executor<N> {
         let (Some(Step::JerkSegment(piece)), Some(span)) = (self.current(), self.spans.front())
         else {
             let rest = Setpoint {
-                position: self.rest,
+                position: self.place.position,
                 velocity: [0.0; N],
                 acceleration: [0.0; N],
                 jerk: [0.0; N],
-                tag: self.tag,
-                distance: self.path_distance(self.reached),
+                tag: self.place.tag,
+                distance: self.path_distance(self.place.reached),
                 speed: 0.0,
                 feed: 0.0,
                 busy: !self.is_idle(),
                 off_path: false,
             };
-            return (self.jogging.as_ref()).map_or(rest, |jogging| jogging.setpoint(rest));
+            let axes = self.activity.jogging();
+            return axes.map_or(rest, |axes| axes.setpoint(rest));
         };
         let t = self.since(self.began).clamp(0.0, piece.duration);
         let (ds, v, a) = piece.at(t);
@@ -564,18 +601,18 @@ impl<const N: usize> Executor<N> {
     }
 
     fn path_distance(&self, on_section: f64) -> f64 {
-        if self.backward {
-            self.origin - on_section
+        if self.place.backward {
+            self.place.origin - on_section
         } else {
-            self.origin + on_section
+            self.place.origin + on_section
         }
     }
 
     /// Goes on by one cycle.
     pub fn advance(&mut self) -> Setpoint<N> {
         self.cycle += 1;
-        if let Some(jogging) = &mut self.jogging {
-            jogging.advance(self.overrides.rapid);
+        if let Activity::Jogging { axes, .. } = &mut self.activity {
+            axes.advance(self.overrides.rapid);
             self.come_back();
             return self.setpoint();
         }
@@ -591,11 +628,16 @@ impl<const N: usize> Executor<N> {
             let (ds, _, _) = piece.at(self.since(self.began));
             self.enter_span_at(piece.distance + ds);
             self.pass_waypoints();
-            if let Stop::Sought { departure, since } = self.stop
+            if let Activity::Stopping {
+                way: WayToRest::Sought { departure, since },
+                ..
+            } = self.activity
                 && departure <= self.cycle + AHEAD
             {
-                self.seek_stop(departure, since);
+                self.seek_rest(departure, since);
             }
+        } else if let Activity::Stopping { next, .. } = self.activity {
+            self.activity = next.into();
         }
         self.setpoint()
     }
@@ -606,6 +648,16 @@ impl<const N: usize> Executor<N> {
         } else {
             None
         }
+    }
+
+    /// The path is in motion.
+    fn moves(&self) -> bool {
+        matches!(self.current(), Some(Step::JerkSegment(_)))
+    }
+
+    /// The plan came to a rest that somebody has to end.
+    fn rests_at_hold(&self) -> bool {
+        matches!(self.current(), Some(Step::Hold))
     }
 
     fn now(&self) -> Clock {
@@ -637,15 +689,15 @@ impl<const N: usize> Executor<N> {
                 spans,
                 moving,
             } => {
-                self.limits = Some(limits);
+                self.place.limits = Some(limits);
                 let passed = spans.saturating_sub(self.first_span) as usize;
                 self.spans.drain(..passed.min(self.spans.len()));
                 self.first_span = spans;
-                self.item = Some(item);
-                self.origin = origin;
-                self.backward = backward;
+                self.place.item = Some(item);
+                self.place.origin = origin;
+                self.place.backward = backward;
                 if !moving && let Some(Step::JerkSegment(piece)) = self.current() {
-                    self.reached = piece.distance;
+                    self.place.reached = piece.distance;
                 }
             }
             Step::JerkSegment(piece) => {
@@ -653,14 +705,14 @@ impl<const N: usize> Executor<N> {
                     self.finish_run(piece.distance + piece.at(duration).0);
                 }
             }
-            Step::Dwell { item, .. } => self.item = Some(item),
+            Step::Dwell { item, .. } => self.place.item = Some(item),
             Step::Mark { item, mark } => {
-                self.item = Some(item);
-                self.mark = Some(mark);
+                self.place.item = Some(item);
+                self.place.mark = Some(mark);
             }
             Step::Waypoint { item, waypoints } => {
-                self.item = Some(item);
-                self.waypoints = self.waypoints.max(waypoints);
+                self.place.item = Some(item);
+                self.place.waypoints = self.place.waypoints.max(waypoints);
             }
             Step::Hold => self.began = self.now(),
         }
@@ -668,7 +720,7 @@ impl<const N: usize> Executor<N> {
             self.rested = self.cycle;
         }
         if let Some(Step::Dwell { tag, .. }) = self.current() {
-            self.tag = *tag;
+            self.place.tag = *tag;
         }
     }
 
@@ -679,15 +731,15 @@ impl<const N: usize> Executor<N> {
         if let Some(span) = self.spans.front() {
             let whole = span.start + span.curve.length();
             let complete = end >= whole - 1e-9;
-            self.rest = if complete {
+            self.place.position = if complete {
                 span.curve.end()
             } else {
                 span.curve.at(end - span.start).q
             };
-            self.tag = span.tag;
-            self.reached = end;
+            self.place.tag = span.tag;
+            self.place.reached = end;
         }
-        if self.stopped && self.committed == 0 {
+        if self.activity.ends() && self.committed == 0 {
             self.spans.clear();
         }
     }
@@ -695,7 +747,7 @@ impl<const N: usize> Executor<N> {
     /// The path is on its first span, and has come to all waypoints before that.
     fn pass_waypoints(&mut self) {
         if let Some(span) = self.spans.front() {
-            self.waypoints = self.waypoints.max(span.waypoints);
+            self.place.waypoints = self.place.waypoints.max(span.waypoints);
         }
     }
 

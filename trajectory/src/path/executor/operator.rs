@@ -1,13 +1,11 @@
-//! What a person does with the path: overrides, feed hold, single block, retrace, jogs, the stop.
+//! What an operator does with the path: overrides, feed hold, single block, retrace, jogging, the stop.
 //!
 //! Each acts on what is committed at once and asks for a plan that goes with it.
 
-use std::mem::take;
-
-use super::stop::Stop;
-use super::{Executor, PlanStatus, Step, part};
+use super::activity::{Activity, Next, WayToRest};
+use super::{Executor, Step, part};
 use crate::path::Overrides;
-use crate::path::jog::{Jog, JogError, Jogging, Then, Travel};
+use crate::path::jog::{Jog, JogError, Jogging, Travel};
 
 impl<const N: usize> Executor<N> {
     /// From now on these parts of the programmed speeds are asked for; values outside of the ranges
@@ -18,17 +16,16 @@ impl<const N: usize> Executor<N> {
             rapid: part(overrides.rapid, 1.0),
         };
         if overrides != self.overrides {
-            // A rest for want of speed ends; one that a person asked for does not, and what ends it
+            // A rest for want of speed ends; one that an operator asked for does not, and what ends it
             // has the path planned anew.
-            let rests = matches!(self.current(), Some(Step::Hold));
-            let asked = rests && !self.wants_speed();
-            if rests && !asked {
-                self.finish_step(Step::Hold, 0.0);
+            let asked = self.rests_at_hold() && !self.wants_speed();
+            if !asked {
+                self.leave_hold();
             }
             if overrides.rapid != self.overrides.rapid
-                && let Some(jogging) = &mut self.jogging
+                && let Activity::Jogging { axes, .. } = &mut self.activity
             {
-                jogging.change_speed();
+                axes.change_speed();
             }
             self.overrides = overrides;
             if !asked {
@@ -51,48 +48,59 @@ impl<const N: usize> Executor<N> {
     /// searched for here, over several cycles; until there is one the plan, which ends at rest, too,
     /// is followed.
     pub fn feed_hold(&mut self) {
-        if let Some(jogging) = &mut self.jogging {
-            jogging.hold();
-            return;
-        }
-        let begun = self.held || self.stopped;
-        let rests = matches!(self.current(), Some(Step::Hold));
-        if rests {
-            self.held |= !self.stopped;
-        } else if !begun {
-            self.request_replacement();
-            self.held = true;
-            // To turn it comes to rest already.
-            if self.stop == Stop::No {
-                self.begin_stop();
+        let rests = self.rests_at_hold();
+        match &mut self.activity {
+            Activity::Jogging { axes, next } => {
+                axes.hold();
+                if *next != Next::End {
+                    *next = Next::Hold;
+                }
             }
+            // To turn it comes to rest already.
+            Activity::Stopping {
+                next: next @ (Next::Follow { .. } | Next::Retrace { .. }),
+                ..
+            } => {
+                *next = Next::Hold;
+                self.request_replacement();
+            }
+            Activity::Following { .. } | Activity::Retracing { .. } if rests => {
+                self.activity = Activity::Holding;
+            }
+            Activity::Following { .. } | Activity::Retracing { .. } => {
+                self.request_replacement();
+                self.stop_for(Next::Hold);
+            }
+            Activity::Stopping { .. } | Activity::Holding | Activity::Ended => {}
         }
     }
 
     /// Ends a [`feed_hold`](Self::feed_hold), also one that a stop after the block came to.
     pub fn resume(&mut self) {
-        if self.stopped {
-            return;
-        }
-        let goes_on = take(&mut self.single_block);
-        if let Some(jogging) = &mut self.jogging {
-            jogging.go_home(Then::Resume);
-            return;
-        }
-        if !(self.is_held() || self.retraces()) {
-            if goes_on {
+        let next = Next::Follow {
+            single_block: false,
+        };
+        let held = self.is_held() || self.retraces();
+        match &mut self.activity {
+            Activity::Ended
+            | Activity::Jogging {
+                next: Next::End, ..
+            }
+            | Activity::Stopping {
+                next: Next::End, ..
+            } => {}
+            Activity::Jogging { .. } => self.return_to_path(next),
+            _ if held => self.turn_to(next),
+            Activity::Following { single_block }
+            | Activity::Stopping {
+                next: Next::Follow { single_block },
+                ..
+            } if *single_block => {
+                *single_block = false;
                 self.request_replacement();
             }
-            return;
+            _ => {}
         }
-        self.retrace = None;
-        self.leave_hold();
-        if self.backward && self.stop != Stop::Found {
-            self.begin_stop();
-        } else if !self.backward {
-            self.stop = Stop::No;
-        }
-        self.request_replacement();
     }
 
     /// Comes to rest, goes back along the path to the beginning of the block, or from there to that
@@ -100,98 +108,127 @@ impl<const N: usize> Executor<N> {
     /// nothing.
     pub fn retrace(&mut self) {
         let under_way = self.retraces() && !self.is_held();
-        if self.stopped || under_way {
+        if self.activity.ends() || under_way {
             return;
         }
-        if let Some(jogging) = &mut self.jogging {
-            jogging.go_home(Then::Retrace);
+        let next = Next::Retrace {
+            asked: self.revision + 1,
+        };
+        if let Activity::Jogging { .. } = self.activity {
+            self.return_to_path(next);
             return;
         }
-        self.single_block = false;
-        // It comes again.
-        self.mark = None;
-        self.retrace = Some(self.revision + 1);
-        self.leave_hold();
-        if self.backward {
-            self.stop = Stop::No;
-        } else if self.stop != Stop::Found {
-            self.begin_stop();
-        }
-        self.request_replacement();
+        self.turn_to(next);
     }
 
     /// Goes back along the path, or rests where that led, until [`resume`](Self::resume).
     pub fn retraces(&self) -> bool {
-        self.retrace.is_some()
+        self.activity.retraces()
     }
 
-    pub(super) fn leave_hold(&mut self) {
-        self.held = false;
-        if let Some(Step::Hold) = self.current() {
+    /// Ends a rest that the plan came to.
+    fn leave_hold(&mut self) {
+        if self.rests_at_hold() {
             self.finish_step(Step::Hold, 0.0);
         }
     }
 
-    /// It has to come to rest before the new plan begins: that goes the other way.
-    pub(super) fn turns(&self) -> bool {
-        self.retraces() != self.backward && matches!(self.current(), Some(Step::JerkSegment(_)))
+    /// Follows or retraces the path from where it is: at once where it moves that way already, otherwise
+    /// it comes to rest before.
+    fn turn_to(&mut self, turn: Next) {
+        let back = matches!(turn, Next::Retrace { .. });
+        if back {
+            // It comes again.
+            self.place.mark = None;
+        }
+        self.leave_hold();
+        if self.moves() && self.place.backward == back {
+            self.activity = turn.into();
+        } else if let Activity::Stopping {
+            way: WayToRest::Found,
+            next,
+        } = &mut self.activity
+        {
+            *next = turn;
+        } else {
+            self.stop_for(turn);
+        }
+        self.request_replacement();
     }
 
     /// Comes to rest at the end of the block that is under way, or of the first one where that is
-    /// possible, and waits for [`resume`](Self::resume). On the way back from a jog: of the block that
+    /// possible, and waits for [`resume`](Self::resume). On the way back from jogging: of the block that
     /// then goes on.
     pub fn single_block(&mut self) {
-        if let Some(jogging) = &self.jogging {
-            self.single_block |= jogging.returns();
-        } else if !self.is_held() && !self.retraces() {
-            self.single_block = true;
-            self.request_replacement();
+        let rests = self.rests_at_hold();
+        match &mut self.activity {
+            Activity::Jogging {
+                next: Next::Follow { single_block },
+                ..
+            } => *single_block = true,
+            Activity::Following { single_block }
+            | Activity::Stopping {
+                next: Next::Follow { single_block },
+                ..
+            } if !rests => {
+                *single_block = true;
+                self.request_replacement();
+            }
+            _ => {}
         }
     }
 
     /// Rests, or is coming to rest, until [`resume`](Self::resume).
     pub fn is_held(&self) -> bool {
-        let returns = self
-            .jogging
-            .as_ref()
-            .is_some_and(|jogging| jogging.returns());
-        !returns && (self.held || matches!(self.current(), Some(Step::Hold)))
+        !self.activity.returns() && (self.activity.holds() || self.rests_at_hold())
     }
 
     /// Rests because nothing is left of the programmed speed; nobody asked for it.
     pub fn wants_speed(&self) -> bool {
-        let asked = self.held || self.single_block || self.retrace.is_some();
-        !asked && matches!(self.current(), Some(Step::Hold))
+        let free = matches!(
+            self.activity,
+            Activity::Following {
+                single_block: false
+            }
+        );
+        free && self.rests_at_hold()
     }
 
     /// Nothing of the path is missing: what is committed leads to a rest that somebody has to end.
     pub fn leads_to_hold(&self) -> bool {
         let last = self.committed.checked_sub(1);
-        let changes = self.plan != PlanStatus::Current;
-        !changes && matches!(last.and_then(|last| self.steps.get(last)), Some(Step::Hold))
+        let last = last.and_then(|last| self.steps.get(last));
+        !self.plan.is_replaced() && matches!(last, Some(Step::Hold))
     }
 
     /// Comes to rest on the path as soon as the limits allow, as [`feed_hold`](Self::feed_hold) does, also by
     /// what a planner answers, and drops the rest of the plan for good.
     pub fn stop(&mut self) {
-        if !self.stopped {
-            self.stopped = true;
-            self.held = false;
-            match self.stop {
-                Stop::No => {
-                    self.request_replacement();
-                    self.begin_stop();
+        if self.activity.ends() {
+            return;
+        }
+        match &mut self.activity {
+            // It looks for the way already, or is on it.
+            Activity::Stopping { way, next } => {
+                *next = Next::End;
+                if *way == WayToRest::Found {
+                    self.drop_uncommitted();
                 }
-                // A hold looks for the way already, or is on it.
-                Stop::Sought { .. } => {}
-                Stop::Found => self.drop_uncommitted(),
             }
-            if self.committed == 0 {
-                self.spans.clear();
+            Activity::Jogging { axes, next } => {
+                axes.hold();
+                *next = Next::End;
+                self.drop_uncommitted();
+                self.steps.clear();
+                self.committed = 0;
             }
-            if let Some(jogging) = &mut self.jogging {
-                jogging.hold();
+            _ => {
+                self.request_replacement();
+                self.stop_for(Next::End);
             }
+        }
+        if self.committed == 0 {
+            self.spans.clear();
         }
     }
 
@@ -204,42 +241,46 @@ impl<const N: usize> Executor<N> {
     /// # Errors
     /// Why the order is refused; nothing changes then.
     pub fn jog(&mut self, jog: Jog<N>, travel: &[Option<Travel>; N]) -> Result<(), JogError> {
-        let moves = matches!(self.current(), Some(Step::JerkSegment(_)));
-        let rests = self.is_idle() || self.is_held() && !moves;
-        if self.stopped || !rests && self.jogging.is_none() {
+        let rests = self.is_idle() || self.is_held() && !self.moves();
+        if self.activity.ends() || !rests && !self.is_off_path() {
             return Err(JogError::Moving);
         }
-        let new = || Jogging::new(self.rest, self.period, travel);
-        let mut jogging = self.jogging.unwrap_or_else(new);
-        jogging.order(jog, self.overrides.rapid)?;
-        self.jogging = Some(jogging);
-        if !self.held {
+        let new = || Jogging::new(self.place.position, self.period, travel);
+        let mut axes = self.activity.jogging().copied().unwrap_or_else(new);
+        axes.order(jog, self.overrides.rapid)?;
+        if let Activity::Following { .. } | Activity::Retracing { .. } = self.activity {
             self.request_replacement();
-            self.held = true;
         }
+        let next = Next::Hold;
+        self.activity = Activity::Jogging { axes, next };
         Ok(())
     }
 
-    /// A person moved the axes away from the path, and they are not back yet.
+    /// Jogging has moved the axes off the path, and they are not back yet.
     pub fn is_off_path(&self) -> bool {
-        self.jogging.is_some()
+        self.activity.jogging().is_some()
+    }
+
+    /// The axes go back to the path, for that.
+    fn return_to_path(&mut self, then: Next) {
+        if let Activity::Jogging { axes, next } = &mut self.activity {
+            // They may be on their way for something else already.
+            if *next == Next::Hold {
+                axes.go_home();
+            }
+            *next = then;
+        }
     }
 
     /// Goes on with what the axes came back for.
     pub(super) fn come_back(&mut self) {
-        let Some(then) = self.jogging.as_ref().and_then(Jogging::arrived) else {
-            return;
-        };
-        self.jogging = None;
-        match then {
-            Then::Resume => {
-                let stop = self.single_block;
-                self.resume();
-                if stop {
-                    self.single_block();
-                }
-            }
-            Then::Retrace => self.retrace(),
+        if let Activity::Jogging { axes, next } = &self.activity
+            && self.activity.returns()
+            && axes.is_home()
+        {
+            let next = *next;
+            self.activity = Activity::Holding;
+            self.turn_to(next);
         }
     }
 }

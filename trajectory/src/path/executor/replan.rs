@@ -1,8 +1,8 @@
 //! The plan is replaced: from which state on it has to be planned anew, and what of it is kept.
 
-use super::stop::Stop;
+use super::activity::{Activity, Next, WayToRest};
 use super::{Executor, PlanStatus, Step};
-use crate::path::{PathState, ReplanRequest};
+use crate::path::{PathState, ReplanGoal, ReplanRequest};
 
 impl<const N: usize> Executor<N> {
     /// The plan is to be replaced, and what still comes of the old one is dropped.
@@ -14,17 +14,18 @@ impl<const N: usize> Executor<N> {
     /// is dropped. Nowhere at a mark or so shortly before it that it is reached before: what is
     /// replaced begins behind it once it is passed, and the mark itself is not lost.
     pub fn replan_request(&self) -> Option<ReplanRequest> {
-        let rest = self.seeks_rest();
-        let held = self.held || self.stopped || self.turns() || self.mark.is_some();
-        if !self.awaits_replacement() || held && !rest || self.refused == Some(self.cycle) {
+        let goal = self.activity.goal()?;
+        let rest = goal == ReplanGoal::Rest;
+        let waits = self.place.mark.is_some() && !rest;
+        if !self.awaits_replacement() || waits || self.refused == Some(self.cycle) {
             return None;
         }
         // A way to rest is soon found.
         let lead = if rest { self.lead * 3 / 4 } else { self.lead };
         let cycle = self.cycle + lead.max(1);
-        let mut item = self.item;
+        let mut item = self.place.item;
         let mut departure = PathState {
-            distance: self.reached,
+            distance: self.place.reached,
             ..PathState::default()
         };
         let (last, t) = self.step_at(cycle);
@@ -63,15 +64,21 @@ impl<const N: usize> Executor<N> {
             item,
             departure,
             overrides: self.overrides,
-            single_block: self.single_block,
-            retrace: self.retrace,
-            rest,
+            goal,
         })
     }
 
     /// The plan is to be replaced: nothing more of it is taken.
     pub(super) fn request_replacement(&mut self) {
-        if self.stopped && self.stop == Stop::Found {
+        let over = matches!(
+            self.activity,
+            Activity::Ended
+                | Activity::Stopping {
+                    way: WayToRest::Found,
+                    next: Next::End,
+                }
+        );
+        if over {
             return;
         }
         self.drop_uncommitted();
@@ -83,8 +90,7 @@ impl<const N: usize> Executor<N> {
         self.steps.truncate(self.committed);
         let spans = self.committed_spans.saturating_sub(self.first_span);
         self.spans.truncate(spans as usize);
-        self.splice = None;
-        if let PlanStatus::Receiving { .. } = self.plan {
+        if self.plan != PlanStatus::AwaitingReplacement {
             self.plan = PlanStatus::Current;
         }
     }

@@ -4,33 +4,10 @@
 //! the path is a line; elsewhere the planner is asked for one, and what it does not answer is
 //! searched for here, some work a cycle, from a state a little ahead.
 
+use super::activity::{Activity, Next, WayToRest};
 use super::{AHEAD, Executor, Step, WORK, first_lead};
-use crate::path::brake::{Braking, brake_gently};
+use crate::path::brake::{Braking, Outcome, brake_gently};
 use crate::path::{Limits, PathState};
-
-/// How far a stop on the path has come.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Stop {
-    /// Nobody asked for one.
-    No,
-    /// The plan is followed to its rest until a shorter way is found from that cycle on; since this one.
-    Sought { departure: u64, since: u64 },
-    /// The shorter way is being followed.
-    Found,
-}
-
-/// What a look for a way to rest comes to.
-#[allow(clippy::large_enum_variant)] // it lives for a moment, on the stack
-enum Look {
-    /// The plan comes to rest as fast as it can already.
-    AtRestSoon,
-    /// The hardest braking from the departure.
-    Found(Braking),
-    /// Nothing yet, the search goes on in the next cycle.
-    GoesOn,
-    /// Nothing from that departure; at its last cycle a gentle braking, if there is one.
-    Nothing(Option<Braking>),
-}
 
 impl<const N: usize> Executor<N> {
     /// From this cycle on a stop is to begin that the planner, asked from now on, did not find.
@@ -38,109 +15,131 @@ impl<const N: usize> Executor<N> {
         self.cycle + self.lead + AHEAD
     }
 
-    /// It is to come to rest as soon as it can, until [`resume`](Self::resume), to turn or for good, and
-    /// no way there was found yet.
-    pub(super) fn seeks_rest(&self) -> bool {
-        let moves = matches!(self.current(), Some(Step::JerkSegment(_)));
-        moves && matches!(self.stop, Stop::Sought { .. })
-    }
-
-    pub(super) fn begin_stop(&mut self) {
+    /// Comes to rest as soon as it can, for what is next; at rest it is there already. What is behind
+    /// the rest is dropped, a dwell is broken off.
+    pub(super) fn stop_for(&mut self, next: Next) {
         // However slow its plans are: a way to rest is soon found.
         self.lead = first_lead(self.period);
         self.drop_uncommitted();
         let goes_on =
             |s: &Step<N>| matches!(s, Step::JerkSegment(_) | Step::Section { moving: true, .. });
-        let run = self.steps.iter().position(|s| !goes_on(s));
-        self.steps.truncate(run.unwrap_or(self.steps.len()));
+        let motion = self.steps.iter().position(|s| !goes_on(s));
+        self.steps.truncate(motion.unwrap_or(self.steps.len()));
         self.committed = self.steps.len();
-        self.seek_from(self.cycle, self.cycle);
-        self.seek_stop(self.cycle, self.cycle);
+        if self.moves() {
+            let (departure, since) = (self.cycle, self.cycle);
+            let way = WayToRest::Sought { departure, since };
+            self.activity = Activity::Stopping { way, next };
+            self.search.reset();
+            self.seek_rest(departure, since);
+        } else {
+            self.activity = next.into();
+        }
     }
 
     /// A way to rest from that cycle on is searched for anew.
     pub(super) fn seek_from(&mut self, departure: u64, since: u64) {
-        self.stop = Stop::Sought { departure, since };
-        if let Some(search) = &mut self.search {
-            search.reset();
+        self.way_is(WayToRest::Sought { departure, since });
+        self.search.reset();
+    }
+
+    fn way_is(&mut self, now: WayToRest) {
+        if let Activity::Stopping { way, .. } = &mut self.activity {
+            *way = now;
         }
     }
 
-    /// Replaces the plan by a shorter way to rest if there is one.
+    /// Replaces the plan by a shorter way to rest from the cycle `departure` on, if there is one.
     ///
     /// A line has a closed form at once. Elsewhere the planner is asked for one; what it does not
     /// answer in time is searched for here from a little ahead, so that the share of several cycles
-    /// goes into the same law.
+    /// goes into the same search.
     ///
     /// Apart from the cycle that follows its plan: the search has a large stack.
     #[inline(never)]
-    pub(super) fn seek_stop(&mut self, departure: u64, since: u64) {
-        let (Some(Step::JerkSegment(_)), Some(limits)) = (self.current(), self.limits) else {
+    pub(super) fn seek_rest(&mut self, departure: u64, since: u64) {
+        let Some(limits) = self.place.limits else {
             return;
         };
-        let (index, t) = self.step_at(departure);
-        let Some(Step::JerkSegment(piece)) = self.steps.get(index).copied() else {
-            self.stop = Stop::Found;
+        let Some(from) = self.state_at(departure) else {
+            self.way_is(WayToRest::Found);
             return;
         };
-        let (ds, speed, acceleration) = piece.at(t.min(piece.duration));
-        let from = PathState {
-            distance: piece.distance + ds,
-            speed,
-            acceleration,
+        let outcome = if self.cycle == since {
+            if self.rests_soon(from) {
+                self.way_is(WayToRest::Found);
+                return;
+            }
+            self.brake_at_once(from, &limits)
+        } else {
+            self.search_on(from, &limits, departure)
         };
-        match self.look_for_rest(from, &limits, departure, since) {
-            Look::AtRestSoon => self.stop = Stop::Found,
-            Look::Found(braking) => {
+        match outcome {
+            Outcome::Found(braking) => {
                 self.rest_sooner(&braking, departure);
-                self.stop = Stop::Found;
+                self.way_is(WayToRest::Found);
             }
-            Look::GoesOn => {}
-            Look::Nothing(gentle) => {
-                if let Some(gentle) = gentle {
-                    self.rest_sooner(&gentle, departure);
-                }
-                self.seek_from(self.next_departure(departure, since), since);
-            }
+            Outcome::Unfinished => {}
+            Outcome::Impossible => self.seek_from(self.next_departure(departure, since), since),
         }
     }
 
-    /// Looks for the shortest way to rest from a state on the plan, for as long as a cycle allows.
-    fn look_for_rest(
-        &mut self,
-        from: PathState,
-        limits: &Limits<N>,
-        departure: u64,
-        since: u64,
-    ) -> Look {
+    /// The state on the path at the start of that cycle; none where the plan rests before.
+    fn state_at(&self, cycle: u64) -> Option<PathState> {
+        let (index, t) = self.step_at(cycle);
+        let Some(Step::JerkSegment(piece)) = self.steps.get(index) else {
+            return None;
+        };
+        let (ds, speed, acceleration) = piece.at(t.min(piece.duration));
+        Some(PathState {
+            distance: piece.distance + ds,
+            speed,
+            acceleration,
+        })
+    }
+
+    /// How many of the spans are passed at that distance.
+    fn passed(&self, distance: f64) -> usize {
         let spans = &self.spans;
-        let passed = (1..spans.len())
-            .take_while(|&k| spans[k].start > spans[k - 1].start && spans[k].start <= from.distance)
-            .count();
+        (1..spans.len())
+            .take_while(|&k| spans[k].start > spans[k - 1].start && spans[k].start <= distance)
+            .count()
+    }
+
+    /// On a line, and nothing is planned but to slow down: no stop is shorter.
+    fn rests_soon(&self, from: PathState) -> bool {
+        let here = self.spans.get(self.passed(from.distance));
+        here.is_some_and(|span| span.curve.direction().is_some())
+            && from.acceleration <= 0.0
+            && self.steps.iter().all(Step::brakes)
+    }
+
+    /// The closed form on a line.
+    fn brake_at_once(&self, from: PathState, limits: &Limits<N>) -> Outcome {
+        let here = self.spans.get(self.passed(from.distance));
+        here.filter(|span| span.curve.direction().is_some())
+            .and_then(|span| brake_gently(span, limits, from, 0.0))
+            .map_or(Outcome::Impossible, Outcome::Found)
+    }
+
+    /// Goes on with the search for the hardest braking, for as long as a cycle allows. Where it is not
+    /// found in the last cycle before its departure, a gentle one is followed meanwhile.
+    fn search_on(&mut self, from: PathState, limits: &Limits<N>, departure: u64) -> Outcome {
+        let passed = self.passed(from.distance);
+        let spans = &self.spans;
         let span = |k: usize| {
             let span = spans.get(passed + k)?;
             (k == 0 || span.start > spans[passed + k - 1].start).then_some(span)
         };
-        let first = self.cycle == since;
-        let straight = span(0).is_some_and(|span| span.curve.direction().is_some());
-        if first && straight && from.acceleration <= 0.0 && self.steps.iter().all(Step::brakes) {
-            return Look::AtRestSoon;
-        }
-        let gentle = || brake_gently(span(0)?, limits, from, 0.0);
-        if straight && let Some(braking) = gentle() {
-            return Look::Found(braking);
-        }
-        if first {
-            return Look::Nothing(None);
-        }
-        // The hardest as soon as it is found, and at last a gentle one.
-        let search = self.search.as_mut();
-        let searched = search.and_then(|search| search.go_on(span, limits, from, 0.0, WORK));
-        match searched {
-            Some(Some(braking)) => Look::Found(braking),
-            _ if departure == self.cycle => Look::Nothing(gentle()),
-            Some(None) => Look::GoesOn,
-            None => Look::Nothing(None),
+        match self.search.go_on(span, limits, from, 0.0, WORK) {
+            Outcome::Unfinished | Outcome::Impossible if departure == self.cycle => {
+                let gentle = span(0).and_then(|span| brake_gently(span, limits, from, 0.0));
+                if let Some(gentle) = gentle {
+                    self.rest_sooner(&gentle, departure);
+                }
+                Outcome::Impossible
+            }
+            outcome => outcome,
         }
     }
 

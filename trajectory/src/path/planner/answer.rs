@@ -9,7 +9,7 @@ use super::{ANSWER_HALVINGS, BACK, Back, Cursor, MOST_FOLLOWED, NOTHING, Planner
 use crate::path::brake::brake;
 use crate::path::override_transition::{attempts, minima};
 use crate::path::plan::follow;
-use crate::path::{Command, PathSegment, PathState, ReplanRequest};
+use crate::path::{Command, PathSegment, PathState, ReplanGoal, ReplanRequest};
 
 /// States of the last plan from which a way to rest is tried, and the time between them, s.
 const RESTS: usize = 4;
@@ -31,11 +31,11 @@ impl<const N: usize> Planner<N> {
     fn answer(&mut self, request: &ReplanRequest) {
         self.revision = request.revision;
         self.override_speeds(request.overrides);
-        self.single_block = request.single_block;
+        self.single_block = request.goal == ReplanGoal::Ahead { single_block: true };
         // The executor is on one of them, or on none.
         self.ways_back
             .retain(|way| request.item == Some(way.number));
-        if request.rest {
+        if request.goal == ReplanGoal::Rest {
             self.come_to_rest(request);
             return;
         }
@@ -46,9 +46,9 @@ impl<const N: usize> Planner<N> {
             self.find_nothing();
             return;
         }
-        let (item, departure) = match request.retrace {
-            Some(asked) => self.way_back(request, asked),
-            None => self.way_on(request),
+        let (item, departure) = match request.goal {
+            ReplanGoal::Back { asked } => self.way_back(request, asked),
+            ReplanGoal::Ahead { .. } | ReplanGoal::Rest => self.way_on(request),
         };
         if departure.speed > 0.0 && self.section(item).is_some() {
             self.go_on(request.cycle, item, departure);
@@ -66,7 +66,7 @@ impl<const N: usize> Planner<N> {
                     self.begin_item(item + 1);
                 }
             }
-            None if request.retrace.is_some() => {
+            None if matches!(request.goal, ReplanGoal::Back { .. }) => {
                 // There is no way further back.
                 self.out.extend([Command::Hold, Command::Commit]);
                 self.cursor.step += 1;
