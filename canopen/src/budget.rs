@@ -1,16 +1,45 @@
 //! Whether one SYNC cycle's frames fit their cycle, and where in it they end.
 //!
-//! What decides is SYNC + all PDOs + one blocking frame, each at its worst-case length, against
-//! the cycle, and by [`response_time`](crate::response_time) each PDO against the SYNC that ends
-//! its cycle; the controller's R_PDOs leave first in, first out.
+//! Two questions, two numbers.
+//!
+//! **Deadlines** decide. SYNC leaves at the cycle's instant; the T_PDOs that it causes must have come
+//! when the controller computes, at the setpoint offset; the R_PDOs of the burst that it sends then must
+//! each have *begun* when the next SYNC is due, for a frame on its way ends before SYNC does. Both legs
+//! are bounded by [`response_time`](crate::response_time), each from the event that releases its frames:
+//!
+//! ```text
+//!  SYNC due       SYNC ends    T_PDOs queued                 setpoint offset            SYNC due
+//!   │ a frame │ SYNC │ response │ heartbeat │ EMCY │ T_PDO × N │ … │ heartbeat │ R_PDO × N │
+//! ```
+//!
+//! What the bus carries besides in motion: a heartbeat a node and one of the controller's, which are
+//! less urgent than PDOs and so only block, one at each of the two places (another one waits until the
+//! PDOs are through); and EMCY messages, which are more urgent than PDOs and go before them, at a
+//! stated rate of one a cycle. A machine that holds its deadlines with heartbeats but not with an EMCY
+//! besides fits with a warning: a node that sends one has stopped or is to be stopped, and what it
+//! costs is one T_PDO or one burst, which is counted. SDO is kept out of motion by the controller;
+//! before, nothing moves yet.
+//!
+//! **Load** tells how full a cycle can get: all that can be queued in one. It is what a measurement of
+//! the busiest cycle is to be held against, and decides nothing.
+//!
+//! Tried before: releasing all frames with SYNC and one blocking frame a cycle. That is no bound,
+//! since a heartbeat can stand before SYNC, another one before the T_PDOs and a third before the
+//! burst, and a machine that it accepted sent a burst too late in one of some hundred runs.
 
-use crate::id::{CobId, NodeId};
-use crate::response_time::{Message, Queue, bit_time, worst_case, worst_case_bits};
+use crate::id::{CanId, CobId, NodeId};
+use crate::response_time::{Message, bit_time, worst_case, worst_case_bits};
 use core::fmt;
 use core::time::Duration;
 
 /// The longest frame that anyone may put on the bus unasked: 8 data bytes, standard identifier.
 pub const BLOCKING_BITS: u32 = 135;
+
+/// A heartbeat: one data byte.
+const HEARTBEAT_BITS: u32 = 65;
+
+/// The identifier of the most urgent EMCY message.
+const EMCY: u16 = 0x081;
 
 /// Share of the cycle above which a fitting machine is warned, in percent.
 pub const WARNING_PERCENT: u32 = 80;
@@ -33,6 +62,13 @@ pub struct Pdo {
     pub cob_id: CobId,
     /// Mapped bytes, 0…8.
     pub bytes: u8,
+}
+
+impl Pdo {
+    /// Its worst-case bits on the wire.
+    const fn bits(&self) -> u32 {
+        worst_case_bits(CanId::Standard(self.cob_id.get()), self.bytes)
+    }
 }
 
 /// What one node adds to a cycle.
@@ -104,9 +140,10 @@ pub struct PdoTime {
     pub pdo: Pdo,
     /// Worst-case bits on the wire.
     pub bits: u32,
-    /// Worst-case response time when everything is released at SYNC; `None`: no bound.
-    pub response: Option<Duration>,
-    /// What it must not exceed: the cycle times the node's divider.
+    /// After SYNC's instant, when at the latest a T_PDO has come, an R_PDO begins; EMCY apart.
+    /// `None`: no bound.
+    pub latest: Option<Duration>,
+    /// What that must not exceed: the setpoint offset for a T_PDO, the cycle for an R_PDO.
     pub deadline: Duration,
 }
 
@@ -127,28 +164,33 @@ pub struct Budget {
     pub demand: Duration,
     /// The answer.
     pub verdict: Verdict,
+    /// Whether the deadlines hold in a cycle with an EMCY, too.
+    pub outlasts_emcy: bool,
     /// Each PDO, in the order of the nodes.
     pub pdos: Vec<PdoTime>,
     /// SYNC leaves up to this late: one frame that was already on its way.
     pub sync_jitter: Duration,
-    /// After SYNC's instant, when the last T_PDO has arrived with one blocking frame a cycle.
+    /// After SYNC's instant, when the last T_PDO has come; EMCY apart.
     pub t_pdos_in: Duration,
-    /// After SYNC's instant, when the controller should compute and send the burst. Where the
-    /// room is there, it outlasts a second blocking frame before the T_PDOs and a third before
-    /// the burst; where it is not, a heartbeat before either. Whole microseconds.
+    /// After SYNC's instant, when the controller computes and sends the burst: behind the last T_PDO
+    /// with a margin. Whole microseconds.
     pub setpoint_offset: Duration,
-    /// After SYNC's instant, when the burst sent at `setpoint_offset` has left, with a blocking
-    /// frame before it. Beyond the cycle: such a frame makes setpoints late.
+    /// After SYNC's instant, the last one at which a burst may be sent: its last frame still begins
+    /// before the next SYNC, behind a heartbeat.
+    pub latest_offset: Duration,
+    /// The same with nothing in the burst's way: what is sent later is late.
+    pub latest_burst: Duration,
+    /// After SYNC's instant, when the burst sent at `setpoint_offset` has left, with the longest
+    /// frame before it.
     pub burst_out: Duration,
     /// Before SYNC, no acyclic frame may be started that long: its longest frame.
     pub quiet_window: Duration,
-    /// After SYNC's instant, the last one at which a burst still leaves before the next SYNC if
-    /// nothing is in its way.
-    pub latest_burst: Duration,
     /// What is left of the cycle for SDO.
     pub sdo_room: Duration,
     /// Requests with their answers that fit into `sdo_room`.
     pub sdo_transfers: u32,
+    /// All that can be queued in one cycle while axes move: SYNC, PDOs, every heartbeat, an EMCY.
+    pub load: Duration,
 }
 
 impl Traffic {
@@ -158,77 +200,52 @@ impl Traffic {
     /// If the bit rate, the cycle or a divider is zero.
     #[must_use]
     pub fn budget(&self) -> Budget {
-        let pdos = || {
-            self.nodes
-                .iter()
-                .flat_map(|node| node.pdos.iter().map(move |pdo| (node, *pdo)))
-        };
-        let bits_of = |pdo: Pdo| worst_case_bits(pdo.cob_id.into(), pdo.bytes);
         let sum = |direction| {
-            pdos()
-                .filter(|(_, pdo)| pdo.direction == direction)
-                .map(|(_, pdo)| bits_of(pdo))
-                .sum::<u32>()
+            let pdos = self.pdos().filter(|(_, pdo)| pdo.direction == direction);
+            pdos.map(|(_, pdo)| pdo.bits()).sum::<u32>()
         };
         let time = |bits| bit_time(bits, self.bit_rate);
         let sync_bits = worst_case_bits(CobId::SYNC.into(), 0);
         let t_pdo_bits = sum(Direction::Transmit);
         let r_pdo_bits = sum(Direction::Receive);
-        let demand = time(sync_bits + t_pdo_bits + r_pdo_bits + BLOCKING_BITS);
-
-        let mut messages = vec![Message {
-            id: CobId::SYNC.into(),
-            bytes: 0,
-            period: self.cycle,
-            jitter: Duration::ZERO,
-            queue: Queue::Priority,
-        }];
-        messages.extend(pdos().map(|(node, pdo)| Message {
-            id: pdo.cob_id.into(),
-            bytes: pdo.bytes,
-            period: self.cycle * node.divider,
-            jitter: Duration::ZERO,
-            queue: match pdo.direction {
-                Direction::Transmit => Queue::Priority,
-                Direction::Receive => Queue::Fifo(0),
-            },
-        }));
-        let responses = worst_case(&messages, BLOCKING_BITS, self.bit_rate);
-        let pdo_times: Vec<PdoTime> = pdos()
-            .zip(&responses[1..])
-            .map(|((node, pdo), &response)| PdoTime {
-                node: node.node,
-                pdo,
-                bits: bits_of(pdo),
-                response,
-                deadline: self.cycle * node.divider,
-            })
-            .collect();
-
+        let pdo_bits = t_pdo_bits + r_pdo_bits;
         let blocking = time(BLOCKING_BITS);
-        let device_response = self
-            .nodes
-            .iter()
-            .map(|node| node.response)
-            .max()
-            .unwrap_or_default();
-        let t_pdos_in = time(BLOCKING_BITS + sync_bits + t_pdo_bits) + device_response;
-        let burst = time(r_pdo_bits);
-        let setpoint_offset = self.setpoint_offset(t_pdos_in, burst, blocking);
+        let demand = time(sync_bits + pdo_bits + BLOCKING_BITS);
 
-        let sdo_room = self.cycle.saturating_sub(demand);
-
-        let in_time = pdo_times.iter().all(|pdo| {
-            pdo.response
-                .is_some_and(|response| response <= pdo.deadline)
-        });
-        let verdict = if demand > self.cycle || t_pdos_in + burst > self.cycle || !in_time {
+        let [calm, with_emcy] = [false, true].map(|emcy| self.bounds(emcy));
+        let outlasts_emcy = with_emcy.hold(self.cycle);
+        let verdict = if demand > self.cycle || !calm.hold(self.cycle) {
             Verdict::DoesNotFit
-        } else if demand * 100 > self.cycle * WARNING_PERCENT {
+        } else if !outlasts_emcy || demand * 100 > self.cycle * WARNING_PERCENT {
             Verdict::FitsTightly
         } else {
             Verdict::Fits
         };
+        let bounds = if outlasts_emcy { &with_emcy } else { &calm };
+        let generous = time(2 * BLOCKING_BITS + sync_bits + t_pdo_bits) + self.slowest_response();
+        let setpoint_offset = bounds.setpoint_offset(generous + self.cycle / 20, self.cycle);
+
+        let burst_begun = calm.burst_begun().unwrap_or(self.cycle);
+        let mut t_pdos = calm.t_pdos.iter();
+        let mut r_pdos = calm.r_pdos.iter();
+        let times = self.pdos().map(|(node, pdo)| {
+            let (latest, deadline) = match pdo.direction {
+                Direction::Transmit => (t_pdos.next().copied().flatten(), setpoint_offset),
+                Direction::Receive => {
+                    let begun = r_pdos.next().copied().flatten();
+                    (begun.map(|it| setpoint_offset + it), self.cycle)
+                }
+            };
+            PdoTime {
+                node: node.node,
+                pdo,
+                bits: pdo.bits(),
+                latest,
+                deadline,
+            }
+        });
+        let sdo_room = self.cycle.saturating_sub(demand);
+        let heartbeats = HEARTBEAT_BITS * (self.nodes.len() as u32 + 1);
         Budget {
             bit_rate: self.bit_rate,
             cycle: self.cycle,
@@ -237,43 +254,93 @@ impl Traffic {
             r_pdo_bits,
             demand,
             verdict,
-            pdos: pdo_times,
+            outlasts_emcy,
+            pdos: times.collect(),
             sync_jitter: blocking,
-            t_pdos_in,
+            t_pdos_in: calm.t_pdos_in().unwrap_or(self.cycle),
             setpoint_offset,
-            burst_out: setpoint_offset + blocking + burst,
+            latest_offset: self.cycle.saturating_sub(burst_begun),
+            latest_burst: self
+                .cycle
+                .saturating_sub(burst_begun.saturating_sub(time(HEARTBEAT_BITS))),
+            burst_out: setpoint_offset + blocking + time(r_pdo_bits),
             quiet_window: blocking,
-            latest_burst: self.cycle.saturating_sub(burst),
             sdo_room,
             sdo_transfers: (sdo_room.as_nanos() / (2 * blocking).as_nanos()) as u32,
+            load: time(sync_bits + pdo_bits + heartbeats + BLOCKING_BITS),
         }
     }
 
-    /// Behind the last T_PDO with a margin: a second blocking frame and a twentieth of the cycle,
-    /// where the burst still leaves in time behind a blocking frame of its own. Where there is
-    /// less room, half of it; but heartbeats, which come in every run, must make nothing late: with
-    /// no room for a longer frame before the T_PDOs *and* a heartbeat before the burst, only
-    /// heartbeats are reckoned with. The longer one, an EMCY, then costs a T_PDO.
-    fn setpoint_offset(
+    fn pdos(&self) -> impl Iterator<Item = (&NodeTraffic, Pdo)> {
+        let of = |node| move |pdo| (node, pdo);
+        (self.nodes.iter()).flat_map(move |node| node.pdos.iter().copied().map(of(node)))
+    }
+
+    /// Bounds of the cycle's two legs, with an EMCY a cycle or without.
+    fn bounds(&self, emcy: bool) -> Bounds {
+        // Before SYNC: a heartbeat, or the last of the burst.
+        let in_the_way = (self.pdos())
+            .filter(|(_, pdo)| pdo.direction == Direction::Receive)
+            .map(|(_, pdo)| pdo.bits())
+            .fold(HEARTBEAT_BITS, u32::max);
+        let sync_bits = worst_case_bits(CobId::SYNC.into(), 0);
+        let sync_over = bit_time(in_the_way + sync_bits, self.bit_rate);
+        let t_pdos = self.leg(Direction::Transmit, emcy);
+        let t_pdos = t_pdos.map(|(_, over)| Some(sync_over + over?)).collect();
+
+        let r_pdos = self.leg(Direction::Receive, emcy);
+        let mut r_pdos: Vec<(Pdo, Option<Duration>)> = r_pdos
+            .map(|(pdo, over)| (pdo, over.map(|it| it - bit_time(pdo.bits(), self.bit_rate))))
+            .collect();
+        // The burst is sent at once: none of its frames begins behind its least urgent one.
+        let least_urgent = r_pdos.iter().max_by_key(|(pdo, _)| pdo.cob_id.get());
+        if let Some(&(_, last)) = least_urgent {
+            for (_, begun) in &mut r_pdos {
+                *begun = (*begun).min(last);
+            }
+        }
+        Bounds {
+            t_pdos,
+            r_pdos: r_pdos.into_iter().map(|(_, begun)| begun).collect(),
+        }
+    }
+
+    /// The PDOs of a direction, each with its response time from the event that releases them all.
+    fn leg(
         &self,
-        t_pdos_in: Duration,
-        burst: Duration,
-        blocking: Duration,
-    ) -> Duration {
-        let generous = t_pdos_in + blocking + self.cycle / 20;
-        let heartbeat = CobId::error_control(NodeId::MAX).into();
-        let heartbeat = bit_time(worst_case_bits(heartbeat, 1), self.bit_rate);
-        let half = self.cycle.saturating_sub(t_pdos_in + burst) / 2;
-        let earliest = t_pdos_in - (blocking - heartbeat);
-        let latest = self.cycle.saturating_sub(heartbeat + burst);
-        let offset = if generous + blocking + burst <= self.cycle {
-            generous
-        } else if half >= heartbeat || latest < earliest {
-            t_pdos_in + half
-        } else {
-            earliest + (latest - earliest) / 2
-        };
-        Duration::from_micros(offset.as_micros() as u64)
+        direction: Direction,
+        emcy: bool,
+    ) -> impl Iterator<Item = (Pdo, Option<Duration>)> {
+        let pdos = self
+            .pdos()
+            .filter(move |(_, pdo)| pdo.direction == direction);
+        let (pdos, mut messages): (Vec<Pdo>, Vec<Message>) = pdos
+            .map(|(node, pdo)| {
+                let message = Message {
+                    id: pdo.cob_id.into(),
+                    bytes: pdo.bytes,
+                    period: self.cycle * node.divider,
+                    jitter: match direction {
+                        Direction::Transmit => node.response,
+                        Direction::Receive => Duration::ZERO,
+                    },
+                };
+                (pdo, message)
+            })
+            .unzip();
+        messages.extend(emcy.then_some(Message {
+            id: CanId::Standard(EMCY),
+            bytes: 8,
+            period: self.cycle,
+            jitter: Duration::ZERO,
+        }));
+        let responses = worst_case(&messages, HEARTBEAT_BITS, self.bit_rate);
+        pdos.into_iter().zip(responses)
+    }
+
+    fn slowest_response(&self) -> Duration {
+        let responses = self.nodes.iter().map(|node| node.response);
+        responses.max().unwrap_or_default()
     }
 
     /// The first of `cycles` that this traffic fits, if any: the cycles that the devices can take,
@@ -296,6 +363,50 @@ impl Traffic {
             nodes: self.nodes.iter().skip(bus).step_by(2).cloned().collect(),
             ..*self
         })
+    }
+}
+
+/// The worst case of a cycle's two legs; `None`: no bound.
+struct Bounds {
+    /// By T_PDO in the order of the nodes: when it has come, after SYNC's instant.
+    t_pdos: Vec<Option<Duration>>,
+    /// By R_PDO in the order of the nodes: when it begins, after the burst is sent.
+    r_pdos: Vec<Option<Duration>>,
+}
+
+/// The latest; `None` if one has no bound.
+fn latest(of: &[Option<Duration>]) -> Option<Duration> {
+    (of.iter()).try_fold(Duration::ZERO, |latest, it| Some(latest.max((*it)?)))
+}
+
+impl Bounds {
+    /// When the last T_PDO has come, after SYNC's instant.
+    fn t_pdos_in(&self) -> Option<Duration> {
+        latest(&self.t_pdos)
+    }
+
+    /// When the last R_PDO begins, after the burst is sent.
+    fn burst_begun(&self) -> Option<Duration> {
+        latest(&self.r_pdos)
+    }
+
+    /// Whether there is an instant for the burst behind the T_PDOs and before the next SYNC.
+    fn hold(&self, cycle: Duration) -> bool {
+        let whole = self.t_pdos_in().zip(self.burst_begun());
+        whole.is_some_and(|(t_pdos, burst)| t_pdos + burst <= cycle)
+    }
+
+    /// Where both legs have room, `generous`, or else the middle of what there is, in whole
+    /// microseconds.
+    fn setpoint_offset(&self, generous: Duration, cycle: Duration) -> Duration {
+        let earliest = self.t_pdos_in().unwrap_or(cycle);
+        let latest = cycle.saturating_sub(self.burst_begun().unwrap_or(cycle));
+        let offset = if (earliest..=latest).contains(&generous) {
+            generous
+        } else {
+            earliest + latest.saturating_sub(earliest) / 2
+        };
+        Duration::from_micros(offset.as_micros() as u64)
     }
 }
 
@@ -338,9 +449,9 @@ impl fmt::Display for Budget {
         if self.verdict == Verdict::DoesNotFit && self.demand <= self.cycle {
             write!(
                 f,
-                ": T_PDOs are in by {:.3} ms, the burst takes {:.3} ms more",
+                ": T_PDOs are in by {:.3} ms, and the last R_PDO begins {:.3} ms later",
                 self.t_pdos_in.as_secs_f64() * 1e3,
-                bit_time(self.r_pdo_bits, self.bit_rate).as_secs_f64() * 1e3
+                (self.cycle.saturating_sub(self.latest_offset)).as_secs_f64() * 1e3
             )?;
         }
         Ok(())

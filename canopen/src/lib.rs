@@ -6,7 +6,7 @@
 //! ```
 //!
 //! - [`frame`], [`id`]: what travels on the wire (CAN 2.0A/B, CiA 301 pre-defined connection set)
-//! - [`response_time`], [`budget`]: whether a cycle's frames fit their cycle (Davis et al. 2007, 2013)
+//! - [`response_time`], [`budget`]: whether a cycle's frames fit their cycle (Davis et al. 2007)
 //! - [`time`]: instants that are handed in, never read
 //! - [`dictionary`]: a device's objects as a table, a node's values of them
 //! - [`sdo`], [`pdo`], [`nmt`], [`sync`], [`emcy`], [`heartbeat`], [`guarding`]: the services,

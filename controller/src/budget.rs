@@ -4,7 +4,7 @@ use crate::machine::Machine;
 use std::fmt;
 use std::ops::RangeInclusive;
 use std::time::Duration;
-use syncline_canopen::budget::{Budget, Traffic, Verdict};
+use syncline_canopen::budget::{BLOCKING_BITS, Budget, Direction, Traffic, Verdict};
 use syncline_canopen::response_time::bit_time;
 use syncline_canopen::{CobId, Frame};
 use syncline_drives::bus::frame_bits;
@@ -22,6 +22,12 @@ pub struct BusBudget {
     pub budget: Budget,
     /// Share of the bus's time that frames take on average in motion, by their exact lengths.
     pub typical_load: f64,
+    /// SDO requests that the controller sends in a cycle, with their answers, beside SYNC and PDOs; at
+    /// least one, as none is sent while axes move.
+    pub sdo_per_cycle: usize,
+    /// All that can be queued in one cycle of a whole run: what is in motion, and before and after
+    /// it SDO, whose answers may be those to the requests of two cycles.
+    pub load: Duration,
     /// The least cycle that fits and that all its drives take.
     pub smallest_cycle: Option<Duration>,
 }
@@ -34,7 +40,7 @@ pub struct MachineBudget {
     /// From SYNC to receiving, supervising and sending the setpoints: the machine file's, or the
     /// latest of the buses' defaults.
     pub setpoint_offset: Duration,
-    /// From SYNC, the last instant at which every bus's burst still leaves before the next one.
+    /// From SYNC, the last instant at which every bus's burst still begins before the next one.
     pub latest_burst: Duration,
 }
 
@@ -114,7 +120,7 @@ impl MachineBudget {
                 });
             }
             let earliest = bus.budget.t_pdos_in.min(bus.budget.setpoint_offset);
-            let allowed = earliest..=bus.budget.latest_burst;
+            let allowed = earliest..=bus.budget.latest_offset;
             if !allowed.contains(&self.setpoint_offset) {
                 return Err(DoesNotFit::Offset {
                     bus: bus.bus.clone(),
@@ -147,9 +153,18 @@ impl BusBudget {
         let cycles = (1..=LONGEST_CYCLE_MS)
             .map(Duration::from_millis)
             .filter(taken_by_all);
+        let budget = traffic.budget();
+        let answers = devices.iter().map(|device| device.sdo_response());
+        let busy = budget.burst_out + budget.quiet_window + answers.max().unwrap_or_default();
+        let transfer = bit_time(2 * BLOCKING_BITS, budget.bit_rate);
+        let room = budget.cycle.saturating_sub(busy).as_nanos() / transfer.as_nanos();
+        let sdo_per_cycle = room.clamp(1, devices.len().max(1) as u128) as usize;
+        let sdo = bit_time(3 * BLOCKING_BITS, budget.bit_rate) * sdo_per_cycle as u32;
         Self {
             bus: machine.buses[bus].name.clone(),
-            budget: traffic.budget(),
+            load: budget.load + sdo,
+            sdo_per_cycle,
+            budget,
             typical_load: typical_load(machine, &drives, &devices, traffic.bit_rate),
             smallest_cycle: traffic.smallest_cycle(cycles),
             traffic,
@@ -236,18 +251,21 @@ impl fmt::Display for BusBudget {
         writeln!(f, "  {budget}")?;
         writeln!(f, "  {}", self.advice())?;
         writeln!(f)?;
-        writeln!(f, "  PDO     node  id      bits   response    deadline")?;
+        writeln!(
+            f,
+            "  PDO     node  id      bits               latest    deadline"
+        )?;
         for pdo in &budget.pdos {
-            let kind = match pdo.pdo.direction {
-                syncline_canopen::budget::Direction::Transmit => "T_PDO",
-                syncline_canopen::budget::Direction::Receive => "R_PDO",
+            let (kind, event) = match pdo.pdo.direction {
+                Direction::Transmit => ("T_PDO", "in by"),
+                Direction::Receive => ("R_PDO", "begins by"),
             };
-            let response = pdo
-                .response
+            let latest = pdo
+                .latest
                 .map_or_else(|| "no bound".into(), |it| Millis(it).to_string());
             writeln!(
                 f,
-                "  {kind}   {:<4}  {:03X}h   {:>4}  {response:>9}   {:>9}",
+                "  {kind}   {:<4}  {:03X}h   {:>4}  {event:>9} {latest:>9}   {:>9}",
                 pdo.node,
                 pdo.pdo.cob_id.get(),
                 pdo.bits,
@@ -255,17 +273,13 @@ impl fmt::Display for BusBudget {
             )?;
         }
         writeln!(f)?;
-        let late = if budget.burst_out > budget.cycle {
-            ": an 8-byte frame sent unasked just before the burst makes setpoints late"
-        } else {
+        let emcy = if budget.outlasts_emcy {
             ""
-        };
-        let missed = if budget.setpoint_offset < budget.t_pdos_in {
-            ": an 8-byte frame sent unasked before the T_PDOs makes the last one missed"
         } else {
-            ""
+            "; an EMCY makes a T_PDO or a setpoint of its cycle late, which is counted"
         };
         let burst = Millis(bit_time(budget.r_pdo_bits, budget.bit_rate));
+        let share = |time: Duration| time.as_secs_f64() / budget.cycle.as_secs_f64();
         for (name, value) in [
             (
                 "SYNC jitter",
@@ -281,13 +295,11 @@ impl fmt::Display for BusBudget {
             (
                 "setpoint offset",
                 format!(
-                    "{} after SYNC, the burst takes {burst}{missed}",
-                    Millis(budget.setpoint_offset)
+                    "{} after SYNC, {}…{} hold; the burst takes {burst}{emcy}",
+                    Millis(budget.setpoint_offset),
+                    Millis(budget.t_pdos_in),
+                    Millis(budget.latest_offset)
                 ),
-            ),
-            (
-                "burst out",
-                format!("{} after SYNC{late}", Millis(budget.burst_out)),
             ),
             (
                 "quiet window",
@@ -302,6 +314,14 @@ impl fmt::Display for BusBudget {
                     "{}, {} transfers a cycle",
                     Millis(budget.sdo_room),
                     budget.sdo_transfers
+                ),
+            ),
+            (
+                "load",
+                format!(
+                    "{:.1} % of a cycle at most in motion, {:.1} % with SDO",
+                    share(budget.load) * 100.0,
+                    share(self.load) * 100.0
                 ),
             ),
             (
@@ -352,13 +372,13 @@ mod tests {
             refused.to_string(),
             "bus portal: SYNC 55 + 4 T_PDO 460 + 4 R_PDO 460 + one blocking frame 135 = 1110 bits \
              at 1000 kbit/s = 1.110 ms of 1.000 ms (111.0 %): does not fit; the least cycle that \
-             fits is 2.000 ms; on two buses it is 0.650 ms of 1.000 ms each: fits"
+             fits is 2.000 ms; on two buses it is 0.650 ms of 1.000 ms each: fits, with a warning"
         );
     }
 
     #[test]
     fn an_offset_that_the_file_states_is_checked() {
-        for (offset, good) in [("500", false), ("900", true), ("1700", false)] {
+        for (offset, good) in [("500", false), ("900", true), ("1750", false)] {
             let machine = machine(3, 2000, &format!("setpoint_offset_us = {offset}"));
             let budget = MachineBudget::of(&machine);
             assert_eq!(

@@ -3,8 +3,8 @@
 
 use proptest::prelude::*;
 use std::time::Duration;
-use syncline_canopen::budget::{NodeTraffic, Traffic, Verdict};
-use syncline_canopen::response_time::{Message, Queue, bit_time, worst_case, worst_case_bits};
+use syncline_canopen::budget::{Direction, NodeTraffic, Traffic, Verdict};
+use syncline_canopen::response_time::{Message, bit_time, worst_case, worst_case_bits};
 use syncline_canopen::{CanId, CobId, NodeId};
 
 const RESPONSE: Duration = Duration::from_micros(100);
@@ -40,10 +40,7 @@ fn four_axes_at_one_millisecond_are_refused() {
          = 1.110 ms of 1.000 ms (111.0 %): does not fit"
     );
     let last = budget.pdos.last().unwrap();
-    assert_eq!(
-        last.response, None,
-        "beyond its period, no bound is claimed"
-    );
+    assert!(last.latest.is_none_or(|latest| latest > last.deadline));
     let cycles = (1..=20).map(Duration::from_millis);
     assert_eq!(
         axes(4, 1).smallest_cycle(cycles),
@@ -52,7 +49,9 @@ fn four_axes_at_one_millisecond_are_refused() {
     for half in axes(4, 1).on_two_buses() {
         assert_eq!(half.nodes.len(), 2);
         assert_eq!(half.budget().demand, Duration::from_micros(650));
-        assert_eq!(half.budget().verdict, Verdict::Fits);
+        // With all but an EMCY, which takes 15 µs too much.
+        assert_eq!(half.budget().verdict, Verdict::FitsTightly);
+        assert!(!half.budget().outlasts_emcy);
     }
 }
 
@@ -61,17 +60,24 @@ fn three_axes_at_one_millisecond_are_warned() {
     let budget = axes(3, 1).budget();
     assert_eq!(budget.demand, Duration::from_micros(880));
     assert_eq!(budget.verdict, Verdict::FitsTightly);
-    let slowest = budget.pdos.iter().filter_map(|pdo| pdo.response).max();
-    assert_eq!(slowest, Some(budget.demand));
-    // Heartbeats, 65 bits, are in nobody's way, before the T_PDOs or before the burst …
-    let (t_pdos, burst) = (55 + 100 + 345, 345);
+    // With a heartbeat or the last R_PDO before SYNC, and a heartbeat behind it …
+    let t_pdos_in = 115 + 55 + 100 + 65 + 345;
+    assert_eq!(budget.t_pdos_in, Duration::from_micros(t_pdos_in));
+    // … and one before the burst, whose last frame begins before the next SYNC.
+    let latest = 1000 - (65 + 2 * 115);
+    assert_eq!(budget.latest_offset, Duration::from_micros(latest));
     assert_eq!(
         budget.setpoint_offset,
-        Duration::from_micros((65 + t_pdos + 1000 - burst - 65) / 2)
+        Duration::from_micros((t_pdos_in + latest) / 2)
     );
-    // … but the longest frame is, and it says so.
-    assert!(budget.setpoint_offset < budget.t_pdos_in);
-    assert!(budget.burst_out > budget.cycle);
+    // An EMCY besides is too much.
+    assert!(!budget.outlasts_emcy);
+    assert!(
+        budget
+            .pdos
+            .iter()
+            .all(|pdo| pdo.latest.unwrap() <= pdo.deadline)
+    );
 }
 
 #[test]
@@ -81,15 +87,21 @@ fn six_axes_at_two_milliseconds_fit() {
     assert_eq!(budget.verdict, Verdict::Fits);
     assert_eq!(budget.sdo_room, Duration::from_micros(430));
     assert_eq!(budget.sdo_transfers, 1);
-    assert_eq!(budget.latest_burst, Duration::from_micros(1310));
+    assert_eq!(budget.latest_burst, Duration::from_micros(2000 - 5 * 115));
+    assert_eq!(
+        budget.latest_offset,
+        budget.latest_burst - Duration::from_micros(65)
+    );
     assert_eq!(budget.sync_jitter, Duration::from_micros(135));
-    let slowest = budget.pdos.iter().filter_map(|pdo| pdo.response).max();
-    assert_eq!(slowest, Some(budget.demand));
     assert_eq!(
         budget.t_pdos_in,
-        Duration::from_micros(135 + 55 + 690 + 100)
+        Duration::from_micros(115 + 55 + 100 + 65 + 690)
     );
-    assert!(budget.burst_out <= budget.cycle);
+    assert!(budget.outlasts_emcy);
+    assert_eq!(
+        budget.load,
+        Duration::from_micros(55 + 690 + 690 + 7 * 65 + 135)
+    );
 }
 
 #[test]
@@ -101,7 +113,9 @@ fn a_slow_drive_does_not_fit_although_its_frames_do() {
     assert_eq!(budget.verdict, Verdict::DoesNotFit);
     let words = budget.to_string();
     assert!(
-        words.ends_with("does not fit: T_PDOs are in by 0.735 ms, the burst takes 0.345 ms more"),
+        words.ends_with(
+            "does not fit: T_PDOs are in by 0.715 ms, and the last R_PDO begins 0.295 ms later"
+        ),
         "{words}"
     );
 }
@@ -115,7 +129,6 @@ fn the_busy_period_goes_on_beyond_the_first_instance() {
         bytes: 7,
         period: Duration::from_micros(period_us),
         jitter: Duration::ZERO,
-        queue: Queue::Priority,
     };
     let responses = worst_case(
         &[message(1, 2500), message(2, 3500), message(3, 3500)],
@@ -129,33 +142,18 @@ fn the_busy_period_goes_on_beyond_the_first_instance() {
     assert_eq!(micros, [2000, 3000, 3500]);
 }
 
-/// Late releases and time spent in a FIFO queue let frames come closer together than their period.
+/// Late releases let frames come closer together than their period.
 #[test]
 fn jitter_of_the_more_urgent_delays_twice() {
-    let message = |id, period_us, jitter_us, queue| Message {
+    let message = |id, period_us, jitter_us| Message {
         id: CanId::standard(id).unwrap(),
         bytes: 8,
         period: Duration::from_micros(period_us),
         jitter: Duration::from_micros(jitter_us),
-        queue,
     };
-    let late = [
-        message(1, 1000, 900, Queue::Priority),
-        message(2, 2000, 0, Queue::Priority),
-    ];
+    let late = [message(1, 1000, 900), message(2, 2000, 0)];
     let responses = worst_case(&late, 0, 1_000_000);
     assert_eq!(responses[1], Some(Duration::from_micros(135 + 2 * 135)));
-
-    let queued = [
-        message(1, 500, 0, Queue::Fifo(0)),
-        message(2, 2000, 0, Queue::Priority),
-        message(3, 1000, 0, Queue::Fifo(0)),
-    ];
-    let responses = worst_case(&queued, 0, 1_000_000);
-    assert_eq!(
-        responses[1],
-        Some(Duration::from_micros(135 + 2 * 135 + 135))
-    );
 }
 
 #[test]
@@ -165,15 +163,13 @@ fn an_overloaded_bus_has_no_bound() {
         bytes: 8,
         period: Duration::from_micros(200),
         jitter: Duration::ZERO,
-        queue: Queue::Priority,
     };
     let responses = worst_case(&[message(1), message(2)], 0, 1_000_000);
     assert!(responses[0].is_some());
     assert_eq!(responses[1], None);
 }
 
-/// A plain bus: frames are released, stations offer by their queue, the lowest identifier wins.
-/// Gives each message's longest response in nanoseconds. Written without the analysis in mind, so
+/// A plain bus: frames are released, the lowest identifier of those that wait wins. Gives each message's longest response in nanoseconds. Written without the analysis in mind, so
 /// that it can disagree with it.
 fn simulate(messages: &[Message], offsets: &[u64], jitters: &[Vec<u64>], horizon: u64) -> Vec<u64> {
     #[derive(Clone, Copy)]
@@ -199,18 +195,8 @@ fn simulate(messages: &[Message], offsets: &[u64], jitters: &[Vec<u64>], horizon
     let mut worst = vec![0; messages.len()];
     let mut now = 0;
     while !pending.is_empty() {
-        let first_in = pending
-            .iter()
-            .filter(|frame| messages[frame.message].queue != Queue::Priority)
-            .map(|frame| (frame.queued, frame.message))
-            .min();
-        let offers = |frame: &Pending| {
-            frame.queued <= now
-                && (messages[frame.message].queue == Queue::Priority
-                    || Some((frame.queued, frame.message)) == first_in)
-        };
         let next = (0..pending.len())
-            .filter(|&at| offers(&pending[at]))
+            .filter(|&at| pending[at].queued <= now)
             .min_by_key(|&at| (messages[pending[at].message].id.raw(), pending[at].queued));
         let Some(next) = next else {
             now = pending.iter().map(|frame| frame.queued).min().unwrap();
@@ -224,15 +210,78 @@ fn simulate(messages: &[Message], offsets: &[u64], jitters: &[Vec<u64>], horizon
     worst
 }
 
+/// Frames at their worst-case lengths on a plain bus, as (release, identifier, bytes) in ns: when each
+/// begins and ends.
+fn on_the_bus(frames: &[(u64, CobId, u8)]) -> Vec<(u64, u64)> {
+    let mut times = vec![None; frames.len()];
+    let mut now = 0;
+    while let Some(first) = (0..frames.len())
+        .filter(|&at| times[at].is_none())
+        .min_by_key(|&at| (frames[at].0.max(now), frames[at].1.get()))
+    {
+        let (release, id, bytes) = frames[first];
+        let begin = release.max(now);
+        now = begin + bit_time(worst_case_bits(id.into(), bytes), 1_000_000).as_nanos() as u64;
+        times[first] = Some((begin, now));
+    }
+    times.into_iter().flatten().collect()
+}
+
+proptest! {
+    /// What the budget bounds is reached, to a few nanoseconds, where everything comes as badly as it can.
+    #[test]
+    fn the_bounds_are_reached_with_aligned_phases(
+        pdos in prop::collection::vec((0_u8..=8, 1_u8..=8), 1..=12),
+        response in 1_u64..500,
+        cycle_ms in 1_u64..=10,
+    ) {
+        let response = Duration::from_micros(response);
+        let nodes = (1..).zip(&pdos).map(|(id, &(t, r))| {
+            let node = NodeId::new(id).unwrap();
+            let mut traffic = NodeTraffic::interpolated(node, t, response);
+            traffic.pdos[1].bytes = r;
+            traffic
+        });
+        let cycle = Duration::from_millis(cycle_ms);
+        let traffic = Traffic { bit_rate: 1_000_000, cycle, nodes: nodes.collect() };
+        let budget = traffic.budget();
+        prop_assume!(budget.verdict != Verdict::DoesNotFit);
+        let of = |direction| {
+            let pdos = traffic.nodes.iter().flat_map(|node| &node.pdos);
+            pdos.filter(move |pdo| pdo.direction == direction)
+        };
+        let nanos = |time: Duration| time.as_nanos() as u64;
+
+        // The longest R_PDO has just begun when SYNC is due, a heartbeat when the T_PDOs come, …
+        let due = 1_000_000;
+        let before = of(Direction::Receive).max_by_key(|pdo| pdo.bytes).unwrap();
+        let mut frames = vec![(due - 1, before.cob_id, before.bytes), (due, CobId::SYNC, 0)];
+        let sync_over = on_the_bus(&frames)[1].1;
+        let answers = sync_over + nanos(response);
+        let heartbeat = CobId::error_control(NodeId::MAX);
+        frames.push((answers - 1, heartbeat, 1));
+        frames.extend(of(Direction::Transmit).map(|pdo| (answers, pdo.cob_id, pdo.bytes)));
+        let t_pdos_in = on_the_bus(&frames).iter().map(|frame| frame.1).max().unwrap();
+        let bound = nanos(budget.t_pdos_in);
+        prop_assert!((bound - 3..=bound).contains(&(t_pdos_in - due)), "{} of {bound}", t_pdos_in - due);
+
+        // … and another one when the burst is sent.
+        let sent = due + nanos(budget.latest_offset);
+        let mut frames = vec![(sent - 1, heartbeat, 1)];
+        frames.extend(of(Direction::Receive).map(|pdo| (sent, pdo.cob_id, pdo.bytes)));
+        let begun = on_the_bus(&frames).iter().map(|frame| frame.0).max().unwrap();
+        let end = nanos(cycle);
+        prop_assert!((end - 3..=end).contains(&(begun - due)), "{} of {end}", begun - due);
+    }
+}
+
 prop_compose! {
-    fn message()(bytes in 0u8..=8, period in 4u64..40, jitter in 0u64..300, fifo: bool)
-        -> Message {
+    fn message()(bytes in 0u8..=8, period in 4u64..40, jitter in 0u64..300) -> Message {
         Message {
             id: CobId::SYNC.into(),
             bytes,
             period: Duration::from_micros(period * 100),
             jitter: Duration::from_micros(jitter),
-            queue: if fifo { Queue::Fifo(1) } else { Queue::Priority },
         }
     }
 }
@@ -240,9 +289,7 @@ prop_compose! {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(300))]
 
-    /// No offsets and no jitter let a frame take longer than its bound. Two of one message in a
-    /// FIFO queue at a time are outside what its analysis covers: no bound, and then none for the
-    /// frames that they delay.
+    /// No offsets and no jitter let a frame take longer than its bound.
     #[test]
     fn simulation_never_exceeds_the_bound(
         mut messages in prop::collection::vec(message(), 2..9),
@@ -262,18 +309,12 @@ proptest! {
             })
             .collect();
         let measured = simulate(&messages, &offsets, &jitters, 20_000_000);
-        let fifo_covered = messages
-            .iter()
-            .zip(&bounds)
-            .all(|(message, bound)| message.queue == Queue::Priority || bound.is_some());
-        if fifo_covered {
-            for ((message, bound), measured) in messages.iter().zip(&bounds).zip(measured) {
-                let Some(bound) = bound else { continue };
-                prop_assert!(
-                    measured <= bound.as_nanos() as u64,
-                    "{message:?}: {measured} ns > {bound:?}"
-                );
-            }
+        for ((message, bound), measured) in messages.iter().zip(&bounds).zip(measured) {
+            let Some(bound) = bound else { continue };
+            prop_assert!(
+                measured <= bound.as_nanos() as u64,
+                "{message:?}: {measured} ns > {bound:?}"
+            );
         }
     }
 }

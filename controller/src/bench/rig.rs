@@ -214,6 +214,7 @@ impl Shape {
                     }
                     layout::BusSpec {
                         name: bus_name(bus),
+                        bit_rate: budget.bit_rate,
                         sdo_per_cycle: (budget.sdo_transfers as usize).max(1),
                         drives: self.axes_of(bus).collect(),
                         by_node,

@@ -11,8 +11,8 @@ use syncline_canopen::budget::{Direction, Verdict};
 /// Tell whether a machine's frames fit its cycle, with the arithmetic.
 ///
 /// For each bus: SYNC, all PDOs and one blocking frame at their worst-case lengths against the
-/// cycle, each PDO's worst-case response time against its deadline, when in the cycle the
-/// setpoints leave, and what is left for SDO. Fits: exit code 0, with a warning above 80 % of the
+/// cycle, when each T_PDO has come and each R_PDO begins at the latest against its deadline, when in
+/// the cycle the setpoints leave, what is left for SDO, and how full a cycle can get. Fits: exit code 0, with a warning above 80 % of the
 /// cycle. Does not fit: exit code 1, with the least cycle that does and what two buses would give.
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
@@ -82,10 +82,14 @@ fn bus_json(bus: &BusBudget) -> Value {
         "sync_jitter_us": micros(budget.sync_jitter),
         "t_pdos_in_us": micros(budget.t_pdos_in),
         "setpoint_offset_us": micros(budget.setpoint_offset),
+        "latest_offset_us": micros(budget.latest_offset),
         "burst_out_us": micros(budget.burst_out),
+        "outlasts_emcy": budget.outlasts_emcy,
         "quiet_window_us": micros(budget.quiet_window),
         "sdo_room_us": micros(budget.sdo_room),
         "sdo_transfers_per_cycle": budget.sdo_transfers,
+        "load_in_motion": budget.load.as_secs_f64() / budget.cycle.as_secs_f64(),
+        "load": bus.load.as_secs_f64() / budget.cycle.as_secs_f64(),
         "typical_load": bus.typical_load,
         "smallest_cycle_us": bus.smallest_cycle.map(micros),
         "on_two_buses_us": bus.traffic.on_two_buses().map(|half| micros(half.budget().demand)),
@@ -97,7 +101,7 @@ fn bus_json(bus: &BusBudget) -> Value {
             },
             "cob_id": pdo.pdo.cob_id.get(),
             "bits": pdo.bits,
-            "response_us": pdo.response.map(micros),
+            "latest_us": pdo.latest.map(micros),
             "deadline_us": micros(pdo.deadline),
         })).collect::<Vec<_>>(),
     })

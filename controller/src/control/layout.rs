@@ -3,8 +3,6 @@
 use super::fault::{AxisIndex, BusIndex, DriveIndex, Names};
 use crate::budget::{BusBudget, DoesNotFit, MachineBudget};
 use crate::machine::{AxisLimits, Machine};
-use syncline_canopen::budget::BLOCKING_BITS;
-use syncline_canopen::response_time::bit_time;
 use syncline_canopen::time::Duration;
 use syncline_canopen::{CanId, Frame, NodeId};
 use syncline_drives::model::{self, Increments, Scaling};
@@ -47,6 +45,8 @@ pub struct Layout {
 pub struct BusSpec {
     /// As the machine file names it.
     pub name: String,
+    /// Bits per second.
+    pub bit_rate: u32,
     /// SDO requests, with their answers, that fit beside one cycle's SYNC and PDOs; at least one,
     /// as none is sent while axes move.
     pub sdo_per_cycle: usize,
@@ -167,18 +167,14 @@ impl BusSpec {
         let own: Vec<DriveIndex> = (0..drives.len())
             .filter(|&drive| drives[drive].bus == index)
             .collect();
-        let budget = &bus.budget;
-        let transfer = bit_time(2 * BLOCKING_BITS, budget.bit_rate);
-        let answers = own.iter().map(|&drive| drives[drive].device.sdo_response());
-        let busy = budget.burst_out + budget.quiet_window + answers.max().unwrap_or_default();
-        let room = budget.cycle.saturating_sub(busy).as_nanos() / transfer.as_nanos();
         let mut by_node = [None; 128];
         for &drive in &own {
             by_node[usize::from(drives[drive].device.node().get())] = Some(drive);
         }
         Self {
             name: bus.bus.clone(),
-            sdo_per_cycle: room.clamp(1, own.len().max(1) as u128) as usize,
+            bit_rate: bus.budget.bit_rate,
+            sdo_per_cycle: bus.sdo_per_cycle,
             drives: own,
             by_node,
         }

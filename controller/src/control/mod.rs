@@ -48,6 +48,7 @@ use std::collections::VecDeque;
 use std::hint::black_box;
 use std::mem::take;
 use std::sync::Arc;
+use syncline_canopen::response_time::{bit_time, worst_case_bits};
 use syncline_canopen::time::Duration;
 use syncline_canopen::{CobId, Frame, Instant, Transmit, nmt};
 use syncline_trajectory::path::{Command as PathCommand, Executor, ReplanRequest, Setpoint};
@@ -396,7 +397,11 @@ impl<const N: usize> Controller<N> {
         };
         let node = &mut self.nodes[drive];
         if *echo {
-            let in_time = self.sync_sent.is_none_or(|sync| *at <= sync);
+            // What was on its way when SYNC was due has left before it; behind SYNC its echo would
+            // come later than by its own length.
+            let bits = worst_case_bits(frame.id(), frame.dlc());
+            let own = bit_time(bits, self.layout.buses[bus].bit_rate);
+            let in_time = self.sync_sent.is_none_or(|sync| *at <= sync + own);
             if in_time && node.r_pdos().iter().any(|sent| sent.id() == frame.id()) {
                 let unsent = &mut self.misses[bus].unsent;
                 *unsent = unsent.saturating_sub(1);
@@ -449,14 +454,14 @@ impl<const N: usize> Controller<N> {
         }
     }
 
-    /// Before the program the setpoints stand still and answers to SDO requests may be in their
-    /// way: a late one is told and counted, no more.
+    /// Before and behind the path the setpoints do not change, so that the ones before are as good;
+    /// and there answers to SDO requests may be in their way.
     fn miss(&mut self, bus: BusIndex, cycle: u64) {
+        if !(Phase::Program..=Phase::Stop).contains(&self.phase) {
+            return;
+        }
         self.tell(Event::LateSetpoint { bus, cycle });
-        let misses = &mut self.misses[bus];
-        if self.phase < Phase::Program {
-            misses.count += 1;
-        } else if let Err(fault) = misses.miss(cycle) {
+        if let Err(fault) = self.misses[bus].miss(cycle) {
             self.fail(fault);
         }
     }

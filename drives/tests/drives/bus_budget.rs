@@ -1,11 +1,12 @@
 //! The budget's bounds against the simulated bus: no random machine ever measures more.
 
 use proptest::prelude::*;
+use std::mem::take;
 use std::time::Duration;
 use syncline_canopen::budget::{Budget, Direction, NodeTraffic, Pdo, Traffic, Verdict};
 use syncline_canopen::response_time::bit_time;
-use syncline_canopen::{CanId, CobId, Frame, Instant, NodeId, Transmit};
-use syncline_drives::bus::{Band, BitRate, Node, SimBus};
+use syncline_canopen::{CobId, Frame, Instant, NodeId, Transmit};
+use syncline_drives::bus::{Band, BitRate, Node, SimBus, Transmission};
 
 /// Sends its T_PDOs at a given time after each SYNC.
 struct Drive {
@@ -34,51 +35,50 @@ impl Node for Drive {
     }
 }
 
-/// Sends one frame of the lowest priority a cycle, unasked, at any time in it.
-struct Stranger {
-    cycle: Duration,
-    moments: Vec<Duration>,
+/// Sends a frame at given instants: heartbeats, EMCY messages.
+struct Sender {
+    frame: Frame,
+    instants: Vec<Instant>,
     sent: usize,
 }
 
-impl Node for Stranger {
+impl Node for Sender {
     fn on_frame(&mut self, _: Instant, _: &Frame, _: &mut dyn Transmit) {}
 
     fn poll(&mut self, _: Instant, tx: &mut dyn Transmit) {
-        tx.transmit(Frame::new(CanId::standard(0x7FF).unwrap(), &[0; 8]));
+        tx.transmit(self.frame);
         self.sent += 1;
     }
 
     fn deadline(&self) -> Option<Instant> {
-        let start = Instant::ZERO + self.cycle * self.sent as u32;
-        Some(start + self.moments[self.sent % self.moments.len()])
+        self.instants.get(self.sent).copied()
     }
 }
 
 enum Peer {
     Drive(Drive),
-    Stranger(Stranger),
+    Sender(Sender),
 }
 
 impl Node for Peer {
     fn on_frame(&mut self, now: Instant, frame: &Frame, tx: &mut dyn Transmit) {
         match self {
             Self::Drive(drive) => drive.on_frame(now, frame, tx),
-            Self::Stranger(stranger) => stranger.on_frame(now, frame, tx),
+            Self::Sender(sender) => sender.on_frame(now, frame, tx),
         }
     }
 
     fn poll(&mut self, now: Instant, tx: &mut dyn Transmit) {
         match self {
             Self::Drive(drive) => drive.poll(now, tx),
-            Self::Stranger(stranger) => stranger.poll(now, tx),
+            Self::Sender(sender) => sender.poll(now, tx),
         }
     }
 
     fn deadline(&self) -> Option<Instant> {
         match self {
             Self::Drive(drive) => drive.deadline(),
-            Self::Stranger(stranger) => stranger.deadline(),
+            Self::Sender(sender) => sender.deadline(),
         }
     }
 }
@@ -89,8 +89,10 @@ struct Case {
     data: [u8; 8],
     /// Shares of each node's response time, in percent, by cycle.
     shares: Vec<u32>,
-    /// Shares of the cycle at which the stranger sends, in per mille.
-    moments: Vec<u32>,
+    /// Shares of the cycle at which the nodes and the controller send heartbeats, in per mille.
+    heartbeats: Vec<u32>,
+    /// By cycle, in turn: at which share the first node sends an EMCY, in per mille, if it does.
+    emcys: Vec<Option<u32>>,
 }
 
 prop_compose! {
@@ -100,7 +102,8 @@ prop_compose! {
         nodes in prop::collection::vec((0_u8..=8, 0_u8..=8, 0_u64..=1000, any::<bool>()), 1..=16),
         data: [u8; 8],
         shares in prop::collection::vec(0_u32..=100, 1..8),
-        moments in prop::collection::vec(0_u32..1000, 1..4),
+        heartbeats in prop::collection::vec(0_u32..1000, 17),
+        emcys in prop::collection::vec(prop::option::of(0_u32..1000), 1..4),
     ) -> Case {
         let pdo = |direction, cob_id, bytes| Pdo { direction, cob_id, bytes };
         let nodes = nodes.iter().zip(1..).map(|(&(t, r, response, second), id)| {
@@ -122,14 +125,23 @@ prop_compose! {
             },
             data,
             shares,
-            moments,
+            heartbeats,
+            emcys,
         }
     }
 }
 
-/// Ends of SYNC, of the last T_PDO and of the last R_PDO after the SYNC instant, the worst of
-/// some cycles.
-fn measure(case: &Case, budget: &Budget) -> [Duration; 3] {
+/// Of some cycles the worst, after the SYNC instant: ends of SYNC and of the last T_PDO, beginning
+/// of the last R_PDO; and the most bits between two SYNCs.
+struct Measured {
+    sync: Duration,
+    t_pdos: Duration,
+    r_pdos: Duration,
+    bits: u32,
+}
+
+/// A bus on which every node sends its heartbeat in every other cycle, and one of them an EMCY.
+fn measure(case: &Case, budget: &Budget) -> Measured {
     const CYCLES: u32 = 20;
     let Traffic {
         cycle,
@@ -154,12 +166,26 @@ fn measure(case: &Case, budget: &Budget) -> [Duration; 3] {
             due: None,
         }));
     }
-    bus.attach(Peer::Stranger(Stranger {
-        cycle,
-        moments: case
-            .moments
-            .iter()
-            .map(|moment| cycle * *moment / 1000)
+    // So that what one cycle leaves to the next is not counted as a second one there.
+    let every_other = (0..CYCLES).step_by(2);
+    let at = |number: u32, moment: u32| Instant::ZERO + cycle * number + cycle * moment / 1000;
+    let controller = NodeId::new(127).unwrap();
+    let ids = nodes.iter().map(|node| node.node).chain([controller]);
+    for (id, &moment) in ids.zip(&case.heartbeats) {
+        bus.attach(Peer::Sender(Sender {
+            frame: Frame::new(CobId::error_control(id), &[5]),
+            instants: every_other
+                .clone()
+                .map(|number| at(number, moment))
+                .collect(),
+            sent: 0,
+        }));
+    }
+    let emcys = every_other.zip(case.emcys.iter().cycle());
+    bus.attach(Peer::Sender(Sender {
+        frame: Frame::new(CobId::emcy(nodes[0].node), &[0; 8]),
+        instants: emcys
+            .filter_map(|(number, moment)| Some(at(number, (*moment)?)))
             .collect(),
         sent: 0,
     }));
@@ -172,22 +198,33 @@ fn measure(case: &Case, budget: &Budget) -> [Duration; 3] {
         pdos.any(|pdo| pdo.direction == direction && frame.id() == pdo.cob_id.into())
     };
 
-    let mut worst = [Duration::ZERO; 3];
+    let mut worst = Measured {
+        sync: Duration::ZERO,
+        t_pdos: Duration::ZERO,
+        r_pdos: Duration::ZERO,
+        bits: 0,
+    };
+    let mut bits = 0;
     for number in 0..CYCLES {
         let start = Instant::ZERO + cycle * number;
         let setpoint = start + budget.setpoint_offset;
-        let mut watch = |sent: &syncline_drives::bus::Transmission| {
-            let after = sent.end.saturating_since(start);
-            let kind = if sent.frame.id() == CobId::SYNC.into() {
-                0
+        let mut watch = |sent: &Transmission| {
+            let (begun, ended) = (sent.start, sent.end);
+            if sent.frame.id() == CobId::SYNC.into() {
+                worst.sync = worst.sync.max(ended.saturating_since(start));
+                worst.bits = worst.bits.max(take(&mut bits));
             } else if is(&sent.frame, Direction::Transmit) {
-                1
+                worst.t_pdos = worst.t_pdos.max(ended.saturating_since(start));
             } else if is(&sent.frame, Direction::Receive) {
-                2
-            } else {
-                return;
-            };
-            worst[kind] = worst[kind].max(after);
+                // One that ends behind the next SYNC's instant began before it.
+                let of = if begun < start {
+                    cycle * number.saturating_sub(1)
+                } else {
+                    cycle * number
+                };
+                worst.r_pdos = worst.r_pdos.max(begun.saturating_since(Instant::ZERO + of));
+            }
+            bits += sent.bits;
         };
         bus.send(Band::Sync, Frame::new(CobId::SYNC, &[]));
         bus.advance_to(setpoint, &mut watch);
@@ -198,24 +235,30 @@ fn measure(case: &Case, budget: &Budget) -> [Duration; 3] {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(200))]
+    #![proptest_config(ProptestConfig::with_cases(400))]
 
+    /// Whatever the nodes answer, and whenever heartbeats and EMCY messages come.
     #[test]
     fn the_simulated_bus_never_measures_more_than_the_bound(case in case()) {
         let budget = case.traffic.budget();
         prop_assume!(budget.verdict != Verdict::DoesNotFit);
-        // Where a second blocking frame makes the burst late, the next SYNC finds the bus taken.
-        prop_assume!(budget.burst_out <= budget.cycle);
-        let [sync, t_pdos, r_pdos] = measure(&case, &budget);
+        let mut case = case;
+        if !budget.outlasts_emcy {
+            case.emcys = vec![None];
+        }
+        let measured = measure(&case, &budget);
+        let Measured { sync, t_pdos, r_pdos, bits } = measured;
         let sync_time = bit_time(budget.sync_bits, budget.bit_rate);
         prop_assert!(sync <= budget.sync_jitter + sync_time, "SYNC {sync:?}");
-        // A stranger at changing moments can be in the way twice in one cycle: once across SYNC.
-        let t_pdos_most = if case.moments.len() == 1 {
-            budget.t_pdos_in
-        } else {
-            budget.setpoint_offset
-        };
-        prop_assert!(t_pdos <= t_pdos_most, "T_PDOs {t_pdos:?} > {t_pdos_most:?}");
-        prop_assert!(r_pdos <= budget.burst_out, "burst {r_pdos:?} > {:?}", budget.burst_out);
+        let offset = budget.setpoint_offset;
+        prop_assert!(t_pdos <= offset, "T_PDOs {t_pdos:?} > {offset:?}");
+        prop_assert!(r_pdos <= budget.cycle, "burst {r_pdos:?} > {:?}", budget.cycle);
+        let load = bit_time(bits, budget.bit_rate);
+        prop_assert!(load <= budget.load, "{load:?} > {:?}", budget.load);
+        if case.emcys == [None] {
+            prop_assert!(t_pdos <= budget.t_pdos_in, "T_PDOs {t_pdos:?} > {:?}", budget.t_pdos_in);
+            let latest = budget.cycle - budget.latest_offset + offset;
+            prop_assert!(r_pdos <= latest, "burst {r_pdos:?} > {latest:?}");
+        }
     }
 }

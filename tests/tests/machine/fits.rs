@@ -113,6 +113,12 @@ fn budget(folder: &Folder, shape: Shape) -> Value {
     serde_json::from_slice(&output.stdout).unwrap()
 }
 
+/// Bits of the busiest cycle of the first bus by the bits of a cycle.
+fn busiest(summary: &Value) -> f64 {
+    let busiest = summary.pointer("/bus/0/peak_utilisation").unwrap();
+    busiest.as_f64().unwrap()
+}
+
 /// The summary of the program's validation; its frames go to `log`.
 fn validate(folder: &Folder, shape: Shape, log: &Path) -> Value {
     let program = folder.file("p.ngc", &shape.program());
@@ -145,8 +151,7 @@ fn six_drives_on_one_bus_and_twelve_on_two_run_a_program_with_no_late_setpoint()
         assert_eq!(summary["verdict"], "pass");
         assert_eq!(summary["late_setpoints"], 0);
         assert!(summary["cycles"].as_u64().unwrap() > 1000);
-        let busiest = summary.pointer("/bus/0/peak_utilisation").unwrap();
-        assert!(busiest.as_f64().unwrap() <= 1.570 / 2.0);
+        assert!(busiest(&summary) <= budget["buses"][0]["load"].as_f64().unwrap());
     }
 }
 
@@ -169,6 +174,27 @@ fn three_at_one_millisecond_are_warned_and_run_four_are_refused_with_the_arithme
         summary["late_setpoints"], 0,
         "heartbeats make nothing late: {summary:#}"
     );
+    // Whenever heartbeats and answers to SDO requests come; before, one of some hundred runs had
+    // a burst behind three heartbeats of one cycle, or behind an SDO before the program.
+    let machine = folder.file("machine.toml", &three.machine());
+    let short = folder.file("short.ngc", "G21 G61\nG1 X1 F600\nM2\n");
+    let budget = budget(&folder, three);
+    for seed in (1..=8).chain([143]) {
+        let mut command = syncline();
+        command
+            .arg("validate")
+            .args([&machine, &short])
+            .args(["--json", "-"]);
+        let output = command
+            .arg("--seed")
+            .arg(seed.to_string())
+            .output()
+            .unwrap();
+        let summary: Value = serde_json::from_slice(&output.stdout).unwrap();
+        assert_eq!(summary["late_setpoints"], 0, "seed {seed}: {summary:#}");
+        assert_eq!(summary["verdict"], "pass", "seed {seed}");
+        assert!(busiest(&summary) <= budget["buses"][0]["load"].as_f64().unwrap());
+    }
 
     let four = Shape { single: 4, ..three };
     let program = folder.file("p.ngc", &four.program());
@@ -182,7 +208,7 @@ fn three_at_one_millisecond_are_warned_and_run_four_are_refused_with_the_arithme
         assert_eq!(code, expected, "{name}");
         let sum = "SYNC 55 + 4 T_PDO 460 + 4 R_PDO 460 + one blocking frame 135 = 1110 bits at \
                    1000 kbit/s = 1.110 ms of 1.000 ms (111.0 %): does not fit; the least cycle \
-                   that fits is 2.000 ms; on two buses it is 0.650 ms of 1.000 ms each: fits";
+                   that fits is 2.000 ms; on two buses it is 0.650 ms of 1.000 ms each: fits, with a warning";
         assert!(errors.contains(sum), "{name}: {errors}");
     }
 }
