@@ -1,28 +1,61 @@
 //! Slowing down along a given path as hard as the axes allow: to rest, or to a lower speed.
 //!
-//! On a line that is a closed form. On curves the law is laid over speeds instead of times: with
-//! E = s̈²/2 the path jerk is dE/dṡ, so between given speeds a piece of constant jerk is a straight
-//! line of E, the distance ∫ ṡ dṡ/√(2E) is least where E is greatest, and the greatest E comes of
-//! two passes, back from the end and on from the start. What the axes allow depends on where on the
-//! path a speed is reached; that is taken from the round before.
+//! # What is solved
+//!
+//! From a state in motion, distance s, speed ṡ and acceleration s̈ on the path, find the path jerk that
+//! brings the speed down to a target on the least distance, with every axis inside its limits of
+//! velocity, acceleration and jerk at every instant. On a line that is a closed form. On curves what the
+//! axes allow depends on where on the path each speed is reached, and that on the answer.
+//!
+//! # How
+//!
+//! The braking is laid over speeds instead of times. With E = s̈²/2 the path jerk is dE/dṡ, because
+//! dE/dṡ = s̈ ds̈/dṡ = ds̈/dt. So
+//!
+//! - between two given speeds a jerk segment is a straight line of E, and the last one ends at the target
+//!   exactly, whatever the lines are,
+//! - the distance is ∫ ṡ dṡ/√(2E), which is least where E is greatest at every speed,
+//! - the greatest E comes of two passes over the speeds, as in the classic method for limits of the
+//!   acceleration (Bobrow, Dubowsky and Gibson, 1985), one order higher: back from the target, as steep as the axes'
+//!   jerks allow and no higher than their accelerations do, which tells from where the target is reached
+//!   at all; then on from the start.
+//!
+//! Where on the path a speed is reached is taken from the round before; rounds go on until the places
+//! settle (`SearchState::look` extrapolates them), mostly three to eight. Before all that an acceleration
+//! that speeds the path up is taken back step by step in time (`SearchState::rise`), for speeds do not tell
+//! the places apart while they rise.
+//!
+//! # Why it is right
+//!
+//! Nothing of the above is trusted: what comes out is sampled in every cell, and bounded between the
+//! samples by the [certificate](super::certify) that the planner's own segments pass. Where a limit breaks, less
+//! of it is used in that cell; where nothing is proven, the cell is halved; and the rounds go on. So a
+//! search that ends with [`Outcome::Found`] keeps the limits, and one that errs does so by being longer than
+//! it has to be, or by finding nothing: whoever asked follows the plan, which ends at rest, too.
+//!
+//! The search is cut into steps with a count of work, so that the cycle can do some of it at a time.
+//!
+//! - `search`: the cells and what a round does to them,
+//! - `node`: a place on the path, what the axes allow there, and what a cell asks of them.
 
 mod node;
 mod search;
 
 use super::{Curve, JerkSegment, Limits, PathSegment, PathState};
-use search::{CAREFUL, HASTY, MOST_CELLS, MOST_RISING, SearchState};
+use search::{FINE, MOST_FALLING, MOST_RISING, QUICK, SearchState};
 
-/// Pieces of a braking law at most.
-pub(super) const MOST_PIECES: usize = MOST_CELLS + MOST_RISING;
-/// Part of the jerk limit that a curve must leave for braking in closed form.
+/// Jerk segments of a braking, at most: one a cell.
+pub(super) const MOST_SEGMENTS: usize = MOST_FALLING + MOST_RISING;
+/// Part of the jerk limit that a curve must leave for braking in closed form. With less, a braking that keeps
+/// it throughout is so long that the search is worth its work.
 const RESERVE: f64 = 0.4;
 /// Excess over a limit that is rounding, as a part of it.
 const ROUNDING: f64 = 1e-9;
 
-/// A law that slows down, and where it ends: at the target speed, without acceleration.
+/// Jerk segments that slow down, and where they end: at the target speed, without acceleration.
 #[derive(Debug, Clone)]
 pub(super) struct Braking {
-    pieces: [JerkSegment; MOST_PIECES],
+    segments: [JerkSegment; MOST_SEGMENTS],
     count: usize,
     pub(super) end: PathState,
 }
@@ -37,21 +70,21 @@ impl Braking {
             jerk: 0.0,
         };
         Braking {
-            pieces: [nothing; MOST_PIECES],
+            segments: [nothing; MOST_SEGMENTS],
             count: 0,
             end: from,
         }
     }
 
-    pub(super) fn pieces(&self) -> &[JerkSegment] {
-        &self.pieces[..self.count]
+    pub(super) fn segments(&self) -> &[JerkSegment] {
+        &self.segments[..self.count]
     }
 
     fn push(&mut self, duration: f64, jerk: f64) -> Option<()> {
-        let piece = self.next(duration, jerk);
-        *self.pieces.get_mut(self.count)? = piece;
+        let segment = self.next(duration, jerk);
+        *self.segments.get_mut(self.count)? = segment;
         self.count += 1;
-        let (ds, speed, acceleration) = piece.at(duration);
+        let (ds, speed, acceleration) = segment.at(duration);
         self.end = PathState {
             distance: self.end.distance + ds,
             speed,
@@ -71,19 +104,19 @@ impl Braking {
     }
 }
 
-/// The hardest slowing down found from `from` to the path speed `target` along the spans that
-/// `span` counts out. None if a limit breaks on the way.
+/// The hardest slowing down found from `from` to the path speed `target` along the path segments that
+/// `path` counts out. None if a limit breaks on the way.
 pub(super) fn brake<'a, const N: usize>(
-    span: impl Fn(usize) -> Option<&'a PathSegment<N>>,
+    path: impl Fn(usize) -> Option<&'a PathSegment<N>>,
     limits: &Limits<N>,
     from: PathState,
     target: f64,
 ) -> Option<Braking> {
     let mut search = Search {
-        state: SearchState::new(CAREFUL),
+        state: SearchState::new(FINE),
         stage: Stage::Begin,
     };
-    match search.go_on(span, limits, from, target, usize::MAX) {
+    match search.go_on(path, limits, from, target, usize::MAX) {
         Outcome::Found(braking) => Some(braking),
         Outcome::Unfinished | Outcome::Impossible => None,
     }
@@ -112,14 +145,16 @@ pub(super) struct Search<const N: usize> {
 enum Stage {
     /// To begin.
     Begin,
-    /// An acceleration is taken back; after that comes the first guess, or the way down from another
-    /// greatest speed than that before.
-    Rise { before: Option<f64> },
-    /// A round.
+    /// An acceleration that speeds up is taken back, for the first time.
+    Rise,
+    /// The same again, after less of a limit was used; then the speeds begin at another greatest one than
+    /// this.
+    RiseAgain { from_speed: f64 },
+    /// A round over the speeds.
     Round,
     /// Whether the cell of that number keeps the limits, as all before did or not.
     Check { cell: usize, kept: bool },
-    /// Whether that is certain.
+    /// Whether that is certain between the samples, too.
     Prove { cell: usize, certain: bool },
 }
 
@@ -137,7 +172,7 @@ enum Step {
 impl<const N: usize> Default for Search<N> {
     fn default() -> Self {
         Search {
-            state: SearchState::new(HASTY),
+            state: SearchState::new(QUICK),
             stage: Stage::Begin,
         }
     }
@@ -152,13 +187,13 @@ impl<const N: usize> Search<N> {
     /// Goes on, as [`brake`], with so much work more.
     pub(super) fn go_on<'a>(
         &mut self,
-        span: impl Fn(usize) -> Option<&'a PathSegment<N>>,
+        path: impl Fn(usize) -> Option<&'a PathSegment<N>>,
         limits: &Limits<N>,
         from: PathState,
         target: f64,
         work: usize,
     ) -> Outcome {
-        let Some(first) = span(0) else {
+        let Some(first) = path(0) else {
             return Outcome::Impossible;
         };
         if first.curve.direction().is_some()
@@ -168,7 +203,7 @@ impl<const N: usize> Search<N> {
         }
         self.state.work = 0;
         while self.state.work < work {
-            match self.step(&span, limits, from, target, work) {
+            match self.step(&path, limits, from, target, work) {
                 Some(Step::Next(stage)) => self.stage = stage,
                 Some(Step::Pause) => break,
                 Some(Step::Done(braking)) => {
@@ -187,7 +222,7 @@ impl<const N: usize> Search<N> {
     /// One step of the search; none where that shows that there is no way.
     fn step<'a>(
         &mut self,
-        span: &impl Fn(usize) -> Option<&'a PathSegment<N>>,
+        path: &impl Fn(usize) -> Option<&'a PathSegment<N>>,
         limits: &Limits<N>,
         from: PathState,
         target: f64,
@@ -197,29 +232,31 @@ impl<const N: usize> Search<N> {
         Some(Step::Next(match self.stage {
             Stage::Begin => {
                 search.begin(target);
-                Stage::Rise { before: None }
+                Stage::Rise
             }
-            Stage::Rise { before } => {
-                if !search.rise(span, limits, from, work)? {
+            Stage::Rise => {
+                if !search.rise(path, limits, from, work)? {
                     return Some(Step::Pause);
                 }
-                match before {
-                    None => search.guess(limits)?,
-                    Some(before) => {
-                        search.shrink(before)?;
-                        search.relax(limits)?;
-                    }
+                search.guess(limits)?;
+                Stage::Round
+            }
+            Stage::RiseAgain { from_speed } => {
+                if !search.rise(path, limits, from, work)? {
+                    return Some(Step::Pause);
                 }
+                search.begin_at_another_speed(from_speed)?;
+                search.relax(limits)?;
                 Stage::Round
             }
             Stage::Round => {
-                let cost = search.round();
+                let cost = search.work_of_a_round();
                 if search.work > 0 && search.work + cost > work {
                     return Some(Step::Pause);
                 }
                 search.work += cost;
-                search.look(span, limits)?;
-                if search.is_settled() && !search.refine(span, limits)? {
+                search.look(path, limits)?;
+                if search.is_settled() && !search.refine(path, limits)? {
                     Stage::Check {
                         cell: 0,
                         kept: true,
@@ -231,60 +268,57 @@ impl<const N: usize> Search<N> {
             }
             Stage::Check { cell, kept } if cell < search.cells() => Stage::Check {
                 cell: cell + 1,
-                kept: search.keeps(cell, span, limits)? && kept,
+                kept: search.keeps(cell, path, limits)? && kept,
             },
-            Stage::Check { .. } if search.ends_beyond(span)? => return None,
+            Stage::Check { .. } if search.ends_beyond(path)? => return None,
             Stage::Check { kept: true, .. } => Stage::Prove {
                 cell: 0,
                 certain: true,
             },
             Stage::Prove { cell, certain } if cell < search.cells() => Stage::Prove {
                 cell: cell + 1,
-                certain: search.is_certain(cell, span, limits)? && certain,
+                certain: search.is_certain(cell, path, limits)? && certain,
             },
-            Stage::Prove { certain: true, .. } => return Some(Step::Done(search.law(from)?)),
+            Stage::Prove { certain: true, .. } => return Some(Step::Done(search.braking(from)?)),
             Stage::Check { .. } | Stage::Prove { .. } => {
-                search.rises = 0;
-                Stage::Rise {
-                    before: Some(search.falling[0].v),
+                search.rising_cells = 0;
+                Stage::RiseAgain {
+                    from_speed: search.falling[0].v,
                 }
             }
         }))
     }
 }
 
-/// When the piece reaches a distance, s from its start, between its start and its end.
-pub(super) fn instant_at(piece: &JerkSegment, distance: f64) -> f64 {
-    let way = distance - piece.distance;
+/// Steps of Newton's method that bring an instant to rounding.
+const NEWTON_STEPS: usize = 4;
+/// Below this speed, mm/s, nothing is divided by it.
+const SLOWEST: f64 = 1e-9;
+
+/// When the jerk segment reaches a distance, s from its start, between its start and its end.
+pub(super) fn instant_at(segment: &JerkSegment, distance: f64) -> f64 {
+    let gone = distance - segment.distance;
     let mut t = 0.0;
     // The speed changes little within a step: Newton's method is there at once.
-    for _ in 0..4 {
-        let (ds, v, _) = piece.at(t);
-        t = (t + (way - ds) / v.max(1e-9)).clamp(0.0, piece.duration);
+    for _ in 0..NEWTON_STEPS {
+        let (ds, v, _) = segment.at(t);
+        t = (t + (gone - ds) / v.max(SLOWEST)).clamp(0.0, segment.duration);
     }
     t
 }
 
-/// A slowing down that leaves room for whatever the span's bends ask of the axes; on a straight span
-/// it is the hardest. None if the span leaves too little room, or ends before.
+/// A slowing down that leaves room for whatever the path segment's bends ask of the axes; on a straight path segment
+/// it is the hardest. None if the path segment leaves too little room, or ends before.
 pub(super) fn brake_gently<const N: usize>(
-    span: &PathSegment<N>,
+    path_segment: &PathSegment<N>,
     limits: &Limits<N>,
     from: PathState,
     target: f64,
 ) -> Option<Braking> {
-    gentle(span, limits, &Braking::new(from), target)
-}
-
-fn gentle<const N: usize>(
-    span: &PathSegment<N>,
-    limits: &Limits<N>,
-    law: &Braking,
-    target: f64,
-) -> Option<Braking> {
-    let (limit, jerk) = reserve(&span.curve, limits, law.end.speed, law.end.acceleration)?;
-    let closed = closed_form(law, target, limit, jerk)?;
-    (closed.end.distance <= span.start + span.curve.length()).then_some(closed)
+    let (limit, jerk) = reserve(&path_segment.curve, limits, from.speed, from.acceleration)?;
+    let braking = closed_form(from, target, limit, jerk)?;
+    let end = path_segment.start + path_segment.curve.length();
+    (braking.end.distance <= end).then_some(braking)
 }
 
 /// Path acceleration and jerk that slowing down from speed `v` and acceleration `a` may use
@@ -321,31 +355,31 @@ fn reserve<const N: usize>(
             && d2[i] * v * v <= limits.acceleration[i]
             && d3[i] * v * v * v + 3.0 * d2[i] * v * top <= limits.jerk[i]
     });
-    let enough = acceleration * (1.0 + 1e-9) >= a.abs() && jerk >= whole * RESERVE && kept;
+    let enough = acceleration * (1.0 + ROUNDING) >= a.abs() && jerk >= whole * RESERVE && kept;
     (enough && acceleration > 0.0).then_some((acceleration, jerk))
 }
 
-/// The shortest way from `law`'s end down to the speed `target`: jerk −j, deceleration `limit`
-/// held if it is reached, jerk +j. `None` where jerk +j alone would be there no earlier.
-fn closed_form(law: &Braking, target: f64, limit: f64, j: f64) -> Option<Braking> {
-    let a = law.end.acceleration;
-    let above = law.end.speed - target;
+/// The shortest way down to the speed `target`: jerk −j, deceleration `limit` held if it is reached,
+/// jerk +j. `None` where jerk +j alone would be there no earlier.
+fn closed_form(from: PathState, target: f64, limit: f64, j: f64) -> Option<Braking> {
+    let a = from.acceleration;
+    let above = from.speed - target;
     // The speed above the target where the acceleration was, or will be, nothing.
     let reached = above + a * a / (2.0 * j);
     if above <= 0.0 && a <= 0.0 || reached <= 0.0 {
         return None;
     }
     let peak = (j * reached).sqrt().min(limit);
-    if a + peak < -1e-9 * peak {
+    if a + peak < -ROUNDING * peak {
         return None;
     }
     let hold = (reached - peak * peak / j) / peak;
-    let mut law = law.clone();
-    law.push(((a + peak) / j).max(0.0), -j)?;
-    law.end.acceleration = -peak;
-    law.push(hold.max(0.0), 0.0)?;
-    law.push(peak / j, j)?;
-    law.end.speed = target;
-    law.end.acceleration = 0.0;
-    Some(law)
+    let mut braking = Braking::new(from);
+    braking.push(((a + peak) / j).max(0.0), -j)?;
+    braking.end.acceleration = -peak;
+    braking.push(hold.max(0.0), 0.0)?;
+    braking.push(peak / j, j)?;
+    braking.end.speed = target;
+    braking.end.acceleration = 0.0;
+    Some(braking)
 }

@@ -1,4 +1,4 @@
-//! What a piece of the plan asks of the axes, between the samples too.
+//! What a jerk segment of the plan asks of the axes, between the samples too.
 
 use super::curve::Place;
 use super::{JerkSegment, Limits, PathSegment};
@@ -25,7 +25,7 @@ impl Load {
     }
 }
 
-/// Times that a piece is halved, at most, to come to a closer bound.
+/// Times that a jerk segment is halved, at most, to come to a closer bound.
 const HALVINGS: usize = 6;
 /// Excess over a limit that is rounding, as a part of it.
 pub const ROUNDING: f64 = 1e-9;
@@ -34,7 +34,7 @@ const CLOSE: f64 = 2e-5;
 /// 1/9√3: what a parabola through three points can be off, by the third derivative and h³.
 const BEND: f64 = 0.064_150_029_909_958_42;
 
-/// Upper bounds of what `piece` on `span` asks of the axes at any instant.
+/// Upper bounds of what `segment` on `path_segment` asks of the axes at any instant.
 ///
 /// On a line they are exact. On a curve: a function is no higher than the parabola through three samples
 /// a time h apart, and h³/9√3 of its third derivative. The third derivatives of velocity,
@@ -42,69 +42,69 @@ const BEND: f64 = 0.064_150_029_909_958_42;
 /// the stretch ([`Curve::growth`](super::Curve::growth)). Where that comes out above a limit that
 /// the parabolas keep, both halves are looked at.
 pub fn load<const N: usize>(
-    piece: &JerkSegment,
-    span: &PathSegment<N>,
+    segment: &JerkSegment,
+    path_segment: &PathSegment<N>,
     limits: &Limits<N>,
 ) -> Load {
-    let mut top = piece.speed.max(piece.at(piece.duration).1);
-    if piece.acceleration * piece.jerk < 0.0 {
-        let turn = -piece.acceleration / piece.jerk;
-        if turn < piece.duration {
-            top = top.max(piece.at(turn).1);
+    let mut top = segment.speed.max(segment.at(segment.duration).1);
+    if segment.acceleration * segment.jerk < 0.0 {
+        let turn = -segment.acceleration / segment.jerk;
+        if turn < segment.duration {
+            top = top.max(segment.at(turn).1);
         }
     }
     let mut load = Load {
-        velocity: top / span.speed,
+        velocity: top / path_segment.speed,
         ..Load::default()
     };
-    if let Some(direction) = span.curve.direction() {
-        let last = piece.at(piece.duration).2;
-        let steepest = piece.acceleration.abs().max(last.abs());
+    if let Some(direction) = path_segment.curve.direction() {
+        let last = segment.at(segment.duration).2;
+        let steepest = segment.acceleration.abs().max(last.abs());
         for i in 0..N {
             let d = direction[i].abs();
             load.velocity = load.velocity.max(d * top / limits.velocity[i]);
             load.acceleration = load.acceleration.max(d * steepest / limits.acceleration[i]);
-            load.jerk = load.jerk.max(d * piece.jerk.abs() / limits.jerk[i]);
+            load.jerk = load.jerk.max(d * segment.jerk.abs() / limits.jerk[i]);
         }
         return load;
     }
     let whole = Stretch {
-        piece,
-        span,
+        segment,
+        path_segment,
         limits,
     };
-    let [first, last] = [0.0, piece.duration].map(|t| whole.sample(t));
-    load.max(whole.bound([0.0, piece.duration], top, [&first, &last], HALVINGS))
+    let [first, last] = [0.0, segment.duration].map(|t| whole.sample(t));
+    load.max(whole.bound([0.0, segment.duration], top, [&first, &last], HALVINGS))
 }
 
-/// Whether every axis provably keeps its limits on `piece` but for that excess, at any feed; as
+/// Whether every axis provably keeps its limits on `segment` but for that excess, at any feed; as
 /// [`load`], with so many halvings at most. Some that do are not found to.
 pub(super) fn keeps<const N: usize>(
-    piece: &JerkSegment,
-    span: &PathSegment<N>,
+    segment: &JerkSegment,
+    path_segment: &PathSegment<N>,
     limits: &Limits<N>,
     excess: f64,
     halvings: usize,
 ) -> bool {
     let stretch = Stretch {
-        piece,
-        span,
+        segment,
+        path_segment,
         limits,
     };
-    let top = piece.speed.max(piece.at(piece.duration).1);
-    let [first, last] = [0.0, piece.duration].map(|t| stretch.sample(t));
+    let top = segment.speed.max(segment.at(segment.duration).1);
+    let [first, last] = [0.0, segment.duration].map(|t| stretch.sample(t));
     stretch.is_inside(
-        [0.0, piece.duration],
+        [0.0, segment.duration],
         (top, 1.0 + excess),
         [&first, &last],
         halvings,
     )
 }
 
-/// A piece on a curve.
+/// A jerk segment on a curve.
 struct Stretch<'a, const N: usize> {
-    piece: &'a JerkSegment,
-    span: &'a PathSegment<N>,
+    segment: &'a JerkSegment,
+    path_segment: &'a PathSegment<N>,
     limits: &'a Limits<N>,
 }
 
@@ -119,18 +119,20 @@ struct Sample<const N: usize> {
 impl<const N: usize> Stretch<'_, N> {
     fn sample(&self, t: f64) -> Sample<N> {
         let Stretch {
-            piece,
-            span,
+            segment,
+            path_segment,
             limits,
         } = self;
-        let (ds, v, a) = piece.at(t);
-        let place = span.curve.place((piece.distance - span.start) + ds);
-        let at = span.curve.at_place(place);
+        let (ds, v, a) = segment.at(t);
+        let place = path_segment
+            .curve
+            .place((segment.distance - path_segment.start) + ds);
+        let at = path_segment.curve.at_place(place);
         let mut parts = [[0.0; N]; 3];
         for i in 0..N {
             parts[0][i] = at.d1[i] * v / limits.velocity[i];
             parts[1][i] = (at.d2[i] * v * v + at.d1[i] * a) / limits.acceleration[i];
-            parts[2][i] = (at.d3[i] * v * v * v + 3.0 * at.d2[i] * v * a + at.d1[i] * piece.jerk)
+            parts[2][i] = (at.d3[i] * v * v * v + 3.0 * at.d2[i] * v * a + at.d1[i] * segment.jerk)
                 / limits.jerk[i];
         }
         Sample { parts, place, a }
@@ -177,11 +179,11 @@ impl<const N: usize> Stretch<'_, N> {
     /// What three samples, evenly spread over `time`, tell, and upper bounds between them.
     fn estimate(&self, time: f64, top: f64, samples: [&Sample<N>; 3]) -> ([f64; 3], [f64; 3]) {
         let [_, d2, d3, d4, d5, d6] =
-            (self.span.curve).growth_between(samples[0].place, samples[2].place);
+            (self.path_segment.curve).growth_between(samples[0].place, samples[2].place);
         let (v, a, j) = (
             top,
             samples[0].a.abs().max(samples[2].a.abs()),
-            self.piece.jerk.abs(),
+            self.segment.jerk.abs(),
         );
         let (v2, a2) = (v * v, a * a);
         let h = 0.5 * time;

@@ -1,18 +1,27 @@
-//! Jogs: what a person does with single axes while the path rests, and the way back to it.
+//! Jogging: what an operator does with single axes while the path rests, and the return to it.
 //!
-//! Away from the path every axis has a plan of its own, from state to state, that ends at rest inside
+//! Off the path every axis has a plan of its own, from state to state, that ends at rest inside
 //! its travel. An order changes where an axis is to come to rest; the plan to there begins in the
 //! state that the axis has in that cycle, whatever it is. Orders only note what is wanted; a cycle
-//! plans every stop, but no more than two ways to a position, so that its work is bounded.
+//! plans every stop, but no more than two plans to a position, so that its work is bounded.
 //!
-//! None of these plans can leave the travel: of all the ways on from a state the fastest stop reaches
-//! least far, the fastest way to a rest further on reaches that rest and no further, and the fastest
-//! way to a rest before it turns around earlier than the stop. Only a speed that is lowered in motion
-//! costs more way than the stop does. Such a plan is looked at as a whole, and where it goes beyond
-//! its end the axis stops first.
+//! # Why no plan leaves the travel
 //!
-//! On a line there is one law for all axes, a motion of its own inside what the line leaves of their
-//! limits and travels.
+//! No plan is searched for limits of the position, and yet none goes beyond them. Let S be where the fastest
+//! stop from the present state ends. Of all plans that do not turn around that one reaches least far. The
+//! fastest plan to a rest beyond S reaches that rest and no further; the fastest one to a rest before S turns
+//! around earlier than S. On all of them S moves towards the target. So with the target and S inside the travel,
+//! the whole plan is, and S stays inside for the next order.
+//!
+//! The exception is a speed that is lowered in motion: to slow down to it may take more distance than to
+//! stop. Such a plan is measured by the exact extrema of its position, and where it goes beyond its end the axis
+//! stops first and goes on from there.
+//!
+//! # Lines
+//!
+//! On a line there is one motion for all axes, inside what the line leaves of their limits and
+//! travels; every axis follows it by its share, so that they stay on the line whatever becomes of the
+//! speed. A line begins in motion only where the axes move along it already.
 
 use super::Setpoint;
 use crate::limits::{Limits, PositionLimits};
@@ -113,7 +122,7 @@ struct Motion {
     due: Due,
 }
 
-/// All axes on their way from one place to another, by one law along a straight line.
+/// All axes from one place to another, in one motion along a straight line.
 #[derive(Clone, Copy, Debug)]
 struct Line<const N: usize> {
     from: [f64; N],
@@ -122,7 +131,7 @@ struct Line<const N: usize> {
     direction: [f64; N],
     /// What that leaves of the axes' travels.
     travel: Travel,
-    law: Motion,
+    motion: Motion,
 }
 
 /// The axes off the path.
@@ -134,7 +143,7 @@ pub(super) struct Jogging<const N: usize> {
     /// What the axes are on together.
     line: Option<Line<N>>,
     /// Where a line is to lead that has not begun, and when it does.
-    wanted: Option<([Option<f64>; N], Due)>,
+    next_line: Option<([Option<f64>; N], Due)>,
     /// Where the path was left.
     home: [f64; N],
 }
@@ -142,7 +151,7 @@ pub(super) struct Jogging<const N: usize> {
 /// A plan goes no further than it may if by rounding it goes further by less, mm.
 const ROUNDING: f64 = 1e-9;
 
-/// Plans to a position that a cycle has time for; what is more begins a cycle later.
+/// Plans to a position that a cycle has time for, of up to sixteen axes; what is more begins a cycle later.
 const PLANS: usize = 2;
 
 /// Rates across a line that are taken for rounding, by their limits.
@@ -160,7 +169,7 @@ impl Travel {
         let (Aim::At(position) | Aim::Limit(position)) = aim else {
             return Some((stop, true));
         };
-        // Against the direction of the aim there is but what is braked.
+        // Only what is braked goes against the direction of the aim.
         let (mut limits, mut bounds) = (self.limits, self.bounds);
         if position >= stop.end().p {
             limits.v_max = limits.v_max.min(speed);
@@ -261,7 +270,7 @@ impl<const N: usize> Jogging<N> {
             travel: std::array::from_fn(hull),
             motions: home.map(Motion::resting),
             line: None,
-            wanted: None,
+            next_line: None,
             home,
         }
     }
@@ -321,7 +330,7 @@ impl<const N: usize> Jogging<N> {
                     }
                 }
                 if matches!(jog, Jog::Line(_)) {
-                    self.wanted = Some((positions, Due::Now));
+                    self.next_line = Some((positions, Due::Now));
                 } else {
                     self.leave_line();
                     for (motion, position) in self.motions.iter_mut().zip(positions) {
@@ -337,13 +346,13 @@ impl<const N: usize> Jogging<N> {
 
     /// Every axis goes on by its own.
     fn leave_line(&mut self) {
-        self.wanted = None;
-        if let Some(Line { law, .. }) = self.line.take()
-            && law.due == Due::Now
+        self.next_line = None;
+        if let Some(Line { motion: along, .. }) = self.line.take()
+            && along.due == Due::Now
         {
             for motion in &mut self.motions {
                 motion.due = Due::Now;
-                if law.aim == Aim::Anywhere {
+                if along.aim == Aim::Anywhere {
                     motion.aim = Aim::Anywhere;
                 }
             }
@@ -352,13 +361,13 @@ impl<const N: usize> Jogging<N> {
 
     /// Comes to rest as fast as the axes can: on their line, or each on its own.
     pub(super) fn hold(&mut self) {
-        self.wanted = None;
+        self.next_line = None;
         self.halt();
     }
 
     fn halt(&mut self) {
         let own = match &mut self.line {
-            Some(line) => std::slice::from_mut(&mut line.law),
+            Some(line) => std::slice::from_mut(&mut line.motion),
             None => self.motions.as_mut_slice(),
         };
         for motion in own {
@@ -370,7 +379,7 @@ impl<const N: usize> Jogging<N> {
     pub(super) fn change_speed(&mut self) {
         let now = self.clock;
         let own = match &mut self.line {
-            Some(line) => std::slice::from_mut(&mut line.law),
+            Some(line) => std::slice::from_mut(&mut line.motion),
             None => self.motions.as_mut_slice(),
         };
         for motion in own {
@@ -382,7 +391,7 @@ impl<const N: usize> Jogging<N> {
 
     /// Back to where the path was left, on a straight line.
     pub(super) fn go_home(&mut self) {
-        self.wanted = Some((self.home.map(Some), Due::Now));
+        self.next_line = Some((self.home.map(Some), Due::Now));
     }
 
     /// They rest where the path was left.
@@ -393,9 +402,9 @@ impl<const N: usize> Jogging<N> {
 
     /// No axis moves, and none is going to.
     pub(super) fn rests(&self) -> bool {
-        let laws = self.line.iter().map(|line| &line.law);
-        let due = laws.chain(&self.motions).any(|it| it.due != Due::No);
-        self.wanted.is_none() && !due && self.is_at_rest()
+        let along = self.line.iter().map(|line| &line.motion);
+        let due = along.chain(&self.motions).any(|it| it.due != Due::No);
+        self.next_line.is_none() && !due && self.is_at_rest()
     }
 
     fn is_at_rest(&self) -> bool {
@@ -404,20 +413,20 @@ impl<const N: usize> Jogging<N> {
 
     /// Goes on by one cycle, with this part of the axes' velocities.
     pub(super) fn advance(&mut self, rapid: f64) {
-        if let Some((to, due)) = self.wanted
+        if let Some((to, due)) = self.next_line
             && (due == Due::Now || self.is_at_rest())
         {
             if let Some(line) = self.line_to(&to, rapid) {
                 self.motions = line.motions();
                 self.line = Some(line);
-                self.wanted = None;
+                self.next_line = None;
             } else if due == Due::Now {
                 self.halt();
-                self.wanted = Some((to, Due::AtRest));
+                self.next_line = Some((to, Due::AtRest));
             }
         }
         if let Some(line) = &mut self.line {
-            if line.law.go_on(&line.travel, self.clock, rapid) {
+            if line.motion.go_on(&line.travel, self.clock, rapid) {
                 self.motions = line.motions();
             }
         } else {
@@ -442,11 +451,11 @@ impl<const N: usize> Jogging<N> {
         let states = self.motions.each_ref().map(|it| it.at(self.clock).0);
         let from = states.map(|state| state.p);
         let to: [f64; N] = std::array::from_fn(|i| to[i].unwrap_or(from[i]));
-        let way: [f64; N] = std::array::from_fn(|i| to[i] - from[i]);
+        let displacement: [f64; N] = std::array::from_fn(|i| to[i] - from[i]);
         let dot = |a: &[f64; N], b: &[f64; N]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
-        let length = dot(&way, &way).sqrt();
+        let length = dot(&displacement, &displacement).sqrt();
         // Of no length: at rest, any direction does.
-        let direction = way.map(|w| if length > 0.0 { w / length } else { 0.0 });
+        let direction = displacement.map(|d| if length > 0.0 { d / length } else { 0.0 });
         let start = State {
             p: 0.0,
             v: dot(&direction, &states.map(|state| state.v)),
@@ -487,15 +496,17 @@ impl<const N: usize> Jogging<N> {
             limits: Limits::symmetric(1.0, 1.0, 1.0),
             bounds: PositionLimits { min: 0.0, max: 0.0 },
         });
-        let mut law = Motion::resting(0.0);
-        law.aim(Aim::At(length), f64::INFINITY);
-        law.plan(start, &travel, self.clock, rapid).then_some(Line {
-            from,
-            to,
-            direction,
-            travel,
-            law,
-        })
+        let mut motion = Motion::resting(0.0);
+        motion.aim(Aim::At(length), f64::INFINITY);
+        motion
+            .plan(start, &travel, self.clock, rapid)
+            .then_some(Line {
+                from,
+                to,
+                direction,
+                travel,
+                motion,
+            })
     }
 
     /// The setpoint of this cycle; of the path it takes where that rests.
@@ -524,20 +535,20 @@ impl<const N: usize> Jogging<N> {
 }
 
 impl<const N: usize> Line<N> {
-    /// What every axis does by the law.
+    /// What every axis does by the motion along the line.
     fn motions(&self) -> [Motion; N] {
         std::array::from_fn(|i| {
-            let (leads_there, aim) = match self.law.aim {
-                Aim::At(_) if self.law.due == Due::No => (true, Aim::At(self.to[i])),
+            let (leads_there, aim) = match self.motion.aim {
+                Aim::At(_) if self.motion.due == Due::No => (true, Aim::At(self.to[i])),
                 _ => (false, Aim::Anywhere),
             };
             let target = leads_there.then_some(State::at_rest(self.to[i]));
-            let plan = &self.law.plan;
+            let plan = &self.motion.plan;
             Motion {
                 plan: plan.scaled(self.from[i], self.direction[i], target),
                 aim,
                 due: Due::No,
-                ..self.law
+                ..self.motion
             }
         })
     }
@@ -630,7 +641,7 @@ mod tests {
                 continue;
             };
             if began + 1 == axes.clock.cycle {
-                // An axis on a line follows the law, whose sample is rounded in another place.
+                // An axis on a line follows the line's motion, whose sample is rounded in another place.
                 let (start, before) = (plan.start(), before[axis]);
                 let jump = [start.p - before.p, start.v - before.v, start.a - before.a];
                 let small = [1e-11, 1e-6, 1e-1]
@@ -654,7 +665,7 @@ mod tests {
                     bounds: None,
                 };
                 let certificate = verify::axis(&plan, &problem);
-                // Relative to the way, which may be of next to no length.
+                // Relative to the path travelled, which may be of next to no length.
                 let arrives = certificate.end_error * certificate.path <= 1e-9;
                 prop_assert!(
                     arrives && certificate.limit_excess <= 1e-11,

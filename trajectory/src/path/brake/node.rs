@@ -1,7 +1,7 @@
-//! A place on the way down, what the axes allow there, and what a cell asks of them.
+//! A place on the path, what the axes allow there, and what a cell asks of them.
 
-use super::instant_at;
 use super::search::{LOOKING, POLY_CELLS, PROVING, SHARE};
+use super::{ROUNDING, instant_at};
 use crate::path::certify::{self, crest};
 use crate::path::{Curve, Derivatives, JerkSegment, Limits, PathSegment, PathState};
 
@@ -10,26 +10,39 @@ const TURN: f64 = 0.06;
 /// By how much that may be too little, as a part of it: a sine's third derivative over half the angle,
 /// with room for speeds that change meanwhile.
 const TURN_ERROR: f64 = 1.5e-5;
+/// Parts that a cell is sampled in at most on a circle, and on a polynomial, so that its work is bounded.
+const MOST_TURNS: f64 = 32.0;
+const MOST_POLY_PARTS: f64 = 6.0;
+/// What is left of an acceleration goes in one cell that is up to this longer than the others.
+const WHOLE: f64 = 1.5;
+/// Looks at the path where a cell in which an acceleration is taken back ends: the first tells the jerk,
+/// which tells the end, and the second is close enough.
+const LOOKS: usize = 2;
+/// Lowest and highest jerk that contradict each other by no more, as a part of what is allowed where
+/// nothing bends, do so by rounding.
+const CONTRADICTION: f64 = 1e-3;
+/// A jerk is compared with no less than this part of what is allowed where nothing bends.
+const LITTLE: f64 = 0.1;
 
-/// Geometry under way: the spans of one section from some distance on.
+/// Geometry under way: the path segments of one section from some distance on.
 pub(super) struct PathCursor<S> {
-    pub(super) span: S,
+    pub(super) path: S,
     pub(super) index: usize,
 }
 
 impl<'a, const N: usize, S: Fn(usize) -> Option<&'a PathSegment<N>>> PathCursor<S> {
-    /// The span at `distance`, no earlier than the last one asked for.
-    fn span_at(&mut self, distance: f64) -> Option<&'a PathSegment<N>> {
-        while let Some(next) = (self.span)(self.index + 1)
+    /// The path segment at `distance`, no earlier than the last one asked for.
+    fn path_segment_at(&mut self, distance: f64) -> Option<&'a PathSegment<N>> {
+        while let Some(next) = (self.path)(self.index + 1)
             && next.start <= distance
         {
             self.index += 1;
         }
-        (self.span)(self.index)
+        (self.path)(self.index)
     }
 }
 
-/// A speed on the way, what happens in the cell that follows, and the path there.
+/// A state on the path, what happens in the cell that follows, and the path there.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Node<const N: usize> {
     pub(super) s: f64,
@@ -40,7 +53,7 @@ pub(super) struct Node<const N: usize> {
     pub(super) jerk: f64,
     /// By how much the path jerk that is allowed differs between its ends where that tells its jerk.
     pub(super) uneven: f64,
-    /// The path there: on what span, and how.
+    /// The path there: on what path segment, and how.
     pub(super) index: usize,
     pub(super) rows: [Row; N],
     /// Where it was looked up last, and in the round before; what that was off.
@@ -78,8 +91,11 @@ impl<const N: usize> Node<N> {
         limits: &Limits<N>,
         distance: f64,
     ) -> Option<()> {
-        let span = cursor.span_at(distance)?;
-        self.rows = rows(&span.curve.at(distance - span.start), limits);
+        let path_segment = cursor.path_segment_at(distance)?;
+        self.rows = rows(
+            &path_segment.curve.at(distance - path_segment.start),
+            limits,
+        );
         self.index = cursor.index;
         Some(())
     }
@@ -112,24 +128,23 @@ impl<const N: usize> Node<N> {
     ) -> Option<f64> {
         let along = self.along(limits)[1];
         let [low, high] = jerks(self, self.share[1], self.a, 0.0);
-        if low > high + 1e-3 * along {
+        if low > high + CONTRADICTION * along {
             return None;
         }
         self.jerk = low;
         let mut uneven = 0.0;
-        // The end is where the jerk takes it: the second look is close enough.
-        for _ in 0..2 {
+        for _ in 0..LOOKS {
             let whole = if self.jerk < 0.0 {
                 self.a / -self.jerk
             } else {
                 f64::INFINITY
             };
-            self.t = if whole < 1.5 * tick { whole } else { tick };
+            self.t = if whole < WHOLE * tick { whole } else { tick };
             let mut there = *self;
             let end = self.end()?;
             there.take(end);
             let mut scout = PathCursor {
-                span: &cursor.span,
+                path: &cursor.path,
                 index: cursor.index,
             };
             there.look(&mut scout, limits, end.distance)?;
@@ -139,18 +154,18 @@ impl<const N: usize> Node<N> {
             uneven = if need > high.min(most) {
                 f64::INFINITY
             } else {
-                (need - low.min(least)) / need.abs().clamp(0.1 * along, along)
+                (need - low.min(least)) / need.abs().clamp(LITTLE * along, along)
             };
             self.jerk = need;
         }
-        let gone = self.a * (1.0 - 1e-9);
+        let gone = self.a * (1.0 - ROUNDING);
         if self.jerk < 0.0 && self.t * -self.jerk > gone {
             self.t = self.a / -self.jerk;
         }
         Some(uneven)
     }
 
-    pub(super) fn piece(&self) -> JerkSegment {
+    pub(super) fn segment(&self) -> JerkSegment {
         JerkSegment {
             duration: self.t,
             distance: self.s,
@@ -162,7 +177,7 @@ impl<const N: usize> Node<N> {
 
     /// The state at the end of the cell.
     pub(super) fn end(&self) -> Option<PathState> {
-        let (ds, speed, acceleration) = self.piece().at(self.t);
+        let (ds, speed, acceleration) = self.segment().at(self.t);
         let sane = self.t >= 0.0 && self.t.is_finite() && ds.is_finite();
         sane.then_some(PathState {
             distance: self.s + ds,
@@ -175,28 +190,28 @@ impl<const N: usize> Node<N> {
     pub(super) fn is_certain<'a>(
         &self,
         next: &Self,
-        span: &impl Fn(usize) -> Option<&'a PathSegment<N>>,
+        path: &impl Fn(usize) -> Option<&'a PathSegment<N>>,
         limits: &Limits<N>,
         (slack, halvings): (f64, usize),
         work: &mut usize,
     ) -> Option<bool> {
-        let piece = self.piece();
+        let segment = self.segment();
         let mut begin = 0.0;
         for index in self.index..=next.index {
-            let here = span(index)?;
+            let here = path(index)?;
             let until = if index == next.index {
-                piece.duration
+                segment.duration
             } else {
-                instant_at(&piece, span(index + 1)?.start)
+                instant_at(&segment, path(index + 1)?.start)
             };
             if let Curve::Poly(_) = here.curve {
-                let (ds, speed, acceleration) = piece.at(begin);
+                let (ds, speed, acceleration) = segment.at(begin);
                 let part = JerkSegment {
                     duration: until - begin,
-                    distance: piece.distance + ds,
+                    distance: segment.distance + ds,
                     speed,
                     acceleration,
-                    jerk: piece.jerk,
+                    jerk: segment.jerk,
                 };
                 *work += PROVING;
                 if !certify::keeps(&part, here, limits, slack, halvings) {
@@ -212,19 +227,19 @@ impl<const N: usize> Node<N> {
     pub(super) fn asks<'a>(
         &self,
         next: &Self,
-        span: &impl Fn(usize) -> Option<&'a PathSegment<N>>,
+        path: &impl Fn(usize) -> Option<&'a PathSegment<N>>,
         limits: &Limits<N>,
         work: &mut usize,
     ) -> Option<[f64; 3]> {
-        let piece = self.piece();
+        let segment = self.segment();
         let mut begin = 0.0;
         let mut first = (self.rows, self.v, self.a);
         let mut over = [0.0_f64; 3];
         for index in self.index..=next.index {
-            let here = span(index)?;
+            let here = path(index)?;
             let on = |t: f64| {
-                let (ds, v, a) = piece.at(t);
-                let at = here.curve.at((piece.distance - here.start) + ds);
+                let (ds, v, a) = segment.at(t);
+                let at = here.curve.at((segment.distance - here.start) + ds);
                 (rows(&at, limits), v, a)
             };
             if index > self.index {
@@ -233,11 +248,11 @@ impl<const N: usize> Node<N> {
             let (until, end) = if index == next.index {
                 (self.t, (next.rows, next.v, next.a))
             } else {
-                let until = instant_at(&piece, span(index + 1)?.start);
+                let until = instant_at(&segment, path(index + 1)?.start);
                 (until, on(until))
             };
             // Polynomials change quickly, circles with the angle.
-            let way = piece.at(until).0 - piece.at(begin).0;
+            let travel = segment.at(until).0 - segment.at(begin).0;
             let parts = match here.curve {
                 Curve::Line(_) => 1.0,
                 Curve::Arc(_) => {
@@ -246,13 +261,13 @@ impl<const N: usize> Node<N> {
                         .iter()
                         .zip(&limits.jerk)
                         .map(|(row, j)| row[1].abs() * j);
-                    (way * bends.fold(0.0, f64::max) / 3.0 / TURN)
+                    (travel * bends.fold(0.0, f64::max) / 3.0 / TURN)
                         .ceil()
-                        .clamp(1.0, 32.0)
+                        .clamp(1.0, MOST_TURNS)
                 }
-                Curve::Poly(_) => (2.0 * POLY_CELLS * way / here.curve.length())
+                Curve::Poly(_) => (2.0 * POLY_CELLS * travel / here.curve.length())
                     .ceil()
-                    .clamp(1.0, 6.0),
+                    .clamp(1.0, MOST_POLY_PARTS),
             };
             let bent = match here.curve {
                 Curve::Arc(_) => 1.0 + TURN_ERROR,
@@ -268,7 +283,7 @@ impl<const N: usize> Node<N> {
                 } else {
                     on(t + each)
                 };
-                let load = loads([&last, &on(t + 0.5 * each), &next], piece.jerk, limits);
+                let load = loads([&last, &on(t + 0.5 * each), &next], segment.jerk, limits);
                 for (over, load) in over.iter_mut().zip(load) {
                     *over = over.max(load * bent);
                 }
@@ -343,7 +358,7 @@ pub(super) fn accelerations<const N: usize>(node: &Node<N>, limits: &Limits<N>) 
     range
 }
 
-/// An instant of a piece: what the path asks there, speed and acceleration.
+/// An instant of a jerk segment: what the path asks there, speed and acceleration.
 type Sample<const N: usize> = ([Row; N], f64, f64);
 
 /// What every axis is asked for at most, as parts of its velocity, acceleration and jerk limits:

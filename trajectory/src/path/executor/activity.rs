@@ -35,8 +35,8 @@ pub(super) enum Activity<const N: usize> {
     },
     /// Comes to rest on the path as soon as the limits allow. Only what moves is stopping.
     Stopping {
-        /// How far the search for the way to rest has come.
-        way: WayToRest,
+        /// How far the search for the shortest stop has come.
+        search: StopSearch,
         /// What it comes to rest for.
         next: Next,
     },
@@ -67,10 +67,10 @@ pub(super) enum Next {
     End,
 }
 
-/// How far the search for the way to rest has come.
+/// How far the search for the shortest stop has come.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum WayToRest {
-    /// The plan is followed to its rest until a shorter way is found.
+pub(super) enum StopSearch {
+    /// The plan, which ends at rest, is followed until a shorter stop is found.
     Sought {
         /// The cycle from which on it is searched for.
         departure: u64,
@@ -160,12 +160,12 @@ impl<const N: usize> Activity<N> {
         )
     }
 
-    /// It is to come to rest as soon as it can, and no way there was found yet.
-    pub(super) fn seeks_rest(&self) -> bool {
+    /// It is to come to rest as soon as it can, and the shortest stop was not found yet.
+    pub(super) fn seeks_stop(&self) -> bool {
         matches!(
             self,
             Activity::Stopping {
-                way: WayToRest::Sought { .. },
+                search: StopSearch::Sought { .. },
                 ..
             }
         )
@@ -177,7 +177,7 @@ impl<const N: usize> Activity<N> {
             Activity::Following { single_block } => Some(ReplanGoal::Ahead { single_block }),
             Activity::Retracing { asked } => Some(ReplanGoal::Back { asked }),
             Activity::Stopping {
-                way: WayToRest::Sought { .. },
+                search: StopSearch::Sought { .. },
                 ..
             } => Some(ReplanGoal::Rest),
             _ => None,

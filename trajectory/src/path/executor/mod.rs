@@ -3,7 +3,7 @@
 //! The plan is a queue of steps: sections, segments of constant jerk along them, dwells, marks,
 //! waypoints and holds. Those up to the last commit may run, and end at rest; what came since waits for the next
 //! commit, as the tail of the plan goes on ([`Command::ReplaceTail`]), or as a whole new plan that takes
-//! over in a cycle of its own ([`Command::ReplacePlan`]). So there is a way to rest at
+//! over in a cycle of its own ([`Command::ReplacePlan`]). So there is a stop at
 //! every instant, whatever becomes of the planner.
 //!
 //! A setpoint is a function of the cycle's number: it is evaluated from the beginning of its step on
@@ -19,8 +19,8 @@
 //!
 //! - `activity`: what it is doing, and what follows from that,
 //! - `operator`: what an operator does,
-//! - `stop`: the shortest way to rest,
-//! - `replan`: from which state on a plan is asked for.
+//! - `stop`: the shortest stop,
+//! - `replan`: what it knows of its plan, from which state on it asks for another, and how that takes over.
 
 mod activity;
 mod operator;
@@ -33,7 +33,8 @@ use std::iter::repeat_n;
 use super::brake::Search;
 use super::planner::MOST_AT_ONCE;
 use super::{Command, Curve, JerkSegment, Limits, Overrides, PathSegment};
-use activity::{Activity, Next, WayToRest};
+use activity::{Activity, Next, StopSearch};
+use replan::PlanStatus;
 
 /// Where every axis has to be, and what the path does there.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -67,8 +68,8 @@ enum Step<const N: usize> {
         origin: f64,
         backward: bool,
         limits: Limits<N>,
-        /// Number of its first span.
-        spans: u64,
+        /// Number of its first path segment.
+        path_segments: u64,
         /// It goes on with one that is under way.
         moving: bool,
     },
@@ -118,8 +119,8 @@ struct Clock {
     offset: f64,
 }
 
-/// What a person does shows after this long, s: at most a cycle passes until it is heard, the rest is
-/// for the planner.
+/// What an operator does shows after this long, s: at most a cycle passes until it is heard, and what is
+/// left is for the planner.
 const RESPONSE: f64 = 0.010;
 /// A planner that is slow is asked for a state this far ahead, at most, s.
 const LONGEST_LEAD: f64 = 0.5;
@@ -128,7 +129,7 @@ fn first_lead(period: f64) -> u64 {
     ((RESPONSE / period) as u64).saturating_sub(1).max(1)
 }
 
-/// Steps, and spans, of the plan that is followed: what is left of one commit and the next one, which
+/// Steps, and path segments, of the plan that is followed: what is left of one commit and the next one, which
 /// comes when half of that was followed at the latest.
 const CAPACITY: usize = MOST_AT_ONCE + MOST_AT_ONCE / 2;
 /// Room beyond that, for a new plan that comes while the old one is complete.
@@ -141,29 +142,6 @@ const LEAST_OVERRIDE: f64 = 1e-3;
 const AHEAD: u64 = 12;
 /// Work on the search for a stop on a curve in a cycle; see `brake.rs`.
 const WORK: usize = 150;
-
-/// What the executor knows of its plan.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum PlanStatus {
-    /// What comes goes on with it.
-    Current,
-    /// What comes replaces its steps from that number on.
-    ReceivingTail { from: u64 },
-    /// It is to be replaced, and what still comes of it is dropped.
-    AwaitingReplacement,
-    /// Its replacement is coming, for that cycle.
-    ReceivingReplacement { takeover: u64 },
-}
-
-impl PlanStatus {
-    /// It is to be replaced, and is not yet.
-    fn is_replaced(self) -> bool {
-        matches!(
-            self,
-            PlanStatus::AwaitingReplacement | PlanStatus::ReceivingReplacement { .. }
-        )
-    }
-}
 
 /// Where on the path the executor is.
 #[derive(Debug, Clone, Copy)]
@@ -206,7 +184,7 @@ impl<const N: usize> Place<N> {
 /// Holds the plan and samples it. Allocates only in [`Executor::new`].
 ///
 /// The setpoint of a cycle is a function of its number and of the plan alone: polynomials are
-/// evaluated from their piece's start, never summed up from cycle to cycle.
+/// evaluated from their jerk segment's start, never summed up from cycle to cycle.
 #[derive(Debug)]
 pub struct Executor<const N: usize> {
     period: f64,
@@ -214,10 +192,10 @@ pub struct Executor<const N: usize> {
     /// How many cycles after a request the new plan takes over.
     lead: u64,
     /// Those of the section under way first; where `start` falls, others begin.
-    spans: VecDeque<PathSegment<N>>,
-    /// Number of the first of `spans`, and of the first that is not committed.
-    first_span: u64,
-    committed_spans: u64,
+    path_segments: VecDeque<PathSegment<N>>,
+    /// Number of the first of `path_segments`, and of the first that is not committed.
+    first_path_segment: u64,
+    committed_path_segments: u64,
     steps: VecDeque<Step<N>>,
     /// How many of `steps` end at rest and may run.
     committed: usize,
@@ -237,7 +215,7 @@ pub struct Executor<const N: usize> {
     place: Place<N>,
     overrides: Overrides,
     activity: Activity<N>,
-    /// For the way to rest; apart, for it is large.
+    /// For the shortest stop; apart, for it is large.
     search: Box<Search<N>>,
 }
 
@@ -259,8 +237,8 @@ fn touched<T: Clone>(capacity: usize, filling: Option<T>) -> VecDeque<T> {
     queue
 }
 
-/// Any span at all.
-fn some_span<const N: usize>() -> Option<PathSegment<N>> {
+/// Any path segment at all.
+fn any_path_segment<const N: usize>() -> Option<PathSegment<N>> {
     Some(PathSegment {
         start: 0.0,
         curve: Curve::line([0.0; N], [1.0; N]).ok()?,
@@ -280,7 +258,7 @@ impl<const N: usize> Clone for Executor<N> {
             copy
         }
         Executor {
-            spans: copied(&self.spans),
+            path_segments: copied(&self.path_segments),
             steps: copied(&self.steps),
             search: self.search.clone(),
             ..*self
@@ -295,9 +273,9 @@ impl<const N: usize> Executor<N> {
             period,
             cycle: 0,
             lead: first_lead(period),
-            spans: touched(CAPACITY + RESERVE, some_span()),
-            first_span: 0,
-            committed_spans: 0,
+            path_segments: touched(CAPACITY + RESERVE, any_path_segment()),
+            first_path_segment: 0,
+            committed_path_segments: 0,
             steps: touched(CAPACITY + RESERVE, Some(Step::Hold)),
             committed: 0,
             number: 0,
@@ -322,10 +300,10 @@ impl<const N: usize> Executor<N> {
     /// Forgets the plan and rests in `position`, its cycle number zero; the overrides stay as they
     /// are. Allocates nothing.
     pub fn restart(&mut self, position: [f64; N]) {
-        self.spans.clear();
+        self.path_segments.clear();
         self.steps.clear();
         self.search.reset();
-        (self.first_span, self.committed_spans) = (0, 0);
+        (self.first_path_segment, self.committed_path_segments) = (0, 0);
         (self.committed, self.number) = (0, 0);
         (self.cycle, self.rested) = (0, 0);
         self.began = self.now();
@@ -343,7 +321,7 @@ impl<const N: usize> Executor<N> {
 
     /// How many commands can be accepted now.
     pub fn room(&self) -> usize {
-        let room = (self.spans.capacity() - self.spans.len())
+        let room = (self.path_segments.capacity() - self.path_segments.len())
             .min(self.steps.capacity() - self.steps.len());
         // While it rests nothing is taken, but for the plan that ends the rest.
         let waits = self.rests_at_hold() && !self.awaits_replacement();
@@ -359,10 +337,10 @@ impl<const N: usize> Executor<N> {
     }
 
     /// Takes the next command of the plan; false, and nothing taken, if there is no room for it.
-    /// After [`stop`](Self::stop), but for the way to rest, and while the plan is to be replaced,
+    /// After [`stop`](Self::stop), but for the shortest stop, and while the plan is to be replaced,
     /// commands are taken and dropped.
     pub fn accept(&mut self, command: Command<N>) -> bool {
-        if self.activity.ends() && !self.activity.seeks_rest() {
+        if self.activity.ends() && !self.activity.seeks_stop() {
             return true;
         }
         if self.room() == 0 {
@@ -376,7 +354,7 @@ impl<const N: usize> Executor<N> {
             }
             return true;
         }
-        let spans = self.first_span + self.spans.len() as u64;
+        let path_segments = self.first_path_segment + self.path_segments.len() as u64;
         match command {
             Command::ReplacePlan { .. } => {}
             Command::Section {
@@ -389,12 +367,12 @@ impl<const N: usize> Executor<N> {
                 origin,
                 backward,
                 limits,
-                spans,
+                path_segments,
                 moving: false,
             }),
             Command::ReplaceTail(step) => self.plan = PlanStatus::ReceivingTail { from: step },
-            Command::PathSegment(span) => self.spans.push_back(span),
-            Command::JerkSegment(piece) => self.steps.push_back(Step::JerkSegment(piece)),
+            Command::PathSegment(path_segment) => self.path_segments.push_back(path_segment),
+            Command::JerkSegment(segment) => self.steps.push_back(Step::JerkSegment(segment)),
             Command::Dwell {
                 item,
                 duration,
@@ -414,82 +392,6 @@ impl<const N: usize> Executor<N> {
             Command::Commit => self.commit(),
         }
         true
-    }
-
-    fn commit(&mut self) {
-        match std::mem::replace(&mut self.plan, PlanStatus::Current) {
-            PlanStatus::ReceivingReplacement { takeover } => {
-                if !self.can_take_over(takeover) {
-                    self.refuse_replacement(takeover);
-                    return;
-                }
-                self.take_over(takeover);
-            }
-            PlanStatus::ReceivingTail { from } => {
-                // A step that has begun cannot be replaced any more.
-                let keep = from as i64 - self.number;
-                if keep <= 0 {
-                    self.late += 1;
-                    self.request_replacement();
-                    return;
-                }
-                self.steps
-                    .drain((keep as usize).min(self.committed)..self.committed);
-            }
-            PlanStatus::Current | PlanStatus::AwaitingReplacement => {
-                if self.committed == 0 {
-                    self.began = self.now();
-                }
-            }
-        }
-        self.committed = self.steps.len();
-        self.committed_spans = self.first_span + self.spans.len() as u64;
-        if let Activity::Stopping { way, .. } = &mut self.activity {
-            // That was the way to rest; a way on comes after it.
-            *way = WayToRest::Found;
-            self.request_replacement();
-        }
-    }
-
-    /// The replacement for that cycle is in time. Who rests since before can begin whenever it comes.
-    fn can_take_over(&self, takeover: u64) -> bool {
-        let rests = self.committed == 0 && self.place.mark.is_none() && takeover >= self.rested;
-        takeover >= self.cycle || rests
-    }
-
-    /// The replacement came too late: another one is asked for in the next cycle.
-    fn refuse_replacement(&mut self, takeover: u64) {
-        if takeover > 0 {
-            // From a planner that is slow, further ahead.
-            let most = (LONGEST_LEAD / self.period) as u64;
-            self.lead = (2 * self.lead).min(most.max(self.lead));
-        } else if let Activity::Stopping {
-            way: WayToRest::Sought { since, .. },
-            ..
-        } = self.activity
-        {
-            // None was found. The planner is awake, and asked again.
-            self.seek_from(self.unanswered(), since);
-        }
-        self.request_replacement();
-        self.refused = Some(self.cycle);
-    }
-
-    /// The uncommitted steps follow the committed ones from that cycle on.
-    fn take_over(&mut self, takeover: u64) {
-        let keep = self.cut(takeover.max(self.cycle));
-        self.steps.drain(keep..self.committed);
-        self.lead = first_lead(self.period);
-        self.number = -(keep as i64);
-        let under_way = keep.checked_sub(1).is_some_and(
-            |last| matches!(self.steps[last], Step::JerkSegment(p) if p.at(p.duration).1 > 0.0),
-        );
-        if let Some(Step::Section { moving, .. }) = self.steps.get_mut(keep) {
-            *moving = under_way;
-        }
-        if keep == 0 {
-            self.began = self.now();
-        }
     }
 
     /// How often a part of the plan came after the path had gone past the point from where it
@@ -561,7 +463,8 @@ impl<const N: usize> Executor<N> {
 
     /// The current setpoint.
     pub fn setpoint(&self) -> Setpoint<N> {
-        let (Some(Step::JerkSegment(piece)), Some(span)) = (self.current(), self.spans.front())
+        let (Some(Step::JerkSegment(segment)), Some(path_segment)) =
+            (self.current(), self.path_segments.front())
         else {
             let rest = Setpoint {
                 position: self.place.position,
@@ -578,12 +481,14 @@ impl<const N: usize> Executor<N> {
             let axes = self.activity.jogging();
             return axes.map_or(rest, |axes| axes.setpoint(rest));
         };
-        let t = self.since(self.began).clamp(0.0, piece.duration);
-        let (ds, v, a) = piece.at(t);
+        let t = self.since(self.began).clamp(0.0, segment.duration);
+        let (ds, v, a) = segment.at(t);
         let v = v.max(0.0);
-        let j = piece.jerk;
+        let j = segment.jerk;
         // The two starts first: they are large and constant, the rest is small and exact.
-        let at = span.curve.at((piece.distance - span.start) + ds);
+        let at = path_segment
+            .curve
+            .at((segment.distance - path_segment.start) + ds);
         Setpoint {
             position: at.q,
             velocity: at.d1.map(|x| x * v),
@@ -591,10 +496,10 @@ impl<const N: usize> Executor<N> {
             jerk: std::array::from_fn(|i| {
                 at.d3[i] * v * v * v + 3.0 * at.d2[i] * v * a + at.d1[i] * j
             }),
-            tag: span.tag,
-            distance: self.path_distance(piece.distance + ds),
+            tag: path_segment.tag,
+            distance: self.path_distance(segment.distance + ds),
             speed: v,
-            feed: span.speed,
+            feed: path_segment.speed,
             busy: true,
             off_path: false,
         }
@@ -624,17 +529,17 @@ impl<const N: usize> Executor<N> {
             }
             self.finish_step(*step, duration);
         }
-        if let Some(Step::JerkSegment(piece)) = self.current() {
-            let (ds, _, _) = piece.at(self.since(self.began));
-            self.enter_span_at(piece.distance + ds);
+        if let Some(Step::JerkSegment(segment)) = self.current() {
+            let (ds, _, _) = segment.at(self.since(self.began));
+            self.enter_path_segment_at(segment.distance + ds);
             self.pass_waypoints();
             if let Activity::Stopping {
-                way: WayToRest::Sought { departure, since },
+                search: StopSearch::Sought { departure, since },
                 ..
             } = self.activity
                 && departure <= self.cycle + AHEAD
             {
-                self.seek_rest(departure, since);
+                self.seek_stop(departure, since);
             }
         } else if let Activity::Stopping { next, .. } = self.activity {
             self.activity = next.into();
@@ -686,23 +591,24 @@ impl<const N: usize> Executor<N> {
                 origin,
                 backward,
                 limits,
-                spans,
+                path_segments,
                 moving,
             } => {
                 self.place.limits = Some(limits);
-                let passed = spans.saturating_sub(self.first_span) as usize;
-                self.spans.drain(..passed.min(self.spans.len()));
-                self.first_span = spans;
+                let passed = path_segments.saturating_sub(self.first_path_segment) as usize;
+                self.path_segments
+                    .drain(..passed.min(self.path_segments.len()));
+                self.first_path_segment = path_segments;
                 self.place.item = Some(item);
                 self.place.origin = origin;
                 self.place.backward = backward;
-                if !moving && let Some(Step::JerkSegment(piece)) = self.current() {
-                    self.place.reached = piece.distance;
+                if !moving && let Some(Step::JerkSegment(segment)) = self.current() {
+                    self.place.reached = segment.distance;
                 }
             }
-            Step::JerkSegment(piece) => {
+            Step::JerkSegment(segment) => {
                 if !matches!(self.current(), Some(Step::JerkSegment(_))) {
-                    self.finish_run(piece.distance + piece.at(duration).0);
+                    self.finish_run(segment.distance + segment.at(duration).0);
                 }
             }
             Step::Dwell { item, .. } => self.place.item = Some(item),
@@ -724,41 +630,45 @@ impl<const N: usize> Executor<N> {
         }
     }
 
-    /// The axes have come to rest at `end` on the section, or another law takes over there.
+    /// The axes have come to rest at `end` on the section, or another plan takes over there.
     fn finish_run(&mut self, end: f64) {
-        self.enter_span_at(end);
+        self.enter_path_segment_at(end);
         self.pass_waypoints();
-        if let Some(span) = self.spans.front() {
-            let whole = span.start + span.curve.length();
+        if let Some(path_segment) = self.path_segments.front() {
+            let whole = path_segment.start + path_segment.curve.length();
             let complete = end >= whole - 1e-9;
             self.place.position = if complete {
-                span.curve.end()
+                path_segment.curve.end()
             } else {
-                span.curve.at(end - span.start).q
+                path_segment.curve.at(end - path_segment.start).q
             };
-            self.place.tag = span.tag;
+            self.place.tag = path_segment.tag;
             self.place.reached = end;
         }
         if self.activity.ends() && self.committed == 0 {
-            self.spans.clear();
+            self.path_segments.clear();
         }
     }
 
-    /// The path is on its first span, and has come to all waypoints before that.
+    /// The path is on its first path segment, and has come to all waypoints before that.
     fn pass_waypoints(&mut self) {
-        if let Some(span) = self.spans.front() {
-            self.place.waypoints = self.place.waypoints.max(span.waypoints);
+        if let Some(path_segment) = self.path_segments.front() {
+            self.place.waypoints = self.place.waypoints.max(path_segment.waypoints);
         }
     }
 
-    /// Drops the spans that end before `distance`, but never the last of the section.
-    fn enter_span_at(&mut self, distance: f64) {
-        while let (Some(span), Some(next)) = (self.spans.front(), self.spans.get(1)) {
-            if next.start <= span.start || distance < span.start + span.curve.length() {
+    /// Drops the path segments that end before `distance`, but never the last of the section.
+    fn enter_path_segment_at(&mut self, distance: f64) {
+        while let (Some(path_segment), Some(next)) =
+            (self.path_segments.front(), self.path_segments.get(1))
+        {
+            if next.start <= path_segment.start
+                || distance < path_segment.start + path_segment.curve.length()
+            {
                 break;
             }
-            self.spans.pop_front();
-            self.first_span += 1;
+            self.path_segments.pop_front();
+            self.first_path_segment += 1;
         }
     }
 }

@@ -2,7 +2,7 @@
 //!
 //! Each acts on what is committed at once and asks for a plan that goes with it.
 
-use super::activity::{Activity, Next, WayToRest};
+use super::activity::{Activity, Next, StopSearch};
 use super::{Executor, Step, part};
 use crate::path::Overrides;
 use crate::path::jog::{Jog, JogError, Jogging, Travel};
@@ -44,7 +44,7 @@ impl<const N: usize> Executor<N> {
     /// rest. A dwell is broken off, and begins anew.
     ///
     /// On a line that is the closed form. On curves the [`replan_request`](Self::replan_request) asks the planner
-    /// for a law that brakes as hard as the axes allow, and where it does not answer in time one is
+    /// for the hardest braking that the axes allow, and where it does not answer in time one is
     /// searched for here, over several cycles; until there is one the plan, which ends at rest, too,
     /// is followed.
     pub fn feed_hold(&mut self) {
@@ -145,7 +145,7 @@ impl<const N: usize> Executor<N> {
         if self.moves() && self.place.backward == back {
             self.activity = turn.into();
         } else if let Activity::Stopping {
-            way: WayToRest::Found,
+            search: StopSearch::Found,
             next,
         } = &mut self.activity
         {
@@ -208,10 +208,10 @@ impl<const N: usize> Executor<N> {
             return;
         }
         match &mut self.activity {
-            // It looks for the way already, or is on it.
-            Activity::Stopping { way, next } => {
+            // The stop is searched for already, or followed.
+            Activity::Stopping { search, next } => {
                 *next = Next::End;
-                if *way == WayToRest::Found {
+                if *search == StopSearch::Found {
                     self.drop_uncommitted();
                 }
             }
@@ -228,7 +228,7 @@ impl<const N: usize> Executor<N> {
             }
         }
         if self.committed == 0 {
-            self.spans.clear();
+            self.path_segments.clear();
         }
     }
 

@@ -1,10 +1,22 @@
-//! The way to rest as soon as the limits allow.
+//! Coming to rest as soon as the limits allow.
 //!
-//! Whatever is committed ends at rest, so that there is always one. A shorter one is laid at once where
-//! the path is a line; elsewhere the planner is asked for one, and what it does not answer is
-//! searched for here, some work a cycle, from a state a little ahead.
+//! Whatever is committed ends at rest, so that there is always a stop; the search is for a shorter one. It
+//! goes in these steps, and ends with the first that finds one:
+//!
+//! 1. in the cycle of the order: the plan itself where it does nothing but slow down along a line, or the
+//!    closed form on a line;
+//! 2. the planner is asked, by a [`ReplanRequest`](crate::path::ReplanRequest) for rest; its answer takes over as
+//!    any plan does;
+//! 3. what it has not answered when its time is over is searched for here, so much work a cycle, from the
+//!    state on the plan some cycles ahead, and where there is none from the next one. A search has three
+//!    [outcomes](Outcome): found, unfinished, impossible. One that is unfinished when its departure comes is
+//!    given up for the next; meanwhile a gentle closed form is followed where the bends leave room for one.
+//!
+//! Until then the plan is followed. The planner comes first because it has milliseconds where a cycle
+//! has a fraction of one, and searches more finely; the cycle's own search is for a planner that is gone, or
+//! a host that is crowded.
 
-use super::activity::{Activity, Next, WayToRest};
+use super::activity::{Activity, Next, StopSearch};
 use super::{AHEAD, Executor, Step, WORK, first_lead};
 use crate::path::brake::{Braking, Outcome, brake_gently};
 use crate::path::{Limits, PathState};
@@ -18,7 +30,7 @@ impl<const N: usize> Executor<N> {
     /// Comes to rest as soon as it can, for what is next; at rest it is there already. What is behind
     /// the rest is dropped, a dwell is broken off.
     pub(super) fn stop_for(&mut self, next: Next) {
-        // However slow its plans are: a way to rest is soon found.
+        // However slow the planner's plans are, a stop is soon found.
         self.lead = first_lead(self.period);
         self.drop_uncommitted();
         let goes_on =
@@ -28,28 +40,28 @@ impl<const N: usize> Executor<N> {
         self.committed = self.steps.len();
         if self.moves() {
             let (departure, since) = (self.cycle, self.cycle);
-            let way = WayToRest::Sought { departure, since };
-            self.activity = Activity::Stopping { way, next };
+            let search = StopSearch::Sought { departure, since };
+            self.activity = Activity::Stopping { search, next };
             self.search.reset();
-            self.seek_rest(departure, since);
+            self.seek_stop(departure, since);
         } else {
             self.activity = next.into();
         }
     }
 
-    /// A way to rest from that cycle on is searched for anew.
-    pub(super) fn seek_from(&mut self, departure: u64, since: u64) {
-        self.way_is(WayToRest::Sought { departure, since });
+    /// A stop from that cycle on is searched for anew.
+    pub(super) fn search_from(&mut self, departure: u64, since: u64) {
+        self.search_is(StopSearch::Sought { departure, since });
         self.search.reset();
     }
 
-    fn way_is(&mut self, now: WayToRest) {
-        if let Activity::Stopping { way, .. } = &mut self.activity {
-            *way = now;
+    fn search_is(&mut self, now: StopSearch) {
+        if let Activity::Stopping { search, .. } = &mut self.activity {
+            *search = now;
         }
     }
 
-    /// Replaces the plan by a shorter way to rest from the cycle `departure` on, if there is one.
+    /// Replaces the plan by a shorter stop from the cycle `departure` on, if there is one.
     ///
     /// A line has a closed form at once. Elsewhere the planner is asked for one; what it does not
     /// answer in time is searched for here from a little ahead, so that the share of several cycles
@@ -57,17 +69,17 @@ impl<const N: usize> Executor<N> {
     ///
     /// Apart from the cycle that follows its plan: the search has a large stack.
     #[inline(never)]
-    pub(super) fn seek_rest(&mut self, departure: u64, since: u64) {
+    pub(super) fn seek_stop(&mut self, departure: u64, since: u64) {
         let Some(limits) = self.place.limits else {
             return;
         };
         let Some(from) = self.state_at(departure) else {
-            self.way_is(WayToRest::Found);
+            self.search_is(StopSearch::Found);
             return;
         };
         let outcome = if self.cycle == since {
             if self.rests_soon(from) {
-                self.way_is(WayToRest::Found);
+                self.search_is(StopSearch::Found);
                 return;
             }
             self.brake_at_once(from, &limits)
@@ -77,48 +89,51 @@ impl<const N: usize> Executor<N> {
         match outcome {
             Outcome::Found(braking) => {
                 self.rest_sooner(&braking, departure);
-                self.way_is(WayToRest::Found);
+                self.search_is(StopSearch::Found);
             }
             Outcome::Unfinished => {}
-            Outcome::Impossible => self.seek_from(self.next_departure(departure, since), since),
+            Outcome::Impossible => self.search_from(self.next_departure(departure, since), since),
         }
     }
 
     /// The state on the path at the start of that cycle; none where the plan rests before.
     fn state_at(&self, cycle: u64) -> Option<PathState> {
         let (index, t) = self.step_at(cycle);
-        let Some(Step::JerkSegment(piece)) = self.steps.get(index) else {
+        let Some(Step::JerkSegment(segment)) = self.steps.get(index) else {
             return None;
         };
-        let (ds, speed, acceleration) = piece.at(t.min(piece.duration));
+        let (ds, speed, acceleration) = segment.at(t.min(segment.duration));
         Some(PathState {
-            distance: piece.distance + ds,
+            distance: segment.distance + ds,
             speed,
             acceleration,
         })
     }
 
-    /// How many of the spans are passed at that distance.
+    /// How many of the path segments are passed at that distance.
     fn passed(&self, distance: f64) -> usize {
-        let spans = &self.spans;
-        (1..spans.len())
-            .take_while(|&k| spans[k].start > spans[k - 1].start && spans[k].start <= distance)
+        let path_segments = &self.path_segments;
+        (1..path_segments.len())
+            .take_while(|&k| {
+                path_segments[k].start > path_segments[k - 1].start
+                    && path_segments[k].start <= distance
+            })
             .count()
     }
 
     /// On a line, and nothing is planned but to slow down: no stop is shorter.
     fn rests_soon(&self, from: PathState) -> bool {
-        let here = self.spans.get(self.passed(from.distance));
-        here.is_some_and(|span| span.curve.direction().is_some())
+        let here = self.path_segments.get(self.passed(from.distance));
+        here.is_some_and(|path_segment| path_segment.curve.direction().is_some())
             && from.acceleration <= 0.0
             && self.steps.iter().all(Step::brakes)
     }
 
     /// The closed form on a line.
     fn brake_at_once(&self, from: PathState, limits: &Limits<N>) -> Outcome {
-        let here = self.spans.get(self.passed(from.distance));
-        here.filter(|span| span.curve.direction().is_some())
-            .and_then(|span| brake_gently(span, limits, from, 0.0))
+        let here = self.path_segments.get(self.passed(from.distance));
+        here.filter(|path_segment| path_segment.curve.direction().is_some())
+            .and_then(|path_segment| brake_gently(path_segment, limits, from, 0.0))
             .map_or(Outcome::Impossible, Outcome::Found)
     }
 
@@ -126,14 +141,16 @@ impl<const N: usize> Executor<N> {
     /// found in the last cycle before its departure, a gentle one is followed meanwhile.
     fn search_on(&mut self, from: PathState, limits: &Limits<N>, departure: u64) -> Outcome {
         let passed = self.passed(from.distance);
-        let spans = &self.spans;
-        let span = |k: usize| {
-            let span = spans.get(passed + k)?;
-            (k == 0 || span.start > spans[passed + k - 1].start).then_some(span)
+        let path_segments = &self.path_segments;
+        let path_segment = |k: usize| {
+            let path_segment = path_segments.get(passed + k)?;
+            (k == 0 || path_segment.start > path_segments[passed + k - 1].start)
+                .then_some(path_segment)
         };
-        match self.search.go_on(span, limits, from, 0.0, WORK) {
+        match self.search.go_on(path_segment, limits, from, 0.0, WORK) {
             Outcome::Unfinished | Outcome::Impossible if departure == self.cycle => {
-                let gentle = span(0).and_then(|span| brake_gently(span, limits, from, 0.0));
+                let gentle = path_segment(0)
+                    .and_then(|path_segment| brake_gently(path_segment, limits, from, 0.0));
                 if let Some(gentle) = gentle {
                     self.rest_sooner(&gentle, departure);
                 }
@@ -143,7 +160,7 @@ impl<const N: usize> Executor<N> {
         }
     }
 
-    /// Follows a way to rest from that cycle on, if the plan does not rest as soon.
+    /// Follows a stop from that cycle on, if the plan does not rest as soon.
     fn rest_sooner(&mut self, braking: &Braking, departure: u64) {
         let last = self.committed.checked_sub(1);
         let plan_ends = match last.and_then(|last| self.steps.get(last)) {
@@ -154,13 +171,13 @@ impl<const N: usize> Executor<N> {
             self.request_replacement();
             let keep = self.cut(departure);
             self.steps.truncate(keep);
-            let braking = braking.pieces().iter().copied();
+            let braking = braking.segments().iter().copied();
             self.steps.extend(braking.map(Step::JerkSegment));
             self.committed = self.steps.len();
         }
     }
 
-    /// From which cycle on a way to rest is searched for next.
+    /// From which cycle on a stop is searched for next.
     fn next_departure(&self, departure: u64, since: u64) -> u64 {
         let next = if self.cycle == since {
             self.unanswered()

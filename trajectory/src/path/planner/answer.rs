@@ -165,7 +165,7 @@ impl<const N: usize> Planner<N> {
             let mut plan = vec![begin];
             plan.extend(under_way.copied().map(Command::PathSegment));
             plan.extend(followed.into_iter().map(Command::JerkSegment));
-            plan.extend(law.pieces().iter().copied().map(Command::JerkSegment));
+            plan.extend(law.segments().iter().copied().map(Command::JerkSegment));
             Some(plan)
         });
         let Some(plan) = found else {

@@ -20,7 +20,7 @@ use std::collections::VecDeque;
 
 use thiserror::Error;
 
-use super::brake::MOST_PIECES;
+use super::brake::MOST_SEGMENTS;
 use super::plan::Plan;
 use super::segment_fitting::ShortSegments;
 use super::window::{Effort, MOST_CELLS, TOO_MANY_CELLS, Window};
@@ -48,7 +48,7 @@ const NOTHING: f64 = 1e-9;
 const MOST_FOLLOWED: usize = 2 * MOST_CELLS;
 /// Steps, and spans, that come in one commit, at most: what is followed, what slows down, the window,
 /// its section and a hold. An [`Executor`](super::Executor) has room for that whenever it rests.
-pub(super) const MOST_AT_ONCE: usize = MOST_FOLLOWED + MOST_PIECES + TOO_MANY_CELLS + 2;
+pub(super) const MOST_AT_ONCE: usize = MOST_FOLLOWED + MOST_SEGMENTS + TOO_MANY_CELLS + 2;
 
 /// Turns items into commands. Everything that it has given out up to a [`Command::Commit`] ends
 /// at rest.

@@ -468,7 +468,7 @@ fn lay_slowing<const N: usize>(
             .map(|s| s.speed)
             .fold(target, f64::min);
         if lowest >= target {
-            pieces.extend_from_slice(law.pieces());
+            pieces.extend_from_slice(law.segments());
             *from = law.end;
             return true;
         }
