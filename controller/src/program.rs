@@ -191,13 +191,6 @@ impl Program {
         })
     }
 
-    /// Whether M1 stops.
-    #[must_use]
-    pub fn optional_stop(mut self, stops: bool) -> Self {
-        self.setup.optional_stop = stops;
-        self
-    }
-
     /// Whether blocks that begin with `/` are skipped.
     #[must_use]
     pub fn block_delete(mut self, skips: bool) -> Self {

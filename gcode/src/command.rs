@@ -87,7 +87,7 @@ pub enum Feed {
 pub enum Stop {
     /// M0
     Program,
-    /// M1; only with the optional-stop switch on.
+    /// M1: where the machine's optional stop is on.
     Optional,
     /// M6: the operator loads this tool (0: none).
     ToolChange {

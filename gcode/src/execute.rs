@@ -360,8 +360,7 @@ impl State {
         let columns = words.code_columns(Group::Stopping).unwrap_or_default();
         match number {
             0 => commands.push_back(Action::Stop(Stop::Program)),
-            1 if self.setup.optional_stop => commands.push_back(Action::Stop(Stop::Optional)),
-            1 => {}
+            1 => commands.push_back(Action::Stop(Stop::Optional)),
             98 => {
                 let allowed = "the number of a subprogram";
                 let Some(number) = words.take_whole(b'P', code, 0..=99_999_999, allowed)? else {

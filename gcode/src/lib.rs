@@ -68,8 +68,6 @@ pub struct Setup {
     pub path_mode: PathMode,
     /// Skip blocks that begin with `/`.
     pub block_delete: bool,
-    /// Stop at M1.
-    pub optional_stop: bool,
     /// Refuse a program that executes more blocks; `None` for one that runs as it is read.
     pub max_blocks: Option<u64>,
     /// Refuse a program that executes more blocks without a movement, a dwell or a stop: a loop
@@ -89,7 +87,6 @@ impl Setup {
             limits: [None; 9],
             path_mode: PathMode::default(),
             block_delete: false,
-            optional_stop: false,
             max_blocks: Some(MAX_BLOCKS),
             max_idle_blocks: MAX_BLOCKS,
             abandoned: std::sync::Arc::default(),

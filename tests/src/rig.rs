@@ -147,8 +147,7 @@ impl Rig {
         Self::new("portal", &[], program, |_, _| ())
     }
 
-    /// An example machine with parts of its file replaced, a program that stops at M1, and changes to
-    /// the twins, which are given by their place in the file.
+    /// An example machine with parts of its file replaced, a program, and changes to the twins, which are given by their place in the file.
     ///
     /// # Panics
     /// If the machine is not good.
@@ -165,7 +164,6 @@ impl Rig {
         let layout = Arc::new(Layout::new(&machine).expect("it fits its cycle"));
         let program_file = folder.file("program.ngc", program);
         let program = Program::new(&program_file, &machine, &file).expect("good tables");
-        let program = program.optional_stop(true);
         let shared = SharedFrames::new(&machine);
         let frames = Arc::new(Mutex::new(Vec::new()));
         assert_eq!(machine.buses.len(), 1, "the examples have one bus");

@@ -174,7 +174,7 @@ impl Screen {
 
     /// What the machine does, beside the bar.
     fn progress(&self, status: &Status) -> String {
-        let overridden = overridden(&status.settings);
+        let otherwise = set_otherwise(&status.settings);
         let line = status.line;
         if status.off_path || status.waits {
             let axes = self.machine.axes.iter().map(|axis| axis.letter);
@@ -184,16 +184,16 @@ impl Screen {
             });
             let at: String = at.collect();
             let step = status.settings.jog_step;
-            return format!("line {line}, {at}by {step} mm{overridden}");
+            return format!("line {line}, {at}by {step} mm{otherwise}");
         }
         let (speed, turns) = counted_speed(&status.velocity);
         let unit = if turns { "°" } else { "mm" };
-        format!("line {line}, {:.0} {unit}/min{overridden}", speed * 60.0)
+        format!("line {line}, {:.0} {unit}/min{otherwise}", speed * 60.0)
     }
 }
 
-/// What of the programmed speeds is wanted, if it is not all of them.
-fn overridden(settings: &Settings) -> String {
+/// What is set otherwise than usual: parts of the programmed speeds, and switches.
+fn set_otherwise(settings: &Settings) -> String {
     let tell = |what: &str, percent: f64| {
         if percent == 100.0 {
             String::new()
@@ -201,5 +201,18 @@ fn overridden(settings: &Settings) -> String {
             format!(", {what} {percent} %")
         }
     };
-    tell("feed", settings.feed_override) + &tell("rapid", settings.rapid_override)
+    let on = |what: &str, on: bool| {
+        if on {
+            format!(", {what}")
+        } else {
+            String::new()
+        }
+    };
+    [
+        tell("feed", settings.feed_override),
+        tell("rapid", settings.rapid_override),
+        on("single block", settings.single_block),
+        on("optional stop", settings.optional_stop),
+    ]
+    .concat()
 }

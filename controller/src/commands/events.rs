@@ -1,7 +1,9 @@
 //! What an operator does in a validated run, from a CSV file: `t_s,event,value`.
 
 use crate::machine::COORDINATES;
-use crate::session::{Command, Direction, Jog, LEAST, MOST_FEED, MOST_RAPID, Override};
+use crate::session::{
+    Command, Direction, Jog, LEAST, MOST_FEED, MOST_RAPID, Override, SwitchChange,
+};
 use std::collections::VecDeque;
 use std::fs;
 use std::io;
@@ -11,7 +13,7 @@ use syncline_gcode::Axis;
 /// An event's name, what its value has to be, if it has one, and the command that they make.
 type Event = (&'static str, &'static str, fn(&str) -> Option<Command>);
 
-const EVENTS: [Event; 10] = [
+const EVENTS: [Event; 11] = [
     (
         "feed_override",
         "0 or a value from 0.1 to 200 (%)",
@@ -24,7 +26,12 @@ const EVENTS: [Event; 10] = [
     ),
     ("feed_hold", "", |_| Some(Command::FeedHold)),
     ("resume", "", |_| Some(Command::Resume)),
-    ("single_block", "", |_| Some(Command::SingleBlock)),
+    ("single_block", ON_OFF, |value| {
+        switch(value).map(Command::SingleBlock)
+    }),
+    ("optional_stop", ON_OFF, |value| {
+        switch(value).map(Command::OptionalStop)
+    }),
     ("retrace", "", |_| Some(Command::Retrace)),
     (
         "jog",
@@ -40,6 +47,8 @@ const EVENTS: [Event; 10] = [
     ("stop", "", |_| Some(Command::Stop)),
 ];
 
+const ON_OFF: &str = "`on` or `off`";
+
 const POSITIONS: &str = "axes and their positions as `X10 Y-2.5`";
 
 /// Events of files of old, and what each is called now.
@@ -48,6 +57,15 @@ const RENAMED: [(&str, &str); 3] = [
     ("stop_after_block", "single_block"),
     ("step_back", "retrace"),
 ];
+
+/// `on`, `off`
+fn switch(value: &str) -> Option<SwitchChange> {
+    match value {
+        "on" => Some(SwitchChange::To(true)),
+        "off" => Some(SwitchChange::To(false)),
+        _ => None,
+    }
+}
 
 /// So many percent.
 fn percent(value: &str, most: f64) -> Option<Override> {
@@ -288,6 +306,19 @@ mod tests {
     }
 
     #[test]
+    fn switches_are_on_or_off() {
+        let text = "t_s,event,value\n1,single_block,on\n1,optional_stop, off\n";
+        let mut events = parse(text).unwrap();
+        for command in [
+            Command::SingleBlock(SwitchChange::To(true)),
+            Command::OptionalStop(SwitchChange::To(false)),
+        ] {
+            assert_eq!(events.due(1.0), Some(command));
+            events.pass();
+        }
+    }
+
+    #[test]
     fn jogs_have_axes_and_numbers() {
         let command = |event: &str| {
             let text = format!("t_s,event,value\n0,{event}\n");
@@ -405,6 +436,16 @@ mod tests {
                 "t_s,event,value\n1,step_back,\n",
                 "e.csv:2:3:",
                 "`retrace` now",
+            ),
+            (
+                "t_s,event,value\n1,single_block,\n",
+                "e.csv:2:16:",
+                "`single_block` needs `on` or `off`",
+            ),
+            (
+                "t_s,event,value\n1,optional_stop,ON\n",
+                "e.csv:2:17:",
+                "`optional_stop` needs `on` or `off`",
             ),
             ("t_s,event,value\n1,jog,X5\n", "e.csv:2:7:", "`X+1.5`"),
             ("t_s,event,value\n1,jog,\n", "e.csv:2:7:", "`X+1.5`"),

@@ -1,6 +1,8 @@
 //! Keys on the terminal while a program runs: each is a command to the session.
 
-use crate::session::{Command, Direction, Jog, NotTaken, Operator, Override, StepChange};
+use crate::session::{
+    Command, Direction, Jog, NotTaken, Operator, Override, StepChange, SwitchChange,
+};
 use rustix::io::{Errno, read};
 use rustix::process::getpgrp;
 use rustix::termios::{
@@ -13,7 +15,7 @@ use syncline_gcode::Axis;
 
 /// For the operator at the terminal.
 pub(super) const HELP: &str = "keys: space feed hold and resume, + - feed, < > rapid, s single block, \
-                               b retrace, q stop, Enter cycle start at a program stop; while \
+                               o optional stop, b retrace, q stop, Enter cycle start at a program stop; while \
                                held: arrows and page keys jog X Y Z, [ ] by less or more";
 
 /// How much an override changes by a key, %.
@@ -27,7 +29,8 @@ fn command(byte: u8) -> Option<Command> {
         b'-' => Command::FeedOverride(Override::By(-STEP)),
         b'>' => Command::RapidOverride(Override::By(STEP)),
         b'<' => Command::RapidOverride(Override::By(-STEP)),
-        b's' => Command::SingleBlock,
+        b's' => Command::SingleBlock(SwitchChange::Toggle),
+        b'o' => Command::OptionalStop(SwitchChange::Toggle),
         b'b' => Command::Retrace,
         b'[' => Command::JogStep(StepChange::Smaller),
         b']' => Command::JogStep(StepChange::Greater),

@@ -67,6 +67,7 @@ impl Args {
             }
         });
         let outcome = Replay::new(Arc::clone(&layout), buses.collect(), program, log.clone())
+            .map(|replay| replay.optional_stop(self.switches.optional_stop))
             .and_then(Replay::run)
             .map_err(|error| match error {
                 NoReplay::Program(error) => Box::<dyn Error>::from(error),

@@ -38,11 +38,11 @@ const POLL: Duration = Duration::from_millis(1);
 ///
 /// Brings up the drives, runs the program and shuts down in an orderly way, whatever happens:
 /// a fault or Ctrl-C leads to a stop on the path, then the drives are disabled. At a program stop
-/// (M0, M1 with --optional-stop, M6) the machine rests with its drives enabled until Enter.
+/// (M0, M6, M1 while the optional stop is on) the machine rests with its drives enabled until Enter.
 ///
 /// On a terminal, space is feed hold and resume, + and - change the feed override by 10 %, the keys >
-/// and < the rapid override, s is single block, b retraces to the beginning of the block, q stops as
-/// Ctrl-C does. While it is held or at a program stop, the arrows and page keys jog X, Y and Z, by
+/// and < the rapid override, s switches single block on and off and o the optional stop, b retraces to
+/// the beginning of the block, q stops as Ctrl-C does. While it is held or at a program stop, the arrows and page keys jog X, Y and Z, by
 /// steps that [ and ] choose; what goes on goes back first. No file or terminal that takes nothing
 /// is in the way of a key, of Ctrl-C or of the motion: what could not be written is told in the end.
 ///
@@ -251,6 +251,7 @@ impl Run<'_> {
             },
         )?;
         let mut session = Session::new(&self.machine, timeline, moves, observers);
+        (self.args.switches).set(&session.operator("command line"))?;
         let screen = Screen {
             events: session.subscribe(),
             view: session.view(),

@@ -2,15 +2,16 @@
 
 use crate::machine::Machine;
 use crate::program::Program;
+use crate::session::{Command, NotTaken, Operator, SwitchChange};
 use std::path::Path;
 use syncline_gcode::TablesError;
 
 /// How a program is to be read.
 #[derive(Debug, clap::Args)]
 pub(super) struct Switches {
-    /// Stop at M1.
+    /// Begin with the optional stop on: the program waits at M1.
     #[arg(long)]
-    optional_stop: bool,
+    pub(super) optional_stop: bool,
     /// Execute blocks that begin with `/` instead of skipping them.
     #[arg(long)]
     no_block_delete: bool,
@@ -33,9 +34,16 @@ impl Switches {
         machine_file: &Path,
     ) -> Result<Program, TablesError> {
         Ok(Program::new(file, machine, machine_file)?
-            .optional_stop(self.optional_stop)
             .block_delete(!self.no_block_delete)
             .from_line(self.from_line)
             .stream(self.stream))
+    }
+
+    /// Commands what these set in the session.
+    pub(super) fn set(&self, operator: &Operator) -> Result<(), NotTaken> {
+        if self.optional_stop {
+            operator.command(Command::OptionalStop(SwitchChange::To(true)))?;
+        }
+        Ok(())
     }
 }

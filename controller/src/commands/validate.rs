@@ -43,8 +43,8 @@ pub(super) struct Args {
     #[command(flatten)]
     switches: Switches,
     /// What an operator does, as CSV with the columns `t_s,event,value`: feed_override and
-    /// rapid_override (%), feed_hold, resume, single_block, retrace, jog (X+1.5 or X-),
-    /// jog_to, move_to (X10 Y20), stop, at times of the trace.
+    /// rapid_override (%), feed_hold, resume, single_block and optional_stop (on, off), retrace,
+    /// jog (X+1.5 or X-), jog_to, move_to (X10 Y20), stop, at times of the trace.
     #[arg(long, value_name = "FILE")]
     events: Option<PathBuf>,
     /// Tell what the controller does.
@@ -124,6 +124,7 @@ impl Args {
         logs.record_virtual(&machine, timeline.frames())?;
         let observers = Observers::new(&machine, results.trace()?, results.wants_report());
         let mut session = Session::new(&machine, timeline, moves, observers);
+        self.switches.set(&session.operator("command line"))?;
         let (told, nobody) = (session.subscribe(), session.operator("validate"));
         let mut script = Script {
             operator: session.operator("events"),

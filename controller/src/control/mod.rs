@@ -204,6 +204,8 @@ pub struct Controller<const N: usize> {
     stop_point: Option<(u32, StopPoint)>,
     switches: Switches,
     pause_told: bool,
+    /// M1 is a stop.
+    optional_stop: bool,
     /// Something of the program was handed in.
     begun: bool,
     /// For so many cycles the path has rested for want of a plan.
@@ -257,6 +259,7 @@ impl<const N: usize> Controller<N> {
             stop_point: None,
             switches: Switches::new(),
             pause_told: false,
+            optional_stop: false,
             begun: false,
             unplanned: 0,
             waits_for_input: false,

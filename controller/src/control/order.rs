@@ -17,8 +17,10 @@ pub enum Order<const N: usize = COORDINATES> {
     Resume,
     /// [`Order::Resume`] while held, otherwise, also at rest for want of speed, [`Order::FeedHold`].
     ToggleFeedHold,
-    /// Rests at the end of the block.
-    SingleBlock,
+    /// Whether the path rests at the end of every block.
+    SingleBlock(bool),
+    /// Whether the program waits for an operator at M1.
+    OptionalStop(bool),
     /// Goes back to the beginning of the block and rests there.
     Retrace,
     /// Moves axes while the path rests: held, or at a pause.
@@ -47,7 +49,8 @@ impl<const N: usize> Controller<N> {
                     self.executor.feed_hold();
                 }
             }
-            Order::SingleBlock => self.executor.single_block(),
+            Order::SingleBlock(on) => self.executor.set_single_block(on),
+            Order::OptionalStop(on) => self.optional_stop = on,
             Order::Retrace => {
                 // A pause that is told comes again when the path has come back to it.
                 if take(&mut self.pause_told) {

@@ -2,7 +2,7 @@
 
 use super::fault::{AwaitedState, DriveCause, Fault};
 use super::{
-    COMMAND_CYCLES, Controller, DriveNode, End, Event, NO_PLAN, Phase, STILL, STILL_CYCLES,
+    COMMAND_CYCLES, Controller, DriveNode, End, Event, NO_PLAN, Pause, Phase, STILL, STILL_CYCLES,
     StopPoint,
 };
 use crate::bus::Outbox;
@@ -178,11 +178,16 @@ impl<const N: usize> Controller<N> {
             return;
         }
         match self.reached() {
-            Some(StopPoint::Pause { reason, line }) if !self.pause_told => {
+            Some(StopPoint::Pause { .. }) if self.pause_told => {}
+            Some(StopPoint::Pause {
+                reason: Pause::OptionalStop,
+                ..
+            }) if !self.optional_stop => self.executor.pass(),
+            Some(StopPoint::Pause { reason, line }) => {
                 self.pause_told = true;
                 self.tell(Event::Paused { line, reason });
             }
-            Some(StopPoint::Pause { .. }) | None => {}
+            None => {}
             Some(StopPoint::Rest) => self.executor.pass(),
             Some(StopPoint::End) => self.finish(End::Finished),
             Some(StopPoint::Broken) => self.fail(Fault::Program),

@@ -513,7 +513,7 @@ mod tests {
         };
         let many = 2 * ORDERS as u64;
         for number in 0..many {
-            handle.order(number, Order::SingleBlock);
+            handle.order(number, Order::Retrace);
         }
         handle.order(many, Order::Interrupt);
         let mut last = None;

@@ -19,7 +19,7 @@
 
 use crate::bus::{Burst, Outbox, Received};
 use crate::control::fault::BusIndex;
-use crate::control::{Controller, End, Event, Instruction, Layout, Phase, Wake};
+use crate::control::{Controller, End, Event, Instruction, Layout, Order, Phase, Wake};
 use crate::machine::{COORDINATES, Position};
 use crate::program::{Feeder, Moves, Program, ProgramError};
 use std::collections::{BTreeMap, VecDeque};
@@ -127,6 +127,7 @@ pub struct Replay {
     log: Vec<Logged>,
     start: Instant,
     tape: Option<Tape>,
+    optional_stop: bool,
 }
 
 /// What the program feeds to the cycle, kept for as long as a trial may want it again.
@@ -195,9 +196,17 @@ impl Replay {
             log,
             start: Instant::ZERO,
             tape: None,
+            optional_stop: false,
         };
         replay.start = replay.first_wake()?;
         Ok(replay)
+    }
+
+    /// Whether the optional stop was on.
+    #[must_use]
+    pub fn optional_stop(mut self, on: bool) -> Self {
+        self.optional_stop = on;
+        self
     }
 
     /// When the controller was first woken.
@@ -265,6 +274,7 @@ impl Replay {
     /// The program does not run from where the machine stood.
     pub fn run(mut self) -> Result<Outcome, NoReplay> {
         let mut state = State::new(self.start, &self.layout);
+        (state.controller).obey(Order::OptionalStop(self.optional_stop));
         let mut checkpoints = VecDeque::from([state.clone()]);
         let mut interrupted = None;
         let mut ended = false;

@@ -208,7 +208,7 @@ mod tests {
     fn no_crowd_of_commands_keeps_a_stop_out() {
         let inlet = Inlet::default();
         let [crowd, person] = ["crowd", "person"].map(|name| inlet.operator(name));
-        while crowd.command(Command::SingleBlock).is_ok() {}
+        while crowd.command(Command::Retrace).is_ok() {}
         assert_eq!(crowd.command(Command::FeedHold), Err(NotTaken::Busy));
         for _ in 0..2 * STOPS {
             assert_eq!(person.command(Command::Stop), Ok(()));

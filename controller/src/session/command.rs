@@ -1,6 +1,6 @@
 //! What an operator asks of the machine: by a key, by a line of an events file, from a panel.
 
-use super::settings::{Override, StepChange};
+use super::settings::{Override, StepChange, SwitchChange};
 use crate::control::Order;
 use crate::machine::COORDINATES;
 use serde::{Deserialize, Serialize};
@@ -19,8 +19,10 @@ pub enum Command {
     Resume,
     /// [`Command::Resume`] while held, otherwise [`Command::FeedHold`].
     ToggleFeedHold,
-    /// Rests at the end of the block.
-    SingleBlock,
+    /// Changes whether the path rests at the end of every block.
+    SingleBlock(SwitchChange),
+    /// Changes whether the program waits at M1.
+    OptionalStop(SwitchChange),
     /// Goes back to the beginning of the block and rests there.
     Retrace,
     /// Changes what of the programmed feeds is wanted.
@@ -161,6 +163,14 @@ mod tests {
             (
                 Command::RapidOverride(Override::To(80.0)),
                 r#"{"rapid_override":{"to":80.0}}"#,
+            ),
+            (
+                Command::SingleBlock(SwitchChange::To(true)),
+                r#"{"single_block":{"to":true}}"#,
+            ),
+            (
+                Command::OptionalStop(SwitchChange::Toggle),
+                r#"{"optional_stop":"toggle"}"#,
             ),
             (
                 Command::JogStep(StepChange::Greater),

@@ -28,7 +28,7 @@ mod status;
 
 pub use channel::{Accepted, Event, NotTaken, Operator, Subscription};
 pub use command::{Command, Direction, Jog};
-pub use settings::{LEAST, MOST_FEED, MOST_RAPID, Override, Settings, StepChange};
+pub use settings::{LEAST, MOST_FEED, MOST_RAPID, Override, Settings, StepChange, SwitchChange};
 pub use status::{Status, StatusView};
 
 use crate::control::{self, Row};

@@ -23,6 +23,10 @@ pub struct Settings {
     pub rapid_override: f64,
     /// By how much a jog by a step moves, mm or degrees.
     pub jog_step: f64,
+    /// The path rests at the end of every block.
+    pub single_block: bool,
+    /// The program waits for an operator at M1.
+    pub optional_stop: bool,
 }
 
 /// A change of an override, in percent of what is programmed.
@@ -47,12 +51,24 @@ pub enum StepChange {
     Greater,
 }
 
+/// A change of what is on or off.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum SwitchChange {
+    /// On, or off.
+    To(bool),
+    /// On if it is off, and off if it is on.
+    Toggle,
+}
+
 impl Default for Settings {
     fn default() -> Self {
         Self {
             feed_override: 100.0,
             rapid_override: 100.0,
             jog_step: 1.0,
+            single_block: false,
+            optional_stop: false,
         }
     }
 }
@@ -65,7 +81,6 @@ impl Settings {
             Command::FeedHold => Order::FeedHold,
             Command::Resume => Order::Resume,
             Command::ToggleFeedHold => Order::ToggleFeedHold,
-            Command::SingleBlock => Order::SingleBlock,
             Command::Retrace => Order::Retrace,
             Command::FeedOverride(change) => {
                 self.feed_override = change.of(self.feed_override, MOST_FEED);
@@ -74,6 +89,14 @@ impl Settings {
             Command::RapidOverride(change) => {
                 self.rapid_override = change.of(self.rapid_override, MOST_RAPID);
                 Order::RapidOverride(self.rapid_override / 100.0)
+            }
+            Command::SingleBlock(change) => {
+                self.single_block = change.of(self.single_block);
+                Order::SingleBlock(self.single_block)
+            }
+            Command::OptionalStop(change) => {
+                self.optional_stop = change.of(self.optional_stop);
+                Order::OptionalStop(self.optional_stop)
             }
             Command::Jog(jog) => jog.order(self.jog_step),
             Command::JogStep(change) => {
@@ -115,6 +138,16 @@ impl StepChange {
     }
 }
 
+impl SwitchChange {
+    /// Whether it is on after this change.
+    fn of(self, now: bool) -> bool {
+        match self {
+            Self::To(on) => on,
+            Self::Toggle => !now,
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -136,6 +169,24 @@ mod tests {
         }
         let order = settings.order(Command::RapidOverride(Override::By(10.0)));
         assert_eq!(order, Some(Order::RapidOverride(1.0)));
+    }
+
+    #[test]
+    fn switches_are_set_absolutely_and_toggled() {
+        let mut settings = Settings::default();
+        for (change, on) in [
+            (SwitchChange::Toggle, true),
+            (SwitchChange::To(true), true),
+            (SwitchChange::Toggle, false),
+            (SwitchChange::To(false), false),
+            (SwitchChange::To(true), true),
+        ] {
+            let order = settings.order(Command::SingleBlock(change));
+            assert_eq!(order, Some(Order::SingleBlock(on)));
+            let order = settings.order(Command::OptionalStop(change));
+            assert_eq!(order, Some(Order::OptionalStop(on)));
+            assert_eq!([settings.single_block, settings.optional_stop], [on; 2]);
+        }
     }
 
     #[test]

@@ -99,7 +99,6 @@ fn stops_and_switches() {
     let program = "M0\nM1\n/G0 X1\nT7\nM6\nG0 X2\nM2\nG0 X99";
     let mut setup = xyz();
     let off = listing_with(setup.clone(), program);
-    setup.optional_stop = true;
     setup.block_delete = true;
     let on = listing_with(setup, program);
     insta::assert_snapshot!(format!("off\n{off}on\n{on}"));

@@ -4,6 +4,7 @@
 use syncline_controller::control::{self, End};
 use syncline_controller::session::{
     Accepted, Command, Direction, Event, Jog, Operator, Override, StepChange, Subscription,
+    SwitchChange,
 };
 use syncline_gcode::Axis;
 use syncline_tests::rig::Rig;
@@ -153,6 +154,37 @@ fn two_consoles_agree_about_everything() {
     }
     assert_eq!(next, None);
     assert_eq!(again.frames(), rig.frames());
+}
+
+/// M1 is a stop if the optional stop is on when the path comes there, whoever switched it.
+#[test]
+fn a_switch_of_one_console_is_the_others_too() {
+    let mut rig = Rig::portal("G61 G1 X100 F6000\nM1\nX200\nM1\nX300\nM1\nX400\nM2\n");
+    rig.goes_on = false;
+    let mut consoles = ["panel", "keys"].map(|name| Console::new(&mut rig, name));
+    let mut press = |rig: &mut Rig, console: usize, command| {
+        consoles[console].press(command);
+        go_on(rig, &mut consoles, 1);
+        rig.session.view().get().settings
+    };
+    let beyond = |rig: &mut Rig, x: f64| {
+        rig.run_until(|rig| rig.session.status().setpoint[0] > x);
+    };
+    beyond(&mut rig, 150.0);
+    let toggled = Command::OptionalStop(SwitchChange::Toggle);
+    assert!(press(&mut rig, 0, toggled).optional_stop);
+    rig.run_until(|rig| matches!(rig.events.last(), Some(control::Event::Paused { .. })));
+    assert_eq!(rig.session.status().setpoint[0], 200.0);
+    // It waits for cycle start, not for the switch.
+    assert!(!press(&mut rig, 1, toggled).optional_stop);
+    go_on(&mut rig, &mut consoles, 100);
+    assert_eq!(rig.session.status().setpoint[0], 200.0);
+    consoles[1].press(Command::CycleStart);
+    assert_eq!(rig.finish(), End::Finished, "{:?}", rig.events);
+    assert_eq!(rig.session.status().setpoint[0], 400.0);
+    let stops = (rig.events.iter()).filter(|it| matches!(it, control::Event::Paused { .. }));
+    assert_eq!(stops.count(), 1, "{:?}", rig.events);
+    rig.trace().assert_within_limits();
 }
 
 /// Who does not listen misses something and is told how much; nobody waits for them.

@@ -219,12 +219,26 @@ fn a_stop_after_the_block_and_on() {
     let mut rig = Rig::portal(PROGRAM);
     run_to(&mut rig, FIRST + 100.0);
     for point in [1, 2, 3] {
-        rig.controller().obey(Order::SingleBlock);
+        rig.controller().obey(Order::SingleBlock(true));
         rows(&mut rig, 2500);
         assert_at(&rig, POINTS[point]);
+        rig.controller().obey(Order::SingleBlock(false));
         rig.controller().obey(Order::Resume);
         rows(&mut rig, 50);
         assert!(speed(&rig) > 0.0);
+    }
+    assert_ends_well(rig);
+}
+
+#[test]
+fn single_block_rests_at_the_end_of_every_block() {
+    let mut rig = Rig::portal(PROGRAM);
+    rig.controller().obey(Order::SingleBlock(true));
+    for point in POINTS {
+        rig.run_until(|rig| rig.events.last() == Some(&Event::Held));
+        assert_at(&rig, point);
+        rig.controller().obey(Order::Resume);
+        rig.run_until(|rig| rig.events.last() == Some(&Event::Resumed));
     }
     assert_ends_well(rig);
 }
@@ -292,7 +306,7 @@ fn events_from_a_file() {
     let machine = folder.machine("portal");
     let program = folder.file("p.ngc", PROGRAM);
     let events = "t_s,event,value\n0.2,rapid_override,40\n1.5,feed_override,50\n2,feed_hold,\n2.5,resume,\n\
-                  3,feed_override,200\n4,retrace,\n6,resume,\n7,single_block,\n11,resume,\n";
+                  3,feed_override,200\n4,retrace,\n6,resume,\n7,single_block,on\n11,single_block,off\n11,resume,\n";
     let events = folder.file("events.csv", events);
     let validate = |trace: &Path| {
         let output = syncline()
@@ -334,7 +348,7 @@ fn events_that_end_in_a_hold() {
     let program = folder.file("p.ngc", "G1 X100 F3000\nM2\n");
     for last in [
         "feed_hold,",
-        "single_block,",
+        "single_block,on",
         "feed_override,0",
         "feed_hold,\n1,jog,X+5 F60",
     ] {
@@ -392,8 +406,11 @@ M2
     for (events, ends) in [
         ("1.4,feed_override,0\n1.405,feed_override,100", true),
         ("1.4,feed_override,0\n1.44,feed_override,100", true),
-        ("1.4,single_block,\n1.5,resume,", true),
-        ("1.4,single_block,\n1.5,feed_override,50\n3.5,resume,", true),
+        ("1.4,single_block,on\n1.5,single_block,off", true),
+        (
+            "1.4,single_block,on\n1.5,feed_override,50\n1.6,single_block,off",
+            true,
+        ),
         ("1.9,retrace,\n2.15,resume,\n2.17,feed_hold,", false),
         ("1.9,retrace,\n2.15,resume,\n2.2,feed_hold,", false),
         (

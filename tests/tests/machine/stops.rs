@@ -82,7 +82,8 @@ fn a_tool_change_behind_a_stop_after_the_block_is_made() {
         ("G21 G90\nG0 X10\nM6 T1\nM101\nG0 X0\nM2\n", true),
         ("G21 G90\nG0 X10\nM2\n", false),
     ] {
-        let events = "0.05,single_block,\n1.000,resume,\n1.004,feed_override,90";
+        let events =
+            "0.05,single_block,on\n1.000,single_block,off\n1.000,resume,\n1.004,feed_override,90";
         let (code, told) = validate("xyz", program, events);
         assert_eq!(code, 0, "{told}");
         assert_eq!(told.contains("tool change (M6)"), resumed, "{told}");
@@ -227,6 +228,8 @@ enum When {
 #[derive(Clone, Copy, Debug)]
 enum Act {
     Order(Order),
+    /// On if it is off, and off if it is on.
+    SingleBlock,
     /// A key that is held, so many times: every 17 cycles 10 % of the feed more or less.
     Held(i32, usize),
 }
@@ -243,7 +246,7 @@ fn act() -> impl Strategy<Value = (When, Act)> {
         3 => Just(Act::Order(Order::FeedHold)),
         1 => Just(Act::Order(Order::ToggleFeedHold)),
         2 => Just(Act::Order(Order::Resume)),
-        2 => Just(Act::Order(Order::SingleBlock)),
+        2 => Just(Act::SingleBlock),
         1 => Just(Act::Order(Order::Retrace)),
         2 => (prop_oneof![Just(-1), Just(1)], 1..20_usize).prop_map(|(by, times)| Act::Held(by, times)),
     ];
@@ -282,6 +285,7 @@ struct Person {
     /// Presses that are still to come of a key that is held.
     presses: (i32, usize),
     percent: i32,
+    single_block: bool,
     /// Cycles until what rests goes on.
     patience: usize,
     held: usize,
@@ -299,6 +303,7 @@ impl Person {
             rest: 0,
             presses: (0, 0),
             percent: 100,
+            single_block: false,
             patience,
             held: 0,
             paused: 0,
@@ -340,6 +345,10 @@ impl Person {
         }
         match act {
             Act::Held(by, times) => self.presses = (by, times),
+            Act::SingleBlock => {
+                self.single_block = !self.single_block;
+                orders.push(Order::SingleBlock(self.single_block));
+            }
             Act::Order(order) => {
                 self.stepped_back |= order == Order::Retrace;
                 orders.push(order);
@@ -355,6 +364,7 @@ impl Person {
 fn runs_whole(sample: &Sample, acts: Vec<(When, Act)>, patience: usize) -> usize {
     let mut rig = Rig::portal(&sample.text);
     rig.goes_on = false;
+    rig.controller().obey(Order::OptionalStop(true));
     let mut person = Person::new(acts, patience);
     let mut rests = Rests::default();
     let mut told = 0;
@@ -419,7 +429,9 @@ fn runs_whole(sample: &Sample, acts: Vec<(When, Act)>, patience: usize) -> usize
 fn check((mode, blocks, acts, patience): Case) {
     let sample = Sample::new(mode, &blocks);
     let at_rest = runs_whole(&Sample::new("G61.1", &blocks), Vec::new(), 0);
-    let rests = sample.stops.len() + acts.len();
+    let single_block = acts.iter().any(|(_, act)| matches!(act, Act::SingleBlock));
+    let ends = if single_block { blocks.len() } else { 0 };
+    let rests = sample.stops.len() + acts.len() + ends;
     let slowest = acts.iter().map(|(_, act)| match act {
         Act::Order(Order::FeedOverride(part) | Order::RapidOverride(part)) => *part,
         Act::Held(-1, _) => 0.1,
@@ -429,7 +441,7 @@ fn check((mode, blocks, acts, patience): Case) {
     // Each comes to rest and goes on, at most from the block before.
     let most = 2.0 * (1 + acts.len()) as f64 * at_rest as f64 / slowest;
     let waited = acts.iter().map(|(when, act)| match (when, act) {
-        (When::Later(cycles) | When::Rests(cycles), Act::Order(_)) => *cycles,
+        (When::Later(cycles) | When::Rests(cycles), Act::Order(_) | Act::SingleBlock) => *cycles,
         _ => 0,
     });
     let most = most as usize + (rests + 1) * (patience + 400) + waited.sum::<usize>();

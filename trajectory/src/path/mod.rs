@@ -15,7 +15,7 @@
 //!
 //! A person acts on the [`Executor`] alone, in the cycle: [`Executor::set_overrides`],
 //! [`feed_hold`](Executor::feed_hold), [`resume`](Executor::resume),
-//! [`single_block`](Executor::single_block), [`retrace`](Executor::retrace). The
+//! [`set_single_block`](Executor::set_single_block), [`retrace`](Executor::retrace). The
 //! executor brakes by itself on a line and where no planner answers; for everything else it wants the
 //! rest of the path, or the way to rest, planned anew and says from where on:
 //! [`Executor::replan_request`], once a cycle. Whoever feeds it hands that to [`Planner::replan`], and the planner's commands go the usual way:
@@ -280,6 +280,8 @@ pub struct ReplanRequest {
     pub departure: PathState,
     /// What an operator set.
     pub overrides: Overrides,
+    /// Rest is asked for at the end of every block.
+    pub single_block: bool,
     /// What is wanted from there on.
     pub goal: ReplanGoal,
 }
@@ -288,10 +290,7 @@ pub struct ReplanRequest {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ReplanGoal {
     /// On along the path.
-    Ahead {
-        /// To rest at the end of the block.
-        single_block: bool,
-    },
+    Ahead,
     /// Back along the path, to the beginning of the block or, from there, of the one before.
     Back {
         /// Another number each time that an operator asks.

@@ -350,7 +350,7 @@ fn a_jog_after_a_stop_after_the_block_and_before_a_step_back() {
     let mut machine = Machine::on_a_path();
     machine.cycles(1);
     machine.until(|now| now.distance >= 20.0);
-    machine.executor.single_block();
+    machine.executor.set_single_block(true);
     machine.cycles(50);
     machine.until(|now| now.speed == 0.0);
     let corner = machine.now().position;
@@ -360,7 +360,7 @@ fn a_jog_after_a_stop_after_the_block_and_before_a_step_back() {
         feed: 0.0,
         rapid: 0.5,
     });
-    machine.executor.single_block();
+    machine.executor.set_single_block(true);
     machine.cycles(1000);
     assert_eq!(machine.now().position[0], corner[0] + 20.0);
     machine.executor.set_overrides(Overrides {
@@ -385,6 +385,7 @@ fn a_jog_after_a_stop_after_the_block_and_before_a_step_back() {
     machine.cycles(3000);
     assert_eq!(machine.now().position, [0.0; 3]);
     assert!(machine.executor.is_held() && !machine.executor.is_off_path());
+    machine.executor.set_single_block(false);
     machine.executor.resume();
     machine.end();
     assert_eq!(machine.now().position, [100.0, 60.0, 0.0]);
@@ -406,7 +407,7 @@ fn orders_on_the_way_back_count() {
     let mut machine = away();
     machine.executor.resume();
     machine.cycles(10);
-    machine.executor.single_block();
+    machine.executor.set_single_block(true);
     machine.cycles(3000);
     assert!(machine.executor.is_held() && !machine.executor.is_off_path());
     // Both lines are one block.

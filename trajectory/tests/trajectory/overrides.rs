@@ -28,7 +28,7 @@ enum Act {
     Override(Overrides),
     Hold,
     Resume,
-    SingleBlock,
+    SingleBlock(bool),
     Retrace,
 }
 
@@ -39,7 +39,7 @@ fn act() -> impl Strategy<Value = Act> {
         4 => overrides.prop_map(|(feed, rapid)| Act::Override(Overrides { feed, rapid })),
         2 => Just(Act::Hold),
         1 => Just(Act::Resume),
-        1 => Just(Act::SingleBlock),
+        1 => prop::bool::ANY.prop_map(Act::SingleBlock),
         1 => Just(Act::Retrace),
     ]
 }
@@ -79,7 +79,7 @@ fn run(
                 Act::Override(overrides) => executor.set_overrides(overrides),
                 Act::Hold => executor.feed_hold(),
                 Act::Resume => executor.resume(),
-                Act::SingleBlock => executor.single_block(),
+                Act::SingleBlock(on) => executor.set_single_block(on),
                 Act::Retrace => executor.retrace(),
             }
         }

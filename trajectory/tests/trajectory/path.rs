@@ -677,12 +677,13 @@ fn a_stop_after_the_block_rests_in_its_end() {
         cycle += 1;
         if cycle == 100 {
             assert_eq!(executor.setpoint().tag, 0);
-            executor.single_block();
+            executor.set_single_block(true);
         }
         if executor.is_held() && rested.is_none() {
             rested = Some(cycle);
         }
         if rested.is_some_and(|r| cycle == r + 50) {
+            executor.set_single_block(false);
             executor.resume();
         }
         true
@@ -694,6 +695,48 @@ fn a_stop_after_the_block_rests_in_its_end() {
     for row in &rows {
         inside_limits(row).unwrap();
     }
+}
+
+/// Retraced, too: going on from there ends at the same place once more.
+#[test]
+fn single_block_rests_at_the_end_of_every_block() {
+    let corners = [
+        [0.0; 3],
+        [20.0, 0.0, 0.0],
+        [20.0, 20.0, 0.0],
+        [0.0, 20.0, 0.0],
+    ];
+    let items: Vec<_> = corners
+        .windows(2)
+        .enumerate()
+        .map(|(k, p)| {
+            PathItem::Move(Move {
+                curve: Curve::line(p[0], p[1]).unwrap(),
+                feed: Feed::Rate(100.0),
+                mode: PathControlMode::Exact(0.01),
+                tag: k as u32,
+            })
+        })
+        .collect();
+    let mut rests = Vec::new();
+    let mut held = 0;
+    let rows = act(&items, [0.0; 3], |executor| {
+        executor.set_single_block(true);
+        held = if executor.is_held() { held + 1 } else { 0 };
+        if held == 20 {
+            rests.push(executor.setpoint().tag);
+            match rests.len() {
+                2 => executor.retrace(),
+                _ => executor.resume(),
+            }
+        }
+        true
+    });
+    // Back at the beginning of the second block, that is at the end of the first.
+    assert_eq!(rests[..2], [0, 1]);
+    assert_eq!(rests.len(), 5, "{rests:?}");
+    assert_eq!(rests[3..], [1, 2]);
+    assert_eq!(rows.last().unwrap().position, [0.0, 20.0, 0.0]);
 }
 
 #[test]

@@ -24,10 +24,7 @@ use crate::path::jog::Jogging;
 #[allow(clippy::large_enum_variant)] // the cycle allocates nothing, so there is no other place for the axes
 pub(super) enum Activity<const N: usize> {
     /// Goes on along the path, as far as it is planned.
-    Following {
-        /// It rests at the end of the block, until resumed.
-        single_block: bool,
-    },
+    Following,
     /// Goes back along the path to the beginning of a block, and rests there until resumed.
     Retracing {
         /// Which request that was: the revision of the plan that was asked for with it.
@@ -58,7 +55,7 @@ pub(super) enum Activity<const N: usize> {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Next {
     /// As [`Activity::Following`].
-    Follow { single_block: bool },
+    Follow,
     /// As [`Activity::Retracing`].
     Retrace { asked: u64 },
     /// As [`Activity::Holding`].
@@ -84,7 +81,7 @@ pub(super) enum StopSearch {
 impl<const N: usize> From<Next> for Activity<N> {
     fn from(next: Next) -> Self {
         match next {
-            Next::Follow { single_block } => Activity::Following { single_block },
+            Next::Follow => Activity::Following,
             Next::Retrace { asked } => Activity::Retracing { asked },
             Next::Hold => Activity::Holding,
             Next::End => Activity::Ended,
@@ -146,7 +143,7 @@ impl<const N: usize> Activity<N> {
         matches!(
             self,
             Activity::Jogging {
-                next: Next::Follow { .. } | Next::Retrace { .. },
+                next: Next::Follow | Next::Retrace { .. },
                 ..
             }
         )
@@ -154,10 +151,7 @@ impl<const N: usize> Activity<N> {
 
     /// A plan gets it on: it follows the path in one direction or the other.
     pub(super) fn takes_plans(&self) -> bool {
-        matches!(
-            self,
-            Activity::Following { .. } | Activity::Retracing { .. }
-        )
+        matches!(self, Activity::Following | Activity::Retracing { .. })
     }
 
     /// It is to come to rest as soon as it can, and the shortest stop was not found yet.
@@ -174,7 +168,7 @@ impl<const N: usize> Activity<N> {
     /// What is wanted of a new plan; nothing where none is taken.
     pub(super) fn goal(&self) -> Option<ReplanGoal> {
         match *self {
-            Activity::Following { single_block } => Some(ReplanGoal::Ahead { single_block }),
+            Activity::Following => Some(ReplanGoal::Ahead),
             Activity::Retracing { asked } => Some(ReplanGoal::Back { asked }),
             Activity::Stopping {
                 search: StopSearch::Sought { .. },

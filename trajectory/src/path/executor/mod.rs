@@ -214,6 +214,7 @@ pub struct Executor<const N: usize> {
     began: Clock,
     place: Place<N>,
     overrides: Overrides,
+    single_block: bool,
     activity: Activity<N>,
     /// For the shortest stop; apart, for it is large.
     search: Box<Search<N>>,
@@ -290,15 +291,14 @@ impl<const N: usize> Executor<N> {
             },
             place: Place::before_the_path(position),
             overrides: Overrides::default(),
-            activity: Activity::Following {
-                single_block: false,
-            },
+            single_block: false,
+            activity: Activity::Following,
             search: Box::default(),
         }
     }
 
-    /// Forgets the plan and rests in `position`, its cycle number zero; the overrides stay as they
-    /// are. Allocates nothing.
+    /// Forgets the plan and rests in `position`, its cycle number zero; overrides and single block stay
+    /// as they are. Allocates nothing.
     pub fn restart(&mut self, position: [f64; N]) {
         self.path_segments.clear();
         self.steps.clear();
@@ -311,10 +311,8 @@ impl<const N: usize> Executor<N> {
         self.lead = first_lead(self.period);
         self.plan = PlanStatus::Current;
         self.place = Place::before_the_path(position);
-        self.activity = Activity::Following {
-            single_block: false,
-        };
-        if self.overrides != Overrides::default() {
+        self.activity = Activity::Following;
+        if self.overrides != Overrides::default() || self.single_block {
             self.request_replacement();
         }
     }
@@ -407,11 +405,11 @@ impl<const N: usize> Executor<N> {
         let replaced = self.place.mark.is_none() && self.plan.is_replaced();
         let waits = match self.activity {
             Activity::Ended => false,
-            Activity::Following { .. } | Activity::Retracing { .. } => replaced,
+            Activity::Following | Activity::Retracing { .. } => replaced,
             Activity::Stopping { next, .. } => match next {
                 Next::End => false,
                 Next::Hold => true,
-                Next::Follow { .. } | Next::Retrace { .. } => replaced,
+                Next::Follow | Next::Retrace { .. } => replaced,
             },
             Activity::Holding => true,
             Activity::Jogging { next, .. } => next != Next::End,

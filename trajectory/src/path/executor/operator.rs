@@ -58,16 +58,16 @@ impl<const N: usize> Executor<N> {
             }
             // To turn it comes to rest already.
             Activity::Stopping {
-                next: next @ (Next::Follow { .. } | Next::Retrace { .. }),
+                next: next @ (Next::Follow | Next::Retrace { .. }),
                 ..
             } => {
                 *next = Next::Hold;
                 self.request_replacement();
             }
-            Activity::Following { .. } | Activity::Retracing { .. } if rests => {
+            Activity::Following | Activity::Retracing { .. } if rests => {
                 self.activity = Activity::Holding;
             }
-            Activity::Following { .. } | Activity::Retracing { .. } => {
+            Activity::Following | Activity::Retracing { .. } => {
                 self.request_replacement();
                 self.stop_for(Next::Hold);
             }
@@ -75,31 +75,16 @@ impl<const N: usize> Executor<N> {
         }
     }
 
-    /// Ends a [`feed_hold`](Self::feed_hold), also one that a stop after the block came to.
+    /// Ends a [`feed_hold`](Self::feed_hold), also one that a [single block](Self::set_single_block) came
+    /// to.
     pub fn resume(&mut self) {
-        let next = Next::Follow {
-            single_block: false,
-        };
-        let held = self.is_held() || self.retraces();
-        match &mut self.activity {
-            Activity::Ended
-            | Activity::Jogging {
-                next: Next::End, ..
-            }
-            | Activity::Stopping {
-                next: Next::End, ..
-            } => {}
-            Activity::Jogging { .. } => self.return_to_path(next),
-            _ if held => self.turn_to(next),
-            Activity::Following { single_block }
-            | Activity::Stopping {
-                next: Next::Follow { single_block },
-                ..
-            } if *single_block => {
-                *single_block = false;
-                self.request_replacement();
-            }
-            _ => {}
+        if self.activity.ends() {
+            return;
+        }
+        if let Activity::Jogging { .. } = self.activity {
+            self.return_to_path(Next::Follow);
+        } else if self.is_held() || self.retraces() {
+            self.turn_to(Next::Follow);
         }
     }
 
@@ -156,25 +141,24 @@ impl<const N: usize> Executor<N> {
         self.request_replacement();
     }
 
-    /// Comes to rest at the end of the block that is under way, or of the first one where that is
-    /// possible, and waits for [`resume`](Self::resume). On the way back from jogging: of the block that
-    /// then goes on.
-    pub fn single_block(&mut self) {
-        let rests = self.rests_at_hold();
-        match &mut self.activity {
-            Activity::Jogging {
-                next: Next::Follow { single_block },
-                ..
-            } => *single_block = true,
-            Activity::Following { single_block }
-            | Activity::Stopping {
-                next: Next::Follow { single_block },
-                ..
-            } if !rests => {
-                *single_block = true;
-                self.request_replacement();
-            }
-            _ => {}
+    /// While this is on, the path comes to rest at the end of every block, or of the first one behind it
+    /// where that is possible, and waits for [`resume`](Self::resume). What is held, retraces or jogs
+    /// goes by it once it goes on.
+    pub fn set_single_block(&mut self, on: bool) {
+        if on == self.single_block {
+            return;
+        }
+        self.single_block = on;
+        let follows = matches!(
+            self.activity,
+            Activity::Following
+                | Activity::Stopping {
+                    next: Next::Follow,
+                    ..
+                }
+        );
+        if follows && !self.rests_at_hold() {
+            self.request_replacement();
         }
     }
 
@@ -185,12 +169,7 @@ impl<const N: usize> Executor<N> {
 
     /// Rests because nothing is left of the programmed speed; nobody asked for it.
     pub fn wants_speed(&self) -> bool {
-        let free = matches!(
-            self.activity,
-            Activity::Following {
-                single_block: false
-            }
-        );
+        let free = matches!(self.activity, Activity::Following) && !self.single_block;
         free && self.rests_at_hold()
     }
 
@@ -248,7 +227,7 @@ impl<const N: usize> Executor<N> {
         let new = || Jogging::new(self.place.position, self.period, travel);
         let mut axes = self.activity.jogging().copied().unwrap_or_else(new);
         axes.order(jog, self.overrides.rapid)?;
-        if let Activity::Following { .. } | Activity::Retracing { .. } = self.activity {
+        if let Activity::Following | Activity::Retracing { .. } = self.activity {
             self.request_replacement();
         }
         let next = Next::Hold;

@@ -31,7 +31,7 @@ impl<const N: usize> Planner<N> {
     fn answer(&mut self, request: &ReplanRequest) {
         self.revision = request.revision;
         self.override_speeds(request.overrides);
-        self.single_block = request.goal == ReplanGoal::Ahead { single_block: true };
+        self.single_block = request.single_block;
         // The executor is on one of them, or on none.
         self.ways_back
             .retain(|way| request.item == Some(way.number));
@@ -48,7 +48,7 @@ impl<const N: usize> Planner<N> {
         }
         let (item, departure) = match request.goal {
             ReplanGoal::Back { asked } => self.way_back(request, asked),
-            ReplanGoal::Ahead { .. } | ReplanGoal::Rest => self.way_on(request),
+            ReplanGoal::Ahead | ReplanGoal::Rest => self.way_on(request),
         };
         if departure.speed > 0.0 && self.section(item).is_some() {
             self.go_on(request.cycle, item, departure);
