@@ -120,6 +120,19 @@ impl World {
         (self.couplings).add(Box::new(mechanics), devices, &mut self.buses[..]);
     }
 
+    /// Turns the shaft of one device with that of another, `ratio` times as far, before time passes:
+    /// an encoder on a screw. It takes no torque.
+    ///
+    /// At each point of the world's grid it is where the other one is; in between it goes on with the
+    /// velocity that it had, which under an acceleration `a` is wrong by at most `a h²/2` after `h`
+    /// seconds.
+    ///
+    /// # Panics
+    /// If one of them has no shaft.
+    pub fn follow(&mut self, follower: DeviceId, leader: DeviceId, ratio: f64) {
+        (self.couplings).follow(follower, leader, ratio, &mut self.buses[..]);
+    }
+
     /// A device, to look at it.
     #[must_use]
     pub fn device(&self, device: DeviceId) -> &dyn SimulatedDevice {
@@ -268,6 +281,17 @@ struct Couplings {
     /// The next point of the grid.
     next: Instant,
     couplings: Vec<Coupling>,
+    followers: Vec<Follower>,
+}
+
+/// A shaft that another one turns.
+struct Follower {
+    follower: DeviceId,
+    leader: DeviceId,
+    /// Revolutions for one of the leader.
+    ratio: f64,
+    /// Where it is while the leader is at zero.
+    zero: f64,
 }
 
 /// Shafts that are tied together.
@@ -284,11 +308,12 @@ impl Couplings {
             step,
             next: Instant::ZERO + step,
             couplings: Vec::new(),
+            followers: Vec::new(),
         }
     }
 
     fn is_empty(&self) -> bool {
-        self.couplings.is_empty()
+        self.couplings.is_empty() && self.followers.is_empty()
     }
 
     /// The next point of the grid, if anything moves on it.
@@ -321,13 +346,59 @@ impl Couplings {
         });
     }
 
+    fn follow(
+        &mut self,
+        follower: DeviceId,
+        leader: DeviceId,
+        ratio: f64,
+        all: &mut (impl Devices + ?Sized),
+    ) {
+        let mut position = |device| {
+            let shaft = all.device_mut(device).shaft_mut();
+            shaft.expect("both have a shaft").position()
+        };
+        let zero = position(follower) - ratio * position(leader);
+        if let Some(shaft) = all.device_mut(follower).shaft_mut() {
+            shaft.couple(Instant::ZERO);
+        }
+        self.followers.push(Follower {
+            follower,
+            leader,
+            ratio,
+            zero,
+        });
+    }
+
     /// Moves coupled shafts from point to point of the grid, up to `until`.
     fn move_until(&mut self, until: Instant, devices: &mut (impl Devices + ?Sized)) {
         while !self.is_empty() && self.next <= until {
             for coupling in &mut self.couplings {
                 coupling.step(self.next, self.step, devices);
             }
+            for follower in &self.followers {
+                follower.step(self.next, devices);
+            }
             self.next += self.step;
+        }
+    }
+}
+
+impl Follower {
+    fn step(&self, end: Instant, all: &mut (impl Devices + ?Sized)) {
+        let leader = all.device_mut(self.leader);
+        leader.run_until(end);
+        let Some(shaft) = leader.shaft_mut() else {
+            return;
+        };
+        let motion = Motion {
+            position: self.zero + self.ratio * shaft.position(),
+            velocity: self.ratio * shaft.velocity(),
+            acceleration: 0.0,
+        };
+        let follower = all.device_mut(self.follower);
+        follower.run_until(end);
+        if let Some(shaft) = follower.shaft_mut() {
+            shaft.moved(end, motion);
         }
     }
 }

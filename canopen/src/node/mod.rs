@@ -33,7 +33,7 @@ mod communication;
 mod r_pdo;
 mod t_pdo;
 
-use crate::dictionary::{Address, Dictionary, Row};
+use crate::dictionary::{Address, Dictionary, Entry, Row};
 use crate::emcy::{self, Emergency};
 use crate::nmt::{self, State};
 use crate::sdo::{AbortCode, Objects, Server};
@@ -79,8 +79,8 @@ pub trait Application {
         let _ = (now, row);
     }
 
-    /// The node id from now on: asked at power-on and at Reset Node, before the objects get their
-    /// values. `None` leaves it as it is.
+    /// The node id from now on: asked at power-on and at Reset Node, with the objects as they were
+    /// stored. `None` leaves it as it is.
     fn node_id(&self) -> Option<NodeId> {
         None
     }
@@ -383,13 +383,15 @@ impl Node {
         let Some((_, reset)) = self.booting.take_if(|(at, _)| now >= *at) else {
             return;
         };
+        let resets = |entry: &Entry| {
+            reset == nmt::Event::ResetNode || (0x1000..0x2000).contains(&entry.address.index)
+        };
+        app.objects_mut().restore(resets);
         if let Some(id) = app.node_id().filter(|_| reset == nmt::Event::ResetNode) {
             self.move_to(id);
             app.objects_mut().move_to(id);
+            app.objects_mut().restore(resets);
         }
-        app.objects_mut().restore(|entry| {
-            reset == nmt::Event::ResetNode || (0x1000..0x2000).contains(&entry.address.index)
-        });
         app.on_reset(now, reset);
         self.communication.load(now, app.objects());
         self.servers

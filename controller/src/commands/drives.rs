@@ -1,7 +1,7 @@
 //! `syncline drives`: drives simulated on real buses.
 
 use super::ports::PortChoice;
-use super::tool::NodeOfModel;
+use super::tool::NodeOfTwin;
 use super::{Exit, bad_input, report};
 use crate::drive_host;
 use crate::machine::Machine;
@@ -19,7 +19,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::{Duration, Instant};
 use syncline_canopen::NodeId;
-use syncline_drives::model::Model;
+use syncline_drives::bus::BitRate;
 use syncline_drives::twin::Config;
 use syncline_drives::world::Hosted as Devices;
 
@@ -36,14 +36,15 @@ pub(super) struct Args {
     /// Machine file (TOML).
     #[arg(required_unless_present = "nodes")]
     machine: Option<PathBuf>,
-    /// A single drive instead of a machine's, such as 1:lxm32m. Can be repeated.
+    /// A single device instead of a machine's drives, such as 1:lxm32m or 5:twk_crn. Can be
+    /// repeated.
     #[arg(
         long = "node",
-        value_name = "ID:MODEL",
+        value_name = "ID:DEVICE",
         conflicts_with = "machine",
         requires = "bus"
     )]
-    nodes: Vec<NodeOfModel>,
+    nodes: Vec<NodeOfTwin>,
     #[command(flatten)]
     ports: PortChoice,
     /// Bit rate of the bus with the --node drives, bit/s.
@@ -120,7 +121,13 @@ impl Args {
                 url: bus.port.parse()?,
                 bitrate: bus.bitrate,
                 names: drives
-                    .map(|drive| format!("{} = {}", drive.name, describe(drive.node, drive.model)))
+                    .map(|drive| {
+                        format!(
+                            "{} = {}",
+                            drive.name,
+                            describe(drive.node, drive.model.title)
+                        )
+                    })
                     .collect(),
                 drives: sim::hosted(machine, index, self.seed, |config| self.configure(config))?,
             })
@@ -139,14 +146,15 @@ impl Args {
             url: self.ports.only()?,
             bitrate: self.bitrate,
             names: (self.nodes.iter())
-                .map(|single| describe(single.node, single.model))
+                .map(|single| describe(single.node, single.twin.title))
                 .collect(),
             drives: Devices::new(
                 (self.nodes.iter().enumerate())
                     .map(|(index, single)| {
                         let mut config = sim::single(single.node, index, self.seed);
                         self.configure(&mut config);
-                        sim::twin(single.model, &config)
+                        config.bit_rate = BitRate::from_kbit(self.bitrate / 1000);
+                        (single.twin.make)(&config)
                     })
                     .collect(),
             ),
@@ -215,8 +223,8 @@ fn host(opened: Opened) -> Result<(), Box<dyn Error>> {
     Ok(ended?)
 }
 
-fn describe(node: NodeId, model: &Model) -> String {
-    format!("node {node} ({})", model.title)
+fn describe(node: NodeId, title: &str) -> String {
+    format!("node {node} ({title})")
 }
 
 /// Says what is hosted where.

@@ -1,14 +1,16 @@
 //! `syncline eds`: a node's electronic data sheet.
 
-use super::tool::NodeOfModel;
+use super::tool::NodeOfTwin;
 use super::{Exit, bad_input, input};
 use crate::machine::{Drive, Machine};
 use std::error::Error;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::time::{SystemTime, UNIX_EPOCH};
+use syncline_canopen::dictionary::Entry;
 use syncline_canopen::eds::{Difference, Eds};
 use syncline_drives::model::Model;
+use syncline_drives::twin::Kind;
 
 /// Write a node's electronic data sheet (EDS), or compare one with what is built in.
 ///
@@ -24,14 +26,14 @@ pub(super) struct Args {
     /// Node id of the drive
     #[arg(value_parser = clap::value_parser!(u8).range(1..=127))]
     node: Option<u8>,
-    /// A drive without a machine file, such as 1:lxm32m
+    /// A device without a machine file, such as 1:lxm32m or 5:twk_crn
     #[arg(
         long = "node",
         id = "of",
-        value_name = "ID:MODEL",
+        value_name = "ID:DEVICE",
         conflicts_with = "machine"
     )]
-    of: Option<NodeOfModel>,
+    of: Option<NodeOfTwin>,
     /// The drive's bus, if several buses have a drive with that node id
     #[arg(long, requires = "machine")]
     bus: Option<String>,
@@ -43,14 +45,14 @@ pub(super) struct Args {
 impl Args {
     /// Prints the data sheet or the differences.
     pub(super) fn execute(&self) -> Exit {
-        let model = match self.model() {
-            Ok(model) => model,
+        let device = match self.device() {
+            Ok(device) => device,
             Err(error) => return bad_input(&*error),
         };
         let Some(file) = &self.compare else {
-            return write(&data_sheet(model));
+            return write(&data_sheet(&device));
         };
-        match differences(model, file) {
+        match differences(&device, file) {
             Ok(differences) if differences.is_empty() => Exit::Finished,
             Ok(differences) => {
                 for difference in &differences {
@@ -63,17 +65,17 @@ impl Args {
     }
 
     /// What the node is.
-    fn model(&self) -> Result<&'static Model, Box<dyn Error>> {
+    fn device(&self) -> Result<Device, Box<dyn Error>> {
         let (Some(file), Some(node)) = (&self.machine, self.node) else {
             let of = self
                 .of
                 .ok_or("give a machine file and a node id, or --node")?;
-            return Ok(of.model);
+            return Ok(of.twin.into());
         };
         let machine = Machine::load(file)?;
         let drive = self.drive(&machine, node);
         let drive = drive.map_err(|message| format!("{}: {message}", file.display()))?;
-        Ok(drive.model)
+        Ok(drive.model.into())
     }
 
     fn drive<'a>(&self, machine: &'a Machine, node: u8) -> Result<&'a Drive, String> {
@@ -108,19 +110,49 @@ impl Args {
     }
 }
 
-fn data_sheet(model: &Model) -> Eds {
-    let mut eds = Eds::of(model.dictionary);
+/// What a data sheet says of a device.
+struct Device {
+    name: &'static str,
+    title: &'static str,
+    bitrates: &'static [u32],
+    dictionary: &'static [Entry],
+}
+
+impl From<&'static Model> for Device {
+    fn from(model: &'static Model) -> Self {
+        Self {
+            name: model.name,
+            title: model.title,
+            bitrates: model.bitrates,
+            dictionary: model.dictionary,
+        }
+    }
+}
+
+impl From<&'static Kind> for Device {
+    fn from(twin: &'static Kind) -> Self {
+        Self {
+            name: twin.name,
+            title: twin.title,
+            bitrates: twin.bitrates,
+            dictionary: twin.dictionary,
+        }
+    }
+}
+
+fn data_sheet(device: &Device) -> Eds {
+    let mut eds = Eds::of(device.dictionary);
     let pair = |key: &str, value: &str| (key.to_owned(), value.to_owned());
     let (date, time) = date_and_time(SystemTime::now());
     let author = concat!("syncline ", env!("CARGO_PKG_VERSION"));
     eds.file = vec![
-        pair("FileName", &format!("{}.eds", model.name)),
+        pair("FileName", &format!("{}.eds", device.name)),
         pair("FileVersion", "1"),
         pair("FileRevision", "0"),
         pair("EDSVersion", "4.0"),
         pair(
             "Description",
-            &format!("{} as Syncline knows it", model.title),
+            &format!("{} as Syncline knows it", device.title),
         ),
         pair("CreationTime", &time),
         pair("CreationDate", &date),
@@ -137,9 +169,9 @@ fn data_sheet(model: &Model) -> Eds {
         .iter()
         .position(|(key, _)| key == "ProductNumber");
     let place = place.unwrap_or(eds.device.len());
-    eds.device.insert(place, pair("ProductName", model.title));
+    eds.device.insert(place, pair("ProductName", device.title));
     for rate in [10, 20, 50, 125, 250, 500, 800, 1000] {
-        let takes = model.bitrates.contains(&(rate * 1000));
+        let takes = device.bitrates.contains(&(rate * 1000));
         let key = format!("BaudRate_{rate}");
         eds.device.push(pair(&key, if takes { "1" } else { "0" }));
     }
@@ -196,13 +228,13 @@ fn write(eds: &Eds) -> Exit {
     }
 }
 
-fn differences(model: &Model, file: &Path) -> Result<Vec<Difference>, Box<dyn Error>> {
+fn differences(device: &Device, file: &Path) -> Result<Vec<Difference>, Box<dyn Error>> {
     let bytes = input::read(file);
     let bytes = bytes.map_err(|error| format!("cannot read {}: {error}", file.display()))?;
     // Data sheets of older tools are in some 8-bit code; names do not matter here.
     let theirs = Eds::parse(&String::from_utf8_lossy(&bytes));
     let theirs = theirs.map_err(|error| format!("{}: {error}", file.display()))?;
-    Ok(data_sheet(model).compare(&theirs))
+    Ok(data_sheet(device).compare(&theirs))
 }
 
 #[cfg(test)]

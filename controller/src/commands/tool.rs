@@ -14,6 +14,7 @@ use std::time::Duration;
 use syncline_canopen::sdo::{Client, Reason};
 use syncline_canopen::{Address, Frame, Instant, NodeId};
 use syncline_drives::model::{MODELS, Model};
+use syncline_drives::twin::{Kind, TWINS};
 
 /// Bytes that an object may have.
 pub(super) const CAPACITY: usize = 1 << 16;
@@ -73,6 +74,27 @@ impl FromStr for NodeOfModel {
             format!("no model `{model}`, only {}", known.join(", "))
         })?;
         Ok(Self { node, model })
+    }
+}
+
+/// A node and the device that is simulated there: `5:twk_crn`.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct NodeOfTwin {
+    pub(super) node: NodeId,
+    pub(super) twin: &'static Kind,
+}
+
+impl FromStr for NodeOfTwin {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let (node, twin) = text.split_once(':').ok_or("write ID:DEVICE")?;
+        let node = node_id(node)?;
+        let twin = Kind::by_name(twin).ok_or_else(|| {
+            let known: Vec<&str> = TWINS.iter().map(|twin| twin.name).collect();
+            format!("no device `{twin}`, only {}", known.join(", "))
+        })?;
+        Ok(Self { node, twin })
     }
 }
 

@@ -193,6 +193,7 @@ pub fn config(machine: &Machine, drive: usize, seed: u64) -> Config {
     let position = spec.scaling.to_increments(rest);
     Config {
         position: position.map_or(0.0, |rest| spec.scaling.to_revolutions(rest)),
+        bit_rate: BitRate::from_kbit(machine.buses[spec.bus].bitrate / 1000),
         assumed: machine.assumed(spec.model).0,
         ..single(spec.node, drive, seed)
     }

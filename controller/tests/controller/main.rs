@@ -14,6 +14,7 @@ mod overrun;
 mod plan;
 mod python_canopen;
 mod python_canopen_csp;
+mod python_canopen_twk;
 mod replay;
 mod report;
 mod simulated;

@@ -1,8 +1,9 @@
 //! What a simulated bus carries, whatever its model.
 
 use super::servo::shaft::Shaft;
-use crate::bus::Node;
+use crate::bus::{BitRate, Node};
 use core::any::Any;
+use syncline_canopen::dictionary::Entry;
 use syncline_canopen::sdo::AbortCode;
 use syncline_canopen::time::Duration;
 use syncline_canopen::{Address, Instant, NodeId, nmt};
@@ -102,6 +103,9 @@ pub struct Config {
     pub position: f64,
     /// Time from a reset to the boot-up message; `None`: the model's own.
     pub boot_time: Option<Duration>,
+    /// Bit rate of its bus. A device that has to be set to one has been set to this; `None`: to
+    /// whatever the bus has.
+    pub bit_rate: Option<BitRate>,
     /// Made for masters on ordinary computers: SYNC may come when it likes, missing setpoints are
     /// ridden out by holding the last one, the first setpoint may be anywhere.
     pub tolerant: bool,
@@ -121,6 +125,7 @@ impl Config {
             seed: 0,
             position: 0.0,
             boot_time: None,
+            bit_rate: None,
             tolerant: false,
             prompt: false,
             assumed: Vec::new(),
@@ -137,11 +142,17 @@ impl Config {
     }
 }
 
-/// A kind of twin.
+/// A kind of twin: what its data sheet says, and how one is made.
 #[derive(Debug)]
 pub struct Kind {
     /// The name of the model that it stands for.
     pub name: &'static str,
+    /// As its maker writes it.
+    pub title: &'static str,
+    /// Bit rates in bit/s, ascending.
+    pub bitrates: &'static [u32],
+    /// Its object dictionary.
+    pub dictionary: &'static [Entry],
     /// Makes one, switched on at the origin of time.
     pub make: fn(&Config) -> Box<dyn SimulatedDevice>,
 }

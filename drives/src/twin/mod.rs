@@ -4,6 +4,7 @@
 //! - [`TWINS`]: all of them, by the name of the model that each stands for
 //! - [`lxm32m`]: the Lexium 32M
 //! - [`cia402_csp`]: a drive by the profile alone, in Cyclic Synchronous Position
+//! - [`twk_crn`]: the absolute encoder TWK CRN
 //! - [`node`]: the CANopen node as a device's processor runs it: delays, losses, restarts
 //! - [`cia402`]: the state machine of a drive
 //! - [`servo`]: cascade, clock, encoder, shaft, ramps
@@ -23,11 +24,12 @@ pub mod lxm32m;
 pub mod node;
 pub mod random;
 pub mod servo;
+pub mod twk_crn;
 
 pub use device::{Config, Disturbance, ErrorClass, Kind, Observation, SimulatedDevice};
 
 /// Every twin.
-pub static TWINS: [&Kind; 2] = [&lxm32m::KIND, &cia402_csp::KIND];
+pub static TWINS: [&Kind; 3] = [&lxm32m::KIND, &cia402_csp::KIND, &twk_crn::KIND];
 
 impl Kind {
     /// The twin of the model with that name.

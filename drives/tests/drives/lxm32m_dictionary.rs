@@ -40,31 +40,6 @@ fn rows() -> Vec<Row> {
     lines.map(parse).collect()
 }
 
-/// Size of an object by upload, expedited or segmented.
-fn uploaded(bench: &mut Bench, row: &Row) -> Result<usize, u32> {
-    let [low, high] = row.index.to_le_bytes();
-    let answer = bench.request(1, [0x40, low, high, row.sub, 0, 0, 0, 0]);
-    let word = u32::from_le_bytes(answer[4..].try_into().unwrap());
-    match answer[0] {
-        0x80 => Err(word),
-        0x41 => {
-            let mut got = 0;
-            let mut toggle = 0;
-            loop {
-                let segment = bench.request(1, [0x60 | toggle, 0, 0, 0, 0, 0, 0, 0]);
-                assert_eq!(segment[0] & 0xF0, toggle, "toggle bit");
-                got += 7 - usize::from(segment[0] >> 1 & 7);
-                if segment[0] & 1 == 1 {
-                    assert_eq!(got, word as usize, "announced size");
-                    return Ok(got);
-                }
-                toggle ^= 0x10;
-            }
-        }
-        command => Ok(4 - usize::from(command >> 2 & 3)),
-    }
-}
-
 /// Downloads zeros of `bytes` length; more than 4 bytes are only announced.
 fn downloaded(bench: &mut Bench, row: &Row, bytes: usize) -> Result<(), u32> {
     if bytes <= 4 {
@@ -89,7 +64,7 @@ fn differences(bench: &mut Bench, row: &Row) -> Vec<String> {
             ));
         }
     };
-    let size = uploaded(bench, row);
+    let size = bench.upload(1, row.index, row.sub).map(|bytes| bytes.len());
     check(
         "upload",
         format!("{size:X?}"),

@@ -12,4 +12,8 @@ mod lxm32m_node;
 mod lxm32m_random_frames;
 mod lxm32m_signals;
 mod registry;
+mod twk_crn_dictionary;
+mod twk_crn_golden_vectors;
+mod twk_crn_node;
+mod twk_crn_random_frames;
 mod world;

@@ -1,4 +1,4 @@
-//! Every model has its twin, and every twin its model.
+//! Every model has its twin; a twin without a model is a device that only other masters use yet.
 
 use std::collections::BTreeSet;
 use syncline_canopen::{NodeId, nmt};
@@ -6,19 +6,27 @@ use syncline_drives::model::{MODELS, Model};
 use syncline_drives::twin::{Config, Kind, TWINS};
 
 #[test]
-fn models_and_twins_have_the_same_names() {
+fn every_model_has_a_twin_with_the_same_data_sheet() {
     let models: BTreeSet<&str> = MODELS.iter().map(|model| model.name).collect();
     let twins: BTreeSet<&str> = TWINS.iter().map(|twin| twin.name).collect();
-    assert_eq!(models, twins);
     assert_eq!((models.len(), twins.len()), (MODELS.len(), TWINS.len()));
+    for model in MODELS {
+        let twin = Kind::by_name(model.name).expect(model.name);
+        assert_eq!(
+            (twin.title, twin.bitrates, twin.dictionary),
+            (model.title, model.bitrates, model.dictionary)
+        );
+    }
 }
 
 #[test]
 fn each_is_found_by_its_name_alone() {
     for twin in TWINS {
         assert!(Kind::by_name(twin.name).is_some_and(|found| std::ptr::eq(found, twin)));
-        assert!(Model::by_name(twin.name).is_some());
         assert!(Kind::by_name(&twin.name.to_uppercase()).is_none());
+    }
+    for model in MODELS {
+        assert!(Model::by_name(model.name).is_some_and(|found| std::ptr::eq(found, *model)));
     }
 }
 

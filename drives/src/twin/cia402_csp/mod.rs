@@ -43,6 +43,11 @@ use syncline_canopen::{Address, Frame, Instant, NodeId, Transmit};
 /// The twin in the registry.
 pub(super) static KIND: Kind = Kind {
     name: "cia402_csp",
+    title: "CiA 402 CSP",
+    bitrates: &[
+        10_000, 20_000, 50_000, 125_000, 250_000, 500_000, 800_000, 1_000_000,
+    ],
+    dictionary: &CIA402_CSP,
     make: |config| Box::new(Twin::new(config.into())),
 };
 

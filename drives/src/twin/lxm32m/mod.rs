@@ -74,6 +74,9 @@ use units::INCREMENTS_PER_REVOLUTION;
 /// The twin in the registry.
 pub(super) static KIND: Kind = Kind {
     name: "lxm32m",
+    title: "LXM32M",
+    bitrates: &[50_000, 125_000, 250_000, 500_000, 1_000_000], // (1266, 1279)
+    dictionary: &LXM32M,
     make: |config| Box::new(Twin::new(config.into())),
 };
 

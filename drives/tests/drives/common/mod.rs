@@ -3,12 +3,12 @@
 use syncline_canopen::cia402::Statusword;
 use syncline_canopen::time::Duration;
 use syncline_canopen::{CanId, CobId, Frame, Instant, NodeId, nmt};
-use syncline_drives::bus::{Band, BitRate, Received, SimBus};
+use syncline_drives::bus::{Band, BitRate, Node, Received, SimBus};
 use syncline_drives::twin::SimulatedDevice;
 use syncline_drives::twin::lxm32m::{Twin, TwinConfig};
 
-pub(crate) struct Bench {
-    pub(crate) bus: SimBus<Twin>,
+pub(crate) struct Bench<T = Twin> {
+    pub(crate) bus: SimBus<T>,
     /// Everything that came from the nodes, oldest first.
     pub(crate) log: Vec<Received>,
 }
@@ -24,20 +24,27 @@ pub(crate) fn ms(millis: u64) -> Duration {
 impl Bench {
     /// Twins with these configurations at 1 Mbit/s, booted.
     pub(crate) fn new(configs: impl IntoIterator<Item = TwinConfig>) -> Self {
+        Self::of(configs.into_iter().map(Twin::new))
+    }
+
+    pub(crate) fn one() -> Self {
+        Self::new([TwinConfig::new(id(1))])
+    }
+}
+
+impl<T: Node> Bench<T> {
+    /// Devices at 1 Mbit/s, 5 ms after they were switched on.
+    pub(crate) fn of(devices: impl IntoIterator<Item = T>) -> Self {
         let mut bus = SimBus::new(BitRate::from_kbit(1000).unwrap());
-        for config in configs {
-            bus.attach(Twin::new(config));
+        for device in devices {
+            bus.attach(device);
         }
         let mut bench = Self { bus, log: vec![] };
         bench.wait(ms(5));
         bench
     }
 
-    pub(crate) fn one() -> Self {
-        Self::new([TwinConfig::new(id(1))])
-    }
-
-    pub(crate) fn twin(&mut self) -> &mut Twin {
+    pub(crate) fn twin(&mut self) -> &mut T {
         self.bus.node_mut(0)
     }
 
@@ -93,6 +100,22 @@ impl Bench {
         answer.data().try_into().expect("8 bytes")
     }
 
+    /// Sends a remote request for one byte and returns the data of the answer, if there is one.
+    pub(crate) fn remote(&mut self, id: u16) -> Option<Vec<u8>> {
+        let from = self.log.len();
+        let request = Frame::remote(CanId::Standard(id), 1).unwrap();
+        self.bus.send(Band::Acyclic, request);
+        let answer = self.expect(from, id, ms(5))?;
+        Some(answer.data().to_vec())
+    }
+
+    /// The data of what came with this identifier since `from` of the log.
+    pub(crate) fn received(&self, from: usize, id: u16) -> Vec<Vec<u8>> {
+        let frames = self.log[from..].iter().map(|received| received.frame);
+        let frames = frames.filter(|frame| frame.id() == CanId::Standard(id));
+        frames.map(|frame| frame.data().to_vec()).collect()
+    }
+
     /// Expedited download; the abort code if it is refused.
     pub(crate) fn write(&mut self, node: u8, index: u16, sub: u8, bytes: &[u8]) -> Result<(), u32> {
         let [low, high] = index.to_le_bytes();
@@ -128,6 +151,36 @@ impl Bench {
                 Ok(answer[4..8 - usize::from(command >> 2 & 3)].to_vec())
             }
         }
+    }
+
+    /// Upload, expedited or in segments; the abort code if it is refused.
+    pub(crate) fn upload(&mut self, node: u8, index: u16, sub: u8) -> Result<Vec<u8>, u32> {
+        let [low, high] = index.to_le_bytes();
+        let answer = self.request(node, [0x40, low, high, sub, 0, 0, 0, 0]);
+        let word = u32::from_le_bytes(answer[4..].try_into().unwrap());
+        match answer[0] {
+            0x80 => return Err(word),
+            0x41 => {}
+            command => return Ok(answer[4..8 - usize::from(command >> 2 & 3)].to_vec()),
+        }
+        let (mut bytes, mut toggle) = (vec![], 0);
+        loop {
+            let segment = self.request(node, [0x60 | toggle, 0, 0, 0, 0, 0, 0, 0]);
+            assert_eq!(segment[0] & 0xF0, toggle, "toggle bit");
+            bytes.extend(&segment[1..8 - usize::from(segment[0] >> 1 & 7)]);
+            if segment[0] & 1 == 1 {
+                assert_eq!(bytes.len(), word as usize, "announced size");
+                return Ok(bytes);
+            }
+            toggle ^= 0x10;
+        }
+    }
+
+    /// A number of up to four bytes without a sign.
+    pub(crate) fn number(&mut self, node: u8, index: u16, sub: u8) -> u32 {
+        let mut bytes = self.read(node, index, sub).unwrap();
+        bytes.resize(4, 0);
+        u32::from_le_bytes(bytes.try_into().unwrap())
     }
 
     pub(crate) fn read_i32(&mut self, node: u8, index: u16, sub: u8) -> i32 {
