@@ -20,7 +20,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     let layout = Arc::new(Layout::new(&machine)?);
     let program = Program::new(&part, &machine, &file)?;
     let (timeline, moves) = VirtualMachine::new(&machine, Arc::clone(&layout), program, 0)?;
-    let observers = Observers::new(&machine, None, false);
+    let sent = timeline.frames().listen(&machine);
+    let observers = Observers::new(&machine, Some(sent), None, false);
     let mut session = Session::new(&machine, timeline, moves, observers);
     while session.advance() != Progress::Ended {}
     let (mut timeline, observers) = session.end();

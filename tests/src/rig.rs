@@ -12,6 +12,7 @@ use syncline_controller::control::{Controller, End, Event, Fault, Layout, Phase,
 use syncline_controller::machine::{COORDINATES, Machine};
 use syncline_controller::observe::Observers;
 use syncline_controller::observe::frames::SharedFrames;
+use syncline_controller::observe::summary::Summary;
 use syncline_controller::port::sim::{SimPort, Simulated};
 use syncline_controller::port::{Port, PortError};
 use syncline_controller::program::Program;
@@ -40,6 +41,9 @@ M2
 /// Changes what arrives from the bus; what it is false for is lost.
 pub type Doctor = Box<dyn FnMut(&mut Received) -> bool + Send>;
 
+/// Changes the burst of setpoints on its way to the bus.
+pub type Forger = Box<dyn FnMut(&mut Vec<Frame>) + Send>;
+
 /// A simulated bus whose port can be interfered with.
 pub struct TappedPort {
     port: SimPort,
@@ -53,6 +57,8 @@ pub struct TappedPort {
     pub unplugged: bool,
     /// What happens to received frames.
     pub doctor: Option<Doctor>,
+    /// What happens to bursts that are sent.
+    pub forger: Option<Forger>,
     late: Vec<Frame>,
 }
 
@@ -102,6 +108,10 @@ impl Port for TappedPort {
         } else if take_one(&mut self.delay_bursts) {
             self.late.extend(frames);
             Ok(Burst::Queued)
+        } else if let Some(forger) = &mut self.forger {
+            let mut frames = frames.to_vec();
+            forger(&mut frames);
+            self.port.send_burst(&frames)
         } else {
             self.port.send_burst(frames)
         }
@@ -165,6 +175,7 @@ impl Rig {
         let program_file = folder.file("program.ngc", program);
         let program = Program::new(&program_file, &machine, &file).expect("good tables");
         let shared = SharedFrames::new(&machine);
+        let sent = shared.listen(&machine);
         let frames = Arc::new(Mutex::new(Vec::new()));
         assert_eq!(machine.buses.len(), 1, "the examples have one bus");
         let mut digest = shared.observer(0);
@@ -191,11 +202,12 @@ impl Rig {
             tear_bursts: 0,
             unplugged: false,
             doctor: None,
+            forger: None,
             late: Vec::new(),
         };
         let (timeline, moves) =
             VirtualMachine::on(world, vec![port], Arc::clone(&layout), program, shared);
-        let observers = Observers::new(&machine, None, false);
+        let observers = Observers::new(&machine, Some(sent), None, false);
         let mut session = Session::new(&machine, timeline, moves, observers);
         Self {
             operator: session.operator("rig"),
@@ -316,6 +328,19 @@ impl Rig {
             End::Fault(fault) => fault,
             end => panic!("no fault: {end:?}"),
         }
+    }
+
+    /// Goes on to the end; the verdict.
+    ///
+    /// # Panics
+    /// If it comes to none.
+    #[must_use]
+    pub fn judge(mut self) -> Summary {
+        self.finish();
+        let (mut timeline, observers) = self.session.end();
+        let frames = Some(timeline.frames().result());
+        let judged = observers.finish(&self.machine, &self.layout, timeline.controller(), frames);
+        judged.expect("there is no trace to write").0
     }
 
     /// How the run ends, once that is decided.

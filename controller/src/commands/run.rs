@@ -237,7 +237,8 @@ impl Run<'_> {
             strict: self.args.strict,
         };
         let trace = self.results.trace_by(&mut self.writers)?;
-        let observers = Observers::new(&self.machine, trace, self.results.wants_report());
+        let sent = lockstep.then(|| self.frames.listen(&self.machine));
+        let observers = Observers::new(&self.machine, sent, trace, self.results.wants_report());
         let (messages, waiting) = Console::messages();
         let tell = messages.clone();
         let (timeline, moves) = RealTime::start(

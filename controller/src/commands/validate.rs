@@ -122,7 +122,8 @@ impl Args {
         let (timeline, moves) =
             VirtualMachine::new(&machine, Arc::clone(&layout), program, self.seed)?;
         logs.record_virtual(&machine, timeline.frames())?;
-        let observers = Observers::new(&machine, results.trace()?, results.wants_report());
+        let sent = Some(timeline.frames().listen(&machine));
+        let observers = Observers::new(&machine, sent, results.trace()?, results.wants_report());
         let mut session = Session::new(&machine, timeline, moves, observers);
         self.switches.set(&session.operator("command line"))?;
         let (told, nobody) = (session.subscribe(), session.operator("validate"));

@@ -128,6 +128,8 @@ pub enum StopPoint {
 pub struct Row<const N: usize> {
     /// Cycles since the mode was started.
     pub cycle: u64,
+    /// The number of this SYNC on each bus, from 1.
+    pub sync: u64,
     /// The plan at the setpoint that this SYNC latched.
     pub plan: Setpoint<N>,
     /// By coordinate of the plan.
@@ -172,6 +174,8 @@ pub struct Controller<const N: usize> {
     cycle: u64,
     setpoint_is_next: bool,
     sync_on: bool,
+    /// SYNCs sent.
+    syncs: u64,
     /// When the running cycle's SYNC left.
     sync_sent: Option<Instant>,
     heartbeat_due: Instant,
@@ -239,6 +243,7 @@ impl<const N: usize> Controller<N> {
             cycle: 0,
             setpoint_is_next: false,
             sync_on: false,
+            syncs: 0,
             sync_sent: None,
             heartbeat_due: start,
             misses: (0..layout.buses.len()).map(SetpointMisses::new).collect(),
@@ -331,6 +336,7 @@ impl<const N: usize> Controller<N> {
             for outbox in out.iter_mut() {
                 outbox.sync = Some(Frame::new(CobId::SYNC, &[]));
             }
+            self.syncs += 1;
             self.sync_sent = Some(now);
             for node in &mut self.nodes {
                 node.on_sync();
@@ -513,6 +519,7 @@ impl<const N: usize> Controller<N> {
         self.in_position = if in_position { self.in_position + 1 } else { 0 };
         self.row = Some(Row {
             cycle: self.cycle.saturating_sub(self.mode_cycle),
+            sync: self.syncs,
             plan: self.planned,
             axes: samples,
             functions: self.switches.functions,

@@ -1,5 +1,6 @@
 //! What a machine's buses carried.
 
+use super::sent::{Hearing, SentSetpoints};
 use crate::bus_log;
 use crate::machine::Machine;
 use sha2::{Digest, Sha256};
@@ -25,6 +26,7 @@ pub const VIRTUAL_ORIGIN: Duration = Duration::from_secs(1);
 pub struct FrameLog {
     digest: Sha256,
     buses: Vec<BusLoad>,
+    hearing: Option<Hearing>,
     log: bus_log::BusLog,
     /// Instant zero in the log, since 1970.
     origin: Duration,
@@ -59,6 +61,7 @@ impl FrameLog {
         Self {
             digest: Sha256::new(),
             buses: machine.buses.iter().map(|spec| bus(spec.bitrate)).collect(),
+            hearing: None,
             log: bus_log::BusLog::default(),
             origin: VIRTUAL_ORIGIN,
             failed: None,
@@ -67,6 +70,9 @@ impl FrameLog {
 
     /// Takes a frame of a bus, in bus order.
     pub fn record(&mut self, bus: usize, frame: &Transmission) {
+        if let Some(hearing) = &mut self.hearing {
+            hearing.hear(bus, &frame.frame);
+        }
         let log = &mut self.buses[bus];
         log.pending.push_back(*frame);
         if frame.frame.id() == CanId::from(CobId::SYNC) {
@@ -147,6 +153,15 @@ impl SharedFrames {
     pub fn observer(&self, bus: usize) -> impl FnMut(&Transmission) + Send + 'static {
         let frames = self.clone();
         move |frame| frames.lock().record(bus, frame)
+    }
+
+    /// Has the setpoints told that the machine's drives are sent, from now on; before the machine is
+    /// switched on.
+    #[must_use]
+    pub fn listen(&self, machine: &Machine) -> SentSetpoints {
+        let (hearing, sent) = Hearing::new(machine);
+        self.lock().hearing = Some(hearing);
+        sent
     }
 
     /// Writes all frames from now on into a log of the machine's buses, where instant zero is

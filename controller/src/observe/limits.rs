@@ -1,9 +1,28 @@
-//! Every axis against its limits: velocity, acceleration and jerk of the plan, following error,
-//! travel.
+//! Every axis against its limits: what was planned, what was sent, and what the drives made of it.
+//!
+//! A verdict that believed the plan would trust whom it judges. So it stands on three legs, of which none
+//! can be right by mistake alone:
+//!
+//! - *the plan's own derivatives* at every SYNC, as exact as numbers are,
+//! - *differences of the positions*: of those planned, and of those that the drives were sent, which were
+//!   decoded from the frames that their buses carried ([`sent`](super::sent)). They are bounds that hold
+//!   between the SYNCs too ([`differences`](super::differences)): a move that is over within a cycle has
+//!   no derivative at a SYNC, but its differences show what it did,
+//! - *what was sent against the plan*: the nearest increment. A drive keeps a whole number of increments
+//!   between its own count and the plan's, captured when its setpoint was frozen where it stood; that is
+//!   read off the first row, held against the standstill window (and the skew of a gantry), and must stay
+//!   what it was. From there a setpoint that is more than half an increment off is wrong: by another
+//!   rounding, a cycle, a scale, a sign, an axis or a side.
+//!
+//! With the third leg, what the first says of the plan holds for what was sent, to half an increment; and
+//! the second holds without it.
 
+use super::differences::{Differences, Uncertainty};
 use super::record::Violation;
+use super::sent::SentSetpoints;
 use crate::control::Row;
-use crate::machine::{Axis, AxisLimits, COORDINATES};
+use crate::machine::{Axis, AxisLimits, COORDINATES, Machine};
+use syncline_drives::model::{Direction, Increments};
 
 /// A plan may exceed a limit by this part of it: rounding.
 const ROUNDING: f64 = 1e-9;
@@ -11,14 +30,28 @@ const ROUNDING: f64 = 1e-9;
 /// A setpoint so far beyond a soft limit, mm, is still on it.
 const BEYOND: f64 = 1e-6;
 
-/// What is watched for each axis.
-const WATCHED: [&str; 5] = [
-    "velocity",
-    "acceleration",
-    "jerk",
-    "following_error",
-    "beyond soft_limits",
+/// How far a setpoint that was sent may be from the one that was planned, increments: rounding to the
+/// nearest one.
+const NEAREST: f64 = 0.5 + 1e-6;
+
+/// What is watched for each axis, and which of its units that has: of position, velocity, acceleration or
+/// jerk, or increments.
+const WATCHED: [(&str, usize); 11] = [
+    ("velocity", 1),
+    ("acceleration", 2),
+    ("jerk", 3),
+    ("following_error", 0),
+    ("beyond soft_limits", 0),
+    ("sent velocity", 1),
+    ("sent acceleration", 2),
+    ("sent jerk", 3),
+    ("sent beyond soft_limits", 0),
+    ("sent off the plan", 4),
+    ("sent off the frozen setpoint", 0),
 ];
+
+/// How many of them are of what was sent: the last ones.
+const SENT: usize = 6;
 
 /// A value that has a limit. A stretch above the limit is one violation, told at its worst.
 #[derive(Debug, Default)]
@@ -54,33 +87,115 @@ impl Watch {
 pub(super) struct AxisWatches {
     pub(super) name: &'static str,
     pub(super) coordinate: usize,
-    pub(super) units: [&'static str; 5],
+    units: [&'static str; 5],
     /// The machine file's; its positions widened by where the axis stood at first.
     pub(super) limits: AxisLimits,
-    pub(super) max: [f64; 5],
-    watches: [Watch; 5],
+    max: [f64; WATCHED.len()],
+    watches: [Watch; WATCHED.len()],
     began: bool,
+    planned: Differences,
+    sides: Vec<Side>,
+    /// SYNCs at which a drive had been sent no setpoint.
+    pub(super) unsent: u64,
+}
+
+/// A drive of an axis by what it is sent; its increments as the machine file has them.
+#[derive(Debug)]
+struct Side {
+    drive: usize,
+    /// One increment, with the sign of the direction, mm.
+    increment: f64,
+    /// What the drive counts at machine position 0.
+    zero: f64,
+    /// Its count less the plan's, increments, once it is known.
+    offset: Option<f64>,
+    differences: Differences,
+}
+
+impl Side {
+    fn new(machine: &Machine, drive: usize) -> Self {
+        let scaling = &machine.drives[drive].scaling;
+        let increment = match scaling.direction() {
+            Direction::Positive => scaling.resolution(),
+            Direction::Negative => -scaling.resolution(),
+        };
+        Self {
+            drive,
+            increment,
+            zero: (-scaling.to_mm(Increments::ZERO) / increment).round(),
+            offset: None,
+            differences: Differences::new(machine.cycle.as_secs_f64(), Uncertainty::Increments),
+        }
+    }
+
+    /// Takes the setpoint that it latched, where one was planned, mm, between two limits: what is
+    /// watched of what was sent.
+    fn latch(
+        &mut self,
+        cycle: u64,
+        count: i64,
+        planned: f64,
+        (min, max): (f64, f64),
+    ) -> [f64; SENT] {
+        let Self {
+            increment, zero, ..
+        } = *self;
+        let (count, planned) = (count as f64, planned / increment);
+        let offset = *(self.offset).get_or_insert(count - zero - planned.round());
+        let [velocity, acceleration, jerk] =
+            (self.differences.push(cycle, count)).map(|it| it * increment.abs());
+        let sent = count - zero - offset;
+        // What was rounded to the increment may lie this side of the limit.
+        let beyond = (min - sent * increment).max(sent * increment - max);
+        let beyond = beyond - NEAREST * increment.abs();
+        [
+            velocity,
+            acceleration,
+            jerk,
+            beyond.max(0.0),
+            (sent - planned).abs(),
+            (offset * increment).abs(),
+        ]
+    }
 }
 
 impl AxisWatches {
     /// Nothing yet of an axis of the machine.
-    pub(super) fn new(axis: &Axis) -> Self {
+    pub(super) fn new(machine: &Machine, axis: &Axis) -> Self {
+        let cycle = machine.cycle.as_secs_f64();
         let [position, velocity, acceleration, jerk] = axis.units();
         Self {
             name: axis.name(),
             coordinate: axis.letter.index(),
-            units: [velocity, acceleration, jerk, position, position],
+            units: [position, velocity, acceleration, jerk, "increments"],
             limits: axis.limits,
-            max: [0.0; 5],
+            max: [0.0; WATCHED.len()],
             watches: Default::default(),
             began: false,
+            planned: Differences::new(cycle, Uncertainty::Numbers),
+            sides: (axis.drives.iter())
+                .map(|drive| Side::new(machine, *drive))
+                .collect(),
+            unsent: 0,
         }
     }
 
-    /// Takes what happened at one SYNC.
+    /// Of its positions.
+    pub(super) fn unit(&self) -> &'static str {
+        self.units[0]
+    }
+
+    /// Greatest velocity, acceleration and jerk: at the SYNCs, and what differences between them prove.
+    pub(super) fn max(&self) -> [f64; 3] {
+        let (plan, sent) = self.max.split_at(WATCHED.len() - SENT);
+        [0, 1, 2].map(|order| plan[order].max(sent[order]))
+    }
+
+    /// Takes what happened at one SYNC, and what the drives latched there if that is known.
     pub(super) fn observe(
         &mut self,
         row: &Row<COORDINATES>,
+        sent: Option<&SentSetpoints>,
         time: f64,
         line: u32,
         violations: &mut Vec<Violation>,
@@ -94,32 +209,62 @@ impl AxisWatches {
             self.limits.position = (min, max);
             self.began = true;
         }
-        let values = [
-            row.plan.velocity[at],
-            row.plan.acceleration[at],
-            row.plan.jerk[at],
-            row.axes[at].following_error,
+        let [velocity, acceleration, jerk] = self.planned.push(row.cycle, position);
+        let planned = [
+            row.plan.velocity[at].abs().max(velocity),
+            row.plan.acceleration[at].abs().max(acceleration),
+            row.plan.jerk[at].abs().max(jerk),
+            row.axes[at].following_error.abs(),
             (min - position).max(position - max).max(0.0),
         ];
-        let limits = [
-            self.limits.velocity,
-            self.limits.acceleration,
-            self.limits.jerk,
-            self.limits.following_error,
-            BEYOND,
-        ];
-        for (place, (value, limit)) in values.map(f64::abs).into_iter().zip(limits).enumerate() {
+        let sent = sent.map_or([0.0; SENT], |sent| self.latch(row, sent));
+        let AxisLimits {
+            velocity,
+            acceleration,
+            jerk,
+            following_error,
+            skew,
+            standstill,
+            ..
+        } = self.limits;
+        let window = standstill + skew.unwrap_or(0.0);
+        let planned =
+            planned
+                .into_iter()
+                .zip([velocity, acceleration, jerk, following_error, BEYOND]);
+        let sent = sent
+            .into_iter()
+            .zip([velocity, acceleration, jerk, BEYOND, NEAREST, window]);
+        for (place, (value, limit)) in planned.chain(sent).enumerate() {
+            let (what, unit) = WATCHED[place];
             self.max[place] = self.max[place].max(value);
             self.watches[place].look(violations, value, limit, || Violation {
-                what: WATCHED[place].to_owned(),
+                what: what.to_owned(),
                 axis: Some(self.name.to_owned()),
                 time,
                 line,
                 value,
                 limit,
-                unit: self.units[place],
+                unit: self.units[unit],
             });
         }
+    }
+
+    /// What is watched of what its drives latched at the row's SYNC: of its sides the greatest.
+    fn latch(&mut self, row: &Row<COORDINATES>, sent: &SentSetpoints) -> [f64; SENT] {
+        let planned = row.axes[self.coordinate].set;
+        let mut greatest = [0.0_f64; SENT];
+        for side in &mut self.sides {
+            let Some(count) = sent.latched(side.drive, row.sync) else {
+                self.unsent += 1;
+                continue;
+            };
+            let of = side.latch(row.cycle, count, planned, self.limits.position);
+            for (greatest, of) in greatest.iter_mut().zip(of) {
+                *greatest = greatest.max(of);
+            }
+        }
+        greatest
     }
 
     /// Ends the stretches that go on.

@@ -1,7 +1,9 @@
 //! What only watches: a run is the same with it and without it.
 //!
 //! - [`Observers`]: all that is kept about a run, row by row
-//! - [`limits`]: every axis against its limits
+//! - [`limits`]: every axis against its limits, as planned and as sent
+//! - [`sent`]: what the drives were sent, from the frames on the buses
+//! - [`differences`]: what positions at the SYNCs say of the motion between them
 //! - [`deviation`]: setpoint and tool against the programmed geometry
 //! - [`travel`]: how far the tool has come along the program, and for how long it moved
 //! - [`trace`]: every row as CSV
@@ -11,9 +13,11 @@
 //! - [`timing`]: how punctual a cycle was
 
 pub mod deviation;
+mod differences;
 pub mod frames;
 pub mod limits;
 pub mod record;
+pub mod sent;
 pub mod summary;
 pub mod timing;
 pub mod trace;
@@ -26,6 +30,7 @@ use crate::program::{Moves, counted_speed};
 use deviation::Deviation;
 use limits::AxisWatches;
 use record::{Report, Violation};
+use sent::SentSetpoints;
 use std::io;
 use std::ops::RangeInclusive;
 use std::time::Duration;
@@ -57,22 +62,35 @@ pub struct Observers {
     travel: Travel,
     deviation: Deviation,
     axes: Vec<AxisWatches>,
+    /// What the buses carried, where all of them can be heard.
+    sent: Option<SentSetpoints>,
     violations: Vec<Violation>,
     trace: Option<Trace>,
     report: Option<Report>,
 }
 
 impl Observers {
-    /// For a machine; `trace` takes the CSV rows, `report` says whether a report will be wanted.
+    /// For a machine; `sent` is what its buses carry ([`SharedFrames::listen`]), `None` where they cannot
+    /// be heard; `trace` takes the CSV rows, `report` says whether a report will be wanted.
+    ///
+    /// [`SharedFrames::listen`]: frames::SharedFrames::listen
     #[must_use]
-    pub fn new(machine: &Machine, trace: Option<Sink>, report: bool) -> Self {
+    pub fn new(
+        machine: &Machine,
+        sent: Option<SentSetpoints>,
+        trace: Option<Sink>,
+        report: bool,
+    ) -> Self {
         Self {
             cycle: machine.cycle,
             cycles: 0,
             line: 0,
             travel: Travel::default(),
             deviation: Deviation::default(),
-            axes: machine.axes.iter().map(AxisWatches::new).collect(),
+            axes: (machine.axes.iter())
+                .map(|axis| AxisWatches::new(machine, axis))
+                .collect(),
+            sent,
             violations: Vec::new(),
             trace: trace.map(|file| Trace::begin(file, machine)),
             report: report.then(|| Report::of(machine)),
@@ -88,8 +106,12 @@ impl Observers {
         let counted = counted_speed(&row.plan.velocity);
         self.travel.observe(row, counted);
         self.deviation.observe(observed, time, &mut self.violations);
+        if let Some(sent) = &mut self.sent {
+            sent.go_on_to(row.sync);
+        }
         for axis in &mut self.axes {
-            axis.observe(row, time, line, &mut self.violations);
+            let sent = self.sent.as_ref();
+            axis.observe(row, sent, time, line, &mut self.violations);
         }
         if let Some(report) = &mut self.report {
             let coordinates = self.axes.iter().map(|axis| axis.coordinate);
@@ -132,6 +154,10 @@ impl Observers {
         };
         if let Some(End::Fault(fault)) = controller.end() {
             violate(format!("fault: {}", fault.describe(layout)), 1.0, "");
+        }
+        let unsent: u64 = self.axes.iter().map(|axis| axis.unsent).sum();
+        if unsent > 0 {
+            violate("not sent".to_owned(), unsent as f64, "setpoints");
         }
         let late_setpoints = controller.late_setpoints();
         if late_setpoints > 0 {

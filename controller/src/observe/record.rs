@@ -70,11 +70,11 @@ pub struct AxisReport {
     pub units: [&'static str; 4],
     /// What it was held against.
     pub limits: AxisLimits,
-    /// Greatest of the plan, between the cycles too; mm/s.
+    /// Greatest, as planned and as sent, at the cycles and by differences between them; mm/s.
     pub max_velocity: f64,
-    /// Greatest of the plan; mm/s².
+    /// The same; mm/s².
     pub max_acceleration: f64,
-    /// Greatest of the plan; mm/s³.
+    /// The same; mm/s³.
     pub max_jerk: f64,
     /// Greatest absolute following error, mm.
     pub max_following_error: f64,

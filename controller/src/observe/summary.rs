@@ -72,18 +72,18 @@ pub struct BusSummary {
     pub peak_utilisation: f64,
 }
 
-/// An axis during a run: of the plan, mm/s, mm/s², mm/s³, and how the drives followed it.
+/// An axis during a run: how it was moved, mm/s, mm/s², mm/s³, and how the drives followed.
 #[derive(Clone, Debug, Serialize)]
 pub struct AxisSummary {
     /// As the machine file names it.
     pub name: String,
     /// Of its positions: `mm`, or `°`, as which every mm below counts then.
     pub unit: &'static str,
-    /// Greatest velocity, mm/s.
+    /// Greatest velocity, as planned and as sent, at the cycles and by differences between them, mm/s.
     pub max_velocity: f64,
-    /// Greatest acceleration, mm/s².
+    /// The same of acceleration, mm/s².
     pub max_acceleration: f64,
-    /// Greatest jerk, mm/s³.
+    /// The same of jerk, mm/s³.
     pub max_jerk: f64,
     /// mm/s
     pub velocity_limit: f64,
@@ -170,12 +170,13 @@ impl fmt::Display for Summary {
 impl AxisSummary {
     /// What was seen of an axis.
     pub(super) fn new(axis: &AxisWatches, following: &Following) -> Self {
+        let [max_velocity, max_acceleration, max_jerk] = axis.max();
         Self {
             name: axis.name.to_owned(),
-            unit: axis.units[3],
-            max_velocity: axis.max[0],
-            max_acceleration: axis.max[1],
-            max_jerk: axis.max[2],
+            unit: axis.unit(),
+            max_velocity,
+            max_acceleration,
+            max_jerk,
             velocity_limit: axis.limits.velocity,
             acceleration_limit: axis.limits.acceleration,
             jerk_limit: axis.limits.jerk,

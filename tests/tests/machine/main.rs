@@ -11,6 +11,7 @@ mod faults;
 mod fits;
 mod heard;
 mod jogs;
+mod judge;
 mod operator;
 mod pages;
 mod programs;
