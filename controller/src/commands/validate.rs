@@ -165,7 +165,11 @@ impl Args {
     }
 
     fn tell(&self, event: &MachineEvent, names: &impl Names) {
-        if (self.verbose || matches!(event, MachineEvent::Fault(_) | MachineEvent::NoJog(_)))
+        let is_loud = matches!(
+            event,
+            MachineEvent::Fault(_) | MachineEvent::NoJog(_) | MachineEvent::Switched(_)
+        );
+        if (self.verbose || is_loud)
             && let Some(text) = event.describe(names)
         {
             eprintln!("{text}");
