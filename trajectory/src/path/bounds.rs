@@ -1,7 +1,7 @@
 //! What the path allows everywhere along a segment, and the motion from rest to rest that needs no
 //! search.
 
-use super::{JerkSegment, Limits, PathSegment};
+use super::{Curve, JerkSegment, Limits};
 
 /// Path speed, acceleration and jerk that, together and in any combination, keep every axis inside
 /// its limits.
@@ -13,9 +13,9 @@ pub(super) struct Bounds {
 }
 
 impl Bounds {
-    pub(super) fn along<const N: usize>(span: &PathSegment<N>, limits: &Limits<N>) -> Self {
+    pub(super) fn along<const N: usize>(curve: &Curve<N>, speed: f64, limits: &Limits<N>) -> Self {
         // |q′|, |q″|, |q‴| of every axis, at most.
-        let [d1, d2, d3] = span.curve.derivative_bounds();
+        let [d1, d2, d3] = curve.derivative_bounds();
         let least = |f: &dyn Fn(usize) -> f64| (0..N).map(f).fold(f64::INFINITY, f64::min);
         // Curved paths: 0.7 of the acceleration and 0.3 of the jerk for the curvature's own terms.
         let speed = least(&|i| {
@@ -23,7 +23,7 @@ impl Bounds {
                 .min((0.7 * limits.acceleration[i] / d2[i]).sqrt())
                 .min(libm::cbrt(0.3 * limits.jerk[i] / d3[i]))
         })
-        .min(span.speed);
+        .min(speed);
         let acceleration = least(&|i| {
             let left = limits.acceleration[i] - d2[i] * speed * speed;
             (left / d1[i]).min(0.35 * limits.jerk[i] / (3.0 * d2[i] * speed))
@@ -43,6 +43,18 @@ impl Bounds {
     pub(super) fn limits(self) -> crate::limits::Limits {
         crate::limits::Limits::symmetric(self.speed, self.acceleration, self.jerk)
     }
+}
+
+/// How long it takes along a curve from rest to rest without a search, s; not finite where nothing
+/// bounds what the curve asks of the axes.
+pub(super) fn crawling_time<const N: usize>(
+    curve: &Curve<N>,
+    speed: f64,
+    limits: &Limits<N>,
+) -> f64 {
+    let bounds = Bounds::along(curve, speed, limits);
+    let pieces = rest_to_rest(0.0, curve.length(), bounds);
+    pieces.iter().map(|piece| piece.duration).sum()
 }
 
 /// The shortest profile over `length` from rest to rest: seven pieces, some of no duration.

@@ -126,8 +126,12 @@ impl<const N: usize> ShortSegments<N> {
     }
 
     /// The next part, if enough of the short segments behind it are known or there come no more. A curve of its
-    /// own is one that `may_be`.
-    pub fn next(&mut self, ended: bool, may_be: impl Fn(&Curve<N>) -> bool) -> Option<Part<N>> {
+    /// own is one that `may_be`, in place of the segments between those points.
+    pub fn next(
+        &mut self,
+        ended: bool,
+        may_be: impl Fn(&Curve<N>, &[([f64; N], u32)]) -> bool,
+    ) -> Option<Part<N>> {
         let lines = self.points.len() - 1;
         if lines == 0 || !ended && (self.line.is_some() || lines < self.wanted()) {
             return None;
@@ -135,10 +139,11 @@ impl<const N: usize> ShortSegments<N> {
         if let Some((curve, deviation)) = self.line {
             return Some(self.part(curve, lines, deviation, None));
         }
+        let may_be = |fit: &Fit<N>, it: &Self| may_be(&fit.curve, &it.points[..=fit.lines]);
         let mut ahead = lines.min(self.wanted());
         loop {
             let whole = ended && ahead == lines;
-            if let Some(fit) = self.fit(ahead, whole).filter(|fit| may_be(&fit.curve)) {
+            if let Some(fit) = self.fit(ahead, whole).filter(|fit| may_be(fit, self)) {
                 self.reach = ahead;
                 let end = (!whole).then_some(fit.end);
                 return Some(self.part(fit.curve, fit.lines, fit.deviation, end));
@@ -151,7 +156,7 @@ impl<const N: usize> ShortSegments<N> {
         // The curve ends in a corner.
         self.reach = MOST;
         for ahead in (2..FEWEST.min(lines)).rev() {
-            if let Some(fit) = self.fit(ahead, true).filter(|fit| may_be(&fit.curve)) {
+            if let Some(fit) = self.fit(ahead, true).filter(|fit| may_be(fit, self)) {
                 return Some(self.part(fit.curve, fit.lines, fit.deviation, None));
             }
         }
@@ -166,6 +171,11 @@ impl<const N: usize> ShortSegments<N> {
             goes_on: false,
             ..part
         })
+    }
+
+    /// The path speed that is programmed on them, mm/s.
+    pub fn feed(&self) -> f64 {
+        self.last.feed.speed()
     }
 
     /// How far a line may stray from the short segments.

@@ -1,5 +1,6 @@
 //! Plans from outside: what they promise is checked on what an executor makes of them.
 
+mod answers;
 mod common;
 mod contour;
 mod effect;

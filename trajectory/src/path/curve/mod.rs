@@ -209,17 +209,12 @@ impl<const N: usize> Curve<N> {
         }
     }
 
-    /// Where the next part begins after `s` if the curve is cut into parts in which its
-    /// derivatives change little: circles every `turn` rad or less, polynomials evenly in their
-    /// parameter.
-    pub fn next_cut(&self, s: f64, turn: f64) -> f64 {
+    /// Into how many parts the curve is cut so that its derivatives change little in each: circles every
+    /// `turn` rad or less, polynomials evenly in their parameter.
+    pub(super) fn parts(&self, turn: f64) -> f64 {
         match self {
-            Curve::Line(line) => line.length,
-            Curve::Arc(arc) => {
-                let parts = (arc.sweep.abs() / turn).ceil();
-                let step = arc.length / parts;
-                ((s / step + 1e-6).floor() + 1.0) * step
-            }
+            Curve::Line(_) => 1.0,
+            Curve::Arc(arc) => (arc.sweep.abs() / turn).ceil(),
             Curve::Poly(poly) => {
                 // Gentle blends need few.
                 let chords = (0..PARTS).map(|k| {
@@ -229,18 +224,31 @@ impl<const N: usize> Curve<N> {
                         .sum::<f64>()
                         .sqrt()
                 });
-                let parts = match chords.sum::<f64>() {
+                match chords.sum::<f64>() {
                     bend if bend > 4.0 * turn => 8.0,
                     bend if bend > turn => 4.0,
                     _ => 2.0,
-                };
-                let next = (poly.parameter(s) * parts + 1e-6).floor() + 1.0;
-                if next < parts {
-                    poly.length_to(next / parts)
-                } else {
-                    poly.length()
                 }
             }
+        }
+    }
+
+    /// How many of so many [`parts`](Self::parts) begin at the path length `s` or before.
+    pub(super) fn parts_begun(&self, s: f64, parts: f64) -> f64 {
+        let passed = match self {
+            Curve::Line(_) => 0.0,
+            Curve::Arc(arc) => s / (arc.length / parts),
+            Curve::Poly(poly) => poly.parameter(s) * parts,
+        };
+        (passed + 1e-6).floor() + 1.0
+    }
+
+    /// The path length at which the last of the first `k` of so many [`parts`](Self::parts) ends.
+    pub(super) fn parts_end(&self, k: f64, parts: f64) -> f64 {
+        match self {
+            Curve::Arc(arc) => k * (arc.length / parts),
+            Curve::Poly(poly) if k < parts => poly.length_to(k / parts),
+            _ => self.length(),
         }
     }
 

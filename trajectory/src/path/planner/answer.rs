@@ -5,10 +5,13 @@
 //! from there. Where nothing is found from that state the answer is a plan that is too late: the
 //! executor follows its old one, which ends at rest, and asks again from another state.
 
-use super::{ANSWER_HALVINGS, BACK, Back, Cursor, MOST_FOLLOWED, NOTHING, Planner, Section};
+use super::{
+    ANSWER_HALVINGS, Account, BACK, Back, Cursor, MOST_FOLLOWED, NOTHING, Planner, Section,
+};
 use crate::path::brake::brake;
 use crate::path::override_transition::{attempts, minima};
 use crate::path::plan::follow;
+use crate::path::window::MOST_WORK;
 use crate::path::{Command, PathSegment, PathState, ReplanGoal, ReplanRequest};
 
 /// States of the last plan from which a way to rest is tried, and the time between them, s.
@@ -23,6 +26,7 @@ impl<const N: usize> Planner<N> {
     pub fn replan(&mut self, request: &ReplanRequest) -> bool {
         let news = request.revision > self.revision;
         if news {
+            self.window.grant(MOST_WORK);
             self.answer(request);
         }
         news
@@ -86,6 +90,7 @@ impl<const N: usize> Planner<N> {
             halvings: ANSWER_HALVINGS,
             ..Cursor::default()
         };
+        self.account = Account::open(departure.distance, &self.window);
         self.followed.clear();
         self.window.faster.clear();
         self.replace_from(cycle);

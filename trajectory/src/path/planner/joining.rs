@@ -4,8 +4,9 @@
 use super::{NOTHING, PathError, Pending, PlanItem, Planner, Section, asked_speed};
 use crate::limits::PositionLimits;
 use crate::path::blend::{Blend, blend};
+use crate::path::bounds::crawling_time;
 use crate::path::segment_fitting::{Part, ShortSegments};
-use crate::path::{Curve, Move, Overrides, PathSegment};
+use crate::path::{Curve, Limits, Move, Overrides, PathSegment};
 
 /// Gaps up to this are rounding of the caller's, mm.
 const GAP: f64 = 1e-6;
@@ -68,13 +69,13 @@ impl<const N: usize> Planner<N> {
 
     /// Joins what the short segments that were gathered give, all of it if there come no more.
     fn join_parts(&mut self, ended: bool) {
-        let bounds = self.bounds;
-        let may_be = |curve: &Curve<N>| inside(curve, &bounds);
-        while let Some(part) = self
-            .short_segments
-            .as_mut()
-            .and_then(|segments| segments.next(ended, may_be))
-        {
+        let (bounds, limits) = (self.bounds, self.limits);
+        while let Some(segments) = &mut self.short_segments {
+            let feed = segments.feed();
+            let part = segments.next(ended, |curve, points| {
+                inside(curve, &bounds) && is_quick(curve, points, feed, &limits)
+            });
+            let Some(part) = part else { break };
             self.join(part);
         }
     }
@@ -100,8 +101,10 @@ impl<const N: usize> Planner<N> {
                     let deviation = deviation.max(self.deviation);
                     let left = rounding.min(before.mode.tolerance() - deviation);
                     let rounded = LESSER.iter().find_map(|part| {
-                        blend(&before.curve, &motion.curve, left * part)
-                            .filter(|blend| inside(&blend.curve, &self.bounds))
+                        blend(&before.curve, &motion.curve, left * part).filter(|blend| {
+                            inside(&blend.curve, &self.bounds)
+                                && crawling_time(&blend.curve, feed, &self.limits).is_finite()
+                        })
                     });
                     if let Some(Blend { curve, cut }) = rounded {
                         self.lay_pending(cut);
@@ -180,6 +183,23 @@ impl<const N: usize> Planner<N> {
 fn inside<const N: usize>(curve: &Curve<N>, bounds: &[PositionLimits; N]) -> bool {
     let (low, high) = curve.bounds();
     (0..N).all(|i| low[i] >= bounds[i].min - NOTHING && high[i] <= bounds[i].max + NOTHING)
+}
+
+/// Whether a curve, crawled along from rest to rest, takes no longer than the segments between these points
+/// with a stop at each.
+fn is_quick<const N: usize>(
+    curve: &Curve<N>,
+    points: &[([f64; N], u32)],
+    feed: f64,
+    limits: &Limits<N>,
+) -> bool {
+    let lines = points
+        .windows(2)
+        .map(|ends| Curve::line(ends[0].0, ends[1].0));
+    let stops: f64 = (lines.flatten())
+        .map(|line| crawling_time(&line, feed, limits))
+        .sum();
+    crawling_time(curve, feed, limits) <= stops
 }
 
 /// Whether tangent and curvature go on unbroken from one curve to the next.

@@ -23,7 +23,7 @@ use thiserror::Error;
 use super::brake::MOST_SEGMENTS;
 use super::plan::Plan;
 use super::segment_fitting::ShortSegments;
-use super::window::{Effort, MOST_CELLS, TOO_MANY_CELLS, Window};
+use super::window::{Effort, MOST_CELLS, MOST_WORK, TOO_MANY_CELLS, Window};
 use super::{Command, JerkSegment, Limits, Move, Overrides, PathItem, PathSegment, PathState};
 use crate::limits::PositionLimits;
 use section::Section;
@@ -78,6 +78,7 @@ pub struct Planner<const N: usize> {
     /// Path length of all sections.
     length: f64,
     cursor: Cursor,
+    account: Account,
     window: Window<N>,
     /// What is followed of the plan that the window's replaces.
     followed: Vec<JerkSegment>,
@@ -154,6 +155,15 @@ struct Cursor {
     halvings: u32,
 }
 
+/// What planning has taken since the path was last seen to be worth it.
+#[derive(Debug, Clone, Copy, Default)]
+struct Account {
+    /// The place on the section then, mm.
+    distance: f64,
+    /// What planning had taken up to then, as [`Effort::work`].
+    work: usize,
+}
+
 impl Cursor {
     /// The next window begins where the last one rests.
     fn begin_at_rest(&mut self) {
@@ -206,6 +216,7 @@ impl<const N: usize> Planner<N> {
             placed: 0,
             length: 0.0,
             cursor: Cursor::default(),
+            account: Account::default(),
             window: Window::default(),
             followed: Vec::new(),
             plans: <[Plan; 2]>::default(),
@@ -281,6 +292,7 @@ impl<const N: usize> Planner<N> {
     /// items, or [`finish`](Self::finish).
     pub fn pop(&mut self) -> Option<Command<N>> {
         if self.out.is_empty() {
+            self.window.grant(MOST_WORK);
             self.plan_on();
         }
         self.out.pop_front()
@@ -343,6 +355,7 @@ impl<const N: usize> Planner<N> {
             holds: self.cursor.holds,
             ..Cursor::default()
         };
+        self.account = Account::open(0.0, &self.window);
         while self.kept + self.items.len() > KEPT && self.first + 1 < item && item < BACK {
             if let Some(PlanItem::Section(section)) = self.items.pop_front() {
                 self.kept -= section.spans.len();

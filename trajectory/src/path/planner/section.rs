@@ -1,11 +1,16 @@
 //! A stretch of path without a stop, and how far a window on it may go.
 
 use super::{KEPT, NOTHING};
+use crate::path::bounds::crawling_time;
 use crate::path::window::room_to_stop;
 use crate::path::{Limits, PathSegment, PathState};
 
 /// Spans in a window, at most.
 const WINDOW_SPANS: usize = 1024;
+
+/// What planning may take for a segment, and for a second of crawling along it, cells times Newton steps.
+const WORTH_OF_SEGMENT: f64 = 2e5;
+const WORTH_OF_SECOND: f64 = 2e5;
 
 /// Path without a stop.
 #[derive(Debug, Clone)]
@@ -52,6 +57,19 @@ impl<const N: usize> Section<N> {
 
     pub(super) fn reaches_end(&self, distance: f64) -> bool {
         distance >= self.length - NOTHING
+    }
+
+    /// What planning may take for the path between two distances, cells times Newton steps: in proportion to
+    /// its segments and to the time that crawling along them takes.
+    pub(super) fn worth(&self, from: f64, to: f64, limits: &Limits<N>) -> f64 {
+        let ahead = self.from(from).iter().take_while(|span| span.start < to);
+        let worth = |span: &PathSegment<N>| {
+            let length = span.curve.length();
+            let passed = (to - span.start).min(length) - (from - span.start).max(0.0);
+            let crawl = crawling_time(&span.curve, span.speed, limits);
+            passed / length * (WORTH_OF_SEGMENT + WORTH_OF_SECOND * crawl)
+        };
+        ahead.map(worth).sum()
     }
 
     /// Least time of travel from `distance` to the end of what is known, s.

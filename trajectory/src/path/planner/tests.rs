@@ -2,6 +2,7 @@
 
 use std::mem::take;
 
+use super::windows::CREDIT;
 use super::*;
 use crate::path::{Curve, Executor, Feed, PathControlMode, Plane, curve::ArcDefinition};
 
@@ -140,4 +141,46 @@ fn a_short_window_answers_a_person_and_costs_little_time() {
         assert!(windows[0] < MOST_CELLS / 3, "{windows:?}");
         assert!(with <= cycles + cycles / 300, "{with}, not {cycles}");
     }
+}
+
+/// What planning a zigzag takes, and how much of it is left in the end; `vain` as if none of the work had
+/// brought the path forward.
+fn zigzag(vain: bool) -> (Effort, f64) {
+    let point = |k: u32| [4.0 * f64::from(k), 14.0 * f64::from(k % 2), 0.0];
+    let mut planner = Planner::new(LIMITS, point(0));
+    for k in 0..300 {
+        let motion = Move {
+            curve: Curve::line(point(k), point(k + 1)).unwrap(),
+            feed: Feed::Rate(150.0),
+            mode: PathControlMode::Blend(0.02),
+            tag: 0,
+        };
+        planner.push(PathItem::Move(motion)).unwrap();
+    }
+    planner.finish();
+    let mut rest = 0.0;
+    while let Some(command) = planner.pop() {
+        if let Command::JerkSegment(piece) = command {
+            rest = piece.end();
+        }
+        if vain {
+            planner.account.work = 0;
+            planner.account.distance = planner.cursor.departure.distance;
+        }
+    }
+    (planner.effort(), planner.length - rest)
+}
+
+#[test]
+fn a_path_that_is_not_worth_the_work_is_crawled_along() {
+    let (effort, left) = zigzag(false);
+    assert!(
+        effort.work > 2 * CREDIT && left < 1e-9,
+        "{effort:?}, {left} mm left"
+    );
+    let (effort, left) = zigzag(true);
+    assert!(
+        effort.work < CREDIT + CREDIT / 10 && left < 1e-9,
+        "{effort:?}, {left} mm left"
+    );
 }

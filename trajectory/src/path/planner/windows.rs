@@ -7,6 +7,14 @@
 //! always go on; and from rest a segment is crawled along inside bounds that hold everywhere on it.
 //! For a request of the executor neither is an answer: it asks again from another state.
 //!
+//! These two are also what keeps the work bounded, counted in cells times Newton steps so that it is the
+//! same on every host. One call spends no more than an allowance; then no law is found any more. And all
+//! calls along a section together spend no more than the path is [worth](Section::worth), in proportion to
+//! its segments and to the time that crawling along them takes, and a credit: windows that come
+//! forward by less and less, each with as many cells, run out of it. Then the path rests, is crawled
+//! along to the end of the segment, and there is a new credit. So every credit that is used up brings the path to
+//! the end of a segment at least.
+//!
 //! How much of a window is final, and where the next one begins, follows from how far ahead its end
 //! is: from there on it would be another one if more of the path were seen.
 
@@ -14,7 +22,7 @@ use std::collections::VecDeque;
 use std::mem::{replace, swap, take};
 
 use super::section::{block_end, reach};
-use super::{ANSWER_KEPT, BACK, Back, Cursor, NOTHING, PlanItem, Planner, Section};
+use super::{ANSWER_KEPT, Account, BACK, Back, Cursor, NOTHING, PlanItem, Planner, Section};
 use crate::path::brake::{brake, brake_gently};
 use crate::path::override_transition::{Attempt, lay_transition, minima, overshoots};
 use crate::path::plan::{Laid, Plan};
@@ -27,6 +35,8 @@ const SLOWED: f64 = 1.0 - 1e-4;
 const TARGETS: usize = 4;
 /// States of the last plan that a window is tried from before the plan is followed to its end.
 const ATTEMPTS: usize = 4;
+/// What may be spent before it is set against the path, cells times Newton steps.
+pub(super) const CREDIT: usize = 1_000_000;
 /// How often a limit that falls gently is lowered at most.
 const LIMITS_LOWERED: usize = 4;
 
@@ -297,6 +307,10 @@ impl<const N: usize> Planner<N> {
             return false;
         }
         let window = &mut self.window;
+        let at = departure.distance;
+        if answer.is_none() && !(self.account).is_worth(section, at, window, &self.limits) {
+            window.grant(0);
+        }
         let planned = (strategies.iter()).any(|strategy| strategy.solve(&mut task, window));
         self.cursor.splice = task.splice;
         if !planned {
@@ -309,6 +323,7 @@ impl<const N: usize> Planner<N> {
                 return section.ends_at(self.cursor.rest);
             }
             window.crawl(task.spans, departure.distance, &self.limits);
+            self.account = Account::open(at, window);
         }
         let mut ahead = followed;
         ahead.append(&mut task.slowing);
@@ -333,6 +348,36 @@ impl<const N: usize> Planner<N> {
             found.go_on_from(first, self.lookahead, &mut self.cursor);
         }
         over
+    }
+}
+
+impl Account {
+    /// What is planned from there on is set against the path from there on.
+    pub(super) fn open<const N: usize>(distance: f64, window: &Window<N>) -> Self {
+        Account {
+            distance,
+            work: window.effort().work,
+        }
+    }
+
+    /// Whether the path up to a distance is worth what planning has taken for it, or that is still little.
+    fn is_worth<const N: usize>(
+        &mut self,
+        section: &Section<N>,
+        distance: f64,
+        window: &Window<N>,
+        limits: &Limits<N>,
+    ) -> bool {
+        let spent = window.effort().work - self.work;
+        if spent < CREDIT {
+            return true;
+        }
+        let worth = section.worth(self.distance, distance, limits);
+        let is_worth = (spent as f64) < worth;
+        if is_worth {
+            *self = Account::open(distance, window);
+        }
+        is_worth
     }
 }
 

@@ -64,9 +64,19 @@ impl Rates {
 }
 
 impl Stretch {
-    /// Time in which an axis builds up the acceleration that it comes to where ṡ² is `top` at most.
+    /// Time in which an axis builds up the acceleration that it comes to there where ṡ² is `top` at most;
+    /// no less than a part of the time that it accelerates for: what a quicker ramp would save does
+    /// not show, and what it would take in cells has no bound.
     pub(super) fn ramp(&self, top: f64) -> f64 {
-        (self.acceleration / self.jerk).min((top.sqrt() / self.jerk).sqrt())
+        let v = top.sqrt();
+        let ramp = (self.acceleration / self.jerk).min((v / self.jerk).sqrt());
+        ramp.max(QUICKEST * v / self.acceleration)
+    }
+
+    /// What is travelled from rest in a first cell of that duration.
+    fn tip(&self, duration: f64) -> f64 {
+        let jerk = self.jerk.min(self.acceleration / duration);
+        (jerk * duration * duration * duration / 6.0).max(SHORTEST)
     }
 
     /// Estimate of ṡ² at the distance `s`.
@@ -91,6 +101,9 @@ impl Stretch {
         }
     }
 }
+
+/// Part of the time in which a speed is reached that is resolved, as that of a ramp, at least.
+const QUICKEST: f64 = 0.1;
 
 /// Ramps of the acceleration are cut into this many cells.
 pub(super) const CELLS_PER_RAMP: f64 = 10.0;
@@ -127,9 +140,19 @@ impl<const N: usize> Window<N> {
             let speed = |s: f64| asked(&self.faster, span, span.start + s);
             let mut before = Rates::at(&span.curve.at(from).into(), limits, speed(from));
             let mut s0 = from;
+            let parts = span.curve.parts(CELL_TURN);
+            let mut part = span.curve.parts_begun(from, parts);
             while s0 < to {
+                let next = if part < parts {
+                    span.curve.parts_end(part, parts)
+                } else {
+                    to
+                };
+                part += 1.0;
+                if next <= s0 {
+                    continue;
+                }
                 // A part that is nearly all there is is all there is.
-                let next = span.curve.next_cut(s0, CELL_TURN);
                 let s1 = if next < to - 0.1 * (next - s0) {
                     next
                 } else {
@@ -221,7 +244,7 @@ impl<const N: usize> Window<N> {
                 let left = rest / (0.5 * (v + stretch.w[1].sqrt()));
                 pace = tick.min(1.5 * pace).min(stretch.last_tick + FINER * left);
                 // What is travelled in that time from rest, and to rest.
-                let tip = (stretch.jerk * pace * pace * pace / 6.0).max(SHORTEST);
+                let tip = stretch.tip(pace);
                 let ahead = stretch.estimate(s + (v * pace).max(tip)).sqrt();
                 let mut step = (0.5 * (v + ahead) * pace).max(tip);
                 // Far from where the speed has to change, long cells do.

@@ -31,6 +31,10 @@ pub(super) const MOST_CELLS: usize = 600;
 /// A law of more is none: limits that differ by too much.
 pub(super) const TOO_MANY_CELLS: usize = 16 * MOST_CELLS;
 
+/// What one call of the planner may spend on laws, cells times Newton steps; the law that is being solved
+/// for then is solved. Windows take a hundredth of it.
+pub(super) const MOST_WORK: usize = 2_000_000;
+
 /// Barrier of the first solution and of those with tightened limits, in motion times.
 const BARRIER_FROM_GUESS: f64 = 0.3;
 const BARRIER_FROM_LAST: f64 = 0.01;
@@ -80,6 +84,8 @@ pub struct Window<const N: usize> {
     law: TimeParametrisation<N>,
     pieces: Vec<JerkSegment>,
     effort: Effort,
+    /// Cells times Newton steps that may still be spent; no law is found once it is.
+    allowance: usize,
     /// A slowing down to the speed that is asked for; where it is faster than that, so may the plan be.
     pub(super) faster: Vec<JerkSegment>,
 }
@@ -107,6 +113,8 @@ pub struct Effort {
     pub laws: usize,
     /// Newton steps of all of them.
     pub steps: usize,
+    /// Cells times Newton steps of all of them: what planning takes time for.
+    pub work: usize,
     /// Stretches for which no law was found.
     pub unsolved: usize,
 }
@@ -126,6 +134,7 @@ impl<const N: usize> Default for Window<N> {
             law: TimeParametrisation::default(),
             pieces: Vec::new(),
             effort: Effort::default(),
+            allowance: MOST_WORK,
             faster: Vec::new(),
         }
     }
@@ -157,6 +166,11 @@ impl<const N: usize> Window<N> {
         self.effort
     }
 
+    /// So much may be spent from now on, cells times Newton steps.
+    pub(super) fn grant(&mut self, work: usize) {
+        self.allowance = work;
+    }
+
     /// No motion at all.
     pub fn stay(&mut self) {
         self.cells.clear();
@@ -181,7 +195,11 @@ impl<const N: usize> Window<N> {
             a: departure.acceleration,
         };
         let end = State::at_rest(span.start + span.curve.length());
-        let axis = Axis::new(start, end, Bounds::along(span, limits).limits());
+        let axis = Axis::new(
+            start,
+            end,
+            Bounds::along(&span.curve, span.speed, limits).limits(),
+        );
         let profile = state_to_state::plan(&axis, 0.0).map_err(|_| NoSolution)?;
         let speed = profile.extrema().velocity;
         if speed.min < -ROUNDING * speed.max {
@@ -204,8 +222,11 @@ impl<const N: usize> Window<N> {
         let ahead = |s: &&PathSegment<N>| s.start + s.curve.length() > from + 1e-9;
         if let Some(span) = spans.iter().find(ahead) {
             let length = span.start + span.curve.length() - from;
-            self.pieces
-                .extend(rest_to_rest(from, length, Bounds::along(span, limits)));
+            self.pieces.extend(rest_to_rest(
+                from,
+                length,
+                Bounds::along(&span.curve, span.speed, limits),
+            ));
         }
     }
 
@@ -225,6 +246,9 @@ impl<const N: usize> Window<N> {
         halvings: u32,
     ) -> Result<(), NoSolution> {
         self.effort.stretches += 1;
+        if self.allowance == 0 {
+            return Err(NoSolution);
+        }
         // No way leads to where no speed is asked for.
         let slow = (self.faster.last()).map_or(departure.distance, JerkSegment::end);
         let reached = spans.iter().take_while(|s| s.start < end);
@@ -311,13 +335,19 @@ impl<const N: usize> Window<N> {
 
         let mut known = Vec::new();
         for round in 0..ROUNDS {
+            if self.allowance == 0 {
+                return Err(NoSolution);
+            }
             known.clear();
             known.extend_from_slice(self.law.nodes());
             let mut solve = |guess: &mut dyn Iterator<Item = Node>, barrier| {
                 let outcome =
                     (self.law).solve(&self.cells, limits, start, guess, barrier, TOLERANCE);
+                let work = outcome.iterations * self.cells.len();
+                self.allowance = self.allowance.saturating_sub(work);
                 self.effort.laws += 1;
                 self.effort.steps += outcome.iterations;
+                self.effort.work += work;
                 outcome.converged
             };
             // From the law before, unless that leads nowhere.
