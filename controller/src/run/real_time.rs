@@ -13,8 +13,10 @@
 //! their own. Nothing else is shared, and nobody who prints or writes stands in between.
 //!
 //! On the host's clock the cycle waits for nobody. Where every bus is simulated its time goes with the
-//! cycle, which waits for the plan as long as the program goes on, so that the motion does not depend
-//! on the host; it hears orders meanwhile. Once it is to stop it waits for the planner for at most
+//! cycle, which waits for the plan, so that the motion does not depend on the host; it hears orders
+//! meanwhile. It waits for at most `PLAN_PATIENCE` for an instruction: then SYNC goes on as on the host's clock,
+//! what was planned ends at rest, and a path that rests for long without a plan is a fault
+//! ([`NoPlan`](crate::control::Fault::NoPlan)). Once it is to stop it waits for the planner for at most
 //! `PATIENCE` in all, and at all times for whoever takes its reports for at most
 //! `REPORT_PATIENCE` in all: then reports are lost, and counted.
 
@@ -54,6 +56,8 @@ const REPORTS_AT_ONCE: usize = 64;
 const OWN: u64 = u64::MAX;
 /// How long the cycle of a simulated machine waits for its plan at a time.
 const NAP: Duration = Duration::from_micros(200);
+/// How long it waits for an instruction: longer than any call of the planner takes.
+const PLAN_PATIENCE: Duration = Duration::from_secs(5);
 /// How long a simulated machine waits for its way to rest, in all.
 const PATIENCE: Duration = Duration::from_millis(200);
 /// How long it waits for who takes its reports, in all.
@@ -151,7 +155,9 @@ pub struct Cycle {
     requests: Producer<PlanRequest>,
     asked_to_begin: bool,
     asked: Option<ReplanRequest>,
-    /// How much longer a simulated machine waits for its way to rest.
+    /// How much longer a simulated machine waits for the next instruction.
+    plan_patience: Duration,
+    /// How much longer it waits for its way to rest.
     patience: Duration,
     /// How much longer it waits for who takes its reports.
     report_patience: Duration,
@@ -186,6 +192,7 @@ impl Cycle {
             requests: ask,
             asked_to_begin: false,
             asked: None,
+            plan_patience: PLAN_PATIENCE,
             patience: PATIENCE,
             report_patience: REPORT_PATIENCE,
             measured: Measured {
@@ -324,12 +331,14 @@ impl Cycle {
             match self.instructions.pop() {
                 Ok(instruction) => {
                     self.driver.controller.accept(instruction);
+                    self.plan_patience = PLAN_PATIENCE;
                     taken += 1;
                 }
                 // Interrupted if the other side is gone, so that this ends.
-                Err(_) if self.timing.lockstep && self.patience > Duration::ZERO => {
+                Err(_) if self.waits_for_plan() => {
                     thread::sleep(NAP);
                     waited += NAP;
+                    self.plan_patience = self.plan_patience.saturating_sub(NAP);
                     if self.driver.controller.phase() == Phase::Stop {
                         self.patience = self.patience.saturating_sub(NAP);
                     }
@@ -339,6 +348,10 @@ impl Cycle {
             }
         }
         waited
+    }
+
+    fn waits_for_plan(&self) -> bool {
+        self.timing.lockstep && !self.plan_patience.is_zero() && !self.patience.is_zero()
     }
 
     /// Asks the planner for what is wanted of it and was not asked for yet. Where there is no room
@@ -501,6 +514,51 @@ impl Timeline for RealTime {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::machine::Machine;
+    use crate::port;
+    use std::path::Path;
+    use syncline_drives::world::Observer;
+
+    #[test]
+    fn a_simulated_machine_goes_on_without_an_answer_of_its_planner() {
+        let portal = Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples/portal/machine.toml");
+        let machine = Machine::load(&portal).unwrap();
+        let layout = Arc::new(Layout::new(&machine).unwrap());
+        let unseen = machine
+            .buses
+            .iter()
+            .map(|_| Box::new(|_: &_| ()) as Observer);
+        let (world, ports) = port::open(&machine, 0, unseen.collect()).unwrap();
+        let timing = Timing {
+            settings: realtime::Settings {
+                priority: 1,
+                core: None,
+            },
+            spin: Duration::ZERO,
+            lockstep: true,
+            strict: false,
+        };
+        let (cycle, mut handle, mut queues) = Cycle::new(&layout, world, ports, timing);
+        let cycle = thread::spawn(move || cycle.run(|_| ()));
+        while queues.requests.pop().is_err() {
+            while handle.report().is_some() {}
+            thread::sleep(NAP);
+        }
+        // The program is to begin, and nothing comes of it.
+        let asked = realtime::now();
+        let mut cycles = 0;
+        while cycles < 100 {
+            match handle.report() {
+                Some(CycleReport::Row(_)) => cycles += 1,
+                Some(_) => {}
+                None => thread::sleep(NAP),
+            }
+            let waited = realtime::now().saturating_since(asked);
+            assert!(waited < 3 * PLAN_PATIENCE, "{cycles} cycles");
+        }
+        drop((handle, queues));
+        cycle.join().unwrap();
+    }
 
     #[test]
     fn no_order_gets_lost_while_the_cycle_stands() {
