@@ -335,7 +335,9 @@ pub enum Fault {
     NoEnd,
     #[error("the program ends before line {line}: name a line that it comes to")]
     NoSuchLine { line: u32 },
-    #[error("{allowed} blocks were executed without an end: end the loop, or run it with --stream")]
+    #[error(
+        "{allowed} blocks were executed, or moves of theirs, without an end: end the loop, or run it with --stream"
+    )]
     TooManyBlocks { allowed: u64 },
     #[error(
         "{allowed} blocks were executed and nothing moved: end the loop, or let it move or dwell"

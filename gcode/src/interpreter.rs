@@ -44,6 +44,8 @@ pub struct Interpreter {
     /// Where `pending` leads the machine.
     settled_at: Point,
     executed: u64,
+    /// What those asked for: canned cycles ask for many moves each.
+    asked: u64,
     /// Blocks since the machine moved or rested: a loop that does nothing is refused even while
     /// streaming.
     idle: u64,
@@ -118,6 +120,7 @@ impl Interpreter {
             compensation: None,
             pending: VecDeque::new(),
             executed: 0,
+            asked: 0,
             idle: 0,
             started: false,
             words_seen: false,
@@ -279,7 +282,9 @@ impl Interpreter {
         let setup = &self.state.setup;
         let fault = if setup.abandoned.load(Ordering::Relaxed) {
             Fault::Abandoned
-        } else if let Some(allowed) = setup.max_blocks.filter(|most| self.executed > *most) {
+        } else if let Some(allowed) =
+            (setup.max_blocks).filter(|most| self.executed.max(self.asked) > *most)
+        {
             Fault::TooManyBlocks { allowed }
         } else if self.idle > setup.max_idle_blocks {
             let allowed = setup.max_idle_blocks;
@@ -330,6 +335,7 @@ impl Interpreter {
 
     /// Takes over what a block asked for; under G41 and G42 as far as the contour is known.
     fn settle(&mut self, span: Span) -> Result<(), Refusal> {
+        self.asked += self.actions.len() as u64;
         let cutter = self.state.cutter();
         let judge = |from: &Point, action: &Action| self.state.within_limits(from, action);
         if let Some(compensation) = &mut self.compensation

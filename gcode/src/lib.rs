@@ -48,7 +48,7 @@ pub use tables::{Tables, TablesError, Tool};
 
 use std::sync::atomic::AtomicBool;
 
-/// Blocks after which a program that does not end is refused.
+/// Blocks, or moves that they ask for, after which a program that does not end is refused.
 pub const MAX_BLOCKS: u64 = 10_000_000;
 
 /// What a program needs to know of the machine and of the operator's switches.
@@ -68,7 +68,8 @@ pub struct Setup {
     pub path_mode: PathMode,
     /// Skip blocks that begin with `/`.
     pub block_delete: bool,
-    /// Refuse a program that executes more blocks; `None` for one that runs as it is read.
+    /// Refuse a program that executes more blocks, or asks for more moves by them; `None` for one that runs as
+    /// it is read.
     pub max_blocks: Option<u64>,
     /// Refuse a program that executes more blocks without a movement, a dwell or a stop: a loop
     /// that does nothing.

@@ -191,6 +191,15 @@ fn an_endless_program_that_moves_nothing_ends() {
 }
 
 #[test]
+fn blocks_of_many_moves_count_by_their_moves() {
+    let mut setup = xyz();
+    setup.max_blocks = Some(1000);
+    let program = "G91 F100\no1 repeat [50]\nG83 X1 Z-2 R-1 Q0.05 L2\no1 endrepeat\nM2\n";
+    let message = refusal_with(setup, program);
+    assert!(message.contains("1000 blocks were executed"), "{message}");
+}
+
+#[test]
 fn a_loop_that_does_nothing_ends() {
     let mut setup = Setup::new(xyz().axes);
     setup.max_blocks = Some(100_000);
