@@ -1,0 +1,140 @@
+//! A course as a profile, every digit of it: where a cruise follows ramps, their rounding is set right.
+
+use super::steps::Steps;
+use super::{Course, Route};
+use crate::double::Double;
+use crate::extremal::Phases;
+use crate::profile::{Exact, Profile, State};
+
+/// Rounding of an acceleration that ramps lead to, relative.
+const RATE_ROUNDING: f64 = 4.0 * f64::EPSILON;
+/// A drift during a cruise that shows, relative: a tenth of what plans are certified to.
+const SHOWS: f64 = 1e-13;
+
+impl Route {
+    pub(crate) fn profile(&self, course: &Course) -> Profile {
+        self.profile_along(course, self.start, self.distance(), 1.0, self.target)
+    }
+
+    /// The profile of an axis that moves `factor` times as far as this one does, from a start of
+    /// its own over a `distance` of its own.
+    pub(crate) fn profile_along(
+        &self,
+        course: &Course,
+        start: State,
+        distance: f64,
+        factor: f64,
+        target: Option<State>,
+    ) -> Profile {
+        let mut profile = Profile::towards(start, target);
+        if self.entry.duration > 0.0 {
+            for segment in self.entry.segments {
+                profile.append(segment.duration, factor * segment.jerk);
+            }
+        }
+        if let Course::Extremal(phases) = course
+            && !self.is_long(phases)
+        {
+            for (duration, jerk) in phases.t.into_iter().zip(phases.jerks(&self.limits)) {
+                profile.append(duration, factor * jerk);
+            }
+            return profile;
+        }
+        let steps = match course {
+            Course::Extremal(phases) => Steps::extremal(phases, &self.limits),
+            Course::Cruise(into, cruise, out) => Steps::cruise(into, *cruise, out),
+            Course::Via {
+                first,
+                hold,
+                second,
+            } => Steps::via(first, *hold, second, &self.limits),
+            Course::Between { up, down, mix } => Steps::between(up, down, *mix, &self.limits),
+        };
+        let slow = !matches!(course, Course::Extremal(_));
+        let settles = !slow || self.drifts(&steps);
+        // Ramps from far outside the limits are rounded more coarsely than a slow cruise after them is.
+        let meets = (slow || self.entry.duration > 0.0) && self.target.is_some();
+        let share = if meets { SETTLE_AND_MEET } else { SETTLE };
+        let mut settled = None;
+        for step in steps.iter() {
+            let mut duration = step.duration;
+            if step.cruise && settles {
+                let part = duration * share;
+                settle(&mut profile, part);
+                duration -= 2.0 * part;
+                settled = Some((profile.segments().len() - 2, part, duration));
+            }
+            profile.append(duration, factor * step.jerk);
+        }
+        // A cruise slower than the rates around it multiplies their rounding: set its velocity by
+        // what it leaves of the distance.
+        if let Some((first, part, cruise)) = settled.filter(|_| meets) {
+            let miss = Double::from(distance) - displacement(&profile);
+            let jerk = miss.value() / ((cruise + part) * part * part);
+            profile.bend(first, jerk);
+            profile.bend(first + 1, -jerk);
+        }
+        profile
+    }
+
+    /// Whether an extremal plan cruises so long that the rounding of the ramps before it shows.
+    pub(super) fn is_long(&self, phases: &Phases) -> bool {
+        let speed = if phases.mirrored {
+            -self.limits.v_min
+        } else {
+            self.limits.v_max
+        };
+        2.0 * RATE_ROUNDING * self.limits.a_max * phases.t[3] > SHOWS * speed
+    }
+
+    /// Whether the rounding of the rates before a cruise shows in the position after it.
+    pub(super) fn drifts(&self, steps: &Steps) -> bool {
+        let mut state = State {
+            p: 0.0,
+            v: self.problem.v0,
+            a: self.problem.a0,
+        };
+        let mut length = self.entry.displacement.abs();
+        let mut cruise = 0.0_f64;
+        for step in steps.iter() {
+            if step.cruise {
+                cruise = step.duration;
+                state.a = 0.0;
+            }
+            let next = state.after(step.duration, step.jerk);
+            length += (next.p - state.p).abs();
+            state = next;
+        }
+        let speed = self.start.v.abs().max(self.problem.vf.abs());
+        let drift = cruise * (0.5 * cruise * self.limits.a_max + speed);
+        RATE_ROUNDING * drift > SHOWS * length
+    }
+}
+
+/// The part of a cruise in which its acceleration is brought to zero: short, so that the velocity
+/// stays; longer where the velocity too is to be adjusted.
+const SETTLE: f64 = 1.0 / (1_u32 << 30) as f64;
+
+const SETTLE_AND_MEET: f64 = 1.0 / (1_u32 << 20) as f64;
+
+/// What the ramps leave of the acceleration by rounding, a long cruise would integrate to a wrong
+/// velocity. Brings it to zero in two first small parts of the cruise.
+pub(super) fn settle(profile: &mut Profile, part: f64) {
+    let mut left = Double::from(profile.start().a);
+    for s in profile.segments() {
+        left = left + Double::product(s.jerk, s.duration);
+    }
+    // From a to zero with no change of velocity.
+    let jerk = -0.5 * left.value() / part;
+    profile.append(part, 3.0 * jerk);
+    profile.append(part, -jerk);
+}
+
+pub(super) fn displacement(profile: &Profile) -> Double {
+    let start = Exact::leaving(profile.start());
+    profile
+        .segments()
+        .iter()
+        .fold(start, |state, s| state.after(s.duration, s.jerk))
+        .p
+}
