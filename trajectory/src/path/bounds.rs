@@ -53,11 +53,11 @@ pub(super) fn crawling_time<const N: usize>(
     limits: &Limits<N>,
 ) -> f64 {
     let bounds = Bounds::along(curve, speed, limits);
-    let pieces = rest_to_rest(0.0, curve.length(), bounds);
-    pieces.iter().map(|piece| piece.duration).sum()
+    let segments = rest_to_rest(0.0, curve.length(), bounds);
+    segments.iter().map(|segment| segment.duration).sum()
 }
 
-/// The shortest profile over `length` from rest to rest: seven pieces, some of no duration.
+/// The shortest profile over `length` from rest to rest: seven jerk segments, some of no duration.
 pub(super) fn rest_to_rest(from: f64, length: f64, bounds: Bounds) -> [JerkSegment; 7] {
     let Bounds {
         speed: vmax,
@@ -103,16 +103,16 @@ pub(super) fn rest_to_rest(from: f64, length: f64, bounds: Bounds) -> [JerkSegme
     let mut distance = from;
     let mut speed = 0.0;
     shape.map(|(duration, jerk, acceleration)| {
-        let piece = JerkSegment {
+        let segment = JerkSegment {
             duration,
             distance,
             speed,
             acceleration,
             jerk,
         };
-        let (ds, v, _) = piece.at(duration);
+        let (ds, v, _) = segment.at(duration);
         distance += ds;
         speed = v;
-        piece
+        segment
     })
 }

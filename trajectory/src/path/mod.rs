@@ -13,11 +13,11 @@
 //!
 //! # Override, feed hold, retrace
 //!
-//! A person acts on the [`Executor`] alone, in the cycle: [`Executor::set_overrides`],
+//! An operator acts on the [`Executor`] alone, in the cycle: [`Executor::set_overrides`],
 //! [`feed_hold`](Executor::feed_hold), [`resume`](Executor::resume),
 //! [`set_single_block`](Executor::set_single_block), [`retrace`](Executor::retrace). The
 //! executor brakes by itself on a line and where no planner answers; for everything else it wants the
-//! rest of the path, or the way to rest, planned anew and says from where on:
+//! path ahead, or the shortest stop, planned anew and says from where on:
 //! [`Executor::replan_request`], once a cycle. Whoever feeds it hands that to [`Planner::replan`], and the planner's commands go the usual way:
 //!
 //! ```text
@@ -29,7 +29,7 @@
 //! Until then the executor follows the old plan, which ends at rest, and drops what still comes of
 //! it. A new plan that comes after its cycle is dropped, too, and the request is given again.
 //!
-//! While the path rests a person can move single axes away from it ([`jog`]); the path goes on from
+//! While the path rests an operator can move single axes away from it ([`jog`]); the path goes on from
 //! where it was left.
 //!
 //! Units: mm (or deg for rotary axes), s, and their quotients.
@@ -167,7 +167,7 @@ pub struct JerkSegment {
 }
 
 impl JerkSegment {
-    /// Distance since the piece's start, speed and acceleration at `t` seconds into it.
+    /// Distance since the segment's start, speed and acceleration at `t` seconds into it.
     pub fn at(&self, t: f64) -> (f64, f64, f64) {
         let &JerkSegment {
             speed: v,
@@ -200,7 +200,7 @@ pub enum Command<const N: usize> {
         cycle: u64,
     },
     /// A section begins, from rest, at distance 0, inside these limits; after a [`ReplacePlan`](Self::ReplacePlan) one goes
-    /// on where it was. Its spans follow.
+    /// on where it was. Its path segments follow.
     Section {
         /// Items are the sections, dwells, marks and waypoints at rest in the order in which they were pushed.
         item: u64,
@@ -212,12 +212,12 @@ pub enum Command<const N: usize> {
         limits: Limits<N>,
     },
     /// What follows replaces the step of that number and all after it. Steps are the sections,
-    /// pieces, dwells, marks and waypoints that were not replaced, counted from 0, and again after a
+    /// jerk segments, dwells, marks and waypoints that were not replaced, counted from 0, and again after a
     /// [`ReplacePlan`](Self::ReplacePlan).
     ReplaceTail(u64),
     /// The section's geometry goes on with this curve.
     PathSegment(PathSegment<N>),
-    /// The section's time parametrisation goes on with this piece.
+    /// The section's time parametrisation goes on with this.
     JerkSegment(JerkSegment),
     /// Rest for `duration` s, under `tag`.
     Dwell {
@@ -292,7 +292,7 @@ pub enum ReplanGoal {
     /// On along the path.
     Ahead,
     /// Back along the path, to the beginning of the block or, from there, of the one before.
-    Back {
+    Retrace {
         /// Another number each time that an operator asks.
         asked: u64,
     },

@@ -19,7 +19,7 @@
 //! begins there.
 
 use super::brake::instant_at;
-use super::plan::Laid;
+use super::plan::PlannedSegment;
 use super::{JerkSegment, Limits, PathSegment, PathState};
 
 /// How to plan on from a state in motion.
@@ -36,8 +36,8 @@ pub(super) struct Attempt {
 
 /// What is tried, in this order, to go on from the beginning of the `old` plan; the cheapest and
 /// soonest first.
-pub(super) fn attempts(old: &[Laid]) -> impl Iterator<Item = Attempt> + use<> {
-    let slope = |k: usize| old[k].piece.acceleration;
+pub(super) fn attempts(old: &[PlannedSegment]) -> impl Iterator<Item = Attempt> + use<> {
+    let slope = |k: usize| old[k].segment.acceleration;
     // Up to where it goes slowest, or takes no more of an acceleration back.
     let turns = (1..old.len()).find(|&k| {
         if slope(0) < 0.0 {
@@ -67,16 +67,19 @@ pub(super) fn attempts(old: &[Laid]) -> impl Iterator<Item = Attempt> + use<> {
 }
 
 /// The jerk segments that begin where the plan goes slowest, for now.
-pub(super) fn minima(plan: &[Laid]) -> impl Iterator<Item = usize> {
-    let slope = |k: usize| plan[k].piece.acceleration;
+pub(super) fn minima(plan: &[PlannedSegment]) -> impl Iterator<Item = usize> {
+    let slope = |k: usize| plan[k].segment.acceleration;
     (1..plan.len()).filter(move |&k| slope(k) >= 0.0 && slope(k - 1) < 0.0)
 }
 
 /// Whether on the far side of where it goes slowest the speed rises again to more than is asked for.
-pub(super) fn overshoots<const N: usize>(plan: &[Laid], path_segments: &[PathSegment<N>]) -> bool {
+pub(super) fn overshoots<const N: usize>(
+    plan: &[PlannedSegment],
+    path_segments: &[PathSegment<N>],
+) -> bool {
     minima(plan).next().is_some_and(|low| {
-        let [before, at] = [low - 1, low].map(|k| plan[k].piece.speed);
-        plan[low..].iter().any(|Laid { piece: segment, .. }| {
+        let [before, at] = [low - 1, low].map(|k| plan[k].segment.speed);
+        plan[low..].iter().any(|PlannedSegment { segment, .. }| {
             let asked = path_segment_at(path_segments, segment.distance).speed;
             segment.speed > asked.max(before.min(at)) * (1.0 + OVERSHOOT)
         })
@@ -96,7 +99,7 @@ pub(super) fn lay_transition<const N: usize>(
     path_segments: &[PathSegment<N>],
     limits: &Limits<N>,
     from: PathState,
-    old: &[Laid],
+    old: &[PlannedSegment],
     segments: &mut Vec<JerkSegment>,
 ) -> Option<f64> {
     let slope = Slope::along(path_segments, limits, from);
@@ -113,7 +116,7 @@ pub(super) fn lay_transition<const N: usize>(
             && let Some(low) = minima.next()
         {
             // It falls faster than that already.
-            segments.extend(old[..low].iter().map(|laid| laid.piece));
+            segments.extend(old[..low].iter().map(|planned| planned.segment));
             at = lowest(old, low);
         }
         at = slope.descend(at, target, segments);
@@ -149,10 +152,10 @@ pub(super) fn lay_transition<const N: usize>(
 const SOONER: f64 = 0.97;
 
 /// Where the plan goes slowest.
-fn lowest(plan: &[Laid], low: usize) -> PathState {
+fn lowest(plan: &[PlannedSegment], low: usize) -> PathState {
     PathState {
         acceleration: 0.0,
-        ..plan[low].piece.into()
+        ..plan[low].segment.into()
     }
 }
 

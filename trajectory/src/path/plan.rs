@@ -4,33 +4,33 @@ use std::collections::VecDeque;
 
 use super::{JerkSegment, PathState};
 
-/// Pieces that are kept: what an executor and the queue to it may hold.
+/// Jerk segments that are kept: what an executor and the queue to it may hold.
 const KEPT: usize = 8192;
 /// By how much a state may be off that the plan leads to, as a part of the speed, or of the
-/// acceleration that is reached and of what it changes by in a piece.
+/// acceleration that is reached and of what it changes by in a jerk segment.
 const SAME: f64 = 1e-6;
-/// What changes by less in a piece, as a part of itself, is the same throughout.
+/// What changes by less in a jerk segment, as a part of itself, is the same throughout.
 const STEADY: f64 = 1e-9;
 
-/// A piece of a plan, and what shares of the acceleration and jerk limits were used for it.
+/// A jerk segment of a plan, and what shares of the acceleration and jerk limits were used for it.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Laid {
-    pub(super) piece: JerkSegment,
+pub(super) struct PlannedSegment {
+    pub(super) segment: JerkSegment,
     pub(super) share: [f64; 2],
 }
 
-impl From<JerkSegment> for Laid {
-    fn from(piece: JerkSegment) -> Self {
-        Laid {
-            piece,
+impl From<JerkSegment> for PlannedSegment {
+    fn from(segment: JerkSegment) -> Self {
+        PlannedSegment {
+            segment,
             share: [1.0; 2],
         }
     }
 }
 
-/// The latest pieces, each with its item and the number of its step, in order.
+/// The latest jerk segments, each with its item and the number of its step, in order.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Plan(VecDeque<(u64, u64, Laid)>);
+pub(super) struct Plan(VecDeque<(u64, u64, PlannedSegment)>);
 
 impl Plan {
     /// Forgets all that was handed over.
@@ -38,48 +38,59 @@ impl Plan {
         self.0.clear();
     }
 
-    /// The plan goes on with a piece, which replaces all from its step on.
-    pub(super) fn lay(&mut self, item: u64, step: u64, laid: Laid) {
+    /// The plan goes on with a jerk segment, which replaces all from its step on.
+    pub(super) fn push(&mut self, item: u64, step: u64, planned: PlannedSegment) {
         while self.0.back().is_some_and(|last| last.1 >= step) {
             self.0.pop_back();
         }
         if self.0.len() >= KEPT {
             self.0.pop_front();
         }
-        self.0.push_back((item, step, laid));
+        self.0.push_back((item, step, planned));
     }
 
-    /// How the plan goes on from a state, to rest at most: the first piece is what is left of the one
+    /// How the plan goes on from a state, to rest at most: the first jerk segment is what is left of the one
     /// that the state lies in. Nothing if the plan does not lead there.
-    pub(super) fn from(&self, item: u64, state: PathState) -> impl Iterator<Item = Laid> {
-        let begun = (self.0)
-            .partition_point(|(l, _, laid)| (*l, laid.piece.distance) <= (item, state.distance));
-        let here = begun.checked_sub(1).and_then(|here| self.0.get(here));
-        let rest = here.filter(|here| here.0 == item).and_then(|(.., laid)| {
-            let piece = remainder(&laid.piece, state)?;
-            Some(Laid { piece, ..*laid })
+    pub(super) fn from(&self, item: u64, state: PathState) -> impl Iterator<Item = PlannedSegment> {
+        let begun = (self.0).partition_point(|(l, _, planned)| {
+            (*l, planned.segment.distance) <= (item, state.distance)
         });
-        let goes_on = move |(l, _, laid): &&(u64, u64, Laid)| *l == item && laid.piece.speed > 0.0;
+        let here = begun.checked_sub(1).and_then(|here| self.0.get(here));
+        let rest = here
+            .filter(|here| here.0 == item)
+            .and_then(|(.., planned)| {
+                let segment = remainder(&planned.segment, state)?;
+                Some(PlannedSegment {
+                    segment,
+                    ..*planned
+                })
+            });
+        let goes_on = move |(l, _, planned): &&(u64, u64, PlannedSegment)| {
+            *l == item && planned.segment.speed > 0.0
+        };
         let after = self.0.iter().skip(begun).take_while(goes_on);
-        let after = after.map(|(.., laid)| *laid);
+        let after = after.map(|(.., planned)| *planned);
         rest.into_iter()
             .flat_map(move |rest| [rest].into_iter().chain(after.clone()))
     }
 }
 
-/// The pieces of a plan that are followed for so long, s, from a state, and where that leads; nothing if it
+/// The jerk segments of a plan that are followed for so long, s, from a state, and where that leads; nothing if it
 /// ends before.
 pub(super) fn follow(
-    plan: &[Laid],
+    plan: &[PlannedSegment],
     from: PathState,
     time: f64,
 ) -> Option<(Vec<JerkSegment>, PathState)> {
     let (mut followed, mut left) = (Vec::new(), time);
-    let mut pieces = plan.iter().map(|laid| laid.piece);
+    let mut segments = plan.iter().map(|planned| planned.segment);
     while left > 0.0 {
-        let piece = pieces.next()?;
-        let duration = piece.duration.min(left);
-        followed.push(JerkSegment { duration, ..piece });
+        let segment = segments.next()?;
+        let duration = segment.duration.min(left);
+        followed.push(JerkSegment {
+            duration,
+            ..segment
+        });
         left -= duration;
     }
     let end = followed.last().map_or(from, |last| {
@@ -93,15 +104,15 @@ pub(super) fn follow(
     Some((followed, end))
 }
 
-/// What is left of a piece from a state on, if it leads there.
-fn remainder(piece: &JerkSegment, state: PathState) -> Option<JerkSegment> {
+/// What is left of a jerk segment from a state on, if it leads there.
+fn remainder(segment: &JerkSegment, state: PathState) -> Option<JerkSegment> {
     let JerkSegment {
         duration,
         speed,
         acceleration,
         jerk,
         ..
-    } = *piece;
+    } = *segment;
     // What changes most surely tells when that is.
     let t = if (jerk * duration).abs() > SAME * acceleration.abs()
         && (jerk * duration * duration).abs() > STEADY * speed
@@ -110,12 +121,12 @@ fn remainder(piece: &JerkSegment, state: PathState) -> Option<JerkSegment> {
     } else if (acceleration * duration).abs() > STEADY * speed {
         (state.speed - speed) / acceleration
     } else {
-        (state.distance - piece.distance) / speed
+        (state.distance - segment.distance) / speed
     };
     let t = t.clamp(0.0, duration);
-    let (ds, v, a) = piece.at(t);
+    let (ds, v, a) = segment.at(t);
     let near = |is: f64, should: f64, by: f64| (is - should).abs() <= SAME * by;
-    let same = near(piece.distance + ds, state.distance, 1.0)
+    let same = near(segment.distance + ds, state.distance, 1.0)
         && near(v, state.speed, state.speed)
         && near(a, state.acceleration, a.abs() + (jerk * duration).abs());
     same.then_some(JerkSegment {

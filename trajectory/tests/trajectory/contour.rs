@@ -355,7 +355,7 @@ fn wander_all(seeds: std::ops::Range<u64>) {
         let effort = plan.effort;
         total.stretches += effort.stretches;
         total.cells += effort.cells;
-        total.laws += effort.laws;
+        total.solves += effort.solves;
         total.steps += effort.steps;
         total.unsolved += effort.unsolved;
     }

@@ -169,7 +169,7 @@ impl<const N: usize> Activity<N> {
     pub(super) fn goal(&self) -> Option<ReplanGoal> {
         match *self {
             Activity::Following => Some(ReplanGoal::Ahead),
-            Activity::Retracing { asked } => Some(ReplanGoal::Back { asked }),
+            Activity::Retracing { asked } => Some(ReplanGoal::Retrace { asked }),
             Activity::Stopping {
                 search: StopSearch::Sought { .. },
                 ..

@@ -6,7 +6,7 @@
 //! executor follows its old one, which ends at rest, and asks again from another state.
 
 use super::{
-    ANSWER_HALVINGS, Account, BACK, Back, Cursor, MOST_FOLLOWED, NOTHING, Planner, Section,
+    ANSWER_HALVINGS, Account, Cursor, MOST_FOLLOWED, NOTHING, Planner, RETRACE, Retrace, Section,
 };
 use crate::path::brake::brake;
 use crate::path::override_transition::{attempts, minima};
@@ -14,13 +14,13 @@ use crate::path::plan::follow;
 use crate::path::window::MOST_WORK;
 use crate::path::{Command, PathSegment, PathState, ReplanGoal, ReplanRequest};
 
-/// States of the last plan from which a way to rest is tried, and the time between them, s.
+/// States of the last plan from which a stop is tried, and the time between them, s.
 const RESTS: usize = 4;
 const FOLLOWED: f64 = 0.002;
 
 impl<const N: usize> Planner<N> {
     /// Plans the rest of the path anew from the state that the executor asks for; the commands
-    /// come next. Where no law is found from there, the answer is a plan that is too late, and the
+    /// come next. Where nothing is found from there, the answer is a plan that is too late, and the
     /// executor, which follows its old plan meanwhile, will ask for one from another state. A request
     /// that was answered is passed over; false then.
     pub fn replan(&mut self, request: &ReplanRequest) -> bool {
@@ -37,13 +37,13 @@ impl<const N: usize> Planner<N> {
         self.override_speeds(request.overrides);
         self.single_block = request.single_block;
         // The executor is on one of them, or on none.
-        self.ways_back
-            .retain(|way| request.item == Some(way.number));
+        self.retraces
+            .retain(|retrace| request.item == Some(retrace.number));
         if request.goal == ReplanGoal::Rest {
             self.come_to_rest(request);
             return;
         }
-        // The last of the way is less than lengths tell apart, but takes time.
+        // What is left of the section is less than lengths tell apart, but takes time.
         let from = request.departure;
         let under_way = request.item.and_then(|item| self.section(item));
         if from.speed > 0.0 && under_way.is_some_and(|section| section.ends_at(from.distance)) {
@@ -51,8 +51,8 @@ impl<const N: usize> Planner<N> {
             return;
         }
         let (item, departure) = match request.goal {
-            ReplanGoal::Back { asked } => self.way_back(request, asked),
-            ReplanGoal::Ahead | ReplanGoal::Rest => self.way_on(request),
+            ReplanGoal::Retrace { asked } => self.retrace_from(request, asked),
+            ReplanGoal::Ahead | ReplanGoal::Rest => self.ahead_from(request),
         };
         if departure.speed > 0.0 && self.section(item).is_some() {
             self.go_on(request.cycle, item, departure);
@@ -70,8 +70,8 @@ impl<const N: usize> Planner<N> {
                     self.begin_item(item + 1);
                 }
             }
-            None if matches!(request.goal, ReplanGoal::Back { .. }) => {
-                // There is no way further back.
+            None if matches!(request.goal, ReplanGoal::Retrace { .. }) => {
+                // It cannot go back any further.
                 self.out.extend([Command::Hold, Command::Commit]);
                 self.cursor.step += 1;
                 self.cursor.holds = true;
@@ -107,11 +107,12 @@ impl<const N: usize> Planner<N> {
         for attempt in attempts(&old).filter(|attempt| attempt.followed <= MOST_FOLLOWED) {
             let (followed, ahead) = old.split_at(attempt.followed);
             let from = match ahead.first() {
-                Some(next) => next.piece.into(),
+                Some(next) => next.segment.into(),
                 None => departure,
             };
             self.begin_answer(cycle, item, from);
-            self.followed.extend(followed.iter().map(|laid| laid.piece));
+            self.followed
+                .extend(followed.iter().map(|planned| planned.segment));
             let kept = minima(ahead).next().unwrap_or(ahead.len());
             self.window
                 .recall(if attempt.keeps { &ahead[..kept] } else { &[] });
@@ -142,35 +143,37 @@ impl<const N: usize> Planner<N> {
         self.out.push_back(Command::Commit);
     }
 
-    /// Plans the shortest way to rest, and nothing beyond until the next request.
+    /// Plans the shortest stop, and nothing beyond until the next request.
     fn come_to_rest(&mut self, request: &ReplanRequest) {
         self.cursor.holds = true;
-        let ways = (request.item).and_then(|item| Some((item, self.section(item)?)));
-        let found = ways.and_then(|(item, section)| {
+        let under_way = (request.item).and_then(|item| Some((item, self.section(item)?)));
+        let found = under_way.and_then(|(item, section)| {
             let plans = self.plans.iter().rev();
             let old = plans.map(|plan| plan.from(item, request.departure).collect::<Vec<_>>());
             let old = old
                 .into_iter()
                 .find(|old| !old.is_empty())
                 .unwrap_or_default();
-            let spans = section.from(request.departure.distance);
-            let (followed, law) = (0..RESTS).find_map(|k| {
+            let path_segments = section.from(request.departure.distance);
+            let (followed, braking) = (0..RESTS).find_map(|k| {
                 let (followed, from) = follow(&old, request.departure, FOLLOWED * k as f64)?;
                 let ahead = section.from(from.distance);
-                let law = brake(|k| ahead.get(k), &self.limits, from, 0.0)?;
-                Some((followed, law))
+                let braking = brake(|k| ahead.get(k), &self.limits, from, 0.0)?;
+                Some((followed, braking))
             })?;
             let begin = Command::Section {
                 item,
                 origin: section.origin,
-                backward: item >= BACK,
+                backward: item >= RETRACE,
                 limits: self.limits,
             };
-            let under_way = spans.iter().take_while(|s| s.start < law.end.distance);
+            let under_way = path_segments
+                .iter()
+                .take_while(|s| s.start < braking.end.distance);
             let mut plan = vec![begin];
             plan.extend(under_way.copied().map(Command::PathSegment));
             plan.extend(followed.into_iter().map(Command::JerkSegment));
-            plan.extend(law.segments().iter().copied().map(Command::JerkSegment));
+            plan.extend(braking.segments().iter().copied().map(Command::JerkSegment));
             Some(plan)
         });
         let Some(plan) = found else {
@@ -183,8 +186,8 @@ impl<const N: usize> Planner<N> {
     }
 
     /// From where the path goes on.
-    fn way_on(&self, request: &ReplanRequest) -> (u64, PathState) {
-        let (item, departure) = match (request.item, self.ways_back.first()) {
+    fn ahead_from(&self, request: &ReplanRequest) -> (u64, PathState) {
+        let (item, departure) = match (request.item, self.retraces.first()) {
             (None, _) => return (self.first, PathState::default()),
             (Some(_), Some(back)) => {
                 let distance = back.from - request.departure.distance;
@@ -204,12 +207,12 @@ impl<const N: usize> Planner<N> {
         }
     }
 
-    /// From where the path goes back: on a way back that is under way, or on a new one to the
+    /// From where the path goes back: on a retrace that is under way, or on a new one to the
     /// beginning of a block.
-    fn way_back(&mut self, request: &ReplanRequest, asked: u64) -> (u64, PathState) {
-        let nowhere = (BACK, PathState::default());
-        let mut number = BACK;
-        let (mut item, mut from) = match (request.item, self.ways_back.first()) {
+    fn retrace_from(&mut self, request: &ReplanRequest, asked: u64) -> (u64, PathState) {
+        let nowhere = (RETRACE, PathState::default());
+        let mut number = RETRACE;
+        let (mut item, mut from) = match (request.item, self.retraces.first()) {
             (None, _) => return nowhere,
             (Some(at), Some(back)) => {
                 if !back.section.reaches_end(request.departure.distance) {
@@ -235,34 +238,34 @@ impl<const N: usize> Planner<N> {
         let Some(section) = self.section(item) else {
             return nowhere;
         };
-        let last = (section.spans)
+        let last = (section.path_segments)
             .partition_point(|s| s.start < from - NOTHING)
             .saturating_sub(1);
-        let end = section.spans[last].start + section.spans[last].curve.length();
-        let mut way = Section {
-            spans: Vec::new(),
+        let end = section.path_segments[last].start + section.path_segments[last].curve.length();
+        let mut section_back = Section {
+            path_segments: Vec::new(),
             origin: section.origin + end,
             length: 0.0,
             closed: true,
         };
-        let tag = section.spans[last].tag;
-        for span in section.spans[..=last]
+        let tag = section.path_segments[last].tag;
+        for path_segment in section.path_segments[..=last]
             .iter()
             .rev()
             .take_while(|s| s.tag == tag)
         {
-            way.push(PathSegment {
-                curve: span.curve.reversed(),
-                ..*span
+            section_back.push(PathSegment {
+                curve: path_segment.curve.reversed(),
+                ..*path_segment
             });
         }
         number += 1;
-        self.ways_back.push(Back {
+        self.retraces.push(Retrace {
             number,
             asked,
             item,
             from: end,
-            section: way,
+            section: section_back,
         });
         let departure = PathState {
             distance: (end - from).max(0.0),

@@ -153,13 +153,13 @@ impl<const N: usize> Planner<N> {
     fn lay(&mut self, curve: Curve<N>, feed: f64, tag: u32, waypoints: u32) {
         if !matches!(self.items.back(), Some(PlanItem::Section(section)) if !section.closed) {
             self.items.push_back(PlanItem::Section(Section {
-                spans: Vec::new(),
+                path_segments: Vec::new(),
                 origin: self.length,
                 length: 0.0,
                 closed: false,
             }));
         }
-        let mut span = PathSegment {
+        let mut path_segment = PathSegment {
             start: 0.0,
             curve,
             feed,
@@ -169,10 +169,10 @@ impl<const N: usize> Planner<N> {
         };
         self.placed = waypoints;
         if self.overrides != Overrides::default() {
-            span.speed = asked_speed(&span, self.overrides, &self.limits);
+            path_segment.speed = asked_speed(&path_segment, self.overrides, &self.limits);
         }
         if let Some(PlanItem::Section(section)) = self.items.back_mut() {
-            section.push(span);
+            section.push(path_segment);
             self.length = section.origin + section.length;
             self.kept += 1;
         }

@@ -2,7 +2,7 @@
 //!
 //! Items are joined to sections: stretches of path without a stop. A section is planned in windows
 //! that overlap. Each ends at rest, so that whatever has been handed over is complete; the next one
-//! begins in the midst of it, at a piece from which the former end is out of sight, and replaces
+//! begins in the midst of it, at a jerk segment from which the former end is too far ahead to show, and replaces
 //! the rest ([`Command::ReplaceTail`]). Where windows end depends on the path alone, never on the pace
 //! at which items come or commands go.
 //!
@@ -44,9 +44,9 @@ pub enum PathError {
 
 /// A part of a curve this small (as a part of it) or of a section (in mm) is rounding.
 const NOTHING: f64 = 1e-9;
-/// Pieces of the last plan that are followed before a window, at most.
+/// Jerk segments of the last plan that are followed before a window, at most.
 const MOST_FOLLOWED: usize = 2 * MOST_CELLS;
-/// Steps, and spans, that come in one commit, at most: what is followed, what slows down, the window,
+/// Steps, and path segments, that come in one commit, at most: what is followed, what slows down, the window,
 /// its section and a hold. An [`Executor`](super::Executor) has room for that whenever it rests.
 pub(super) const MOST_AT_ONCE: usize = MOST_FOLLOWED + MOST_SEGMENTS + TOO_MANY_CELLS + 2;
 
@@ -70,7 +70,7 @@ pub struct Planner<const N: usize> {
     items: VecDeque<PlanItem<N>>,
     /// Number of the first of them.
     first: u64,
-    /// How many spans they hold.
+    /// How many path segments they hold.
     kept: usize,
     /// Waypoints so far, and how many of them have their place in `items`.
     waypoints: u32,
@@ -85,8 +85,8 @@ pub struct Planner<const N: usize> {
     /// The plan that the executor was on by the last request, and the one that was its answer.
     plans: [Plan; 2],
     out: VecDeque<Command<N>>,
-    /// The way back that the executor is on, and behind it the one that was planned last.
-    ways_back: Vec<Back<N>>,
+    /// The retrace that the executor is on, and behind it the one that was planned last.
+    retraces: Vec<Retrace<N>>,
     overrides: Overrides,
     single_block: bool,
     /// The last plan made.
@@ -115,9 +115,9 @@ struct Pending<const N: usize> {
     waypoints: u32,
 }
 
-/// A way back along a section.
+/// A retrace along a section.
 #[derive(Debug, Clone)]
-struct Back<const N: usize> {
+struct Retrace<const N: usize> {
     /// Its number.
     number: u64,
     /// The number under which it was asked for.
@@ -125,12 +125,12 @@ struct Back<const N: usize> {
     /// The item that it goes back along, and where on that it begins.
     item: u64,
     from: f64,
-    /// The spans from there, the other way round.
+    /// The path segments from there, the other way round.
     section: Section<N>,
 }
 
-/// Numbers of ways back have this bit set.
-const BACK: u64 = 1 << 63;
+/// Numbers of retraces have this bit set.
+const RETRACE: u64 = 1 << 63;
 
 /// How far planning has come.
 #[derive(Debug, Clone, Copy, Default)]
@@ -145,7 +145,7 @@ struct Cursor {
     step: u64,
     /// The section was announced.
     begun: bool,
-    /// Up to where spans were handed over.
+    /// Up to where path segments were handed over.
     sent: f64,
     /// Where the last window came to rest.
     rest: f64,
@@ -177,14 +177,14 @@ impl Cursor {
 
 /// How often the window that answers a request is halved; those behind it are ever longer.
 const ANSWER_HALVINGS: u32 = 2;
-/// So much of such a window is kept, s: time to plan the next one. Its own end is out of sight until then.
+/// So much of such a window is kept, s: time to plan the next one. Its own end is too far ahead to show until then.
 const ANSWER_KEPT: f64 = 0.06;
 
 /// See [`Planner::KEPT`]; it does not depend on the number of axes.
 const KEPT: usize = Planner::<0>::KEPT;
 
 impl<const N: usize> Planner<N> {
-    /// Spans, dwells and marks that are kept at least: what an executor and the queue to it may
+    /// Path segments, dwells and marks that are kept at least: what an executor and the queue to it may
     /// hold, and what can be stepped back. Of those passed no more than that are kept.
     pub const KEPT: usize = 16_384;
 
@@ -221,7 +221,7 @@ impl<const N: usize> Planner<N> {
             followed: Vec::new(),
             plans: <[Plan; 2]>::default(),
             out: VecDeque::new(),
-            ways_back: Vec::new(),
+            retraces: Vec::new(),
             overrides: Overrides::default(),
             single_block: false,
             revision: 0,
@@ -312,10 +312,14 @@ impl<const N: usize> Planner<N> {
         }
     }
 
-    /// The section with that number, on the way or back.
+    /// The section with that number, of the plan or of a retrace.
     fn section(&self, number: u64) -> Option<&Section<N>> {
-        if let Some(way) = self.ways_back.iter().find(|way| way.number == number) {
-            return Some(&way.section);
+        if let Some(retrace) = self
+            .retraces
+            .iter()
+            .find(|retrace| retrace.number == number)
+        {
+            return Some(&retrace.section);
         }
         match self.item(number) {
             Some(PlanItem::Section(section)) => Some(section),
@@ -338,10 +342,10 @@ impl<const N: usize> Planner<N> {
             PlanItem::Section(section) => Some(section),
             _ => None,
         });
-        let back = self.ways_back.iter_mut().map(|way| &mut way.section);
+        let back = self.retraces.iter_mut().map(|retrace| &mut retrace.section);
         for section in sections.chain(back) {
-            for span in &mut section.spans {
-                span.speed = asked_speed(span, overrides, &self.limits);
+            for path_segment in &mut section.path_segments {
+                path_segment.speed = asked_speed(path_segment, overrides, &self.limits);
             }
         }
     }
@@ -356,9 +360,9 @@ impl<const N: usize> Planner<N> {
             ..Cursor::default()
         };
         self.account = Account::open(0.0, &self.window);
-        while self.kept + self.items.len() > KEPT && self.first + 1 < item && item < BACK {
+        while self.kept + self.items.len() > KEPT && self.first + 1 < item && item < RETRACE {
             if let Some(PlanItem::Section(section)) = self.items.pop_front() {
-                self.kept -= section.spans.len();
+                self.kept -= section.path_segments.len();
             }
             self.first += 1;
         }
@@ -413,16 +417,16 @@ impl<const N: usize> Planner<N> {
     }
 }
 
-/// The path speed that is asked for on a span after overrides.
+/// The path speed that is asked for on a path segment after overrides.
 fn asked_speed<const N: usize>(
-    span: &PathSegment<N>,
+    path_segment: &PathSegment<N>,
     overrides: Overrides,
     limits: &Limits<N>,
 ) -> f64 {
-    if span.feed.is_finite() {
-        span.feed * overrides.feed
+    if path_segment.feed.is_finite() {
+        path_segment.feed * overrides.feed
     } else if overrides.rapid < 1.0 {
-        let [d1, _, _] = span.curve.derivative_bounds();
+        let [d1, _, _] = path_segment.curve.derivative_bounds();
         let axes = (0..N)
             .map(|i| limits.velocity[i] / d1[i])
             .fold(f64::INFINITY, f64::min);

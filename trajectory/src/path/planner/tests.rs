@@ -22,7 +22,7 @@ fn time(curves: &[Curve<3>], feed: f64, depth: u32) -> (f64, usize) {
             match command {
                 Command::ReplaceTail(step) => steps.truncate(step as usize),
                 Command::Section { .. } => steps.push(0.0),
-                Command::JerkSegment(piece) => steps.push(piece.duration),
+                Command::JerkSegment(segment) => steps.push(segment.duration),
                 Command::Commit => windows += 1,
                 _ => {}
             }
@@ -88,7 +88,7 @@ fn the_depth_of_the_window_does_not_show() {
 }
 
 /// Executes a zigzag; at the given cycle a person changes nothing worth mentioning. Returns
-/// how many cycles it took, and of how many pieces each window was from then on.
+/// how many cycles it took, and of how many jerk segments each window was from then on.
 fn execute(points: &[[f64; 3]], acts: u64) -> (u64, Vec<usize>) {
     let mut planner = Planner::new(LIMITS, points[0]);
     for ends in points.windows(2) {
@@ -102,7 +102,7 @@ fn execute(points: &[[f64; 3]], acts: u64) -> (u64, Vec<usize>) {
     }
     planner.finish();
     let mut executor = Executor::new(points[0], 0.001);
-    let (mut windows, mut pieces) = (Vec::new(), 0);
+    let (mut windows, mut segments) = (Vec::new(), 0);
     loop {
         if executor.cycle() == acts {
             let feed = 1.0 + 1e-9;
@@ -116,8 +116,8 @@ fn execute(points: &[[f64; 3]], acts: u64) -> (u64, Vec<usize>) {
             && let Some(command) = planner.pop()
         {
             match command {
-                Command::JerkSegment(_) => pieces += 1,
-                Command::Commit => windows.push(take(&mut pieces)),
+                Command::JerkSegment(_) => segments += 1,
+                Command::Commit => windows.push(take(&mut segments)),
                 _ => {}
             }
             assert!(executor.accept(command));
@@ -160,8 +160,8 @@ fn zigzag(vain: bool) -> (Effort, f64) {
     planner.finish();
     let mut rest = 0.0;
     while let Some(command) = planner.pop() {
-        if let Command::JerkSegment(piece) = command {
-            rest = piece.end();
+        if let Command::JerkSegment(segment) = command {
+            rest = segment.end();
         }
         if vain {
             planner.account.work = 0;

@@ -3,12 +3,12 @@
 //! A window begins at rest, in the midst of the window before, or in the state that the executor asks
 //! for, and ends at rest. First it is [chosen](Task::choose) where it begins and what it may be solved
 //! by; then those [strategies](Strategy) are tried in turn, the best first. Where none finds anything
-//! there are two ways that need no search: what was handed over ends at rest, and from there it can
+//! there are two plans that need no search: what was handed over ends at rest, and from there it can
 //! always go on; and from rest a segment is crawled along inside bounds that hold everywhere on it.
 //! For a request of the executor neither is an answer: it asks again from another state.
 //!
 //! These two are also what keeps the work bounded, counted in cells times Newton steps so that it is the
-//! same on every host. One call spends no more than an allowance; then no law is found any more. And all
+//! same on every host. One call spends no more than an allowance; then none is solved for any more. And all
 //! calls along a section together spend no more than the path is [worth](Section::worth), in proportion to
 //! its segments and to the time that crawling along them takes, and a credit: windows that come
 //! forward by less and less, each with as many cells, run out of it. Then the path rests, is crawled
@@ -22,10 +22,10 @@ use std::collections::VecDeque;
 use std::mem::{replace, swap, take};
 
 use super::section::{block_end, reach};
-use super::{ANSWER_KEPT, Account, BACK, Back, Cursor, NOTHING, PlanItem, Planner, Section};
+use super::{ANSWER_KEPT, Account, Cursor, NOTHING, PlanItem, Planner, RETRACE, Retrace, Section};
 use crate::path::brake::{brake, brake_gently};
 use crate::path::override_transition::{Attempt, lay_transition, minima, overshoots};
-use crate::path::plan::{Laid, Plan};
+use crate::path::plan::{Plan, PlannedSegment};
 use crate::path::window::{Window, room_to_stop};
 use crate::path::{Command, JerkSegment, Limits, PathSegment, PathState};
 
@@ -43,7 +43,7 @@ const LIMITS_LOWERED: usize = 4;
 /// A window that is to be planned.
 struct Task<'a, const N: usize> {
     /// Those from its departure on.
-    spans: &'a [PathSegment<N>],
+    path_segments: &'a [PathSegment<N>],
     limits: &'a Limits<N>,
     departure: PathState,
     /// Where the window itself begins: at the departure, or where it has slowed down.
@@ -58,12 +58,12 @@ struct Task<'a, const N: usize> {
     horizon: f64,
     halvings: u32,
     /// How it answers a request, and the old plan from there.
-    answer: Option<(Attempt, &'a [Laid])>,
+    answer: Option<(Attempt, &'a [PlannedSegment])>,
     /// The step that it replaces.
     splice: Option<u64>,
 }
 
-/// A way to find a window.
+/// How a window may be found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Strategy {
     /// On the straight end of a section there is a closed form, from any state; it is found already.
@@ -102,19 +102,19 @@ impl<const N: usize> Task<'_, N> {
         blocks: Blocks,
         window: &mut Window<N>,
     ) -> Option<&'static [Strategy]> {
-        let no_speed = self.spans.iter().find(|s| s.speed <= 0.0);
+        let no_speed = self.path_segments.iter().find(|s| s.speed <= 0.0);
         self.stop = no_speed.map_or(f64::INFINITY, |s| s.start);
-        let straight = self.spans.len() == 1
+        let straight = self.path_segments.len() == 1
             && section.closed
             && no_speed.is_none()
-            && self.spans[0].curve.direction().is_some()
-            && (window.straight(&self.spans[0], self.limits, self.departure)).is_ok();
+            && self.path_segments[0].curve.direction().is_some()
+            && (window.straight(&self.path_segments[0], self.limits, self.departure)).is_ok();
         if !straight && !self.slow_down(window) {
             return None;
         }
         self.stop = self.stop.min(match blocks {
             Blocks::Backward => section.length,
-            Blocks::Single => block_end(self.spans, section.closed, self.from, self.limits),
+            Blocks::Single => block_end(self.path_segments, section.closed, self.from, self.limits),
             Blocks::All => f64::INFINITY,
         });
         Some(if straight {
@@ -136,23 +136,29 @@ impl<const N: usize> Task<'_, N> {
         };
         if attempt.gently {
             let limit = &mut window.faster;
-            self.gentle_stop = lay_transition(self.spans, self.limits, self.departure, old, limit);
+            self.gentle_stop =
+                lay_transition(self.path_segments, self.limits, self.departure, old, limit);
             !limit.is_empty()
         } else {
-            lay_slowing(self.spans, self.limits, &mut self.from, &mut self.slowing)
+            lay_slowing(
+                self.path_segments,
+                self.limits,
+                &mut self.from,
+                &mut self.slowing,
+            )
         }
     }
 
     /// Where the window ends if its time is halved so often.
     fn end(&self, halvings: u32) -> f64 {
-        let known = (self.spans.last()).map_or(0.0, |s| s.start + s.curve.length());
+        let known = (self.path_segments.last()).map_or(0.0, |s| s.start + s.curve.length());
         let time = self.horizon / f64::from(1_u32 << halvings);
-        let room = self.from.distance + room_to_stop(self.spans, self.limits, self.from);
-        let end = reach(self.spans, self.from.distance, time, self.limits).max(room);
+        let room = self.from.distance + room_to_stop(self.path_segments, self.limits, self.from);
+        let end = reach(self.path_segments, self.from.distance, time, self.limits).max(room);
         (self.gentle_stop).unwrap_or(end.min(self.stop)).min(known)
     }
 
-    /// The path rests where the window is to begin, and there is no way on.
+    /// The path rests where the window is to begin, and does not go on.
     fn is_over(&self) -> bool {
         let rests = self.slowing.is_empty() && self.from.speed == 0.0;
         rests && self.end(self.halvings) <= self.from.distance
@@ -161,7 +167,7 @@ impl<const N: usize> Task<'_, N> {
     fn plan(&self, window: &mut Window<N>, halvings: u32) -> bool {
         let end = self.end(halvings);
         window
-            .plan(self.spans, self.limits, self.from, end, halvings)
+            .plan(self.path_segments, self.limits, self.from, end, halvings)
             .is_ok()
     }
 
@@ -185,13 +191,19 @@ impl<const N: usize> Task<'_, N> {
     /// to what was found. False if nothing is left of it.
     fn keep_falling(&mut self, window: &mut Window<N>) -> bool {
         for _ in 0..LIMITS_LOWERED {
-            let found = window.laid();
-            if !overshoots(&found, self.spans) {
+            let found = window.planned();
+            if !overshoots(&found, self.path_segments) {
                 break;
             }
             let kept = &found[..minima(&found).next().unwrap_or(0)];
             let mut limit = Vec::new();
-            let lower = lay_transition(self.spans, self.limits, self.departure, &found, &mut limit);
+            let lower = lay_transition(
+                self.path_segments,
+                self.limits,
+                self.departure,
+                &found,
+                &mut limit,
+            );
             swap(&mut window.faster, &mut limit);
             window.recall(kept);
             let before = replace(&mut self.gentle_stop, lower);
@@ -236,7 +248,7 @@ impl<const N: usize> Task<'_, N> {
 /// Which blocks a window may go along.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Blocks {
-    /// Those of a way back.
+    /// Those of a retrace.
     Backward,
     /// The one under way.
     Single,
@@ -253,7 +265,7 @@ struct Found {
     /// What precedes the window: followed of the plan before, and slowing down.
     ahead: Vec<JerkSegment>,
     /// The window's.
-    laid: Vec<Laid>,
+    planned: Vec<PlannedSegment>,
     halvings: u32,
 }
 
@@ -261,17 +273,17 @@ impl<const N: usize> Planner<N> {
     /// Plans the next window of the section under way; the first that is asked for anew as that attempt
     /// says, from a state that may be faster than what is asked for and on the old plan from there. True
     /// if that reaches the section's end.
-    pub(super) fn plan_window(&mut self, answer: Option<(Attempt, &[Laid])>) -> bool {
+    pub(super) fn plan_window(&mut self, answer: Option<(Attempt, &[PlannedSegment])>) -> bool {
         let followed = take(&mut self.followed);
         let number = self.cursor.item;
         let blocks = match number {
-            BACK.. => Blocks::Backward,
+            RETRACE.. => Blocks::Backward,
             _ if self.single_block => Blocks::Single,
             _ => Blocks::All,
         };
         let index = number.checked_sub(self.first);
         let item = index.and_then(|index| self.items.get_mut(index as usize));
-        let Some(section) = section_of(item, &mut self.ways_back, number) else {
+        let Some(section) = section_of(item, &mut self.retraces, number) else {
             return true;
         };
         let departure = self.cursor.departure;
@@ -284,7 +296,7 @@ impl<const N: usize> Planner<N> {
         }
         let section = &*section;
         let mut task = Task {
-            spans: section.from(departure.distance),
+            path_segments: section.from(departure.distance),
             limits: &self.limits,
             departure,
             from: departure,
@@ -322,7 +334,7 @@ impl<const N: usize> Planner<N> {
                 self.cursor.begin_at_rest();
                 return section.ends_at(self.cursor.rest);
             }
-            window.crawl(task.spans, departure.distance, &self.limits);
+            window.crawl(task.path_segments, departure.distance, &self.limits);
             self.account = Account::open(at, window);
         }
         let mut ahead = followed;
@@ -331,7 +343,7 @@ impl<const N: usize> Planner<N> {
             begin,
             stop: task.stop,
             ahead,
-            laid: window.laid(),
+            planned: window.planned(),
             halvings: task.halvings,
         };
         let Some(first) = found.hand_over(
@@ -381,18 +393,18 @@ impl Account {
     }
 }
 
-/// The section with that number: an item of the plan, or a way back.
+/// The section with that number: an item of the plan, or a retrace.
 fn section_of<'a, const N: usize>(
     item: Option<&'a mut PlanItem<N>>,
-    ways_back: &'a mut [Back<N>],
+    retraces: &'a mut [Retrace<N>],
     number: u64,
 ) -> Option<&'a mut Section<N>> {
     match item {
         Some(PlanItem::Section(section)) => Some(section),
         Some(_) => None,
         None => {
-            let way = ways_back.iter_mut().find(|way| way.number == number)?;
-            Some(&mut way.section)
+            let retrace = retraces.iter_mut().find(|it| it.number == number)?;
+            Some(&mut retrace.section)
         }
     }
 }
@@ -407,13 +419,14 @@ impl Found {
         plan: &mut Plan,
         out: &mut VecDeque<Command<N>>,
     ) -> Option<u64> {
-        let last = (self.laid.last()).map_or(self.ahead.last(), |laid| Some(&laid.piece));
+        let last =
+            (self.planned.last()).map_or(self.ahead.last(), |planned| Some(&planned.segment));
         let rest = last?.end();
         if !cursor.begun {
             out.push_back(Command::Section {
                 item: cursor.item,
                 origin: section.origin,
-                backward: cursor.item >= BACK,
+                backward: cursor.item >= RETRACE,
                 limits: *limits,
             });
             cursor.begun = true;
@@ -423,14 +436,17 @@ impl Found {
             out.push_back(Command::ReplaceTail(step));
             cursor.step = step;
         }
-        let spans = section.from(self.begin).iter();
-        let spans = spans.filter(|s| s.start >= cursor.sent && s.start < rest);
-        out.extend(spans.copied().map(Command::PathSegment));
+        let path_segments = section.from(self.begin).iter();
+        let path_segments = path_segments.filter(|s| s.start >= cursor.sent && s.start < rest);
+        out.extend(path_segments.copied().map(Command::PathSegment));
         cursor.sent = cursor.sent.max(rest);
-        let ahead = self.ahead.iter().map(|&segment| Laid::from(segment));
-        for (step, laid) in (cursor.step..).zip(ahead.chain(self.laid.iter().copied())) {
-            out.push_back(Command::JerkSegment(laid.piece));
-            plan.lay(cursor.item, step, laid);
+        let ahead = self
+            .ahead
+            .iter()
+            .map(|&segment| PlannedSegment::from(segment));
+        for (step, planned) in (cursor.step..).zip(ahead.chain(self.planned.iter().copied())) {
+            out.push_back(Command::JerkSegment(planned.segment));
+            plan.push(cursor.item, step, planned);
         }
         cursor.holds = rest >= self.stop - NOTHING;
         if cursor.holds {
@@ -439,14 +455,14 @@ impl Found {
         out.push_back(Command::Commit);
         cursor.rest = rest;
         let first = cursor.step + self.ahead.len() as u64;
-        cursor.step = first + self.laid.len() as u64;
+        cursor.step = first + self.planned.len() as u64;
         Some(first)
     }
 
-    /// The next window begins where this one's end is out of sight. Half of it is kept in any case, of
+    /// The next window begins where this one's end is too far ahead to show. Half of it is kept in any case, of
     /// a short one less.
     fn go_on_from(&self, first: u64, lookahead: f64, cursor: &mut Cursor) {
-        let segments = &self.laid;
+        let segments = &self.planned;
         if segments.is_empty() {
             cursor.begin_at_rest();
             return;
@@ -455,8 +471,8 @@ impl Found {
         let mut time = (self.ahead.iter())
             .map(|segment| segment.duration)
             .sum::<f64>();
-        let soon = segments.iter().position(|Laid { piece, .. }| {
-            time += piece.duration;
+        let soon = segments.iter().position(|PlannedSegment { segment, .. }| {
+            time += segment.duration;
             time >= ANSWER_KEPT
         });
         let least = match soon {
@@ -466,32 +482,35 @@ impl Found {
         let mut left = 0.0;
         let mut keep = segments.len() - 1;
         while keep > least && left < lookahead {
-            left += segments[keep].piece.duration;
+            left += segments[keep].segment.duration;
             keep -= 1;
         }
         // The calmer the state, the easier it is to go on from.
-        let acceleration = |k: usize| segments[k].piece.acceleration.abs();
+        let acceleration = |k: usize| segments[k].segment.acceleration.abs();
         for k in (least..keep).rev() {
             if acceleration(k) < 0.5 * acceleration(keep) {
                 keep = k;
             }
         }
-        cursor.departure = PathState::from(segments[keep].piece);
+        cursor.departure = PathState::from(segments[keep].segment);
         cursor.splice = Some(first + keep as u64);
         cursor.halvings = self.halvings.saturating_sub(1);
     }
 }
 
-/// Lays the pieces that bring `from` down to a state from where the way goes on at the speeds that
-/// are asked for; none if it is one. False if no law was found.
+/// Lays the jerk segments that bring `from` down to a state from where the path goes on at the speeds that
+/// are asked for; none if it is one. False if none were found.
 fn lay_slowing<const N: usize>(
-    spans: &[PathSegment<N>],
+    path_segments: &[PathSegment<N>],
     limits: &Limits<N>,
     from: &mut PathState,
-    pieces: &mut Vec<JerkSegment>,
+    segments: &mut Vec<JerkSegment>,
 ) -> bool {
-    let mut target = spans[0].speed;
-    let along = spans[0].curve.at(from.distance - spans[0].start).d1;
+    let mut target = path_segments[0].speed;
+    let along = path_segments[0]
+        .curve
+        .at(from.distance - path_segments[0].start)
+        .d1;
     let jerk = (0..N)
         .map(|i| limits.jerk[i] / along[i].abs())
         .fold(f64::INFINITY, f64::min);
@@ -502,19 +521,19 @@ fn lay_slowing<const N: usize>(
         if from.speed + rising * rising / (2.0 * jerk) <= target {
             return true;
         }
-        let law = brake(|k| spans.get(k), limits, *from, goal)
-            .or_else(|| brake_gently(&spans[0], limits, *from, goal));
-        let Some(law) = law else {
+        let braking = brake(|k| path_segments.get(k), limits, *from, goal)
+            .or_else(|| brake_gently(&path_segments[0], limits, *from, goal));
+        let Some(braking) = braking else {
             return false;
         };
-        let lowest = spans
+        let lowest = path_segments
             .iter()
-            .take_while(|s| s.start <= law.end.distance)
+            .take_while(|s| s.start <= braking.end.distance)
             .map(|s| s.speed)
             .fold(target, f64::min);
         if lowest >= target {
-            pieces.extend_from_slice(law.segments());
-            *from = law.end;
+            segments.extend_from_slice(braking.segments());
+            *from = braking.end;
             return true;
         }
         target = lowest;

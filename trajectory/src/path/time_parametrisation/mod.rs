@@ -1,4 +1,4 @@
-//! The time-optimal law along a path under third-order limits of every axis.
+//! The time-optimal parametrisation of a path under third-order limits of every axis.
 //!
 //! # Model
 //!
@@ -126,7 +126,7 @@ impl<const N: usize> TimeParametrisation<N> {
         &self.nodes
     }
 
-    /// Fastest law over `cells` from `start` to rest at the end, to the relative `tolerance` of its
+    /// Fastest time parametrisation over `cells` from `start` to rest at the end, to the relative `tolerance` of its
     /// time. `guess` gives the first iterate, a state for every node with w > 0 inside; `barrier` tells
     /// how good it is: 0.3 for one that has only the shape, less for a solution of nearly the same
     /// problem.
@@ -140,7 +140,7 @@ impl<const N: usize> TimeParametrisation<N> {
         tolerance: f64,
     ) -> Outcome {
         let n = cells.len();
-        debug_assert!(n >= 3, "too few cells for a law to rest");
+        debug_assert!(n >= 3, "too few cells to come to rest");
         self.nodes.clear();
         self.nodes.extend(guess.take(n + 1));
         debug_assert_eq!(self.nodes.len(), n + 1);
@@ -196,7 +196,7 @@ impl<const N: usize> TimeParametrisation<N> {
             }
             let miss;
             (outcome.time, miss) = self.relinearise(cells);
-            // Where nothing leads to a law the multipliers grow without bound.
+            // Where there is no solution the multipliers grow without bound.
             if !outcome.time.is_finite()
                 || outcome.gap.is_nan()
                 || outcome.gap > LOST * outcome.time

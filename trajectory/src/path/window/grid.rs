@@ -121,30 +121,30 @@ impl<const N: usize> Window<N> {
     /// Estimates the speed along the stretch, for the grid and the first guess only.
     pub(super) fn survey(
         &mut self,
-        spans: &[PathSegment<N>],
+        path_segments: &[PathSegment<N>],
         limits: &Limits<N>,
         departure: PathState,
         end: f64,
     ) {
         self.stretches.clear();
-        for span in spans {
-            let length = span.curve.length();
+        for path_segment in path_segments {
+            let length = path_segment.curve.length();
             let (from, to) = (
-                (departure.distance - span.start).max(0.0),
-                (end - span.start).min(length),
+                (departure.distance - path_segment.start).max(0.0),
+                (end - path_segment.start).min(length),
             );
             if from >= to {
                 continue;
             }
-            let straight = span.curve.direction().is_some();
-            let speed = |s: f64| asked(&self.faster, span, span.start + s);
-            let mut before = Rates::at(&span.curve.at(from).into(), limits, speed(from));
+            let straight = path_segment.curve.direction().is_some();
+            let speed = |s: f64| asked(&self.faster, path_segment, path_segment.start + s);
+            let mut before = Rates::at(&path_segment.curve.at(from).into(), limits, speed(from));
             let mut s0 = from;
-            let parts = span.curve.parts(CELL_TURN);
-            let mut part = span.curve.parts_begun(from, parts);
+            let parts = path_segment.curve.parts(CELL_TURN);
+            let mut part = path_segment.curve.parts_begun(from, parts);
             while s0 < to {
                 let next = if part < parts {
-                    span.curve.parts_end(part, parts)
+                    path_segment.curve.parts_end(part, parts)
                 } else {
                     to
                 };
@@ -161,16 +161,16 @@ impl<const N: usize> Window<N> {
                 let after = if straight && self.faster.is_empty() {
                     before
                 } else {
-                    Rates::at(&span.curve.at(s1).into(), limits, speed(s1))
+                    Rates::at(&path_segment.curve.at(s1).into(), limits, speed(s1))
                 };
                 let rates = before.least(after);
                 self.stretches.push(Stretch {
-                    from: span.start + s0,
-                    to: span.start + s1,
+                    from: path_segment.start + s0,
+                    to: path_segment.start + s1,
                     cap: rates.cap,
                     acceleration: rates.acceleration,
                     jerk: rates.jerk,
-                    level: [span.start + s0, span.start + s1],
+                    level: [path_segment.start + s0, path_segment.start + s1],
                     w: [rates.cap; 2],
                     tick: 0.0,
                     last_tick: f64::INFINITY,
@@ -239,9 +239,9 @@ impl<const N: usize> Window<N> {
                 if self.nodes.len() > most {
                     return false;
                 }
-                let rest = stretch.to - s;
+                let remaining = stretch.to - s;
                 let v = stretch.estimate(s).sqrt();
-                let left = rest / (0.5 * (v + stretch.w[1].sqrt()));
+                let left = remaining / (0.5 * (v + stretch.w[1].sqrt()));
                 pace = tick.min(1.5 * pace).min(stretch.last_tick + FINER * left);
                 // What is travelled in that time from rest, and to rest.
                 let tip = stretch.tip(pace);
@@ -254,7 +254,7 @@ impl<const N: usize> Window<N> {
                 if clear > 0.0 && v * v >= 0.999 * stretch.cap {
                     step = step.max(clear.min(cruise));
                 }
-                if k == last && rest <= 27.0 * tip * 1.01 {
+                if k == last && remaining <= 27.0 * tip * 1.01 {
                     // t³ apart from the end: 27, 8, 1.
                     for cubes in [8.0, 1.0] {
                         let next = stretch.to - cubes * tip;
@@ -264,13 +264,13 @@ impl<const N: usize> Window<N> {
                         }
                     }
                 }
-                if rest <= 1.5 * step || k == last && rest <= 27.0 * tip * 1.01 {
+                if remaining <= 1.5 * step || k == last && remaining <= 27.0 * tip * 1.01 {
                     self.push(stretch.to, stretch.w[1]);
                     s = stretch.to;
                     break;
                 }
-                if rest < 2.0 * step && k != last {
-                    step = 0.5 * rest;
+                if remaining < 2.0 * step && k != last {
+                    step = 0.5 * remaining;
                 }
                 s += step;
                 self.push(s, stretch.estimate(s));
@@ -290,7 +290,7 @@ impl<const N: usize> Window<N> {
         self.nodes.len() <= most
     }
 
-    /// Leads the estimate over from what is kept of the last law to the survey's, within what is
+    /// Leads the estimate over from what is kept of the last solution to the survey's, within what is
     /// travelled in two ramps of the acceleration.
     pub(super) fn lead_over(&mut self) {
         let Some(&(from, w, _)) = self.kept.last() else {
@@ -300,13 +300,13 @@ impl<const N: usize> Window<N> {
             return;
         };
         let above = w / stretch.estimate(from) - 1.0;
-        let way = 2.0 * w.sqrt() * stretch.ramp(stretch.cap);
+        let distance = 2.0 * w.sqrt() * stretch.ramp(stretch.cap);
         if !above.is_finite() {
             return;
         }
         let first = self.kept.len() + 1;
         for (s, estimate) in self.nodes[first..].iter().zip(&mut self.estimate[first..]) {
-            let left = 1.0 - (s - from) / way;
+            let left = 1.0 - (s - from) / distance;
             if left.is_nan() || left <= 0.0 {
                 break;
             }
@@ -315,25 +315,25 @@ impl<const N: usize> Window<N> {
     }
 
     /// Takes the geometry and the limits of every cell.
-    pub(super) fn fill(&mut self, spans: &[PathSegment<N>], limits: &Limits<N>) {
+    pub(super) fn fill(&mut self, path_segments: &[PathSegment<N>], limits: &Limits<N>) {
         self.cells.clear();
-        self.span_of.clear();
+        self.path_segment_of.clear();
         let mut index = 0;
         let mut before = f64::INFINITY;
         for ends in self.nodes.windows(2) {
             // By the middle: the ends may be off by rounding.
             let middle = 0.5 * (ends[0] + ends[1]);
-            while middle >= spans[index].start + spans[index].curve.length()
-                && index + 1 < spans.len()
+            while middle >= path_segments[index].start + path_segments[index].curve.length()
+                && index + 1 < path_segments.len()
             {
                 index += 1;
             }
-            let span = &spans[index];
+            let path_segment = &path_segments[index];
             let slopes: [Slope<N>; 2] =
-                [ends[0], ends[1]].map(|s| span.curve.at(s - span.start).into());
+                [ends[0], ends[1]].map(|s| path_segment.curve.at(s - path_segment.start).into());
             let [first, second] =
                 slopes.map(|slope| Rates::at(&slope, limits, f64::INFINITY).fast.sqrt());
-            let [begin, within] = [ends[0], middle].map(|s| asked(&self.faster, span, s));
+            let [begin, within] = [ends[0], middle].map(|s| asked(&self.faster, path_segment, s));
             self.cells.push(Cell {
                 length: ends[1] - ends[0],
                 ends: slopes,
@@ -341,14 +341,14 @@ impl<const N: usize> Window<N> {
                     SPEED_SHARE * before.min(first).min(begin),
                     SPEED_SHARE * first.min(second).min(within),
                 ],
-                share: if span.curve.direction().is_some() {
+                share: if path_segment.curve.direction().is_some() {
                     [1.0; 2]
                 } else {
                     [1.0 - CURVE_SHARE; 2]
                 },
             });
-            self.span_of.push(index);
-            before = second.min(asked(&self.faster, span, ends[1]));
+            self.path_segment_of.push(index);
+            before = second.min(asked(&self.faster, path_segment, ends[1]));
         }
         for (cell, &(_, _, share)) in self.cells.iter_mut().zip(&self.kept) {
             cell.share = share;

@@ -1,4 +1,4 @@
-//! Plans a stretch of a section: cuts it into cells, solves for the time parametrisation, turns it into pieces
+//! Plans a stretch of a section: cuts it into cells, solves for the time parametrisation, turns it into jerk segments
 //! and certifies them.
 
 mod grid;
@@ -10,29 +10,29 @@ use grid::Stretch;
 use super::bounds::{Bounds, rest_to_rest};
 use super::brake::instant_at;
 use super::certify::{ROUNDING, load};
-use super::plan::Laid;
+use super::plan::PlannedSegment;
 use super::time_parametrisation::{Cell, Node, TimeParametrisation};
 use super::{JerkSegment, Limits, PathSegment, PathState};
 use crate::profile::State;
 use crate::state_to_state::{self, Axis};
 
 impl From<JerkSegment> for PathState {
-    fn from(piece: JerkSegment) -> Self {
+    fn from(segment: JerkSegment) -> Self {
         PathState {
-            distance: piece.distance,
-            speed: piece.speed,
-            acceleration: piece.acceleration,
+            distance: segment.distance,
+            speed: segment.speed,
+            acceleration: segment.acceleration,
         }
     }
 }
 
 /// Cells of a stretch, about.
 pub(super) const MOST_CELLS: usize = 600;
-/// A law of more is none: limits that differ by too much.
+/// With more there is no solution: the limits differ by too much.
 pub(super) const TOO_MANY_CELLS: usize = 16 * MOST_CELLS;
 
-/// What one call of the planner may spend on laws, cells times Newton steps; the law that is being solved
-/// for then is solved. Windows take a hundredth of it.
+/// What one call of the planner may spend on time parametrisations, cells times Newton steps; the one that is being
+/// solved for then is solved. Windows take a hundredth of it.
 pub(super) const MOST_WORK: usize = 2_000_000;
 
 /// Barrier of the first solution and of those with tightened limits, in motion times.
@@ -41,11 +41,11 @@ const BARRIER_FROM_LAST: f64 = 0.01;
 
 /// Tolerance of the optimisation, as a part of the motion time.
 const TOLERANCE: f64 = 3e-4;
-/// Rounds of solving with limits tightened where the law broke them between nodes.
+/// Rounds of solving with limits tightened where the solution broke them between nodes.
 const ROUNDS: usize = 10;
 /// What is taken off a broken limit beyond the excess; twice that in every further round.
 const MARGIN: f64 = 5e-4;
-/// What may be missing between two pieces, as a part of what changes in one.
+/// What may be missing between two jerk segments, as a part of what changes in one.
 const SEAM: f64 = 1e-9;
 /// Cells on both sides of one that is too fast in which the speed is lowered, too.
 const NEAR_SPEED: usize = 8;
@@ -54,15 +54,15 @@ const SLOWED: f64 = 2e-4;
 /// Cells of the last stretch that the next one takes over, at most: time enough to do otherwise
 /// than the last one meant to.
 const KEPT_CELLS: usize = 40;
-/// Part of the way on which cells are taken over from another plan.
-const KEPT_WAY: f64 = 0.8;
+/// Part of the distance on which cells are taken over from another plan.
+const KEPT_PART: f64 = 0.8;
 /// What is kept of the acceleration and jerk limits on curves from the first, for what happens
 /// between the nodes.
 const CURVE_SHARE: f64 = 5e-4;
 /// Part of the speed limit that is planned, so that rounding stays inside.
 const SPEED_SHARE: f64 = 1.0 - 2e-5;
 
-/// The law of a stretch could not be found.
+/// No time parametrisation of a stretch was found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct NoSolution;
 
@@ -75,16 +75,16 @@ pub struct Window<const N: usize> {
     nodes: Vec<f64>,
     estimate: Vec<f64>,
     cells: Vec<Cell<N>>,
-    span_of: Vec<usize>,
+    path_segment_of: Vec<usize>,
     /// By what velocity, acceleration and jerk are to be lowered in every cell.
     cuts: Vec<[f64; 3]>,
     last: Known,
     /// Cells of the last plan that are taken over.
     kept: Vec<KnownCell>,
-    law: TimeParametrisation<N>,
-    pieces: Vec<JerkSegment>,
+    solver: TimeParametrisation<N>,
+    segments: Vec<JerkSegment>,
     effort: Effort,
-    /// Cells times Newton steps that may still be spent; no law is found once it is.
+    /// Cells times Newton steps that may still be spent; nothing is found once it is.
     allowance: usize,
     /// A slowing down to the speed that is asked for; where it is faster than that, so may the plan be.
     pub(super) faster: Vec<JerkSegment>,
@@ -93,7 +93,7 @@ pub struct Window<const N: usize> {
 /// The last plan that was found.
 #[derive(Debug, Clone, Default)]
 struct Known {
-    pieces: Vec<JerkSegment>,
+    segments: Vec<JerkSegment>,
     cells: Vec<KnownCell>,
     /// It comes to rest; otherwise it is the beginning of one that does.
     rests: bool,
@@ -109,13 +109,13 @@ pub struct Effort {
     pub stretches: usize,
     /// Cells of all of them.
     pub cells: usize,
-    /// Laws solved for; more than stretches where limits had to be tightened.
-    pub laws: usize,
+    /// Time parametrisations solved for; more than stretches where limits had to be tightened.
+    pub solves: usize,
     /// Newton steps of all of them.
     pub steps: usize,
     /// Cells times Newton steps of all of them: what planning takes time for.
     pub work: usize,
-    /// Stretches for which no law was found.
+    /// Stretches for which none was found.
     pub unsolved: usize,
 }
 
@@ -127,12 +127,12 @@ impl<const N: usize> Default for Window<N> {
             nodes: Vec::new(),
             estimate: Vec::new(),
             cells: Vec::new(),
-            span_of: Vec::new(),
+            path_segment_of: Vec::new(),
             cuts: Vec::new(),
             last: Known::default(),
             kept: Vec::new(),
-            law: TimeParametrisation::default(),
-            pieces: Vec::new(),
+            solver: TimeParametrisation::default(),
+            segments: Vec::new(),
             effort: Effort::default(),
             allowance: MOST_WORK,
             faster: Vec::new(),
@@ -143,22 +143,22 @@ impl<const N: usize> Default for Window<N> {
 /// Part of the speed by which a plan may be faster than the slowing down.
 const LOOSE: f64 = 1e-3;
 
-/// The speed that is asked for on a span at the distance `s`, while slowing down.
-fn asked<const N: usize>(faster: &[JerkSegment], span: &PathSegment<N>, s: f64) -> f64 {
-    let begun = faster.partition_point(|piece| piece.distance <= s);
+/// The speed that is asked for on a path segment at the distance `s`, while slowing down.
+fn asked<const N: usize>(faster: &[JerkSegment], path_segment: &PathSegment<N>, s: f64) -> f64 {
+    let begun = faster.partition_point(|segment| segment.distance <= s);
     match faster[..begun].last() {
-        Some(piece) if s < piece.distance + piece.at(piece.duration).0 => {
-            let (_, speed, _) = piece.at(instant_at(piece, s));
-            span.speed.max(speed * (1.0 + LOOSE))
+        Some(segment) if s < segment.distance + segment.at(segment.duration).0 => {
+            let (_, speed, _) = segment.at(instant_at(segment, s));
+            path_segment.speed.max(speed * (1.0 + LOOSE))
         }
-        _ => span.speed,
+        _ => path_segment.speed,
     }
 }
 
 impl<const N: usize> Window<N> {
     /// The result of the last plan.
-    pub fn pieces(&self) -> &[JerkSegment] {
-        &self.pieces
+    pub fn segments(&self) -> &[JerkSegment] {
+        &self.segments
     }
 
     /// What planning took so far.
@@ -174,17 +174,17 @@ impl<const N: usize> Window<N> {
     /// No motion at all.
     pub fn stay(&mut self) {
         self.cells.clear();
-        self.pieces.clear();
+        self.segments.clear();
     }
 
-    /// The fastest motion along a straight span from `departure` to rest at its end, in closed
+    /// The fastest motion along a straight path segment from `departure` to rest at its end, in closed
     /// form; also from a speed beyond what is asked for.
     ///
     /// # Errors
     /// The end comes too soon for that.
     pub fn straight(
         &mut self,
-        span: &PathSegment<N>,
+        path_segment: &PathSegment<N>,
         limits: &Limits<N>,
         departure: PathState,
     ) -> Result<(), NoSolution> {
@@ -194,18 +194,18 @@ impl<const N: usize> Window<N> {
             v: departure.speed,
             a: departure.acceleration,
         };
-        let end = State::at_rest(span.start + span.curve.length());
+        let end = State::at_rest(path_segment.start + path_segment.curve.length());
         let axis = Axis::new(
             start,
             end,
-            Bounds::along(&span.curve, span.speed, limits).limits(),
+            Bounds::along(&path_segment.curve, path_segment.speed, limits).limits(),
         );
         let profile = state_to_state::plan(&axis, 0.0).map_err(|_| NoSolution)?;
         let speed = profile.extrema().velocity;
         if speed.min < -ROUNDING * speed.max {
             return Err(NoSolution);
         }
-        self.pieces
+        self.segments
             .extend(profile.pieces().map(|(at, segment)| JerkSegment {
                 duration: segment.duration,
                 distance: at.p,
@@ -216,30 +216,30 @@ impl<const N: usize> Window<N> {
         Ok(())
     }
 
-    /// A motion from rest at `from` to rest at the end of the span there that needs no search.
-    pub fn crawl(&mut self, spans: &[PathSegment<N>], from: f64, limits: &Limits<N>) {
+    /// A motion from rest at `from` to rest at the end of the path segment there that needs no search.
+    pub fn crawl(&mut self, path_segments: &[PathSegment<N>], from: f64, limits: &Limits<N>) {
         self.stay();
         let ahead = |s: &&PathSegment<N>| s.start + s.curve.length() > from + 1e-9;
-        if let Some(span) = spans.iter().find(ahead) {
-            let length = span.start + span.curve.length() - from;
-            self.pieces.extend(rest_to_rest(
+        if let Some(path_segment) = path_segments.iter().find(ahead) {
+            let length = path_segment.start + path_segment.curve.length() - from;
+            self.segments.extend(rest_to_rest(
                 from,
                 length,
-                Bounds::along(&span.curve, span.speed, limits),
+                Bounds::along(&path_segment.curve, path_segment.speed, limits),
             ));
         }
     }
 
-    /// The fastest motion along `spans` from `departure`, best a piece's start in the last plan, to rest
+    /// The fastest motion along `path_segments` from `departure`, best a jerk segment's start in the last plan, to rest
     /// at `end` or, where that takes too many cells, before it, though not before the last plan's
-    /// end; inside `limits` and each span's feed. For `halvings` the cells are halved that often and once
+    /// end; inside `limits` and each path segment's feed. For `halvings` the cells are halved that often and once
     /// more.
     ///
     /// # Errors
-    /// No law was found that the certificate passes.
+    /// None was found that the certificate passes.
     pub fn plan(
         &mut self,
-        spans: &[PathSegment<N>],
+        path_segments: &[PathSegment<N>],
         limits: &Limits<N>,
         departure: PathState,
         end: f64,
@@ -249,25 +249,25 @@ impl<const N: usize> Window<N> {
         if self.allowance == 0 {
             return Err(NoSolution);
         }
-        // No way leads to where no speed is asked for.
+        // The path does not get to where no speed is asked for.
         let slow = (self.faster.last()).map_or(departure.distance, JerkSegment::end);
-        let reached = spans.iter().take_while(|s| s.start < end);
+        let reached = path_segments.iter().take_while(|s| s.start < end);
         if slow < end && reached.last().is_some_and(|s| s.speed <= 0.0) {
             return Err(NoSolution);
         }
-        let room = departure.distance + room_to_stop(spans, limits, departure);
+        let room = departure.distance + room_to_stop(path_segments, limits, departure);
         let rest = self.keep(departure, end).max(room).min(end);
         let most = if halvings > 0 {
             self.most_cells >> (halvings + 1)
         } else {
             self.most_cells
         };
-        let planned = self.search(spans, limits, departure, (end, rest), most);
+        let planned = self.search(path_segments, limits, departure, (end, rest), most);
         if planned.is_ok() {
             self.last.rests = true;
-            self.last.pieces.clone_from(&self.pieces);
+            self.last.segments.clone_from(&self.segments);
             self.last.cells.clear();
-            let cells = self.nodes[1..].iter().zip(&self.law.nodes()[1..]);
+            let cells = self.nodes[1..].iter().zip(&self.solver.nodes()[1..]);
             let cells = cells.zip(&self.cells);
             self.last
                 .cells
@@ -279,54 +279,56 @@ impl<const N: usize> Window<N> {
     }
 
     /// The result of the last plan, with its cells' shares of the limits.
-    pub(super) fn laid(&self) -> Vec<Laid> {
+    pub(super) fn planned(&self) -> Vec<PlannedSegment> {
         let shares = self.cells.iter().map(|cell| cell.share);
         let shares = shares.chain(repeat([1.0; 2]));
-        let laid = self.pieces.iter().zip(shares);
-        laid.map(|(&piece, share)| Laid { piece, share }).collect()
+        let planned = self.segments.iter().zip(shares);
+        planned
+            .map(|(&segment, share)| PlannedSegment { segment, share })
+            .collect()
     }
 
     /// A beginning of a plan whose cells are taken over by one from a state on it.
-    pub(super) fn recall(&mut self, plan: &[Laid]) {
+    pub(super) fn recall(&mut self, plan: &[PlannedSegment]) {
         self.last.rests = false;
-        self.last.pieces.clear();
+        self.last.segments.clear();
         self.last.cells.clear();
-        for &Laid { piece, share } in plan {
-            let (_, v, _) = piece.at(piece.duration);
-            self.last.pieces.push(piece);
-            self.last.cells.push((piece.end(), v * v, share));
+        for &PlannedSegment { segment, share } in plan {
+            let (_, v, _) = segment.at(segment.duration);
+            self.last.segments.push(segment);
+            self.last.cells.push((segment.end(), v * v, share));
         }
     }
 
-    /// A state of the last plan some way on from `departure`, and how many pieces there are in
+    /// A state of the last plan some way on from `departure`, and how many jerk segments there are in
     /// between.
     pub fn later(&self, departure: PathState) -> Option<(u64, PathState)> {
-        let pieces = &self.last.pieces;
-        let now = pieces
+        let segments = &self.last.segments;
+        let now = segments
             .iter()
             .position(|p| PathState::from(*p) == departure)?;
-        let next = now + (pieces.len() - now) / 4;
-        (next > now).then(|| ((next - now) as u64, pieces[next].into()))
+        let next = now + (segments.len() - now) / 4;
+        (next > now).then(|| ((next - now) as u64, segments[next].into()))
     }
 
     fn search(
         &mut self,
-        spans: &[PathSegment<N>],
+        path_segments: &[PathSegment<N>],
         limits: &Limits<N>,
         departure: PathState,
         (end, rest): (f64, f64),
         most_cells: usize,
     ) -> Result<(), NoSolution> {
-        // The last stretch's law comes to rest, so one that ends no sooner exists.
-        self.survey(spans, limits, departure, end);
+        // The last stretch's solution comes to rest, so one that ends no sooner exists.
+        self.survey(path_segments, limits, departure, end);
         if !self.cut(departure, most_cells) {
             let end = self.nodes[most_cells * 9 / 10].max(rest);
-            self.survey(spans, limits, departure, end);
+            self.survey(path_segments, limits, departure, end);
             if !self.cut(departure, TOO_MANY_CELLS) {
                 return Err(NoSolution);
             }
         }
-        self.fill(spans, limits);
+        self.fill(path_segments, limits);
         self.effort.cells += self.cells.len();
         let start = Node {
             w: departure.speed * departure.speed,
@@ -339,18 +341,18 @@ impl<const N: usize> Window<N> {
                 return Err(NoSolution);
             }
             known.clear();
-            known.extend_from_slice(self.law.nodes());
+            known.extend_from_slice(self.solver.nodes());
             let mut solve = |guess: &mut dyn Iterator<Item = Node>, barrier| {
                 let outcome =
-                    (self.law).solve(&self.cells, limits, start, guess, barrier, TOLERANCE);
+                    (self.solver).solve(&self.cells, limits, start, guess, barrier, TOLERANCE);
                 let work = outcome.iterations * self.cells.len();
                 self.allowance = self.allowance.saturating_sub(work);
-                self.effort.laws += 1;
+                self.effort.solves += 1;
                 self.effort.steps += outcome.iterations;
                 self.effort.work += work;
                 outcome.converged
             };
-            // From the law before, unless that leads nowhere.
+            // From the solution before, unless that leads nowhere.
             let solved = round > 0 && solve(&mut known.iter().copied(), BARRIER_FROM_LAST) || {
                 let kept = self.kept.len();
                 solve(
@@ -365,17 +367,17 @@ impl<const N: usize> Window<N> {
             if !self.continuous() {
                 return Err(NoSolution);
             }
-            let excess = self.tighten(spans, limits, round);
+            let excess = self.tighten(path_segments, limits, round);
             if excess <= 1.0 {
                 return Ok(());
             }
             // From rest the whole may be slowed down.
             if departure.speed == 0.0 && (excess <= 1.0 + SLOWED || round + 1 == ROUNDS) {
-                for piece in &mut self.pieces {
-                    piece.duration *= excess;
-                    piece.speed /= excess;
-                    piece.acceleration /= excess * excess;
-                    piece.jerk /= excess * excess * excess;
+                for segment in &mut self.segments {
+                    segment.duration *= excess;
+                    segment.speed /= excess;
+                    segment.acceleration /= excess * excess;
+                    segment.jerk /= excess * excess * excess;
                 }
                 return Ok(());
             }
@@ -383,12 +385,15 @@ impl<const N: usize> Window<N> {
         Err(NoSolution)
     }
 
-    /// Sets aside the cells of the last plan that follow on `departure`: on them the law goes on as
-    /// it did, so there is one. Returns where it ended.
+    /// Sets aside the cells of the last plan that follow on `departure`: on them that plan goes on as
+    /// it did, so there is a solution. Returns where it ended.
     fn keep(&mut self, departure: PathState, end: f64) -> f64 {
         self.kept.clear();
-        let pieces = &self.last.pieces;
-        match pieces.iter().position(|p| PathState::from(*p) == departure) {
+        let segments = &self.last.segments;
+        match segments
+            .iter()
+            .position(|p| PathState::from(*p) == departure)
+        {
             Some(first) if departure.speed > 0.0 => {
                 let after = &self.last.cells[first..];
                 let (most, until) = if self.last.rests {
@@ -396,7 +401,7 @@ impl<const N: usize> Window<N> {
                 } else {
                     (
                         after.len(),
-                        departure.distance + KEPT_WAY * (end - departure.distance),
+                        departure.distance + KEPT_PART * (end - departure.distance),
                     )
                 };
                 let kept = after[..most.min(KEPT_CELLS)].iter();
@@ -407,16 +412,16 @@ impl<const N: usize> Window<N> {
         }
     }
 
-    /// Reads the pieces off the solution.
+    /// Reads the jerk segments off the solution.
     fn read(&mut self) {
-        self.pieces.clear();
+        self.segments.clear();
         for ((&distance, node), (duration, jerk)) in self
             .nodes
             .iter()
-            .zip(self.law.nodes())
-            .zip(self.law.motions())
+            .zip(self.solver.nodes())
+            .zip(self.solver.motions())
         {
-            self.pieces.push(JerkSegment {
+            self.segments.push(JerkSegment {
                 duration,
                 distance,
                 speed: node.w.sqrt(),
@@ -426,45 +431,58 @@ impl<const N: usize> Window<N> {
         }
     }
 
-    /// Whether every piece ends where and as the next one begins, the last one at rest, and none goes back.
+    /// Whether every jerk segment ends where and as the next one begins, the last one at rest, and none goes back.
     fn continuous(&self) -> bool {
-        let ends = self.nodes[1..].iter().zip(&self.law.nodes()[1..]);
-        self.pieces.iter().zip(ends).all(|(piece, (&s, node))| {
-            let (ds, v, a) = piece.at(piece.duration);
-            let fast = piece.speed.max(v);
-            let turn = -piece.acceleration / piece.jerk;
-            let slow = if turn > 0.0 && turn < piece.duration {
-                piece.at(turn).1
+        let ends = self.nodes[1..].iter().zip(&self.solver.nodes()[1..]);
+        self.segments.iter().zip(ends).all(|(segment, (&s, node))| {
+            let (ds, v, a) = segment.at(segment.duration);
+            let fast = segment.speed.max(v);
+            let turn = -segment.acceleration / segment.jerk;
+            let slow = if turn > 0.0 && turn < segment.duration {
+                segment.at(turn).1
             } else {
                 0.0
             };
-            piece.duration > 0.0
+            segment.duration > 0.0
                 && slow >= -SEAM * fast
-                && piece.duration.is_finite()
-                && piece.jerk.is_finite()
-                && (piece.distance + ds - s).abs() <= SEAM * (s - piece.distance)
+                && segment.duration.is_finite()
+                && segment.jerk.is_finite()
+                && (segment.distance + ds - s).abs() <= SEAM * (s - segment.distance)
                 && (v - node.w.sqrt()).abs() <= SEAM * fast
-                && (a - node.a).abs() * piece.duration <= SEAM * fast
+                && (a - node.a).abs() * segment.duration <= SEAM * fast
         })
     }
 
     /// Lowers the shares of the limits in and about the cells that break one, by the excess and
     /// more from round to round. Returns by what the time would have to be stretched for none to be
     /// broken; 1 if none is.
-    fn tighten(&mut self, spans: &[PathSegment<N>], limits: &Limits<N>, round: usize) -> f64 {
+    fn tighten(
+        &mut self,
+        path_segments: &[PathSegment<N>],
+        limits: &Limits<N>,
+        round: usize,
+    ) -> f64 {
         self.cuts.clear();
-        self.cuts.resize(self.pieces.len(), [1.0; 3]);
+        self.cuts.resize(self.segments.len(), [1.0; 3]);
         let margin = MARGIN * (1_usize << round.min(5)) as f64;
         let mut stretch = 1.0_f64;
-        for k in 0..self.pieces.len() {
-            let (piece, span) = (&self.pieces[k], &spans[self.span_of[k]]);
+        for k in 0..self.segments.len() {
+            let (segment, path_segment) =
+                (&self.segments[k], &path_segments[self.path_segment_of[k]]);
             let ends = [self.nodes[k], self.nodes[k + 1]];
-            let [begin, end] = ends.map(|s| asked(&self.faster, span, s));
+            let [begin, end] = ends.map(|s| asked(&self.faster, path_segment, s));
             let speed = begin.max(end);
-            let load = if speed > span.speed {
-                load(piece, &PathSegment { speed, ..*span }, limits)
+            let load = if speed > path_segment.speed {
+                load(
+                    segment,
+                    &PathSegment {
+                        speed,
+                        ..*path_segment
+                    },
+                    limits,
+                )
             } else {
-                load(piece, span, limits)
+                load(segment, path_segment, limits)
             };
             // What is cut off here shows up next door, above all where a plateau is reached.
             let near = [
@@ -476,7 +494,7 @@ impl<const N: usize> Window<N> {
                 if load > 1.0 + ROUNDING {
                     stretch = stretch.max(root);
                     let by = load * (1.0 + if what == 0 { 0.1 * margin } else { margin });
-                    let last = (k + near).min(self.pieces.len() - 1);
+                    let last = (k + near).min(self.segments.len() - 1);
                     for cuts in &mut self.cuts[k.saturating_sub(near)..=last] {
                         cuts[what] = cuts[what].max(by);
                     }
@@ -498,13 +516,16 @@ impl<const N: usize> Window<N> {
     }
 }
 
-/// More than the way to rest in the direction that the path has at `from`.
+/// More than the distance to rest in the direction that the path has at `from`.
 pub(super) fn room_to_stop<const N: usize>(
-    spans: &[PathSegment<N>],
+    path_segments: &[PathSegment<N>],
     limits: &Limits<N>,
     from: PathState,
 ) -> f64 {
-    let here = spans.iter().rev().find(|s| s.start <= from.distance);
+    let here = path_segments
+        .iter()
+        .rev()
+        .find(|s| s.start <= from.distance);
     let along = here.map(|s| s.curve.at(from.distance - s.start).d1);
     let least = |limit: &[f64; N]| {
         let part = along.unwrap_or([1.0; N]);
