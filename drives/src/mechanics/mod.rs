@@ -1,8 +1,9 @@
 //! What motors move.
 //!
 //! A [`Mechanics`] takes the load on each of its shafts, lets a step of time pass, and leaves the
-//! motion of each. [`rigid`] has one shaft and steps with the speed loop of the one drive that
-//! moves it. What ties several shafts together ([`rigid_beam`]) cannot step with any of their
+//! motion of each. [`rigid`] and [`drive_train`] have one shaft and step with the speed loop of the one
+//! drive that moves it: an inertia with friction, which is taken where nothing is known, and a feed
+//! axis with all that its data sheets say. What ties several shafts together ([`rigid_beam`]) cannot step with any of their
 //! drives, whose oscillators differ: the [world](crate::world) steps it on a grid of its own, and
 //! each drive reads its shaft in between.
 //!
@@ -19,6 +20,10 @@
 //! finer of the two. Under a torque that swings by ±1 N·m at 100 Hz all this together makes
 //! 1.3·10⁻⁷ revolutions at 62.5 µs and falls with the square of the step, which a test holds.
 
+pub mod drive_train;
+pub mod friction;
+pub mod mode;
+pub mod reactions;
 pub mod rigid;
 pub mod rigid_beam;
 

@@ -12,12 +12,9 @@
 //! and M ω̇ = torques. Without friction a step is exact for torques that are constant in it, and
 //! conserves momentum and energy to rounding.
 //!
-//! Friction, brakes and blocks are one thing: a reaction against each shaft, at most so large, that
-//! brings the shaft to rest if it can. With `v` the speeds after a step without it, the reactions
-//! (impulses) λ minimise ½ λᵀ M⁻¹ λ + vᵀ λ within their bounds (Gauss's principle; Moreau 1988).
-//! Two unknowns in a box: the minimum is at M⁻¹ λ = −v if that is inside, otherwise on one of the
-//! four edges, so that it is found exactly and nothing is iterated.
+//! Friction, brakes and blocks are [`reactions`], impulses against each shaft.
 
+use super::reactions::reactions;
 use super::rigid::Rigid;
 use super::{Load, Mechanics, Motion};
 use core::f64::consts::TAU;
@@ -73,37 +70,6 @@ impl RigidBeam {
             sides,
         })
     }
-
-    /// The impulses, N·m·s, within `bounds` that bring `speeds` to rest as far as they can.
-    fn reactions(&self, speeds: &Vector2<f64>, bounds: &Vector2<f64>) -> Vector2<f64> {
-        let stop = -(self.mass * speeds);
-        if stop.x.abs() <= bounds.x && stop.y.abs() <= bounds.y {
-            return stop;
-        }
-        let inverse = &self.inverse_mass;
-        let work =
-            |impulse: &Vector2<f64>| 0.5 * impulse.dot(&(inverse * impulse)) + speeds.dot(impulse);
-        let mut best = (f64::INFINITY, Vector2::zeros());
-        for fixed in 0..2 {
-            let other = 1 - fixed;
-            // The blocked side is at no edge: no impulse is too much for it.
-            if bounds[fixed].is_infinite() {
-                continue;
-            }
-            for impulse in [-bounds[fixed], bounds[fixed]] {
-                let mut edge = Vector2::zeros();
-                edge[fixed] = impulse;
-                let speed = speeds[other] + inverse[(other, fixed)] * impulse;
-                let stop = -speed / inverse[(other, other)];
-                edge[other] = stop.clamp(-bounds[other], bounds[other]);
-                let work = work(&edge);
-                if work < best.0 {
-                    best = (work, edge);
-                }
-            }
-        }
-        best.1
-    }
 }
 
 impl Mechanics for RigidBeam {
@@ -126,7 +92,7 @@ impl Mechanics for RigidBeam {
         };
         let bounds = Vector2::new(bound(load1, &self.sides[0]), bound(load2, &self.sides[1]));
         let free = before + self.inverse_mass * torques * dt;
-        let reactions = self.reactions(&free, &bounds);
+        let reactions = reactions(&self.mass, &self.inverse_mass, &free, &-bounds, &bounds);
         let after = free + self.inverse_mass * reactions;
         for (index, motion) in [motion1, motion2].into_iter().enumerate() {
             // What friction holds is at rest, not only nearly.
@@ -362,7 +328,7 @@ mod tests {
             let beam = smooth();
             let speeds = Vector2::new(speeds.0, speeds.1);
             let bounds = Vector2::new(bounds.0, bounds.1);
-            let reactions = beam.reactions(&speeds, &bounds);
+            let reactions = reactions(&beam.mass, &beam.inverse_mass, &speeds, &-bounds, &bounds);
             let after = speeds + beam.inverse_mass * reactions;
             for side in 0..2 {
                 let (reaction, bound, speed) = (reactions[side], bounds[side], after[side]);
