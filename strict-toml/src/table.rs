@@ -334,6 +334,47 @@ impl<'a, 'i> Table<'a, 'i> {
         pair.map(|pair| Spanned::new(value.span(), pair))
     }
 
+    /// A pair of numbers, the second above the first, if the key is there.
+    pub fn interval_if(
+        &mut self,
+        log: &mut Log<'_>,
+        key: &'static str,
+        allowed: &str,
+    ) -> Found<(f64, f64)> {
+        if self.entries.contains_key(key) {
+            self.interval(log, key, allowed)
+        } else {
+            self.known.push(key);
+            None
+        }
+    }
+
+    /// A list of pairs of numbers that `accept` takes, each first one above that of the pair before,
+    /// if the key is there.
+    pub fn points_if(
+        &mut self,
+        log: &mut Log<'_>,
+        key: &'static str,
+        allowed: &str,
+        accept: impl Fn(f64, f64) -> bool,
+    ) -> Found<Vec<(f64, f64)>> {
+        let value = self.get(key)?;
+        let point = |item: &Spanned<DeValue<'_>>| match &item.get_ref().as_array()?[..] {
+            [one, other] => Some((number(one.get_ref())?, number(other.get_ref())?)),
+            _ => None,
+        };
+        let items = value.get_ref().as_array();
+        let points: Option<Vec<_>> = items.and_then(|items| items.iter().map(point).collect());
+        let points = points.filter(|points| {
+            let ascends = points.windows(2).all(|pair| pair[0].0 < pair[1].0);
+            ascends && points.iter().all(|&(one, other)| accept(one, other))
+        });
+        if points.is_none() {
+            self.wrong(log, key, value, allowed);
+        }
+        points.map(|points| Spanned::new(value.span(), points))
+    }
+
     /// The items of a list, if the key is there.
     pub fn items(
         &mut self,

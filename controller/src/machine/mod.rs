@@ -6,7 +6,7 @@
 mod read;
 mod simulation;
 
-pub use simulation::Mechanics;
+pub use simulation::{FeedAxis, Simulation};
 
 use std::{
     fs, io,
@@ -129,8 +129,8 @@ pub struct Axis {
     pub drive_following_error: bool,
     /// Whether the drives supervise [`AxisLimits::position`] too.
     pub drive_soft_limits: bool,
-    /// What ties its drives together when they are simulated.
-    pub mechanics: Option<Mechanics>,
+    /// What its drives move when they are simulated; `None`: what each drive's model has.
+    pub simulation: Option<Simulation>,
 }
 
 /// The limits of an axis, as the machine file has them. Of A, B and C every mm is a degree.

@@ -2,7 +2,7 @@
 //! they fit together. Each stage reports all it finds, and the next starts only on what is clean,
 //! so that one mistake does not cause complaints about another thing.
 
-use super::simulation::{self, Mechanics};
+use super::simulation::{self, Simulation};
 use super::{Axis, AxisLimits, Bus, Controller, Drive, Machine, PathTolerances, assumed};
 use std::{collections::BTreeMap, ops::Range, time::Duration};
 use syncline_canopen::{Address, NodeId};
@@ -589,7 +589,7 @@ struct AxisTable {
     soft_limits: Range<usize>,
     drive_following_error: bool,
     drive_soft_limits: bool,
-    mechanics: Option<Mechanics>,
+    simulation: Option<Simulation>,
 }
 
 impl AxisTable {
@@ -653,7 +653,7 @@ impl AxisTable {
         let standstill = table.positive_or(log, "standstill_window", 0.1, position);
         let drive_following_error = table.flag_or(log, "drive_following_error", false);
         let drive_soft_limits = table.flag_or(log, "drive_soft_limits", false);
-        let mechanics = simulation::mechanics(log, &mut table, pair && !rotary);
+        let simulation = simulation::read(log, &mut table, rotary, pair);
         if let (Some(pitch), true) = (&pitch, log.is_empty())
             && !(pitch.get_ref() / gear).is_normal()
         {
@@ -683,7 +683,7 @@ impl AxisTable {
             },
             drive_following_error,
             drive_soft_limits,
-            mechanics,
+            simulation,
         })
     }
 
@@ -703,7 +703,7 @@ impl AxisTable {
             limits: self.limits,
             drive_following_error: self.drive_following_error,
             drive_soft_limits: self.drive_soft_limits,
-            mechanics: self.mechanics,
+            simulation: self.simulation,
         }
     }
 }

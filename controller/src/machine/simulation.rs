@@ -1,50 +1,189 @@
-//! `simulation` of an axis: what its simulated drives move, if that is not a load for each alone.
+//! `simulation` of an axis: the motors, the axis behind them and their encoders when its drives are
+//! simulated. A real machine takes no notice of it.
+//!
+//! The file's figures are those of data sheets, at the load and in the axis's own units;
+//! [`FeedAxis::at_shaft`] makes of them what one drive's motor feels at its shaft.
 
+use std::f64::consts::TAU;
 use std::ops::RangeInclusive;
+use syncline_drives::mechanics::drive_train::{Brake, DriveTrain, Elasticity, LeadError};
+use syncline_drives::mechanics::friction::Friction;
 use syncline_drives::mechanics::rigid_beam::Beam;
+use syncline_drives::model::{Direction, Scaling};
+use syncline_drives::twin;
+use syncline_drives::twin::servo::encoder::EncoderErrors;
+use syncline_drives::twin::servo::motor::{MOTORS, Motor};
 use syncline_strict_toml::{Log, Table};
 
-/// What ties the drives of an axis together.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Mechanics {
-    /// A rigid beam between the two sides of a gantry.
-    RigidBeam(Beam),
+/// What the simulated drives of an axis move.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Simulation {
+    /// What each of its motors moves alone: all of it, or the drive train in front of a beam.
+    pub axis: FeedAxis,
+    /// What ties a gantry's two sides together.
+    pub beam: Option<Beam>,
+    /// `None`: what each drive's model has.
+    pub encoder: Option<EncoderErrors>,
 }
 
-impl Mechanics {
-    /// As the machine file names it.
-    #[must_use]
-    pub fn name(&self) -> &'static str {
-        match self {
-            Self::RigidBeam(_) => RIGID_BEAM,
-        }
+/// A feed axis as a machine file has it. N, N/m and kg of a linear axis are N·m, N·m/rad and kg·m²
+/// of a rotary one.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FeedAxis {
+    motor: Motor,
+    /// At the motor's shaft, kg·m².
+    transmission_inertia: f64,
+    /// kg; `None`: such that the motor feels [`DEFAULT_RATIO`] times its rotor.
+    load: Option<f64>,
+    elasticity: Option<Transmission>,
+    /// Friction at the load, N and m/s.
+    guide: Friction,
+    /// N in the axis's positive direction.
+    gravity: f64,
+    brake: Brake,
+    /// mm.
+    end_stops: Option<(f64, f64)>,
+    /// Position and error, mm.
+    lead_error: Vec<(f64, f64)>,
+}
+
+/// Inertia of the load over that of the rotor where nothing is said: about that of 40 kg over 20 mm.
+const DEFAULT_RATIO: f64 = 4.0 / 1.1;
+
+/// What gives way between rotor and load.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Transmission {
+    /// As `transmission` names it.
+    name: &'static str,
+    /// N/m.
+    stiffness: f64,
+    /// Damping ratio of the free vibration.
+    damping: f64,
+    /// mm.
+    play: f64,
+}
+
+const fn transmission(name: &'static str, stiffness: f64, damping: f64, play: f64) -> Transmission {
+    Transmission {
+        name,
+        stiffness,
+        damping,
+        play,
     }
 }
+
+/// What does not give way.
+const STIFF: &str = "stiff";
+
+/// Plausible figures, of no product: a preloaded ball screw, a rack with its pinion and gear, a
+/// toothed belt of some metres; a worm or planetary gear, N·m/rad and degrees.
+const TRANSMISSIONS: [Transmission; 4] = [
+    transmission("screw", 1e8, 0.02, 0.0),
+    transmission("rack", 3e7, 0.03, 0.02),
+    transmission("belt", 2e6, 0.02, 0.0),
+    transmission("gear", 1e5, 0.03, 0.01),
+];
 
 const RIGID_BEAM: &str = "rigid_beam";
 
 /// What a `simulation` looks like.
-const ALLOWED: &str = "{ mechanics = \"rigid_beam\", mass = …, inertia = …, span = … }";
+const ALLOWED: &str = "a table [axis.simulation]; see docs/machine-file.md";
 
-/// The key of an axis that is linear and has two drives if `gantry`.
-pub(super) fn mechanics(
+impl FeedAxis {
+    /// What a motor feels of it at its shaft, through a drive whose scaling that is, on a rotary axis
+    /// or a linear one.
+    #[must_use]
+    pub fn at_shaft(&self, scaling: &Scaling, mm_per_revolution: f64, rotary: bool) -> twin::Axis {
+        // m for a radian of the shaft; rad of a rotary axis.
+        let unit = if rotary { TAU / 360.0 } else { 1e-3 };
+        let travel = unit * mm_per_revolution / TAU;
+        let sign = match scaling.direction() {
+            Direction::Positive => 1.0,
+            Direction::Negative => -1.0,
+        };
+        let rotor_inertia = self.motor.rotor_inertia + self.transmission_inertia;
+        let load = self.load.map(|load| load * travel * travel);
+        let load_inertia = load.unwrap_or(DEFAULT_RATIO * self.motor.rotor_inertia);
+        let reduced = rotor_inertia * load_inertia / (rotor_inertia + load_inertia);
+        let elasticity = self.elasticity.map(|it| {
+            let stiffness = it.stiffness * travel * travel;
+            Elasticity {
+                stiffness,
+                damping: 2.0 * it.damping * (stiffness * reduced).sqrt(),
+                play: it.play * unit / travel,
+            }
+        });
+        // Where the shaft is at a machine position, revolutions.
+        let zero = -scaling.to_mm(syncline_drives::model::Increments::ZERO);
+        let revolutions = |mm: f64| sign * (mm + zero) / mm_per_revolution;
+        let stops = self.end_stops.map(|(least, most)| {
+            let (one, other) = (revolutions(least) * TAU, revolutions(most) * TAU);
+            (one.min(other), one.max(other))
+        });
+        let errors = self.lead_error.iter();
+        let errors = errors.map(|&(at, error)| (revolutions(at), sign * error / mm_per_revolution));
+        twin::Axis {
+            motor: self.motor,
+            train: DriveTrain {
+                rotor_inertia,
+                load_inertia,
+                elasticity,
+                bearing: Friction {
+                    viscous: self.motor.viscous_friction,
+                    ..Friction::coulomb(self.motor.friction)
+                },
+                guide: Friction {
+                    coulomb: self.guide.coulomb * travel,
+                    breakaway: self.guide.breakaway * travel,
+                    stribeck_speed: self.guide.stribeck_speed / travel,
+                    viscous: self.guide.viscous * travel * travel,
+                },
+                load_torque: sign * self.gravity * travel,
+                brake: self.brake,
+                stops,
+                lead_error: LeadError::new(errors.collect()),
+            },
+        }
+    }
+}
+
+/// The key of an axis, which is linear or rotary and has two drives if `gantry`.
+pub(super) fn read(
     log: &mut Log<'_>,
     axis: &mut Table<'_, '_>,
+    rotary: bool,
     gantry: bool,
-) -> Option<Mechanics> {
+) -> Option<Simulation> {
     let mut table = axis.table_if(log, "simulation", ALLOWED)?;
     table.title = format!("{}: simulation", axis.title);
-    if !gantry {
-        let span = axis.span_of("simulation").unwrap_or_default();
-        log.report(
-            span,
-            format!(
-                "{}: `simulation` where nothing is tied together",
-                axis.title
-            ),
-            "allowed: only of a linear axis whose `drives` name two, a gantry pair",
-        );
-    }
+    let beam = if table.span_of("mechanics").is_none() {
+        Some(None)
+    } else {
+        if !gantry || rotary {
+            let span = axis.span_of("simulation").unwrap_or_default();
+            log.report(
+                span,
+                format!(
+                    "{}: `simulation` where nothing is tied together",
+                    axis.title
+                ),
+                "allowed: `mechanics` only of a linear axis whose `drives` name two, a gantry pair",
+            );
+        }
+        beam(log, &mut table).map(Some)
+    };
+    let is_tied = table.span_of("mechanics").is_some();
+    let feed_axis = feed_axis(log, &mut table, rotary, is_tied);
+    let encoder = encoder(log, &mut table);
+    table.finish(log);
+    Some(Simulation {
+        axis: feed_axis,
+        beam: beam?,
+        encoder,
+    })
+}
+
+fn beam(log: &mut Log<'_>, table: &mut Table<'_, '_>) -> Option<Beam> {
     let kind = table.choice(log, "mechanics", [RIGID_BEAM].into_iter());
     let mut number = |key, range: RangeInclusive<f64>, unit: &str| {
         let (least, most) = (range.start(), range.end());
@@ -59,11 +198,143 @@ pub(super) fn mechanics(
         "(kg·m², about the middle of the beam)",
     );
     let span = number("span", 1.0..=1e6, "(mm from side to side)");
-    table.finish(log);
     kind?;
-    Some(Mechanics::RigidBeam(Beam {
+    Some(Beam {
         mass: mass?,
         inertia: inertia?,
         span: span? / 1000.0,
-    }))
+    })
+}
+
+/// A number in a range, or its default.
+fn number_or(
+    log: &mut Log<'_>,
+    table: &mut Table<'_, '_>,
+    key: &'static str,
+    default: f64,
+    range: RangeInclusive<f64>,
+    unit: &str,
+) -> f64 {
+    let allowed = format!("a number from {} to {} {unit}", range.start(), range.end());
+    let found = table.number_if(log, key, &allowed, |number| range.contains(&number));
+    found.map_or(default, |number| *number.get_ref())
+}
+
+/// Motor, friction and brake; and what a beam takes the place of, unless there is one.
+fn feed_axis(
+    log: &mut Log<'_>,
+    table: &mut Table<'_, '_>,
+    rotary: bool,
+    is_tied: bool,
+) -> FeedAxis {
+    let [force, speed, viscous] = if rotary {
+        ["(N·m)", "(°/s)", "(N·m·s/rad)"]
+    } else {
+        ["(N)", "(mm/s)", "(N·s/m)"]
+    };
+    let default = Motor::default();
+    let names = MOTORS.iter().map(|motor| motor.name);
+    let name = table.choice_or(log, "motor", default.name, names);
+    let mut motor = *Motor::by_name(&name).unwrap_or(&MOTORS[1]);
+    let mut number = |key, default, range, unit| number_or(log, table, key, default, range, unit);
+    motor.rotor_inertia = number("rotor_inertia", motor.rotor_inertia, 1e-7..=10.0, "(kg·m²)");
+    motor.friction = number("motor_friction", motor.friction, 0.0..=1e3, "(N·m)");
+    motor.viscous_friction = number(
+        "motor_viscous_friction",
+        motor.viscous_friction,
+        0.0..=10.0,
+        "(N·m·s/rad)",
+    );
+    motor.brake_torque = number("brake_torque", motor.brake_torque, 0.0..=1e5, "(N·m)");
+    let mut axis = FeedAxis {
+        transmission_inertia: number("transmission_inertia", 0.0, 0.0..=10.0, "(kg·m²)"),
+        load: None,
+        elasticity: None,
+        guide: Friction {
+            coulomb: number("friction", 0.0, 0.0..=1e6, force),
+            viscous: number("viscous_friction", 0.0, 0.0..=1e6, viscous),
+            ..Friction::default()
+        },
+        gravity: number("gravity", 0.0, -1e6..=1e6, force),
+        brake: Brake {
+            torque: motor.brake_torque,
+            ..Brake::default()
+        },
+        end_stops: None,
+        lead_error: Vec::new(),
+        motor,
+    };
+    axis.guide.breakaway = axis.guide.coulomb;
+    if is_tied {
+        return axis;
+    }
+    let least = axis.guide.coulomb;
+    axis.guide.breakaway = number("breakaway_friction", least, least..=1e6, force);
+    let unit = if rotary { TAU / 360.0 } else { 1e-3 };
+    axis.guide.stribeck_speed = unit * number("stribeck_velocity", 2.0, 1e-3..=1e4, speed);
+    axis.brake.opening = 1e-3 * number("brake_opening_ms", 0.0, 0.0..=1e3, "(ms)");
+    axis.brake.closing = 1e-3 * number("brake_closing_ms", 0.0, 0.0..=1e3, "(ms)");
+    load(log, table, rotary, &mut axis);
+    axis
+}
+
+/// What the transmission moves, and how well it does.
+fn load(log: &mut Log<'_>, table: &mut Table<'_, '_>, rotary: bool, axis: &mut FeedAxis) {
+    let [mass, stiffness, position] = if rotary {
+        ["(kg·m², about the axis)", "(N·m/rad)", "(°)"]
+    } else {
+        ["(kg)", "(N/µm)", "(mm)"]
+    };
+    let allowed = format!("a number from 0.000001 to 1000000 {mass}");
+    let range = 1e-6..=1e6;
+    let found = table.number_if(log, "load", &allowed, |load| range.contains(&load));
+    axis.load = found.map(|load| *load.get_ref());
+
+    let names = TRANSMISSIONS.iter().map(|it| it.name).chain([STIFF]);
+    let name = table.choice_or(log, "transmission", STIFF, names);
+    if let Some(kind) = TRANSMISSIONS.iter().find(|it| it.name == name) {
+        let mut number =
+            |key, default, range, unit| number_or(log, table, key, default, range, unit);
+        let scale = if rotary { 1.0 } else { 1e6 };
+        axis.elasticity = Some(Transmission {
+            stiffness: scale * number("stiffness", kind.stiffness / scale, 1e-3..=1e9, stiffness),
+            damping: number("damping", kind.damping, 0.0..=1.0, "(damping ratio)"),
+            play: number("play", kind.play, 0.0..=100.0, position),
+            ..*kind
+        });
+    }
+    let allowed = format!("[least, greatest] position {position}, the first below the second");
+    let found = table.interval_if(log, "end_stops", &allowed);
+    axis.end_stops = found.map(|stops| stops.into_inner());
+    let micro = if rotary { "0.001°" } else { "µm" };
+    let allowed = format!(
+        "[[position, error], …] {position} and {micro}, in ascending order of position, errors of at \
+         most 1000000"
+    );
+    let accept = |_, error: f64| error.abs() <= 1e6;
+    let found = table.points_if(log, "lead_error", &allowed, accept);
+    let points = found.map_or(Vec::new(), |points| points.into_inner());
+    axis.lead_error = points.into_iter().map(|(at, it)| (at, it * 1e-3)).collect();
+}
+
+/// What makes the encoder's reading wrong, if anything is said of it.
+fn encoder(log: &mut Log<'_>, table: &mut Table<'_, '_>) -> Option<EncoderErrors> {
+    let keys = [
+        "encoder_noise",
+        "encoder_error",
+        "encoder_periods",
+        "encoder_steps",
+    ];
+    let said = keys.iter().any(|key| table.span_of(key).is_some());
+    let mut number = |key| number_or(log, table, key, 0.0, 0.0..=1e6, "(increments)");
+    let (noise, interpolation) = (number(keys[0]), number(keys[1]));
+    let mut count = |key, default, range| table.integer_or(log, key, default, range, "");
+    let periods = count(keys[2], 128, 1..=1_000_000) as u32;
+    let steps = count(keys[3], 0, 0..=1 << 30) as u32;
+    said.then_some(EncoderErrors {
+        noise,
+        steps,
+        periods,
+        interpolation,
+    })
 }

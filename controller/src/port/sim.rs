@@ -2,12 +2,13 @@
 
 use super::{Port, PortError};
 use crate::bus::{Burst, Received};
-use crate::machine::{Axis, Machine, Mechanics};
+use crate::machine::{Axis, Machine, Simulation};
 use syncline_canopen::{Frame, NodeId};
 use syncline_drives::bus::{Band, BitRate};
-use syncline_drives::mechanics::rigid_beam::{RigidBeam, Side};
+use syncline_drives::mechanics::rigid::Rigid;
+use syncline_drives::mechanics::rigid_beam::{Beam, RigidBeam, Side};
 use syncline_drives::model::{Direction, Model};
-use syncline_drives::twin::{Config, Kind, SimulatedDevice};
+use syncline_drives::twin::{self, Config, Kind, SimulatedDevice};
 use syncline_drives::world::{BusId, DeviceId, Hosted, Observer, World};
 
 /// The controller's side of a simulated bus: what is to be sent there, and what came from there.
@@ -120,17 +121,14 @@ impl Simulated {
         });
         let devices: Vec<Option<DeviceId>> = devices.collect();
         for axis in &machine.axes {
-            let Some(mechanics) = &axis.mechanics else {
+            let Some((simulation, beam)) = tied(axis) else {
                 continue;
             };
-            let tied: Vec<DeviceId> = axis.drives.iter().filter_map(|it| devices[*it]).collect();
-            if tied.len() == axis.drives.len() {
-                let sides = axis.drives.iter().zip(&tied);
-                let sides = sides.map(|(&drive, &id)| side(machine, drive, world.device_mut(id)));
-                let mechanics = tie(machine, axis, mechanics, sides.collect())?;
-                world.couple(mechanics, &tied);
-            } else if !tied.is_empty() {
-                return Err(split(machine, axis, mechanics));
+            let sides: Vec<DeviceId> = axis.drives.iter().filter_map(|it| devices[*it]).collect();
+            if sides.len() == axis.drives.len() {
+                world.couple(tie(machine, axis, simulation, beam)?, &sides);
+            } else if !sides.is_empty() {
+                return Err(split(machine, axis));
             }
         }
         Ok(Self {
@@ -155,7 +153,7 @@ pub fn hosted(
 ) -> Result<Hosted, PortError> {
     let drives = 0..machine.drives.len();
     let drives: Vec<usize> = drives.filter(|it| machine.drives[*it].bus == bus).collect();
-    let mut devices: Vec<_> = (drives.iter())
+    let devices: Vec<_> = (drives.iter())
         .map(|&drive| {
             let mut config = config(machine, drive, seed);
             configure(&mut config);
@@ -164,17 +162,15 @@ pub fn hosted(
         .collect();
     let mut ties = Vec::new();
     for axis in &machine.axes {
-        let Some(mechanics) = &axis.mechanics else {
+        let Some((simulation, beam)) = tied(axis) else {
             continue;
         };
         let place = |drive| drives.iter().position(|it| it == drive);
         let places: Vec<usize> = axis.drives.iter().filter_map(place).collect();
         if places.len() == axis.drives.len() {
-            let sides = axis.drives.iter().zip(&places);
-            let sides = sides.map(|(&drive, &it)| side(machine, drive, &mut *devices[it]));
-            ties.push((tie(machine, axis, mechanics, sides.collect())?, places));
+            ties.push((tie(machine, axis, simulation, beam)?, places));
         } else if !places.is_empty() {
-            return Err(split(machine, axis, mechanics));
+            return Err(split(machine, axis));
         }
     }
     let mut hosted = Hosted::new(devices);
@@ -191,7 +187,12 @@ pub fn config(machine: &Machine, drive: usize, seed: u64) -> Config {
     // The machine file was checked: the soft limits are within the drive's range.
     let rest = machine.axes[spec.axis].rest();
     let position = spec.scaling.to_increments(rest);
+    let axis = &machine.axes[spec.axis];
+    let simulation = axis.simulation.as_ref();
+    let own = simulation.filter(|it| it.beam.is_none());
     Config {
+        axis: own.map(|it| at_shaft(machine, drive, it)),
+        encoder: simulation.and_then(|it| it.encoder),
         position: position.map_or(0.0, |rest| spec.scaling.to_revolutions(rest)),
         bit_rate: BitRate::from_kbit(machine.buses[spec.bus].bitrate / 1000),
         assumed: machine.assumed(spec.model).0,
@@ -218,17 +219,37 @@ pub fn twin(model: &Model, config: &Config) -> Box<dyn SimulatedDevice> {
     (kind.make)(config)
 }
 
-/// The drive train of one side of an axis.
-fn side(machine: &Machine, drive: usize, device: &mut dyn SimulatedDevice) -> Side {
-    let scaling = &machine.drives[drive].scaling;
+/// What the motor of a drive feels of its axis.
+fn at_shaft(machine: &Machine, drive: usize, simulation: &Simulation) -> twin::Axis {
+    let spec = &machine.drives[drive];
+    let axis = &machine.axes[spec.axis];
+    let rotary = !axis.letter.is_linear();
+    (simulation.axis).at_shaft(&spec.scaling, axis.mm_per_revolution, rotary)
+}
+
+/// The simulation of an axis whose drives are tied together, and what ties them.
+fn tied(axis: &Axis) -> Option<(&Simulation, Beam)> {
+    let simulation = axis.simulation.as_ref()?;
+    Some((simulation, simulation.beam?))
+}
+
+/// One side of a beam, from the rotor to its end.
+fn side(machine: &Machine, drive: usize, simulation: &Simulation) -> Side {
+    let train = at_shaft(machine, drive, simulation).train;
     let travel = machine.axes[machine.drives[drive].axis].mm_per_revolution / 1000.0;
-    let shaft = device.shaft_mut().expect("a drive has a shaft");
     Side {
-        travel: match scaling.direction() {
+        travel: match machine.drives[drive].scaling.direction() {
             Direction::Positive => travel,
             Direction::Negative => -travel,
         },
-        rigid: shaft.rigid().clone(),
+        rigid: Rigid {
+            motor_inertia: train.rotor_inertia,
+            viscous_friction: train.bearing.viscous + train.guide.viscous,
+            coulomb_friction: train.bearing.coulomb + train.guide.coulomb,
+            load_torque: train.load_torque,
+            brake_torque: train.brake.torque,
+            ..Rigid::default()
+        },
     }
 }
 
@@ -239,20 +260,23 @@ fn side(machine: &Machine, drive: usize, device: &mut dyn SimulatedDevice) -> Si
 fn tie(
     machine: &Machine,
     axis: &Axis,
-    mechanics: &Mechanics,
-    sides: Vec<Side>,
+    simulation: &Simulation,
+    beam: Beam,
 ) -> Result<RigidBeam, PortError> {
-    let Mechanics::RigidBeam(beam) = *mechanics;
+    let sides = axis.drives.iter();
+    let sides: Vec<Side> = sides
+        .map(|&drive| side(machine, drive, simulation))
+        .collect();
     let sides: Option<[Side; 2]> = sides.try_into().ok();
     let tied = sides.and_then(|sides| RigidBeam::new(beam, sides));
     tied.ok_or_else(|| {
         let why = "cannot be computed with these masses and this travel for a revolution";
-        refusal(machine, axis, mechanics, why)
+        refusal(machine, axis, why)
     })
 }
 
 /// Mechanics that tie drives together which do not live by one clock.
-fn split(machine: &Machine, axis: &Axis, mechanics: &Mechanics) -> PortError {
+fn split(machine: &Machine, axis: &Axis) -> PortError {
     let drives = axis.drives.iter().map(|drive| {
         let drive = &machine.drives[*drive];
         let bus = &machine.buses[drive.bus];
@@ -264,13 +288,13 @@ fn split(machine: &Machine, axis: &Axis, mechanics: &Mechanics) -> PortError {
          drives on one bus, or take `simulation` out",
         drives.join(" and ")
     );
-    refusal(machine, axis, mechanics, &why)
+    refusal(machine, axis, &why)
 }
 
-fn refusal(machine: &Machine, axis: &Axis, mechanics: &Mechanics, why: &str) -> PortError {
+fn refusal(machine: &Machine, axis: &Axis, why: &str) -> PortError {
     let bus = axis.drives.first().map(|drive| machine.drives[*drive].bus);
     PortError {
         bus: bus.map_or(String::new(), |bus| machine.buses[bus].name.clone()),
-        what: format!("axis {}: {} {why}", axis.name(), mechanics.name()),
+        what: format!("axis {}: rigid_beam {why}", axis.name()),
     }
 }

@@ -1,5 +1,6 @@
 //! The machine file as people write it, well and badly.
 
+use std::f64::consts::TAU;
 use std::path::Path;
 use std::time::Duration;
 use syncline_controller::machine::Machine;
@@ -52,6 +53,65 @@ fn the_portal() {
             ("607Dh:2".into(), -843_776 + increments(2.0)),
         ]
     );
+}
+
+/// The figures of the load as the motor feels them: 5 mm a revolution, and a drive that counts the
+/// other way.
+#[test]
+fn a_simulated_axis_is_seen_at_its_shaft() {
+    let text = XYZ.replacen(
+        "max_velocity = 200.0",
+        "max_velocity = 200.0\nsimulation = { motor = \"generic-3\", load = 50, transmission = \"screw\", \
+         stiffness = 80, damping = 0.05, play = 0.01, friction = 30, breakaway_friction = 45, \
+         stribeck_velocity = 3, viscous_friction = 200, gravity = -490.0, brake_torque = 7, \
+         brake_opening_ms = 40, end_stops = [-160, 30], lead_error = [[-150, 0], [0, 20]], \
+         transmission_inertia = 1e-4, encoder_noise = 0.3, encoder_steps = 65536 }",
+        1,
+    );
+    let machine = parse(&text).unwrap();
+    let axis = &machine.axes[0];
+    let simulation = axis.simulation.as_ref().unwrap();
+    let scaling = &machine.drives[axis.drives[0]].scaling;
+    let at_shaft = simulation
+        .axis
+        .at_shaft(scaling, axis.mm_per_revolution, false);
+    let (motor, train) = (at_shaft.motor, at_shaft.train);
+    let travel = 5e-3 / TAU;
+    let elasticity = train.elasticity.unwrap();
+    let reduced = 3.8e-4 * 50.0 * travel * travel / (3.8e-4 + 50.0 * travel * travel);
+    let decay = 0.5 * elasticity.damping / reduced;
+    let (lower, upper) = train.stops.unwrap();
+    for (what, found, expected) in [
+        ("torque", motor.continuous_torque, 3.0),
+        ("rotor", train.rotor_inertia, 3.8e-4),
+        ("load", train.load_inertia, 50.0 * travel * travel),
+        ("stiffness", elasticity.stiffness, 8e7 * travel * travel),
+        (
+            "damping",
+            decay / (elasticity.stiffness / reduced).sqrt(),
+            0.05,
+        ),
+        ("play", elasticity.play, 1e-5 / travel),
+        ("friction", train.guide.coulomb, 30.0 * travel),
+        ("breakaway", train.guide.breakaway, 45.0 * travel),
+        ("its speed", train.guide.stribeck_speed, 3e-3 / travel),
+        ("viscous", train.guide.viscous, 200.0 * travel * travel),
+        // Z's drive turns the other way: up is negative.
+        ("gravity", train.load_torque, 490.0 * travel),
+        ("brake", train.brake.torque, 7.0),
+        ("opening", train.brake.opening, 0.04),
+        ("lower stop", lower, -0.03 / travel),
+        ("upper stop", upper, 0.16 / travel),
+        ("lead error", train.lead_error.at(15.0), -0.01 / 5.0),
+    ] {
+        assert!(
+            (found / expected - 1.0).abs() < 1e-12,
+            "{what}: {found}, expected {expected}"
+        );
+    }
+    let encoder = simulation.encoder.unwrap();
+    assert_eq!((encoder.noise, encoder.steps), (0.3, 65536));
+    assert_eq!(machine.axes[1].simulation, None);
 }
 
 #[test]
@@ -331,6 +391,43 @@ fn every_mistake_is_found_named_and_placed() {
         ),
         (
             "soft_limits = [-300.0, 0.0]",
+            "soft_limits = [-300.0, 0.0]\nsimulation = { motor = §\"generic-2\" }",
+            "axis \"Z\": simulation: `motor` is \"generic-2\"",
+            "nearest: \"generic-3\"",
+        ),
+        (
+            "soft_limits = [-300.0, 0.0]",
+            "soft_limits = [-300.0, 0.0]\nsimulation = { transmission = §\"srew\" }",
+            "axis \"Z\": simulation: `transmission` is \"srew\"",
+            "nearest: \"screw\"",
+        ),
+        (
+            "soft_limits = [-300.0, 0.0]",
+            "soft_limits = [-300.0, 0.0]\nsimulation = { §stiffness = 30 }",
+            "axis \"Z\": simulation: unknown key `stiffness`",
+            "",
+        ),
+        (
+            "soft_limits = [-300.0, 0.0]",
+            "soft_limits = [-300.0, 0.0]\nsimulation = { friction = 20, breakaway_friction = §15 }",
+            "axis \"Z\": simulation: `breakaway_friction` is 15",
+            "allowed: a number from 20 to 1000000 (N)",
+        ),
+        (
+            "soft_limits = [-300.0, 0.0]",
+            "soft_limits = [-300.0, 0.0]\nsimulation = { lead_error = §[[10, 1], [0, 2]] }",
+            "axis \"Z\": simulation: `lead_error` is [[10, 1], [0, 2]]",
+            "in ascending order of position",
+        ),
+        (
+            "skew_limit = 0.5",
+            "skew_limit = 0.5\nsimulation = { mechanics = \"rigid_beam\", mass = 80, inertia = 15, \
+             span = 1500, §load = 3 }",
+            "axis \"X\": simulation: unknown key `load`",
+            "",
+        ),
+        (
+            "soft_limits = [-300.0, 0.0]",
             "soft_limits = §[-300.0, 163_500]",
             "axis \"Z\": `soft_limits` [-300, 163500] are beyond what drive \"Z\" can count",
             "allowed: -164221.470…163458.530 mm (-2147483648…2147483647 increments, 131072 for each",
@@ -543,7 +640,8 @@ fn the_reference_is_complete() {
         rows.map(|row| row.split('`').next().unwrap().to_owned())
             .collect()
     };
-    let text = PORTAL.to_owned() + "\n[path]\n[model.lxm32m]\n";
+    let text = PORTAL.to_owned()
+        + "\n[axis.simulation]\ntransmission = \"belt\"\n[path]\n[model.lxm32m]\n";
     for (table, header) in [
         ("machine", "[machine]"),
         ("controller", "[controller]"),
@@ -551,6 +649,7 @@ fn the_reference_is_complete() {
         ("bus", "[[bus]]"),
         ("drive", "[[drive]]"),
         ("axis", "[[axis]]"),
+        ("axis.simulation", "[axis.simulation]"),
         ("model.lxm32m", "[model.lxm32m]"),
     ] {
         let text = text.replacen(header, &format!("{header}\nno_such_key = 1"), 1);

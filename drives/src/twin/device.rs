@@ -1,7 +1,10 @@
 //! What a simulated bus carries, whatever its model.
 
+use super::servo::encoder::EncoderErrors;
+use super::servo::motor::Motor;
 use super::servo::shaft::Shaft;
 use crate::bus::{BitRate, Node};
+use crate::mechanics::drive_train::DriveTrain;
 use core::any::Any;
 use syncline_canopen::dictionary::Entry;
 use syncline_canopen::sdo::AbortCode;
@@ -92,6 +95,15 @@ pub enum ErrorClass {
     Fatal = 4,
 }
 
+/// A motor with the feed axis behind it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Axis {
+    /// The motor.
+    pub motor: Motor,
+    /// The axis at its shaft.
+    pub train: DriveTrain,
+}
+
 /// What a twin is made of, whatever its model.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Config {
@@ -111,6 +123,10 @@ pub struct Config {
     pub tolerant: bool,
     /// Answers at once, not after the time that a drive's processor takes.
     pub prompt: bool,
+    /// What its motor moves, and the motor; `None`: the model's own.
+    pub axis: Option<Axis>,
+    /// What makes its encoder's reading wrong; `None`: the model's own.
+    pub encoder: Option<EncoderErrors>,
     /// What is known of the real device where its manual is silent, by the names that its model has
     /// for it, such as a resolution; a twin takes what it is made of.
     pub assumed: Vec<(&'static str, u32)>,
@@ -128,6 +144,8 @@ impl Config {
             bit_rate: None,
             tolerant: false,
             prompt: false,
+            axis: None,
+            encoder: None,
             assumed: Vec::new(),
         }
     }

@@ -26,7 +26,7 @@ pub mod random;
 pub mod servo;
 pub mod twk_crn;
 
-pub use device::{Config, Disturbance, ErrorClass, Kind, Observation, SimulatedDevice};
+pub use device::{Axis, Config, Disturbance, ErrorClass, Kind, Observation, SimulatedDevice};
 
 /// Every twin.
 pub static TWINS: [&Kind; 3] = [&lxm32m::KIND, &cia402_csp::KIND, &twk_crn::KIND];

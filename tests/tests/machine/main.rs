@@ -8,6 +8,7 @@ mod cia402_csp;
 mod consoles;
 mod corpus;
 mod faults;
+mod feed_axes;
 mod fits;
 mod heard;
 mod jogs;

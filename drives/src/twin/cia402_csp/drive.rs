@@ -9,6 +9,7 @@ use crate::twin::servo::cascade::{
 };
 use crate::twin::servo::clock::Clock;
 use crate::twin::servo::encoder::Encoder;
+use crate::twin::servo::power_stage::{PowerStage, TorqueSource};
 use crate::twin::servo::ramp::Ramp;
 use crate::twin::servo::shaft::Shaft;
 use syncline_canopen::cia402::{Controlword, State, Statusword};
@@ -47,6 +48,8 @@ pub(super) struct Segment {
     since: Instant,
     /// Seconds.
     period: f64,
+    /// Mean change of velocity since the setpoint before, increments/s².
+    acceleration: f64,
 }
 
 impl Segment {
@@ -55,11 +58,16 @@ impl Segment {
         if elapsed >= self.period {
             return Ramp::at(self.to);
         }
-        let velocity = (self.to - self.from) / self.period;
+        let velocity = self.velocity();
         Ramp {
             position: self.from + velocity * elapsed,
             velocity,
         }
+    }
+
+    /// On the way, increments/s.
+    fn velocity(&self) -> f64 {
+        (self.to - self.from) / self.period
     }
 }
 
@@ -92,6 +100,8 @@ pub(super) struct Drive {
     shaft: Shaft,
     sensor: Encoder,
     pub(super) cascade: Cascade,
+    torque_source: TorqueSource,
+    torque: f64,
     increments_per_revolution: f64,
     pub(super) encoder: i64,
     /// Measured, increments/s.
@@ -141,6 +151,8 @@ impl Drive {
             shaft,
             sensor,
             cascade: Cascade::new(config.gains, encoder),
+            torque_source: config.torque_source,
+            torque: 0.0,
             increments_per_revolution,
             encoder,
             velocity: 0.0,
@@ -191,10 +203,12 @@ impl Drive {
         }
         let counts = self.increments_per_revolution;
         let reference = self.loop_reference();
-        let torque = self
-            .cascade
-            .speed_step(reference, self.encoder, counts, SPEED_STEP);
-        self.shaft.step(end, dt, torque, self.is_powered());
+        let is_held = self.torque_source.is_limited();
+        let wanted =
+            (self.cascade).speed_step(reference, self.encoder, counts, SPEED_STEP, is_held);
+        let (is_on, shaft) = (self.is_powered(), &self.shaft);
+        self.torque = (self.torque_source).step(wanted, is_on, shaft, SPEED_STEP);
+        self.shaft.step(end, dt, self.torque, is_on);
         self.encoder = self.sensor.read(&self.shaft, 0.0);
         self.clock.next_step();
     }
@@ -210,6 +224,7 @@ impl Drive {
         } else {
             self.reference = Ramp::at(self.encoder as f64);
         }
+        self.cascade.limit_torque(self.torque_source.torque_limit());
         let counts = self.increments_per_revolution;
         let reference = self.loop_reference();
         self.cascade.position_step(reference, self.encoder, counts);
@@ -222,7 +237,17 @@ impl Drive {
         Reference::Position {
             position: self.reference.position,
             velocity: self.reference.velocity,
+            acceleration: match self.motion {
+                Motion::Hold => 0.0,
+                Motion::Stop(deceleration) => -deceleration * self.reference.velocity.signum(),
+                Motion::Follow(segment) => segment.acceleration,
+            },
         }
+    }
+
+    /// Torque of the motor, N·m.
+    pub(super) fn torque(&self) -> f64 {
+        self.torque
     }
 
     fn move_reference(&mut self) {
@@ -250,16 +275,19 @@ impl Drive {
         if !follows {
             return;
         }
-        let from = match self.motion {
-            Motion::Follow(segment) => segment.at(now).position,
-            _ => self.reference.position,
+        let (from, velocity) = match self.motion {
+            Motion::Follow(segment) => (segment.at(now).position, segment.velocity()),
+            _ => (self.reference.position, 0.0),
         };
-        self.motion = Motion::Follow(Segment {
+        let mut segment = Segment {
             from,
             to: self.settings.target,
             since: now,
             period: self.settings.period.max(POSITION_STEP),
-        });
+            acceleration: 0.0,
+        };
+        segment.acceleration = (segment.velocity() - velocity) / segment.period;
+        self.motion = Motion::Follow(segment);
     }
 
     /// The power stage goes on: the reference is where the motor is.
@@ -274,6 +302,11 @@ impl Drive {
     // ---- monitoring ----
 
     fn monitor(&mut self) {
+        let power_stage = self.torque_source.power_stage();
+        if power_stage.is_some_and(PowerStage::has_overvoltage) {
+            self.raise(DriveError::OVERVOLTAGE);
+            return;
+        }
         if self.braking && self.is_at_rest() {
             self.end_braking();
         } else if self.misses_sync() {
@@ -340,7 +373,7 @@ impl Drive {
             _ => self.reference.position,
         };
         let deviation = libm::round(reference) as i64 - position;
-        let torque = self.cascade.torque() / self.cascade.gains.continuous_torque * 1000.0;
+        let torque = self.torque / self.cascade.gains().continuous_torque * 1000.0;
         for (index, value) in [
             (0x1001, self.errors.register().into()),
             (0x603F, self.errors.code().into()),

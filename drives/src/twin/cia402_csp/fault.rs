@@ -33,6 +33,8 @@ impl DriveError {
     );
     /// The DC link lost its voltage with the power stage on.
     pub const UNDERVOLTAGE: Self = Self::new(ErrorClass::SwitchOff, 0x3220, register::VOLTAGE);
+    /// Braking brought more into the DC link than its resistor takes.
+    pub const OVERVOLTAGE: Self = Self::new(ErrorClass::SwitchOff, 0x3210, register::VOLTAGE);
 
     const fn new(class: ErrorClass, code: u16, register: u8) -> Self {
         Self {

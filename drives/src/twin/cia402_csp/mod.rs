@@ -23,16 +23,16 @@ mod state;
 pub use fault::DriveError;
 pub use policy::Policies;
 
-use super::device::{Config, Disturbance, Kind, Observation, SimulatedDevice};
+use super::device::{Axis, Config, Disturbance, Kind, Observation, SimulatedDevice};
 use super::node::{Delays, DeviceNode, Firmware};
 use super::random::Random;
 use super::servo::cascade::Gains;
 use super::servo::clock::Clock;
-use super::servo::encoder::Encoder;
-use super::servo::shaft::Shaft;
+use super::servo::encoder::{Encoder, EncoderErrors};
+use super::servo::power_stage::{DcBus, PowerStage, TorqueSource};
+use super::servo::shaft::{Plant, Shaft};
 use crate::bus::Node;
 use crate::dictionary::CIA402_CSP;
-use crate::mechanics::rigid::Rigid;
 use drive::Drive;
 use syncline_canopen::cia402::{State, Statusword};
 use syncline_canopen::dictionary::Dictionary;
@@ -65,10 +65,12 @@ pub struct TwinConfig {
     pub position: f64,
     /// Encoder increments per motor revolution: 608Fh:1.
     pub encoder_increments: u32,
-    /// Standard deviation of the encoder's noise, increments.
-    pub encoder_noise: f64,
+    /// What makes the encoder's reading wrong.
+    pub encoder: EncoderErrors,
     /// The axis behind the motor.
-    pub mechanics: Rigid,
+    pub mechanics: Plant,
+    /// What turns it.
+    pub torque_source: TorqueSource,
     /// Gains of the control loops.
     pub gains: Gains,
     /// What the profile leaves open.
@@ -91,8 +93,12 @@ impl TwinConfig {
             seed: 0,
             position: 0.0,
             encoder_increments: 1_048_576,
-            encoder_noise: 2.0,
-            mechanics: Rigid::default(),
+            encoder: EncoderErrors {
+                noise: 2.0,
+                ..EncoderErrors::default()
+            },
+            mechanics: Plant::default(),
+            torque_source: TorqueSource::Ideal,
             gains: Gains {
                 velocity_feed_forward: 1.0,
                 ..Gains::default()
@@ -111,7 +117,22 @@ impl TwinConfig {
 impl From<&Config> for TwinConfig {
     fn from(config: &Config) -> Self {
         let own = Self::new(config.node);
+        let (mechanics, torque_source, gains) = match &config.axis {
+            None => (own.mechanics, own.torque_source, own.gains),
+            Some(Axis { motor, train }) => (
+                train.clone().into(),
+                PowerStage::new(*motor, DcBus::default()).into(),
+                Gains {
+                    velocity_feed_forward: own.gains.velocity_feed_forward,
+                    ..Gains::commissioned(motor, train)
+                },
+            ),
+        };
         Self {
+            mechanics,
+            torque_source,
+            gains,
+            encoder: config.encoder.unwrap_or(own.encoder),
             seed: config.seed,
             position: config.position,
             encoder_increments: config
@@ -153,7 +174,7 @@ impl Twin {
         let ppm = stream(0).between(-config.oscillator_ppm, config.oscillator_ppm);
         let clock = Clock::new(Instant::ZERO, ppm);
         let counts = f64::from(config.encoder_increments);
-        let encoder = Encoder::new(counts, config.encoder_noise, stream(1));
+        let encoder = Encoder::new(counts, config.encoder, stream(1));
         Self {
             node,
             drive: Drive::new(objects, config, clock, encoder),
@@ -195,7 +216,7 @@ impl SimulatedDevice for Twin {
             is_powered: self.drive.is_powered(),
             position: self.drive.shaft().position(),
             velocity: self.drive.shaft().velocity(),
-            torque: self.drive.cascade.torque(),
+            torque: self.drive.torque(),
         }
     }
 

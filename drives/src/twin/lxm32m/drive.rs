@@ -3,6 +3,7 @@
 use super::fault::{DriveError, Errors};
 use super::modes::{Gear, Homing, Interpolation, Jog, Mode, ProfilePosition, Sequence};
 use super::motion::Motion;
+use super::parameter_sets::ParameterSet;
 use super::policy::Policies;
 use super::rows::Rows;
 use super::signals::Captures;
@@ -15,6 +16,7 @@ use crate::twin::servo::cascade::{
 };
 use crate::twin::servo::clock::Clock;
 use crate::twin::servo::encoder::Encoder;
+use crate::twin::servo::power_stage::{PowerStage, TorqueSource};
 use crate::twin::servo::ramp::Ramp;
 use crate::twin::servo::shaft::Shaft;
 use syncline_canopen::cia402::{Controlword, State, Statusword};
@@ -37,6 +39,7 @@ pub(super) const STANDSTILL: f64 = INCREMENTS_PER_REVOLUTION / 6.0;
 pub(super) struct Drive {
     pub(super) objects: Dictionary,
     pub(super) rows: Rows,
+    pub(super) parameter_sets: [ParameterSet; 2],
     pub(super) policies: Policies,
     pub(super) errors: Errors,
     pub(super) switches: Switches,
@@ -60,6 +63,8 @@ pub(super) struct Drive {
     shaft: Shaft,
     sensor: Encoder,
     pub(super) cascade: Cascade,
+    pub(super) torque_source: TorqueSource,
+    torque: f64,
     /// Gains that no object sets.
     pub(super) own_gains: Gains,
     pub(super) encoder: i64,
@@ -69,6 +74,10 @@ pub(super) struct Drive {
     recent_place: usize,
     velocity: f64,
     pub(super) ramp: Ramp,
+    /// Velocity of the ramp when the cycle began, and its mean acceleration since the one before:
+    /// setpoints that are joined by straight lines have no other.
+    cycle_velocity: f64,
+    acceleration: f64,
     pub(super) motion: Motion,
 
     /// The active mode; 6060h may ask for another until the motor stands.
@@ -108,6 +117,7 @@ impl Drive {
         let TwinConfig {
             initial_position,
             mechanics,
+            torque_source,
             gains,
             switches,
             policies,
@@ -120,6 +130,7 @@ impl Drive {
         let encoder = sensor.read(&shaft, 0.0);
         Self {
             rows: Rows::new(&objects),
+            parameter_sets: ParameterSet::both(&objects),
             objects,
             policies,
             errors: Errors::new(),
@@ -139,14 +150,18 @@ impl Drive {
             sync: Synchronisation::new(),
             shaft,
             sensor,
-            own_gains: cascade.gains.clone(),
+            own_gains: cascade.gains().clone(),
             cascade,
+            torque_source,
+            torque: 0.0,
             encoder,
             zero: 0,
             recent: [encoder; VELOCITY_WINDOW],
             recent_place: 0,
             velocity: 0.0,
             ramp: Ramp::at(encoder as f64),
+            cycle_velocity: 0.0,
+            acceleration: 0.0,
             motion: Motion::Hold,
             mode: Mode::None,
             interpolation: Interpolation::default(),
@@ -183,7 +198,7 @@ impl Drive {
 
     /// Torque of the motor, N·m.
     pub(super) fn torque(&self) -> f64 {
-        self.cascade.torque()
+        self.torque
     }
 
     /// Whether the power stage is on.
@@ -207,15 +222,17 @@ impl Drive {
             self.now = self.clock.step_end();
             self.position_step(step);
         }
-        let reference = self.loop_reference();
-        let torque = self.cascade.speed_step(
-            reference,
+        let wanted = self.cascade.speed_step(
+            self.loop_reference(),
             self.encoder,
             INCREMENTS_PER_REVOLUTION,
             SPEED_STEP,
+            self.torque_source.is_limited(),
         );
+        let (is_on, shaft) = (self.is_powered(), &self.shaft);
+        self.torque = (self.torque_source).step(wanted, is_on, shaft, SPEED_STEP);
         let end = self.clock.step_end();
-        self.shaft.step(end, dt, torque, self.is_powered());
+        self.shaft.step(end, dt, self.torque, is_on);
         self.encoder = self.sensor.read(&self.shaft, 0.0);
         if self.clock.next_step() {
             self.interpolation.next_cycle();
@@ -241,6 +258,12 @@ impl Drive {
         } else {
             self.ramp = Ramp::at(self.encoder as f64);
         }
+        if step == 0 {
+            let cycle = f64::from(self.clock.steps()) * SPEED_STEP;
+            self.acceleration = (self.ramp.velocity - self.cycle_velocity) / cycle;
+            self.cycle_velocity = self.ramp.velocity;
+        }
+        self.cascade.limit_torque(self.torque_limit());
         let reference = self.loop_reference();
         self.cascade
             .position_step(reference, self.encoder, INCREMENTS_PER_REVOLUTION);
@@ -255,8 +278,27 @@ impl Drive {
             _ => Reference::Position {
                 position: self.ramp.position,
                 velocity: self.ramp.velocity,
+                acceleration: self.acceleration,
             },
         }
+    }
+
+    /// Most torque that the present movement may take, N·m: 3011h:D in a Quick Stop, 3011h:E in a
+    /// Halt, 0 as `Gains` say; and what the power stage allows.
+    fn torque_limit(&self) -> f64 {
+        let row = if self.quick_stopping {
+            Some(self.rows.quick_stop_current)
+        } else if self.controlword.has(Controlword::HALT) {
+            Some(self.rows.halt_current)
+        } else {
+            None
+        };
+        let limit = row.map_or(0, |row| self.objects.get(row));
+        let limit = match limit {
+            0 => f64::INFINITY,
+            _ => self.torque_of_current(limit),
+        };
+        limit.min(self.torque_source.torque_limit())
     }
 
     fn move_reference(&mut self, step: u32) {
@@ -297,6 +339,11 @@ impl Drive {
     }
 
     fn monitor(&mut self) {
+        let power_stage = self.torque_source.power_stage();
+        if power_stage.is_some_and(PowerStage::has_overvoltage) {
+            self.raise(DriveError::OVERVOLTAGE);
+            return;
+        }
         if let Some(error) = self.limit_hit().or_else(|| self.deviation_error()) {
             let before = self.state;
             self.raise(error);
@@ -353,7 +400,7 @@ impl Drive {
         if matches!(self.motion, Motion::Torque(_)) {
             return 0.0;
         }
-        let gains = &self.cascade.gains;
+        let gains = self.cascade.gains();
         let lag = self.ramp.velocity * (1.0 - gains.velocity_feed_forward) / gains.position;
         let deviation = self.deviation();
         if (deviation - lag).abs() < deviation.abs() {
@@ -426,7 +473,7 @@ impl Drive {
         let reference = (self.ramp.position as i64).saturating_sub(self.zero);
         let velocity = self.actual_velocity();
         let rpm = velocity * 60.0 / INCREMENTS_PER_REVOLUTION;
-        let torque = self.cascade.torque() / self.cascade.gains.continuous_torque * 1000.0;
+        let torque = self.torque / self.cascade.gains().continuous_torque * 1000.0;
         let position = self.user_position(encoder);
         let user_reference = self.user_position(reference);
         let deviation = user_reference.saturating_sub(position);
@@ -486,7 +533,29 @@ impl Drive {
         for (row, value) in shown {
             self.objects.set(row, value);
         }
+        self.publish_power_stage();
         self.publish_signals(position);
+    }
+
+    /// DC bus in 0.1 V, I²t of power stage and motor in percent with their peaks: units assumed.
+    fn publish_power_stage(&mut self) {
+        let Some(stage) = self.torque_source.power_stage() else {
+            return;
+        };
+        let rows = self.rows;
+        let percent = stage
+            .overloads()
+            .map(|level| libm::round(100.0 * level) as i64);
+        let voltage = libm::round(10.0 * stage.voltage()) as i64;
+        self.objects.set(rows.bus_voltage, voltage);
+        for (value, [now, peak]) in percent.into_iter().zip([
+            [rows.motor_overload, rows.motor_overload_peak],
+            [rows.drive_overload, rows.drive_overload_peak],
+        ]) {
+            self.objects.set(now, value);
+            let peak_before = self.objects.get(peak);
+            self.objects.set(peak, value.max(peak_before));
+        }
     }
 
     /// 6041h (lxm32m 1301-1351).

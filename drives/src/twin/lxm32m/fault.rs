@@ -76,6 +76,13 @@ impl DriveError {
         0x3120,
         register::MANUFACTURER,
     );
+    /// Braking brought more into the DC bus than its resistor takes.
+    pub const OVERVOLTAGE: Self = Self::new(
+        ErrorClass::SwitchOff,
+        0x3207,
+        0x3110,
+        register::MANUFACTURER,
+    );
     /// A limit switch was reached.
     pub const LIMIT_SWITCH: Self =
         Self::new(ErrorClass::QuickStop, 0xA302, 0x1000, register::PROFILE);

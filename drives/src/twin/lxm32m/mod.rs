@@ -53,16 +53,16 @@ pub use rows::storage_only;
 pub use switches::Switches;
 pub use synchronisation::SyncStatus;
 
-use super::device::{Config, Disturbance, Kind, Observation, SimulatedDevice};
+use super::device::{Axis, Config, Disturbance, Kind, Observation, SimulatedDevice};
 use super::node::{Delays, DeviceNode, Firmware};
 use super::random::Random;
 use super::servo::cascade::Gains;
 use super::servo::clock::Clock;
-use super::servo::encoder::Encoder;
-use super::servo::shaft::Shaft;
+use super::servo::encoder::{Encoder, EncoderErrors};
+use super::servo::power_stage::{DcBus, PowerStage, TorqueSource};
+use super::servo::shaft::{Plant, Shaft};
 use crate::bus::Node;
 use crate::dictionary::LXM32M;
-use crate::mechanics::rigid::Rigid;
 use drive::Drive;
 use syncline_canopen::cia402::{State, Statusword};
 use syncline_canopen::dictionary::Dictionary;
@@ -90,9 +90,11 @@ pub struct TwinConfig {
     /// Where the absolute multi-turn encoder stands, increments (131072 a revolution).
     pub initial_position: i64,
     /// The axis behind the motor.
-    pub mechanics: Rigid,
-    /// Standard deviation of the encoder's noise, increments.
-    pub encoder_noise: f64,
+    pub mechanics: Plant,
+    /// What turns it.
+    pub torque_source: TorqueSource,
+    /// What makes the encoder's reading wrong.
+    pub encoder: EncoderErrors,
     /// Gains of the control loops.
     pub gains: Gains,
     /// The switches along it.
@@ -117,8 +119,12 @@ impl TwinConfig {
             node,
             seed: 0,
             initial_position: 0,
-            mechanics: Rigid::default(),
-            encoder_noise: 0.6,
+            mechanics: Plant::default(),
+            torque_source: TorqueSource::Ideal,
+            encoder: EncoderErrors {
+                noise: 0.6,
+                ..EncoderErrors::default()
+            },
             gains: Gains::default(),
             switches: Switches::default(),
             policies: Policies::default(),
@@ -136,7 +142,22 @@ impl TwinConfig {
 impl From<&Config> for TwinConfig {
     fn from(config: &Config) -> Self {
         let own = Self::new(config.node);
+        let (mechanics, torque_source, gains) = match &config.axis {
+            None => (own.mechanics, own.torque_source, own.gains),
+            Some(Axis { motor, train }) => (
+                train.clone().into(),
+                PowerStage::new(*motor, DcBus::default()).into(),
+                Gains {
+                    velocity_feed_forward: own.gains.velocity_feed_forward,
+                    ..Gains::commissioned(motor, train)
+                },
+            ),
+        };
         Self {
+            mechanics,
+            torque_source,
+            gains,
+            encoder: config.encoder.unwrap_or(own.encoder),
             seed: config.seed,
             initial_position: (config.position * INCREMENTS_PER_REVOLUTION) as i64,
             policies: match config.tolerant {
@@ -217,7 +238,7 @@ impl Twin {
         let node = DeviceNode::new(config.node, &objects, options, delays, stream(2));
         let ppm = stream(0).between(-config.oscillator_ppm, config.oscillator_ppm);
         let clock = Clock::new(Instant::ZERO, ppm);
-        let encoder = Encoder::new(INCREMENTS_PER_REVOLUTION, config.encoder_noise, stream(1));
+        let encoder = Encoder::new(INCREMENTS_PER_REVOLUTION, config.encoder, stream(1));
         Self {
             node,
             drive: Drive::new(objects, config, clock, encoder),

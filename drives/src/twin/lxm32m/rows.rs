@@ -1,5 +1,6 @@
 //! The rows of the dictionary that the twin gives a meaning to, looked up once.
 
+use super::parameter_sets::is_in_a_set;
 use crate::dictionary::LXM32M;
 use syncline_canopen::Address;
 use syncline_canopen::dictionary::{Dictionary, Entry, Row};
@@ -8,7 +9,7 @@ use syncline_canopen::dictionary::{Dictionary, Entry, Row};
 /// twin depends on them, and nothing changes them. 1xxxh is the CANopen node's.
 pub fn storage_only() -> impl Iterator<Item = &'static Entry> {
     let rows = LXM32M.iter().filter(|entry| entry.address.index >= 0x2000);
-    rows.filter(|entry| !ADDRESSES.contains(&entry.address))
+    rows.filter(|entry| !ADDRESSES.contains(&entry.address) && !is_in_a_set(entry.address))
 }
 
 macro_rules! rows {
@@ -104,20 +105,24 @@ rows! {
     register_group_start = 0x300B:0x16;
     pulse_position = 0x3008:0x05;
     pulse_velocity = 0x3008:0x06;
+    speed_filter_actual = 0x3011:0x08;
+    friction_speed = 0x3011:0x09;
+    acceleration_feed_forward = 0x3011:0x0A;
+    current_limit = 0x3011:0x0C;
+    quick_stop_current = 0x3011:0x0D;
+    halt_current = 0x3011:0x0E;
     velocity_limit = 0x3011:0x10;
+    global_gain = 0x3011:0x15;
     halt_option = 0x605D:0;
     parameter_set_copy = 0x3011:0x16;
     parameter_set_active = 0x3011:0x17;
     parameter_set_at_power_up = 0x3011:0x18;
     parameter_set_selected = 0x3011:0x19;
-    speed_integral_1 = 0x3012:0x02;
-    position_gain_1 = 0x3012:0x03;
-    speed_filter_1 = 0x3012:0x04;
-    feed_forward_1 = 0x3012:0x06;
-    speed_integral_2 = 0x3013:0x02;
-    position_gain_2 = 0x3013:0x03;
-    speed_filter_2 = 0x3013:0x04;
-    feed_forward_2 = 0x3013:0x06;
+    motor_overload = 0x301C:0x19;
+    motor_overload_peak = 0x301C:0x1B;
+    drive_overload = 0x301C:0x16;
+    drive_overload_peak = 0x301C:0x18;
+    bus_voltage = 0x301C:0x0F;
     jog_activate = 0x301B:0x09;
     sequence_start = 0x301B:0x0A;
     gear_reference = 0x301B:0x12;

@@ -1,7 +1,19 @@
-//! The cascade in the drive: position loop with velocity feed-forward, speed loop, torque limit.
+//! The cascade in the drive: position loop with feed-forward, speed loop, filters, torque limit.
+//!
+//! ```text
+//! position ─►(−)─► Kp ─►(+)─► overshoot ─► filter ─►(−)─► PI ─►(+)─► filter ─► notches ─► limit ─► torque
+//!             ▲          ▲  suppression               ▲          ▲
+//!          encoder   velocity × share      speed, filtered   acceleration × inertia × share
+//!                                                            + friction compensation
+//! ```
 //!
 //! The manual at hand names these parameters (3011h…3013h) without their values; the defaults
 //! here are assumptions that let the default [`Rigid`](crate::mechanics::rigid::Rigid) axis follow well.
+
+use super::filter::{Delayed, Notch, NotchShape, OvershootSuppression};
+use super::motor::Motor;
+use crate::mechanics::drive_train::DriveTrain;
+use core::f64::consts::TAU;
 
 /// Steps of the speed loop per step of the position loop.
 pub const SPEED_STEPS: u32 = 4;
@@ -19,6 +31,17 @@ pub struct Gains {
     pub position: f64,
     /// Share of the reference's velocity that goes straight to the speed loop (`CTRL1_KFPp`).
     pub velocity_feed_forward: f64,
+    /// Share of the torque that the reference's acceleration takes which goes straight to the torque
+    /// (`CTRL_KFAcc`).
+    pub acceleration_feed_forward: f64,
+    /// Inertia of the whole axis as commissioned, kg·m².
+    pub inertia: f64,
+    /// Suppression of overshoot in the speed reference (`CTRL1_Osupdamp`, `CTRL1_Osupdelay`).
+    pub overshoot_suppression: Option<OvershootSuppression>,
+    /// Torque against friction, N·m, in the direction of the speed reference (`CTRL1_Kfric`).
+    pub friction_compensation: f64,
+    /// Speed up to which that grows linearly, rev/s (`CTRL_SpdFric`).
+    pub friction_speed: f64,
     /// Speed loop, N·m per rev/s (`CTRL1_KPn`).
     pub speed: f64,
     /// Integral time of the speed loop, s (`CTRL1_TNn`).
@@ -27,6 +50,12 @@ pub struct Gains {
     pub speed_reference_filter: f64,
     /// Time constant of the filter on the measured speed, s (`CTRL_TAUnact`).
     pub speed_filter: f64,
+    /// Time constant of the filter on the wanted torque, s; 0: none (`CTRL1_TAUiref`).
+    pub torque_filter: f64,
+    /// Notches in the wanted torque (`CTRL1_Nf1…`, `CTRL1_Nf2…`).
+    pub notches: [Option<NotchShape>; 2],
+    /// Torque of an ampere, N·m/A.
+    pub torque_constant: f64,
     /// Continuous stall torque, N·m: 100 % of 6071h and 6077h (`_M_M_0`).
     pub continuous_torque: f64,
     /// Largest torque, N·m (`CTRL_I_max`).
@@ -40,13 +69,54 @@ impl Default for Gains {
         Self {
             position: 80.0,
             velocity_feed_forward: 0.0,
+            acceleration_feed_forward: 0.0,
+            inertia: DEFAULT_INERTIA,
+            overshoot_suppression: None,
+            friction_compensation: 0.0,
+            friction_speed: 5.0 / 60.0,
             speed: 1.6,
             speed_integral_time: 0.009,
             speed_reference_filter: 0.5e-3,
             speed_filter: 0.2e-3,
+            torque_filter: 0.0,
+            notches: [None; 2],
+            torque_constant: Motor::default().torque_constant,
             continuous_torque: 1.4,
             torque_limit: 4.2,
             speed_limit: 110.0,
+        }
+    }
+}
+
+/// Inertia behind the default gains, kg·m²: the default [`Rigid`](crate::mechanics::rigid::Rigid) axis.
+const DEFAULT_INERTIA: f64 = 5.1e-4;
+
+/// Bandwidth of the speed loop over the angular frequency at which the load takes up everything, as
+/// an engineer sets it who commissions an elastic axis.
+const BANDWIDTH_TO_ANTIRESONANCE: f64 = 0.6;
+
+impl Gains {
+    /// As this motor is commissioned on this axis: the default loops, as fast as the axis lets them
+    /// be. The speed loop's bandwidth is the default one, or what the antiresonance leaves; the other
+    /// loops keep their ratio to it.
+    #[must_use]
+    pub fn commissioned(motor: &Motor, train: &DriveTrain) -> Self {
+        let default = Self::default();
+        let bandwidth = default.speed / (TAU * DEFAULT_INERTIA);
+        let wanted = train.resonances().map_or(bandwidth, |(antiresonance, _)| {
+            bandwidth.min(BANDWIDTH_TO_ANTIRESONANCE * TAU * antiresonance)
+        });
+        let slower = wanted / bandwidth;
+        let inertia = train.rotor_inertia + train.load_inertia;
+        Self {
+            position: default.position * slower,
+            speed: default.speed * slower * (inertia / DEFAULT_INERTIA),
+            inertia,
+            torque_constant: motor.torque_constant,
+            speed_integral_time: default.speed_integral_time / slower,
+            continuous_torque: motor.continuous_torque,
+            torque_limit: motor.peak_torque,
+            ..default
         }
     }
 }
@@ -56,12 +126,14 @@ impl Default for Gains {
 pub enum Reference {
     /// The power stage is off: no torque.
     Off,
-    /// A position in increments and its velocity in increments/s.
+    /// A position in increments with its derivatives.
     Position {
         /// Where, increments from the encoder's zero.
         position: f64,
         /// How fast the reference moves there.
         velocity: f64,
+        /// How its velocity changes, increments/s².
+        acceleration: f64,
     },
     /// A velocity in rev/s.
     Velocity(f64),
@@ -72,12 +144,18 @@ pub enum Reference {
 /// The state of the cascade.
 #[derive(Clone, Debug)]
 pub struct Cascade {
-    /// Gains in force.
-    pub gains: Gains,
+    gains: Gains,
+    /// Most torque at present, N·m, where it is less than the gains' limit.
+    torque_limit: f64,
     speed_reference: f64,
+    delayed: Delayed,
+    /// Feed-forward and friction compensation, N·m.
+    torque_forward: f64,
     filtered_reference: f64,
     filtered_speed: f64,
     integral: f64,
+    filtered_torque: f64,
+    notches: [Option<Notch>; 2],
     last_encoder: i64,
     torque: f64,
 }
@@ -86,18 +164,55 @@ impl Cascade {
     /// Loops at rest over an encoder that reads `encoder`.
     #[must_use]
     pub fn new(gains: Gains, encoder: i64) -> Self {
-        Self {
-            gains,
+        let mut cascade = Self {
+            gains: Gains::default(),
+            torque_limit: f64::INFINITY,
             speed_reference: 0.0,
+            delayed: Delayed::default(),
+            torque_forward: 0.0,
             filtered_reference: 0.0,
             filtered_speed: 0.0,
             integral: 0.0,
+            filtered_torque: 0.0,
+            notches: [None; 2],
             last_encoder: encoder,
             torque: 0.0,
-        }
+        };
+        cascade.retune(gains);
+        cascade
     }
 
-    /// Torque that the motor delivers now, N·m.
+    /// Gains in force.
+    #[must_use]
+    pub fn gains(&self) -> &Gains {
+        &self.gains
+    }
+
+    /// Other gains from now on. Filters that stay the same go on.
+    pub fn retune(&mut self, gains: Gains) {
+        let step = SPEED_STEP_NS as f64 * 1e-9;
+        for (index, shape) in gains.notches.iter().enumerate() {
+            if self.gains.notches[index] != *shape {
+                self.notches[index] = shape.map(|shape| Notch::new(shape, step));
+            }
+        }
+        if self.gains.overshoot_suppression.is_none() {
+            self.delayed.reset(self.speed_reference);
+        }
+        self.gains = gains;
+    }
+
+    /// The largest speed reference from now on, rev/s.
+    pub fn limit_speed(&mut self, limit: f64) {
+        self.gains.speed_limit = limit;
+    }
+
+    /// The largest torque from now on, N·m, if it is less than the gains' limit.
+    pub fn limit_torque(&mut self, limit: f64) {
+        self.torque_limit = limit;
+    }
+
+    /// Torque that the loops ask for now, N·m.
     #[must_use]
     pub fn torque(&self) -> f64 {
         self.torque
@@ -107,50 +222,83 @@ impl Cascade {
     pub fn reset(&mut self) {
         self.speed_reference = self.filtered_speed;
         self.filtered_reference = self.filtered_speed;
+        self.delayed.reset(self.filtered_speed);
         self.integral = 0.0;
         self.torque = 0.0;
+        self.torque_forward = 0.0;
+        self.filtered_torque = 0.0;
+        self.notches.iter_mut().flatten().for_each(Notch::reset);
     }
 
     /// One step of the position loop.
     pub fn position_step(&mut self, reference: Reference, encoder: i64, increments_per_rev: f64) {
-        let limit = self.gains.speed_limit;
-        self.speed_reference = match reference {
-            Reference::Position { position, velocity } => {
+        let gains = &self.gains;
+        let limit = gains.speed_limit;
+        let mut forward_torque = 0.0;
+        let mut speed = match reference {
+            Reference::Position {
+                position,
+                velocity,
+                acceleration,
+            } => {
                 let error = (position - encoder as f64) / increments_per_rev;
-                let forward = velocity / increments_per_rev * self.gains.velocity_feed_forward;
-                (forward + self.gains.position * error).clamp(-limit, limit)
+                let forward = velocity / increments_per_rev * gains.velocity_feed_forward;
+                let radians = acceleration / increments_per_rev * TAU;
+                forward_torque = gains.acceleration_feed_forward * gains.inertia * radians;
+                (forward + gains.position * error).clamp(-limit, limit)
             }
             Reference::Velocity(velocity) => velocity.clamp(-limit, limit),
             Reference::Off | Reference::Torque(_) => 0.0,
         };
+        if let Some(shape) = gains.overshoot_suppression {
+            let step = POSITION_STEP_NS as f64 * 1e-9;
+            speed = self.delayed.next(speed, shape, step);
+        }
+        if gains.friction_compensation != 0.0 {
+            let share = (speed / gains.friction_speed).clamp(-1.0, 1.0);
+            forward_torque += gains.friction_compensation * share;
+        }
+        self.torque_forward = forward_torque;
+        self.speed_reference = speed;
     }
 
-    /// One step of the speed loop of nominally `h` seconds; returns the torque in N·m.
+    /// One step of the speed loop of nominally `h` seconds; returns the torque in N·m. The integral
+    /// part rests while the torque is limited, here or, if `is_held`, behind.
     pub fn speed_step(
         &mut self,
         reference: Reference,
         encoder: i64,
         increments_per_rev: f64,
         h: f64,
+        is_held: bool,
     ) -> f64 {
         let gains = &self.gains;
         let moved = (encoder - self.last_encoder) as f64;
         self.last_encoder = encoder;
         let measured = moved / (increments_per_rev * h);
         self.filtered_speed += (measured - self.filtered_speed) * (h / (gains.speed_filter + h));
+        let limit = gains.torque_limit.min(self.torque_limit);
         self.torque = match reference {
             Reference::Off => 0.0,
-            Reference::Torque(torque) => torque.clamp(-gains.torque_limit, gains.torque_limit),
+            Reference::Torque(torque) => torque.clamp(-limit, limit),
             Reference::Position { .. } | Reference::Velocity(_) => {
                 let smoothing = h / (gains.speed_reference_filter + h);
                 self.filtered_reference +=
                     (self.speed_reference - self.filtered_reference) * smoothing;
                 let error = self.filtered_reference - self.filtered_speed;
                 let integral = self.integral + gains.speed / gains.speed_integral_time * error * h;
-                let wanted = gains.speed * error + integral;
-                let torque = wanted.clamp(-gains.torque_limit, gains.torque_limit);
+                let mut wanted = gains.speed * error + integral + self.torque_forward;
+                if gains.torque_filter > 0.0 {
+                    let smoothing = h / (gains.torque_filter + h);
+                    self.filtered_torque += (wanted - self.filtered_torque) * smoothing;
+                    wanted = self.filtered_torque;
+                }
+                for notch in self.notches.iter_mut().flatten() {
+                    wanted = notch.next(wanted);
+                }
+                let torque = wanted.clamp(-limit, limit);
                 // A saturated loop does not wind up.
-                if torque == wanted {
+                if torque == wanted && !is_held {
                     self.integral = integral;
                 }
                 torque
@@ -159,3 +307,6 @@ impl Cascade {
         self.torque
     }
 }
+
+#[cfg(test)]
+mod tests;

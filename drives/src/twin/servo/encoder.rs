@@ -2,34 +2,104 @@
 
 use super::shaft::Shaft;
 use crate::twin::random::Random;
+use core::f64::consts::TAU;
 
-/// A position encoder with noise.
+/// What makes an encoder's reading wrong, besides that it is a whole number of increments.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct EncoderErrors {
+    /// Standard deviation of the noise, increments.
+    pub noise: f64,
+    /// Steps of a revolution that the encoder itself tells apart; 0 for one in each increment.
+    pub steps: u32,
+    /// Signals of a revolution between which it interpolates, such as the sine periods of its disc.
+    pub periods: u32,
+    /// Amplitude of the error of that interpolation, which repeats with each signal, increments.
+    pub interpolation: f64,
+}
+
+/// A position encoder with its errors.
 ///
 /// Noise is drawn once for each reading that the drive itself makes, so that whoever merely looks
 /// on changes nothing: observers ask the [`Shaft`].
 #[derive(Clone, Debug)]
 pub struct Encoder {
     increments_per_revolution: f64,
-    /// Standard deviation, increments.
-    noise: f64,
+    errors: EncoderErrors,
     random: Random,
 }
 
 impl Encoder {
-    /// An encoder whose noise has this standard deviation in increments.
+    /// An encoder that counts so many increments a revolution.
     #[must_use]
-    pub fn new(increments_per_revolution: f64, noise: f64, random: Random) -> Self {
+    pub fn new(increments_per_revolution: f64, errors: EncoderErrors, random: Random) -> Self {
         Self {
             increments_per_revolution,
-            noise,
+            errors,
             random,
         }
     }
 
     /// What it reads `ahead` seconds after the shaft's last step: increments from its zero.
     pub fn read(&mut self, shaft: &Shaft, ahead: f64) -> i64 {
-        let noise = self.random.bell() * self.noise;
+        let EncoderErrors {
+            noise,
+            steps,
+            periods,
+            interpolation,
+        } = self.errors;
+        let mut error = self.random.bell() * noise;
         let revolutions = shaft.position() + shaft.velocity() * ahead;
-        (revolutions * self.increments_per_revolution + noise).floor() as i64
+        if interpolation != 0.0 {
+            let phase = revolutions * f64::from(periods);
+            error += interpolation * libm::sin(TAU * (phase - phase.floor()));
+        }
+        let increments = revolutions * self.increments_per_revolution + error;
+        if steps == 0 {
+            return increments.floor() as i64;
+        }
+        let step = self.increments_per_revolution / f64::from(steps);
+        ((increments / step).floor() * step).floor() as i64
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mechanics::rigid::Rigid;
+
+    fn read(errors: EncoderErrors, position: f64) -> i64 {
+        let mut encoder = Encoder::new(131_072.0, errors, Random::new(0, 0));
+        encoder.read(&Shaft::new(Rigid::default(), position), 0.0)
+    }
+
+    #[test]
+    fn a_coarse_encoder_reads_its_own_steps() {
+        let errors = EncoderErrors {
+            steps: 4096,
+            ..EncoderErrors::default()
+        };
+        for increment in [0, 31, 32, 1000, -1] {
+            let position = (f64::from(increment) + 0.5) / 131_072.0;
+            let expected = i64::from(increment).div_euclid(32) * 32;
+            assert_eq!(read(errors, position), expected);
+            let exact = read(EncoderErrors::default(), position);
+            assert_eq!(exact, i64::from(increment));
+        }
+    }
+
+    #[test]
+    fn the_error_of_interpolation_repeats_with_each_signal() {
+        let errors = EncoderErrors {
+            periods: 128,
+            interpolation: 10.0,
+            ..EncoderErrors::default()
+        };
+        // A quarter into a signal of 1024 increments the sine is at its greatest.
+        for signal in [0, 1, 77, -3] {
+            let quarter = (f64::from(signal) + 0.25) / 128.0;
+            let exact = i64::from(signal) * 1024 + 256;
+            assert_eq!(read(errors, quarter) - exact, 10);
+            assert_eq!(read(errors, quarter + 0.5 / 128.0) - exact - 512, -10);
+        }
     }
 }

@@ -1,16 +1,21 @@
 //! What servo drives share behind their bus interface.
 //!
-//! - [`cascade`]: position loop, speed loop, torque limit
+//! - [`cascade`]: position loop, speed loop, torque limit; [`filter`]: its filters
+//! - [`power_stage`]: current loop, voltage and DC bus, overload
 //! - [`clock`]: what paces them: the drive's own oscillator, free or locked to SYNC
 //! - [`encoder`], [`shaft`]: what the loops read, and what they move
+//! - [`motor`]: generic sets of figures
 //! - [`ramp`]: the drive's own profile generator
 //!
 //! A drive puts them together in the order of one step of its speed loop: the cascade turns the
-//! last reading into a torque, the shaft moves under it for the length of the step, the encoder is
-//! read once.
+//! last reading into a torque, the power stage makes of it what current and voltage allow, the shaft moves
+//! under that for the length of the step, the encoder is read once.
 
 pub mod cascade;
 pub mod clock;
 pub mod encoder;
+pub mod filter;
+pub mod motor;
+pub mod power_stage;
 pub mod ramp;
 pub mod shaft;

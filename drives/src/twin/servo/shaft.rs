@@ -1,19 +1,47 @@
 //! The motor's shaft as its drive knows it.
 //!
-//! A shaft that nothing couples to another is moved by the drive: its [`Rigid`] mechanics take the
-//! drive's own speed steps. A [coupled](Shaft::couple) shaft is moved by the
+//! A shaft that nothing couples to another is moved by the drive: its [`Plant`] takes the drive's own
+//! speed steps. A [coupled](Shaft::couple) shaft is moved by the
 //! [world](crate::world), on the world's grid, together with the shafts that it is tied to. Between
 //! two points of the grid the drive reads it as if its acceleration lasted, and the motor's torque
 //! is gathered for the next step. What that costs is told in [`mechanics`](crate::mechanics).
 
+use crate::mechanics::drive_train::{DriveTrain, FeedAxis};
 use crate::mechanics::rigid::Rigid;
 use crate::mechanics::{Load, Mechanics, Motion};
 use syncline_canopen::Instant;
 
+/// What a motor moves alone.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Plant {
+    /// An inertia with friction: where nothing is known of the axis.
+    Rigid(Rigid),
+    /// A feed axis.
+    FeedAxis(Box<FeedAxis>),
+}
+
+impl Default for Plant {
+    fn default() -> Self {
+        Self::Rigid(Rigid::default())
+    }
+}
+
+impl From<Rigid> for Plant {
+    fn from(rigid: Rigid) -> Self {
+        Self::Rigid(rigid)
+    }
+}
+
+impl From<DriveTrain> for Plant {
+    fn from(train: DriveTrain) -> Self {
+        Self::FeedAxis(Box::new(FeedAxis::new(train)))
+    }
+}
+
 /// A shaft in motion. Positions are revolutions from the encoder's zero.
 #[derive(Clone, Debug)]
 pub struct Shaft {
-    rigid: Rigid,
+    plant: Plant,
     motion: Motion,
     blocked: bool,
     powerless: bool,
@@ -39,9 +67,9 @@ struct Coupled {
 impl Shaft {
     /// A shaft at rest at `position` revolutions.
     #[must_use]
-    pub fn new(rigid: Rigid, position: f64) -> Self {
+    pub fn new(plant: impl Into<Plant>, position: f64) -> Self {
         Self {
-            rigid,
+            plant: plant.into(),
             motion: Motion {
                 position,
                 ..Motion::default()
@@ -66,8 +94,18 @@ impl Shaft {
 
     /// What it moves while nothing couples it.
     #[must_use]
-    pub fn rigid(&self) -> &Rigid {
-        &self.rigid
+    pub fn plant(&self) -> &Plant {
+        &self.plant
+    }
+
+    /// True position of the load, revolutions of the shaft: behind it by twist and play, off by the
+    /// lead error. Of a coupled shaft that of the shaft itself.
+    #[must_use]
+    pub fn load_position(&self) -> f64 {
+        match (&self.plant, &self.coupled) {
+            (Plant::FeedAxis(axis), None) => axis.load_position(self.motion.position),
+            _ => self.motion.position,
+        }
     }
 
     /// Blocks the shaft mechanically where it is, or frees it.
@@ -92,7 +130,10 @@ impl Shaft {
                     blocked: self.blocked,
                 };
                 let motion = core::slice::from_mut(&mut self.motion);
-                self.rigid.step(dt, &[load], motion);
+                match &mut self.plant {
+                    Plant::Rigid(rigid) => rigid.step(dt, &[load], motion),
+                    Plant::FeedAxis(axis) => axis.step(dt, &[load], motion),
+                }
             }
             Some(coupled) => {
                 coupled.impulse += torque * dt;

@@ -228,7 +228,7 @@ impl Drive {
             self.set_gear();
         } else if row == rows.velocity_limit {
             let limit = self.velocity_of(value);
-            self.cascade.gains.speed_limit = limit / INCREMENTS_PER_REVOLUTION;
+            self.cascade.limit_speed(limit / INCREMENTS_PER_REVOLUTION);
         } else if row == rows.sync_start {
             if value == synchronisation::START {
                 let unit = self.policies.sync_tolerance_unit.as_nanos() as u64;
