@@ -312,7 +312,10 @@ impl Program {
             interpreter: self.interpret(start)?,
             source: MoveSource { at: start },
             planner,
-            path_control_mode: path_control_mode(self.setup.path_mode, self.tolerances),
+            path_control_mode: path_control_mode(
+                self.setup.memory.modes().path_mode,
+                self.tolerances,
+            ),
             tolerances: self.tolerances,
             marks: VecDeque::new(),
             first_mark: 0,

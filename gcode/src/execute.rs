@@ -80,14 +80,11 @@ impl State {
     pub(crate) fn new(setup: Setup) -> State {
         State {
             at: setup.start,
-            modes: Modes {
-                path_mode: setup.path_mode,
-                ..Modes::default()
-            },
+            modes: setup.memory.modes.clone(),
+            tool_offset: setup.memory.tool_offset,
+            g92_applies: setup.memory.g92_applies,
+            parameters: setup.memory.parameters.clone(),
             setup,
-            tool_offset: Point::ZERO,
-            g92_applies: false,
-            parameters: Parameters::default(),
             compensated: Compensated::default(),
             series: Series::default(),
             line: 0,

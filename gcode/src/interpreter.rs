@@ -15,6 +15,7 @@ use super::error::{Error, Fault, Origin, Refusal};
 use super::execute::{Continuation, State};
 use super::flow::{At, Control};
 use super::lexer::Columns;
+use super::memory::Memory;
 use super::modal::Modes;
 use super::source::{Input, Lines, MAX_LINE, Read1};
 use super::tables::Tables;
@@ -57,6 +58,8 @@ pub struct Interpreter {
     pub(super) words_seen: bool,
     /// Whether the program began with `%`.
     percent: bool,
+    /// M2, or what is as good.
+    program_ended: bool,
     ended: bool,
 }
 
@@ -125,6 +128,7 @@ impl Interpreter {
             started: false,
             words_seen: false,
             percent: false,
+            program_ended: false,
             ended: false,
         }
     }
@@ -156,6 +160,21 @@ impl Interpreter {
     /// when the program has run.
     pub fn tables(&self) -> &Tables {
         &self.state.setup.tables
+    }
+
+    /// What the program leaves to the next one: everything but the [`tables`](Self::tables). Before
+    /// its end, as if it went on there.
+    pub fn memory(&self) -> Memory {
+        let mut memory = Memory {
+            modes: self.state.modes.clone(),
+            tool_offset: self.state.tool_offset,
+            g92_applies: self.state.g92_applies,
+            parameters: self.state.parameters.clone(),
+        };
+        if self.program_ended {
+            memory.end_program();
+        }
+        memory
     }
 
     /// How many blocks were read.
@@ -251,6 +270,7 @@ impl Interpreter {
         }
         self.check_end_of_file()
             .map_err(|fault| Refusal::new(self.block.columns(), fault))?;
+        self.program_ended |= !self.state.setup.typed;
         self.end()
     }
 
@@ -301,6 +321,7 @@ impl Interpreter {
             if self.started {
                 self.check_end_of_file()
                     .map_err(|fault| Refusal::new(self.block.columns(), fault))?;
+                self.program_ended = true;
                 self.end()?;
             }
             self.percent = true;
@@ -322,7 +343,10 @@ impl Interpreter {
         self.settle(self.span())?;
         match continuation {
             Continuation::Next => {}
-            Continuation::End => self.end()?,
+            Continuation::End => {
+                self.program_ended = true;
+                self.end()?;
+            }
             Continuation::CallSubprogram {
                 number,
                 repeats,

@@ -25,6 +25,7 @@ mod expression;
 mod flow;
 mod interpreter;
 mod lexer;
+mod memory;
 mod modal;
 mod motion;
 mod offsets;
@@ -42,6 +43,7 @@ pub use cycles::Cycle;
 pub use error::{Error, Fault};
 pub use interpreter::Interpreter;
 pub use lexer::Columns;
+pub use memory::Memory;
 pub use modal::{Code, Modes, Motion, ProgrammedFeed};
 pub use source::{Input, MAX_LINE};
 pub use tables::{Tables, TablesError, Tool};
@@ -64,8 +66,11 @@ pub struct Setup {
     /// Soft limits by [`Axis::index`]: least and greatest machine coordinate. A motion that leaves
     /// them anywhere is refused.
     pub limits: [Option<(f64, f64)>; 9],
-    /// How the path is followed until the program says so.
-    pub path_mode: PathMode,
+    /// What the programs before have left; the interpreter keeps what this one makes of it, see
+    /// [`Interpreter::memory`].
+    pub memory: Memory,
+    /// Lines that were typed in: where they end without M2 the modal state goes on.
+    pub typed: bool,
     /// Skip blocks that begin with `/`.
     pub block_delete: bool,
     /// Refuse a program that executes more blocks, or asks for more moves by them; `None` for one that runs as
@@ -86,7 +91,8 @@ impl Setup {
             start: Point::ZERO,
             tables: Tables::default(),
             limits: [None; 9],
-            path_mode: PathMode::default(),
+            memory: Memory::default(),
+            typed: false,
             block_delete: false,
             max_blocks: Some(MAX_BLOCKS),
             max_idle_blocks: MAX_BLOCKS,

@@ -10,7 +10,7 @@ use super::cycles::Cycle;
 use super::error::{Fault, Refusal};
 use super::execute::{Compensated, State};
 use super::lexer::Columns;
-use super::modal::{Code, Group, Modes, Motion};
+use super::modal::{Code, Group, Motion};
 use super::words::{Words, out_of_range};
 
 /// Arcs beyond this radius are a mistake, or lines. mm.
@@ -159,7 +159,7 @@ impl State {
         start: Point,
         commands: &mut VecDeque<Action>,
     ) -> Result<(), Refusal> {
-        let initial = Modes::default();
+        let initial = self.setup.memory.modes.clone();
         let modes = self.modes.clone();
         if modes.tool != initial.tool {
             let tool = modes.tool;
@@ -174,7 +174,7 @@ impl State {
         if modes.coolant != initial.coolant {
             commands.push_back(Action::Coolant(modes.coolant));
         }
-        if modes.path_mode != self.setup.path_mode {
+        if modes.path_mode != initial.path_mode {
             commands.push_back(Action::PathMode(modes.path_mode));
         }
         let across = modes.plane.axes()[2];

@@ -19,7 +19,7 @@ pub(crate) fn index(value: f64) -> Result<usize, Fault> {
 }
 
 /// The parameters' values.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct Parameters {
     numbered: Vec<f64>,
     globals: BTreeMap<String, f64>,

@@ -6,6 +6,7 @@ mod cycles;
 mod flow;
 mod linuxcnc;
 mod listing;
+mod memory;
 mod motion;
 mod offsets;
 mod refusals;

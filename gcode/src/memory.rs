@@ -1,0 +1,91 @@
+//! What lives from one program, or typed line, to the next: the modal state, the offset of the tool
+//! and the parameters. Offsets and tools themselves are in the [`Tables`](super::Tables).
+
+use super::axes::{Axis, Point};
+use super::command::Turning;
+use super::modal::{Modes, Motion};
+use super::parameters::Parameters;
+use super::tables::Tables;
+
+/// What lives from one program to the next. `Default` is a machine that was just switched on: the
+/// modal state of [`Modes`], no tool, no parameters set.
+#[derive(Clone, Debug, Default)]
+pub struct Memory {
+    pub(crate) modes: Modes,
+    pub(crate) tool_offset: Point,
+    pub(crate) g92_applies: bool,
+    pub(crate) parameters: Parameters,
+}
+
+impl Memory {
+    /// The modal state.
+    pub fn modes(&self) -> &Modes {
+        &self.modes
+    }
+
+    /// What lies between program and machine coordinates: work offset, G92 or G52, and tool. mm and
+    /// degrees.
+    pub fn offset(&self, tables: &Tables) -> Point {
+        let work = tables.work_offsets[self.modes.work_offset];
+        let mut offset = Point::ZERO;
+        for axis in Axis::ALL {
+            let shift = if self.g92_applies {
+                tables.g92[axis]
+            } else {
+                0.0
+            };
+            offset[axis] = work[axis] + shift + self.tool_offset[axis];
+        }
+        offset
+    }
+
+    /// What M2, M30 and the end of a program's file reset (RS-274/NGC): G54, no shift by G92 or G52,
+    /// G17, G90, G94, G40, G1, spindle and coolant off. Units, tool, tool length, path mode, F and
+    /// parameters stay.
+    pub fn end_program(&mut self) {
+        self.g92_applies = false;
+        let fresh = Modes::default();
+        let modes = &mut self.modes;
+        // F is no feed of G94 if it was one of G93.
+        modes.feed = modes.feed.filter(|_| !modes.inverse_time);
+        modes.spindle.turning = Turning::Off;
+        *modes = Modes {
+            motion: Motion::Feed,
+            plane: fresh.plane,
+            incremental: fresh.incremental,
+            inverse_time: fresh.inverse_time,
+            work_offset: fresh.work_offset,
+            compensation: fresh.compensation,
+            coolant: fresh.coolant,
+            ..modes.clone()
+        };
+    }
+
+    /// Takes over which tool is in the spindle, where that was not left by the program's own end.
+    /// The length of another one is not the one that was compensated: G49.
+    pub fn tool_is(&mut self, tool: u32) {
+        if tool != self.modes.tool {
+            self.modes.tool = tool;
+            self.modes.selected_tool = tool;
+            self.modes.tool_length = false;
+            self.tool_offset = Point::ZERO;
+        }
+    }
+
+    /// Words for these positions in the units in effect, as G10 takes them: ` X0 Y1.5`.
+    pub fn words(&self, positions: &[Option<f64>; 9]) -> String {
+        let word = |(axis, position): (Axis, &Option<f64>)| {
+            let unit = if axis.is_linear() {
+                self.modes.unit()
+            } else {
+                1.0
+            };
+            position.map(|position| format!(" {axis}{}", position / unit))
+        };
+        Axis::ALL
+            .into_iter()
+            .zip(positions)
+            .filter_map(word)
+            .collect()
+    }
+}
