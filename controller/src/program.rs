@@ -14,6 +14,7 @@ use crossbeam::channel::{self, Receiver, Sender};
 use std::collections::VecDeque;
 use std::fmt;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use syncline_gcode::{self as gcode, Action, AxisSet, Interpreter, PathMode, Tables, TablesError};
 use syncline_trajectory::limits::PositionLimits;
@@ -26,13 +27,42 @@ use syncline_trajectory::path::{
 /// Rounding of a setpoint on a curve, mm.
 const ON_THE_PATH: f64 = 1e-9;
 
-/// Operator switches and the place a program starts from.
+/// What all programs of a machine have in common: axes, limits, tables, and what the programs before
+/// have left.
 #[derive(Clone, Debug)]
-pub struct Program {
-    file: PathBuf,
+pub struct Programs {
     setup: gcode::Setup,
     limits: Limits<COORDINATES>,
     tolerances: PathTolerances,
+    /// Where what a program changes in the tables is written at its end.
+    keeps: Option<PathBuf>,
+}
+
+/// What a program leaves to the next one.
+#[derive(Clone, Debug)]
+pub struct Left {
+    /// The modal state, and what else goes on.
+    pub memory: gcode::Memory,
+    /// Offsets, reference points and tools.
+    pub tables: Tables,
+}
+
+/// Where a program's blocks are.
+#[derive(Clone, Debug)]
+enum Source {
+    File(PathBuf),
+    /// Typed in.
+    Lines(String),
+}
+
+/// Operator switches and the place a program starts from.
+#[derive(Clone, Debug)]
+pub struct Program {
+    source: Source,
+    setup: gcode::Setup,
+    limits: Limits<COORDINATES>,
+    tolerances: PathTolerances,
+    keeps: Option<PathBuf>,
     /// Begin there instead of at the beginning.
     from_line: Option<u32>,
     /// Not interpreted as a whole before it runs.
@@ -156,12 +186,12 @@ pub enum ProgramError {
     },
 }
 
-impl Program {
-    /// A program for a machine, with the tables beside the machine's file.
+impl Programs {
+    /// For a machine, with the tables beside its file.
     ///
     /// # Errors
     /// The tables cannot be used.
-    pub fn new(file: &Path, machine: &Machine, machine_file: &Path) -> Result<Self, TablesError> {
+    pub fn new(machine: &Machine, machine_file: &Path) -> Result<Self, TablesError> {
         let mut axes = AxisSet::default();
         // A coordinate without an axis never moves, and is not to slow down the others.
         let mut limits = Limits {
@@ -182,13 +212,87 @@ impl Program {
         setup.limits = soft_limits;
         setup.tables = Tables::load(&Tables::beside(machine_file))?;
         Ok(Self {
-            file: file.to_owned(),
             setup,
             limits,
             tolerances: machine.path,
+            keeps: None,
+        })
+    }
+
+    /// Writes what a program changes in the tables to that file once it has finished.
+    #[must_use]
+    pub fn keep_tables(mut self, file: PathBuf) -> Self {
+        self.keeps = Some(file);
+        self
+    }
+
+    /// A program in a file.
+    #[must_use]
+    pub fn file(&self, file: &Path) -> Program {
+        self.program(Source::File(file.to_owned()))
+    }
+
+    /// Lines that were typed in: where they end the modal state goes on.
+    #[must_use]
+    pub fn lines(&self, text: &str) -> Program {
+        let mut program = self.program(Source::Lines(text.to_owned()));
+        program.setup.typed = true;
+        program
+    }
+
+    fn program(&self, source: Source) -> Program {
+        let mut setup = self.setup.clone();
+        setup.abandoned = Arc::default();
+        Program {
+            source,
+            setup,
+            limits: self.limits,
+            tolerances: self.tolerances,
+            keeps: self.keeps.clone(),
             from_line: None,
             stream: false,
-        })
+        }
+    }
+
+    /// What the programs so far have left.
+    #[must_use]
+    pub fn memory(&self) -> &gcode::Memory {
+        &self.setup.memory
+    }
+
+    /// What lies between program and machine coordinates, mm and degrees.
+    #[must_use]
+    pub fn offset(&self) -> Position {
+        self.setup.memory.offset(&self.setup.tables).0
+    }
+
+    /// The tool with this number, if the tables have it.
+    #[must_use]
+    pub fn tool(&self, number: u32) -> Option<&gcode::Tool> {
+        self.setup.tables.tools.get(&number)
+    }
+
+    /// A program has finished, and left this.
+    pub fn take_over(&mut self, left: Left) {
+        self.setup.memory = left.memory;
+        self.setup.tables = left.tables;
+    }
+
+    /// A program was stopped: what it set is forgotten, as it was read ahead of the machine, and what
+    /// M2 resets is reset. The tool is the one that is in the spindle.
+    pub fn forget(&mut self, tool: u32) {
+        self.setup.memory.end_program();
+        self.setup.memory.tool_is(tool);
+    }
+}
+
+impl Program {
+    /// A program for a machine, with the tables beside the machine's file.
+    ///
+    /// # Errors
+    /// The tables cannot be used.
+    pub fn new(file: &Path, machine: &Machine, machine_file: &Path) -> Result<Self, TablesError> {
+        Ok(Programs::new(machine, machine_file)?.file(file))
     }
 
     /// Whether blocks that begin with `/` are skipped.
@@ -290,6 +394,12 @@ impl Program {
         Ok(extent)
     }
 
+    /// Whether somebody said that nobody wants the program any more.
+    #[must_use]
+    pub fn is_abandoned(&self) -> bool {
+        self.setup.abandoned.load(Ordering::Relaxed)
+    }
+
     /// Nobody wants the program any more: whoever reads it, in whatever thread, goes no further
     /// than the end of a block.
     pub fn abandon(&self) {
@@ -317,6 +427,7 @@ impl Program {
                 self.tolerances,
             ),
             tolerances: self.tolerances,
+            keeps: self.keeps.clone(),
             marks: VecDeque::new(),
             first_mark: 0,
             switches: VecDeque::new(),
@@ -330,7 +441,10 @@ impl Program {
     fn interpret(&self, start: Position) -> Result<Interpreter, ProgramError> {
         let mut setup = self.setup.clone();
         setup.start = gcode::Point(start);
-        let mut interpreter = Interpreter::open(&self.file, setup)?;
+        let mut interpreter = match &self.source {
+            Source::File(file) => Interpreter::open(file, setup)?,
+            Source::Lines(text) => Interpreter::from_text("MDI", text.as_str(), setup),
+        };
         if let Some(line) = self.from_line {
             interpreter.start_at_line(line)?;
         }
@@ -418,6 +532,7 @@ pub struct Feeder {
     planner: Planner<COORDINATES>,
     path_control_mode: PathControlMode,
     tolerances: PathTolerances,
+    keeps: Option<PathBuf>,
     /// What the planner's marks stand for, from this one on.
     marks: VecDeque<StopPoint>,
     first_mark: u32,
@@ -610,7 +725,18 @@ impl Feeder {
             Action::PathMode(mode) => {
                 self.path_control_mode = path_control_mode(*mode, self.tolerances)
             }
-            Action::End => self.stop_then(StopPoint::End),
+            Action::End => {
+                // The end of a program switches off, that of typed lines does not.
+                let before = self.interpreter.modes().clone();
+                let left = self.interpreter.memory();
+                if left.modes().spindle != before.spindle {
+                    self.switch(Switch::Spindle(left.modes().spindle));
+                }
+                if left.modes().coolant != before.coolant {
+                    self.switch(Switch::Coolant(left.modes().coolant));
+                }
+                self.stop_then(StopPoint::End);
+            }
             _ => {}
         }
         self.ended |= command.action == Action::End;
@@ -666,6 +792,20 @@ impl Feeder {
     /// new plan come next.
     pub fn replan(&mut self, request: &ReplanRequest) {
         self.planner.replan(request);
+    }
+
+    /// What the program has left, once it has finished; what it changed in the tables is written
+    /// where that is wanted.
+    ///
+    /// # Errors
+    /// The file cannot be written; what the program left counts all the same.
+    pub fn finish(&self) -> (Left, Result<(), TablesError>) {
+        let left = Left {
+            memory: self.interpreter.memory(),
+            tables: self.interpreter.tables().clone(),
+        };
+        let kept = (self.keeps.as_deref()).map_or(Ok(()), |file| self.save_tables(file));
+        (left, kept)
     }
 
     /// Writes back the offsets and tools that the program changed.

@@ -97,7 +97,7 @@ pub enum Stop {
 }
 
 /// What the spindle does.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Spindle {
     /// Whether and how it turns.
     pub turning: Turning,
@@ -106,7 +106,7 @@ pub struct Spindle {
 }
 
 /// How the spindle turns.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub enum Turning {
     /// M5
     #[default]
@@ -142,7 +142,7 @@ impl fmt::Display for Output {
 }
 
 /// Which coolant runs.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct Coolant {
     /// M7
     pub mist: bool,

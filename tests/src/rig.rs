@@ -5,23 +5,27 @@
 use crate::command::{Folder, machine_file, machine_with};
 use crate::trace::{self, Trace};
 use std::any::Any;
+use std::error::Error;
 use std::sync::{Arc, Mutex, PoisonError};
 use syncline_canopen::{CanId, CobId, Frame, Instant};
 use syncline_controller::bus::{Burst, Received};
-use syncline_controller::control::{Controller, End, Event, Fault, Layout, Phase, Row, Switch};
+use syncline_controller::control::{
+    Controller, End, Event, Fault, Layout, Phase, Row, State, Switch,
+};
 use syncline_controller::machine::{COORDINATES, Machine};
 use syncline_controller::observe::Observers;
 use syncline_controller::observe::frames::SharedFrames;
 use syncline_controller::observe::summary::Summary;
 use syncline_controller::port::sim::{SimPort, Simulated};
 use syncline_controller::port::{Port, PortError};
-use syncline_controller::program::Program;
+use syncline_controller::program::Programs;
 use syncline_controller::run::Progress;
 use syncline_controller::run::virtual_time::VirtualMachine;
-use syncline_controller::session::{self, Command, Operator, Session, Subscription};
+use syncline_controller::session::{self, Command, Operator, Refused, Session, Subscription};
 use syncline_drives::bus::{Sender, Transmission};
 use syncline_drives::twin::{Config, SimulatedDevice};
 use syncline_drives::world::{DeviceId, Observer, World};
+use syncline_gcode::Tables;
 
 /// Steps after which a run is taken for endless: 2 minutes of the portal's time.
 const MOST_STEPS: usize = 120_000;
@@ -60,6 +64,17 @@ pub struct TappedPort {
     /// What happens to bursts that are sent.
     pub forger: Option<Forger>,
     late: Vec<Frame>,
+}
+
+/// An error with its causes.
+fn told(error: &dyn Error) -> String {
+    let mut told = error.to_string();
+    let mut cause = error.source();
+    while let Some(error) = cause {
+        told += &format!(": {error}");
+        cause = error.source();
+    }
+    told
 }
 
 /// One less, if there is one.
@@ -136,6 +151,12 @@ pub struct Rig {
     pub switches: Vec<Switch>,
     /// When each phase was entered.
     pub phases: Vec<(Phase, Instant)>,
+    /// The states that the session was in, one after the other.
+    pub states: Vec<State>,
+    /// Commands that were refused.
+    pub refused: Vec<Refused>,
+    /// What could not go on, with its causes.
+    pub problems: Vec<String>,
     /// At a pause the operator goes on at once.
     pub goes_on: bool,
     /// The machine as operators have it.
@@ -146,8 +167,8 @@ pub struct Rig {
     twins: Vec<DeviceId>,
     frames: Arc<Mutex<Vec<Transmission>>>,
     steps: usize,
-    /// Holds the program, which is read while it runs.
-    _folder: Folder,
+    /// Holds the programs, which are read while they run.
+    pub folder: Folder,
 }
 
 impl Rig {
@@ -168,12 +189,30 @@ impl Rig {
         program: &str,
         configure: impl Fn(usize, &mut Config),
     ) -> Self {
+        Self::switched_on(machine, replacements, Some(program), configure)
+    }
+
+    /// The same without a program: a machine that stays on.
+    #[must_use]
+    pub fn staying_on(
+        machine: &str,
+        replacements: &[(&str, &str)],
+        configure: impl Fn(usize, &mut Config),
+    ) -> Self {
+        Self::switched_on(machine, replacements, None, configure)
+    }
+
+    fn switched_on(
+        machine: &str,
+        replacements: &[(&str, &str)],
+        program: Option<&str>,
+        configure: impl Fn(usize, &mut Config),
+    ) -> Self {
         let folder = Folder::new();
         let file = folder.file("machine.toml", &machine_with(machine, replacements));
         let machine = Machine::load(&file).expect("a good machine");
         let layout = Arc::new(Layout::new(&machine).expect("it fits its cycle"));
-        let program_file = folder.file("program.ngc", program);
-        let program = Program::new(&program_file, &machine, &file).expect("good tables");
+        let programs = Programs::new(&machine, &file).expect("good tables");
         let shared = SharedFrames::new(&machine);
         let sent = shared.listen(&machine);
         let frames = Arc::new(Mutex::new(Vec::new()));
@@ -205,10 +244,20 @@ impl Rig {
             forger: None,
             late: Vec::new(),
         };
-        let (timeline, moves) =
-            VirtualMachine::on(world, vec![port], Arc::clone(&layout), program, shared);
         let observers = Observers::new(&machine, Some(sent), None, false);
-        let mut session = Session::new(&machine, timeline, moves, observers);
+        let (ports, layouts) = (vec![port], Arc::clone(&layout));
+        let mut session = match program {
+            Some(text) => {
+                let program = programs.file(&folder.file("program.ngc", text));
+                let (timeline, moves) = VirtualMachine::on(world, ports, layouts, program, shared);
+                Session::new(&machine, timeline, moves, observers)
+            }
+            None => {
+                let timeline = VirtualMachine::staying_on(world, ports, layouts, shared);
+                let programs = programs.keep_tables(Tables::beside(&file));
+                Session::staying_on(&machine, timeline, programs, observers)
+            }
+        };
         Self {
             operator: session.operator("rig"),
             told: session.subscribe(),
@@ -217,13 +266,16 @@ impl Rig {
             machine,
             layout,
             events: Vec::new(),
+            states: Vec::new(),
+            refused: Vec::new(),
+            problems: Vec::new(),
             rows: Vec::new(),
             switches: Vec::new(),
             phases: Vec::new(),
             frames,
             goes_on: true,
             steps: 0,
-            _folder: folder,
+            folder,
         }
     }
 
@@ -264,8 +316,19 @@ impl Rig {
         for event in self.told.events() {
             let event = match event {
                 session::Event::Machine(event) => event,
-                // A program that cannot go on is an event and a fault, too.
-                session::Event::Problem(_) | session::Event::Accepted(_) => continue,
+                session::Event::Refused(refused) => {
+                    self.refused.push(refused);
+                    continue;
+                }
+                session::Event::State(state) => {
+                    self.states.push(state);
+                    continue;
+                }
+                session::Event::Problem(problem) => {
+                    self.problems.push(told(&*problem));
+                    continue;
+                }
+                session::Event::Accepted(_) => continue,
             };
             match event {
                 Event::Switched(switch) => self.switches.push(switch),

@@ -1,8 +1,9 @@
-//! What an operator does in a validated run, from a CSV file: `t_s,event,value`.
+//! What an operator does, in words: in a validated run from a CSV file, `t_s,event,value`, and on the
+//! lines of a console.
 
 use crate::machine::COORDINATES;
 use crate::session::{
-    Command, Direction, Jog, LEAST, MOST_FEED, MOST_RAPID, Override, SwitchChange,
+    Command, Direction, Jog, LEAST, MOST_FEED, MOST_RAPID, Override, StepChange, SwitchChange,
 };
 use std::collections::VecDeque;
 use std::fs;
@@ -13,7 +14,7 @@ use syncline_gcode::Axis;
 /// An event's name, what its value has to be, if it has one, and the command that they make.
 type Event = (&'static str, &'static str, fn(&str) -> Option<Command>);
 
-const EVENTS: [Event; 11] = [
+const EVENTS: [Event; 23] = [
     (
         "feed_override",
         "0 or a value from 0.1 to 200 (%)",
@@ -45,9 +46,73 @@ const EVENTS: [Event; 11] = [
         positions(value).map(|to| Command::Jog(Jog::Line(to)))
     }),
     ("stop", "", |_| Some(Command::Stop)),
+    ("cycle_start", "", |_| Some(Command::CycleStart)),
+    ("jog_step", "a distance in mm or degrees", |value| {
+        let step = number(value).filter(|step| *step > 0.0);
+        step.map(|step| Command::JogStep(StepChange::To(step)))
+    }),
+    ("go_to", POSITIONS, |value| {
+        positions(value).map(Command::GoTo)
+    }),
+    ("set_offset", POSITIONS, |value| {
+        positions(value).map(Command::SetWorkOffset)
+    }),
+    ("set_tool_length", POSITIONS, |value| {
+        positions(value).map(Command::SetToolLength)
+    }),
+    ("load", "a file", |value| {
+        (!value.is_empty()).then(|| Command::Load(value.into()))
+    }),
+    ("run", "nothing, or the line to begin at", |value| {
+        let from_line = match value {
+            "" => None,
+            line => Some(line.parse().ok().filter(|line| *line > 0)?),
+        };
+        Some(Command::Run { from_line })
+    }),
+    ("mdi", "blocks, with `;` in between", |value| {
+        let lines = value.replace(';', "\n");
+        (!value.is_empty()).then_some(Command::Mdi(lines))
+    }),
+    ("enable", "", |_| Some(Command::Enable)),
+    ("disable", "", |_| Some(Command::Disable)),
+    ("reset", "", |_| Some(Command::Reset)),
+    ("switch_off", "", |_| Some(Command::SwitchOff)),
 ];
 
 const ON_OFF: &str = "`on` or `off`";
+
+/// What an operator may write, each with what its value has to be.
+pub(super) fn vocabulary() -> impl Iterator<Item = (&'static str, &'static str)> {
+    EVENTS.iter().map(|(name, needs, _)| (*name, *needs))
+}
+
+/// The command that an event's name and its value make.
+///
+/// # Errors
+/// What is wrong with them.
+pub(super) fn command(event: &str, value: &str) -> Result<Command, String> {
+    let (name, needs, read) = known(event)?;
+    if needs.is_empty() && !value.is_empty() {
+        return Err(format!("`{name}` has no value"));
+    }
+    read(value).ok_or_else(|| format!("`{name}` needs {needs}"))
+}
+
+/// The event of that name.
+fn known(event: &str) -> Result<Event, String> {
+    if let Some((_, now)) = RENAMED.iter().find(|(old, _)| *old == event) {
+        return Err(format!("`{event}` is called `{now}` now"));
+    }
+    let known = EVENTS.iter().find(|(name, ..)| *name == event);
+    known.copied().ok_or_else(|| {
+        let names = EVENTS.map(|(name, ..)| name);
+        let near = |name: &&str| (strsim::jaro_winkler(name, event) * 1e6) as u64;
+        let nearest = names.iter().max_by_key(|name| near(name)).copied();
+        let (nearest, names) = (nearest.unwrap_or_default(), names.join(", "));
+        format!("unknown event `{event}`; nearest: `{nearest}`; allowed: {names}")
+    })
+}
 
 const POSITIONS: &str = "axes and their positions as `X10 Y-2.5`";
 
@@ -218,20 +283,7 @@ impl Events {
                 refuse(at, problem)
             })?;
             before = seconds;
-            if let Some((_, now)) = RENAMED.iter().find(|(old, _)| *old == event) {
-                return Err(refuse(event_at, format!("`{event}` is called `{now}` now")));
-            }
-            let known = EVENTS.iter().find(|(name, ..)| *name == event);
-            let (name, needs, read) = known.copied().ok_or_else(|| {
-                let names = EVENTS.map(|(name, ..)| name);
-                let near = |name: &&str| (strsim::jaro_winkler(name, event) * 1e6) as u64;
-                let nearest = names.iter().max_by_key(|name| near(name)).copied();
-                let (nearest, names) = (nearest.unwrap_or_default(), names.join(", "));
-                refuse(
-                    event_at,
-                    format!("unknown event `{event}`; nearest: `{nearest}`; allowed: {names}"),
-                )
-            })?;
+            known(event).map_err(|problem| refuse(event_at, problem))?;
             let (value_at, value) = match rest {
                 [] => (line.chars().count(), ""),
                 [value] => *value,
@@ -239,12 +291,7 @@ impl Events {
                     return Err(refuse(*more, "nothing follows the value".to_owned()));
                 }
             };
-            let refuse_value = |problem: String| refuse(value_at, format!("`{name}` {problem}"));
-            if needs.is_empty() && !value.is_empty() {
-                return Err(refuse_value("has no value".to_owned()));
-            }
-            let command = read(value);
-            let command = command.ok_or_else(|| refuse_value(format!("needs {needs}")))?;
+            let command = command(event, value).map_err(|problem| refuse(value_at, problem))?;
             events.push_back((seconds, command));
         }
         Ok(Self(events))
@@ -259,7 +306,7 @@ impl Events {
     /// The next command, if it is due at this time, s.
     pub(super) fn due(&self, now: f64) -> Option<Command> {
         let (at, command) = self.0.front()?;
-        (*at <= now).then_some(*command)
+        (*at <= now).then(|| command.clone())
     }
 
     /// The next command has been given.

@@ -155,7 +155,7 @@ fn hand_over(operator: &Operator) {
             return;
         }
         for command in decoder.commands(&bytes[..count]) {
-            while let Err(reason) = operator.command(command) {
+            while let Err(reason) = operator.command(command.clone()) {
                 match reason {
                     NotTaken::Busy => thread::sleep(Duration::from_millis(1)),
                     NotTaken::Over => return,

@@ -39,6 +39,7 @@ mod nmt;
 mod output;
 mod plan;
 mod ports;
+mod progress;
 mod record;
 mod replay;
 mod run;
@@ -73,6 +74,7 @@ enum Command {
     Check(check::Args),
     Run(run::Args),
     Validate(validate::Args),
+    Console(console::Args),
     Bench(bench::Args),
     Budget(budget::Args),
     Doctor(doctor::Args),
@@ -109,6 +111,7 @@ impl Command {
             Command::Check(args) => args.execute(),
             Command::Run(args) => args.execute(),
             Command::Validate(args) => args.execute(),
+            Command::Console(args) => args.execute(),
             Command::Bench(args) => args.execute(),
             Command::Budget(args) => args.execute(),
             Command::Doctor(args) => args.execute(),

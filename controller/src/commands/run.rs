@@ -1,10 +1,10 @@
 //! `syncline run`: a program on a machine, in real time.
 
-use super::console::{Console, Messages, Screen};
 use super::keys::{self, Keys};
 use super::log_files::{Listeners, LogFiles};
 use super::output::{Claims, Output, Results};
 use super::ports::PortChoice;
+use super::progress::{Console, Messages, Screen};
 use super::switches::Switches;
 use super::writers::Writers;
 use super::{Exit, bad_input, core, duration, report, told};
@@ -187,7 +187,7 @@ impl Args {
 }
 
 /// Whether every bus is simulated: their time goes with the cycle.
-fn lockstep(machine: &Machine) -> bool {
+pub(super) fn lockstep(machine: &Machine) -> bool {
     machine.buses.iter().all(|bus| bus.port == url::SIM)
 }
 

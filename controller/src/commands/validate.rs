@@ -143,7 +143,8 @@ impl Args {
                         self.tell(&event, &*layout);
                     }
                     Event::Problem(error) => failure = failure.or(Some(error)),
-                    Event::Accepted(_) => {}
+                    Event::Refused(refused) => eprintln!("{}", refused.reason),
+                    Event::Accepted(_) | Event::State(_) => {}
                 }
             }
             script.follow(session.status())?;
@@ -165,10 +166,7 @@ impl Args {
     }
 
     fn tell(&self, event: &MachineEvent, names: &impl Names) {
-        let is_loud = matches!(
-            event,
-            MachineEvent::Fault(_) | MachineEvent::NoJog(_) | MachineEvent::Switched(_)
-        );
+        let is_loud = matches!(event, MachineEvent::Fault(_) | MachineEvent::Switched(_));
         if (self.verbose || is_loud)
             && let Some(text) = event.describe(names)
         {

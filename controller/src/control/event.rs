@@ -2,6 +2,8 @@
 
 use super::fault::{AxisIndex, BusIndex, DriveIndex, Fault, Names};
 use super::functions::Switch;
+use super::job::Outcome;
+use super::state::State;
 use crate::bus::BusFault;
 use serde::{Deserialize, Serialize};
 use std::fmt;
@@ -10,8 +12,6 @@ use syncline_canopen::cia402::Statusword;
 use syncline_canopen::emcy::Emergency;
 use syncline_canopen::sdo::AbortCode;
 use syncline_drives::model::Address;
-use syncline_gcode::Axis as Letter;
-use syncline_trajectory::path::JogError;
 
 /// Something worth a line in the log.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -125,8 +125,15 @@ pub enum Event {
     Resumed,
     /// An operator has the program go back along the path.
     Retracing,
-    /// A jog was refused.
-    NoJog(JogError),
+    /// A job is over.
+    JobOver {
+        /// Its number.
+        job: u64,
+        /// How it ended.
+        outcome: Outcome,
+    },
+    /// The state of the machine as its operators have it.
+    State(State),
     /// The user asked for the end.
     Interrupted,
     /// A fault began the stop, or came on top of it.
@@ -223,7 +230,10 @@ impl Event {
     /// Whether it happens in every run.
     #[must_use]
     pub fn is_routine(&self) -> bool {
-        matches!(self, Self::Phase(_) | Self::Frozen { .. })
+        matches!(
+            self,
+            Self::Phase(_) | Self::Frozen { .. } | Self::JobOver { .. } | Self::State(_)
+        )
     }
 
     /// Whether the program rests from now on until an operator goes on, if that tells.
@@ -231,7 +241,7 @@ impl Event {
     pub fn rests(&self) -> Option<bool> {
         match self {
             Self::Held | Self::Paused { .. } => Some(true),
-            Self::Resumed | Self::Retracing => Some(false),
+            Self::Resumed | Self::Retracing | Self::JobOver { .. } => Some(false),
             _ => None,
         }
     }
@@ -304,26 +314,9 @@ impl Event {
             Self::Held => "feed hold: held on the path".to_owned(),
             Self::Resumed => "going on".to_owned(),
             Self::Retracing => "retracing: going back along the path".to_owned(),
-            Self::NoJog(error) => format!("no jog: {}", refusal(error)),
+            Self::JobOver { .. } | Self::State(_) => return None,
             Self::Interrupted => "interrupted: stopping on the path".to_owned(),
             Self::Fault(fault) => format!("FAULT: {}", fault.describe(names)),
         })
-    }
-}
-
-/// Why a jog is refused, and what to do.
-fn refusal(error: JogError) -> String {
-    let letter = |axis: usize| Letter::ALL.get(axis).map_or('?', |axis| axis.letter());
-    match error {
-        JogError::Moving => "the machine moves: feed hold first".to_owned(),
-        JogError::NoAxis(axis) => format!("the machine has no axis {}", letter(axis)),
-        JogError::OutsideTravel(axis) => {
-            format!(
-                "the position is outside of the soft limits of {}",
-                letter(axis)
-            )
-        }
-        JogError::NotANumber => "there is a number that is none".to_owned(),
-        JogError::NoSpeed => "the speed or the rapid override is 0: raise it".to_owned(),
     }
 }

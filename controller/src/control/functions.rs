@@ -8,7 +8,7 @@
 
 use std::collections::VecDeque;
 use std::fmt;
-use syncline_gcode::{Coolant, Output, Spindle};
+use syncline_gcode::{Coolant, Output, Spindle, Turning};
 
 /// M-codes that the cycle has room for. Where a program has more without a stop, the path rests for
 /// them to be executed.
@@ -67,6 +67,35 @@ impl Switches {
             functions: MachineFunctions::default(),
             executed: 0,
             waiting: VecDeque::with_capacity(SWITCHES),
+        }
+    }
+
+    /// Forgets what waits: another path begins.
+    pub(super) fn restart(&mut self) {
+        self.executed = 0;
+        self.waiting.clear();
+    }
+
+    /// Switches off what a job that is stopped leaves on: spindle and coolant.
+    pub(super) fn stop(&mut self, mut tell: impl FnMut(Switch)) {
+        let MachineFunctions {
+            spindle, coolant, ..
+        } = self.functions;
+        let turning = Turning::Off;
+        for (is_on, off) in [
+            (
+                spindle.turning != turning,
+                Switch::Spindle(Spindle { turning, ..spindle }),
+            ),
+            (
+                coolant != Coolant::default(),
+                Switch::Coolant(Coolant::default()),
+            ),
+        ] {
+            if is_on {
+                self.functions.switch(off);
+                tell(off);
+            }
         }
     }
 

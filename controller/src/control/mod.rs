@@ -15,18 +15,22 @@
 //! - [`fault`], [`event`]: why it stopped, what it tells
 //! - [`functions`]: what M-codes switch, at their place on the path
 //! - `node`, `sdo_sequence`: a drive over its bus; what it is asked by SDO
+//! - [`state`]: what operators may ask for, and when
+//! - [`job`]: what the machine works on, one after the other
 //! - `axis`: planned position to increments, following error
 
 mod axis;
 pub mod event;
 pub mod fault;
 pub mod functions;
+pub mod job;
 pub mod layout;
 mod node;
 mod order;
 mod phases;
 mod sdo_sequence;
 mod setpoint_misses;
+pub mod state;
 #[cfg(test)]
 mod tests;
 
@@ -34,8 +38,10 @@ pub use axis::{AxisSample, Following};
 pub use event::{Event, Pause, Phase};
 pub use fault::Fault;
 pub use functions::{MachineFunctions, Switch};
+pub use job::{Job, JobKind, Outcome};
 pub use layout::Layout;
-pub use order::Order;
+pub use order::{Order, Refusal};
+pub use state::{NotNow, Request, State};
 
 use crate::bus::{Burst, Outbox, Received};
 use crate::bus::{BusFault, Reaction};
@@ -46,12 +52,12 @@ use node::DriveNode;
 use setpoint_misses::SetpointMisses;
 use std::collections::VecDeque;
 use std::hint::black_box;
-use std::mem::take;
+use std::mem::{replace, take};
 use std::sync::Arc;
 use syncline_canopen::response_time::{bit_time, worst_case_bits};
 use syncline_canopen::time::Duration;
 use syncline_canopen::{CobId, Frame, Instant, Transmit, nmt};
-use syncline_trajectory::path::{Command as PathCommand, Executor, ReplanRequest, Setpoint};
+use syncline_trajectory::path::{Command as PathCommand, Executor, Setpoint};
 
 /// Events that wait to be fetched at most; more are dropped, newest first.
 const EVENT_CAPACITY: usize = 1024;
@@ -114,7 +120,7 @@ pub enum StopPoint {
         /// Program line.
         line: u32,
     },
-    /// The program is complete.
+    /// The job is complete.
     End,
     /// The path goes on at once: so many M-codes have come without a stop that there is no room for more
     /// of them.
@@ -145,6 +151,8 @@ pub enum End {
     Finished,
     /// The user asked for the end.
     Interrupted,
+    /// A machine that stays on was switched off.
+    SwitchedOff,
     /// A fault.
     Fault(Fault),
 }
@@ -156,9 +164,21 @@ impl End {
         match self {
             Self::Finished => "program finished".to_owned(),
             Self::Interrupted => "interrupted by the user".to_owned(),
+            Self::SwitchedOff => "switched off".to_owned(),
             Self::Fault(fault) => format!("stopped: {}", fault.describe(names)),
         }
     }
+}
+
+/// What the machine is going to, and stays at.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Goal {
+    /// Drives enabled, their setpoints follow the plan.
+    Ready,
+    /// Drives disabled.
+    Disabled,
+    /// Off, and this is how the run ended.
+    Off(End),
 }
 
 /// Controls one machine along plans of `N` coordinates.
@@ -191,13 +211,20 @@ pub struct Controller<const N: usize> {
     phase_cycle: u64,
     /// What the phase does once, after its entry, has been done.
     acted: bool,
-    end: Option<End>,
+    goal: Goal,
+    /// What stopped the machine, until it is reset.
+    fault: Option<Fault>,
+    /// Also without a job.
+    stays_on: bool,
+    job: Option<Job>,
+    /// The last job that is over.
+    over: Option<(u64, Outcome)>,
 
     executor: Executor<N>,
     /// The plan at the setpoint that the next SYNC latches.
     planned: Setpoint<N>,
     /// Cycle of the first row.
-    mode_cycle: u64,
+    mode_cycle: Option<u64>,
     /// The axes are where the plan says; before, setpoints follow the actual positions.
     frozen: bool,
     /// A SYNC was left out: its setpoint is skipped.
@@ -210,20 +237,21 @@ pub struct Controller<const N: usize> {
     pause_told: bool,
     /// M1 is a stop.
     optional_stop: bool,
-    /// Something of the program was handed in.
+    /// Something of the job's plan was handed in.
     begun: bool,
     /// For so many cycles the path has rested for want of a plan.
     unplanned: u64,
-    /// That is no fault.
-    waits_for_input: bool,
     /// At rest until an operator goes on.
     held: bool,
+    /// As told.
+    told_state: State,
     /// As told.
     late_plans: u64,
 }
 
 impl<const N: usize> Controller<N> {
-    /// A controller that wants to be woken first at `start`.
+    /// A controller that wants to be woken first at `start`, for one job; see
+    /// [`stay_on`](Self::stay_on).
     ///
     /// # Panics
     /// If an axis of the layout is beyond `N` coordinates.
@@ -253,10 +281,14 @@ impl<const N: usize> Controller<N> {
             phase: Phase::Survey,
             phase_cycle: 0,
             acted: false,
-            end: None,
+            goal: Goal::Ready,
+            fault: None,
+            stays_on: false,
+            job: Some(Job::ONLY),
+            over: None,
             planned: executor.setpoint(),
             executor,
-            mode_cycle: 0,
+            mode_cycle: None,
             frozen: false,
             left_out: false,
             row: None,
@@ -267,8 +299,8 @@ impl<const N: usize> Controller<N> {
             optional_stop: false,
             begun: false,
             unplanned: 0,
-            waits_for_input: false,
             held: false,
+            told_state: State::Starting,
             late_plans: 0,
             layout,
         }
@@ -380,6 +412,10 @@ impl<const N: usize> Controller<N> {
             self.fail(fault);
         }
         self.send_acyclic(due, out);
+        let state = self.state();
+        if replace(&mut self.told_state, state) != state {
+            self.tell(Event::State(state));
+        }
     }
 
     /// Goes through what the wake-up for the setpoints of a moving machine works with, so that the
@@ -482,7 +518,8 @@ impl<const N: usize> Controller<N> {
         if (Phase::Program..=Phase::Stop).contains(&self.phase) {
             self.sample_axes();
         }
-        if self.is_faulty() || !(Phase::Lock..=Phase::Stop).contains(&self.phase) {
+        let watched = self.sync_on && (Phase::Lock..=Phase::Stop).contains(&self.phase);
+        if self.is_faulty() || !watched {
             return Ok(());
         }
         let mut events = event_sink(&mut self.events);
@@ -518,7 +555,9 @@ impl<const N: usize> Controller<N> {
         }
         self.in_position = if in_position { self.in_position + 1 } else { 0 };
         self.row = Some(Row {
-            cycle: self.cycle.saturating_sub(self.mode_cycle),
+            cycle: self
+                .cycle
+                .saturating_sub(self.mode_cycle.unwrap_or_default()),
             sync: self.syncs,
             plan: self.planned,
             axes: samples,
@@ -526,12 +565,19 @@ impl<const N: usize> Controller<N> {
         });
     }
 
-    /// Records a fault and begins the end; the first one counts.
+    /// Records a fault and begins the way down; the first one counts.
     fn fail(&mut self, fault: Fault) {
-        if !self.is_faulty() {
-            self.tell(Event::Fault(fault));
-            self.finish(End::Fault(fault));
+        if self.is_faulty() {
+            return;
         }
+        self.tell(Event::Fault(fault));
+        self.fault = Some(fault);
+        let goes_off = !self.stays_on || self.end().is_some();
+        self.go_to(if goes_off {
+            Goal::Off(End::Fault(fault))
+        } else {
+            Goal::Disabled
+        });
     }
 
     fn tell(&mut self, event: Event) {
@@ -637,98 +683,6 @@ impl<const N: usize> Controller<N> {
         Ok(())
     }
 
-    // --- the program, from outside the cycle ---
-
-    /// Where the plan has to start, machine coordinates in mm, once the machine is ready for its
-    /// program.
-    #[must_use]
-    pub fn ready(&self) -> Option<[f64; N]> {
-        (self.phase == Phase::Program).then_some(self.planned.position)
-    }
-
-    /// How many more instructions are taken now.
-    #[must_use]
-    pub fn room(&self) -> usize {
-        // While held, nothing: the plan will be replaced.
-        let held = self.executor.leads_to_hold()
-            || (self.executor.awaits_replacement() && self.executor.replan_request().is_none());
-        // While it stops: the way to rest, and nothing beyond.
-        let takes = matches!(self.phase, Phase::Program | Phase::Stop);
-        if takes && !held {
-            self.executor.room()
-        } else {
-            0
-        }
-    }
-
-    /// The program is read as it comes, and may stand still for as long as it likes in real time: then
-    /// it is no fault that no plan comes.
-    pub fn wait_for_input(&mut self) {
-        self.waits_for_input = true;
-    }
-
-    /// Takes the next instruction of the program; false if there is no room for it.
-    pub fn accept(&mut self, instruction: Instruction<N>) -> bool {
-        if self.room() == 0 {
-            return false;
-        }
-        self.begun = true;
-        match instruction {
-            Instruction::Plan(command) => self.executor.accept(command),
-            Instruction::Mark { item, mark, stop } => {
-                // A plan that is to be replaced is dropped, its marks with it: they come again.
-                if !self.executor.awaits_replacement() {
-                    self.stop_point = Some((mark, stop));
-                }
-                self.executor.accept(PathCommand::Mark { item, mark })
-            }
-            Instruction::Switch(switch) => self.switches.push(switch),
-        }
-    }
-
-    /// The stop point at which the path rests.
-    fn reached(&self) -> Option<StopPoint> {
-        let (mark, stop) = self.stop_point?;
-        (self.executor.mark() == Some(mark)).then_some(stop)
-    }
-
-    /// From where on the program's path has to be planned anew, if it has, also to rest at the end; for
-    /// [`Feeder::replan`](crate::program::Feeder::replan).
-    #[must_use]
-    pub fn replan_request(&self) -> Option<ReplanRequest> {
-        matches!(self.phase, Phase::Program | Phase::Stop)
-            .then(|| self.executor.replan_request())
-            .flatten()
-    }
-
-    /// An operator ends a pause; what was jogged meanwhile goes back first.
-    pub fn go_on(&mut self) {
-        if take(&mut self.pause_told) {
-            if self.executor.is_off_path() {
-                self.executor.resume();
-            }
-            self.executor.pass();
-            // Held besides, it stays so.
-            self.tell(match self.executor.is_held() {
-                true => Event::Held,
-                false => Event::Resumed,
-            });
-        }
-    }
-
-    /// Stops on the path and ends the run in an orderly way.
-    pub fn interrupt(&mut self) {
-        if self.end.is_none() {
-            self.tell(Event::Interrupted);
-            self.finish(End::Interrupted);
-        }
-    }
-
-    /// The program cannot go on: stops on the path.
-    pub fn abandon(&mut self) {
-        self.fail(Fault::Program);
-    }
-
     // --- what it tells ---
 
     /// The next thing worth a line in the log.
@@ -757,7 +711,16 @@ impl<const N: usize> Controller<N> {
     /// How the run ends, as soon as that is decided.
     #[must_use]
     pub fn end(&self) -> Option<End> {
-        self.end
+        match self.goal {
+            Goal::Off(end) => Some(end),
+            Goal::Ready | Goal::Disabled => None,
+        }
+    }
+
+    /// What stopped the machine, until it is reset.
+    #[must_use]
+    pub fn fault(&self) -> Option<Fault> {
+        self.fault
     }
 
     /// Bursts that missed their SYNC, of all buses.

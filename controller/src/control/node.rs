@@ -236,6 +236,20 @@ impl DriveNode {
         &self.status
     }
 
+    /// Knows nothing of the drive any more, as after power-up; its device's own state stays.
+    pub(super) fn forget(&mut self) {
+        self.sequence.clear();
+        self.replies.clear();
+        self.expect_boot();
+        self.arrived = 0;
+        self.status = DriveStatus::default();
+        self.age = 1;
+        self.misses = 0;
+        (self.twice, self.was_twice) = (false, false);
+        self.still = 0;
+        self.power = PowerCommand::Disable;
+    }
+
     /// Forgets the boot-up messages so far.
     pub(super) fn expect_boot(&mut self) {
         self.booted = false;

@@ -1,14 +1,18 @@
 //! What the session, or the program's feeder, orders.
 
-use super::{Controller, Event, Phase};
+use super::state::{NotNow, Request, State};
+use super::{Controller, Event, Goal, Job, Phase};
 use crate::machine::COORDINATES;
 use std::mem::take;
+use syncline_gcode::Axis as Letter;
 use syncline_trajectory::limits::{Limits, PositionLimits};
 use syncline_trajectory::path::{Jog, JogError, Overrides, Travel};
 
 /// An order to the controller; it is obeyed in the next cycle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Order<const N: usize = COORDINATES> {
+    /// Begins a job where the machine rests. Its plan is asked for then.
+    Begin(Job),
     /// Ends a pause: program stop, tool change.
     CycleStart,
     /// Rests on the path.
@@ -23,22 +27,74 @@ pub enum Order<const N: usize = COORDINATES> {
     OptionalStop(bool),
     /// Goes back to the beginning of the block and rests there.
     Retrace,
-    /// Moves axes while the path rests: held, or at a pause.
+    /// Moves axes while the path rests: held, at a pause, or without a job.
     Jog(Jog<N>),
     /// Part of the programmed feeds, 0…2.
     FeedOverride(f64),
     /// Part of the rapids' speed, 0…1.
     RapidOverride(f64),
-    /// Stops on the path and ends the run.
+    /// Stops on the path; the job is over. A machine that was switched on for one job goes off.
     Interrupt,
-    /// The program cannot go on.
-    Abandon,
+    /// The job with this number cannot go on.
+    Abandon(u64),
+    /// Enables the drives.
+    Enable,
+    /// Disables the drives, once what moves has come to rest.
+    Disable,
+    /// Brings the drives back after a fault: found, set up and enabled anew, without a motion.
+    Reset,
+    /// Switches the machine off, once what moves has come to rest.
+    SwitchOff,
+}
+
+/// Why an order is refused, and what to do.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum Refusal {
+    /// The state of the machine forbids it.
+    #[error(transparent)]
+    NotNow(#[from] NotNow),
+    /// A jog cannot be.
+    #[error("no jog: {}", why_no_jog(*.0))]
+    Jog(JogError),
+}
+
+impl<const N: usize> Order<N> {
+    /// What it asks of the machine's state; `None` for what the program's feeder orders.
+    #[must_use]
+    pub fn request(&self) -> Option<Request> {
+        Some(match self {
+            Self::Begin(_) => Request::Begin,
+            Self::CycleStart | Self::Resume | Self::Retrace => Request::GoOn,
+            Self::FeedHold | Self::ToggleFeedHold => Request::FeedHold,
+            Self::Jog(_) => Request::Jog,
+            Self::FeedOverride(_)
+            | Self::RapidOverride(_)
+            | Self::SingleBlock(_)
+            | Self::OptionalStop(_) => Request::Set,
+            Self::Interrupt => Request::Stop,
+            Self::Enable => Request::Enable,
+            Self::Disable => Request::Disable,
+            Self::Reset => Request::Reset,
+            Self::SwitchOff => Request::SwitchOff,
+            Self::Abandon(_) => return None,
+        })
+    }
 }
 
 impl<const N: usize> Controller<N> {
     /// Does what is ordered.
-    pub fn obey(&mut self, order: Order<N>) {
+    ///
+    /// # Errors
+    /// Why it is refused; nothing changes then.
+    pub fn obey(&mut self, order: Order<N>) -> Result<(), Refusal> {
+        let state = self.state();
+        if let Some(request) = order.request()
+            && !state.allows(request)
+        {
+            return Err(NotNow { request, state }.into());
+        }
         match order {
+            Order::Begin(job) => self.begin(job),
             Order::CycleStart => self.go_on(),
             Order::FeedHold => self.executor.feed_hold(),
             Order::Resume => self.executor.resume(),
@@ -58,7 +114,7 @@ impl<const N: usize> Controller<N> {
                 }
                 self.executor.retrace();
             }
-            Order::Jog(jog) => self.jog(jog),
+            Order::Jog(jog) => self.jog(jog, state).map_err(Refusal::Jog)?,
             Order::FeedOverride(feed) => {
                 let overrides = self.executor.overrides();
                 (self.executor).set_overrides(Overrides { feed, ..overrides });
@@ -68,12 +124,24 @@ impl<const N: usize> Controller<N> {
                 (self.executor).set_overrides(Overrides { rapid, ..overrides });
             }
             Order::Interrupt => self.interrupt(),
-            Order::Abandon => self.abandon(),
+            Order::Abandon(number) => {
+                if self.job().is_some_and(|job| job.number == number) {
+                    self.abandon();
+                }
+            }
+            Order::Enable => self.enable(),
+            Order::Disable => self.go_to(Goal::Disabled),
+            Order::Reset => self.reset(),
+            Order::SwitchOff => self.switch_off(),
         }
+        Ok(())
     }
 
-    /// Moves axes inside their soft limits; what cannot be is told.
-    fn jog(&mut self, jog: Jog<N>) {
+    /// Moves axes inside their soft limits.
+    fn jog(&mut self, jog: Jog<N>, state: State) -> Result<(), JogError> {
+        if self.phase != Phase::Program {
+            return Err(JogError::Moving);
+        }
         let mut travel = [None; N];
         for axis in &self.layout.axes {
             let limits = &axis.limits;
@@ -83,12 +151,32 @@ impl<const N: usize> Controller<N> {
                 bounds: PositionLimits { min, max },
             });
         }
-        let mut taken = Err(JogError::Moving);
-        if self.phase == Phase::Program {
-            taken = self.executor.jog(jog, &travel);
+        if state != State::Ready {
+            return self.executor.jog(jog, &travel);
         }
-        if let Err(error) = taken {
-            self.tell(Event::NoJog(error));
+        // Without a job there is no path to leave: it is held where it ended.
+        self.executor.feed_hold();
+        let taken = self.executor.jog(jog, &travel);
+        if taken.is_err() {
+            self.rest_here();
         }
+        taken
+    }
+}
+
+/// Why a jog is refused, and what to do.
+fn why_no_jog(error: JogError) -> String {
+    let letter = |axis: usize| Letter::ALL.get(axis).map_or('?', |axis| axis.letter());
+    match error {
+        JogError::Moving => "the machine moves: feed hold first".to_owned(),
+        JogError::NoAxis(axis) => format!("the machine has no axis {}", letter(axis)),
+        JogError::OutsideTravel(axis) => {
+            format!(
+                "the position is outside of the soft limits of {}",
+                letter(axis)
+            )
+        }
+        JogError::NotANumber => "there is a number that is none".to_owned(),
+        JogError::NoSpeed => "the speed or the rapid override is 0: raise it".to_owned(),
     }
 }

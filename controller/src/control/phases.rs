@@ -1,9 +1,9 @@
-//! From power-up to the program and from its end to power-down, one phase after the other.
+//! From power-up to a machine that is ready and from there to power-down, one phase after the other.
 
 use super::fault::{AwaitedState, DriveCause, Fault};
 use super::{
-    COMMAND_CYCLES, Controller, DriveNode, End, Event, NO_PLAN, Pause, Phase, STILL, STILL_CYCLES,
-    StopPoint,
+    COMMAND_CYCLES, Controller, DriveNode, End, Event, Goal, NO_PLAN, Outcome, Pause, Phase, STILL,
+    STILL_CYCLES, StopPoint,
 };
 use crate::bus::Outbox;
 use syncline_canopen::time::Duration;
@@ -50,9 +50,10 @@ impl<const N: usize> Controller<N> {
                 }
                 self.go_on_if(locked, Phase::Disabled, out);
             }
-            Phase::Disabled => {
-                self.await_all(AwaitedState::Disabled, Phase::ReadyToSwitchOn, out)?
+            Phase::Disabled if self.goal == Goal::Ready => {
+                self.await_all(AwaitedState::Disabled, Phase::ReadyToSwitchOn, out)?;
             }
+            Phase::Disabled => {}
             Phase::ReadyToSwitchOn => {
                 self.await_all(AwaitedState::Ready, Phase::OperationEnabled, out)?;
             }
@@ -84,16 +85,40 @@ impl<const N: usize> Controller<N> {
                 let settled = self.in_position >= self.still_cycles();
                 let waited = self.timed_out(self.layout.state_timeout);
                 let over = self.executor.is_idle() && (settled || waited || self.is_faulty());
-                self.go_on_if(over, Phase::ModeEnd, out);
+                if over && self.goal == Goal::Ready {
+                    self.rest_after(Outcome::Stopped);
+                    self.enter(Phase::Program, out);
+                } else if over {
+                    self.end_job(match self.end() {
+                        Some(End::Finished) => Outcome::Finished,
+                        _ => Outcome::Stopped,
+                    });
+                    self.enter(Phase::ModeEnd, out);
+                }
             }
             Phase::ModeEnd => self.await_some(AwaitedState::ModeEnded, Phase::ShutDown, out),
             // Where a drive has a brake, it holds before 0000h takes what is left of the torque.
             Phase::ShutDown => self.await_some(AwaitedState::Disabled, Phase::Disable, out),
-            Phase::Disable => self.await_some(AwaitedState::Disabled, Phase::Release, out),
+            Phase::Disable => {
+                let goes_off = self.end().is_some();
+                let next = if goes_off {
+                    Phase::Release
+                } else {
+                    Phase::Disabled
+                };
+                self.await_some(AwaitedState::Disabled, next, out);
+            }
             Phase::Release => self.go_on_if(self.sequences_done(), Phase::PreOperational, out),
             Phase::PreOperational => {
                 let sent = self.cycle >= self.phase_cycle + COMMAND_CYCLES;
-                self.go_on_if(sent, Phase::Done, out);
+                let goes_off = self.end().is_some();
+                let next = if goes_off {
+                    Phase::Done
+                } else {
+                    Phase::Disabled
+                };
+                self.sync_on &= !sent;
+                self.go_on_if(sent, next, out);
             }
             Phase::Done => {}
         }
@@ -115,9 +140,11 @@ impl<const N: usize> Controller<N> {
             Phase::SetUp => self.ask(DriveNode::ask_set_up),
             Phase::Start => self.sync_on = true,
             Phase::Lock => self.ask(DriveNode::ask_lock),
-            Phase::Disabled | Phase::Disable => {
+            Phase::Disabled => {
+                self.frozen = false;
                 self.set_power(PowerCommand::Disable);
             }
+            Phase::Disable => self.set_power(PowerCommand::Disable),
             Phase::ReadyToSwitchOn | Phase::ShutDown => {
                 self.set_power(PowerCommand::Prepare);
             }
@@ -133,7 +160,9 @@ impl<const N: usize> Controller<N> {
                 self.set_power(PowerCommand::Run);
                 self.ask(DriveNode::ask_mode);
             }
-            Phase::Program => self.mode_cycle = self.cycle + 1,
+            Phase::Program => {
+                self.mode_cycle.get_or_insert(self.cycle + 1);
+            }
             Phase::Stop => self.executor.stop(),
             Phase::Release => self.ask_release(),
             Phase::PreOperational => self.send_nmt(nmt::Command::EnterPreOperational, out),
@@ -141,13 +170,17 @@ impl<const N: usize> Controller<N> {
         }
     }
 
-    /// Decides how the run ends and begins the way down from wherever the machine is.
-    pub(super) fn finish(&mut self, end: End) {
-        self.end = Some(end);
+    /// Goes there from wherever the machine is; the way down ends at what is wanted then.
+    pub(super) fn go_to(&mut self, goal: Goal) {
+        self.goal = goal;
         let next = match self.phase {
             Phase::Survey | Phase::Boot | Phase::SetUp | Phase::Start | Phase::Lock => {
                 Phase::Release
             }
+            Phase::Disabled if !self.sync_on => match goal {
+                Goal::Off(_) => Phase::Release,
+                Goal::Ready | Goal::Disabled => return,
+            },
             Phase::Disabled | Phase::ReadyToSwitchOn | Phase::OperationEnabled => Phase::ShutDown,
             Phase::ModeStart => Phase::ModeEnd,
             Phase::Program => Phase::Stop,
@@ -163,7 +196,52 @@ impl<const N: usize> Controller<N> {
         self.enter(next, &mut []);
     }
 
+    /// Enables drives that are disabled.
+    pub(super) fn enable(&mut self) {
+        self.goal = Goal::Ready;
+        if self.sync_on {
+            self.enter(Phase::Disabled, &mut []);
+        } else {
+            self.bring_up();
+        }
+    }
+
+    /// Brings the drives back after a fault. Whatever became of them meanwhile, they are found, reset
+    /// and set up as after power-up, which resets their errors.
+    pub(super) fn reset(&mut self) {
+        self.fault = None;
+        self.goal = Goal::Ready;
+        self.bring_up();
+    }
+
+    /// Switches the machine off, unless that is under way.
+    pub(super) fn switch_off(&mut self) {
+        if self.end().is_none() {
+            let end = self.fault.map_or(End::SwitchedOff, End::Fault);
+            self.go_to(Goal::Off(end));
+        }
+    }
+
+    /// Begins as after power-up.
+    fn bring_up(&mut self) {
+        self.sync_on = false;
+        self.sync_sent = None;
+        self.nodes.iter_mut().for_each(DriveNode::forget);
+        for bus in 0..self.misses.len() {
+            self.misses[bus].forgive();
+            self.lost[bus] = false;
+        }
+        self.enter(Phase::Survey, &mut []);
+        self.acted = true;
+    }
+
     fn step_program(&mut self) {
+        if self.job.is_none() {
+            if self.executor.is_off_path() && self.executor.is_at_rest() {
+                self.rest_here();
+            }
+            return;
+        }
         // Jogs are no going on.
         let rests = self.executor.is_held() && (self.planned.speed == 0.0 || self.planned.off_path);
         if rests != self.held {
@@ -189,9 +267,17 @@ impl<const N: usize> Controller<N> {
             }
             None => {}
             Some(StopPoint::Rest) => self.executor.pass(),
-            Some(StopPoint::End) => self.finish(End::Finished),
+            Some(StopPoint::End) if self.stays_on => self.rest_after(Outcome::Finished),
+            Some(StopPoint::Broken) if self.stays_on => self.rest_after(Outcome::Broken),
+            Some(StopPoint::End) => self.go_to(Goal::Off(End::Finished)),
             Some(StopPoint::Broken) => self.fail(Fault::Program),
         }
+    }
+
+    /// The job is over, and the machine stays ready.
+    fn rest_after(&mut self, outcome: Outcome) {
+        self.end_job(outcome);
+        self.rest_here();
     }
 
     /// Where the path could go on and no plan comes for long, none ever will.
@@ -199,7 +285,7 @@ impl<const N: usize> Controller<N> {
         let waits = self.begun && self.phase == Phase::Program && self.executor.wants_plan();
         self.unplanned = if waits { self.unplanned + 1 } else { 0 };
         let most = NO_PLAN.as_nanos().div_ceil(self.layout.cycle.as_nanos()) as u64;
-        if self.unplanned > most && !self.waits_for_input {
+        if self.unplanned > most && !self.job.is_some_and(|job| job.waits_for_input) {
             return Err(Fault::NoPlan);
         }
         Ok(())
@@ -299,7 +385,7 @@ impl<const N: usize> Controller<N> {
     }
 
     pub(super) fn is_faulty(&self) -> bool {
-        matches!(self.end, Some(End::Fault(_)))
+        self.fault.is_some()
     }
 
     fn sequences_done(&self) -> bool {

@@ -30,6 +30,12 @@ impl SetpointMisses {
         }
     }
 
+    /// What was missed so far counts towards no fault any more.
+    pub(super) fn forgive(&mut self) {
+        self.last.clear();
+        self.unsent = 0;
+    }
+
     /// Counts a miss in `cycle`: one is tolerated; two in a row, or three in 1,000 cycles, are
     /// not.
     pub(super) fn miss(&mut self, cycle: u64) -> Result<(), Fault> {

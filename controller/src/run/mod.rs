@@ -14,10 +14,11 @@ pub mod real_time;
 pub mod replay;
 pub mod virtual_time;
 
-use crate::control::{Event, Order, Row};
+use crate::control::{Event, Order, Refusal, Row};
 use crate::machine::COORDINATES;
 use crate::port::PortError;
-use crate::program::ProgramError;
+use crate::program::{Left, Program, ProgramError, Upcoming};
+use syncline_gcode::TablesError;
 
 /// What the cycle reports.
 #[derive(Debug)]
@@ -34,6 +35,22 @@ pub enum CycleReport {
     Event(Event),
     /// What happened at one SYNC of the program.
     Row(Row<COORDINATES>),
+    /// A job is over, and this is what it has left if it finished.
+    JobOver {
+        /// Its number.
+        job: u64,
+        /// What goes on with the next one.
+        left: Option<Left>,
+    },
+    /// An order was refused, and nothing changed; those before it took effect.
+    Refused {
+        /// The order's number.
+        number: u64,
+        /// The controller's cycle.
+        cycle: u64,
+        /// Why.
+        refusal: Refusal,
+    },
     /// A bus' interface failed.
     BusFailed(PortError),
 }
@@ -58,13 +75,29 @@ pub enum RunError {
     /// The program cannot be run from where the machine stands, or a block of it cannot.
     #[error(transparent)]
     Program(#[from] ProgramError),
+    /// What a program changed in the tables could not be written.
+    #[error(transparent)]
+    Tables(#[from] TablesError),
     /// The planner's thread panicked; the panic's own message stands above.
     #[error("the planner failed: this is a defect of syncline, please report it with the program")]
     Planner,
 }
 
-/// A machine with its program, in real or in virtual time.
+/// A job on its way to the planner.
+pub struct Work {
+    /// The job's number.
+    pub number: u64,
+    /// What is planned once it begins.
+    pub program: Program,
+    /// Where its moves come up.
+    pub upcoming: Upcoming,
+}
+
+/// A machine, in real or in virtual time.
 pub trait Timeline {
+    /// Hands the planner a job; it begins where [`Order::Begin`] with its number takes effect.
+    fn prepare(&mut self, work: Work);
+
     /// Orders something. No order gets lost; each takes effect in the next cycle, in turn, and is
     /// reported by the number that it is given here.
     fn order(&mut self, number: u64, order: Order);

@@ -1,10 +1,10 @@
-//! A program's way into the cycle, in a thread of its own: no plan, however long it takes, is in
+//! Programs' way into the cycle, in a thread of its own: no plan, however long it takes, is in
 //! the way of what an operator does and of what the cycle reports.
 
-use super::RunError;
-use crate::control::Instruction;
+use super::{RunError, Work};
+use crate::control::{Instruction, Outcome};
 use crate::machine::{COORDINATES, Position};
-use crate::program::{Feeder, Program, ProgramError, Upcoming};
+use crate::program::{Feeder, Left, ProgramError};
 use crossbeam::channel::{self, Receiver, Sender};
 use rtrb::{Consumer, Producer};
 use std::io;
@@ -18,74 +18,99 @@ const POLL: Duration = Duration::from_millis(1);
 /// What the cycle asks the planner for. It comes straight from there.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum PlanRequest {
-    /// The machine stands there, ready for the program; it begins once.
-    Begin(Position),
+    /// The job with this number begins, and the machine stands there.
+    Begin(u64, Position),
     /// The path has to be planned anew from there.
     Replan(ReplanRequest),
+    /// The job with this number is over.
+    Over(u64, Outcome),
 }
 
 /// The planner's ends of its queues with the cycle.
 pub struct PlanQueues {
     /// What the cycle asks for.
     pub requests: Consumer<PlanRequest>,
-    /// The plan on its way into the cycle.
-    pub instructions: Producer<Instruction<COORDINATES>>,
+    /// The plan on its way into the cycle, each instruction with the number of its job.
+    pub instructions: Producer<(u64, Instruction<COORDINATES>)>,
 }
 
-/// A program that is being planned.
+/// What the planner's thread tells.
+#[derive(Debug)]
+#[allow(clippy::large_enum_variant)] // one a job
+pub enum Told {
+    /// A block cannot be run; the machine comes as far as that.
+    Block(ProgramError),
+    /// The job with this number cannot begin.
+    NoBegin(u64, ProgramError),
+    /// The job with this number is over, and has left this if it finished.
+    Over(u64, Option<Left>),
+    /// What else went wrong at its end.
+    Problem(RunError),
+}
+
+/// The jobs that are planned, one after the other.
 pub struct Planning {
-    errors: Receiver<ProgramError>,
+    work: Sender<Work>,
+    told: Receiver<Told>,
     /// Until it is seen to be over.
-    thread: Option<JoinHandle<Planned>>,
+    thread: Option<JoinHandle<Option<Feeder>>>,
     feeder: Option<Feeder>,
 }
-
-/// The program as it was left, if it began.
-type Planned = Result<Option<Feeder>, ProgramError>;
 
 /// The thread's side.
 struct Planner {
     queues: PlanQueues,
-    errors: Sender<ProgramError>,
+    work: Receiver<Work>,
+    tell: Sender<Told>,
+}
+
+/// A job that is planned, or was planned last.
+struct Planned {
+    number: u64,
+    feeder: Feeder,
+    over: bool,
 }
 
 impl Planning {
-    /// A program that waits for its start; its thread ends with the cycle that takes the
-    /// instructions, and at once where [`Program::abandon`] is called.
+    /// A planner that waits for jobs; its thread ends with the cycle that takes the instructions,
+    /// and at once where [`Program::abandon`](crate::program::Program::abandon) is called for the job
+    /// at work.
     ///
     /// # Errors
     /// There is no thread for it.
-    pub fn new(program: Program, upcoming: Upcoming, queues: PlanQueues) -> io::Result<Self> {
-        let (told, errors) = channel::unbounded();
-        let mut planner = Planner {
+    pub fn new(queues: PlanQueues) -> io::Result<Self> {
+        let (tell, told) = channel::unbounded();
+        let (work, waiting) = channel::unbounded();
+        let planner = Planner {
             queues,
-            errors: told,
+            work: waiting,
+            tell,
         };
         let thread = thread::Builder::new().name("planner".into());
-        let thread = thread.spawn(move || {
-            let Some(start) = planner.start() else {
-                return Ok(None);
-            };
-            program.check(start)?;
-            let feeder = program.feeder(start, upcoming)?;
-            Ok(Some(planner.feed(feeder)))
-        })?;
+        let thread = thread.spawn(move || planner.plan())?;
         Ok(Self {
-            errors,
+            work,
+            told,
             thread: Some(thread),
             feeder: None,
         })
     }
 
-    /// A block that cannot be run; the machine comes as far as that.
-    pub fn error(&self) -> Option<ProgramError> {
-        self.errors.try_recv().ok()
+    /// Hands over a job; it waits for its begin.
+    pub fn prepare(&self, work: Work) {
+        // Where the planner is gone, that is told already.
+        let _ = self.work.send(work);
+    }
+
+    /// What the planner told next.
+    pub fn told(&self) -> Option<Told> {
+        self.told.try_recv().ok()
     }
 
     /// Looks whether the thread is over before the cycle is.
     ///
     /// # Errors
-    /// Nothing more comes of the program; told once.
+    /// It panicked; told once.
     pub fn check(&mut self) -> Result<(), RunError> {
         match self.thread.take_if(|thread| thread.is_finished()) {
             Some(thread) => self.join(thread),
@@ -93,7 +118,7 @@ impl Planning {
         }
     }
 
-    /// Waits for the thread, which ends with the cycle; the program as it was left, if it began.
+    /// Waits for the thread, which ends with the cycle; the last job as it was left, if it began.
     ///
     /// # Errors
     /// As [`check`](Self::check).
@@ -104,58 +129,109 @@ impl Planning {
         Ok(self.feeder)
     }
 
-    fn join(&mut self, thread: JoinHandle<Planned>) -> Result<(), RunError> {
-        self.feeder = thread.join().map_err(|_| RunError::Planner)??;
+    fn join(&mut self, thread: JoinHandle<Option<Feeder>>) -> Result<(), RunError> {
+        self.feeder = thread.join().map_err(|_| RunError::Planner)?;
         Ok(())
     }
 }
 
 impl Planner {
-    /// Waits for where the program begins; `None` if the cycle ends before.
-    fn start(&mut self) -> Option<Position> {
+    /// Keeps the cycle's queue full until the cycle is gone; the last job as it was left.
+    fn plan(mut self) -> Option<Feeder> {
+        let mut planned: Option<Planned> = None;
         loop {
             // Looked for first: what the cycle asked before it went is still there.
             let gone = self.queues.instructions.is_abandoned();
-            match self.queues.requests.pop() {
-                Ok(PlanRequest::Begin(start)) => return Some(start),
-                Ok(PlanRequest::Replan(_)) => {}
-                Err(_) if gone => return None,
-                Err(_) => thread::sleep(POLL),
+            let mut latest = None;
+            while let Ok(request) = self.queues.requests.pop() {
+                match request {
+                    PlanRequest::Begin(number, start) => {
+                        latest = None;
+                        planned = self.begin(number, start);
+                    }
+                    // Where one came while another was answered, that is out of date.
+                    PlanRequest::Replan(request) => latest = Some(request),
+                    PlanRequest::Over(number, outcome) => {
+                        latest = None;
+                        self.finish(number, outcome, planned.as_mut());
+                    }
+                }
+            }
+            if gone {
+                return planned.map(|planned| planned.feeder);
+            }
+            let working = planned.as_mut().filter(|planned| !planned.over);
+            if !working.is_some_and(|planned| self.feed(planned, latest)) {
+                thread::sleep(POLL);
             }
         }
     }
 
-    /// Keeps the cycle's queue full until the cycle is gone.
-    fn feed(mut self, mut feeder: Feeder) -> Feeder {
-        while !self.queues.instructions.is_abandoned() {
-            let mut latest = None;
-            // Where one came while another was answered, that is out of date.
-            while let Ok(request) = self.queues.requests.pop() {
-                if let PlanRequest::Replan(request) = request {
-                    latest = Some(request);
-                }
+    /// The job with this number, from where the machine stands.
+    fn begin(&self, number: u64, start: Position) -> Option<Planned> {
+        let work = self.work.try_iter().find(|work| work.number == number)?;
+        let Work {
+            program, upcoming, ..
+        } = work;
+        let feeder = (program.check(start)).and_then(|_| program.feeder(start, upcoming));
+        match feeder {
+            Ok(feeder) => Some(Planned {
+                number,
+                feeder,
+                over: false,
+            }),
+            // It is over already, and nobody wants to know why it could not begin.
+            Err(_) if program.is_abandoned() => None,
+            Err(error) => {
+                self.tell(Told::NoBegin(number, error));
+                None
             }
-            if let Some(request) = latest {
-                feeder.replan(&request);
-            }
-            let next = if self.queues.instructions.is_full() {
-                Ok(None)
-            } else {
-                feeder.next_instruction()
-            };
-            match next {
-                Ok(Some(instruction)) => {
-                    let given = self.queues.instructions.push(instruction);
-                    debug_assert!(given.is_ok(), "there is room");
-                }
-                Ok(None) => thread::sleep(POLL),
-                Err(error) => {
-                    // Nobody listening any more is fine.
-                    let _ = self.errors.send(error);
+        }
+    }
+
+    /// Ends a job.
+    fn finish(&self, number: u64, outcome: Outcome, planned: Option<&mut Planned>) {
+        let planned = planned.filter(|planned| planned.number == number);
+        let mut left = None;
+        if let Some(planned) = planned {
+            planned.over = true;
+            if outcome == Outcome::Finished {
+                let (leaves, kept) = planned.feeder.finish();
+                left = Some(leaves);
+                if let Err(error) = kept {
+                    self.tell(Told::Problem(error.into()));
                 }
             }
         }
-        feeder
+        self.tell(Told::Over(number, left));
+    }
+
+    /// Plans on; false if there is nothing to do for now.
+    fn feed(&mut self, planned: &mut Planned, request: Option<ReplanRequest>) -> bool {
+        let Planned { number, feeder, .. } = planned;
+        if let Some(request) = request {
+            feeder.replan(&request);
+        }
+        if self.queues.instructions.is_full() {
+            return false;
+        }
+        match feeder.next_instruction() {
+            Ok(Some(instruction)) => {
+                let given = self.queues.instructions.push((*number, instruction));
+                debug_assert!(given.is_ok(), "there is room");
+                true
+            }
+            Ok(None) => false,
+            Err(error) => {
+                self.tell(Told::Block(error));
+                true
+            }
+        }
+    }
+
+    fn tell(&self, told: Told) {
+        // Nobody listening any more is fine.
+        let _ = self.tell.send(told);
     }
 }
 
@@ -163,12 +239,14 @@ impl Planner {
 mod tests {
     use super::*;
     use crate::machine::Machine;
-    use crate::program::Moves;
+    use crate::program::{Moves, Program};
     use rtrb::RingBuffer;
     use std::path::Path;
 
+    type Taken = Consumer<(u64, Instruction<COORDINATES>)>;
+
     /// A program on the portal that is being planned, and the cycle's end of it.
-    fn planning(file: &Path) -> (Program, Planning, Consumer<Instruction<COORDINATES>>) {
+    fn planning(file: &Path) -> (Program, Planning, Taken) {
         let portal = Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples/portal/machine.toml");
         let machine = Machine::load(&portal).unwrap();
         let program = Program::new(file, &machine, &portal).unwrap().stream(true);
@@ -178,8 +256,13 @@ mod tests {
             requests,
             instructions,
         };
-        let planning = Planning::new(program.clone(), Moves::new().0, queues).unwrap();
-        ask.push(PlanRequest::Begin([0.0; COORDINATES])).unwrap();
+        let planning = Planning::new(queues).unwrap();
+        planning.prepare(Work {
+            number: 3,
+            program: program.clone(),
+            upcoming: Moves::new().0,
+        });
+        ask.push(PlanRequest::Begin(3, [0.0; COORDINATES])).unwrap();
         (program, planning, taken)
     }
 
@@ -199,14 +282,15 @@ mod tests {
 
     #[test]
     fn a_program_that_cannot_begin_is_told_once() {
-        let (_, mut planning, _taken) = planning(Path::new("/nowhere/p.ngc"));
-        while !planning.thread.as_ref().unwrap().is_finished() {
-            std::thread::yield_now();
-        }
-        let Err(RunError::Program(_)) = planning.check() else {
-            panic!("there is no such file");
-        };
+        let (_, mut planning, taken) = planning(Path::new("/nowhere/p.ngc"));
+        let told = planning.told.recv().unwrap();
+        assert!(
+            matches!(told, Told::NoBegin(3, ProgramError::Block(_))),
+            "{told:?}"
+        );
+        assert!(planning.told().is_none());
         assert!(planning.check().is_ok());
+        drop(taken);
         assert!(planning.end().unwrap().is_none());
     }
 }

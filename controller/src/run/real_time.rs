@@ -21,9 +21,9 @@
 //! `REPORT_PATIENCE` in all: then reports are lost, and counted.
 
 use super::driver::Driver;
-use super::planning::{PlanQueues, PlanRequest, Planning};
-use super::{CycleReport, Progress, RunError, Timeline};
-use crate::control::{Controller, Instruction, Layout, Order, Phase};
+use super::planning::{PlanQueues, PlanRequest, Planning, Told};
+use super::{CycleReport, Progress, RunError, Timeline, Work};
+use crate::control::{Controller, Event, Instruction, Layout, Order, Outcome, Phase};
 use crate::machine::COORDINATES;
 use crate::observe::timing::{Distribution, Stage, Stages};
 use crate::port::{Port, Ports};
@@ -149,11 +149,14 @@ pub struct Cycle {
     driver: Driver<COORDINATES, Box<dyn Port + Send>>,
     timing: Timing,
     period: Duration,
-    instructions: Consumer<Instruction<COORDINATES>>,
+    instructions: Consumer<(u64, Instruction<COORDINATES>)>,
     orders: Consumer<(u64, Order)>,
     reports: Producer<CycleReport>,
     requests: Producer<PlanRequest>,
-    asked_to_begin: bool,
+    /// The last job that the planner was asked to begin.
+    asked_to_begin: Option<u64>,
+    /// The last job that it was told to be over.
+    told_over: Option<(u64, Outcome)>,
     asked: Option<ReplanRequest>,
     /// How much longer a simulated machine waits for the next instruction.
     plan_patience: Duration,
@@ -190,7 +193,8 @@ impl Cycle {
             orders,
             reports: report,
             requests: ask,
-            asked_to_begin: false,
+            asked_to_begin: None,
+            told_over: None,
             asked: None,
             plan_patience: PLAN_PATIENCE,
             patience: PATIENCE,
@@ -310,13 +314,23 @@ impl Cycle {
         if self.orders.is_abandoned() {
             self.driver.controller.interrupt();
         }
+        let cycle = self.driver.controller.cycle();
         let mut last = None;
         while let Ok((number, order)) = self.orders.pop() {
-            self.driver.controller.obey(order);
-            last = Some(number).filter(|number| *number != OWN).or(last);
+            match self.driver.controller.obey(order) {
+                _ if number == OWN => {}
+                Ok(()) => last = Some(number),
+                Err(refusal) => {
+                    last = None;
+                    self.report(CycleReport::Refused {
+                        number,
+                        cycle,
+                        refusal,
+                    });
+                }
+            }
         }
         if let Some(number) = last {
-            let cycle = self.driver.controller.cycle();
             self.report(CycleReport::Obeyed { number, cycle });
         }
     }
@@ -326,11 +340,16 @@ impl Cycle {
     fn take_plan(&mut self, most: usize) -> Duration {
         let mut waited = Duration::ZERO;
         let mut taken = 0;
+        self.ask_planner();
         while taken < most && self.driver.controller.room() > 0 {
             self.ask_planner();
             match self.instructions.pop() {
-                Ok(instruction) => {
-                    self.driver.controller.accept(instruction);
+                Ok((number, instruction)) => {
+                    // What is left of a job that is over is of no use.
+                    let job = self.driver.controller.job();
+                    if job.is_some_and(|job| job.number == number) {
+                        self.driver.controller.accept(instruction);
+                    }
                     self.plan_patience = PLAN_PATIENCE;
                     taken += 1;
                 }
@@ -357,10 +376,21 @@ impl Cycle {
     /// Asks the planner for what is wanted of it and was not asked for yet. Where there is no room
     /// for a request, the next wake-up asks.
     fn ask_planner(&mut self) {
-        if !self.asked_to_begin
+        let over = self.driver.controller.over();
+        if over != self.told_over
+            && let Some((number, outcome)) = over
+        {
+            let told = self.requests.push(PlanRequest::Over(number, outcome));
+            self.told_over = over.filter(|_| told.is_ok()).or(self.told_over);
+        }
+        let job = self.driver.controller.job().map(|job| job.number);
+        if job != self.asked_to_begin
+            && let Some(number) = job
             && let Some(start) = self.driver.controller.ready()
         {
-            self.asked_to_begin = self.requests.push(PlanRequest::Begin(start)).is_ok();
+            let begun = self.requests.push(PlanRequest::Begin(number, start));
+            self.asked_to_begin = job.filter(|_| begun.is_ok()).or(self.asked_to_begin);
+            self.asked = None;
         }
         let wanted = self.driver.controller.replan_request();
         if wanted == self.asked {
@@ -404,7 +434,8 @@ pub struct RealTime {
     handle: Option<CycleHandle>,
     cycle: Option<JoinHandle<(Controller<COORDINATES>, Measured)>>,
     planning: Option<Planning>,
-    program: Program,
+    /// The job that was handed over last.
+    last: Option<(u64, Program)>,
 }
 
 /// The cycle itself panicked: the drives' own supervision stops them.
@@ -441,16 +472,58 @@ impl RealTime {
             cycle.driver.controller.wait_for_input();
         }
         let (upcoming, moves) = Moves::new();
-        let planning = Planning::new(program.clone(), upcoming, queues)?;
-        let thread = thread::Builder::new().name("cycle".into());
-        let cycle = thread.spawn(move || cycle.run(started))?;
-        let machine = Self {
-            handle: Some(handle),
-            cycle: Some(cycle),
-            planning: Some(planning),
+        let mut machine = Self::of(handle, queues)?;
+        machine.prepare(Work {
+            number: 0,
             program,
-        };
+            upcoming,
+        });
+        machine.begin(cycle, started)?;
         Ok((machine, moves))
+    }
+
+    /// The same, but the machine stays on, and its jobs come one by one.
+    ///
+    /// # Errors
+    /// There is no thread for it.
+    pub fn stay_on(
+        layout: &Arc<Layout>,
+        world: World,
+        ports: Ports,
+        timing: Timing,
+        started: impl FnOnce(&Granted) + Send + 'static,
+    ) -> io::Result<Self> {
+        let (mut cycle, handle, queues) = Cycle::new(layout, world, ports, timing);
+        cycle.driver.controller.stay_on();
+        let mut machine = Self::of(handle, queues)?;
+        machine.begin(cycle, started)?;
+        Ok(machine)
+    }
+
+    fn of(handle: CycleHandle, queues: PlanQueues) -> io::Result<Self> {
+        Ok(Self {
+            handle: Some(handle),
+            cycle: None,
+            planning: Some(Planning::new(queues)?),
+            last: None,
+        })
+    }
+
+    fn begin(
+        &mut self,
+        cycle: Cycle,
+        started: impl FnOnce(&Granted) + Send + 'static,
+    ) -> io::Result<()> {
+        let thread = thread::Builder::new().name("cycle".into());
+        self.cycle = Some(thread.spawn(move || cycle.run(started))?);
+        Ok(())
+    }
+
+    /// Nobody wants the last job any more.
+    fn abandon(&self) {
+        if let Some((_, program)) = &self.last {
+            program.abandon();
+        }
     }
 
     /// Waits for the threads, which end with [`Progress::Ended`].
@@ -458,7 +531,7 @@ impl RealTime {
     /// # Errors
     /// The cycle panicked.
     pub fn end(mut self) -> Result<Ended, CyclePanic> {
-        self.program.abandon();
+        self.abandon();
         let cycle = self.cycle.take().ok_or(CyclePanic)?;
         let (controller, measured) = cycle.join().map_err(|_| CyclePanic)?;
         // Why it failed was told when it did.
@@ -475,7 +548,7 @@ impl RealTime {
 impl Drop for RealTime {
     fn drop(&mut self) {
         self.handle = None;
-        self.program.abandon();
+        self.abandon();
         if let Some(cycle) = self.cycle.take() {
             let _ = cycle.join();
         }
@@ -483,6 +556,13 @@ impl Drop for RealTime {
 }
 
 impl Timeline for RealTime {
+    fn prepare(&mut self, work: Work) {
+        self.last = Some((work.number, work.program.clone()));
+        if let Some(planning) = &self.planning {
+            planning.prepare(work);
+        }
+    }
+
     fn order(&mut self, number: u64, order: Order) {
         if let Some(handle) = &mut self.handle {
             handle.order(number, order);
@@ -494,15 +574,34 @@ impl Timeline for RealTime {
         let (Some(handle), Some(planning)) = (&mut self.handle, &mut self.planning) else {
             return Ok(Progress::Ended);
         };
-        if let Some(error) = planning.error() {
-            return Err(error.into());
+        match planning.told() {
+            Some(Told::Over(job, left)) => report(CycleReport::JobOver { job, left }),
+            Some(Told::NoBegin(job, error)) => {
+                handle.order(OWN, Order::Abandon(job));
+                return Err(error.into());
+            }
+            Some(Told::Block(error)) => return Err(error.into()),
+            Some(Told::Problem(error)) => return Err(error),
+            None => {}
         }
         planning.check().inspect_err(|_| {
-            handle.order(OWN, Order::Abandon);
+            // Without a planner the machine comes to rest and goes off.
+            if let Some((job, _)) = &self.last {
+                handle.order(OWN, Order::Abandon(*job));
+            }
+            handle.order(OWN, Order::SwitchOff);
         })?;
         for _ in 0..REPORTS_AT_ONCE {
             match handle.report() {
-                Some(it) => report(it),
+                Some(it) => {
+                    if let CycleReport::Event(Event::JobOver { job, .. }) = &it
+                        && let Some((last, program)) = &self.last
+                        && last == job
+                    {
+                        program.abandon();
+                    }
+                    report(it);
+                }
                 None if over => return Ok(Progress::Ended),
                 None => return Ok(Progress::Idle),
             }

@@ -274,7 +274,8 @@ impl Replay {
     /// The program does not run from where the machine stood.
     pub fn run(mut self) -> Result<Outcome, NoReplay> {
         let mut state = State::new(self.start, &self.layout);
-        (state.controller).obey(Order::OptionalStop(self.optional_stop));
+        let set = (state.controller).obey(Order::OptionalStop(self.optional_stop));
+        debug_assert!(set.is_ok(), "a machine that is switched on takes a setting");
         let mut checkpoints = VecDeque::from([state.clone()]);
         let mut interrupted = None;
         let mut ended = false;

@@ -1,30 +1,36 @@
 //! A machine in virtual time: the real controller against simulated drives.
 
 use super::driver::Driver;
-use super::{CycleReport, Progress, RunError, Timeline};
-use crate::control::{Controller, Layout, Order, Row};
+use super::{CycleReport, Progress, RunError, Timeline, Work};
+use crate::control::{Controller, Layout, Order, Outcome, Row};
 use crate::machine::{COORDINATES, Machine};
 use crate::observe::frames::SharedFrames;
 use crate::port::sim::{SimPort, Simulated};
 use crate::port::{Port, PortError};
-use crate::program::{Feeder, Moves, Program, ProgramError, Upcoming};
+use crate::program::{Feeder, Moves, Program, ProgramError};
+use std::collections::VecDeque;
+use std::mem::replace;
 use std::sync::Arc;
 use syncline_canopen::Instant;
 use syncline_drives::world::{Observer, World};
 
-/// A machine of simulated drives and the controller, with a program to run.
+/// A machine of simulated drives and the controller, with programs to run.
 ///
-/// The same machine, program and seed give the same frames, byte for byte.
+/// The same machine, programs and seed give the same frames, byte for byte.
 pub struct VirtualMachine<P = SimPort> {
     driver: Driver<COORDINATES, P>,
     frames: SharedFrames,
-    program: Program,
-    /// Until the program starts.
-    upcoming: Option<Upcoming>,
-    feeder: Option<Feeder>,
+    /// Jobs that have not begun.
+    work: VecDeque<Work>,
+    /// The job that is planned.
+    feeder: Option<(u64, Feeder)>,
+    /// The last job that was reported to be over.
+    over: Option<u64>,
     now: Instant,
-    /// The last order that was obeyed and is not reported, and the cycle.
-    obeyed: Option<(u64, u64)>,
+    /// What became of orders and is not reported.
+    answers: VecDeque<CycleReport>,
+    /// A bus failed, which was reported.
+    bus_failed: bool,
 }
 
 impl VirtualMachine {
@@ -60,16 +66,39 @@ impl<P: Port> VirtualMachine<P> {
         frames: SharedFrames,
     ) -> (Self, Moves) {
         let (upcoming, moves) = Moves::new();
-        let machine = Self {
+        let mut machine = Self::with(world, ports, layout, frames);
+        machine.work.push_back(Work {
+            number: 0,
+            program,
+            upcoming,
+        });
+        (machine, moves)
+    }
+
+    /// The same, but it stays on, and its jobs come one by one.
+    #[must_use]
+    pub fn staying_on(
+        world: World,
+        ports: Vec<P>,
+        layout: Arc<Layout>,
+        frames: SharedFrames,
+    ) -> Self {
+        let mut machine = Self::with(world, ports, layout, frames);
+        machine.driver.controller.stay_on();
+        machine
+    }
+
+    fn with(world: World, ports: Vec<P>, layout: Arc<Layout>, frames: SharedFrames) -> Self {
+        Self {
             driver: Driver::new(layout, world, ports, Instant::ZERO),
             frames,
-            program,
-            upcoming: Some(upcoming),
+            work: VecDeque::new(),
             feeder: None,
+            over: None,
             now: Instant::ZERO,
-            obeyed: None,
-        };
-        (machine, moves)
+            answers: VecDeque::new(),
+            bus_failed: false,
+        }
     }
 
     /// Goes on to the next wake-up; false once the machine is at its end.
@@ -82,7 +111,10 @@ impl<P: Port> VirtualMachine<P> {
         if fed.is_err() && self.feeder.is_none() {
             self.driver.controller.abandon();
         }
-        self.driver.step(self.now)?;
+        let stepped = self.driver.step(self.now);
+        // What fails once fails in every cycle: the first time is news.
+        let failed = replace(&mut self.bus_failed, stepped.is_err());
+        stepped.or_else(|error| if failed { Ok(()) } else { Err(error) })?;
         fed?;
         Ok(true)
     }
@@ -90,13 +122,26 @@ impl<P: Port> VirtualMachine<P> {
     /// Keeps the controller's plan full.
     fn feed(&mut self) -> Result<(), ProgramError> {
         let controller = &mut self.driver.controller;
+        let Some(job) = controller.job() else {
+            return Ok(());
+        };
+        let is_planned = |(number, _): &(u64, Feeder)| *number == job.number;
         if let Some(start) = controller.ready()
-            && let Some(upcoming) = self.upcoming.take()
+            && !self.feeder.as_ref().is_some_and(is_planned)
         {
-            self.program.check(start)?;
-            self.feeder = Some(self.program.feeder(start, upcoming)?);
+            self.feeder = None;
+            self.work.retain(|work| work.number >= job.number);
+            if let Some(Work {
+                number,
+                program,
+                upcoming,
+            }) = self.work.pop_front()
+            {
+                program.check(start)?;
+                self.feeder = Some((number, program.feeder(start, upcoming)?));
+            }
         }
-        let Some(feeder) = &mut self.feeder else {
+        let Some((_, feeder)) = &mut self.feeder else {
             return Ok(());
         };
         if let Some(request) = controller.replan_request() {
@@ -107,6 +152,22 @@ impl<P: Port> VirtualMachine<P> {
         {
             controller.accept(instruction);
         }
+        Ok(())
+    }
+
+    /// Reports a job that is over.
+    fn report_over(&mut self, report: &mut dyn FnMut(CycleReport)) -> Result<(), RunError> {
+        let Some((job, outcome)) = self.driver.controller.over() else {
+            return Ok(());
+        };
+        if self.over.replace(job) == Some(job) {
+            return Ok(());
+        }
+        let feeder = self.feeder.take_if(|(number, _)| *number == job);
+        let finished = feeder.filter(|_| outcome == Outcome::Finished);
+        let (left, kept) = finished.map(|(_, feeder)| feeder.finish()).unzip();
+        report(CycleReport::JobOver { job, left });
+        kept.unwrap_or(Ok(()))?;
         Ok(())
     }
 
@@ -145,17 +206,26 @@ impl<P: Port> VirtualMachine<P> {
 }
 
 impl<P: Port> Timeline for VirtualMachine<P> {
+    fn prepare(&mut self, work: Work) {
+        self.work.push_back(work);
+    }
+
     fn order(&mut self, number: u64, order: Order) {
         let controller = &mut self.driver.controller;
-        self.obeyed = Some((number, controller.cycle()));
-        controller.obey(order);
+        let cycle = controller.cycle();
+        self.answers.push_back(match controller.obey(order) {
+            Ok(()) => CycleReport::Obeyed { number, cycle },
+            Err(refusal) => CycleReport::Refused {
+                number,
+                cycle,
+                refusal,
+            },
+        });
     }
 
     /// One wake-up.
     fn advance(&mut self, report: &mut dyn FnMut(CycleReport)) -> Result<Progress, RunError> {
-        if let Some((number, cycle)) = self.obeyed.take() {
-            report(CycleReport::Obeyed { number, cycle });
-        }
+        self.answers.drain(..).for_each(&mut *report);
         let stepped = self.step();
         while let Some(event) = self.driver.controller.event() {
             report(CycleReport::Event(event));
@@ -163,6 +233,7 @@ impl<P: Port> Timeline for VirtualMachine<P> {
         if let Some(row) = self.row() {
             report(CycleReport::Row(*row));
         }
+        self.report_over(report)?;
         Ok(match stepped? {
             true => Progress::More,
             false => Progress::Ended,

@@ -1,7 +1,7 @@
 //! Who commands the machine, and who is told what happens: bounded queues that nobody waits at.
 
-use super::Command;
-use crate::control;
+use super::{Command, Refusal};
+use crate::control::{self, State};
 use crate::run::RunError;
 use crossbeam::channel::{self, Receiver, RecvTimeoutError, Sender, TryIter, TrySendError};
 use serde::{Deserialize, Serialize};
@@ -56,11 +56,11 @@ impl Operator {
     /// # Errors
     /// It is not taken.
     pub fn command(&self, command: Command) -> Result<(), NotTaken> {
+        let stops = command == Command::Stop;
         let issued = Issued {
             source: Arc::clone(&self.name),
             command,
         };
-        let stops = command == Command::Stop;
         let Lanes {
             stops: first,
             commands,
@@ -125,6 +125,17 @@ pub struct Accepted {
     pub command: Command,
 }
 
+/// A command that was refused, and changed nothing.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Refused {
+    /// Whose it was.
+    pub source: String,
+    /// What it was.
+    pub command: Command,
+    /// Why, and what to do.
+    pub reason: Refusal,
+}
+
 /// Something that happened.
 #[derive(Clone, Debug)]
 pub enum Event {
@@ -132,6 +143,10 @@ pub enum Event {
     Machine(control::Event),
     /// A command took effect.
     Accepted(Accepted),
+    /// A command was refused.
+    Refused(Refused),
+    /// The machine is in this state now.
+    State(State),
     /// A bus failed, or the program cannot go on.
     Problem(Arc<RunError>),
 }

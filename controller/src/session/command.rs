@@ -1,17 +1,18 @@
 //! What an operator asks of the machine: by a key, by a line of an events file, from a panel.
 
 use super::settings::{Override, StepChange, SwitchChange};
-use crate::control::Order;
+use crate::control::{self, Order};
 use crate::machine::COORDINATES;
 use serde::{Deserialize, Serialize};
+use std::path::PathBuf;
 use syncline_gcode::Axis;
 use syncline_trajectory::path;
 
 /// Something that an operator asks for. It takes effect in the next cycle.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Command {
-    /// Ends a program stop or a tool change.
+    /// Ends a program stop or a tool change; without a job runs the program that is loaded.
     CycleStart,
     /// Rests on the path.
     FeedHold,
@@ -29,12 +30,68 @@ pub enum Command {
     FeedOverride(Override),
     /// Changes what of the rapids' speed is wanted.
     RapidOverride(Override),
-    /// Moves axes while the path rests: at a feed hold, or at a program stop.
+    /// Moves axes while the path rests: without a job, at a feed hold, or at a program stop.
     Jog(Jog),
     /// Changes by how much [`Jog::Step`] moves.
     JogStep(StepChange),
-    /// Stops on the path and ends the job.
+    /// Goes to a position in work coordinates, mm and degrees by letter, on a straight line and as
+    /// fast as the axes can. [`Jog::Line`] does so in machine coordinates.
+    GoTo([Option<f64>; COORDINATES]),
+    /// Loads a program; it is read when it runs.
+    Load(PathBuf),
+    /// Runs the program that is loaded.
+    Run {
+        /// Begin at this line instead of the first, in the state that it finds there.
+        from_line: Option<u32>,
+    },
+    /// Executes lines as they would stand in a program.
+    Mdi(String),
+    /// Makes the position here have these work coordinates, mm and degrees: sets the work offset that
+    /// is in effect (`G10 L20 P0`).
+    SetWorkOffset([Option<f64>; COORDINATES]),
+    /// Makes the position here have these work coordinates, mm, by the length of the tool in the
+    /// spindle, which is compensated from then on (`G10 L10`, `G43`).
+    SetToolLength([Option<f64>; COORDINATES]),
+    /// Stops what moves and ends the job. A machine that was switched on for one job goes off.
     Stop,
+    /// Enables the drives.
+    Enable,
+    /// Disables the drives, once what moves has come to rest.
+    Disable,
+    /// Brings the drives back after a fault, without a motion.
+    Reset,
+    /// Switches the machine off, once what moves has come to rest.
+    SwitchOff,
+}
+
+/// Why a command is refused, and what to do.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum Refusal {
+    /// The machine would not.
+    #[error(transparent)]
+    Machine(#[from] control::Refusal),
+    /// There is nothing to run.
+    #[error("no program is loaded: load one first")]
+    NoProgram,
+    /// The program cannot be opened.
+    #[error("cannot read {}: {why}", .file.display())]
+    Unreadable {
+        /// The file.
+        file: PathBuf,
+        /// Why.
+        why: String,
+    },
+    /// Neither offset nor length is to be set.
+    #[error("no axis is named: say which ones, as in X0 Y0")]
+    NoAxis,
+    /// Positions are numbers.
+    #[error("there is a number that is none")]
+    NotANumber,
+    /// There is no tool whose length could be set.
+    #[error(
+        "no tool is in the spindle: load one with T and M6, or say which one is there by M61 Q"
+    )]
+    NoTool,
 }
 
 /// A move beside the path. Speeds are in mm/s or °/s; without one, the axis' greatest.

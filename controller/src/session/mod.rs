@@ -12,6 +12,7 @@
 //! - [`Command`]: what an operator asks for; any number of sources, each with a name
 //! - [`Settings`]: what operators have set, here and nowhere else
 //! - [`Event`], [`Status`]: what happens and how things are, to any number of subscribers
+//! - `jobs`: programs and typed lines of a machine that stays on, one after the other
 //! - `job`: the program that runs: where on its moves the setpoint is
 //!
 //! Whoever calls [`Session::advance`] lends the session its thread, and nothing in there waits: not
@@ -23,22 +24,25 @@
 mod channel;
 mod command;
 mod job;
+mod jobs;
 mod settings;
 mod status;
 
-pub use channel::{Accepted, Event, NotTaken, Operator, Subscription};
-pub use command::{Command, Direction, Jog};
+pub use channel::{Accepted, Event, NotTaken, Operator, Refused, Subscription};
+pub use command::{Command, Direction, Jog, Refusal};
 pub use settings::{LEAST, MOST_FEED, MOST_RAPID, Override, Settings, StepChange, SwitchChange};
 pub use status::{Status, StatusView};
 
-use crate::control::{self, Row};
+use crate::control::{self, Fault, NotNow, Order, Request, Row, State};
 use crate::machine::{COORDINATES, Machine};
 use crate::observe::{Observed, Observers};
-use crate::program::Moves;
+use crate::program::{Moves, Programs};
 use crate::run::{CycleReport, Progress, RunError, Timeline};
 use channel::{Inlet, Issued, Outlets};
 use job::Job;
+use jobs::{Begin, Jobs};
 use std::collections::VecDeque;
+use std::path::Path;
 use std::sync::Arc;
 
 /// A machine, its job, its operators and all who watch, on a [`Timeline`].
@@ -51,26 +55,72 @@ pub struct Session<T> {
 /// The session's side of what the cycle reports.
 struct Desk {
     settings: Settings,
-    /// Commands that have not taken effect, the oldest first, and whether each is for the session
-    /// alone.
-    waiting: VecDeque<(Issued, bool)>,
+    /// Commands that have not taken effect, the oldest first.
+    waiting: VecDeque<Waiting>,
     /// The number of the first of them.
     first: u64,
     /// The cycle in which the last one took effect.
     cycle: u64,
     outlets: Outlets,
+    /// Of the machine, as it told.
+    state: State,
     status: Status,
     view: StatusView,
+    /// The job that the setpoint follows.
     job: Job,
+    /// Those of a machine that stays on.
+    jobs: Option<Jobs>,
+    faults: Vec<Fault>,
     observers: Observers,
     /// Coordinates that have an axis.
     coordinates: Vec<usize>,
+}
+
+/// A command that has not taken effect.
+struct Waiting {
+    issued: Issued,
+    what: What,
+}
+
+/// What a command comes to.
+enum What {
+    /// It is for the session alone.
+    Own,
+    /// An order is on its way.
+    Order,
+    /// The order to begin the job with that number, whose moves come up there.
+    Begin(u64, Moves),
 }
 
 impl<T: Timeline> Session<T> {
     /// A session with one job: the program on the timeline, whose moves come up in `moves`.
     #[must_use]
     pub fn new(machine: &Machine, timeline: T, moves: Moves, observers: Observers) -> Self {
+        Self::with(machine, timeline, moves, None, observers)
+    }
+
+    /// A session of a machine that stays on until it is switched off, and runs one job after the
+    /// other.
+    #[must_use]
+    pub fn staying_on(
+        machine: &Machine,
+        timeline: T,
+        programs: Programs,
+        observers: Observers,
+    ) -> Self {
+        let jobs = Some(Jobs::new(programs));
+        let mut session = Self::with(machine, timeline, Moves::new().1, jobs, observers);
+        session.desk.show_programs();
+        session
+    }
+
+    fn with(
+        machine: &Machine,
+        timeline: T,
+        moves: Moves,
+        jobs: Option<Jobs>,
+        observers: Observers,
+    ) -> Self {
         let status = Status::default();
         Self {
             timeline,
@@ -81,9 +131,12 @@ impl<T: Timeline> Session<T> {
                 first: 0,
                 cycle: 0,
                 outlets: Outlets::default(),
-                view: StatusView::new(status),
+                state: status.state,
+                view: StatusView::new(status.clone()),
                 status,
                 job: Job::new(moves),
+                jobs,
+                faults: Vec::new(),
                 observers,
                 coordinates: (machine.axes.iter())
                     .map(|axis| axis.letter.index())
@@ -124,11 +177,7 @@ impl<T: Timeline> Session<T> {
             desk,
         } = self;
         for issued in inlet.commands() {
-            let order = desk.settings.order(issued.command);
-            let number = desk.keep(issued, order.is_none());
-            if let Some(order) = order {
-                timeline.order(number, order);
-            }
+            desk.hand_over(issued, timeline);
         }
         desk.accept_own();
         let progress = timeline.advance(&mut |report| desk.take(report));
@@ -138,6 +187,12 @@ impl<T: Timeline> Session<T> {
             desk.problem(error);
             Progress::More
         })
+    }
+
+    /// What stopped the machine, the first cause on top, until it is reset.
+    #[must_use]
+    pub fn faults(&self) -> &[Fault] {
+        &self.desk.faults
     }
 
     /// The machine on its timeline, for tests to interfere with.
@@ -152,30 +207,128 @@ impl<T: Timeline> Session<T> {
     }
 }
 
+/// What a command comes to, and what that takes.
+enum Asked {
+    Own,
+    Order(Order),
+    Begin(Box<Begin>),
+}
+
 impl Desk {
+    /// Hands over what a command asks for, or tells why it is refused.
+    fn hand_over(&mut self, issued: Issued, timeline: &mut impl Timeline) {
+        match self.ask(&issued.command) {
+            Ok(Asked::Own) => {
+                self.keep(issued, What::Own);
+            }
+            Ok(Asked::Order(order)) => {
+                let number = self.keep(issued, What::Order);
+                timeline.order(number, order);
+            }
+            Ok(Asked::Begin(begin)) => {
+                let Begin { work, order, moves } = *begin;
+                let what = What::Begin(work.number, moves);
+                timeline.prepare(work);
+                let number = self.keep(issued, what);
+                timeline.order(number, order);
+                self.show_state();
+            }
+            Err(reason) => self.refuse(issued, reason),
+        }
+    }
+
+    /// What a command comes to in the state that the machine is in.
+    fn ask(&mut self, command: &Command) -> Result<Asked, Refusal> {
+        let state = self.status.state;
+        let allowed = |request| match state.allows(request) {
+            true => Ok(()),
+            false => Err(control::Refusal::from(NotNow { request, state })),
+        };
+        let begins = match command {
+            Command::CycleStart => state == State::Ready,
+            Command::Run { .. }
+            | Command::Mdi(_)
+            | Command::SetWorkOffset(_)
+            | Command::SetToolLength(_) => true,
+            _ => false,
+        };
+        if begins {
+            allowed(Request::Begin)?;
+        }
+        let Some(jobs) = &mut self.jobs else {
+            let order = self.settings.order(command);
+            return Ok(order.map_or(Asked::Own, Asked::Order));
+        };
+        if begins && let Some(begin) = jobs.begin(command, self.status.tool)? {
+            return Ok(Asked::Begin(Box::new(begin)));
+        }
+        match command {
+            Command::Load(file) => {
+                allowed(Request::Set)?;
+                jobs.load(file)?;
+                self.show_programs();
+                Ok(Asked::Own)
+            }
+            Command::GoTo(positions) => {
+                let to = jobs.machine_coordinates(positions);
+                let order = self.settings.order(&Command::Jog(Jog::Line(to)));
+                Ok(order.map_or(Asked::Own, Asked::Order))
+            }
+            _ => {
+                let order = self.settings.order(command);
+                Ok(order.map_or(Asked::Own, Asked::Order))
+            }
+        }
+    }
+
     /// Keeps a command until it takes effect; its number.
-    fn keep(&mut self, issued: Issued, own: bool) -> u64 {
-        self.waiting.push_back((issued, own));
+    fn keep(&mut self, issued: Issued, what: What) -> u64 {
+        self.waiting.push_back(Waiting { issued, what });
         self.first + self.waiting.len() as u64 - 1
     }
 
     /// What is for the session alone takes effect in its turn, behind what was ordered before it.
     fn accept_own(&mut self) {
-        while self.waiting.front().is_some_and(|(_, own)| *own)
-            && let Some((issued, _)) = self.waiting.pop_front()
+        while let Some(Waiting {
+            what: What::Own, ..
+        }) = self.waiting.front()
         {
-            self.first += 1;
-            self.accept(issued);
+            self.accept_next();
         }
     }
 
-    /// Tells that a command has taken effect.
-    fn accept(&mut self, issued: Issued) {
+    /// Tells that the first command that waits has taken effect.
+    fn accept_next(&mut self) {
+        let Some(Waiting { issued, what }) = self.waiting.pop_front() else {
+            return;
+        };
+        self.first += 1;
+        match (&issued.command, what) {
+            (_, What::Begin(_, moves)) => self.job = Job::new(moves),
+            (Command::Reset, _) => self.faults.clear(),
+            _ => {}
+        }
         self.outlets.tell(&Event::Accepted(Accepted {
             cycle: self.cycle,
             source: issued.source.to_string(),
             command: issued.command,
         }));
+    }
+
+    fn refuse(&mut self, issued: Issued, reason: Refusal) {
+        self.outlets.tell(&Event::Refused(Refused {
+            source: issued.source.to_string(),
+            command: issued.command,
+            reason,
+        }));
+    }
+
+    /// Commands have taken effect in a cycle, all before the one with this number.
+    fn accept_before(&mut self, number: u64, cycle: u64) {
+        self.cycle = cycle;
+        while self.first < number && !self.waiting.is_empty() {
+            self.accept_next();
+        }
     }
 
     fn problem(&mut self, error: RunError) {
@@ -185,18 +338,41 @@ impl Desk {
     fn take(&mut self, report: CycleReport) {
         match report {
             CycleReport::Obeyed { number, cycle } => {
-                self.cycle = cycle;
-                while self.first <= number
-                    && let Some((issued, _)) = self.waiting.pop_front()
-                {
-                    self.first += 1;
-                    self.accept(issued);
-                }
+                self.accept_before(number + 1, cycle);
                 self.accept_own();
             }
+            CycleReport::Refused {
+                number,
+                cycle,
+                refusal,
+            } => {
+                self.accept_before(number, cycle);
+                if let Some(Waiting { issued, what }) = self.waiting.pop_front() {
+                    self.first += 1;
+                    if let (What::Begin(job, _), Some(jobs)) = (what, &mut self.jobs) {
+                        jobs.refused(job);
+                    }
+                    self.refuse(issued, refusal.into());
+                }
+                self.accept_own();
+                self.show_state();
+            }
+            CycleReport::JobOver { job, left } => {
+                if let Some(jobs) = &mut self.jobs {
+                    jobs.over(job, left, self.status.tool);
+                }
+                self.show_programs();
+                self.show_state();
+            }
+            CycleReport::Event(control::Event::State(state)) => {
+                self.state = state;
+                self.show_state();
+            }
             CycleReport::Event(event) => {
-                if let control::Event::Phase(phase) = event {
-                    self.status.phase = phase;
+                match event {
+                    control::Event::Phase(phase) => self.status.phase = phase,
+                    control::Event::Fault(fault) => self.faults.push(fault),
+                    _ => {}
                 }
                 self.status.waits = event.rests().unwrap_or(self.status.waits);
                 self.outlets.tell(&Event::Machine(event));
@@ -222,13 +398,35 @@ impl Desk {
         });
         self.status = Status {
             time: Some(time),
+            tool: row.functions.tool,
+            spindle: row.functions.spindle,
+            coolant: row.functions.coolant,
+            feed: Some(row.plan.feed).filter(|feed| feed.is_finite()),
             line: self.job.line,
             setpoint: row.plan.position,
             actual,
             velocity: row.plan.velocity,
             passed: self.observers.passed(),
             off_path: row.plan.off_path,
-            ..self.status
+            ..std::mem::take(&mut self.status)
         };
+    }
+
+    /// Shows the state, and tells a change of it.
+    fn show_state(&mut self) {
+        let jobs = self.jobs.as_ref();
+        let state = jobs.map_or(self.state, |jobs| jobs.state(self.state));
+        if std::mem::replace(&mut self.status.state, state) != state {
+            self.outlets.tell(&Event::State(state));
+        }
+    }
+
+    /// Shows what the programs so far have left.
+    fn show_programs(&mut self) {
+        if let Some(jobs) = &self.jobs {
+            self.status.offset = jobs.offset();
+            self.status.modes = jobs.programs().memory().modes().to_string();
+            self.status.program = jobs.loaded().map(Path::to_owned);
+        }
     }
 }

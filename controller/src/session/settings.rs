@@ -75,8 +75,8 @@ impl Default for Settings {
 
 impl Settings {
     /// Takes over what a command sets; the order to the cycle, if it takes one.
-    pub fn order(&mut self, command: Command) -> Option<Order> {
-        Some(match command {
+    pub fn order(&mut self, command: &Command) -> Option<Order> {
+        Some(match *command {
             Command::CycleStart => Order::CycleStart,
             Command::FeedHold => Order::FeedHold,
             Command::Resume => Order::Resume,
@@ -104,6 +104,17 @@ impl Settings {
                 return None;
             }
             Command::Stop => Order::Interrupt,
+            Command::Enable => Order::Enable,
+            Command::Disable => Order::Disable,
+            Command::Reset => Order::Reset,
+            Command::SwitchOff => Order::SwitchOff,
+            // Jobs are the session's.
+            Command::Load(_)
+            | Command::Run { .. }
+            | Command::Mdi(_)
+            | Command::GoTo(_)
+            | Command::SetWorkOffset(_)
+            | Command::SetToolLength(_) => return None,
         })
     }
 }
@@ -163,11 +174,11 @@ mod tests {
             (Override::By(500.0), 200.0),
             (Override::To(f64::NAN), 200.0),
         ] {
-            let order = settings.order(Command::FeedOverride(change));
+            let order = settings.order(&Command::FeedOverride(change));
             assert_eq!(order, Some(Order::FeedOverride(percent / 100.0)));
             assert_eq!(settings.feed_override, percent);
         }
-        let order = settings.order(Command::RapidOverride(Override::By(10.0)));
+        let order = settings.order(&Command::RapidOverride(Override::By(10.0)));
         assert_eq!(order, Some(Order::RapidOverride(1.0)));
     }
 
@@ -181,9 +192,9 @@ mod tests {
             (SwitchChange::To(false), false),
             (SwitchChange::To(true), true),
         ] {
-            let order = settings.order(Command::SingleBlock(change));
+            let order = settings.order(&Command::SingleBlock(change));
             assert_eq!(order, Some(Order::SingleBlock(on)));
-            let order = settings.order(Command::OptionalStop(change));
+            let order = settings.order(&Command::OptionalStop(change));
             assert_eq!(order, Some(Order::OptionalStop(on)));
             assert_eq!([settings.single_block, settings.optional_stop], [on; 2]);
         }
@@ -202,7 +213,7 @@ mod tests {
             (StepChange::Smaller, 0.01),
             (StepChange::Smaller, 0.01),
         ] {
-            assert_eq!(settings.order(Command::JogStep(change)), None);
+            assert_eq!(settings.order(&Command::JogStep(change)), None);
             assert_eq!(settings.jog_step, step);
         }
     }

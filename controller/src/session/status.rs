@@ -1,15 +1,19 @@
 //! How things are: one snapshot, replaced at most once a cycle.
 
 use super::Settings;
-use crate::control::Phase;
+use crate::control::{Phase, State};
 use crate::machine::COORDINATES;
 use serde::{Deserialize, Serialize};
+use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
+use syncline_gcode::{Coolant, Spindle};
 
 /// A machine and its job at one instant. Arrays are by letter, X Y Z A B C U V W, in machine
 /// coordinates; what has no axis stays 0.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Status {
+    /// What may be asked of the machine depends on this.
+    pub state: State,
     /// The phase between power-up and the end.
     pub phase: Phase,
     /// Since the program could begin, s; `None` before.
@@ -28,6 +32,20 @@ pub struct Status {
     pub waits: bool,
     /// Axes are jogged away from the path, or go back to it.
     pub off_path: bool,
+    /// Path speed that is asked for, after overrides, mm/s or °/s; `None` for a rapid.
+    pub feed: Option<f64>,
+    /// The tool in the spindle.
+    pub tool: u32,
+    /// M3, M4, M5, S.
+    pub spindle: Spindle,
+    /// M7, M8, M9.
+    pub coolant: Coolant,
+    /// What lies between work and machine coordinates where the next job begins, mm and degrees.
+    pub offset: [f64; COORDINATES],
+    /// The modal state in which the next job begins, as its codes.
+    pub modes: String,
+    /// The program that is loaded.
+    pub program: Option<PathBuf>,
     /// What operators have set.
     pub settings: Settings,
 }
@@ -35,6 +53,7 @@ pub struct Status {
 impl Default for Status {
     fn default() -> Self {
         Self {
+            state: State::Starting,
             phase: Phase::Survey,
             time: None,
             line: 0,
@@ -44,6 +63,13 @@ impl Default for Status {
             passed: 0.0,
             waits: false,
             off_path: false,
+            feed: Some(0.0),
+            tool: 0,
+            spindle: Spindle::default(),
+            coolant: Coolant::default(),
+            offset: [0.0; COORDINATES],
+            modes: String::new(),
+            program: None,
             settings: Settings::default(),
         }
     }
@@ -59,12 +85,15 @@ impl StatusView {
     }
 
     pub(super) fn show(&self, status: &Status) {
-        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = *status;
+        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = status.clone();
     }
 
     /// How things are now.
     #[must_use]
     pub fn get(&self) -> Status {
-        *self.0.lock().unwrap_or_else(PoisonError::into_inner)
+        self.0
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .clone()
     }
 }

@@ -3,12 +3,12 @@
 
 use serde_json::Value;
 use std::path::Path;
-use syncline_controller::control::{End, Event, Order};
+use syncline_controller::control::{End, Event, NotNow, Order, Request, State};
 use syncline_tests::command::{Folder, ended, syncline};
 use syncline_tests::rig::{Rig, example};
 use syncline_tests::terminal::Terminal;
 use syncline_tests::trace::Trace;
-use syncline_trajectory::path::{Jog, JogError};
+use syncline_trajectory::path::Jog;
 
 /// A line into a half circle and a line out of it, at 100 mm/s.
 const PROGRAM: &str = "\
@@ -102,7 +102,8 @@ fn a_jog_while_the_machine_moves_is_refused_and_changes_nothing() {
     let (_, without, ..) = validate(PROGRAM, "");
     let (code, json, _, errors) = validate(PROGRAM, "2,jog,Z-30\n3,move_to,X5\n");
     assert_eq!(code, 0);
-    let refused = errors.matches("no jog: the machine moves: feed hold first");
+    let refused =
+        errors.matches("no jog while the machine is running: feed hold rests on the path");
     assert_eq!(refused.count(), 2, "{errors}");
     assert_eq!(json["frames_sha256"], without["frames_sha256"]);
 }
@@ -144,7 +145,7 @@ fn run_for(rig: &mut Rig, rows: usize) {
 fn held_rig() -> Rig {
     let mut rig = Rig::portal(PROGRAM);
     rig.run_to_row(1500);
-    rig.controller().obey(Order::FeedHold);
+    rig.controller().obey(Order::FeedHold).unwrap();
     run_for(&mut rig, 300);
     rig
 }
@@ -157,31 +158,32 @@ const UP: Jog<9> = Jog::Continuous {
 #[test]
 fn the_end_is_orderly_in_mid_jog_too() {
     let mut rig = held_rig();
-    rig.controller().obey(Order::Jog(UP));
+    rig.controller().obey(Order::Jog(UP)).unwrap();
     run_for(&mut rig, 50);
     rig.controller().interrupt();
     assert_eq!(rig.finish(), End::Interrupted);
     assert!(rig.ends_at_rest());
     rig.trace().assert_within_limits();
     assert!(rig.rows.last().unwrap().plan.off_path);
-    rig.controller().obey(Order::Jog(UP));
-    assert!(rig.controller().event() == Some(Event::NoJog(JogError::Moving)));
+    let (request, state) = (Request::Jog, State::Off);
+    let refused = NotNow { request, state }.into();
+    assert_eq!(rig.controller().obey(Order::Jog(UP)), Err(refused));
 }
 
 #[test]
 fn a_jog_is_told_as_a_hold_that_lasts() {
     let mut rig = held_rig();
-    rig.controller().obey(Order::Jog(UP));
+    rig.controller().obey(Order::Jog(UP)).unwrap();
     run_for(&mut rig, 100);
     assert!(!rig.events.contains(&Event::Resumed), "{:?}", rig.events);
     // Space, and in mid-return once more.
-    rig.controller().obey(Order::ToggleFeedHold);
+    rig.controller().obey(Order::ToggleFeedHold).unwrap();
     run_for(&mut rig, 10);
-    rig.controller().obey(Order::ToggleFeedHold);
+    rig.controller().obey(Order::ToggleFeedHold).unwrap();
     run_for(&mut rig, 300);
     let plan = rig.rows.last().unwrap().plan;
     assert!(plan.off_path && plan.velocity == [0.0; 9], "{plan:?}");
-    rig.controller().obey(Order::ToggleFeedHold);
+    rig.controller().obey(Order::ToggleFeedHold).unwrap();
     assert_eq!(rig.finish(), End::Finished);
     rig.trace().assert_within_limits();
     let told = rig

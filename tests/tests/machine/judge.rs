@@ -10,7 +10,7 @@ use syncline_controller::observe::Observers;
 use syncline_controller::observe::summary::Summary;
 use syncline_controller::program::Program;
 use syncline_controller::run::virtual_time::VirtualMachine;
-use syncline_controller::run::{CycleReport, Progress, RunError, Timeline};
+use syncline_controller::run::{CycleReport, Progress, RunError, Timeline, Work};
 use syncline_controller::session::Session;
 use syncline_tests::command::{Folder, machine_with};
 use syncline_tests::rig::{Forger, PORTAL_PROGRAM, Rig};
@@ -283,6 +283,10 @@ struct Mended {
 }
 
 impl Timeline for Mended {
+    fn prepare(&mut self, work: Work) {
+        self.machine.prepare(work);
+    }
+
     fn order(&mut self, number: u64, order: Order) {
         self.machine.order(number, order);
     }

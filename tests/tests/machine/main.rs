@@ -7,6 +7,7 @@ mod bring_up;
 mod cia402_csp;
 mod consoles;
 mod corpus;
+mod day;
 mod faults;
 mod feed_axes;
 mod fits;

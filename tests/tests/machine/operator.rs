@@ -122,7 +122,7 @@ fn a_hold_in_a_curve() {
     run_to(&mut rig, FIRST + 200.0 + 80.0);
     let before = speed(&rig);
     assert!((before - 100.0).abs() < 0.1, "{before}");
-    rig.controller().obey(Order::FeedHold);
+    rig.controller().obey(Order::FeedHold).unwrap();
     // The effect starts within 10 ms.
     rows(&mut rig, 5);
     assert!(speed(&rig) < before, "{}", speed(&rig));
@@ -131,7 +131,7 @@ fn a_hold_in_a_curve() {
     assert_eq!(speed(&rig), 0.0);
     rows(&mut rig, 100);
     assert_eq!(position(&rig), held);
-    rig.controller().obey(Order::Resume);
+    rig.controller().obey(Order::Resume).unwrap();
     rows(&mut rig, 500);
     assert!(speed(&rig) > 0.0);
     assert_ends_well(rig);
@@ -145,7 +145,7 @@ fn a_stop_for_good_is_as_short_as_a_hold() {
         let [held, stopped] = [Order::FeedHold, Order::Interrupt].map(|order| {
             let mut rig = Rig::portal(&rounded);
             run_to(&mut rig, distance);
-            rig.controller().obey(order);
+            rig.controller().obey(order).unwrap();
             let from = rig.rows.len();
             let rests = |rig: &Rig| rig.rows.last().is_some_and(|row| row.plan.speed == 0.0);
             rig.run_until(|rig| rig.rows.len() > from && rests(rig));
@@ -165,7 +165,7 @@ fn overrides_to_half_double_and_nothing() {
         (2.0, FIRST + 150.0),
         (1.0, FIRST + 190.0),
     ] {
-        rig.controller().obey(Order::FeedOverride(part));
+        rig.controller().obey(Order::FeedOverride(part)).unwrap();
         run_to(&mut rig, distance);
         assert!(
             (speed(&rig) - 100.0 * part).abs() < 0.1,
@@ -173,13 +173,13 @@ fn overrides_to_half_double_and_nothing() {
             speed(&rig)
         );
     }
-    rig.controller().obey(Order::FeedOverride(0.0));
+    rig.controller().obey(Order::FeedOverride(0.0)).unwrap();
     rows(&mut rig, 500);
     let held = position(&rig);
     assert_eq!(speed(&rig), 0.0);
     rows(&mut rig, 100);
     assert_eq!(position(&rig), held);
-    rig.controller().obey(Order::FeedOverride(1.5));
+    rig.controller().obey(Order::FeedOverride(1.5)).unwrap();
     assert_ends_well(rig);
 }
 
@@ -189,7 +189,7 @@ fn a_rapid_override_is_for_rapids() {
         let mut rig = Rig::portal("G61 G0 X800\nG1 X600 F6000\nM2\n");
         rig.run_until(|rig| !rig.rows.is_empty());
         if let Some(part) = override_ {
-            rig.controller().obey(Order::RapidOverride(part));
+            rig.controller().obey(Order::RapidOverride(part)).unwrap();
         }
         rig.finish();
         rig.trace().assert_within_limits();
@@ -219,11 +219,11 @@ fn a_stop_after_the_block_and_on() {
     let mut rig = Rig::portal(PROGRAM);
     run_to(&mut rig, FIRST + 100.0);
     for point in [1, 2, 3] {
-        rig.controller().obey(Order::SingleBlock(true));
+        rig.controller().obey(Order::SingleBlock(true)).unwrap();
         rows(&mut rig, 2500);
         assert_at(&rig, POINTS[point]);
-        rig.controller().obey(Order::SingleBlock(false));
-        rig.controller().obey(Order::Resume);
+        rig.controller().obey(Order::SingleBlock(false)).unwrap();
+        rig.controller().obey(Order::Resume).unwrap();
         rows(&mut rig, 50);
         assert!(speed(&rig) > 0.0);
     }
@@ -233,11 +233,11 @@ fn a_stop_after_the_block_and_on() {
 #[test]
 fn single_block_rests_at_the_end_of_every_block() {
     let mut rig = Rig::portal(PROGRAM);
-    rig.controller().obey(Order::SingleBlock(true));
+    rig.controller().obey(Order::SingleBlock(true)).unwrap();
     for point in POINTS {
         rig.run_until(|rig| rig.events.last() == Some(&Event::Held));
         assert_at(&rig, point);
-        rig.controller().obey(Order::Resume);
+        rig.controller().obey(Order::Resume).unwrap();
         rig.run_until(|rig| rig.events.last() == Some(&Event::Resumed));
     }
     assert_ends_well(rig);
@@ -248,14 +248,14 @@ fn steps_back_and_on() {
     let mut rig = Rig::portal(PROGRAM);
     run_to(&mut rig, FIRST + 200.0 + 80.0);
     for point in [1, 0] {
-        rig.controller().obey(Order::Retrace);
+        rig.controller().obey(Order::Retrace).unwrap();
         rows(&mut rig, 2500);
         assert_at(&rig, POINTS[point]);
     }
     // The first one in motion, the second one from rest.
     let told = (rig.events.iter()).filter(|it| matches!(it, Event::Held | Event::Retracing));
     assert!(told.eq(&[Event::Held, Event::Retracing, Event::Held]));
-    rig.controller().obey(Order::Resume);
+    rig.controller().obey(Order::Resume).unwrap();
     assert_ends_well(rig);
 }
 
@@ -272,13 +272,13 @@ fn steps_back_from_a_program_stop() {
         pauses.count()
     };
     rig.run_until(|rig| paused(rig) == 1);
-    rig.controller().obey(Order::Retrace);
+    rig.controller().obey(Order::Retrace).unwrap();
     rows(&mut rig, 1500);
     assert_eq!(position(&rig)[0], 0.0);
-    rig.controller().obey(Order::Resume);
+    rig.controller().obey(Order::Resume).unwrap();
     rig.run_until(|rig| paused(rig) == 2);
     assert_eq!(position(&rig)[0], 100.0);
-    rig.controller().obey(Order::CycleStart);
+    rig.controller().obey(Order::CycleStart).unwrap();
     assert_eq!(rig.finish(), End::Finished, "{:?}", rig.events);
     assert_eq!(position(&rig)[0], 200.0);
 }
@@ -288,13 +288,13 @@ fn going_on_from_a_program_stop_while_held() {
     let mut rig = Rig::portal("G1 X1 F6000\nM0\nX2\nM2\n");
     rig.goes_on = false;
     rig.run_until(|rig| matches!(rig.events.last(), Some(Event::Paused { .. })));
-    rig.controller().obey(Order::FeedHold);
+    rig.controller().obey(Order::FeedHold).unwrap();
     rows(&mut rig, 2);
-    rig.controller().obey(Order::CycleStart);
+    rig.controller().obey(Order::CycleStart).unwrap();
     rows(&mut rig, 100);
     assert_eq!(rig.events.last(), Some(&Event::Held), "it does not go on");
     assert!((position(&rig)[0] - 1.0).abs() < 1e-9);
-    rig.controller().obey(Order::Resume);
+    rig.controller().obey(Order::Resume).unwrap();
     assert_eq!(rig.finish(), End::Finished, "{:?}", rig.events);
     assert!(rig.events.contains(&Event::Resumed));
 }

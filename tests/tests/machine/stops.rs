@@ -209,6 +209,9 @@ impl Sample {
             };
         }
         sample.text += "M2\n";
+        if flows {
+            sample.switches.push(Switch::Coolant(Coolant::default()));
+        }
         sample
     }
 }
@@ -364,7 +367,7 @@ impl Person {
 fn runs_whole(sample: &Sample, acts: Vec<(When, Act)>, patience: usize) -> usize {
     let mut rig = Rig::portal(&sample.text);
     rig.goes_on = false;
-    rig.controller().obey(Order::OptionalStop(true));
+    rig.controller().obey(Order::OptionalStop(true)).unwrap();
     let mut person = Person::new(acts, patience);
     let mut rests = Rests::default();
     let mut told = 0;
@@ -387,7 +390,7 @@ fn runs_whole(sample: &Sample, acts: Vec<(When, Act)>, patience: usize) -> usize
             person.orders(speed, rests, &mut orders);
             for order in orders.drain(..) {
                 rests.paused &= order != Order::CycleStart;
-                rig.controller().obey(order);
+                rig.controller().obey(order).unwrap();
             }
         }
     }
@@ -512,7 +515,7 @@ fn a_plan_that_never_comes_is_a_fault() {
     let ended = without_plan(minute, |_| ());
     assert_eq!(ended, Some(End::Fault(Fault::NoPlan)));
     // A replacement that never comes, too.
-    let ended = without_plan(minute, |it| it.obey(Order::FeedOverride(0.5)));
+    let ended = without_plan(minute, |it| it.obey(Order::FeedOverride(0.5)).unwrap());
     assert_eq!(ended, Some(End::Fault(Fault::NoPlan)));
 }
 
@@ -520,7 +523,7 @@ fn a_plan_that_never_comes_is_a_fault() {
 fn a_rest_that_somebody_or_something_wants_is_none() {
     let minute = Duration::from_secs(60);
     assert_eq!(without_plan(Duration::from_secs(29), |_| ()), None);
-    let held = without_plan(minute, |it| it.obey(Order::FeedHold));
+    let held = without_plan(minute, |it| it.obey(Order::FeedHold).unwrap());
     assert_eq!(held, None);
     let reads = without_plan(minute, Controller::wait_for_input);
     assert_eq!(reads, None);

@@ -251,6 +251,12 @@ impl<const N: usize> Executor<N> {
         }
     }
 
+    /// Nothing moves, and nothing is going to without an order or a plan.
+    pub fn is_at_rest(&self) -> bool {
+        let jogging = self.activity.jogging();
+        self.committed == 0 && jogging.is_none_or(Jogging::rests)
+    }
+
     /// Goes on with what the axes came back for.
     pub(super) fn come_back(&mut self) {
         if let Activity::Jogging { axes, next } = &self.activity

@@ -166,9 +166,10 @@ impl Screen {
                     bar.suspend(|| eprintln!("press Enter for cycle start, to go on"));
                 }
             }
+            Event::Refused(refused) => bar.suspend(|| eprintln!("{}", refused.reason)),
             Event::Problem(error) => bar.suspend(|| eprintln!("{}", told(&**error))),
             // What comes of a command is seen.
-            Event::Accepted(_) => {}
+            Event::Accepted(_) | Event::State(_) => {}
         }
     }
 

@@ -1,0 +1,260 @@
+//! The console as lines of text: commands in, what happens out. It works without a terminal.
+
+use super::super::events;
+use super::told;
+use crate::control::{Event as MachineEvent, Layout, State};
+use crate::machine::Machine;
+use crate::run::Timeline;
+use crate::session::{
+    Command, Event, NotTaken, Operator, Session, Status, StatusView, Subscription,
+};
+use crossbeam::channel::{self, Receiver, RecvTimeoutError};
+use std::collections::VecDeque;
+use std::io;
+use std::sync::Arc;
+use std::thread::{self, JoinHandle};
+use std::time::Duration;
+
+/// Who the lines come from, in the log.
+const NAME: &str = "lines";
+/// How often it is looked whether a line that waits may begin. A state that a command leads to is seen
+/// by then.
+const LOOK: Duration = Duration::from_millis(20);
+/// Lines that are read ahead.
+const LINES: usize = 64;
+
+/// What is told to who asks.
+const HELP: &str = "\
+commands, a line each; one that begins something waits until what is under way is over:
+  ?                  this list
+  status             state, positions, offset, tool and modes
+  wait               let the lines behind it wait until the machine rests";
+
+/// Begins to obey the lines of standard input and to tell what happens; the thread that tells ends
+/// with the session.
+pub(super) fn listen(
+    session: &mut Session<impl Timeline>,
+    machine: Machine,
+    layout: Arc<Layout>,
+    verbose: bool,
+) -> io::Result<JoinHandle<()>> {
+    let (give, lines) = channel::bounded(LINES);
+    let reader = Reader {
+        lines,
+        over: false,
+        waiting: VecDeque::new(),
+        unanswered: 0,
+        operator: session.operator(NAME),
+        answers: session.subscribe(),
+        view: session.view(),
+        machine: machine.clone(),
+    };
+    let teller = Teller {
+        events: session.subscribe(),
+        view: session.view(),
+        machine,
+        layout,
+        verbose,
+    };
+    let spawn = |name: &str| thread::Builder::new().name(name.into());
+    spawn("input").spawn(move || {
+        for line in io::stdin().lines().map_while(Result::ok) {
+            if give.send(line).is_err() {
+                return;
+            }
+        }
+    })?;
+    spawn("lines").spawn(move || reader.read_all())?;
+    spawn("console").spawn(move || teller.tell_all())
+}
+
+/// Obeys lines.
+struct Reader {
+    lines: Receiver<String>,
+    /// There are no more lines.
+    over: bool,
+    /// What waits until what is under way is over.
+    waiting: VecDeque<Line>,
+    /// Commands that have neither taken effect nor been refused.
+    unanswered: usize,
+    operator: Operator,
+    answers: Subscription,
+    view: StatusView,
+    machine: Machine,
+}
+
+/// A line that waits.
+enum Line {
+    Command(Command),
+    /// It waits for nothing else.
+    Wait,
+}
+
+impl Reader {
+    /// Until the session is over.
+    fn read_all(mut self) {
+        loop {
+            let line = match self.lines.recv_timeout(LOOK) {
+                Ok(line) => Some(line),
+                Err(RecvTimeoutError::Timeout) => None,
+                Err(RecvTimeoutError::Disconnected) => {
+                    self.over = true;
+                    thread::sleep(LOOK);
+                    None
+                }
+            };
+            let done = match line {
+                Some(line) => self.obey(&line),
+                None => self.go_on(),
+            };
+            if done == Err(NotTaken::Over) {
+                return;
+            }
+        }
+    }
+
+    fn obey(&mut self, line: &str) -> Result<(), NotTaken> {
+        let line = line.trim();
+        let (name, value) = line.split_once(char::is_whitespace).unwrap_or((line, ""));
+        match name {
+            "" => {}
+            "?" => self.help(),
+            "status" => println!("{}", shown(&self.view.get(), &self.machine)),
+            "wait" => self.waiting.push_back(Line::Wait),
+            _ => match events::command(name, value.trim()) {
+                Ok(command) if begins(&command) => self.waiting.push_back(Line::Command(command)),
+                Ok(command) => {
+                    if command == Command::Stop {
+                        self.waiting.clear();
+                    }
+                    return self.command(command);
+                }
+                Err(problem) => println!("{problem}"),
+            },
+        }
+        Ok(())
+    }
+
+    /// Does what may begin now.
+    fn go_on(&mut self) -> Result<(), NotTaken> {
+        let answers = self.answers.events();
+        let answered = answers.filter(|event| match event {
+            Event::Accepted(it) => it.source == NAME,
+            Event::Refused(it) => it.source == NAME,
+            _ => false,
+        });
+        let answered = answered.count();
+        if answered > 0 {
+            // The state that this leads to is seen with the next look.
+            self.unanswered = self.unanswered.saturating_sub(answered);
+            return Ok(());
+        }
+        let state = self.view.get().state;
+        let rests = matches!(
+            state,
+            State::Ready | State::Held | State::Faulted | State::Disabled
+        );
+        let jogs = matches!(self.waiting.front(), Some(Line::Command(Command::Jog(_))));
+        if self.unanswered > 0 || !(rests || jogs && state == State::Jogging) {
+            return Ok(());
+        }
+        match self.waiting.pop_front() {
+            Some(Line::Command(command)) => self.command(command),
+            Some(Line::Wait) => Ok(()),
+            None if self.over => self.command(Command::SwitchOff),
+            None => Ok(()),
+        }
+    }
+
+    fn command(&mut self, command: Command) -> Result<(), NotTaken> {
+        while let Err(reason) = self.operator.command(command.clone()) {
+            match reason {
+                NotTaken::Busy => thread::sleep(LOOK),
+                NotTaken::Over => return Err(reason),
+            }
+        }
+        self.unanswered += 1;
+        Ok(())
+    }
+
+    fn help(&self) {
+        println!("{HELP}");
+        for (name, needs) in events::vocabulary() {
+            println!("  {name:<18} {needs}");
+        }
+    }
+}
+
+/// Whether it begins something, and waits for what is under way.
+fn begins(command: &Command) -> bool {
+    matches!(
+        command,
+        Command::Run { .. }
+            | Command::Mdi(_)
+            | Command::SetWorkOffset(_)
+            | Command::SetToolLength(_)
+            | Command::GoTo(_)
+            | Command::Jog(_)
+    )
+}
+
+/// The state, where the machine stands and what is in effect.
+fn shown(status: &Status, machine: &Machine) -> String {
+    let letters = || machine.axes.iter().map(|axis| axis.letter);
+    let positions = |offset: &[f64]| -> String {
+        let each = letters().map(|axis| {
+            let at = axis.index();
+            format!(" {axis}{:.3}", status.actual[at] - offset[at])
+        });
+        each.collect()
+    };
+    let (work, machine) = (positions(&status.offset), positions(&[0.0; 9]));
+    format!(
+        "{}: work{work}, machine{machine}, tool {}, {}",
+        status.state, status.tool, status.modes
+    )
+}
+
+/// Tells what happens.
+struct Teller {
+    events: Subscription,
+    view: StatusView,
+    machine: Machine,
+    layout: Arc<Layout>,
+    verbose: bool,
+}
+
+impl Teller {
+    /// Until the session is over.
+    fn tell_all(self) {
+        while let Ok(event) = self.events.wait(Duration::MAX) {
+            if let Some(text) = event.and_then(|event| self.text(&event)) {
+                println!("{text}");
+            }
+        }
+    }
+
+    fn text(&self, event: &Event) -> Option<String> {
+        match event {
+            Event::State(state @ (State::Ready | State::Held)) => {
+                let status = Status {
+                    state: *state,
+                    ..self.view.get()
+                };
+                Some(shown(&status, &self.machine))
+            }
+            Event::State(state) => Some(format!("{state}: {}", state.way_on())),
+            Event::Machine(event) => {
+                let tells = self.verbose || !event.is_routine();
+                let text = event.describe(&*self.layout).filter(|_| tells)?;
+                Some(match event {
+                    MachineEvent::Paused { .. } => format!("{text}; cycle_start goes on"),
+                    _ => text,
+                })
+            }
+            Event::Refused(refused) => Some(format!("refused: {}", refused.reason)),
+            Event::Problem(error) => Some(told(&**error)),
+            Event::Accepted(_) => None,
+        }
+    }
+}

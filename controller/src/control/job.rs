@@ -1,0 +1,235 @@
+//! What the machine works on: one job after the other, each from where the last one left the axes.
+//!
+//! A job's plan comes from outside of the cycle, instruction by instruction, once it has begun.
+
+use super::state::State;
+use super::{Controller, End, Event, Fault, Goal, Instruction, Phase, StopPoint, event_sink};
+use std::mem::take;
+use syncline_trajectory::path::{Command as PathCommand, ReplanRequest};
+
+/// What the machine works on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Job {
+    /// Greater than those of all jobs before.
+    pub number: u64,
+    /// What it is.
+    pub kind: JobKind,
+    /// It is read as it comes, and may stand still for as long as it likes in real time: then it is
+    /// no fault that no plan comes.
+    pub waits_for_input: bool,
+}
+
+/// What a job is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum JobKind {
+    /// A part program.
+    Program,
+    /// Lines that were typed in.
+    Mdi,
+}
+
+/// How a job ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Outcome {
+    /// To its end.
+    Finished,
+    /// An operator or a fault stopped it.
+    Stopped,
+    /// It could not begin, or a block of it could not be run.
+    Broken,
+}
+
+impl Job {
+    /// The job that a machine is switched on for.
+    pub(super) const ONLY: Self = Self {
+        number: 0,
+        kind: JobKind::Program,
+        waits_for_input: false,
+    };
+}
+
+impl<const N: usize> Controller<N> {
+    /// The machine stays on without a job until it is switched off; otherwise it is switched on for
+    /// one job, which begins as soon as it is ready, and goes off with that, or with a fault.
+    pub fn stay_on(&mut self) {
+        self.stays_on = true;
+        self.job = None;
+    }
+
+    /// The state of the machine as its operators have it.
+    #[must_use]
+    pub fn state(&self) -> State {
+        match self.phase {
+            Phase::Done => State::Off,
+            Phase::Disabled if self.goal == Goal::Ready => State::Starting,
+            Phase::Disabled if self.fault.is_some() => State::Faulted,
+            Phase::Disabled => State::Disabled,
+            phase if phase < Phase::Program && self.goal == Goal::Ready => State::Starting,
+            Phase::Program => match self.job {
+                None if self.executor.is_off_path() => State::Jogging,
+                None => State::Ready,
+                Some(_) if self.held || self.pause_told => State::Held,
+                Some(job) => match job.kind {
+                    JobKind::Program => State::Running,
+                    JobKind::Mdi => State::Mdi,
+                },
+            },
+            _ => State::Stopping,
+        }
+    }
+
+    /// Begins a job where the machine rests.
+    pub(super) fn begin(&mut self, job: Job) {
+        self.job = Some(job);
+        self.begun = false;
+        self.stop_point = None;
+        self.pause_told = false;
+        self.unplanned = 0;
+        self.rest_here();
+    }
+
+    /// Forgets what is left of a plan: the machine rests where it is.
+    pub(super) fn rest_here(&mut self) {
+        self.executor.restart(self.planned.position);
+        self.switches.restart();
+        self.planned = self.executor.setpoint();
+        self.held = false;
+    }
+
+    /// The job that is at work.
+    #[must_use]
+    pub fn job(&self) -> Option<Job> {
+        self.job
+    }
+
+    /// The last job that is over, and how it ended.
+    #[must_use]
+    pub fn over(&self) -> Option<(u64, Outcome)> {
+        self.over
+    }
+
+    /// Where the plan of the job has to start, machine coordinates in mm, once the machine is ready
+    /// for it.
+    #[must_use]
+    pub fn ready(&self) -> Option<[f64; N]> {
+        let begins = self.phase == Phase::Program && self.job.is_some();
+        begins.then_some(self.planned.position)
+    }
+
+    /// How many more instructions are taken now.
+    #[must_use]
+    pub fn room(&self) -> usize {
+        // While held, nothing: the plan will be replaced.
+        let held = self.executor.leads_to_hold()
+            || (self.executor.awaits_replacement() && self.executor.replan_request().is_none());
+        if self.takes_plan() && !held {
+            self.executor.room()
+        } else {
+            0
+        }
+    }
+
+    /// While it stops: the way to rest, and nothing beyond.
+    fn takes_plan(&self) -> bool {
+        self.job.is_some() && matches!(self.phase, Phase::Program | Phase::Stop)
+    }
+
+    /// As [`Job::waits_for_input`], for the one job that a machine is switched on for.
+    pub fn wait_for_input(&mut self) {
+        if let Some(job) = &mut self.job {
+            job.waits_for_input = true;
+        }
+    }
+
+    /// Takes the next instruction of the program; false if there is no room for it.
+    pub fn accept(&mut self, instruction: Instruction<N>) -> bool {
+        if self.room() == 0 {
+            return false;
+        }
+        self.begun = true;
+        match instruction {
+            Instruction::Plan(command) => self.executor.accept(command),
+            Instruction::Mark { item, mark, stop } => {
+                // A plan that is to be replaced is dropped, its marks with it: they come again.
+                if !self.executor.awaits_replacement() {
+                    self.stop_point = Some((mark, stop));
+                }
+                self.executor.accept(PathCommand::Mark { item, mark })
+            }
+            Instruction::Switch(switch) => self.switches.push(switch),
+        }
+    }
+
+    /// The stop point at which the path rests.
+    pub(super) fn reached(&self) -> Option<StopPoint> {
+        let (mark, stop) = self.stop_point?;
+        (self.executor.mark() == Some(mark)).then_some(stop)
+    }
+
+    /// From where on the program's path has to be planned anew, if it has, also to rest at the end; for
+    /// [`Feeder::replan`](crate::program::Feeder::replan).
+    #[must_use]
+    pub fn replan_request(&self) -> Option<ReplanRequest> {
+        self.takes_plan()
+            .then(|| self.executor.replan_request())
+            .flatten()
+    }
+
+    /// An operator ends a pause; what was jogged meanwhile goes back first.
+    pub fn go_on(&mut self) {
+        if take(&mut self.pause_told) {
+            if self.executor.is_off_path() {
+                self.executor.resume();
+            }
+            self.executor.pass();
+            // Held besides, it stays so.
+            self.tell(match self.executor.is_held() {
+                true => Event::Held,
+                false => Event::Resumed,
+            });
+        }
+    }
+
+    /// Stops what moves; the job is over. A machine that was switched on for one job goes off.
+    pub fn interrupt(&mut self) {
+        let moves =
+            self.phase == Phase::Program && (self.job.is_some() || self.executor.is_off_path());
+        if !self.stays_on && self.end().is_none() {
+            self.tell(Event::Interrupted);
+            self.go_to(Goal::Off(End::Interrupted));
+        } else if moves {
+            self.tell(Event::Interrupted);
+            self.enter(Phase::Stop, &mut []);
+        } else if self.state() == State::Starting {
+            self.go_to(Goal::Disabled);
+        }
+    }
+
+    /// The program cannot go on: stops on the path.
+    pub fn abandon(&mut self) {
+        if !self.stays_on {
+            self.fail(Fault::Program);
+        } else if self.job.is_some() && self.phase == Phase::Program {
+            self.end_job(Outcome::Broken);
+            self.enter(Phase::Stop, &mut []);
+        }
+    }
+
+    /// The job has ended.
+    pub(super) fn end_job(&mut self, outcome: Outcome) {
+        if let Some(job) = self.job.take() {
+            if outcome != Outcome::Finished && self.stays_on {
+                let Self {
+                    switches, events, ..
+                } = self;
+                let mut tell = event_sink(events);
+                switches.stop(|switch| tell(Event::Switched(switch)));
+            }
+            self.over = Some((job.number, outcome));
+            self.tell(Event::JobOver {
+                job: job.number,
+                outcome,
+            });
+        }
+    }
+}

@@ -1,0 +1,342 @@
+//! A working day at the machine, in virtual time: it is switched on, runs one job after the other, is
+//! stopped by a fault and brought back, and is switched off.
+
+use proptest::prelude::*;
+use proptest::sample::select;
+use syncline_controller::control::{NotNow, Refusal as OrderRefusal, State};
+use syncline_controller::session::{
+    self, Command, Direction, Jog, Override, Refusal, SwitchChange,
+};
+use syncline_drives::twin::{Disturbance, ErrorClass};
+use syncline_gcode::{Axis, Tables};
+use syncline_tests::rig::Rig;
+
+/// What the bus has carried, by its digest.
+fn frames_of(rig: &mut Rig) -> String {
+    rig.session.timeline().frames().result().0
+}
+
+/// A portal that is ready for the first job of the day.
+fn ready() -> Rig {
+    let mut rig = Rig::staying_on("portal", &[], |_, _| ());
+    settle(&mut rig);
+    assert_eq!(state(&rig), State::Ready, "{:?}", rig.events);
+    rig
+}
+
+fn state(rig: &Rig) -> State {
+    rig.session.status().state
+}
+
+/// Goes on until the machine rests and waits for an operator, or is off.
+fn settle(rig: &mut Rig) {
+    use State::{Disabled, Faulted, Held, Off, Ready};
+    // What is commanded, also by who goes on at a tool change, shows some wake-ups later.
+    let mut since = 0;
+    while since < 6 && rig.step() {
+        let rests = matches!(state(rig), Ready | Held | Faulted | Disabled | Off);
+        since = if rests { since + 1 } else { 0 };
+    }
+}
+
+/// Commands something, and goes on until the machine rests again.
+fn go(rig: &mut Rig, command: Command) {
+    rig.command(command);
+    settle(rig);
+}
+
+fn mdi(rig: &mut Rig, lines: &str) {
+    go(rig, Command::Mdi(lines.to_owned()));
+}
+
+fn positions<const N: usize>(axes: [(Axis, f64); N]) -> [Option<f64>; 9] {
+    let mut positions = [None; 9];
+    for (axis, position) in axes {
+        positions[axis.index()] = Some(position);
+    }
+    positions
+}
+
+fn at(rig: &Rig, axis: Axis) -> f64 {
+    rig.session.status().setpoint[axis.index()]
+}
+
+/// Where an axis is in work coordinates.
+fn work(rig: &Rig, axis: Axis) -> f64 {
+    at(rig, axis) - rig.session.status().offset[axis.index()]
+}
+
+fn assert_near(found: f64, expected: f64) {
+    assert!((found - expected).abs() < 1e-6, "{found}, not {expected}");
+}
+
+/// Every motion was inside the limits. While the drives were disabled there was none of the
+/// controller's.
+fn assert_moves_within_limits(rig: &mut Rig) {
+    let rows = std::mem::take(&mut rig.rows);
+    for enabled in rows.chunk_by(|one, next| next.cycle == one.cycle + 1) {
+        rig.rows = enabled.to_vec();
+        rig.trace().assert_within_limits();
+    }
+    rig.rows = rows;
+}
+
+/// A whole day; what it put on the bus, by its digest.
+fn day() -> String {
+    let mut rig = ready();
+    let step = |axis, direction| Command::Jog(Jog::Step { axis, direction });
+
+    // Touch off: jog to the corner of the workpiece, set the offset there.
+    rig.command(Command::Jog(Jog::To(positions([
+        (Axis::X, 300.0),
+        (Axis::Y, 200.0),
+    ]))));
+    rig.step();
+    rig.step();
+    rig.step();
+    assert_eq!(state(&rig), State::Jogging);
+    settle(&mut rig);
+    go(&mut rig, step(Axis::X, Direction::Positive));
+    assert_near(at(&rig, Axis::X), 301.0);
+    go(
+        &mut rig,
+        Command::SetWorkOffset(positions([(Axis::X, 0.0), (Axis::Y, 5.0)])),
+    );
+    assert_near(work(&rig, Axis::X), 0.0);
+    assert_near(work(&rig, Axis::Y), 5.0);
+    let tables = Tables::load(&Tables::beside(&rig.folder.path("machine.toml"))).unwrap();
+    assert_near(tables.work_offsets[0][Axis::X], 301.0);
+
+    // A tool, and its length.
+    rig.goes_on = true;
+    mdi(&mut rig, "T1 M6");
+    assert_eq!(rig.session.status().tool, 1, "{:?}", rig.problems);
+    go(
+        &mut rig,
+        Command::SetToolLength(positions([(Axis::Z, 10.0)])),
+    );
+    assert_near(work(&rig, Axis::Z), 10.0);
+
+    // Lines typed in: modes live from one to the next.
+    mdi(&mut rig, "G91 G1 X10 F6000 S500 M3");
+    mdi(&mut rig, "X5");
+    assert_near(work(&rig, Axis::X), 15.0);
+    assert_eq!(rig.session.status().spindle.speed, 500.0);
+    go(
+        &mut rig,
+        Command::GoTo(positions([(Axis::X, 0.0), (Axis::Y, 0.0)])),
+    );
+    assert_near(at(&rig, Axis::X), 301.0);
+    assert_near(work(&rig, Axis::Y), 0.0);
+
+    // A program, held and jogged in the middle; its end resets what M2 resets.
+    let file = rig
+        .folder
+        .file("part.ngc", "G90 G1 X60 F6000\nY40\nX0 Y0\nM2\n");
+    rig.command(Command::Load(file));
+    rig.command(Command::CycleStart);
+    rig.run_until(|rig| state(rig) == State::Running && work(rig, Axis::X) > 20.0);
+    go(&mut rig, Command::FeedHold);
+    assert_eq!(state(&rig), State::Held);
+    let held = at(&rig, Axis::X);
+    go(&mut rig, step(Axis::Z, Direction::Negative));
+    rig.command(Command::FeedOverride(Override::To(150.0)));
+    go(&mut rig, Command::Resume);
+    assert_eq!(state(&rig), State::Ready, "{:?}", rig.refused);
+    assert!(held > 321.0);
+    assert_near(work(&rig, Axis::X), 0.0);
+    assert!(
+        rig.session
+            .status()
+            .modes
+            .starts_with("G1 G17 G21 G40 G43 G54 G90 "),
+        "{}",
+        rig.session.status().modes
+    );
+    assert!(rig.session.status().modes.contains(" M5 "));
+
+    // A fault in the middle of the next run.
+    rig.command(Command::Run { from_line: None });
+    rig.run_until(|rig| state(rig) == State::Running && work(rig, Axis::X) > 20.0);
+    rig.twin(2)
+        .disturb(Disturbance::Fault(ErrorClass::StopAndSwitchOff));
+    settle(&mut rig);
+    assert_eq!(state(&rig), State::Faulted);
+    assert_eq!(rig.session.faults().len(), 1);
+    go(&mut rig, Command::Mdi("G0 X0".to_owned()));
+    assert_eq!(rig.refused.len(), 1);
+    go(&mut rig, Command::Reset);
+    assert_eq!(state(&rig), State::Ready, "{:?}", rig.events);
+    assert!(rig.session.faults().is_empty());
+    go(
+        &mut rig,
+        Command::GoTo(positions([(Axis::X, 0.0), (Axis::Y, 0.0)])),
+    );
+    go(&mut rig, Command::Run { from_line: None });
+    assert_eq!(state(&rig), State::Ready);
+
+    // Drives off for a while, then the end of the day.
+    go(&mut rig, Command::Disable);
+    assert_eq!(state(&rig), State::Disabled);
+    go(&mut rig, Command::Enable);
+    assert_eq!(state(&rig), State::Ready);
+    mdi(&mut rig, "G53 G0 Z0");
+    go(&mut rig, Command::SwitchOff);
+    assert_eq!(state(&rig), State::Off);
+    assert_eq!(rig.problems, [""; 0]);
+    assert_moves_within_limits(&mut rig);
+    frames_of(&mut rig)
+}
+
+#[test]
+fn a_day_at_the_machine_is_the_same_twice() {
+    assert_eq!(day(), day());
+}
+
+/// The states that may follow one.
+fn successors(state: State) -> &'static [State] {
+    use State::{Disabled, Faulted, Held, Jogging, Mdi, Off, Ready, Running, Starting, Stopping};
+    match state {
+        Off => &[],
+        Starting => &[Ready, Stopping],
+        Ready => &[Jogging, Mdi, Running, Stopping],
+        Jogging => &[Ready, Stopping],
+        Mdi | Running => &[Ready, Held, Stopping],
+        Held => &[Mdi, Running, Stopping],
+        Stopping => &[Ready, Disabled, Faulted, Off],
+        Faulted => &[Starting, Stopping],
+        Disabled => &[Starting, Stopping, Faulted],
+    }
+}
+
+/// What an operator or the world does.
+#[derive(Clone, Debug)]
+enum Deed {
+    Command(Command),
+    Disturb(usize, Disturbance),
+}
+
+const PROGRAMS: [&str; 4] = [
+    "G0 X20 Y10\nG1 X40 F3000\nM0\nG2 X60 Y30 I20 J0\nM3 S100\nX0 Y0\nM2\n",
+    "G91 G1 X5 F6000\nG4 P0.05\nX-5\n",
+    "G1 X10 F600\nX2000\nM2\n",
+    "T1 M6\nG0 Z-5\nM30\n",
+];
+
+fn deed() -> impl Strategy<Value = Deed> {
+    let axis = || select(&[Axis::X, Axis::Y, Axis::Z][..]);
+    let direction = || select(&[Direction::Positive, Direction::Negative][..]);
+    let jog = prop_oneof![
+        (axis(), direction()).prop_map(|(axis, direction)| Jog::Step { axis, direction }),
+        (axis(), direction()).prop_map(|(axis, direction)| Jog::Continuous {
+            axis,
+            direction,
+            speed: Some(20.0)
+        }),
+        (axis(), -10.0..400.0).prop_map(|(axis, to)| Jog::To(positions([(axis, to)]))),
+    ];
+    let command = prop_oneof![
+        3 => (0..PROGRAMS.len()).prop_map(|it| Command::Load(format!("{it}.ngc").into())),
+        4 => Just(Command::Run { from_line: None }),
+        4 => select(&["G0 X5", "G1 F1200 X7 Y3", "G1 X", "M0", "G4 P0.1", "M3 S7", "G91", "G90"][..])
+            .prop_map(|line| Command::Mdi(line.to_owned())),
+        4 => jog.prop_map(Command::Jog),
+        1 => (axis(), -5.0..5.0).prop_map(|(axis, to)| Command::GoTo(positions([(axis, to)]))),
+        1 => (axis(), -5.0..5.0)
+            .prop_map(|(axis, to)| Command::SetWorkOffset(positions([(axis, to)]))),
+        1 => Just(Command::SetToolLength(positions([(Axis::Z, 0.0)]))),
+        12 => select(vec![
+            Command::CycleStart,
+            Command::FeedHold,
+            Command::Resume,
+            Command::ToggleFeedHold,
+            Command::SingleBlock(SwitchChange::Toggle),
+            Command::OptionalStop(SwitchChange::Toggle),
+            Command::Retrace,
+            Command::FeedOverride(Override::To(40.0)),
+            Command::FeedOverride(Override::To(0.0)),
+            Command::FeedOverride(Override::To(120.0)),
+            Command::Stop,
+            Command::Enable,
+            Command::Disable,
+            Command::Reset,
+        ]),
+        4 => select(vec![Command::Enable, Command::Reset]),
+    ];
+    // Not the gantry's: one side that stops alone leaves it skewed, which no reset mends.
+    let disturb = (
+        2..4usize,
+        select(vec![
+            Disturbance::Fault(ErrorClass::Warning),
+            Disturbance::Fault(ErrorClass::QuickStop),
+            Disturbance::Fault(ErrorClass::StopAndSwitchOff),
+            Disturbance::Fault(ErrorClass::SwitchOff),
+            Disturbance::LoseTPdos(1),
+            Disturbance::LoseTPdos(20),
+            Disturbance::Mute(true),
+            Disturbance::Mute(false),
+            Disturbance::Reset,
+            Disturbance::Mains(false),
+            Disturbance::Mains(true),
+        ]),
+    );
+    prop_oneof![
+        9 => command.prop_map(Deed::Command),
+        1 => disturb.prop_map(|(drive, disturbance)| Deed::Disturb(drive, disturbance)),
+    ]
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 48, ..ProptestConfig::default() })]
+
+    /// Whatever is asked for and whatever happens, in whatever state: only legal transitions, every
+    /// command answered, nothing moves that was not asked to, and the machine goes off in the end.
+    #[test]
+    fn the_session_is_always_in_a_state_and_always_answers(
+        deeds in prop::collection::vec((deed(), 1..900usize), 1..16),
+    ) {
+        let mut rig = Rig::staying_on("portal", &[], |_, _| ());
+        for (name, text) in PROGRAMS.iter().enumerate() {
+            let _ = rig.folder.file(&format!("{name}.ngc"), text);
+        }
+        rig.goes_on = false;
+        let told = rig.session.subscribe();
+        let (mut asked, mut answered) = (0, 0);
+        settle(&mut rig);
+        for (deed, wait) in deeds {
+            match deed {
+                Deed::Command(command) => {
+                    asked += 1;
+                    rig.command(match command {
+                        Command::Load(file) => Command::Load(rig.folder.path(file.to_str().unwrap())),
+                        other => other,
+                    });
+                }
+                Deed::Disturb(drive, disturbance) => rig.twin(drive).disturb(disturbance),
+            }
+            for _ in 0..wait {
+                rig.step();
+                let rests = matches!(state(&rig), State::Ready | State::Disabled | State::Faulted);
+                if let Some(row) = rig.session.timeline().row() && rests {
+                    prop_assert_eq!(row.plan.velocity, [0.0; 9]);
+                }
+            }
+            answered += told.events().filter(|it| matches!(it, session::Event::Accepted(_) | session::Event::Refused(_))).count();
+        }
+        prop_assert_eq!(answered, asked);
+        go(&mut rig, Command::SwitchOff);
+        while rig.step() {}
+        prop_assert_eq!(state(&rig), State::Off);
+        let states = [State::Starting].into_iter().chain(rig.states.iter().copied());
+        let states: Vec<_> = states.collect();
+        for step in states.windows(2) {
+            prop_assert!(successors(step[0]).contains(&step[1]), "{:?}", states);
+        }
+        for refused in &rig.refused {
+            if let Refusal::Machine(OrderRefusal::NotNow(NotNow { request, state })) = refused.reason {
+                prop_assert!(!state.allows(request));
+            }
+        }
+        assert_moves_within_limits(&mut rig);
+    }
+}
