@@ -463,7 +463,8 @@ fn case_of(seed: u64) -> Case {
 
 #[test]
 fn whatever_a_person_does_every_stop_is_made() {
-    (100..116).map(case_of).for_each(check);
+    // In 135 the plan is followed from the midst of a braking that its jerk hardly changes.
+    (100..124).chain([135]).map(case_of).for_each(check);
 }
 
 /// As long as is wanted: `CASES=1000`, from `SEED=0` on.
