@@ -1,4 +1,13 @@
-//! Several axes at once.
+//! Several axes at once: on a line, at the same instant, or each as fast as it can.
+//!
+//! *On a line* there is one problem: the limits of all axes projected on the line, solved once; every axis gets
+//! the solution times its share, so that it stays on the line to rounding. States that do not lie along the line
+//! are refused.
+//!
+//! *At the same instant* every axis is planned on its own first. The longest of the shortest durations is not yet
+//! the answer, because durations that an axis can have may have gaps, the blocked intervals of `extremal`: an
+//! axis that cannot last so long moves the duration on to the end of its gap, and all others are asked again.
+//! Each axis has at most two gaps, so that ends.
 
 use crate::limits::{Limits, PositionLimits};
 use crate::profile::{Profile, State};

@@ -3,6 +3,13 @@
 
 use super::{Curve, JerkSegment, Limits};
 
+/// Parts of an axis's limits that the curvature's own terms may take: q″ṡ² of the acceleration, q‴ṡ³ and
+/// 3q″ṡs̈ of the jerk. What is left is for speeding up and slowing down; that it is enough for any combination is
+/// what counts here, not that it is the best.
+const CENTRIPETAL: f64 = 0.7;
+const OWN_JERK: f64 = 0.3;
+const MIXED_JERK: f64 = 0.35;
+
 /// Path speed, acceleration and jerk that, together and in any combination, keep every axis inside
 /// its limits.
 #[derive(Debug, Clone, Copy)]
@@ -17,16 +24,15 @@ impl Bounds {
         // |q′|, |q″|, |q‴| of every axis, at most.
         let [d1, d2, d3] = curve.derivative_bounds();
         let least = |f: &dyn Fn(usize) -> f64| (0..N).map(f).fold(f64::INFINITY, f64::min);
-        // Curved paths: 0.7 of the acceleration and 0.3 of the jerk for the curvature's own terms.
         let speed = least(&|i| {
             (limits.velocity[i] / d1[i])
-                .min((0.7 * limits.acceleration[i] / d2[i]).sqrt())
-                .min(libm::cbrt(0.3 * limits.jerk[i] / d3[i]))
+                .min((CENTRIPETAL * limits.acceleration[i] / d2[i]).sqrt())
+                .min(libm::cbrt(OWN_JERK * limits.jerk[i] / d3[i]))
         })
         .min(speed);
         let acceleration = least(&|i| {
             let left = limits.acceleration[i] - d2[i] * speed * speed;
-            (left / d1[i]).min(0.35 * limits.jerk[i] / (3.0 * d2[i] * speed))
+            (left / d1[i]).min(MIXED_JERK * limits.jerk[i] / (3.0 * d2[i] * speed))
         });
         let jerk = least(&|i| {
             let used = d3[i] * speed * speed * speed + 3.0 * d2[i] * speed * acceleration;

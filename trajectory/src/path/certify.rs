@@ -1,4 +1,11 @@
 //! What a jerk segment of the plan asks of the axes, between the samples too.
+//!
+//! The planner's constraints stand at the nodes of its cells, and samples stand where they are taken; a limit is
+//! a limit at every instant. So what is handed over is bounded in between, too: a function is no higher than the
+//! parabola through three samples a time h apart, plus h³/9√3 of its third derivative. The third derivatives of
+//! velocity, acceleration and jerk by time are polynomials in ṡ, s̈, the path jerk and the path's first six
+//! derivatives by length, and those are bounded on the stretch by Taylor coefficients. Where the bound is above
+//! a limit that the parabolas keep, both halves are looked at: h³ makes each an eighth as wide of the mark.
 
 use super::curve::Place;
 use super::{JerkSegment, Limits, PathSegment};

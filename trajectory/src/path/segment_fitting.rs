@@ -8,6 +8,13 @@
 //! from where data on both sides held the curve, not from where it was let go. Every point and every
 //! short segment is measured. Where a program says within what lines are to be merged, they are, however
 //! long they are.
+//!
+//! # Why it is right
+//!
+//! Measured are every point and, from the second derivative, all between two points. Less than all of the
+//! tolerance is used: what is left is for the blends with what comes before and behind. Where a fit strays,
+//! fewer short segments are tried. As each polynomial is fitted to twice the segments that are kept of it, errors
+//! do not build up from one to the next.
 
 use super::blend::distance;
 use super::curve::{Curve, Poly};

@@ -3,6 +3,18 @@
 //! Path length is measured on the tool path: the first three axes (fewer if N < 3). The others
 //! follow in proportion. A line that moves none of the first three, or next to nothing of them, is
 //! measured over all axes.
+//!
+//! Lines, arcs with helices and spirals, and polynomials of the fifth degree, which blends and fitted segments are.
+//! Each gives its position and first three derivatives by path length at any length in closed form; what is not
+//! in closed form is the parameter of a given length, found by Newton's method, its integral by Gauss and
+//! Legendre's quadrature.
+//!
+//! - `arc`: where the radii at start and end differ inside the tolerance the radius goes with the angle, so that both end
+//!   points are met,
+//! - `polynomial`: measured in parts, closer in the middle, where the rate of a sharp corner dips,
+//! - `length`: derivatives by length from those by any parameter, and upper bounds of the first six on a stretch, as
+//!   the [certificate](super::certify) needs them: bounds of Taylor coefficients, of which Cauchy's product bounds those of
+//!   products.
 
 mod arc;
 mod length;

@@ -14,8 +14,8 @@
 //! them brings them again. Waypoints are counted from the beginning of everything, so that each counts
 //! once, however often the path goes over it. Nothing that an operator does can lose one.
 //!
-//! What it is doing is one [`Activity`]: following the path, retracing it, stopping, holding, jogging or
-//! ended. What it knows of its plan is another enum, [`PlanStatus`].
+//! What it is doing is one activity: following the path, retracing it, stopping, holding, jogging or
+//! ended; what it knows of its plan is another enum.
 //!
 //! - `activity`: what it is doing, and what follows from that,
 //! - `operator`: what an operator does,

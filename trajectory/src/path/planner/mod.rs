@@ -3,11 +3,28 @@
 //! Items are joined to sections: stretches of path without a stop. A section is planned in windows
 //! that overlap. Each ends at rest, so that whatever has been handed over is complete; the next one
 //! begins in the midst of it, at a jerk segment from which the former end is too far ahead to show, and replaces
-//! the rest ([`Command::ReplaceTail`]). Where windows end depends on the path alone, never on the pace
+//! what comes then ([`Command::ReplaceTail`]). Where windows end depends on the path alone, never on the pace
 //! at which items come or commands go.
 //!
 //! What was planned is kept for a while, so that it can be planned again from any state on it: when
 //! the speeds that are asked for change, or after a hold ([`Planner::replan`]).
+//!
+//! # Why windows
+//!
+//! A section may be as long as a program, and its optimum depends on all of it; but how it begins depends on what
+//! lies further ahead than a stop is long by less than shows. So a window goes about half a second of travel beyond the
+//! longest stop, and of it is final what has twice the longest stop between it and the window's end
+//! (`the_depth_of_the_window_does_not_show`). The plan that the executor holds ends at rest at every instant, whatever
+//! becomes of the planner.
+//!
+//! # In what order
+//!
+//! - `joining`: moves become sections: short segments are [fitted](super::segment_fitting), corners
+//!   [blended](super::blend),
+//! - `section`: path without a stop, and how far a window on it may go,
+//! - `windows`: one window: how it is solved, what of it is final, and what bounds the work,
+//! - `answer`: plans that the executor asks for from a state of its own: after an override, a hold, for a single block, to
+//!   retrace, and to rest.
 
 mod answer;
 mod joining;
@@ -204,7 +221,7 @@ impl<const N: usize> Planner<N> {
                 max: f64::INFINITY,
             }; N],
             lookahead,
-            horizon: lookahead + lookahead.max(0.5),
+            horizon: lookahead + lookahead.max(LEAST_TRAVEL),
             position,
             short_segments: None,
             pending: None,
@@ -436,5 +453,7 @@ fn asked_speed<const N: usize>(
     }
 }
 
+/// Travel that a window plans beyond its lookahead, s, at least: time to plan the next one meanwhile.
+const LEAST_TRAVEL: f64 = 0.5;
 /// A window sees this many times the longest stop of an axis beyond what is final.
 const LOOKAHEAD: f64 = 2.0;

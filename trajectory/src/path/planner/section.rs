@@ -12,6 +12,12 @@ const WINDOW_PATH_SEGMENTS: usize = 1024;
 const WORTH_OF_SEGMENT: f64 = 2e5;
 const WORTH_OF_SECOND: f64 = 2e5;
 
+/// A path segment that takes no longer than this, by the time that is left, goes with the window.
+const WORTH_A_WINDOW: f64 = 1.25;
+/// Part of the room to stop in which the path is likely to come to rest; if it does not, the block's end is
+/// not where it rests.
+const LIKELY: f64 = 0.8;
+
 /// Path without a stop.
 #[derive(Debug, Clone)]
 pub(super) struct Section<const N: usize> {
@@ -107,7 +113,7 @@ pub(super) fn reach<const N: usize>(
         let speed = top_speed(path_segment, limits);
         let needed = (end - at) / speed;
         // A rest of the path segment that is not worth a window of its own goes with it.
-        if needed > 1.25 * left {
+        if needed > WORTH_A_WINDOW * left {
             return at + left * speed;
         }
         at = end;
@@ -151,6 +157,6 @@ pub(super) fn block_end<const N: usize>(
             }
         })
         .map(|k| path_segments[k].start + path_segments[k].curve.length())
-        .find(|end| end - from.distance >= 0.8 * room)
+        .find(|end| end - from.distance >= LIKELY * room)
         .unwrap_or(f64::INFINITY)
 }

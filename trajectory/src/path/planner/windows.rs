@@ -40,6 +40,9 @@ pub(super) const CREDIT: usize = 1_000_000;
 /// How often a limit that falls gently is lowered at most.
 const LIMITS_LOWERED: usize = 4;
 
+/// A window begins earlier where the acceleration is less than this part.
+const CALMER: f64 = 0.5;
+
 /// A window that is to be planned.
 struct Task<'a, const N: usize> {
     /// Those from its departure on.
@@ -488,7 +491,7 @@ impl Found {
         // The calmer the state, the easier it is to go on from.
         let acceleration = |k: usize| segments[k].segment.acceleration.abs();
         for k in (least..keep).rev() {
-            if acceleration(k) < 0.5 * acceleration(keep) {
+            if acceleration(k) < CALMER * acceleration(keep) {
                 keep = k;
             }
         }

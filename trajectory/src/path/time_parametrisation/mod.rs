@@ -25,7 +25,24 @@
 //!
 //! A primal–dual interior point method in which every iteration is relinearised. The cells form a
 //! chain with a state of two numbers and a control of one, so a Newton step is a Riccati recursion:
-//! its cost is proportional to the number of cells.
+//! its cost is proportional to the number of cells. The last step of all changes as little as possible to meet
+//! the dynamics to 1e-12, so that the cells join to rounding.
+//!
+//! Only constraints that can bind are laid: of axes that move, and on lines the strictest of all axes.
+//!
+//! # Why it is right
+//!
+//! The cells' identities are exact for constant jerk, not a discretisation, so a solution is a motion that can
+//! be executed as it is; what it may still break lies within a cell on a curve, between the nodes where the
+//! constraints stand, and the [certificate](super::certify) finds that. The duality gap bounds how much longer than the
+//! optimum over the cells the motion is.
+//!
+//! # What was tried
+//!
+//! - Without the row on the speed in the *middle* of the cells the optimum lets the acceleration alternate from
+//!   node to node, which the nodes' speeds do not see.
+//! - A sequence of linear programs over even points, linearised anew until the time settles, takes at least 27 times
+//!   as long as all of the planner, for motion times within 0.3 % of its (`docs/measured.md`, "Beside copp").
 
 mod constraints;
 
@@ -101,6 +118,26 @@ const REACH: f64 = 0.98;
 const LOST: f64 = 1e3;
 /// The dynamics are met when they miss by no more than this part of ṡ².
 const EXACT: f64 = 1e-12;
+/// Newton steps on the dynamics alone that bring them there from a solution: each squares the miss.
+const MEETING_STEPS: usize = 6;
+/// Slack of the first iterate's constraints, broken ones among them, by the barrier, at least.
+const FIRST_SLACK: f64 = 0.3;
+/// Part of the duality gap that a step aims at, at least, also where one straight for the optimum would get
+/// further: the model is not exact.
+const LEAST_CENTRING: f64 = 1e-3;
+/// Steps shorter than this are damped more in the next iteration, by a factor and from a part of the barrier on …
+const SHORT_STEP: f64 = 0.2;
+const MORE_DAMPING: f64 = 3.0;
+const FIRST_DAMPING: f64 = 0.1;
+/// … and steps longer than this less, by a factor.
+const LONG_STEP: f64 = 0.6;
+const LESS_DAMPING: f64 = 0.2;
+/// The root of 1 − 4 Δs m/12σ², which is positive in every cell that there is; iterates far from one are kept
+/// from dividing by less.
+const LEAST_ROOT: f64 = 0.2;
+const LEAST_ROOT_SQUARE: f64 = 0.04;
+/// Part of ṡ² that one step may take off.
+const FURTHEST_DOWN: f64 = 0.8;
 
 /// Solver with its scratch space; reused from window to window.
 #[derive(Debug, Clone, Default)]
@@ -161,7 +198,7 @@ impl<const N: usize> TimeParametrisation<N> {
         let target = barrier * time / pairs;
         for stage in &self.stages {
             for row in &mut self.rows[stage.rows[0]..stage.rows[3]] {
-                row.slack = row.over.map(|over| (-over).max(0.3 * barrier));
+                row.slack = row.over.map(|over| (-over).max(FIRST_SLACK * barrier));
                 row.force = row.slack.map(|slack| target * stage.weight / slack);
             }
         }
@@ -182,17 +219,17 @@ impl<const N: usize> TimeParametrisation<N> {
             self.direct(Aim::Optimum);
             let sums = self.substitute(None);
             let left = (sums.gap_after(sums.steps()) / outcome.gap).min(1.0);
-            let target = (left * left * left).max(1e-3) * outcome.gap / pairs;
+            let target = (left * left * left).max(LEAST_CENTRING) * outcome.gap / pairs;
             self.direct(Aim::Target(target));
             let sums = self.substitute(Some(target));
             let [primal, dual] = sums.steps();
             outcome.gap = sums.gap_after([primal, dual]);
             self.go(primal, dual);
             // Short steps: the model is good for nearby only.
-            if primal < 0.2 {
-                damping = (3.0 * damping).max(0.1 * outcome.gap / pairs);
-            } else if primal > 0.6 {
-                damping *= 0.2;
+            if primal < SHORT_STEP {
+                damping = (MORE_DAMPING * damping).max(FIRST_DAMPING * outcome.gap / pairs);
+            } else if primal > LONG_STEP {
+                damping *= LESS_DAMPING;
             }
             let miss;
             (outcome.time, miss) = self.relinearise(cells);
@@ -216,7 +253,7 @@ impl<const N: usize> TimeParametrisation<N> {
 
     /// Brings the dynamics from missing by `miss` down to rounding; false if that fails.
     fn meet(&mut self, cells: &[Cell<N>], mut miss: f64) -> bool {
-        for _ in 0..6 {
+        for _ in 0..MEETING_STEPS {
             if miss < EXACT {
                 return true;
             }
@@ -326,10 +363,12 @@ impl<const N: usize> TimeParametrisation<N> {
                 state.h_by = [0.0; 3];
             } else {
                 let bend = state.m / (12.0 * sigma * sigma);
-                let root = (1.0 - 4.0 * cell.length * bend).max(0.04).sqrt();
+                let root = (1.0 - 4.0 * cell.length * bend)
+                    .max(LEAST_ROOT_SQUARE)
+                    .sqrt();
                 let h = 2.0 * cell.length / (1.0 + root);
                 // h − bend h² = Δs, and bend goes with m/σ².
-                let by = h * h / (1.0 - 2.0 * h * bend).max(0.2);
+                let by = h * h / (1.0 - 2.0 * h * bend).max(LEAST_ROOT);
                 state.h = h;
                 state.h_by = [
                     by * 2.0 * bend * state.beta[0],
@@ -466,7 +505,7 @@ impl<const N: usize> TimeParametrisation<N> {
             let step = [dw, da, gain[0] * dw + gain[1] * da + gain[2]];
             if k > 0 {
                 // The tangent of 1/σ is worth little much further down.
-                sums.reach[0] = sums.reach[0].max(-dw / (0.8 * state.w[0]));
+                sums.reach[0] = sums.reach[0].max(-dw / (FURTHEST_DOWN * state.w[0]));
             }
             let (beta, beta_drift) = state.beta_slope();
             let beta_step = beta[0] * step[0] + beta[1] * step[1] + beta[2] * step[2] + beta_drift;

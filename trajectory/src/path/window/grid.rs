@@ -90,7 +90,7 @@ impl Stretch {
     /// to the distance (from rest, s = j t³/6 and ṡ = j t²/2), from ṡ = a²/2j on ṡ² does.
     pub(super) fn climb(&self, w: f64, s: f64) -> f64 {
         let knee = self.acceleration * self.acceleration / (2.0 * self.jerk);
-        let rate = (4.5 * self.jerk).sqrt();
+        let rate = (THREE_HALVES * self.jerk).sqrt();
         let v = w.sqrt();
         let to_knee = (knee * knee.sqrt() - v * v.sqrt()) / rate;
         if s < to_knee {
@@ -116,6 +116,28 @@ pub(super) const FINER: f64 = 0.4;
 
 /// Greatest turn of the tangent within a cell, rad.
 pub(super) const CELL_TURN: f64 = 0.1;
+/// 9/2: from rest under constant jerk s = j t³/6 and ṡ = j t²/2, so that ṡ^(3/2) = √(9j/2) s.
+const THREE_HALVES: f64 = 4.5;
+/// A part of a curve that lacks this share of itself to the end goes to the end.
+const NEARLY: f64 = 0.1;
+/// Caps that differ by less, as a part, are one level.
+const LEVEL: f64 = 1e-3;
+/// A cell lasts no longer than this by the one before.
+const LONGER: f64 = 1.5;
+/// Ramps of the acceleration, at the cap's speed, that a long cell keeps from where the cap changes …
+const CLEAR: f64 = 3.0;
+/// … and the part of the cap that ṡ² has to be at for one.
+const AT_CAP: f64 = 0.999;
+/// In the last three cells time to the end goes 3, 2, 1, so that the distance goes 27, 8, 1; they begin where
+/// no more than that is left, with room for rounding.
+const LANDING: f64 = 27.0;
+const SPARE: f64 = 1.01;
+/// Nodes of the last three cells are this far apart, by the last cell, or left out.
+const APART: f64 = 0.2;
+/// What is left of a stretch is one cell if it is no longer than this by the cell.
+const WITH_LAST: f64 = 1.5;
+/// The solver needs three cells; four leave one between the first and the last two.
+const FEWEST_NODES: usize = 5;
 
 impl<const N: usize> Window<N> {
     /// Estimates the speed along the stretch, for the grid and the first guess only.
@@ -153,7 +175,7 @@ impl<const N: usize> Window<N> {
                     continue;
                 }
                 // A part that is nearly all there is is all there is.
-                let s1 = if next < to - 0.1 * (next - s0) {
+                let s1 = if next < to - NEARLY * (next - s0) {
                     next
                 } else {
                     to
@@ -179,7 +201,7 @@ impl<const N: usize> Window<N> {
                 s0 = s1;
             }
         }
-        let level = |a: f64, b: f64| (a - b).abs() <= 1e-3 * b;
+        let level = |a: f64, b: f64| (a - b).abs() <= LEVEL * b;
         for k in 1..self.stretches.len() {
             if level(self.stretches[k - 1].cap, self.stretches[k].cap) {
                 self.stretches[k].level[0] = self.stretches[k - 1].level[0];
@@ -242,7 +264,9 @@ impl<const N: usize> Window<N> {
                 let remaining = stretch.to - s;
                 let v = stretch.estimate(s).sqrt();
                 let left = remaining / (0.5 * (v + stretch.w[1].sqrt()));
-                pace = tick.min(1.5 * pace).min(stretch.last_tick + FINER * left);
+                pace = tick
+                    .min(LONGER * pace)
+                    .min(stretch.last_tick + FINER * left);
                 // What is travelled in that time from rest, and to rest.
                 let tip = stretch.tip(pace);
                 let ahead = stretch.estimate(s + (v * pace).max(tip)).sqrt();
@@ -250,21 +274,22 @@ impl<const N: usize> Window<N> {
                 // Far from where the speed has to change, long cells do.
                 let cruise = v * ramp;
                 let [from, to] = stretch.level;
-                let clear = (s - from).min(to - s - step) - 3.0 * cruise;
-                if clear > 0.0 && v * v >= 0.999 * stretch.cap {
+                let clear = (s - from).min(to - s - step) - CLEAR * cruise;
+                if clear > 0.0 && v * v >= AT_CAP * stretch.cap {
                     step = step.max(clear.min(cruise));
                 }
-                if k == last && remaining <= 27.0 * tip * 1.01 {
+                if k == last && remaining <= LANDING * tip * SPARE {
                     // t³ apart from the end: 27, 8, 1.
                     for cubes in [8.0, 1.0] {
                         let next = stretch.to - cubes * tip;
-                        if next > s + 0.2 * tip {
+                        if next > s + APART * tip {
                             self.push(next, stretch.estimate(next));
                             s = next;
                         }
                     }
                 }
-                if remaining <= 1.5 * step || k == last && remaining <= 27.0 * tip * 1.01 {
+                if remaining <= WITH_LAST * step || k == last && remaining <= LANDING * tip * SPARE
+                {
                     self.push(stretch.to, stretch.w[1]);
                     s = stretch.to;
                     break;
@@ -277,8 +302,7 @@ impl<const N: usize> Window<N> {
             }
         }
         self.lead_over();
-        // Three cells at least.
-        while self.nodes.len() < 5 {
+        while self.nodes.len() < FEWEST_NODES {
             let (i, _) = (0..self.nodes.len() - 1)
                 .map(|i| (i, self.nodes[i + 1] - self.nodes[i]))
                 .fold((0, 0.0), |best, x| if x.1 > best.1 { x } else { best });

@@ -1,5 +1,22 @@
 //! Plans a stretch of a section: cuts it into cells, solves for the time parametrisation, turns it into jerk segments
 //! and certifies them.
+//!
+//! # How
+//!
+//! 1. A survey estimates the speed along the stretch by closed forms, for the grid and the first guess only; the
+//!    grid puts cells about equal times apart by it, finer where the path bends and towards ramps, longer
+//!    in a cruise.
+//! 2. The [time parametrisation](super::time_parametrisation) is solved over the cells.
+//! 3. Every jerk segment is bounded at every instant by the [certificate](super::certify). Where a limit breaks, its
+//!    share is taken back in the cell and in its neighbours, by more from round to round, and the problem is solved
+//!    again from the solution; a plan from rest may be stretched in time as a whole instead.
+//! 4. What breaks a limit still, or does not join to 1e-9, is not handed over.
+//!
+//! # Going on in motion
+//!
+//! A stretch that begins in the midst of the last plan takes over the first cells of that, with their shares of the
+//! limits: on those cells the last plan's own motion is a solution, so there is one. On cells of its own there might
+//! be none, for a state between the nodes of other cells is allowed by them and may not be by these.
 
 mod grid;
 
@@ -65,6 +82,22 @@ const SPEED_SHARE: f64 = 1.0 - 2e-5;
 /// No time parametrisation of a stretch was found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct NoSolution;
+
+/// Where a stretch has too many cells it is planned up to this part of them, so that those of a survey that ends
+/// there are not too many again.
+const SHORTENED: (usize, usize) = (9, 10);
+/// The state to go on from that is tried after one that failed: this part of the last plan further on.
+const LATER: usize = 4;
+/// Times that the margin is doubled from round to round, at most.
+const MOST_DOUBLINGS: usize = 5;
+/// The margin of speeds, as a part of the others: they are exact but for what happens next door.
+const SPEED_MARGIN: f64 = 0.1;
+/// The distance to rest along an axis, with half as much again: bends need some of the limits.
+const ROOM: f64 = 0.75;
+/// ṡ² of the first iterate, as a part of the estimate's: inside of all limits.
+const SLOW: f64 = 0.3;
+/// ṡ² of the first iterate at least, mm²/s²: it has to be positive.
+const LEAST_GUESS: f64 = 1e-12;
 
 /// Scratch space of the planning of a stretch.
 #[derive(Debug, Clone)]
@@ -307,7 +340,7 @@ impl<const N: usize> Window<N> {
         let now = segments
             .iter()
             .position(|p| PathState::from(*p) == departure)?;
-        let next = now + (segments.len() - now) / 4;
+        let next = now + (segments.len() - now) / LATER;
         (next > now).then(|| ((next - now) as u64, segments[next].into()))
     }
 
@@ -322,7 +355,7 @@ impl<const N: usize> Window<N> {
         // The last stretch's solution comes to rest, so one that ends no sooner exists.
         self.survey(path_segments, limits, departure, end);
         if !self.cut(departure, most_cells) {
-            let end = self.nodes[most_cells * 9 / 10].max(rest);
+            let end = self.nodes[most_cells * SHORTENED.0 / SHORTENED.1].max(rest);
             self.survey(path_segments, limits, departure, end);
             if !self.cut(departure, TOO_MANY_CELLS) {
                 return Err(NoSolution);
@@ -464,7 +497,7 @@ impl<const N: usize> Window<N> {
     ) -> f64 {
         self.cuts.clear();
         self.cuts.resize(self.segments.len(), [1.0; 3]);
-        let margin = MARGIN * (1_usize << round.min(5)) as f64;
+        let margin = MARGIN * (1_usize << round.min(MOST_DOUBLINGS)) as f64;
         let mut stretch = 1.0_f64;
         for k in 0..self.segments.len() {
             let (segment, path_segment) =
@@ -493,7 +526,13 @@ impl<const N: usize> Window<N> {
             for (what, (load, root, near)) in near.into_iter().enumerate() {
                 if load > 1.0 + ROUNDING {
                     stretch = stretch.max(root);
-                    let by = load * (1.0 + if what == 0 { 0.1 * margin } else { margin });
+                    let by = load
+                        * (1.0
+                            + if what == 0 {
+                                SPEED_MARGIN * margin
+                            } else {
+                                margin
+                            });
                     let last = (k + near).min(self.segments.len() - 1);
                     for cuts in &mut self.cuts[k.saturating_sub(near)..=last] {
                         cuts[what] = cuts[what].max(by);
@@ -536,13 +575,12 @@ pub(super) fn room_to_stop<const N: usize>(
     let (a, j) = (least(&limits.acceleration), least(&limits.jerk));
     let rising = from.acceleration.max(0.0);
     let peak = from.speed + rising * rising / (2.0 * j);
-    0.75 * peak * (peak / a + a / j).max(2.0 * (peak / j).sqrt())
+    ROOM * peak * (peak / a + a / j).max(2.0 * (peak / j).sqrt())
 }
 
 /// First iterate: a slow motion of the shape of the estimate; over the first `kept` nodes it slows
 /// down from the estimate itself.
 fn guess(nodes: &[f64], estimate: &[f64], start: Node, kept: usize) -> impl Iterator<Item = Node> {
-    const SLOW: f64 = 0.3;
     let last = nodes.len() - 1;
     (0..=last).map(move |k| {
         if k == 0 {
@@ -561,7 +599,7 @@ fn guess(nodes: &[f64], estimate: &[f64], start: Node, kept: usize) -> impl Iter
         };
         let a = 0.5 * (w(k + 1) - w(k - 1)) / (nodes[k + 1] - nodes[k - 1]);
         Node {
-            w: w(k).max(1e-12),
+            w: w(k).max(LEAST_GUESS),
             a,
         }
     })
