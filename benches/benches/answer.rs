@@ -1,4 +1,4 @@
-//! How long a person waits for the planner: its processor time from an override in motion until the
+//! How long an operator waits for the planner: its processor time from an override in motion until the
 //! executor can have the first part of the new plan, from states all along some paths:
 //! `cargo bench -p syncline-benches --bench answer`.
 

@@ -16,14 +16,16 @@ use syncline_trajectory::path::{Derivatives, Limits, PathControlMode, PathSegmen
 struct Geometry<const N: usize>(Vec<PathSegment<N>>);
 
 impl<const N: usize> Geometry<N> {
-    fn span(&self, s: f64) -> &PathSegment<N> {
-        let index = self.0.partition_point(|span| span.start <= s);
+    fn path_segment(&self, s: f64) -> &PathSegment<N> {
+        let index = self
+            .0
+            .partition_point(|path_segment| path_segment.start <= s);
         &self.0[index.max(1) - 1]
     }
 
     fn at(&self, s: f64) -> Derivatives<N> {
-        let span = self.span(s);
-        span.curve.at(s - span.start)
+        let path_segment = self.path_segment(s);
+        path_segment.curve.at(s - path_segment.start)
     }
 
     fn length(&self) -> f64 {
@@ -35,7 +37,7 @@ impl<const N: usize> Geometry<N> {
         let at = self.at(s);
         (0..N)
             .map(|i| limits.velocity[i] / at.d1[i].abs())
-            .fold(self.span(s).feed, f64::min)
+            .fold(self.path_segment(s).feed, f64::min)
     }
 
     /// Least time by velocities alone.
@@ -98,25 +100,25 @@ fn even<const N: usize>(geometry: &Geometry<N>, points: usize) -> Vec<f64> {
 
 /// Points along the path, half of them by time and half by length: corners are small and slow.
 fn grid<const N: usize>(plan: &Plan<N>, points: usize) -> Vec<f64> {
-    let (_, last) = plan.pieces[plan.pieces.len() - 1];
+    let (_, last) = plan.segments[plan.segments.len() - 1];
     let (time, length) = (plan.time(), last.distance + last.at(last.duration).0);
     let mut grid = Vec::with_capacity(points);
-    let mut pieces = plan.pieces.iter().map(|(_, piece)| piece).peekable();
+    let mut segments = plan.segments.iter().map(|(_, segment)| segment).peekable();
     let (mut since, mut s) = (0.0, 0.0);
     // Where half the share of the time and half that of the length come to k parts.
     for k in 0..points - 1 {
         let wanted = k as f64 / (points - 1) as f64;
-        while let Some(piece) = pieces.peek() {
+        while let Some(segment) = segments.peek() {
             let share = |t: f64| {
-                let s = piece.distance + piece.at(t).0;
+                let s = segment.distance + segment.at(t).0;
                 (0.5 * ((since + t) / time + s / length), s)
             };
-            if share(piece.duration).0 < wanted {
-                since += piece.duration;
-                pieces.next();
+            if share(segment.duration).0 < wanted {
+                since += segment.duration;
+                segments.next();
                 continue;
             }
-            let (mut low, mut high) = (0.0, piece.duration);
+            let (mut low, mut high) = (0.0, segment.duration);
             for _ in 0..50 {
                 let middle = 0.5 * (low + high);
                 if share(middle).0 < wanted {
@@ -246,7 +248,7 @@ impl Reference {
                     [v, self.b[k] + slope * x, slope * v]
                 };
                 let at = self.s[k] + x * (1.0 - 1e-9) + 1e-12 * ds;
-                worst[0] = f64::max(worst[0], state[0] / geometry.span(at).feed);
+                worst[0] = f64::max(worst[0], state[0] / geometry.path_segment(at).feed);
                 excess(&geometry.at(at), state, limits, &mut worst);
             }
         }

@@ -1,4 +1,4 @@
-//! What coming to rest costs in the cycle, on lines, circles, rounded corners and smoothed facets, from
+//! What coming to rest costs in the cycle, on lines, circles, rounded corners and smoothed short segments, from
 //! states all along the path: processor time of `hold`, with a planner that answers after 4 ms, or of `stop` without
 //! one, and of every cycle until rest; and what the planner's answers cost it:
 //! `cargo bench -p syncline-benches --bench hold`.
@@ -16,7 +16,7 @@ const ANSWER: usize = 2;
 fn main() {
     let line = lines([point(0.0, 0.0), point(300.0, 200.0)].into_iter());
     // A wave in chords of 0.5 mm.
-    let facets = lines((0..400).map(|k| {
+    let short_segments = lines((0..400).map(|k| {
         let x = 0.5 * f64::from(k);
         point(x, 20.0 * (x / 15.0).sin())
     }));
@@ -25,7 +25,7 @@ fn main() {
         ("circle 5 mm", circle(5.0)),
         ("circle 100 mm", circle(100.0)),
         ("zigzag", zigzag(12)),
-        ("facets", facets),
+        ("short segments", short_segments),
     ];
     println!(
         "{:6} {:14} {:>9} {:>9} {:>9} {:>9}",

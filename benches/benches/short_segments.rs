@@ -1,4 +1,4 @@
-//! Planning short lines as CAM systems write curves, from the moves to the pieces that a cycle follows:
+//! Planning short lines as CAM systems write curves, from the moves to the jerk segments that a cycle follows:
 //! at least 100,000 a second on one core.
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
@@ -8,7 +8,7 @@ use syncline_trajectory::path::{Curve, Feed, Move, PathControlMode, PathItem};
 
 const COUNT: usize = 50_000;
 
-/// Facets of 0.05 mm along a spiral from a radius of 5 mm by 1 mm a turn, rounded to `grain`.
+/// Short segments of 0.05 mm along a spiral from a radius of 5 mm by 1 mm a turn, rounded to `grain`.
 fn spiral(grain: f64) -> Vec<Curve<3>> {
     let mut angle = 0.0_f64;
     let points: Vec<[f64; 3]> = (0..=COUNT)
@@ -23,7 +23,7 @@ fn spiral(grain: f64) -> Vec<Curve<3>> {
 }
 
 fn plan(criterion: &mut Criterion) {
-    let mut group = criterion.benchmark_group("facets");
+    let mut group = criterion.benchmark_group("short segments");
     group.throughput(Throughput::Elements(COUNT as u64));
     group.sample_size(10);
     for (name, grain, mode) in [

@@ -33,14 +33,14 @@ impl<const N: usize> Contour<N> {
     }
 }
 
-/// What is executed in the end: one section's geometry and its pieces, or those of several one
+/// What is executed in the end: one section's geometry and its jerk segments, or those of several one
 /// after another.
 #[derive(Debug, Clone, Default)]
 pub struct Plan<const N: usize> {
-    /// Every section's spans.
+    /// Every section's path segments.
     pub sections: Vec<Vec<PathSegment<N>>>,
-    /// Every piece with the number of its section.
-    pub pieces: Vec<(usize, JerkSegment)>,
+    /// Every jerk segment with the number of its section.
+    pub segments: Vec<(usize, JerkSegment)>,
     /// Windows planned.
     pub windows: usize,
 }
@@ -67,7 +67,7 @@ impl<const N: usize> Plan<N> {
         }
         planner.finish();
         plan.take(planner, &mut steps);
-        plan.pieces = steps.into_iter().flatten().collect();
+        plan.segments = steps.into_iter().flatten().collect();
         plan
     }
 
@@ -78,11 +78,15 @@ impl<const N: usize> Plan<N> {
                     self.sections.push(Vec::new());
                     steps.push(None);
                 }
-                Command::PathSegment(span) => {
-                    self.sections.last_mut().expect("a section").push(span)
-                }
+                Command::PathSegment(path_segment) => self
+                    .sections
+                    .last_mut()
+                    .expect("a section")
+                    .push(path_segment),
                 Command::ReplaceTail(step) => steps.truncate(step as usize),
-                Command::JerkSegment(piece) => steps.push(Some((self.sections.len() - 1, piece))),
+                Command::JerkSegment(segment) => {
+                    steps.push(Some((self.sections.len() - 1, segment)))
+                }
                 Command::Dwell { .. }
                 | Command::Mark { .. }
                 | Command::Waypoint { .. }
@@ -95,21 +99,23 @@ impl<const N: usize> Plan<N> {
 
     /// Motion time, s.
     pub fn time(&self) -> f64 {
-        self.pieces.iter().map(|(_, p)| p.duration).sum()
+        self.segments.iter().map(|(_, p)| p.duration).sum()
     }
 
-    /// Greatest velocity, acceleration and jerk as parts of the limits at `n` instants in every piece.
+    /// Greatest velocity, acceleration and jerk as parts of the limits at `n` instants in every jerk segment.
     pub fn load(&self, limits: &Limits<N>, n: usize) -> [f64; 3] {
         let mut worst = [0.0; 3];
-        for (section, piece) in &self.pieces {
-            let spans = &self.sections[*section];
-            let after = |s: &PathSegment<N>| s.start <= piece.distance + 1e-9;
-            let span = &spans[spans.partition_point(after).max(1) - 1];
+        for (section, segment) in &self.segments {
+            let path_segments = &self.sections[*section];
+            let after = |s: &PathSegment<N>| s.start <= segment.distance + 1e-9;
+            let path_segment = &path_segments[path_segments.partition_point(after).max(1) - 1];
             for k in 0..=n {
-                let (ds, v, a) = piece.at(piece.duration * k as f64 / n as f64);
-                let at = span.curve.at(piece.distance - span.start + ds);
-                worst[0] = f64::max(worst[0], v / span.feed);
-                excess(&at, [v, a, piece.jerk], limits, &mut worst);
+                let (ds, v, a) = segment.at(segment.duration * k as f64 / n as f64);
+                let at = path_segment
+                    .curve
+                    .at(segment.distance - path_segment.start + ds);
+                worst[0] = f64::max(worst[0], v / path_segment.feed);
+                excess(&at, [v, a, segment.jerk], limits, &mut worst);
             }
         }
         worst

@@ -1,4 +1,4 @@
-//! Checks a program's plan against the limits between the samples too, from the pieces of constant
+//! Checks a program's plan against the limits between the samples too, from the jerk segments of constant
 //! jerk that the controller is fed with.
 
 use std::collections::VecDeque;
@@ -8,7 +8,7 @@ use syncline_controller::machine::{COORDINATES, Machine, Position};
 use syncline_controller::program::{Moves, Program};
 use syncline_trajectory::path::{Command, JerkSegment, Limits, PathSegment};
 
-/// Samples of a piece on a curve.
+/// Samples of a jerk segment on a curve.
 const SAMPLES: usize = 16;
 
 /// A part of the plan that is executed, in order.
@@ -83,11 +83,11 @@ impl Plan {
                     plan.steps.push(Step::Section(Vec::new()));
                 }
                 Command::ReplaceTail(step) => splice = Some(step as usize),
-                Command::PathSegment(span) => match &mut plan.steps[section] {
-                    Step::Section(spans) => spans.push(span),
-                    step => panic!("a span goes on with {step:?}"),
+                Command::PathSegment(path_segment) => match &mut plan.steps[section] {
+                    Step::Section(path_segments) => path_segments.push(path_segment),
+                    step => panic!("a path segment goes on with {step:?}"),
                 },
-                Command::JerkSegment(piece) => plan.steps.push(Step::JerkSegment(piece)),
+                Command::JerkSegment(segment) => plan.steps.push(Step::JerkSegment(segment)),
                 Command::Dwell { duration, .. } => plan.steps.push(Step::Dwell(duration)),
                 Command::Mark { .. } | Command::Waypoint { .. } => {
                     plan.steps.push(Step::Dwell(0.0));
@@ -113,7 +113,7 @@ impl Plan {
     pub fn time(&self) -> f64 {
         let time = |step: &Step| match step {
             Step::Section(_) => 0.0,
-            Step::JerkSegment(piece) => piece.duration,
+            Step::JerkSegment(segment) => segment.duration,
             Step::Dwell(duration) => *duration,
         };
         self.steps.iter().map(time).sum()
@@ -121,10 +121,10 @@ impl Plan {
 
     /// What it moves along, in order.
     #[must_use]
-    pub fn spans(&self) -> Spans<'_> {
+    pub fn path_segments(&self) -> Spans<'_> {
         fn of(step: &Step) -> &[PathSegment<COORDINATES>] {
             match step {
-                Step::Section(spans) => spans,
+                Step::Section(path_segments) => path_segments,
                 _ => &[],
             }
         }
@@ -144,8 +144,8 @@ impl Plan {
         let mut faults = Vec::new();
         let mut loads = [0.0; 3];
         let mut at_rest_in = self.start;
-        let mut spans: &[PathSegment<COORDINATES>] = &[];
-        // Path distance, speed and acceleration with which the last piece ended.
+        let mut path_segments: &[PathSegment<COORDINATES>] = &[];
+        // Path distance, speed and acceleration with which the last jerk segment ended.
         let mut last: (f64, f64, f64) = (0.0, 0.0, 0.0);
         for (index, step) in self.steps.iter().enumerate() {
             let mut complain = |what: String| faults.push(format!("step {index}: {what}"));
@@ -171,26 +171,26 @@ impl Plan {
                             complain(format!("a gap of {gap} mm, {behind} mm along the path"));
                         }
                     }
-                    spans = of;
+                    path_segments = of;
                     last = (0.0, 0.0, 0.0);
                     at_rest_in = of[of.len() - 1].curve.end();
                 }
-                Step::JerkSegment(piece) => {
+                Step::JerkSegment(segment) => {
                     let JerkSegment {
                         distance,
                         speed,
                         acceleration,
                         ..
-                    } = *piece;
+                    } = *segment;
                     let steps = [distance - last.0, speed - last.1, acceleration - last.2];
                     for (step, allowed) in steps.into_iter().zip([1e-9, 1e-6, 1e-3]) {
                         if step.abs() > allowed * (1.0 + distance.abs()) {
                             complain(format!("does not go on from the last: {steps:?}"));
                         }
                     }
-                    let (way, speed, acceleration) = piece.at(piece.duration);
+                    let (way, speed, acceleration) = segment.at(segment.duration);
                     last = (distance + way, speed, acceleration);
-                    self.check(piece, spans, &mut loads, &mut complain);
+                    self.check(segment, path_segments, &mut loads, &mut complain);
                 }
             }
         }
@@ -200,46 +200,49 @@ impl Plan {
         (faults, loads)
     }
 
-    /// Checks one piece: path speed against the feed, every axis against its limits.
+    /// Checks one jerk segment: path speed against the feed, every axis against its limits.
     fn check(
         &self,
-        piece: &JerkSegment,
-        spans: &[PathSegment<COORDINATES>],
+        segment: &JerkSegment,
+        path_segments: &[PathSegment<COORDINATES>],
         loads: &mut [f64; 3],
         complain: &mut impl FnMut(String),
     ) {
         let over = |value: f64, limit: f64| value.is_nan() || value.abs() > limit * (1.0 + 1e-6);
         // Too short to tell on which side of a joint it is.
-        if piece.at(piece.duration).0 < 1e-8 {
+        if segment.at(segment.duration).0 < 1e-8 {
             return;
         }
-        for t in instants(piece) {
-            let (way, v, a) = piece.at(t);
-            let at = piece.distance + way;
+        for t in instants(segment) {
+            let (way, v, a) = segment.at(t);
+            let at = segment.distance + way;
             if v < -1e-6 {
                 complain(format!("goes back with {v} mm/s at {at} mm"));
             }
-            // Where two curves meet both have to be followed; a piece that begins or ends there
+            // Where two curves meet both have to be followed; a jerk segment that begins or ends there
             // follows one of them, for the jerk may change in a joint.
             let reach = |ends: bool| if ends { -1e-9 } else { 1e-9 };
-            let (begins, ends) = (reach(t == piece.duration), reach(t == 0.0));
-            let next = spans.partition_point(|span| span.start - begins <= at);
-            let here = &spans[next.saturating_sub(2)..next];
-            let goes_on =
-                |span: &&PathSegment<COORDINATES>| at <= span.start + span.curve.length() + ends;
+            let (begins, ends) = (reach(t == segment.duration), reach(t == 0.0));
+            let next =
+                path_segments.partition_point(|path_segment| path_segment.start - begins <= at);
+            let here = &path_segments[next.saturating_sub(2)..next];
+            let goes_on = |path_segment: &&PathSegment<COORDINATES>| {
+                at <= path_segment.start + path_segment.curve.length() + ends
+            };
             let mut on_a_curve = false;
-            for span in here.iter().filter(goes_on) {
+            for path_segment in here.iter().filter(goes_on) {
                 on_a_curve = true;
-                if over(v, span.feed) {
-                    complain(format!("speed {v} of {} at {at} mm", span.feed));
+                if over(v, path_segment.feed) {
+                    complain(format!("speed {v} of {} at {at} mm", path_segment.feed));
                 }
-                let along = (at - span.start).clamp(0.0, span.curve.length());
-                let d = span.curve.at(along);
+                let along = (at - path_segment.start).clamp(0.0, path_segment.curve.length());
+                let d = path_segment.curve.at(along);
                 for axis in 0..COORDINATES {
                     let velocity = d.d1[axis] * v;
                     let acceleration = d.d2[axis] * v * v + d.d1[axis] * a;
-                    let jerk =
-                        d.d3[axis] * v * v * v + 3.0 * d.d2[axis] * v * a + d.d1[axis] * piece.jerk;
+                    let jerk = d.d3[axis] * v * v * v
+                        + 3.0 * d.d2[axis] * v * a
+                        + d.d1[axis] * segment.jerk;
                     for (load, (what, value, limit)) in loads.iter_mut().zip([
                         ("velocity", velocity, self.limits.velocity[axis]),
                         ("acceleration", acceleration, self.limits.acceleration[axis]),
@@ -284,7 +287,7 @@ impl Spans<'_> {
     /// Where they end.
     #[must_use]
     pub fn end(&self) -> Option<Position> {
-        self.0.back().map(|span| span.curve.end())
+        self.0.back().map(|path_segment| path_segment.curve.end())
     }
 
     /// Goes on to the next place that is no further than `enough` from a point, and says how far;
@@ -334,10 +337,10 @@ impl Spans<'_> {
 
 /// Where velocity and acceleration of constant jerk on a line have their extrema, and as many
 /// instants between as a curve needs.
-fn instants(piece: &JerkSegment) -> impl Iterator<Item = f64> {
-    let even = (0..=SAMPLES).map(|i| piece.duration * i as f64 / SAMPLES as f64);
-    let turn = -piece.acceleration / piece.jerk;
-    let turn = Some(turn).filter(|t| (0.0..=piece.duration).contains(t));
+fn instants(segment: &JerkSegment) -> impl Iterator<Item = f64> {
+    let even = (0..=SAMPLES).map(|i| segment.duration * i as f64 / SAMPLES as f64);
+    let turn = -segment.acceleration / segment.jerk;
+    let turn = Some(turn).filter(|t| (0.0..=segment.duration).contains(t));
     even.chain(turn)
 }
 
@@ -361,9 +364,9 @@ mod tests {
         Plan::of(&machine, &file, &program)
     }
 
-    fn pieces(plan: &mut Plan) -> impl Iterator<Item = &mut JerkSegment> {
+    fn segments(plan: &mut Plan) -> impl Iterator<Item = &mut JerkSegment> {
         plan.steps.iter_mut().filter_map(|step| match step {
-            Step::JerkSegment(piece) => Some(piece),
+            Step::JerkSegment(segment) => Some(segment),
             _ => None,
         })
     }
@@ -399,7 +402,7 @@ mod tests {
         assert!(sees(&plan, "ends in motion"));
 
         let mut plan = good();
-        pieces(&mut plan).nth(2).expect("pieces").speed += 0.1;
+        segments(&mut plan).nth(2).expect("segments").speed += 0.1;
         assert!(sees(&plan, "does not go on"));
 
         let mut plan = good();
@@ -407,12 +410,12 @@ mod tests {
         assert!(sees(&plan, "jumps"));
 
         let mut plan = good();
-        pieces(&mut plan).last().expect("pieces").duration *= 3.0;
+        segments(&mut plan).last().expect("segments").duration *= 3.0;
         assert!(sees(&plan, "leaves the path"));
 
         let mut plan = good();
-        if let Some(Step::Section(spans)) = plan.steps.first_mut() {
-            spans[0].feed = 1.0;
+        if let Some(Step::Section(path_segments)) = plan.steps.first_mut() {
+            path_segments[0].feed = 1.0;
         }
         assert!(sees(&plan, "speed"));
     }

@@ -47,38 +47,43 @@ fn samples(mode: PathControlMode) -> Vec<Sample> {
                 sections.push(Vec::new());
                 steps.push(None);
             }
-            Command::PathSegment(span) => sections.last_mut().expect("a section").push(span),
-            Command::JerkSegment(piece) => steps.push(Some((sections.len() - 1, piece))),
+            Command::PathSegment(path_segment) => {
+                sections.last_mut().expect("a section").push(path_segment)
+            }
+            Command::JerkSegment(segment) => steps.push(Some((sections.len() - 1, segment))),
             Command::ReplaceTail(step) => steps.truncate(step as usize),
             _ => {}
         }
     }
     let mut out = Vec::new();
     let mut begin = 0.0;
-    for (section, piece) in steps.into_iter().flatten() {
-        let spans = &sections[section];
-        let after = |s: &PathSegment<2>| s.start <= piece.distance + 1e-9;
-        let span = &spans[spans.partition_point(after).max(1) - 1];
-        // Jerk jumps from piece to piece, so both ends are drawn; on curves it changes in between.
-        let parts = if span.curve.direction().is_some() && piece.jerk == 0.0 {
+    for (section, segment) in steps.into_iter().flatten() {
+        let path_segments = &sections[section];
+        let after = |s: &PathSegment<2>| s.start <= segment.distance + 1e-9;
+        let path_segment = &path_segments[path_segments.partition_point(after).max(1) - 1];
+        // Jerk jumps from jerk segment to jerk segment, so both ends are drawn; on curves it changes in between.
+        let parts = if path_segment.curve.direction().is_some() && segment.jerk == 0.0 {
             1
         } else {
             4
         };
         for k in 0..=parts {
-            let t = piece.duration * f64::from(k) / f64::from(parts);
-            let (ds, v, a) = piece.at(t);
-            let at = span.curve.at(piece.distance - span.start + ds);
+            let t = segment.duration * f64::from(k) / f64::from(parts);
+            let (ds, v, a) = segment.at(t);
+            let at = path_segment
+                .curve
+                .at(segment.distance - path_segment.start + ds);
             out.push(Sample {
                 t: begin + t,
                 q: at.q,
                 speed: v,
                 acceleration: [0, 1].map(|i| at.d2[i] * v * v + at.d1[i] * a),
-                jerk: [0, 1]
-                    .map(|i| at.d3[i] * v * v * v + 3.0 * at.d2[i] * v * a + at.d1[i] * piece.jerk),
+                jerk: [0, 1].map(|i| {
+                    at.d3[i] * v * v * v + 3.0 * at.d2[i] * v * a + at.d1[i] * segment.jerk
+                }),
             });
         }
-        begin += piece.duration;
+        begin += segment.duration;
     }
     out
 }

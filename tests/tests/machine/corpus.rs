@@ -127,10 +127,10 @@ fn judge(sample: &Sample) -> Findings {
     }
     check_distance(sample, &trace, &machine, &mut findings);
     findings.check_end(&machine, &trace, |axis| sample.end[axis]);
-    let mut spans = plan.spans();
+    let mut path_segments = plan.path_segments();
     let points = sample.shapes.iter().flatten().map(|shape| shape.at(1.0));
     for (index, point) in points.enumerate() {
-        let missed = spans.pass_by(&point, sample.tolerance + 1e-9);
+        let missed = path_segments.pass_by(&point, sample.tolerance + 1e-9);
         if missed > sample.tolerance + 1e-9 {
             findings.complain(&format!("misses point {index} by {missed} mm"));
             break;
@@ -144,7 +144,7 @@ fn judge_example((file, program): &(std::path::PathBuf, std::path::PathBuf)) -> 
     let name = program.file_name().unwrap().display().to_string();
     let (mut findings, run) = Findings::of(name, file, program);
     if let Some((machine, trace, plan)) = run {
-        let end = plan.spans().end().unwrap();
+        let end = plan.path_segments().end().unwrap();
         findings.check_end(&machine, &trace, |axis| end[axis]);
     }
     findings

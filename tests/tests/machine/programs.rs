@@ -226,29 +226,32 @@ fn lines_nearly_in_line_become_one_within_q() {
         let loaded = Machine::load(&machine).unwrap();
         let plan = Plan::of(&loaded, &machine, &folder.path("p.ngc"));
         plan.assert_good();
-        let spans = plan.spans().count();
+        let path_segments = plan.path_segments().count();
         let trace = Trace::read(&loaded, &csv);
         trace.assert_within_limits();
         let (x, y) = (&trace.axis("X").set, &trace.axis("Y").set);
         let corner = |(x, y): (&f64, &f64)| (x - 280.0).hypot(y - 100.0);
         let corner = x.iter().zip(y).map(corner).fold(f64::INFINITY, f64::min);
-        (found.0, found.1, spans, corner)
+        (found.0, found.1, path_segments, corner)
     };
-    let (time, deviation, spans, _) = waver("G64 P0.01");
-    let (merged_time, merged_deviation, merged_spans, corner) = waver("G64 P0.01 Q0.02");
+    let (time, deviation, path_segments, _) = waver("G64 P0.01");
+    let (merged_time, merged_deviation, merged_path_segments, corner) = waver("G64 P0.01 Q0.02");
     assert!(deviation <= 0.01, "{deviation}");
     assert!(
         merged_deviation > 0.005 && merged_deviation <= 0.03,
         "{merged_deviation}"
     );
-    assert!(merged_spans <= 10 && spans > 60, "{merged_spans} {spans}");
+    assert!(
+        merged_path_segments <= 10 && path_segments > 60,
+        "{merged_path_segments} {path_segments}"
+    );
     assert!(merged_time < 0.9 * time, "{merged_time} s and {time} s");
     // Some of the corner is between two setpoints.
     assert!(corner < 0.5, "{corner}");
-    let (_, narrow, narrow_spans, _) = waver("G64 P0.01 Q0.001");
+    let (_, narrow, narrow_path_segments, _) = waver("G64 P0.01 Q0.001");
     assert!(
-        narrow <= 0.011 && narrow_spans > 60,
-        "{narrow} {narrow_spans}"
+        narrow <= 0.011 && narrow_path_segments > 60,
+        "{narrow} {narrow_path_segments}"
     );
 }
 

@@ -99,7 +99,7 @@ impl Polyline {
         cost
     }
 
-    /// Executes it while a person acts, and checks that it ends.
+    /// Executes it while an operator acts, and checks that it ends.
     fn execute(&self, acts: &[(u64, Act)]) {
         let period = 0.004;
         let least = acts.iter().map(|(_, act)| match act {
@@ -147,7 +147,7 @@ impl Polyline {
     }
 }
 
-/// What a person does.
+/// What an operator does.
 #[derive(Debug, Clone, Copy)]
 enum Act {
     Override(f64),

@@ -1,4 +1,4 @@
-//! Contours of many moves: the plan's pieces, checked between the samples, against the programmed
+//! Contours of many moves: the plan's jerk segments, checked between the samples, against the programmed
 //! geometry.
 
 use proptest::prelude::*;
@@ -22,12 +22,12 @@ fn go(curve: Curve<3>, feed: f64, mode: PathControlMode, tag: usize) -> PathItem
     })
 }
 
-/// What is executed in the end: pieces with the spans of their section.
+/// What is executed in the end: jerk segments with the path segments of their section.
 #[derive(Default)]
 struct Plan {
     sections: Vec<Vec<PathSegment<3>>>,
-    /// Section and piece.
-    pieces: Vec<(usize, JerkSegment)>,
+    /// Section and jerk segment.
+    segments: Vec<(usize, JerkSegment)>,
     windows: usize,
     effort: syncline_trajectory::path::window::Effort,
 }
@@ -36,7 +36,7 @@ impl Plan {
     fn of(items: &[PathItem<3>], start: [f64; 3]) -> Self {
         let mut planner = Planner::new(LIMITS, start);
         let mut plan = Plan::default();
-        // Steps as the executor counts them: None for those that are no pieces.
+        // Steps as the executor counts them: None for those that are no jerk segments.
         let mut steps: Vec<Option<(usize, JerkSegment)>> = Vec::new();
         let mut drain = |planner: &mut Planner<3>| {
             while let Some(command) = planner.pop() {
@@ -45,10 +45,12 @@ impl Plan {
                         plan.sections.push(Vec::new());
                         steps.push(None);
                     }
-                    Command::PathSegment(span) => plan.sections.last_mut().unwrap().push(span),
+                    Command::PathSegment(path_segment) => {
+                        plan.sections.last_mut().unwrap().push(path_segment)
+                    }
                     Command::ReplaceTail(step) => steps.truncate(step as usize),
-                    Command::JerkSegment(piece) => {
-                        steps.push(Some((plan.sections.len() - 1, piece)))
+                    Command::JerkSegment(segment) => {
+                        steps.push(Some((plan.sections.len() - 1, segment)))
                     }
                     Command::Dwell { .. } => steps.push(None),
                     Command::Commit => plan.windows += 1,
@@ -63,28 +65,30 @@ impl Plan {
         planner.finish();
         drain(&mut planner);
         plan.effort = planner.effort();
-        plan.pieces = steps.into_iter().flatten().collect();
+        plan.segments = steps.into_iter().flatten().collect();
         plan
     }
 
     fn time(&self) -> f64 {
-        self.pieces.iter().map(|(_, p)| p.duration).sum()
+        self.segments.iter().map(|(_, p)| p.duration).sum()
     }
 
-    /// Calls `f` with position, axis accelerations and jerks, path speed and feed, `n` times a piece.
+    /// Calls `f` with position, axis accelerations and jerks, path speed and feed, `n` times a jerk segment.
     fn sample(&self, n: usize, mut f: impl FnMut([f64; 3], [f64; 3], [f64; 3], f64, f64)) {
-        for (section, piece) in &self.pieces {
-            let spans = &self.sections[*section];
-            let index = spans.partition_point(|s| s.start <= piece.distance + 1e-9) - 1;
-            let span = &spans[index];
+        for (section, segment) in &self.segments {
+            let path_segments = &self.sections[*section];
+            let index = path_segments.partition_point(|s| s.start <= segment.distance + 1e-9) - 1;
+            let path_segment = &path_segments[index];
             for k in 0..=n {
-                let (ds, v, a) = piece.at(piece.duration * k as f64 / n as f64);
-                let at = span.curve.at(piece.distance - span.start + ds);
+                let (ds, v, a) = segment.at(segment.duration * k as f64 / n as f64);
+                let at = path_segment
+                    .curve
+                    .at(segment.distance - path_segment.start + ds);
                 let acceleration = std::array::from_fn(|i| at.d2[i] * v * v + at.d1[i] * a);
                 let jerk = std::array::from_fn(|i| {
-                    at.d3[i] * v * v * v + 3.0 * at.d2[i] * v * a + at.d1[i] * piece.jerk
+                    at.d3[i] * v * v * v + 3.0 * at.d2[i] * v * a + at.d1[i] * segment.jerk
                 });
-                f(at.q, acceleration, jerk, v, span.feed);
+                f(at.q, acceleration, jerk, v, path_segment.feed);
             }
         }
     }
@@ -125,7 +129,7 @@ impl Plan {
         );
         prop_assert!(worst[3] <= tolerance + 1e-9, "{} mm off the path", worst[3]);
         // Continuous, and at rest at both ends.
-        for pair in self.pieces.windows(2) {
+        for pair in self.segments.windows(2) {
             let ((s0, before), (s1, after)) = (pair[0], pair[1]);
             let (ds, v, a) = before.at(before.duration);
             prop_assert!(
@@ -140,7 +144,7 @@ impl Plan {
             );
             if s0 == s1 {
                 let gap = before.distance + ds - after.distance;
-                prop_assert!(gap.abs() <= 1e-8, "{gap} mm between pieces");
+                prop_assert!(gap.abs() <= 1e-8, "{gap} mm between segments");
             }
         }
         Ok(())
@@ -224,9 +228,9 @@ proptest! {
         let items: Vec<_> = curves.iter().enumerate().map(|(k, c)| go(*c, feed, PathControlMode::Blend(tolerance), k)).collect();
         let plan = Plan::of(&items, curves[0].start());
         plan.check(&items, tolerance)?;
-        let (section, last) = plan.pieces.last().unwrap();
-        let span = plan.sections[*section].last().unwrap();
-        let end = span.curve.at(last.distance + last.at(last.duration).0 - span.start).q;
+        let (section, last) = plan.segments.last().unwrap();
+        let path_segment = plan.sections[*section].last().unwrap();
+        let end = path_segment.curve.at(last.distance + last.at(last.duration).0 - path_segment.start).q;
         let programmed = curves.last().unwrap().end();
         for (is, should) in end.iter().zip(programmed) {
             prop_assert!((is - should).abs() < 1e-9);
@@ -346,7 +350,7 @@ fn wander_all(seeds: std::ops::Range<u64>) {
             panic!("program {seed}: {error}");
         }
         let begun = plan
-            .pieces
+            .segments
             .iter()
             .filter(|(_, p)| p.speed == 0.0 && p.jerk > 0.0);
         rests += begun.count() - plan.sections.len();
@@ -377,9 +381,9 @@ fn many_programs_by_chance_keep_limits_and_tolerance() {
     wander_all(0..400);
 }
 
-/// Facets of about `length` along a spiral from radius `from` by `grow` per turn, coordinates
+/// Short segments of about `length` along a spiral from radius `from` by `grow` per turn, coordinates
 /// rounded to `digits` of a millimetre; `climb` is the slope of a third axis.
-fn facets(
+fn short_segments(
     count: usize,
     length: f64,
     (from, grow): (f64, f64),
@@ -405,14 +409,14 @@ fn facets(
 }
 
 #[test]
-fn facets_are_passed_like_the_curve_they_were_made_from() {
+fn short_segments_are_passed_like_the_curve_they_were_made_from() {
     for (spiral, climb, tolerance, feed, slower) in [
         ((5.0, 1.0), 0.0, 0.01, 60.0, 1.1),
         ((5.0, 1.0), 0.1, 0.01, 60.0, 1.1),
         ((20.0, 0.0), 0.0, 0.02, 100.0, 1.1),
         ((8.0, 2.0), 0.0, 0.002, 40.0, 1.6),
     ] {
-        let curves = facets(600, 0.05, spiral, climb, 1e-3);
+        let curves = short_segments(600, 0.05, spiral, climb, 1e-3);
         let length: f64 = curves.iter().map(Curve::length).sum();
         let items: Vec<_> = curves
             .iter()
@@ -420,15 +424,15 @@ fn facets_are_passed_like_the_curve_they_were_made_from() {
             .map(|(k, c)| go(*c, feed, PathControlMode::Blend(tolerance), k))
             .collect();
         let plan = Plan::of(&items, curves[0].start());
-        let spans: usize = plan.sections.iter().map(Vec::len).sum();
+        let path_segments: usize = plan.sections.iter().map(Vec::len).sum();
         println!(
-            "{spans} spans, {} s for {} s, {:?}",
+            "{path_segments} path segments, {} s for {} s, {:?}",
             plan.time(),
             length / feed,
             plan.effort
         );
         plan.check(&items, tolerance).unwrap();
-        assert!(spans < 150, "{spans} spans");
+        assert!(path_segments < 150, "{path_segments} path segments");
         assert!(
             plan.time() < slower * length / feed + 0.1,
             "{} s",
@@ -487,7 +491,7 @@ fn crumbs(draw: &mut Draw) -> (Vec<PathItem<3>>, PathControlMode) {
 
 /// How far the path stays away from the ends of the moves, which it is to pass in their order.
 fn missed(plan: &Plan, items: &[PathItem<3>], enough: f64) -> f64 {
-    let spans: Vec<_> = plan.sections.iter().flatten().collect();
+    let path_segments: Vec<_> = plan.sections.iter().flatten().collect();
     let mut first = 0;
     let mut worst = 0.0_f64;
     for item in items {
@@ -496,19 +500,19 @@ fn missed(plan: &Plan, items: &[PathItem<3>], enough: f64) -> f64 {
         };
         let end = motion.curve.end();
         let mut nearest = f64::INFINITY;
-        for (index, span) in spans.iter().enumerate().skip(first) {
-            let start = span.curve.start();
+        for (index, path_segment) in path_segments.iter().enumerate().skip(first) {
+            let start = path_segment.curve.start();
             let away = (0..3)
                 .map(|i| (end[i] - start[i]).powi(2))
                 .sum::<f64>()
                 .sqrt();
             // No way of that length leads there.
-            if away - span.curve.length() > enough {
+            if away - path_segment.curve.length() > enough {
                 continue;
             }
             for k in 0..=8 {
-                let s = span.curve.length() * f64::from(k) / 8.0;
-                nearest = nearest.min(span.curve.distance_near(&end, s));
+                let s = path_segment.curve.length() * f64::from(k) / 8.0;
+                nearest = nearest.min(path_segment.curve.distance_near(&end, s));
                 if nearest <= enough {
                     break;
                 }
@@ -524,7 +528,7 @@ fn missed(plan: &Plan, items: &[PathItem<3>], enough: f64) -> f64 {
 }
 
 fn crumbs_keep_limits_and_tolerance(seeds: std::ops::Range<u64>) {
-    let (mut spans, mut moves) = (0, 0);
+    let (mut path_segments, mut moves) = (0, 0);
     for seed in seeds {
         let (items, mode) = crumbs(&mut Draw(seed));
         let plan = Plan::of(&items, [0.0; 3]);
@@ -552,10 +556,10 @@ fn crumbs_keep_limits_and_tolerance(seeds: std::ops::Range<u64>) {
             "program {seed}: {} s, {patience} s with stops",
             plan.time()
         );
-        spans += plan.sections.iter().map(Vec::len).sum::<usize>();
+        path_segments += plan.sections.iter().map(Vec::len).sum::<usize>();
         moves += items.len();
     }
-    println!("{moves} moves in {spans} spans");
+    println!("{moves} moves in {path_segments} path segments");
 }
 
 #[test]
@@ -571,8 +575,8 @@ fn many_short_lines_by_chance_keep_limits_and_tolerance() {
 
 #[test]
 #[ignore = "a measurement"]
-fn many_facets() {
-    let curves = facets(150_000, 0.05, (5.0, 1.0), 0.0, 1e-3);
+fn many_short_segments() {
+    let curves = short_segments(150_000, 0.05, (5.0, 1.0), 0.0, 1e-3);
     for mode in [
         PathControlMode::Blend(0.01),
         PathControlMode::Exact(0.001),
@@ -582,9 +586,9 @@ fn many_facets() {
         let items: Vec<_> = curves.iter().map(|c| go(*c, 60.0, mode, 0)).collect();
         let plan = Plan::of(&items, curves[0].start());
         let took = begin.elapsed().as_secs_f64();
-        let spans: usize = plan.sections.iter().map(Vec::len).sum();
+        let path_segments: usize = plan.sections.iter().map(Vec::len).sum();
         println!(
-            "{mode:?}: {:.0}/s, {spans} spans, {} s for {}, {:?}",
+            "{mode:?}: {:.0}/s, {path_segments} path segments, {} s for {}, {:?}",
             150_000.0 / took,
             plan.time(),
             7500.0 / 60.0,
@@ -741,7 +745,7 @@ fn a_bridged_joint_takes_no_longer_than_a_stop_in_it() {
     }
 }
 
-/// Facets too long for arcs: every joint is a blend of micrometres, and the certificate has the law
+/// Short segments too long for arcs: every joint is a blend of micrometres, and the certificate has the law
 /// mended in nearly every window.
 #[test]
 fn laws_are_found_along_joints_of_micrometres() {
@@ -791,6 +795,6 @@ fn limits_that_differ_by_far_take_no_more_cells() {
     }
     planner.finish();
     let commands = std::iter::from_fn(|| planner.pop()).take(100_000);
-    let pieces = commands.filter(|command| matches!(command, Command::JerkSegment(_)));
-    assert!((100..100_000).contains(&pieces.count()));
+    let segments = commands.filter(|command| matches!(command, Command::JerkSegment(_)));
+    assert!((100..100_000).contains(&segments.count()));
 }

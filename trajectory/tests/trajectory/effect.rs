@@ -70,11 +70,11 @@ struct Programmed(Vec<PathSegment<3>>);
 
 impl Programmed {
     fn along(items: &[PathItem<3>], start: [f64; 3]) -> Self {
-        let (_, spans) = planned(items, start, |_| ());
-        Programmed(spans)
+        let (_, path_segments) = planned(items, start, |_| ());
+        Programmed(path_segments)
     }
 
-    fn span(&self, s: f64) -> &PathSegment<3> {
+    fn path_segment(&self, s: f64) -> &PathSegment<3> {
         &self.0[self.0.partition_point(|x| x.start <= s).max(1) - 1]
     }
 
@@ -85,17 +85,17 @@ impl Programmed {
     }
 
     fn at(&self, s: f64) -> Derivatives<3> {
-        let span = self.span(s);
-        span.curve.at(s - span.start)
+        let path_segment = self.path_segment(s);
+        path_segment.curve.at(s - path_segment.start)
     }
 
     /// What is asked for after overrides.
     fn asked(&self, s: f64, overrides: Overrides) -> f64 {
-        let span = self.span(s);
-        if span.feed.is_finite() {
-            return span.feed * overrides.feed;
+        let path_segment = self.path_segment(s);
+        if path_segment.feed.is_finite() {
+            return path_segment.feed * overrides.feed;
         }
-        let along = span.curve.at(s - span.start).d1;
+        let along = path_segment.curve.at(s - path_segment.start).d1;
         let axes = (0..3).map(|i| LIMITS.velocity[i] / along[i].abs());
         axes.fold(f64::INFINITY, f64::min) * overrides.rapid
     }
@@ -166,7 +166,7 @@ fn fault(before: State, now: State, asked: f64, reference: &Reference) -> Option
 
 /// By what part a limit may be exceeded on the grid.
 const CLOSE: f64 = 2e-3;
-/// A step of the search for a law that falls, s, the jerks tried in each, and the looks at every span
+/// A step of the search for a law that falls, s, the jerks tried in each, and the looks at every path segment
 /// on its way.
 const STEP: f64 = 0.000_25;
 const JERKS: usize = 9;
@@ -193,14 +193,14 @@ fn jerks(d: &Derivatives<3>, State { v, a, .. }: State) -> [f64; 2] {
     range
 }
 
-/// Whether every axis keeps its limits, looked at some times on each span, while the path goes on from a
+/// Whether every axis keeps its limits, looked at some times on each path segment, while the path goes on from a
 /// state for so long with constant jerk.
 fn keeps(programmed: &Programmed, from: State, jerk: f64, time: f64) -> bool {
     let end = from.after(time, jerk).s;
     let mut s = from.s;
     loop {
-        let span = programmed.span(s);
-        let until = (span.start + span.curve.length()).min(end);
+        let path_segment = programmed.path_segment(s);
+        let until = (path_segment.start + path_segment.curve.length()).min(end);
         for k in 0..=LOOKS {
             let there = s + (until - s) * k as f64 / LOOKS as f64;
             let part = if end > from.s {
@@ -209,7 +209,9 @@ fn keeps(programmed: &Programmed, from: State, jerk: f64, time: f64) -> bool {
                 0.0
             };
             let State { v, a, .. } = from.after(part * time, jerk);
-            let d = span.curve.at((there - span.start).min(span.curve.length()));
+            let d = path_segment
+                .curve
+                .at((there - path_segment.start).min(path_segment.curve.length()));
             let kept = |i: usize| {
                 let acceleration = d.d2[i] * v * v + d.d1[i] * a;
                 let jerk = d.d3[i] * v * v * v + 3.0 * d.d2[i] * v * a + d.d1[i] * jerk;

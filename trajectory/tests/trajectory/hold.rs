@@ -20,16 +20,20 @@ struct State {
     a: f64,
 }
 
-struct Road<'a>(&'a [PathSegment<3>]);
+struct Geometry<'a>(&'a [PathSegment<3>]);
 
-impl Road<'_> {
-    fn span(&self, s: f64) -> &PathSegment<3> {
-        &self.0[self.0.partition_point(|span| span.start <= s).max(1) - 1]
+impl Geometry<'_> {
+    fn path_segment(&self, s: f64) -> &PathSegment<3> {
+        &self.0[self
+            .0
+            .partition_point(|path_segment| path_segment.start <= s)
+            .max(1)
+            - 1]
     }
 
     fn at(&self, s: f64) -> [[f64; 3]; 3] {
-        let span = self.span(s);
-        let at = span.curve.at(s - span.start);
+        let path_segment = self.path_segment(s);
+        let at = path_segment.curve.at(s - path_segment.start);
         [at.d1, at.d2, at.d3]
     }
 
@@ -65,13 +69,13 @@ impl Road<'_> {
 /// Least distance to rest on a dense grid of speeds: twice the square of the deceleration as high
 /// as the axes' jerks allow from the start and towards the rest, where the path is as it was in the
 /// round before. None if that does not settle, or some axis is beyond its limits.
-fn least_stop(road: &Road, from: State) -> Option<f64> {
+fn least_stop(geometry: &Geometry, from: State) -> Option<f64> {
     const CELLS: usize = 400;
     const DT: f64 = 2e-5;
     let mut at = from;
     // The acceleration goes first.
     while at.a > 0.0 {
-        let [_, [low, high]] = road.allowed(at);
+        let [_, [low, high]] = geometry.allowed(at);
         if low > high * (1.0 + 1e-6) || low >= 0.0 {
             return None;
         }
@@ -100,7 +104,7 @@ fn least_stop(road: &Road, from: State) -> Option<f64> {
             top.v * y
         })
         .collect();
-    let [[_, _], [low, _]] = road.allowed(State { a: 0.0, ..top });
+    let [[_, _], [low, _]] = geometry.allowed(State { a: 0.0, ..top });
     let mut e: Vec<f64> = grid
         .iter()
         .map(|v| 0.3 * -low * v.min(top.v - v + 1e-3 * top.v))
@@ -110,7 +114,7 @@ fn least_stop(road: &Road, from: State) -> Option<f64> {
     let mut distance = f64::INFINITY;
     for round in 0..200 {
         let states = ways(&grid, &e, top);
-        let ranges: Vec<_> = states.iter().map(|s| road.allowed(*s)).collect();
+        let ranges: Vec<_> = states.iter().map(|s| geometry.allowed(*s)).collect();
         let mut next = vec![0.0; CELLS + 1];
         for k in (0..CELLS).rev() {
             let high = ranges[k][1][1].min(ranges[k + 1][1][1]);
@@ -190,7 +194,7 @@ fn come_to_rest(
     rest: Rest,
     planner: &Planner<3>,
     plan: &Executor<3>,
-    road: &Road,
+    geometry: &Geometry,
 ) -> (f64, Vec<State>) {
     let mut planner = (rest != Rest::Alone).then(|| planner.clone());
     let mut executor = plan.clone();
@@ -200,7 +204,7 @@ fn come_to_rest(
         Rest::Hold => executor.feed_hold(),
         Rest::Stop | Rest::Alone => executor.stop(),
     }
-    let mut states = vec![road.state(&executor.setpoint())];
+    let mut states = vec![geometry.state(&executor.setpoint())];
     let mut together = true;
     while executor.setpoint().speed > 0.0 {
         if let Some(planner) = &mut planner {
@@ -230,13 +234,13 @@ fn come_to_rest(
                 assert!(is.abs() <= limit * (1.0 + 2e-9), "axis {i}: {now:?}");
             }
         }
-        let there = road.span(now.distance);
+        let there = geometry.path_segment(now.distance);
         let there = there.curve.at(now.distance - there.start).q;
         for (is, should) in now.position.iter().zip(there) {
             assert!((is - should).abs() < 1e-9, "{now:?} for {there:?}");
         }
         let planned = twin.advance();
-        let (state, planned) = (road.state(&now), road.state(&planned));
+        let (state, planned) = (geometry.state(&now), geometry.state(&planned));
         together &= (state.s - planned.s).abs() < 1e-9
             && (state.v - planned.v).abs() < 1e-6
             && (state.a - planned.a).abs() < 1e-3;
@@ -277,8 +281,9 @@ fn survey(programs: u32, every: u32, rest: Rest) -> Vec<f64> {
             .collect();
         let start = curves[0].start();
         let mut plan = Executor::new(start, PERIOD);
-        let (planner, spans) = planned(&items, start, |command| assert!(plan.accept(command)));
-        let road = Road(&spans);
+        let (planner, path_segments) =
+            planned(&items, start, |command| assert!(plan.accept(command)));
+        let geometry = Geometry(&path_segments);
         for cycle in 1_u32.. {
             plan.advance();
             if plan.is_idle() {
@@ -287,10 +292,12 @@ fn survey(programs: u32, every: u32, rest: Rest) -> Vec<f64> {
             if cycle % every != 0 || plan.setpoint().speed < 1.0 {
                 continue;
             }
-            let (end, states) = come_to_rest(rest, &planner, &plan, &road);
+            let (end, states) = come_to_rest(rest, &planner, &plan, &geometry);
             let (first, took) = (states[0], end - states[0].s);
-            let span = road.span(first.s);
-            if span.curve.direction().is_some() && end < span.start + span.curve.length() {
+            let path_segment = geometry.path_segment(first.s);
+            if path_segment.curve.direction().is_some()
+                && end < path_segment.start + path_segment.curve.length()
+            {
                 straight += 1;
                 continue;
             }
@@ -298,7 +305,7 @@ fn survey(programs: u32, every: u32, rest: Rest) -> Vec<f64> {
             let least = states
                 .iter()
                 .step_by(states.len() / 4 + 1)
-                .filter_map(|at| Some(at.s - first.s + least_stop(&road, *at)?))
+                .filter_map(|at| Some(at.s - first.s + least_stop(&geometry, *at)?))
                 .fold(f64::INFINITY, f64::min);
             if least.is_finite() {
                 let factor = took / least;

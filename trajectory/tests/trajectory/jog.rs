@@ -346,7 +346,7 @@ fn steps_add_up_and_cancel() {
 }
 
 #[test]
-fn a_jog_after_a_stop_after_the_block_and_before_a_step_back() {
+fn a_jog_after_a_stop_after_the_block_and_before_a_retrace() {
     let mut machine = Machine::on_a_path();
     machine.cycles(1);
     machine.until(|now| now.distance >= 20.0);

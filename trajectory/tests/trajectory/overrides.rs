@@ -46,19 +46,23 @@ fn act() -> impl Strategy<Value = Act> {
 
 /// The path as it is planned when nobody acts.
 struct Path {
-    spans: Vec<PathSegment<3>>,
+    path_segments: Vec<PathSegment<3>>,
 }
 
 impl Path {
     fn of(items: &[PathItem<3>], start: [f64; 3]) -> Self {
-        let (_, spans) = planned(items, start, |_| ());
-        Path { spans }
+        let (_, path_segments) = planned(items, start, |_| ());
+        Path { path_segments }
     }
 
     fn at(&self, distance: f64) -> [f64; 3] {
-        let index = self.spans.partition_point(|s| s.start <= distance).max(1) - 1;
-        let span = &self.spans[index];
-        span.curve.at(distance - span.start).q
+        let index = self
+            .path_segments
+            .partition_point(|s| s.start <= distance)
+            .max(1)
+            - 1;
+        let path_segment = &self.path_segments[index];
+        path_segment.curve.at(distance - path_segment.start).q
     }
 }
 

@@ -577,7 +577,7 @@ fn a_stop_drops_what_is_not_committed() {
     assert_eq!(executor.advance().position, rest);
 }
 
-/// Executes items with a person who acts before each cycle, and checks every setpoint.
+/// Executes items with an operator who acts before each cycle, and checks every setpoint.
 fn act(
     items: &[PathItem<3>],
     start: [f64; 3],
@@ -798,7 +798,7 @@ fn steps_back_and_forwards_again() {
 /// Overrides that come while it rests behind a step back lead nowhere: neither further back nor on.
 /// The same in the midst of the way back, and in the last cycles of it.
 #[test]
-fn overrides_change_nothing_of_where_a_step_back_leads() {
+fn overrides_change_nothing_of_where_a_retrace_leads() {
     let corners = [0.0, 50.0, 100.0, 150.0].map(|x| [x, 0.0, 0.0]);
     let lines = corners.windows(2).enumerate();
     let items: Vec<_> = lines

@@ -45,7 +45,7 @@ pub(crate) fn contour(sizes: Range<f64>) -> impl Strategy<Value = Vec<Curve<3>>>
         })
 }
 
-/// A path that is planned in one go when nobody acts: its planner, and its spans by their distance
+/// A path that is planned in one go when nobody acts: its planner, and its path segments by their distance
 /// from the beginning; `take` is handed every command.
 pub(crate) fn planned(
     items: &[PathItem<3>],
@@ -53,7 +53,7 @@ pub(crate) fn planned(
     mut take: impl FnMut(Command<3>),
 ) -> (Planner<3>, Vec<PathSegment<3>>) {
     let mut planner = Planner::new(LIMITS, start);
-    let (mut spans, mut origin) = (Vec::<PathSegment<3>>::new(), 0.0);
+    let (mut path_segments, mut origin) = (Vec::<PathSegment<3>>::new(), 0.0);
     for item in items {
         planner.push(*item).unwrap();
     }
@@ -61,13 +61,13 @@ pub(crate) fn planned(
     while let Some(command) = planner.pop() {
         match command {
             Command::Section { origin: o, .. } => origin = o,
-            Command::PathSegment(span) => spans.push(PathSegment {
-                start: origin + span.start,
-                ..span
+            Command::PathSegment(path_segment) => path_segments.push(PathSegment {
+                start: origin + path_segment.start,
+                ..path_segment
             }),
             _ => {}
         }
         take(command);
     }
-    (planner, spans)
+    (planner, path_segments)
 }
