@@ -14,7 +14,7 @@ mod overrun;
 mod plan;
 mod python_canopen;
 mod python_canopen_csp;
-mod python_canopen_twk;
+mod python_canopen_twins;
 mod replay;
 mod report;
 mod stalled_peers;

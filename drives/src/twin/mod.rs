@@ -5,6 +5,7 @@
 //! - [`lxm32m`]: the Lexium 32M
 //! - [`cia402_csp`]: a drive by the profile alone, in Cyclic Synchronous Position
 //! - [`twk_crn`]: the absolute encoder TWK CRN
+//! - [`tlc5xx`]: the positioning controller Twin Line TLC53x
 //! - [`node`]: the CANopen node as a device's processor runs it: delays, losses, restarts
 //! - [`cia402`]: the state machine of a drive
 //! - [`servo`]: cascade, clock, encoder, shaft, ramps
@@ -24,12 +25,18 @@ pub mod lxm32m;
 pub mod node;
 pub mod random;
 pub mod servo;
+pub mod tlc5xx;
 pub mod twk_crn;
 
 pub use device::{Axis, Config, Disturbance, ErrorClass, Kind, Observation, SimulatedDevice};
 
 /// Every twin.
-pub static TWINS: [&Kind; 3] = [&lxm32m::KIND, &cia402_csp::KIND, &twk_crn::KIND];
+pub static TWINS: [&Kind; 4] = [
+    &lxm32m::KIND,
+    &cia402_csp::KIND,
+    &twk_crn::KIND,
+    &tlc5xx::KIND,
+];
 
 impl Kind {
     /// The twin of the model with that name.

@@ -1,5 +1,7 @@
 //! A small master for tests: SDO and NMT over a simulated bus, one virtual instant after another.
 
+pub(crate) mod tlc5xx;
+
 use syncline_canopen::cia402::Statusword;
 use syncline_canopen::time::Duration;
 use syncline_canopen::{CanId, CobId, Frame, Instant, NodeId, nmt};

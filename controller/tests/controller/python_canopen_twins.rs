@@ -1,0 +1,62 @@
+//! python-canopen brings up devices that no machine file names, each with its own data sheet.
+
+use crate::outside::{Drives, SYNCLINE, available, root};
+use crate::python_canopen::{has_python_canopen, python};
+use std::process::Command;
+
+/// Hosts the device at node 5 and runs its client; returns what that says.
+fn client(device: &str, title: &str, client: &str) -> Option<String> {
+    if !available(has_python_canopen()) {
+        return None;
+    }
+    let node = format!("5:{device}");
+    let drives = Drives::local(&["--node", &node]);
+    assert!(drives.announced.contains(&format!("node 5 ({title})")));
+    let directory = tempfile::tempdir().unwrap();
+    let data_sheet = directory.path().join("device.eds");
+    let mut eds = Command::new(SYNCLINE);
+    eds.args(["eds", "--node", &node]);
+    std::fs::write(&data_sheet, eds.output().unwrap().stdout).unwrap();
+    let client = Command::new(python())
+        .arg(client)
+        .arg(&data_sheet)
+        .args(["5", "socketcand", "host=127.0.0.1"])
+        .arg(format!("port={}", drives.port()))
+        .arg("channel=can0")
+        .current_dir(root())
+        .output()
+        .unwrap();
+    let said = String::from_utf8_lossy(&client.stdout);
+    let complained = String::from_utf8_lossy(&client.stderr);
+    assert!(client.status.success(), "{said}{complained}");
+    drives.stop();
+    Some(said.into_owned())
+}
+
+#[test]
+fn the_encoder_is_brought_up_and_read() {
+    if let Some(said) = client("twk_crn", "TWK CRN", "tests/python/twk_client.py") {
+        assert!(said.contains("stored values outlive a reset"), "{said}");
+    }
+}
+
+#[test]
+fn the_positioning_controller_is_brought_up_and_moved() {
+    if let Some(said) = client("tlc5xx", "Twin Line TLC53x", "tests/python/tlc_client.py") {
+        assert!(said.contains("velocities by PDO at SYNC"), "{said}");
+    }
+}
+
+/// At a rate that the encoder does not have nobody hears it.
+#[test]
+fn a_bus_of_another_rate_is_silent() {
+    let drives = Drives::local(&["--node", "5:twk_crn", "--bitrate", "250000"]);
+    let read = Command::new(SYNCLINE)
+        .args(["sdo", "--bitrate", "250000", "--bus"])
+        .arg(format!("socketcand://127.0.0.1:{}/can0", drives.port()))
+        .args(["read", "5", "1000"])
+        .output()
+        .unwrap();
+    assert!(!read.status.success());
+    drives.stop();
+}

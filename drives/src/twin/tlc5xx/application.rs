@@ -1,0 +1,168 @@
+//! What the CANopen node asks of the drive.
+
+use super::drive::Drive;
+use super::fault::{DriveError, Errors};
+use super::settings::Settings;
+use crate::twin::node::Firmware;
+use syncline_canopen::cia402::{Controlword, State};
+use syncline_canopen::dictionary::{Dictionary, Row};
+use syncline_canopen::emcy::Emergency;
+use syncline_canopen::node::{Application, CommunicationError, Origin};
+use syncline_canopen::sdo::AbortCode;
+use syncline_canopen::{Address, Instant, nmt};
+
+impl Application for Drive {
+    fn objects(&self) -> &Dictionary {
+        &self.objects
+    }
+
+    fn objects_mut(&mut self) -> &mut Dictionary {
+        &mut self.objects
+    }
+
+    fn refresh(&mut self, now: Instant, _: Option<Row>) {
+        if core::mem::take(&mut self.stale) {
+            self.publish(now);
+        }
+    }
+
+    fn check_read(&self, row: Row) -> Result<(), AbortCode> {
+        match self.objects.entry(row).address {
+            // The "compatibility entry" (7750-7751).
+            Address {
+                index: 0x1400..=0x1403 | 0x1800..=0x1803,
+                sub: 4,
+            } => Err(AbortCode::UnsupportedAccess),
+            _ => Ok(()),
+        }
+    }
+
+    fn check_write(&self, row: Row, value: i64, origin: Origin) -> Result<(), AbortCode> {
+        let address = self.objects.entry(row).address;
+        let mut refusals = self.refusals.iter();
+        if origin == Origin::Sdo
+            && let Some((_, code)) = refusals.find(|(refused, _)| *refused == address)
+        {
+            return Err(*code);
+        }
+        self.check_read(row)?;
+        self.check_communication(address, value)?;
+        self.check_parameter(address, value)
+    }
+
+    fn written(&mut self, _: Instant, row: Row, origin: Origin) {
+        self.stale = true;
+        let address = self.objects.entry(row).address;
+        if address.index >= 0x2000 {
+            self.parameter_written(address, origin);
+        }
+    }
+
+    fn on_nmt(&mut self, _: Instant, event: nmt::Event) {
+        self.nmt_state = match event {
+            nmt::Event::Entered(state) => state,
+            nmt::Event::ResetNode | nmt::Event::ResetCommunication => nmt::State::Initialising,
+        };
+    }
+
+    fn on_reset(&mut self, _: Instant, reset: nmt::Event) {
+        self.nmt_state = nmt::State::PreOperational;
+        self.show_presets();
+        // The default printed is 1 (D-31), but there is no error.
+        self.objects.put(0x1003, 0, 0);
+        if reset == nmt::Event::ResetNode {
+            self.restart();
+        }
+        self.settings = Settings::of(&self.objects, &self.policies);
+        self.stale = true;
+    }
+
+    fn on_communication_error(
+        &mut self,
+        _: Instant,
+        error: CommunicationError,
+    ) -> Option<Emergency> {
+        match error {
+            // Not described.
+            CommunicationError::ShortPdo(_) => {}
+            CommunicationError::Heartbeat(_) | CommunicationError::LifeGuarding => {
+                self.raise(DriveError::CONNECTION_LOST);
+            }
+        }
+        None
+    }
+
+    /// The manual names no change of the NMT state (7264-7266, D-40).
+    fn state_after_loss(&self, state: nmt::State) -> nmt::State {
+        state
+    }
+
+    fn next_emergency(&mut self) -> Option<Emergency> {
+        self.errors.next_emergency()
+    }
+
+    /// T_PDO4 is sent on a change of the state word, its third object (1532).
+    fn event_mask(&self, number: u16) -> u64 {
+        if number == 4 { 1 << 2 } else { u64::MAX }
+    }
+}
+
+impl Firmware for Drive {
+    fn run_until(&mut self, now: Instant) {
+        self.advance(now);
+        self.stale = true;
+    }
+
+    /// Nothing drives the shaft, and every error is forgotten.
+    fn power_off(&mut self) {
+        self.enter(State::NotReadyToSwitchOn);
+        self.errors = Errors::default();
+    }
+}
+
+impl Drive {
+    /// The application starts anew; an error stays.
+    fn restart(&mut self) {
+        if !matches!(self.state, State::Fault | State::FaultReactionActive) {
+            self.enter(State::NotReadyToSwitchOn);
+        }
+        self.controlword = Controlword(0);
+        self.zero = 0;
+        self.latched_signals = 0;
+        self.movement_failed = false;
+        self.begun = 0;
+    }
+
+    /// 1xxxh: what the state of the node and of other objects permits.
+    fn check_communication(&self, address: Address, value: i64) -> Result<(), AbortCode> {
+        let Address { index, sub } = address;
+        let in_pre_operational = match index {
+            0x1005 | 0x1014 => true,
+            // Switching a PDO on or off has no such rule (1577).
+            0x1400..=0x1403 | 0x1800..=0x1803 if sub == 1 => {
+                let before = self.objects.value(index, 1).unwrap_or(0);
+                (before ^ value) & 0x780 != 0
+            }
+            0x1600..=0x1603 | 0x1A00..=0x1A03 => true,
+            _ => false,
+        };
+        if in_pre_operational
+            && self.nmt_state == nmt::State::Operational
+            && !self.policies.parameters_in_operational
+        {
+            return Err(AbortCode::DeviceState);
+        }
+        // Heartbeat and guarding must not be used at the same time (2237-2245).
+        let is_on = |index| self.objects.value(index, 0).unwrap_or(0) > 0;
+        let excluded = match index {
+            0x1017 => is_on(0x100C) && is_on(0x100D),
+            0x100C => is_on(0x100D) && is_on(0x1017),
+            0x100D => is_on(0x100C) && is_on(0x1017),
+            _ => false,
+        };
+        if excluded && value > 0 {
+            return Err(AbortCode::ParameterIncompatible);
+        }
+        Ok(())
+    }
+}

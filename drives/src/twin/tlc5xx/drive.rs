@@ -1,0 +1,457 @@
+//! The drive behind the CANopen node: loops, monitoring, what its objects show.
+
+use super::TwinConfig;
+use super::fault::{DriveError, Errors};
+use super::modes::{Homing, List, Manual, Mode, Movement, Target};
+use super::motion::Motion;
+use super::policy::Policies;
+use super::settings::{INCREMENTS_PER_REVOLUTION, RPM, Settings};
+use super::signals::{Captures, Inputs, Switches};
+use crate::twin::servo::cascade::{
+    Cascade, POSITION_STEP_NS, Reference, SPEED_STEP_NS, SPEED_STEPS,
+};
+use crate::twin::servo::clock::Clock;
+use crate::twin::servo::encoder::Encoder;
+use crate::twin::servo::power_stage::{PowerStage, TorqueSource};
+use crate::twin::servo::ramp::Ramp;
+use crate::twin::servo::shaft::Shaft;
+use syncline_canopen::cia402::{Controlword, State};
+use syncline_canopen::dictionary::Dictionary;
+use syncline_canopen::sdo::AbortCode;
+use syncline_canopen::time::Duration;
+use syncline_canopen::{Address, Instant, nmt};
+
+/// Nominal seconds per step of the speed loop and of the position loop.
+const SPEED_STEP: f64 = SPEED_STEP_NS as f64 * 1e-9;
+pub(super) const POSITION_STEP: f64 = POSITION_STEP_NS as f64 * 1e-9;
+
+/// Position steps over which the measured velocity is averaged: 8 ms.
+const VELOCITY_WINDOW: usize = 32;
+
+/// Speed below which the motor counts as standing, increments/s (10 r/min).
+const STANDSTILL: f64 = 10.0 * RPM;
+
+/// A drive without its bus.
+pub(super) struct Drive {
+    pub(super) objects: Dictionary,
+    pub(super) settings: Settings,
+    pub(super) policies: Policies,
+    pub(super) errors: Errors,
+    pub(super) now: Instant,
+    pub(super) nmt_state: nmt::State,
+
+    pub(super) state: State,
+    pub(super) enable_at: Option<Instant>,
+    pub(super) controlword: Controlword,
+    /// It brakes by itself: quick stop or fault reaction.
+    pub(super) braking: bool,
+    pub(super) has_mains: bool,
+    /// Whether the fieldbus has control, not a local unit.
+    pub(super) remote: bool,
+
+    clock: Clock,
+    shaft: Shaft,
+    sensor: Encoder,
+    pub(super) cascade: Cascade,
+    torque_source: TorqueSource,
+    torque: f64,
+    pub(super) encoder: i64,
+    /// Encoder reading at user position 0.
+    pub(super) zero: i64,
+    recent: [i64; VELOCITY_WINDOW],
+    recent_place: usize,
+    velocity: f64,
+    pub(super) ramp: Ramp,
+    pub(super) motion: Motion,
+    /// Greatest following error, increments (2013h).
+    peak_error: f64,
+
+    pub(super) switches: Switches,
+    pub(super) inputs: Inputs,
+    pub(super) captures: Captures,
+    /// 2048h, 2062h: what has stopped a movement, until the fault reset.
+    pub(super) latched_signals: u16,
+
+    /// The active mode; 6060h may ask for another until the motor stands.
+    pub(super) mode: Mode,
+    pub(super) wanted_mode: Mode,
+    pub(super) movement: Movement,
+    /// Which movements there have been since the reset, a bit each.
+    pub(super) begun: u8,
+    pub(super) target: Option<Target>,
+    pub(super) next_target: Option<Target>,
+    pub(super) homing: Homing,
+    pub(super) manual: Manual,
+    pub(super) list: List,
+    /// The movement that Halt interrupted (5342-5349).
+    pub(super) halted: Option<Motion>,
+    /// Pulses/s at the pulse interface of module M1.
+    pub(super) pulse_frequency: f64,
+
+    pub(super) setpoint_acknowledged: bool,
+    pub(super) target_reached: bool,
+    settling_since: Option<Instant>,
+    pub(super) following_error: bool,
+    pub(super) movement_failed: bool,
+
+    /// The objects do not show the present condition yet.
+    pub(super) stale: bool,
+    /// What these objects read after a reset, instead of the table's values.
+    pub(super) presets: Vec<(Address, i64)>,
+    /// Tests: writes to these are refused.
+    pub(super) refusals: Vec<(Address, AbortCode)>,
+}
+
+impl Drive {
+    pub(super) fn new(
+        objects: Dictionary,
+        config: TwinConfig,
+        clock: Clock,
+        mut sensor: Encoder,
+    ) -> Self {
+        let shaft = Shaft::new(config.mechanics, config.position);
+        let encoder = sensor.read(&shaft, 0.0);
+        Self {
+            settings: Settings::of(&objects, &config.policies),
+            objects,
+            policies: config.policies,
+            errors: Errors::default(),
+            now: Instant::ZERO,
+            nmt_state: nmt::State::Initialising,
+            state: State::NotReadyToSwitchOn,
+            enable_at: None,
+            controlword: Controlword(0),
+            braking: false,
+            has_mains: true,
+            remote: true,
+            clock,
+            shaft,
+            sensor,
+            cascade: Cascade::new(config.gains, encoder),
+            torque_source: config.torque_source,
+            torque: 0.0,
+            encoder,
+            zero: 0,
+            recent: [encoder; VELOCITY_WINDOW],
+            recent_place: 0,
+            velocity: 0.0,
+            ramp: Ramp::at(encoder as f64),
+            motion: Motion::Hold,
+            peak_error: 0.0,
+            switches: config.switches,
+            inputs: Inputs::default(),
+            captures: Captures::default(),
+            latched_signals: 0,
+            mode: Mode::ProfilePosition,
+            wanted_mode: Mode::ProfilePosition,
+            movement: Movement::None,
+            begun: 0,
+            target: None,
+            next_target: None,
+            homing: Homing::default(),
+            manual: Manual::default(),
+            list: List::default(),
+            halted: None,
+            pulse_frequency: 0.0,
+            setpoint_acknowledged: false,
+            target_reached: false,
+            settling_since: None,
+            following_error: false,
+            movement_failed: false,
+            stale: true,
+            presets: Vec::new(),
+            refusals: Vec::new(),
+        }
+    }
+
+    pub(super) fn shaft(&self) -> &Shaft {
+        &self.shaft
+    }
+
+    pub(super) fn shaft_mut(&mut self) -> &mut Shaft {
+        &mut self.shaft
+    }
+
+    pub(super) fn is_powered(&self) -> bool {
+        self.state.is_powered()
+    }
+
+    /// Torque of the motor, N·m.
+    pub(super) fn torque(&self) -> f64 {
+        self.torque
+    }
+
+    // ---- time ----
+
+    /// Lets the loops and the shaft run up to `now`.
+    pub(super) fn advance(&mut self, now: Instant) {
+        while self.clock.step_end() <= now {
+            self.step();
+        }
+        self.now = now;
+    }
+
+    fn step(&mut self) {
+        let (step, dt) = self.clock.step();
+        let end = self.clock.step_end();
+        if step % SPEED_STEPS == 0 {
+            self.now = end;
+            self.position_step();
+        }
+        let reference = self.loop_reference();
+        let counts = INCREMENTS_PER_REVOLUTION;
+        let is_held = self.torque_source.is_limited();
+        let wanted =
+            (self.cascade).speed_step(reference, self.encoder, counts, SPEED_STEP, is_held);
+        let wanted = wanted * self.settings.direction;
+        let (is_on, shaft) = (self.is_powered(), &self.shaft);
+        self.torque = (self.torque_source).step(wanted, is_on, shaft, SPEED_STEP);
+        self.shaft.step(end, dt, self.torque, is_on);
+        self.encoder = self.read(0.0);
+        self.clock.next_step();
+    }
+
+    /// The encoder as the loops see it, with the direction of 2045h.
+    fn read(&mut self, ahead: f64) -> i64 {
+        let reading = self.sensor.read(&self.shaft, ahead);
+        if self.settings.direction < 0.0 {
+            -reading
+        } else {
+            reading
+        }
+    }
+
+    /// The direction of rotation has changed (5141): where it is counts the other way.
+    pub(super) fn turn_round(&mut self) {
+        self.encoder = self.read(0.0);
+        self.recent = [self.encoder; VELOCITY_WINDOW];
+        self.ramp = Ramp::at(self.encoder as f64);
+        self.cascade = Cascade::new(self.cascade.gains().clone(), self.encoder);
+    }
+
+    fn position_step(&mut self) {
+        let oldest = core::mem::replace(&mut self.recent[self.recent_place], self.encoder);
+        self.recent_place = (self.recent_place + 1) % VELOCITY_WINDOW;
+        let moved = (self.encoder - oldest) as f64;
+        self.velocity = moved / (POSITION_STEP * VELOCITY_WINDOW as f64);
+        self.change_state();
+        self.watch_captures();
+        if self.is_powered() {
+            self.step_mode();
+            self.move_reference();
+            self.monitor();
+        } else {
+            self.change_mode();
+            self.ramp = Ramp::at(self.encoder as f64);
+        }
+        self.cascade.limit_torque(self.torque_source.torque_limit());
+        let reference = self.loop_reference();
+        let counts = INCREMENTS_PER_REVOLUTION;
+        self.cascade.position_step(reference, self.encoder, counts);
+    }
+
+    fn loop_reference(&self) -> Reference {
+        if !self.is_powered() {
+            return Reference::Off;
+        }
+        Reference::Position {
+            position: self.ramp.position,
+            velocity: self.ramp.velocity,
+            // Its feed-forward is 0 as delivered (60FBh:15).
+            acceleration: 0.0,
+        }
+    }
+
+    fn move_reference(&mut self) {
+        let ramp = &mut self.ramp;
+        let arrived = match self.motion {
+            Motion::Hold => {
+                ramp.velocity = 0.0;
+                false
+            }
+            Motion::Stop(deceleration) => ramp.brake(deceleration, POSITION_STEP),
+            Motion::Velocity(target, limits) => {
+                ramp.towards_velocity(target, &limits, POSITION_STEP) && target == 0.0
+            }
+            Motion::Position(target, limits) => {
+                ramp.towards_position(target, &limits, POSITION_STEP)
+            }
+            Motion::Gear => {
+                self.follow_pulses();
+                false
+            }
+        };
+        if arrived {
+            self.motion = Motion::Hold;
+        }
+    }
+
+    // ---- monitoring ----
+
+    fn monitor(&mut self) {
+        let power_stage = self.torque_source.power_stage();
+        if power_stage.is_some_and(PowerStage::has_overvoltage) {
+            self.raise(DriveError::OVERVOLTAGE);
+            return;
+        }
+        let deviation = (self.ramp.position - self.encoder as f64).abs() - self.lag();
+        self.peak_error = self.peak_error.max(deviation);
+        if self.braking {
+            if self.is_at_rest() {
+                self.braking = false;
+                if self.state == State::FaultReactionActive {
+                    self.enter(State::Fault);
+                }
+            }
+            return;
+        }
+        if deviation > self.settings.following_error {
+            self.following_error = true;
+            let response = self.objects.value(0x204F, 0).unwrap_or(0);
+            self.raise(DriveError::FOLLOWING_ERROR.of_class(response));
+            return;
+        }
+        self.watch_limits();
+        self.watch_target();
+    }
+
+    /// What a position loop lags behind at constant velocity, increments.
+    fn lag(&self) -> f64 {
+        let gains = self.cascade.gains();
+        let share = 1.0 - gains.velocity_feed_forward;
+        (self.ramp.velocity * share / gains.position).abs()
+    }
+
+    /// Whether reference and motor stand.
+    pub(super) fn is_at_rest(&self) -> bool {
+        self.motion == Motion::Hold && self.velocity.abs() < STANDSTILL
+    }
+
+    /// Increments/s, averaged.
+    pub(super) fn actual_velocity(&self) -> f64 {
+        self.velocity
+    }
+
+    /// Whether the motor has been within the standstill window of its reference for its time.
+    pub(super) fn has_settled(&mut self) -> bool {
+        let deviation = (self.ramp.position - self.encoder as f64).abs();
+        if !self.is_at_rest() || deviation > self.settings.window {
+            self.settling_since = None;
+            return false;
+        }
+        let since = *self.settling_since.get_or_insert(self.now);
+        let time = Duration::from_millis(self.settings.window_ms);
+        self.now.saturating_since(since) >= time
+    }
+
+    // ---- movement ----
+
+    /// A movement begins.
+    pub(super) fn begin(&mut self, motion: Motion) {
+        self.motion = motion;
+        self.begun |= 1 << self.movement as u8;
+        self.target_reached = false;
+        self.movement_failed = false;
+        self.settling_since = None;
+    }
+
+    /// Brings the motor to rest with a deceleration in increments/s².
+    pub(super) fn stop(&mut self, deceleration: f64) {
+        if self.motion != Motion::Hold {
+            self.motion = Motion::Stop(deceleration);
+        }
+    }
+
+    /// User position 0 is at `zero` increments from now on.
+    pub(super) fn reference_at(&mut self, zero: f64) {
+        self.zero = libm::round(zero) as i64;
+    }
+
+    /// Position in increments from user position 0.
+    pub(super) fn position(&self) -> f64 {
+        self.encoder.saturating_sub(self.zero) as f64
+    }
+
+    // ---- objects ----
+
+    /// Gives an object another value, now and after each reset.
+    pub(super) fn preset(&mut self, address: Address, value: i64) {
+        self.presets.push((address, value));
+        self.show_presets();
+    }
+
+    pub(super) fn show_presets(&mut self) {
+        for &(Address { index, sub }, value) in &self.presets {
+            self.objects.put(index, sub, value);
+        }
+    }
+
+    /// Forgets the greatest following error: any write to 2013h (9399).
+    pub(super) fn forget_peak(&mut self) {
+        self.peak_error = 0.0;
+    }
+
+    /// Brings the objects that show the drive's condition up to `now`.
+    pub(super) fn publish(&mut self, now: Instant) {
+        let ahead = self.clock.since_step(now);
+        let encoder = self.read(ahead).saturating_sub(self.zero) as f64;
+        let reference = self.ramp.position - self.zero as f64;
+        let settings = self.settings;
+        let (position, _) = settings.user(encoder);
+        let (user_reference, remainder) = settings.user(reference);
+        let rpm = |velocity: f64| libm::round(velocity / RPM) as i64;
+        let user_velocity = |velocity: f64| libm::round(velocity / settings.velocity) as i64;
+        let (target, target_velocity) = match self.motion {
+            Motion::Position(target, limits) => {
+                let (target, _) = settings.user(target - self.zero as f64);
+                (target, user_velocity(limits.velocity))
+            }
+            Motion::Velocity(velocity, _) => (user_reference, user_velocity(velocity)),
+            Motion::Hold | Motion::Stop(_) | Motion::Gear => (user_reference, 0),
+        };
+        let torque = self.torque * self.settings.direction;
+        let current = torque / self.cascade.gains().continuous_torque;
+        // Of the motor's nominal current (6410h:7).
+        let nominal = self.objects.value(0x6410, 7).unwrap_or(0) as f64;
+        let current = libm::round(current * nominal) as i64;
+        let within = encoder.rem_euclid(INCREMENTS_PER_REVOLUTION) as i64;
+        let error = libm::round(reference - encoder) as i64;
+        let shown = [
+            (0x1001, self.errors.register().into()),
+            (0x2013, libm::round(self.peak_error.max(0.0)) as i64),
+            (0x2041, self.drive_status().into()),
+            (0x2042, self.movement as i64),
+            (0x2048, i64::from(self.latched_signals & 0x0F)),
+            (0x2062, i64::from(self.latched_signals & 0xF0)),
+            (0x2071, libm::round(reference) as i64),
+            (0x2072, encoder as i64),
+            (0x2073, error),
+            (0x2074, rpm(self.ramp.velocity)),
+            (0x2075, rpm(self.velocity)),
+            (0x2076, current),
+            (0x2077, current),
+            (0x2078, within),
+            (0x2083, libm::round(self.ramp.velocity) as i64),
+            (0x2085, target),
+            (0x2086, user_reference),
+            (0x2089, position),
+            (0x208A, user_velocity(self.ramp.velocity)),
+            (0x208C, remainder),
+            (0x208D, target_velocity),
+            (0x20B3, position),
+            (0x20EB, user_velocity(self.ramp.velocity)),
+            (0x6041, self.statusword().0.into()),
+            (0x6061, self.mode as i64),
+            (0x6063, encoder as i64),
+            (0x6064, position),
+            (0x6069, libm::round(self.velocity) as i64),
+            (0x606C, user_velocity(self.velocity)),
+            (0x60F4, libm::round(error as f64 / settings.position) as i64),
+            (0x60FD, self.input_image().into()),
+        ];
+        for (index, value) in shown {
+            self.objects.put(index, 0, value);
+        }
+        self.publish_states();
+    }
+}

@@ -1,0 +1,83 @@
+//! What the manual leaves open, each as an option with a name.
+//!
+//! Every default here is an **assumption** of the twin, never a fact about the controller. Lines are
+//! those of the manual's text, D-02 and the like the doubts listed in `docs/tlc5xx.md`.
+
+use syncline_canopen::node::BootUp;
+use syncline_canopen::time::Duration;
+
+/// Options where the manual is silent or contradicts itself. Every default is an assumption.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Policies {
+    /// How the device says that it has booted (D-01): by an EMCY without data (1889-1896), or by a
+    /// byte 0 on 700h + id (2271).
+    pub boot_up: BootUp,
+    /// Controlword bit 6 of an absolute target: set as printed (2996), or clear as DSP-402 has it
+    /// (D-02).
+    pub absolute: Bit6,
+    /// Statusword bit 9 while the fieldbus has control: clear (15104), or set (2813) (D-04).
+    pub remote: Bit9,
+    /// Statusword bits 0 to 3 of a fault: 1111 as printed (2792), or 1000 as DSP-402 has it (D-20).
+    pub fault: FaultBits,
+    /// What the position factor 6093h relates.
+    pub position_factor: PositionFactor,
+    /// Time from the command to switch on until the power stage is on.
+    pub enable_time: Duration,
+    /// Whether COB-IDs and mappings can be changed in Operational, which the manual places in
+    /// Pre-Operational (1856, 2032).
+    pub parameters_in_operational: bool,
+    /// Whether EMCY 0000h tells that a fault is reset; the manual mentions none.
+    pub emcy_on_reset: bool,
+}
+
+/// Which level of controlword bit 6 makes a target absolute.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Bit6 {
+    /// 1, as this manual prints.
+    SetIsAbsolute,
+    /// 0, as DSP-402 has it.
+    ClearIsAbsolute,
+}
+
+/// Which level of statusword bit 9 says that the fieldbus has control.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Bit9 {
+    /// 0.
+    ClearIsFieldbus,
+    /// 1.
+    SetIsFieldbus,
+}
+
+/// How the statusword shows a fault.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FaultBits {
+    /// 1111, in both of its states.
+    AllFour,
+    /// 1111 while it reacts, 1000 afterwards.
+    OfProfile,
+}
+
+/// What 6093h is the ratio of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PositionFactor {
+    /// Revolutions for a user unit, as 6094h and 6097h are read: with the default a user unit is an
+    /// increment.
+    RevolutionsPerUnit,
+    /// User units for an increment: with the default a user unit is a revolution.
+    UnitsPerIncrement,
+}
+
+impl Default for Policies {
+    fn default() -> Self {
+        Self {
+            boot_up: BootUp::EmptyEmergency,
+            absolute: Bit6::SetIsAbsolute,
+            remote: Bit9::ClearIsFieldbus,
+            fault: FaultBits::AllFour,
+            position_factor: PositionFactor::RevolutionsPerUnit,
+            enable_time: Duration::from_millis(4),
+            parameters_in_operational: false,
+            emcy_on_reset: false,
+        }
+    }
+}

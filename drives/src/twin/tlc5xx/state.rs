@@ -1,0 +1,244 @@
+//! The state machine of DSP-402 V1.0 (2613-2690) and what errors do to it.
+
+use super::drive::Drive;
+use super::fault::DriveError;
+use super::motion::Motion;
+use super::policy::{Bit9, FaultBits};
+use crate::twin::ErrorClass;
+use crate::twin::cia402::commanded;
+use crate::twin::servo::ramp::Ramp;
+use syncline_canopen::cia402::{Command, Controlword, State, Statusword};
+
+impl Drive {
+    pub(super) fn enter(&mut self, state: State) {
+        if state == self.state {
+            return;
+        }
+        let was_powered = self.is_powered();
+        self.state = state;
+        self.enable_at = None;
+        if self.is_powered() && !was_powered {
+            self.cascade.reset();
+            self.ramp = Ramp::at(self.encoder as f64);
+            self.motion = Motion::Hold;
+            self.following_error = false;
+        }
+        if was_powered && !self.is_powered() {
+            self.end_movement();
+            self.motion = Motion::Hold;
+            self.braking = false;
+        }
+    }
+
+    /// The changes that need no command (T0, T1, T14).
+    pub(super) fn change_state(&mut self) {
+        match self.state {
+            State::NotReadyToSwitchOn => self.enter(State::SwitchOnDisabled),
+            State::ReadyToSwitchOn | State::SwitchedOn if !self.has_mains => {
+                self.enter(State::SwitchOnDisabled);
+            }
+            state if state.is_powered() && !self.has_mains => {
+                self.raise(DriveError::UNDERVOLTAGE);
+            }
+            State::SwitchedOn if self.enable_at.is_some_and(|at| self.now >= at) => {
+                self.enter(State::OperationEnabled);
+            }
+            _ => {}
+        }
+    }
+
+    /// A controlword (2709-2728). From 4 to 6 in one word, as the examples do (3493).
+    pub(super) fn command(&mut self, word: Controlword) {
+        let previous = core::mem::replace(&mut self.controlword, word);
+        if word.resets_fault(previous) {
+            self.reset_fault();
+        }
+        if matches!(self.state, State::FaultReactionActive | State::Fault) {
+            return;
+        }
+        if let Some(command) = word.command() {
+            self.transit(command);
+        }
+        self.command_mode(previous);
+    }
+
+    /// 2040h of the manufacturer's modes (10028-10040): a bit is a command by itself.
+    pub(super) fn command_manufacturer(&mut self, bits: i64) {
+        if bits & 1 << 3 != 0 {
+            self.reset_fault();
+        }
+        if matches!(self.state, State::FaultReactionActive | State::Fault) {
+            return;
+        }
+        if bits & 1 << 0 != 0 {
+            self.transit(Command::DisableVoltage);
+        } else if bits & 1 << 2 != 0 {
+            self.transit(Command::QuickStop);
+        } else if bits & 1 << 1 != 0 {
+            if self.state == State::SwitchOnDisabled {
+                self.transit(Command::Shutdown);
+            }
+            self.transit(Command::EnableOperation);
+        }
+    }
+
+    fn transit(&mut self, command: Command) {
+        let to = match (command, self.state) {
+            (Command::Shutdown, State::SwitchOnDisabled) if !self.has_mains => return,
+            (Command::EnableOperation, State::QuickStopActive) if self.errors.active.is_some() => {
+                return;
+            }
+            (command, state) => commanded(state, command),
+        };
+        match (self.state, to) {
+            (_, None) => {}
+            (_, Some(State::QuickStopActive)) => {
+                self.enter(State::QuickStopActive);
+                self.quick_stop();
+            }
+            (State::QuickStopActive, Some(State::OperationEnabled)) => {
+                self.enter(State::OperationEnabled);
+                self.braking = false;
+            }
+            (_, Some(State::OperationEnabled)) => {
+                self.enter(State::SwitchedOn);
+                let enabled = self.now + self.policies.enable_time;
+                self.enable_at.get_or_insert(enabled);
+            }
+            (_, Some(to)) => self.enter(to),
+        }
+    }
+
+    /// Brakes with the quick stop ramp; the movement is over.
+    pub(super) fn quick_stop(&mut self) {
+        self.end_movement();
+        self.braking = true;
+        self.stop(self.settings.quick_stop);
+    }
+
+    /// A local unit takes control, or the fieldbus has it (again): free access is granted unless
+    /// 2060h keeps it for the fieldbus (566-589, 10944). A movement goes on.
+    pub(super) fn take_control(&mut self, remote: bool) {
+        let is_reserved = self.objects.value(0x2060, 0) == Some(1);
+        self.remote = remote || is_reserved;
+    }
+
+    /// Puts an enabled drive on the bus: somebody left it so.
+    pub(super) fn start_enabled(&mut self) {
+        self.controlword = Controlword::ENABLE_OPERATION;
+        self.enter(State::OperationEnabled);
+    }
+
+    /// Raises an error and reacts as its class says.
+    pub(super) fn raise(&mut self, error: DriveError) {
+        if error.class == ErrorClass::Warning {
+            self.errors.tell(error);
+            self.show_error(error);
+            return;
+        }
+        // The first error is the one to tell, unless a worse one follows.
+        let active = self.errors.active.map(|active| active.class);
+        if active.is_some_and(|active| active >= error.class) {
+            return;
+        }
+        self.errors.active = Some(error);
+        self.errors.tell(error);
+        self.show_error(error);
+        let is_powered = self.is_powered();
+        match error.class {
+            ErrorClass::QuickStop if is_powered => {
+                self.enter(State::QuickStopActive);
+                self.quick_stop();
+            }
+            ErrorClass::StopAndSwitchOff if is_powered => {
+                self.enter(State::FaultReactionActive);
+                self.quick_stop();
+            }
+            _ => self.enter(State::Fault),
+        }
+        self.movement_failed = true;
+    }
+
+    /// 603Fh and 2400h, whose order the manual does not state: the newest first.
+    fn show_error(&mut self, error: DriveError) {
+        self.objects.put(0x603F, 0, error.code.into());
+        for (place, &code) in self.errors.memory.iter().enumerate() {
+            self.objects.put(0x2400, place as u8 + 1, code.into());
+        }
+    }
+
+    /// T15, and out of a quick stop that an error made.
+    fn reset_fault(&mut self) {
+        let Some(error) = self.errors.active else {
+            return;
+        };
+        if error.class == ErrorClass::Fatal
+            || self.errors.cause_persists
+            || self.state == State::FaultReactionActive
+        {
+            return;
+        }
+        self.errors.active = None;
+        self.movement_failed = false;
+        self.latched_signals = 0;
+        if self.policies.emcy_on_reset {
+            self.errors.tell_reset();
+        }
+        if self.state == State::Fault {
+            self.enter(State::SwitchOnDisabled);
+        }
+    }
+
+    // ---- what it shows ----
+
+    /// 6041h (10.4 of the digest). Bit 10 is not shown in state 3, where the examples have 0040h
+    /// between two words with it (2847-2853).
+    pub(super) fn statusword(&self) -> Statusword {
+        let state = match (self.state, self.policies.fault) {
+            (State::NotReadyToSwitchOn, _) => 0x0000,
+            // Bit 5 is open there (2782); the examples have it clear.
+            (State::SwitchOnDisabled, _) => 0x0040,
+            (State::FaultReactionActive, _) | (State::Fault, FaultBits::AllFour) => 0x000F,
+            (State::Fault, FaultBits::OfProfile) => 0x0008,
+            (state, _) => state.bits(),
+        };
+        let remote = match self.policies.remote {
+            Bit9::ClearIsFieldbus => !self.remote,
+            Bit9::SetIsFieldbus => self.remote,
+        };
+        let reached = self.target_reached && self.state != State::SwitchOnDisabled;
+        let (bit_12, bit_13) = self.mode_bits();
+        let flags = [
+            // "Voltage switched off" (15115): clear in all examples of switching (D-04).
+            (!self.has_mains, Statusword::VOLTAGE_ENABLED),
+            (remote, Statusword::REMOTE),
+            (reached, Statusword::TARGET_REACHED),
+            (self.limit_signals() != 0, Statusword::INTERNAL_LIMIT),
+            (bit_12, Statusword::MODE_12),
+            (bit_13, Statusword::BIT_13),
+        ];
+        let flags = flags.iter().filter(|(set, _)| *set);
+        Statusword(flags.fold(state, |word, (_, bit)| word | bit))
+    }
+
+    /// 2041h (2877-2903).
+    pub(super) fn drive_status(&self) -> u16 {
+        let number = match self.state {
+            State::NotReadyToSwitchOn => 2,
+            State::SwitchOnDisabled => 3,
+            State::ReadyToSwitchOn => 4,
+            State::SwitchedOn => 5,
+            State::OperationEnabled => 6,
+            State::QuickStopActive => 7,
+            State::FaultReactionActive => 8,
+            State::Fault => 9,
+        };
+        let bit = |set: bool, bit: u16| if set { 1 << bit } else { 0 };
+        number
+            | bit(self.errors.active.is_some(), 5)
+            | bit(self.latched_signals != 0, 6)
+            | bit(self.target_reached, 13)
+            | bit(!self.is_moving(), 14)
+            | bit(self.movement_failed, 15)
+    }
+}
