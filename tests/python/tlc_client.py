@@ -83,6 +83,16 @@ def enable(node):
     ok("operation enabled")
 
 
+def home(node):
+    """Where it is becomes zero: absolute targets need a reference point."""
+    node.sdo[0x6060].raw = 6
+    node.sdo[0x6098].raw = 35
+    node.sdo[0x6040].raw = 0x1F
+    until("homing attained", lambda: word(node) & ACKNOWLEDGED)
+    node.sdo[0x6040].raw = 0x0F
+    ok("homed")
+
+
 def move(node):
     node.sdo[0x6060].raw = 1
     for index in (0x6083, 0x6084):
@@ -133,6 +143,7 @@ def main():
         bring_up(node)
         aborts(node)
         enable(node)
+        home(node)
         move(node)
         stream(network, node)
     finally:

@@ -192,6 +192,30 @@ fn two_drives_start_at_one_sync() {
     assert!(one > 0.5 && (one - two).abs() < 1e-3, "{one} {two}");
 }
 
+/// For an absolute target a reference point must be defined (3154).
+#[test]
+fn an_absolute_target_needs_a_reference_point() {
+    for absolute_without_reference in [false, true] {
+        let mut bench = with(Policies {
+            absolute_without_reference,
+            ..Policies::default()
+        });
+        for word in [0x06, 0x0F] {
+            bench.controlword(1, word);
+        }
+        set(&mut bench, 0x607A, 0, 1000).unwrap();
+        let from = bench.log.len();
+        bench.controlword(1, 0x5F);
+        let is_taken = status(&mut bench) & ACKNOWLEDGED != 0;
+        assert_eq!(is_taken, absolute_without_reference);
+        assert_eq!(bench.received(from, 0x081).is_empty(), is_taken);
+        // A relative one is taken anyway.
+        bench.controlword(1, 0x0F);
+        bench.controlword(1, 0x1F);
+        assert_ne!(status(&mut bench) & ACKNOWLEDGED, 0);
+    }
+}
+
 // ---- profile velocity ----
 
 #[test]
@@ -533,6 +557,7 @@ fn lists_and_teach_in() {
     set(&mut bench, 0x20BF, 0, 0).unwrap();
     set(&mut bench, 0x20B4, 0, 2).unwrap();
     set(&mut bench, 0x2090, 0, 0).unwrap();
+    until(&mut bench, 5, "place", |bench| position(bench) < 50_000);
     until(&mut bench, 5, "slow", |bench| {
         (rpm(bench) + 60.0).abs() < 2.0
     });

@@ -1,8 +1,8 @@
 //! The controller from the bus: network, states, signals, what is kept.
 
 use crate::common::tlc5xx::{
-    DEVICE_STATE, FAILED, INCOMPATIBLE, LOCAL_CONTROL, config, drive, enabled, is_at, of, position,
-    reach, set, status, switches, until, with,
+    DEVICE_STATE, FAILED, INCOMPATIBLE, INVALID, LOCAL_CONTROL, config, drive, enabled, is_at, of,
+    position, reach, set, status, switches, until, with,
 };
 use crate::common::{Bench, ms};
 use syncline_canopen::cia402::State;
@@ -455,4 +455,85 @@ fn save_restore_and_reset() {
     set(&mut bench, 0x2200, 10, 2).unwrap();
     let types: Vec<u32> = [9, 10, 64].map(|sub| bench.number(1, 0x2200, sub)).into();
     assert_eq!(types, [1, 2, 2]);
+}
+
+// ---- process data ----
+
+/// Types 0, 1 to 240 and 252 to 255 of a T_PDO (7703-7743), its inhibit time and event timer.
+#[test]
+fn transmission_types_and_times() {
+    let mut bench = of(config());
+    set(&mut bench, 0x1801, 1, 0x281).unwrap();
+    let mut answers = |kind: i32, changes: bool| {
+        bench.nmt(Command::EnterPreOperational, 1);
+        set(&mut bench, 0x1801, 2, kind).unwrap();
+        bench.nmt(Command::Start, 1);
+        bench.sync();
+        bench.wait(ms(2));
+        let from = bench.log.len();
+        for step in 0..6 {
+            if changes {
+                let word = [0x06, 0x00][step % 2];
+                bench.controlword(1, word);
+            }
+            bench.sync();
+            bench.wait(ms(2));
+        }
+        bench.received(from, 0x281).len()
+    };
+    for (kind, changes, expected) in [
+        (0, false, 0),
+        (0, true, 6),
+        (1, false, 6),
+        (2, false, 3),
+        (240, false, 0),
+        (252, true, 0),
+        (253, true, 0),
+        (254, true, 6),
+        (255, true, 6),
+        (255, false, 0),
+    ] {
+        assert_eq!(answers(kind, changes), expected, "type {kind}, {changes}");
+    }
+    for kind in [241, 251] {
+        assert_eq!(set(&mut bench, 0x1801, 2, kind), Err(INVALID), "{kind}");
+    }
+    // 253 is told when asked for (1310-1330).
+    set(&mut bench, 0x1801, 2, 253).unwrap();
+    assert_eq!(bench.remote(0x281).map(|data| data.len()), Some(6));
+    // Every 20 ms, and no more often than every 50 ms.
+    set(&mut bench, 0x1801, 2, 255).unwrap();
+    set(&mut bench, 0x1801, 5, 20).unwrap();
+    let counted = |bench: &mut Bench<Twin>| {
+        bench.wait(ms(100));
+        let from = bench.log.len();
+        bench.wait(ms(1000));
+        bench.received(from, 0x281).len()
+    };
+    assert!((49..=50).contains(&counted(&mut bench)));
+    set(&mut bench, 0x1801, 3, 500).unwrap();
+    assert!((19..=20).contains(&counted(&mut bench)));
+}
+
+/// A synchronous R_PDO takes effect at the SYNC after it, an asynchronous one at once (7720-7743).
+#[test]
+fn a_target_waits_for_sync_or_does_not() {
+    for (kind, waits) in [
+        (0, true),
+        (1, true),
+        (240, true),
+        (254, false),
+        (255, false),
+    ] {
+        let mut bench = of(config());
+        set(&mut bench, 0x1401, 1, 0x301).unwrap();
+        set(&mut bench, 0x1401, 2, kind).unwrap();
+        bench.nmt(Command::Start, 1);
+        bench.send(0x301, &[0, 0, 0x39, 0x05, 0, 0]);
+        bench.wait(ms(5));
+        assert_eq!(bench.read_i32(1, 0x607A, 0) == 0, waits, "type {kind}");
+        bench.sync();
+        bench.wait(ms(5));
+        assert_eq!(bench.read_i32(1, 0x607A, 0), 1337);
+    }
 }

@@ -128,6 +128,7 @@ impl Drive {
         }
         self.controlword = Controlword(0);
         self.zero = 0;
+        self.is_referenced = false;
         self.latched_signals = 0;
         self.movement_failed = false;
         self.begun = 0;

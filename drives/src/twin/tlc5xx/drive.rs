@@ -58,6 +58,8 @@ pub(super) struct Drive {
     pub(super) encoder: i64,
     /// Encoder reading at user position 0.
     pub(super) zero: i64,
+    /// Whether a reference point has been defined.
+    pub(super) is_referenced: bool,
     recent: [i64; VELOCITY_WINDOW],
     recent_place: usize,
     velocity: f64,
@@ -132,6 +134,7 @@ impl Drive {
             torque: 0.0,
             encoder,
             zero: 0,
+            is_referenced: false,
             recent: [encoder; VELOCITY_WINDOW],
             recent_place: 0,
             velocity: 0.0,
@@ -365,6 +368,7 @@ impl Drive {
     /// User position 0 is at `zero` increments from now on.
     pub(super) fn reference_at(&mut self, zero: f64) {
         self.zero = libm::round(zero) as i64;
+        self.is_referenced = true;
     }
 
     /// Position in increments from user position 0.

@@ -21,6 +21,9 @@ pub struct Policies {
     pub fault: FaultBits,
     /// What the position factor 6093h relates.
     pub position_factor: PositionFactor,
+    /// Whether an absolute target is taken before a reference point is defined, by homing or by
+    /// setting the position. The manual asks for one (3154) and prints no reaction: EMCY FF22h.
+    pub absolute_without_reference: bool,
     /// Time from the command to switch on until the power stage is on.
     pub enable_time: Duration,
     /// Whether COB-IDs and mappings can be changed in Operational, which the manual places in
@@ -75,6 +78,7 @@ impl Default for Policies {
             remote: Bit9::ClearIsFieldbus,
             fault: FaultBits::AllFour,
             position_factor: PositionFactor::RevolutionsPerUnit,
+            absolute_without_reference: false,
             enable_time: Duration::from_millis(4),
             parameters_in_operational: false,
             emcy_on_reset: false,

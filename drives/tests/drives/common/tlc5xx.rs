@@ -50,7 +50,7 @@ pub(crate) fn status(bench: &mut Bench<Twin>) -> u16 {
     bench.read_u16(1, 0x6041, 0)
 }
 
-/// In Operation Enabled with this mode, quick ramps.
+/// In Operation Enabled with this mode, at position 0, quick ramps.
 pub(crate) fn enabled(bench: &mut Bench<Twin>, mode: i8) {
     for word in [0x0006, 0x000F] {
         bench.controlword(1, word);
@@ -59,6 +59,12 @@ pub(crate) fn enabled(bench: &mut Bench<Twin>, mode: i8) {
     for index in [0x6083, 0x6084, 0x6085, 0x205E, 0x205F] {
         set(bench, index, 0, 6000).unwrap();
     }
+    // The position becomes 0: absolute targets need a reference point.
+    bench.write(1, 0x6060, 0, &[6]).unwrap();
+    set(bench, 0x6098, 0, 35).unwrap();
+    bench.controlword(1, 0x1F);
+    bench.controlword(1, 0x0F);
+    set(bench, 0x6098, 0, 18).unwrap();
     bench.write(1, 0x6060, 0, &[mode as u8]).unwrap();
     bench.wait(ms(2));
     assert_eq!(bench.read(1, 0x6061, 0).unwrap(), [mode as u8]);

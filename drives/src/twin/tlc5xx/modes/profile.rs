@@ -49,7 +49,9 @@ impl Drive {
             (false, None) => self.ramp.position,
         };
         let position = libm::round(base + target as f64 * self.settings.position);
-        if !self.is_permitted(position) {
+        let lacks_reference =
+            absolute && !self.is_referenced && !self.policies.absolute_without_reference;
+        if lacks_reference || !self.is_permitted(position) {
             self.raise(DriveError::INVALID_POSITION);
             return false;
         }
