@@ -98,6 +98,9 @@ fn time(axes: &[Axis], min_duration: f64, profiles: &mut [Profile]) -> Result<f6
 
 type Part = fn(&(State, State)) -> f64;
 
+/// What tells a direction, in this order: the displacement, or else any rate that there is.
+const PARTS: [Part; 5] = [|e| e.1.p, |e| e.0.v, |e| e.1.v, |e| e.0.a, |e| e.1.a];
+
 /// Relative difference of direction that is taken for rounding.
 const STRAIGHT: f64 = 1e-13;
 
@@ -139,28 +142,14 @@ fn line(axes: &[Axis], min_duration: f64, profiles: &mut [Profile]) -> Result<f6
     {
         return Err(PlanError::NotStraight);
     }
-    // The direction is that of the displacement, or else of any rate that there is.
-    let parts: [Part; 5] = [|e| e.1.p, |e| e.0.v, |e| e.1.v, |e| e.0.a, |e| e.1.a];
-    let mut lead = None;
-    for part in parts {
-        let longest =
-            (0..ends.len()).max_by(|&i, &k| part(&ends[i]).abs().total_cmp(&part(&ends[k]).abs()));
-        if let Some(i) = longest.filter(|&i| part(&ends[i]) != 0.0) {
-            for (d, end) in direction.iter_mut().zip(ends) {
-                *d = part(end) / part(&ends[i]);
-            }
-            lead = Some(i);
-            break;
-        }
-    }
-    let Some(lead) = lead else {
+    let Some(lead) = direct(ends, direction) else {
         for (axis, profile) in axes.iter().zip(profiles) {
             *profile = Profile::new(axis.start);
             profile.append(min_duration, 0.0);
         }
         return Ok(min_duration);
     };
-    for part in parts {
+    for part in PARTS {
         let along = part(&ends[lead]);
         for (d, end) in direction.iter().zip(ends) {
             if (part(end) - d * along).abs() > STRAIGHT * along.abs() {
@@ -168,6 +157,41 @@ fn line(axes: &[Axis], min_duration: f64, profiles: &mut [Profile]) -> Result<f6
             }
         }
     }
+    let projected = project(axes, direction, lead);
+    projected.check()?;
+    let route = Route::new(&projected);
+    let mut course = route.fastest()?;
+    if route.duration(&course) < min_duration {
+        course = route.no_shorter(min_duration)?;
+    }
+    for (((axis, profile), &d), end) in axes.iter().zip(profiles).zip(direction.iter()).zip(ends) {
+        let target = match axis.target {
+            Target::State(state) => Some(state),
+            Target::Velocity { .. } => None,
+        };
+        *profile = route.profile_along(&course, axis.start, end.1.p, d, target);
+    }
+    Ok(route.duration(&course))
+}
+
+/// Takes the direction from the start and target of every axis, by the axis that goes furthest, which leads;
+/// none where nothing moves.
+fn direct(ends: &[(State, State)], direction: &mut [f64]) -> Option<usize> {
+    for part in PARTS {
+        let longest =
+            (0..ends.len()).max_by(|&i, &k| part(&ends[i]).abs().total_cmp(&part(&ends[k]).abs()));
+        if let Some(i) = longest.filter(|&i| part(&ends[i]) != 0.0) {
+            for (d, end) in direction.iter_mut().zip(ends) {
+                *d = part(end) / part(&ends[i]);
+            }
+            return Some(i);
+        }
+    }
+    None
+}
+
+/// The problem of the leading axis, inside what the line leaves of all axes' limits.
+fn project(axes: &[Axis], direction: &[f64], lead: usize) -> Axis {
     let mut limits: Option<Limits> = None;
     for (axis, &d) in axes.iter().zip(direction.iter()) {
         if d != 0.0 {
@@ -189,7 +213,7 @@ fn line(axes: &[Axis], min_duration: f64, profiles: &mut [Profile]) -> Result<f6
     }
     let at = axes[lead].start.p;
     let bounded = axes.iter().any(|a| a.bounds.is_some());
-    let projected = Axis {
+    Axis {
         start: axes[lead].start,
         target: axes[lead].target,
         limits: limits.unwrap_or(axes[lead].limits),
@@ -197,19 +221,5 @@ fn line(axes: &[Axis], min_duration: f64, profiles: &mut [Profile]) -> Result<f6
             min: at + bounds.min,
             max: at + bounds.max,
         }),
-    };
-    projected.check()?;
-    let route = Route::new(&projected);
-    let mut course = route.fastest()?;
-    if route.duration(&course) < min_duration {
-        course = route.no_shorter(min_duration)?;
     }
-    for (((axis, profile), &d), end) in axes.iter().zip(profiles).zip(direction.iter()).zip(ends) {
-        let target = match axis.target {
-            Target::State(state) => Some(state),
-            Target::Velocity { .. } => None,
-        };
-        *profile = route.profile_along(&course, axis.start, end.1.p, d, target);
-    }
-    Ok(route.duration(&course))
 }

@@ -123,7 +123,7 @@ fn allowed_deviation(program: &Path) -> f64 {
     })
 }
 
-/// Neither an arc in place of facets nor a rounded joint leads beyond a soft limit that the program
+/// Neither an arc in place of short segments nor a rounded joint leads beyond a soft limit that the program
 /// just reaches; further inside both are there.
 #[test]
 fn the_path_stays_inside_the_soft_limits() {

@@ -581,11 +581,11 @@ fn a_stop_drops_what_is_not_committed() {
 fn act(
     items: &[PathItem<3>],
     start: [f64; 3],
-    mut person: impl FnMut(&mut Executor<3>) -> bool,
+    mut operator: impl FnMut(&mut Executor<3>) -> bool,
 ) -> Vec<Setpoint<3>> {
     let mut machine = Machine::new(LIMITS, items, start, PERIOD);
     let mut rows = vec![machine.executor.setpoint()];
-    while person(&mut machine.executor)
+    while operator(&mut machine.executor)
         && let Some(now) = machine.advance()
     {
         rows.push(now);

@@ -1,4 +1,4 @@
-//! How deep windows are shows neither in the motion time nor in how soon a person is answered.
+//! How deep windows are shows neither in the motion time nor in how soon an operator is answered.
 
 use std::mem::take;
 
@@ -53,7 +53,7 @@ fn the_depth_of_the_window_does_not_show() {
             .collect()
     };
     let zigzag = (0..12).map(|k| [4.0 * f64::from(k), 14.0 * f64::from(k % 2), 0.0]);
-    let facets = (0..3_000).map(|k| {
+    let short_segments = (0..3_000).map(|k| {
         let angle = 0.005 * f64::from(k);
         let radius = 10.0 + angle;
         [radius * libm::cos(angle), radius * libm::sin(angle), 0.0]
@@ -72,7 +72,7 @@ fn the_depth_of_the_window_does_not_show() {
     });
     for (curves, feed) in [
         (lines(zigzag.collect()), 300.0),
-        (lines(facets.collect()), 120.0),
+        (lines(short_segments.collect()), 120.0),
         (waves.collect(), 200.0),
     ] {
         let (once, windows) = time(&curves, feed, 1);
@@ -87,7 +87,7 @@ fn the_depth_of_the_window_does_not_show() {
     }
 }
 
-/// Executes a zigzag; at the given cycle a person changes nothing worth mentioning. Returns
+/// Executes a zigzag; at the given cycle an operator changes nothing worth mentioning. Returns
 /// how many cycles it took, and of how many jerk segments each window was from then on.
 fn execute(points: &[[f64; 3]], acts: u64) -> (u64, Vec<usize>) {
     let mut planner = Planner::new(LIMITS, points[0]);
