@@ -19,6 +19,7 @@ use std::sync::atomic::Ordering;
 use syncline_gcode::{self as gcode, Action, AxisSet, Interpreter, PathMode, Tables, TablesError};
 use syncline_trajectory::limits::PositionLimits;
 use syncline_trajectory::path::curve::ArcDefinition;
+use syncline_trajectory::path::segment_fitting::MoveEnd;
 use syncline_trajectory::path::{
     Command as PathCommand, Curve, CurveError, Feed, Limits, Move, PathControlMode, PathError,
     PathItem, Plane, Planner, ReplanRequest,
@@ -78,6 +79,9 @@ pub struct ProgramMove {
     pub curve: Curve<COORDINATES>,
     /// How far the path may leave it, mm.
     pub tolerance: f64,
+    /// Where it ends along the path, mm from the beginning, if that is in the midst of a curve: of one that
+    /// stands for many moves, or of a rounding.
+    pub end: Option<f64>,
 }
 
 /// What a program amounts to.
@@ -512,6 +516,7 @@ impl MoveSource {
                     line,
                     curve,
                     tolerance: ON_THE_PATH,
+                    end: None,
                 }))
             }
             Err(CurveError::NoLength) => Ok(None),
@@ -547,18 +552,25 @@ pub struct Feeder {
 }
 
 /// Takes the moves that come up in a program; [`Moves`] has them.
-pub struct Upcoming(Sender<ProgramMove>);
+pub struct Upcoming(Sender<Step>);
+
+/// What becomes known of a program.
+#[allow(clippy::large_enum_variant)] // most are moves
+enum Step {
+    Move(ProgramMove),
+    End(MoveEnd),
+}
 
 impl Upcoming {
-    fn tell(&self, motion: ProgramMove) {
+    fn tell(&self, step: Step) {
         // Nobody following is fine.
-        let _ = self.0.send(motion);
+        let _ = self.0.send(step);
     }
 }
 
 /// The moves of a running program that the machine has not passed yet.
 pub struct Moves {
-    coming: Receiver<ProgramMove>,
+    coming: Receiver<Step>,
     moves: VecDeque<ProgramMove>,
     /// Tag of the first of `moves`.
     first: u32,
@@ -653,6 +665,9 @@ impl Feeder {
             if let Some(switch) = self.switches.pop_front() {
                 return Ok(Some(Instruction::Switch(switch)));
             }
+            while let Some(end) = self.planner.move_end() {
+                self.upcoming.tell(Step::End(end));
+            }
             if let Some(command) = self.planner.pop() {
                 return Ok(Some(self.instruction(command)));
             }
@@ -696,7 +711,7 @@ impl Feeder {
                 tag: self.tag,
             });
             self.tag += 1;
-            self.upcoming.tell(motion);
+            self.upcoming.tell(Step::Move(motion));
             return self.push(command.span, item);
         }
         match &command.action {
@@ -835,7 +850,33 @@ impl Moves {
 
     /// Takes up what has come.
     pub fn take_up(&mut self) {
-        self.moves.extend(self.coming.try_iter());
+        for step in self.coming.try_iter() {
+            match step {
+                Step::Move(motion) => self.moves.push_back(motion),
+                Step::End(MoveEnd { tag, at }) => {
+                    let index = tag.checked_sub(self.first).map(|index| index as usize);
+                    if let Some(motion) = index.and_then(|index| self.moves.get_mut(index)) {
+                        motion.end = Some(at);
+                    }
+                }
+            }
+        }
+    }
+
+    /// The tag of the move at work where the path has come to `distance` under the `tag` of a setpoint: a
+    /// curve that stands for many moves has the last one's, a rounding that of the move before it.
+    #[must_use]
+    pub fn at(&self, mut tag: u32, distance: f64) -> u32 {
+        let end = |of: u32| self.motion(of)?.end;
+        while let Some(before) = tag.checked_sub(1)
+            && end(before).is_some_and(|end| end > distance)
+        {
+            tag = before;
+        }
+        while end(tag).is_some_and(|end| end <= distance) && self.motion(tag + 1).is_some() {
+            tag += 1;
+        }
+        tag
     }
 
     /// The move behind a setpoint's tag, unless it was forgotten.

@@ -46,7 +46,7 @@ impl Deviation {
             what: "path_deviation".to_owned(),
             axis: None,
             time,
-            line: motion.line,
+            line: observed.line,
             value: deviation,
             limit: motion.tolerance,
             unit: "mm",

@@ -6,23 +6,22 @@ use crate::observe::deviation::AHEAD;
 use crate::program::Moves;
 use std::ops::RangeInclusive;
 
-/// Moves kept behind the setpoint's: the tool follows later than the setpoint.
-const BEHIND: u32 = AHEAD;
-/// Stretches of the plan kept behind the setpoint's, for the same reason. Many short moves may be
-/// one stretch, under the tag of the last.
-const STRETCHES: usize = 3;
+/// The tool follows later than the setpoint: it may be on what that was on so many rows before …
+const ROWS_BEHIND: usize = 8;
+/// … and on so many moves before that.
+const MOVES_BEHIND: u32 = AHEAD;
+/// Moves that are kept behind the setpoint's: the path may go back along them.
+const KEPT: u32 = 4096;
 
 /// A program that runs.
 pub(super) struct Job {
     pub(super) moves: Moves,
-    /// The program's line.
+    /// The line of the block at work.
     pub(super) line: u32,
     /// Tags of the moves that setpoint and tool may be on; `None` off the path.
     pub(super) tags: Option<RangeInclusive<u32>>,
-    /// The move of the last row.
-    last: u32,
-    /// Of the last stretches, the newest first.
-    stretches: [u32; STRETCHES],
+    /// Of the moves at the last rows, the newest first.
+    last: [u32; ROWS_BEHIND],
 }
 
 impl Job {
@@ -32,8 +31,7 @@ impl Job {
             moves,
             line: 0,
             tags: None,
-            last: 0,
-            stretches: [0; STRETCHES],
+            last: [0; ROWS_BEHIND],
         }
     }
 
@@ -44,19 +42,16 @@ impl Job {
         if row.plan.off_path {
             return;
         }
-        let tag = row.plan.tag;
-        if self.last != tag {
-            self.last = tag;
-            self.stretches.rotate_right(1);
-            self.stretches[0] = tag;
-        }
-        let last = self.stretches.iter().fold(tag, |last, &of| last.max(of));
-        let first = self.stretches.iter().fold(tag, |first, &of| first.min(of));
-        let first = first.min(tag.saturating_sub(BEHIND));
-        self.moves.passed(first);
+        let tag = self.moves.at(row.plan.tag, row.plan.distance);
+        self.last.rotate_right(1);
+        self.last[0] = tag;
+        self.moves.passed(tag.saturating_sub(KEPT));
         if let Some(motion) = self.moves.motion(tag) {
             self.line = motion.line;
-            self.tags = Some(first..=last);
+            let (first, last) = self.last.iter().fold((tag, tag), |(first, last), &of| {
+                (first.min(of), last.max(of))
+            });
+            self.tags = Some(first.saturating_sub(MOVES_BEHIND)..=last);
         }
     }
 }

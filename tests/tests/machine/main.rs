@@ -14,6 +14,7 @@ mod fits;
 mod heard;
 mod jogs;
 mod judge;
+mod lines;
 mod operator;
 mod pages;
 mod programs;

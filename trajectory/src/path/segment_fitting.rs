@@ -56,14 +56,25 @@ pub struct ShortSegments<const N: usize> {
 }
 
 /// What curves stand for.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub struct Part<const N: usize> {
     /// The curve, with the feed, the mode and the tag of the last move.
     pub motion: Move<N>,
+    /// Where on it the moves before the last one end.
+    pub ends: Vec<MoveEnd>,
     /// How far it strays from the moves, at most, mm.
     pub deviation: f64,
     /// It goes on from the one before with tangent and curvature.
     pub goes_on: bool,
+}
+
+/// Where a move ends in the midst of a curve.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MoveEnd {
+    /// [`Move::tag`]
+    pub tag: u32,
+    /// Path length from the beginning of what it lies on, mm.
+    pub at: f64,
 }
 
 /// A point of the curve: derivatives by the length of the short segments.
@@ -212,6 +223,7 @@ impl<const N: usize> ShortSegments<N> {
         deviation: f64,
         end: Option<Knot<N>>,
     ) -> Part<N> {
+        let ends = self.ends(&curve, lines);
         self.points.drain(..lines);
         self.line = match end {
             None if self.points.len() > 1 => line(&self.points, self.within()),
@@ -225,9 +237,38 @@ impl<const N: usize> ShortSegments<N> {
                 tag: self.points[0].1,
                 ..self.last
             },
+            ends,
             deviation,
             goes_on,
         }
+    }
+
+    /// Where the first of so many short segments end on the curve that stands for them, but for the last. On
+    /// a line that is beside them, on a polynomial where it was measured against them: its parameter is
+    /// their length.
+    fn ends(&self, curve: &Curve<N>, lines: usize) -> Vec<MoveEnd> {
+        let points = &self.points[..=lines];
+        let way = |a: &[f64; N], b: &[f64; N]| -> f64 {
+            let squares = (0..N.min(3)).map(|i| (b[i] - a[i]) * (b[i] - a[i]));
+            squares.sum::<f64>().sqrt()
+        };
+        let whole: f64 = points
+            .windows(2)
+            .map(|pair| way(&pair[0].0, &pair[1].0))
+            .sum();
+        let mut done = 0.0;
+        let place = |(k, (point, _)): (usize, &([f64; N], u32))| {
+            done += way(&points[k].0, point);
+            match curve {
+                Curve::Poly(poly) => poly.length_to(done / whole),
+                _ => along(&points[0].0, &curve.at(0.0).d1, point).clamp(0.0, curve.length()),
+            }
+        };
+        let places: Vec<f64> = points[1..lines].iter().enumerate().map(place).collect();
+        let moves = points[1..lines].iter().zip(places);
+        moves
+            .map(|((_, tag), at)| MoveEnd { tag: *tag, at })
+            .collect()
     }
 
     /// The polynomial that goes on from the knot and is the best for that many short segments: for all of them,
@@ -389,21 +430,28 @@ fn merged_within(mode: PathControlMode) -> Option<f64> {
     }
 }
 
+/// How far along a line a point is beside it, by the tool's axes.
+fn along<const N: usize>(start: &[f64; N], direction: &[f64; N], point: &[f64; N]) -> f64 {
+    let tool = 0..N.min(3);
+    let scale: f64 = tool.clone().map(|i| direction[i] * direction[i]).sum();
+    tool.map(|i| (point[i] - start[i]) * direction[i])
+        .sum::<f64>()
+        / scale
+}
+
 /// The line from the first to the last point and how far the others are from it, if that is
 /// `within` and they follow one another along it.
 fn line<const N: usize>(points: &[([f64; N], u32)], within: f64) -> Option<(Curve<N>, f64)> {
     let (start, end) = (points[0].0, points[points.len() - 1].0);
     let curve = Curve::line(start, end).ok()?;
-    let along = curve.direction()?;
-    let tool = N.min(3);
-    let scale: f64 = along[..tool].iter().map(|d| d * d).sum();
+    let direction = curve.direction()?;
     let mut worst = 0.0_f64;
     let mut before = 0.0;
     for (p, _) in &points[1..points.len() - 1] {
-        let s = (0..tool).map(|i| (p[i] - start[i]) * along[i]).sum::<f64>() / scale;
+        let s = along(&start, &direction, p);
         let off: f64 = (0..N)
             .map(|i| {
-                let d = p[i] - start[i] - s * along[i];
+                let d = p[i] - start[i] - s * direction[i];
                 d * d
             })
             .sum();

@@ -215,7 +215,8 @@ impl<const N: usize> Poly<N> {
             .sum::<f64>()
     }
 
-    pub(super) fn length_to(&self, u: f64) -> f64 {
+    /// The path length at a parameter.
+    pub(in crate::path) fn length_to(&self, u: f64) -> f64 {
         let part = (1..PARTS).find(|&k| u < self.knots[k]).unwrap_or(PARTS) - 1;
         self.lengths[part] + self.length_between(self.knots[part], u)
     }

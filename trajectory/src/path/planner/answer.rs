@@ -5,6 +5,8 @@
 //! from there. Where nothing is found from that state the answer is a plan that is too late: the
 //! executor follows its old one, which ends at rest, and asks again from another state.
 
+use std::collections::VecDeque;
+
 use super::{
     ANSWER_HALVINGS, Account, Cursor, MOST_FOLLOWED, NOTHING, Planner, RETRACE, Retrace, Section,
 };
@@ -244,20 +246,29 @@ impl<const N: usize> Planner<N> {
         let end = section.path_segments[last].start + section.path_segments[last].curve.length();
         let mut section_back = Section {
             path_segments: Vec::new(),
+            ends: VecDeque::new(),
             origin: section.origin + end,
             length: 0.0,
             closed: true,
         };
-        let tag = section.path_segments[last].tag;
-        for path_segment in section.path_segments[..=last]
-            .iter()
-            .rev()
-            .take_while(|s| s.tag == tag)
+        let begin = section.move_start(from);
+        let path_segments = section.path_segments[..=last].iter().rev();
+        for path_segment in
+            path_segments.take_while(|s| s.start + s.curve.length() > begin + NOTHING)
         {
-            section_back.push(PathSegment {
-                curve: path_segment.curve.reversed(),
-                ..*path_segment
-            });
+            let passed = begin - path_segment.start;
+            let curve = match path_segment.curve.length() {
+                // The move begins in the midst of a curve that stands for several.
+                length if passed > NOTHING => path_segment.curve.part(passed, length),
+                _ => path_segment.curve,
+            };
+            section_back.push(
+                PathSegment {
+                    curve: curve.reversed(),
+                    ..*path_segment
+                },
+                &[],
+            );
         }
         number += 1;
         self.retraces.push(Retrace {

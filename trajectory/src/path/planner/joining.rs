@@ -2,10 +2,12 @@
 //! neither.
 
 use super::{NOTHING, PathError, Pending, PlanItem, Planner, Section, asked_speed};
+use std::collections::VecDeque;
+
 use crate::limits::PositionLimits;
 use crate::path::blend::{Blend, blend};
 use crate::path::bounds::crawling_time;
-use crate::path::segment_fitting::{Part, ShortSegments};
+use crate::path::segment_fitting::{MoveEnd, Part, ShortSegments};
 use crate::path::{Curve, Limits, Move, Overrides, PathSegment};
 
 /// Gaps up to this are rounding of the caller's, mm.
@@ -54,6 +56,7 @@ impl<const N: usize> Planner<N> {
         if self.short_segments.is_none() {
             self.join(Part {
                 motion,
+                ends: Vec::new(),
                 deviation: 0.0,
                 goes_on: false,
             });
@@ -84,6 +87,7 @@ impl<const N: usize> Planner<N> {
     fn join(&mut self, part: Part<N>) {
         let Part {
             motion,
+            ends: part_ends,
             deviation,
             goes_on,
         } = part;
@@ -93,10 +97,13 @@ impl<const N: usize> Planner<N> {
             motion: before,
             waypoints,
             ..
-        }) = self.pending
+        }) = &self.pending
         {
+            let (before, waypoints) = (*before, *waypoints);
             match before.mode.rounding() {
-                Some(_) if goes_on || smooth(&before.curve, &motion.curve) => self.lay_pending(0.0),
+                Some(_) if goes_on || smooth(&before.curve, &motion.curve) => {
+                    self.lay_pending(0.0);
+                }
                 Some(rounding) => {
                     let deviation = deviation.max(self.deviation);
                     let left = rounding.min(before.mode.tolerance() - deviation);
@@ -107,9 +114,13 @@ impl<const N: usize> Planner<N> {
                         })
                     });
                     if let Some(Blend { curve, cut }) = rounded {
-                        self.lay_pending(cut);
+                        // The rounding takes as much of either side.
+                        let scale = curve.length() / (2.0 * cut);
+                        let mut ends = self.lay_pending(cut);
+                        ends.iter_mut().for_each(|end| end.at *= scale);
                         let feed = before.feed.speed().min(feed);
-                        self.lay(curve, feed, before.tag, waypoints);
+                        self.lay(curve, feed, before.tag, waypoints, &ends);
+                        self.tell_ends_in_rounding(before.tag, curve.length(), cut, &part_ends);
                         taken = cut;
                     } else {
                         self.rest_here();
@@ -120,40 +131,77 @@ impl<const N: usize> Planner<N> {
         }
         self.pending = Some(Pending {
             motion,
+            ends: part_ends,
             taken,
             waypoints: self.waypoints,
         });
         self.deviation = deviation;
     }
 
-    /// Lays the pending move but for the last `cut` of it.
-    fn lay_pending(&mut self, cut: f64) {
-        let pending = self.pending.take();
-        if let Some(Pending {
+    /// Lays the pending move but for the last `cut` of it. Which moves end in that, from where it begins.
+    fn lay_pending(&mut self, cut: f64) -> Vec<MoveEnd> {
+        let Some(Pending {
             motion,
+            ends,
             taken,
             waypoints,
-        }) = pending
-        {
-            let length = motion.curve.length();
-            // Where blends have taken both halves nothing is left.
-            if length - taken - cut > NOTHING * length {
-                let whole = taken == 0.0 && cut == 0.0;
-                let curve = if whole {
-                    motion.curve
-                } else {
-                    motion.curve.part(taken, length - cut)
-                };
-                self.lay(curve, motion.feed.speed(), motion.tag, waypoints);
-            }
+        }) = self.pending.take()
+        else {
+            return Vec::new();
+        };
+        let length = motion.curve.length();
+        let left = length - taken - cut;
+        // Where blends have taken both halves nothing is left.
+        let some = left > NOTHING * length;
+        let mut laid = ends;
+        // The others end in the rounding before it.
+        laid.retain(|end| end.at > taken);
+        laid.iter_mut().for_each(|end| end.at -= taken);
+        let first = laid.partition_point(|end| cut == 0.0 || some && end.at <= left);
+        let mut in_cut = laid.split_off(first);
+        for end in &mut in_cut {
+            end.at = (end.at - left).max(0.0);
         }
+        if some {
+            let whole = taken == 0.0 && cut == 0.0;
+            let curve = if whole {
+                motion.curve
+            } else {
+                motion.curve.part(taken, length - cut)
+            };
+            self.lay(curve, motion.feed.speed(), motion.tag, waypoints, &laid);
+        }
+        in_cut
     }
 
-    /// The section goes on with `curve`; if there is none, one begins.
-    fn lay(&mut self, curve: Curve<N>, feed: f64, tag: u32, waypoints: u32) {
+    /// Tells that the move before a rounding of that length, which was laid last, ends in the middle of it, and
+    /// which of those behind it end in the `cut` that it took of them.
+    fn tell_ends_in_rounding(&mut self, before: u32, length: f64, cut: f64, behind: &[MoveEnd]) {
+        let half = 0.5 * length;
+        let middle = MoveEnd {
+            tag: before,
+            at: half,
+        };
+        let behind = behind.iter().take_while(|end| end.at <= cut);
+        let behind = behind.map(|end| MoveEnd {
+            at: half + end.at * half / cut,
+            ..*end
+        });
+        let start = self.length - length;
+        let told = [middle].into_iter().chain(behind);
+        self.move_ends.extend(told.map(|end| MoveEnd {
+            at: start + end.at,
+            ..end
+        }));
+    }
+
+    /// The section goes on with `curve`, on which other moves end before that with the tag; if there is
+    /// none, one begins.
+    fn lay(&mut self, curve: Curve<N>, feed: f64, tag: u32, waypoints: u32, ends: &[MoveEnd]) {
         if !matches!(self.items.back(), Some(PlanItem::Section(section)) if !section.closed) {
             self.items.push_back(PlanItem::Section(Section {
                 path_segments: Vec::new(),
+                ends: VecDeque::new(),
                 origin: self.length,
                 length: 0.0,
                 closed: false,
@@ -172,7 +220,13 @@ impl<const N: usize> Planner<N> {
             path_segment.speed = asked_speed(&path_segment, self.overrides, &self.limits);
         }
         if let Some(PlanItem::Section(section)) = self.items.back_mut() {
-            section.push(path_segment);
+            let (origin, from) = (section.origin, section.length);
+            let told = ends.iter().map(|end| MoveEnd {
+                at: origin + from + end.at,
+                ..*end
+            });
+            self.move_ends.extend(told);
+            section.push(path_segment, ends);
             self.length = section.origin + section.length;
             self.kept += 1;
         }

@@ -39,7 +39,7 @@ use thiserror::Error;
 
 use super::brake::MOST_SEGMENTS;
 use super::plan::Plan;
-use super::segment_fitting::ShortSegments;
+use super::segment_fitting::{MoveEnd, ShortSegments};
 use super::window::{Effort, MOST_CELLS, MOST_WORK, TOO_MANY_CELLS, Window};
 use super::{Command, JerkSegment, Limits, Move, Overrides, PathItem, PathSegment, PathState};
 use crate::limits::PositionLimits;
@@ -94,6 +94,8 @@ pub struct Planner<const N: usize> {
     placed: u32,
     /// Path length of all sections.
     length: f64,
+    /// Of moves that end in the midst of a curve, and are not told yet: where along the path.
+    move_ends: VecDeque<MoveEnd>,
     cursor: Cursor,
     account: Account,
     window: Window<N>,
@@ -123,9 +125,11 @@ enum PlanItem<const N: usize> {
 }
 
 /// The last move, until what comes next tells how it is left.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 struct Pending<const N: usize> {
     motion: Move<N>,
+    /// Where on it the moves end that became one with it.
+    ends: Vec<MoveEnd>,
     /// How much of its start a blend took, mm.
     taken: f64,
     /// Waypoints before it.
@@ -232,6 +236,7 @@ impl<const N: usize> Planner<N> {
             waypoints: 0,
             placed: 0,
             length: 0.0,
+            move_ends: VecDeque::new(),
             cursor: Cursor::default(),
             account: Account::default(),
             window: Window::default(),
@@ -293,6 +298,15 @@ impl<const N: usize> Planner<N> {
         if self.pending.is_none() {
             self.place_waypoints();
         }
+    }
+
+    /// The next move that ends in the midst of a curve, of one that stands for many or of a rounding: where,
+    /// by [`Setpoint::distance`]. A setpoint on it has the tag of another one of its moves, so that this
+    /// tells which of them it is on. It is known before the [`pop`](Self::pop) that hands over that curve.
+    ///
+    /// [`Setpoint::distance`]: super::Setpoint::distance
+    pub fn move_end(&mut self) -> Option<MoveEnd> {
+        self.move_ends.pop_front()
     }
 
     /// What planning took so far.

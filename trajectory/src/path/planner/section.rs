@@ -1,7 +1,10 @@
 //! A stretch of path without a stop, and how far a window on it may go.
 
+use std::collections::VecDeque;
+
 use super::{KEPT, NOTHING};
 use crate::path::bounds::crawling_time;
+use crate::path::segment_fitting::MoveEnd;
 use crate::path::window::room_to_stop;
 use crate::path::{Limits, PathSegment, PathState};
 
@@ -17,12 +20,16 @@ const WORTH_A_WINDOW: f64 = 1.25;
 /// Part of the room to stop in which the path is likely to come to rest; if it does not, the block's end is
 /// not where it rests.
 const LIKELY: f64 = 0.8;
+/// Ends of moves nearer to each other than this, mm, are one: rounding of lengths.
+const SAME_END: f64 = 1e-7;
 
 /// Path without a stop.
 #[derive(Debug, Clone)]
 pub(super) struct Section<const N: usize> {
     /// Those not forgotten yet.
     pub(super) path_segments: Vec<PathSegment<N>>,
+    /// Where on the section the moves of those end, in order; the last one's may still be further on.
+    pub(super) ends: VecDeque<MoveEnd>,
     /// Path length from the beginning of everything.
     pub(super) origin: f64,
     pub(super) length: f64,
@@ -31,12 +38,47 @@ pub(super) struct Section<const N: usize> {
 }
 
 impl<const N: usize> Section<N> {
-    pub(super) fn push(&mut self, path_segment: PathSegment<N>) {
+    /// Goes on with a path segment; on it other moves end, at these distances from its start, before the one with its
+    /// tag.
+    pub(super) fn push(&mut self, path_segment: PathSegment<N>, ends: &[MoveEnd]) {
+        let start = self.length;
         self.path_segments.push(PathSegment {
-            start: self.length,
+            start,
             ..path_segment
         });
         self.length += path_segment.curve.length();
+        let at = |end: &MoveEnd| MoveEnd {
+            at: start + end.at,
+            ..*end
+        };
+        self.ends.extend(ends.iter().map(at));
+        if self
+            .ends
+            .back()
+            .is_some_and(|end| end.tag == path_segment.tag)
+        {
+            self.ends.pop_back();
+        }
+        self.ends.push_back(MoveEnd {
+            tag: path_segment.tag,
+            at: self.length,
+        });
+    }
+
+    /// Where the move begins in which the path is that has come to `distance`, or ended.
+    pub(super) fn move_start(&self, distance: f64) -> f64 {
+        let ended = self
+            .ends
+            .partition_point(|end| end.at < distance - SAME_END);
+        let before = ended.checked_sub(1).and_then(|last| self.ends.get(last));
+        before.map_or(self.known_from(), |end| end.at)
+    }
+
+    /// Where the path segments begin that are not forgotten.
+    fn known_from(&self) -> f64 {
+        self.path_segments
+            .first()
+            .map_or(0.0, |path_segment| path_segment.start)
     }
 
     /// Forgets what is long passed at `distance`; returns how many path segments.
@@ -47,6 +89,9 @@ impl<const N: usize> Section<N> {
             return 0;
         }
         self.path_segments.drain(..surplus);
+        let from = self.known_from();
+        let ended = self.ends.partition_point(|end| end.at <= from);
+        self.ends.drain(..ended);
         surplus
     }
 
@@ -141,22 +186,14 @@ fn top_speed<const N: usize>(path_segment: &PathSegment<N>, limits: &Limits<N>) 
 /// The end of the block that is under way at `from`, or of the first one where it is likely that
 /// the path can rest from there.
 pub(super) fn block_end<const N: usize>(
+    section: &Section<N>,
     path_segments: &[PathSegment<N>],
-    closed: bool,
     from: PathState,
     limits: &Limits<N>,
 ) -> f64 {
-    let room = room_to_stop(path_segments, limits, from);
-    let last = path_segments.len() - 1;
-    (0..=last)
-        .filter(|&k| {
-            if k < last {
-                path_segments[k + 1].tag != path_segments[k].tag
-            } else {
-                closed
-            }
-        })
-        .map(|k| path_segments[k].start + path_segments[k].curve.length())
-        .find(|end| end - from.distance >= LIKELY * room)
-        .unwrap_or(f64::INFINITY)
+    let room = (LIKELY * room_to_stop(path_segments, limits, from)).max(NOTHING);
+    let known = (section.ends.len()).saturating_sub(usize::from(!section.closed));
+    let first = (section.ends).partition_point(|end| end.at - from.distance < room);
+    let end = section.ends.iter().take(known).nth(first);
+    end.map_or(f64::INFINITY, |end| end.at)
 }

@@ -107,8 +107,11 @@ impl<const N: usize> Task<'_, N> {
     ) -> Option<&'static [Strategy]> {
         let no_speed = self.path_segments.iter().find(|s| s.speed <= 0.0);
         self.stop = no_speed.map_or(f64::INFINITY, |s| s.start);
+        let one_block = blocks != Blocks::Single
+            || block_end(section, self.path_segments, self.from, self.limits) >= section.length;
         let straight = self.path_segments.len() == 1
             && section.closed
+            && one_block
             && no_speed.is_none()
             && self.path_segments[0].curve.direction().is_some()
             && (window.straight(&self.path_segments[0], self.limits, self.departure)).is_ok();
@@ -117,7 +120,7 @@ impl<const N: usize> Task<'_, N> {
         }
         self.stop = self.stop.min(match blocks {
             Blocks::Backward => section.length,
-            Blocks::Single => block_end(self.path_segments, section.closed, self.from, self.limits),
+            Blocks::Single => block_end(section, self.path_segments, self.from, self.limits),
             Blocks::All => f64::INFINITY,
         });
         Some(if straight {
