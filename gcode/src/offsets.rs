@@ -10,6 +10,9 @@ use super::modal::{Code, Group};
 use super::motion::RADIUS_LIMIT;
 use super::words::{Words, out_of_range};
 
+/// What is measured is known to this part of a mm or degree.
+const MEASURED: f64 = 1e3;
+
 impl State {
     /// What lies between program and machine coordinates.
     pub(crate) fn offset(&self, axis: Axis) -> f64 {
@@ -87,11 +90,11 @@ impl State {
             Code::G(100) => self.set_table(words, code),
             Code::G(280 | 300) => self.go_to_reference(words, code, commands),
             Code::G(281) => {
-                self.setup.tables.g28 = self.at;
+                self.setup.tables.g28 = self.noted();
                 Ok(())
             }
             Code::G(301) => {
-                self.setup.tables.g30 = self.at;
+                self.setup.tables.g30 = self.noted();
                 Ok(())
             }
             Code::G(520 | 920) => self.shift(words, code),
@@ -122,12 +125,24 @@ impl State {
                     value
                 } else {
                     let work = self.setup.tables.work_offsets[self.modes.work_offset][axis];
-                    self.at[axis] - work - self.tool_offset[axis] - value
+                    self.noted()[axis] - work - self.tool_offset[axis] - value
                 };
                 self.setup.tables.g92[axis] = shift;
             }
         }
         Ok(())
+    }
+
+    /// The position as tables note it. An axis that no move has led away from where it stood at the start was
+    /// measured there: what is below a micrometre is its encoder's noise.
+    fn noted(&self) -> Point {
+        let mut noted = self.at;
+        for axis in self.setup.axes.iter() {
+            if noted[axis] == self.setup.start[axis] {
+                noted[axis] = (noted[axis] * MEASURED).round() / MEASURED;
+            }
+        }
+        noted
     }
 
     /// G10
@@ -155,7 +170,7 @@ impl State {
                         let others = self.offset(axis) - work;
                         self.setup.tables.work_offsets[index][axis] = match kind {
                             2 => value,
-                            _ => self.at[axis] - others - value,
+                            _ => self.noted()[axis] - others - value,
                         };
                     }
                 }
@@ -177,8 +192,11 @@ impl State {
                     if let Some(value) = self.coordinate(words, axis, code)? {
                         tool.offset[axis] = match kind {
                             1 => value,
-                            10 => self.at[axis] - self.origin(axis) - value,
-                            _ => self.at[axis] - self.setup.tables.work_offsets[8][axis] - value,
+                            10 => self.noted()[axis] - self.origin(axis) - value,
+                            _ => {
+                                let work = self.setup.tables.work_offsets[8][axis];
+                                self.noted()[axis] - work - value
+                            }
                         };
                     }
                 }

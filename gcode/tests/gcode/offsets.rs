@@ -310,3 +310,30 @@ fn the_interpreter_keeps_what_the_program_sets() {
     assert_eq!(program.tables().work_offsets[2][Axis::X], 5.0);
     assert_eq!(program.tables().g28[Axis::X], 101.0);
 }
+
+/// Where an axis was measured at the start, what tables take of it is no noise; where a move has led it, they
+/// take what was programmed.
+#[test]
+fn no_encoder_noise_comes_into_the_tables() {
+    let noisy = || {
+        let mut setup = xyz();
+        setup.start = Point::xyz(10.000_153, -0.200_21, 4.999_9);
+        setup
+    };
+    for (program, work, reference) in [
+        ("G10 L20 P1 X0 Y0 Z0", [10.0, -0.2, 5.0], 0.0),
+        (
+            "G0 X1.23456\nG10 L20 P1 X0 Y0 Z0",
+            [1.23456, -0.2, 5.0],
+            0.0,
+        ),
+        ("G28.1", [0.0; 3], 10.0),
+        ("G10 L2 P1 X0.00015", [0.00015, 0.0, 0.0], 0.0),
+    ] {
+        let mut interpreter = Interpreter::from_text("p.ngc", program, noisy());
+        while interpreter.next().is_some() {}
+        let tables = interpreter.tables();
+        assert_eq!(tables.work_offsets[0].0[..3], work, "{program}");
+        assert_eq!(tables.g28[Axis::X], reference, "{program}");
+    }
+}
