@@ -507,7 +507,7 @@ fn html(what: &str, facts: &[(String, String)], distributions: &[timing::Distrib
     Report {
         machine: what.into(),
         mode: host.trim().into(),
-        passed: true,
+        verdict: "pass",
         outcome: "measured".into(),
         facts: facts.to_vec(),
         distributions: distributions.to_vec(),

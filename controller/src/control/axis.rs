@@ -26,35 +26,6 @@ pub(super) struct AxisControl {
     sides: Vec<Side>,
     /// Planned positions by cycle, newest at `cycle % HISTORY`, mm.
     planned: [f64; HISTORY],
-    /// Statistics since the last [`AxisControl::freeze`].
-    pub(super) following: Following,
-}
-
-/// Following error over a run, mm.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Following {
-    /// Greatest absolute value.
-    pub max: f64,
-    sum_of_squares: f64,
-    samples: u64,
-}
-
-impl Following {
-    fn record(&mut self, error: f64) {
-        self.max = self.max.max(error.abs());
-        self.sum_of_squares += error * error;
-        self.samples += 1;
-    }
-
-    /// Root of the mean square.
-    #[must_use]
-    pub fn rms(&self) -> f64 {
-        if self.samples == 0 {
-            0.0
-        } else {
-            (self.sum_of_squares / self.samples as f64).sqrt()
-        }
-    }
 }
 
 /// What an axis did at one SYNC.
@@ -75,7 +46,6 @@ impl AxisControl {
             sides: vec![Side::default(); spec.drives.len()],
             spec,
             planned: [0.0; HISTORY],
-            following: Following::default(),
         }
     }
 
@@ -129,7 +99,6 @@ impl AxisControl {
             side.offset = node.setpoint.position - planned;
         }
         self.planned = [position; HISTORY];
-        self.following = Following::default();
         Ok(position)
     }
 
@@ -212,14 +181,13 @@ impl AxisControl {
         Ok(())
     }
 
-    /// Checks a sample while the setpoint moves, and counts it.
+    /// Checks a sample while the setpoint moves.
     pub(super) fn check_motion(
-        &mut self,
+        &self,
         sample: &AxisSample,
         nodes: &[DriveNode],
     ) -> Result<(), Fault> {
         let axis = self.index;
-        self.following.record(sample.following_error);
         if sample.following_error.abs() > self.spec.limits.following_error {
             let error = sample.following_error;
             return Err(Fault::Axis(axis, AxisCause::FollowingError { error }));

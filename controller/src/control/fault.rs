@@ -313,6 +313,25 @@ pub trait Names {
 }
 
 impl Fault {
+    /// Of a fault that is a value beyond a limit: both, and their unit.
+    #[must_use]
+    pub fn excess(&self, names: &impl Names) -> Option<(f64, f64, &'static str)> {
+        let Self::Axis(axis, cause) = *self else {
+            return None;
+        };
+        let AxisSpec { limits, unit, .. } = names.axis(axis);
+        let (value, limit) = match cause {
+            AxisCause::FollowingError { error } => (error.abs(), limits.following_error),
+            AxisCause::Skew { difference } => (difference, limits.skew?),
+            AxisCause::Standstill { distance } => (distance, limits.standstill),
+            AxisCause::OutsideSoftLimits { position } => {
+                let (min, max) = limits.position;
+                (position, if position < min { min } else { max })
+            }
+        };
+        Some((value, limit, unit))
+    }
+
     /// What happened, to whom, and what to do next, in words.
     #[must_use]
     pub fn describe(&self, names: &impl Names) -> String {

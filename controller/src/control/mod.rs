@@ -34,7 +34,7 @@ pub mod state;
 #[cfg(test)]
 mod tests;
 
-pub use axis::{AxisSample, Following};
+pub use axis::AxisSample;
 pub use event::{Event, Pause, Phase};
 pub use fault::Fault;
 pub use functions::{MachineFunctions, Switch};
@@ -537,7 +537,7 @@ impl<const N: usize> Controller<N> {
             }
         }
         if let Some(row) = &self.row {
-            for axis in &mut self.axes {
+            for axis in &self.axes {
                 axis.check_motion(&row.axes[axis.coordinate()], &self.nodes)?;
             }
         }
@@ -727,12 +727,6 @@ impl<const N: usize> Controller<N> {
     #[must_use]
     pub fn late_setpoints(&self) -> u64 {
         self.misses.iter().map(|bus| bus.count).sum()
-    }
-
-    /// An axis' following error since the program began.
-    #[must_use]
-    pub fn following(&self, axis: fault::AxisIndex) -> Following {
-        self.axes[axis].following
     }
 }
 

@@ -50,6 +50,9 @@ const WATCHED: [(&str, usize); 11] = [
     ("sent off the frozen setpoint", 0),
 ];
 
+/// Which of them is the following error.
+const FOLLOWING: usize = 3;
+
 /// How many of them are of what was sent: the last ones.
 const SENT: usize = 6;
 
@@ -95,6 +98,9 @@ pub(super) struct AxisWatches {
     began: bool,
     planned: Differences,
     sides: Vec<Side>,
+    /// Sum of the squares of the following error, and of how many rows.
+    squares: f64,
+    rows: u64,
     /// SYNCs at which a drive had been sent no setpoint.
     pub(super) unsent: u64,
 }
@@ -176,6 +182,8 @@ impl AxisWatches {
             sides: (axis.drives.iter())
                 .map(|drive| Side::new(machine, *drive))
                 .collect(),
+            squares: 0.0,
+            rows: 0,
             unsent: 0,
         }
     }
@@ -189,6 +197,12 @@ impl AxisWatches {
     pub(super) fn max(&self) -> [f64; 3] {
         let (plan, sent) = self.max.split_at(WATCHED.len() - SENT);
         [0, 1, 2].map(|order| plan[order].max(sent[order]))
+    }
+
+    /// Greatest following error, and the root of its mean square.
+    pub(super) fn following(&self) -> [f64; 2] {
+        let mean = self.squares / self.rows.max(1) as f64;
+        [self.max[FOLLOWING], mean.sqrt()]
     }
 
     /// Takes what happened at one SYNC, and what the drives latched there if that is known.
@@ -209,12 +223,15 @@ impl AxisWatches {
             self.limits.position = (min, max);
             self.began = true;
         }
+        let following = row.axes[at].following_error;
+        self.squares += following * following;
+        self.rows += 1;
         let [velocity, acceleration, jerk] = self.planned.push(row.cycle, position);
         let planned = [
             row.plan.velocity[at].abs().max(velocity),
             row.plan.acceleration[at].abs().max(acceleration),
             row.plan.jerk[at].abs().max(jerk),
-            row.axes[at].following_error.abs(),
+            following.abs(),
             (min - position).max(position - max).max(0.0),
         ];
         let sent = sent.map_or([0.0; SENT], |sent| self.latch(row, sent));

@@ -24,9 +24,9 @@ pub mod trace;
 pub mod travel;
 
 use crate::control::layout::Layout;
-use crate::control::{Controller, End, Row};
+use crate::control::{Controller, End, Event, Fault, Row};
 use crate::machine::{COORDINATES, Machine, Position};
-use crate::program::{Moves, counted_speed};
+use crate::program::{Extent, Moves, counted_speed};
 use deviation::Deviation;
 use limits::AxisWatches;
 use record::{Report, Violation};
@@ -34,7 +34,7 @@ use sent::SentSetpoints;
 use std::io;
 use std::ops::RangeInclusive;
 use std::time::Duration;
-use summary::{AxisSummary, BusSummary, Summary};
+use summary::{AxisSummary, BusSummary, Stopped, Summary, Times};
 use trace::{Sink, Trace};
 use travel::Travel;
 
@@ -47,6 +47,8 @@ pub struct Observed<'a> {
     pub actual: Position,
     /// The program's line.
     pub line: u32,
+    /// At rest until an operator goes on.
+    pub waits: bool,
     /// The program's moves about here.
     pub moves: &'a Moves,
     /// The tags of the moves that setpoint and tool may be on; `None` while the axes are off the
@@ -54,11 +56,26 @@ pub struct Observed<'a> {
     pub tags: Option<&'a RangeInclusive<u32>>,
 }
 
+/// When something arose.
+#[derive(Clone, Copy, Debug)]
+struct Arisen {
+    time: f64,
+    line: u32,
+}
+
 /// All that is kept about a run.
 pub struct Observers {
     cycle: Duration,
     cycles: u64,
+    /// The cycle of the next row, if none is left out.
+    next: u64,
+    /// The last row's.
     line: u32,
+    position: Position,
+    /// What the program amounts to, if it was read before.
+    extent: Option<Extent>,
+    fault: Option<Arisen>,
+    late_setpoint: Option<Arisen>,
     travel: Travel,
     deviation: Deviation,
     axes: Vec<AxisWatches>,
@@ -84,7 +101,12 @@ impl Observers {
         Self {
             cycle: machine.cycle,
             cycles: 0,
+            next: 0,
             line: 0,
+            position: Position::default(),
+            extent: None,
+            fault: None,
+            late_setpoint: None,
             travel: Travel::default(),
             deviation: Deviation::default(),
             axes: (machine.axes.iter())
@@ -97,14 +119,41 @@ impl Observers {
         }
     }
 
+    /// What the program amounts to, where it was read before: for what is left of one that does not come to
+    /// its end.
+    #[must_use]
+    pub fn of_program(mut self, extent: Option<Extent>) -> Self {
+        self.extent = extent;
+        self
+    }
+
+    /// Takes what the controller tells, before the row of the same cycle.
+    pub fn tell(&mut self, event: &Event) {
+        let now = Arisen {
+            time: self.seconds(self.next),
+            line: self.line,
+        };
+        match event {
+            Event::Fault(_) => {
+                self.fault.get_or_insert(now);
+            }
+            Event::LateSetpoint { .. } => {
+                self.late_setpoint.get_or_insert(now);
+            }
+            _ => {}
+        }
+    }
+
     /// Takes what is seen at one SYNC; returns its time, s.
     pub fn observe(&mut self, observed: &Observed) -> f64 {
         let Observed { row, line, .. } = *observed;
         let time = self.seconds(row.cycle);
         self.cycles += 1;
+        self.next = row.cycle + 1;
         self.line = line;
+        self.position = row.plan.position;
         let counted = counted_speed(&row.plan.velocity);
-        self.travel.observe(row, counted);
+        self.travel.observe(observed, counted);
         self.deviation.observe(observed, time, &mut self.violations);
         if let Some(sent) = &mut self.sent {
             sent.go_on_to(row.sync);
@@ -134,35 +183,77 @@ impl Observers {
         (u128::from(cycles) * self.cycle.as_nanos()) as f64 / 1e9
     }
 
+    /// What the time went into.
+    fn times(&self) -> Times {
+        let cycles = &self.travel.cycles;
+        Times {
+            motion_s: self.seconds(cycles.motion),
+            dwell_s: self.seconds(cycles.dwells),
+            waiting_s: self.seconds(cycles.waits),
+            jogging_s: self.seconds(cycles.jogs),
+            planning_s: self.seconds(cycles.planning),
+            settling_s: self.seconds(cycles.settling),
+        }
+    }
+
     /// What must not be at the end of a run.
     fn close(&mut self, layout: &Layout, controller: &Controller<COORDINATES>) {
         for axis in &mut self.axes {
             axis.close(&mut self.violations);
         }
         self.deviation.close(&mut self.violations);
-        let time = self.seconds(self.cycles.saturating_sub(1));
-        let mut violate = |what: String, value: f64, unit| {
+        let end = Arisen {
+            time: self.seconds(self.next.saturating_sub(1)),
+            line: self.line,
+        };
+        let mut violate = |what, axis, arisen: Option<Arisen>, (value, limit, unit)| {
+            let Arisen { time, line } = arisen.unwrap_or(end);
             self.violations.push(Violation {
                 what,
-                axis: None,
+                axis,
                 time,
-                line: self.line,
+                line,
                 value,
-                limit: 0.0,
+                limit,
                 unit,
             });
         };
         if let Some(End::Fault(fault)) = controller.end() {
-            violate(format!("fault: {}", fault.describe(layout)), 1.0, "");
+            let axis = match fault {
+                Fault::Axis(axis, _) => Some(layout.axes[axis].name.clone()),
+                _ => None,
+            };
+            let excess = fault.excess(layout).unwrap_or((1.0, 0.0, ""));
+            let what = format!("fault: {}", fault.describe(layout));
+            violate(what, axis, self.fault, excess);
         }
         let unsent: u64 = self.axes.iter().map(|axis| axis.unsent).sum();
-        if unsent > 0 {
-            violate("not sent".to_owned(), unsent as f64, "setpoints");
+        let late = controller.late_setpoints();
+        for (what, count, since, unit) in [
+            ("not sent", unsent, None, "setpoints"),
+            ("late_setpoints", late, self.late_setpoint, "bursts"),
+        ] {
+            if count > 0 {
+                violate(what.to_owned(), None, since, (count as f64, 0.0, unit));
+            }
         }
-        let late_setpoints = controller.late_setpoints();
-        if late_setpoints > 0 {
-            let late_setpoints = late_setpoints as f64;
-            violate("late_setpoints".to_owned(), late_setpoints, "bursts");
+        (self.violations).sort_by(|one, other| one.time.total_cmp(&other.time));
+    }
+
+    /// Where a run that did not come to its end stopped.
+    fn stopped(&self, machine: &Machine) -> Stopped {
+        let position = machine.axes.iter();
+        let position = position.map(|axis| (axis.name(), self.position[axis.letter.index()]));
+        let left = self.extent.map(|extent| {
+            let length = extent.length - self.travel.length_mm;
+            let turned = extent.turned - self.travel.turned_deg;
+            [length, turned].map(|left| left.max(0.0))
+        });
+        Stopped {
+            line: self.line,
+            position: position.collect(),
+            left_mm: left.map(|[length, _]| length),
+            left_deg: left.map_or(0.0, |[_, turned]| turned),
         }
     }
 
@@ -180,14 +271,22 @@ impl Observers {
     ) -> io::Result<(Summary, Option<Report>)> {
         self.trace.take().map_or(Ok(()), Trace::finish)?;
         self.close(layout, controller);
-        let passed = self.violations.is_empty() && controller.end() == Some(End::Finished);
         let (digest, loads) = frames.unzip();
+        let verdict = match controller.end() {
+            _ if !self.violations.is_empty() => "fail",
+            Some(End::Finished) => "pass",
+            Some(End::Interrupted) => "interrupted",
+            Some(End::Fault(_)) | None => "fail",
+        };
+        let finished = controller.end() == Some(End::Finished);
         let summary = Summary {
-            verdict: if passed { "pass" } else { "fail" },
+            verdict,
             outcome: (controller.end())
                 .map_or_else(|| "not ended".to_owned(), |end| end.describe(layout)),
+            stopped: (!finished).then(|| self.stopped(machine)),
             duration_s: (self.travel.motion)
                 .map_or(0.0, |(first, last)| self.seconds(last - first)),
+            times: self.times(),
             cycles: self.cycles,
             late_setpoints: controller.late_setpoints(),
             frames_sha256: digest,
@@ -198,15 +297,7 @@ impl Observers {
                     peak_utilisation,
                 })
                 .collect(),
-            axes: (self.axes.iter())
-                .map(|axis| {
-                    let same =
-                        |it: &crate::control::layout::AxisSpec| it.coordinate == axis.coordinate;
-                    let place = layout.axes.iter().position(same);
-                    let following = place.map(|place| controller.following(place));
-                    AxisSummary::new(axis, &following.unwrap_or_default())
-                })
-                .collect(),
+            axes: self.axes.iter().map(AxisSummary::new).collect(),
             violations: self.violations,
         };
         if let Some(report) = &mut self.report {

@@ -15,8 +15,8 @@ pub struct Report {
     pub program: String,
     /// What was done: `validated in virtual time`, `run in real time`.
     pub mode: String,
-    /// `true` if nothing was wrong.
-    pub passed: bool,
+    /// `pass`, `fail` or `interrupted`.
+    pub verdict: &'static str,
     /// The verdict's reason in a sentence: `finished`, or what stopped it.
     pub outcome: String,
     /// Every violation, in order of time.
@@ -139,7 +139,7 @@ impl Report {
 
     /// Adds the result to the rows.
     pub(super) fn conclude(&mut self, summary: &Summary) {
-        self.passed = summary.verdict == "pass";
+        self.verdict = summary.verdict;
         self.outcome.clone_from(&summary.outcome);
         self.violations.clone_from(&summary.violations);
         for (axis, sum) in self.axes.iter_mut().zip(&summary.axes) {
@@ -150,7 +150,14 @@ impl Report {
             axis.rms_following_error = sum.rms_following_error_mm;
         }
         let mut fact = |name: &str, value: String| self.facts.push((name.to_owned(), value));
-        fact("motion time", format!("{:.3} s", summary.duration_s));
+        if let Some(stopped) = &summary.stopped {
+            fact("stopped", stopped.to_string());
+        }
+        fact("motion time", format!("{:.3} s", summary.times.motion_s));
+        let others = summary.times.others();
+        if !others.is_empty() {
+            fact("other times", others);
+        }
         fact("cycles", summary.cycles.to_string());
         fact("late setpoints", summary.late_setpoints.to_string());
         fact("path length", summary.path.length());

@@ -2,19 +2,24 @@
 
 use super::limits::AxisWatches;
 use super::record::Violation;
-use crate::control::Following;
 use serde::Serialize;
+use std::collections::BTreeMap;
 use std::fmt;
 
 /// The result of a run, as `--json` writes it.
 #[derive(Clone, Debug, Serialize)]
 pub struct Summary {
-    /// `pass` or `fail`.
+    /// `pass`, `fail`, or `interrupted` where nothing was wrong until an operator stopped it.
     pub verdict: &'static str,
     /// How the run ended, in words.
     pub outcome: String,
-    /// From the first to the last motion, s.
+    /// Where it stopped, if it did not come to its end.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub stopped: Option<Stopped>,
+    /// From the first to the last motion, with all that is between, s.
     pub duration_s: f64,
+    /// What the time went into, all of it.
+    pub times: Times,
     /// Cycles while the program ran.
     pub cycles: u64,
     /// Bursts that missed their SYNC.
@@ -31,6 +36,57 @@ pub struct Summary {
     pub axes: Vec<AxisSummary>,
     /// Everything that must not be.
     pub violations: Vec<Violation>,
+}
+
+/// Where a run stopped that did not come to its end.
+#[derive(Clone, Debug, Serialize)]
+pub struct Stopped {
+    /// The line of the block at work.
+    pub line: u32,
+    /// The setpoint of each axis, machine coordinates, mm or degrees.
+    pub position: BTreeMap<&'static str, f64>,
+    /// What is left of the program, as F counts it, mm; nothing where it was not read before.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub left_mm: Option<f64>,
+    /// What is left where A, B and C turn alone, degrees.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub left_deg: f64,
+}
+
+/// What the time of a run went into, s. A cycle in which a move begins or ends is motion.
+#[derive(Clone, Copy, Debug, Default, Serialize)]
+pub struct Times {
+    /// The path moved.
+    pub motion_s: f64,
+    /// Dwells of the program (G4).
+    pub dwell_s: f64,
+    /// Rest until an operator went on: feed holds, program stops, tool changes.
+    pub waiting_s: f64,
+    /// Axes were off the path.
+    pub jogging_s: f64,
+    /// Rest before the first motion or in between, until there was a plan.
+    pub planning_s: f64,
+    /// Rest in the end, until the axes were in position.
+    pub settling_s: f64,
+}
+
+impl Times {
+    /// All but motion, as a person reads it; nothing where there is none.
+    #[must_use]
+    pub fn others(&self) -> String {
+        let others = [
+            ("dwells", self.dwell_s),
+            ("waiting for an operator", self.waiting_s),
+            ("jogging", self.jogging_s),
+            ("waiting for a plan", self.planning_s),
+            ("settling", self.settling_s),
+        ];
+        let others = others.into_iter().filter(|(_, time)| *time > 0.0);
+        let others: Vec<_> = others
+            .map(|(what, time)| format!("{what} {time:.3} s"))
+            .collect();
+        others.join(", ")
+    }
 }
 
 /// The path of a run.
@@ -103,7 +159,14 @@ impl fmt::Display for Summary {
         let Self { path, .. } = self;
         writeln!(f, "verdict            {}", self.verdict)?;
         writeln!(f, "outcome            {}", self.outcome)?;
-        writeln!(f, "motion time        {:.3} s", self.duration_s)?;
+        if let Some(stopped) = &self.stopped {
+            writeln!(f, "stopped            {stopped}")?;
+        }
+        writeln!(f, "motion time        {:.3} s", self.times.motion_s)?;
+        let others = self.times.others();
+        if !others.is_empty() {
+            writeln!(f, "other times        {others}")?;
+        }
         writeln!(
             f,
             "cycles             {}, late setpoints {}",
@@ -167,9 +230,29 @@ impl fmt::Display for Summary {
     }
 }
 
+/// As a person reads it.
+impl fmt::Display for Stopped {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "in line {} at", self.line)?;
+        for (axis, position) in &self.position {
+            write!(f, " {axis}{position:.4}")?;
+        }
+        if let Some(left) = self.left_mm {
+            let left = PathSummary {
+                length_mm: left,
+                turned_deg: self.left_deg,
+                ..PathSummary::default()
+            };
+            write!(f, ", {} left", left.length())?;
+        }
+        Ok(())
+    }
+}
+
 impl AxisSummary {
     /// What was seen of an axis.
-    pub(super) fn new(axis: &AxisWatches, following: &Following) -> Self {
+    pub(super) fn new(axis: &AxisWatches) -> Self {
+        let [max_following, rms_following] = axis.following();
         let [max_velocity, max_acceleration, max_jerk] = axis.max();
         Self {
             name: axis.name.to_owned(),
@@ -180,8 +263,8 @@ impl AxisSummary {
             velocity_limit: axis.limits.velocity,
             acceleration_limit: axis.limits.acceleration,
             jerk_limit: axis.limits.jerk,
-            max_following_error_mm: following.max,
-            rms_following_error_mm: following.rms(),
+            max_following_error_mm: max_following,
+            rms_following_error_mm: rms_following,
         }
     }
 }

@@ -1,7 +1,7 @@
-//! How far the tool has come along the program as F counts it, and for how long it moved.
+//! How far the tool has come along the program as F counts it, and what the time went into.
 
-use crate::control::Row;
-use crate::machine::{COORDINATES, Position};
+use super::Observed;
+use crate::machine::Position;
 use crate::program::moved;
 
 /// Path and time of a run so far.
@@ -13,15 +13,55 @@ pub(super) struct Travel {
     pub(super) turned_deg: f64,
     /// The first and the last cycle of motion.
     pub(super) motion: Option<(u64, u64)>,
+    pub(super) cycles: Cycles,
     /// What of the last row's distance was no length of the tool's path.
     besides: f64,
     last: Last,
+}
+
+/// How many cycles went into what.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Cycles {
+    /// The path moved.
+    pub(super) motion: u64,
+    /// A dwell of the program.
+    pub(super) dwells: u64,
+    /// An operator was waited for.
+    pub(super) waits: u64,
+    /// Axes were off the path.
+    pub(super) jogs: u64,
+    /// The path rested between two of the others, or before the first: until there was a plan.
+    pub(super) planning: u64,
+    /// It has rested since the last of the others: until the axes were in position.
+    pub(super) settling: u64,
+}
+
+impl Cycles {
+    /// Takes the cycle before a row; whether the path moved at the one before, too.
+    fn observe(&mut self, observed: &Observed, moved: bool) {
+        let plan = &observed.row.plan;
+        let count = if plan.off_path {
+            &mut self.jogs
+        } else if plan.speed > 0.0 || moved {
+            &mut self.motion
+        } else if observed.waits {
+            &mut self.waits
+        } else if plan.busy {
+            &mut self.dwells
+        } else {
+            self.settling += 1;
+            return;
+        };
+        *count += 1;
+        self.planning += std::mem::take(&mut self.settling);
+    }
 }
 
 /// Where the last row was.
 #[derive(Debug, Default)]
 struct Last {
     distance: f64,
+    speed: f64,
     position: Position,
     /// What of the distance was length then, and what angle.
     shares: [f64; 2],
@@ -30,7 +70,9 @@ struct Last {
 impl Travel {
     /// Takes what happened at one SYNC; the second is the speed as F counts it, and whether that
     /// is of a turn.
-    pub(super) fn observe(&mut self, row: &Row<COORDINATES>, counted: (f64, bool)) {
+    pub(super) fn observe(&mut self, observed: &Observed, counted: (f64, bool)) {
+        let row = observed.row;
+        self.cycles.observe(observed, self.last.speed > 0.0);
         if row.plan.speed > 0.0 {
             let (first, _) = self.motion.unwrap_or((row.cycle.saturating_sub(1), 0));
             self.motion = Some((first, row.cycle));
@@ -40,15 +82,17 @@ impl Travel {
             // The move's last step ends at rest.
             self.motion = Some((first, row.cycle));
         }
-        self.measure(row, counted);
+        self.measure(observed, counted);
     }
 
     /// Adds up the path. The plan's own distance also counts what other axes move.
-    fn measure(&mut self, row: &Row<COORDINATES>, (speed, turns): (f64, bool)) {
+    fn measure(&mut self, observed: &Observed, (speed, turns): (f64, bool)) {
+        let row = observed.row;
         let Last {
             distance,
             position,
             shares: before,
+            ..
         } = self.last;
         let distance = row.plan.distance - distance;
         let mut shares = before;
@@ -74,6 +118,7 @@ impl Travel {
         self.turned_deg += angle;
         self.last = Last {
             distance: row.plan.distance,
+            speed: row.plan.speed,
             position: row.plan.position,
             shares,
         };

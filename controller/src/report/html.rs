@@ -37,10 +37,10 @@ pub(super) fn page(report: &Report) -> String {
 
 /// Verdict, what ran, and the facts.
 fn head(report: &Report) -> String {
-    let (class, word) = if report.passed {
-        ("pass", "Pass")
-    } else {
-        ("fail", "Fail")
+    let (class, word) = match report.verdict {
+        "pass" => ("pass", "Pass"),
+        "interrupted" => ("fail", "Interrupted"),
+        _ => ("fail", "Fail"),
     };
     let mut html = format!(
         "<header class={class}>\n<div><h1>{} <span>{}</span></h1>\n<p class=quiet>{}</p></div>\n\

@@ -369,6 +369,7 @@ impl Desk {
                 self.show_state();
             }
             CycleReport::Event(event) => {
+                self.observers.tell(&event);
                 match event {
                     control::Event::Phase(phase) => self.status.phase = phase,
                     control::Event::Fault(fault) => self.faults.push(fault),
@@ -393,6 +394,7 @@ impl Desk {
             row,
             actual,
             line: self.job.line,
+            waits: self.status.waits,
             moves: &self.job.moves,
             tags: self.job.tags.as_ref(),
         });

@@ -93,7 +93,7 @@ fn report(items: &[PathItem<3>]) -> Report {
         machine: "portal".into(),
         program: "plate <1>.ngc".into(),
         mode: "Validated in virtual time on simulated drives, seed 1".into(),
-        passed: true,
+        verdict: "pass",
         outcome: "Finished; every axis inside its limits".into(),
         axes: ["X", "Y", "Z"]
             .iter()
@@ -279,7 +279,7 @@ fn a_part() {
 #[test]
 fn a_failure_says_what_where_and_when() {
     let mut report = report(&plate(1));
-    report.passed = false;
+    report.verdict = "fail";
     report.outcome = "Stopped: axis X, following error 2.345 mm > 2 mm in line 12".into();
     report.violations = violations(3);
     report.axes[0].max_following_error = 2.345;
