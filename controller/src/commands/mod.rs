@@ -41,6 +41,7 @@ mod plan;
 mod ports;
 mod progress;
 mod record;
+mod repeats;
 mod replay;
 mod run;
 mod scan;

@@ -2,6 +2,7 @@
 //! own writes it, so that nobody waits for a terminal that takes nothing.
 
 use super::output::Stream;
+use super::repeats::{self, Repeats};
 use super::told;
 use super::writers::GIVE_UP;
 use crate::control::{self, Layout};
@@ -53,7 +54,8 @@ pub(super) struct Screen {
     pub(super) view: StatusView,
     pub(super) layout: Arc<Layout>,
     pub(super) machine: Machine,
-    pub(super) extent: Extent,
+    /// Unless the program is read as it runs.
+    pub(super) extent: Option<Extent>,
     /// Also what happens in every run.
     pub(super) verbose: bool,
 }
@@ -110,16 +112,25 @@ impl Console {
 impl Screen {
     /// Shows all until the end.
     fn show(self, queue: &Receiver<Message>, done: &AtomicU64) {
-        let bar = self.bar();
+        let bar = bar(self.extent);
+        let (start, mut repeats) = (Instant::now(), Repeats::default());
         let mut over = false;
         loop {
             let message = if over {
                 queue.recv().unwrap_or(Message::End)
             } else {
                 match self.events.wait(REDRAW) {
+                    Ok(Some(Event::Machine(event)))
+                        if !repeats.is_news(&event, start.elapsed()) => {}
                     Ok(Some(event)) => self.tell(&event, &bar),
                     Ok(None) => {}
                     Err(_) => over = true,
+                }
+                let due = if over { Duration::MAX } else { start.elapsed() };
+                for (event, more) in repeats.due(due) {
+                    if let Some(text) = self.text(&event) {
+                        bar.suspend(|| eprintln!("{}", repeats::told(&text, more)));
+                    }
                 }
                 let status = self.view.get();
                 if !over && status.time.is_some() {
@@ -143,23 +154,10 @@ impl Screen {
         }
     }
 
-    fn bar(&self) -> ProgressBar {
-        let Extent { length, turned, .. } = self.extent;
-        let bar = ProgressBar::new((length + turned) as u64);
-        let style = ProgressStyle::with_template(if turned == 0.0 {
-            "{wide_bar} {pos}/{len} mm, {msg}"
-        } else {
-            "{wide_bar} {pos}/{len} mm and °, {msg}"
-        });
-        bar.with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
-    }
-
     fn tell(&self, event: &Event, bar: &ProgressBar) {
         match event {
             Event::Machine(event) => {
-                if (self.verbose || !event.is_routine())
-                    && let Some(text) = event.describe(&*self.layout)
-                {
+                if let Some(text) = self.text(event) {
                     bar.suspend(|| eprintln!("{text}"));
                 }
                 if let control::Event::Paused { .. } = event {
@@ -171,6 +169,12 @@ impl Screen {
             // What comes of a command is seen.
             Event::Accepted(_) | Event::State(_) => {}
         }
+    }
+
+    /// The line of an event that is worth one.
+    fn text(&self, event: &control::Event) -> Option<String> {
+        let told = self.verbose || !event.is_routine();
+        told.then(|| event.describe(&*self.layout)).flatten()
     }
 
     /// What the machine does, beside the bar.
@@ -191,6 +195,25 @@ impl Screen {
         let unit = if turns { "°" } else { "mm" };
         format!("line {line}, {:.0} {unit}/min{otherwise}", speed * 60.0)
     }
+}
+
+/// The bar of a run: how far it has come, and of how much where that is known.
+pub(super) fn bar(extent: Option<Extent>) -> ProgressBar {
+    let (bar, template) = match extent {
+        None => (
+            ProgressBar::new_spinner(),
+            "{spinner} {pos} mm and °, {msg}",
+        ),
+        Some(Extent { length, turned, .. }) => (
+            ProgressBar::new((length + turned) as u64),
+            match turned {
+                0.0 => "{wide_bar} {pos}/{len} mm, {msg}",
+                _ => "{wide_bar} {pos}/{len} mm and °, {msg}",
+            },
+        ),
+    };
+    let style = ProgressStyle::with_template(template);
+    bar.with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
 }
 
 /// What is set otherwise than usual: parts of the programmed speeds, and switches.

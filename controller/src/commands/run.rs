@@ -238,7 +238,9 @@ impl Run<'_> {
         };
         let trace = self.results.trace_by(&mut self.writers)?;
         let sent = lockstep.then(|| self.frames.listen(&self.machine));
-        let observers = Observers::new(&self.machine, sent, trace, self.results.wants_report());
+        let extent = (!program.streams()).then_some(self.extent);
+        let observers = Observers::new(&self.machine, sent, trace, self.results.wants_report())
+            .of_program(extent);
         let (messages, waiting) = Console::messages();
         let tell = messages.clone();
         let (timeline, moves) = RealTime::start(
@@ -258,7 +260,7 @@ impl Run<'_> {
             view: session.view(),
             layout: Arc::clone(&self.layout),
             machine: self.machine.clone(),
-            extent: self.extent,
+            extent,
             verbose: self.args.verbose,
         };
         let console = Console::start(screen, messages.clone(), waiting)?;

@@ -3,6 +3,8 @@
 use super::events::Events;
 use super::log_files::{LogFiles, Logs};
 use super::output::{Claims, Output, Results, Target};
+use super::progress;
+use super::repeats::{self, Repeats};
 use super::switches::Switches;
 use super::{Exit, report};
 use crate::control::fault::Names;
@@ -10,13 +12,14 @@ use crate::control::{Event as MachineEvent, Layout};
 use crate::machine::Machine;
 use crate::observe::Observers;
 use crate::observe::summary::Summary;
-use crate::program::Program;
+use crate::program::{Extent, Program};
 use crate::run::Progress;
 use crate::run::virtual_time::VirtualMachine;
 use crate::session::{Command, Event, NotTaken, Operator, Session, Status};
 use std::error::Error;
 use std::path::PathBuf;
 use std::sync::Arc;
+use std::time::Duration;
 
 /// A program that is held when the last event is past, and that rests so long, s, is stopped:
 /// nobody is there to go on.
@@ -57,6 +60,8 @@ struct Prepared {
     machine: Machine,
     layout: Arc<Layout>,
     program: Program,
+    /// Unless it is read as it runs.
+    extent: Option<Extent>,
     events: Events,
     claims: Claims,
     results: Results,
@@ -84,7 +89,7 @@ impl Args {
         let machine = Machine::load(&self.machine)?;
         let layout = Arc::new(Layout::new(&machine)?);
         let program = (self.switches).program(&self.program, &machine, &self.machine)?;
-        program.check(machine.rest())?;
+        let extent = program.check(machine.rest())?;
         let mut claims = Claims::of_run(&self.machine, &self.program);
         let events = match &self.events {
             Some(file) => {
@@ -101,6 +106,7 @@ impl Args {
         Ok(Prepared {
             machine,
             layout,
+            extent: (!program.streams()).then_some(extent),
             program,
             events,
             claims,
@@ -114,6 +120,7 @@ impl Args {
             machine,
             layout,
             program,
+            extent,
             events,
             claims,
             mut results,
@@ -123,7 +130,8 @@ impl Args {
             VirtualMachine::new(&machine, Arc::clone(&layout), program, self.seed)?;
         logs.record_virtual(&machine, timeline.frames())?;
         let sent = Some(timeline.frames().listen(&machine));
-        let observers = Observers::new(&machine, sent, results.trace()?, results.wants_report());
+        let observers = Observers::new(&machine, sent, results.trace()?, results.wants_report())
+            .of_program(extent);
         let mut session = Session::new(&machine, timeline, moves, observers);
         self.switches.set(&session.operator("command line"))?;
         let (told, nobody) = (session.subscribe(), session.operator("validate"));
@@ -133,22 +141,45 @@ impl Args {
             last_moved: 0.0,
         };
         let mut failure = None;
+        let (bar, mut shown) = (progress::bar(extent), 0);
+        let mut repeats = Repeats::default();
+        let tell_counted = |counted: Vec<(MachineEvent, u64)>| {
+            for (event, more) in counted {
+                if let Some(text) = self.text(&event, &*layout) {
+                    bar.suspend(|| eprintln!("{}", repeats::told(&text, more)));
+                }
+            }
+        };
         while session.advance() != Progress::Ended {
+            let now = Duration::from_nanos(session.timeline().now().as_nanos());
+            let status = session.status();
+            bar.set_position(status.passed as u64);
+            if shown != status.line {
+                shown = status.line;
+                bar.set_message(format!("line {shown}"));
+            }
             for event in told.events() {
                 match event {
                     Event::Machine(event) => {
                         if let MachineEvent::Paused { .. } = event {
                             nobody.command(Command::CycleStart)?;
                         }
-                        self.tell(&event, &*layout);
+                        if repeats.is_news(&event, now)
+                            && let Some(text) = self.text(&event, &*layout)
+                        {
+                            bar.suspend(|| eprintln!("{text}"));
+                        }
                     }
                     Event::Problem(error) => failure = failure.or(Some(error)),
                     Event::Refused(refused) => eprintln!("{}", refused.reason),
                     Event::Accepted(_) | Event::State(_) => {}
                 }
             }
+            tell_counted(repeats.due(now));
             script.follow(session.status())?;
         }
+        tell_counted(repeats.due(Duration::MAX));
+        bar.finish_and_clear();
         script.tell_left();
         if let Some(error) = failure {
             report(&*error);
@@ -165,13 +196,11 @@ impl Args {
         Ok(summary)
     }
 
-    fn tell(&self, event: &MachineEvent, names: &impl Names) {
+    /// The line of an event that is worth one.
+    fn text(&self, event: &MachineEvent, names: &impl Names) -> Option<String> {
         let is_loud = matches!(event, MachineEvent::Fault(_) | MachineEvent::Switched(_));
-        if (self.verbose || is_loud)
-            && let Some(text) = event.describe(names)
-        {
-            eprintln!("{text}");
-        }
+        let told = self.verbose || is_loud;
+        told.then(|| event.describe(names)).flatten()
     }
 }
 

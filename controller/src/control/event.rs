@@ -123,6 +123,13 @@ pub enum Event {
     Held,
     /// The operator went on.
     Resumed,
+    /// A feed hold ended at a program stop, which still waits for an operator.
+    StillPaused {
+        /// Program line.
+        line: u32,
+        /// Why.
+        reason: Pause,
+    },
     /// An operator has the program go back along the path.
     Retracing,
     /// A job is over.
@@ -236,11 +243,38 @@ impl Event {
         )
     }
 
+    /// Whether it says again what another one said, and may come in every cycle.
+    #[must_use]
+    pub fn repeats(&self, other: &Self) -> bool {
+        match (self, other) {
+            (Self::LateSetpoint { bus: of, .. }, Self::LateSetpoint { bus, .. }) => of == bus,
+            (Self::LostCycles { .. }, Self::LostCycles { .. }) => true,
+            (
+                Self::Signal {
+                    drive: of, signal, ..
+                },
+                Self::Signal {
+                    drive,
+                    signal: other,
+                    ..
+                },
+            ) => (of, signal) == (drive, other),
+            (
+                Self::MissedTPdo { .. }
+                | Self::Warning { .. }
+                | Self::BusWarning { .. }
+                | Self::LatePlan,
+                _,
+            ) => self == other,
+            _ => false,
+        }
+    }
+
     /// Whether the program rests from now on until an operator goes on, if that tells.
     #[must_use]
     pub fn rests(&self) -> Option<bool> {
         match self {
-            Self::Held | Self::Paused { .. } => Some(true),
+            Self::Held | Self::Paused { .. } | Self::StillPaused { .. } => Some(true),
             Self::Resumed | Self::Retracing | Self::JobOver { .. } => Some(false),
             _ => None,
         }
@@ -313,6 +347,9 @@ impl Event {
             Self::Paused { line, reason } => format!("line {line}: {reason}"),
             Self::Held => "feed hold: held on the path".to_owned(),
             Self::Resumed => "going on".to_owned(),
+            Self::StillPaused { line, reason } => {
+                format!("feed hold ended, still at rest in line {line}: {reason}")
+            }
             Self::Retracing => "retracing: going back along the path".to_owned(),
             Self::JobOver { .. } | Self::State(_) => return None,
             Self::Interrupted => "interrupted: stopping on the path".to_owned(),

@@ -246,10 +246,12 @@ impl<const N: usize> Controller<N> {
         let rests = self.executor.is_held() && (self.planned.speed == 0.0 || self.planned.off_path);
         if rests != self.held {
             self.held = rests;
-            self.tell(match (rests, self.executor.retraces()) {
-                (true, _) => Event::Held,
-                (false, true) => Event::Retracing,
-                (false, false) => Event::Resumed,
+            let pause = self.reached().filter(|_| self.pause_told);
+            self.tell(match pause {
+                _ if rests => Event::Held,
+                Some(StopPoint::Pause { reason, line }) => Event::StillPaused { line, reason },
+                _ if self.executor.retraces() => Event::Retracing,
+                _ => Event::Resumed,
             });
         }
         if !self.executor.is_idle() || self.switches.lag(self.executor.waypoints()) {

@@ -115,6 +115,8 @@ struct Side {
     zero: f64,
     /// Its count less the plan's, increments, once it is known.
     offset: Option<f64>,
+    /// The cycle of the last row; a machine that is switched on again begins from 0.
+    cycle: u64,
     differences: Differences,
 }
 
@@ -130,6 +132,7 @@ impl Side {
             increment,
             zero: (-scaling.to_mm(Increments::ZERO) / increment).round(),
             offset: None,
+            cycle: 0,
             differences: Differences::new(machine.cycle.as_secs_f64(), Uncertainty::Increments),
         }
     }
@@ -147,6 +150,10 @@ impl Side {
             increment, zero, ..
         } = *self;
         let (count, planned) = (count as f64, planned / increment);
+        if cycle <= self.cycle {
+            self.offset = None;
+        }
+        self.cycle = cycle;
         let offset = *(self.offset).get_or_insert(count - zero - planned.round());
         let [velocity, acceleration, jerk] =
             (self.differences.push(cycle, count)).map(|it| it * increment.abs());

@@ -24,7 +24,7 @@ pub mod trace;
 pub mod travel;
 
 use crate::control::layout::Layout;
-use crate::control::{Controller, End, Event, Fault, Row};
+use crate::control::{Controller, End, Event, Row};
 use crate::machine::{COORDINATES, Machine, Position};
 use crate::program::{Extent, Moves, counted_speed};
 use deviation::Deviation;
@@ -206,11 +206,11 @@ impl Observers {
             time: self.seconds(self.next.saturating_sub(1)),
             line: self.line,
         };
-        let mut violate = |what, axis, arisen: Option<Arisen>, (value, limit, unit)| {
+        let mut violate = |what, arisen: Option<Arisen>, (value, limit, unit)| {
             let Arisen { time, line } = arisen.unwrap_or(end);
             self.violations.push(Violation {
                 what,
-                axis,
+                axis: None,
                 time,
                 line,
                 value,
@@ -219,13 +219,9 @@ impl Observers {
             });
         };
         if let Some(End::Fault(fault)) = controller.end() {
-            let axis = match fault {
-                Fault::Axis(axis, _) => Some(layout.axes[axis].name.clone()),
-                _ => None,
-            };
             let excess = fault.excess(layout).unwrap_or((1.0, 0.0, ""));
             let what = format!("fault: {}", fault.describe(layout));
-            violate(what, axis, self.fault, excess);
+            violate(what, self.fault, excess);
         }
         let unsent: u64 = self.axes.iter().map(|axis| axis.unsent).sum();
         let late = controller.late_setpoints();
@@ -234,7 +230,7 @@ impl Observers {
             ("late_setpoints", late, self.late_setpoint, "bursts"),
         ] {
             if count > 0 {
-                violate(what.to_owned(), None, since, (count as f64, 0.0, unit));
+                violate(what.to_owned(), since, (count as f64, 0.0, unit));
             }
         }
         (self.violations).sort_by(|one, other| one.time.total_cmp(&other.time));
@@ -274,11 +270,11 @@ impl Observers {
         let (digest, loads) = frames.unzip();
         let verdict = match controller.end() {
             _ if !self.violations.is_empty() => "fail",
-            Some(End::Finished) => "pass",
+            Some(End::Finished | End::SwitchedOff) => "pass",
             Some(End::Interrupted) => "interrupted",
             Some(End::Fault(_)) | None => "fail",
         };
-        let finished = controller.end() == Some(End::Finished);
+        let finished = matches!(controller.end(), Some(End::Finished | End::SwitchedOff));
         let summary = Summary {
             verdict,
             outcome: (controller.end())

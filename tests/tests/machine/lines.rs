@@ -60,7 +60,7 @@ impl Contour {
     fn circle(mode: &str, radius: f64, segments: u32) -> Self {
         let point = |k: u32| {
             let (sin, cos) = (f64::from(k) * std::f64::consts::TAU / f64::from(segments)).sin_cos();
-            [20.0 + radius * cos, 20.0 + radius * sin]
+            [100.0 + radius * cos, 100.0 + radius * sin]
         };
         Self::new(mode, 3000, (0..=segments).map(point).collect())
     }
@@ -202,19 +202,19 @@ proptest! {
         let mut rig = Rig::portal(&contour.program);
         let mut shown = 0;
         while rig.step() {
-            let status = *rig.session.status();
+            let line = rig.session.status().line;
             let Some(row) = rig.rows.last() else { continue };
-            if !row.plan.feed.is_finite() || row.plan.speed == 0.0 || status.line < FIRST {
+            if !row.plan.feed.is_finite() || row.plan.speed == 0.0 || line < FIRST {
                 continue;
             }
             let [x, y, ..] = row.plan.position;
             // In a rounding it is beside either.
-            let near = [status.line, status.line + 1].map(|line| contour.segment(line));
+            let near = [line, line + 1].map(|line| contour.segment(line));
             let off = near.map(|segment| apart([x, y], segment));
             let off = off[0].min(off[1]);
-            prop_assert!(off <= 2.0 * tolerance + 1e-6, "{off} mm off line {}", status.line);
-            prop_assert!(status.line >= shown, "{} behind {shown}", status.line);
-            shown = status.line;
+            prop_assert!(off <= 2.0 * tolerance + 1e-6, "{off} mm off line {}", line);
+            prop_assert!(line >= shown, "{} behind {shown}", line);
+            shown = line;
         }
         prop_assert!(shown + 2 >= FIRST + contour.points.len() as u32 - 1, "ends at {shown}");
     }
@@ -263,7 +263,7 @@ fn single_block_and_retrace_are_one_block_on_merged_lines() {
             (6, Command::Resume),
         ] {
             let before = (place(&rig), rig.session.status().line);
-            rig.command(command);
+            rig.command(command.clone());
             rig.run_until(|rig| rests(rig) == count);
             let way = distance(before.0, place(&rig));
             assert!(

@@ -3,6 +3,7 @@
 
 use std::path::Path;
 use syncline_controller::control::{End, Event, Order};
+use syncline_controller::session::Command;
 use syncline_tests::command::{Folder, ended, syncline};
 use syncline_tests::rig::{Rig, example};
 use syncline_tests::terminal::Terminal;
@@ -538,4 +539,26 @@ fn a_turn_is_shown_in_degrees() {
         terminal.wait_for(shown);
     }
     let _ = terminal.end();
+}
+
+/// A feed hold that ends at a program stop does not say that the program goes on.
+#[test]
+fn a_hold_that_ends_at_a_program_stop_says_that_it_still_waits() {
+    let mut rig = Rig::portal("G0 X20\nM0\nG0 X0\nM2\n");
+    rig.goes_on = false;
+    let paused = |event: &Event| matches!(event, Event::Paused { line: 2, .. });
+    rig.run_until(|rig| rig.events.iter().any(paused));
+    rig.command(Command::FeedHold);
+    rig.run_until(|rig| rig.events.contains(&Event::Held));
+    rig.command(Command::Resume);
+    let still = |event: &Event| matches!(event, Event::StillPaused { line: 2, .. });
+    rig.run_until(|rig| rig.events.iter().any(still));
+    for _ in 0..200 {
+        rig.step();
+    }
+    assert!(!rig.events.contains(&Event::Resumed));
+    assert!(rig.session.status().waits);
+    rig.command(Command::CycleStart);
+    assert_eq!(rig.finish(), End::Finished);
+    assert!(rig.events.contains(&Event::Resumed));
 }

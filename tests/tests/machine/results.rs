@@ -1,0 +1,147 @@
+//! What a run's summary says: the same in the verdict, the violations and the JSON, after a fault and after a
+//! stop too.
+
+use serde_json::Value;
+use std::path::Path;
+use syncline_tests::command::{Folder, ended, machine_with, syncline};
+
+/// The JSON of a validation, and what it prints.
+fn validate(machine: &Path, program: &Path, events: Option<&Path>) -> (Value, String) {
+    let folder = Folder::new();
+    let json = folder.path("result.json");
+    let mut command = syncline();
+    command.arg("validate").args([machine, program]);
+    command.arg("--json").arg(&json);
+    if let Some(events) = events {
+        command.arg("--events").arg(events);
+    }
+    let output = command.output().unwrap();
+    let (_, printed, _) = ended(&output);
+    (
+        serde_json::from_str(&folder.read("result.json")).unwrap(),
+        printed.to_owned(),
+    )
+}
+
+fn number(json: &Value, pointer: &str) -> f64 {
+    let value = json.pointer(pointer).and_then(Value::as_f64);
+    value.unwrap_or_else(|| panic!("no number {pointer} in {json:#}"))
+}
+
+#[test]
+fn all_the_time_of_a_run_is_named() {
+    let folder = Folder::new();
+    let program = "G4 P0.5\nG0 X10\nG4 P0.3\nG1 Y5 F600\nM0\nG0 X0\nG4 P0.2\nM2\n";
+    let program = folder.file("p.ngc", program);
+    let events = folder.file("e.csv", "t_s,event,value\n0.9,feed_hold,\n1.6,resume,\n");
+    let (json, printed) = validate(&folder.machine("portal"), &program, Some(&events));
+    assert_eq!(json["verdict"], "pass", "{json:#}");
+    let of = |what: &str| number(&json, &format!("/times/{what}_s"));
+    // Where a dwell begins and ends between two cycles, these are motion.
+    assert!((of("dwell") - 1.0).abs() <= 0.008, "{json:#}");
+    assert!(of("waiting") > 0.4 && of("waiting") < 0.7, "{json:#}");
+    assert!(of("settling") > 0.04 && of("settling") < 0.06, "{json:#}");
+    assert_eq!(of("jogging"), 0.0);
+    let names = [
+        "motion", "dwell", "waiting", "jogging", "planning", "settling",
+    ];
+    let all: f64 = names.into_iter().map(of).sum();
+    assert!(
+        (all - 0.002 * number(&json, "/cycles")).abs() < 1e-9,
+        "{json:#}"
+    );
+    // From the first to the last motion there are two of the dwells, and the rests.
+    let least = of("motion") + of("waiting") + 0.29;
+    let duration = number(&json, "/duration_s");
+    assert!(duration >= least && duration < least + 0.05, "{json:#}");
+    for told in [
+        "motion time",
+        "dwells",
+        "waiting for an operator",
+        "settling",
+    ] {
+        assert!(printed.contains(told), "{printed}");
+    }
+}
+
+#[test]
+fn a_fault_is_told_when_it_arose_with_its_value_and_the_maxima_go_on() {
+    let folder = Folder::new();
+    let machine = machine_with(
+        "portal",
+        &[(
+            "following_error_limit = 2.0",
+            "following_error_limit = 0.005",
+        )],
+    )
+    .replacen(
+        "drive_following_error = true",
+        "drive_following_error = false",
+        1,
+    );
+    let machine = folder.file("machine.toml", &machine);
+    let program = folder.file("p.ngc", "G0 X300\nM2\n");
+    let (json, printed) = validate(&machine, &program, None);
+    assert_eq!(json["verdict"], "fail");
+    let violations = json["violations"].as_array().unwrap();
+    let of = |what: &str| {
+        let found = |it: &&Value| it["what"].as_str().unwrap().starts_with(what);
+        violations
+            .iter()
+            .find(found)
+            .unwrap_or_else(|| panic!("no {what}: {json:#}"))
+    };
+    let (fault, following) = (of("fault: axis X"), of("following_error"));
+    assert_eq!(fault["unit"], "mm");
+    assert_eq!(number(fault, "/limit"), 0.005);
+    let value = number(fault, "/value");
+    // A cycle behind the limit it is not far beyond it.
+    assert!(value > 0.005 && value < 0.01, "{fault}");
+    // It arose while the axis went on; what was worst came later.
+    assert!(
+        number(fault, "/time_s") < number(following, "/time_s"),
+        "{json:#}"
+    );
+    assert!(
+        number(fault, "/time_s") < 0.002 * number(&json, "/cycles") - 0.02,
+        "{json:#}"
+    );
+    let most = number(&json, "/axes/0/max_following_error_mm");
+    assert_eq!(most, number(following, "/value"), "{json:#}");
+    let times = violations.iter().map(|it| number(it, "/time_s"));
+    assert!(times.is_sorted(), "{json:#}");
+    assert!(printed.contains(&format!("{:.4} rms", most)), "{printed}");
+}
+
+#[test]
+fn a_stop_says_where_it_was_and_what_was_left() {
+    let folder = Folder::new();
+    let program = folder.file("p.ngc", "G1 X50 F6000\nG1 Y50\nG1 X0\nG1 Y0\nM2\n");
+    let events = folder.file("e.csv", "t_s,event,value\n0.8,stop,\n");
+    let (json, printed) = validate(&folder.machine("portal"), &program, Some(&events));
+    assert_eq!(json["verdict"], "interrupted", "{json:#}");
+    assert_eq!(json["outcome"], "interrupted by the user");
+    assert_eq!(json["stopped"]["line"], 2, "{json:#}");
+    assert!((number(&json, "/stopped/position/X") - 50.0).abs() < 1e-3);
+    let y = number(&json, "/stopped/position/Y");
+    assert!(y > 1.0 && y < 49.0, "{json:#}");
+    let (left, done) = (
+        number(&json, "/stopped/left_mm"),
+        number(&json, "/path/length_mm"),
+    );
+    assert!((left + done - 200.0).abs() < 1e-6, "{json:#}");
+    assert!(
+        printed.contains("verdict            interrupted"),
+        "{printed}"
+    );
+    assert!(
+        printed.contains("stopped            in line 2 at X50.0000 Y"),
+        "{printed}"
+    );
+    let program = folder.file("p.ngc", "G1 X5 F6000\nM2\n");
+    let (json, _) = validate(&folder.machine("portal"), &program, None);
+    assert_eq!(
+        (&json["verdict"], &json["stopped"]),
+        (&"pass".into(), &Value::Null)
+    );
+}
