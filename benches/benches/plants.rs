@@ -1,9 +1,12 @@
 //! What a simulated drive's plant and loops cost: a millisecond of each while the axis moves, 16 steps
 //! of the speed loop of 62.5 µs, under a torque that swings, as it does on a contour:
-//! `cargo bench -p syncline-benches --bench plants`.
+//! `cargo bench -p syncline-benches --bench plants`. What is measured is the thread's processor time, so
+//! that others on the host count little.
 
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
 use std::hint::black_box;
+use std::time::Duration;
+use syncline_controller::realtime::thread_time;
 use syncline_drives::mechanics::drive_train::{DriveTrain, Elasticity, FeedAxis};
 use syncline_drives::mechanics::friction::Friction;
 use syncline_drives::mechanics::rigid::Rigid;
@@ -44,6 +47,15 @@ fn rubbing(play: f64) -> DriveTrain {
     }
 }
 
+/// Processor time of so many calls.
+fn time<T>(calls: u64, mut call: impl FnMut() -> T) -> Duration {
+    let begin = thread_time();
+    for _ in 0..calls {
+        black_box(call());
+    }
+    thread_time() - begin
+}
+
 /// A millisecond of mechanics. Each cycle of 2 ms is a little longer or shorter than the one before,
 /// as a drive's clock is that follows SYNC.
 fn mechanics(criterion: &mut Criterion) {
@@ -51,7 +63,7 @@ fn mechanics(criterion: &mut Criterion) {
     let mut bench = |name: &str, mechanics: &mut dyn Mechanics| {
         let (mut step, mut shaft) = (0_u32, [Motion::default()]);
         group.bench_function(BenchmarkId::from_parameter(name), |bencher| {
-            bencher.iter(|| {
+            let mut millisecond = || {
                 for _ in 0..STEPS {
                     let cycle = f64::from(step / (2 * STEPS) % 2);
                     let phase = f64::from(step % 3200) / 3200.0;
@@ -65,8 +77,9 @@ fn mechanics(criterion: &mut Criterion) {
                     mechanics.step(STEP * (1.0 + 1e-6 * cycle), &[load], &mut shaft);
                     step = step.wrapping_add(1);
                 }
-                black_box(shaft[0])
-            });
+                shaft[0]
+            };
+            bencher.iter_custom(|calls| time(calls, &mut millisecond));
         });
     };
     bench("rigid", &mut Rigid::default());
@@ -82,7 +95,7 @@ fn loops(criterion: &mut Criterion) {
     group.bench_function("cascade", |bencher| {
         let mut cascade = Cascade::new(Gains::default(), 0);
         let mut encoder = 0;
-        bencher.iter(|| {
+        let mut millisecond = || {
             let mut torque = 0.0;
             for step in 0..STEPS {
                 encoder += 80;
@@ -96,20 +109,22 @@ fn loops(criterion: &mut Criterion) {
                 }
                 torque = cascade.speed_step(reference, encoder, 131_072.0, STEP, false);
             }
-            black_box(torque)
-        });
+            torque
+        };
+        bencher.iter_custom(|calls| time(calls, &mut millisecond));
     });
     group.bench_function("power stage", |bencher| {
         let mut stage = PowerStage::new(Motor::default(), DcBus::default());
         let mut position = 0.0;
-        bencher.iter(|| {
+        let mut millisecond = || {
             let mut torque = 0.0;
             for _ in 0..STEPS {
                 position += 10.0 * STEP;
                 torque = stage.step(black_box(0.7), position, 10.0, STEP);
             }
-            black_box(torque)
-        });
+            torque
+        };
+        bencher.iter_custom(|calls| time(calls, &mut millisecond));
     });
 }
 

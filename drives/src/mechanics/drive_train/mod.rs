@@ -171,18 +171,21 @@ enum Flank {
     Loose,
 }
 
-/// What a step of one length does, without reactions and with them.
+/// What a step of one length does: all that is linear in it, worked out once. Torques are those of motor,
+/// gravity and reactions, on rotor and load.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Step {
     dt: f64,
-    /// Of the twist; of the common motion where there is none, with its viscous friction.
-    twist: Transition,
-    /// Speeds at the end, from those at the end without any friction and from those at the beginning.
-    free: Matrix2<f64>,
-    begin: Matrix2<f64>,
-    /// Speeds that constant reactions add, and the inverse of that.
+    /// Speeds at the end, from those at the beginning, from the twist of the spring and from torques.
+    from_speeds: Matrix2<f64>,
+    from_twist: Vector2<f64>,
     inverse: Matrix2<f64>,
+    /// Torques that make speeds.
     mass: Matrix2<f64>,
+    /// Angles by which both turn, likewise; here viscous friction is one of the torques.
+    turned_by_speeds: Matrix2<f64>,
+    turned_by_twist: Vector2<f64>,
+    turned_by_torques: Matrix2<f64>,
 }
 
 /// What cuts a step.
@@ -317,8 +320,15 @@ impl FeedAxis {
     fn advance(&mut self, dt: f64, torque: f64, hold: f64, angle: f64) -> f64 {
         let (mut left, mut turned) = (dt, 0.0);
         for _ in 1..MOST_PARTS {
-            let step = self.prepare(left);
-            let reached = self.reach(&step, torque, hold, angle + turned, Turning::Cut);
+            self.prepare(dt);
+            let part;
+            let step = if left == dt {
+                self.prepared()
+            } else {
+                part = Step::new(&self.train, left, self.flank);
+                &part
+            };
+            let reached = self.reach(step, torque, hold, angle + turned, Turning::Cut);
             let Some(event) = self.first_event(&reached, left) else {
                 return turned + self.accept(&reached);
             };
@@ -333,7 +343,7 @@ impl FeedAxis {
                 What::Touches(flank, twist) => (self.flank, self.twist) = (flank, twist),
             }
         }
-        let step = self.prepare(left);
+        let step = Step::new(&self.train, left, self.flank);
         let reached = self.reach(&step, torque, hold, angle + turned, Turning::Stop);
         turned + self.accept(&reached)
     }
@@ -360,8 +370,8 @@ impl FeedAxis {
         first
     }
 
-    /// The step of a length, kept for the next one of that length.
-    fn prepare(&mut self, dt: f64) -> Step {
+    /// Works out the step of a length, unless it is that of the step before.
+    fn prepare(&mut self, dt: f64) {
         let kept = match self.flank {
             Flank::Loose => &mut self.loose,
             Flank::Forward | Flank::Backward => &mut self.tied,
@@ -369,7 +379,14 @@ impl FeedAxis {
         if kept.dt != dt {
             *kept = Step::new(&self.train, dt, self.flank);
         }
-        *kept
+    }
+
+    /// The step that was worked out last.
+    fn prepared(&self) -> &Step {
+        match self.flank {
+            Flank::Loose => &self.loose,
+            Flank::Forward | Flank::Backward => &self.tied,
+        }
     }
 
     /// When the twist crosses an end of the play, s from the beginning of a step of length `dt` that
@@ -420,78 +437,24 @@ impl FeedAxis {
 
     /// Where a step leads under a torque of the motor, with what holds the rotor besides friction.
     fn reach(&self, step: &Step, torque: f64, hold: f64, angle: f64, turning: Turning) -> Reached {
-        let within = |speeds: Vector2<f64>| {
-            let (least, greatest) = self.bounds(speeds, step.dt, hold, angle);
-            self.reach_within(step, torque, least, greatest, turning)
-        };
-        let reached = within(self.speeds);
-        let falls = self.train.bearing.falls() || self.train.guide.falls();
-        if falls && reached.speeds + self.speeds != Vector2::zeros() {
-            return within(0.5 * (self.speeds + reached.speeds));
-        }
-        reached
-    }
-
-    fn reach_within(
-        &self,
-        step: &Step,
-        torque: f64,
-        mut least: Vector2<f64>,
-        mut greatest: Vector2<f64>,
-        turning: Turning,
-    ) -> Reached {
-        let DriveTrain {
-            rotor_inertia: rotor,
-            load_inertia: load,
-            ..
-        } = self.train;
-        let sum = rotor + load;
-        let (rotor_share, load_share) = (rotor / sum, load / sum);
         let begin = self.speeds;
+        let twist = self.twist - self.slack();
         let torques = Vector2::new(torque, self.train.load_torque);
-        let common = rotor_share * begin.x + load_share * begin.y;
-        let twist = Vector2::new(self.twist - self.slack(), begin.x - begin.y);
-
-        // Without any friction.
-        let common_end = common + (torques.x + torques.y) / sum * step.dt;
-        let twisting = torques.x / rotor - torques.y / load;
-        let twist_end = step.twist.apply(twist, twisting).y;
-        let free = Vector2::new(
-            common_end + load_share * twist_end,
-            common_end - rotor_share * twist_end,
-        );
-        // With the viscous part; then with what holds back.
-        let sliding = step.free * free + step.begin * begin;
-        if turning == Turning::Cut {
-            for side in 0..2 {
-                // What slides has all the friction against it, unless something blocks it.
-                if begin[side] > 0.0 && least[side].is_finite() {
-                    greatest[side] = least[side];
-                } else if begin[side] < 0.0 && greatest[side].is_finite() {
-                    least[side] = greatest[side];
-                }
-            }
-        }
-        let reaction = match least == greatest {
-            true => least,
-            false => reactions(&step.mass, &step.inverse, &sliding, &least, &greatest),
+        let sliding = step.from_speeds * begin + step.from_twist * twist + step.inverse * torques;
+        let held = |speeds: Vector2<f64>| {
+            let (least, greatest) = self.bounds(speeds, step.dt, hold, angle);
+            self.hold_back(step, sliding, least, greatest, turning)
         };
-        let mut speeds = sliding + step.inverse * reaction;
-        for side in 0..2 {
-            // What is held is at rest, not only nearly.
-            if least[side] < reaction[side] && reaction[side] < greatest[side] {
-                speeds[side] = 0.0;
-            }
+        let (mut reaction, mut speeds) = held(begin);
+        let falls = self.train.bearing.falls() || self.train.guide.falls();
+        if falls && speeds + begin != Vector2::zeros() {
+            (reaction, speeds) = held(0.5 * (begin + speeds));
         }
         let viscous = Vector2::new(self.train.bearing.viscous, self.train.guide.viscous);
         let total = torques + reaction - 0.5 * viscous.component_mul(&(begin + speeds));
-        let common_turned = (common + 0.5 * (total.x + total.y) / sum * step.dt) * step.dt;
-        let twisting = total.x / rotor - total.y / load;
-        let twisted = step.twist.apply(twist, twisting).x - twist.x;
-        let mut turned = Vector2::new(
-            common_turned + load_share * twisted,
-            common_turned - rotor_share * twisted,
-        );
+        let mut turned = times(&step.turned_by_speeds, begin)
+            + step.turned_by_twist * twist
+            + times(&step.turned_by_torques, total);
         for side in 0..2 {
             if begin[side] == 0.0 && speeds[side] == 0.0 {
                 turned[side] = 0.0;
@@ -504,6 +467,39 @@ impl FeedAxis {
         }
     }
 
+    /// The reactions of a step that would end with the speeds `sliding`, and those it ends with.
+    fn hold_back(
+        &self,
+        step: &Step,
+        sliding: Vector2<f64>,
+        mut least: Vector2<f64>,
+        mut greatest: Vector2<f64>,
+        turning: Turning,
+    ) -> (Vector2<f64>, Vector2<f64>) {
+        if turning == Turning::Cut {
+            for side in 0..2 {
+                // What slides has all the friction against it, unless something blocks it.
+                if self.speeds[side] > 0.0 && least[side].is_finite() {
+                    greatest[side] = least[side];
+                } else if self.speeds[side] < 0.0 && greatest[side].is_finite() {
+                    least[side] = greatest[side];
+                }
+            }
+        }
+        let reaction = match least == greatest {
+            true => least,
+            false => reactions(&step.mass, &step.inverse, &sliding, &least, &greatest),
+        };
+        let mut speeds = sliding + times(&step.inverse, reaction);
+        for side in 0..2 {
+            // What is held is at rest, not only nearly.
+            if least[side] < reaction[side] && reaction[side] < greatest[side] {
+                speeds[side] = 0.0;
+            }
+        }
+        (reaction, speeds)
+    }
+
     /// Takes a step; returns by which angle the rotor turns.
     fn accept(&mut self, reached: &Reached) -> f64 {
         self.speeds = reached.speeds;
@@ -513,8 +509,9 @@ impl FeedAxis {
 
     /// The same where rotor and load are one.
     fn advance_stiff(&mut self, dt: f64, torque: f64, hold: f64, angle: f64) -> f64 {
-        let step = self.prepare(dt);
-        let (turned, end) = self.reach_stiff(&step, torque, hold, angle, Turning::Cut);
+        self.prepare(dt);
+        let step = self.prepared();
+        let (turned, end) = self.reach_stiff(step, torque, hold, angle, Turning::Cut);
         let begin = self.speeds.x;
         let until = dt * begin / (begin - end);
         if begin * end >= 0.0 || until < SHORTEST_PART {
@@ -540,23 +537,21 @@ impl FeedAxis {
         turning: Turning,
     ) -> (f64, f64) {
         let train = &self.train;
-        let inertia = train.rotor_inertia + train.load_inertia;
         let begin = self.speeds.x;
-        let acceleration = (torque + train.load_torque) / inertia;
-        let Transition { state, input } = step.twist;
-        let free = state.m22 * begin + input.y * acceleration;
+        let torque = torque + train.load_torque;
+        let added = step.inverse.m11;
+        let free = step.from_speeds.m11 * begin + added * torque;
         let reach = |mean: f64| {
             let at = Vector2::new(mean, mean);
             let (least, greatest) = self.bounds(at, step.dt, hold, angle);
             let (least, greatest) = (least.x + least.y, greatest.x + greatest.y);
-            let stop = -free * inertia / input.y;
             let reaction = match turning {
                 Turning::Cut if begin > 0.0 && least.is_finite() => least,
                 Turning::Cut if begin < 0.0 && greatest.is_finite() => greatest,
-                _ => stop.clamp(least, greatest),
+                _ => (-free / added).clamp(least, greatest),
             };
             let is_held = least < reaction && reaction < greatest;
-            let end = free + input.y * reaction / inertia;
+            let end = free + added * reaction;
             (reaction, if is_held { 0.0 } else { end })
         };
         let (mut reaction, mut end) = reach(begin);
@@ -565,10 +560,21 @@ impl FeedAxis {
         }
         let turned = match begin == 0.0 && end == 0.0 {
             true => 0.0,
-            false => state.m12 * begin + input.x * (acceleration + reaction / inertia),
+            false => {
+                let torque = torque + reaction;
+                step.turned_by_speeds.m11 * begin + step.turned_by_torques.m11 * torque
+            }
         };
         (turned, end)
     }
+}
+
+/// A product, written out: nalgebra's is a call for each column.
+fn times(matrix: &Matrix2<f64>, vector: Vector2<f64>) -> Vector2<f64> {
+    Vector2::new(
+        matrix.m11 * vector.x + matrix.m12 * vector.y,
+        matrix.m21 * vector.x + matrix.m22 * vector.y,
+    )
 }
 
 impl Step {
@@ -576,59 +582,85 @@ impl Step {
     fn none() -> Self {
         Self {
             dt: 0.0,
-            twist: Mode::FREE.after(0.0),
-            free: Matrix2::identity(),
-            begin: Matrix2::zeros(),
-            inverse: Matrix2::identity(),
-            mass: Matrix2::identity(),
+            from_speeds: Matrix2::identity(),
+            from_twist: Vector2::zeros(),
+            inverse: Matrix2::zeros(),
+            mass: Matrix2::zeros(),
+            turned_by_speeds: Matrix2::zeros(),
+            turned_by_twist: Vector2::zeros(),
+            turned_by_torques: Matrix2::zeros(),
         }
     }
 
     fn new(train: &DriveTrain, dt: f64, flank: Flank) -> Self {
+        match train.elasticity {
+            None => Self::stiff(train, dt),
+            Some(_) if flank == Flank::Loose => Self::elastic(train, dt, Mode::FREE),
+            Some(elasticity) => {
+                let (rotor, load) = (train.rotor_inertia, train.load_inertia);
+                let reduced = rotor * load / (rotor + load);
+                let mode = Mode {
+                    stiffness: elasticity.stiffness / reduced,
+                    decay: 0.5 * elasticity.damping / reduced,
+                };
+                Self::elastic(train, dt, mode)
+            }
+        }
+    }
+
+    /// Rotor and load as one, in the first place of everything.
+    fn stiff(train: &DriveTrain, dt: f64) -> Self {
+        let inertia = train.rotor_inertia + train.load_inertia;
+        let mode = Mode {
+            stiffness: 0.0,
+            decay: 0.5 * (train.bearing.viscous + train.guide.viscous) / inertia,
+        };
+        let Transition { state, input } = mode.after(dt);
+        let first = |value: f64| Matrix2::new(value, 0.0, 0.0, 0.0);
+        Self {
+            dt,
+            from_speeds: first(state.m22),
+            inverse: first(input.y / inertia),
+            turned_by_speeds: first(state.m12),
+            turned_by_torques: first(input.x / inertia),
+            ..Self::none()
+        }
+    }
+
+    fn elastic(train: &DriveTrain, dt: f64, mode: Mode) -> Self {
         let (rotor, load) = (train.rotor_inertia, train.load_inertia);
         let sum = rotor + load;
-        if train.elasticity.is_none() {
-            let mode = Mode {
-                stiffness: 0.0,
-                decay: 0.5 * (train.bearing.viscous + train.guide.viscous) / sum,
-            };
-            return Self {
-                dt,
-                twist: mode.after(dt),
-                ..Self::none()
-            };
-        }
-        let reduced = rotor * load / sum;
-        let mode = match train.elasticity.filter(|_| flank != Flank::Loose) {
-            None => Mode::FREE,
-            Some(elasticity) => Mode {
-                stiffness: elasticity.stiffness / reduced,
-                decay: 0.5 * elasticity.damping / reduced,
-            },
-        };
-        let twist = mode.after(dt);
-        // What constant torques on rotor and load add to both speeds.
-        let shared = (dt - twist.input.y) / sum;
+        let Transition { state, input } = mode.after(dt);
+        // Of common motion and twist, from rotor and load, and back.
+        let modes = Matrix2::new(rotor / sum, load / sum, 1.0, -1.0);
+        let parts = Matrix2::new(1.0, load / sum, 1.0, -rotor / sum);
+        let accelerations = Matrix2::new(1.0 / sum, 1.0 / sum, 1.0 / rotor, -1.0 / load);
+        let both = |common: f64, twist: f64| Matrix2::new(common, 0.0, 0.0, twist);
+        // Without viscous friction; what torques add to the speeds is symmetric.
+        let speeds = parts * both(1.0, state.m22) * modes;
+        let shared = (dt - input.y) / sum;
         let added = Matrix2::new(
-            dt / sum + load / (sum * rotor) * twist.input.y,
+            dt / sum + load / (sum * rotor) * input.y,
             shared,
             shared,
-            dt / sum + rotor / (sum * load) * twist.input.y,
+            dt / sum + rotor / (sum * load) * input.y,
         );
+        let twist = parts.column(1);
         let unmoved = added.try_inverse().unwrap_or_else(Matrix2::identity);
-        let viscous = Matrix2::from_diagonal(&Vector2::new(
-            0.5 * train.bearing.viscous,
-            0.5 * train.guide.viscous,
-        ));
+        // With it: mass v₁ = unmoved (v without it) − b/2 v₀, where mass = unmoved + b/2.
+        let viscous = Vector2::new(train.bearing.viscous, train.guide.viscous);
+        let viscous = Matrix2::from_diagonal(&(0.5 * viscous));
         let mass = unmoved + viscous;
         let inverse = mass.try_inverse().unwrap_or_else(Matrix2::identity);
         Self {
             dt,
-            twist,
-            free: inverse * unmoved,
-            begin: -inverse * viscous,
+            from_speeds: inverse * (unmoved * speeds - viscous),
+            from_twist: inverse * (unmoved * (twist * state.m21)),
             inverse,
             mass,
+            turned_by_speeds: parts * both(dt, state.m12) * modes,
+            turned_by_twist: twist * (state.m11 - 1.0),
+            turned_by_torques: parts * both(0.5 * dt * dt, input.x) * accelerations,
         }
     }
 }
@@ -647,8 +679,8 @@ impl Mechanics for FeedAxis {
             Some(_) => self.advance(dt, load.torque, hold, angle),
         };
         shaft.acceleration = 0.0;
-        shaft.position += turned / TAU;
-        shaft.velocity = self.speeds.x / TAU;
+        shaft.position += turned * (1.0 / TAU);
+        shaft.velocity = self.speeds.x * (1.0 / TAU);
     }
 }
 
