@@ -35,6 +35,7 @@
 use crate::bus::{Band, BitRate, Node, Received, SimBus, Transmission};
 use crate::mechanics::{Load, Mechanics, Motion};
 use crate::twin::SimulatedDevice;
+use crate::twin::servo::shaft::Shaft;
 use syncline_canopen::time::Duration;
 use syncline_canopen::{Frame, Instant, Transmit};
 
@@ -112,12 +113,19 @@ impl World {
         DeviceId { bus: bus.0, place }
     }
 
-    /// Ties the shafts of these devices together, before time passes.
+    /// Ties the shafts of these devices together, before time passes. The mechanics are told the
+    /// motions of `watched` shafts too, behind those of the others, and do not move them.
     ///
     /// # Panics
     /// If one of them has no shaft.
-    pub fn couple(&mut self, mechanics: impl Mechanics + 'static, devices: &[DeviceId]) {
-        (self.couplings).add(Box::new(mechanics), devices, &mut self.buses[..]);
+    pub fn couple(
+        &mut self,
+        mechanics: impl Mechanics + 'static,
+        devices: &[DeviceId],
+        watched: &[DeviceId],
+    ) {
+        let coupling = Coupling::new(Box::new(mechanics), devices, watched);
+        self.couplings.add(coupling, &mut self.buses[..]);
     }
 
     /// Turns the shaft of one device with that of another, `ratio` times as far, before time passes:
@@ -216,15 +224,22 @@ impl Hosted {
         }
     }
 
-    /// Ties the shafts of the devices at these places together, before time passes.
+    /// Ties the shafts of the devices at these places together, as [`World::couple`] does.
     ///
     /// # Panics
     /// If one of them has no shaft.
-    pub fn couple(&mut self, mechanics: impl Mechanics + 'static, places: &[usize]) {
-        let devices: Vec<_> = (places.iter())
-            .map(|&place| DeviceId { bus: 0, place })
-            .collect();
-        (self.couplings).add(Box::new(mechanics), &devices, &mut self.devices[..]);
+    pub fn couple(
+        &mut self,
+        mechanics: impl Mechanics + 'static,
+        places: &[usize],
+        watched: &[usize],
+    ) {
+        let devices = |places: &[usize]| -> Vec<DeviceId> {
+            let places = places.iter();
+            places.map(|&place| DeviceId { bus: 0, place }).collect()
+        };
+        let coupling = Coupling::new(Box::new(mechanics), &devices(places), &devices(watched));
+        self.couplings.add(coupling, &mut self.devices[..]);
     }
 
     /// Lets all that is due until `now` happen, each at its own instant.
@@ -297,8 +312,13 @@ struct Follower {
 /// Shafts that are tied together.
 struct Coupling {
     mechanics: Box<dyn Mechanics>,
+    /// Moved.
     devices: Vec<DeviceId>,
+    /// Only looked at.
+    watched: Vec<DeviceId>,
+    /// Of what is moved.
     loads: Vec<Load>,
+    /// Of what is moved, then of what is looked at.
     motions: Vec<Motion>,
 }
 
@@ -321,29 +341,14 @@ impl Couplings {
         (!self.is_empty()).then_some(self.next)
     }
 
-    fn add(
-        &mut self,
-        mechanics: Box<dyn Mechanics>,
-        devices: &[DeviceId],
-        all: &mut (impl Devices + ?Sized),
-    ) {
-        let mut motions = Vec::with_capacity(devices.len());
-        for &device in devices {
-            let shaft = all.device_mut(device).shaft_mut();
-            let shaft = shaft.expect("mechanics couple devices that have a shaft");
+    fn add(&mut self, mut coupling: Coupling, all: &mut (impl Devices + ?Sized)) {
+        for (motion, &device) in coupling.motions.iter_mut().zip(&coupling.devices) {
+            let shaft = shaft_of(device, all);
             shaft.couple(Instant::ZERO);
-            motions.push(Motion {
-                position: shaft.position(),
-                velocity: shaft.velocity(),
-                acceleration: 0.0,
-            });
+            *motion = motion_of(shaft);
         }
-        self.couplings.push(Coupling {
-            mechanics,
-            devices: devices.to_vec(),
-            loads: vec![Load::default(); devices.len()],
-            motions,
-        });
+        coupling.watch(all);
+        self.couplings.push(coupling);
     }
 
     fn follow(
@@ -403,7 +408,40 @@ impl Follower {
     }
 }
 
+/// # Panics
+/// If the device has no shaft.
+fn shaft_of(device: DeviceId, all: &mut (impl Devices + ?Sized)) -> &mut Shaft {
+    let shaft = all.device_mut(device).shaft_mut();
+    shaft.expect("mechanics couple devices that have a shaft")
+}
+
+fn motion_of(shaft: &Shaft) -> Motion {
+    Motion {
+        position: shaft.position(),
+        velocity: shaft.velocity(),
+        acceleration: 0.0,
+    }
+}
+
 impl Coupling {
+    fn new(mechanics: Box<dyn Mechanics>, devices: &[DeviceId], watched: &[DeviceId]) -> Self {
+        Self {
+            mechanics,
+            devices: devices.to_vec(),
+            watched: watched.to_vec(),
+            loads: vec![Load::default(); devices.len()],
+            motions: vec![Motion::default(); devices.len() + watched.len()],
+        }
+    }
+
+    /// Looks at what is only looked at.
+    fn watch(&mut self, all: &mut (impl Devices + ?Sized)) {
+        let motions = self.motions[self.devices.len()..].iter_mut();
+        for (motion, &device) in motions.zip(&self.watched) {
+            *motion = motion_of(shaft_of(device, all));
+        }
+    }
+
     fn step(&mut self, end: Instant, step: Duration, all: &mut (impl Devices + ?Sized)) {
         for (load, &device) in self.loads.iter_mut().zip(&self.devices) {
             let device = all.device_mut(device);
@@ -412,6 +450,10 @@ impl Coupling {
                 *load = shaft.take_load();
             }
         }
+        for &device in &self.watched {
+            all.device_mut(device).run_until(end);
+        }
+        self.watch(all);
         let dt = step.as_nanos() as f64 * 1e-9;
         self.mechanics.step(dt, &self.loads, &mut self.motions);
         for (&motion, &device) in self.motions.iter().zip(&self.devices) {

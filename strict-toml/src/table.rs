@@ -111,6 +111,21 @@ impl<'a, 'i> Table<'a, 'i> {
         None
     }
 
+    /// One of `names`, if the key is there.
+    pub fn choice_if<'n>(
+        &mut self,
+        log: &mut Log<'_>,
+        key: &'static str,
+        names: impl Iterator<Item = &'n str> + Clone,
+    ) -> Found<String> {
+        if self.entries.contains_key(key) {
+            self.choice(log, key, names)
+        } else {
+            self.known.push(key);
+            None
+        }
+    }
+
     /// One of `names`, or `default`.
     pub fn choice_or<'n>(
         &mut self,

@@ -6,7 +6,7 @@
 mod read;
 mod simulation;
 
-pub use simulation::{FeedAxis, Simulation};
+pub use simulation::{Carriage, FeedAxis, Gantry, Simulation};
 
 use std::{
     fs, io,

@@ -156,7 +156,10 @@ impl Tables {
                 let own = axis.drives.get_ref().iter().filter_map(index).collect();
                 axis.join(own)
             })
-            .collect();
+            .collect::<Vec<_>>();
+        for axis in &axes {
+            simulation::check(log, axis, &axes);
+        }
         Some(Machine {
             name: self.name,
             cycle,

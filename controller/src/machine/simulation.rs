@@ -4,16 +4,19 @@
 //! The file's figures are those of data sheets, at the load and in the axis's own units;
 //! [`FeedAxis::at_shaft`] makes of them what one drive's motor feels at its shaft.
 
+use super::Axis;
 use std::f64::consts::TAU;
 use std::ops::RangeInclusive;
 use syncline_drives::mechanics::drive_train::{Brake, DriveTrain, Elasticity, LeadError};
 use syncline_drives::mechanics::friction::Friction;
-use syncline_drives::mechanics::rigid_beam::Beam;
-use syncline_drives::model::{Direction, Scaling};
+use syncline_drives::mechanics::rigid_beam::{self, Beam, Racking};
+use syncline_drives::model::{Direction, Increments, Scaling};
 use syncline_drives::twin;
 use syncline_drives::twin::servo::encoder::EncoderErrors;
 use syncline_drives::twin::servo::motor::{MOTORS, Motor};
-use syncline_strict_toml::{Log, Table};
+use syncline_gcode as gcode;
+use syncline_strict_toml::{Log, Table, one_of};
+use toml::Spanned;
 
 /// What the simulated drives of an axis move.
 #[derive(Clone, Debug, PartialEq)]
@@ -21,9 +24,63 @@ pub struct Simulation {
     /// What each of its motors moves alone: all of it, or the drive train in front of a beam.
     pub axis: FeedAxis,
     /// What ties a gantry's two sides together.
-    pub beam: Option<Beam>,
+    pub gantry: Option<Gantry>,
     /// `None`: what each drive's model has.
     pub encoder: Option<EncoderErrors>,
+}
+
+/// A beam between the two sides of a gantry.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Gantry {
+    /// The beam itself.
+    pub beam: Beam,
+    /// What runs along it.
+    pub carriage: Option<Carriage>,
+}
+
+/// What another axis moves along a beam, from the first side to the second.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Carriage {
+    /// That axis's name, and where the file says it.
+    axis: Spanned<String>,
+    /// kg.
+    pub mass: f64,
+    /// Position of that axis in the middle of the beam, mm; `None`: in the middle of its soft limits.
+    middle: Option<f64>,
+}
+
+impl Carriage {
+    /// The axis that moves it, by its index.
+    #[must_use]
+    pub fn axis(&self, axes: &[Axis]) -> Option<usize> {
+        (axes.iter()).position(|axis| axis.name() == self.axis.get_ref())
+    }
+
+    /// As its beam knows it, moved by a drive of its axis with that scaling.
+    #[must_use]
+    pub fn at_shaft(&self, axis: &Axis, scaling: &Scaling) -> rigid_beam::Carriage {
+        let (least, most) = axis.limits.position;
+        let middle = self.middle.unwrap_or(0.5 * (least + most));
+        // Its axis's positive direction is away from the first side.
+        rigid_beam::Carriage {
+            mass: self.mass,
+            travel: -direction(scaling) * axis.mm_per_revolution * 1e-3,
+            middle: revolutions(scaling, axis.mm_per_revolution, middle),
+        }
+    }
+}
+
+/// Which way a drive counts: 1 or −1.
+fn direction(scaling: &Scaling) -> f64 {
+    match scaling.direction() {
+        Direction::Positive => 1.0,
+        Direction::Negative => -1.0,
+    }
+}
+
+/// Where a drive's shaft is at a machine position, from its encoder's zero.
+fn revolutions(scaling: &Scaling, mm_per_revolution: f64, mm: f64) -> f64 {
+    direction(scaling) * (mm - scaling.to_mm(Increments::ZERO)) / mm_per_revolution
 }
 
 /// A feed axis as a machine file has it. N, N/m and kg of a linear axis are N·m, N·m/rad and kg·m²
@@ -97,10 +154,7 @@ impl FeedAxis {
         // m for a radian of the shaft; rad of a rotary axis.
         let unit = if rotary { TAU / 360.0 } else { 1e-3 };
         let travel = unit * mm_per_revolution / TAU;
-        let sign = match scaling.direction() {
-            Direction::Positive => 1.0,
-            Direction::Negative => -1.0,
-        };
+        let sign = direction(scaling);
         let rotor_inertia = self.motor.rotor_inertia + self.transmission_inertia;
         let load = self.load.map(|load| load * travel * travel);
         let load_inertia = load.unwrap_or(DEFAULT_RATIO * self.motor.rotor_inertia);
@@ -113,9 +167,7 @@ impl FeedAxis {
                 play: it.play * unit / travel,
             }
         });
-        // Where the shaft is at a machine position, revolutions.
-        let zero = -scaling.to_mm(syncline_drives::model::Increments::ZERO);
-        let revolutions = |mm: f64| sign * (mm + zero) / mm_per_revolution;
+        let revolutions = |mm: f64| revolutions(scaling, mm_per_revolution, mm);
         let stops = self.end_stops.map(|(least, most)| {
             let (one, other) = (revolutions(least) * TAU, revolutions(most) * TAU);
             (one.min(other), one.max(other))
@@ -156,34 +208,33 @@ pub(super) fn read(
 ) -> Option<Simulation> {
     let mut table = axis.table_if(log, "simulation", ALLOWED)?;
     table.title = format!("{}: simulation", axis.title);
-    let beam = if table.span_of("mechanics").is_none() {
-        Some(None)
-    } else {
-        if !gantry || rotary {
-            let span = axis.span_of("simulation").unwrap_or_default();
-            log.report(
-                span,
-                format!(
-                    "{}: `simulation` where nothing is tied together",
-                    axis.title
-                ),
-                "allowed: `mechanics` only of a linear axis whose `drives` name two, a gantry pair",
-            );
-        }
-        beam(log, &mut table).map(Some)
-    };
     let is_tied = table.span_of("mechanics").is_some();
+    if is_tied && (!gantry || rotary) {
+        let span = axis.span_of("simulation").unwrap_or_default();
+        log.report(
+            span,
+            format!(
+                "{}: `simulation` where nothing is tied together",
+                axis.title
+            ),
+            "allowed: `mechanics` only of a linear axis whose `drives` name two, a gantry pair",
+        );
+    }
+    let gantry = is_tied.then(|| beam(log, &mut table));
     let feed_axis = feed_axis(log, &mut table, rotary, is_tied);
     let encoder = encoder(log, &mut table);
     table.finish(log);
     Some(Simulation {
         axis: feed_axis,
-        beam: beam?,
+        gantry: match gantry {
+            Some(gantry) => Some(gantry?),
+            None => None,
+        },
         encoder,
     })
 }
 
-fn beam(log: &mut Log<'_>, table: &mut Table<'_, '_>) -> Option<Beam> {
+fn beam(log: &mut Log<'_>, table: &mut Table<'_, '_>) -> Option<Gantry> {
     let kind = table.choice(log, "mechanics", [RIGID_BEAM].into_iter());
     let mut number = |key, range: RangeInclusive<f64>, unit: &str| {
         let (least, most) = (range.start(), range.end());
@@ -198,12 +249,64 @@ fn beam(log: &mut Log<'_>, table: &mut Table<'_, '_>) -> Option<Beam> {
         "(kg·m², about the middle of the beam)",
     );
     let span = number("span", 1.0..=1e6, "(mm from side to side)");
+    let mut number = |key, range, unit| number_or(log, table, key, 0.0, range, unit);
+    let racking = Racking {
+        stiffness: number("racking_stiffness", 0.0..=1e12, "(N·m/rad)"),
+        damping: number("racking_damping", 0.0..=1e9, "(N·m·s/rad)"),
+    };
+    let carriage = carriage(log, table);
     kind?;
-    Some(Beam {
-        mass: mass?,
-        inertia: inertia?,
-        span: span? / 1000.0,
+    Some(Gantry {
+        beam: Beam {
+            mass: mass?,
+            inertia: inertia?,
+            span: span? / 1000.0,
+            racking,
+        },
+        carriage,
     })
+}
+
+/// What runs along a beam; its other keys are there with `carriage` only.
+fn carriage(log: &mut Log<'_>, table: &mut Table<'_, '_>) -> Option<Carriage> {
+    let names = gcode::Axis::ALL.iter().map(|axis| axis.name());
+    let axis = table.choice_if(log, "carriage", names)?;
+    let allowed = "a number from 0.001 to 1000000 (kg)";
+    let range = 0.001..=1e6;
+    let mass = table.number(log, "carriage_mass", allowed, |mass| range.contains(&mass));
+    let allowed = "a number from -1000000 to 1000000 (mm)";
+    let middle = table.number_if(log, "carriage_middle", allowed, |at| at.abs() <= 1e6);
+    Some(Carriage {
+        axis,
+        mass: mass?.into_inner(),
+        middle: middle.map(Spanned::into_inner),
+    })
+}
+
+/// Whether what runs along the beam of an axis is an axis of one drive.
+pub(super) fn check(log: &mut Log<'_>, axis: &Axis, axes: &[Axis]) {
+    let gantry = axis.simulation.as_ref().and_then(|it| it.gantry.as_ref());
+    let Some(carriage) = gantry.and_then(|it| it.carriage.as_ref()) else {
+        return;
+    };
+    let names = axes
+        .iter()
+        .filter(|it| it.drives.len() == 1 && it.letter.is_linear());
+    let names = names.map(Axis::name).filter(|name| *name != axis.name());
+    if !names.clone().any(|name| name == carriage.axis.get_ref()) {
+        log.report(
+            carriage.axis.span(),
+            format!(
+                "axis \"{}\": simulation: axis \"{}\" cannot run along its beam",
+                axis.name(),
+                carriage.axis.get_ref()
+            ),
+            format!(
+                "allowed: another linear axis of this machine with one drive: {}",
+                one_of(names)
+            ),
+        );
+    }
 }
 
 /// A number in a range, or its default.

@@ -2,11 +2,11 @@
 
 use super::{Port, PortError};
 use crate::bus::{Burst, Received};
-use crate::machine::{Axis, Machine, Simulation};
+use crate::machine::{Axis, Gantry, Machine, Simulation};
 use syncline_canopen::{Frame, NodeId};
 use syncline_drives::bus::{Band, BitRate};
 use syncline_drives::mechanics::rigid::Rigid;
-use syncline_drives::mechanics::rigid_beam::{Beam, RigidBeam, Side};
+use syncline_drives::mechanics::rigid_beam::{RigidBeam, Side};
 use syncline_drives::model::{Direction, Model};
 use syncline_drives::twin::{self, Config, Kind, SimulatedDevice};
 use syncline_drives::world::{BusId, DeviceId, Hosted, Observer, World};
@@ -121,14 +121,17 @@ impl Simulated {
         });
         let devices: Vec<Option<DeviceId>> = devices.collect();
         for axis in &machine.axes {
-            let Some((simulation, beam)) = tied(axis) else {
+            let Some(tied) = Tied::of(machine, axis) else {
                 continue;
             };
-            let sides: Vec<DeviceId> = axis.drives.iter().filter_map(|it| devices[*it]).collect();
-            if sides.len() == axis.drives.len() {
-                world.couple(tie(machine, axis, simulation, beam)?, &sides);
+            let here = |drives: &[usize]| -> Vec<DeviceId> {
+                drives.iter().filter_map(|it| devices[*it]).collect()
+            };
+            let (sides, watched) = (here(&axis.drives), here(&tied.watched));
+            if sides.len() == axis.drives.len() && watched.len() == tied.watched.len() {
+                world.couple(tied.mechanics(machine, axis)?, &sides, &watched);
             } else if !sides.is_empty() {
-                return Err(split(machine, axis));
+                return Err(tied.split(machine, axis));
             }
         }
         Ok(Self {
@@ -162,20 +165,23 @@ pub fn hosted(
         .collect();
     let mut ties = Vec::new();
     for axis in &machine.axes {
-        let Some((simulation, beam)) = tied(axis) else {
+        let Some(tied) = Tied::of(machine, axis) else {
             continue;
         };
-        let place = |drive| drives.iter().position(|it| it == drive);
-        let places: Vec<usize> = axis.drives.iter().filter_map(place).collect();
-        if places.len() == axis.drives.len() {
-            ties.push((tie(machine, axis, simulation, beam)?, places));
-        } else if !places.is_empty() {
-            return Err(split(machine, axis));
+        let here = |all: &[usize]| -> Vec<usize> {
+            let place = |drive| drives.iter().position(|it| it == drive);
+            all.iter().filter_map(place).collect()
+        };
+        let (sides, watched) = (here(&axis.drives), here(&tied.watched));
+        if sides.len() == axis.drives.len() && watched.len() == tied.watched.len() {
+            ties.push((tied.mechanics(machine, axis)?, sides, watched));
+        } else if !sides.is_empty() {
+            return Err(tied.split(machine, axis));
         }
     }
     let mut hosted = Hosted::new(devices);
-    for (mechanics, places) in ties {
-        hosted.couple(mechanics, &places);
+    for (mechanics, sides, watched) in ties {
+        hosted.couple(mechanics, &sides, &watched);
     }
     Ok(hosted)
 }
@@ -189,7 +195,7 @@ pub fn config(machine: &Machine, drive: usize, seed: u64) -> Config {
     let position = spec.scaling.to_increments(rest);
     let axis = &machine.axes[spec.axis];
     let simulation = axis.simulation.as_ref();
-    let own = simulation.filter(|it| it.beam.is_none());
+    let own = simulation.filter(|it| it.gantry.is_none());
     Config {
         axis: own.map(|it| at_shaft(machine, drive, it)),
         encoder: simulation.and_then(|it| it.encoder),
@@ -227,12 +233,6 @@ fn at_shaft(machine: &Machine, drive: usize, simulation: &Simulation) -> twin::A
     (simulation.axis).at_shaft(&spec.scaling, axis.mm_per_revolution, rotary)
 }
 
-/// The simulation of an axis whose drives are tied together, and what ties them.
-fn tied(axis: &Axis) -> Option<(&Simulation, Beam)> {
-    let simulation = axis.simulation.as_ref()?;
-    Some((simulation, simulation.beam?))
-}
-
 /// One side of a beam, from the rotor to its end.
 fn side(machine: &Machine, drive: usize, simulation: &Simulation) -> Side {
     let train = at_shaft(machine, drive, simulation).train;
@@ -253,42 +253,67 @@ fn side(machine: &Machine, drive: usize, simulation: &Simulation) -> Side {
     }
 }
 
-/// What ties the sides of an axis together.
-///
-/// # Errors
-/// If its numbers are beyond what can be counted with.
-fn tie(
-    machine: &Machine,
-    axis: &Axis,
-    simulation: &Simulation,
-    beam: Beam,
-) -> Result<RigidBeam, PortError> {
-    let sides = axis.drives.iter();
-    let sides: Vec<Side> = sides
-        .map(|&drive| side(machine, drive, simulation))
-        .collect();
-    let sides: Option<[Side; 2]> = sides.try_into().ok();
-    let tied = sides.and_then(|sides| RigidBeam::new(beam, sides));
-    tied.ok_or_else(|| {
-        let why = "cannot be computed with these masses and this travel for a revolution";
-        refusal(machine, axis, why)
-    })
+/// What ties the drives of an axis together.
+struct Tied<'m> {
+    simulation: &'m Simulation,
+    gantry: &'m Gantry,
+    /// The drive whose motion the beam has to know, if there is one.
+    watched: Vec<usize>,
 }
 
-/// Mechanics that tie drives together which do not live by one clock.
-fn split(machine: &Machine, axis: &Axis) -> PortError {
-    let drives = axis.drives.iter().map(|drive| {
-        let drive = &machine.drives[*drive];
-        let bus = &machine.buses[drive.bus];
-        format!("{} on bus {} (port {})", drive.name, bus.name, bus.port)
-    });
-    let drives: Vec<String> = drives.collect();
-    let why = format!(
-        "ties together {}, which are not simulated by one clock: let both buses be \"sim\", put both \
-         drives on one bus, or take `simulation` out",
-        drives.join(" and ")
-    );
-    refusal(machine, axis, &why)
+impl<'m> Tied<'m> {
+    /// Of an axis, if anything does.
+    fn of(machine: &Machine, axis: &'m Axis) -> Option<Self> {
+        let simulation = axis.simulation.as_ref()?;
+        let gantry = simulation.gantry.as_ref()?;
+        let carriage = gantry.carriage.as_ref();
+        let mover = carriage.and_then(|carriage| carriage.axis(&machine.axes));
+        Some(Self {
+            simulation,
+            gantry,
+            watched: mover.map_or(Vec::new(), |axis| machine.axes[axis].drives.clone()),
+        })
+    }
+
+    /// A beam between both sides, with what runs along it.
+    ///
+    /// # Errors
+    /// If its numbers are beyond what can be counted with.
+    fn mechanics(&self, machine: &Machine, axis: &Axis) -> Result<RigidBeam, PortError> {
+        let sides = axis.drives.iter();
+        let sides: Vec<Side> = sides
+            .map(|&drive| side(machine, drive, self.simulation))
+            .collect();
+        let sides: Option<[Side; 2]> = sides.try_into().ok();
+        let beam = sides.and_then(|sides| RigidBeam::new(self.gantry.beam, sides));
+        let beam = beam.ok_or_else(|| {
+            let why = "cannot be computed with these masses and this travel for a revolution";
+            refusal(machine, axis, why)
+        })?;
+        Ok(match (&self.gantry.carriage, &self.watched[..]) {
+            (Some(carriage), &[drive]) => {
+                let drive = &machine.drives[drive];
+                beam.carrying(carriage.at_shaft(&machine.axes[drive.axis], &drive.scaling))
+            }
+            _ => beam,
+        })
+    }
+
+    /// It ties drives together which do not live by one clock.
+    fn split(&self, machine: &Machine, axis: &Axis) -> PortError {
+        let drives = axis.drives.iter().chain(&self.watched).map(|drive| {
+            let drive = &machine.drives[*drive];
+            let bus = &machine.buses[drive.bus];
+            format!("{} on bus {} (port {})", drive.name, bus.name, bus.port)
+        });
+        let drives: Vec<String> = drives.collect();
+        let why = format!(
+            "ties together {}, which are not simulated by one clock: let both buses be \"sim\", put both \
+             drives on one bus, or take `simulation` out",
+            drives.join(" and ")
+        );
+        refusal(machine, axis, &why)
+    }
 }
 
 fn refusal(machine: &Machine, axis: &Axis, why: &str) -> PortError {

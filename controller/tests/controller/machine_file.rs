@@ -383,6 +383,27 @@ fn every_mistake_is_found_named_and_placed() {
             "allowed: a number from 0.001 to 1000000 (kg)",
         ),
         (
+            "skew_limit = 0.5",
+            "skew_limit = 0.5\nsimulation = { mechanics = \"rigid_beam\", mass = 80, inertia = 15, \
+             span = 1500, carriage = §\"X\", carriage_mass = 30 }",
+            "axis \"X\": simulation: axis \"X\" cannot run along its beam",
+            "another linear axis of this machine with one drive: \"Y\" or \"Z\"",
+        ),
+        (
+            "skew_limit = 0.5",
+            "skew_limit = 0.5\nsimulation = §{ mechanics = \"rigid_beam\", mass = 80, inertia = 15, \
+             span = 1500, carriage = \"Y\" }",
+            "axis \"X\": simulation: missing key `carriage_mass`",
+            "a number from 0.001 to 1000000 (kg)",
+        ),
+        (
+            "skew_limit = 0.5",
+            "skew_limit = 0.5\nsimulation = { mechanics = \"rigid_beam\", mass = 80, inertia = 15, \
+             span = 1500, §carriage_mass = 30 }",
+            "axis \"X\": simulation: unknown key `carriage_mass`",
+            "",
+        ),
+        (
             "soft_limits = [0.0, 1000.0]",
             "soft_limits = [0.0, 1000.0]\nsimulation = §{ mechanics = \"rigid_beam\", mass = 80, \
              inertia = 15, span = 1500 }",

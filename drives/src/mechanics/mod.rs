@@ -63,6 +63,7 @@ impl Motion {
 
 /// Masses, springs and friction behind one or several shafts.
 pub trait Mechanics: Send {
-    /// Lets `dt` seconds pass. Each shaft has its place in both slices.
+    /// Lets `dt` seconds pass. Each shaft has its place in both slices; behind them `motions` has those
+    /// of shafts that are only looked at.
     fn step(&mut self, dt: f64, loads: &[Load], motions: &mut [Motion]);
 }

@@ -1,6 +1,6 @@
 //! A rigid beam on two guides, each side moved by a motor of its own: a gantry.
 //!
-//! The beam has two degrees of freedom, its centre `x` and its angle `θ` (small), so that the sides
+//! The beam has two degrees of freedom, its middle `x` and its angle `θ` (small), so that the sides
 //! stand at `x ± θ·span/2`. Both motors feel both: with `r` metres of travel for a radian of a
 //! shaft, the kinetic energy ½ m ẋ² + ½ J θ̇² + ½ Σ Jᵣ ω² gives the mass matrix of the two shafts
 //!
@@ -12,7 +12,34 @@
 //! and M ω̇ = torques. Without friction a step is exact for torques that are constant in it, and
 //! conserves momentum and energy to rounding.
 //!
-//! Friction, brakes and blocks are [`reactions`], impulses against each shaft.
+//! # Racking
+//!
+//! Where the guides hold the beam square they push back with the *racking torque* k θ + d θ̇. It acts
+//! on the shafts as `t = (r₁, −r₂) / span`, which turns their speeds into θ̇. Skew is counted from where the
+//! sides stand at the beginning.
+//!
+//! # A carriage
+//!
+//! A carriage of mass `m_c` at `y` along the beam, which another axis moves, makes mass and inertia
+//! follow it. Across the beam its speed is
+//!
+//! ```text
+//! V = ẋ + y θ̇ + ẏ θ = w·ω + ẏ θ        w = (r₁/2 + y r₁/span, r₂/2 − y r₂/span)
+//! ```
+//!
+//! and Lagrange's equations leave M ω̇ + m_c w V̇ = torques, in which V̇ = w·ω̇ + 2 ẏ θ̇ + ÿ θ has the
+//! Coriolis term. A step takes the difference of V between its ends and means of both ends for w, θ and θ̇:
+//!
+//! ```text
+//! M Δω + m_c w ΔV + t (k θ + d θ̇) h = torques h
+//! ```
+//!
+//! two linear equations in Δω. The momentum along the guides, m ẋ + m_c V, is kept to rounding, energy with
+//! the square of the step. What the skewed beam does to the carriage's own axis, m_c θ V̇, is left out: a
+//! thousandth of the force across at a skew of 1 mm in 1 m.
+//!
+//! Friction, brakes and blocks are [`reactions`], impulses against each shaft. With a carriage in motion
+//! their matrix is symmetric but for `h ẏ`; its symmetric part stands for it where they are chosen.
 
 use super::reactions::reactions;
 use super::rigid::Rigid;
@@ -29,6 +56,28 @@ pub struct Beam {
     pub inertia: f64,
     /// Distance of its two sides, m.
     pub span: f64,
+    /// What holds it square.
+    pub racking: Racking,
+}
+
+/// How guides and frame hold a beam square.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Racking {
+    /// N·m/rad.
+    pub stiffness: f64,
+    /// N·m·s/rad.
+    pub damping: f64,
+}
+
+/// What another axis moves along a beam.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Carriage {
+    /// kg.
+    pub mass: f64,
+    /// Travel towards the first side for a revolution of its motor, m; negative if away from it.
+    pub travel: f64,
+    /// Where its motor stands with the carriage in the beam's middle, revolutions.
+    pub middle: f64,
 }
 
 /// One side's drive train.
@@ -44,8 +93,33 @@ pub struct Side {
 #[derive(Clone, Debug)]
 pub struct RigidBeam {
     sides: [Side; 2],
+    carriage: Option<Carriage>,
+    racking: Racking,
     mass: Matrix2<f64>,
-    inverse_mass: Matrix2<f64>,
+    /// Of a radian of each shaft, rad of skew.
+    turning: Vector2<f64>,
+    span: f64,
+    /// rad.
+    skew: f64,
+    /// rad/s.
+    skew_rate: f64,
+    /// Of the carriage at the end of the last step; `None` before the first.
+    carried: Option<Carried>,
+}
+
+/// Where the carriage is.
+#[derive(Clone, Copy, Debug)]
+struct Carried {
+    /// Of each shaft's speed, metres across the beam.
+    across: Vector2<f64>,
+    /// Along the beam, m/s.
+    along: f64,
+}
+
+/// A step's equation: `mass Δω = push + impulses`.
+struct Equation {
+    mass: Matrix2<f64>,
+    push: Vector2<f64>,
 }
 
 impl RigidBeam {
@@ -64,18 +138,89 @@ impl RigidBeam {
             sides[1].rigid.motor_inertia + own * r2 * r2,
         );
         let definite = mass.m11 > 0.0 && mass.determinant() > 0.0;
+        mass.try_inverse().filter(|_| definite)?;
         Some(Self {
-            inverse_mass: mass.try_inverse().filter(|_| definite)?,
             mass,
             sides,
+            carriage: None,
+            racking: beam.racking,
+            turning: Vector2::new(r1, -r2) / beam.span,
+            span: beam.span,
+            skew: 0.0,
+            skew_rate: 0.0,
+            carried: None,
         })
+    }
+
+    /// The same with a carriage, whose shaft's motion comes after those of the sides.
+    #[must_use]
+    pub fn carrying(self, carriage: Carriage) -> Self {
+        Self {
+            carriage: Some(carriage),
+            ..self
+        }
+    }
+
+    /// Skew of the beam, rad: positive with the first side ahead.
+    #[must_use]
+    pub fn skew(&self) -> f64 {
+        self.skew
+    }
+
+    /// Torque with which guides and frame hold it square, N·m.
+    #[must_use]
+    pub fn racking_torque(&self) -> f64 {
+        self.racking.stiffness * self.skew + self.racking.damping * self.skew_rate
+    }
+
+    /// Where a carriage is whose motor moves so.
+    fn carried(&self, carriage: &Carriage, motor: &Motion) -> Carried {
+        let along = (motor.position - carriage.middle) * carriage.travel;
+        let side = |side: usize, sign: f64| {
+            let travel = self.sides[side].travel / TAU;
+            travel * (0.5 + sign * along / self.span)
+        };
+        Carried {
+            across: Vector2::new(side(0, 1.0), side(1, -1.0)),
+            along: motor.velocity * carriage.travel,
+        }
+    }
+
+    /// What the guides and the carriage make of a step of `dt` seconds from these speeds.
+    fn equation(&mut self, dt: f64, before: Vector2<f64>, carriage: Option<&Motion>) -> Equation {
+        let Racking { stiffness, damping } = self.racking;
+        let turning = self.turning;
+        let rate = turning.dot(&before);
+        let mut mass = self.mass;
+        let mut push = Vector2::zeros();
+        if stiffness != 0.0 || damping != 0.0 {
+            let softness = 0.5 * dt * (damping + 0.5 * dt * stiffness);
+            mass += turning * turning.transpose() * softness;
+            let held = stiffness * (self.skew + 0.5 * dt * rate) + damping * rate;
+            push -= turning * (held * dt);
+        }
+        if let (Some(carriage), Some(motor)) = (self.carriage, carriage) {
+            let now = self.carried(&carriage, motor);
+            let then = self.carried.unwrap_or(now);
+            let across = 0.5 * (then.across + now.across);
+            // ΔV is linear in Δω: what of it Δω makes, and what is there without.
+            let made = now.across + turning * (0.5 * dt * now.along);
+            let there = (now.across - then.across).dot(&before)
+                + now.along * dt * rate
+                + (now.along - then.along) * self.skew;
+            mass += across * made.transpose() * carriage.mass;
+            push -= across * (carriage.mass * there);
+            self.carried = Some(now);
+        }
+        Equation { mass, push }
     }
 }
 
 impl Mechanics for RigidBeam {
-    /// `loads` and `motions` are those of the two sides, in their order.
+    /// `loads` are those of the two sides, in their order, `motions` too, and of the carriage's motor if
+    /// there is one.
     fn step(&mut self, dt: f64, loads: &[Load], motions: &mut [Motion]) {
-        let ([load1, load2], [motion1, motion2]) = (loads, motions) else {
+        let ([load1, load2], [motion1, motion2, others @ ..]) = (loads, motions) else {
             return;
         };
         let before = Vector2::new(motion1.velocity, motion2.velocity) * TAU;
@@ -91,9 +236,12 @@ impl Mechanics for RigidBeam {
             false => side.rigid.grip(load.brake_open) * dt,
         };
         let bounds = Vector2::new(bound(load1, &self.sides[0]), bound(load2, &self.sides[1]));
-        let free = before + self.inverse_mass * torques * dt;
-        let reactions = reactions(&self.mass, &self.inverse_mass, &free, &-bounds, &bounds);
-        let after = free + self.inverse_mass * reactions;
+        let Equation { mass, push } = self.equation(dt, before, others.first());
+        let inverse = mass.try_inverse().unwrap_or_else(Matrix2::zeros);
+        let free = before + inverse * torques * dt + inverse * push;
+        let reactions = symmetric_reactions(&mass, &inverse, &free, &bounds);
+        let after = free + inverse * reactions;
+        let mut speeds = [0.0; 2];
         for (index, motion) in [motion1, motion2].into_iter().enumerate() {
             // What friction holds is at rest, not only nearly.
             let held = reactions[index].abs() < bounds[index];
@@ -105,12 +253,32 @@ impl Mechanics for RigidBeam {
             };
             motion.position += 0.5 * (motion.velocity + speed) * dt;
             motion.velocity = speed;
+            speeds[index] = speed * TAU;
         }
+        let rate = self.turning.dot(&Vector2::from(speeds));
+        self.skew += 0.5 * (self.turning.dot(&before) + rate) * dt;
+        self.skew_rate = rate;
     }
+}
+
+/// [`reactions`] for matrices that are symmetric but for a little.
+fn symmetric_reactions(
+    mass: &Matrix2<f64>,
+    inverse: &Matrix2<f64>,
+    speeds: &Vector2<f64>,
+    bounds: &Vector2<f64>,
+) -> Vector2<f64> {
+    if inverse.m12 == inverse.m21 {
+        return reactions(mass, inverse, speeds, &-bounds, bounds);
+    }
+    let inverse = 0.5 * (inverse + inverse.transpose());
+    let mass = 0.5 * (mass + mass.transpose());
+    reactions(&mass, &inverse, speeds, &-bounds, bounds)
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::mode::Mode;
     use super::*;
     use proptest::prelude::*;
 
@@ -123,6 +291,10 @@ mod tests {
         mass: 40.0,
         inertia: 6.0,
         span: 1.25,
+        racking: Racking {
+            stiffness: 0.0,
+            damping: 0.0,
+        },
     };
 
     fn side(travel: f64, coulomb_friction: f64) -> Side {
@@ -268,6 +440,7 @@ mod tests {
                     mass,
                     inertia,
                     span,
+                    racking: Racking::default(),
                 },
                 sides,
             )
@@ -275,6 +448,154 @@ mod tests {
         };
         assert!(light(40.0, 6.0, 1.25));
         assert!(!light(0.0, 0.0, 1.25) && !light(40.0, 0.0, 1.25) && !light(f64::NAN, 1.0, 1.0));
+    }
+
+    // ---- racking, and a carriage ----
+
+    const RACKING: Racking = Racking {
+        stiffness: 4e5,
+        damping: 60.0,
+    };
+    const CARRIAGE: Carriage = Carriage {
+        mass: 25.0,
+        travel: 0.02,
+        middle: 3.0,
+    };
+
+    fn held_square() -> RigidBeam {
+        let racking = RACKING;
+        RigidBeam::new(Beam { racking, ..BEAM }, [side(0.02, 0.0), side(0.02, 0.0)]).unwrap()
+    }
+
+    /// Both rotors as mass along the guides and as inertia about the beam's middle.
+    fn rotors() -> (f64, f64) {
+        let reduced = ROTOR / (RADIUS * RADIUS);
+        (2.0 * reduced, 0.5 * BEAM.span * BEAM.span * reduced)
+    }
+
+    /// The carriage at `y` metres from the middle.
+    fn carriage_at(y: f64, speed: f64) -> Motion {
+        Motion {
+            position: CARRIAGE.middle + y / CARRIAGE.travel,
+            velocity: speed / CARRIAGE.travel,
+            acceleration: 0.0,
+        }
+    }
+
+    /// A torque of each motor: middle and angle are two oscillators that know nothing of each other.
+    #[test]
+    fn a_beam_moves_as_its_two_degrees_of_freedom() {
+        let mut beam = held_square();
+        let (mass, inertia) = rotors();
+        let skewing = Mode {
+            stiffness: RACKING.stiffness / (BEAM.inertia + inertia),
+            decay: 0.5 * RACKING.damping / (BEAM.inertia + inertia),
+        };
+        let mut motions = [Motion::default(); 2];
+        let torques = [0.7, 0.2];
+        for step in 1..=3200 {
+            beam.step(DT, &loads(torques), &mut motions);
+            let t = f64::from(step) * DT;
+            let force = (torques[0] + torques[1]) / RADIUS;
+            let along = 0.5 * force / (BEAM.mass + mass) * t * t;
+            let moment = 0.5 * BEAM.span * (torques[0] - torques[1]) / RADIUS;
+            let skew = skewing
+                .after(t)
+                .apply(Vector2::zeros(), moment / (BEAM.inertia + inertia));
+            let [one, two] = motions.map(|it| it.position * TAU * RADIUS);
+            assert!((0.5 * (one + two) / along - 1.0).abs() < 1e-9);
+            let rest = moment / RACKING.stiffness;
+            assert!((beam.skew() - skew.x).abs() < 1e-3 * rest, "{t} s");
+            assert!(((one - two) / BEAM.span - beam.skew()).abs() < 1e-12);
+        }
+        let moment = 0.5 * BEAM.span * 0.5 / RADIUS;
+        let settled = (0..200_000).map(|_| {
+            beam.step(DT, &loads(torques), &mut motions);
+            beam.racking_torque()
+        });
+        assert_close(settled.last().unwrap(), moment);
+    }
+
+    /// A carriage that stands beside the middle ties both degrees of freedom together: their one
+    /// vibration has the frequency of the closed form.
+    #[test]
+    fn a_carriage_off_the_middle_shifts_the_resonance() {
+        for y in [-0.5, 0.0, 0.3] {
+            let mut beam = RigidBeam {
+                racking: Racking {
+                    damping: 0.0,
+                    ..RACKING
+                },
+                ..held_square().carrying(CARRIAGE)
+            };
+            let mut motions = [Motion::default(), Motion::default(), carriage_at(y, 0.0)];
+            motions[0].velocity = 1.0;
+            motions[1].velocity = -1.0;
+            let (mut crossings, mut last) = (Vec::new(), 0.0);
+            for step in 0..16_000 {
+                beam.step(DT, &loads([0.0; 2]), &mut motions);
+                let skew = beam.skew();
+                if last < 0.0 && skew >= 0.0 {
+                    crossings.push((f64::from(step) - skew / (skew - last)) * DT);
+                }
+                last = skew;
+            }
+            let periods = (crossings.len() - 1) as f64;
+            let found = periods * TAU / (crossings[crossings.len() - 1] - crossings[0]);
+            let (mass, inertia) = rotors();
+            let mass = BEAM.mass + mass + CARRIAGE.mass;
+            let inertia = BEAM.inertia + inertia + CARRIAGE.mass * y * y;
+            let lever = CARRIAGE.mass * y;
+            let expected = (RACKING.stiffness * mass / (mass * inertia - lever * lever)).sqrt();
+            assert!((found / expected - 1.0).abs() < 1e-4, "{found} {expected}");
+        }
+    }
+
+    /// A free beam that turns while its carriage runs along it: momentum, angular momentum and,
+    /// with the work of what moves the carriage, energy are kept.
+    #[test]
+    fn a_free_beam_with_a_moving_carriage_keeps_momentum_and_energy() {
+        let mut beam = smooth().carrying(CARRIAGE);
+        let speed = 0.8;
+        let mut y = -0.4;
+        let mut motions = [Motion::default(), Motion::default(), carriage_at(y, speed)];
+        motions[0].velocity = 0.3;
+        motions[1].velocity = 0.1;
+        let (mass, inertia) = rotors();
+        let (mass, inertia) = (BEAM.mass + mass, BEAM.inertia + inertia);
+        // Of the carriage across the beam, where it is and how fast.
+        let state = |motions: &[Motion; 3], y: f64| {
+            let (along, around) = rates(&[motions[0], motions[1]]);
+            let at = [motions[0], motions[1]].map(|it| it.position * TAU * RADIUS);
+            let (x, skew) = (0.5 * (at[0] + at[1]), (at[0] - at[1]) / BEAM.span);
+            let across = along + y * around + speed * skew;
+            let momentum = mass * along + CARRIAGE.mass * across;
+            let position = x + y * skew;
+            let angular = inertia * around + CARRIAGE.mass * (y * across - position * speed);
+            let energy = 0.5
+                * (mass * along * along
+                    + inertia * around * around
+                    + CARRIAGE.mass * across * across);
+            ([momentum, angular, energy], skew, across)
+        };
+        // The first step finds out where the carriage is.
+        beam.step(DT, &loads([0.0; 2]), &mut motions);
+        let (kept, mut skew, mut across) = state(&motions, y);
+        let (mut work, mut most_turned) = (0.0, 0.0_f64);
+        for _ in 0..12_800 {
+            y += speed * DT;
+            motions[2] = carriage_at(y, speed);
+            beam.step(DT, &loads([0.0; 2]), &mut motions);
+            let (now, skew_now, across_now) = state(&motions, y);
+            work += CARRIAGE.mass * 0.5 * (skew + skew_now) * (across_now - across) * speed;
+            (skew, across) = (skew_now, across_now);
+            most_turned = most_turned.max((rates(&[motions[0], motions[1]]).1).abs());
+            assert!((now[0] / kept[0] - 1.0).abs() < 1e-9, "momentum");
+            assert!((now[1] / kept[1] - 1.0).abs() < 1e-6, "angular momentum");
+            assert!(((now[2] - work) / kept[2] - 1.0).abs() < 1e-6, "energy");
+        }
+        let (_, around) = rates(&[motions[0], motions[1]]);
+        assert!(around.abs() < 0.95 * most_turned, "the carriage mattered");
     }
 
     proptest! {
@@ -326,10 +647,11 @@ mod tests {
             bounds in (0.0..0.02, 0.0..0.02),
         ) {
             let beam = smooth();
+            let inverse = beam.mass.try_inverse().unwrap();
             let speeds = Vector2::new(speeds.0, speeds.1);
             let bounds = Vector2::new(bounds.0, bounds.1);
-            let reactions = reactions(&beam.mass, &beam.inverse_mass, &speeds, &-bounds, &bounds);
-            let after = speeds + beam.inverse_mass * reactions;
+            let reactions = reactions(&beam.mass, &inverse, &speeds, &-bounds, &bounds);
+            let after = speeds + inverse * reactions;
             for side in 0..2 {
                 let (reaction, bound, speed) = (reactions[side], bounds[side], after[side]);
                 prop_assert!(reaction.abs() <= bound);

@@ -67,7 +67,7 @@ fn mechanics_move_shafts_on_the_grid_whatever_their_bus() {
         let bus = world.add_bus(BitRate::from_kbit(1000).unwrap(), |_| ());
         world.attach(bus, twin(node))
     });
-    world.couple(conveyor.clone(), &devices);
+    world.couple(conveyor.clone(), &devices, &[]);
     world
         .device_mut(devices[1])
         .disturb(Disturbance::Block(true));
@@ -104,7 +104,7 @@ fn pieces_of_time_change_nothing() {
             log.lock().unwrap().push((sent.start, sent.frame));
         });
         let devices = [1, 2].map(|node| world.attach(bus, twin(node)));
-        world.couple(Conveyor::default(), &devices);
+        world.couple(Conveyor::default(), &devices, &[]);
         world.advance_to(Instant::ZERO);
         world.send(bus, Band::Acyclic, Frame::new(CobId::NMT, &[0x01, 0]));
         for piece in 1..=pieces {
@@ -123,7 +123,7 @@ fn pieces_of_time_change_nothing() {
 fn what_others_host_moves_on_the_same_grid() {
     let conveyor = Conveyor::default();
     let mut hosted = Hosted::new(vec![twin(1), twin(2)]);
-    hosted.couple(conveyor.clone(), &[1]);
+    hosted.couple(conveyor.clone(), &[1], &[]);
     let mut sent: Vec<Frame> = Vec::new();
     assert_eq!(hosted.deadline(), Some(Instant::ZERO));
     hosted.live_until(at(10_000), &mut sent);

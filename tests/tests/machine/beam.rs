@@ -74,6 +74,49 @@ fn a_gantry_that_loses_a_side_stops_on_the_path() {
     }
 }
 
+/// Y runs along the beam, which is held square.
+#[test]
+fn a_gantry_with_its_carriage_runs_its_program_within_its_limits() {
+    let carried = (
+        "skew_limit = 0.5",
+        "skew_limit = 0.5\n\
+         simulation = { mechanics = \"rigid_beam\", mass = 50.0, inertia = 10.0, span = 1500.0, \
+         racking_stiffness = 2e6, racking_damping = 300.0, carriage = \"Y\", carriage_mass = 35.0 }",
+    );
+    let mut rig = Rig::new("portal", &[carried], PORTAL_PROGRAM, |_, _| ());
+    assert_eq!(rig.finish(), End::Finished, "{:?}", rig.events);
+    rig.trace().assert_within_limits();
+    assert!(rig.ends_at_rest());
+}
+
+/// Near one end of the beam the carriage weighs on that side's motor.
+#[test]
+fn a_carriage_weighs_on_the_side_that_it_is_at() {
+    let torques = [0.0, 1000.0].map(|middle| {
+        let simulation = format!(
+            "skew_limit = 0.5\nsimulation = {{ mechanics = \"rigid_beam\", mass = 20.0, inertia = 4.0, \
+             span = 1000.0, carriage = \"Y\", carriage_mass = 60.0, carriage_middle = {middle}.0 }}"
+        );
+        let program = "G0 X0 Y500 Z0\nG1 X600 F40000\nM2\n";
+        let mut rig = Rig::new("portal", &[("skew_limit = 0.5", &simulation)], program, |_, _| ());
+        let mut most = [0.0_f64; 2];
+        for _ in 0..200 {
+            let sides = sides(&mut rig, 10);
+            for (most, side) in most.iter_mut().zip(sides) {
+                *most = most.max(side.torque.abs());
+            }
+        }
+        most
+    });
+    // Its axis's positive end is at the second side.
+    let [[one, two], [mirrored_one, mirrored_two]] = torques;
+    assert!(two > 1.5 * one, "{one} and {two} N·m");
+    assert!(
+        mirrored_one > 1.5 * mirrored_two,
+        "{mirrored_one} and {mirrored_two} N·m"
+    );
+}
+
 /// The same frames on every machine: these digests are kept.
 #[test]
 fn the_beams_frames_are_those_of_its_seed() {
