@@ -47,6 +47,13 @@ fn the_positioning_controller_is_brought_up_and_moved() {
     }
 }
 
+#[test]
+fn the_stepper_controller_is_brought_up_and_moved() {
+    if let Some(said) = client("tsp10", "TSP10-CBE", "tests/python/tsp_client.py") {
+        assert!(said.contains("profile velocity and halt"), "{said}");
+    }
+}
+
 /// At a rate that the encoder does not have nobody hears it.
 #[test]
 fn a_bus_of_another_rate_is_silent() {

@@ -3,9 +3,11 @@
 mod cia402_csp;
 mod lxm32m;
 mod tlc5xx;
+mod tsp10;
 mod twk_crn;
 
 pub use cia402_csp::CIA402_CSP;
 pub use lxm32m::LXM32M;
 pub use tlc5xx::{PRINTED as TLC5XX_PRINTED, TLC5XX};
+pub use tsp10::TSP10;
 pub use twk_crn::{TWK_CRN_4096, TWK_CRN_8192, TWK_CRN_TURNS};

@@ -6,6 +6,7 @@
 //! - [`cia402_csp`]: a drive by the profile alone, in Cyclic Synchronous Position
 //! - [`twk_crn`]: the absolute encoder TWK CRN
 //! - [`tlc5xx`]: the positioning controller Twin Line TLC53x
+//! - [`tsp10`]: the stepper controller TSP10-CBE
 //! - [`node`]: the CANopen node as a device's processor runs it: delays, losses, restarts
 //! - [`cia402`]: the state machine of a drive
 //! - [`servo`]: cascade, clock, encoder, shaft, ramps
@@ -26,16 +27,18 @@ pub mod node;
 pub mod random;
 pub mod servo;
 pub mod tlc5xx;
+pub mod tsp10;
 pub mod twk_crn;
 
 pub use device::{Axis, Config, Disturbance, ErrorClass, Kind, Observation, SimulatedDevice};
 
 /// Every twin.
-pub static TWINS: [&Kind; 4] = [
+pub static TWINS: [&Kind; 5] = [
     &lxm32m::KIND,
     &cia402_csp::KIND,
     &twk_crn::KIND,
     &tlc5xx::KIND,
+    &tsp10::KIND,
 ];
 
 impl Kind {

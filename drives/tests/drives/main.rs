@@ -18,6 +18,8 @@ mod tlc5xx_golden_vectors;
 mod tlc5xx_modes;
 mod tlc5xx_node;
 mod tlc5xx_random_frames;
+mod tsp10_dictionary;
+mod tsp10_node;
 mod twk_crn_dictionary;
 mod twk_crn_golden_vectors;
 mod twk_crn_node;

@@ -1,0 +1,173 @@
+//! The stepper controller's whole object dictionary over the bus, against a table that a script of
+//! its own (`data/extract_tsp10_dictionary.py`) took from the reference.
+
+use crate::common::{Bench, id};
+use syncline_drives::dictionary::TSP10;
+use syncline_drives::twin::node::Delays;
+use syncline_drives::twin::tsp10::{Twin, TwinConfig};
+
+const TABLE: &str = include_str!("data/tsp10_dictionary.csv");
+
+const READ_ONLY: u32 = 0x0601_0002;
+const UNKNOWN_OBJECT: u32 = 0x0602_0000;
+const TOO_LONG: u32 = 0x0607_0012;
+const TOO_SHORT: u32 = 0x0607_0013;
+const UNKNOWN_SUBINDEX: u32 = 0x0609_0011;
+const INVALID: u32 = 0x0609_0030;
+
+struct Row {
+    index: u16,
+    sub: u8,
+    bytes: usize,
+    writable: bool,
+    mappable: bool,
+    range: Option<(i64, i64)>,
+    default: String,
+}
+
+fn rows() -> Vec<Row> {
+    let parse = |line: &str| {
+        let fields: Vec<&str> = line.split(',').collect();
+        Row {
+            index: u16::from_str_radix(fields[0], 16).unwrap(),
+            sub: fields[1].parse().unwrap(),
+            bytes: fields[2].parse().unwrap(),
+            writable: fields[3] == "rw",
+            mappable: fields[4] == "1",
+            range: fields[5].parse().ok().zip(fields[6].parse().ok()),
+            default: fields[7].into(),
+        }
+    };
+    let lines = TABLE.lines().filter(|line| !line.starts_with('#'));
+    lines.map(parse).collect()
+}
+
+fn bench() -> Bench<Twin> {
+    Bench::of([Twin::new(TwinConfig {
+        delays: Delays::NONE,
+        boot_time: core::time::Duration::ZERO,
+        ..TwinConfig::new(id(1))
+    })])
+}
+
+impl Row {
+    fn bytes_of(&self, value: i64) -> Vec<u8> {
+        value.to_le_bytes()[..self.bytes].to_vec()
+    }
+
+    fn default_bytes(&self) -> Option<Vec<u8>> {
+        if let Some(text) = self.default.strip_prefix('"') {
+            return Some(text.trim_end_matches('"').into());
+        }
+        let number: i64 = match self.default.strip_prefix("id+") {
+            Some(base) => base.parse::<i64>().unwrap() + 1,
+            None => self.default.parse().ok()?,
+        };
+        Some(self.bytes_of(number))
+    }
+}
+
+/// What a row answers that the expected table does not say; each a line.
+fn differences(bench: &mut Bench<Twin>, row: &Row) -> Vec<String> {
+    let mut found = vec![];
+    let mut check = |what: &str, got: Result<Vec<u8>, u32>, expected: Result<Vec<u8>, u32>| {
+        if got != expected {
+            found.push(format!(
+                "{:04X}:{:X} {what}: {got:X?}, expected {expected:X?}",
+                row.index, row.sub
+            ));
+        }
+    };
+    let done = |written: Result<(), u32>| written.map(|()| vec![]);
+    let value = bench.upload(1, row.index, row.sub);
+    let size = value.clone().map(|bytes| vec![bytes.len() as u8]);
+    check("size", size, Ok(vec![row.bytes as u8]));
+    if let Some(default) = row.default_bytes() {
+        check("default", value.clone(), Ok(default));
+    }
+    let refused = |refusal: u32| Err(if row.writable { refusal } else { READ_ONLY });
+    if row.bytes < 4 {
+        let got = bench.write(1, row.index, row.sub, &[1; 4][..row.bytes + 1]);
+        check("too long", done(got), refused(TOO_LONG));
+    }
+    if row.bytes > 1 {
+        let got = bench.write(1, row.index, row.sub, &[1; 4][..row.bytes - 1]);
+        check("too short", done(got), refused(TOO_SHORT));
+    }
+    let kept = value.unwrap_or_default();
+    let got = bench.write(1, row.index, row.sub, &kept[..kept.len().clamp(1, 4)]);
+    let expected = if row.writable {
+        Ok(vec![])
+    } else {
+        Err(READ_ONLY)
+    };
+    check("write", done(got), expected);
+    if let Some((least, greatest)) = row.range.filter(|_| row.writable) {
+        let edges = [
+            (least - 1, least != 0),
+            (greatest + 1, greatest < 0xFFFF_FFFF),
+        ];
+        for (outside, _) in edges.into_iter().filter(|(_, fits)| *fits) {
+            let got = bench.write(1, row.index, row.sub, &row.bytes_of(outside));
+            check("outside", done(got), Err(INVALID));
+        }
+    }
+    found
+}
+
+#[test]
+fn every_row_answers_as_the_manual_lists_it() {
+    let rows = rows();
+    assert_eq!(rows.len(), 63);
+    let mut found = vec![];
+    for row in &rows {
+        found.extend(differences(&mut bench(), row));
+    }
+    assert!(
+        found.is_empty(),
+        "{} differences:\n{}",
+        found.len(),
+        found.join("\n")
+    );
+}
+
+/// Besides the printed rows there is the subindex 0 of each record and array, which the manual never
+/// prints; mappings are constant, so what may be mapped is not told over the bus.
+#[test]
+fn the_table_has_the_printed_rows_and_the_counts() {
+    let rows = rows();
+    let mut printed = rows.iter();
+    for entry in TSP10.iter().filter(|entry| !entry.inferred) {
+        let row = printed.next().unwrap();
+        let address = entry.address;
+        assert_eq!((address.index, address.sub), (row.index, row.sub));
+        let mappable = entry.mappable.r_pdo || entry.mappable.t_pdo;
+        assert_eq!(mappable, row.mappable, "{address}");
+    }
+    assert!(printed.next().is_none());
+    let counts = TSP10.iter().filter(|entry| entry.inferred);
+    assert!(counts.clone().all(|entry| entry.address.sub == 0));
+    assert_eq!(counts.count(), 14);
+}
+
+/// No heartbeat, no guarding, no SYNC, no emergency, no store.
+#[test]
+fn what_is_not_in_the_table_does_not_answer() {
+    let mut bench = bench();
+    for index in [
+        0x1003, 0x1005, 0x1006, 0x100C, 0x100D, 0x1010, 0x1014, 0x1016, 0x1017, 0x603F, 0x605A,
+        0x6065, 0x607D, 0x6502,
+    ] {
+        assert_eq!(bench.read(1, index, 0), Err(UNKNOWN_OBJECT), "{index:04X}");
+    }
+    assert_eq!(bench.read(1, 0x1800, 3), Err(UNKNOWN_SUBINDEX));
+}
+
+#[test]
+fn a_difference_is_found() {
+    let mut row = rows().remove(0);
+    row.bytes = 2;
+    row.writable = true;
+    let found = differences(&mut bench(), &row);
+    assert_eq!(found.len(), 5, "{found:#?}");
+}
