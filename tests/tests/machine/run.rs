@@ -250,7 +250,10 @@ fn ctrl_c_stops_on_the_path_and_switches_the_drives_off() {
     // Off the line by no more than where the axes stood at the start.
     assert!(aside.fold(0.0, f64::max) < 2e-3);
     let json: serde_json::Value = serde_json::from_str(&folder.read("run.json")).unwrap();
-    assert_eq!(json["verdict"], "fail");
+    // A host that is too slow may have made setpoints late.
+    let late = json["late_setpoints"] != 0;
+    assert_eq!(json["verdict"], if late { "fail" } else { "interrupted" });
+    assert!(json["stopped"]["left_mm"].as_f64().unwrap() > 0.0);
 }
 
 #[test]
