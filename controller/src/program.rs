@@ -8,11 +8,12 @@
 //! The plan's coordinates are the letters X Y Z A B C U V W, whatever axes the machine has.
 
 use crate::control::functions::SWITCHES;
-use crate::control::{Instruction, Pause, StopPoint, Switch};
-use crate::machine::{COORDINATES, Machine, PathTolerances, Position};
+use crate::control::{InputWait, Instruction, Pause, StopPoint, Switch};
+use crate::machine::{COORDINATES, InputMeaning, Machine, PathTolerances, Position, SpinUp};
 use crossbeam::channel::{self, Receiver, Sender};
 use std::collections::VecDeque;
 use std::fmt;
+use std::mem::take;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -35,6 +36,7 @@ pub struct Programs {
     setup: gcode::Setup,
     limits: Limits<COORDINATES>,
     tolerances: PathTolerances,
+    spindle: SpinUp,
     /// Where what a program changes in the tables is written at its end.
     keeps: Option<PathBuf>,
 }
@@ -64,6 +66,7 @@ pub struct Program {
     limits: Limits<COORDINATES>,
     tolerances: PathTolerances,
     keeps: Option<PathBuf>,
+    spindle: SpinUp,
     /// Begin there instead of at the beginning.
     from_line: Option<u32>,
     /// Not interpreted as a whole before it runs.
@@ -214,11 +217,18 @@ impl Programs {
         }
         let mut setup = gcode::Setup::new(axes);
         setup.limits = soft_limits;
+        setup.spindle_speeds = machine.spindle.map(|spindle| spindle.speeds);
+        for input in &machine.inputs {
+            if let InputMeaning::Program(number) = input.meaning {
+                setup.inputs |= 1 << number;
+            }
+        }
         setup.tables = Tables::load(&Tables::beside(machine_file))?;
         Ok(Self {
             setup,
             limits,
             tolerances: machine.path,
+            spindle: SpinUp::of(machine),
             keeps: None,
         })
     }
@@ -253,6 +263,7 @@ impl Programs {
             limits: self.limits,
             tolerances: self.tolerances,
             keeps: self.keeps.clone(),
+            spindle: self.spindle,
             from_line: None,
             stream: false,
         }
@@ -436,6 +447,9 @@ impl Program {
             first_mark: 0,
             switches: VecDeque::new(),
             since_stop: 0,
+            spins_up: false,
+            spindle: self.spindle,
+            with_motion: Vec::new(),
             upcoming,
             tag: 0,
             ended: false,
@@ -542,9 +556,14 @@ pub struct Feeder {
     marks: VecDeque<StopPoint>,
     first_mark: u32,
     /// What is switched at the planner's waypoints, on its way into the cycle.
-    switches: VecDeque<Switch>,
+    switches: VecDeque<(u32, Switch)>,
     /// How many of them the path passes without a stop.
     since_stop: usize,
+    /// The spindle's speed has changed since the last cut.
+    spins_up: bool,
+    spindle: SpinUp,
+    /// What is switched with the next motion.
+    with_motion: Vec<(u32, Switch)>,
     upcoming: Upcoming,
     /// Of the next move.
     tag: u32,
@@ -662,8 +681,8 @@ impl Feeder {
     pub fn next_instruction(&mut self) -> Result<Option<Instruction<COORDINATES>>, ProgramError> {
         loop {
             // What is switched has to be there before the path comes to its place.
-            if let Some(switch) = self.switches.pop_front() {
-                return Ok(Some(Instruction::Switch(switch)));
+            if let Some((line, switch)) = self.switches.pop_front() {
+                return Ok(Some(Instruction::Switch { line, switch }));
             }
             while let Some(end) = self.planner.move_end() {
                 self.upcoming.tell(Step::End(end));
@@ -696,6 +715,13 @@ impl Feeder {
             source,
         })?;
         if let Some(mut motion) = motion {
+            let cuts = matches!(command.action, Action::Feed { .. } | Action::Arc { .. });
+            if cuts && take(&mut self.spins_up) {
+                self.await_spindle(command.span)?;
+            }
+            for (line, switch) in take(&mut self.with_motion) {
+                self.switch(line, switch);
+            }
             motion.tolerance = self.path_control_mode.tolerance().max(ON_THE_PATH);
             let feed = match &command.action {
                 Action::Feed { feed, .. } | Action::Arc { feed, .. } => match *feed {
@@ -729,14 +755,28 @@ impl Feeder {
                     gcode::Stop::ToolChange { tool } => Pause::ToolChange(tool),
                 };
                 if let gcode::Stop::ToolChange { tool } = *stop {
-                    self.switch(Switch::Tool(tool));
+                    self.switch(line, Switch::Tool(tool));
                 }
                 self.stop_then(StopPoint::Pause { reason, line });
             }
-            Action::ToolLoaded(tool) => self.switch(Switch::Tool(*tool)),
-            Action::Spindle(spindle) => self.switch(Switch::Spindle(*spindle)),
-            Action::Coolant(coolant) => self.switch(Switch::Coolant(*coolant)),
-            Action::Output(output) => self.switch(Switch::Output(line, *output)),
+            Action::AwaitInput(wait) => {
+                let wait = InputWait {
+                    input: InputMeaning::Program(wait.number),
+                    until: wait.until,
+                    within: wait.within,
+                };
+                self.stop_then(StopPoint::AwaitInput { wait, line });
+            }
+            Action::ToolLoaded(tool) => self.switch(line, Switch::Tool(*tool)),
+            Action::Spindle(spindle) => {
+                self.spins_up = spindle.turning != gcode::Turning::Off;
+                self.switch(line, Switch::Spindle(*spindle));
+            }
+            Action::Coolant(coolant) => self.switch(line, Switch::Coolant(*coolant)),
+            Action::Output(output) if output.is_with_motion() => {
+                self.with_motion.push((line, Switch::Output(*output)));
+            }
+            Action::Output(output) => self.switch(line, Switch::Output(*output)),
             Action::PathMode(mode) => {
                 self.path_control_mode = path_control_mode(*mode, self.tolerances)
             }
@@ -745,10 +785,10 @@ impl Feeder {
                 let before = self.interpreter.modes().clone();
                 let left = self.interpreter.memory();
                 if left.modes().spindle != before.spindle {
-                    self.switch(Switch::Spindle(left.modes().spindle));
+                    self.switch(line, Switch::Spindle(left.modes().spindle));
                 }
                 if left.modes().coolant != before.coolant {
-                    self.switch(Switch::Coolant(left.modes().coolant));
+                    self.switch(line, Switch::Coolant(left.modes().coolant));
                 }
                 self.stop_then(StopPoint::End);
             }
@@ -758,13 +798,37 @@ impl Feeder {
         Ok(())
     }
 
+    /// The path rests until the spindle has its speed.
+    fn await_spindle(&mut self, span: gcode::Span) -> Result<(), ProgramError> {
+        match self.spindle {
+            SpinUp::Unknown => Ok(()),
+            SpinUp::After(ramp) => {
+                let item = PathItem::Dwell {
+                    duration: ramp.as_secs_f64(),
+                    tag: self.tag.saturating_sub(1),
+                };
+                self.push(span, item)
+            }
+            SpinUp::Told { within } => {
+                let wait = InputWait {
+                    input: InputMeaning::AtSpeed,
+                    until: gcode::Until::High,
+                    within,
+                };
+                let line = span.line;
+                self.stop_then(StopPoint::AwaitInput { wait, line });
+                Ok(())
+            }
+        }
+    }
+
     /// What is switched once the path has come here.
-    fn switch(&mut self, switch: Switch) {
+    fn switch(&mut self, line: u32, switch: Switch) {
         if self.since_stop == SWITCHES {
             self.stop_then(StopPoint::Rest);
         }
         self.since_stop += 1;
-        self.switches.push_back(switch);
+        self.switches.push_back((line, switch));
         self.planner.waypoint();
     }
 

@@ -1,6 +1,7 @@
 //! Canonical commands: what a program asks of the machine, in machine coordinates.
 
 use std::fmt;
+use std::time::Duration;
 
 use super::arc::Arc;
 use super::axes::Point;
@@ -63,9 +64,10 @@ pub enum Action {
     ToolLoaded(u32),
     /// The tool that the next change loads (T).
     SelectTool(u32),
-    /// A command for the machine's outputs (M62 … M65, M100 … M199), to be given when the motion
-    /// before it is done.
+    /// A command for the machine's outputs (M62 … M65, M67, M68, M100 … M199).
     Output(Output),
+    /// Rest until an input of the machine is there (M66).
+    AwaitInput(InputWait),
     /// How the path is followed from here on (G61, G61.1, G64).
     PathMode(PathMode),
     /// The end of the program (M2, M30, closing `%`, end of file): always the last command.
@@ -117,28 +119,111 @@ pub enum Turning {
     Counterclockwise,
 }
 
-/// An M-code that the controller hands on.
+/// Digital inputs that a program can name: P 0 … 63.
+pub const DIGITAL_INPUTS: usize = 64;
+/// Digital outputs that a program can name: P 0 … 63.
+pub const DIGITAL_OUTPUTS: usize = 64;
+/// Analog outputs that a program can name: E 0 … 3.
+pub const ANALOG_OUTPUTS: usize = 4;
+
+/// What an M-code does to the machine's outputs.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Output {
-    /// The M-code's number.
-    pub code: u16,
-    /// Its P word.
-    pub p: Option<f64>,
-    /// Its Q word.
-    pub q: Option<f64>,
+pub enum Output {
+    /// A digital output is switched: M62, M63 with the next motion, M64, M65 without.
+    Digital {
+        /// Which one, below [`DIGITAL_OUTPUTS`].
+        number: u8,
+        /// On: M62, M64.
+        on: bool,
+        /// When the next motion begins; never, if none does.
+        with_motion: bool,
+    },
+    /// An analog output is set: M67 with the next motion, M68 without.
+    Analog {
+        /// Which one, below [`ANALOG_OUTPUTS`].
+        number: u8,
+        /// To what.
+        value: f64,
+        /// As above.
+        with_motion: bool,
+    },
+    /// An M-code of the user's, that is handed on.
+    User {
+        /// Its number, 100 … 199.
+        code: u16,
+        /// Its P word.
+        p: Option<f64>,
+        /// Its Q word.
+        q: Option<f64>,
+    },
+}
+
+impl Output {
+    /// Whether it waits for the next motion.
+    pub fn is_with_motion(&self) -> bool {
+        match *self {
+            Output::Digital { with_motion, .. } | Output::Analog { with_motion, .. } => with_motion,
+            Output::User { .. } => false,
+        }
+    }
 }
 
 impl fmt::Display for Output {
     /// As it is written in a program.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "M{}", self.code)?;
-        for (letter, value) in [('P', self.p), ('Q', self.q)] {
-            if let Some(value) = value {
-                write!(f, " {letter}{value}")?;
+        match *self {
+            Output::Digital {
+                number,
+                on,
+                with_motion,
+            } => {
+                let code = if with_motion { 62 } else { 64 } + u8::from(!on);
+                write!(f, "M{code} P{number}")
+            }
+            Output::Analog {
+                number,
+                value,
+                with_motion,
+            } => write!(
+                f,
+                "M{} E{number} Q{value}",
+                if with_motion { 67 } else { 68 }
+            ),
+            Output::User { code, p, q } => {
+                write!(f, "M{code}")?;
+                for (letter, value) in [('P', p), ('Q', q)] {
+                    if let Some(value) = value {
+                        write!(f, " {letter}{value}")?;
+                    }
+                }
+                Ok(())
             }
         }
-        Ok(())
     }
+}
+
+/// What M66 waits for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct InputWait {
+    /// The digital input, below [`DIGITAL_INPUTS`].
+    pub number: u8,
+    /// What it has to do.
+    pub until: Until,
+    /// Within this time; Q.
+    pub within: Duration,
+}
+
+/// What an input has to do; L of M66.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Until {
+    /// L1: come on.
+    Rise,
+    /// L2: go off.
+    Fall,
+    /// L3: be on.
+    High,
+    /// L4: be off.
+    Low,
 }
 
 /// Which coolant runs.

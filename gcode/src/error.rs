@@ -183,6 +183,12 @@ pub enum Fault {
     #[error("{code} needs {words}: add it")]
     MissingWord { code: Code, words: &'static str },
 
+    #[error("S{speed} is not a speed of the spindle: {least} to {most}, or 0")]
+    SpindleSpeed { speed: f64, least: f64, most: f64 },
+
+    #[error("the machine has no input {number}: give one `number = {number}` in the machine file")]
+    NoSuchInput { number: u32 },
+
     #[error("tool {number} is not in the tool table: add it, or set it with G10 L1 P{number}")]
     NoSuchTool { number: u32 },
 

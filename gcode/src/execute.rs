@@ -5,12 +5,16 @@
 //! block, so that `G20 F10` is ten inches a minute.
 
 use std::collections::VecDeque;
+use std::time::Duration;
 
 use super::Setup;
 use super::arc::Plane;
 use super::axes::{Axis, Point};
 use super::block::{Block, Target};
-use super::command::{Action, Output, PathMode, Stop, Turning};
+use super::command::{
+    ANALOG_OUTPUTS, Action, DIGITAL_INPUTS, DIGITAL_OUTPUTS, InputWait, Output, PathMode, Stop,
+    Turning, Until,
+};
 use super::compensation::Cutter;
 use super::cycles::Series;
 use super::error::{Fault, Refusal};
@@ -188,6 +192,13 @@ impl State {
             if speed < 0.0 {
                 return Err(words.refuse(b'S', out_of_range('S', speed, "a speed from 0")));
             }
+            if let Some((least, most)) = self.setup.spindle_speeds
+                && speed != 0.0
+                && !(least..=most).contains(&speed)
+            {
+                let fault = Fault::SpindleSpeed { speed, least, most };
+                return Err(words.refuse(b'S', fault));
+            }
             spindle.speed = speed;
         }
         if let Some(tool) = words.take_free(b'T') {
@@ -259,14 +270,47 @@ impl State {
         {
             return Err(words.refuse(b'P', Fault::OperatorsOverride { code }));
         }
-        if let Some(code @ Code::M(number)) = words.code(Group::Output) {
-            commands.push_back(Action::Output(Output {
-                code: number,
-                p: words.take(b'P', code)?,
-                q: words.take(b'Q', code)?,
-            }));
+        if let Some(code) = words.code(Group::Output) {
+            commands.push_back(match code {
+                Code::M(66) => Action::AwaitInput(self.await_input(words, code)?),
+                _ => Action::Output(output(words, code)?),
+            });
         }
         Ok(())
+    }
+
+    /// What M66 waits for. What comes of it is not told to the program, so there is nothing that L0
+    /// and analog inputs would be for.
+    fn await_input(&self, words: &mut Words, code: Code) -> Result<InputWait, Refusal> {
+        let missing = |words: &Words, what| Err(missing(words, Group::Output, code, what));
+        let allowed = "a digital input from 0 to 63";
+        let Some(number) = words.take_whole(b'P', code, 0..=DIGITAL_INPUTS as u32 - 1, allowed)?
+        else {
+            return missing(words, "P, the number of the input");
+        };
+        if self.setup.inputs >> number & 1 == 0 {
+            return Err(words.refuse(b'P', Fault::NoSuchInput { number }));
+        }
+        let allowed = "1 comes on, 2 goes off, 3 is on, 4 is off";
+        let until = match words.take_whole(b'L', code, 1..=4, allowed)? {
+            Some(1) => Until::Rise,
+            Some(2) => Until::Fall,
+            Some(3) => Until::High,
+            Some(_) => Until::Low,
+            None => return missing(words, "L: 1 comes on, 2 goes off, 3 is on, 4 is off"),
+        };
+        match words.take(b'Q', code)? {
+            Some(seconds) if (0.0..=DWELL_LIMIT).contains(&seconds) => Ok(InputWait {
+                number: number as u8,
+                until,
+                within: Duration::from_secs_f64(seconds),
+            }),
+            Some(seconds) => {
+                let allowed = "a time from 0 to 1000000 s";
+                Err(words.refuse(b'Q', out_of_range('Q', seconds, allowed)))
+            }
+            None => missing(words, "Q, the time in seconds within which it has to come"),
+        }
     }
 
     fn dwell(&mut self, words: &mut Words, commands: &mut VecDeque<Action>) -> Result<(), Refusal> {
@@ -417,4 +461,40 @@ pub(crate) fn missing(words: &Words, group: Group, code: Code, what: &'static st
         words.code_columns(group).unwrap_or_default(),
         Fault::MissingWord { code, words: what },
     )
+}
+
+/// What a code of the machine's outputs does.
+fn output(words: &mut Words, code: Code) -> Result<Output, Refusal> {
+    let missing = |words: &Words, what| Err(missing(words, Group::Output, code, what));
+    match code {
+        Code::M(number @ 62..=65) => {
+            let allowed = "a digital output from 0 to 63";
+            match words.take_whole(b'P', code, 0..=DIGITAL_OUTPUTS as u32 - 1, allowed)? {
+                Some(output) => Ok(Output::Digital {
+                    number: output as u8,
+                    on: matches!(number, 62 | 64),
+                    with_motion: number < 64,
+                }),
+                None => missing(words, "P, the number of the output"),
+            }
+        }
+        Code::M(number @ (67 | 68)) => {
+            let allowed = "an analog output from 0 to 3";
+            let output = words.take_whole(b'E', code, 0..=ANALOG_OUTPUTS as u32 - 1, allowed)?;
+            match (output, words.take(b'Q', code)?) {
+                (Some(output), Some(value)) => Ok(Output::Analog {
+                    number: output as u8,
+                    value,
+                    with_motion: number == 67,
+                }),
+                (None, _) => missing(words, "E, the number of the output"),
+                (_, None) => missing(words, "Q, the value"),
+            }
+        }
+        _ => Ok(Output::User {
+            code: code.number(),
+            p: words.take(b'P', code)?,
+            q: words.take(b'Q', code)?,
+        }),
+    }
 }

@@ -38,7 +38,10 @@ mod words;
 
 pub use arc::{Arc, Direction, Plane, RADIUS_RATIO, RADIUS_TOLERANCE};
 pub use axes::{Axis, AxisSet, Point};
-pub use command::{Action, Command, Coolant, Feed, Output, PathMode, Span, Spindle, Stop, Turning};
+pub use command::{
+    ANALOG_OUTPUTS, Action, Command, Coolant, DIGITAL_INPUTS, DIGITAL_OUTPUTS, Feed, InputWait,
+    Output, PathMode, Span, Spindle, Stop, Turning, Until,
+};
 pub use cycles::Cycle;
 pub use error::{Error, Fault};
 pub use interpreter::Interpreter;
@@ -71,6 +74,10 @@ pub struct Setup {
     pub memory: Memory,
     /// Lines that were typed in: where they end without M2 the modal state goes on.
     pub typed: bool,
+    /// Digital inputs that M66 can wait for: bit 0 is P0.
+    pub inputs: u64,
+    /// Least and greatest S beside 0, 1/min.
+    pub spindle_speeds: Option<(f64, f64)>,
     /// Skip blocks that begin with `/`.
     pub block_delete: bool,
     /// Refuse a program that executes more blocks, or asks for more moves by them; `None` for one that runs as
@@ -93,6 +100,8 @@ impl Setup {
             limits: [None; 9],
             memory: Memory::default(),
             typed: false,
+            inputs: 0,
+            spindle_speeds: None,
             block_delete: false,
             max_blocks: Some(MAX_BLOCKS),
             max_idle_blocks: MAX_BLOCKS,

@@ -64,7 +64,7 @@ pub(crate) enum Group {
     /// M8, M9
     Coolant,
     Overrides,
-    /// M62 … M65, M100 … M199
+    /// M62 … M68, M100 … M199
     Output,
 }
 
@@ -94,7 +94,7 @@ impl Group {
             Group::Spindle => "spindle commands",
             Group::Mist | Group::Coolant => "coolant commands",
             Group::Overrides => "override switches",
-            Group::Output => "output commands",
+            Group::Output => "commands to inputs and outputs",
         }
     }
 }
@@ -166,12 +166,10 @@ impl Code {
                 19 => Refused(NO_SYNCHRONISED_SPINDLE),
                 48 | 50..=53 => Supported(Group::Overrides),
                 61 => Supported(Group::ToolChange),
-                62..=65 => Supported(Group::Output),
-                67 | 68 => Refused("there are no analog outputs"),
+                62..=68 => Supported(Group::Output),
                 100..=199 => Supported(Group::Output),
                 49 => Refused("the overrides stay with the operator"),
                 60 => Refused("there is no pallet changer: write M0"),
-                66 => Refused("a program does not wait for inputs"),
                 70..=73 => Refused("set the modes that you need by their own codes"),
                 _ => Unknown,
             },

@@ -75,7 +75,7 @@ impl Plan {
             let command = match instruction {
                 Instruction::Plan(command) => command,
                 Instruction::Mark { item, mark, .. } => Command::Mark { item, mark },
-                Instruction::Switch(_) => continue,
+                Instruction::Switch { .. } => continue,
             };
             match command {
                 Command::Section { .. } => {

@@ -331,7 +331,7 @@ impl Rig {
                 session::Event::Accepted(_) => continue,
             };
             match event {
-                Event::Switched(switch) => self.switches.push(switch),
+                Event::Switched { switch, .. } => self.switches.push(switch),
                 Event::Phase(phase) => self.phases.push((phase, now)),
                 Event::Paused { .. } if self.goes_on => {
                     let taken = self.operator.command(Command::CycleStart);

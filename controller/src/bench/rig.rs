@@ -109,6 +109,7 @@ impl Shape {
             following_error_limit: None,
             soft_limits: None,
             signals: false,
+            outputs: 0,
             objects: Vec::new(),
             assumed: Assumed::default(),
         })
@@ -248,6 +249,8 @@ impl Shape {
                     },
                 })
                 .collect(),
+            inputs: Vec::new(),
+            outputs: Vec::new(),
         }
     }
 }

@@ -198,7 +198,10 @@ impl Args {
 
     /// The line of an event that is worth one.
     fn text(&self, event: &MachineEvent, names: &impl Names) -> Option<String> {
-        let is_loud = matches!(event, MachineEvent::Fault(_) | MachineEvent::Switched(_));
+        let is_loud = matches!(
+            event,
+            MachineEvent::Fault(_) | MachineEvent::Switched { .. }
+        );
         let told = self.verbose || is_loud;
         told.then(|| event.describe(names)).flatten()
     }

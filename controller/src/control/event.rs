@@ -2,6 +2,7 @@
 
 use super::fault::{AxisIndex, BusIndex, DriveIndex, Fault, Names};
 use super::functions::Switch;
+use super::inputs::InputIndex;
 use super::job::Outcome;
 use super::state::State;
 use crate::bus::BusFault;
@@ -110,8 +111,20 @@ pub enum Event {
     /// A part of the plan came too late: the plan before is followed, to rest if need be, until
     /// there is a new one.
     LatePlan,
+    /// An input of the machine changed.
+    Input {
+        /// Which one.
+        input: InputIndex,
+        /// Whether it is on now.
+        on: bool,
+    },
     /// An M-code was executed.
-    Switched(Switch),
+    Switched {
+        /// Program line.
+        line: u32,
+        /// What it does.
+        switch: Switch,
+    },
     /// The program waits for an operator.
     Paused {
         /// Program line.
@@ -156,6 +169,10 @@ pub enum Pause {
     OptionalStop,
     /// M6 with this tool.
     ToolChange(u32),
+    /// M66: the input with this number did not come in time.
+    NoInput(u8),
+    /// The spindle did not reach its speed in time.
+    NotAtSpeed,
 }
 
 /// Where the machine is between power-up and the end.
@@ -227,6 +244,8 @@ impl fmt::Display for Pause {
         match self {
             Self::ProgramStop => f.write_str("program stop (M0)"),
             Self::OptionalStop => f.write_str("optional stop (M1)"),
+            Self::NoInput(number) => write!(f, "input P{number} did not come in time (M66)"),
+            Self::NotAtSpeed => f.write_str("the spindle did not reach its speed in time"),
             Self::ToolChange(0) => f.write_str("tool change (M6): remove the tool"),
             Self::ToolChange(tool) => write!(f, "tool change (M6): load tool {tool}"),
         }
@@ -341,9 +360,16 @@ impl Event {
             Self::LatePlan => "the plan came late, so the path slows down: this host is slow for \
                                the program"
                 .to_owned(),
-            Self::Switched(Switch::Output(line, output)) => format!("line {line}: {output}"),
+            Self::Input { input, on } => {
+                let level = if on { "on" } else { "off" };
+                format!("input \"{}\" {level}", names.input(input))
+            }
+            Self::Switched {
+                line,
+                switch: Switch::Output(output),
+            } => format!("line {line}: {output}"),
             // The trace has it.
-            Self::Switched(_) => return None,
+            Self::Switched { .. } => return None,
             Self::Paused { line, reason } => format!("line {line}: {reason}"),
             Self::Held => "feed hold: held on the path".to_owned(),
             Self::Resumed => "going on".to_owned(),

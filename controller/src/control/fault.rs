@@ -3,6 +3,7 @@
 //! cause's text stands at the cause, and says what came, what was expected and what to do next.
 
 use super::NO_PLAN;
+use super::inputs::InputIndex;
 use super::layout::AxisSpec;
 use std::fmt;
 use syncline_canopen::NodeId;
@@ -36,6 +37,11 @@ pub enum Fault {
     },
     /// The program could not go on; its message is in the event log.
     Program,
+    /// An external enable is off.
+    NotEnabled {
+        /// Which input.
+        input: InputIndex,
+    },
     /// The path rested in mid-program, nobody held it, and nothing more of its plan came.
     NoPlan,
 }
@@ -296,6 +302,9 @@ pub trait Names {
     fn bus(&self, bus: BusIndex) -> &str;
     /// The name of one of a drive's digital inputs or outputs.
     fn signal(&self, drive: DriveIndex, signal: usize) -> &str;
+
+    /// The name of an input of the machine.
+    fn input(&self, input: InputIndex) -> &str;
     /// What the bytes that its maker adds to a drive's EMCY say, if anything.
     fn vendor_error(&self, drive: DriveIndex, bytes: [u8; 5]) -> Option<String>;
 
@@ -351,6 +360,10 @@ impl Fault {
             Self::Program => {
                 "the program could not go on: see its message, mend it, start again".to_owned()
             }
+            Self::NotEnabled { input } => format!(
+                "the enabling input \"{}\" is off: switch it on and start again",
+                names.input(input)
+            ),
             Self::NoPlan => format!(
                 "the path rests in mid-program, nobody holds it, and no plan came for {} s: this is \
                  a defect of syncline, please report it with the machine, the program and what was \

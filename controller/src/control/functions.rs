@@ -5,17 +5,24 @@
 //! there is what the program has between them, dwells too. What is to be switched comes into the
 //! cycle in the program's order and apart from the plan, which is replaced as an operator acts: it is
 //! never replaced, waits here for the path to come to its waypoint, and is executed once.
+//!
+//! Outputs of the machine that are wired to drives follow with the setpoint of the same SYNC. Before the
+//! program, and from the cycle on in which a stop begins, for whatever reason, they have their safe
+//! values.
 
+use super::{Controller, Event, Phase};
+use crate::machine::OutputSwitch;
 use std::collections::VecDeque;
 use std::fmt;
-use syncline_gcode::{Coolant, Output, Spindle, Turning};
+use std::sync::Arc;
+use syncline_gcode::{ANALOG_OUTPUTS, Coolant, Output, Spindle, Turning};
 
 /// M-codes that the cycle has room for. Where a program has more without a stop, the path rests for
 /// them to be executed.
 pub const SWITCHES: usize = 16_384;
 
 /// M-codes that are executed in a cycle at most; where more stand at one place, the others follow.
-pub(super) const MOST_SWITCHED: usize = 64;
+const MOST_SWITCHED: usize = 64;
 
 /// What an M-code switches.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -26,8 +33,8 @@ pub enum Switch {
     Coolant(Coolant),
     /// The tool that M6 loaded.
     Tool(u32),
-    /// An M-code for the machine's outputs, and its line.
-    Output(u32, Output),
+    /// An output: M62 … M65, M67, M68; a code of the user's is only told.
+    Output(Output),
 }
 
 /// What the program has switched.
@@ -39,15 +46,40 @@ pub struct MachineFunctions {
     pub coolant: Coolant,
     /// The tool that M6 loaded.
     pub tool: u32,
+    /// The digital outputs that are on: bit 0 is P0.
+    pub digital: u64,
+    /// The analog outputs, from E0 on.
+    pub analog: [f64; ANALOG_OUTPUTS],
+    /// The line of the last M-code.
+    pub line: u32,
 }
 
 impl MachineFunctions {
-    fn switch(&mut self, switch: Switch) {
+    /// Whether an output is on.
+    fn is_on(&self, switch: OutputSwitch) -> bool {
+        match switch {
+            OutputSwitch::Program(number) => self.digital >> number & 1 != 0,
+            OutputSwitch::Spindle => self.spindle.turning != Turning::Off,
+            OutputSwitch::SpindleReverse => self.spindle.turning == Turning::Counterclockwise,
+            OutputSwitch::Mist => self.coolant.mist,
+            OutputSwitch::Flood => self.coolant.flood,
+        }
+    }
+
+    fn switch(&mut self, line: u32, switch: Switch) {
+        self.line = line;
         match switch {
             Switch::Spindle(spindle) => self.spindle = spindle,
             Switch::Coolant(coolant) => self.coolant = coolant,
             Switch::Tool(tool) => self.tool = tool,
-            Switch::Output(..) => {}
+            Switch::Output(Output::Digital { number, on, .. }) => {
+                let bit = 1 << number;
+                self.digital = self.digital & !bit | if on { bit } else { 0 };
+            }
+            Switch::Output(Output::Analog { number, value, .. }) => {
+                self.analog[usize::from(number)] = value;
+            }
+            Switch::Output(Output::User { .. }) => {}
         }
     }
 }
@@ -56,17 +88,23 @@ impl MachineFunctions {
 #[derive(Clone)]
 pub(super) struct Switches {
     pub(super) functions: MachineFunctions,
+    /// Outputs have their safe values, whatever was switched.
+    safe: bool,
     /// How many were executed.
     executed: u32,
-    waiting: VecDeque<Switch>,
+    waiting: VecDeque<(u32, Switch)>,
 }
 
 impl Switches {
     pub(super) fn new() -> Self {
+        // Written to once, so that the cycle is never the first to touch a page of it.
+        let mut waiting = VecDeque::from(vec![(0, Switch::Tool(0)); SWITCHES]);
+        waiting.clear();
         Self {
             functions: MachineFunctions::default(),
+            safe: false,
             executed: 0,
-            waiting: VecDeque::with_capacity(SWITCHES),
+            waiting,
         }
     }
 
@@ -76,7 +114,12 @@ impl Switches {
         self.waiting.clear();
     }
 
-    /// Switches off what a job that is stopped leaves on: spindle and coolant.
+    /// A job begins: from now on outputs are what M-codes make of them.
+    pub(super) fn begin(&mut self) {
+        self.safe = false;
+    }
+
+    /// Switches off what a program leaves on, and a job that is stopped: spindle, coolant and outputs.
     pub(super) fn stop(&mut self, mut tell: impl FnMut(Switch)) {
         let MachineFunctions {
             spindle, coolant, ..
@@ -93,17 +136,20 @@ impl Switches {
             ),
         ] {
             if is_on {
-                self.functions.switch(off);
+                self.functions.switch(self.functions.line, off);
                 tell(off);
             }
         }
+        self.functions.digital = 0;
+        self.functions.analog = [0.0; ANALOG_OUTPUTS];
+        self.safe = true;
     }
 
     /// Takes what is switched at the next waypoint; false if there is no room for it.
-    pub(super) fn push(&mut self, switch: Switch) -> bool {
+    pub(super) fn push(&mut self, line: u32, switch: Switch) -> bool {
         let room = self.waiting.len() < SWITCHES;
         if room {
-            self.waiting.push_back(switch);
+            self.waiting.push_back((line, switch));
         }
         room
     }
@@ -113,13 +159,43 @@ impl Switches {
         self.executed < waypoints && !self.waiting.is_empty()
     }
 
-    /// Executes the next M-code of those at the first `waypoints` of the path.
-    pub(super) fn next(&mut self, waypoints: u32) -> Option<Switch> {
+    /// Executes the next M-code of those at the first `waypoints` of the path: its line, and what it does.
+    pub(super) fn next(&mut self, waypoints: u32) -> Option<(u32, Switch)> {
         let due = self.executed < waypoints;
-        let switch = due.then(|| self.waiting.pop_front()).flatten()?;
+        let (line, switch) = due.then(|| self.waiting.pop_front()).flatten()?;
         self.executed += 1;
-        self.functions.switch(switch);
-        Some(switch)
+        self.functions.switch(line, switch);
+        Some((line, switch))
+    }
+}
+
+impl<const N: usize> Controller<N> {
+    /// Executes the M-codes whose place the path has come to.
+    pub(super) fn switch(&mut self) {
+        if self.phase != Phase::Program {
+            return;
+        }
+        let waypoints = self.executor.waypoints();
+        for _ in 0..MOST_SWITCHED {
+            let Some((line, switch)) = self.switches.next(waypoints) else {
+                break;
+            };
+            self.tell(Event::Switched { line, switch });
+        }
+    }
+
+    /// Sets the outputs of drives for the next SYNC.
+    pub(super) fn set_outputs(&mut self) {
+        let layout = Arc::clone(&self.layout);
+        for output in &layout.outputs {
+            let on = match self.phase {
+                Phase::Program if !self.switches.safe => {
+                    self.switches.functions.is_on(output.switch)
+                }
+                _ => output.safe,
+            };
+            self.nodes[output.drive].set_output(output.signal, on != output.active_low);
+        }
     }
 }
 

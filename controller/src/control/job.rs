@@ -85,6 +85,7 @@ impl<const N: usize> Controller<N> {
         self.stop_point = None;
         self.pause_told = false;
         self.unplanned = 0;
+        self.switches.begin();
         self.rest_here();
     }
 
@@ -156,7 +157,7 @@ impl<const N: usize> Controller<N> {
                 }
                 self.executor.accept(PathCommand::Mark { item, mark })
             }
-            Instruction::Switch(switch) => self.switches.push(switch),
+            Instruction::Switch { line, switch } => self.switches.push(line, switch),
         }
     }
 
@@ -218,12 +219,14 @@ impl<const N: usize> Controller<N> {
     /// The job has ended.
     pub(super) fn end_job(&mut self, outcome: Outcome) {
         if let Some(job) = self.job.take() {
-            if outcome != Outcome::Finished && self.stays_on {
+            let ends = outcome != Outcome::Finished || job.kind == JobKind::Program;
+            if ends && self.stays_on {
                 let Self {
                     switches, events, ..
                 } = self;
                 let mut tell = event_sink(events);
-                switches.stop(|switch| tell(Event::Switched(switch)));
+                let line = switches.functions.line;
+                switches.stop(|switch| tell(Event::Switched { line, switch }));
             }
             self.over = Some((job.number, outcome));
             self.tell(Event::JobOver {

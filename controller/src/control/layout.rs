@@ -1,8 +1,9 @@
 //! The machine as the controller needs it, made once from the machine file.
 
 use super::fault::{AxisIndex, BusIndex, DriveIndex, Names};
+use super::inputs::InputIndex;
 use crate::budget::{BusBudget, DoesNotFit, MachineBudget};
-use crate::machine::{AxisLimits, Machine};
+use crate::machine::{self, AxisLimits, Machine};
 use syncline_canopen::time::Duration;
 use syncline_canopen::{CanId, Frame, NodeId};
 use syncline_drives::model::{self, Increments, Scaling};
@@ -38,6 +39,10 @@ pub struct Layout {
     pub drives: Vec<DriveSpec>,
     /// Axes, in the order of the machine file.
     pub axes: Vec<AxisSpec>,
+    /// Inputs, in the order of the machine file.
+    pub inputs: Vec<machine::Input>,
+    /// Outputs, in the order of the machine file.
+    pub outputs: Vec<machine::Output>,
 }
 
 /// A bus as the controller has to use it.
@@ -144,6 +149,8 @@ impl Layout {
                 .collect(),
             buses,
             drives,
+            inputs: machine.inputs.clone(),
+            outputs: machine.outputs.clone(),
         })
     }
 }
@@ -196,9 +203,12 @@ impl Names for Layout {
     }
 
     fn signal(&self, drive: DriveIndex, signal: usize) -> &str {
-        let io = self.drives[drive].device.io();
-        io.and_then(|io| io.names().get(signal))
-            .map_or("", |name| name)
+        let model = self.drives[drive].device.model();
+        model.signal(signal).unwrap_or_default()
+    }
+
+    fn input(&self, input: InputIndex) -> &str {
+        &self.inputs[input].name
     }
 
     fn vendor_error(&self, drive: DriveIndex, bytes: [u8; 5]) -> Option<String> {

@@ -14,6 +14,7 @@
 //! - [`Phase`]: bring-up, program, end, in their order
 //! - [`fault`], [`event`]: why it stopped, what it tells
 //! - [`functions`]: what M-codes switch, at their place on the path
+//! - `inputs`: the machine's inputs that mean something
 //! - `node`, `sdo_sequence`: a drive over its bus; what it is asked by SDO
 //! - [`state`]: what operators may ask for, and when
 //! - [`job`]: what the machine works on, one after the other
@@ -23,6 +24,7 @@ mod axis;
 pub mod event;
 pub mod fault;
 pub mod functions;
+mod inputs;
 pub mod job;
 pub mod layout;
 mod node;
@@ -38,6 +40,7 @@ pub use axis::AxisSample;
 pub use event::{Event, Pause, Phase};
 pub use fault::Fault;
 pub use functions::{MachineFunctions, Switch};
+pub use inputs::{InputIndex, InputWait};
 pub use job::{Job, JobKind, Outcome};
 pub use layout::Layout;
 pub use order::{Order, Refusal};
@@ -47,7 +50,8 @@ use crate::bus::{Burst, Outbox, Received};
 use crate::bus::{BusFault, Reaction};
 use axis::AxisControl;
 use fault::{BusCause, BusIndex, DriveCause, DriveIndex, Names};
-use functions::{MOST_SWITCHED, Switches};
+use functions::Switches;
+use inputs::{Awaited, Inputs};
 use node::DriveNode;
 use setpoint_misses::SetpointMisses;
 use std::collections::VecDeque;
@@ -106,7 +110,12 @@ pub enum Instruction<const N: usize> {
         stop: StopPoint,
     },
     /// What is switched at the next waypoint of the plan; it comes before the plan leads there.
-    Switch(Switch),
+    Switch {
+        /// Its line.
+        line: u32,
+        /// What.
+        switch: Switch,
+    },
 }
 
 /// What happens at a mark of the plan. The path rests there until that is done, so that no
@@ -125,6 +134,13 @@ pub enum StopPoint {
     /// The path goes on at once: so many M-codes have come without a stop that there is no room for more
     /// of them.
     Rest,
+    /// The path goes on once an input is there.
+    AwaitInput {
+        /// Which one, and what it has to do.
+        wait: InputWait,
+        /// Program line.
+        line: u32,
+    },
     /// What comes next in the program cannot be run: a fault.
     Broken,
 }
@@ -234,6 +250,9 @@ pub struct Controller<const N: usize> {
     /// The last mark of the plan; there is never another one behind it before it is passed.
     stop_point: Option<(u32, StopPoint)>,
     switches: Switches,
+    inputs: Inputs,
+    /// While the path rests at an M66.
+    awaited: Option<Awaited>,
     pause_told: bool,
     /// M1 is a stop.
     optional_stop: bool,
@@ -295,6 +314,8 @@ impl<const N: usize> Controller<N> {
             in_position: 0,
             stop_point: None,
             switches: Switches::new(),
+            inputs: Inputs::new(&layout.inputs, layout.cycle),
+            awaited: None,
             pause_told: false,
             optional_stop: false,
             begun: false,
@@ -401,6 +422,9 @@ impl<const N: usize> Controller<N> {
             if take(&mut self.misses[bus].unsent) > 0 {
                 self.miss(bus, self.cycle);
             }
+        }
+        if let Err(fault) = self.watch_inputs() {
+            self.fail(fault);
         }
         if let Err(fault) = self.supervise(due) {
             self.fail(fault);
@@ -612,6 +636,7 @@ impl<const N: usize> Controller<N> {
             (0..out.len()).for_each(|bus| self.miss(bus, self.cycle));
             return outcome;
         }
+        self.set_outputs();
         self.nodes.iter_mut().for_each(DriveNode::encode);
         for (burst, outbox) in self.bursts.iter().zip(out) {
             for &(drive, r_pdo) in burst {
@@ -631,17 +656,6 @@ impl<const N: usize> Controller<N> {
         if (Phase::Program..=Phase::Stop).contains(&self.phase) {
             self.planned = self.executor.advance();
             self.switch();
-        }
-    }
-
-    /// Executes the M-codes whose place the path has come to.
-    fn switch(&mut self) {
-        let waypoints = self.executor.waypoints();
-        for _ in 0..MOST_SWITCHED {
-            let Some(switch) = self.switches.next(waypoints) else {
-                break;
-            };
-            self.tell(Event::Switched(switch));
         }
     }
 

@@ -40,6 +40,8 @@ pub(super) struct DriveNode {
     actual: Increments,
     /// Its digital inputs and outputs, off before they are first told.
     signals: u32,
+    /// Its digital outputs as they are to be, where its R_PDOs carry them.
+    outputs: u32,
     /// SYNCs since the one that its last T_PDOs answered; 0 if that was the last.
     age: u32,
     misses: u32,
@@ -77,6 +79,7 @@ impl DriveNode {
             status: DriveStatus::default(),
             actual: Increments::ZERO,
             signals: 0,
+            outputs: 0,
             age: 1,
             misses: 0,
             twice: false,
@@ -220,6 +223,11 @@ impl DriveNode {
 
     pub(super) fn actual(&self) -> Increments {
         self.actual
+    }
+
+    /// The level of one of its signals, once its T_PDOs have come.
+    pub(super) fn signal(&self, signal: usize) -> Option<bool> {
+        self.is_sampled().then(|| self.signals >> signal & 1 != 0)
     }
 
     /// SYNCs since the one that its last T_PDO answered.
@@ -392,8 +400,18 @@ impl DriveNode {
         }
     }
 
+    /// Sets a digital output with the next R_PDOs.
+    pub(super) fn set_output(&mut self, output: usize, level: bool) {
+        let bit = 1 << output;
+        self.outputs = self.outputs & !bit | if level { bit } else { 0 };
+    }
+
     /// Encodes its R_PDOs for the next SYNC: once for a cycle in which they are sent.
     pub(super) fn encode(&mut self) {
+        let outputs = self.outputs;
+        if let Some(io) = self.device.io_mut() {
+            io.set_outputs(outputs);
+        }
         self.device
             .encode(self.power, self.setpoint, &mut self.r_pdos);
     }

@@ -53,6 +53,9 @@ pub enum Refusal {
     /// The state of the machine forbids it.
     #[error(transparent)]
     NotNow(#[from] NotNow),
+    /// It would set something in motion while a door is open.
+    #[error("a door is open: close it, then go on")]
+    DoorOpen,
     /// A jog cannot be.
     #[error("no jog: {}", why_no_jog(*.0))]
     Jog(JogError),
@@ -92,6 +95,9 @@ impl<const N: usize> Controller<N> {
             && !state.allows(request)
         {
             return Err(NotNow { request, state }.into());
+        }
+        if self.open_door().is_some() && self.moves(order) {
+            return Err(Refusal::DoorOpen);
         }
         match order {
             Order::Begin(job) => self.begin(job),
@@ -135,6 +141,19 @@ impl<const N: usize> Controller<N> {
             Order::SwitchOff => self.switch_off(),
         }
         Ok(())
+    }
+
+    /// Whether an order sets something in motion that rests.
+    fn moves(&self, order: Order<N>) -> bool {
+        match order {
+            Order::Begin(_)
+            | Order::CycleStart
+            | Order::Resume
+            | Order::Retrace
+            | Order::Jog(_) => true,
+            Order::ToggleFeedHold => self.executor.is_held(),
+            _ => false,
+        }
     }
 
     /// Moves axes inside their soft limits.

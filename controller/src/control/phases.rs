@@ -1,11 +1,13 @@
 //! From power-up to a machine that is ready and from there to power-down, one phase after the other.
 
+use super::InputWait;
 use super::fault::{AwaitedState, DriveCause, Fault};
 use super::{
     COMMAND_CYCLES, Controller, DriveNode, End, Event, Goal, NO_PLAN, Outcome, Pause, Phase, STILL,
     STILL_CYCLES, StopPoint,
 };
 use crate::bus::Outbox;
+use crate::machine::InputMeaning;
 use syncline_canopen::time::Duration;
 use syncline_canopen::{Transmit, nmt};
 use syncline_drives::model::PowerCommand;
@@ -162,6 +164,9 @@ impl<const N: usize> Controller<N> {
             }
             Phase::Program => {
                 self.mode_cycle.get_or_insert(self.cycle + 1);
+                if self.job.is_some() && self.open_door().is_some() {
+                    self.executor.feed_hold();
+                }
             }
             Phase::Stop => self.executor.stop(),
             Phase::Release => self.ask_release(),
@@ -254,6 +259,9 @@ impl<const N: usize> Controller<N> {
                 _ => Event::Resumed,
             });
         }
+        if !matches!(self.reached(), Some(StopPoint::AwaitInput { .. })) {
+            self.awaited = None;
+        }
         if !self.executor.is_idle() || self.switches.lag(self.executor.waypoints()) {
             return;
         }
@@ -269,6 +277,10 @@ impl<const N: usize> Controller<N> {
             }
             None => {}
             Some(StopPoint::Rest) => self.executor.pass(),
+            Some(StopPoint::AwaitInput { wait, line }) if !self.pause_told => {
+                self.await_input(wait, line);
+            }
+            Some(StopPoint::AwaitInput { .. }) => {}
             Some(StopPoint::End) if self.stays_on => self.rest_after(Outcome::Finished),
             Some(StopPoint::Broken) if self.stays_on => self.rest_after(Outcome::Broken),
             Some(StopPoint::End) => self.go_to(Goal::Off(End::Finished)),
@@ -280,6 +292,22 @@ impl<const N: usize> Controller<N> {
     fn rest_after(&mut self, outcome: Outcome) {
         self.end_job(outcome);
         self.rest_here();
+    }
+
+    /// The path goes on with the input that it rests for, or rests until an operator goes on.
+    fn await_input(&mut self, wait: InputWait, line: u32) {
+        match self.awaited(wait) {
+            Some(true) => self.executor.pass(),
+            Some(false) => {
+                self.pause_told = true;
+                let reason = match wait.input {
+                    InputMeaning::Program(number) => Pause::NoInput(number),
+                    _ => Pause::NotAtSpeed,
+                };
+                self.tell(Event::Paused { line, reason });
+            }
+            None => {}
+        }
     }
 
     /// Where the path could go on and no plan comes for long, none ever will.
@@ -307,6 +335,7 @@ impl<const N: usize> Controller<N> {
             });
         }
         self.executor.restart(position);
+        self.switches.begin();
         self.planned = self.executor.setpoint();
         self.frozen = true;
         Ok(())

@@ -4,9 +4,13 @@
 //! all keys.
 
 mod read;
+mod signals;
 mod simulation;
+mod spindle;
 
+pub use signals::{Input, InputMeaning, Output, OutputSwitch};
 pub use simulation::{Carriage, FeedAxis, Gantry, Simulation};
+pub use spindle::{SpinUp, Spindle};
 
 use std::{
     fs, io,
@@ -38,6 +42,12 @@ pub struct Machine {
     pub drives: Vec<Drive>,
     /// In the order of the file, at least one.
     pub axes: Vec<Axis>,
+    /// If the file says anything of it.
+    pub spindle: Option<Spindle>,
+    /// In the order of the file.
+    pub inputs: Vec<Input>,
+    /// In the order of the file.
+    pub outputs: Vec<Output>,
     assumptions: Vec<(&'static Model, Assumed)>,
 }
 
@@ -229,6 +239,9 @@ impl Machine {
     /// What the controller needs to know of the drive with that index.
     #[must_use]
     pub fn device(&self, drive: usize) -> Box<dyn model::Drive> {
+        let has_inputs = self.inputs.iter().any(|input| input.drive == drive);
+        let outputs = self.outputs.iter().filter(|output| output.drive == drive);
+        let outputs = outputs.fold(0, |outputs, output| outputs | 1 << output.signal);
         let Drive {
             node,
             model,
@@ -253,7 +266,8 @@ impl Machine {
             soft_limits: axis
                 .drive_soft_limits
                 .then(|| drive_soft_limits(&axis.limits, scaling)),
-            signals: *signals,
+            signals: *signals || has_inputs,
+            outputs,
             objects: objects.clone(),
             assumed: self.assumed(model),
         })

@@ -2,8 +2,11 @@
 //! they fit together. Each stage reports all it finds, and the next starts only on what is clean,
 //! so that one mistake does not cause complaints about another thing.
 
+use super::signals::SignalTables;
 use super::simulation::{self, Simulation};
-use super::{Axis, AxisLimits, Bus, Controller, Drive, Machine, PathTolerances, assumed};
+use super::{
+    Axis, AxisLimits, Bus, Controller, Drive, Machine, PathTolerances, Spindle, assumed, spindle,
+};
 use std::{collections::BTreeMap, ops::Range, time::Duration};
 use syncline_canopen::{Address, NodeId};
 use syncline_drives::model::{Assumed, Data, Direction, Increments, MODELS, Model, Scaling, Write};
@@ -46,6 +49,8 @@ struct Tables {
     buses: Vec<BusTable>,
     drives: Vec<DriveTable>,
     axes: Vec<AxisTable>,
+    spindle: Option<Spindle>,
+    signals: SignalTables,
     assumptions: Vec<(&'static Model, Assumed)>,
 }
 
@@ -58,6 +63,8 @@ impl Tables {
         let buses = file.tables(log, "bus");
         let drives = file.tables(log, "drive");
         let axes = file.tables(log, "axis");
+        let spindle = file.table(log, "spindle", false);
+        let signals = SignalTables::read(log, &mut file);
         let model = file.table(log, "model", false);
         file.finish(log);
 
@@ -78,6 +85,7 @@ impl Tables {
             .map(|t| DriveTable::read(log, t))
             .collect();
         let axes: Vec<_> = axes.into_iter().map(|t| AxisTable::read(log, t)).collect();
+        let spindle = spindle.and_then(|table| spindle::read(log, table));
         let assumptions = model.map_or(Vec::new(), |table| assumptions(log, table));
         let (name, cycle) = machine?;
         Some(Self {
@@ -88,6 +96,8 @@ impl Tables {
             buses: buses.into_iter().collect::<Option<_>>()?,
             drives: drives.into_iter().collect::<Option<_>>()?,
             axes: axes.into_iter().collect::<Option<_>>()?,
+            spindle,
+            signals: signals?,
             assumptions,
         })
     }
@@ -160,6 +170,7 @@ impl Tables {
         for axis in &axes {
             simulation::check(log, axis, &axes);
         }
+        let (inputs, outputs) = self.signals.join(log, &drives, self.spindle.is_some());
         Some(Machine {
             name: self.name,
             cycle,
@@ -168,6 +179,9 @@ impl Tables {
             buses: self.buses.into_iter().map(BusTable::join).collect(),
             drives,
             axes,
+            spindle: self.spindle,
+            inputs,
+            outputs,
             assumptions: self.assumptions,
         })
     }
@@ -351,7 +365,7 @@ impl DriveTable {
         let (least, most) = (i64::from(i32::MIN), i64::from(i32::MAX));
         let zero = table.integer_or(log, "zero", 0, least..=most, " (increments)");
         let signals = table.flag_or(log, "signals", false);
-        if let Some(model) = model.filter(|model| signals && !model.has_signals) {
+        if let Some(model) = model.filter(|model| signals && model.signal(0).is_none()) {
             log.report(
                 table.span_of("signals").unwrap_or_default(),
                 format!("{}: the {} tells no signals", table.title, model.title),
@@ -733,7 +747,7 @@ fn assumptions(log: &mut Log<'_>, mut tables: Table<'_, '_>) -> Vec<(&'static Mo
     stated
 }
 
-fn name(log: &mut Log<'_>, table: &mut Table<'_, '_>) -> Option<Spanned<String>> {
+pub(super) fn name(log: &mut Log<'_>, table: &mut Table<'_, '_>) -> Option<Spanned<String>> {
     table.text(log, "name", "a text that is not empty", |text| {
         !text.trim().is_empty()
     })
@@ -744,7 +758,11 @@ fn node_id(number: i64) -> Option<NodeId> {
 }
 
 /// Reports every name that an earlier table of the kind has already.
-fn unique<'t>(log: &mut Log<'_>, kind: &str, names: impl Iterator<Item = &'t Spanned<String>>) {
+pub(super) fn unique<'t>(
+    log: &mut Log<'_>,
+    kind: &str,
+    names: impl Iterator<Item = &'t Spanned<String>>,
+) {
     let mut seen = BTreeMap::new();
     for name in names {
         if seen.insert(name.get_ref(), ()).is_some() {
@@ -758,7 +776,7 @@ fn unique<'t>(log: &mut Log<'_>, kind: &str, names: impl Iterator<Item = &'t Spa
 }
 
 /// Reports a name that refers to nothing.
-fn unknown<'n>(
+pub(super) fn unknown<'n>(
     log: &mut Log<'_>,
     title: &str,
     kind: &str,

@@ -8,6 +8,7 @@
 //! - [`travel`]: how far the tool has come along the program, and for how long it moved
 //! - [`trace`]: every row as CSV
 //! - [`record`]: every row for a report, and what must not be
+//! - [`switched`]: what M-codes switched, and when
 //! - [`summary`]: the result
 //! - [`frames`]: what the simulated buses carried: hash, utilisation
 //! - [`timing`]: how punctual a cycle was
@@ -19,6 +20,7 @@ pub mod limits;
 pub mod record;
 pub mod sent;
 pub mod summary;
+pub mod switched;
 pub mod timing;
 pub mod trace;
 pub mod travel;
@@ -35,6 +37,7 @@ use std::io;
 use std::ops::RangeInclusive;
 use std::time::Duration;
 use summary::{AxisSummary, BusSummary, Stopped, Summary, Times};
+use switched::Switched;
 use trace::{Sink, Trace};
 use travel::Travel;
 
@@ -81,6 +84,7 @@ pub struct Observers {
     axes: Vec<AxisWatches>,
     /// What the buses carried, where all of them can be heard.
     sent: Option<SentSetpoints>,
+    switched: Switched,
     violations: Vec<Violation>,
     trace: Option<Trace>,
     report: Option<Report>,
@@ -113,6 +117,7 @@ impl Observers {
                 .map(|axis| AxisWatches::new(machine, axis))
                 .collect(),
             sent,
+            switched: Switched::default(),
             violations: Vec::new(),
             trace: trace.map(|file| Trace::begin(file, machine)),
             report: report.then(|| Report::of(machine)),
@@ -154,6 +159,7 @@ impl Observers {
         self.position = row.plan.position;
         let counted = counted_speed(&row.plan.velocity);
         self.travel.observe(observed, counted);
+        self.switched.observe(row, time);
         self.deviation.observe(observed, time, &mut self.violations);
         if let Some(sent) = &mut self.sent {
             sent.go_on_to(row.sync);
@@ -294,6 +300,7 @@ impl Observers {
                 })
                 .collect(),
             axes: self.axes.iter().map(AxisSummary::new).collect(),
+            switched: self.switched.states,
             violations: self.violations,
         };
         if let Some(report) = &mut self.report {

@@ -2,6 +2,7 @@
 
 use super::limits::AxisWatches;
 use super::record::Violation;
+use super::switched::SwitchedState;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::fmt;
@@ -34,6 +35,9 @@ pub struct Summary {
     pub bus: Vec<BusSummary>,
     /// The axes.
     pub axes: Vec<AxisSummary>,
+    /// What M-codes switched, in order.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub switched: Vec<SwitchedState>,
     /// Everything that must not be.
     pub violations: Vec<Violation>,
 }

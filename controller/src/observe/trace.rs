@@ -1,11 +1,12 @@
 //! Every row as CSV: time, line, setpoint and actual position of every axis, what is switched.
 
 use super::Observed;
+use super::switched::{running, turning};
 use crate::control::MachineFunctions;
 use crate::machine::Machine;
 use std::fmt::Write as _;
 use std::io::{self, Write};
-use syncline_gcode::Turning;
+use syncline_gcode::ANALOG_OUTPUTS;
 
 /// What takes a trace, each row in one call.
 pub type Sink = Box<dyn Write + Send>;
@@ -28,7 +29,11 @@ impl Trace {
             // Writing to a string does not fail.
             let _ = write!(header, ",{0}_set,{0}_act", axis.name());
         }
-        header += ",spindle,coolant,tool\n";
+        header += ",spindle,coolant,tool,digital_outputs";
+        for number in 0..ANALOG_OUTPUTS {
+            let _ = write!(header, ",analog_output_{number}");
+        }
+        header.push('\n');
         Self {
             written: file.write_all(header.as_bytes()),
             file,
@@ -52,14 +57,16 @@ impl Trace {
             spindle,
             coolant,
             tool,
+            digital,
+            analog,
+            ..
         } = observed.row.functions;
-        let spindle = match spindle.turning {
-            Turning::Clockwise => spindle.speed,
-            Turning::Counterclockwise => -spindle.speed,
-            Turning::Off => 0.0,
-        };
-        let coolant = u8::from(coolant.mist) + 2 * u8::from(coolant.flood);
-        let _ = writeln!(text, ",{spindle},{coolant},{tool}");
+        let (spindle, coolant) = (turning(spindle), running(coolant));
+        let _ = write!(text, ",{spindle},{coolant},{tool},{digital}");
+        for value in analog {
+            let _ = write!(text, ",{value}");
+        }
+        text.push('\n');
         if self.written.is_ok() {
             self.written = self.file.write_all(text.as_bytes());
         }

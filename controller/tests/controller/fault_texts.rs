@@ -39,7 +39,10 @@ macro_rules! texts {
 
 fn portal() -> Layout {
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples/portal/machine.toml");
-    Layout::new(&Machine::load(&file).unwrap()).unwrap()
+    let enable =
+        "[[input]]\nname = \"enable\"\ndrive = \"Y\"\nsignal = \"DI0\"\nfunction = \"enable\"\n";
+    let text = format!("{enable}{}", std::fs::read_to_string(&file).unwrap());
+    Layout::new(&Machine::parse(&file, &text).unwrap()).unwrap()
 }
 
 texts! {
@@ -186,6 +189,9 @@ texts! {
 
     Fault::Program, Fault::Program,
     "the program could not go on: see its message, mend it, start again";
+
+    Fault::NotEnabled { .. }, Fault::NotEnabled { input: 0 },
+    "the enabling input \"enable\" is off: switch it on and start again";
 
     Fault::NoPlan, Fault::NoPlan,
     "the path rests in mid-program, nobody holds it, and no plan came for 30 s: this is a defect of \

@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 use std::path::Path;
 use std::time::Duration;
-use syncline_controller::machine::Machine;
+use syncline_controller::machine::{InputMeaning, Machine, OutputSwitch};
 use syncline_drives::model::Increments;
 use syncline_strict_toml::Invalid;
 
@@ -679,4 +679,66 @@ fn the_reference_is_complete() {
         let allowed: Vec<_> = allowed.split(", ").map(str::to_owned).collect();
         assert_eq!(documented(table), allowed, "[{table}]");
     }
+}
+
+/// What is told of the portal with this table, each with its line's text.
+fn told_of(table: &str) -> Vec<String> {
+    let text = portal_with("[[drive]]\n", &format!("{table}\n[[drive]]\n"));
+    let told = parse(&text).unwrap_err().diagnostics.into_iter();
+    told.map(|it| format!("{}: {}", it.problem, it.help))
+        .collect()
+}
+
+#[test]
+fn inputs_and_outputs_are_wired_to_signals() {
+    let wires = r#"
+[[input]]
+name = "door"
+drive = "Z"
+signal = "DI5"
+function = "door"
+active_low = true
+debounce_ms = 15
+
+[[output]]
+name = "valve"
+drive = "Y"
+signal = "DQ2"
+number = 63
+safe = "on"
+
+[[drive]]
+"#;
+    let machine = parse(&portal_with("[[drive]]\n", wires)).unwrap();
+    let (input, output) = (&machine.inputs[0], &machine.outputs[0]);
+    assert_eq!((input.drive, input.signal, input.active_low), (3, 5, true));
+    assert_eq!(input.debounce, Duration::from_millis(15));
+    assert_eq!(input.meaning, InputMeaning::Door);
+    assert_eq!((output.drive, output.signal, output.safe), (2, 2, true));
+    assert_eq!(output.switch, OutputSwitch::Program(63));
+    // The frames grow where something is wired.
+    let bytes = |drive: usize| {
+        let device = machine.device(drive);
+        (device.t_pdos()[0].bytes, device.r_pdos()[0].bytes)
+    };
+    assert_eq!([bytes(1), bytes(2), bytes(3)], [(6, 6), (6, 8), (8, 6)]);
+}
+
+#[test]
+fn wires_that_lead_nowhere_are_told() {
+    let output = |rest: &str| {
+        told_of(&format!("[[output]]\nname = \"a\"\ndrive = \"Y\"\n{rest}")).join("\n")
+    };
+    insta::assert_snapshot!([
+        output("signal = \"DQ0\""),
+        output("signal = \"DQ0\"\nnumber = 64"),
+        output("signal = \"DQ0\"\nnumber = 1\nfunction = \"mist\""),
+        output("signal = \"DQ0\"\nfunction = \"most\""),
+        output("signal = \"DQ7\"\nnumber = 1"),
+        output("signal = \"DI0\"\nnumber = 1"),
+        output("signal = \"DQ0\"\nnumber = 1\nsafe = \"maybe\""),
+        output("signal = \"DQ0\"\nnumber = 1\n[[output]]\nname = \"b\"\ndrive = \"Y\"\nsignal = \"DQ0\"\nnumber = 2"),
+        output("signal = \"DQ0\"\nnumber = 1\n[[output]]\nname = \"a\"\ndrive = \"Q\"\nsignal = \"DQ0\"\nnumber = 2"),
+        told_of("[[input]]\nname = \"a\"\ndrive = \"Y\"\nsignal = \"DI0\"\nfunction = \"dor\"\ndebounce_ms = 2000").join("\n"),
+    ].join("\n\n"));
 }

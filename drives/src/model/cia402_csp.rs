@@ -47,7 +47,8 @@ pub(super) static CIA402_CSP: Model = Model {
     ],
     dictionary: &dictionary::CIA402_CSP,
     reserved,
-    has_signals: false,
+    inputs: &[],
+    outputs: &[],
     drive: |settings| Box::new(Cia402Csp::new(settings)),
 };
 
@@ -410,6 +411,7 @@ mod tests {
             following_error_limit: None,
             soft_limits: None,
             signals: false,
+            outputs: 0,
             objects: Vec::new(),
             assumed: Assumed(assumed.to_vec()),
         }

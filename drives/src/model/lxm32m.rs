@@ -35,7 +35,8 @@ pub(super) static LXM32M: Model = Model {
     ],
     dictionary: &dictionary::LXM32M,
     reserved,
-    has_signals: true,
+    inputs: &INPUTS,
+    outputs: &OUTPUTS,
     drive: |settings| Box::new(Lxm32m::new(settings)),
 };
 
@@ -72,12 +73,15 @@ const INTERPOLATED_POSITION: i8 = 7;
 
 /// `_IO_act` (3008h:1) shows the physical state of inputs and outputs (2303); which bit is which it
 /// does not say. Assumed: bits 0…7 are inputs, bits 8…15 outputs, from the first one on.
-const SIGNALS: [&str; 9] = [
-    "DI0", "DI1", "DI2", "DI3", "DI4", "DI5", "DQ0", "DQ1", "DQ2",
-];
+const INPUTS: [&str; 6] = ["DI0", "DI1", "DI2", "DI3", "DI4", "DI5"];
 
-/// Of [`SIGNALS`].
-const INPUTS: u32 = 6;
+/// `IO_DQ_set` (3008h:11) sets outputs directly (2310), those whose function `IOfunc_DQn` (3007h:9…B,
+/// 2300-2302) is [`FREE`]; which bit is which the manual does not say. Assumed: from the first one on.
+const OUTPUTS: [&str; 3] = ["DQ0", "DQ1", "DQ2"];
+
+/// The function of an output that nothing but `IO_DQ_set` sets; the manual at hand has no table of its
+/// values. Assumed.
+const FREE: u16 = 1;
 
 /// Controlword bit that starts Interpolated Position on top of Enable Operation (1641).
 const START_MODE: u16 = Controlword::MODE_4;
@@ -119,15 +123,19 @@ struct Lxm32m {
     sdo_response: Duration,
     /// Statusword and position (1620-1625), and signals.
     t_pdo: Pdo,
-    /// Controlword and setpoint.
+    /// Controlword and setpoint, and outputs.
     r_pdo: Pdo,
+    outputs: u16,
 }
 
 impl Lxm32m {
     fn new(settings: &Settings) -> Self {
         let mut setup = standard_setup(settings.node, settings.cycle).to_vec();
         if settings.signals {
-            map_signals(&mut setup);
+            map_third(&mut setup, 0x1A01, 0x3008_0110);
+        }
+        if settings.outputs != 0 {
+            map_third(&mut setup, 0x1601, 0x3008_1110);
         }
         if let Some(limit) = settings.following_error_limit {
             // MON_p_dif_load (2909), in position units as CiA 402 has it.
@@ -144,6 +152,8 @@ impl Lxm32m {
             setup.push(Write::new(0x607D, 2, Data::i32(most.saturating_i32())));
         }
         setup.extend(&settings.objects);
+        let set = (0..OUTPUTS.len() as u8).filter(|output| settings.outputs >> output & 1 != 0);
+        setup.extend(set.map(|output| Write::new(0x3007, 0x09 + output, Data::u16(FREE))));
         // Heartbeats both ways (3282-3320).
         setup.extend(communication::heartbeats(&settings.heartbeat));
 
@@ -166,8 +176,9 @@ impl Lxm32m {
             r_pdo: Pdo {
                 direction: Direction::Receive,
                 cob_id: CobId::r_pdo(2, settings.node),
-                bytes: 6,
+                bytes: if settings.outputs != 0 { 8 } else { 6 },
             },
+            outputs: 0,
         }
     }
 }
@@ -221,12 +232,12 @@ fn standard_setup(node: NodeId, cycle: Duration) -> [Write; 30] {
     ]
 }
 
-/// Maps [`SIGNALS`] behind statusword and position.
-fn map_signals(setup: &mut Vec<Write>) {
-    let two_mapped = Write::new(0x1A01, 0, Data::u8(2));
+/// Maps an object behind the two that a PDO has.
+fn map_third(setup: &mut Vec<Write>, mapping: u16, object: u32) {
+    let two_mapped = Write::new(mapping, 0, Data::u8(2));
     if let Some(place) = setup.iter().position(|write| *write == two_mapped) {
-        let third = Write::new(0x1A01, 3, Data::u32(0x3008_0110));
-        setup.splice(place..=place, [third, Write::new(0x1A01, 0, Data::u8(3))]);
+        let third = Write::new(mapping, 3, Data::u32(object));
+        setup.splice(place..=place, [third, Write::new(mapping, 0, Data::u8(3))]);
     }
 }
 
@@ -311,22 +322,26 @@ impl RemoteNode for Lxm32m {
     }
 
     fn io(&self) -> Option<&dyn Io> {
-        (self.t_pdo.bytes == 8).then_some(self)
+        let carried = self.t_pdo.bytes == 8 || self.r_pdo.bytes == 8;
+        carried.then_some(self)
+    }
+
+    fn io_mut(&mut self) -> Option<&mut dyn Io> {
+        (self.r_pdo.bytes == 8).then_some(self)
     }
 }
 
 impl Io for Lxm32m {
-    fn names(&self) -> &'static [&'static str] {
-        &SIGNALS
-    }
-
     fn signals(&self, _: usize, data: &[u8]) -> Option<u32> {
         let &[_, _, _, _, _, _, inputs, outputs] = data else {
             return None;
         };
-        let kept = (1 << SIGNALS.len()) - 1;
-        let inputs = u32::from(inputs) & ((1 << INPUTS) - 1);
-        Some((inputs | u32::from(outputs) << INPUTS) & kept)
+        let kept = |byte: u8, names: &[&str]| u32::from(byte) & ((1 << names.len()) - 1);
+        Some(kept(inputs, &INPUTS) | kept(outputs, &OUTPUTS) << INPUTS.len())
+    }
+
+    fn set_outputs(&mut self, on: u32) {
+        self.outputs = on as u16;
     }
 }
 
@@ -384,7 +399,9 @@ impl Drive for Lxm32m {
     fn encode(&mut self, command: PowerCommand, setpoint: Setpoint, frames: &mut [Frame]) {
         let [c0, c1] = cia402::controlword(command, START_MODE).0.to_le_bytes();
         let [p0, p1, p2, p3] = setpoint.position.saturating_i32().to_le_bytes();
-        frames[0] = Frame::new(self.r_pdo.cob_id, &[c0, c1, p0, p1, p2, p3]);
+        let [o0, o1] = self.outputs.to_le_bytes();
+        let data = [c0, c1, p0, p1, p2, p3, o0, o1];
+        frames[0] = Frame::new(self.r_pdo.cob_id, &data[..self.r_pdo.bytes.into()]);
     }
 
     fn in_motion(&self, position: Increments) -> Result<Vec<Frame>, OutOfRange> {
@@ -419,6 +436,7 @@ mod tests {
             following_error_limit: None,
             soft_limits: None,
             signals: false,
+            outputs: 0,
             objects: Vec::new(),
             assumed: Assumed::default(),
         }
@@ -591,9 +609,40 @@ mod tests {
         let io = drive.io().unwrap();
         let signals = io.signals(0, &[0, 0, 0, 0, 0, 0, 0b1010_0001, 0b1111_1010]);
         let on = |bit: &usize| signals.unwrap() >> bit & 1 != 0;
-        let on: Vec<_> = (0..32).filter(on).map(|bit| io.names()[bit]).collect();
+        let on: Vec<_> = (0..32)
+            .filter(on)
+            .filter_map(|bit| LXM32M.signal(bit))
+            .collect();
         assert_eq!(on, ["DI0", "DI5", "DQ1"]);
         assert!(Lxm32m::new(&settings(1, 2)).io().is_none());
+    }
+
+    #[test]
+    fn outputs_come_behind_the_setpoint_where_some_are_set() {
+        let mut drive = Lxm32m::new(&Settings {
+            outputs: 0b101,
+            ..settings(1, 2)
+        });
+        let written = |index| -> Vec<_> {
+            let setup = drive.setup().iter();
+            let here = setup.filter(|write| write.address.index == index);
+            here.map(|write| (write.address.sub, write.data.bits()))
+                .collect()
+        };
+        let mapping = [
+            (0, 0),
+            (1, 0x6040_0010),
+            (2, 0x60C1_0120),
+            (3, 0x3008_1110),
+            (0, 3),
+        ];
+        assert_eq!(written(0x1601), mapping);
+        assert_eq!(written(0x3007), [(0x09, 1), (0x0B, 1)]);
+        let mut frames = [Frame::new(CobId::SYNC, &[])];
+        drive.io_mut().unwrap().set_outputs(0b100);
+        drive.encode(PowerCommand::Disable, Setpoint::default(), &mut frames);
+        assert_eq!(frames[0].data(), [0, 0, 0, 0, 0, 0, 0b100, 0]);
+        assert!(Lxm32m::new(&settings(1, 2)).io_mut().is_none());
     }
 
     /// The words that the manual prints (1755-1830), and those of faults by its table.

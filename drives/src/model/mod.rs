@@ -60,9 +60,11 @@ pub struct Model {
     pub dictionary: &'static [Entry],
     /// Whether the controller itself writes or owns the object, so that a user must not.
     pub reserved: fn(Address) -> bool,
-    /// Whether the device tells its digital inputs and outputs where [`Settings::signals`] asks for
-    /// them.
-    pub has_signals: bool,
+    /// Its digital inputs, by the names that its manual has for them.
+    pub inputs: &'static [&'static str],
+    /// Its digital outputs that the controller can set. Both are its signals: they come with its
+    /// T_PDOs where [`Settings::signals`] asks for them, the inputs first.
+    pub outputs: &'static [&'static str],
     /// Makes the device.
     pub drive: fn(&Settings) -> Box<dyn Drive>,
 }
@@ -72,6 +74,12 @@ impl Model {
     #[must_use]
     pub fn by_name(name: &str) -> Option<&'static Self> {
         MODELS.iter().copied().find(|model| model.name == name)
+    }
+
+    /// The name of its signal at that place.
+    #[must_use]
+    pub fn signal(&self, place: usize) -> Option<&'static str> {
+        self.inputs.iter().chain(self.outputs).nth(place).copied()
     }
 
     /// Whether the drive takes setpoints in this cycle.
@@ -110,6 +118,8 @@ pub struct Settings {
     pub soft_limits: Option<(Increments, Increments)>,
     /// Whether the device's digital inputs and outputs come with its T_PDOs.
     pub signals: bool,
+    /// Those of [`Model::outputs`] that the controller sets with its R_PDOs: bit n is the n-th.
+    pub outputs: u32,
     /// Written after the standard set-up, in this order.
     pub objects: Vec<Write>,
     /// What the machine file says of the model.

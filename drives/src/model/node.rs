@@ -56,8 +56,13 @@ pub trait RemoteNode: fmt::Debug + Send + Sync {
     /// B404h: SYNC signal missing`. `None` if the maker says nothing by them.
     fn vendor_error(&self, bytes: [u8; 5]) -> Option<String>;
 
-    /// Its digital inputs and outputs, if its T_PDOs carry them.
+    /// Its digital inputs and outputs, if its PDOs carry them.
     fn io(&self) -> Option<&dyn Io> {
+        None
+    }
+
+    /// The same, to set its outputs.
+    fn io_mut(&mut self) -> Option<&mut dyn Io> {
         None
     }
 

@@ -76,6 +76,8 @@ pub enum Disturbance {
     Remote(bool),
     /// SDO writes to this object are refused.
     RefuseWrite(Address, AbortCode),
+    /// Whether a sensor wired to the digital input with this number, from 0, is on.
+    Input(u8, bool),
     /// It is another maker's: 1018h:1.
     Vendor(u32),
 }

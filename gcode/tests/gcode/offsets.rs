@@ -141,7 +141,9 @@ fn what_cannot_be_set() {
 
 #[test]
 fn outputs_are_handed_on() {
-    insta::assert_snapshot!(listing("M64 P3\nG0 X1 M101 P1.5 Q2\nM62\nM2"));
+    insta::assert_snapshot!(listing(
+        "M64 P3\nG0 X1 M101 P1.5 Q2\nM63 P0\nM62 P63\nM68 E3 Q-2.5\nM67 E0 Q0\nM65 P1\nM2"
+    ));
 }
 
 const TABLES: &str = r#"

@@ -83,6 +83,11 @@ fn each_with_its_place() {
         ("G4 P-1", "1:4"),
         ("G64 P-1", "1:5"),
         ("M61", "1:1"),
+        ("M64", "1:1"),
+        ("M65 P64", "1:5"),
+        ("M67 E4 Q1", "1:5"),
+        ("M68 E0", "1:1"),
+        ("M66 P1 L3 Q1", "1:5"),
         ("M50 P0", "1:5"),
         ("M49", "1:1"),
         ("G12 I5", "1:1"),
@@ -153,6 +158,31 @@ fn soft_limits_can_be_reached() {
     assert!(run_with(setup.clone(), "G0 Y5\nX-5\nM2").is_ok());
     assert!(run_with(setup.clone(), "G0 X-15\nM2").is_err());
     assert!(run_with(setup, "G2 J5 F100\nM2").is_err());
+}
+
+#[test]
+fn the_spindle_has_its_speeds_and_the_machine_its_inputs() {
+    let mut setup = xyz();
+    setup.spindle_speeds = Some((100.0, 3000.0));
+    setup.inputs = 1 << 5;
+    for good in ["S0", "S100 M3", "S3000", "M66 P5 L3 Q0"] {
+        assert!(
+            run_with(setup.clone(), &format!("{good}\nM2")).is_ok(),
+            "{good}"
+        );
+    }
+    for bad in [
+        "S99",
+        "S3001 M4",
+        "M66 P4 L3 Q0",
+        "M66 P5 L0 Q1",
+        "M66 P5 L3",
+    ] {
+        assert!(
+            run_with(setup.clone(), &format!("{bad}\nM2")).is_err(),
+            "{bad}"
+        );
+    }
 }
 
 #[test]

@@ -25,3 +25,4 @@ mod signals;
 mod stops;
 mod switched;
 mod validate;
+mod wired;

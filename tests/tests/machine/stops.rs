@@ -10,8 +10,8 @@ use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::time::Duration;
 use syncline_controller::bench::rig::{Shape, Shuttle, ready_machine};
 use syncline_controller::control::{Controller, End, Event, Fault, Instruction, Order};
-use syncline_controller::control::{Pause, StopPoint, Switch};
-use syncline_gcode::{Coolant, Output};
+use syncline_controller::control::{Pause, State, StopPoint, Switch};
+use syncline_gcode::{Coolant, Output, Spindle, Turning};
 use syncline_tests::command::{Folder, ended, syncline};
 use syncline_tests::rig::Rig;
 use syncline_tests::terminal::Terminal;
@@ -122,7 +122,9 @@ enum Block {
     OptionalStop,
     ToolChange,
     Coolant(bool),
-    Output(u16),
+    /// S with M3 or M4; off.
+    Spindle(Option<(u32, bool)>),
+    Output(Output),
 }
 
 fn block() -> impl Strategy<Value = Block> {
@@ -134,7 +136,20 @@ fn block() -> impl Strategy<Value = Block> {
         1 => Just(Block::OptionalStop),
         2 => Just(Block::ToolChange),
         1 => any::<bool>().prop_map(Block::Coolant),
-        1 => (100..110_u16).prop_map(Block::Output),
+        1 => prop::option::of((1..9000_u32, any::<bool>())).prop_map(Block::Spindle),
+        3 => output().prop_map(Block::Output),
+    ]
+}
+
+fn output() -> impl Strategy<Value = Output> {
+    prop_oneof![
+        1 => (100..110_u16).prop_map(|code| Output::User { code, p: None, q: None }),
+        3 => (0..64_u8, any::<bool>(), any::<bool>()).prop_map(|(number, on, with_motion)| {
+            Output::Digital { number, on, with_motion }
+        }),
+        2 => (0..4_u8, -90..90_i32, any::<bool>()).prop_map(|(number, value, with_motion)| {
+            Output::Analog { number, value: f64::from(value), with_motion }
+        }),
     ]
 }
 
@@ -144,6 +159,8 @@ struct Sample {
     text: String,
     stops: Vec<Pause>,
     switches: Vec<Switch>,
+    /// How long it rests, s, from one of `switches` to the next, where it does nothing else between them.
+    pulses: Vec<(usize, f64)>,
     /// Where, and for how long, s.
     dwells: Vec<([f64; 2], f64)>,
 }
@@ -154,14 +171,21 @@ impl Sample {
             text: format!("G21 G90 G17 {mode} F9000\nG0 X100 Y100\n"),
             stops: Vec::new(),
             switches: Vec::new(),
+            pulses: Vec::new(),
             dwells: Vec::new(),
         };
         let mut at = [100.0, 100.0];
-        let mut line = 2;
         let mut flows = false;
-        for block in blocks {
+        let mut spindle = Spindle::default();
+        // What waits for the next motion, and for how long only dwells have come since the last switch.
+        let mut with_motion = Vec::new();
+        let mut rests = None;
+        for (line, block) in (3..).zip(blocks) {
+            let known = sample.switches.len();
+            if matches!(block, Block::Line(..) | Block::Arc(_)) {
+                sample.switches.append(&mut with_motion);
+            }
             let text = &mut sample.text;
-            line += 1;
             let _ = match *block {
                 Block::Line(x, y) => {
                     at = [at[0] + x, (at[1] + y).clamp(50.0, 150.0)];
@@ -173,6 +197,7 @@ impl Sample {
                 }
                 Block::Dwell(time) => {
                     sample.dwells.push((at, time));
+                    rests = rests.map(|so_far| so_far + (time * 1e4).round() / 1e4);
                     writeln!(text, "G4 P{time:.4}")
                 }
                 Block::Stop => {
@@ -197,23 +222,65 @@ impl Sample {
                     flows = flood;
                     writeln!(text, "{}", if flood { "M8" } else { "M9" })
                 }
-                Block::Output(code) => {
-                    let output = Output {
-                        code,
-                        p: None,
-                        q: None,
+                Block::Spindle(turns) => {
+                    let before = spindle;
+                    let text = match turns {
+                        None => {
+                            spindle.turning = Turning::Off;
+                            writeln!(text, "M5")
+                        }
+                        Some((speed, clockwise)) => {
+                            spindle.speed = f64::from(speed);
+                            spindle.turning = if clockwise {
+                                Turning::Clockwise
+                            } else {
+                                Turning::Counterclockwise
+                            };
+                            writeln!(text, "S{speed} M{}", if clockwise { 3 } else { 4 })
+                        }
                     };
-                    sample.switches.push(Switch::Output(line, output));
-                    writeln!(text, "M{code}")
+                    if spindle != before {
+                        sample.switches.push(Switch::Spindle(spindle));
+                    }
+                    text
+                }
+                Block::Output(output) => {
+                    let switch = Switch::Output(output);
+                    if output.is_with_motion() {
+                        with_motion.push(switch);
+                    } else {
+                        sample.switches.push(switch);
+                    }
+                    writeln!(text, "{output}")
                 }
             };
+            if sample.switches.len() == known + 1 && !matches!(block, Block::ToolChange) {
+                sample.pulses.extend(rests.map(|time| (known - 1, time)));
+            }
+            match block {
+                Block::Dwell(_) => {}
+                _ if moves_or_stops(block) => rests = None,
+                _ if sample.switches.len() > known => rests = Some(0.0),
+                _ => {}
+            }
         }
         sample.text += "M2\n";
+        if spindle.turning != Turning::Off {
+            let turning = Turning::Off;
+            let off = Switch::Spindle(Spindle { turning, ..spindle });
+            sample.switches.push(off);
+        }
         if flows {
             sample.switches.push(Switch::Coolant(Coolant::default()));
         }
         sample
     }
+}
+
+/// Whether the time of a block is not known beforehand.
+fn moves_or_stops(block: &Block) -> bool {
+    use Block::{Arc, Line, OptionalStop, Stop, ToolChange};
+    matches!(block, Line(..) | Arc(_) | Stop | OptionalStop | ToolChange)
 }
 
 /// When a person acts, after what they did last.
@@ -373,9 +440,12 @@ fn runs_whole(sample: &Sample, acts: Vec<(When, Act)>, patience: usize) -> usize
     let mut told = 0;
     let mut orders = Vec::new();
     let mut rows = 0;
+    // In which row each switch came, and what a person did.
+    let (mut switched, mut acted) = (Vec::new(), Vec::new());
     while rig.step() {
         for event in &rig.events[told..] {
             match event {
+                Event::Switched { .. } => switched.push(rig.rows.len()),
                 Event::Held => rests.held = true,
                 Event::Resumed => rests.held = false,
                 Event::Retracing => rests = Rests::default(),
@@ -389,8 +459,12 @@ fn runs_whole(sample: &Sample, acts: Vec<(When, Act)>, patience: usize) -> usize
             let speed = rig.rows[rows - 1].plan.speed;
             person.orders(speed, rests, &mut orders);
             for order in orders.drain(..) {
+                acted.push(rows);
                 rests.paused &= order != Order::CycleStart;
-                rig.controller().obey(order).unwrap();
+                // What comes too late is refused.
+                let obeyed = rig.controller().obey(order);
+                let stops = rig.controller().state() == State::Stopping;
+                assert!(obeyed.is_ok() || stops, "{obeyed:?}");
             }
         }
     }
@@ -417,12 +491,23 @@ fn runs_whole(sample: &Sample, acts: Vec<(When, Act)>, patience: usize) -> usize
         &sample.stops[reached..]
     );
     assert_eq!(rig.switches, sample.switches);
+    let cycle = rig.machine.cycle.as_secs_f64();
+    for &(first, time) in &sample.pulses {
+        let (from, to) = (switched[first], switched[first + 1]);
+        let length = (to - from) as f64 * cycle;
+        let left_alone = !acted.iter().any(|row| (from..=to).contains(row));
+        let late = left_alone && length > time + cycle + 1e-9;
+        assert!(
+            length >= time - cycle - 1e-9 && !late,
+            "{length} s from switch {first} to the next, not {time} s"
+        );
+    }
     for (place, time) in &sample.dwells {
         let there = rig.rows.iter().filter(|row| {
             let off = (0..2).map(|i| (row.plan.position[i] - place[i]).abs());
             row.plan.speed == 0.0 && off.fold(0.0, f64::max) < 1e-3
         });
-        let rested = (there.count() + 1) as f64 * rig.machine.cycle.as_secs_f64();
+        let rested = (there.count() + 1) as f64 * cycle;
         assert!(rested >= *time, "{rested} s in {place:?}, not {time} s");
     }
     rows

@@ -346,21 +346,38 @@ fn what_a_program_switches_is_on_the_trace() {
          G1 X20\nM4 S50 M7\nG1 X5\nM65 P1\nM30\n",
     );
     let trace = folder.path("trace.csv");
-    let arguments = ["--trace", trace.to_str().unwrap()];
+    let arguments = ["--trace", trace.to_str().unwrap(), "--json", "-"];
     let output = validate(&machine_file("portal"), &program, &arguments);
-    let (code, _, told) = ended(&output);
+    let (code, json, told) = ended(&output);
     assert_eq!(code, 0, "{told}");
+    let json: Value = serde_json::from_str(json).unwrap();
+    let lines = json["switched"]
+        .as_array()
+        .expect("what was switched")
+        .iter();
+    let lines: Vec<_> = lines.map(|state| state["line"].as_u64()).collect();
+    // The end switches off with what stands right before it.
+    assert_eq!(lines, [2, 4, 6, 8, 10, 13].map(Some));
     let outputs = "line 2: M64 P1\nline 6: M101 P0.5 Q2\nline 12: M65 P1\n";
     assert_eq!(told, outputs);
     let mut states: Vec<String> = Vec::new();
     for row in folder.read("trace.csv").lines().skip(1) {
         let fields: Vec<&str> = row.split(',').collect();
-        let switched = &fields[fields.len() - 3..];
+        // Spindle, coolant, tool and digital outputs; behind them are four analog outputs.
+        let switched = &fields[fields.len() - 8..fields.len() - 4];
         states.push([&fields[1..2], switched].concat().join(","));
     }
     states.dedup();
-    // All that stands between two moves is switched when the first of them is done.
-    let expected = ["3,0,0,0", "5,900,2,0", "5,0,0,7", "9,0,0,7", "11,-50,1,7"];
+    let expected = [
+        "3,0,0,0,0",
+        "3,0,0,0,2",
+        "5,900,2,0,2",
+        "5,0,0,0,2",
+        "5,0,0,7,2",
+        "9,0,0,7,2",
+        "11,-50,1,7,2",
+        "11,0,0,7,0",
+    ];
     assert_eq!(states, expected);
 }
 

@@ -238,6 +238,8 @@ impl SimulatedDevice for Twin {
             Disturbance::EnableTime(time) => drive.policies.enable_time = time,
             Disturbance::Remote(remote) => drive.remote = remote,
             Disturbance::RefuseWrite(address, code) => drive.refusals.push((address, code)),
+            // It has none.
+            Disturbance::Input(..) => {}
             Disturbance::Vendor(id) => drive.preset(Address::new(0x1018, 1), id.into()),
         }
     }

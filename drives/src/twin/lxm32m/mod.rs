@@ -314,6 +314,7 @@ impl SimulatedDevice for Twin {
             // are not executed (lxm32m 1327).
             Disturbance::Remote(remote) => drive.remote = remote,
             Disturbance::RefuseWrite(address, code) => drive.refusals.push((address, code)),
+            Disturbance::Input(input, on) => drive.switches.sense(input, on),
             Disturbance::Vendor(id) => drive.identity.vendor_id = id,
         }
     }

@@ -231,17 +231,18 @@ impl Drive {
             .set(rows.inputs_and_outputs, inputs | outputs << PROBE_BITS);
     }
 
-    /// DI0…DI4: capture inputs 1 and 2, LIMP, LIMN, REF, each 1 while active.
+    /// DI0…DI4: capture inputs 1 and 2, LIMP, LIMN, REF, and what else is wired there, each 1 while active.
     fn inputs(&self) -> [bool; 5] {
         let position = self.shaft().position();
         let [capture_1, capture_2] = self.captures.0.map(|level| level == Some(true));
-        [
+        let switches = [
             capture_1,
             capture_2,
             self.switches.positive_limit_active(position),
             self.switches.negative_limit_active(position),
             self.switches.reference_active(position),
-        ]
+        ];
+        core::array::from_fn(|input| switches[input] || self.switches.sensors >> input & 1 != 0)
     }
 
     /// DQ0…DQ2.

@@ -15,6 +15,8 @@ pub struct Switches {
     pub reference: Option<Range<f64>>,
     /// Capture inputs 1 and 2: active within.
     pub captures: [Option<Range<f64>>; CAPTURES],
+    /// DI0 to DI4 that other sensors switch on: bit n is DIn.
+    pub sensors: u8,
 }
 
 /// One of the switches.
@@ -40,6 +42,12 @@ impl Switches {
             Switch::PositiveLimit => self.positive_limit_active(position),
             Switch::Reference => self.reference_active(position),
         }
+    }
+
+    /// A sensor at DIn is on or off.
+    pub(super) fn sense(&mut self, input: u8, on: bool) {
+        let bit = 1_u8.checked_shl(input.into()).unwrap_or(0);
+        self.sensors = self.sensors & !bit | if on { bit } else { 0 };
     }
 
     pub(super) fn reference_active(&self, position: f64) -> bool {

@@ -296,6 +296,8 @@ impl SimulatedDevice for Twin {
             Disturbance::EnableTime(time) => drive.policies.enable_time = time,
             Disturbance::Remote(remote) => drive.take_control(remote),
             Disturbance::RefuseWrite(address, code) => drive.refusals.push((address, code)),
+            // Its inputs are set by [`Twin::set_inputs`].
+            Disturbance::Input(..) => {}
             Disturbance::Vendor(id) => drive.preset(Address::new(0x1018, 1), id.into()),
         }
     }

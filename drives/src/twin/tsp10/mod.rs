@@ -206,8 +206,8 @@ impl SimulatedDevice for Twin {
                 drive.presets.push((Address::new(0x1018, 1), id.into()));
                 drive.show_presets();
             }
-            // It has no other channel, and switches on at once.
-            Disturbance::EnableTime(_) | Disturbance::Remote(_) => {}
+            // It has no other channel and no inputs to be told here, and switches on at once.
+            Disturbance::EnableTime(_) | Disturbance::Remote(_) | Disturbance::Input(..) => {}
         }
     }
 

@@ -281,7 +281,7 @@ impl SimulatedDevice for Twin {
                 self.set_error(EncoderError::Eeprom, false);
             }
             Disturbance::RefuseWrite(address, code) => self.encoder.refusals.push((address, code)),
-            // It has no power stage, no motor, no other channel and no identity object.
+            // It has no power stage, no motor, no other channel, no inputs and no identity object.
             Disturbance::Mains(_)
             | Disturbance::Block(_)
             | Disturbance::LoseTorque(_)
@@ -290,6 +290,7 @@ impl SimulatedDevice for Twin {
             | Disturbance::FoundEnabled
             | Disturbance::EnableTime(_)
             | Disturbance::Remote(_)
+            | Disturbance::Input(..)
             | Disturbance::Vendor(_) => {}
         }
     }

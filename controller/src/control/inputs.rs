@@ -1,0 +1,193 @@
+//! Inputs of the machine that mean something: an external enable, feed hold, cycle start, a door, and
+//! those that a program waits for.
+//!
+//! An input acts when its level changes. One that is on when it is first seen starts nothing; but what
+//! an open door forbids it forbids by its level, and so does an enable that is off.
+
+use super::fault::Fault;
+use super::{Controller, Event, Goal, Phase, Request};
+use crate::machine::{Input, InputMeaning};
+use std::sync::Arc;
+use std::time::Duration;
+use syncline_gcode::Until;
+
+/// An input by its place in the machine file.
+pub type InputIndex = usize;
+
+/// The levels of the machine's inputs.
+#[derive(Clone, Debug)]
+pub(super) struct Inputs(Vec<Debounced>);
+
+/// A level that has to stay before it counts.
+#[derive(Clone, Copy, Debug, Default)]
+struct Debounced {
+    /// `None` before it was first seen.
+    level: Option<bool>,
+    /// For so many cycles it has been another one.
+    other: u32,
+    /// So many cycles count.
+    most: u32,
+}
+
+impl Debounced {
+    /// Takes the level of a cycle; the new one if it changed.
+    fn take(&mut self, level: bool) -> Option<bool> {
+        let before = *self.level.get_or_insert(level);
+        self.other = if level == before { 0 } else { self.other + 1 };
+        if self.other <= self.most {
+            return None;
+        }
+        self.other = 0;
+        self.level = Some(level);
+        Some(level)
+    }
+}
+
+impl Inputs {
+    pub(super) fn new(inputs: &[Input], cycle: Duration) -> Self {
+        let debounced = inputs.iter().map(|input| Debounced {
+            most: input.debounce.as_nanos().div_ceil(cycle.as_nanos()) as u32,
+            ..Debounced::default()
+        });
+        Self(debounced.collect())
+    }
+
+    /// Whether it is on; an input that was not seen yet is off.
+    fn is_on(&self, input: InputIndex) -> bool {
+        self.0[input].level == Some(true)
+    }
+}
+
+/// An input that the path rests for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct InputWait {
+    /// Which one.
+    pub input: InputMeaning,
+    /// What it has to do.
+    pub until: Until,
+    /// Within this time.
+    pub within: Duration,
+}
+
+/// What was at speed before a change may say so for so long after it.
+const AT_SPEED_BEFORE: Duration = Duration::from_millis(100);
+
+/// How long the path has rested for an input.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Awaited {
+    /// The cycle in which it began.
+    since: u64,
+    /// The level then, and in every cycle since.
+    was: bool,
+}
+
+impl<const N: usize> Controller<N> {
+    /// Looks at the inputs and acts on what has changed.
+    ///
+    /// # Errors
+    /// The machine may not be enabled.
+    pub(super) fn watch_inputs(&mut self) -> Result<(), Fault> {
+        let layout = Arc::clone(&self.layout);
+        for (index, input) in layout.inputs.iter().enumerate() {
+            let level = self.nodes[input.drive].signal(input.signal);
+            let level = level.map(|level| level != input.active_low);
+            if let Some(on) = level.and_then(|level| self.inputs.0[index].take(level)) {
+                self.tell(Event::Input { input: index, on });
+                if on {
+                    self.input_came_on(input.meaning);
+                }
+            }
+        }
+        let off = |&index: &InputIndex| {
+            layout.inputs[index].meaning == InputMeaning::Enable && !self.inputs.is_on(index)
+        };
+        let enables = self.goal == Goal::Ready
+            && self.sync_on
+            && (Phase::Disabled..=Phase::Stop).contains(&self.phase);
+        match (0..layout.inputs.len()).find(off) {
+            Some(input) if enables => Err(Fault::NotEnabled { input }),
+            _ => Ok(()),
+        }
+    }
+
+    fn input_came_on(&mut self, meaning: InputMeaning) {
+        let state = self.state();
+        match meaning {
+            InputMeaning::FeedHold | InputMeaning::Door if state.allows(Request::FeedHold) => {
+                self.executor.feed_hold();
+            }
+            InputMeaning::CycleStart
+                if state.allows(Request::GoOn) && self.open_door().is_none() =>
+            {
+                self.go_on();
+                if self.executor.is_held() && !self.executor.wants_speed() {
+                    self.executor.resume();
+                }
+            }
+            _ => {}
+        }
+    }
+
+    /// A door that is open, if one is.
+    pub(super) fn open_door(&self) -> Option<InputIndex> {
+        let mut inputs = self.layout.inputs.iter().enumerate();
+        let open = inputs.find(|(index, input)| {
+            input.meaning == InputMeaning::Door && self.inputs.is_on(*index)
+        });
+        open.map(|(index, _)| index)
+    }
+
+    /// Whether the input that the path rests for is there; `None` while neither it nor the time has come.
+    pub(super) fn awaited(&mut self, wait: InputWait) -> Option<bool> {
+        let mut inputs = self.layout.inputs.iter().enumerate();
+        let on =
+            inputs.any(|(index, input)| input.meaning == wait.input && self.inputs.is_on(index));
+        let begun = Awaited {
+            since: self.cycle,
+            was: on,
+        };
+        let Awaited { since, was } = self.awaited.replace(begun).unwrap_or(begun);
+        let came = match wait.until {
+            Until::Rise => on && !was,
+            Until::Fall => !on && was,
+            Until::High => on,
+            Until::Low => !on,
+        };
+        self.awaited = Some(Awaited { since, was: on });
+        let waited = self.layout.cycle * (self.cycle - since) as u32;
+        let lags = wait.input == InputMeaning::AtSpeed && waited < AT_SPEED_BEFORE;
+        match came && !lags {
+            true => Some(true),
+            false => (waited >= wait.within).then_some(false),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Levels of cycles, one a character, and in which of them a change counts.
+    fn changes(debounce: u32, levels: &str) -> Vec<(usize, bool)> {
+        let mut input = Debounced {
+            most: debounce,
+            ..Debounced::default()
+        };
+        let levels = levels.bytes().map(|level| level == b'1').enumerate();
+        levels
+            .filter_map(|(cycle, level)| Some((cycle, input.take(level)?)))
+            .collect()
+    }
+
+    #[test]
+    fn what_is_on_at_first_is_no_change() {
+        assert_eq!(changes(0, "111"), []);
+        assert_eq!(changes(0, "1101"), [(2, false), (3, true)]);
+    }
+
+    #[test]
+    fn a_level_counts_once_it_has_stayed() {
+        assert_eq!(changes(2, "0110110111"), [(9, true)]);
+        assert_eq!(changes(2, "0111100010000"), [(3, true), (7, false)]);
+    }
+}

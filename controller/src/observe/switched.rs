@@ -1,0 +1,69 @@
+//! What the program's M-codes switched, and when.
+
+use crate::control::{MachineFunctions, Row};
+use crate::machine::COORDINATES;
+use serde::Serialize;
+use syncline_gcode::{ANALOG_OUTPUTS, Coolant, DIGITAL_OUTPUTS, Spindle, Turning};
+
+/// The state from an instant on.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct SwitchedState {
+    /// Of the first SYNC with it, s.
+    #[serde(rename = "time_s")]
+    pub time: f64,
+    /// The line of the last M-code.
+    pub line: u32,
+    /// 1/min, negative for M4.
+    pub spindle: f64,
+    /// 1 mist, 2 flood, 3 both.
+    pub coolant: u8,
+    /// The tool in the spindle.
+    pub tool: u32,
+    /// The digital outputs that are on.
+    pub digital_outputs: Vec<usize>,
+    /// The analog outputs, from E0 on.
+    pub analog_outputs: [f64; ANALOG_OUTPUTS],
+}
+
+/// All changes so far.
+#[derive(Debug, Default)]
+pub(super) struct Switched {
+    last: MachineFunctions,
+    pub(super) states: Vec<SwitchedState>,
+}
+
+impl Switched {
+    /// Takes what happened at one SYNC.
+    pub(super) fn observe(&mut self, row: &Row<COORDINATES>, time: f64) {
+        let functions = row.functions;
+        if functions == self.last {
+            return;
+        }
+        self.last = functions;
+        self.states.push(SwitchedState {
+            time,
+            line: functions.line,
+            spindle: turning(functions.spindle),
+            coolant: running(functions.coolant),
+            tool: functions.tool,
+            digital_outputs: (0..DIGITAL_OUTPUTS)
+                .filter(|number| functions.digital >> number & 1 == 1)
+                .collect(),
+            analog_outputs: functions.analog,
+        });
+    }
+}
+
+/// How fast the spindle turns, 1/min, negative for M4.
+pub(super) fn turning(spindle: Spindle) -> f64 {
+    match spindle.turning {
+        Turning::Clockwise => spindle.speed,
+        Turning::Counterclockwise => -spindle.speed,
+        Turning::Off => 0.0,
+    }
+}
+
+/// Which coolant runs: 1 mist, 2 flood, 3 both.
+pub(super) fn running(coolant: Coolant) -> u8 {
+    u8::from(coolant.mist) + 2 * u8::from(coolant.flood)
+}

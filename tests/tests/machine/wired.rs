@@ -1,0 +1,440 @@
+//! A machine's inputs and outputs on its drives: what they do to a run, and when.
+
+use proptest::prelude::*;
+use syncline_canopen::CobId;
+use syncline_controller::control::{End, Event, Fault, Pause, Phase, Switch};
+use syncline_controller::session::Command;
+use syncline_drives::twin::{Disturbance, ErrorClass};
+use syncline_tests::rig::Rig;
+
+/// Outputs on the drive Y, node 3, and inputs on the drive Z, the fourth.
+const WIRED: &str = r#"
+[[output]]
+name = "valve"
+drive = "Y"
+signal = "DQ0"
+number = 1
+
+[[output]]
+name = "clamp"
+drive = "Y"
+signal = "DQ1"
+active_low = true
+safe = "on"
+number = 2
+
+[[output]]
+name = "spindle"
+drive = "Y"
+signal = "DQ2"
+function = "spindle"
+
+[[input]]
+name = "enable"
+drive = "Z"
+signal = "DI0"
+function = "enable"
+
+[[input]]
+name = "part"
+drive = "Z"
+signal = "DI1"
+debounce_ms = 20
+number = 5
+
+[[input]]
+name = "door"
+drive = "Z"
+signal = "DI2"
+function = "door"
+
+[[input]]
+name = "start"
+drive = "Z"
+signal = "DI3"
+function = "cycle_start"
+
+[[input]]
+name = "hold"
+drive = "Z"
+signal = "DI4"
+function = "feed_hold"
+
+[machine]
+"#;
+const INPUTS: usize = 3;
+const ENABLE: u8 = 0;
+const PART: u8 = 1;
+const DOOR: u8 = 2;
+const START: u8 = 3;
+const HOLD: u8 = 4;
+
+/// The portal with these signals, its enable on.
+fn wired(program: &str) -> Rig {
+    let mut rig = Rig::new("portal", &[("[machine]\n", WIRED)], program, |_, _| ());
+    rig.goes_on = false;
+    set(&mut rig, ENABLE, true);
+    rig
+}
+
+fn set(rig: &mut Rig, input: u8, on: bool) {
+    rig.twin(INPUTS).disturb(Disturbance::Input(input, on));
+}
+
+/// What IO_DQ_set was in each R_PDO, from the program's first setpoint on, changes only: the number of
+/// the R_PDO, and the outputs.
+fn set_outputs(rig: &Rig) -> Vec<(usize, u8)> {
+    let frames = rig.sent(CobId::r_pdo(2, rig.machine.drives[2].node));
+    let mut outputs: Vec<(usize, u8)> = (frames.iter().enumerate())
+        .map(|(place, sent)| (place, sent.frame.data()[6]))
+        .collect();
+    outputs.dedup_by_key(|(_, outputs)| *outputs);
+    outputs
+}
+
+fn goes_on_after(rig: &mut Rig, cycles: usize) {
+    let until = rig.rows.len() + cycles;
+    rig.run_to_row(until);
+}
+
+fn is_paused(rig: &Rig, reason: Pause) -> bool {
+    let paused = |event: &Event| matches!(event, Event::Paused { reason: it, .. } if *it == reason);
+    rig.events.iter().any(paused)
+}
+
+fn speed(rig: &Rig) -> f64 {
+    rig.rows.last().map_or(0.0, |row| row.plan.speed)
+}
+
+// --- outputs ---
+
+/// The clamp is on where its drive's output is off, and on as long as no program runs.
+const SAFE: u8 = 0b000;
+
+#[test]
+fn outputs_follow_the_program_and_are_safe_before_and_behind() {
+    let program =
+        "G21 G90 F6000\nM64 P1\nG4 P0.5\nM65 P1 \nM3 S1000\nM65 P2\nG1 X20\nM64 P2 M5\nG1 X0\nM2\n";
+    let mut rig = wired(program);
+    assert_eq!(rig.finish(), End::Finished);
+    let outputs = set_outputs(&rig);
+    let states: Vec<u8> = outputs.iter().map(|(_, outputs)| *outputs).collect();
+    // A program begins with all off, the clamp too, until M64 P2.
+    let program = [0b010, 0b011, 0b110, 0b000];
+    assert_eq!(states, [&[SAFE], &program[..]].concat(), "{outputs:?}");
+    let pulse = outputs[3].0 - outputs[2].0;
+    let cycles = (0.5 / rig.machine.cycle.as_secs_f64()) as usize;
+    assert!(pulse.abs_diff(cycles) <= 1, "{pulse} cycles");
+}
+
+#[test]
+fn a_fault_makes_outputs_safe_within_two_cycles() {
+    for class in [ErrorClass::QuickStop, ErrorClass::SwitchOff] {
+        let mut rig = wired("G21 G90 F6000\nM64 P1 M3 S500\nG1 X400\nM2\n");
+        rig.run_until(|rig| speed(rig) > 50.0);
+        let before = rig.sent(CobId::r_pdo(2, rig.machine.drives[2].node)).len();
+        assert_eq!(set_outputs(&rig).last().map(|it| it.1), Some(0b111));
+        rig.twin(0).disturb(Disturbance::Fault(class));
+        rig.run_until(|rig| rig.end().is_some());
+        let told = rig.sent(CobId::r_pdo(2, rig.machine.drives[2].node)).len();
+        assert!(told > before);
+        let _ = rig.finish_with_fault();
+        let (safe, outputs) = *set_outputs(&rig).last().expect("outputs");
+        assert_eq!(outputs, SAFE);
+        assert!(safe <= told + 2, "safe in burst {safe}, told behind {told}");
+    }
+}
+
+// --- inputs ---
+
+#[test]
+fn without_its_enable_a_machine_enables_nothing() {
+    let mut rig = wired("G21 G90\nG0 X10\nM2\n");
+    set(&mut rig, ENABLE, false);
+    let Fault::NotEnabled { input } = rig.finish_with_fault() else {
+        panic!("{:?}", rig.events);
+    };
+    assert_eq!(rig.machine.inputs[input].name, "enable");
+    let enabled = |(phase, _): &(Phase, _)| *phase == Phase::OperationEnabled;
+    assert!(!rig.phases.iter().any(enabled));
+}
+
+#[test]
+fn an_enable_that_is_lost_stops_and_its_return_starts_nothing() {
+    let mut rig = wired("G21 G90 F6000\nM3 S100\nG1 X400\nM2\n");
+    rig.run_until(|rig| speed(rig) > 50.0);
+    set(&mut rig, ENABLE, false);
+    rig.run_until(|rig| rig.end().is_some());
+    set(&mut rig, ENABLE, true);
+    assert!(matches!(rig.finish_with_fault(), Fault::NotEnabled { .. }));
+    rig.trace().assert_within_limits();
+    assert!(rig.ends_at_rest());
+    assert_eq!(set_outputs(&rig).last().map(|it| it.1), Some(SAFE));
+}
+
+#[test]
+fn hold_and_start_act_when_they_come_on() {
+    let mut rig = wired("G21 G90 F6000\nG1 X100\nM0\nG1 X0\nM2\n");
+    // On from the beginning, the one holds nothing and the other starts nothing.
+    set(&mut rig, HOLD, true);
+    set(&mut rig, START, true);
+    rig.run_until(|rig| speed(rig) > 50.0);
+    set(&mut rig, HOLD, false);
+    goes_on_after(&mut rig, 20);
+    assert!(speed(&rig) > 50.0);
+    set(&mut rig, HOLD, true);
+    goes_on_after(&mut rig, 500);
+    assert_eq!(speed(&rig), 0.0);
+    for _ in 0..2 {
+        set(&mut rig, START, false);
+        goes_on_after(&mut rig, 10);
+        assert_eq!(speed(&rig), 0.0);
+        set(&mut rig, START, true);
+        goes_on_after(&mut rig, 10);
+        assert!(speed(&rig) > 0.0);
+        // To the end of the move, where M0 is.
+        rig.run_until(|rig| speed(rig) == 0.0);
+        if rig.end().is_some() {
+            break;
+        }
+        goes_on_after(&mut rig, 10);
+    }
+    assert_eq!(rig.finish(), End::Finished);
+    assert!(is_paused(&rig, Pause::ProgramStop));
+}
+
+#[test]
+fn nothing_goes_on_while_a_door_is_open() {
+    let mut rig = wired("G21 G90 F6000\nG1 X100\nM2\n");
+    set(&mut rig, DOOR, true);
+    rig.run_to(Phase::Program);
+    goes_on_after(&mut rig, 100);
+    assert_eq!(speed(&rig), 0.0);
+    rig.command(Command::Resume);
+    set(&mut rig, START, true);
+    goes_on_after(&mut rig, 100);
+    assert_eq!(speed(&rig), 0.0);
+    assert_eq!(rig.refused.len(), 1);
+    set(&mut rig, DOOR, false);
+    goes_on_after(&mut rig, 100);
+    assert_eq!(speed(&rig), 0.0, "closing it starts nothing");
+    rig.command(Command::Resume);
+    rig.run_until(|rig| speed(rig) > 50.0);
+    set(&mut rig, DOOR, true);
+    rig.run_until(|rig| speed(rig) == 0.0);
+    assert_eq!(rig.end(), None);
+    set(&mut rig, DOOR, false);
+    goes_on_after(&mut rig, 10);
+    rig.command(Command::Resume);
+    assert_eq!(rig.finish(), End::Finished);
+}
+
+/// When the part comes, in cycles, and how the program goes on.
+#[test]
+fn a_program_waits_for_its_input() {
+    for (level, first, then) in [
+        (1, false, true),
+        (2, true, false),
+        (3, false, true),
+        (4, true, false),
+    ] {
+        let program = format!("G21 G90 F6000\nG1 X10\nM66 P5 L{level} Q3\nG1 X20\nM2\n");
+        let mut rig = wired(&program);
+        set(&mut rig, PART, first);
+        rig.run_until(|rig| speed(rig) > 0.0);
+        rig.run_until(|rig| speed(rig) == 0.0);
+        goes_on_after(&mut rig, 300);
+        assert_eq!(speed(&rig), 0.0, "L{level} has not come");
+        // Shorter than the input is debounced for.
+        set(&mut rig, PART, then);
+        goes_on_after(&mut rig, 5);
+        set(&mut rig, PART, first);
+        goes_on_after(&mut rig, 100);
+        assert_eq!(speed(&rig), 0.0, "L{level} has bounced");
+        set(&mut rig, PART, then);
+        goes_on_after(&mut rig, 20);
+        assert!(speed(&rig) > 0.0, "L{level} has come");
+        assert_eq!(rig.finish(), End::Finished);
+        assert!(!is_paused(&rig, Pause::NoInput(5)));
+    }
+}
+
+#[test]
+fn an_input_that_does_not_come_in_time_is_the_operators() {
+    let mut rig = wired("G21 G90 F6000\nG1 X10\nM66 P5 L3 Q0.5\nG1 X20\nM2\n");
+    rig.run_until(|rig| is_paused(rig, Pause::NoInput(5)));
+    goes_on_after(&mut rig, 500);
+    assert_eq!(speed(&rig), 0.0);
+    rig.command(Command::CycleStart);
+    assert_eq!(rig.finish(), End::Finished);
+}
+
+// --- the spindle ---
+
+const AT_SPEED: &str = r#"
+[spindle]
+max_speed = 3000
+ramp_ms = 1000
+
+[[input]]
+name = "at speed"
+drive = "Z"
+signal = "DI1"
+function = "at_speed"
+
+[machine]
+"#;
+
+fn spindle(program: &str) -> Rig {
+    let mut rig = Rig::new("portal", &[("[machine]\n", AT_SPEED)], program, |_, _| ());
+    rig.goes_on = false;
+    rig
+}
+
+/// Where X is to be.
+fn x(rig: &Rig) -> f64 {
+    rig.rows.last().map_or(0.0, |row| row.plan.position[0])
+}
+
+#[test]
+fn no_cut_begins_before_the_spindle_has_its_speed() {
+    let mut rig =
+        spindle("G21 G90 F6000\nM3 S1000\nG0 X10\nG1 X20\nG0 X25\nS500\nG1 X30\nM5\nG1 X0\nM2\n");
+    rig.run_until(|rig| x(rig) > 9.999);
+    goes_on_after(&mut rig, 400);
+    assert_eq!(x(&rig), 10.0, "it does not turn yet");
+    set(&mut rig, PART, true);
+    rig.run_until(|rig| x(rig) > 24.999);
+    let arrived = rig.rows.len();
+    rig.run_until(|rig| x(rig) > 25.01);
+    let rested = (rig.rows.len() - arrived) as f64 * rig.machine.cycle.as_secs_f64();
+    // What it says of the speed before does not count.
+    assert!((0.1..0.2).contains(&rested), "{rested} s");
+    assert_eq!(rig.finish(), End::Finished);
+    assert!(!is_paused(&rig, Pause::NotAtSpeed));
+}
+
+#[test]
+fn a_spindle_that_does_not_reach_its_speed_is_the_operators() {
+    let mut rig = spindle("G21 G90 F6000\nM4 S1000\nG1 X20\nM2\n");
+    rig.run_until(|rig| is_paused(rig, Pause::NotAtSpeed));
+    assert!(
+        (495..=510).contains(&rig.rows.len()),
+        "{} cycles",
+        rig.rows.len()
+    );
+    assert_eq!(x(&rig), 0.0);
+    rig.command(Command::CycleStart);
+    assert_eq!(rig.finish(), End::Finished);
+}
+
+#[test]
+fn without_an_input_a_cut_waits_for_the_ramp() {
+    let ramp = (
+        "[machine]\n",
+        "[spindle]\nmax_speed = 3000\nramp_ms = 400\n[machine]\n",
+    );
+    let program = "G21 G90 F6000\nM3 S1000\nG0 X10\nG1 X20\nM5\nG1 X0\nM2\n";
+    let mut rig = Rig::new("portal", &[ramp], program, |_, _| ());
+    rig.run_until(|rig| x(rig) > 9.999);
+    let arrived = rig.rows.len();
+    rig.run_until(|rig| x(rig) > 10.01);
+    let rested = (rig.rows.len() - arrived) as f64 * rig.machine.cycle.as_secs_f64();
+    assert!((0.4..0.45).contains(&rested), "{rested} s");
+    rig.run_until(|rig| x(rig) > 19.999);
+    let arrived = rig.rows.len();
+    rig.run_until(|rig| x(rig) < 19.9);
+    assert!(rig.rows.len() - arrived < 50, "M5 is not waited for");
+    assert_eq!(rig.finish(), End::Finished);
+}
+
+// --- any levels, at any time ---
+
+/// Lines, arcs, blends, dwells, a stop and an input to wait for, with M-codes between all of them.
+const LONG: &str = "\
+G21 G90 G64 P0.1 F9000
+M64 P1
+G1 X30 Y40
+M3 S1000
+G3 X50 Y40 R10
+M65 P1
+G4 P0.05
+M64 P1
+G1 X80
+M66 P5 L3 Q0.2
+Y60 M62 P2
+X100
+M0
+M65 P1
+G1 X0 Y0
+M2
+";
+const EXECUTED: [&str; 5] = ["M64 P1", "M65 P1", "M64 P1", "M62 P2", "M65 P1"];
+
+/// A sensor, its level, and how many cycles after the one before.
+fn change() -> impl Strategy<Value = (u8, bool, usize)> {
+    (PART..=HOLD, any::<bool>(), 0..150_usize)
+}
+
+/// Runs [`LONG`] while sensors change; an operator goes on where it rests.
+fn runs_through(changes: Vec<(u8, bool, usize)>) {
+    let mut rig = wired(LONG);
+    let mut changes = changes.into_iter();
+    let mut next = changes.next();
+    let (mut since, mut rested, mut door) = (0, 0, 0);
+    let mut is_open = false;
+    while rig.step() {
+        if rig.rows.is_empty() {
+            continue;
+        }
+        since += 1;
+        door = if is_open { door + 1 } else { 0 };
+        let moves = speed(&rig) > 0.0;
+        // It takes its T_PDO, and a cycle until a setpoint is latched.
+        assert!(
+            !moves || rested == 0 || door < 4,
+            "it sets off, {door} cycles after the door was opened"
+        );
+        rested = if moves { 0 } else { rested + 1 };
+        if rested > 200 && rested % 20 == 0 {
+            rig.command(Command::CycleStart);
+            rig.command(Command::Resume);
+        }
+        match next {
+            Some((sensor, on, after)) if since >= after => {
+                set(&mut rig, sensor, on);
+                is_open = if sensor == DOOR { on } else { is_open };
+                next = changes.next();
+                since = 0;
+            }
+            None if is_open && since > 100 => {
+                set(&mut rig, DOOR, false);
+                is_open = false;
+            }
+            _ => {}
+        }
+    }
+    assert_eq!(rig.end(), Some(End::Finished), "{:?}", rig.events);
+    rig.trace().assert_within_limits();
+    let executed = rig.switches.iter().filter_map(|switch| match switch {
+        Switch::Output(output) => Some(output.to_string()),
+        _ => None,
+    });
+    assert!(
+        executed.eq(EXECUTED.map(str::to_owned)),
+        "{:?}",
+        rig.switches
+    );
+    assert_eq!(set_outputs(&rig).last().map(|it| it.1), Some(SAFE));
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 12, ..ProptestConfig::default() })]
+
+    #[test]
+    fn whatever_sensors_say_the_program_is_done_and_an_open_door_is_heeded(
+        changes in prop::collection::vec(change(), 0..12),
+    ) {
+        runs_through(changes);
+    }
+}
