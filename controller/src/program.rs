@@ -868,9 +868,9 @@ impl Feeder {
     }
 
     /// Plans the rest of the program anew where the executor wants that; the instructions of the
-    /// new plan come next.
-    pub fn replan(&mut self, request: &ReplanRequest) {
-        self.planner.replan(request);
+    /// new plan come next. A request that was answered is passed over; false then.
+    pub fn replan(&mut self, request: &ReplanRequest) -> bool {
+        self.planner.replan(request)
     }
 
     /// What the program has left, once it has finished; what it changed in the tables is written

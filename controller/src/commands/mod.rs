@@ -26,6 +26,7 @@ macro_rules! eprintln {
 mod bench;
 mod budget;
 mod check;
+mod command_log;
 mod console;
 mod doctor;
 mod drives;

@@ -302,6 +302,10 @@ pub(super) struct Output {
     /// Write a report as one self-contained HTML file.
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
+    /// Write every command of an operator that took effect, and in which cycle, as a line of JSON: with it
+    /// `replay` does what operators did.
+    #[arg(long, value_name = "FILE")]
+    commands: Option<PathBuf>,
 }
 
 /// The files of an [`Output`].
@@ -309,6 +313,7 @@ pub(super) struct Results {
     json: Option<Target>,
     trace: Option<Target>,
     report: Option<Target>,
+    commands: Option<Target>,
 }
 
 impl Output {
@@ -318,6 +323,7 @@ impl Output {
             json: claims.open(JSON, &self.json)?,
             trace: claims.open("--trace", &self.trace)?,
             report: claims.open("--report", &self.report)?,
+            commands: claims.open("--commands", &self.commands)?,
         })
     }
 }
@@ -337,6 +343,20 @@ impl Results {
     pub(super) fn trace_by(&mut self, writers: &mut Writers) -> io::Result<Option<Sink>> {
         let trace = self.trace.take().map(|file| writers.begin(file));
         Ok(trace.transpose()?.map(|trace| Box::new(trace) as Sink))
+    }
+
+    /// The log of commands, to be written at once.
+    pub(super) fn commands(&mut self) -> io::Result<Option<Sink>> {
+        let commands = self.commands.take().map(Target::begin).transpose()?;
+        Ok(commands.map(|commands| Box::new(commands) as Sink))
+    }
+
+    /// The log of commands, to be written beside the motion.
+    pub(super) fn commands_by(&mut self, writers: &mut Writers) -> io::Result<Option<Sink>> {
+        let commands = self.commands.take().map(|file| writers.begin(file));
+        Ok(commands
+            .transpose()?
+            .map(|commands| Box::new(commands) as Sink))
     }
 
     /// Writes JSON and report; `begin` begins a file.

@@ -1,14 +1,18 @@
 //! `syncline replay`: a recorded run once more.
 
+use super::command_log;
 use super::input::ShortLines;
 use super::ports::PortChoice;
 use super::switches::Switches;
-use super::{Exit, bad_input};
+use super::{Exit, bad_input, report};
 use crate::bus_log::candump::Line;
 use crate::control::{Layout, Phase};
 use crate::machine::Machine;
+use crate::observe::Observers;
 use crate::port::url::BusUrl;
-use crate::run::replay::{Difference, Logged, NoReplay, Outcome, Replay, ReplayBus};
+use crate::run::Progress;
+use crate::run::replay::{Difference, Logged, Operators, Outcome, Replay, ReplayBus};
+use crate::session::{Event, NotTaken, Recorded, Session};
 use std::error::Error;
 use std::fs::File;
 use std::io::{BufRead, BufReader};
@@ -24,6 +28,10 @@ use syncline_canopen::{CobId, Frame, Instant};
 /// `candump -l` write it, from before the run began. Interfaces stand for the buses whose names or
 /// ports they are. The machine file, the tables beside it and the program must be those of the run.
 ///
+/// With the commands of its operators, as `--commands` of `run` and `validate` writes them, each is handed
+/// in in its cycle. Without them pauses and an interruption are found in the log; what else a person
+/// did is not, and setpoints differ from there on.
+///
 /// Exit codes: 0 if the controller sends the same frames bit for bit, 1 with the first frame that
 /// differs, 2 if the log cannot be replayed.
 #[derive(Debug, clap::Args)]
@@ -34,6 +42,9 @@ pub(super) struct Args {
     machine: PathBuf,
     /// Part program (RS-274/NGC).
     program: PathBuf,
+    /// What operators commanded in the run.
+    #[arg(long, value_name = "FILE")]
+    commands: Option<PathBuf>,
     #[command(flatten)]
     ports: PortChoice,
     #[command(flatten)]
@@ -64,15 +75,24 @@ impl Args {
             ReplayBus {
                 bitrate: bus.bitrate,
                 echoes: matches!(url, Ok(BusUrl::Sim | BusUrl::SocketCan(_))),
+                simulated: matches!(url, Ok(BusUrl::Sim)),
             }
         });
-        let outcome = Replay::new(Arc::clone(&layout), buses.collect(), program, log.clone())
-            .map(|replay| replay.optional_stop(self.switches.optional_stop))
-            .and_then(Replay::run)
-            .map_err(|error| match error {
-                NoReplay::Program(error) => Box::<dyn Error>::from(error),
-                error => BadLog(format!("{}: {error}", self.log.display())).into(),
-            })?;
+        let (operators, recorded) = match &self.commands {
+            Some(file) => (Operators::Recorded, command_log::read(file)?),
+            None => (Operators::Unknown, Recorded::default()),
+        };
+        let (replay, moves) = Replay::new(
+            Arc::clone(&layout),
+            buses.collect(),
+            operators,
+            program,
+            log.clone(),
+        )
+        .map_err(|error| BadLog(format!("{}: {error}", self.log.display())))?;
+        let observers = Observers::new(&machine, None, None, false);
+        let session = Session::new(&machine, replay, moves, observers);
+        let (outcome, recorded) = self.again(session, recorded)?;
         let began = log.first().map_or(Instant::ZERO, |first| first.at);
         print(&outcome, &layout);
         if outcome.difference.is_none() && is_longer(&log, &outcome, &layout) {
@@ -82,13 +102,48 @@ impl Args {
             ))
             .into());
         }
-        Ok(match &outcome.difference {
-            None => Exit::Finished,
-            Some(difference) => {
+        // A log that was cut off may end before the last of them.
+        let left = recorded.left().filter(|_| outcome.end.is_some());
+        Ok(match (&outcome.difference, left) {
+            (None, None) => Exit::Finished,
+            (None, Some((cycle, count))) => {
+                let what = "NOT HANDED IN";
+                println!(
+                    "{what:<18} {count} commands from cycle {cycle} on: the run is over before"
+                );
+                Exit::Stopped
+            }
+            (Some(difference), _) => {
                 print_difference(difference, &machine, &log, began);
                 Exit::Stopped
             }
         })
+    }
+
+    /// Goes through the session once more; what was found, and what of the commands is left.
+    fn again(
+        &self,
+        mut session: Session<Replay>,
+        mut recorded: Recorded,
+    ) -> Result<(Outcome, Recorded), NotTaken> {
+        let told = session.subscribe();
+        if self.commands.is_none() {
+            self.switches.set(&session.operator("command line"))?;
+        }
+        loop {
+            if let Some(cycle) = session.timeline().setpoints_of() {
+                recorded.hand_in(&session, cycle)?;
+            }
+            if session.advance() == Progress::Ended {
+                break;
+            }
+            for event in told.events() {
+                if let Event::Problem(error) = event {
+                    report(&*error);
+                }
+            }
+        }
+        Ok((session.timeline().outcome(), recorded))
     }
 
     /// The frames of the machine's buses.
@@ -203,8 +258,8 @@ fn print_difference(difference: &Difference, machine: &Machine, log: &[Logged], 
     }
     if *phase >= Phase::Program {
         println!(
-            "  No log tells of a feed hold, an override, a jog or a retrace, nor of a plan that came late: \
-             with one of them, which the run told,\n  setpoints differ from there on."
+            "  Frames do not tell of a feed hold, an override, a jog or a retrace, which --commands has, nor of \
+             a plan that came late,\n  which the run told: with one of them setpoints differ from there on."
         );
     }
 }

@@ -1,5 +1,6 @@
 //! `syncline run`: a program on a machine, in real time.
 
+use super::command_log::CommandLog;
 use super::keys::{self, Keys};
 use super::log_files::{Listeners, LogFiles};
 use super::output::{Claims, Output, Results};
@@ -254,6 +255,8 @@ impl Run<'_> {
             },
         )?;
         let mut session = Session::new(&self.machine, timeline, moves, observers);
+        let commands = self.results.commands_by(&mut self.writers)?;
+        let mut commands = commands.map(|file| CommandLog::begin(&mut session, file));
         (self.args.switches).set(&session.operator("command line"))?;
         let screen = Screen {
             events: session.subscribe(),
@@ -266,12 +269,15 @@ impl Run<'_> {
         let console = Console::start(screen, messages.clone(), waiting)?;
         let keys = listen(&mut session, &messages)?;
         loop {
-            match session.advance() {
+            let progress = session.advance();
+            commands.as_mut().map_or(Ok(()), CommandLog::follow)?;
+            match progress {
                 Progress::More => {}
                 Progress::Idle => thread::sleep(POLL),
                 Progress::Ended => break,
             }
         }
+        drop(commands);
         let concluded = self.conclude(session, &messages, lockstep);
         let exit = concluded.unwrap_or_else(|error| {
             messages.tell(told(&*error));

@@ -11,7 +11,7 @@ use syncline_gcode::TablesError;
 pub(super) struct Switches {
     /// Begin with the optional stop on: the program waits at M1.
     #[arg(long)]
-    pub(super) optional_stop: bool,
+    optional_stop: bool,
     /// Execute blocks that begin with `/` instead of skipping them.
     #[arg(long)]
     no_block_delete: bool,

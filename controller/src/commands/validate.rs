@@ -1,5 +1,6 @@
 //! `syncline validate`: proof before metal moves.
 
+use super::command_log::CommandLog;
 use super::events::Events;
 use super::log_files::{LogFiles, Logs};
 use super::output::{Claims, Output, Results, Target};
@@ -133,6 +134,8 @@ impl Args {
         let observers = Observers::new(&machine, sent, results.trace()?, results.wants_report())
             .of_program(extent);
         let mut session = Session::new(&machine, timeline, moves, observers);
+        let commands = results.commands()?;
+        let mut commands = commands.map(|file| CommandLog::begin(&mut session, file));
         self.switches.set(&session.operator("command line"))?;
         let (told, nobody) = (session.subscribe(), session.operator("validate"));
         let mut script = Script {
@@ -176,10 +179,12 @@ impl Args {
                 }
             }
             tell_counted(repeats.due(now));
+            commands.as_mut().map_or(Ok(()), CommandLog::follow)?;
             script.follow(session.status())?;
         }
         tell_counted(repeats.due(Duration::MAX));
         bar.finish_and_clear();
+        commands.as_mut().map_or(Ok(()), CommandLog::follow)?;
         script.tell_left();
         if let Some(error) = failure {
             report(&*error);

@@ -10,19 +10,25 @@
 //!   stamp alone cannot tell, as a real wake-up is some µs late, what the controller sent then does.
 //! - **bursts that never left** are missing from the log; the controller is told that they were
 //!   dropped.
-//! - **operators**, and the planner: how many cycles the machine rested before its program, or behind
-//!   a pause, shows in the setpoints; whether the run was interrupted, in the first ones that
-//!   leave the plan.
+//! - **operators**: what they commanded is handed in as in any session, which here is driven by the
+//!   recorded run ([`Replay`] is a [`Timeline`]). Where nothing of them was recorded, how many cycles
+//!   the machine rested behind a pause shows in the setpoints, and whether the run was interrupted in
+//!   the first ones that leave the plan; what else they did cannot be told from frames.
+//! - **the planner**: where all buses were simulated the cycle waited for it. On the host's clock how many
+//!   cycles the machine rested before its program shows in the setpoints, and what is planned anew is
+//!   taken to have come in time.
 //!
 //! Stamps are ends of frame, rounded up to a microsecond as [`candump`](crate::bus_log::candump)
 //! does; cycle and setpoint offset are whole microseconds, so that nothing is lost by that.
 
+use super::{CycleReport, Progress, RunError, Timeline, Work};
 use crate::bus::{Burst, Outbox, Received};
 use crate::control::fault::BusIndex;
 use crate::control::{Controller, End, Event, Instruction, Layout, Order, Phase, Wake};
 use crate::machine::{COORDINATES, Position};
 use crate::program::{Feeder, Moves, Program, ProgramError};
 use std::collections::{BTreeMap, VecDeque};
+use std::mem::take;
 use std::sync::Arc;
 use std::time::Duration;
 use syncline_canopen::response_time::bit_time;
@@ -57,6 +63,17 @@ pub struct ReplayBus {
     pub bitrate: u32,
     /// The controller was told when its frames had left.
     pub echoes: bool,
+    /// It was simulated, and its time went with the cycle.
+    pub simulated: bool,
+}
+
+/// What is known of the operators of a recorded run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Operators {
+    /// All that they commanded: it is handed in.
+    Recorded,
+    /// Nothing: they ended pauses and interrupted the run where the frames show it.
+    Unknown,
 }
 
 /// Log and controller disagree.
@@ -105,9 +122,6 @@ pub enum NoReplay {
          controller's first heartbeat on"
     )]
     NoBeginning,
-    /// The program does not run.
-    #[error(transparent)]
-    Program(#[from] ProgramError),
 }
 
 /// Priority band of a frame of the controller's.
@@ -118,16 +132,38 @@ enum Band {
     Acyclic,
 }
 
-/// A log with the machine and the program that it is of.
+/// A recorded run, as a machine that goes through it once more.
 #[derive(Debug)]
 pub struct Replay {
+    recording: Recording,
+    state: State,
+    /// Where the search for an interruption begins, the newest first.
+    checkpoints: VecDeque<State>,
+    /// What became of orders and is not reported.
+    answers: VecDeque<CycleReport>,
+    interrupted: Option<u64>,
+    difference: Option<Difference>,
+    over: bool,
+}
+
+/// A log with the machine and the program that it is of.
+struct Recording {
     layout: Arc<Layout>,
     buses: Vec<ReplayBus>,
-    program: Program,
+    operators: Operators,
+    /// Jobs that have not begun.
+    work: VecDeque<Work>,
     log: Vec<Logged>,
     start: Instant,
     tape: Option<Tape>,
-    optional_stop: bool,
+}
+
+impl std::fmt::Debug for Recording {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Recording")
+            .field("frames", &self.log.len())
+            .finish_non_exhaustive()
+    }
 }
 
 /// What the program feeds to the cycle, kept for as long as a trial may want it again.
@@ -136,12 +172,6 @@ struct Tape {
     kept: VecDeque<Instruction<COORDINATES>>,
     /// Place of the first that is kept.
     first: usize,
-}
-
-impl std::fmt::Debug for Tape {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Tape").field("first", &self.first).finish()
-    }
 }
 
 /// What the machine waits for and no frame tells.
@@ -172,6 +202,10 @@ struct State {
     waits: Waits,
     /// Told in the last cycle that the program pauses.
     paused: bool,
+    /// A trial; the plan is never replaced in one.
+    trial: bool,
+    /// What the controller told and is not reported.
+    told: Vec<Event>,
     cycle: u64,
     same: u64,
     dropped: u64,
@@ -179,36 +213,151 @@ struct State {
 }
 
 impl Replay {
-    /// A log, in the order of its stamps, to be replayed.
+    /// A log, in the order of its stamps, to be replayed, and where its program's moves come up.
     ///
     /// # Errors
     /// The log holds no run, or not its beginning.
     pub fn new(
         layout: Arc<Layout>,
         buses: Vec<ReplayBus>,
+        operators: Operators,
         program: Program,
         log: Vec<Logged>,
-    ) -> Result<Self, NoReplay> {
-        let mut replay = Self {
+    ) -> Result<(Self, Moves), NoReplay> {
+        let (upcoming, moves) = Moves::new();
+        let mut recording = Recording {
             layout,
             buses,
-            program,
+            operators,
+            work: VecDeque::from([Work {
+                number: 0,
+                program,
+                upcoming,
+            }]),
             log,
             start: Instant::ZERO,
             tape: None,
-            optional_stop: false,
         };
-        replay.start = replay.first_wake()?;
-        Ok(replay)
+        recording.start = recording.first_wake()?;
+        let replay = Self {
+            state: State::new(recording.start, &recording.layout),
+            recording,
+            checkpoints: VecDeque::new(),
+            answers: VecDeque::new(),
+            interrupted: None,
+            difference: None,
+            over: false,
+        };
+        Ok((replay, moves))
     }
 
-    /// Whether the optional stop was on.
+    /// The cycle whose setpoints are next, if they are: what is ordered now takes effect with them.
     #[must_use]
-    pub fn optional_stop(mut self, on: bool) -> Self {
-        self.optional_stop = on;
-        self
+    pub fn setpoints_of(&self) -> Option<u64> {
+        let controller = &self.state.controller;
+        let next = controller.next_wake();
+        matches!(next, Some(Wake::Setpoint(_))).then(|| controller.cycle())
     }
 
+    /// What was found so far.
+    #[must_use]
+    pub fn outcome(&self) -> Outcome {
+        let State {
+            controller,
+            same,
+            cycle,
+            dropped,
+            ..
+        } = &self.state;
+        Outcome {
+            difference: self.difference,
+            same: *same,
+            cycles: *cycle,
+            end: (controller.phase() == Phase::Done)
+                .then(|| controller.end())
+                .flatten(),
+            dropped: *dropped,
+            interrupted: self.interrupted,
+        }
+    }
+
+    /// Goes on to the next wake-up; false once there is none, or the run differs from the log.
+    fn step(&mut self) -> Result<bool, ProgramError> {
+        let Self {
+            recording, state, ..
+        } = self;
+        let unknown = recording.operators == Operators::Unknown;
+        let begins = !matches!(state.controller.next_wake(), Some(Wake::Setpoint(_)));
+        if unknown && begins && state.cycle.is_multiple_of(CHECKPOINT) {
+            self.checkpoints.truncate(1);
+            self.checkpoints.push_front(state.clone());
+            recording.forget(self.checkpoints[self.checkpoints.len() - 1].instruction);
+        }
+        if !unknown {
+            recording.forget(state.instruction);
+        }
+        let difference = match recording.wake(state)? {
+            Step::GoesOn => return Ok(true),
+            Step::Ended => return Ok(false),
+            Step::Differs(difference) => difference,
+        };
+        if unknown
+            && self.interrupted.is_none()
+            && let Some((cycle, with)) =
+                recording.interruption(&self.checkpoints, self.state.cycle)?
+        {
+            self.interrupted = Some(cycle);
+            self.state = with;
+            return Ok(true);
+        }
+        self.difference = Some(difference);
+        Ok(false)
+    }
+}
+
+impl Timeline for Replay {
+    fn prepare(&mut self, work: Work) {
+        self.recording.work.push_back(work);
+    }
+
+    fn order(&mut self, number: u64, order: Order) {
+        let controller = &mut self.state.controller;
+        let cycle = controller.cycle();
+        self.answers.push_back(match controller.obey(order) {
+            Ok(()) => CycleReport::Obeyed { number, cycle },
+            Err(refusal) => CycleReport::Refused {
+                number,
+                cycle,
+                refusal,
+            },
+        });
+    }
+
+    /// One wake-up.
+    fn advance(&mut self, report: &mut dyn FnMut(CycleReport)) -> Result<Progress, RunError> {
+        if self.over {
+            return Ok(Progress::Ended);
+        }
+        self.answers.drain(..).for_each(&mut *report);
+        let stepped = self.step();
+        self.over = matches!(stepped, Ok(false));
+        self.state.hear();
+        for event in self.state.told.drain(..) {
+            report(CycleReport::Event(event));
+        }
+        if let Some(row) = self.state.controller.row() {
+            report(CycleReport::Row(*row));
+        }
+        stepped?;
+        Ok(if self.over {
+            Progress::Ended
+        } else {
+            Progress::More
+        })
+    }
+}
+
+impl Recording {
     /// When the controller was first woken.
     fn first_wake(&self) -> Result<Instant, NoReplay> {
         let cycle = self.layout.cycle.as_nanos() as i128;
@@ -268,66 +417,18 @@ impl Replay {
         })
     }
 
-    /// Replays the log to its end, or to the first difference.
-    ///
-    /// # Errors
-    /// The program does not run from where the machine stood.
-    pub fn run(mut self) -> Result<Outcome, NoReplay> {
-        let mut state = State::new(self.start, &self.layout);
-        let set = (state.controller).obey(Order::OptionalStop(self.optional_stop));
-        debug_assert!(set.is_ok(), "a machine that is switched on takes a setting");
-        let mut checkpoints = VecDeque::from([state.clone()]);
-        let mut interrupted = None;
-        let mut ended = false;
-        let mut found = None;
-        while found.is_none() && !ended {
-            if state.cycle.is_multiple_of(CHECKPOINT) {
-                checkpoints.truncate(1);
-                checkpoints.push_front(state.clone());
-                self.forget(checkpoints[checkpoints.len() - 1].instruction);
-            }
-            match self.cycle(&mut state)? {
-                Step::GoesOn => {}
-                Step::Ended => ended = true,
-                Step::Differs(difference) => {
-                    let explained = (interrupted.is_none())
-                        .then(|| self.interruption(&checkpoints, state.cycle))
-                        .transpose()?
-                        .flatten();
-                    match explained {
-                        Some((cycle, with)) => {
-                            interrupted = Some(cycle);
-                            state = with;
-                        }
-                        None => found = Some(difference),
-                    }
-                }
-            }
-        }
-        Ok(Outcome {
-            difference: found,
-            same: state.same,
-            cycles: state.cycle,
-            end: (state.controller.phase() == Phase::Done)
-                .then(|| state.controller.end())
-                .flatten(),
-            dropped: state.dropped,
-            interrupted,
-        })
-    }
-
     /// The latest cycle an interruption in which explains what the log has until beyond
     /// `difference`, with the state there.
     fn interruption(
         &mut self,
         checkpoints: &VecDeque<State>,
         difference: u64,
-    ) -> Result<Option<(u64, State)>, NoReplay> {
+    ) -> Result<Option<(u64, State)>, ProgramError> {
         for cycle in (difference.saturating_sub(LATENCY)..=difference).rev() {
             let Some(before) = checkpoints.iter().find(|state| state.cycle <= cycle) else {
                 break;
             };
-            let mut state = before.clone();
+            let mut state = before.trial();
             let mut agrees = true;
             while agrees && state.cycle < difference + u64::from(2 * PATIENCE) {
                 if state.cycle == cycle {
@@ -340,6 +441,9 @@ impl Replay {
                 }
             }
             if agrees {
+                state.trial = false;
+                // Most of it was told before.
+                state.told.clear();
                 return Ok(Some((cycle, state)));
             }
         }
@@ -347,38 +451,65 @@ impl Replay {
     }
 
     /// One cycle: both wake-ups.
-    fn cycle(&mut self, state: &mut State) -> Result<Step, NoReplay> {
-        while let Some(wake) = state.controller.next_wake() {
-            let due = wake.at();
-            let last = self.log.last().map_or(due, |last| last.at);
-            if due > last + self.layout.cycle {
-                return Ok(Step::Ended);
+    fn cycle(&mut self, state: &mut State) -> Result<Step, ProgramError> {
+        let cycle = state.cycle;
+        loop {
+            let step = self.wake(state)?;
+            if !matches!(step, Step::GoesOn) || state.cycle > cycle {
+                return Ok(step);
             }
-            state.last_wake = due;
-            match wake {
-                Wake::Sync(_) => self.sync(state, due),
-                Wake::Setpoint(_) => {
-                    self.attend(state, due)?;
-                    let step = self.setpoints(state, due);
-                    state.cycle += 1;
-                    return Ok(step.map_or(Step::GoesOn, Step::Differs));
+        }
+    }
+
+    /// One wake-up.
+    fn wake(&mut self, state: &mut State) -> Result<Step, ProgramError> {
+        let Some(wake) = state.controller.next_wake() else {
+            // What it sent last is still to come.
+            let until = state.last_wake + PATIENCE * self.layout.cycle;
+            let taken = self.take(state, self.until(until));
+            let missing = taken.or_else(|| state.overdue(until));
+            return Ok(missing.map_or(Step::Ended, |missing| {
+                Step::Differs(missing.in_state(state))
+            }));
+        };
+        let due = wake.at();
+        let last = self.log.last().map_or(due, |last| last.at);
+        if due > last + self.layout.cycle {
+            return Ok(Step::Ended);
+        }
+        state.last_wake = due;
+        match wake {
+            Wake::Sync(_) => {
+                self.sync(state, due);
+                Ok(Step::GoesOn)
+            }
+            Wake::Setpoint(_) => {
+                let fed = self.attend(state, due);
+                if fed.is_err() && self.tape.is_none() {
+                    state.controller.abandon();
+                }
+                let differs = self.setpoints(state, due);
+                if !self.is_simulated() {
+                    self.replan(state);
+                }
+                state.cycle += 1;
+                match differs {
+                    Some(difference) => Ok(Step::Differs(difference)),
+                    None => fed.map(|()| Step::GoesOn),
                 }
             }
         }
-        // What it sent last is still to come.
-        let until = state.last_wake + PATIENCE * self.layout.cycle;
-        let taken = self.take(state, self.until(until));
-        let missing = taken.or_else(|| state.overdue(until));
-        Ok(missing.map_or(Step::Ended, |missing| {
-            Step::Differs(missing.in_state(state))
-        }))
+    }
+
+    /// Whether the cycle waited for its plan.
+    fn is_simulated(&self) -> bool {
+        self.buses.iter().all(|bus| bus.simulated)
     }
 
     fn sync(&self, state: &mut State, due: Instant) {
         // A SYNC that came whole cycles late: the thread was not there.
-        let from = self.until(Instant::from_nanos(
-            due.as_nanos() - self.layout.cycle.as_nanos() as u64 / 2,
-        ));
+        let half = self.layout.cycle.as_nanos() as u64 / 2;
+        let from = self.until(Instant::from_nanos(due.as_nanos().saturating_sub(half)));
         let next = self.log[from..].iter().find(|it| is_sync(it));
         let next = next.map_or(due, |it| self.start_of(it));
         let streams = state
@@ -425,7 +556,7 @@ impl Replay {
             state.burst.extend(state.outboxes[bus].burst.as_slice());
             self.tell_burst(state, bus, due);
         }
-        state.told();
+        state.hear();
         let differs = differs.or_else(|| {
             let patience = PATIENCE * self.layout.cycle;
             state.overdue(Instant::from_nanos(
@@ -545,17 +676,19 @@ impl Replay {
 
     // --- what no frame tells ---
 
-    /// Feeds the plan, and does for operators what they did.
-    fn attend(&mut self, state: &mut State, due: Instant) -> Result<(), NoReplay> {
+    /// Feeds the plan, and does for operators what they did where nobody recorded it.
+    fn attend(&mut self, state: &mut State, due: Instant) -> Result<(), ProgramError> {
         if !state.began
             && let Some(start) = state.controller.ready()
         {
             state.began = true;
             self.begin(start)?;
-            let cycles = self.rest(state, due, Waits::No)?;
-            state.waits = Waits::ForPlan(cycles);
+            if !self.is_simulated() {
+                let cycles = self.rest(state, due, Waits::No)?;
+                state.waits = Waits::ForPlan(cycles);
+            }
         }
-        if std::mem::take(&mut state.paused) {
+        if take(&mut state.paused) && self.operators == Operators::Unknown {
             let cycles = self.rest(state, due, Waits::ForOperator(0))?;
             state.waits = Waits::ForOperator(cycles);
         }
@@ -568,6 +701,9 @@ impl Replay {
             Waits::ForPlan(cycles) | Waits::ForOperator(cycles) => *cycles -= 1,
             Waits::No => {}
         }
+        if self.is_simulated() {
+            self.replan(state);
+        }
         if state.began && state.waits == Waits::No {
             while state.controller.room() > 0
                 && let Some(instruction) = self.instruction(state.instruction)?
@@ -579,11 +715,14 @@ impl Replay {
         Ok(())
     }
 
-    fn begin(&mut self, start: Position) -> Result<(), NoReplay> {
-        if self.tape.is_none() {
-            self.program.check(start)?;
+    fn begin(&mut self, start: Position) -> Result<(), ProgramError> {
+        if let Some(Work {
+            program, upcoming, ..
+        }) = self.work.pop_front()
+        {
+            program.check(start)?;
             self.tape = Some(Tape {
-                feeder: self.program.feeder(start, Moves::new().0)?,
+                feeder: program.feeder(start, upcoming)?,
                 kept: VecDeque::new(),
                 first: 0,
             });
@@ -591,7 +730,23 @@ impl Replay {
         Ok(())
     }
 
-    fn instruction(&mut self, place: usize) -> Result<Option<Instruction<COORDINATES>>, NoReplay> {
+    /// Has the plan replaced where what operators did wants that: at the instant at which the cycle
+    /// asked for it.
+    fn replan(&mut self, state: &State) {
+        if !state.trial
+            && self.operators == Operators::Recorded
+            && let Some(tape) = &mut self.tape
+            && let Some(request) = state.controller.replan_request()
+            && tape.feeder.replan(&request)
+        {
+            tape.kept.truncate(state.instruction - tape.first);
+        }
+    }
+
+    fn instruction(
+        &mut self,
+        place: usize,
+    ) -> Result<Option<Instruction<COORDINATES>>, ProgramError> {
         let Some(tape) = &mut self.tape else {
             return Ok(None);
         };
@@ -615,12 +770,12 @@ impl Replay {
 
     /// How many cycles the machine, at rest now, rests before `then`: as many as the log's
     /// setpoints stay, less those that the plan takes to show in them.
-    fn rest(&mut self, state: &State, due: Instant, then: Waits) -> Result<u64, NoReplay> {
+    fn rest(&mut self, state: &State, due: Instant, then: Waits) -> Result<u64, ProgramError> {
         let Some(moves) = self.next_change(state.next) else {
             return Ok(u64::MAX);
         };
         let still = moves.saturating_since(due).as_nanos() / self.layout.cycle.as_nanos();
-        let mut trial = state.clone();
+        let mut trial = state.trial();
         trial.waits = then;
         for cycles in 0..=still as u64 {
             let ended = matches!(self.cycle(&mut trial)?, Step::Ended);
@@ -698,6 +853,8 @@ impl State {
             began: false,
             waits: Waits::No,
             paused: false,
+            trial: false,
+            told: Vec::new(),
             cycle: 0,
             same: 0,
             dropped: 0,
@@ -717,10 +874,19 @@ impl State {
         }
     }
 
+    /// A copy to try something with.
+    fn trial(&self) -> Self {
+        Self {
+            trial: true,
+            ..self.clone()
+        }
+    }
+
     /// Hears what the controller tells.
-    fn told(&mut self) {
+    fn hear(&mut self) {
         while let Some(event) = self.controller.event() {
             self.paused |= matches!(event, Event::Paused { .. });
+            self.told.push(event);
         }
     }
 

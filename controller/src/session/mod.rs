@@ -25,11 +25,13 @@ mod channel;
 mod command;
 mod job;
 mod jobs;
+mod recorded;
 mod settings;
 mod status;
 
 pub use channel::{Accepted, Event, NotTaken, Operator, Refused, Subscription};
 pub use command::{Command, Direction, Jog, Refusal};
+pub use recorded::Recorded;
 pub use settings::{LEAST, MOST_FEED, MOST_RAPID, Override, Settings, StepChange, SwitchChange};
 pub use status::{Status, StatusView};
 

@@ -325,3 +325,198 @@ fn a_run_with_pauses_and_an_interruption_is_sent_again() {
     assert_same(&recorded, "interrupted by the user");
     assert!(recorded.replay().1.contains("interrupted        in cycle "));
 }
+
+/// Lines, arcs and rounded corners, a program stop and one that is optional.
+const ACTED: &str = "\
+G17 G21 G64 P0.1
+G1 F9000 X60 Y30
+G3 X100 Y70 I0 J40
+G1 Y90 Z-10
+M0
+G61 X60
+M1
+G2 X20 Y50 I0 J-40
+G1 X0 Y0 Z0
+M2
+";
+
+/// Whatever operators can do; the program is held at the jogs.
+const EVENTS: &str = "\
+t_s,event,value
+0.02,optional_stop,on
+0.1,feed_override,50
+0.3,feed_override,130
+0.4,rapid_override,40
+0.5,feed_hold,
+0.9,jog,X+1.5
+1.0,jog,Z-
+1.1,feed_hold,
+1.3,jog_to,X70 Y31
+1.6,move_to,X69 Y32 Z0
+2.0,resume,
+2.3,feed_hold,
+2.301,resume,
+2.5,retrace,
+3.6,resume,
+4.0,single_block,on
+5.5,resume,
+7.0,single_block,off
+7.0,resume,
+7.1,feed_override,0
+7.4,feed_override,100
+";
+
+impl Recorded {
+    /// A validated run in which operators act, with the log of what they commanded.
+    fn acted() -> Self {
+        let recorded = Self::new();
+        fs::write(&recorded.program, ACTED).unwrap();
+        let events = recorded.folder.path().join("events.csv");
+        fs::write(&events, EVENTS).unwrap();
+        let mut validate = recorded.command("validate");
+        validate.arg("--events").arg(&events);
+        validate.arg("--commands").arg(recorded.commands());
+        let (code, text) = ended(&validate.output().unwrap());
+        assert_eq!(code, 0, "{text}");
+        recorded
+    }
+
+    fn commands(&self) -> PathBuf {
+        self.folder.path().join("commands")
+    }
+
+    fn replay_acted(&self) -> (i32, String) {
+        let mut replay = self.command("replay");
+        replay.arg("--commands").arg(self.commands());
+        ended(&replay.output().unwrap())
+    }
+
+    /// Replays the run with the commands as `change` leaves their lines.
+    fn replay_commanded(&self, change: impl FnOnce(&mut Vec<String>)) -> (i32, String) {
+        let was = fs::read_to_string(self.commands()).unwrap();
+        let mut lines: Vec<String> = was.lines().map(str::to_owned).collect();
+        change(&mut lines);
+        fs::write(self.commands(), lines.join("\n") + "\n").unwrap();
+        let replayed = self.replay_acted();
+        fs::write(self.commands(), was).unwrap();
+        replayed
+    }
+}
+
+#[test]
+fn a_session_in_which_operators_acted_is_sent_again_bit_for_bit() {
+    let recorded = Recorded::acted();
+    let log = fs::read_to_string(recorded.commands()).unwrap();
+    let count = |what: &str| log.lines().filter(|line| line.contains(what)).count();
+    assert_eq!(
+        count(r#""source":"events""#),
+        EVENTS.lines().count() - 1,
+        "{log}"
+    );
+    assert_eq!(
+        count(r#""source":"validate","command":"cycle_start""#),
+        2,
+        "{log}"
+    );
+    let (code, text) = recorded.replay_acted();
+    assert_eq!(code, 0, "{text}");
+    let same = format!("the same           {} frames", recorded.own());
+    assert!(text.contains(&same), "{same}{text}");
+    assert!(
+        text.contains("the run's end      program finished"),
+        "{text}"
+    );
+
+    // From the frames alone it cannot be told.
+    let (code, text) = recorded.replay();
+    assert_eq!(code, 1, "{text}");
+    assert!(text.contains("which --commands has"), "{text}");
+}
+
+#[test]
+fn a_log_of_commands_that_was_tampered_with_is_found() {
+    let recorded = Recorded::acted();
+    let place = |lines: &[String], what: &str| {
+        let found = lines.iter().position(|line| line.contains(what));
+        found.unwrap_or_else(|| panic!("{what}: {lines:?}"))
+    };
+    type Change = fn(&mut Vec<String>, usize);
+    let changes: [(&str, Change); 6] = [
+        (r#"{"feed_override":{"to":50.0}}"#, |lines, at| {
+            lines.remove(at);
+        }),
+        (r#"{"feed_override":{"to":130.0}}"#, |lines, at| {
+            lines[at] = lines[at].replace("130.0", "130.1");
+        }),
+        (r#""feed_hold""#, |lines, at| {
+            let later = lines[at].find(",").unwrap();
+            let cycle: u64 = lines[at][9..later].parse().unwrap();
+            lines[at] = format!("{{\"cycle\":{}{}", cycle + 1, &lines[at][later..]);
+        }),
+        (r#""distance":1.5"#, |lines, at| {
+            lines[at] = lines[at].replace("1.5", "1.4");
+        }),
+        (r#""retrace""#, |lines, at| {
+            lines[at] = lines[at].replace("retrace", "feed_hold");
+        }),
+        (r#""cycle_start""#, |lines, at| {
+            lines.remove(at);
+        }),
+    ];
+    for (what, change) in changes {
+        let (code, text) = recorded.replay_commanded(|lines| change(lines, place(lines, what)));
+        assert_eq!(code, 1, "{what}: {text}");
+        assert!(text.contains("FIRST DIFFERENCE"), "{what}: {text}");
+    }
+    let (code, text) = recorded.replay_commanded(|lines| {
+        lines.push(r#"{"cycle":1000000,"source":"keys","command":"feed_hold"}"#.to_owned());
+    });
+    assert_eq!(code, 1, "{text}");
+    assert!(text.contains("1 commands from cycle 1000000 on"), "{text}");
+
+    for (line, told) in [
+        ("{\"cycle\":1", "commands:1: no command"),
+        (
+            r#"{"cycle":1,"source":"keys","command":"hop"}"#,
+            "unknown variant `hop`",
+        ),
+        (
+            "{\"cycle\":9,\"source\":\"a\",\"command\":\"retrace\"}\n\
+             {\"cycle\":8,\"source\":\"a\",\"command\":\"retrace\"}",
+            "commands:2: cycle 8 comes behind cycle 9",
+        ),
+    ] {
+        let (code, text) = recorded.replay_commanded(|lines| lines.insert(0, line.to_owned()));
+        assert_eq!(code, 2, "{text}");
+        assert!(text.contains(told), "{told}: {text}");
+    }
+}
+
+/// In real time, on an arc, where the way to rest is the planner's.
+#[test]
+fn a_run_that_is_interrupted_on_an_arc_is_sent_again() {
+    let recorded = Recorded::new();
+    fs::write(
+        &recorded.program,
+        "G21 G17 G0 X200 Y300\nG3 F6000 X200 Y300 I200 P3\nM2\n",
+    )
+    .unwrap();
+    let mut run = recorded.command("run");
+    run.arg("--commands").arg(recorded.commands());
+    run.stdin(Stdio::piped())
+        .stdout(Stdio::null())
+        .stderr(Stdio::null());
+    let mut child = run.spawn().unwrap();
+    let moving = |text: String| text.matches(" 301#1F00").count() > 900;
+    while !moving(fs::read_to_string(&recorded.log).unwrap_or_default()) {
+        assert!(child.try_wait().unwrap().is_none(), "it ended");
+        std::thread::sleep(Duration::from_millis(37));
+    }
+    let id = child.id().to_string();
+    let killed = Command::new("kill").args(["-INT", &id]).status();
+    assert!(killed.unwrap().success());
+    assert_eq!(child.wait().unwrap().code(), Some(130));
+    let (code, text) = recorded.replay_acted();
+    assert_eq!(code, 0, "{text}");
+    assert!(text.contains("interrupted by the user"), "{text}");
+}

@@ -19,6 +19,7 @@ mod operator;
 mod pages;
 mod programs;
 mod properties;
+mod replayed;
 mod results;
 mod run;
 mod signals;
