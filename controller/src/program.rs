@@ -293,6 +293,13 @@ impl Programs {
         self.setup.tables = left.tables;
     }
 
+    /// Typed lines were stopped, which switches spindle and coolant off: what they set is forgotten, but
+    /// for the tool that is in the spindle.
+    pub fn stop(&mut self, tool: u32) {
+        self.setup.memory.stop();
+        self.setup.memory.tool_is(tool);
+    }
+
     /// A program was stopped: what it set is forgotten, as it was read ahead of the machine, and what
     /// M2 resets is reset. The tool is the one that is in the spindle.
     pub fn forget(&mut self, tool: u32) {

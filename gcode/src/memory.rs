@@ -2,7 +2,7 @@
 //! and the parameters. Offsets and tools themselves are in the [`Tables`](super::Tables).
 
 use super::axes::{Axis, Point};
-use super::command::Turning;
+use super::command::{Coolant, Turning};
 use super::modal::{Modes, Motion};
 use super::parameters::Parameters;
 use super::tables::Tables;
@@ -48,7 +48,6 @@ impl Memory {
         let modes = &mut self.modes;
         // F is no feed of G94 if it was one of G93.
         modes.feed = modes.feed.filter(|_| !modes.inverse_time);
-        modes.spindle.turning = Turning::Off;
         *modes = Modes {
             motion: Motion::Feed,
             plane: fresh.plane,
@@ -56,9 +55,15 @@ impl Memory {
             inverse_time: fresh.inverse_time,
             work_offset: fresh.work_offset,
             compensation: fresh.compensation,
-            coolant: fresh.coolant,
             ..modes.clone()
         };
+        self.stop();
+    }
+
+    /// Spindle and coolant were switched off by a stop.
+    pub fn stop(&mut self) {
+        self.modes.spindle.turning = Turning::Off;
+        self.modes.coolant = Coolant::default();
     }
 
     /// Takes over which tool is in the spindle, where that was not left by the program's own end.

@@ -22,7 +22,7 @@ pub(super) const HELP: &str = "keys: space feed hold and resume, + - feed, < > r
 const STEP: f64 = 10.0;
 
 /// What a character commands.
-fn command(byte: u8) -> Option<Command> {
+pub(super) fn command(byte: u8) -> Option<Command> {
     Some(match byte {
         b' ' => Command::ToggleFeedHold,
         b'+' | b'=' => Command::FeedOverride(Override::By(STEP)),
@@ -41,7 +41,7 @@ fn command(byte: u8) -> Option<Command> {
 }
 
 /// What a key without a character commands; a terminal sends it behind escape and `[`, or `O`.
-fn command_of_sequence(sequence: &[u8]) -> Option<Command> {
+pub(super) fn command_of_sequence(sequence: &[u8]) -> Option<Command> {
     let (axis, direction) = match sequence {
         b"C" => (Axis::X, Direction::Positive),
         b"D" => (Axis::X, Direction::Negative),

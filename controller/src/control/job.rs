@@ -219,7 +219,8 @@ impl<const N: usize> Controller<N> {
     /// The job has ended.
     pub(super) fn end_job(&mut self, outcome: Outcome) {
         if let Some(job) = self.job.take() {
-            let ends = outcome != Outcome::Finished || job.kind == JobKind::Program;
+            // Typed lines that are wrong were not begun, and stop nothing.
+            let ends = job.kind == JobKind::Program || outcome == Outcome::Stopped;
             if ends && self.stays_on {
                 let Self {
                     switches, events, ..

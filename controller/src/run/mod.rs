@@ -14,7 +14,7 @@ pub mod real_time;
 pub mod replay;
 pub mod virtual_time;
 
-use crate::control::{Event, Order, Refusal, Row};
+use crate::control::{Event, Order, Outcome, Refusal, Row};
 use crate::machine::COORDINATES;
 use crate::port::PortError;
 use crate::program::{Left, Program, ProgramError, Upcoming};
@@ -39,6 +39,8 @@ pub enum CycleReport {
     JobOver {
         /// Its number.
         job: u64,
+        /// How it ended.
+        outcome: Outcome,
         /// What goes on with the next one.
         left: Option<Left>,
     },

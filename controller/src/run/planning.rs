@@ -43,7 +43,7 @@ pub enum Told {
     /// The job with this number cannot begin.
     NoBegin(u64, ProgramError),
     /// The job with this number is over, and has left this if it finished.
-    Over(u64, Option<Left>),
+    Over(u64, Outcome, Option<Left>),
     /// What else went wrong at its end.
     Problem(RunError),
 }
@@ -203,7 +203,7 @@ impl Planner {
                 }
             }
         }
-        self.tell(Told::Over(number, left));
+        self.tell(Told::Over(number, outcome, left));
     }
 
     /// Plans on; false if there is nothing to do for now.

@@ -575,7 +575,9 @@ impl Timeline for RealTime {
             return Ok(Progress::Ended);
         };
         match planning.told() {
-            Some(Told::Over(job, left)) => report(CycleReport::JobOver { job, left }),
+            Some(Told::Over(job, outcome, left)) => {
+                report(CycleReport::JobOver { job, outcome, left });
+            }
             Some(Told::NoBegin(job, error)) => {
                 handle.order(OWN, Order::Abandon(job));
                 return Err(error.into());

@@ -166,7 +166,7 @@ impl<P: Port> VirtualMachine<P> {
         let feeder = self.feeder.take_if(|(number, _)| *number == job);
         let finished = feeder.filter(|_| outcome == Outcome::Finished);
         let (left, kept) = finished.map(|(_, feeder)| feeder.finish()).unzip();
-        report(CycleReport::JobOver { job, left });
+        report(CycleReport::JobOver { job, outcome, left });
         kept.unwrap_or(Ok(()))?;
         Ok(())
     }

@@ -4,7 +4,7 @@
 //! `G10 L10` with `G43`: what a program can do and what an operator can do is done in one way.
 
 use super::{Command, Refusal};
-use crate::control::{Job, JobKind, Order, State};
+use crate::control::{Job, JobKind, Order, Outcome, State};
 use crate::machine::{COORDINATES, Position};
 use crate::program::{Left, Moves, Program, Programs};
 use crate::run::Work;
@@ -149,13 +149,16 @@ impl Jobs {
     }
 
     /// The job is over and has `left` something, if it finished, and this `tool` in the spindle.
-    pub(super) fn over(&mut self, number: u64, left: Option<Left>, tool: u32) {
-        if self.at_work.take_if(|job| job.number == number).is_none() {
+    pub(super) fn over(&mut self, number: u64, outcome: Outcome, left: Option<Left>, tool: u32) {
+        let Some(job) = self.at_work.take_if(|job| job.number == number) else {
             return;
-        }
-        match left {
-            Some(left) => self.programs.take_over(left),
-            None => self.programs.forget(tool),
+        };
+        match (left, job.kind, outcome) {
+            (Some(left), ..) => self.programs.take_over(left),
+            (None, JobKind::Program, _) => self.programs.forget(tool),
+            // Lines that are wrong were not begun.
+            (None, JobKind::Mdi, Outcome::Broken) => {}
+            (None, JobKind::Mdi, _) => self.programs.stop(tool),
         }
     }
 }

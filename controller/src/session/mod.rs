@@ -359,9 +359,9 @@ impl Desk {
                 self.accept_own();
                 self.show_state();
             }
-            CycleReport::JobOver { job, left } => {
+            CycleReport::JobOver { job, outcome, left } => {
                 if let Some(jobs) = &mut self.jobs {
-                    jobs.over(job, left, self.status.tool);
+                    jobs.over(job, outcome, left, self.status.tool);
                 }
                 self.show_programs();
                 self.show_state();
@@ -400,8 +400,17 @@ impl Desk {
             moves: &self.job.moves,
             tags: self.job.tags.as_ref(),
         });
+        if self.status.tool != row.functions.tool {
+            let programs = self.jobs.as_ref().map(Jobs::programs);
+            let tool = programs.and_then(|programs| programs.tool(row.functions.tool));
+            self.status.tool_name = tool.map_or_else(String::new, |tool| tool.name.clone());
+        }
+        let motion = self.job.moves.motion(row.plan.tag);
+        let ahead = motion.filter(|_| row.plan.busy && !row.plan.off_path);
+        let target = ahead.map_or(row.plan.position, |motion| motion.curve.end());
         self.status = Status {
             time: Some(time),
+            target,
             tool: row.functions.tool,
             spindle: row.functions.spindle,
             coolant: row.functions.coolant,

@@ -34,8 +34,12 @@ pub struct Status {
     pub off_path: bool,
     /// Path speed that is asked for, after overrides, mm/s or °/s; `None` for a rapid.
     pub feed: Option<f64>,
+    /// Where the move ends that the setpoints are on, mm and degrees.
+    pub target: [f64; COORDINATES],
     /// The tool in the spindle.
     pub tool: u32,
+    /// What the tables call it.
+    pub tool_name: String,
     /// M3, M4, M5, S.
     pub spindle: Spindle,
     /// M7, M8, M9.
@@ -64,7 +68,9 @@ impl Default for Status {
             waits: false,
             off_path: false,
             feed: Some(0.0),
+            target: [0.0; COORDINATES],
             tool: 0,
+            tool_name: String::new(),
             spindle: Spindle::default(),
             coolant: Coolant::default(),
             offset: [0.0; COORDINATES],

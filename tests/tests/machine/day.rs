@@ -3,13 +3,20 @@
 
 use proptest::prelude::*;
 use proptest::sample::select;
+use std::io::Write;
+use std::path::Path;
+use std::process::Stdio;
+use std::thread;
+use std::time::Duration;
 use syncline_controller::control::{NotNow, Refusal as OrderRefusal, State};
 use syncline_controller::session::{
     self, Command, Direction, Jog, Override, Refusal, SwitchChange,
 };
 use syncline_drives::twin::{Disturbance, ErrorClass};
 use syncline_gcode::{Axis, Tables};
+use syncline_tests::command::{Folder, ended, syncline};
 use syncline_tests::rig::Rig;
+use syncline_tests::terminal::Terminal;
 
 /// What the bus has carried, by its digest.
 fn frames_of(rig: &mut Rig) -> String {
@@ -191,6 +198,88 @@ fn day() -> String {
 #[test]
 fn a_day_at_the_machine_is_the_same_twice() {
     assert_eq!(day(), day());
+}
+
+/// The work offset that the tables beside a machine's file have, once they have it.
+fn offset_of(machine: &Path, axis: Axis) -> Option<f64> {
+    let tables = Tables::load(&Tables::beside(machine)).ok()?;
+    Some(tables.work_offsets[0][axis])
+}
+
+/// The whole command in real time, by lines of text.
+#[test]
+fn lines_of_text_are_a_day_too() {
+    let folder = Folder::new();
+    let machine = folder.machine("portal");
+    let part = folder.file("part.ngc", "G1 X30 F12000\nM0 (look)\nX0\nM3 S100\nM2\n");
+    let lines = format!(
+        "?\njog X+10\nset_offset X0 Y0\nbogus\nmdi G0 X5; X\nmdi G0 X5\nstatus\nload {}\nrun\nwait\n\
+         disable\nwait\nrun\nenable\n",
+        part.display()
+    );
+    let mut console = syncline();
+    console.arg("console").arg(&machine);
+    let console = console
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped());
+    let mut console = console.spawn().expect("it starts");
+    console
+        .stdin
+        .take()
+        .unwrap()
+        .write_all(lines.as_bytes())
+        .unwrap();
+    let output = console.wait_with_output().unwrap();
+    let (code, told, errors) = ended(&output);
+    assert_eq!(code, 0, "{told}{errors}");
+    for part in [
+        "set_tool_length",
+        "unknown event `bogus`",
+        "ready: work X",
+        "jogging: feed hold stops the axes",
+        "write a value",
+        "line 2: program stop (M0); cycle_start goes on",
+        "held: work X",
+        "disabled: enable the drives",
+        "refused: no begin a job while the machine is disabled: enable the drives",
+        "off: start the command again",
+    ] {
+        assert!(told.contains(part), "{part}: {told}{errors}");
+    }
+    let offset = offset_of(&machine, Axis::X).unwrap_or_default();
+    assert!((offset - 10.0).abs() < 0.01, "{offset}");
+}
+
+/// The same by keys on a terminal.
+#[test]
+fn keys_on_a_terminal_are_a_day_too() {
+    let folder = Folder::new();
+    let machine = folder.machine("portal");
+    let command = syncline();
+    let mut terminal = Terminal::run(&format!(
+        "stty rows 24 cols 80; {} console {}",
+        command.get_program().to_string_lossy(),
+        machine.display()
+    ));
+    // Refused until the machine is ready.
+    let until = |terminal: &mut Terminal, keys: &[u8], axis: Axis, offset: f64| {
+        for _ in 0..300 {
+            terminal.press(keys);
+            thread::sleep(Duration::from_millis(100));
+            // The encoder's noise is in where the machine stands.
+            if offset_of(&machine, axis).is_some_and(|it| (it - offset).abs() < 0.01) {
+                return;
+            }
+        }
+        panic!("{axis} never is {offset}: {:?}", offset_of(&machine, axis));
+    };
+    until(&mut terminal, b":set_offset X-7\r", Axis::X, 7.0);
+    // By 10 mm, the next greater step.
+    terminal.press(b"]\x1B[6~");
+    until(&mut terminal, b":set_offset Z0\r", Axis::Z, -10.0);
+    terminal.press(b"??:switch_off\r");
+    let _ = terminal.end();
 }
 
 /// The states that may follow one.

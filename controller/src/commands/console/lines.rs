@@ -22,13 +22,15 @@ const NAME: &str = "lines";
 const LOOK: Duration = Duration::from_millis(20);
 /// Lines that are read ahead.
 const LINES: usize = 64;
+/// The line that waits for nothing but what is under way.
+const WAIT: &str = "wait";
 
 /// What is told to who asks.
 const HELP: &str = "\
 commands, a line each; one that begins something waits until what is under way is over:
   ?                  this list
   status             state, positions, offset, tool and modes
-  wait               let the lines behind it wait until the machine rests";
+  wait               the lines behind it, but for stop and feed_hold, wait until the machine rests";
 
 /// Begins to obey the lines of standard input and to tell what happens; the thread that tells ends
 /// with the session.
@@ -74,20 +76,13 @@ struct Reader {
     /// There are no more lines.
     over: bool,
     /// What waits until what is under way is over.
-    waiting: VecDeque<Line>,
+    waiting: VecDeque<String>,
     /// Commands that have neither taken effect nor been refused.
     unanswered: usize,
     operator: Operator,
     answers: Subscription,
     view: StatusView,
     machine: Machine,
-}
-
-/// A line that waits.
-enum Line {
-    Command(Command),
-    /// It waits for nothing else.
-    Wait,
 }
 
 impl Reader {
@@ -104,7 +99,7 @@ impl Reader {
                 }
             };
             let done = match line {
-                Some(line) => self.obey(&line),
+                Some(line) => self.hear(&line),
                 None => self.go_on(),
             };
             if done == Err(NotTaken::Over) {
@@ -113,22 +108,32 @@ impl Reader {
         }
     }
 
-    fn obey(&mut self, line: &str) -> Result<(), NotTaken> {
+    /// Takes a line: at once, or behind what waits.
+    fn hear(&mut self, line: &str) -> Result<(), NotTaken> {
         let line = line.trim();
-        let (name, value) = line.split_once(char::is_whitespace).unwrap_or((line, ""));
-        match name {
-            "" => {}
+        let behind = self.waiting.iter().any(|waiting| waiting == WAIT);
+        match line {
+            "stop" | "feed_hold" => {
+                if line == "stop" {
+                    self.waiting.clear();
+                }
+                return self.obey(line);
+            }
+            _ if behind || line == WAIT || parsed(line).is_ok_and(|it| begins(&it)) => {
+                self.waiting.push_back(line.to_owned());
+            }
+            _ => return self.obey(line),
+        }
+        Ok(())
+    }
+
+    fn obey(&mut self, line: &str) -> Result<(), NotTaken> {
+        match line {
+            "" | WAIT => {}
             "?" => self.help(),
             "status" => println!("{}", shown(&self.view.get(), &self.machine)),
-            "wait" => self.waiting.push_back(Line::Wait),
-            _ => match events::command(name, value.trim()) {
-                Ok(command) if begins(&command) => self.waiting.push_back(Line::Command(command)),
-                Ok(command) => {
-                    if command == Command::Stop {
-                        self.waiting.clear();
-                    }
-                    return self.command(command);
-                }
+            _ => match parsed(line) {
+                Ok(command) => return self.command(command),
                 Err(problem) => println!("{problem}"),
             },
         }
@@ -154,13 +159,13 @@ impl Reader {
             state,
             State::Ready | State::Held | State::Faulted | State::Disabled
         );
-        let jogs = matches!(self.waiting.front(), Some(Line::Command(Command::Jog(_))));
-        if self.unanswered > 0 || !(rests || jogs && state == State::Jogging) {
+        let jogs = state == State::Jogging
+            && (self.waiting.front()).is_some_and(|line| line.starts_with("jog"));
+        if self.unanswered > 0 || !(rests || jogs) {
             return Ok(());
         }
         match self.waiting.pop_front() {
-            Some(Line::Command(command)) => self.command(command),
-            Some(Line::Wait) => Ok(()),
+            Some(line) => self.obey(&line),
             None if self.over => self.command(Command::SwitchOff),
             None => Ok(()),
         }
@@ -183,6 +188,12 @@ impl Reader {
             println!("  {name:<18} {needs}");
         }
     }
+}
+
+/// The command of a line.
+fn parsed(line: &str) -> Result<Command, String> {
+    let (name, value) = line.split_once(char::is_whitespace).unwrap_or((line, ""));
+    events::command(name, value.trim())
 }
 
 /// Whether it begins something, and waits for what is under way.

@@ -1,6 +1,9 @@
 //! `syncline console`: a machine that stays on, for an operator at a terminal or for lines of text.
 
 mod lines;
+mod model;
+mod screen;
+mod view;
 
 use super::ports::PortChoice;
 use super::run::lockstep;
@@ -16,6 +19,7 @@ use crate::run::Progress;
 use crate::run::real_time::{RealTime, Timing};
 use crate::session::{Command, Session};
 use std::error::Error;
+use std::io::{self, IsTerminal};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::thread;
@@ -28,12 +32,13 @@ const POLL: Duration = Duration::from_millis(1);
 
 /// Stay at a machine for a working day: jog, touch off, type lines, run programs, one after the other.
 ///
-/// Brings up the drives to *ready* and stays there. Lines of standard input are commands, as in
-/// files of events: `jog X+10`, `set_offset X0 Y0`, `mdi G0 Z5`, `load part.ngc`, `run`; `?` lists
-/// them. A line that begins something waits until what is under way is over; `wait` does just
-/// that. All others, such as `feed_hold`, `stop` or `feed_override 80`, act at once. After the last
-/// line the machine is switched off as soon as it rests. Ctrl-C stops what moves; where nothing moves
-/// it switches off.
+/// Brings up the drives to *ready* and stays there. On a terminal the screen shows positions, speeds, the
+/// program and messages; `?` shows every key, and `:` begins a command. Otherwise, and with --lines,
+/// lines of standard input are commands, as in files of events: `jog X+10`, `set_offset X0 Y0`, `mdi G0 Z5`, `load part.ngc`, `run`; `?` lists
+/// them. A line that begins something waits until what is under way is over, and behind `wait` every
+/// line does, but for `stop` and `feed_hold`. All others, as `feed_override 80`, act at once. After
+/// the last line the machine is switched off as soon as it rests. Ctrl-C stops what moves; where nothing
+/// moves it switches off.
 ///
 /// Offsets and tools that are set are written to the tables beside the machine file.
 ///
@@ -60,6 +65,9 @@ pub(super) struct Args {
     /// Stay awake that long before each wake-up, for a core of its own: 50us.
     #[arg(long, default_value = "0us", value_parser = duration)]
     spin: Duration,
+    /// Lines of text on a terminal, too.
+    #[arg(long)]
+    lines: bool,
     /// Tell what the controller does.
     #[arg(short, long)]
     verbose: bool,
@@ -121,19 +129,14 @@ impl Args {
         } = attended;
         let (signals, view) = (session.operator("signal"), session.view());
         ctrlc::set_handler(move || {
-            let rests = matches!(
-                view.get().state,
-                State::Ready | State::Disabled | State::Faulted
-            );
-            let command = if rests {
-                Command::SwitchOff
-            } else {
-                Command::Stop
-            };
             // Where the session is over there is nothing to stop.
-            let _ = signals.command(command);
+            let _ = signals.command(end_of(view.get().state));
         })?;
-        let telling = lines::listen(&mut session, machine, layout, self.verbose)?;
+        let telling = if self.lines || !io::stdin().is_terminal() || !io::stdout().is_terminal() {
+            lines::listen(&mut session, machine, layout, self.verbose)?
+        } else {
+            screen::listen(&mut session, &machine, layout, self.verbose)?
+        };
         loop {
             match session.advance() {
                 Progress::More => {}
@@ -157,4 +160,12 @@ struct Attended {
     session: Session<RealTime>,
     machine: Machine,
     layout: Arc<Layout>,
+}
+
+/// What stops a machine in this state for whoever wants to leave: what moves comes to rest first.
+fn end_of(state: State) -> Command {
+    match state {
+        State::Ready | State::Disabled | State::Faulted | State::Off => Command::SwitchOff,
+        _ => Command::Stop,
+    }
 }

@@ -1,0 +1,124 @@
+//! What the console's screen shows, and how events change it.
+
+use super::view::Axes;
+use crate::control::{Event as MachineEvent, Layout, State};
+use crate::session::{Event, Status};
+use std::collections::VecDeque;
+use std::fs::File;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+/// Messages that are kept.
+const MESSAGES: usize = 200;
+/// Of a longer program the text is not shown, bytes.
+const LONGEST: u64 = 64 << 20;
+
+/// See the module.
+#[derive(Default)]
+pub(super) struct Model {
+    pub(super) axes: Axes,
+    pub(super) status: Status,
+    /// What happened, the newest last.
+    pub(super) messages: VecDeque<String>,
+    /// What stopped the machine, the first cause on top, until it is reset.
+    pub(super) faults: Vec<String>,
+    /// What is typed behind `:`.
+    pub(super) prompt: Option<String>,
+    /// The keys are shown.
+    pub(super) help: bool,
+    /// Since the job began, s.
+    pub(super) elapsed: f64,
+    /// Of the tool, along its path, mm/s or °/s.
+    pub(super) speed: f64,
+    /// Also what happens in every run.
+    pub(super) verbose: bool,
+    /// The file that `text` is of.
+    file: Option<PathBuf>,
+    /// The program's lines.
+    text: Vec<String>,
+    /// When the job began.
+    began: Option<f64>,
+}
+
+impl Model {
+    /// Of a machine with these axes, before anything is known of it.
+    pub(super) fn new(axes: Axes, verbose: bool) -> Self {
+        Self {
+            axes,
+            verbose,
+            ..Self::default()
+        }
+    }
+
+    /// Takes how things are now.
+    pub(super) fn take(&mut self, status: Status) {
+        self.speed = actual_speed(&self.status, &status).unwrap_or(self.speed);
+        if status.program != self.file {
+            self.file = status.program.clone();
+            let text = self.file.as_deref().and_then(read);
+            self.take_text(&text.unwrap_or_default());
+        }
+        let works = matches!(status.state, State::Running | State::Mdi | State::Held);
+        let time = status.time.unwrap_or_default();
+        self.began = self.began.filter(|_| works).or(works.then_some(time));
+        if let Some(began) = self.began {
+            self.elapsed = time - began;
+        }
+        self.status = status;
+    }
+
+    /// Takes the program's text.
+    pub(super) fn take_text(&mut self, text: &str) {
+        self.text = text.lines().map(str::to_owned).collect();
+    }
+
+    /// The text of a line of the program.
+    pub(super) fn text_of(&self, line: u32) -> Option<&str> {
+        let place = line.checked_sub(1)?;
+        self.text.get(place as usize).map(String::as_str)
+    }
+
+    /// Takes something that happened.
+    pub(super) fn happened(&mut self, event: &Event, layout: &Layout) {
+        match event {
+            Event::Machine(MachineEvent::Fault(fault)) => {
+                self.faults.push(fault.describe(layout));
+            }
+            Event::Machine(event) => {
+                if (self.verbose || !event.is_routine())
+                    && let Some(text) = event.describe(layout)
+                {
+                    self.tell(text);
+                }
+            }
+            Event::Refused(refused) => self.tell(refused.reason.to_string()),
+            Event::Problem(error) => self.tell(super::told(&**error)),
+            Event::State(State::Starting) => self.faults.clear(),
+            Event::Accepted(_) | Event::State(_) => {}
+        }
+    }
+
+    /// Shows a message.
+    pub(super) fn tell(&mut self, text: String) {
+        if self.messages.len() == MESSAGES {
+            self.messages.pop_front();
+        }
+        self.messages.push_back(text);
+    }
+}
+
+/// The text of a file, if it is none too long.
+fn read(file: &Path) -> Option<String> {
+    let mut bytes = Vec::new();
+    let mut file = File::open(file).ok()?.take(LONGEST);
+    file.read_to_end(&mut bytes).ok()?;
+    Some(String::from_utf8_lossy(&bytes).into_owned())
+}
+
+/// How fast the axes moved between two looks, together; `None` where no time has passed.
+fn actual_speed(before: &Status, now: &Status) -> Option<f64> {
+    let passed = now.time? - before.time?;
+    let squares = now.actual.iter().zip(&before.actual);
+    let way: f64 = squares.map(|(now, before)| (now - before).powi(2)).sum();
+    (passed > 0.0).then(|| way.sqrt() / passed)
+}

@@ -1,0 +1,365 @@
+//! What stands on the console's screen: a picture of the [`Model`], drawn anew each time.
+//!
+//! Positions and speeds come first, then what the program does, then what happened. Everything has its
+//! place from 80 columns and 24 rows on; more room shows more of the program and of the messages.
+
+use super::model::Model;
+use crate::control::State;
+use crate::program::counted_speed;
+use crate::session::Status;
+use ratatui::Frame;
+use ratatui::layout::{Constraint, Layout, Rect};
+use ratatui::style::{Color, Modifier, Style};
+use ratatui::text::{Line, Span};
+use ratatui::widgets::{Block, Borders, Clear, Paragraph, Wrap};
+use syncline_gcode::{Axis, Turning};
+
+/// Columns of the positions: axis, work, machine, to go.
+const POSITIONS: u16 = 44;
+/// From this width on the program stands beside the messages.
+const WIDE: u16 = 120;
+
+/// Every key, and what it does.
+const KEYS: [(&str, &str); 16] = [
+    (
+        "Enter",
+        "cycle start: go on at a stop; without a job run the program",
+    ),
+    ("space", "feed hold, and resume"),
+    ("+ -", "feed override, by 10 %"),
+    ("> <", "rapid override, by 10 %"),
+    ("s", "single block on and off"),
+    ("o", "optional stop on and off"),
+    ("b", "retrace to the beginning of the block"),
+    ("arrows", "jog X and Y by the step"),
+    ("page keys", "jog Z by the step"),
+    ("[ ]", "jog step smaller, greater"),
+    ("q", "stop what moves; the job is over"),
+    ("e d", "enable, disable the drives"),
+    ("r", "reset after a fault"),
+    (
+        ":",
+        "type a command: mdi G0 X5, load FILE …; Tab lists them",
+    ),
+    ("Ctrl-C", "stop; where nothing moves switch off"),
+    ("?", "these keys, and away again"),
+];
+
+/// Draws all of it.
+pub(super) fn draw(frame: &mut Frame, model: &Model) {
+    let axes = model.axes.len() as u16;
+    let [head, body, codes, block, rest, foot] = Layout::vertical([
+        Constraint::Length(1),
+        Constraint::Length((axes + 2).max(8)),
+        Constraint::Length(2),
+        Constraint::Length(1),
+        Constraint::Min(3),
+        Constraint::Length(1),
+    ])
+    .areas(frame.area());
+    let [positions, values] =
+        Layout::horizontal([Constraint::Length(POSITIONS), Constraint::Min(20)]).areas(body);
+    frame.render_widget(header(model, head.width), head);
+    frame.render_widget(Paragraph::new(position_rows(model)), positions);
+    frame.render_widget(Paragraph::new(value_rows(model)), values);
+    let modes = Paragraph::new(model.status.modes.as_str()).wrap(Wrap { trim: true });
+    frame.render_widget(modes, codes);
+    frame.render_widget(current_block(model), block);
+    if rest.width >= WIDE {
+        let halves = [Constraint::Percentage(50), Constraint::Percentage(50)];
+        let [program, messages] = Layout::horizontal(halves).areas(rest);
+        draw_program(frame, model, program);
+        draw_messages(frame, model, messages);
+    } else {
+        draw_messages(frame, model, rest);
+    }
+    frame.render_widget(footer(model), foot);
+    if model.help {
+        draw_keys(frame);
+    }
+}
+
+fn bold(text: impl Into<String>) -> Span<'static> {
+    Span::styled(text.into(), Style::new().add_modifier(Modifier::BOLD))
+}
+
+/// State, program and time.
+fn header(model: &Model, width: u16) -> Line<'static> {
+    let state = model.status.state;
+    let colour = match state {
+        State::Ready | State::Off | State::Disabled => Color::Reset,
+        State::Faulted => Color::Red,
+        State::Held | State::Stopping => Color::Yellow,
+        State::Starting | State::Jogging | State::Mdi | State::Running => Color::Green,
+    };
+    let style = Style::new()
+        .fg(colour)
+        .add_modifier(Modifier::BOLD | Modifier::REVERSED);
+    let name = format!(" {} ", state.to_string().to_uppercase());
+    let program = (model.status.program.as_deref())
+        .and_then(|file| file.file_name())
+        .map_or_else(
+            || "no program".to_owned(),
+            |name| name.to_string_lossy().into_owned(),
+        );
+    let time = format!("{:.1} s", model.elapsed);
+    let used = name.chars().count() + program.chars().count() + time.chars().count() + 2;
+    let gap = usize::from(width).saturating_sub(used);
+    Line::from(vec![
+        Span::styled(name, style),
+        Span::raw(format!("  {program}{:gap$}{time}", "")),
+    ])
+}
+
+/// Where each axis is.
+fn position_rows(model: &Model) -> Vec<Line<'static>> {
+    let Status {
+        actual,
+        offset,
+        target,
+        setpoint,
+        ..
+    } = &model.status;
+    let mut rows = vec![Line::raw(format!(
+        " {:>14}{:>14}{:>12}",
+        "work", "machine", "to go"
+    ))];
+    for axis in &model.axes {
+        let at = axis.index();
+        let unit = if axis.is_linear() { "" } else { "°" };
+        rows.push(Line::from(vec![
+            bold(format!(" {axis}{:>13.3}", actual[at] - offset[at])),
+            Span::raw(format!(
+                "{:>14.3}{:>12.3}{unit}",
+                actual[at],
+                target[at] - setpoint[at]
+            )),
+        ]));
+    }
+    rows
+}
+
+/// Speeds, overrides, tool, spindle and switches.
+fn value_rows(model: &Model) -> Vec<Line<'static>> {
+    let status = &model.status;
+    let settings = &status.settings;
+    let (speed, turns) = counted_speed(&status.velocity);
+    let unit = if turns { "°/min" } else { "mm/min" };
+    let programmed = match status.feed {
+        Some(feed) => format!("{:.0}", feed * 60.0),
+        None => "rapid".to_owned(),
+    };
+    let on = |on: bool| if on { "on" } else { "off" };
+    let turning = match status.spindle.turning {
+        Turning::Off => "off".to_owned(),
+        Turning::Clockwise => format!("M3 S{}", status.spindle.speed),
+        Turning::Counterclockwise => format!("M4 S{}", status.spindle.speed),
+    };
+    let coolant = match (status.coolant.mist, status.coolant.flood) {
+        (false, false) => "off",
+        (true, false) => "mist",
+        (false, true) => "flood",
+        (true, true) => "mist, flood",
+    };
+    let row = |name: &str, value: String| Line::raw(format!("{name:<11}{value}"));
+    vec![
+        row("feed", format!("{programmed}  of the program")),
+        row(
+            "speed",
+            format!(
+                "{:.0} {unit}, actual {:.0}",
+                speed * 60.0,
+                model.speed * 60.0
+            ),
+        ),
+        row(
+            "overrides",
+            format!(
+                "feed {} %, rapid {} %",
+                settings.feed_override, settings.rapid_override
+            ),
+        ),
+        row("tool", format!("T{} {}", status.tool, status.tool_name)),
+        row("spindle", format!("{turning}, coolant {coolant}")),
+        row("jog step", format!("{} mm", settings.jog_step)),
+        row("block", format!("single {}", on(settings.single_block))),
+        row("M1", format!("stops {}", on(settings.optional_stop))),
+    ]
+}
+
+/// The program's line with its text.
+fn current_block(model: &Model) -> Line<'static> {
+    let line = model.status.line;
+    let text = model.text_of(line).unwrap_or_default();
+    Line::from(vec![
+        bold(format!(" {line:>6}  ")),
+        Span::raw(text.to_owned()),
+    ])
+}
+
+/// The program around its line.
+fn draw_program(frame: &mut Frame, model: &Model, area: Rect) {
+    let block = Block::new().borders(Borders::TOP).title(" program ");
+    let rows = block.inner(area).height;
+    let line = model.status.line.max(1);
+    let first = line.saturating_sub(u32::from(rows / 2)).max(1);
+    let lines = (first..first + u32::from(rows)).map_while(|number| {
+        let text = format!(" {number:>6}  {}", model.text_of(number)?);
+        Some(if number == model.status.line {
+            Line::styled(text, Style::new().add_modifier(Modifier::REVERSED))
+        } else {
+            Line::raw(text)
+        })
+    });
+    let lines: Vec<_> = lines.collect();
+    frame.render_widget(Paragraph::new(lines).block(block), area);
+}
+
+/// What stopped the machine, the first cause on top, then the last messages.
+fn draw_messages(frame: &mut Frame, model: &Model, area: Rect) {
+    let block = Block::new().borders(Borders::TOP).title(" messages ");
+    let inner = block.inner(area);
+    let width = usize::from(inner.width).max(1);
+    let rows = |text: &str| text.chars().count().div_ceil(width).max(1);
+    let red = Style::new().fg(Color::Red);
+    let mut lines: Vec<Line> = Vec::new();
+    let mut room = usize::from(inner.height);
+    for fault in &model.faults {
+        room = room.saturating_sub(rows(fault));
+        lines.push(Line::styled(fault.clone(), red));
+    }
+    let mut last = Vec::new();
+    for message in model.messages.iter().rev() {
+        let needed = message.lines().map(rows).sum::<usize>();
+        if needed > room {
+            break;
+        }
+        room -= needed;
+        last.push(message);
+    }
+    for message in last.into_iter().rev() {
+        lines.extend(message.lines().map(|line| Line::raw(line.to_owned())));
+    }
+    let messages = Paragraph::new(lines).wrap(Wrap { trim: false });
+    frame.render_widget(messages.block(block), area);
+}
+
+fn footer(model: &Model) -> Line<'static> {
+    match &model.prompt {
+        Some(text) => Line::from(vec![bold(": "), Span::raw(text.clone()), Span::raw("▏")]),
+        None => Line::styled(
+            format!(" ? keys   : command   {}", model.status.state.way_on()),
+            Style::new().add_modifier(Modifier::DIM),
+        ),
+    }
+}
+
+fn draw_keys(frame: &mut Frame) {
+    let area = frame.area();
+    let (width, height) = (72.min(area.width), (KEYS.len() as u16 + 2).min(area.height));
+    let centred = Rect {
+        x: (area.width - width) / 2,
+        y: (area.height - height) / 2,
+        width,
+        height,
+    };
+    let keys =
+        KEYS.map(|(key, what)| Line::from(vec![bold(format!(" {key:<10}")), Span::raw(what)]));
+    let keys = Paragraph::new(keys.to_vec()).block(Block::bordered().title(" keys "));
+    frame.render_widget(Clear, centred);
+    frame.render_widget(keys, centred);
+}
+
+/// The letters of the axes, in their order.
+pub(super) type Axes = Vec<Axis>;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::session::Settings;
+    use ratatui::Terminal;
+    use ratatui::backend::TestBackend;
+
+    /// A portal in the midst of a program.
+    fn model() -> Model {
+        let mut status = Status {
+            state: State::Running,
+            line: 3,
+            time: Some(12.5),
+            feed: Some(100.0),
+            tool: 2,
+            tool_name: "end mill 6 mm".to_owned(),
+            program: Some("/parts/plate.ngc".into()),
+            modes: "G1 G17 G21 G40 G43 G54 G90 G91.1 G94 G98 G64 P0.05 F6000 S12000 M3 M8 T2 M6"
+                .to_owned(),
+            settings: Settings {
+                feed_override: 90.0,
+                ..Settings::default()
+            },
+            ..Status::default()
+        };
+        status.actual[..3].copy_from_slice(&[1412.3456, 803.25, -71.5]);
+        status.offset[..3].copy_from_slice(&[400.0, 300.0, -52.3]);
+        status.velocity[0] = 90.0;
+        status.setpoint = status.actual;
+        status.target = status.actual;
+        status.target[0] -= 87.654;
+        status.spindle.speed = 12000.0;
+        status.spindle.turning = Turning::Clockwise;
+        let mut model = Model::new(vec![Axis::X, Axis::Y, Axis::Z], false);
+        model.status = status;
+        (model.speed, model.elapsed) = (89.9, 83.4);
+        model.take_text("G21 G90\nT2 M6\nG1 X1000 F6000\nY500\nM2\n");
+        model.tell("line 2: tool change (M6): load tool 2".to_owned());
+        model.tell("going on".to_owned());
+        model.tell(
+            "no jog while the machine is running: feed hold rests on the path, stop ends the job"
+                .to_owned(),
+        );
+        model
+    }
+
+    fn drawn(model: &Model, width: u16, height: u16) -> String {
+        let mut terminal = Terminal::new(TestBackend::new(width, height)).unwrap();
+        terminal.draw(|frame| draw(frame, model)).unwrap();
+        terminal.backend().to_string()
+    }
+
+    #[test]
+    fn a_small_terminal_shows_all_that_matters() {
+        insta::assert_snapshot!(drawn(&model(), 80, 24));
+    }
+
+    #[test]
+    fn a_large_one_shows_the_program_too() {
+        insta::assert_snapshot!(drawn(&model(), 160, 50));
+    }
+
+    #[test]
+    fn every_key_is_shown() {
+        let mut model = model();
+        model.help = true;
+        insta::assert_snapshot!(drawn(&model, 80, 24));
+    }
+
+    #[test]
+    fn the_first_cause_of_a_stop_is_on_top() {
+        let mut model = model();
+        model.status.state = State::Faulted;
+        model.faults = vec![
+            "drive Y: drive fault, statusword 0238h: read its error memory, clear the cause, \
+             start again"
+                .to_owned(),
+            "drive Z: heartbeat lost: check cabling and supply".to_owned(),
+        ];
+        model.prompt = Some("mdi G0 X0".to_owned());
+        insta::assert_snapshot!(drawn(&model, 80, 24));
+    }
+
+    #[test]
+    fn no_size_of_a_terminal_is_too_small() {
+        for (width, height) in [(1, 1), (20, 5), (79, 10), (80, 3), (300, 8)] {
+            let _ = drawn(&model(), width, height);
+        }
+    }
+}
