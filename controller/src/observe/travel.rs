@@ -76,8 +76,8 @@ impl Travel {
         if row.plan.speed > 0.0 {
             let (first, _) = self.motion.unwrap_or((row.cycle.saturating_sub(1), 0));
             self.motion = Some((first, row.cycle));
-        } else if let Some((first, last)) = self.motion
-            && last + 1 == row.cycle
+        } else if let Some((first, _)) = self.motion
+            && self.last.speed > 0.0
         {
             // The move's last step ends at rest.
             self.motion = Some((first, row.cycle));
