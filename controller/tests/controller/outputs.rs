@@ -91,7 +91,7 @@ fn what_is_on_standard_output_is_nothing_else() {
     let (_, trace, told) = place.run(&format!("{VALIDATE} --trace -"));
     assert!(told.contains("pass"), "{told}");
     let columns = |line: &str| line.split(',').count();
-    assert!(trace.lines().all(|line| columns(line) == 11), "{trace}");
+    assert!(trace.lines().all(|line| columns(line) == 16), "{trace}");
     let (_, page, _) = place.run(&format!("{VALIDATE} --report -"));
     assert!(page.starts_with("<!doctype html>") && page.ends_with("</html>\n"));
     let (_, json, told) = place.run(&format!("{VALIDATE} --json -"));

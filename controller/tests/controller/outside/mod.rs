@@ -118,7 +118,7 @@ impl Drives {
         let mut stdout = BufReader::new(child.stdout.take().unwrap());
         let mut announced = String::new();
         stdout.read_line(&mut announced).unwrap();
-        assert!(announced.contains(": node "), "{announced}");
+        assert!(announced.contains("node "), "{announced}");
         Self {
             child,
             _stdout: stdout,
