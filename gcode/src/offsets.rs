@@ -12,6 +12,8 @@ use super::words::{Words, out_of_range};
 
 /// What is measured is known to this part of a mm or degree.
 const MEASURED: f64 = 1e3;
+/// What is programmed is known to this part; below there is the rounding of sums and inches.
+const PROGRAMMED: f64 = 1e9;
 
 impl State {
     /// What lies between program and machine coordinates.
@@ -138,9 +140,12 @@ impl State {
     fn noted(&self) -> Point {
         let mut noted = self.at;
         for axis in self.setup.axes.iter() {
-            if noted[axis] == self.setup.start[axis] {
-                noted[axis] = (noted[axis] * MEASURED).round() / MEASURED;
-            }
+            let known = if noted[axis] == self.setup.start[axis] {
+                MEASURED
+            } else {
+                PROGRAMMED
+            };
+            noted[axis] = (noted[axis] * known).round() / known;
         }
         noted
     }

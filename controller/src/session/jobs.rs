@@ -49,10 +49,11 @@ impl Jobs {
         self.loaded.as_deref()
     }
 
-    /// The state as operators have it: until a job has left what the next one begins with it is at
-    /// work, also where the machine rests already.
-    pub(super) fn state(&self, machine: State) -> State {
+    /// The state as operators have it, who are shown `shown`: until a job has left what the next one
+    /// begins with it is at work, or being stopped, also where the machine rests already.
+    pub(super) fn state(&self, machine: State, shown: State) -> State {
         match self.at_work {
+            Some(_) if machine == State::Ready && shown == State::Stopping => shown,
             Some(job) if machine == State::Ready => match job.kind {
                 JobKind::Program => State::Running,
                 JobKind::Mdi => State::Mdi,

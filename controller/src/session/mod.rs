@@ -428,7 +428,8 @@ impl Desk {
     /// Shows the state, and tells a change of it.
     fn show_state(&mut self) {
         let jobs = self.jobs.as_ref();
-        let state = jobs.map_or(self.state, |jobs| jobs.state(self.state));
+        let shown = self.status.state;
+        let state = jobs.map_or(self.state, |jobs| jobs.state(self.state, shown));
         if std::mem::replace(&mut self.status.state, state) != state {
             self.outlets.tell(&Event::State(state));
         }
