@@ -6,7 +6,7 @@
 //! - *the plan's own derivatives* at every SYNC, as exact as numbers are,
 //! - *differences of the positions*: of those planned, and of those that the drives were sent, which were
 //!   decoded from the frames that their buses carried ([`sent`](super::sent)). They are bounds that hold
-//!   between the SYNCs too ([`differences`](super::differences)): a move that is over within a cycle has
+//!   between the SYNCs too (`differences`): a move that is over within a cycle has
 //!   no derivative at a SYNC, but its differences show what it did,
 //! - *what was sent against the plan*: the nearest increment. A drive keeps a whole number of increments
 //!   between its own count and the plan's, captured when its setpoint was frozen where it stood; that is

@@ -13,7 +13,7 @@
 //! 3. *Which row of the run it belongs to* the number of the SYNC says ([`Row::sync`]).
 //!
 //! Units stay the drive's: increments, as the frame has them. What becomes of them is told in
-//! [`differences`](super::differences) and [`limits`](super::limits).
+//! `differences` and [`limits`](super::limits).
 //!
 //! [`Row::sync`]: crate::control::Row::sync
 

@@ -19,7 +19,7 @@
 //!
 //! Overload (I²t) is a temperature over its limit: it follows the square of the current over the
 //! continuous one with a time constant. At 1 the current is limited to the continuous one, until it has
-//! fallen by [`HYSTERESIS`].
+//! fallen by `HYSTERESIS`.
 
 use super::motor::Motor;
 use super::shaft::Shaft;
