@@ -105,7 +105,9 @@ impl<const N: usize> Controller<N> {
             Order::FeedHold => self.executor.feed_hold(),
             Order::Resume => self.executor.resume(),
             Order::ToggleFeedHold => {
-                if self.executor.is_held() && !self.executor.wants_speed() {
+                // Without a job there is no path to go back to: what is jogged stops.
+                let held = self.job.is_some() && self.executor.is_held();
+                if held && !self.executor.wants_speed() {
                     self.executor.resume();
                 } else {
                     self.executor.feed_hold();
