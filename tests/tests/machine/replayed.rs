@@ -204,6 +204,13 @@ proptest! {
         let first = [(before, Command::OptionalStop(SwitchChange::Toggle))];
         let commands: Vec<_> = first.into_iter().chain(commands).collect();
         let (mut rig, accepted) = acted(&commands, stops);
-        prop_assert_eq!(again(&mut rig, &accepted), accepted);
+        // In its cycle a stop goes before all that waits beside it, and the step of later jogs is set in
+        // the session: no cycle hears of it.
+        let in_the_cycle = |mut log: Vec<Accepted>| {
+            log.retain(|it| !matches!(it.command, Command::JogStep(_)));
+            log.sort_by_key(|it| (it.cycle, it.command != Command::Stop));
+            log
+        };
+        prop_assert_eq!(in_the_cycle(again(&mut rig, &accepted)), in_the_cycle(accepted));
     }
 }
