@@ -523,6 +523,7 @@ mod tests {
             (PowerCommand::Prepare, 1, "203#060001000000"),
             (PowerCommand::Enable, -2, "203#0F00FEFFFFFF"),
             (PowerCommand::Run, -2, "203#0F00FEFFFFFF"),
+            (PowerCommand::QuickStop, -2, "203#0B00FEFFFFFF"),
             (PowerCommand::Run, 1 << 31, "203#0F00FFFFFF7F"),
         ] {
             let position = Increments::new(position);

@@ -74,6 +74,9 @@ pub enum PowerCommand {
     Enable,
     /// Power on, and follow the setpoints in the operating mode.
     Run,
+    /// Come to rest by the drive's own quick stop ramp, whatever the setpoints are; power stays on unless
+    /// the drive is set up to switch it off at rest.
+    QuickStop,
 }
 
 /// How far a drive is from following setpoints.

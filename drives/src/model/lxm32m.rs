@@ -572,6 +572,7 @@ mod tests {
             (PowerCommand::Prepare, 1, "301#060001000000"),
             (PowerCommand::Enable, -2, "301#0F00FEFFFFFF"),
             (PowerCommand::Run, -2, "301#1F00FEFFFFFF"),
+            (PowerCommand::QuickStop, -2, "301#0B00FEFFFFFF"),
             (PowerCommand::Run, 1 << 31, "301#1F00FFFFFF7F"),
         ] {
             drive.encode(command, at(position), &mut frames);

@@ -37,6 +37,7 @@ pub(in crate::model) const fn controlword(command: PowerCommand, start: u16) -> 
         PowerCommand::Prepare => Controlword::SHUTDOWN,
         PowerCommand::Enable => Controlword::ENABLE_OPERATION,
         PowerCommand::Run => Controlword::ENABLE_OPERATION.with(start),
+        PowerCommand::QuickStop => Controlword::QUICK_STOP,
     }
 }
 
