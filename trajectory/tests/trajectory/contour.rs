@@ -266,6 +266,35 @@ fn rounding_a_corner_is_faster_than_stopping_in_it() {
     }
 }
 
+/// A rapid after a slow move, and before one, round a kink that the tolerance lets take half of them: each
+/// side has its own feed, so it takes no longer than with a stop.
+#[test]
+fn the_feed_changes_in_the_middle_of_a_rounding() {
+    let points = [[0.0; 3], [0.002, 50.0, 0.0], [0.0, 100.0, 0.0]];
+    let lines = [0, 1].map(|k| Curve::line(points[k], points[k + 1]).unwrap());
+    let feeds = [Feed::Rate(1.0), Feed::Rapid];
+    for order in [[0, 1], [1, 0]] {
+        let time = |mode| {
+            let moves = order.map(|k| feeds[k]).into_iter().zip(lines);
+            let moves = moves.map(|(feed, curve)| Move {
+                curve,
+                feed,
+                mode,
+                tag: 0,
+            });
+            let items: Vec<_> = moves.map(PathItem::Move).collect();
+            let plan = Plan::of(&items, points[0]);
+            plan.check(&items, 0.01).unwrap();
+            plan.time()
+        };
+        let (through, stop) = (
+            time(PathControlMode::Blend(0.01)),
+            time(PathControlMode::Stop),
+        );
+        assert!(through < stop, "{through} s, {stop} s with a stop");
+    }
+}
+
 /// Random numbers of our own: 0 … 1.
 struct Draw(u64);
 

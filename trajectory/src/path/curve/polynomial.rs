@@ -148,6 +148,18 @@ impl<const N: usize> Poly<N> {
         d
     }
 
+    /// The third derivative by the parameter.
+    pub(in crate::path) fn third(&self, u: f64) -> [f64; N] {
+        let mut d = [0.0; N];
+        for k in (2..5).rev() {
+            let by = ((k - 1) * k * (k + 1)) as f64;
+            for i in 0..N {
+                d[i] = d[i] * u + by * self.terms[k][i];
+            }
+        }
+        d
+    }
+
     /// The curve between two parameters.
     pub(super) fn part(&self, from: f64, to: f64) -> Option<Self> {
         let mut terms = self.terms;
@@ -180,7 +192,7 @@ impl<const N: usize> Poly<N> {
     }
 
     /// Path length per parameter.
-    pub(super) fn rate(&self, u: f64) -> f64 {
+    pub(in crate::path) fn rate(&self, u: f64) -> f64 {
         let mut square = 0.0;
         for i in 0..N.min(3) {
             let mut first = 0.0;
@@ -254,14 +266,7 @@ impl<const N: usize> Poly<N> {
     }
 
     pub(super) fn at(&self, u: f64) -> Derivatives<N> {
-        let (u2, mut u3) = (self.second(u), [0.0; N]);
-        for k in (2..5).rev() {
-            let by = ((k - 1) * k * (k + 1)) as f64;
-            for i in 0..N {
-                u3[i] = u3[i] * u + by * self.terms[k][i];
-            }
-        }
-        let u1 = self.first(u);
+        let [u1, u2, u3] = [self.first(u), self.second(u), self.third(u)];
         let dot = |a: &[f64; N], b: &[f64; N]| (0..N.min(3)).map(|i| a[i] * b[i]).sum::<f64>();
         let sigma = dot(&u1, &u1).sqrt();
         let sigma1 = dot(&u1, &u2) / sigma;

@@ -5,7 +5,7 @@ use super::{NOTHING, PathError, Pending, PlanItem, Planner, Section, asked_speed
 use std::collections::VecDeque;
 
 use crate::limits::PositionLimits;
-use crate::path::blend::{Blend, blend};
+use crate::path::blend::{Blend, blend, passing_time};
 use crate::path::bounds::crawling_time;
 use crate::path::segment_fitting::{MoveEnd, Part, ShortSegments};
 use crate::path::{Curve, Limits, Move, Overrides, PathSegment};
@@ -17,6 +17,9 @@ const SMOOTH: f64 = 1e-10;
 /// Parts of the tolerance that a rounding is tried with, so that it stays between the positions
 /// allowed.
 const LESSER: [f64; 4] = [1.0, 0.25, 0.0625, 0.015625];
+
+/// Part of the time of a blend in which a gentle one has to be passed to be taken: it is entered at less speed.
+const SOONER: f64 = 0.8;
 
 impl<const N: usize> Planner<N> {
     /// The path rests where what was joined so far ends.
@@ -107,19 +110,12 @@ impl<const N: usize> Planner<N> {
                 Some(rounding) => {
                     let deviation = deviation.max(self.deviation);
                     let left = rounding.min(before.mode.tolerance() - deviation);
-                    let rounded = LESSER.iter().find_map(|part| {
-                        blend(&before.curve, &motion.curve, left * part).filter(|blend| {
-                            inside(&blend.curve, &self.bounds)
-                                && crawling_time(&blend.curve, feed, &self.limits).is_finite()
-                        })
-                    });
-                    if let Some(Blend { curve, cut }) = rounded {
+                    if let Some((curve, cut)) = self.round(&before, &motion, left) {
                         // The rounding takes as much of either side.
                         let scale = curve.length() / (2.0 * cut);
                         let mut ends = self.lay_pending(cut);
                         ends.iter_mut().for_each(|end| end.at *= scale);
-                        let feed = before.feed.speed().min(feed);
-                        self.lay(curve, feed, before.tag, waypoints, &ends);
+                        self.lay_rounding(&before, feed, curve, waypoints, &ends);
                         self.tell_ends_in_rounding(before.tag, curve.length(), cut, &part_ends);
                         taken = cut;
                     } else {
@@ -136,6 +132,27 @@ impl<const N: usize> Planner<N> {
             waypoints: self.waypoints,
         });
         self.deviation = deviation;
+    }
+
+    /// The rounding between two moves within a tolerance, and what both give up for it, mm.
+    fn round(&self, before: &Move<N>, after: &Move<N>, tolerance: f64) -> Option<(Curve<N>, f64)> {
+        let feeds = [before, after].map(|motion| motion.feed.speed());
+        let [slow, fast] = [feeds[0].min(feeds[1]), feeds[0].max(feeds[1])];
+        let may_be = |curve: &Curve<N>| {
+            inside(curve, &self.bounds) && crawling_time(curve, slow, &self.limits).is_finite()
+        };
+        let time = |curve: &Curve<N>| passing_time(curve, fast, &self.limits);
+        LESSER.iter().find_map(|part| {
+            let Blend { curve, gentle, cut } =
+                blend(&before.curve, &after.curve, tolerance * part)?;
+            let gentle = gentle.filter(|gentle| may_be(gentle));
+            let sharp = Some(curve).filter(|sharp| may_be(sharp));
+            let curve = match (sharp, gentle) {
+                (Some(sharp), Some(gentle)) if time(&gentle) > SOONER * time(&sharp) => sharp,
+                (sharp, gentle) => gentle.or(sharp)?,
+            };
+            Some((curve, cut))
+        })
     }
 
     /// Lays the pending move but for the last `cut` of it. Which moves end in that, from where it begins.
@@ -193,6 +210,28 @@ impl<const N: usize> Planner<N> {
             at: start + end.at,
             ..end
         }));
+    }
+
+    /// Lays the rounding between a move and one that is programmed with `feed`. Both give up the same length for
+    /// it, so the programmed feed changes in its middle, and the other moves that end on it end before that.
+    fn lay_rounding(
+        &mut self,
+        before: &Move<N>,
+        feed: f64,
+        curve: Curve<N>,
+        waypoints: u32,
+        ends: &[MoveEnd],
+    ) {
+        let tag = before.tag;
+        if before.feed.speed() == feed {
+            self.lay(curve, feed, tag, waypoints, ends);
+            return;
+        }
+        let length = curve.length();
+        let middle = 0.5 * length;
+        let halves = [(0.0, middle), (middle, length)].map(|(from, to)| curve.part(from, to));
+        self.lay(halves[0], before.feed.speed(), tag, waypoints, ends);
+        self.lay(halves[1], feed, tag, waypoints, &[]);
     }
 
     /// The section goes on with `curve`, on which other moves end before that with the tag; if there is
