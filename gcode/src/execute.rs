@@ -5,16 +5,12 @@
 //! block, so that `G20 F10` is ten inches a minute.
 
 use std::collections::VecDeque;
-use std::time::Duration;
 
 use super::Setup;
 use super::arc::Plane;
 use super::axes::{Axis, Point};
 use super::block::{Block, Target};
-use super::command::{
-    ANALOG_OUTPUTS, Action, DIGITAL_INPUTS, DIGITAL_OUTPUTS, InputWait, Output, PathMode, Stop,
-    Turning, Until,
-};
+use super::command::{Action, PathMode, Stop};
 use super::compensation::Cutter;
 use super::cycles::Series;
 use super::error::{Fault, Refusal};
@@ -22,7 +18,7 @@ use super::expression::{Scope, Value};
 use super::lexer::Columns;
 use super::modal::{Code, Group, Modes, ProgrammedFeed};
 use super::parameters::{self, Parameters};
-use super::words::{Words, out_of_range, whole};
+use super::words::{Words, out_of_range};
 
 /// The least feed above 0, and what is as good as any greater one: no axis keeps up with it.
 const LEAST_FEED: f64 = 0.001;
@@ -106,7 +102,11 @@ impl State {
     ) -> Result<Continuation, Refusal> {
         let mut words = self.evaluate(block)?;
         self.end_compensation_by(&words)?;
-        self.speeds(&mut words, commands)?;
+        self.feeds(&mut words)?;
+        self.tools(&mut words, commands)?;
+        self.spindle(&mut words, commands)?;
+        self.coolant(&words, commands)?;
+        self.switches(&mut words, commands)?;
         self.dwell(&mut words, commands)?;
         self.set_modes(&mut words, commands)?;
         self.offsets(&mut words, commands)?;
@@ -160,11 +160,8 @@ impl State {
         result
     }
 
-    fn speeds(
-        &mut self,
-        words: &mut Words,
-        commands: &mut VecDeque<Action>,
-    ) -> Result<(), Refusal> {
+    /// Units, feed mode and F.
+    fn feeds(&mut self, words: &mut Words) -> Result<(), Refusal> {
         if let Some(units) = words.code(Group::Units) {
             self.modes.inches = units == Code::G(200);
         }
@@ -175,142 +172,20 @@ impl State {
             }
             self.modes.inverse_time = inverse_time;
         }
-        if let Some(number) = words.take_free(b'F') {
-            if number < 0.0 || (number > 0.0 && number < LEAST_FEED) {
-                let allowed = "0, or a feed from 0.001";
-                return Err(words.refuse(b'F', out_of_range('F', number, allowed)));
-            }
-            if !self.modes.inverse_time {
-                self.modes.feed = Some(ProgrammedFeed {
-                    number: number.min(GREATEST_FEED),
-                    unit: self.modes.unit(),
-                });
-            }
+        let Some(number) = words.take_free(b'F') else {
+            return Ok(());
+        };
+        if number < 0.0 || (number > 0.0 && number < LEAST_FEED) {
+            let allowed = "0, or a feed from 0.001";
+            return Err(words.refuse(b'F', out_of_range('F', number, allowed)));
         }
-        let mut spindle = self.modes.spindle;
-        if let Some(speed) = words.take_free(b'S') {
-            if speed < 0.0 {
-                return Err(words.refuse(b'S', out_of_range('S', speed, "a speed from 0")));
-            }
-            if let Some((least, most)) = self.setup.spindle_speeds
-                && speed != 0.0
-                && !(least..=most).contains(&speed)
-            {
-                let fault = Fault::SpindleSpeed { speed, least, most };
-                return Err(words.refuse(b'S', fault));
-            }
-            spindle.speed = speed;
-        }
-        if let Some(tool) = words.take_free(b'T') {
-            let tool = whole(tool, 1e-4)
-                .filter(|tool| *tool <= 99_999)
-                .ok_or_else(|| {
-                    words.refuse(
-                        b'T',
-                        out_of_range('T', tool, "a whole number from 0 to 99999"),
-                    )
-                })?;
-            self.modes.selected_tool = tool;
-            commands.push_back(Action::SelectTool(tool));
-        }
-        if let Some(code @ Code::M(61)) = words.code(Group::ToolChange) {
-            let allowed = "the number of the tool that is in the spindle";
-            let Some(tool) = words.take_whole(b'Q', code, 0..=99_999, allowed)? else {
-                return Err(missing(
-                    words,
-                    Group::ToolChange,
-                    code,
-                    "Q, the tool in the spindle",
-                ));
-            };
-            self.modes.tool = tool;
-            commands.push_back(Action::ToolLoaded(tool));
-        } else if words.code(Group::ToolChange).is_some() {
-            self.modes.tool = self.modes.selected_tool;
-            commands.push_back(Action::Stop(Stop::ToolChange {
-                tool: self.modes.tool,
-            }));
-        }
-        match words.code(Group::Spindle) {
-            Some(Code::M(3)) => spindle.turning = Turning::Clockwise,
-            Some(Code::M(4)) => spindle.turning = Turning::Counterclockwise,
-            Some(_) => spindle.turning = Turning::Off,
-            None => {}
-        }
-        if spindle != self.modes.spindle {
-            self.modes.spindle = spindle;
-            commands.push_back(Action::Spindle(spindle));
-        }
-        let mut coolant = self.modes.coolant;
-        let (mist, flood) = (words.code(Group::Mist), words.code(Group::Coolant));
-        if let (Some(first), Some(second @ Code::M(9))) = (mist, flood) {
-            let columns = words.code_columns(Group::Coolant).unwrap_or_default();
-            let group = Group::Coolant.name();
-            return Err(Refusal::new(
-                columns,
-                Fault::Conflict {
-                    first,
-                    second,
-                    group,
-                },
-            ));
-        }
-        coolant.mist |= mist.is_some();
-        match flood {
-            Some(Code::M(8)) => coolant.flood = true,
-            Some(_) => coolant = Default::default(),
-            None => {}
-        }
-        if coolant != self.modes.coolant {
-            self.modes.coolant = coolant;
-            commands.push_back(Action::Coolant(coolant));
-        }
-        if let Some(code @ Code::M(50..=53)) = words.code(Group::Overrides)
-            && words.take(b'P', code)? == Some(0.0)
-        {
-            return Err(words.refuse(b'P', Fault::OperatorsOverride { code }));
-        }
-        if let Some(code) = words.code(Group::Output) {
-            commands.push_back(match code {
-                Code::M(66) => Action::AwaitInput(self.await_input(words, code)?),
-                _ => Action::Output(output(words, code)?),
+        if !self.modes.inverse_time {
+            self.modes.feed = Some(ProgrammedFeed {
+                number: number.min(GREATEST_FEED),
+                unit: self.modes.unit(),
             });
         }
         Ok(())
-    }
-
-    /// What M66 waits for. What comes of it is not told to the program, so there is nothing that L0
-    /// and analog inputs would be for.
-    fn await_input(&self, words: &mut Words, code: Code) -> Result<InputWait, Refusal> {
-        let missing = |words: &Words, what| Err(missing(words, Group::Output, code, what));
-        let allowed = "a digital input from 0 to 63";
-        let Some(number) = words.take_whole(b'P', code, 0..=DIGITAL_INPUTS as u32 - 1, allowed)?
-        else {
-            return missing(words, "P, the number of the input");
-        };
-        if self.setup.inputs >> number & 1 == 0 {
-            return Err(words.refuse(b'P', Fault::NoSuchInput { number }));
-        }
-        let allowed = "1 comes on, 2 goes off, 3 is on, 4 is off";
-        let until = match words.take_whole(b'L', code, 1..=4, allowed)? {
-            Some(1) => Until::Rise,
-            Some(2) => Until::Fall,
-            Some(3) => Until::High,
-            Some(_) => Until::Low,
-            None => return missing(words, "L: 1 comes on, 2 goes off, 3 is on, 4 is off"),
-        };
-        match words.take(b'Q', code)? {
-            Some(seconds) if (0.0..=DWELL_LIMIT).contains(&seconds) => Ok(InputWait {
-                number: number as u8,
-                until,
-                within: Duration::from_secs_f64(seconds),
-            }),
-            Some(seconds) => {
-                let allowed = "a time from 0 to 1000000 s";
-                Err(words.refuse(b'Q', out_of_range('Q', seconds, allowed)))
-            }
-            None => missing(words, "Q, the time in seconds within which it has to come"),
-        }
     }
 
     fn dwell(&mut self, words: &mut Words, commands: &mut VecDeque<Action>) -> Result<(), Refusal> {
@@ -461,40 +336,4 @@ pub(crate) fn missing(words: &Words, group: Group, code: Code, what: &'static st
         words.code_columns(group).unwrap_or_default(),
         Fault::MissingWord { code, words: what },
     )
-}
-
-/// What a code of the machine's outputs does.
-fn output(words: &mut Words, code: Code) -> Result<Output, Refusal> {
-    let missing = |words: &Words, what| Err(missing(words, Group::Output, code, what));
-    match code {
-        Code::M(number @ 62..=65) => {
-            let allowed = "a digital output from 0 to 63";
-            match words.take_whole(b'P', code, 0..=DIGITAL_OUTPUTS as u32 - 1, allowed)? {
-                Some(output) => Ok(Output::Digital {
-                    number: output as u8,
-                    on: matches!(number, 62 | 64),
-                    with_motion: number < 64,
-                }),
-                None => missing(words, "P, the number of the output"),
-            }
-        }
-        Code::M(number @ (67 | 68)) => {
-            let allowed = "an analog output from 0 to 3";
-            let output = words.take_whole(b'E', code, 0..=ANALOG_OUTPUTS as u32 - 1, allowed)?;
-            match (output, words.take(b'Q', code)?) {
-                (Some(output), Some(value)) => Ok(Output::Analog {
-                    number: output as u8,
-                    value,
-                    with_motion: number == 67,
-                }),
-                (None, _) => missing(words, "E, the number of the output"),
-                (_, None) => missing(words, "Q, the value"),
-            }
-        }
-        _ => Ok(Output::User {
-            code: code.number(),
-            p: words.take(b'P', code)?,
-            q: words.take(b'Q', code)?,
-        }),
-    }
 }

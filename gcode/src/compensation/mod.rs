@@ -53,7 +53,7 @@ use super::arc::{Arc, Direction, Plane};
 use super::axes::{Axis, Point};
 use super::command::{Action, Command, Feed, Span};
 use super::error::{Fault, Origin, Refusal};
-use segment::{ROUNDING, Segment, Vector, along, cross, distance, dot, left_of};
+use segment::{CircularArc, ROUNDING, Segment, Vector, along, cross, distance, dot, left_of};
 
 /// How far the tool may cut beyond the contour, where programs round their digits, mm.
 const NEGLIGIBLE: f64 = 0.001;
@@ -186,12 +186,12 @@ impl Compensation {
                 if (arc.start_radius - arc.end_radius).abs() > SHORT {
                     return Err(origin.refuse(Fault::CutterSpiral));
                 }
-                Segment::Arc {
+                Segment::Arc(CircularArc {
                     center: arc.center,
                     radius: arc.start_radius,
                     start: arc.start_angle,
                     sweep: arc.sweep,
-                }
+                })
             }
             _ => Segment::Line {
                 from: self.in_plane(&self.programmed),
@@ -268,7 +268,7 @@ impl Compensation {
         let entering = self.held.is_none();
         if entering {
             let length = contour.length();
-            if matches!(contour, Segment::Arc { .. }) {
+            if matches!(contour, Segment::Arc(_)) {
                 return Err(origin.refuse(Fault::CutterEntryArc));
             }
             if length <= radius {
@@ -406,12 +406,12 @@ impl Compensation {
         let [_, direction] = held.contour.directions();
         let aside = left_of(direction);
         let start = libm::atan2(self.side() * aside[1], self.side() * aside[0]);
-        Segment::Arc {
+        Segment::Arc(CircularArc {
             center,
             radius: self.cutter.radius,
             start,
             sweep: -self.side() * turn,
-        }
+        })
     }
 
     /// Hands out a block along its path, and what waited for its end.
@@ -425,9 +425,7 @@ impl Compensation {
             out.go(&mut self.at, self::line(held.speed, to), &held.origin)?;
         } else {
             let before_path = match (held.path, held.contour) {
-                (Segment::Arc { start: path, .. }, Segment::Arc { start: contour, .. }) => {
-                    path - contour
-                }
+                (Segment::Arc(path), Segment::Arc(contour)) => path.start - contour.start,
                 _ => 0.0,
             };
             let path = Part::of(held.path, held.turned + before_path, height, line);
@@ -459,9 +457,8 @@ impl Compensation {
     ) -> Result<(), Refusal> {
         let to = self.out_of_plane(path.to(), end);
         match (path, speed) {
-            (Segment::Arc { center, sweep, .. }, Speed::Feed(feed))
-                if path.length() > 10.0 * SHORT =>
-            {
+            (Segment::Arc(circular), Speed::Feed(feed)) if path.length() > 10.0 * SHORT => {
+                let CircularArc { center, sweep, .. } = circular;
                 let direction = if sweep > 0.0 {
                     Direction::Counterclockwise
                 } else {
@@ -485,7 +482,7 @@ impl Compensation {
                 out.go(&mut self.at, Action::Arc { arc, feed }, origin)
             }
             // At rapid around a corner on tangents to the arc, which stay clear of the contour.
-            (Segment::Arc { .. }, Speed::Rapid) => {
+            (Segment::Arc(_), Speed::Rapid) => {
                 for part in path.parts(FRAC_PI_2) {
                     let [direction, _] = part.directions();
                     let tangent = part.length() / part.turning().abs()

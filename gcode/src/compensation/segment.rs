@@ -1,6 +1,6 @@
 //! Lines and circular arcs in a plane: offsets, crossings, distances.
 
-use std::f64::consts::TAU;
+use std::f64::consts::{PI, TAU};
 
 /// A point or a vector in the plane, mm.
 pub(crate) type Vector = [f64; 2];
@@ -54,49 +54,59 @@ fn once_round(angle: f64, rounding: f64) -> f64 {
 /// A line or an arc with a sense.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Segment {
-    Line {
-        from: Vector,
-        to: Vector,
-    },
-    Arc {
-        center: Vector,
-        radius: f64,
-        /// Angle of the start about the centre, rad.
-        start: f64,
-        /// Angle swept, rad, positive to the left.
-        sweep: f64,
-    },
+    Line { from: Vector, to: Vector },
+    Arc(CircularArc),
+}
+
+/// An arc with a sense.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct CircularArc {
+    pub(crate) center: Vector,
+    pub(crate) radius: f64,
+    /// Angle of the start about the centre, rad.
+    pub(crate) start: f64,
+    /// Angle swept, rad, positive to the left.
+    pub(crate) sweep: f64,
+}
+
+impl CircularArc {
+    fn length(&self) -> f64 {
+        self.radius * self.sweep.abs()
+    }
+
+    /// The point at an angle.
+    fn at(&self, angle: f64) -> Vector {
+        along(
+            self.center,
+            [libm::cos(angle), libm::sin(angle)],
+            self.radius,
+        )
+    }
+
+    fn end(&self) -> f64 {
+        self.start + self.sweep
+    }
 }
 
 impl Segment {
     pub(crate) fn length(&self) -> f64 {
         match *self {
             Segment::Line { from, to } => distance(from, to),
-            Segment::Arc { radius, sweep, .. } => radius * sweep.abs(),
+            Segment::Arc(arc) => arc.length(),
         }
     }
 
     pub(crate) fn from(&self) -> Vector {
         match *self {
             Segment::Line { from, .. } => from,
-            Segment::Arc {
-                center,
-                radius,
-                start,
-                ..
-            } => on_circle(center, radius, start),
+            Segment::Arc(arc) => arc.at(arc.start),
         }
     }
 
     pub(crate) fn to(&self) -> Vector {
         match *self {
             Segment::Line { to, .. } => to,
-            Segment::Arc {
-                center,
-                radius,
-                start,
-                sweep,
-            } => on_circle(center, radius, start + sweep),
+            Segment::Arc(arc) => arc.at(arc.end()),
         }
     }
 
@@ -107,8 +117,11 @@ impl Segment {
                 let length = distance(from, to);
                 [[(to[0] - from[0]) / length, (to[1] - from[1]) / length]; 2]
             }
-            Segment::Arc { start, sweep, .. } => [start, start + sweep]
-                .map(|angle| left_of(on_circle([0.0; 2], sweep.signum(), angle))),
+            Segment::Arc(arc) => {
+                let left = arc.sweep.signum();
+                [arc.start, arc.end()]
+                    .map(|angle| left_of([left * libm::cos(angle), left * libm::sin(angle)]))
+            }
         }
     }
 
@@ -116,7 +129,7 @@ impl Segment {
     pub(crate) fn curvature(&self) -> f64 {
         match *self {
             Segment::Line { .. } => 0.0,
-            Segment::Arc { radius, sweep, .. } => sweep.signum() / radius,
+            Segment::Arc(arc) => arc.sweep.signum() / arc.radius,
         }
     }
 
@@ -124,7 +137,7 @@ impl Segment {
     pub(crate) fn turning(&self) -> f64 {
         match *self {
             Segment::Line { .. } => 0.0,
-            Segment::Arc { sweep, .. } => sweep,
+            Segment::Arc(arc) => arc.sweep,
         }
     }
 
@@ -138,19 +151,9 @@ impl Segment {
                     to: along(to, aside, left),
                 })
             }
-            Segment::Arc {
-                center,
-                radius,
-                start,
-                sweep,
-            } => {
-                let radius = radius - left * sweep.signum();
-                (radius > ROUNDING).then_some(Segment::Arc {
-                    center,
-                    radius,
-                    start,
-                    sweep,
-                })
+            Segment::Arc(arc) => {
+                let radius = arc.radius - left * arc.sweep.signum();
+                (radius > ROUNDING).then_some(Segment::Arc(CircularArc { radius, ..arc }))
             }
         }
     }
@@ -159,14 +162,10 @@ impl Segment {
     pub(crate) fn ahead(&self, point: Vector) -> f64 {
         match *self {
             Segment::Line { from, .. } => dot(minus(point, from), self.directions()[0]),
-            Segment::Arc {
-                center,
-                radius,
-                start,
-                sweep,
-            } => {
-                let angle = (angle(minus(point, center)) - start) * sweep.signum();
-                radius * once_round(angle, (ROUNDING / radius).max(1e-12))
+            Segment::Arc(arc) => {
+                let towards = angle(minus(point, arc.center));
+                let passed = (towards - arc.start) * arc.sweep.signum();
+                arc.radius * once_round(passed, (ROUNDING / arc.radius).max(1e-12))
             }
         }
     }
@@ -179,17 +178,11 @@ impl Segment {
     fn reversed(&self) -> Segment {
         match *self {
             Segment::Line { from, to } => Segment::Line { from: to, to: from },
-            Segment::Arc {
-                center,
-                radius,
-                start,
-                sweep,
-            } => Segment::Arc {
-                center,
-                radius,
-                start: start + sweep,
-                sweep: -sweep,
-            },
+            Segment::Arc(arc) => Segment::Arc(CircularArc {
+                start: arc.end(),
+                sweep: -arc.sweep,
+                ..arc
+            }),
         }
     }
 
@@ -200,19 +193,13 @@ impl Segment {
                 from: along(from, self.directions()[0], length),
                 to,
             },
-            Segment::Arc {
-                center,
-                radius,
-                start,
-                sweep,
-            } => {
-                let angle = length / radius * sweep.signum();
-                Segment::Arc {
-                    center,
-                    radius,
-                    start: start + angle,
-                    sweep: sweep - angle,
-                }
+            Segment::Arc(arc) => {
+                let angle = length / arc.radius * arc.sweep.signum();
+                Segment::Arc(CircularArc {
+                    start: arc.start + angle,
+                    sweep: arc.sweep - angle,
+                    ..arc
+                })
             }
         }
     }
@@ -227,17 +214,11 @@ impl Segment {
         let count = (self.turning().abs() / most).ceil().max(1.0);
         (0..count as u32).map(move |part| match self {
             Segment::Line { .. } => self,
-            Segment::Arc {
-                center,
-                radius,
-                start,
-                sweep,
-            } => Segment::Arc {
-                center,
-                radius,
-                start: start + sweep * f64::from(part) / count,
-                sweep: sweep / count,
-            },
+            Segment::Arc(arc) => Segment::Arc(CircularArc {
+                start: arc.start + arc.sweep * f64::from(part) / count,
+                sweep: arc.sweep / count,
+                ..arc
+            }),
         })
     }
 
@@ -256,18 +237,11 @@ impl Segment {
                 let crossing = along(from, direction, length);
                 [length.is_finite().then_some(crossing), None]
             }
-            (Segment::Line { from, .. }, Segment::Arc { center, radius, .. }) => {
-                line_and_circle(from, self.directions()[0], center, radius)
+            (Segment::Line { from, .. }, Segment::Arc(arc)) => {
+                line_and_circle(from, self.directions()[0], &arc)
             }
-            (Segment::Arc { .. }, Segment::Line { .. }) => other.crossings(self),
-            (
-                Segment::Arc { center, radius, .. },
-                Segment::Arc {
-                    center: other,
-                    radius: other_radius,
-                    ..
-                },
-            ) => circles(center, radius, other, other_radius),
+            (Segment::Arc(_), Segment::Line { .. }) => other.crossings(self),
+            (Segment::Arc(arc), Segment::Arc(other)) => circles(&arc, &other),
         }
     }
 
@@ -290,16 +264,11 @@ impl Segment {
         let ends = |a: &Segment, b: &Segment| a.distance_to(b.from()).min(a.distance_to(b.to()));
         let mut least = ends(self, other).min(ends(other, self));
         let facing = match (self, other) {
-            (Segment::Arc { center, .. }, _) => Some((*center, other)),
-            (_, Segment::Arc { center, .. }) => Some((*center, self)),
+            (Segment::Arc(arc), _) => Some((arc.center, self, other)),
+            (_, Segment::Arc(arc)) => Some((arc.center, other, self)),
             _ => None,
         };
-        if let Some((center, across)) = facing {
-            let arc = if matches!(self, Segment::Arc { .. }) {
-                self
-            } else {
-                other
-            };
+        if let Some((center, arc, across)) = facing {
             for foot in across.feet(center).into_iter().flatten() {
                 if across.holds(foot) {
                     least = least.min(arc.distance_to(foot));
@@ -328,9 +297,9 @@ impl Segment {
                 let length = dot(minus(point, from), direction);
                 [Some(along(from, direction, length)), None]
             }
-            Segment::Arc { center, radius, .. } => {
-                let towards = angle(minus(point, center));
-                [radius, -radius].map(|radius| Some(on_circle(center, radius, towards)))
+            Segment::Arc(arc) => {
+                let towards = angle(minus(point, arc.center));
+                [towards, towards + PI].map(|angle| Some(arc.at(angle)))
             }
         }
     }
@@ -341,14 +310,10 @@ impl Segment {
         let bulge = match *self {
             Segment::Line { .. } => 0.0,
             // Of an arc up to a half turn; a longer one stays within the diameter.
-            Segment::Arc { radius, sweep, .. } => {
-                radius
-                    * if sweep.abs() < 3.0 {
-                        1.0 - libm::cos(sweep / 2.0)
-                    } else {
-                        2.0
-                    }
+            Segment::Arc(arc) if arc.sweep.abs() < 3.0 => {
+                arc.radius * (1.0 - libm::cos(arc.sweep / 2.0))
             }
+            Segment::Arc(arc) => 2.0 * arc.radius,
         };
         [
             [from[0].min(to[0]) - bulge, from[1].min(to[1]) - bulge],
@@ -357,17 +322,8 @@ impl Segment {
     }
 }
 
-fn on_circle(center: Vector, radius: f64, angle: f64) -> Vector {
-    along(center, [libm::cos(angle), libm::sin(angle)], radius)
-}
-
-fn line_and_circle(
-    from: Vector,
-    direction: Vector,
-    center: Vector,
-    radius: f64,
-) -> [Option<Vector>; 2] {
-    let to_center = minus(center, from);
+fn line_and_circle(from: Vector, direction: Vector, arc: &CircularArc) -> [Option<Vector>; 2] {
+    let (to_center, radius) = (minus(arc.center, from), arc.radius);
     let (nearest, aside) = (dot(to_center, direction), cross(to_center, direction));
     let half = ((radius - aside) * (radius + aside)).sqrt();
     if half.is_nan() {
@@ -376,7 +332,8 @@ fn line_and_circle(
     [nearest - half, nearest + half].map(|length| Some(along(from, direction, length)))
 }
 
-fn circles(a: Vector, radius_a: f64, b: Vector, radius_b: f64) -> [Option<Vector>; 2] {
+fn circles(one: &CircularArc, other: &CircularArc) -> [Option<Vector>; 2] {
+    let (a, radius_a, b, radius_b) = (one.center, one.radius, other.center, other.radius);
     let apart = distance(a, b);
     let direction = [(b[0] - a[0]) / apart, (b[1] - a[1]) / apart];
     let nearest = (apart + (radius_a - radius_b) * (radius_a + radius_b) / apart) / 2.0;

@@ -2,7 +2,7 @@
 //! arcs, slits, spikes and corners that hardly turn or turn back, gone around inside and outside.
 //!
 //! Nothing here knows how a path is made: a contour is measured by its own lines and arcs, and the
-//! tool is a disc that is put on every point of what came out. `CONTOURS` sets how many are tried.
+//! tool is a disc that is put on every point of what came out.
 
 use std::f64::consts::{PI, TAU};
 use std::fmt::Write;
@@ -486,12 +486,10 @@ fn judge_refusal(case: &Case, line: u32, fault: &Fault, seed: u64) {
     );
 }
 
-#[test]
-fn nothing_is_cut_and_all_in_reach_is_touched() {
-    let wanted = std::env::var("CONTOURS").ok();
-    let wanted: u32 = wanted.map_or(100, |count| count.parse().unwrap());
+/// Judges so many contours from a seed on.
+fn sweep(first: u64, wanted: u32) {
     let (mut contours, mut accepted) = (0, 0);
-    for seed in 0.. {
+    for seed in first.. {
         let Some(case) = Case::new(seed) else {
             continue;
         };
@@ -509,6 +507,18 @@ fn nothing_is_cut_and_all_in_reach_is_touched() {
     }
     println!("{accepted} of {contours} contours are accepted");
     assert!(accepted * 4 > contours, "{accepted} of {contours}");
+}
+
+#[test]
+fn nothing_is_cut_and_all_in_reach_is_touched() {
+    sweep(0, 100);
+}
+
+/// Takes minutes: `cargo test -p syncline-gcode -- --ignored ten_thousand`.
+#[test]
+#[ignore = "takes minutes"]
+fn of_ten_thousand_contours_nothing_is_cut_and_all_in_reach_is_touched() {
+    sweep(1_000_000, 10_000);
 }
 
 /// Whatever the contour, also one that crosses itself: an answer, and moves that hang together.

@@ -1,0 +1,62 @@
+//! What F counts of a move: X Y Z, else U V W, else the turns of A B C.
+
+use crate::machine::{COORDINATES, Position};
+use syncline_trajectory::path::Curve;
+
+/// Travel below this is rounding of the program's, mm or degrees.
+const ROUNDING: f64 = 1e-7;
+
+/// What F counts is the first of these that moves: X Y Z, U V W, A B C.
+const COUNTED: [[usize; 3]; 3] = [[0, 1, 2], [6, 7, 8], [3, 4, 5]];
+
+/// Which of [`COUNTED`] are degrees.
+const TURNS: usize = 2;
+
+/// What X Y Z, U V W and A B C move each.
+#[must_use]
+pub fn moved(change: &Position) -> [f64; 3] {
+    COUNTED.map(|axes| {
+        let squares = axes.map(|i| change[i] * change[i]);
+        (squares[0] + squares[1] + squares[2]).sqrt()
+    })
+}
+
+/// Of a velocity, the speed as F counts it, and whether that is of a turn: degrees, not mm.
+#[must_use]
+pub fn counted_speed(velocity: &Position) -> (f64, bool) {
+    let groups = moved(velocity);
+    let most = groups.into_iter().fold(0.0, f64::max);
+    // The rounding of axes that rest is no movement.
+    let counted = groups.iter().position(|speed| *speed > 1e-9 * most);
+    counted.map_or((0.0, false), |group| (groups[group], group == TURNS))
+}
+
+/// The length of a move as F counts it, and whether it is that of a turn: degrees, not mm.
+pub(super) fn counted_length(curve: &Curve<COORDINATES>) -> (f64, bool) {
+    let Curve::Line(_) = curve else {
+        return (curve.length(), false);
+    };
+    let groups = moved(&change(curve));
+    let counted = groups.iter().position(|travel| *travel > ROUNDING);
+    counted.map_or((0.0, false), |group| (groups[group], group == TURNS))
+}
+
+fn change(curve: &Curve<COORDINATES>) -> Position {
+    let (start, end) = (curve.start(), curve.end());
+    std::array::from_fn(|i| end[i] - start[i])
+}
+
+/// The path speed at which a move has a programmed feed.
+pub(super) fn path_speed(curve: &Curve<COORDINATES>, feed: f64) -> f64 {
+    let Curve::Line(_) = curve else {
+        return feed;
+    };
+    let groups = moved(&change(curve));
+    let fed = groups.into_iter().find(|travel| *travel > ROUNDING);
+    match fed {
+        Some(fed) if groups.iter().any(|other| *other > 0.0 && *other != fed) => {
+            feed * curve.length() / fed
+        }
+        _ => feed,
+    }
+}

@@ -1,0 +1,330 @@
+//! A running program: its commands pushed into the planner, the planner's handed out as instructions.
+
+use super::feed::path_speed;
+use super::moves::{MoveSource, ON_THE_PATH, Step, Upcoming};
+use super::{Left, Program, ProgramError, place};
+use crate::control::functions::SWITCHES;
+use crate::control::{InputWait, Instruction, Pause, StopPoint, Switch};
+use crate::machine::{COORDINATES, InputMeaning, PathTolerances, Position, SpinUp};
+use std::collections::VecDeque;
+use std::mem::take;
+use std::path::{Path, PathBuf};
+use syncline_gcode::{self as gcode, Action, Interpreter, PathMode, Tables, TablesError};
+use syncline_trajectory::limits::PositionLimits;
+use syncline_trajectory::path::{
+    Command as PathCommand, Feed, Move, PathControlMode, PathItem, Planner, ReplanRequest,
+};
+
+/// Marks that can come up again when the path is planned anew: more than the planner keeps.
+const MOST_MARKS: usize = 2 * Planner::<COORDINATES>::KEPT;
+
+/// A running program: hands out one [`Instruction`] after the other.
+pub struct Feeder {
+    interpreter: Interpreter,
+    /// The tables as they were at the start.
+    tables: Tables,
+    source: MoveSource,
+    planner: Planner<COORDINATES>,
+    path_control_mode: PathControlMode,
+    tolerances: PathTolerances,
+    keeps: Option<PathBuf>,
+    /// What the planner's marks stand for, from this one on.
+    marks: VecDeque<StopPoint>,
+    first_mark: u32,
+    /// What is switched at the planner's waypoints, on its way into the cycle.
+    switches: VecDeque<(u32, Switch)>,
+    /// How many of them the path passes without a stop.
+    since_stop: usize,
+    /// The spindle's speed has changed since the last cut.
+    spins_up: bool,
+    spindle: SpinUp,
+    /// What is switched with the next motion.
+    with_motion: Vec<(u32, Switch)>,
+    upcoming: Upcoming,
+    /// Of the next move.
+    tag: u32,
+    ended: bool,
+}
+
+/// How moves are left in this mode.
+fn path_control_mode(mode: PathMode, tolerances: PathTolerances) -> PathControlMode {
+    match mode {
+        PathMode::ExactStop => PathControlMode::Stop,
+        PathMode::ExactPath => PathControlMode::Exact(tolerances.exact),
+        PathMode::Blend { tolerance, merge } => {
+            let tolerance = tolerance.unwrap_or(tolerances.blend);
+            merge.map_or(PathControlMode::Blend(tolerance), |within| {
+                PathControlMode::Merge { tolerance, within }
+            })
+        }
+    }
+}
+
+impl Program {
+    /// Starts the program from `start`; its moves and switches go to `upcoming` before they come in
+    /// an instruction.
+    ///
+    /// # Errors
+    /// The file cannot be read.
+    pub fn feeder(&self, start: Position, upcoming: Upcoming) -> Result<Feeder, ProgramError> {
+        let mut planner = Planner::new(self.limits, start);
+        planner.keep_within(self.setup.limits.map(|limits| {
+            let (min, max) = limits.unwrap_or((f64::NEG_INFINITY, f64::INFINITY));
+            PositionLimits { min, max }
+        }));
+        Ok(Feeder {
+            tables: self.setup.tables.clone(),
+            interpreter: self.interpret(start)?,
+            source: MoveSource { at: start },
+            planner,
+            path_control_mode: path_control_mode(
+                self.setup.memory.modes().path_mode,
+                self.tolerances,
+            ),
+            tolerances: self.tolerances,
+            keeps: self.keeps.clone(),
+            marks: VecDeque::new(),
+            first_mark: 0,
+            switches: VecDeque::new(),
+            since_stop: 0,
+            spins_up: false,
+            spindle: self.spindle,
+            with_motion: Vec::new(),
+            upcoming,
+            tag: 0,
+            ended: false,
+        })
+    }
+}
+
+impl Feeder {
+    /// As [`Planner::deepen`], before the first instruction.
+    pub fn deepen(&mut self, times: u32) {
+        self.planner.deepen(times);
+    }
+
+    /// The next instruction; after [`StopPoint::End`] or [`StopPoint::Broken`] none.
+    ///
+    /// # Errors
+    /// The block that cannot be run. What was programmed before it still comes, and then
+    /// [`StopPoint::Broken`].
+    pub fn next_instruction(&mut self) -> Result<Option<Instruction<COORDINATES>>, ProgramError> {
+        loop {
+            // What is switched has to be there before the path comes to its place.
+            if let Some((line, switch)) = self.switches.pop_front() {
+                return Ok(Some(Instruction::Switch { line, switch }));
+            }
+            while let Some(end) = self.planner.move_end() {
+                self.upcoming.tell(Step::End(end));
+            }
+            if let Some(command) = self.planner.pop() {
+                return Ok(Some(self.instruction(command)));
+            }
+            if self.ended {
+                return Ok(None);
+            }
+            let Some(command) = self.interpreter.next() else {
+                self.stop_then(StopPoint::End);
+                self.ended = true;
+                continue;
+            };
+            let taken = command.map_err(ProgramError::from);
+            if let Err(error) = taken.and_then(|command| self.take(&command)) {
+                self.stop_then(StopPoint::Broken);
+                self.ended = true;
+                return Err(error);
+            }
+        }
+    }
+
+    fn take(&mut self, command: &gcode::Command) -> Result<(), ProgramError> {
+        let line = command.span.line;
+        let motion = self.source.curve(command);
+        let motion = motion.map_err(|source| ProgramError::Curve {
+            place: place(&self.interpreter, command.span),
+            source,
+        })?;
+        if let Some(mut motion) = motion {
+            let cuts = matches!(command.action, Action::Feed { .. } | Action::Arc { .. });
+            if cuts && take(&mut self.spins_up) {
+                self.await_spindle(command.span)?;
+            }
+            for (line, switch) in take(&mut self.with_motion) {
+                self.switch(line, switch);
+            }
+            motion.tolerance = self.path_control_mode.tolerance().max(ON_THE_PATH);
+            let feed = match &command.action {
+                Action::Feed { feed, .. } | Action::Arc { feed, .. } => match *feed {
+                    gcode::Feed::Rate(rate) => Feed::Rate(path_speed(&motion.curve, rate)),
+                    gcode::Feed::Duration(seconds) => Feed::Rate(motion.curve.length() / seconds),
+                },
+                _ => Feed::Rapid,
+            };
+            let item = PathItem::Move(Move {
+                curve: motion.curve,
+                feed,
+                mode: self.path_control_mode,
+                tag: self.tag,
+            });
+            self.tag += 1;
+            self.upcoming.tell(Step::Move(motion));
+            return self.push(command.span, item);
+        }
+        match &command.action {
+            Action::Dwell { seconds } => {
+                let item = PathItem::Dwell {
+                    duration: *seconds,
+                    tag: self.tag.saturating_sub(1),
+                };
+                self.push(command.span, item)?;
+            }
+            Action::Stop(stop) => {
+                let reason = match *stop {
+                    gcode::Stop::Program => Pause::ProgramStop,
+                    gcode::Stop::Optional => Pause::OptionalStop,
+                    gcode::Stop::ToolChange { tool } => Pause::ToolChange(tool),
+                };
+                if let gcode::Stop::ToolChange { tool } = *stop {
+                    self.switch(line, Switch::Tool(tool));
+                }
+                self.stop_then(StopPoint::Pause { reason, line });
+            }
+            Action::AwaitInput(wait) => {
+                let wait = InputWait {
+                    input: InputMeaning::Program(wait.number),
+                    until: wait.until,
+                    within: wait.within,
+                };
+                self.stop_then(StopPoint::AwaitInput { wait, line });
+            }
+            Action::ToolLoaded(tool) => self.switch(line, Switch::Tool(*tool)),
+            Action::Spindle(spindle) => {
+                self.spins_up = spindle.turning != gcode::Turning::Off;
+                self.switch(line, Switch::Spindle(*spindle));
+            }
+            Action::Coolant(coolant) => self.switch(line, Switch::Coolant(*coolant)),
+            Action::Output(output) if output.is_with_motion() => {
+                self.with_motion.push((line, Switch::Output(*output)));
+            }
+            Action::Output(output) => self.switch(line, Switch::Output(*output)),
+            Action::PathMode(mode) => {
+                self.path_control_mode = path_control_mode(*mode, self.tolerances)
+            }
+            Action::End => {
+                // The end of a program switches off, that of typed lines does not.
+                let before = self.interpreter.modes().clone();
+                let left = self.interpreter.memory();
+                if left.modes().spindle != before.spindle {
+                    self.switch(line, Switch::Spindle(left.modes().spindle));
+                }
+                if left.modes().coolant != before.coolant {
+                    self.switch(line, Switch::Coolant(left.modes().coolant));
+                }
+                self.stop_then(StopPoint::End);
+            }
+            _ => {}
+        }
+        self.ended |= command.action == Action::End;
+        Ok(())
+    }
+
+    /// The path rests until the spindle has its speed.
+    fn await_spindle(&mut self, span: gcode::Span) -> Result<(), ProgramError> {
+        match self.spindle {
+            SpinUp::Unknown => Ok(()),
+            SpinUp::After(ramp) => {
+                let item = PathItem::Dwell {
+                    duration: ramp.as_secs_f64(),
+                    tag: self.tag.saturating_sub(1),
+                };
+                self.push(span, item)
+            }
+            SpinUp::Told { within } => {
+                let wait = InputWait {
+                    input: InputMeaning::AtSpeed,
+                    until: gcode::Until::High,
+                    within,
+                };
+                let line = span.line;
+                self.stop_then(StopPoint::AwaitInput { wait, line });
+                Ok(())
+            }
+        }
+    }
+
+    /// What is switched once the path has come here.
+    fn switch(&mut self, line: u32, switch: Switch) {
+        if self.since_stop == SWITCHES {
+            self.stop_then(StopPoint::Rest);
+        }
+        self.since_stop += 1;
+        self.switches.push_back((line, switch));
+        self.planner.waypoint();
+    }
+
+    fn push(&mut self, span: gcode::Span, item: PathItem<COORDINATES>) -> Result<(), ProgramError> {
+        self.planner
+            .push(item)
+            .map_err(|source| ProgramError::Plan {
+                place: place(&self.interpreter, span),
+                source,
+            })
+    }
+
+    /// A command of the planner; its marks with what they stand for.
+    fn instruction(&self, command: PathCommand<COORDINATES>) -> Instruction<COORDINATES> {
+        let PathCommand::Mark { item, mark } = command else {
+            return Instruction::Plan(command);
+        };
+        let index = mark.checked_sub(self.first_mark);
+        let stop = index.and_then(|index| self.marks.get(index as usize));
+        debug_assert!(stop.is_some(), "mark {mark} was forgotten");
+        Instruction::Mark {
+            item,
+            mark,
+            stop: stop.copied().unwrap_or(StopPoint::Broken),
+        }
+    }
+
+    /// Comes to rest, then `stop`.
+    fn stop_then(&mut self, stop: StopPoint) {
+        self.since_stop = 0;
+        if self.marks.len() == MOST_MARKS {
+            self.marks.pop_front();
+            self.first_mark += 1;
+        }
+        self.marks.push_back(stop);
+        (self.planner).mark(self.first_mark + self.marks.len() as u32 - 1);
+    }
+
+    /// Plans the rest of the program anew where the executor wants that; the instructions of the
+    /// new plan come next. A request that was answered is passed over; false then.
+    pub fn replan(&mut self, request: &ReplanRequest) -> bool {
+        self.planner.replan(request)
+    }
+
+    /// What the program has left, once it has finished; what it changed in the tables is written
+    /// where that is wanted.
+    ///
+    /// # Errors
+    /// The file cannot be written; what the program left counts all the same.
+    pub fn finish(&self) -> (Left, Result<(), TablesError>) {
+        let left = Left {
+            memory: self.interpreter.memory(),
+            tables: self.interpreter.tables().clone(),
+        };
+        let kept = (self.keeps.as_deref()).map_or(Ok(()), |file| self.save_tables(file));
+        (left, kept)
+    }
+
+    /// Writes back the offsets and tools that the program changed.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn save_tables(&self, file: &Path) -> Result<(), TablesError> {
+        if *self.interpreter.tables() == self.tables {
+            return Ok(());
+        }
+        self.interpreter.tables().save(file, &self.tables)
+    }
+}

@@ -1,0 +1,73 @@
+//! What is wrong with a program, all of it, and each mistake once.
+
+use std::fmt;
+use syncline_gcode as gcode;
+
+/// How many mistakes of a program are told, and of how many lines of the same one.
+const MOST_MISTAKES: usize = 50;
+const MOST_LINES: usize = 12;
+
+/// A mistake of a program, and where it is made again.
+#[derive(Debug)]
+pub struct Mistake {
+    first: gcode::Error,
+    lines: Vec<u32>,
+    more: u64,
+}
+
+/// All mistakes of a program, in the order in which they are met.
+#[derive(Debug, Default)]
+pub struct Mistakes(Vec<Mistake>);
+
+impl Mistakes {
+    /// Whether there is none.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    /// Adds a mistake; `false` if no more can be told.
+    pub(super) fn add(&mut self, error: gcode::Error) -> bool {
+        // Numbers aside, the same message is the same mistake.
+        let kind = |error: &gcode::Error| {
+            let text = error.fault.to_string();
+            text.replace(|c: char| c.is_ascii_digit() || "-.".contains(c), "")
+        };
+        let known = kind(&error);
+        let same = |mistake: &&mut Mistake| {
+            mistake.first.file == error.file && kind(&mistake.first) == known
+        };
+        match self.0.iter_mut().find(same) {
+            Some(mistake) if mistake.lines.len() < MOST_LINES => mistake.lines.push(error.line),
+            Some(mistake) => mistake.more += 1,
+            None => self.0.push(Mistake {
+                first: error,
+                lines: Vec::new(),
+                more: 0,
+            }),
+        }
+        self.0.len() < MOST_MISTAKES
+    }
+}
+
+impl fmt::Display for Mistakes {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut separator = "";
+        for mistake in &self.0 {
+            write!(f, "{separator}{}", mistake.first)?;
+            separator = "\n";
+            if mistake.lines.is_empty() {
+                continue;
+            }
+            let lines: Vec<String> = mistake.lines.iter().map(u32::to_string).collect();
+            write!(f, "\n  the same in line {}", lines.join(", "))?;
+            if mistake.more > 0 {
+                write!(f, " and {} more", mistake.more)?;
+            }
+        }
+        if self.0.len() == MOST_MISTAKES {
+            f.write_str("\nfurther mistakes are not told: correct these first")?;
+        }
+        Ok(())
+    }
+}

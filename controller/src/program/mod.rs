@@ -1,0 +1,391 @@
+//! A part program on its way into the cycle: interpreted, turned into curves, planned.
+//!
+//! ```text
+//! file ──► gcode::Interpreter ──► Feeder ──► path::Planner ──► Instruction, to the controller
+//!                                   └──► Moves, to who follows the machine along the program
+//! ```
+//!
+//! The plan's coordinates are the letters X Y Z A B C U V W, whatever axes the machine has.
+//! [`Programs`] is what all programs of a machine share, a [`Program`] one of them before it runs, a
+//! [`Feeder`] the running one.
+
+mod feed;
+mod feeder;
+mod mistakes;
+mod moves;
+
+pub use feed::{counted_speed, moved};
+pub use feeder::Feeder;
+pub use mistakes::{Mistake, Mistakes};
+pub use moves::{Moves, ProgramMove, Upcoming};
+
+use crate::machine::{COORDINATES, InputMeaning, Machine, PathTolerances, Position, SpinUp};
+use feed::counted_length;
+use moves::MoveSource;
+use std::fmt;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+use syncline_gcode::{self as gcode, Action, AxisSet, Interpreter, Tables, TablesError};
+use syncline_trajectory::path::{CurveError, Limits, PathError};
+
+/// What all programs of a machine have in common: axes, limits, tables, and what the programs before
+/// have left.
+#[derive(Clone, Debug)]
+pub struct Programs {
+    setup: gcode::Setup,
+    limits: Limits<COORDINATES>,
+    tolerances: PathTolerances,
+    spindle: SpinUp,
+    /// Where what a program changes in the tables is written at its end.
+    keeps: Option<PathBuf>,
+}
+
+/// What a program leaves to the next one.
+#[derive(Clone, Debug)]
+pub struct Left {
+    /// The modal state, and what else goes on.
+    pub memory: gcode::Memory,
+    /// Offsets, reference points and tools.
+    pub tables: Tables,
+}
+
+/// Where a program's blocks are.
+#[derive(Clone, Debug)]
+enum Source {
+    File(PathBuf),
+    /// Typed in.
+    Lines(String),
+}
+
+/// Operator switches and the place a program starts from.
+#[derive(Clone, Debug)]
+pub struct Program {
+    source: Source,
+    setup: gcode::Setup,
+    limits: Limits<COORDINATES>,
+    tolerances: PathTolerances,
+    keeps: Option<PathBuf>,
+    spindle: SpinUp,
+    /// Begin there instead of at the beginning.
+    from_line: Option<u32>,
+    /// Not interpreted as a whole before it runs.
+    stream: bool,
+}
+
+/// What a program amounts to.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Extent {
+    /// Blocks executed.
+    pub blocks: u64,
+    /// Length of all moves that F counts in mm.
+    pub length: f64,
+    /// Of those that turn A, B and C alone, degrees.
+    pub turned: f64,
+    /// Whether it changes the tables, as far as is known: a program that is not read as a whole
+    /// may.
+    pub sets_tables: bool,
+    /// The greatest change of an arc that was made for its ends to be exact, mm, and its line.
+    pub arc_deviation: (f64, u32),
+}
+
+/// Why a program cannot be run.
+#[derive(Debug, thiserror::Error)]
+pub enum ProgramError {
+    /// A block is wrong or not supported.
+    #[error(transparent)]
+    Block(#[from] gcode::Error),
+    /// Some are.
+    #[error("{0}")]
+    Blocks(Mistakes),
+    /// A move has no curve.
+    #[error("{place}: this move cannot be followed")]
+    Curve {
+        /// File, line and column.
+        place: String,
+        /// Why.
+        source: CurveError,
+    },
+    /// A move cannot be planned.
+    #[error("{place}: this move cannot be planned")]
+    Plan {
+        /// File, line and column.
+        place: String,
+        /// Why.
+        source: PathError,
+    },
+}
+
+impl Programs {
+    /// For a machine, with the tables beside its file.
+    ///
+    /// # Errors
+    /// The tables cannot be used.
+    pub fn new(machine: &Machine, machine_file: &Path) -> Result<Self, TablesError> {
+        let mut axes = AxisSet::default();
+        // A coordinate without an axis never moves, and is not to slow down the others.
+        let mut limits = Limits {
+            velocity: [1e6; COORDINATES],
+            acceleration: [1e9; COORDINATES],
+            jerk: [1e12; COORDINATES],
+        };
+        let mut soft_limits = [None; COORDINATES];
+        for axis in &machine.axes {
+            axes.insert(axis.letter);
+            let coordinate = axis.letter.index();
+            limits.velocity[coordinate] = axis.limits.velocity;
+            limits.acceleration[coordinate] = axis.limits.acceleration;
+            limits.jerk[coordinate] = axis.limits.jerk;
+            soft_limits[coordinate] = Some(axis.limits.position);
+        }
+        let mut setup = gcode::Setup::new(axes);
+        setup.limits = soft_limits;
+        setup.spindle_speeds = machine.spindle.map(|spindle| spindle.speeds);
+        for input in &machine.inputs {
+            if let InputMeaning::Program(number) = input.meaning {
+                setup.inputs |= 1 << number;
+            }
+        }
+        setup.tables = Tables::load(&Tables::beside(machine_file))?;
+        Ok(Self {
+            setup,
+            limits,
+            tolerances: machine.path,
+            spindle: SpinUp::of(machine),
+            keeps: None,
+        })
+    }
+
+    /// Writes what a program changes in the tables to that file once it has finished.
+    #[must_use]
+    pub fn keep_tables(mut self, file: PathBuf) -> Self {
+        self.keeps = Some(file);
+        self
+    }
+
+    /// A program in a file.
+    #[must_use]
+    pub fn file(&self, file: &Path) -> Program {
+        self.program(Source::File(file.to_owned()))
+    }
+
+    /// Lines that were typed in: where they end the modal state goes on.
+    #[must_use]
+    pub fn lines(&self, text: &str) -> Program {
+        let mut program = self.program(Source::Lines(text.to_owned()));
+        program.setup.typed = true;
+        program
+    }
+
+    fn program(&self, source: Source) -> Program {
+        let mut setup = self.setup.clone();
+        setup.abandoned = Arc::default();
+        Program {
+            source,
+            setup,
+            limits: self.limits,
+            tolerances: self.tolerances,
+            keeps: self.keeps.clone(),
+            spindle: self.spindle,
+            from_line: None,
+            stream: false,
+        }
+    }
+
+    /// What the programs so far have left.
+    #[must_use]
+    pub fn memory(&self) -> &gcode::Memory {
+        &self.setup.memory
+    }
+
+    /// What lies between program and machine coordinates, mm and degrees.
+    #[must_use]
+    pub fn offset(&self) -> Position {
+        self.setup.memory.offset(&self.setup.tables).0
+    }
+
+    /// The tool with this number, if the tables have it.
+    #[must_use]
+    pub fn tool(&self, number: u32) -> Option<&gcode::Tool> {
+        self.setup.tables.tools.get(&number)
+    }
+
+    /// A program has finished, and left this.
+    pub fn take_over(&mut self, left: Left) {
+        self.setup.memory = left.memory;
+        self.setup.tables = left.tables;
+    }
+
+    /// Typed lines were stopped, which switches spindle and coolant off: what they set is forgotten, but
+    /// for the tool that is in the spindle.
+    pub fn stop(&mut self, tool: u32) {
+        self.setup.memory.stop();
+        self.setup.memory.tool_is(tool);
+    }
+
+    /// A program was stopped: what it set is forgotten, as it was read ahead of the machine, and what
+    /// M2 resets is reset. The tool is the one that is in the spindle.
+    pub fn forget(&mut self, tool: u32) {
+        self.setup.memory.end_program();
+        self.setup.memory.tool_is(tool);
+    }
+}
+
+impl Program {
+    /// A program for a machine, with the tables beside the machine's file.
+    ///
+    /// # Errors
+    /// The tables cannot be used.
+    pub fn new(file: &Path, machine: &Machine, machine_file: &Path) -> Result<Self, TablesError> {
+        Ok(Programs::new(machine, machine_file)?.file(file))
+    }
+
+    /// Whether blocks that begin with `/` are skipped.
+    #[must_use]
+    pub fn block_delete(mut self, skips: bool) -> Self {
+        self.setup.block_delete = skips;
+        self
+    }
+
+    /// The line to begin at.
+    #[must_use]
+    pub fn from_line(mut self, line: Option<u32>) -> Self {
+        self.from_line = line;
+        self
+    }
+
+    /// Whether the program is read as it runs: it may be endless, and [`check`](Self::check) only
+    /// opens it.
+    #[must_use]
+    pub fn stream(mut self, streams: bool) -> Self {
+        self.stream = streams;
+        self.setup.max_blocks = (!streams).then_some(gcode::MAX_BLOCKS);
+        self
+    }
+
+    /// Whether the program is read as it runs.
+    #[must_use]
+    pub fn streams(&self) -> bool {
+        self.stream
+    }
+
+    /// What the line to begin at finds, for a person to confirm; `None` for the whole program.
+    ///
+    /// # Errors
+    /// The first block that cannot be run, or no such line.
+    pub fn beginning(&self, start: Position) -> Result<Option<Beginning>, ProgramError> {
+        let Some(line) = self.from_line else {
+            return Ok(None);
+        };
+        let interpreter = self.interpret(start)?;
+        Ok(Some(Beginning {
+            line,
+            modes: interpreter.modes().clone(),
+            axes: self.setup.axes,
+            position: interpreter.position(),
+        }))
+    }
+
+    /// Interprets the whole program from `start` without moving anything.
+    ///
+    /// # Errors
+    /// Every block that cannot be run.
+    pub fn check(&self, start: Position) -> Result<Extent, ProgramError> {
+        let mut interpreter = self.interpret(start)?;
+        if self.stream {
+            return Ok(Extent {
+                sets_tables: true,
+                ..Extent::default()
+            });
+        }
+        let mut source = MoveSource { at: start };
+        let mut extent = Extent::default();
+        let mut mistakes = Mistakes::default();
+        while let Some(command) = interpreter.next() {
+            let command = match command {
+                Ok(command) => command,
+                Err(error) => {
+                    let goes_on = interpreter.go_on(&error);
+                    if mistakes.add(error) && goes_on {
+                        continue;
+                    }
+                    break;
+                }
+            };
+            if !mistakes.is_empty() {
+                continue;
+            }
+            if let Action::Arc { arc, .. } = &command.action
+                && arc.deviation > extent.arc_deviation.0
+            {
+                extent.arc_deviation = (arc.deviation, command.span.line);
+            }
+            let motion = source.curve(&command);
+            let motion = motion.map_err(|source| ProgramError::Curve {
+                place: place(&interpreter, command.span),
+                source,
+            })?;
+            match motion.map(|motion| counted_length(&motion.curve)) {
+                Some((length, false)) => extent.length += length,
+                Some((angle, true)) => extent.turned += angle,
+                None => {}
+            }
+        }
+        if !mistakes.is_empty() {
+            return Err(ProgramError::Blocks(mistakes));
+        }
+        extent.blocks = interpreter.executed();
+        extent.sets_tables = *interpreter.tables() != self.setup.tables;
+        Ok(extent)
+    }
+
+    /// Whether somebody said that nobody wants the program any more.
+    #[must_use]
+    pub fn is_abandoned(&self) -> bool {
+        self.setup.abandoned.load(Ordering::Relaxed)
+    }
+
+    /// Nobody wants the program any more: whoever reads it, in whatever thread, goes no further
+    /// than the end of a block.
+    pub fn abandon(&self) {
+        self.setup.abandoned.store(true, Ordering::Relaxed);
+    }
+
+    fn interpret(&self, start: Position) -> Result<Interpreter, ProgramError> {
+        let mut setup = self.setup.clone();
+        setup.start = gcode::Point(start);
+        let mut interpreter = match &self.source {
+            Source::File(file) => Interpreter::open(file, setup)?,
+            Source::Lines(text) => Interpreter::from_text("MDI", text.as_str(), setup),
+        };
+        if let Some(line) = self.from_line {
+            interpreter.start_at_line(line)?;
+        }
+        Ok(interpreter)
+    }
+}
+
+/// The state in which a line in the middle of a program begins.
+#[derive(Clone, Debug)]
+pub struct Beginning {
+    line: u32,
+    modes: gcode::Modes,
+    axes: AxisSet,
+    position: gcode::Point,
+}
+
+impl fmt::Display for Beginning {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "line {} begins with {}, at", self.line, self.modes)?;
+        for axis in self.axes.iter() {
+            write!(f, " {axis}{:.3}", self.position[axis])?;
+        }
+        f.write_str(" in machine coordinates")
+    }
+}
+
+/// File, line and column of a command.
+fn place(interpreter: &Interpreter, span: gcode::Span) -> String {
+    let file = interpreter.file(span.file);
+    format!("{file}:{}:{}", span.line, span.columns.start)
+}

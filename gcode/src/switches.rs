@@ -1,0 +1,205 @@
+//! What a block switches, before it moves: tool, spindle, coolant, inputs and outputs.
+
+use std::collections::VecDeque;
+use std::time::Duration;
+
+use super::command::{
+    ANALOG_OUTPUTS, Action, Coolant, DIGITAL_INPUTS, DIGITAL_OUTPUTS, InputWait, Output, Stop,
+    Turning, Until,
+};
+use super::error::{Fault, Refusal};
+use super::execute::{DWELL_LIMIT, State, missing};
+use super::modal::{Code, Group};
+use super::words::{Words, out_of_range, whole};
+
+impl State {
+    /// T, M6, M61.
+    pub(crate) fn tools(
+        &mut self,
+        words: &mut Words,
+        commands: &mut VecDeque<Action>,
+    ) -> Result<(), Refusal> {
+        if let Some(tool) = words.take_free(b'T') {
+            let Some(tool) = whole(tool, 1e-4).filter(|tool| *tool <= 99_999) else {
+                let fault = out_of_range('T', tool, "a whole number from 0 to 99999");
+                return Err(words.refuse(b'T', fault));
+            };
+            self.modes.selected_tool = tool;
+            commands.push_back(Action::SelectTool(tool));
+        }
+        match words.code(Group::ToolChange) {
+            Some(code @ Code::M(61)) => {
+                let allowed = "the number of the tool that is in the spindle";
+                let Some(tool) = words.take_whole(b'Q', code, 0..=99_999, allowed)? else {
+                    let what = "Q, the tool in the spindle";
+                    return Err(missing(words, Group::ToolChange, code, what));
+                };
+                self.modes.tool = tool;
+                commands.push_back(Action::ToolLoaded(tool));
+            }
+            Some(_) => {
+                let tool = self.modes.selected_tool;
+                self.modes.tool = tool;
+                commands.push_back(Action::Stop(Stop::ToolChange { tool }));
+            }
+            None => {}
+        }
+        Ok(())
+    }
+
+    /// S, M3, M4, M5.
+    pub(crate) fn spindle(
+        &mut self,
+        words: &mut Words,
+        commands: &mut VecDeque<Action>,
+    ) -> Result<(), Refusal> {
+        let mut spindle = self.modes.spindle;
+        if let Some(speed) = words.take_free(b'S') {
+            if speed < 0.0 {
+                return Err(words.refuse(b'S', out_of_range('S', speed, "a speed from 0")));
+            }
+            if let Some((least, most)) = self.setup.spindle_speeds
+                && speed != 0.0
+                && !(least..=most).contains(&speed)
+            {
+                let fault = Fault::SpindleSpeed { speed, least, most };
+                return Err(words.refuse(b'S', fault));
+            }
+            spindle.speed = speed;
+        }
+        match words.code(Group::Spindle) {
+            Some(Code::M(3)) => spindle.turning = Turning::Clockwise,
+            Some(Code::M(4)) => spindle.turning = Turning::Counterclockwise,
+            Some(_) => spindle.turning = Turning::Off,
+            None => {}
+        }
+        if spindle != self.modes.spindle {
+            self.modes.spindle = spindle;
+            commands.push_back(Action::Spindle(spindle));
+        }
+        Ok(())
+    }
+
+    /// M7, M8, M9.
+    pub(crate) fn coolant(
+        &mut self,
+        words: &Words,
+        commands: &mut VecDeque<Action>,
+    ) -> Result<(), Refusal> {
+        let mut coolant = self.modes.coolant;
+        let (mist, flood) = (words.code(Group::Mist), words.code(Group::Coolant));
+        if let (Some(first), Some(second @ Code::M(9))) = (mist, flood) {
+            let columns = words.code_columns(Group::Coolant).unwrap_or_default();
+            let group = Group::Coolant.name();
+            return Err(Refusal::new(
+                columns,
+                Fault::Conflict {
+                    first,
+                    second,
+                    group,
+                },
+            ));
+        }
+        coolant.mist |= mist.is_some();
+        match flood {
+            Some(Code::M(8)) => coolant.flood = true,
+            Some(_) => coolant = Coolant::default(),
+            None => {}
+        }
+        if coolant != self.modes.coolant {
+            self.modes.coolant = coolant;
+            commands.push_back(Action::Coolant(coolant));
+        }
+        Ok(())
+    }
+
+    /// The overrides, which stay with the operator; outputs, and inputs that are waited for.
+    pub(crate) fn switches(
+        &mut self,
+        words: &mut Words,
+        commands: &mut VecDeque<Action>,
+    ) -> Result<(), Refusal> {
+        if let Some(code @ Code::M(50..=53)) = words.code(Group::Overrides)
+            && words.take(b'P', code)? == Some(0.0)
+        {
+            return Err(words.refuse(b'P', Fault::OperatorsOverride { code }));
+        }
+        if let Some(code) = words.code(Group::Output) {
+            commands.push_back(match code {
+                Code::M(66) => Action::AwaitInput(self.await_input(words, code)?),
+                _ => Action::Output(output(words, code)?),
+            });
+        }
+        Ok(())
+    }
+
+    /// What M66 waits for. What comes of it is not told to the program, so there is nothing that L0
+    /// and analog inputs would be for.
+    fn await_input(&self, words: &mut Words, code: Code) -> Result<InputWait, Refusal> {
+        let missing = |words: &Words, what| Err(missing(words, Group::Output, code, what));
+        let allowed = "a digital input from 0 to 63";
+        let Some(number) = words.take_whole(b'P', code, 0..=DIGITAL_INPUTS as u32 - 1, allowed)?
+        else {
+            return missing(words, "P, the number of the input");
+        };
+        if self.setup.inputs >> number & 1 == 0 {
+            return Err(words.refuse(b'P', Fault::NoSuchInput { number }));
+        }
+        let allowed = "1 comes on, 2 goes off, 3 is on, 4 is off";
+        let until = match words.take_whole(b'L', code, 1..=4, allowed)? {
+            Some(1) => Until::Rise,
+            Some(2) => Until::Fall,
+            Some(3) => Until::High,
+            Some(_) => Until::Low,
+            None => return missing(words, "L: 1 comes on, 2 goes off, 3 is on, 4 is off"),
+        };
+        match words.take(b'Q', code)? {
+            Some(seconds) if (0.0..=DWELL_LIMIT).contains(&seconds) => Ok(InputWait {
+                number: number as u8,
+                until,
+                within: Duration::from_secs_f64(seconds),
+            }),
+            Some(seconds) => {
+                let allowed = "a time from 0 to 1000000 s";
+                Err(words.refuse(b'Q', out_of_range('Q', seconds, allowed)))
+            }
+            None => missing(words, "Q, the time in seconds within which it has to come"),
+        }
+    }
+}
+
+/// What a code of the machine's outputs does.
+fn output(words: &mut Words, code: Code) -> Result<Output, Refusal> {
+    let missing = |words: &Words, what| Err(missing(words, Group::Output, code, what));
+    match code {
+        Code::M(number @ 62..=65) => {
+            let allowed = "a digital output from 0 to 63";
+            match words.take_whole(b'P', code, 0..=DIGITAL_OUTPUTS as u32 - 1, allowed)? {
+                Some(output) => Ok(Output::Digital {
+                    number: output as u8,
+                    on: matches!(number, 62 | 64),
+                    with_motion: number < 64,
+                }),
+                None => missing(words, "P, the number of the output"),
+            }
+        }
+        Code::M(number @ (67 | 68)) => {
+            let allowed = "an analog output from 0 to 3";
+            let output = words.take_whole(b'E', code, 0..=ANALOG_OUTPUTS as u32 - 1, allowed)?;
+            match (output, words.take(b'Q', code)?) {
+                (Some(output), Some(value)) => Ok(Output::Analog {
+                    number: output as u8,
+                    value,
+                    with_motion: number == 67,
+                }),
+                (None, _) => missing(words, "E, the number of the output"),
+                (_, None) => missing(words, "Q, the value"),
+            }
+        }
+        _ => Ok(Output::User {
+            code: code.number(),
+            p: words.take(b'P', code)?,
+            q: words.take(b'Q', code)?,
+        }),
+    }
+}
