@@ -2,20 +2,17 @@
 //! they fit together. Each stage reports all it finds, and the next starts only on what is clean,
 //! so that one mistake does not cause complaints about another thing.
 
+use super::node::{self, NodeTable, node_id};
 use super::signals::SignalTables;
 use super::simulation::{self, Simulation};
 use super::{
     Axis, AxisLimits, Bus, Controller, Drive, Machine, PathTolerances, Spindle, assumed, spindle,
 };
 use std::{collections::BTreeMap, ops::Range, time::Duration};
-use syncline_canopen::{Address, NodeId};
-use syncline_drives::model::{Assumed, Data, Direction, Increments, MODELS, Model, Scaling, Write};
+use syncline_drives::model::{Assumed, Direction, Increments, MODELS, Model, Scaling};
 use syncline_gcode as gcode;
-use syncline_strict_toml::{Diagnostic, Log, Table, integer, nearest, one_of};
-use toml::{
-    Spanned,
-    de::{DeTable, DeValue},
-};
+use syncline_strict_toml::{Diagnostic, Log, Table, nearest, one_of};
+use toml::{Spanned, de::DeTable};
 
 /// Degrees for one turn of a rotary axis.
 const TURN: f64 = 360.0;
@@ -105,41 +102,17 @@ impl Tables {
     /// Checks what concerns several tables, and resolves names.
     fn join(self, log: &mut Log<'_>) -> Option<Machine> {
         unique(log, "bus", self.buses.iter().map(|bus| &bus.name));
-        unique(log, "drive", self.drives.iter().map(|drive| &drive.name));
+        unique(
+            log,
+            "drive",
+            self.drives.iter().map(|drive| &drive.node.name),
+        );
         unique(log, "axis", self.axes.iter().map(|axis| &axis.name));
         let cycle = Duration::from_micros(*self.cycle.get_ref() as u64);
         let controller = self.controller.join(log, cycle);
 
-        // Node ids are unique on a bus; the controller is on every one of them.
-        let bus_of: Vec<_> = self
-            .drives
-            .iter()
-            .map(|drive| drive.resolve_bus(log, &self.buses))
-            .collect();
-        let mut nodes = BTreeMap::new();
-        for (drive, bus) in self.drives.iter().zip(&bus_of) {
-            let Some(bus) = *bus else { continue };
-            let node = drive.node.get_ref();
-            let other = if *node == controller.node {
-                Some("the controller")
-            } else {
-                nodes.insert((bus, *node), drive.name.get_ref().as_str())
-            };
-            if let Some(other) = other {
-                log.report(
-                    drive.node.span(),
-                    format!(
-                        "{}: node {node} is already {other} on bus \"{}\"",
-                        drive.title(),
-                        self.buses[bus].name.get_ref()
-                    ),
-                    "allowed: 1…127, each once on a bus",
-                );
-            }
-        }
-        for (drive, bus) in self.drives.iter().zip(&bus_of) {
-            drive.check_model(log, &self.cycle, bus.map(|bus| &self.buses[bus]));
-        }
+        let devices: Vec<_> = self.drives.iter().map(|drive| &drive.node).collect();
+        let bus_of = node::places(log, &devices, &self.buses, &self.cycle, controller.node);
 
         let axis_of = self.assign(log);
         let bus_of: Option<Vec<usize>> = bus_of.into_iter().collect();
@@ -150,7 +123,7 @@ impl Tables {
             .zip(bus_of?)
             .zip(axis_of?)
             .map(|((drive, bus), axis)| {
-                let assumed = assumed(&self.assumptions, drive.model);
+                let assumed = assumed(&self.assumptions, drive.node.model);
                 drive.join(log, bus, axis, &self.axes[axis], &assumed)
             })
             .collect();
@@ -195,7 +168,7 @@ impl Tables {
                 let names = self
                     .drives
                     .iter()
-                    .map(|drive| drive.name.get_ref().as_str());
+                    .map(|drive| drive.node.name.get_ref().as_str());
                 let Some(drive) = names.clone().position(|other| other == name.get_ref()) else {
                     unknown(log, &axis.title(), "drive", name, names);
                     misnamed = true;
@@ -219,8 +192,8 @@ impl Tables {
         for (drive, axis) in self.drives.iter().zip(&axis_of) {
             if axis.is_none() && !misnamed {
                 log.report(
-                    drive.name.span(),
-                    format!("{}: no axis names it", drive.title()),
+                    drive.node.name.span(),
+                    format!("{}: no axis names it", drive.node.title()),
                     "name it in the `drives` of an [[axis]], or remove it",
                 );
             }
@@ -308,9 +281,9 @@ fn path_tolerances(log: &mut Log<'_>, mut table: Table<'_, '_>) -> PathTolerance
     PathTolerances { exact, blend }
 }
 
-struct BusTable {
-    name: Spanned<String>,
-    bitrate: Spanned<i64>,
+pub(super) struct BusTable {
+    pub(super) name: Spanned<String>,
+    pub(super) bitrate: Spanned<i64>,
     port: String,
 }
 
@@ -342,29 +315,21 @@ impl BusTable {
 }
 
 struct DriveTable {
-    name: Spanned<String>,
-    bus: Spanned<String>,
-    node: Spanned<NodeId>,
-    model: &'static Model,
+    node: NodeTable,
     direction: Direction,
     zero: Increments,
     signals: bool,
-    objects: Vec<Write>,
 }
 
 impl DriveTable {
     fn read(log: &mut Log<'_>, mut table: Table<'_, '_>) -> Option<Self> {
-        let name = name(log, &mut table);
-        let bus = table.text(log, "bus", "the `name` of a [[bus]]", |_| true);
-        let node = table.integer(log, "node", 1..=127, "");
-        let models = MODELS.iter().map(|model| model.name);
-        let model = table.choice(log, "model", models);
-        let model = model.and_then(|name| Model::by_name(name.get_ref()));
+        let node = NodeTable::read(log, &mut table, "drive");
         let directions = ["positive", "negative"].into_iter();
         let direction = table.choice_or(log, "direction", "positive", directions);
         let (least, most) = (i64::from(i32::MIN), i64::from(i32::MAX));
         let zero = table.integer_or(log, "zero", 0, least..=most, " (increments)");
         let signals = table.flag_or(log, "signals", false);
+        let model = node.as_ref().map(|node| node.model);
         if let Some(model) = model.filter(|model| signals && model.signal(0).is_none()) {
             log.report(
                 table.span_of("signals").unwrap_or_default(),
@@ -372,83 +337,16 @@ impl DriveTable {
                 "leave the key out",
             );
         }
-        let entries = table.items(log, "sdo", SDO);
-        let objects: Vec<_> = match model {
-            Some(model) => entries
-                .iter()
-                .map(|entry| sdo_entry(log, &table.title, model, entry))
-                .collect(),
-            None => Vec::new(),
-        };
         table.finish(log);
-        let node = node?;
         Some(Self {
-            name: name?,
-            bus: bus?,
-            node: Spanned::new(node.span(), node_id(*node.get_ref())?),
-            model: model?,
+            node: node?,
             direction: match direction.as_str() {
                 "negative" => Direction::Negative,
                 _ => Direction::Positive,
             },
             zero: Increments::new(zero),
             signals,
-            objects: objects.into_iter().collect::<Option<_>>()?,
         })
-    }
-
-    fn title(&self) -> String {
-        format!("drive \"{}\"", self.name.get_ref())
-    }
-
-    fn resolve_bus(&self, log: &mut Log<'_>, buses: &[BusTable]) -> Option<usize> {
-        let names = buses.iter().map(|bus| bus.name.get_ref().as_str());
-        let found = names.clone().position(|name| name == self.bus.get_ref());
-        if found.is_none() {
-            unknown(log, &self.title(), "bus", &self.bus, names);
-        }
-        found
-    }
-
-    /// Whether the drive takes the machine's cycle and its bus's bit rate.
-    fn check_model(&self, log: &mut Log<'_>, cycle: &Spanned<i64>, bus: Option<&BusTable>) {
-        let model = self.model;
-        if !model.takes_cycle(Duration::from_micros(*cycle.get_ref() as u64)) {
-            log.report(
-                cycle.span(),
-                format!(
-                    "machine: `cycle_us` is {}, which {} ({}) does not take",
-                    cycle.get_ref(),
-                    self.title(),
-                    model.title
-                ),
-                format!(
-                    "allowed: {}…{} µs in steps of {} µs",
-                    model.cycles.start().as_micros(),
-                    model.cycles.end().as_micros(),
-                    model.cycle_step.as_micros()
-                ),
-            );
-        }
-        if let Some(bus) = bus
-            && !model
-                .bitrates
-                .iter()
-                .any(|rate| i64::from(*rate) == *bus.bitrate.get_ref())
-        {
-            let rates: Vec<_> = model.bitrates.iter().map(u32::to_string).collect();
-            log.report(
-                bus.bitrate.span(),
-                format!(
-                    "bus \"{}\": `bitrate` is {}, which {} ({}) does not take",
-                    bus.name.get_ref(),
-                    bus.bitrate.get_ref(),
-                    self.title(),
-                    model.title
-                ),
-                format!("allowed: {} (bit/s)", rates.join(", ")),
-            );
-        }
     }
 
     fn join(
@@ -459,7 +357,7 @@ impl DriveTable {
         table: &AxisTable,
         assumed: &Assumed,
     ) -> Drive {
-        let increments_per_revolution = (self.model.increments_per_revolution)(assumed);
+        let increments_per_revolution = (self.node.model.increments_per_revolution)(assumed);
         let scaling = Scaling::new(
             increments_per_revolution,
             table.mm_per_revolution(),
@@ -476,7 +374,7 @@ impl DriveTable {
                 format!(
                     "{}: `soft_limits` [{least}, {most}] are beyond what {} can count",
                     table.title(),
-                    self.title(),
+                    self.node.title(),
                 ),
                 format!(
                     "allowed: {:.3}…{:.3} {unit} (-2147483648…2147483647 increments, {} for each \
@@ -497,7 +395,7 @@ impl DriveTable {
                 format!(
                     "{}: an increment of {} is more than `following_error_limit`",
                     table.title(),
-                    self.title()
+                    self.node.title()
                 ),
                 format!(
                     "allowed: `pitch` / `gear` up to {most} {}, {counts} increments",
@@ -506,77 +404,14 @@ impl DriveTable {
             );
         }
         Drive {
-            name: self.name.into_inner(),
+            name: self.node.name.into_inner(),
             bus,
-            node: self.node.into_inner(),
-            model: self.model,
+            node: self.node.node.into_inner(),
+            model: self.node.model,
             axis,
             scaling,
             signals: self.signals,
-            objects: self.objects,
-        }
-    }
-}
-
-/// What a `sdo` entry looks like.
-const SDO: &str = "a list of [object, value] pairs such as [\"3012:3\", 5]";
-
-fn sdo_entry(
-    log: &mut Log<'_>,
-    title: &str,
-    model: &Model,
-    entry: &Spanned<DeValue<'_>>,
-) -> Option<Write> {
-    let mut refuse = |span: Range<usize>, problem: String, help: String| {
-        log.report(span, format!("{title}: `sdo`: {problem}"), help);
-        None
-    };
-    let items = entry.get_ref().as_array().map(|items| &items[..]);
-    let Some([object, value]) = items else {
-        let problem = "this entry is not an object with a value".into();
-        return refuse(entry.span(), problem, format!("allowed: {SDO}"));
-    };
-    let address = object.get_ref().as_str().map(str::parse::<Address>);
-    let Some(Ok(address)) = address else {
-        let problem = "this is no object".into();
-        let help = "allowed: \"index:sub\" in hexadecimal, such as \"3012:3\"".into();
-        return refuse(object.span(), problem, help);
-    };
-    if (model.reserved)(address) {
-        let problem = format!("{address} is the controller's own");
-        let help = "allowed: objects outside communication, operating mode, cycle, scaling and \
-                    synchronisation, which the controller sets from this file's keys";
-        return refuse(object.span(), problem, help.into());
-    }
-    let known = model
-        .dictionary
-        .iter()
-        .find(|known| known.address == address);
-    let Some(known) = known.filter(|known| known.access.writable()) else {
-        let problem = match known {
-            Some(known) => format!("{address} ({}) is read-only", known.name),
-            None => format!("the {} has no object {address}", model.title),
-        };
-        let help = "allowed: objects that the drive's manual lists as writable".into();
-        return refuse(object.span(), problem, help);
-    };
-    let Some(range) = known.range.or_else(|| Data::range(known.data_type)) else {
-        let problem = format!("{address} ({}) is not a number", known.name);
-        return refuse(
-            object.span(),
-            problem,
-            "allowed: objects that are numbers".into(),
-        );
-    };
-    let data = integer(value.get_ref())
-        .filter(|value| (range.0..=range.1).contains(value))
-        .and_then(|value| Data::encode(known.data_type, value));
-    match data {
-        Some(data) => Some(Write { address, data }),
-        None => {
-            let problem = format!("this is no value for {address} ({})", known.name);
-            let help = format!("allowed: a whole number {}…{}", range.0, range.1);
-            refuse(value.span(), problem, help)
+            objects: self.node.objects,
         }
     }
 }
@@ -751,10 +586,6 @@ pub(super) fn name(log: &mut Log<'_>, table: &mut Table<'_, '_>) -> Option<Spann
     table.text(log, "name", "a text that is not empty", |text| {
         !text.trim().is_empty()
     })
-}
-
-fn node_id(number: i64) -> Option<NodeId> {
-    u8::try_from(number).ok().and_then(NodeId::new)
 }
 
 /// Reports every name that an earlier table of the kind has already.

@@ -1,0 +1,211 @@
+//! What stands in the tables of all devices: a name, a place on a bus, a model, objects to write.
+
+use super::read::{BusTable, name, unknown};
+use std::{collections::BTreeMap, ops::Range, time::Duration};
+use syncline_canopen::{Address, NodeId};
+use syncline_drives::model::{Data, MODELS, Model, Write};
+use syncline_strict_toml::{Log, Table, integer};
+use toml::{Spanned, de::DeValue};
+
+/// A device's place and model, good on its own.
+pub(super) struct NodeTable {
+    /// `drive`
+    kind: &'static str,
+    pub(super) name: Spanned<String>,
+    pub(super) bus: Spanned<String>,
+    pub(super) node: Spanned<NodeId>,
+    pub(super) model: &'static Model,
+    pub(super) objects: Vec<Write>,
+}
+
+impl NodeTable {
+    /// Reads the keys that every `kind` of device has.
+    pub(super) fn read(
+        log: &mut Log<'_>,
+        table: &mut Table<'_, '_>,
+        kind: &'static str,
+    ) -> Option<Self> {
+        let name = name(log, table);
+        let bus = table.text(log, "bus", "the `name` of a [[bus]]", |_| true);
+        let node = table.integer(log, "node", 1..=127, "");
+        let models = MODELS.iter().map(|model| model.name);
+        let model = table.choice(log, "model", models);
+        let model = model.and_then(|name| Model::by_name(name.get_ref()));
+        let entries = table.items(log, "sdo", SDO);
+        let objects: Vec<_> = match model {
+            Some(model) => entries
+                .iter()
+                .map(|entry| sdo_entry(log, &table.title, model, entry))
+                .collect(),
+            None => Vec::new(),
+        };
+        let node = node?;
+        Some(Self {
+            kind,
+            name: name?,
+            bus: bus?,
+            node: Spanned::new(node.span(), node_id(*node.get_ref())?),
+            model: model?,
+            objects: objects.into_iter().collect::<Option<_>>()?,
+        })
+    }
+
+    pub(super) fn title(&self) -> String {
+        format!("{} \"{}\"", self.kind, self.name.get_ref())
+    }
+
+    fn resolve_bus(&self, log: &mut Log<'_>, buses: &[BusTable]) -> Option<usize> {
+        let names = buses.iter().map(|bus| bus.name.get_ref().as_str());
+        let found = names.clone().position(|name| name == self.bus.get_ref());
+        if found.is_none() {
+            unknown(log, &self.title(), "bus", &self.bus, names);
+        }
+        found
+    }
+
+    /// Whether the device takes the machine's cycle and its bus's bit rate.
+    fn check_model(&self, log: &mut Log<'_>, cycle: &Spanned<i64>, bus: Option<&BusTable>) {
+        let model = self.model;
+        if !model.takes_cycle(Duration::from_micros(*cycle.get_ref() as u64)) {
+            log.report(
+                cycle.span(),
+                format!(
+                    "machine: `cycle_us` is {}, which {} ({}) does not take",
+                    cycle.get_ref(),
+                    self.title(),
+                    model.title
+                ),
+                format!(
+                    "allowed: {}…{} µs in steps of {} µs",
+                    model.cycles.start().as_micros(),
+                    model.cycles.end().as_micros(),
+                    model.cycle_step.as_micros()
+                ),
+            );
+        }
+        if let Some(bus) = bus
+            && !model
+                .bitrates
+                .iter()
+                .any(|rate| i64::from(*rate) == *bus.bitrate.get_ref())
+        {
+            let rates: Vec<_> = model.bitrates.iter().map(u32::to_string).collect();
+            log.report(
+                bus.bitrate.span(),
+                format!(
+                    "bus \"{}\": `bitrate` is {}, which {} ({}) does not take",
+                    bus.name.get_ref(),
+                    bus.bitrate.get_ref(),
+                    self.title(),
+                    model.title
+                ),
+                format!("allowed: {} (bit/s)", rates.join(", ")),
+            );
+        }
+    }
+}
+
+/// The bus of each device, where it exists. Its node id is unique there; the controller is on every bus.
+pub(super) fn places(
+    log: &mut Log<'_>,
+    devices: &[&NodeTable],
+    buses: &[BusTable],
+    cycle: &Spanned<i64>,
+    controller: NodeId,
+) -> Vec<Option<usize>> {
+    let bus_of: Vec<_> = (devices.iter())
+        .map(|device| device.resolve_bus(log, buses))
+        .collect();
+    let mut nodes = BTreeMap::new();
+    for (device, bus) in devices.iter().zip(&bus_of) {
+        let Some(bus) = *bus else { continue };
+        let node = device.node.get_ref();
+        let other = if *node == controller {
+            Some("the controller")
+        } else {
+            nodes.insert((bus, *node), device.name.get_ref().as_str())
+        };
+        if let Some(other) = other {
+            log.report(
+                device.node.span(),
+                format!(
+                    "{}: node {node} is already {other} on bus \"{}\"",
+                    device.title(),
+                    buses[bus].name.get_ref()
+                ),
+                "allowed: 1…127, each once on a bus",
+            );
+        }
+    }
+    for (device, bus) in devices.iter().zip(&bus_of) {
+        device.check_model(log, cycle, bus.map(|bus| &buses[bus]));
+    }
+    bus_of
+}
+
+/// What a `sdo` entry looks like.
+const SDO: &str = "a list of [object, value] pairs such as [\"3012:3\", 5]";
+
+fn sdo_entry(
+    log: &mut Log<'_>,
+    title: &str,
+    model: &Model,
+    entry: &Spanned<DeValue<'_>>,
+) -> Option<Write> {
+    let mut refuse = |span: Range<usize>, problem: String, help: String| {
+        log.report(span, format!("{title}: `sdo`: {problem}"), help);
+        None
+    };
+    let items = entry.get_ref().as_array().map(|items| &items[..]);
+    let Some([object, value]) = items else {
+        let problem = "this entry is not an object with a value".into();
+        return refuse(entry.span(), problem, format!("allowed: {SDO}"));
+    };
+    let address = object.get_ref().as_str().map(str::parse::<Address>);
+    let Some(Ok(address)) = address else {
+        let problem = "this is no object".into();
+        let help = "allowed: \"index:sub\" in hexadecimal, such as \"3012:3\"".into();
+        return refuse(object.span(), problem, help);
+    };
+    if (model.reserved)(address) {
+        let problem = format!("{address} is the controller's own");
+        let help = "allowed: objects outside communication, operating mode, cycle, scaling and \
+                    synchronisation, which the controller sets from this file's keys";
+        return refuse(object.span(), problem, help.into());
+    }
+    let known = model
+        .dictionary
+        .iter()
+        .find(|known| known.address == address);
+    let Some(known) = known.filter(|known| known.access.writable()) else {
+        let problem = match known {
+            Some(known) => format!("{address} ({}) is read-only", known.name),
+            None => format!("the {} has no object {address}", model.title),
+        };
+        let help = "allowed: objects that the drive's manual lists as writable".into();
+        return refuse(object.span(), problem, help);
+    };
+    let Some(range) = known.range.or_else(|| Data::range(known.data_type)) else {
+        let problem = format!("{address} ({}) is not a number", known.name);
+        return refuse(
+            object.span(),
+            problem,
+            "allowed: objects that are numbers".into(),
+        );
+    };
+    let data = integer(value.get_ref())
+        .filter(|value| (range.0..=range.1).contains(value))
+        .and_then(|value| Data::encode(known.data_type, value));
+    match data {
+        Some(data) => Some(Write { address, data }),
+        None => {
+            let problem = format!("this is no value for {address} ({})", known.name);
+            let help = format!("allowed: a whole number {}…{}", range.0, range.1);
+            refuse(value.span(), problem, help)
+        }
+    }
+}
+
+pub(super) fn node_id(number: i64) -> Option<NodeId> {
+    u8::try_from(number).ok().and_then(NodeId::new)
+}
