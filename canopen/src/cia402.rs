@@ -63,9 +63,11 @@ impl State {
     }
 }
 
-impl fmt::Display for State {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
+impl State {
+    /// As the standard calls it: `Operation Enabled`.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
             Self::NotReadyToSwitchOn => "Not Ready To Switch On",
             Self::SwitchOnDisabled => "Switch On Disabled",
             Self::ReadyToSwitchOn => "Ready To Switch On",
@@ -74,7 +76,13 @@ impl fmt::Display for State {
             Self::QuickStopActive => "Quick Stop Active",
             Self::FaultReactionActive => "Fault Reaction Active",
             Self::Fault => "Fault",
-        })
+        }
+    }
+}
+
+impl fmt::Display for State {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
     }
 }
 

@@ -8,7 +8,7 @@ use syncline_canopen::budget::{BLOCKING_BITS, Budget, Direction, Traffic, Verdic
 use syncline_canopen::response_time::bit_time;
 use syncline_canopen::{CobId, Frame};
 use syncline_drives::bus::frame_bits;
-use syncline_drives::model::Drive;
+use syncline_drives::model::{Drive, Increments, PowerCommand, Setpoint};
 use thiserror::Error;
 
 /// The budget of one bus of a machine.
@@ -144,7 +144,10 @@ impl BusBudget {
         let traffic = Traffic {
             bit_rate: machine.buses[bus].bitrate,
             cycle: machine.cycle,
-            nodes: devices.iter().map(|device| device.traffic()).collect(),
+            nodes: devices
+                .iter()
+                .map(|device| device.spec().traffic())
+                .collect(),
         };
         let taken_by_all = |cycle: &Duration| {
             let mut models = drives.iter().map(|&drive| machine.drives[drive].model);
@@ -154,7 +157,7 @@ impl BusBudget {
             .map(Duration::from_millis)
             .filter(taken_by_all);
         let budget = traffic.budget();
-        let answers = devices.iter().map(|device| device.sdo_response());
+        let answers = devices.iter().map(|device| device.spec().sdo_response);
         let busy = budget.burst_out + budget.quiet_window + answers.max().unwrap_or_default();
         let transfer = bit_time(2 * BLOCKING_BITS, budget.bit_rate);
         let room = budget.cycle.saturating_sub(busy).as_nanos() / transfer.as_nanos();
@@ -202,6 +205,18 @@ const LONGEST_CYCLE_MS: u64 = 100;
 /// Positions along each axis that the typical load is averaged over.
 const POSITIONS: u32 = 256;
 
+/// The PDOs of a drive in one cycle of motion at `position`, if it can be there.
+fn in_motion(drive: &dyn Drive, position: Increments) -> Option<Vec<Frame>> {
+    let setpoint = Setpoint { position };
+    drive.check(setpoint).ok()?;
+    let r_pdos = drive.spec().r_pdos.iter();
+    let mut r_pdos: Vec<_> = r_pdos.map(|pdo| Frame::new(pdo.cob_id, &[])).collect();
+    (drive.clone_box()).encode(PowerCommand::Run, setpoint, &mut r_pdos);
+    let mut frames = drive.in_motion(position);
+    frames.extend(r_pdos);
+    Some(frames)
+}
+
 /// Mean exact bits of SYNC, PDOs and heartbeats over the axes' whole travel, as a share of time.
 fn typical_load(
     machine: &Machine,
@@ -217,7 +232,7 @@ fn typical_load(
         let lengths: Vec<f64> = (0..POSITIONS)
             .map(|step| least + (most - least) * f64::from(step) / f64::from(POSITIONS))
             .filter_map(|mm| drive.scaling.to_increments(mm).ok())
-            .filter_map(|position| device.in_motion(position).ok())
+            .filter_map(|position| in_motion(&**device, position))
             .map(|frames| frames.iter().map(bits).sum())
             .collect();
         per_cycle += lengths.iter().sum::<f64>() / lengths.len().max(1) as f64;

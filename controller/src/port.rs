@@ -153,8 +153,9 @@ fn open_real(
                 bit_rate: spec.bitrate,
                 receive: (devices.iter())
                     .flat_map(|device| {
-                        let node = device.node();
-                        let t_pdos = device.t_pdos().iter().map(|pdo| pdo.cob_id);
+                        let spec = device.spec();
+                        let node = spec.node;
+                        let t_pdos = spec.t_pdos.iter().map(|pdo| pdo.cob_id);
                         t_pdos.chain([
                             CobId::t_sdo(node),
                             CobId::emcy(node),
@@ -163,7 +164,7 @@ fn open_real(
                     })
                     .collect(),
                 burst: (devices.iter())
-                    .flat_map(|device| device.r_pdos())
+                    .flat_map(|device| &device.spec().r_pdos)
                     .map(|pdo| pdo.cob_id)
                     .collect(),
             };

@@ -118,7 +118,7 @@ impl Shape {
     fn traffic(&self, bus: usize) -> Traffic {
         let nodes: Vec<NodeTraffic> = self
             .axes_of(bus)
-            .map(|axis| self.device(axis).traffic())
+            .map(|axis| self.device(axis).spec().traffic())
             .collect();
         Traffic {
             bit_rate: BIT_RATE,
@@ -132,15 +132,15 @@ impl Shape {
     pub fn identifiers(&self, bus: usize) -> (Vec<CobId>, Vec<CobId>) {
         let devices: Vec<_> = self.axes_of(bus).map(|axis| self.device(axis)).collect();
         let receive = devices.iter().flat_map(|device| {
-            let node = device.node();
-            let t_pdos = device.t_pdos().iter().map(|pdo| pdo.cob_id);
+            let node = device.spec().node;
+            let t_pdos = device.spec().t_pdos.iter().map(|pdo| pdo.cob_id);
             t_pdos.chain([
                 CobId::emcy(node),
                 CobId::t_sdo(node),
                 CobId::error_control(node),
             ])
         });
-        let burst = devices.iter().flat_map(|device| device.r_pdos());
+        let burst = devices.iter().flat_map(|device| &device.spec().r_pdos);
         (receive.collect(), burst.map(|pdo| pdo.cob_id).collect())
     }
 

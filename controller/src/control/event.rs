@@ -9,10 +9,9 @@ use crate::bus::BusFault;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::time::Duration;
-use syncline_canopen::cia402::Statusword;
 use syncline_canopen::emcy::Emergency;
 use syncline_canopen::sdo::AbortCode;
-use syncline_drives::model::Address;
+use syncline_drives::model::{Address, StatusWord};
 
 /// Something worth a line in the log.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -28,8 +27,8 @@ pub enum Event {
     FoundEnabled {
         /// Which drive.
         drive: DriveIndex,
-        /// Its statusword.
-        statusword: Statusword,
+        /// What it says of itself.
+        word: StatusWord,
     },
     /// What a drive remembers of its last error, read before the set-up wipes it.
     History {
@@ -56,7 +55,7 @@ pub enum Event {
         /// What it says.
         emergency: Emergency,
     },
-    /// A drive's class 0 warning came (statusword bit 7).
+    /// A drive's warning came, which does not stop it.
     Warning {
         /// Which drive.
         drive: DriveIndex,
@@ -308,8 +307,8 @@ impl Event {
             Self::Silent { drive } => {
                 format!("{}: no answer; it may just be starting", who(drive))
             }
-            Self::FoundEnabled { drive, statusword } => format!(
-                "{}: found with its power stage on, statusword {statusword:?}: switching it off",
+            Self::FoundEnabled { drive, word } => format!(
+                "{}: found with its power stage on, {word}: switching it off",
                 who(drive)
             ),
             Self::History { value: 0, .. } => return None,
@@ -329,9 +328,7 @@ impl Event {
                 emergency.code,
                 names.vendor_part(drive, &emergency)
             ),
-            Self::Warning { drive } => {
-                format!("{}: warning pending (statusword bit 7)", who(drive))
-            }
+            Self::Warning { drive } => format!("{}: warning pending", who(drive)),
             Self::Signal { drive, signal, on } => {
                 let level = if on { "on" } else { "off" };
                 format!("{}: {} {level}", who(drive), names.signal(drive, signal))

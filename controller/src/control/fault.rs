@@ -7,11 +7,10 @@ use super::inputs::InputIndex;
 use super::layout::AxisSpec;
 use std::fmt;
 use syncline_canopen::NodeId;
-use syncline_canopen::cia402::Statusword;
 use syncline_canopen::emcy::Emergency;
 use syncline_canopen::nmt;
 use syncline_canopen::sdo::AbortCode;
-use syncline_drives::model::{Address, NotFollowing};
+use syncline_drives::model::{Address, NotFollowing, StatusWord};
 use thiserror::Error;
 
 /// A drive by its place in the machine file.
@@ -109,12 +108,10 @@ pub enum DriveCause {
         found: u32,
     },
     /// Found enabled at the start, it would not let itself be disabled.
-    #[error(
-        "found enabled and does not switch off, statusword {statusword}: switch it off by hand"
-    )]
+    #[error("found enabled and does not switch off, {word}: switch it off by hand")]
     StaysEnabled {
-        /// Its last statusword.
-        statusword: Statusword,
+        /// What it said last.
+        word: StatusWord,
     },
     /// It did not synchronise its interpolation clock to SYNC in time.
     #[error(
@@ -127,16 +124,16 @@ pub enum DriveCause {
         /// The model's assumption that says which status it should be.
         assumption: &'static str,
     },
-    /// It did not reach the state that its controlword asks for.
+    /// It did not reach the state that it was commanded to.
     #[error(
-        "expected {awaited}, statusword stays {statusword}: check supply, enable inputs and the \
-         drive's error memory"
+        "expected {awaited}, stays at {word}: check supply, enable inputs and the drive's error \
+         memory"
     )]
     StateTimeout {
         /// What it should have reached.
         awaited: AwaitedState,
-        /// Its last statusword.
-        statusword: Statusword,
+        /// What it said last.
+        word: StatusWord,
     },
     /// It did not come to rest, so that its setpoint could not be frozen.
     #[error(
@@ -166,19 +163,17 @@ pub enum DriveCause {
         /// What it says.
         emergency: Emergency,
     },
-    /// Its statusword shows a fault.
-    #[error(
-        "drive fault, statusword {statusword}: read its error memory, clear the cause, start again"
-    )]
+    /// It says that it has a fault.
+    #[error("drive fault, {word}: read its error memory, clear the cause, start again")]
     Reported {
-        /// The statusword.
-        statusword: Statusword,
+        /// What it says of itself.
+        word: StatusWord,
     },
     /// It does not follow its setpoints any longer without having been told so.
-    #[error("{why}, statusword {statusword}: check the drive's inputs and its error memory")]
+    #[error("{why}, {word}: check the drive's inputs and its error memory")]
     NotFollowing {
-        /// The statusword.
-        statusword: Statusword,
+        /// What it says of itself.
+        word: StatusWord,
         /// What it says.
         why: NotFollowing,
     },
@@ -284,10 +279,10 @@ impl fmt::Display for AwaitedState {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::Disabled => "power stage off",
-            Self::Ready => "Ready To Switch On",
-            Self::Enabled => "Operation Enabled",
-            Self::ModeStarted => "operating mode started (bit 12 = 1)",
-            Self::ModeEnded => "operating mode ended (bit 12 = 0)",
+            Self::Ready => "ready to be enabled",
+            Self::Enabled => "power stage on",
+            Self::ModeStarted => "operating mode started",
+            Self::ModeEnded => "operating mode ended",
         })
     }
 }

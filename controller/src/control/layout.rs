@@ -29,7 +29,7 @@ pub struct Layout {
     pub boot_timeout: Duration,
     /// For a drive's clock to follow SYNC.
     pub lock_timeout: Duration,
-    /// For a drive to reach the state that its controlword asks for.
+    /// For a drive to reach the state that it was commanded to.
     pub state_timeout: Duration,
     /// Cycles in a row without a drive's T_PDO that are a fault.
     pub t_pdo_misses: u32,
@@ -161,7 +161,7 @@ impl Layout {
     pub(super) fn burst(&self, bus: &BusSpec) -> Vec<(DriveIndex, usize)> {
         let mut burst = Vec::new();
         for &drive in &bus.drives {
-            let r_pdos = self.drives[drive].device.r_pdos().iter().enumerate();
+            let r_pdos = self.drives[drive].device.spec().r_pdos.iter().enumerate();
             burst.extend(r_pdos.map(|(place, r_pdo)| (r_pdo.cob_id.get(), (drive, place))));
         }
         burst.sort_unstable();
@@ -176,7 +176,7 @@ impl BusSpec {
             .collect();
         let mut by_node = [None; 128];
         for &drive in &own {
-            by_node[usize::from(drives[drive].device.node().get())] = Some(drive);
+            by_node[usize::from(drives[drive].device.spec().node.get())] = Some(drive);
         }
         Self {
             name: bus.bus.clone(),
@@ -191,7 +191,8 @@ impl BusSpec {
 impl Names for Layout {
     fn drive(&self, drive: DriveIndex) -> (NodeId, &str, &str) {
         let drive = &self.drives[drive];
-        (drive.device.node(), &drive.name, drive.device.model().title)
+        let spec = drive.device.spec();
+        (spec.node, &drive.name, spec.model.title)
     }
 
     fn axis(&self, axis: AxisIndex) -> &AxisSpec {
@@ -203,7 +204,7 @@ impl Names for Layout {
     }
 
     fn signal(&self, drive: DriveIndex, signal: usize) -> &str {
-        let model = self.drives[drive].device.model();
+        let model = self.drives[drive].device.spec().model;
         model.signal(signal).unwrap_or_default()
     }
 

@@ -73,7 +73,7 @@ const STILL_CYCLES: u32 = 5;
 /// How long a path that could go on rests until a plan that does not come is a fault. A planner, and
 /// a program that computes before it moves, may take a while in real time; none takes so long.
 const NO_PLAN: Duration = Duration::from_secs(30);
-/// Cycles that a controlword stands at least, so that its effect is seen in a T_PDO.
+/// Cycles that a command stands at least, so that its effect is seen in a T_PDO.
 const COMMAND_CYCLES: u64 = 3;
 
 /// When the controller wants to be woken, and for what.

@@ -61,17 +61,16 @@ pub(super) struct DriveNode {
 impl DriveNode {
     pub(super) fn new(index: DriveIndex, layout: &Arc<Layout>) -> Self {
         let drive = &layout.drives[index];
-        let t_pdos = drive.device.t_pdos().iter();
-        let r_pdos = drive.device.r_pdos().iter();
+        let spec = drive.device.spec();
         Self {
             sequence: SdoSequence::new(index, layout),
             layout: Arc::clone(layout),
             index,
             device: drive.device.clone(),
             replies: FrameBuf::default(),
-            heartbeat: heartbeat::Consumer::new(drive.device.node(), drive.heartbeat_timeout),
+            heartbeat: heartbeat::Consumer::new(spec.node, drive.heartbeat_timeout),
             booted: false,
-            t_pdos: t_pdos
+            t_pdos: (spec.t_pdos.iter())
                 .map(|pdo| (pdo.cob_id.into(), pdo.bytes.into()))
                 .collect(),
             come: 0,
@@ -88,7 +87,9 @@ impl DriveNode {
             still_at: Increments::ZERO,
             power: PowerCommand::Disable,
             setpoint: Setpoint::default(),
-            r_pdos: r_pdos.map(|pdo| Frame::new(pdo.cob_id, &[])).collect(),
+            r_pdos: (spec.r_pdos.iter())
+                .map(|pdo| Frame::new(pdo.cob_id, &[]))
+                .collect(),
         }
     }
 
@@ -139,7 +140,7 @@ impl DriveNode {
         events: &mut impl FnMut(Event),
     ) -> Result<(), Fault> {
         let drive = self.index;
-        let node = self.device.node();
+        let node = self.device.spec().node;
         let is = |cob_id: CobId| frame.id() == CanId::from(cob_id);
         let t_pdo =
             |(id, length): &(CanId, usize)| *id == frame.id() && frame.data().len() >= *length;
@@ -349,8 +350,8 @@ impl DriveNode {
     /// Whether a drive that is not enabled yet reports no fault.
     pub(super) fn check_no_fault(&self) -> Result<(), Fault> {
         if self.status.power.is_fault() {
-            let statusword = self.status.statusword;
-            return Err(self.fault(DriveCause::Reported { statusword }));
+            let word = self.status.word;
+            return Err(self.fault(DriveCause::Reported { word }));
         }
         Ok(())
     }
@@ -358,10 +359,10 @@ impl DriveNode {
     /// Whether an enabled drive, in its mode if `in_mode`, still does as it is told.
     pub(super) fn check_follows(&self, in_mode: bool) -> Result<(), Fault> {
         self.check_no_fault()?;
-        let statusword = self.status.statusword;
+        let word = self.status.word;
         self.status
             .follows(in_mode)
-            .map_err(|why| self.fault(DriveCause::NotFollowing { statusword, why }))
+            .map_err(|why| self.fault(DriveCause::NotFollowing { word, why }))
     }
 
     /// Counts the cycles in which the drive has stood within its window.
@@ -424,45 +425,58 @@ impl DriveNode {
     pub(super) fn nmt(&self, command: nmt::Command) -> Frame {
         nmt::Request {
             command,
-            node: Some(self.device.node()),
+            node: Some(self.device.spec().node),
         }
         .encode()
     }
 
     /// The steps from a drive in an unknown state to one that may be reset.
     pub(super) fn ask_survey(&mut self) {
-        let history = self.device.history().iter().copied().map(Step::History);
-        self.sequence.extend([Step::Survey(self.device.survey())]);
+        let survey = self.device.survey();
+        let history = self
+            .device
+            .spec()
+            .history
+            .iter()
+            .copied()
+            .map(Step::History);
+        self.sequence.extend(survey.map(Step::Survey));
         self.sequence.extend(history);
     }
 
     /// The steps from the boot-up message to a drive that is set up.
     pub(super) fn ask_set_up(&mut self) {
         self.booted = false;
-        let device = &self.device;
-        let identity = device.identity().iter().copied().map(Step::Identity);
-        let writes = device.setup().iter().copied().map(Step::Write);
-        let read_back = device.read_back().iter().copied().map(Step::ReadBack);
+        let spec = self.device.spec();
+        let identity = spec.identity.iter().copied().map(Step::Identity);
+        let writes = spec.setup.iter().copied().map(Step::Write);
+        let read_back = spec.read_back.iter().copied().map(Step::ReadBack);
         self.sequence
             .extend(identity.chain(writes).chain(read_back));
     }
 
     /// The steps until the drive's clock follows SYNC; none for one without a clock that does.
     pub(super) fn ask_lock(&mut self) {
-        let lock = self.device.clock_lock();
+        let lock = self.device.spec().clock_lock;
         self.sequence.extend(lock.map(Step::AwaitLock));
     }
 
-    /// The step that checks the operating mode.
+    /// The step that checks the operating mode, where the drive has more than one.
     pub(super) fn ask_mode(&mut self) {
-        self.sequence.extend([Step::Mode(self.device.mode())]);
+        self.sequence.extend(self.device.mode().map(Step::Mode));
     }
 
     /// The steps that take the set-up's cyclic part back.
     pub(super) fn ask_release(&mut self) {
         self.sequence.clear();
         if self.sequence.has_identified() {
-            let release = self.device.release().iter().copied().map(Step::Release);
+            let release = self
+                .device
+                .spec()
+                .release
+                .iter()
+                .copied()
+                .map(Step::Release);
             self.sequence.extend(release);
         }
     }
@@ -595,7 +609,7 @@ mod tests {
         let at = |micros| Instant::ZERO + Duration::from_micros(micros);
         for (case, steps, check, expected) in cases {
             let mut node = DriveNode::new(0, &layout);
-            let id = CobId::error_control(node.device().node());
+            let id = CobId::error_control(node.device().spec().node);
             for step in steps {
                 match *step {
                     Says(micros, data) => {

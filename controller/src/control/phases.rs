@@ -376,13 +376,10 @@ impl<const N: usize> Controller<N> {
                 Ok(())
             }
             Some(drive) if self.timed_out(self.layout.state_timeout) => {
-                let statusword = self.nodes[drive].status().statusword;
+                let word = self.nodes[drive].status().word;
                 Err(Fault::Drive(
                     drive,
-                    DriveCause::StateTimeout {
-                        awaited,
-                        statusword,
-                    },
+                    DriveCause::StateTimeout { awaited, word },
                 ))
             }
             Some(_) => Ok(()),

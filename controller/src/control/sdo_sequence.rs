@@ -106,7 +106,7 @@ const LONGEST: usize = 8;
 
 impl SdoSequence {
     pub(super) fn new(drive: DriveIndex, layout: &Arc<Layout>) -> Self {
-        let node = layout.drives[drive].device.node();
+        let node = layout.drives[drive].device.spec().node;
         Self {
             layout: Arc::clone(layout),
             drive,
@@ -259,8 +259,8 @@ impl SdoSequence {
                 let status = (survey.status)(value);
                 self.next();
                 if status.power.may_be_on() {
-                    let statusword = status.statusword;
-                    events(Event::FoundEnabled { drive, statusword });
+                    let word = status.word;
+                    events(Event::FoundEnabled { drive, word });
                     self.steps.push_front(Step::AwaitDisabled(survey));
                     self.steps.push_front(Step::Write(survey.disable));
                 }
@@ -270,8 +270,8 @@ impl SdoSequence {
                 if !status.power.may_be_on() {
                     self.next();
                 } else if self.out_of_patience(now) {
-                    let statusword = status.statusword;
-                    return Err(fault(DriveCause::StaysEnabled { statusword }));
+                    let word = status.word;
+                    return Err(fault(DriveCause::StaysEnabled { word }));
                 }
             }
             Step::History(object) => {
@@ -291,9 +291,7 @@ impl SdoSequence {
                 }));
             }
             Step::ReadBack(write)
-                if !self.layout.drives[drive]
-                    .device
-                    .agrees(&write, reading.bytes()) =>
+                if !(self.layout.drives[drive].device.spec()).agrees(&write, reading.bytes()) =>
             {
                 return Err(fault(DriveCause::ReadBack {
                     object,

@@ -6,8 +6,8 @@ use crate::run::driver::Driver;
 use std::sync::atomic::{AtomicU64, Ordering};
 use syncline_canopen::budget::{Direction, Pdo};
 use syncline_drives::model::{
-    Address, ClockLock, Drive, DriveStatus, Feedback, Identity, Increments, Io, ModeDisplay, Model,
-    OutOfRange, PowerCommand, RemoteNode, Sample, Setpoint, Survey, Write,
+    Drive, DriveStatus, Feedback, Increments, Io, ModeDisplay, NodeSpec, OutOfRange, PowerCommand,
+    RemoteNode, Sample, Setpoint, Survey,
 };
 
 /// How often all drives were asked, by what.
@@ -22,8 +22,7 @@ struct Asked {
 struct Probe {
     drive: Box<dyn Drive>,
     asked: Arc<Asked>,
-    t_pdos: Vec<Pdo>,
-    r_pdos: Vec<Pdo>,
+    spec: NodeSpec,
     ends_mode: bool,
 }
 
@@ -31,8 +30,7 @@ impl Probe {
     fn new(drive: Box<dyn Drive>, asked: &Arc<Asked>) -> Self {
         Self {
             asked: Arc::clone(asked),
-            t_pdos: drive.t_pdos().to_vec(),
-            r_pdos: drive.r_pdos().to_vec(),
+            spec: drive.spec().clone(),
             ends_mode: drive.ends_mode(),
             drive,
         }
@@ -40,78 +38,41 @@ impl Probe {
 
     /// As a drive with a PDO each for words and positions, whose mode has no end.
     fn in_two_pdos(drive: Box<dyn Drive>) -> Self {
-        let node = drive.node();
+        let node = drive.spec().node;
         let pdo = |direction, cob_id, bytes| Pdo {
             direction,
             cob_id,
             bytes,
         };
-        Self {
-            t_pdos: vec![
-                pdo(Direction::Transmit, CobId::t_pdo(1, node), 2),
-                pdo(Direction::Transmit, CobId::t_pdo(3, node), 4),
-            ],
-            r_pdos: vec![
-                pdo(Direction::Receive, CobId::r_pdo(1, node), 2),
-                pdo(Direction::Receive, CobId::r_pdo(3, node), 4),
-            ],
-            ends_mode: false,
-            ..Self::new(drive, &Arc::default())
-        }
+        let mut probe = Self::new(drive, &Arc::default());
+        probe.spec.t_pdos = vec![
+            pdo(Direction::Transmit, CobId::t_pdo(1, node), 2),
+            pdo(Direction::Transmit, CobId::t_pdo(3, node), 4),
+        ];
+        probe.spec.r_pdos = vec![
+            pdo(Direction::Receive, CobId::r_pdo(1, node), 2),
+            pdo(Direction::Receive, CobId::r_pdo(3, node), 4),
+        ];
+        probe.ends_mode = false;
+        probe
     }
 }
 
 impl RemoteNode for Probe {
-    fn model(&self) -> &'static Model {
-        self.drive.model()
-    }
-    fn node(&self) -> syncline_canopen::NodeId {
-        self.drive.node()
-    }
-    fn identity(&self) -> &[Identity] {
-        self.drive.identity()
-    }
-    fn history(&self) -> &[Address] {
-        self.drive.history()
-    }
-    fn setup(&self) -> &[Write] {
-        self.drive.setup()
-    }
-    fn read_back(&self) -> &[Write] {
-        self.drive.read_back()
-    }
-    fn agrees(&self, written: &Write, read: &[u8]) -> bool {
-        self.drive.agrees(written, read)
-    }
-    fn clock_lock(&self) -> Option<ClockLock> {
-        self.drive.clock_lock()
-    }
-    fn release(&self) -> &[Write] {
-        self.drive.release()
-    }
-    fn t_pdos(&self) -> &[Pdo] {
-        &self.t_pdos
-    }
-    fn r_pdos(&self) -> &[Pdo] {
-        &self.r_pdos
-    }
-    fn t_pdo_response(&self) -> Duration {
-        self.drive.t_pdo_response()
-    }
-    fn sdo_response(&self) -> Duration {
-        self.drive.sdo_response()
-    }
-    fn io(&self) -> Option<&dyn Io> {
-        self.drive.io()
+    fn spec(&self) -> &NodeSpec {
+        &self.spec
     }
     fn vendor_error(&self, bytes: [u8; 5]) -> Option<String> {
         self.drive.vendor_error(bytes)
+    }
+    fn io(&self) -> Option<&dyn Io> {
+        self.drive.io()
     }
 }
 
 impl Feedback for Probe {
     fn sample(&self, t_pdo: usize, data: &[u8]) -> Option<Sample> {
-        match self.t_pdos.len() {
+        match self.spec.t_pdos.len() {
             1 => self.drive.sample(t_pdo, data),
             _ if t_pdo == 1 => self.drive.sample(0, &[&[0, 0], data].concat()),
             _ => None,
@@ -123,10 +84,10 @@ impl Drive for Probe {
     fn clone_box(&self) -> Box<dyn Drive> {
         Box::new(self.clone())
     }
-    fn survey(&self) -> Survey {
+    fn survey(&self) -> Option<Survey> {
         self.drive.survey()
     }
-    fn mode(&self) -> ModeDisplay {
+    fn mode(&self) -> Option<ModeDisplay> {
         self.drive.mode()
     }
     fn ends_mode(&self) -> bool {
@@ -151,13 +112,13 @@ impl Drive for Probe {
             let mut whole = [*words];
             self.drive.encode(command, setpoint, &mut whole);
             let (word, position) = whole[0].data().split_at(2);
-            *words = Frame::new(self.r_pdos[0].cob_id, word);
-            *positions = Frame::new(self.r_pdos[1].cob_id, position);
+            *words = Frame::new(self.spec.r_pdos[0].cob_id, word);
+            *positions = Frame::new(self.spec.r_pdos[1].cob_id, position);
         } else {
             self.drive.encode(command, setpoint, frames);
         }
     }
-    fn in_motion(&self, position: Increments) -> Result<Vec<Frame>, OutOfRange> {
+    fn in_motion(&self, position: Increments) -> Vec<Frame> {
         self.drive.in_motion(position)
     }
 }
@@ -239,7 +200,7 @@ fn two_pdos_each() -> Arc<Layout> {
 fn a_drive_has_answered_when_all_its_t_pdos_have() {
     let layout = two_pdos_each();
     let mut node = DriveNode::new(0, &layout);
-    let id = node.device().node();
+    let id = node.device().spec().node;
     let (word, position) = (CobId::t_pdo(1, id), CobId::t_pdo(3, id));
     let sync = Instant::ZERO;
     let take = |node: &mut DriveNode, id, data: &[u8]| {
@@ -305,7 +266,7 @@ fn a_mode_without_an_end_is_not_waited_for() {
         [ModeStarted, ModeEnded].map(|awaited| node.has_reached(awaited))
     };
     let layout = two_pdos_each();
-    let id = layout.drives[0].device.node();
+    let id = layout.drives[0].device.spec().node;
     let word = [0x37, 0x12];
     assert_eq!(running(&layout, CobId::t_pdo(1, id), &word), [true, true]);
     let shape = Shape::on_fewest_buses(1, Duration::from_millis(2)).unwrap();
@@ -336,12 +297,12 @@ fn a_drive_that_follows_once_enabled_keeps_its_last_setpoint() {
         })
     };
     let layout = two_pdos_each();
-    let position = CobId::t_pdo(3, layout.drives[0].device.node());
+    let position = CobId::t_pdo(3, layout.drives[0].device.spec().node);
     let at = |position| vec![position, 0, 0, 0];
     assert_eq!(held(&layout, position, at), [7, 7, 7, 10]);
     let shape = Shape::on_fewest_buses(1, Duration::from_millis(2)).unwrap();
     let layout = Arc::new(shape.layout());
-    let position = CobId::t_pdo(2, layout.drives[0].device.node());
+    let position = CobId::t_pdo(2, layout.drives[0].device.spec().node);
     let at = |position| vec![0x37, 0x02, position, 0, 0, 0];
     assert_eq!(held(&layout, position, at), [7, 8, 9, 10]);
 }

@@ -63,45 +63,47 @@ impl NodeTable {
         found
     }
 
-    /// Whether the device takes the machine's cycle and its bus's bit rate.
-    fn check_model(&self, log: &mut Log<'_>, cycle: &Spanned<i64>, bus: Option<&BusTable>) {
+    /// Whether the device takes the machine's cycle.
+    fn check_cycle(&self, log: &mut Log<'_>, cycle: &Spanned<i64>) {
         let model = self.model;
-        if !model.takes_cycle(Duration::from_micros(*cycle.get_ref() as u64)) {
-            log.report(
-                cycle.span(),
-                format!(
-                    "machine: `cycle_us` is {}, which {} ({}) does not take",
-                    cycle.get_ref(),
-                    self.title(),
-                    model.title
-                ),
-                format!(
-                    "allowed: {}…{} µs in steps of {} µs",
-                    model.cycles.start().as_micros(),
-                    model.cycles.end().as_micros(),
-                    model.cycle_step.as_micros()
-                ),
-            );
+        if model.takes_cycle(Duration::from_micros(*cycle.get_ref() as u64)) {
+            return;
         }
-        if let Some(bus) = bus
-            && !model
-                .bitrates
-                .iter()
-                .any(|rate| i64::from(*rate) == *bus.bitrate.get_ref())
-        {
-            let rates: Vec<_> = model.bitrates.iter().map(u32::to_string).collect();
-            log.report(
-                bus.bitrate.span(),
-                format!(
-                    "bus \"{}\": `bitrate` is {}, which {} ({}) does not take",
-                    bus.name.get_ref(),
-                    bus.bitrate.get_ref(),
-                    self.title(),
-                    model.title
-                ),
-                format!("allowed: {} (bit/s)", rates.join(", ")),
-            );
+        log.report(
+            cycle.span(),
+            format!(
+                "machine: `cycle_us` is {}, which {} ({}) does not take",
+                cycle.get_ref(),
+                self.title(),
+                model.title
+            ),
+            format!(
+                "allowed: {}…{} µs in steps of {} µs",
+                model.cycles.start().as_micros(),
+                model.cycles.end().as_micros(),
+                model.cycle_step.as_micros()
+            ),
+        );
+    }
+
+    /// Whether the device takes its bus's bit rate.
+    fn check_bit_rate(&self, log: &mut Log<'_>, bus: &BusTable) {
+        let rates = self.model.bitrates;
+        let rate = bus.bitrate.get_ref();
+        if rates.iter().any(|taken| i64::from(*taken) == *rate) {
+            return;
         }
+        let rates: Vec<_> = rates.iter().map(u32::to_string).collect();
+        log.report(
+            bus.bitrate.span(),
+            format!(
+                "bus \"{}\": `bitrate` is {rate}, which {} ({}) does not take",
+                bus.name.get_ref(),
+                self.title(),
+                self.model.title
+            ),
+            format!("allowed: {} (bit/s)", rates.join(", ")),
+        );
     }
 }
 
@@ -137,8 +139,18 @@ pub(super) fn places(
             );
         }
     }
-    for (device, bus) in devices.iter().zip(&bus_of) {
-        device.check_model(log, cycle, bus.map(|bus| &buses[bus]));
+    for (index, (device, bus)) in devices.iter().zip(&bus_of).enumerate() {
+        // Of several devices of one model the first tells.
+        let before = devices[..index].iter().zip(&bus_of);
+        let mut alike = before.filter(|(other, _)| other.model.name == device.model.name);
+        if alike.clone().next().is_none() {
+            device.check_cycle(log, cycle);
+        }
+        if let Some(bus) = *bus
+            && alike.all(|(_, other)| *other != Some(bus))
+        {
+            device.check_bit_rate(log, &buses[bus]);
+        }
     }
     bus_of
 }

@@ -2,6 +2,7 @@
 //! they fit together. Each stage reports all it finds, and the next starts only on what is clean,
 //! so that one mistake does not cause complaints about another thing.
 
+use super::fits::{self, Asked, Pairing};
 use super::node::{self, NodeTable, node_id};
 use super::signals::SignalTables;
 use super::simulation::{self, Simulation};
@@ -9,7 +10,7 @@ use super::{
     Axis, AxisLimits, Bus, Controller, Drive, Machine, PathTolerances, Spindle, assumed, spindle,
 };
 use std::{collections::BTreeMap, ops::Range, time::Duration};
-use syncline_drives::model::{Assumed, Direction, Increments, MODELS, Model, Scaling};
+use syncline_drives::model::{Ability, Assumed, Direction, Increments, MODELS, Model, Scaling};
 use syncline_gcode as gcode;
 use syncline_strict_toml::{Diagnostic, Log, Table, nearest, one_of};
 use toml::{Spanned, de::DeTable};
@@ -364,45 +365,21 @@ impl DriveTable {
             self.direction,
             self.zero,
         );
-        let (least, most) = table.limits.position;
-        if scaling.to_increments(least).is_err() || scaling.to_increments(most).is_err() {
-            let unit = table.letter.units()[0];
-            let mut ends = [Increments::MIN, Increments::MAX].map(|end| scaling.to_mm(end));
-            ends.sort_by(f64::total_cmp);
-            log.report(
-                table.soft_limits.clone(),
-                format!(
-                    "{}: `soft_limits` [{least}, {most}] are beyond what {} can count",
-                    table.title(),
-                    self.node.title(),
-                ),
-                format!(
-                    "allowed: {:.3}…{:.3} {unit} (-2147483648…2147483647 increments, {} for each \
-                     revolution of {} {unit}, `zero` at {})",
-                    ends[0],
-                    ends[1],
-                    increments_per_revolution,
-                    table.mm_per_revolution(),
-                    self.zero
-                ),
-            );
-        }
-        let counts = f64::from(increments_per_revolution);
-        let most = table.limits.following_error * counts;
-        if table.mm_per_revolution() > most {
-            log.report(
-                table.name.span(),
-                format!(
-                    "{}: an increment of {} is more than `following_error_limit`",
-                    table.title(),
-                    self.node.title()
-                ),
-                format!(
-                    "allowed: `pitch` / `gear` up to {most} {}, {counts} increments",
-                    table.letter.units()[0]
-                ),
-            );
-        }
+        let pairing = Pairing {
+            drive: self.node.title(),
+            model: self.node.model,
+            scaling: &scaling,
+            zero: self.zero,
+            increments: increments_per_revolution,
+            travel: table.mm_per_revolution(),
+            axis: table.title(),
+            name: table.name.span(),
+            unit: table.letter.units()[0],
+            limits: &table.limits,
+            soft_limits: table.soft_limits.clone(),
+            asked: &table.asked,
+        };
+        pairing.check(log);
         Drive {
             name: self.node.name.into_inner(),
             bus,
@@ -439,8 +416,8 @@ struct AxisTable {
     limits: AxisLimits,
     /// Where they stand.
     soft_limits: Range<usize>,
-    drive_following_error: bool,
-    drive_soft_limits: bool,
+    /// What its drives are to do besides.
+    asked: Vec<Asked>,
     simulation: Option<Simulation>,
 }
 
@@ -503,8 +480,7 @@ impl AxisTable {
             None
         };
         let standstill = table.positive_or(log, "standstill_window", 0.1, position);
-        let drive_following_error = table.flag_or(log, "drive_following_error", false);
-        let drive_soft_limits = table.flag_or(log, "drive_soft_limits", false);
+        let asked = fits::asked(log, &mut table);
         let simulation = simulation::read(log, &mut table, rotary, pair);
         if let (Some(pitch), true) = (&pitch, log.is_empty())
             && !(pitch.get_ref() / gear).is_normal()
@@ -533,8 +509,7 @@ impl AxisTable {
                 skew: skew_limit.map(Spanned::into_inner),
                 standstill,
             },
-            drive_following_error,
-            drive_soft_limits,
+            asked,
             simulation,
         })
     }
@@ -548,13 +523,14 @@ impl AxisTable {
     }
 
     fn join(self, drives: Vec<usize>) -> Axis {
+        let asks = |ability| self.asked.iter().any(|asked| asked.ability == ability);
         Axis {
+            drive_following_error: asks(Ability::FollowingErrorLimit),
+            drive_soft_limits: asks(Ability::SoftLimits),
             mm_per_revolution: self.mm_per_revolution(),
             letter: self.letter,
             drives,
             limits: self.limits,
-            drive_following_error: self.drive_following_error,
-            drive_soft_limits: self.drive_soft_limits,
             simulation: self.simulation,
         }
     }

@@ -409,10 +409,10 @@ impl Recording {
         let mut drives = self.layout.buses[logged.bus].drives.iter();
         drives.find_map(|&drive| {
             let device = &self.layout.drives[drive].device;
-            if device.r_pdos().iter().any(|pdo| is(pdo.cob_id)) {
+            if device.spec().r_pdos.iter().any(|pdo| is(pdo.cob_id)) {
                 Some(Band::Burst)
             } else {
-                is(CobId::r_sdo(device.node())).then_some(Band::Acyclic)
+                is(CobId::r_sdo(device.spec().node)).then_some(Band::Acyclic)
             }
         })
     }

@@ -1,17 +1,20 @@
 //! Every fault's text: whom it concerns, what came, what was expected, what to do.
 
 use std::path::Path;
-use syncline_canopen::cia402::Statusword;
 use syncline_canopen::emcy::Emergency;
 use syncline_canopen::sdo::AbortCode;
 use syncline_canopen::{Address, nmt};
 use syncline_controller::control::fault::{AwaitedState, AxisCause, BusCause, DriveCause};
 use syncline_controller::control::{Fault, Layout};
 use syncline_controller::machine::Machine;
-use syncline_drives::model::NotFollowing;
+use syncline_drives::model::{Data, NotFollowing, StatusWord};
 
 const OBJECT: Address = Address::new(0x60C2, 1);
-const SWITCHED_ON: Statusword = Statusword(0x0233);
+const SWITCHED_ON: StatusWord = StatusWord {
+    name: "statusword",
+    value: Data::u16(0x0233),
+    meaning: "Switched On",
+};
 
 /// Faults, each with its pattern and its text. A fault without a row does not compile.
 macro_rules! texts {
@@ -79,7 +82,7 @@ texts! {
      master or tool, and the drive's firmware";
 
     Fault::Drive(_, DriveCause::StaysEnabled { .. }),
-    Fault::Drive(2, DriveCause::StaysEnabled { statusword: SWITCHED_ON }),
+    Fault::Drive(2, DriveCause::StaysEnabled { word: SWITCHED_ON }),
     "node 3 (Y, LXM32M): found enabled and does not switch off, statusword \
      0233h (Switched On): switch it off by hand";
 
@@ -90,9 +93,9 @@ texts! {
 
     Fault::Drive(_, DriveCause::StateTimeout { .. }),
     Fault::Drive(2, DriveCause::StateTimeout {
-        awaited: AwaitedState::Enabled, statusword: SWITCHED_ON,
+        awaited: AwaitedState::Enabled, word: SWITCHED_ON,
     }),
-    "node 3 (Y, LXM32M): expected Operation Enabled, statusword stays 0233h (Switched On): check \
+    "node 3 (Y, LXM32M): expected power stage on, stays at statusword 0233h (Switched On): check \
      supply, enable inputs and the drive's error memory";
 
     Fault::Drive(_, DriveCause::NotAtRest), Fault::Drive(2, DriveCause::NotAtRest),
@@ -115,13 +118,13 @@ texts! {
      start again";
 
     Fault::Drive(_, DriveCause::Reported { .. }),
-    Fault::Drive(2, DriveCause::Reported { statusword: SWITCHED_ON }),
+    Fault::Drive(2, DriveCause::Reported { word: SWITCHED_ON }),
     "node 3 (Y, LXM32M): drive fault, statusword 0233h (Switched On): read its error memory, clear \
      the cause, start again";
 
     Fault::Drive(_, DriveCause::NotFollowing { .. }),
     Fault::Drive(2, DriveCause::NotFollowing {
-        statusword: SWITCHED_ON, why: NotFollowing::PowerStageOff,
+        word: SWITCHED_ON, why: NotFollowing::PowerStageOff,
     }),
     "node 3 (Y, LXM32M): power stage off, statusword 0233h (Switched On): check the drive's inputs \
      and its error memory";

@@ -4,8 +4,8 @@ use std::f64::consts::TAU;
 use std::path::Path;
 use std::time::Duration;
 use syncline_controller::machine::{InputMeaning, Machine, OutputSwitch};
-use syncline_drives::model::Increments;
-use syncline_strict_toml::Invalid;
+use syncline_drives::model::{Increments, MODELS};
+use syncline_strict_toml::{Diagnostic, Invalid};
 
 const PORTAL: &str = include_str!("../../../examples/portal/machine.toml");
 const XYZ: &str = include_str!("../../../examples/xyz/machine.toml");
@@ -39,7 +39,7 @@ fn the_portal() {
     assert_eq!(position(1, 20.0), Increments::new(-843_776 - 131_072));
 
     // 6065h and 607Dh as each side counts: 2 mm further out than the soft limits.
-    let setup = |drive: usize| machine.device(drive).setup()[30..33].to_vec();
+    let setup = |drive: usize| machine.device(drive).spec().setup[30..33].to_vec();
     let shown: Vec<_> = setup(1)
         .iter()
         .map(|write| (write.address.to_string(), write.data.bits() as i32))
@@ -131,7 +131,7 @@ fn nothing_is_wired_to_the_portal() {
     assert_eq!((machine.path.exact, machine.path.blend), (0.001, 0.01));
     assert_eq!(machine.axes[0].limits.standstill, 0.1);
     let drive = machine.device(2);
-    assert_eq!(drive.setup()[30].address.to_string(), "3012h:6");
+    assert_eq!(drive.spec().setup[30].address.to_string(), "3012h:6");
     assert_eq!(drive.latency(), 1);
 }
 
@@ -599,6 +599,24 @@ fn every_mistake_is_found_named_and_placed() {
 }
 
 #[test]
+fn what_several_drives_of_a_model_do_not_take_is_told_once() {
+    for (key, text) in [
+        (
+            "cycle_us",
+            portal_with("cycle_us = 2000", "cycle_us = 2500"),
+        ),
+        (
+            "bitrate",
+            portal_with("bitrate = 1_000_000", "bitrate = 800_000"),
+        ),
+    ] {
+        let told = parse(&text).unwrap_err().diagnostics;
+        let about = |it: &&Diagnostic| it.problem.contains(key);
+        assert_eq!(told.iter().filter(about).count(), 1, "{told:?}");
+    }
+}
+
+#[test]
 fn several_mistakes_are_told_at_once_in_the_order_of_the_file() {
     let text = portal_with("node = 127", "node = 0")
         .replace("cycle_us = 2000", "cycle_us = \"fast\"")
@@ -661,9 +679,14 @@ fn the_reference_is_complete() {
         rows.map(|row| row.split('`').next().unwrap().to_owned())
             .collect()
     };
-    let text = PORTAL.to_owned()
-        + "\n[axis.simulation]\ntransmission = \"belt\"\n[path]\n[model.lxm32m]\n";
-    for (table, header) in [
+    let models: Vec<_> = (MODELS.iter())
+        .map(|model| format!("model.{}", model.name))
+        .collect();
+    let mut text = PORTAL.to_owned() + "\n[axis.simulation]\ntransmission = \"belt\"\n[path]\n";
+    for model in &models {
+        text += &format!("[{model}]\n");
+    }
+    let mut tables: Vec<_> = [
         ("machine", "[machine]"),
         ("controller", "[controller]"),
         ("path", "[path]"),
@@ -671,9 +694,12 @@ fn the_reference_is_complete() {
         ("drive", "[[drive]]"),
         ("axis", "[[axis]]"),
         ("axis.simulation", "[axis.simulation]"),
-        ("model.lxm32m", "[model.lxm32m]"),
-    ] {
-        let text = text.replacen(header, &format!("{header}\nno_such_key = 1"), 1);
+    ]
+    .map(|(table, header)| (table, header.to_owned()))
+    .into();
+    tables.extend((models.iter()).map(|model| (&model[..], format!("[{model}]"))));
+    for (table, header) in tables {
+        let text = text.replacen(&header, &format!("{header}\nno_such_key = 1"), 1);
         let error = parse(&text).unwrap_err();
         let (_, allowed) = error.diagnostics[0].help.split_once("allowed: ").unwrap();
         let allowed: Vec<_> = allowed.split(", ").map(str::to_owned).collect();
@@ -719,7 +745,7 @@ safe = "on"
     // The frames grow where something is wired.
     let bytes = |drive: usize| {
         let device = machine.device(drive);
-        (device.t_pdos()[0].bytes, device.r_pdos()[0].bytes)
+        (device.spec().t_pdos[0].bytes, device.spec().r_pdos[0].bytes)
     };
     assert_eq!([bytes(1), bytes(2), bytes(3)], [(6, 6), (6, 8), (8, 6)]);
 }

@@ -9,20 +9,16 @@
 //! the drive reckons with no gear of its own (6091h) is read before anything is written: the travel
 //! per motor revolution stands in the machine file.
 
-use super::profile::{cia402, communication};
+use super::profile::cia402::{self, INTERPOLATION_DELAY};
+use super::profile::communication::{self, SDO_RESPONSE, T_PDO_RESPONSE};
 use super::{
-    Address, Assumed, Assumption, ClockLock, Data, Drive, DriveStatus, Feedback, Identity,
-    Increments, ModeDisplay, Model, OutOfRange, PowerCommand, PowerState, RemoteNode, Sample,
-    Setpoint, Settings, Survey, Write,
+    Ability, Address, Assumed, Assumption, Data, Drive, DriveStatus, Feedback, Identity,
+    Increments, ModeDisplay, Model, NodeSpec, PowerCommand, RemoteNode, Sample, Setpoint, Settings,
+    Survey, Write,
 };
 use crate::dictionary;
-use core::{slice, time::Duration};
-use syncline_canopen::{
-    CobId, Frame, NodeId,
-    budget::{Direction, Pdo},
-    cia402::Statusword,
-    pdo::CobIdWord,
-};
+use core::time::Duration;
+use syncline_canopen::{CobId, Frame, cia402::Statusword, pdo::CobIdWord};
 
 /// The drive.
 ///
@@ -36,6 +32,8 @@ pub(super) static CIA402_CSP: Model = Model {
     cycle_step: Duration::from_micros(500),
     cycles: Duration::from_micros(500)..=Duration::from_millis(20),
     increments_per_revolution: |assumed| assumed.value(&ENCODER_INCREMENTS),
+    positions: Increments::MIN..=Increments::MAX,
+    abilities: &[Ability::FollowingErrorLimit, Ability::SoftLimits],
     assumptions: &[
         ENCODER_INCREMENTS,
         PDOS,
@@ -80,27 +78,6 @@ const T_PDO: Assumption = Assumption {
     meaning: "number of the T_PDO that brings statusword and actual position",
 };
 
-const INTERPOLATION_DELAY: Assumption = Assumption {
-    name: "interpolation_delay",
-    default: 1,
-    allowed: 0..=10,
-    meaning: "cycles from the SYNC that latches a setpoint until the position reference reaches it",
-};
-
-const T_PDO_RESPONSE: Assumption = Assumption {
-    name: "t_pdo_response_us",
-    default: 100,
-    allowed: 0..=1_000_000,
-    meaning: "longest time in µs from the end of SYNC until the drive queues its T_PDO",
-};
-
-const SDO_RESPONSE: Assumption = Assumption {
-    name: "sdo_response_us",
-    default: 1000,
-    allowed: 0..=1_000_000,
-    meaning: "longest time in µs from the end of an SDO request until the drive queues its answer",
-};
-
 const CYCLIC_SYNCHRONOUS_POSITION: i8 = 8;
 
 /// Bit of 6502h for [`CYCLIC_SYNCHRONOUS_POSITION`].
@@ -110,7 +87,7 @@ const SUPPORTS_THE_MODE: u32 = 1 << 7;
 const FOLLOWING_ERROR: u16 = Statusword::BIT_13;
 
 /// What tells a drive that does as this file says.
-fn identity(encoder_increments: u32) -> [Identity; 6] {
+fn identity(encoder_increments: u32) -> Vec<Identity> {
     let reads = |index, sub, name, mask, value| Identity {
         address: Address::new(index, sub),
         name,
@@ -118,7 +95,7 @@ fn identity(encoder_increments: u32) -> [Identity; 6] {
         value,
     };
     let (mode, counts) = (SUPPORTS_THE_MODE, encoder_increments);
-    [
+    vec![
         // What stands above CiA 402 tells a servo from other drives.
         reads(0x1000, 0, "device type", 0xFFFF, 402),
         reads(0x6502, 0, "supported drive modes", mode, mode),
@@ -129,27 +106,11 @@ fn identity(encoder_increments: u32) -> [Identity; 6] {
     ]
 }
 
-/// Error code, error register, newest entry of the error list.
-const HISTORY: [Address; 3] = [
-    Address::new(0x603F, 0),
-    Address::new(0x1001, 0),
-    Address::new(0x1003, 1),
-];
-
 /// One drive.
 #[derive(Clone, Debug)]
 struct Cia402Csp {
-    node: NodeId,
-    identity: [Identity; 6],
-    setup: Vec<Write>,
-    read_back: Vec<Write>,
+    spec: NodeSpec,
     interpolation_delay: u32,
-    t_pdo_response: Duration,
-    sdo_response: Duration,
-    /// Statusword and actual position.
-    t_pdo: Pdo,
-    /// Controlword and target position.
-    r_pdo: Pdo,
 }
 
 /// The number of a PDO, 1…4.
@@ -162,27 +123,17 @@ impl Cia402Csp {
         let (node, assumed) = (settings.node, &settings.assumed);
         let (r_pdo, t_pdo) = (number(assumed, &R_PDO), number(assumed, &T_PDO));
         let setup = setup(settings, r_pdo, t_pdo);
-        // A controlword is a command, not a setting.
-        let is_command = |write: &Write| write.address == cia402::CONTROLWORD;
-        let micros = |assumption| Duration::from_micros(assumed.value(assumption).into());
         Self {
-            node,
-            identity: identity(assumed.value(&ENCODER_INCREMENTS)),
-            read_back: communication::read_back(&setup, is_command),
-            setup,
+            spec: NodeSpec {
+                identity: identity(assumed.value(&ENCODER_INCREMENTS)),
+                history: cia402::HISTORY.to_vec(),
+                // Statusword and actual position.
+                t_pdos: vec![communication::t_pdo(t_pdo, node, 6)],
+                // Controlword and target position.
+                r_pdos: vec![communication::r_pdo(r_pdo, node, 6)],
+                ..NodeSpec::new(&CIA402_CSP, settings, setup, cia402::is_command)
+            },
             interpolation_delay: assumed.value(&INTERPOLATION_DELAY),
-            t_pdo_response: micros(&T_PDO_RESPONSE),
-            sdo_response: micros(&SDO_RESPONSE),
-            t_pdo: Pdo {
-                direction: Direction::Transmit,
-                cob_id: CobId::t_pdo(t_pdo, node),
-                bytes: 6,
-            },
-            r_pdo: Pdo {
-                direction: Direction::Receive,
-                cob_id: CobId::r_pdo(r_pdo, node),
-                bytes: 6,
-            },
         }
     }
 }
@@ -215,14 +166,7 @@ fn setup(settings: &Settings, r_pdo: u8, t_pdo: u8) -> Vec<Write> {
     let (mantissa, exponent) = interpolation_period(*cycle);
     setup.push(w(0x60C2, 1, Data::u8(mantissa)));
     setup.push(w(0x60C2, 2, Data::u8(exponent as u8)));
-    if let Some(limit) = settings.following_error_limit {
-        let limit = limit.saturating_i32() as u32;
-        setup.push(w(0x6065, 0, Data::u32(limit)));
-    }
-    if let Some((least, most)) = settings.soft_limits {
-        setup.push(w(0x607D, 1, Data::i32(least.saturating_i32())));
-        setup.push(w(0x607D, 2, Data::i32(most.saturating_i32())));
-    }
+    setup.extend(cia402::limits(settings));
     setup.extend(&settings.objects);
     for (from, n, mapped) in [
         (0x1600, r_pdo, [0x6040_0010, 0x607A_0020]),
@@ -268,73 +212,16 @@ fn reserved(Address { index, .. }: Address) -> bool {
     )
 }
 
+/// What the bytes of its EMCY mean is the maker's affair, and nobody knows who that is.
 impl RemoteNode for Cia402Csp {
-    fn model(&self) -> &'static Model {
-        &CIA402_CSP
-    }
-
-    fn node(&self) -> NodeId {
-        self.node
-    }
-
-    fn identity(&self) -> &[Identity] {
-        &self.identity
-    }
-
-    fn history(&self) -> &[Address] {
-        &HISTORY
-    }
-
-    fn setup(&self) -> &[Write] {
-        &self.setup
-    }
-
-    fn read_back(&self) -> &[Write] {
-        &self.read_back
-    }
-
-    fn agrees(&self, written: &Write, read: &[u8]) -> bool {
-        communication::agrees(written, read)
-    }
-
-    fn clock_lock(&self) -> Option<ClockLock> {
-        None
-    }
-
-    fn release(&self) -> &[Write] {
-        &[]
-    }
-
-    fn t_pdos(&self) -> &[Pdo] {
-        slice::from_ref(&self.t_pdo)
-    }
-
-    fn r_pdos(&self) -> &[Pdo] {
-        slice::from_ref(&self.r_pdo)
-    }
-
-    fn t_pdo_response(&self) -> Duration {
-        self.t_pdo_response
-    }
-
-    fn sdo_response(&self) -> Duration {
-        self.sdo_response
-    }
-
-    /// What the bytes mean is the maker's affair, and nobody knows who that is.
-    fn vendor_error(&self, _: [u8; 5]) -> Option<String> {
-        None
+    fn spec(&self) -> &NodeSpec {
+        &self.spec
     }
 }
 
 impl Feedback for Cia402Csp {
     fn sample(&self, _: usize, data: &[u8]) -> Option<Sample> {
-        let &[_, _, p0, p1, p2, p3, ..] = data else {
-            return None;
-        };
-        Some(Sample {
-            position: i32::from_le_bytes([p0, p1, p2, p3]).into(),
-        })
+        cia402::sample(data)
     }
 }
 
@@ -343,12 +230,12 @@ impl Drive for Cia402Csp {
         Box::new(self.clone())
     }
 
-    fn survey(&self) -> Survey {
-        cia402::SURVEY
+    fn survey(&self) -> Option<Survey> {
+        Some(cia402::SURVEY)
     }
 
-    fn mode(&self) -> ModeDisplay {
-        cia402::shows(CYCLIC_SYNCHRONOUS_POSITION)
+    fn mode(&self) -> Option<ModeDisplay> {
+        Some(cia402::shows(CYCLIC_SYNCHRONOUS_POSITION))
     }
 
     fn ends_mode(&self) -> bool {
@@ -360,44 +247,25 @@ impl Drive for Cia402Csp {
     }
 
     fn status(&mut self, _: usize, data: &[u8]) -> Option<DriveStatus> {
-        let &[s0, s1, ..] = data else {
-            return None;
-        };
-        let statusword = Statusword(u16::from_le_bytes([s0, s1]));
-        let status = cia402::status(statusword);
-        Some(DriveStatus {
-            error: status.power == PowerState::Enabled && statusword.has(FOLLOWING_ERROR),
-            ..status
-        })
-    }
-
-    fn check(&self, setpoint: Setpoint) -> Result<(), OutOfRange> {
-        setpoint.position.to_i32().map(|_| ())
+        cia402::status(data, FOLLOWING_ERROR)
     }
 
     fn encode(&mut self, command: PowerCommand, setpoint: Setpoint, frames: &mut [Frame]) {
-        let [c0, c1] = cia402::controlword(command, 0).0.to_le_bytes();
-        let [p0, p1, p2, p3] = setpoint.position.saturating_i32().to_le_bytes();
-        frames[0] = Frame::new(self.r_pdo.cob_id, &[c0, c1, p0, p1, p2, p3]);
+        let data = cia402::command(command, 0, setpoint);
+        frames[0] = Frame::new(self.spec.r_pdos[0].cob_id, &data);
     }
 
-    fn in_motion(&self, position: Increments) -> Result<Vec<Frame>, OutOfRange> {
-        let operation_enabled = 0x0037;
-        let statusword = operation_enabled | Statusword::REMOTE | Statusword::MODE_12;
-        let [s0, s1] = statusword.to_le_bytes();
-        let [p0, p1, p2, p3] = position.to_i32()?.to_le_bytes();
-        let t_pdo = Frame::new(self.t_pdo.cob_id, &[s0, s1, p0, p1, p2, p3]);
-        let mut frames = vec![t_pdo; 2];
-        self.clone()
-            .encode(PowerCommand::Run, Setpoint { position }, &mut frames[1..]);
-        Ok(frames)
+    fn in_motion(&self, position: Increments) -> Vec<Frame> {
+        let data = cia402::in_motion(position);
+        vec![Frame::new(self.spec.t_pdos[0].cob_id, &data)]
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Heartbeat, NotFollowing};
+    use super::super::{Heartbeat, NotFollowing, OutOfRange};
     use super::*;
+    use syncline_canopen::NodeId;
 
     fn settings(cycle_us: u64, assumed: &[(&'static str, u32)]) -> Settings {
         Settings {
@@ -424,7 +292,7 @@ mod tests {
             let (len, bits) = (write.data.bytes().len(), write.data.bits());
             format!("{index:04X}:{sub:X} {len} {bits:X}")
         };
-        drive.setup().iter().map(row).collect()
+        drive.spec().setup.iter().map(row).collect()
     }
 
     #[test]
@@ -452,7 +320,7 @@ mod tests {
             ..settings(2000, &[])
         });
         assert_eq!(
-            drive.setup()[13..17],
+            drive.spec().setup[13..17],
             [
                 Write::new(0x6065, 0, Data::u32(26_214)),
                 Write::new(0x607D, 1, Data::i32(-10)),
@@ -465,8 +333,8 @@ mod tests {
     #[test]
     fn pdos_have_the_numbers_that_the_machine_file_says() {
         let drive = Cia402Csp::new(&settings(2000, &[("r_pdo", 4), ("t_pdo", 2), ("pdos", 1)]));
-        assert_eq!(drive.r_pdos()[0].cob_id.get(), 0x503);
-        assert_eq!(drive.t_pdos()[0].cob_id.get(), 0x283);
+        assert_eq!(drive.spec().r_pdos[0].cob_id.get(), 0x503);
+        assert_eq!(drive.spec().t_pdos[0].cob_id.get(), 0x283);
         let writes = writes(&drive);
         let count = |object: &str| writes.iter().filter(|row| row.starts_with(object)).count();
         // Those below are switched off, those above the drive does not have.
@@ -503,7 +371,7 @@ mod tests {
         let assumed = [("encoder_increments", 10_000)];
         let drive = Cia402Csp::new(&settings(2000, &assumed));
         let expects = |index, sub| {
-            let mut identity = drive.identity().iter();
+            let mut identity = drive.spec().identity.iter();
             let found = identity.find(|it| it.address == Address::new(index, sub));
             found.map(|it| it.value)
         };

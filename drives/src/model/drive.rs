@@ -1,9 +1,8 @@
 //! Devices that move an axis: what they are told, what they say of themselves.
 
-use super::{Address, Feedback, Increments, OutOfRange, Write};
+use super::{Address, Data, Feedback, Increments, OutOfRange, Write};
 use core::fmt;
 use syncline_canopen::Frame;
-use syncline_canopen::cia402::Statusword;
 
 /// A device that takes a position setpoint every cycle, latched at SYNC.
 ///
@@ -16,10 +15,12 @@ pub trait Drive: Feedback {
     fn clone_box(&self) -> Box<dyn Drive>;
 
     /// How to find out, by SDO, whether a drive in an unknown state is on, and to switch it off.
-    fn survey(&self) -> Survey;
+    /// `None` for a drive that has no such object: a reset of its communication has to switch it off.
+    fn survey(&self) -> Option<Survey>;
 
-    /// Which operating mode the drive must say that it runs, once it is started.
-    fn mode(&self) -> ModeDisplay;
+    /// Which operating mode the drive must say that it runs, once it is started; `None` for a drive
+    /// that has but one.
+    fn mode(&self) -> Option<ModeDisplay>;
 
     /// Whether the mode ends when it is no longer commanded ([`PowerCommand::Run`]). Where it does
     /// not, it runs as long as the drive is enabled, and there is no end to wait for.
@@ -36,18 +37,19 @@ pub trait Drive: Feedback {
     /// Whether the drive can be sent to `setpoint`: a matter of range, not of state.
     ///
     /// # Errors
-    /// If it does not fit what carries it.
-    fn check(&self, setpoint: Setpoint) -> Result<(), OutOfRange>;
+    /// If it is outside [`Model::positions`](super::Model::positions).
+    fn check(&self, setpoint: Setpoint) -> Result<(), OutOfRange> {
+        let positions = &self.spec().model.positions;
+        let inside = positions.contains(&setpoint.position);
+        inside.then_some(()).ok_or(OutOfRange)
+    }
 
     /// Its R_PDOs of this cycle, one each in `frames`. What [`Drive::check`] refuses goes to the end
     /// of the range.
     fn encode(&mut self, command: PowerCommand, setpoint: Setpoint, frames: &mut [Frame]);
 
-    /// Its T_PDOs and R_PDOs of one cycle in motion, at `position`: what the bus typically carries.
-    ///
-    /// # Errors
-    /// If the position does not fit what carries it.
-    fn in_motion(&self, position: Increments) -> Result<Vec<Frame>, OutOfRange>;
+    /// Its T_PDOs while it follows its setpoints, at `position`: what the bus typically carries.
+    fn in_motion(&self, position: Increments) -> Vec<Frame>;
 }
 
 impl Clone for Box<dyn Drive> {
@@ -129,11 +131,53 @@ pub struct DriveStatus {
     pub warning: bool,
     /// An error is pending that has to be dealt with, although the power stage is on.
     pub error: bool,
-    /// The word that it said this by, for messages.
-    pub statusword: Statusword,
+    /// The word that it said this by.
+    pub word: StatusWord,
+}
+
+/// The word by which a drive tells its state, for messages: `statusword 0237h (Operation Enabled)`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct StatusWord {
+    /// As the drive's manual calls it.
+    pub name: &'static str,
+    /// Its bits.
+    pub value: Data,
+    /// The state that it tells.
+    pub meaning: &'static str,
+}
+
+/// Of a drive that has not said anything yet.
+impl Default for StatusWord {
+    fn default() -> Self {
+        Self {
+            name: "status",
+            value: Data::u16(0),
+            meaning: "not told yet",
+        }
+    }
+}
+
+impl fmt::Display for StatusWord {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} {} ({})", self.name, self.value, self.meaning)
+    }
 }
 
 impl DriveStatus {
+    /// What a drive says that tells the state of its power stage and no more: it follows its
+    /// setpoints while it is on, and takes commands from the bus alone.
+    #[must_use]
+    pub fn of(power: PowerState, word: StatusWord) -> Self {
+        Self {
+            power,
+            mode_runs: power == PowerState::Enabled,
+            remote: true,
+            warning: false,
+            error: false,
+            word,
+        }
+    }
+
     /// Whether a drive that was enabled, in its mode if `in_mode`, still follows.
     ///
     /// # Errors
@@ -182,9 +226,9 @@ impl fmt::Display for NotFollowing {
             Self::Fault => "fault",
             Self::QuickStop => "quick stop active",
             Self::PowerStageOff => "power stage off",
-            Self::NotRemote => "not under fieldbus control (statusword bit 9 = 0)",
-            Self::ModeEnded => "operating mode ended (statusword bit 12 = 0)",
-            Self::Error => "error pending (statusword bit 13)",
+            Self::NotRemote => "not under fieldbus control",
+            Self::ModeEnded => "operating mode ended",
+            Self::Error => "error pending",
         })
     }
 }

@@ -2,17 +2,17 @@
 //!
 //! Numbers in parentheses are lines of the fieldbus manual 0198441113789.06.
 
-use super::profile::{cia402, communication};
+use super::profile::cia402::{self, INTERPOLATION_DELAY};
+use super::profile::communication::{self, SDO_RESPONSE, T_PDO_RESPONSE};
 use super::{
-    Address, Assumption, ClockLock, Data, Drive, DriveStatus, Feedback, Identity, Increments, Io,
-    ModeDisplay, Model, OutOfRange, PowerCommand, PowerState, RemoteNode, Sample, Setpoint,
+    Ability, Address, Assumption, ClockLock, Data, Drive, DriveStatus, Feedback, Identity,
+    Increments, Io, ModeDisplay, Model, NodeSpec, PowerCommand, RemoteNode, Sample, Setpoint,
     Settings, Survey, Write,
 };
 use crate::dictionary;
-use core::{slice, time::Duration};
+use core::time::Duration;
 use syncline_canopen::{
     CobId, Frame, NodeId,
-    budget::{Direction, Pdo},
     cia402::{Controlword, Statusword},
     pdo::CobIdWord,
 };
@@ -27,6 +27,8 @@ pub(super) static LXM32M: Model = Model {
     cycle_step: Duration::from_millis(1),
     cycles: Duration::from_millis(1)..=Duration::from_millis(20),
     increments_per_revolution: |_| 131_072, // (1602)
+    positions: Increments::MIN..=Increments::MAX,
+    abilities: &[Ability::FollowingErrorLimit, Ability::SoftLimits],
     assumptions: &[
         INTERPOLATION_DELAY,
         SYNC_LOCKED,
@@ -40,33 +42,12 @@ pub(super) static LXM32M: Model = Model {
     drive: |settings| Box::new(Lxm32m::new(settings)),
 };
 
-const INTERPOLATION_DELAY: Assumption = Assumption {
-    name: "interpolation_delay",
-    default: 1,
-    allowed: 0..=10,
-    meaning: "cycles from the SYNC that latches a setpoint until the position reference reaches it",
-};
-
 /// Taken by the drive family's wider documentation; not in the fieldbus manual.
 const SYNC_LOCKED: Assumption = Assumption {
     name: "sync_locked",
     default: 64,
     allowed: 0..=65_535,
     meaning: "value of SyncMechStatus (3022h:6) once the drive's clock follows SYNC",
-};
-
-const T_PDO_RESPONSE: Assumption = Assumption {
-    name: "t_pdo_response_us",
-    default: 100,
-    allowed: 0..=1_000_000,
-    meaning: "longest time in µs from the end of SYNC until the drive queues its T_PDO",
-};
-
-const SDO_RESPONSE: Assumption = Assumption {
-    name: "sdo_response_us",
-    default: 1000,
-    allowed: 0..=1_000_000,
-    meaning: "longest time in µs from the end of an SDO request until the drive queues its answer",
 };
 
 const INTERPOLATED_POSITION: i8 = 7;
@@ -101,85 +82,68 @@ const IDENTITY: [Identity; 2] = [
     },
 ];
 
-/// Last stopping error, error register, newest entry of the error list (2900, 3000, 3035).
-const HISTORY: [Address; 3] = [
-    Address::new(0x603F, 0),
-    Address::new(0x1001, 0),
-    Address::new(0x1003, 1),
-];
+/// Statusword bit 13, `x_err`: counts only in Operation Enabled, as the manual's own examples show it
+/// set at rest in state 4 (1343, 1755).
+const X_ERR: u16 = Statusword::BIT_13;
 
-/// SyncMechStart = 0: the synchronisation mechanism is off (1636, 2580).
-const RELEASE: [Write; 1] = [Write::new(0x3022, 5, Data::u16(0))];
+/// Bytes of a PDO that carries signals behind word and position.
+const WITH_SIGNALS: u8 = 8;
 
 /// One LXM32M.
 #[derive(Clone, Debug)]
 struct Lxm32m {
-    node: NodeId,
-    setup: Vec<Write>,
-    read_back: Vec<Write>,
+    spec: NodeSpec,
     interpolation_delay: u32,
-    sync_locked: u32,
-    t_pdo_response: Duration,
-    sdo_response: Duration,
-    /// Statusword and position (1620-1625), and signals.
-    t_pdo: Pdo,
-    /// Controlword and setpoint, and outputs.
-    r_pdo: Pdo,
     outputs: u16,
 }
 
 impl Lxm32m {
     fn new(settings: &Settings) -> Self {
-        let mut setup = standard_setup(settings.node, settings.cycle).to_vec();
+        let node = settings.node;
+        let mut setup = standard_setup(node, settings.cycle).to_vec();
         if settings.signals {
             map_third(&mut setup, 0x1A01, 0x3008_0110);
         }
         if settings.outputs != 0 {
             map_third(&mut setup, 0x1601, 0x3008_1110);
         }
-        if let Some(limit) = settings.following_error_limit {
-            // MON_p_dif_load (2909), in position units as CiA 402 has it.
-            setup.push(Write::new(
-                0x6065,
-                0,
-                Data::u32(limit.saturating_i32() as u32),
-            ));
-        }
-        if let Some((least, most)) = settings.soft_limits {
-            // MON_swLimN, MON_swLimP (2919, 2920). A limit beyond what they hold is no limit, which their
-            // ends say just as well.
-            setup.push(Write::new(0x607D, 1, Data::i32(least.saturating_i32())));
-            setup.push(Write::new(0x607D, 2, Data::i32(most.saturating_i32())));
-        }
+        // MON_p_dif_load (2909), in position units as CiA 402 has it; MON_swLimN, MON_swLimP (2919, 2920).
+        setup.extend(cia402::limits(settings));
         setup.extend(&settings.objects);
         let set = (0..OUTPUTS.len() as u8).filter(|output| settings.outputs >> output & 1 != 0);
         setup.extend(set.map(|output| Write::new(0x3007, 0x09 + output, Data::u16(FREE))));
         // Heartbeats both ways (3282-3320).
         setup.extend(communication::heartbeats(&settings.heartbeat));
 
-        // A controlword is a command, not a setting.
-        let is_command = |write: &Write| write.address == cia402::CONTROLWORD;
-        let micros = |assumption| Duration::from_micros(settings.assumed.value(assumption).into());
+        let bytes = |signals| if signals { WITH_SIGNALS } else { 6 };
         Self {
-            node: settings.node,
-            t_pdo_response: micros(&T_PDO_RESPONSE),
-            sdo_response: micros(&SDO_RESPONSE),
-            read_back: communication::read_back(&setup, is_command),
-            setup,
+            spec: NodeSpec {
+                identity: IDENTITY.to_vec(),
+                history: cia402::HISTORY.to_vec(), // (2900, 3000, 3035)
+                clock_lock: Some(ClockLock {
+                    address: Address::new(0x3022, 6),
+                    locked: settings.assumed.value(&SYNC_LOCKED),
+                    assumption: SYNC_LOCKED.name,
+                }),
+                // SyncMechStart = 0: the synchronisation mechanism is off (1636, 2580).
+                release: vec![Write::new(0x3022, 5, Data::u16(0))],
+                // Statusword and position (1620-1625), and signals.
+                t_pdos: vec![communication::t_pdo(2, node, bytes(settings.signals))],
+                // Controlword and setpoint, and outputs.
+                r_pdos: vec![communication::r_pdo(2, node, bytes(settings.outputs != 0))],
+                ..NodeSpec::new(&LXM32M, settings, setup, cia402::is_command)
+            },
             interpolation_delay: settings.assumed.value(&INTERPOLATION_DELAY),
-            sync_locked: settings.assumed.value(&SYNC_LOCKED),
-            t_pdo: Pdo {
-                direction: Direction::Transmit,
-                cob_id: CobId::t_pdo(2, settings.node),
-                bytes: if settings.signals { 8 } else { 6 },
-            },
-            r_pdo: Pdo {
-                direction: Direction::Receive,
-                cob_id: CobId::r_pdo(2, settings.node),
-                bytes: if settings.outputs != 0 { 8 } else { 6 },
-            },
             outputs: 0,
         }
+    }
+
+    fn tells_signals(&self) -> bool {
+        self.spec.t_pdos[0].bytes == WITH_SIGNALS
+    }
+
+    fn sets_outputs(&self) -> bool {
+        self.spec.r_pdos[0].bytes == WITH_SIGNALS
     }
 }
 
@@ -254,60 +218,8 @@ fn reserved(Address { index, sub }: Address) -> bool {
 }
 
 impl RemoteNode for Lxm32m {
-    fn model(&self) -> &'static Model {
-        &LXM32M
-    }
-
-    fn node(&self) -> NodeId {
-        self.node
-    }
-
-    fn identity(&self) -> &[Identity] {
-        &IDENTITY
-    }
-
-    fn history(&self) -> &[Address] {
-        &HISTORY
-    }
-
-    fn setup(&self) -> &[Write] {
-        &self.setup
-    }
-
-    fn read_back(&self) -> &[Write] {
-        &self.read_back
-    }
-
-    fn agrees(&self, written: &Write, read: &[u8]) -> bool {
-        communication::agrees(written, read)
-    }
-
-    fn clock_lock(&self) -> Option<ClockLock> {
-        Some(ClockLock {
-            address: Address::new(0x3022, 6),
-            locked: self.sync_locked,
-            assumption: SYNC_LOCKED.name,
-        })
-    }
-
-    fn release(&self) -> &[Write] {
-        &RELEASE
-    }
-
-    fn t_pdos(&self) -> &[Pdo] {
-        slice::from_ref(&self.t_pdo)
-    }
-
-    fn r_pdos(&self) -> &[Pdo] {
-        slice::from_ref(&self.r_pdo)
-    }
-
-    fn t_pdo_response(&self) -> Duration {
-        self.t_pdo_response
-    }
-
-    fn sdo_response(&self) -> Duration {
-        self.sdo_response
+    fn spec(&self) -> &NodeSpec {
+        &self.spec
     }
 
     /// Bytes 6 and 7 are 603Fh. The manual at hand has no table of its values (1953); what is known
@@ -322,12 +234,11 @@ impl RemoteNode for Lxm32m {
     }
 
     fn io(&self) -> Option<&dyn Io> {
-        let carried = self.t_pdo.bytes == 8 || self.r_pdo.bytes == 8;
-        carried.then_some(self)
+        (self.tells_signals() || self.sets_outputs()).then_some(self)
     }
 
     fn io_mut(&mut self) -> Option<&mut dyn Io> {
-        (self.r_pdo.bytes == 8).then_some(self)
+        self.sets_outputs().then_some(self)
     }
 }
 
@@ -347,12 +258,7 @@ impl Io for Lxm32m {
 
 impl Feedback for Lxm32m {
     fn sample(&self, _: usize, data: &[u8]) -> Option<Sample> {
-        let &[_, _, p0, p1, p2, p3, ..] = data else {
-            return None;
-        };
-        Some(Sample {
-            position: i32::from_le_bytes([p0, p1, p2, p3]).into(),
-        })
+        cia402::sample(data)
     }
 }
 
@@ -361,12 +267,12 @@ impl Drive for Lxm32m {
         Box::new(self.clone())
     }
 
-    fn survey(&self) -> Survey {
-        cia402::SURVEY
+    fn survey(&self) -> Option<Survey> {
+        Some(cia402::SURVEY)
     }
 
-    fn mode(&self) -> ModeDisplay {
-        cia402::shows(INTERPOLATED_POSITION)
+    fn mode(&self) -> Option<ModeDisplay> {
+        Some(cia402::shows(INTERPOLATED_POSITION))
     }
 
     /// Statusword bit 12 follows controlword bit 4 (1641, 1650).
@@ -378,50 +284,29 @@ impl Drive for Lxm32m {
         self.interpolation_delay
     }
 
-    /// Bit 13, x_err, counts only in Operation Enabled: the manual's own examples show it set at
-    /// rest in state 4 (1343, 1755).
     fn status(&mut self, _: usize, data: &[u8]) -> Option<DriveStatus> {
-        let &[s0, s1, ..] = data else {
-            return None;
-        };
-        let statusword = Statusword(u16::from_le_bytes([s0, s1]));
-        let status = cia402::status(statusword);
-        Some(DriveStatus {
-            error: status.power == PowerState::Enabled && statusword.has(Statusword::BIT_13),
-            ..status
-        })
-    }
-
-    fn check(&self, setpoint: Setpoint) -> Result<(), OutOfRange> {
-        setpoint.position.to_i32().map(|_| ())
+        cia402::status(data, X_ERR)
     }
 
     fn encode(&mut self, command: PowerCommand, setpoint: Setpoint, frames: &mut [Frame]) {
-        let [c0, c1] = cia402::controlword(command, START_MODE).0.to_le_bytes();
-        let [p0, p1, p2, p3] = setpoint.position.saturating_i32().to_le_bytes();
+        let [c0, c1, p0, p1, p2, p3] = cia402::command(command, START_MODE, setpoint);
         let [o0, o1] = self.outputs.to_le_bytes();
         let data = [c0, c1, p0, p1, p2, p3, o0, o1];
-        frames[0] = Frame::new(self.r_pdo.cob_id, &data[..self.r_pdo.bytes.into()]);
+        let r_pdo = &self.spec.r_pdos[0];
+        frames[0] = Frame::new(r_pdo.cob_id, &data[..r_pdo.bytes.into()]);
     }
 
-    fn in_motion(&self, position: Increments) -> Result<Vec<Frame>, OutOfRange> {
-        let operation_enabled = 0x0037; // 0237h while a mode runs (1761)
-        let statusword = operation_enabled | Statusword::REMOTE | Statusword::MODE_12;
-        let [s0, s1] = statusword.to_le_bytes();
-        let [p0, p1, p2, p3] = position.to_i32()?.to_le_bytes();
-        let signals = [0; 2];
-        let data = [s0, s1, p0, p1, p2, p3, signals[0], signals[1]];
-        let t_pdo = Frame::new(self.t_pdo.cob_id, &data[..self.t_pdo.bytes.into()]);
-        let mut frames = vec![t_pdo; 2];
-        self.clone()
-            .encode(PowerCommand::Run, Setpoint { position }, &mut frames[1..]);
-        Ok(frames)
+    fn in_motion(&self, position: Increments) -> Vec<Frame> {
+        let mut data = cia402::in_motion(position).to_vec();
+        let t_pdo = &self.spec.t_pdos[0];
+        data.resize(t_pdo.bytes.into(), 0);
+        vec![Frame::new(t_pdo.cob_id, &data)]
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Assumed, Heartbeat, NotFollowing};
+    use super::super::{Assumed, Heartbeat, NotFollowing, OutOfRange};
     use super::*;
 
     fn settings(node: u8, cycle_ms: u64) -> Settings {
@@ -478,8 +363,7 @@ mod tests {
             })
             .collect();
         let drive = Lxm32m::new(&settings(1, 2));
-        let requests: Vec<_> = drive
-            .setup()
+        let requests: Vec<_> = (drive.spec().setup)
             .iter()
             .map(|write| request(write).to_vec())
             .collect();
@@ -493,11 +377,11 @@ mod tests {
     #[test]
     fn set_up_takes_node_and_cycle() {
         let drive = Lxm32m::new(&settings(0x7E, 20));
-        assert_eq!(drive.setup()[0].data, Data::u32(0x8000_027E));
-        assert_eq!(drive.setup()[3].data, Data::u32(0x0000_02FE));
-        assert_eq!(drive.setup()[24].data, Data::u8(20));
-        assert_eq!(drive.r_pdos()[0].cob_id.get(), 0x37E);
-        assert_eq!(drive.t_pdos()[0].cob_id.get(), 0x2FE);
+        assert_eq!(drive.spec().setup[0].data, Data::u32(0x8000_027E));
+        assert_eq!(drive.spec().setup[3].data, Data::u32(0x0000_02FE));
+        assert_eq!(drive.spec().setup[24].data, Data::u8(20));
+        assert_eq!(drive.spec().r_pdos[0].cob_id.get(), 0x37E);
+        assert_eq!(drive.spec().t_pdos[0].cob_id.get(), 0x2FE);
     }
 
     #[test]
@@ -510,7 +394,7 @@ mod tests {
             ..settings(3, 2)
         });
         assert_eq!(
-            drive.setup()[30..34],
+            drive.spec().setup[30..34],
             [
                 Write::new(0x6065, 0, Data::u32(26_214)),
                 Write::new(0x607D, 1, Data::i32(-10)),
@@ -527,8 +411,7 @@ mod tests {
             ..settings(1, 2)
         });
         let expected = |index, sub| {
-            let mut found = drive
-                .read_back()
+            let mut found = (drive.spec().read_back)
                 .iter()
                 .filter(|write| write.address == Address::new(index, sub));
             let value = found.next().map(|write| write.data.bits());
@@ -540,21 +423,21 @@ mod tests {
         assert_eq!(expected(0x6040, 0), None);
         // 30 rows less two controlwords and two mappings opened before they are closed; the user's
         // one replaces another; two heartbeats.
-        assert_eq!(drive.read_back().len(), 28);
+        assert_eq!(drive.spec().read_back.len(), 28);
     }
 
     #[test]
     fn cob_ids_agree_in_bit_31_and_the_identifier_only() {
         let drive = Lxm32m::new(&settings(1, 2));
-        let t_pdo2 = drive.setup()[3];
-        assert!(drive.agrees(&t_pdo2, &0x4000_0281u32.to_le_bytes()));
-        assert!(!drive.agrees(&t_pdo2, &0xC000_0281u32.to_le_bytes()));
-        assert!(!drive.agrees(&t_pdo2, &0x4000_0282u32.to_le_bytes()));
-        assert!(!drive.agrees(&t_pdo2, &[0x81, 0x02]));
-        let cycle = drive.setup()[24];
-        assert!(drive.agrees(&cycle, &[2]));
-        assert!(!drive.agrees(&cycle, &[3]));
-        assert!(!drive.agrees(&cycle, &[2, 0, 0, 0, 0]));
+        let t_pdo2 = drive.spec().setup[3];
+        assert!(drive.spec().agrees(&t_pdo2, &0x4000_0281u32.to_le_bytes()));
+        assert!(!drive.spec().agrees(&t_pdo2, &0xC000_0281u32.to_le_bytes()));
+        assert!(!drive.spec().agrees(&t_pdo2, &0x4000_0282u32.to_le_bytes()));
+        assert!(!drive.spec().agrees(&t_pdo2, &[0x81, 0x02]));
+        let cycle = drive.spec().setup[24];
+        assert!(drive.spec().agrees(&cycle, &[2]));
+        assert!(!drive.spec().agrees(&cycle, &[3]));
+        assert!(!drive.spec().agrees(&cycle, &[2, 0, 0, 0, 0]));
     }
 
     fn at(position: i64) -> Setpoint {
@@ -578,11 +461,13 @@ mod tests {
             drive.encode(command, at(position), &mut frames);
             assert_eq!(format!("{:?}", frames[0]), expected);
         }
-        assert_eq!(drive.check(at(-2)), Ok(()));
+        for position in [i64::from(i32::MIN), -2, i64::from(i32::MAX)] {
+            assert_eq!(drive.check(at(position)), Ok(()));
+        }
         assert_eq!(drive.check(at(1 << 31)), Err(OutOfRange));
         let data = [0x37, 0x12, 0x00, 0x00, 0x02, 0x00];
         let status = drive.status(0, &data).unwrap();
-        assert_eq!(status.statusword, Statusword(0x1237));
+        assert_eq!(status.word, Statusword(0x1237).into());
         let sample = drive.sample(0, &data).unwrap();
         assert_eq!(sample.position, Increments::new(131_072));
         assert_eq!(drive.sample(0, &[0x37, 0x12, 0, 0, 0]), None);
@@ -594,7 +479,7 @@ mod tests {
             signals: true,
             ..settings(1, 2)
         });
-        let mapping: Vec<_> = (drive.setup().iter())
+        let mapping: Vec<_> = (drive.spec().setup.iter())
             .filter(|write| write.address.index == 0x1A01)
             .map(|write| (write.address.sub, write.data.bits()))
             .collect();
@@ -606,7 +491,7 @@ mod tests {
             (0, 3),
         ];
         assert_eq!(mapping, expected);
-        assert_eq!(drive.t_pdos()[0].bytes, 8);
+        assert_eq!(drive.spec().t_pdos[0].bytes, 8);
         let io = drive.io().unwrap();
         let signals = io.signals(0, &[0, 0, 0, 0, 0, 0, 0b1010_0001, 0b1111_1010]);
         let on = |bit: &usize| signals.unwrap() >> bit & 1 != 0;
@@ -625,7 +510,7 @@ mod tests {
             ..settings(1, 2)
         });
         let written = |index| -> Vec<_> {
-            let setup = drive.setup().iter();
+            let setup = drive.spec().setup.iter();
             let here = setup.filter(|write| write.address.index == index);
             here.map(|write| (write.address.sub, write.data.bits()))
                 .collect()

@@ -24,11 +24,12 @@ mod profile;
 mod scaling;
 
 pub use drive::{
-    Drive, DriveStatus, ModeDisplay, NotFollowing, PowerCommand, PowerState, Setpoint, Survey,
+    Drive, DriveStatus, ModeDisplay, NotFollowing, PowerCommand, PowerState, Setpoint, StatusWord,
+    Survey,
 };
 pub use feedback::{Feedback, Sample};
 pub use io::Io;
-pub use node::{ClockLock, Identity, RemoteNode};
+pub use node::{ClockLock, Identity, NodeSpec, RemoteNode};
 pub use object::{Data, Write};
 pub use scaling::{Direction, Increments, OutOfRange, Scaling};
 pub use syncline_canopen::Address;
@@ -40,7 +41,7 @@ use syncline_canopen::{NodeId, dictionary::Entry};
 pub static MODELS: &[&Model] = &[&lxm32m::LXM32M, &cia402_csp::CIA402_CSP];
 
 /// A kind of device: everything that is known before one is made.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Model {
     /// As a machine file writes it: `lxm32m`.
     pub name: &'static str,
@@ -52,8 +53,13 @@ pub struct Model {
     pub cycle_step: Duration,
     /// … within this range.
     pub cycles: RangeInclusive<Duration>,
-    /// Encoder increments per motor revolution, with what the machine file says of the model.
+    /// How many of the increments in which it takes and tells positions, once it is set up, are one
+    /// revolution of its motor; with what the machine file says of the model.
     pub increments_per_revolution: fn(&Assumed) -> u32,
+    /// The positions that it can be sent to: what its setpoint's object holds.
+    pub positions: RangeInclusive<Increments>,
+    /// What it can do besides.
+    pub abilities: &'static [Ability],
     /// What the manual leaves open, with the value taken unless the machine file says otherwise.
     pub assumptions: &'static [Assumption],
     /// Its object dictionary.
@@ -67,6 +73,15 @@ pub struct Model {
     pub outputs: &'static [&'static str],
     /// Makes the device.
     pub drive: fn(&Settings) -> Box<dyn Drive>,
+}
+
+/// Something that some drives can do and others cannot, which a machine file may ask for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Ability {
+    /// It faults at a following error of its own limit, [`Settings::following_error_limit`].
+    FollowingErrorLimit,
+    /// It faults beyond positions of its own, [`Settings::soft_limits`].
+    SoftLimits,
 }
 
 impl Model {
@@ -112,9 +127,11 @@ pub struct Settings {
     pub cycle: Duration,
     /// Connection monitoring both ways.
     pub heartbeat: Heartbeat,
-    /// Following error at which the drive itself faults; `None` leaves the drive's own.
+    /// Following error at which the drive itself faults; `None` leaves the drive's own. Asked of
+    /// those with [`Ability::FollowingErrorLimit`] only.
     pub following_error_limit: Option<Increments>,
-    /// Positions beyond which the drive itself faults; `None` leaves the drive's own.
+    /// Positions beyond which the drive itself faults; `None` leaves the drive's own. Asked of those
+    /// with [`Ability::SoftLimits`] only.
     pub soft_limits: Option<(Increments, Increments)>,
     /// Whether the device's digital inputs and outputs come with its T_PDOs.
     pub signals: bool,

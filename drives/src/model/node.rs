@@ -1,60 +1,23 @@
 //! What every CANopen device of a machine has, whatever it does.
 
-use super::{Address, Io, Model, Write};
+use super::profile::communication::{self, SDO_RESPONSE, T_PDO_RESPONSE};
+use super::{Address, Io, Model, Settings, Write};
 use core::{fmt, time::Duration};
 use syncline_canopen::NodeId;
 use syncline_canopen::budget::{NodeTraffic, Pdo};
 
-/// A device on a bus as the controller knows it: who it is, how it is set up, what it sends and
-/// takes in every cycle.
+/// A device on a bus as the controller knows it.
 ///
-/// A PDO of the device is named by its place in [`RemoteNode::t_pdos`] or [`RemoteNode::r_pdos`].
+/// A PDO of the device is named by its place in [`NodeSpec::t_pdos`] or [`NodeSpec::r_pdos`].
 pub trait RemoteNode: fmt::Debug + Send + Sync {
-    /// Its kind.
-    fn model(&self) -> &'static Model;
-
-    /// Its node id.
-    fn node(&self) -> NodeId;
-
-    /// The objects that tell this device from another, in the order to read them.
-    fn identity(&self) -> &[Identity];
-
-    /// The objects to log before a reset, which would wipe them: what stopped the device last.
-    fn history(&self) -> &[Address];
-
-    /// The set-up writes, in order, to a device in NMT Pre-Operational after a reset of its
-    /// communication.
-    fn setup(&self) -> &[Write];
-
-    /// The objects to read back after the set-up, with the value that each must have. One that
-    /// refuses to be read is worth a log line, no more.
-    fn read_back(&self) -> &[Write];
-
-    /// Whether what was read is what `written` set, in the bits that the device has to keep.
-    fn agrees(&self, written: &Write, read: &[u8]) -> bool;
-
-    /// How to tell that the device's clock follows SYNC, if it has one that does.
-    fn clock_lock(&self) -> Option<ClockLock>;
-
-    /// The writes that take the set-up's cyclic part back, after the device is disabled.
-    fn release(&self) -> &[Write];
-
-    /// The PDOs that the device sends in answer to every SYNC.
-    fn t_pdos(&self) -> &[Pdo];
-
-    /// The PDOs that the controller sends to the device in every cycle.
-    fn r_pdos(&self) -> &[Pdo];
-
-    /// Longest time from the end of SYNC until the T_PDOs stand in the device's transmit queue.
-    fn t_pdo_response(&self) -> Duration;
-
-    /// Longest time from the end of an SDO request until its answer stands in the device's
-    /// transmit queue.
-    fn sdo_response(&self) -> Duration;
+    /// What does not change as long as the machine is on.
+    fn spec(&self) -> &NodeSpec;
 
     /// What the five bytes that its maker adds to an EMCY say, for a message: `vendor error
     /// B404h: SYNC signal missing`. `None` if the maker says nothing by them.
-    fn vendor_error(&self, bytes: [u8; 5]) -> Option<String>;
+    fn vendor_error(&self, _: [u8; 5]) -> Option<String> {
+        None
+    }
 
     /// Its digital inputs and outputs, if its PDOs carry them.
     fn io(&self) -> Option<&dyn Io> {
@@ -65,14 +28,81 @@ pub trait RemoteNode: fmt::Debug + Send + Sync {
     fn io_mut(&mut self) -> Option<&mut dyn Io> {
         None
     }
+}
+
+/// Who a device is, how it is set up, and what it sends and takes in every cycle.
+#[derive(Clone, Debug)]
+pub struct NodeSpec {
+    /// Its kind.
+    pub model: &'static Model,
+    /// Its node id.
+    pub node: NodeId,
+    /// The objects that tell this device from another, in the order to read them.
+    pub identity: Vec<Identity>,
+    /// The objects to log before a reset, which would wipe them: what stopped the device last.
+    pub history: Vec<Address>,
+    /// The set-up writes, in order, to a device in NMT Pre-Operational after a reset of its
+    /// communication. They reset an error that is left from before, too.
+    pub setup: Vec<Write>,
+    /// The objects to read back after the set-up, with the value that each must have. One that
+    /// refuses to be read is worth a log line, no more.
+    pub read_back: Vec<Write>,
+    /// How to tell that the device's clock follows SYNC, if it has one that does.
+    pub clock_lock: Option<ClockLock>,
+    /// The writes that take the set-up's cyclic part back, after the device is disabled.
+    pub release: Vec<Write>,
+    /// The PDOs that the device sends in answer to every SYNC.
+    pub t_pdos: Vec<Pdo>,
+    /// The PDOs that the controller sends to the device in every cycle.
+    pub r_pdos: Vec<Pdo>,
+    /// Longest time from the end of SYNC until the T_PDOs stand in the device's transmit queue.
+    pub t_pdo_response: Duration,
+    /// Longest time from the end of an SDO request until its answer stands in the device's
+    /// transmit queue.
+    pub sdo_response: Duration,
+}
+
+impl NodeSpec {
+    /// A device with this set-up, which is read back but for those writes that are commands, not
+    /// settings. Its times are the assumptions [`T_PDO_RESPONSE`] and [`SDO_RESPONSE`]; it has
+    /// nothing else yet.
+    pub(super) fn new(
+        model: &'static Model,
+        settings: &Settings,
+        setup: Vec<Write>,
+        is_command: fn(&Write) -> bool,
+    ) -> Self {
+        let micros = |assumption| Duration::from_micros(settings.assumed.value(assumption).into());
+        Self {
+            model,
+            node: settings.node,
+            identity: Vec::new(),
+            history: Vec::new(),
+            read_back: communication::read_back(&setup, is_command),
+            setup,
+            clock_lock: None,
+            release: Vec::new(),
+            t_pdos: Vec::new(),
+            r_pdos: Vec::new(),
+            t_pdo_response: micros(&T_PDO_RESPONSE),
+            sdo_response: micros(&SDO_RESPONSE),
+        }
+    }
+
+    /// Whether what was read is what `written` set, in the bits that a device has to keep.
+    #[must_use]
+    pub fn agrees(&self, written: &Write, read: &[u8]) -> bool {
+        communication::agrees(written, read)
+    }
 
     /// What the device adds to a cycle of its bus.
-    fn traffic(&self) -> NodeTraffic {
+    #[must_use]
+    pub fn traffic(&self) -> NodeTraffic {
         NodeTraffic {
-            node: self.node(),
+            node: self.node,
             divider: 1,
-            response: self.t_pdo_response(),
-            pdos: [self.t_pdos(), self.r_pdos()].concat(),
+            response: self.t_pdo_response,
+            pdos: [&self.t_pdos[..], &self.r_pdos[..]].concat(),
         }
     }
 }

@@ -31,15 +31,7 @@ impl Increments {
         self.0
     }
 
-    /// As a drive's object holds it.
-    ///
-    /// # Errors
-    /// If it does not fit an INTEGER32.
-    pub fn to_i32(self) -> Result<i32, OutOfRange> {
-        i32::try_from(self.0).map_err(|_| OutOfRange)
-    }
-
-    /// The nearest position that a drive's object holds.
+    /// The nearest position that a drive's INTEGER32 holds.
     #[must_use]
     pub fn saturating_i32(self) -> i32 {
         self.clamp(Self::MIN, Self::MAX).0 as i32
@@ -80,9 +72,9 @@ impl fmt::Display for Increments {
     }
 }
 
-/// A position that no INTEGER32 of increments holds.
+/// A position that is none of a drive's, see [`Model::positions`](super::Model::positions).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
-#[error("position outside the drive's range of -2147483648…2147483647 increments")]
+#[error("position outside the drive's range")]
 pub struct OutOfRange;
 
 /// Which way the motor turns when the axis moves in its positive direction.
@@ -133,15 +125,13 @@ impl Scaling {
     /// Every call converts an absolute position: nothing accumulates.
     ///
     /// # Errors
-    /// If the position is not finite or outside the drive's INTEGER32.
+    /// If the position is not finite or so far away that an f64 has no single increments there.
     pub fn to_increments(&self, mm: f64) -> Result<Increments, OutOfRange> {
         // A power of two per revolution: the product is exact, so that only the quotient rounds.
         let from_zero = (mm * self.increments_per_revolution / self.mm_per_revolution).round();
         // Beyond 2⁵³ an f64 has no single increments left; NaN fails the comparison too.
         if from_zero.abs() < 9_007_199_254_740_992.0 {
-            let position = Increments(from_zero as i64) + self.zero;
-            position.to_i32()?;
-            Ok(position)
+            Ok(Increments(from_zero as i64) + self.zero)
         } else {
             Err(OutOfRange)
         }
@@ -219,19 +209,15 @@ mod tests {
     }
 
     #[test]
-    fn what_does_not_fit_32_bits_is_refused() {
+    fn what_has_no_single_increments_is_refused() {
         let axis = scaling(Direction::Positive, 0);
-        assert_eq!(
-            axis.to_increments(-163_840.0),
-            Ok(Increments::new(i32::MIN.into()))
-        );
-        for mm in [163_840.0, -163_840.1, f64::NAN, f64::INFINITY, 1e300] {
+        let last = 10.0 * 68_719_476_735.0;
+        let counts = 68_719_476_735 << 17;
+        assert_eq!(axis.to_increments(last), Ok(Increments::new(counts)));
+        assert_eq!(axis.to_increments(-last), Ok(Increments::new(-counts)));
+        for mm in [last + 10.0, f64::NAN, f64::INFINITY, 1e300] {
             assert_eq!(axis.to_increments(mm), Err(OutOfRange), "{mm}");
         }
-        assert_eq!(
-            scaling(Direction::Positive, i32::MAX.into()).to_increments(0.001),
-            Err(OutOfRange)
-        );
     }
 
     proptest! {

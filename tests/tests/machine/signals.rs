@@ -51,7 +51,7 @@ fn they_cost_nothing_where_nobody_asks() {
         let file = std::path::Path::new("m.toml");
         let machine = Machine::parse(file, text).unwrap_or_else(|error| panic!("{error}"));
         let device = machine.device(Y);
-        device.t_pdos().iter().map(|pdo| pdo.bytes).collect()
+        device.spec().t_pdos.iter().map(|pdo| pdo.bytes).collect()
     };
     let text = include_str!("../../../examples/portal/machine.toml");
     assert_eq!(lengths(text), [6]);

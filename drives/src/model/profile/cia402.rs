@@ -1,25 +1,41 @@
-//! A master's side of CiA 402: how a drive is surveyed, switched on and off, and what its
-//! statusword says. The words and states themselves are [`syncline_canopen::cia402`]'s.
+//! A master's side of CiA 402: how a drive is surveyed, switched on and off, what its statusword
+//! says, and the two PDOs of a mode that takes a position each cycle. The words and states
+//! themselves are [`syncline_canopen::cia402`]'s.
 
 use crate::model::{
-    Address, Data, DriveStatus, ModeDisplay, PowerCommand, PowerState, Survey, Write,
+    Address, Assumption, Data, DriveStatus, Increments, ModeDisplay, PowerCommand, PowerState,
+    Sample, Setpoint, Settings, StatusWord, Survey, Write,
 };
 use syncline_canopen::cia402::{Controlword, State, Statusword};
 
-/// 6040h.
-pub(in crate::model) const CONTROLWORD: Address = Address::new(0x6040, 0);
+const CONTROLWORD: Address = Address::new(0x6040, 0);
 const STATUSWORD: Address = Address::new(0x6041, 0);
 const MODE_DISPLAY: Address = Address::new(0x6061, 0);
+
+/// How late a drive's position reference follows what it was sent.
+pub(in crate::model) const INTERPOLATION_DELAY: Assumption = Assumption {
+    name: "interpolation_delay",
+    default: 1,
+    allowed: 0..=10,
+    meaning: "cycles from the SYNC that latches a setpoint until the position reference reaches it",
+};
 
 /// A drive's state by 6041h; 6040h = 0000h switches it off.
 pub(in crate::model) const SURVEY: Survey = Survey {
     address: STATUSWORD,
-    status: |value| status(Statusword(value as u16)),
+    status: |value| said(Statusword(value as u16)),
     disable: Write {
         address: CONTROLWORD,
         data: Data::u16(Controlword::DISABLE_VOLTAGE.0),
     },
 };
+
+/// What stopped a drive last: error code, error register, newest entry of the error list.
+pub(in crate::model) const HISTORY: [Address; 3] = [
+    Address::new(0x603F, 0),
+    Address::new(0x1001, 0),
+    Address::new(0x1003, 1),
+];
 
 /// 6061h must show this mode.
 pub(in crate::model) const fn shows(mode: i8) -> ModeDisplay {
@@ -29,29 +45,85 @@ pub(in crate::model) const fn shows(mode: i8) -> ModeDisplay {
     }
 }
 
-/// The controlword of a command. `start` are the bits that start the mode on top of Enable
+/// A controlword is a command, not a setting.
+pub(in crate::model) fn is_command(write: &Write) -> bool {
+    write.address == CONTROLWORD
+}
+
+/// The limits that the drive supervises itself: of the following error (6065h), and of the position
+/// (607Dh). A limit beyond what an object holds is no limit, which the object's end says just as well.
+pub(in crate::model) fn limits(settings: &Settings) -> Vec<Write> {
+    let mut limits = Vec::new();
+    if let Some(limit) = settings.following_error_limit {
+        let limit = limit.saturating_i32() as u32;
+        limits.push(Write::new(0x6065, 0, Data::u32(limit)));
+    }
+    if let Some((least, most)) = settings.soft_limits {
+        limits.push(Write::new(0x607D, 1, Data::i32(least.saturating_i32())));
+        limits.push(Write::new(0x607D, 2, Data::i32(most.saturating_i32())));
+    }
+    limits
+}
+
+/// An R_PDO of controlword and position. `start` are the bits that start the mode on top of Enable
 /// Operation; none for a mode that runs as soon as the drive is enabled.
-pub(in crate::model) const fn controlword(command: PowerCommand, start: u16) -> Controlword {
-    match command {
+pub(in crate::model) fn command(command: PowerCommand, start: u16, setpoint: Setpoint) -> [u8; 6] {
+    let controlword = match command {
         PowerCommand::Disable => Controlword::DISABLE_VOLTAGE,
         PowerCommand::Prepare => Controlword::SHUTDOWN,
         PowerCommand::Enable => Controlword::ENABLE_OPERATION,
         PowerCommand::Run => Controlword::ENABLE_OPERATION.with(start),
         PowerCommand::QuickStop => Controlword::QUICK_STOP,
-    }
+    };
+    image(controlword.0, setpoint.position)
+}
+
+/// The T_PDO of statusword and position of a drive that follows its setpoints, at `position`.
+pub(in crate::model) fn in_motion(position: Increments) -> [u8; 6] {
+    let operation_enabled = 0x0037;
+    let following = Statusword::REMOTE | Statusword::MODE_12;
+    image(operation_enabled | following, position)
+}
+
+fn image(word: u16, position: Increments) -> [u8; 6] {
+    let [w0, w1] = word.to_le_bytes();
+    let [p0, p1, p2, p3] = position.saturating_i32().to_le_bytes();
+    [w0, w1, p0, p1, p2, p3]
+}
+
+/// The position that a T_PDO brings behind the statusword.
+pub(in crate::model) fn sample(data: &[u8]) -> Option<Sample> {
+    let &[_, _, p0, p1, p2, p3, ..] = data else {
+        return None;
+    };
+    Some(Sample {
+        position: i32::from_le_bytes([p0, p1, p2, p3]).into(),
+    })
+}
+
+/// What a T_PDO says that begins with the statusword. In Operation Enabled `error` is the bit of an
+/// error that has to be dealt with; in other states the bit may be set without meaning any.
+pub(in crate::model) fn status(data: &[u8], error: u16) -> Option<DriveStatus> {
+    let &[s0, s1, ..] = data else {
+        return None;
+    };
+    let statusword = Statusword(u16::from_le_bytes([s0, s1]));
+    let status = said(statusword);
+    Some(DriveStatus {
+        error: status.power == PowerState::Enabled && statusword.has(error),
+        ..status
+    })
 }
 
 /// What a statusword says by the bits that mean the same in every mode that takes a setpoint a
 /// cycle: bit 12 is set while the drive follows them. Bits that a maker or a mode gives another
-/// meaning are left out: bit 13 is no error here.
-pub(in crate::model) fn status(statusword: Statusword) -> DriveStatus {
+/// meaning are left out.
+fn said(statusword: Statusword) -> DriveStatus {
     DriveStatus {
-        power: power_state(statusword),
         mode_runs: statusword.has(Statusword::MODE_12),
         remote: statusword.has(Statusword::REMOTE),
         warning: statusword.has(Statusword::WARNING),
-        error: false,
-        statusword,
+        ..DriveStatus::of(power_state(statusword), statusword.into())
     }
 }
 
@@ -66,5 +138,15 @@ fn power_state(statusword: Statusword) -> PowerState {
         Some(State::FaultReactionActive) => PowerState::FaultReaction,
         Some(State::Fault) => PowerState::Fault,
         None => PowerState::Unknown,
+    }
+}
+
+impl From<Statusword> for StatusWord {
+    fn from(statusword: Statusword) -> Self {
+        Self {
+            name: "statusword",
+            value: Data::u16(statusword.0),
+            meaning: statusword.state().map_or("no state", State::name),
+        }
     }
 }

@@ -1,7 +1,25 @@
 //! Communication as CiA 301 has it for every device.
 
-use crate::model::{Data, Heartbeat, Write};
+use crate::model::{Assumption, Data, Heartbeat, Write};
 use core::time::Duration;
+use syncline_canopen::budget::{Direction, Pdo};
+use syncline_canopen::{CobId, NodeId};
+
+/// How fast a device answers SYNC.
+pub(in crate::model) const T_PDO_RESPONSE: Assumption = Assumption {
+    name: "t_pdo_response_us",
+    default: 100,
+    allowed: 0..=1_000_000,
+    meaning: "longest time in µs from the end of SYNC until the drive queues its T_PDO",
+};
+
+/// How fast a device answers an SDO request.
+pub(in crate::model) const SDO_RESPONSE: Assumption = Assumption {
+    name: "sdo_response_us",
+    default: 1000,
+    allowed: 0..=1_000_000,
+    meaning: "longest time in µs from the end of an SDO request until the drive queues its answer",
+};
 
 /// The device's own heartbeat (1017h) and its watch on the controller's (1016h:1).
 pub(in crate::model) fn heartbeats(heartbeat: &Heartbeat) -> [Write; 2] {
@@ -11,6 +29,24 @@ pub(in crate::model) fn heartbeats(heartbeat: &Heartbeat) -> [Write; 2] {
         Write::new(0x1017, 0, Data::u16(ms(heartbeat.producer))),
         Write::new(0x1016, 1, Data::u32(watch)),
     ]
+}
+
+/// The device's T_PDO with that number, at its identifier of the predefined connection set.
+pub(in crate::model) fn t_pdo(number: u8, node: NodeId, bytes: u8) -> Pdo {
+    Pdo {
+        direction: Direction::Transmit,
+        cob_id: CobId::t_pdo(number, node),
+        bytes,
+    }
+}
+
+/// The same of an R_PDO.
+pub(in crate::model) fn r_pdo(number: u8, node: NodeId, bytes: u8) -> Pdo {
+    Pdo {
+        direction: Direction::Receive,
+        cob_id: CobId::r_pdo(number, node),
+        bytes,
+    }
 }
 
 /// What a set-up leaves behind: the last value of each object but those that are commands, not

@@ -1,0 +1,272 @@
+//! Whether a drive can do what its axis, the cycle and its bus ask of it: what the model says of
+//! itself, held against the machine file.
+
+use super::AxisLimits;
+use std::ops::Range;
+use syncline_drives::model::{Ability, Increments, Model, Scaling};
+use syncline_strict_toml::{Log, Table};
+
+/// A key of an axis that asks its drives for an ability.
+pub(super) struct Asked {
+    key: &'static str,
+    pub(super) ability: Ability,
+    span: Range<usize>,
+}
+
+/// What an axis asks its drives to do besides following.
+pub(super) fn asked(log: &mut Log<'_>, table: &mut Table<'_, '_>) -> Vec<Asked> {
+    let keys = [
+        ("drive_following_error", Ability::FollowingErrorLimit),
+        ("drive_soft_limits", Ability::SoftLimits),
+    ];
+    let mut asked = Vec::new();
+    for (key, ability) in keys {
+        if table.flag_or(log, key, false) {
+            let span = table.span_of(key).unwrap_or_default();
+            asked.push(Asked { key, ability, span });
+        }
+    }
+    asked
+}
+
+/// A drive that an axis names, and that axis.
+pub(super) struct Pairing<'p> {
+    /// The drive as messages call it.
+    pub(super) drive: String,
+    pub(super) model: &'static Model,
+    pub(super) scaling: &'p Scaling,
+    /// What the drive reports at machine position 0.
+    pub(super) zero: Increments,
+    /// Increments of a motor revolution, and how far it moves the axis.
+    pub(super) increments: u32,
+    pub(super) travel: f64,
+    /// The axis as messages call it, and where its name stands.
+    pub(super) axis: String,
+    pub(super) name: Range<usize>,
+    pub(super) unit: &'static str,
+    pub(super) limits: &'p AxisLimits,
+    /// Where the soft limits stand.
+    pub(super) soft_limits: Range<usize>,
+    pub(super) asked: &'p [Asked],
+}
+
+impl Pairing<'_> {
+    /// Reports what does not fit.
+    pub(super) fn check(&self, log: &mut Log<'_>) {
+        self.check_abilities(log);
+        self.check_range(log);
+        self.check_resolution(log);
+    }
+
+    fn check_abilities(&self, log: &mut Log<'_>) {
+        let Self { drive, model, .. } = self;
+        for Asked { key, ability, span } in self.asked {
+            if !model.abilities.contains(ability) {
+                log.report(
+                    span.clone(),
+                    format!(
+                        "{}: `{key}`, which {drive} ({}) cannot",
+                        self.axis, model.title
+                    ),
+                    "leave the key out: the controller supervises it in any case",
+                );
+            }
+        }
+    }
+
+    /// Whether the drive can be sent wherever the axis may go.
+    fn check_range(&self, log: &mut Log<'_>) {
+        let Self { scaling, unit, .. } = self;
+        let positions = &self.model.positions;
+        let (least, most) = self.limits.position;
+        let is_reached = |mm| {
+            let position = scaling.to_increments(mm);
+            position.is_ok_and(|position| positions.contains(&position))
+        };
+        if is_reached(least) && is_reached(most) {
+            return;
+        }
+        let mut ends = [*positions.start(), *positions.end()].map(|end| scaling.to_mm(end));
+        ends.sort_by(f64::total_cmp);
+        log.report(
+            self.soft_limits.clone(),
+            format!(
+                "{}: `soft_limits` [{least}, {most}] are beyond what {} can count",
+                self.axis, self.drive,
+            ),
+            format!(
+                "allowed: {:.3}…{:.3} {unit} ({}…{} increments, {} for each revolution of {} \
+                 {unit}, `zero` at {})",
+                ends[0],
+                ends[1],
+                positions.start(),
+                positions.end(),
+                self.increments,
+                self.travel,
+                self.zero
+            ),
+        );
+    }
+
+    /// Whether the drive tells positions finely enough for what they are held against.
+    fn check_resolution(&self, log: &mut Log<'_>) {
+        let AxisLimits {
+            following_error,
+            skew,
+            standstill,
+            ..
+        } = *self.limits;
+        let counts = f64::from(self.increments);
+        for (key, limit) in [
+            ("following_error_limit", Some(following_error)),
+            ("skew_limit", skew),
+            ("standstill_window", Some(standstill)),
+        ] {
+            let Some(limit) = limit.filter(|limit| self.travel > limit * counts) else {
+                continue;
+            };
+            log.report(
+                self.name.clone(),
+                format!(
+                    "{}: an increment of {} is more than `{key}`",
+                    self.axis, self.drive
+                ),
+                format!(
+                    "allowed: `pitch` / `gear` up to {} {}, {counts} increments",
+                    limit * counts,
+                    self.unit
+                ),
+            );
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use syncline_drives::model::{Direction, MODELS};
+
+    /// What is told of an axis with a drive of whatever model, changed by `change`.
+    fn told(limits: AxisLimits, change: impl Fn(&mut Model)) -> Vec<String> {
+        let told = MODELS.iter().map(|model| {
+            let mut model = Model::clone(model);
+            model.title = "DRIVE";
+            change(&mut model);
+            told_with(limits, model)
+        });
+        let mut told: Vec<_> = told.collect();
+        told.dedup();
+        assert_eq!(told.len(), 1, "{told:?}");
+        told.swap_remove(0)
+    }
+
+    fn told_with(limits: AxisLimits, model: Model) -> Vec<String> {
+        let source = "drive_following_error = true\ndrive_soft_limits = true\n";
+        let mut log = Log::new(source);
+        let document = syncline_strict_toml::parse(&mut log, source);
+        let mut table = Table::new("axis \"X\"", 0..0, document.get_ref());
+        let asked = asked(&mut log, &mut table);
+        let pairing = Pairing {
+            drive: "drive \"X1\"".into(),
+            model: Box::leak(Box::new(model)),
+            scaling: &Scaling::new(1000, 10.0, Direction::Positive, Increments::ZERO),
+            zero: Increments::ZERO,
+            increments: 1000,
+            travel: 10.0,
+            axis: "axis \"X\"".into(),
+            name: 0..0,
+            unit: "mm",
+            limits: &limits,
+            soft_limits: 0..0,
+            asked: &asked,
+        };
+        pairing.check(&mut log);
+        let diagnostics = log.into_diagnostics().into_iter();
+        diagnostics.map(|told| told.problem).collect()
+    }
+
+    fn all(model: &mut Model) {
+        model.abilities = &[Ability::FollowingErrorLimit, Ability::SoftLimits];
+    }
+
+    const LIMITS: AxisLimits = AxisLimits {
+        position: (-300.0, 300.0),
+        velocity: 100.0,
+        acceleration: 1000.0,
+        jerk: 10_000.0,
+        following_error: 1.0,
+        skew: Some(1.0),
+        standstill: 0.1,
+    };
+
+    #[test]
+    fn a_drive_is_asked_for_what_it_can_do_only() {
+        let none: Vec<String> = Vec::new();
+        assert_eq!(told(LIMITS, all), none);
+        let cannot = |abilities| told(LIMITS, |model| model.abilities = abilities);
+        let refusal = |key| format!("axis \"X\": `{key}`, which drive \"X1\" (DRIVE) cannot");
+        let keys = ["drive_following_error", "drive_soft_limits"];
+        assert_eq!(cannot(&[]), keys.map(refusal));
+        assert_eq!(cannot(&[Ability::SoftLimits]), [refusal(keys[0])]);
+        assert_eq!(cannot(&[Ability::FollowingErrorLimit]), [refusal(keys[1])]);
+    }
+
+    #[test]
+    fn an_axis_stays_where_its_drive_can_be_sent() {
+        let short = |model: &mut Model| {
+            let [least, most] = [i16::MIN, i16::MAX].map(i32::from).map(Increments::from);
+            model.positions = least..=most;
+            all(model);
+        };
+        let up_to = |most| AxisLimits {
+            position: (-327.68, most),
+            ..LIMITS
+        };
+        assert_eq!(told(up_to(327.67), short).len(), 0);
+        assert_eq!(
+            told(up_to(327.68), short),
+            ["axis \"X\": `soft_limits` [-327.68, 327.68] are beyond what drive \"X1\" can count"]
+        );
+    }
+
+    #[test]
+    fn no_limit_is_finer_than_an_increment() {
+        for (key, limits) in [
+            (
+                "following_error_limit",
+                AxisLimits {
+                    following_error: 0.009,
+                    ..LIMITS
+                },
+            ),
+            (
+                "skew_limit",
+                AxisLimits {
+                    skew: Some(0.009),
+                    ..LIMITS
+                },
+            ),
+            (
+                "standstill_window",
+                AxisLimits {
+                    standstill: 0.009,
+                    ..LIMITS
+                },
+            ),
+        ] {
+            assert_eq!(
+                told(limits, all),
+                [format!(
+                    "axis \"X\": an increment of drive \"X1\" is more than `{key}`"
+                )]
+            );
+        }
+        let just = AxisLimits {
+            following_error: 0.01,
+            skew: None,
+            standstill: 0.01,
+            ..LIMITS
+        };
+        assert_eq!(told(just, all).len(), 0);
+    }
+}
