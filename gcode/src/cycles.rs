@@ -139,14 +139,9 @@ impl State {
         let mut place = self.at;
         for _ in 0..repeats {
             // Under G91 each repetition goes on by the words; under G90 it is the same place.
+            let to = self.target_from(place, words, code, false)?;
             for axis in [plane[0], plane[1]] {
-                if let Some(value) = self.coordinate(words, axis, code)? {
-                    place[axis] = if self.modes.incremental {
-                        place[axis] + value
-                    } else {
-                        value + self.offset(axis)
-                    };
-                }
+                place[axis] = to[axis];
             }
             let mut hole = Hole {
                 state: self,

@@ -140,6 +140,13 @@ pub enum Fault {
     ParameterIndex(f64),
     #[error("parameter #<{0}> has no value: set it first")]
     ParameterUnset(String),
+    #[error(
+        "#5399 is not known while the program is read: M66 leaves the path at rest where its input \
+         does not come"
+    )]
+    InputResult,
+    #[error("there is no probe, and no result of one: remove #{0}")]
+    ProbeResult(usize),
     #[error("parameter {0} cannot be set: it shows the machine's state")]
     ParameterReadOnly(String),
     #[error("no result: a division by zero, or a value that the function is not defined for")]
@@ -198,6 +205,14 @@ pub enum Fault {
     #[error("the work's axes are not turned: have the program turned where it is made, write R0")]
     TurnedWork,
 
+    #[error("nothing is saved here: write M70 or M73 before, in this subroutine")]
+    NothingSaved,
+    #[error(
+        "{code} would restore {restored}, whose contour has ended: write G40 before M70 or M73, or \
+         {restored} behind"
+    )]
+    RestoreCompensated { code: Code, restored: Code },
+
     // Motion.
     #[error("{code} does not move at F0: write a feed above 0 in this block or before")]
     FeedZero { code: Code },
@@ -207,6 +222,14 @@ pub enum Fault {
     NoInverseTime { code: Code },
     #[error("axis words without a motion: write G0, G1, G2 or G3 (G80 ended the last one)")]
     NoMotion,
+    #[error("polar coordinates give X and Y: leave either these or `@` and `^` out")]
+    PolarMixed,
+    #[error("polar coordinates are of X and Y: write G17 before")]
+    PolarPlane,
+    #[error("there is no angle at the origin: write `^` beside `@`")]
+    PolarOrigin,
+    #[error("polar coordinates are the program's, not the machine's: write X and Y under G53")]
+    PolarMachine,
     #[error("G53 goes with G0 or G1 only: add one of them")]
     MachineCoordinatesWithout,
     #[error("the arc has neither centre nor radius: write {0}")]

@@ -18,6 +18,7 @@ use super::expression::{Scope, Value};
 use super::lexer::Columns;
 use super::modal::{Code, Group, Modes, ProgrammedFeed};
 use super::parameters::{self, Parameters};
+use super::saved::SavedModes;
 use super::words::{Words, out_of_range};
 
 /// The least feed above 0, and what is as good as any greater one: no axis keeps up with it.
@@ -69,8 +70,8 @@ pub(crate) struct State {
     pub(crate) series: Series,
     /// The line of the block that is being executed.
     pub(crate) line: u32,
-    /// How many subroutines deep that is.
-    pub(crate) call_level: usize,
+    /// What M70 and M73 have saved: of the main program, then of each subroutine that is open.
+    pub(crate) saved: Vec<Option<SavedModes>>,
     /// Working memory: the values of an expression, and each setting's index and value.
     stack: Vec<f64>,
     settings: Vec<(f64, f64)>,
@@ -84,11 +85,11 @@ impl State {
             tool_offset: setup.memory.tool_offset,
             g92_applies: setup.memory.g92_applies,
             parameters: setup.memory.parameters.clone(),
+            saved: vec![setup.memory.saved.clone()],
             setup,
             compensated: Compensated::default(),
             series: Series::default(),
             line: 0,
-            call_level: 0,
             stack: Vec::new(),
             settings: Vec::new(),
         }
@@ -106,6 +107,7 @@ impl State {
         self.tools(&mut words, commands)?;
         self.spindle(&mut words, commands)?;
         self.coolant(&words, commands)?;
+        self.save_or_restore(&words, commands)?;
         self.switches(&mut words, commands)?;
         self.dwell(&mut words, commands)?;
         self.set_modes(&mut words, commands)?;
@@ -319,6 +321,11 @@ impl State {
 impl Scope for State {
     fn numbered(&self, index: f64) -> Result<f64, Fault> {
         let index = parameters::index(index)?;
+        match index {
+            5061..=5070 => return Err(Fault::ProbeResult(index)),
+            5399 => return Err(Fault::InputResult),
+            _ => {}
+        }
         Ok(self
             .system(index)
             .unwrap_or_else(|| self.parameters.numbered(index)))

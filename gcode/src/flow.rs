@@ -351,14 +351,20 @@ impl Interpreter {
             constructs,
             kind,
         });
-        self.state.call_level = self.control.calls.len();
+        self.state.enter_call();
     }
 
-    fn pop_call(&mut self) -> Option<Call> {
-        let mut call = self.control.calls.pop()?;
-        self.control.constructs = std::mem::take(&mut call.constructs);
-        self.state.call_level = self.control.calls.len();
-        Some(call)
+    /// Goes back behind the innermost call, with the modes that M73 saved.
+    fn return_to_caller(&mut self, result: Option<f64>, columns: Columns) -> Result<(), Refusal> {
+        let Some(call) = self.control.calls.pop() else {
+            return Ok(());
+        };
+        self.control.constructs = call.constructs;
+        self.leave_call(columns)?;
+        if let CallKind::Subroutine { caller, .. } = call.kind {
+            self.state.parameters.return_to(*caller, result);
+        }
+        self.go_to(call.return_to)
     }
 
     fn return_from(&mut self, label: &str, columns: Columns) -> Result<(), Refusal> {
@@ -374,13 +380,7 @@ impl Interpreter {
             0 => None,
             _ => Some(self.argument(0)?),
         };
-        let Some(call) = self.pop_call() else {
-            return Ok(());
-        };
-        if let CallKind::Subroutine { caller, .. } = call.kind {
-            self.state.parameters.return_to(*caller, value);
-        }
-        self.go_to(call.return_to)
+        self.return_to_caller(value, columns)
     }
 
     /// Where the body of a subroutine starts: known, further on in this file, or in its own file.
@@ -522,10 +522,7 @@ impl Interpreter {
                 self.control.constructs.clear();
                 self.go_to(body)
             }
-            Some(CallKind::Subprogram { .. }) => match self.pop_call() {
-                Some(call) => self.go_to(call.return_to),
-                None => Ok(()),
-            },
+            Some(CallKind::Subprogram { .. }) => self.return_to_caller(None, columns),
             Some(CallKind::Subroutine { .. }) => {
                 Err(Refusal::new(columns, Fault::SubprogramEndInSub))
             }

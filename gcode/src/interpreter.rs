@@ -170,6 +170,7 @@ impl Interpreter {
             tool_offset: self.state.tool_offset,
             g92_applies: self.state.g92_applies,
             parameters: self.state.parameters.clone(),
+            saved: self.state.saved[0].clone(),
         };
         if self.program_ended {
             memory.end_program();
@@ -387,6 +388,12 @@ impl Interpreter {
             self.pending.push_back(Command { span, action });
         }
         Ok(())
+    }
+
+    /// A call of a subroutine has ended.
+    pub(super) fn leave_call(&mut self, columns: Columns) -> Result<(), Refusal> {
+        self.state.leave_call(columns, &mut self.actions)?;
+        self.settle(self.span())
     }
 
     fn span(&self) -> Span {

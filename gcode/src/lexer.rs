@@ -29,7 +29,7 @@ impl Columns {
 /// What a token is.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Kind {
-    /// An upper-case ASCII letter.
+    /// An upper-case ASCII letter, or `@` or `^`, which begin words as letters do.
     Letter(u8),
     /// A number without its sign.
     Number(f64),
@@ -85,7 +85,9 @@ impl Tokens {
                 return Ok(());
             };
             let kind = match character {
-                'a'..='z' | 'A'..='Z' => Kind::Letter(character.to_ascii_uppercase() as u8),
+                'a'..='z' | 'A'..='Z' | '@' | '^' => {
+                    Kind::Letter(character.to_ascii_uppercase() as u8)
+                }
                 '0'..='9' | '.' => self.number(character, &mut cursor)?,
                 '<' => self.name(start, &mut cursor)?,
                 '(' => comment(start, &mut cursor)?,

@@ -6,7 +6,7 @@
 //!
 //! A line's bytes (`source`) become tokens (`lexer`), the tokens a block (`parser`, `block`).
 //! Its values are computed (`expression`, `parameters`, `system`), its words sorted into their
-//! modal groups (`words`, `modal`) and executed (`execute`, `switches`, `offsets`, `motion`, `arc`,
+//! modal groups (`words`, `modal`) and executed (`execute`, `saved`, `switches`, `offsets`, `motion`, `arc`,
 //! `cycles`); O-words lead on to other blocks (`flow`). Under G41 and G42 the contour becomes the way
 //! of the tool's centre (`compensation`). [`Interpreter`] hands out the
 //! [`Command`]s that come of it, one block at a time. What a program may not do is refused with an
@@ -31,6 +31,7 @@ mod motion;
 mod offsets;
 mod parameters;
 mod parser;
+mod saved;
 mod source;
 mod switches;
 mod system;

@@ -5,6 +5,7 @@ use super::axes::{Axis, Point};
 use super::command::{Coolant, Turning};
 use super::modal::{Modes, Motion};
 use super::parameters::Parameters;
+use super::saved::SavedModes;
 use super::tables::Tables;
 
 /// What lives from one program to the next. `Default` is a machine that was just switched on: the
@@ -15,6 +16,8 @@ pub struct Memory {
     pub(crate) tool_offset: Point,
     pub(crate) g92_applies: bool,
     pub(crate) parameters: Parameters,
+    /// What M70 has saved outside of subroutines.
+    pub(crate) saved: Option<SavedModes>,
 }
 
 impl Memory {
@@ -44,6 +47,7 @@ impl Memory {
     /// parameters stay.
     pub fn end_program(&mut self) {
         self.g92_applies = false;
+        self.saved = None;
         let fresh = Modes::default();
         let modes = &mut self.modes;
         // F is no feed of G94 if it was one of G93.

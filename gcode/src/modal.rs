@@ -66,10 +66,12 @@ pub(crate) enum Group {
     Overrides,
     /// M62 … M68, M100 … M199
     Output,
+    /// M70 … M73
+    SavedModes,
 }
 
 impl Group {
-    pub(crate) const COUNT: usize = Group::Output as usize + 1;
+    pub(crate) const COUNT: usize = Group::SavedModes as usize + 1;
 
     pub(crate) fn name(self) -> &'static str {
         match self {
@@ -95,6 +97,7 @@ impl Group {
             Group::Mist | Group::Coolant => "coolant commands",
             Group::Overrides => "override switches",
             Group::Output => "commands to inputs and outputs",
+            Group::SavedModes => "commands that save and restore modes",
         }
     }
 }
@@ -170,7 +173,7 @@ impl Code {
                 100..=199 => Supported(Group::Output),
                 49 => Refused("the overrides stay with the operator"),
                 60 => Refused("there is no pallet changer: write M0"),
-                70..=73 => Refused("set the modes that you need by their own codes"),
+                70..=73 => Supported(Group::SavedModes),
                 _ => Unknown,
             },
         }

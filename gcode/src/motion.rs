@@ -61,7 +61,7 @@ impl State {
         let motion_columns = words
             .code_columns(Group::Motion)
             .unwrap_or_else(|| block.columns());
-        if suspended || !(words.has_axes() || arc) {
+        if suspended || !(words.has_axes() || words.has_polar() || arc) {
             return match motion {
                 Motion::Cycle(_) if explicit.is_some() => {
                     Err(Refusal::new(motion_columns, Fault::CycleNowhere { code }))
@@ -207,7 +207,28 @@ impl State {
         code: Code,
         machine: bool,
     ) -> Result<Point, Refusal> {
-        let mut to = self.at;
+        self.target_from(self.at, words, code, machine)
+    }
+
+    /// As [`target`](Self::target), with another place to start from.
+    pub(crate) fn target_from(
+        &self,
+        from: Point,
+        words: &mut Words,
+        code: Code,
+        machine: bool,
+    ) -> Result<Point, Refusal> {
+        let mut to = from;
+        if words.has_polar() {
+            if machine {
+                let letter = if words.has(b'@') { b'@' } else { b'^' };
+                return Err(words.refuse(letter, Fault::PolarMachine));
+            }
+            let point = self.polar(from, words, code)?;
+            for (axis, value) in [Axis::X, Axis::Y].into_iter().zip(point) {
+                to[axis] = value + self.offset(axis);
+            }
+        }
         for axis in self.setup.axes.iter() {
             let Some(length) = self.coordinate(words, axis, code)? else {
                 continue;
@@ -215,12 +236,54 @@ impl State {
             to[axis] = if machine {
                 length
             } else if self.modes.incremental {
-                self.at[axis] + length
+                from[axis] + length
             } else {
                 length + self.offset(axis)
             };
         }
         Ok(to)
+    }
+
+    /// Where `@` and `^` lead in the program's X and Y, mm: by the distance from its origin and the
+    /// angle from X. One that is not written stays; under G91 both are added.
+    fn polar(&self, from: Point, words: &mut Words, code: Code) -> Result<[f64; 2], Refusal> {
+        let letter = if words.has(b'@') { b'@' } else { b'^' };
+        if let Some(mixed) = [b'X', b'Y'].into_iter().find(|axis| words.has(*axis)) {
+            return Err(words.refuse(mixed, Fault::PolarMixed));
+        }
+        if self.modes.plane != Plane::Xy {
+            return Err(words.refuse(letter, Fault::PolarPlane));
+        }
+        let axes = self.setup.axes;
+        if let Some(axis) = [Axis::X, Axis::Y]
+            .into_iter()
+            .find(|axis| !axes.contains(*axis))
+        {
+            return Err(words.refuse(letter, Fault::NoSuchAxis { axis, axes }));
+        }
+        let [x, y] = [Axis::X, Axis::Y].map(|axis| from[axis] - self.offset(axis));
+        let (distance, angle) = (libm::hypot(x, y), libm::atan2(y, x).to_degrees());
+        let written = words
+            .take(b'@', code)?
+            .map(|value| value * self.modes.unit());
+        let turned = words.take(b'^', code)?;
+        if turned.is_none() && distance < FEED_ROUNDING {
+            return Err(words.refuse(letter, Fault::PolarOrigin));
+        }
+        let (distance, angle) = if self.modes.incremental {
+            (
+                distance + written.unwrap_or(0.0),
+                angle + turned.unwrap_or(0.0),
+            )
+        } else {
+            (written.unwrap_or(distance), turned.unwrap_or(angle))
+        };
+        let (sine, cosine) = libm::sincos(angle.to_radians());
+        let point = [distance * cosine, distance * sine];
+        for (axis, value) in [Axis::X, Axis::Y].into_iter().zip(point) {
+            in_range(axis, value).map_err(|fault| words.refuse(letter, fault))?;
+        }
+        Ok(point)
     }
 
     /// The value of an axis's word, mm or degrees.

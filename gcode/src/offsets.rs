@@ -234,11 +234,12 @@ impl State {
         if self.compensated == Compensated::Leaving {
             return Err(Refusal::new(columns, Fault::CutterLeaving { code }));
         }
-        let all = !words.has_axes();
+        let all = !words.has_axes() && !words.has_polar();
         let over = self.target(words, code, false)?;
         let mut to = over;
         for axis in self.setup.axes.iter() {
-            if all || words.has(axis.letter() as u8) {
+            let polar = matches!(axis, Axis::X | Axis::Y) && words.has_polar();
+            if all || polar || words.has(axis.letter() as u8) {
                 to[axis] = reference[axis];
             }
         }

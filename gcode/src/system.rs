@@ -104,7 +104,7 @@ impl State {
         }
         let modes = &self.modes;
         Some(match name {
-            "call_level" => self.call_level as f64,
+            "call_level" => self.call_level() as f64,
             "value" | "value_returned" => return self.parameters.named(&format!("_{name}")),
             "line" => f64::from(self.line),
             "motion_mode" => f64::from(modes.motion.code().number()),
@@ -129,7 +129,7 @@ impl State {
             "spindle_on" => flag(modes.spindle.turning != Turning::Off),
             "spindle_cw" => flag(modes.spindle.turning == Turning::Clockwise),
             "lathe_diameter_mode" | "adaptive_feed" | "remap_level" => 0.0,
-            "lathe_radius_mode" | "speed_override" | "feed_override" | "feed_hold" => 1.0,
+            "task" | "lathe_radius_mode" | "speed_override" | "feed_override" | "feed_hold" => 1.0,
             "mist" => flag(modes.coolant.mist),
             "flood" => flag(modes.coolant.flood),
             "feed" => modes

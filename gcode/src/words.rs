@@ -9,6 +9,14 @@ use super::modal::{Code, Group, Standing};
 /// How far from a whole number a value may be that has to be one (RS-274/NGC: 0.0001).
 const WHOLE: f64 = 1e-4;
 
+/// How many letters there are with those around them that are none.
+const LETTERS: usize = slot(b'^') + 1;
+
+/// The place of a letter, `@` or `^`.
+const fn slot(letter: u8) -> usize {
+    (letter - b'@') as usize
+}
+
 /// A word's value and who used it.
 #[derive(Clone, Copy, Debug)]
 struct Letter {
@@ -20,7 +28,8 @@ struct Letter {
 /// A block's evaluated words.
 #[derive(Debug, Default)]
 pub(crate) struct Words {
-    letters: [Option<Letter>; 26],
+    /// From `@` over `A` … `Z` to `^`.
+    letters: [Option<Letter>; LETTERS],
     codes: [Option<(Code, Columns)>; Group::COUNT],
 }
 
@@ -38,7 +47,7 @@ impl Words {
                 _ => return refuse(out_of_range('M', value, "M0 to M199, a whole number")),
             },
             _ => {
-                let slot = &mut self.letters[usize::from(letter - b'A')];
+                let slot = &mut self.letters[slot(letter)];
                 if slot.is_some() {
                     return refuse(Fault::DuplicateWord {
                         letter: char::from(letter),
@@ -92,12 +101,17 @@ impl Words {
 
     /// Whether the letter is there, used or not.
     pub(crate) fn has(&self, letter: u8) -> bool {
-        self.letters[usize::from(letter - b'A')].is_some()
+        self.letters[slot(letter)].is_some()
     }
 
     /// Whether there is a word of an axis.
     pub(crate) fn has_axes(&self) -> bool {
         Axis::ALL.iter().any(|axis| self.has(axis.letter() as u8))
+    }
+
+    /// Whether there is a word of polar coordinates.
+    pub(crate) fn has_polar(&self) -> bool {
+        self.has(b'@') || self.has(b'^')
     }
 
     /// Whether there is a word that describes an arc.
@@ -107,12 +121,12 @@ impl Words {
 
     /// The columns of a letter's word.
     pub(crate) fn columns(&self, letter: u8) -> Option<Columns> {
-        self.letters[usize::from(letter - b'A')].map(|word| word.columns)
+        self.letters[slot(letter)].map(|word| word.columns)
     }
 
     /// The value of a letter for a code that uses it.
     pub(crate) fn take(&mut self, letter: u8, user: Code) -> Result<Option<f64>, Refusal> {
-        let Some(word) = &mut self.letters[usize::from(letter - b'A')] else {
+        let Some(word) = &mut self.letters[slot(letter)] else {
             return Ok(None);
         };
         match word.user.replace(user) {
@@ -147,7 +161,7 @@ impl Words {
 
     /// Marks a letter that needs no code (F, S, T).
     pub(crate) fn take_free(&mut self, letter: u8) -> Option<f64> {
-        let word = self.letters[usize::from(letter - b'A')].as_mut()?;
+        let word = self.letters[slot(letter)].as_mut()?;
         word.user = Some(Code::G(0));
         Some(word.value)
     }
@@ -159,7 +173,7 @@ impl Words {
 
     /// Refuses a word that no code used.
     pub(crate) fn all_used(&self) -> Result<(), Refusal> {
-        let unused = (b'A'..=b'Z')
+        let unused = (b'@'..=b'^')
             .zip(&self.letters)
             .filter_map(|(letter, word)| Some((letter, word.as_ref()?)))
             .filter(|(_, word)| word.user.is_none())

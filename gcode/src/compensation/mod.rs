@@ -102,6 +102,30 @@ struct Held {
     turned: f64,
     /// How much of that, towards the tool, lies in gaps within reach of it.
     in_gaps: f64,
+    corner: InsideCorner,
+}
+
+/// The last inside corner before the end of a block's path: what goes back so far cuts into its
+/// other block.
+#[derive(Clone, Copy, Debug)]
+struct InsideCorner {
+    /// How far it is behind, mm.
+    behind: f64,
+    /// How far the contour turns there towards the tool, rad.
+    turn: f64,
+}
+
+impl InsideCorner {
+    /// There is none, or an outside corner parts the tool from it.
+    const NONE: InsideCorner = InsideCorner {
+        behind: f64::INFINITY,
+        turn: 0.0,
+    };
+
+    /// How deep the tool cuts in where it goes back, mm.
+    fn depth(&self, back: f64) -> f64 {
+        (back - self.behind).max(0.0) * libm::sin(self.turn.min(FRAC_PI_2))
+    }
 }
 
 /// What stands between two moves in the plane.
@@ -290,6 +314,7 @@ impl Compensation {
             entering,
             turned: 0.0,
             in_gaps: 0.0,
+            corner: InsideCorner::NONE,
         })
     }
 
@@ -312,14 +337,24 @@ impl Compensation {
             next.path = next.path.without_start(ahead);
         }
         let turned = held.turned + held.contour.turning();
-        let in_gaps = held.in_gaps;
+        let (in_gaps, corner) = (held.in_gaps, held.corner);
+        let inward = turn * self.side();
         let short = held.path.length() < self.cutter.radius;
         let (end, line) = (held.end, held.origin.span.line);
         let (origin, speed) = (held.origin.clone(), held.speed);
         self.hand_out(held, out)?;
         next.turned = turned + turn;
         match joint {
-            Joint::Meet { .. } => {}
+            Joint::Meet { .. } => {
+                next.corner = if inward > 0.0 {
+                    InsideCorner {
+                        behind: 0.0,
+                        turn: inward,
+                    }
+                } else {
+                    corner
+                };
+            }
             Joint::Around(corner) => {
                 next.turned = turned + corner.turning();
                 let speed = match speed {
@@ -332,7 +367,9 @@ impl Compensation {
                 self.follow(corner, speed, self.at, &origin, out)?;
             }
             Joint::Gap => {
-                next.in_gaps = (turn * self.side()).max(0.0);
+                next.in_gaps = inward.max(0.0);
+                next.corner = corner;
+                next.corner.behind -= self.step_back(inward);
                 if short {
                     next.in_gaps += in_gaps;
                 }
@@ -342,8 +379,14 @@ impl Compensation {
                 }
             }
         }
+        next.corner.behind += next.path.length();
         self.held = Some(next);
         Ok(())
+    }
+
+    /// How far the tool goes back in a gap where the contour turns towards it, mm.
+    fn step_back(&self, inward: f64) -> f64 {
+        2.0 * self.cutter.radius * libm::sin(inward.max(0.0) / 2.0)
     }
 
     /// How the paths of two blocks join, whose contours turn by an angle between them; `None` if
@@ -397,7 +440,8 @@ impl Compensation {
         }
         // Too short to be cut, but so little turned that no more than digits are lost.
         let turned = held.in_gaps + inward;
-        (radius * (1.0 - libm::cos(turned)) < NEGLIGIBLE).then_some(Joint::Gap)
+        let depth = radius * (1.0 - libm::cos(turned)) + held.corner.depth(self.step_back(inward));
+        (depth < NEGLIGIBLE).then_some(Joint::Gap)
     }
 
     /// The tool's way around the corner at a block's end, by an angle away from the tool.

@@ -119,6 +119,15 @@ fn what_a_compensated_contour_refuses() {
         (format!("{on}G3 X40 Y4 J2"), "4:1"),
         (format!("{on}Y2\nX60"), "4:1"),
         (format!("{on}Y4\nX30"), "5:1"),
+        // Saved modes.
+        (
+            "F600\nG41 D1 G1 X20\nX40\nM70\nG40 X0\nM72".to_owned(),
+            "6:1",
+        ),
+        (
+            "F600\nG41 D1 G1 X20\nX40\nM70\nG40 X0 Y-20\nG55\nG41 D1 X20\nX40\nM72".to_owned(),
+            "9:1",
+        ),
         // The neck of a bottle.
         (format!("{on}Y-20\nX80\nY-10\nX44\nY10\nX50"), "7:1"),
         (format!("{on}X60 Y20\nX30 Y0\nX10 Y-3"), "5:1"),

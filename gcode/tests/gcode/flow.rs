@@ -305,7 +305,7 @@ o<f> call [2]
 G0 X#<_value>
 #<own> = 3
 o<f> call [2]
-G0 Y#<own> Z#5399
+G0 Y#<own> Z#5060
 G0 X#5400 Y#<_spindle_rpm_mode> Z[#<_current_pocket> + #<_feed_override>]
 M2"
     ));

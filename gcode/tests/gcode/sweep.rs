@@ -486,8 +486,8 @@ fn judge_refusal(case: &Case, line: u32, fault: &Fault, seed: u64) {
     );
 }
 
-/// Judges so many contours from a seed on.
-fn sweep(first: u64, wanted: u32) {
+/// Judges so many contours from a seed on; how many of them the tool fits into.
+fn sweep(first: u64, wanted: u32) -> u32 {
     let (mut contours, mut accepted) = (0, 0);
     for seed in first.. {
         let Some(case) = Case::new(seed) else {
@@ -506,19 +506,25 @@ fn sweep(first: u64, wanted: u32) {
         }
     }
     println!("{accepted} of {contours} contours are accepted");
-    assert!(accepted * 4 > contours, "{accepted} of {contours}");
+    accepted
 }
 
 #[test]
 fn nothing_is_cut_and_all_in_reach_is_touched() {
-    sweep(0, 100);
+    assert!(sweep(0, 100) > 25);
+}
+
+/// The tool went back behind an arc that is all but cut away, into the line before it.
+#[test]
+fn a_short_arc_between_two_inside_corners() {
+    sweep(1_019_237, 1);
 }
 
 /// Takes minutes: `cargo test -p syncline-gcode -- --ignored ten_thousand`.
 #[test]
 #[ignore = "takes minutes"]
 fn of_ten_thousand_contours_nothing_is_cut_and_all_in_reach_is_touched() {
-    sweep(1_000_000, 10_000);
+    assert!(sweep(1_000_000, 10_000) > 2_500);
 }
 
 /// Whatever the contour, also one that crosses itself: an answer, and moves that hang together.
