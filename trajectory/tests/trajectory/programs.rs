@@ -1,0 +1,268 @@
+//! Programs by chance, and what planning them takes.
+
+use std::f64::consts::TAU;
+
+use syncline_trajectory::path::{
+    Command, Curve, Feed, JerkSegment, Limits, Move, PathControlMode, PathItem, Plane, Planner,
+    curve::ArcDefinition, window::Effort,
+};
+
+/// What a plan comes to.
+#[derive(Debug, Default, Clone, Copy)]
+pub(crate) struct Cost {
+    /// Motion time, s.
+    pub(crate) time: f64,
+    pub(crate) effort: Effort,
+    /// The most that a call took, cells times Newton steps.
+    pub(crate) most: usize,
+}
+
+/// Curves that follow one another.
+#[derive(Debug, Clone)]
+pub(crate) struct Program {
+    pub(crate) limits: Limits<3>,
+    pub(crate) curves: Vec<(Curve<3>, Feed)>,
+}
+
+impl Program {
+    /// Lines through points.
+    pub(crate) fn polyline(limits: Limits<3>, points: &[[f64; 3]], feed: Feed) -> Self {
+        let lines = points.windows(2);
+        let lines = lines.filter_map(|ends| Curve::line(ends[0], ends[1]).ok());
+        Program {
+            limits,
+            curves: lines.map(|line| (line, feed)).collect(),
+        }
+    }
+
+    pub(crate) fn start(&self) -> [f64; 3] {
+        self.curves[0].0.start()
+    }
+
+    pub(crate) fn items(&self, mode: PathControlMode) -> Vec<PathItem<3>> {
+        let motion = |(&(curve, feed), tag)| Move {
+            curve,
+            feed,
+            mode,
+            tag,
+        };
+        let moves = self.curves.iter().zip(0..).map(motion);
+        moves.map(PathItem::Move).collect()
+    }
+
+    /// With a stop at every point.
+    pub(crate) fn stopping(&self) -> Cost {
+        self.cost(PathControlMode::Stop)
+    }
+
+    pub(crate) fn cost(&self, mode: PathControlMode) -> Cost {
+        let mut planner = Planner::new(self.limits, self.start());
+        let mut cost = Cost::default();
+        let mut steps: Vec<f64> = Vec::new();
+        let mut drain = |planner: &mut Planner<3>| {
+            loop {
+                let before = planner.effort().work;
+                let Some(command) = planner.pop() else { break };
+                cost.most = cost.most.max(planner.effort().work - before);
+                match command {
+                    Command::Section { .. } => steps.push(0.0),
+                    Command::ReplaceTail(step) => steps.truncate(step as usize),
+                    Command::JerkSegment(JerkSegment { duration, .. }) => steps.push(duration),
+                    _ => {}
+                }
+            }
+        };
+        for item in self.items(mode) {
+            planner.push(item).unwrap();
+            drain(&mut planner);
+        }
+        planner.finish();
+        drain(&mut planner);
+        cost.time = steps.iter().sum();
+        cost.effort = planner.effort();
+        cost
+    }
+}
+
+/// A place that a program has come to.
+struct Pen {
+    at: [f64; 3],
+    heading: f64,
+    curves: Vec<(Curve<3>, Feed)>,
+}
+
+impl Pen {
+    fn new() -> Self {
+        Pen {
+            at: [0.0; 3],
+            heading: 0.0,
+            curves: Vec::new(),
+        }
+    }
+
+    /// Draws a curve if there is one.
+    fn draw(&mut self, curve: Option<Curve<3>>, feed: Feed) {
+        if let Some(curve) = curve {
+            self.at = curve.end();
+            self.curves.push((curve, feed));
+        }
+    }
+
+    /// Turns, then goes straight on.
+    fn line(&mut self, turn: f64, length: f64, rise: f64, feed: Feed) {
+        self.heading += turn;
+        let (sin, cos) = self.heading.sin_cos();
+        let [x, y, z] = self.at;
+        let end = [x + length * cos, y + length * sin, z + rise];
+        self.draw(Curve::line(self.at, end).ok(), feed);
+    }
+
+    /// Goes round a circle or helix, to the left with a radius above zero, by an angle above zero.
+    fn arc(&mut self, radius: f64, angle: f64, rise: f64, feed: Feed) {
+        let (sin, cos) = self.heading.sin_cos();
+        self.heading += angle * radius.signum();
+        let (sin1, cos1) = self.heading.sin_cos();
+        let [x, y, z] = self.at;
+        let centre = (x - radius * sin, y + radius * cos);
+        let end = [centre.0 + radius * sin1, centre.1 - radius * cos1, z + rise];
+        let arc = Curve::arc(ArcDefinition {
+            start: self.at,
+            end,
+            plane: Plane::Xy,
+            centre,
+            clockwise: radius < 0.0,
+            turns: (angle / TAU) as u32,
+        });
+        self.draw(arc.ok(), feed);
+    }
+}
+
+/// Random numbers of our own: 0 … 1.
+pub(crate) struct Draw(pub(crate) u64);
+
+impl Draw {
+    pub(crate) fn of(seed: u64) -> Self {
+        Draw(seed.wrapping_mul(0x1234_5678_9abc_def1))
+    }
+
+    pub(crate) fn unit(&mut self) -> f64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
+    }
+
+    pub(crate) fn uniform(&mut self, low: f64, high: f64) -> f64 {
+        low + (high - low) * self.unit()
+    }
+
+    pub(crate) fn log(&mut self, low: f64, high: f64) -> f64 {
+        low * (high / low).powf(self.unit())
+    }
+
+    fn sign(&mut self) -> f64 {
+        if self.unit() < 0.5 { -1.0 } else { 1.0 }
+    }
+
+    /// Limits of axes that differ from each other by up to so many decades.
+    fn limits(&mut self, decades: f64) -> Limits<3> {
+        let spread = 10_f64.powf(0.5 * decades);
+        let mut about = |value: f64| [(); 3].map(|()| self.log(value / spread, value * spread));
+        Limits {
+            velocity: about(100.0),
+            acceleration: about(1_000.0),
+            jerk: about(50_000.0),
+        }
+    }
+
+    /// Short segments, now and then arcs, that turn with radii of 0.01 to 10 tolerances, each 0.001 to 10 radii
+    /// long, and their mode.
+    pub(crate) fn short_segments(&mut self) -> (Program, PathControlMode) {
+        let tolerance = self.log(0.0005, 3.0);
+        let mode = match (self.unit() * 4.0) as u32 {
+            0 => PathControlMode::Exact(tolerance),
+            1 | 2 => PathControlMode::Blend(tolerance),
+            _ => PathControlMode::Merge {
+                tolerance,
+                within: self.log(0.1, 1.0) * tolerance,
+            },
+        };
+        let decades = if self.unit() < 0.5 { 6.0 } else { 1.0 };
+        let limits = self.limits(decades);
+        let feed = Feed::Rate(self.log(0.1, 1_000.0));
+        let segments = 2 + self.log(1.0, 100.0) as u32;
+        let steady = self.unit();
+        let arcs = if self.unit() < 0.5 { self.unit() } else { 0.0 };
+        let (mut radius, mut length) = (0.0, 0.0);
+        let mut pen = Pen::new();
+        for k in 0..segments {
+            if k == 0 || self.unit() > steady {
+                radius = self.sign() * tolerance * self.log(0.01, 10.0);
+                length = f64::abs(radius) * self.log(0.001, 10.0);
+            }
+            let rise = 0.3 * length * (0.1 * f64::from(k)).sin();
+            if self.unit() < arcs {
+                pen.arc(radius, length / radius.abs(), rise, feed);
+            } else {
+                pen.line(length / radius, length, rise, feed);
+            }
+        }
+        let curves = pen.curves;
+        (Program { limits, curves }, mode)
+    }
+
+    /// Lines and arcs of any length and turn, all but straight ones and zigzags among them, at up to three feeds.
+    pub(crate) fn contour(&mut self) -> Program {
+        let decades = self.log(1.0, 30.0).log10();
+        let limits = self.limits(decades);
+        let size = self.log(0.1, 50.0);
+        let mut feed = |_| match self.unit() {
+            0.0..0.2 => Feed::Rapid,
+            _ => Feed::Rate(self.log(2.0, 300.0)),
+        };
+        let feeds = [0, 1, 2].map(&mut feed);
+        let mut pen = Pen::new();
+        for _ in 0..3 + (self.unit() * 10.0) as usize {
+            let feed = feeds[(self.unit() * 3.0) as usize];
+            let length = size * self.log(0.1, 10.0);
+            let turn = 6.0 * (self.unit() - 0.5) * self.unit();
+            let rise = 0.3 * length * (self.unit() - 0.5);
+            match self.unit() {
+                0.0..0.55 => pen.line(turn, length, rise, feed),
+                0.55..0.7 => {
+                    let kink = self.sign() * self.log(1e-5, 0.1);
+                    pen.line(kink, length, 0.0, feed);
+                }
+                0.7..0.9 => {
+                    pen.heading += turn;
+                    let angle = self.log(0.05, 6.0);
+                    pen.arc(self.sign() * length / angle, angle, rise, feed);
+                }
+                _ => self.zigzag(&mut pen, size, feed),
+            }
+        }
+        let curves = pen.curves;
+        Program { limits, curves }
+    }
+
+    /// Short lines to and fro.
+    fn zigzag(&mut self, pen: &mut Pen, size: f64, feed: Feed) {
+        let length = size * self.log(1e-4, 1e-2);
+        let turn = self.uniform(0.1, 2.6);
+        pen.heading -= 0.5 * turn;
+        for k in 0..(self.log(8.0, 60.0) as u32) {
+            let side = if k % 2 == 0 { 1.0 } else { -1.0 };
+            pen.line(side * turn, length, 0.0, feed);
+        }
+    }
+}
+
+/// The first seed of a campaign, and how many there are: `CASES=1000` from `SEED=0` on.
+pub(crate) fn campaign() -> std::ops::Range<u64> {
+    let [seed, cases] = [("SEED", 0), ("CASES", 1_000)].map(|(name, or)| {
+        let number = std::env::var(name).ok();
+        number.map_or(or, |text| text.parse().expect("a number"))
+    });
+    seed..seed + cases
+}

@@ -1,0 +1,119 @@
+//! More tolerance never takes more time: motion with a stop at every point, inside the micrometre of G61, and
+//! under ever greater tolerances.
+
+use crate::programs::{Draw, Program, campaign};
+use syncline_trajectory::path::{Curve, Feed, Limits, PathControlMode};
+
+/// Part by which motion may take longer: by which the optimum may be missed.
+const TOLERANCE: f64 = 1e-3;
+
+const LADDER: [PathControlMode; 8] = [
+    PathControlMode::Stop,
+    PathControlMode::Exact(0.001),
+    PathControlMode::Blend(0.003),
+    PathControlMode::Blend(0.01),
+    PathControlMode::Blend(0.03),
+    PathControlMode::Blend(0.1),
+    PathControlMode::Blend(0.3),
+    PathControlMode::Blend(1.0),
+];
+
+/// By what part motion takes longer in a mode than in any before it, at most.
+fn growth(program: &Program, name: &str) -> f64 {
+    let mut least = f64::INFINITY;
+    let mut worst = 0.0_f64;
+    for mode in LADDER {
+        let time = program.cost(mode).time;
+        let longer = time / least - 1.0;
+        if longer > TOLERANCE {
+            println!("{name}: {time:.5} s under {mode:?}, {longer:.5} longer");
+        }
+        worst = worst.max(longer);
+        least = least.min(time);
+    }
+    worst
+}
+
+/// One in four consists of short segments.
+fn growth_of(seed: u64) -> f64 {
+    let mut draw = Draw::of(seed);
+    let program = match seed % 4 {
+        3 => draw.short_segments().0,
+        _ => draw.contour(),
+    };
+    growth(&program, &format!("seed {seed}"))
+}
+
+#[test]
+fn motion_takes_hardly_longer_with_more_tolerance() {
+    for seed in 10..22 {
+        let growth = growth_of(seed);
+        assert!(growth < 0.01, "seed {seed}: {growth} longer");
+    }
+}
+
+/// As long as is wanted: `CASES=1000`, from `SEED=0` on.
+#[test]
+#[ignore = "a measurement"]
+fn how_motion_time_goes_with_the_tolerance() {
+    let mut growths: Vec<f64> = campaign().map(growth_of).collect();
+    growths.sort_by(f64::total_cmp);
+    let at = |part: f64| growths[((growths.len() - 1) as f64 * part) as usize];
+    println!("{:?}", [0.5, 0.9, 0.99, 0.999, 1.0].map(at));
+    let kept = growths.iter().filter(|growth| **growth <= TOLERANCE);
+    println!("{} of {}", kept.count(), growths.len());
+}
+
+const PLAIN: Limits<3> = Limits {
+    velocity: [200.0; 3],
+    acceleration: [2_000.0; 3],
+    jerk: [40_000.0; 3],
+};
+
+/// A slow move to a kink of 4e-5 rad and a rapid behind it.
+#[test]
+fn a_rapid_is_no_slower_for_a_slow_move_before_it() {
+    let points = [[0.0; 3], [0.002, 100.0, 0.0], [0.0, 150.0, 0.0]];
+    let line = |k: usize| Curve::line(points[k], points[k + 1]).unwrap();
+    let mut curves = vec![(line(0), Feed::Rate(1.0)), (line(1), Feed::Rapid)];
+    for _ in 0..2 {
+        let limits = PLAIN;
+        let program = Program {
+            limits,
+            curves: curves.clone(),
+        };
+        let growth = growth(&program, "a kink");
+        assert!(growth <= TOLERANCE, "{growth} longer");
+        // The other way round.
+        curves.reverse();
+        for (curve, _) in &mut curves {
+            *curve = curve.reversed();
+        }
+    }
+}
+
+/// Lines of 2 µm to and fro are passed as what they are within the tolerance: straight on.
+#[test]
+fn a_fine_zigzag_is_passed_as_the_line_it_is() {
+    for turn in [0.5_f64, 1.5, 2.5] {
+        let mut at = [0.0; 3];
+        let mut points = vec![at];
+        for k in 0..1_000 {
+            let side = if k % 2 == 0 { 0.5 } else { -0.5 };
+            at[0] += 0.002 * (side * turn).cos();
+            at[1] += 0.002 * (side * turn).sin();
+            points.push(at);
+        }
+        let program = Program::polyline(PLAIN, &points, Feed::Rate(50.0));
+        let ends = [points[0], *points.last().unwrap()];
+        let straight = Program::polyline(PLAIN, &ends, Feed::Rate(50.0)).stopping();
+        for tolerance in [0.01, 0.03, 0.1, 0.3] {
+            let time = program.cost(PathControlMode::Blend(tolerance)).time;
+            println!(
+                "{turn} rad, P{tolerance}: {time} s, {} s straight",
+                straight.time
+            );
+            assert!(time < 1.1 * straight.time, "{time} s, {} s", straight.time);
+        }
+    }
+}
