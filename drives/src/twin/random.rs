@@ -1,5 +1,7 @@
 //! The twins' own random numbers: one seed, one run, on every machine.
 
+use syncline_canopen::NodeId;
+
 /// A SplitMix64 generator (Steele, Lea, Flood: "Fast splittable pseudorandom number generators",
 /// OOPSLA 2014).
 #[derive(Clone, Debug)]
@@ -12,6 +14,12 @@ impl Random {
         let mut seeded = Self(seed);
         let mixed = seeded.next_u64() ^ stream.wrapping_mul(0xD1B5_4A32_D192_ED03);
         Self(Self(mixed).next_u64())
+    }
+
+    /// The stream of a device for one purpose: devices of one seed have streams of their own.
+    #[must_use]
+    pub fn of_node(seed: u64, node: NodeId, purpose: u8) -> Self {
+        Self::new(seed, u64::from(node.get()) << 8 | u64::from(purpose))
     }
 
     /// 64 random bits.

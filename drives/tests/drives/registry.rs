@@ -22,7 +22,7 @@ fn every_model_has_a_twin_with_the_same_data_sheet() {
 #[test]
 fn each_is_found_by_its_name_alone() {
     for twin in TWINS {
-        assert!(Kind::by_name(twin.name).is_some_and(|found| std::ptr::eq(found, twin)));
+        assert!(Kind::by_name(twin.name).is_some_and(|found| std::ptr::eq(found, *twin)));
         assert!(Kind::by_name(&twin.name.to_uppercase()).is_none());
     }
     for model in MODELS {

@@ -2,16 +2,18 @@
 
 use super::MODE;
 use super::drive::Drive;
-use super::fault::Errors;
+use super::fault::{DriveError, Errors};
 use super::settings::Settings;
+use crate::twin::device::Disturbance;
 use crate::twin::node::Firmware;
+use crate::twin::servo::shaft::Shaft;
 use syncline_canopen::cia402::{Controlword, State};
 use syncline_canopen::dictionary::{Dictionary, Row};
 use syncline_canopen::emcy::{Emergency, code, register};
 use syncline_canopen::node::{Application, CommunicationError, Origin};
 use syncline_canopen::sdo::AbortCode;
 use syncline_canopen::sync::Sync;
-use syncline_canopen::{Instant, nmt};
+use syncline_canopen::{Address, Instant, nmt};
 
 impl Application for Drive {
     fn objects(&self) -> &Dictionary {
@@ -32,12 +34,7 @@ impl Application for Drive {
 
     fn check_write(&self, row: Row, value: i64, origin: Origin) -> Result<(), AbortCode> {
         let address = self.objects.entry(row).address;
-        let mut refusals = self.refusals.iter();
-        if origin == Origin::Sdo
-            && let Some((_, code)) = refusals.find(|(refused, _)| *refused == address)
-        {
-            return Err(*code);
-        }
+        self.tampering.check_write(address, origin)?;
         match address.index {
             0x6040 if !self.remote => Err(AbortCode::LocalControl),
             0x6060 if value != 0 && value != MODE => Err(AbortCode::InvalidValue),
@@ -75,7 +72,7 @@ impl Application for Drive {
     }
 
     fn on_reset(&mut self, _: Instant, reset: nmt::Event) {
-        self.show_presets();
+        self.tampering.show(&mut self.objects);
         self.settings = Settings::of(&self.objects);
         if reset == nmt::Event::ResetNode {
             self.restart();
@@ -115,5 +112,39 @@ impl Firmware for Drive {
     fn power_off(&mut self) {
         self.enter(State::NotReadyToSwitchOn);
         self.errors = Errors::new();
+    }
+
+    fn shaft(&self) -> &Shaft {
+        &self.shaft
+    }
+
+    fn shaft_mut(&mut self) -> &mut Shaft {
+        &mut self.shaft
+    }
+
+    fn is_powered(&self) -> bool {
+        self.state.is_powered()
+    }
+
+    fn torque(&self) -> f64 {
+        self.torque
+    }
+
+    fn disturb(&mut self, disturbance: Disturbance) {
+        match disturbance {
+            Disturbance::Mains(on) => self.has_mains = on,
+            Disturbance::Fault(class) => self.raise(DriveError {
+                class,
+                ..DriveError::FOLLOWING_ERROR
+            }),
+            Disturbance::FaultPersists(persists) => self.errors.cause_persists = persists,
+            Disturbance::FoundEnabled => self.start_enabled(),
+            Disturbance::EnableTime(time) => self.policies.enable_time = time,
+            Disturbance::Remote(remote) => self.remote = remote,
+            Disturbance::RefuseWrite(address, code) => self.tampering.refuse(address, code),
+            Disturbance::Vendor(id) => self.preset(Address::new(0x1018, 1), id.into()),
+            // It has no inputs.
+            _ => {}
+        }
     }
 }

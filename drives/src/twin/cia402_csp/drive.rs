@@ -4,6 +4,7 @@ use super::fault::{DriveError, Errors};
 use super::policy::Policies;
 use super::settings::Settings;
 use super::{MODE, TwinConfig};
+use crate::twin::node::{Firmware, Tampering};
 use crate::twin::servo::cascade::{
     Cascade, POSITION_STEP_NS, Reference, SPEED_STEP_NS, SPEED_STEPS,
 };
@@ -14,7 +15,6 @@ use crate::twin::servo::ramp::Ramp;
 use crate::twin::servo::shaft::Shaft;
 use syncline_canopen::cia402::{Controlword, State, Statusword};
 use syncline_canopen::dictionary::Dictionary;
-use syncline_canopen::sdo::AbortCode;
 use syncline_canopen::time::Duration;
 use syncline_canopen::{Address, Instant};
 
@@ -76,7 +76,7 @@ fn seconds(time: Duration) -> f64 {
 }
 
 /// A drive without its bus.
-pub(super) struct Drive {
+pub struct Drive {
     pub(super) objects: Dictionary,
     pub(super) settings: Settings,
     pub(super) policies: Policies,
@@ -97,11 +97,11 @@ pub(super) struct Drive {
     pub(super) is_operational: bool,
 
     clock: Clock,
-    shaft: Shaft,
+    pub(super) shaft: Shaft,
     sensor: Encoder,
     pub(super) cascade: Cascade,
     torque_source: TorqueSource,
-    torque: f64,
+    pub(super) torque: f64,
     increments_per_revolution: f64,
     pub(super) encoder: i64,
     /// Measured, increments/s.
@@ -117,10 +117,7 @@ pub(super) struct Drive {
 
     /// The objects do not show the present condition yet.
     pub(super) stale: bool,
-    /// What these objects read after a reset, instead of the table's values.
-    pub(super) presets: Vec<(Address, i64)>,
-    /// Tests: writes to these are refused.
-    pub(super) refusals: Vec<(Address, AbortCode)>,
+    pub(super) tampering: Tampering,
 }
 
 impl Drive {
@@ -164,24 +161,11 @@ impl Drive {
             following_error: false,
             target_reached: false,
             stale: true,
-            presets: Vec::new(),
-            refusals: Vec::new(),
+            tampering: Tampering::default(),
         };
         let resolution = Address::new(0x608F, 1);
         drive.preset(resolution, config.encoder_increments.into());
         drive
-    }
-
-    pub(super) fn shaft(&self) -> &Shaft {
-        &self.shaft
-    }
-
-    pub(super) fn shaft_mut(&mut self) -> &mut Shaft {
-        &mut self.shaft
-    }
-
-    pub(super) fn is_powered(&self) -> bool {
-        self.state.is_powered()
     }
 
     // ---- time ----
@@ -243,11 +227,6 @@ impl Drive {
                 Motion::Follow(segment) => segment.acceleration,
             },
         }
-    }
-
-    /// Torque of the motor, N·m.
-    pub(super) fn torque(&self) -> f64 {
-        self.torque
     }
 
     fn move_reference(&mut self) {
@@ -354,14 +333,7 @@ impl Drive {
 
     /// Gives an object another value, now and after each reset.
     pub(super) fn preset(&mut self, address: Address, value: i64) {
-        self.presets.push((address, value));
-        self.show_presets();
-    }
-
-    pub(super) fn show_presets(&mut self) {
-        for &(Address { index, sub }, value) in &self.presets {
-            self.objects.put(index, sub, value);
-        }
+        self.tampering.preset(&mut self.objects, address, value);
     }
 
     /// Brings the objects that show the drive's condition up to `now`.

@@ -23,22 +23,21 @@ mod state;
 pub use fault::DriveError;
 pub use policy::Policies;
 
-use super::device::{Axis, Config, Disturbance, Kind, Observation, SimulatedDevice};
-use super::node::{Delays, DeviceNode, Firmware};
+use super::device::{Config, Kind};
+use super::node::{Delays, Device};
 use super::random::Random;
 use super::servo::cascade::Gains;
 use super::servo::clock::Clock;
 use super::servo::encoder::{Encoder, EncoderErrors};
-use super::servo::power_stage::{DcBus, PowerStage, TorqueSource};
-use super::servo::shaft::{Plant, Shaft};
-use crate::bus::Node;
+use super::servo::power_stage::TorqueSource;
+use super::servo::shaft::Plant;
 use crate::dictionary::CIA402_CSP;
 use drive::Drive;
 use syncline_canopen::cia402::{State, Statusword};
 use syncline_canopen::dictionary::Dictionary;
 use syncline_canopen::node::Options;
 use syncline_canopen::time::Duration;
-use syncline_canopen::{Address, Frame, Instant, NodeId, Transmit};
+use syncline_canopen::{Address, NodeId};
 
 /// The twin in the registry.
 pub(super) static KIND: Kind = Kind {
@@ -117,17 +116,8 @@ impl TwinConfig {
 impl From<&Config> for TwinConfig {
     fn from(config: &Config) -> Self {
         let own = Self::new(config.node);
-        let (mechanics, torque_source, gains) = match &config.axis {
-            None => (own.mechanics, own.torque_source, own.gains),
-            Some(Axis { motor, train }) => (
-                train.clone().into(),
-                PowerStage::new(*motor, DcBus::default()).into(),
-                Gains {
-                    velocity_feed_forward: own.gains.velocity_feed_forward,
-                    ..Gains::commissioned(motor, train)
-                },
-            ),
-        };
+        let (mechanics, torque_source, gains) =
+            config.axis_or((own.mechanics, own.torque_source, own.gains));
         Self {
             mechanics,
             torque_source,
@@ -142,10 +132,7 @@ impl From<&Config> for TwinConfig {
                 true => Policies::tolerant(),
                 false => own.policies,
             },
-            delays: match config.prompt {
-                true => Delays::NONE,
-                false => own.delays,
-            },
+            delays: config.delays_or(own.delays),
             boot_time: config.boot_time.unwrap_or(own.boot_time),
             ..own
         }
@@ -153,116 +140,46 @@ impl From<&Config> for TwinConfig {
 }
 
 /// A drive on a bus; see the [module](self).
-pub struct Twin {
-    node: DeviceNode,
-    drive: Drive,
-}
+pub type Twin = Device<Drive>;
 
-impl Twin {
+impl Device<Drive> {
     /// A drive that has just been powered on, at the origin of time.
     #[must_use]
     pub fn new(config: TwinConfig) -> Self {
-        let stream =
-            |purpose: u64| Random::new(config.seed, u64::from(config.node.get()) << 8 | purpose);
+        let stream = |purpose| Random::of_node(config.seed, config.node, purpose);
         let objects = Dictionary::new(&CIA402_CSP, config.node);
         let options = Options {
             boot_time: config.boot_time,
             ..Options::default()
         };
-        let delays = config.delays.clone();
-        let node = DeviceNode::new(config.node, &objects, options, delays, stream(2));
-        let ppm = stream(0).between(-config.oscillator_ppm, config.oscillator_ppm);
-        let clock = Clock::new(Instant::ZERO, ppm);
+        let (node, delays, random) = (config.node, config.delays.clone(), stream(2));
+        let clock = Clock::within(config.oscillator_ppm, stream(0));
         let counts = f64::from(config.encoder_increments);
         let encoder = Encoder::new(counts, config.encoder, stream(1));
-        Self {
-            node,
-            drive: Drive::new(objects, config, clock, encoder),
-        }
+        let drive = Drive::new(objects, config, clock, encoder);
+        Self::switched_on(node, drive, options, delays, random)
     }
 
     /// State of the drive.
     #[must_use]
     pub fn state(&self) -> State {
-        self.drive.state
+        self.firmware.state
     }
 
     /// Statusword of the drive.
     #[must_use]
     pub fn statusword(&self) -> Statusword {
-        self.drive.statusword()
+        self.firmware.statusword()
     }
 
     /// Gives an object another value than the table's, now and after each reset: as another maker's
     /// drive may have it.
     pub fn preset(&mut self, address: Address, value: i64) {
-        self.drive.preset(address, value);
+        self.firmware.preset(address, value);
     }
 
     /// Raises an error, as if the drive's monitoring had found one.
     pub fn raise(&mut self, error: DriveError) {
-        self.drive.raise(error);
-    }
-}
-
-impl SimulatedDevice for Twin {
-    fn node(&self) -> NodeId {
-        self.node.id()
-    }
-
-    fn observe(&self) -> Observation {
-        Observation {
-            nmt_state: self.node.state(),
-            is_powered: self.drive.is_powered(),
-            position: self.drive.shaft().position(),
-            velocity: self.drive.shaft().velocity(),
-            torque: self.drive.torque(),
-        }
-    }
-
-    fn disturb(&mut self, disturbance: Disturbance) {
-        let drive = &mut self.drive;
-        match disturbance {
-            Disturbance::Mains(on) => drive.has_mains = on,
-            Disturbance::Block(blocked) => drive.shaft_mut().block(blocked),
-            Disturbance::LoseTorque(lost) => drive.shaft_mut().lose_torque(lost),
-            Disturbance::Mute(muted) => self.node.mute(muted),
-            Disturbance::LoseTPdos(count) => self.node.lose_t_pdos(count),
-            Disturbance::Reset => self.node.power_cycle(),
-            Disturbance::Fault(class) => drive.raise(DriveError {
-                class,
-                ..DriveError::FOLLOWING_ERROR
-            }),
-            Disturbance::FaultPersists(persists) => drive.errors.cause_persists = persists,
-            Disturbance::FoundEnabled => drive.start_enabled(),
-            Disturbance::EnableTime(time) => drive.policies.enable_time = time,
-            Disturbance::Remote(remote) => drive.remote = remote,
-            Disturbance::RefuseWrite(address, code) => drive.refusals.push((address, code)),
-            // It has none.
-            Disturbance::Input(..) => {}
-            Disturbance::Vendor(id) => drive.preset(Address::new(0x1018, 1), id.into()),
-        }
-    }
-
-    fn shaft_mut(&mut self) -> Option<&mut Shaft> {
-        Some(self.drive.shaft_mut())
-    }
-
-    fn run_until(&mut self, now: Instant) {
-        self.drive.run_until(now);
-    }
-}
-
-impl Node for Twin {
-    fn on_frame(&mut self, now: Instant, frame: &Frame, tx: &mut dyn Transmit) {
-        self.node.on_frame(now, frame, &mut self.drive, tx);
-    }
-
-    fn poll(&mut self, now: Instant, tx: &mut dyn Transmit) {
-        self.node.poll(now, &mut self.drive, tx);
-    }
-
-    fn deadline(&self) -> Option<Instant> {
-        self.node.deadline()
+        self.firmware.raise(error);
     }
 }

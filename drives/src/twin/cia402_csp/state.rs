@@ -6,6 +6,7 @@ use super::fault::DriveError;
 use super::settings::{BRAKE_AND_STAY, SWITCH_OFF};
 use crate::twin::ErrorClass;
 use crate::twin::cia402::commanded;
+use crate::twin::node::Firmware;
 use syncline_canopen::cia402::{Controlword, State};
 use syncline_canopen::time::Duration;
 

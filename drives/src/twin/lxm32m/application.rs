@@ -2,7 +2,9 @@
 
 use super::drive::Drive;
 use super::fault::{DriveError, Errors};
+use crate::twin::device::Disturbance;
 use crate::twin::node::Firmware;
+use crate::twin::servo::shaft::Shaft;
 use syncline_canopen::cia402::State;
 use syncline_canopen::dictionary::{Dictionary, Row};
 use syncline_canopen::emcy::{self, Emergency};
@@ -29,13 +31,8 @@ impl Application for Drive {
     }
 
     fn check_write(&self, row: Row, value: i64, origin: Origin) -> Result<(), AbortCode> {
-        if origin == Origin::Sdo && !self.refusals.is_empty() {
-            let address = self.objects.entry(row).address;
-            let mut refusals = self.refusals.iter();
-            if let Some((_, code)) = refusals.find(|(refused, _)| *refused == address) {
-                return Err(*code);
-            }
-        }
+        let address = self.objects.entry(row).address;
+        self.tampering.check_write(address, origin)?;
         Drive::check_write(self, row, value, origin)
     }
 
@@ -131,6 +128,44 @@ impl Firmware for Drive {
     fn power_off(&mut self) {
         self.enter(State::NotReadyToSwitchOn);
         self.errors = Errors::new();
+    }
+
+    fn shaft(&self) -> &Shaft {
+        &self.shaft
+    }
+
+    fn shaft_mut(&mut self) -> &mut Shaft {
+        &mut self.shaft
+    }
+
+    fn is_powered(&self) -> bool {
+        self.state.is_powered()
+    }
+
+    fn torque(&self) -> f64 {
+        self.torque
+    }
+
+    fn disturb(&mut self, disturbance: Disturbance) {
+        match disturbance {
+            // Without it state 3 is not left (lxm32m 1315).
+            Disturbance::Mains(on) => self.has_mains = on,
+            Disturbance::Fault(class) => self.raise(DriveError {
+                class,
+                ..DriveError::FOLLOWING_ERROR
+            }),
+            Disturbance::FaultPersists(persists) => self.errors.cause_persists = persists,
+            Disturbance::FoundEnabled => self.start_enabled(),
+            Disturbance::EnableTime(time) => self.policies.enable_time = time,
+            // While another access channel has it, parameters can be read and written, commands
+            // are not executed (lxm32m 1327).
+            Disturbance::Remote(remote) => self.remote = remote,
+            Disturbance::RefuseWrite(address, code) => self.tampering.refuse(address, code),
+            Disturbance::Input(input, on) => self.switches.sense(input, on),
+            Disturbance::Vendor(id) => self.identity.vendor_id = id,
+            // The rest is the node's and the shaft's.
+            _ => {}
+        }
     }
 }
 

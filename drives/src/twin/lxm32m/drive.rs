@@ -11,6 +11,7 @@ use super::switches::{Pulses, Switches};
 use super::synchronisation::{Synchronisation, Verdict};
 use super::units::INCREMENTS_PER_REVOLUTION;
 use super::{Identity, TwinConfig};
+use crate::twin::node::{Firmware, Tampering};
 use crate::twin::servo::cascade::{
     Cascade, Gains, POSITION_STEP_NS, Reference, SPEED_STEP_NS, SPEED_STEPS,
 };
@@ -19,11 +20,10 @@ use crate::twin::servo::encoder::Encoder;
 use crate::twin::servo::power_stage::{PowerStage, TorqueSource};
 use crate::twin::servo::ramp::Ramp;
 use crate::twin::servo::shaft::Shaft;
+use syncline_canopen::Instant;
 use syncline_canopen::cia402::{Controlword, State, Statusword};
 use syncline_canopen::dictionary::{Dictionary, Row};
-use syncline_canopen::sdo::AbortCode;
 use syncline_canopen::time::Duration;
-use syncline_canopen::{Address, Instant};
 
 /// Nominal seconds per step of the speed loop and of the position loop.
 const SPEED_STEP: f64 = SPEED_STEP_NS as f64 * 1e-9;
@@ -36,7 +36,7 @@ const VELOCITY_WINDOW: usize = 32;
 pub(super) const STANDSTILL: f64 = INCREMENTS_PER_REVOLUTION / 6.0;
 
 /// A drive without its bus.
-pub(super) struct Drive {
+pub struct Drive {
     pub(super) objects: Dictionary,
     pub(super) rows: Rows,
     pub(super) parameter_sets: [ParameterSet; 2],
@@ -60,11 +60,11 @@ pub(super) struct Drive {
 
     pub(super) clock: Clock,
     pub(super) sync: Synchronisation,
-    shaft: Shaft,
+    pub(super) shaft: Shaft,
     sensor: Encoder,
     pub(super) cascade: Cascade,
     pub(super) torque_source: TorqueSource,
-    torque: f64,
+    pub(super) torque: f64,
     /// Gains that no object sets.
     pub(super) own_gains: Gains,
     pub(super) encoder: i64,
@@ -103,8 +103,7 @@ pub(super) struct Drive {
     /// The objects do not show the present condition yet.
     pub(super) stale: bool,
     pub(super) identity: Identity,
-    /// Tests: writes to these are refused.
-    pub(super) refusals: Vec<(Address, AbortCode)>,
+    pub(super) tampering: Tampering,
 }
 
 impl Drive {
@@ -180,30 +179,12 @@ impl Drive {
             status_event: false,
             stale: true,
             identity,
-            refusals: Vec::new(),
+            tampering: Tampering::default(),
         }
     }
 
     pub(super) fn state(&self) -> State {
         self.state
-    }
-
-    pub(super) fn shaft(&self) -> &Shaft {
-        &self.shaft
-    }
-
-    pub(super) fn shaft_mut(&mut self) -> &mut Shaft {
-        &mut self.shaft
-    }
-
-    /// Torque of the motor, N·m.
-    pub(super) fn torque(&self) -> f64 {
-        self.torque
-    }
-
-    /// Whether the power stage is on.
-    pub(super) fn is_powered(&self) -> bool {
-        self.state.is_powered()
     }
 
     // ---- time ----

@@ -4,6 +4,7 @@
 use super::drive::{Drive, POSITION_STEP, STANDSTILL};
 use super::fault::DriveError;
 use super::motion::Motion;
+use crate::twin::node::Firmware;
 
 /// 3006h:47 `MON_SWLimMode`: to rest at the limit; anything else, from the limit on.
 const STANDSTILL_AT_LIMIT: i64 = 1;

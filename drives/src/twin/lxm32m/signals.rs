@@ -5,6 +5,7 @@
 
 use super::drive::Drive;
 use crate::twin::lxm32m::units::INCREMENTS_PER_REVOLUTION;
+use crate::twin::node::Firmware;
 use syncline_canopen::cia402::State;
 use syncline_canopen::dictionary::Row;
 use syncline_canopen::sdo::AbortCode;

@@ -5,6 +5,7 @@ use super::fault::DriveError;
 use super::motion::Motion;
 use crate::twin::ErrorClass;
 use crate::twin::cia402::commanded;
+use crate::twin::node::Firmware;
 use crate::twin::servo::ramp::Ramp;
 use syncline_canopen::cia402::{Command, Controlword, State};
 use syncline_canopen::emcy::Emergency;

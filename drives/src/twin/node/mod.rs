@@ -1,13 +1,21 @@
-//! The CANopen node in front of a twin, as the device's processor runs it.
+//! A simulated device: the CANopen node in front of a twin as the device's processor runs it, and the
+//! twin's own [`Firmware`] behind it.
 //!
 //! [`canopen::node`](syncline_canopen::node) is the protocol: dictionary, SDO, PDO, NMT,
-//! heartbeat, EMCY. A [`DeviceNode`] adds what makes it a device: answers leave after the time
+//! heartbeat, EMCY. A [`Device`] adds what makes it a device: answers leave after the time
 //! that a processor takes, events are looked for once a millisecond, power fails and returns,
-//! frames get lost. What stands behind it is the twin's [`Firmware`].
+//! frames get lost.
 
 mod outbox;
+mod tampering;
 
+pub use tampering::Tampering;
+
+use super::device::{Disturbance, Observation, SimulatedDevice};
 use super::random::Random;
+use super::servo::shaft::Shaft;
+
+use crate::bus;
 use core::ops::Range;
 use outbox::Outbox;
 use syncline_canopen::dictionary::Dictionary;
@@ -27,6 +35,31 @@ pub trait Firmware: Application {
     /// The control supply is gone: nothing drives anything any more, and what is not stored is
     /// forgotten.
     fn power_off(&mut self);
+
+    /// The shaft that its motor turns, or that turns its encoder.
+    fn shaft(&self) -> &Shaft;
+
+    /// The same, to be turned by something else.
+    fn shaft_mut(&mut self) -> &mut Shaft;
+
+    /// Whether the power stage is on.
+    fn is_powered(&self) -> bool;
+
+    /// Torque of the motor, N·m.
+    fn torque(&self) -> f64;
+
+    /// Interferes with what is behind the node and the shaft; what it does not have is left alone.
+    fn disturb(&mut self, disturbance: Disturbance);
+
+    /// Whether the node takes a frame from the bus.
+    fn hears(&self, _: &Frame) -> bool {
+        true
+    }
+
+    /// Whether what the node sends can be understood on the bus.
+    fn is_heard(&self) -> bool {
+        true
+    }
 }
 
 /// The times that a device's processor takes.
@@ -46,10 +79,11 @@ impl Delays {
     };
 }
 
-/// A node with its delays; see the [module](self).
+/// A node with its firmware; see the [module](self).
 #[derive(Debug)]
-pub struct DeviceNode {
+pub struct Device<F> {
     node: Node,
+    pub(super) firmware: F,
     delays: Delays,
     boot_time: Duration,
     outbox: Outbox,
@@ -60,20 +94,20 @@ pub struct DeviceNode {
     lost_t_pdos: u32,
 }
 
-impl DeviceNode {
-    /// The node of a device that is switched on at the origin of time; it sends its boot-up then.
-    #[must_use]
-    pub fn new(
+impl<F: Firmware> Device<F> {
+    /// A device that is switched on at the origin of time; it sends its boot-up then.
+    pub(super) fn switched_on(
         id: NodeId,
-        objects: &Dictionary,
+        firmware: F,
         options: Options,
         delays: Delays,
         random: Random,
     ) -> Self {
-        let mut node = Node::new(id, objects, options);
+        let mut node = Node::new(id, firmware.objects(), options);
         node.power_on(Instant::ZERO);
         Self {
             node,
+            firmware,
             delays,
             boot_time: options.boot_time,
             outbox: Outbox::new(random),
@@ -84,89 +118,18 @@ impl DeviceNode {
         }
     }
 
-    /// The node id.
-    #[must_use]
-    pub fn id(&self) -> NodeId {
-        self.node.id()
-    }
-
-    /// The NMT state.
-    #[must_use]
-    pub fn state(&self) -> nmt::State {
-        self.node.state()
-    }
-
-    // ---- interference ----
-
-    /// While true, nothing that the node sends reaches the bus.
-    pub fn mute(&mut self, muted: bool) {
-        self.outbox.mute(muted);
-    }
-
-    /// Loses the next `count` T_PDOs.
-    pub fn lose_t_pdos(&mut self, count: u32) {
-        self.lost_t_pdos = count;
-    }
-
-    /// Power fails and returns; the boot-up message comes after the boot time.
-    pub fn power_cycle(&mut self) {
-        self.power_cycle = true;
-    }
-
-    // ---- on the bus ----
-
-    /// A frame from the bus.
-    pub fn on_frame(
-        &mut self,
-        now: Instant,
-        frame: &Frame,
-        firmware: &mut impl Firmware,
-        tx: &mut dyn Transmit,
-    ) {
-        self.run_until(now, firmware);
-        self.node.on_frame(now, frame, firmware, &mut self.sent);
-        self.dispatch(now, firmware);
-        self.outbox.flush(now, tx);
-    }
-
-    /// Does what is due.
-    pub fn poll(&mut self, now: Instant, firmware: &mut impl Firmware, tx: &mut dyn Transmit) {
-        self.run_until(now, firmware);
-        let task = self.next_task <= now;
-        // Events are looked for by the task, not whenever a frame leaves: noise that is mapped
-        // into an event-driven T_PDO would fill the bus otherwise.
-        if task || self.node.deadline().is_some_and(|due| due <= now) {
-            self.node.poll(now, firmware, &mut self.sent);
-            self.dispatch(now, firmware);
-        }
-        self.outbox.flush(now, tx);
-        if task {
-            self.next_task = now + TASK;
-        }
-    }
-
-    /// When [`Self::poll`] wants to be called at the latest.
-    #[must_use]
-    pub fn deadline(&self) -> Option<Instant> {
-        let due = [
-            self.node.deadline(),
-            self.outbox.deadline(),
-            Some(self.next_task),
-        ];
-        due.into_iter().flatten().min()
-    }
-
-    fn run_until(&mut self, now: Instant, firmware: &mut impl Firmware) {
-        firmware.run_until(now);
+    /// Lets the loops run up to `now`, where power may have failed meanwhile.
+    fn advance(&mut self, now: Instant) {
+        self.firmware.run_until(now);
         if core::mem::take(&mut self.power_cycle) {
             self.outbox.clear();
-            firmware.power_off();
+            self.firmware.power_off();
             self.node.power_on(now + self.boot_time);
         }
     }
 
-    /// Passes on what the node has sent: delayed as a drive's processor delays it.
-    fn dispatch(&mut self, now: Instant, firmware: &impl Firmware) {
+    /// Passes on what the node has sent: delayed as a device's processor delays it.
+    fn dispatch(&mut self, now: Instant) {
         if self.node.state() == nmt::State::Initialising {
             self.outbox.clear();
         }
@@ -177,7 +140,7 @@ impl DeviceNode {
                 self.lost_t_pdos -= 1;
             } else if self.node.is_sdo_answer(frame.id()) {
                 self.outbox.send_within(now, &delays.sdo, frame);
-            } else if t_pdo.is_some_and(|number| is_synchronous(firmware.objects(), number)) {
+            } else if t_pdo.is_some_and(|number| is_synchronous(self.firmware.objects(), number)) {
                 self.outbox.send_within(now, &delays.t_pdo, frame);
             } else {
                 self.outbox.send_behind(now, &delays.t_pdo, frame);
@@ -189,4 +152,80 @@ impl DeviceNode {
 fn is_synchronous(objects: &Dictionary, t_pdo: u16) -> bool {
     let kind = objects.value(0x1800 + t_pdo - 1, 2).unwrap_or(255);
     TransmissionType::from(kind as u8).is_synchronous()
+}
+
+impl<F: Firmware> bus::Node for Device<F> {
+    fn on_frame(&mut self, now: Instant, frame: &Frame, tx: &mut dyn Transmit) {
+        if !self.firmware.hears(frame) {
+            return self.firmware.run_until(now);
+        }
+        self.advance(now);
+        (self.node).on_frame(now, frame, &mut self.firmware, &mut self.sent);
+        self.dispatch(now);
+        self.outbox.flush(now, tx);
+    }
+
+    fn poll(&mut self, now: Instant, tx: &mut dyn Transmit) {
+        let mut unheard = Vec::new();
+        let tx = match self.firmware.is_heard() {
+            true => tx,
+            false => &mut unheard,
+        };
+        self.advance(now);
+        let task = self.next_task <= now;
+        // Events are looked for by the task, not whenever a frame leaves: noise that is mapped
+        // into an event-driven T_PDO would fill the bus otherwise.
+        if task || self.node.deadline().is_some_and(|due| due <= now) {
+            self.node.poll(now, &mut self.firmware, &mut self.sent);
+            self.dispatch(now);
+        }
+        self.outbox.flush(now, tx);
+        if task {
+            self.next_task = now + TASK;
+        }
+    }
+
+    fn deadline(&self) -> Option<Instant> {
+        let due = [
+            self.node.deadline(),
+            self.outbox.deadline(),
+            Some(self.next_task),
+        ];
+        due.into_iter().flatten().min()
+    }
+}
+
+impl<F: Firmware + Send + 'static> SimulatedDevice for Device<F> {
+    fn node(&self) -> NodeId {
+        self.node.id()
+    }
+
+    fn observe(&self) -> Observation {
+        Observation {
+            nmt_state: self.node.state(),
+            is_powered: self.firmware.is_powered(),
+            position: self.firmware.shaft().position(),
+            velocity: self.firmware.shaft().velocity(),
+            torque: self.firmware.torque(),
+        }
+    }
+
+    fn disturb(&mut self, disturbance: Disturbance) {
+        match disturbance {
+            Disturbance::Mute(muted) => self.outbox.mute(muted),
+            Disturbance::LoseTPdos(count) => self.lost_t_pdos = count,
+            Disturbance::Reset => self.power_cycle = true,
+            Disturbance::Block(blocked) => self.firmware.shaft_mut().block(blocked),
+            Disturbance::LoseTorque(lost) => self.firmware.shaft_mut().lose_torque(lost),
+            other => self.firmware.disturb(other),
+        }
+    }
+
+    fn shaft_mut(&mut self) -> Option<&mut Shaft> {
+        Some(self.firmware.shaft_mut())
+    }
+
+    fn run_until(&mut self, now: Instant) {
+        self.firmware.run_until(now);
+    }
 }

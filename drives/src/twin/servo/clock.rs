@@ -1,6 +1,7 @@
 //! The clock that paces a drive's loops: its own oscillator, or that oscillator locked to SYNC.
 
 use super::cascade::SPEED_STEP_NS;
+use crate::twin::random::Random;
 use syncline_canopen::Instant;
 
 /// Steps of the speed loop in a cycle without SYNC: the drive's millisecond.
@@ -32,6 +33,13 @@ impl Clock {
     #[must_use]
     pub fn new(now: Instant, ppm: f64) -> Self {
         Self::cycles(1.0 + ppm * 1e-6, now, u64::from(FREE_STEPS) * SPEED_STEP_NS)
+    }
+
+    /// A free-running clock from the origin of time on, with one of the oscillators that are at most
+    /// `ppm` parts per million slow or fast.
+    #[must_use]
+    pub fn within(ppm: f64, mut random: Random) -> Self {
+        Self::new(Instant::ZERO, random.between(-ppm, ppm))
     }
 
     fn cycles(rate: f64, now: Instant, nominal_ns: u64) -> Self {

@@ -3,7 +3,9 @@
 use super::drive::Drive;
 use super::fault::{DriveError, Errors};
 use super::settings::Settings;
+use crate::twin::device::Disturbance;
 use crate::twin::node::Firmware;
+use crate::twin::servo::shaft::Shaft;
 use syncline_canopen::cia402::{Controlword, State};
 use syncline_canopen::dictionary::{Dictionary, Row};
 use syncline_canopen::emcy::Emergency;
@@ -39,12 +41,7 @@ impl Application for Drive {
 
     fn check_write(&self, row: Row, value: i64, origin: Origin) -> Result<(), AbortCode> {
         let address = self.objects.entry(row).address;
-        let mut refusals = self.refusals.iter();
-        if origin == Origin::Sdo
-            && let Some((_, code)) = refusals.find(|(refused, _)| *refused == address)
-        {
-            return Err(*code);
-        }
+        self.tampering.check_write(address, origin)?;
         self.check_read(row)?;
         self.check_communication(address, value)?;
         self.check_parameter(address, value)
@@ -67,7 +64,7 @@ impl Application for Drive {
 
     fn on_reset(&mut self, _: Instant, reset: nmt::Event) {
         self.nmt_state = nmt::State::PreOperational;
-        self.show_presets();
+        self.tampering.show(&mut self.objects);
         // The default printed is 1 (D-31), but there is no error.
         self.objects.put(0x1003, 0, 0);
         if reset == nmt::Event::ResetNode {
@@ -117,6 +114,40 @@ impl Firmware for Drive {
     fn power_off(&mut self) {
         self.enter(State::NotReadyToSwitchOn);
         self.errors = Errors::default();
+    }
+
+    fn shaft(&self) -> &Shaft {
+        &self.shaft
+    }
+
+    fn shaft_mut(&mut self) -> &mut Shaft {
+        &mut self.shaft
+    }
+
+    fn is_powered(&self) -> bool {
+        self.state.is_powered()
+    }
+
+    fn torque(&self) -> f64 {
+        self.torque
+    }
+
+    fn disturb(&mut self, disturbance: Disturbance) {
+        match disturbance {
+            Disturbance::Mains(on) => self.has_mains = on,
+            Disturbance::Fault(class) => self.raise(DriveError {
+                class,
+                ..DriveError::FOLLOWING_ERROR
+            }),
+            Disturbance::FaultPersists(persists) => self.errors.cause_persists = persists,
+            Disturbance::FoundEnabled => self.start_enabled(),
+            Disturbance::EnableTime(time) => self.policies.enable_time = time,
+            Disturbance::Remote(remote) => self.take_control(remote),
+            Disturbance::RefuseWrite(address, code) => self.tampering.refuse(address, code),
+            Disturbance::Vendor(id) => self.preset(Address::new(0x1018, 1), id.into()),
+            // Its inputs are set by [`Twin::set_inputs`].
+            _ => {}
+        }
     }
 }
 

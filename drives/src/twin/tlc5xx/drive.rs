@@ -7,6 +7,7 @@ use super::motion::Motion;
 use super::policy::Policies;
 use super::settings::{INCREMENTS_PER_REVOLUTION, RPM, Settings};
 use super::signals::{Captures, Inputs, Switches};
+use crate::twin::node::{Firmware, Tampering};
 use crate::twin::servo::cascade::{
     Cascade, POSITION_STEP_NS, Reference, SPEED_STEP_NS, SPEED_STEPS,
 };
@@ -17,7 +18,6 @@ use crate::twin::servo::ramp::Ramp;
 use crate::twin::servo::shaft::Shaft;
 use syncline_canopen::cia402::{Controlword, State};
 use syncline_canopen::dictionary::Dictionary;
-use syncline_canopen::sdo::AbortCode;
 use syncline_canopen::time::Duration;
 use syncline_canopen::{Address, Instant, nmt};
 
@@ -32,7 +32,7 @@ const VELOCITY_WINDOW: usize = 32;
 const STANDSTILL: f64 = 10.0 * RPM;
 
 /// A drive without its bus.
-pub(super) struct Drive {
+pub struct Drive {
     pub(super) objects: Dictionary,
     pub(super) settings: Settings,
     pub(super) policies: Policies,
@@ -50,11 +50,11 @@ pub(super) struct Drive {
     pub(super) remote: bool,
 
     clock: Clock,
-    shaft: Shaft,
+    pub(super) shaft: Shaft,
     sensor: Encoder,
     pub(super) cascade: Cascade,
     torque_source: TorqueSource,
-    torque: f64,
+    pub(super) torque: f64,
     pub(super) encoder: i64,
     /// Encoder reading at user position 0.
     pub(super) zero: i64,
@@ -98,10 +98,7 @@ pub(super) struct Drive {
 
     /// The objects do not show the present condition yet.
     pub(super) stale: bool,
-    /// What these objects read after a reset, instead of the table's values.
-    pub(super) presets: Vec<(Address, i64)>,
-    /// Tests: writes to these are refused.
-    pub(super) refusals: Vec<(Address, AbortCode)>,
+    pub(super) tampering: Tampering,
 }
 
 impl Drive {
@@ -162,26 +159,8 @@ impl Drive {
             following_error: false,
             movement_failed: false,
             stale: true,
-            presets: Vec::new(),
-            refusals: Vec::new(),
+            tampering: Tampering::default(),
         }
-    }
-
-    pub(super) fn shaft(&self) -> &Shaft {
-        &self.shaft
-    }
-
-    pub(super) fn shaft_mut(&mut self) -> &mut Shaft {
-        &mut self.shaft
-    }
-
-    pub(super) fn is_powered(&self) -> bool {
-        self.state.is_powered()
-    }
-
-    /// Torque of the motor, N·m.
-    pub(super) fn torque(&self) -> f64 {
-        self.torque
     }
 
     // ---- time ----
@@ -380,14 +359,7 @@ impl Drive {
 
     /// Gives an object another value, now and after each reset.
     pub(super) fn preset(&mut self, address: Address, value: i64) {
-        self.presets.push((address, value));
-        self.show_presets();
-    }
-
-    pub(super) fn show_presets(&mut self) {
-        for &(Address { index, sub }, value) in &self.presets {
-            self.objects.put(index, sub, value);
-        }
+        self.tampering.preset(&mut self.objects, address, value);
     }
 
     /// Forgets the greatest following error: any write to 2013h (9399).

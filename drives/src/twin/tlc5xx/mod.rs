@@ -38,23 +38,22 @@ pub use fault::DriveError;
 pub use policy::{Bit6, Bit9, FaultBits, Policies, PositionFactor};
 pub use signals::Switches;
 
-use super::device::{Axis, Config, Disturbance, Kind, Observation, SimulatedDevice};
-use super::node::{Delays, DeviceNode, Firmware};
+use super::device::{Config, Kind};
+use super::node::{Delays, Device};
 use super::random::Random;
 use super::servo::cascade::Gains;
 use super::servo::clock::Clock;
 use super::servo::encoder::{Encoder, EncoderErrors};
-use super::servo::power_stage::{DcBus, PowerStage, TorqueSource};
-use super::servo::shaft::{Plant, Shaft};
-use crate::bus::Node;
+use super::servo::power_stage::TorqueSource;
+use super::servo::shaft::Plant;
 use crate::dictionary::TLC5XX;
 use drive::Drive;
 use settings::INCREMENTS_PER_REVOLUTION;
+use syncline_canopen::NodeId;
 use syncline_canopen::cia402::{State, Statusword};
 use syncline_canopen::dictionary::Dictionary;
 use syncline_canopen::node::{Options, ParameterRules};
 use syncline_canopen::time::Duration;
-use syncline_canopen::{Address, Frame, Instant, NodeId, Transmit};
 use thiserror::Error;
 
 /// The twin in the registry. The manual prints the factory's 125 kbit/s (2353), and 100 kbit/s and
@@ -143,14 +142,8 @@ impl TwinConfig {
 impl From<&Config> for TwinConfig {
     fn from(config: &Config) -> Self {
         let own = Self::new(config.node);
-        let (mechanics, torque_source, gains) = match &config.axis {
-            None => (own.mechanics, own.torque_source, own.gains),
-            Some(Axis { motor, train }) => (
-                train.clone().into(),
-                PowerStage::new(*motor, DcBus::default()).into(),
-                Gains::commissioned(motor, train),
-            ),
-        };
+        let (mechanics, torque_source, gains) =
+            config.axis_or((own.mechanics, own.torque_source, own.gains));
         Self {
             mechanics,
             torque_source,
@@ -158,10 +151,7 @@ impl From<&Config> for TwinConfig {
             encoder: config.encoder.unwrap_or(own.encoder),
             seed: config.seed,
             position: config.position,
-            delays: match config.prompt {
-                true => Delays::NONE,
-                false => own.delays,
-            },
+            delays: config.delays_or(own.delays),
             boot_time: config.boot_time.unwrap_or(own.boot_time),
             ..own
         }
@@ -169,12 +159,9 @@ impl From<&Config> for TwinConfig {
 }
 
 /// A TLC53x on a bus; see the [module](self).
-pub struct Twin {
-    node: DeviceNode,
-    drive: Drive,
-}
+pub type Twin = Device<Drive>;
 
-impl Twin {
+impl Device<Drive> {
     /// A controller that has just been powered on, at the origin of time.
     ///
     /// # Errors
@@ -187,8 +174,7 @@ impl Twin {
     }
 
     fn with_can_open(config: TwinConfig) -> Self {
-        let stream =
-            |purpose: u64| Random::new(config.seed, u64::from(config.node.get()) << 8 | purpose);
+        let stream = |purpose| Random::of_node(config.seed, config.node, purpose);
         let objects = Dictionary::new(&TLC5XX, config.node);
         let options = Options {
             parameters: ParameterRules::Lenient {
@@ -203,16 +189,12 @@ impl Twin {
             boot_up: config.policies.boot_up,
             ..Options::default()
         };
-        let delays = config.delays.clone();
-        let node = DeviceNode::new(config.node, &objects, options, delays, stream(2));
-        let ppm = stream(0).between(-config.oscillator_ppm, config.oscillator_ppm);
-        let clock = Clock::new(Instant::ZERO, ppm);
+        let (node, delays, random) = (config.node, config.delays.clone(), stream(2));
+        let clock = Clock::within(config.oscillator_ppm, stream(0));
         let counts = INCREMENTS_PER_REVOLUTION;
         let encoder = Encoder::new(counts, config.encoder, stream(1));
-        Self {
-            node,
-            drive: Drive::new(objects, config, clock, encoder),
-        }
+        let drive = Drive::new(objects, config, clock, encoder);
+        Self::switched_on(node, drive, options, delays, random)
     }
 
     // ---- what a master cannot know ----
@@ -220,107 +202,45 @@ impl Twin {
     /// State of the drive.
     #[must_use]
     pub fn state(&self) -> State {
-        self.drive.state
+        self.firmware.state
     }
 
     /// Statusword of the drive.
     #[must_use]
     pub fn statusword(&self) -> Statusword {
-        self.drive.statusword()
+        self.firmware.statusword()
     }
 
     /// The outputs as 60FEh numbers them, bits 22 to 16 (16548-16585).
     #[must_use]
     pub fn outputs(&self) -> u32 {
-        self.drive.outputs()
+        self.firmware.outputs()
     }
 
     // ---- interference ----
 
     /// Raises an error, as if the drive's monitoring had found one.
     pub fn raise(&mut self, error: DriveError) {
-        self.drive.raise(error);
+        self.firmware.raise(error);
     }
 
     /// Levels of the inputs 31 to 16 of 60FDh (16458-16492).
     pub fn set_inputs(&mut self, levels: u32) {
-        self.drive.inputs.levels = levels;
+        self.firmware.inputs.levels = levels;
     }
 
     /// Whether the input STOP is active.
     pub fn set_stop(&mut self, active: bool) {
-        self.drive.inputs.stop = active;
+        self.firmware.inputs.stop = active;
     }
 
     /// Pulses/s at the pulse interface of module M1, the reference of the electronic gear.
     pub fn set_pulse_frequency(&mut self, frequency: f64) {
-        self.drive.pulse_frequency = frequency;
+        self.firmware.pulse_frequency = frequency;
     }
 
     /// Presets statusword bit 10, which the manual's examples find as an earlier movement left it.
     pub fn preset_target_reached(&mut self, reached: bool) {
-        self.drive.target_reached = reached;
-    }
-}
-
-impl SimulatedDevice for Twin {
-    fn node(&self) -> NodeId {
-        self.node.id()
-    }
-
-    fn observe(&self) -> Observation {
-        Observation {
-            nmt_state: self.node.state(),
-            is_powered: self.drive.is_powered(),
-            position: self.drive.shaft().position(),
-            velocity: self.drive.shaft().velocity(),
-            torque: self.drive.torque(),
-        }
-    }
-
-    fn disturb(&mut self, disturbance: Disturbance) {
-        let drive = &mut self.drive;
-        match disturbance {
-            Disturbance::Mains(on) => drive.has_mains = on,
-            Disturbance::Block(blocked) => drive.shaft_mut().block(blocked),
-            Disturbance::LoseTorque(lost) => drive.shaft_mut().lose_torque(lost),
-            Disturbance::Mute(muted) => self.node.mute(muted),
-            Disturbance::LoseTPdos(count) => self.node.lose_t_pdos(count),
-            Disturbance::Reset => self.node.power_cycle(),
-            Disturbance::Fault(class) => drive.raise(DriveError {
-                class,
-                ..DriveError::FOLLOWING_ERROR
-            }),
-            Disturbance::FaultPersists(persists) => drive.errors.cause_persists = persists,
-            Disturbance::FoundEnabled => drive.start_enabled(),
-            Disturbance::EnableTime(time) => drive.policies.enable_time = time,
-            Disturbance::Remote(remote) => drive.take_control(remote),
-            Disturbance::RefuseWrite(address, code) => drive.refusals.push((address, code)),
-            // Its inputs are set by [`Twin::set_inputs`].
-            Disturbance::Input(..) => {}
-            Disturbance::Vendor(id) => drive.preset(Address::new(0x1018, 1), id.into()),
-        }
-    }
-
-    fn shaft_mut(&mut self) -> Option<&mut Shaft> {
-        Some(self.drive.shaft_mut())
-    }
-
-    fn run_until(&mut self, now: Instant) {
-        self.drive.run_until(now);
-    }
-}
-
-impl Node for Twin {
-    fn on_frame(&mut self, now: Instant, frame: &Frame, tx: &mut dyn Transmit) {
-        self.node.on_frame(now, frame, &mut self.drive, tx);
-    }
-
-    fn poll(&mut self, now: Instant, tx: &mut dyn Transmit) {
-        self.node.poll(now, &mut self.drive, tx);
-    }
-
-    fn deadline(&self) -> Option<Instant> {
-        self.node.deadline()
+        self.firmware.target_reached = reached;
     }
 }

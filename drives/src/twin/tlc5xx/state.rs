@@ -6,6 +6,7 @@ use super::motion::Motion;
 use super::policy::{Bit9, FaultBits};
 use crate::twin::ErrorClass;
 use crate::twin::cia402::commanded;
+use crate::twin::node::Firmware;
 use crate::twin::servo::ramp::Ramp;
 use syncline_canopen::cia402::{Command, Controlword, State, Statusword};
 

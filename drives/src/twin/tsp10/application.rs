@@ -4,13 +4,15 @@ use super::drive::Drive;
 use super::homing::is_method;
 use super::modes::Mode;
 use super::policy::TPdoTrigger;
+use crate::twin::device::Disturbance;
 use crate::twin::node::Firmware;
+use crate::twin::servo::shaft::Shaft;
 use syncline_canopen::cia402::{Controlword, State};
 use syncline_canopen::dictionary::{Dictionary, Row};
-use syncline_canopen::emcy::Emergency;
+use syncline_canopen::emcy::{Emergency, register};
 use syncline_canopen::node::{Application, CommunicationError, Origin};
 use syncline_canopen::sdo::AbortCode;
-use syncline_canopen::{Instant, nmt};
+use syncline_canopen::{Address, CobId, Frame, Instant, nmt};
 
 impl Application for Drive {
     fn objects(&self) -> &Dictionary {
@@ -29,12 +31,7 @@ impl Application for Drive {
 
     fn check_write(&self, row: Row, value: i64, origin: Origin) -> Result<(), AbortCode> {
         let address = self.objects.entry(row).address;
-        let mut refusals = self.refusals.iter();
-        if origin == Origin::Sdo
-            && let Some((_, code)) = refusals.find(|(refused, _)| *refused == address)
-        {
-            return Err(*code);
-        }
+        self.tampering.check_write(address, origin)?;
         match address.index {
             0x6060 if Mode::of(value).is_none() => Err(AbortCode::InvalidValue),
             0x6098 if !is_method(value) => Err(AbortCode::InvalidValue),
@@ -62,7 +59,7 @@ impl Application for Drive {
     }
 
     fn on_reset(&mut self, _: Instant, reset: nmt::Event) {
-        self.show_presets();
+        self.tampering.show(&mut self.objects);
         if reset == nmt::Event::ResetNode {
             self.restart();
         }
@@ -104,5 +101,42 @@ impl Firmware for Drive {
     fn power_off(&mut self) {
         self.enter(State::NotReadyToSwitchOn);
         self.error_register = 0;
+    }
+
+    fn shaft(&self) -> &Shaft {
+        &self.shaft
+    }
+
+    fn shaft_mut(&mut self) -> &mut Shaft {
+        &mut self.shaft
+    }
+
+    fn is_powered(&self) -> bool {
+        self.state.is_powered()
+    }
+
+    fn torque(&self) -> f64 {
+        self.torque
+    }
+
+    fn disturb(&mut self, disturbance: Disturbance) {
+        match disturbance {
+            Disturbance::Mains(on) => self.has_mains = on,
+            Disturbance::Fault(class) => self.raise(class, register::MANUFACTURER),
+            Disturbance::FaultPersists(persists) => self.cause_persists = persists,
+            Disturbance::FoundEnabled => self.enter(State::OperationEnabled),
+            Disturbance::RefuseWrite(address, code) => self.tampering.refuse(address, code),
+            Disturbance::Vendor(id) => {
+                let vendor = Address::new(0x1018, 1);
+                (self.tampering).preset(&mut self.objects, vendor, id.into());
+            }
+            // It has no other channel and no inputs to be told here, and switches on at once.
+            _ => {}
+        }
+    }
+
+    fn hears(&self, frame: &Frame) -> bool {
+        let guards = frame.is_remote() && frame.id() == CobId::error_control(self.node).into();
+        !guards || self.policies.answers_guarding
     }
 }

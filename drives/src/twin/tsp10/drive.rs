@@ -8,6 +8,7 @@ use super::policy::{Policies, StandbyUnit};
 use super::signals::Switches;
 use crate::twin::ErrorClass;
 use crate::twin::cia402::commanded;
+use crate::twin::node::{Firmware, Tampering};
 use crate::twin::servo::cascade::{POSITION_STEP_NS, SPEED_STEPS};
 use crate::twin::servo::clock::Clock;
 use crate::twin::servo::ramp::{Limits, Ramp};
@@ -15,18 +16,17 @@ use crate::twin::servo::shaft::Shaft;
 use syncline_canopen::cia402::{Command, Controlword, State, Statusword};
 use syncline_canopen::dictionary::Dictionary;
 use syncline_canopen::emcy::register;
-use syncline_canopen::sdo::AbortCode;
 use syncline_canopen::time::Duration;
-use syncline_canopen::{Address, Instant};
+use syncline_canopen::{Instant, NodeId};
 
 /// Nominal seconds per step of the profile.
 pub(super) const PROFILE_STEP: f64 = POSITION_STEP_NS as f64 * 1e-9;
 
 /// A controller without its bus. Positions of its profile are steps, as the objects have them.
-pub(super) struct Drive {
+pub struct Drive {
     pub(super) objects: Dictionary,
     pub(super) policies: Policies,
-    node: u8,
+    pub(super) node: NodeId,
     pub(super) now: Instant,
 
     pub(super) state: State,
@@ -40,8 +40,8 @@ pub(super) struct Drive {
 
     clock: Clock,
     motor: Motor,
-    shaft: Shaft,
-    torque: f64,
+    pub(super) shaft: Shaft,
+    pub(super) torque: f64,
     /// The demand.
     pub(super) ramp: Ramp,
     pub(super) motion: Motion,
@@ -68,10 +68,7 @@ pub(super) struct Drive {
     pub(super) next_period: Instant,
     /// The objects do not show the present condition yet.
     pub(super) stale: bool,
-    /// What these objects read after a reset, instead of the table's values.
-    pub(super) presets: Vec<(Address, i64)>,
-    /// Tests: writes to these are refused.
-    pub(super) refusals: Vec<(Address, AbortCode)>,
+    pub(super) tampering: Tampering,
 }
 
 impl Drive {
@@ -79,7 +76,7 @@ impl Drive {
         Self {
             objects,
             policies: config.policies,
-            node: config.node.get(),
+            node: config.node,
             now: Instant::ZERO,
             state: State::NotReadyToSwitchOn,
             controlword: Controlword(0),
@@ -108,29 +105,8 @@ impl Drive {
             limit_reached: false,
             next_period: Instant::ZERO,
             stale: true,
-            presets: Vec::new(),
-            refusals: Vec::new(),
+            tampering: Tampering::default(),
         }
-    }
-
-    pub(super) fn shaft(&self) -> &Shaft {
-        &self.shaft
-    }
-
-    pub(super) fn shaft_mut(&mut self) -> &mut Shaft {
-        &mut self.shaft
-    }
-
-    pub(super) fn torque(&self) -> f64 {
-        self.torque
-    }
-
-    pub(super) fn is_powered(&self) -> bool {
-        self.state.is_powered()
-    }
-
-    pub(super) fn objects_node(&self) -> u8 {
-        self.node
     }
 
     pub(super) fn value(&self, index: u16, sub: u8) -> f64 {
@@ -393,12 +369,6 @@ impl Drive {
     }
 
     // ---- objects ----
-
-    pub(super) fn show_presets(&mut self) {
-        for &(Address { index, sub }, value) in &self.presets {
-            self.objects.put(index, sub, value);
-        }
-    }
 
     /// 6041h (645-657).
     pub(super) fn statusword(&self) -> Statusword {

@@ -20,20 +20,18 @@ pub use motor::Motor;
 pub use policy::{Policies, RelativeTo, SecondTarget, StandbyUnit, TPdoTrigger};
 pub use signals::Switches;
 
-use super::device::{Axis, Config, Disturbance, Kind, Observation, SimulatedDevice};
-use super::node::{Delays, DeviceNode, Firmware};
+use super::device::{Axis, Config, Kind};
+use super::node::{Delays, Device};
 use super::random::Random;
 use super::servo::clock::Clock;
-use super::servo::shaft::{Plant, Shaft};
-use crate::bus::Node;
+use super::servo::shaft::Plant;
 use crate::dictionary::TSP10;
 use drive::Drive;
+use syncline_canopen::NodeId;
 use syncline_canopen::cia402::{State, Statusword};
 use syncline_canopen::dictionary::Dictionary;
-use syncline_canopen::emcy::register;
 use syncline_canopen::node::Options;
 use syncline_canopen::time::Duration;
-use syncline_canopen::{Address, CobId, Frame, Instant, NodeId, Transmit};
 
 /// The twin in the registry; its bit rate is set by its maker's tool alone (116-127).
 pub(super) static KIND: Kind = Kind {
@@ -103,10 +101,7 @@ impl From<&Config> for TwinConfig {
                 None => own.mechanics,
                 Some(Axis { train, .. }) => train.clone().into(),
             },
-            delays: match config.prompt {
-                true => Delays::NONE,
-                false => own.delays,
-            },
+            delays: config.delays_or(own.delays),
             boot_time: config.boot_time.unwrap_or(own.boot_time),
             ..own
         }
@@ -114,18 +109,13 @@ impl From<&Config> for TwinConfig {
 }
 
 /// A TSP10-CBE on a bus; see the [module](self).
-pub struct Twin {
-    node: DeviceNode,
-    drive: Drive,
-    answers_guarding: bool,
-}
+pub type Twin = Device<Drive>;
 
-impl Twin {
+impl Device<Drive> {
     /// A controller that has just been powered on, at the origin of time.
     #[must_use]
     pub fn new(config: TwinConfig) -> Self {
-        let stream =
-            |purpose: u64| Random::new(config.seed, u64::from(config.node.get()) << 8 | purpose);
+        let stream = |purpose| Random::of_node(config.seed, config.node, purpose);
         let objects = Dictionary::new(&TSP10, config.node);
         let options = Options {
             dummy_mapping: false,
@@ -134,16 +124,10 @@ impl Twin {
             boot_up: config.policies.boot_up,
             ..Options::default()
         };
-        let delays = config.delays.clone();
-        let node = DeviceNode::new(config.node, &objects, options, delays, stream(1));
-        let ppm = stream(0).between(-config.oscillator_ppm, config.oscillator_ppm);
-        let clock = Clock::new(Instant::ZERO, ppm);
-        let answers_guarding = config.policies.answers_guarding;
-        Self {
-            node,
-            drive: Drive::new(objects, config, clock),
-            answers_guarding,
-        }
+        let (node, delays, random) = (config.node, config.delays.clone(), stream(1));
+        let clock = Clock::within(config.oscillator_ppm, stream(0));
+        let drive = Drive::new(objects, config, clock);
+        Self::switched_on(node, drive, options, delays, random)
     }
 
     // ---- what a master cannot know ----
@@ -151,90 +135,25 @@ impl Twin {
     /// State of the drive.
     #[must_use]
     pub fn state(&self) -> State {
-        self.drive.state
+        self.firmware.state
     }
 
     /// Statusword of the drive.
     #[must_use]
     pub fn statusword(&self) -> Statusword {
-        self.drive.statusword()
+        self.firmware.statusword()
     }
 
     /// How far the rotor is behind its field, in steps of 6092h: whole pole pairs of it are lost.
     #[must_use]
     pub fn lost_steps(&self) -> f64 {
-        self.drive.lag()
+        self.firmware.lag()
     }
 
     // ---- interference ----
 
     /// Levels of DE1 to DE10 from bit 0, but for those that the switches along the axis drive.
     pub fn set_inputs(&mut self, levels: u16) {
-        self.drive.inputs = levels;
-    }
-}
-
-impl SimulatedDevice for Twin {
-    fn node(&self) -> NodeId {
-        self.node.id()
-    }
-
-    fn observe(&self) -> Observation {
-        Observation {
-            nmt_state: self.node.state(),
-            is_powered: self.drive.is_powered(),
-            position: self.drive.shaft().position(),
-            velocity: self.drive.shaft().velocity(),
-            torque: self.drive.torque(),
-        }
-    }
-
-    fn disturb(&mut self, disturbance: Disturbance) {
-        let drive = &mut self.drive;
-        match disturbance {
-            Disturbance::Mains(on) => drive.has_mains = on,
-            Disturbance::Block(blocked) => drive.shaft_mut().block(blocked),
-            Disturbance::LoseTorque(lost) => drive.shaft_mut().lose_torque(lost),
-            Disturbance::Mute(muted) => self.node.mute(muted),
-            Disturbance::LoseTPdos(count) => self.node.lose_t_pdos(count),
-            Disturbance::Reset => self.node.power_cycle(),
-            Disturbance::Fault(class) => drive.raise(class, register::MANUFACTURER),
-            Disturbance::FaultPersists(persists) => drive.cause_persists = persists,
-            Disturbance::FoundEnabled => drive.enter(State::OperationEnabled),
-            Disturbance::RefuseWrite(address, code) => drive.refusals.push((address, code)),
-            Disturbance::Vendor(id) => {
-                drive.presets.push((Address::new(0x1018, 1), id.into()));
-                drive.show_presets();
-            }
-            // It has no other channel and no inputs to be told here, and switches on at once.
-            Disturbance::EnableTime(_) | Disturbance::Remote(_) | Disturbance::Input(..) => {}
-        }
-    }
-
-    fn shaft_mut(&mut self) -> Option<&mut Shaft> {
-        Some(self.drive.shaft_mut())
-    }
-
-    fn run_until(&mut self, now: Instant) {
-        self.drive.run_until(now);
-    }
-}
-
-impl Node for Twin {
-    fn on_frame(&mut self, now: Instant, frame: &Frame, tx: &mut dyn Transmit) {
-        let guards = frame.is_remote() && frame.id() == CobId::error_control(self.node.id()).into();
-        if guards && !self.answers_guarding {
-            self.drive.run_until(now);
-        } else {
-            self.node.on_frame(now, frame, &mut self.drive, tx);
-        }
-    }
-
-    fn poll(&mut self, now: Instant, tx: &mut dyn Transmit) {
-        self.node.poll(now, &mut self.drive, tx);
-    }
-
-    fn deadline(&self) -> Option<Instant> {
-        self.node.deadline()
+        self.firmware.inputs = levels;
     }
 }

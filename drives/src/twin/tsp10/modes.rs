@@ -5,6 +5,7 @@ use super::homing::Homing;
 use super::policy::{RelativeTo, SecondTarget};
 use super::signals::{LOWER_LIMIT, STOP, UPPER_LIMIT};
 use crate::twin::ErrorClass;
+use crate::twin::node::Firmware;
 use crate::twin::servo::ramp::Limits;
 use syncline_canopen::cia402::{Controlword, State};
 use syncline_canopen::emcy::register;

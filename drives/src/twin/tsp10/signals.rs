@@ -1,6 +1,7 @@
 //! The ten digital inputs, their functions (586-621), and 1002h (231-241).
 
 use super::drive::Drive;
+use crate::twin::node::Firmware;
 use core::ops::Range;
 
 /// Functions of an input that the manual explains and the twin has.
@@ -79,7 +80,7 @@ impl Drive {
         ];
         let flags = flags.iter().map(|&(set, bit)| u32::from(set) << bit);
         // S1 in bits 3..0 is the right one: the node id is left x 16 + right (108-112).
-        let switches = u32::from(self.objects_node());
+        let switches = u32::from(self.node.get());
         switches | u32::from(self.levels()) << 18 | flags.sum::<u32>()
     }
 }

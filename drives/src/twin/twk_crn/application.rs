@@ -2,12 +2,14 @@
 
 use super::encoder::Encoder;
 use super::fault::EncoderError;
+use crate::twin::device::{Disturbance, ErrorClass};
 use crate::twin::node::Firmware;
+use crate::twin::servo::shaft::Shaft;
 use syncline_canopen::dictionary::{Dictionary, Row};
 use syncline_canopen::emcy::Emergency;
 use syncline_canopen::node::{Application, CommunicationError, Origin};
 use syncline_canopen::sdo::AbortCode;
-use syncline_canopen::{Instant, NodeId, nmt};
+use syncline_canopen::{Frame, Instant, NodeId, nmt};
 
 impl Application for Encoder {
     fn objects(&self) -> &Dictionary {
@@ -92,4 +94,42 @@ impl Firmware for Encoder {
     }
 
     fn power_off(&mut self) {}
+
+    fn shaft(&self) -> &Shaft {
+        &self.shaft
+    }
+
+    fn shaft_mut(&mut self) -> &mut Shaft {
+        &mut self.shaft
+    }
+
+    fn is_powered(&self) -> bool {
+        false
+    }
+
+    fn torque(&self) -> f64 {
+        0.0
+    }
+
+    fn disturb(&mut self, disturbance: Disturbance) {
+        match disturbance {
+            Disturbance::Fault(class) if class > ErrorClass::Warning => {
+                self.errors.set(EncoderError::Eeprom, true);
+            }
+            Disturbance::FaultPersists(persists) if !persists => {
+                self.errors.set(EncoderError::Eeprom, false);
+            }
+            Disturbance::RefuseWrite(address, code) => self.tampering.refuse(address, code),
+            // It has no power stage, no motor, no other channel, no inputs and no identity object.
+            _ => {}
+        }
+    }
+
+    fn hears(&self, _: &Frame) -> bool {
+        self.is_understood()
+    }
+
+    fn is_heard(&self) -> bool {
+        self.is_understood()
+    }
 }

@@ -6,33 +6,33 @@ use super::position::{Measure, work_area};
 use super::{Commissioned, TwinConfig, Version};
 use crate::bus::BitRate;
 use crate::mechanics::rigid::Rigid;
+use crate::twin::node::Tampering;
 use crate::twin::servo::shaft::Shaft;
 use syncline_canopen::dictionary::{Dictionary, Row};
 use syncline_canopen::node::Origin;
 use syncline_canopen::sdo::AbortCode;
-use syncline_canopen::{Address, Instant, NodeId};
+use syncline_canopen::{Instant, NodeId};
 
 /// Bit rates by their number in 2001h and on switches 7 and 8 (crn S35, S15, S26).
 pub(super) const BIT_RATES: [u32; 4] = [20_000, 125_000, 500_000, 1_000_000];
 
 /// An encoder without its bus.
-pub(super) struct Encoder {
+pub struct Encoder {
     pub(super) objects: Dictionary,
     pub(super) policies: Policies,
     pub(super) errors: Errors,
     pub(super) shaft: Shaft,
     version: Version,
-    commissioned: Commissioned,
+    pub(super) commissioned: Commissioned,
     /// Its bit rate since the last power-on or Reset Node, by its number.
     bit_rate: u8,
     measure: Measure,
     /// What the preset adds to the position value.
     offset: u64,
-    now: Instant,
+    pub(super) now: Instant,
     /// The objects do not show the present position yet.
     pub(super) stale: bool,
-    /// Tests: writes to these are refused.
-    pub(super) refusals: Vec<(Address, AbortCode)>,
+    pub(super) tampering: Tampering,
 }
 
 impl Encoder {
@@ -57,7 +57,7 @@ impl Encoder {
             offset: 0,
             now: Instant::ZERO,
             stale: true,
-            refusals: Vec::new(),
+            tampering: Tampering::default(),
         }
     }
 
@@ -65,6 +65,12 @@ impl Encoder {
     pub(super) fn bit_rate(&self) -> Option<BitRate> {
         let rate = BIT_RATES.get(usize::from(self.bit_rate))?;
         BitRate::from_kbit(rate / 1000)
+    }
+
+    /// Whether it and its bus understand each other.
+    pub(super) fn is_understood(&self) -> bool {
+        let Commissioned { bus, .. } = self.commissioned;
+        bus.is_none_or(|bus| self.bit_rate() == Some(bus))
     }
 
     pub(super) fn advance(&mut self, now: Instant) {
@@ -137,12 +143,7 @@ impl Encoder {
         origin: Origin,
     ) -> Result<(), AbortCode> {
         let address = self.objects.entry(row).address;
-        let mut refusals = self.refusals.iter();
-        if origin == Origin::Sdo
-            && let Some((_, code)) = refusals.find(|(refused, _)| *refused == address)
-        {
-            return Err(*code);
-        }
+        self.tampering.check_write(address, origin)?;
         let Measure { resolution, .. } = self.measure;
         let disc = Measure {
             parameters: 0,

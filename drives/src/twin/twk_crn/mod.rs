@@ -36,18 +36,18 @@ mod position;
 pub use fault::EncoderError;
 pub use policy::{Policies, Texts};
 
-use super::device::{Config, Disturbance, ErrorClass, Kind, Observation, SimulatedDevice};
-use super::node::{Delays, DeviceNode, Firmware};
+use super::device::{Config, Kind};
+use super::node::{Delays, Device};
 use super::random::Random;
-use super::servo::shaft::Shaft;
-use crate::bus::{BitRate, Node};
+
+use crate::bus::BitRate;
 use crate::dictionary::{TWK_CRN_4096, TWK_CRN_8192};
 use crate::mechanics::Motion;
 use encoder::{BIT_RATES, Encoder};
+use syncline_canopen::NodeId;
 use syncline_canopen::dictionary::Dictionary;
 use syncline_canopen::node::{Options, ParameterRules};
 use syncline_canopen::time::Duration;
-use syncline_canopen::{Frame, Instant, NodeId, Transmit};
 
 /// The twin in the registry.
 pub(super) static KIND: Kind = Kind {
@@ -150,10 +150,7 @@ impl From<&Config> for TwinConfig {
                 bit_rate: BIT_RATES.iter().position(is_of_bus).unwrap_or(0) as u8,
                 bus: config.bit_rate,
             },
-            delays: match config.prompt {
-                true => Delays::NONE,
-                false => own.delays,
-            },
+            delays: config.delays_or(own.delays),
             boot_time: config.boot_time.unwrap_or(own.boot_time),
             ..own
         }
@@ -161,14 +158,9 @@ impl From<&Config> for TwinConfig {
 }
 
 /// A TWK CRN on a bus; see the [module](self).
-pub struct Twin {
-    node: DeviceNode,
-    encoder: Encoder,
-    bus: Option<BitRate>,
-    now: Instant,
-}
+pub type Twin = Device<Encoder>;
 
-impl Twin {
+impl Device<Encoder> {
     /// An encoder that has just been powered on, at the origin of time.
     #[must_use]
     pub fn new(config: TwinConfig) -> Self {
@@ -200,33 +192,28 @@ impl Twin {
             event_timer: Some(0x6200),
             ..Options::default()
         };
-        let random = Random::new(config.seed, u64::from(config.node.get()) << 8);
-        let delays = config.delays.clone();
-        Self {
-            node: DeviceNode::new(config.node, &objects, options, delays, random),
-            encoder: Encoder::new(objects, &config),
-            bus: config.commissioned.bus,
-            now: Instant::ZERO,
-        }
+        let random = Random::of_node(config.seed, config.node, 0);
+        let encoder = Encoder::new(objects, &config);
+        Self::switched_on(config.node, encoder, options, config.delays, random)
     }
 
     /// The bit rate at which it listens and sends.
     #[must_use]
     pub fn bit_rate(&self) -> Option<BitRate> {
-        self.encoder.bit_rate()
+        self.firmware.bit_rate()
     }
 
     // ---- interference ----
 
     /// Puts it on a bus of another rate.
     pub fn connect(&mut self, bus: BitRate) {
-        self.bus = Some(bus);
+        self.firmware.commissioned.bus = Some(bus);
     }
 
     /// Turns the shaft from where it is at `velocity` rev/s, clockwise if positive, until told
     /// otherwise.
     pub fn turn(&mut self, velocity: f64) {
-        self.move_shaft(self.encoder.shaft.position(), velocity);
+        self.move_shaft(self.firmware.shaft.position(), velocity);
     }
 
     /// Puts the shaft at so many revolutions, at rest.
@@ -240,92 +227,12 @@ impl Twin {
             velocity,
             acceleration: 0.0,
         };
-        self.encoder.shaft.moved(self.now, motion);
+        let encoder = &mut self.firmware;
+        encoder.shaft.moved(encoder.now, motion);
     }
 
     /// The cause of an error is there from now on, or gone.
     pub fn set_error(&mut self, error: EncoderError, is_there: bool) {
-        self.encoder.errors.set(error, is_there);
-    }
-
-    /// Whether encoder and bus understand each other.
-    fn is_understood(&self) -> bool {
-        self.bus.is_none_or(|bus| self.bit_rate() == Some(bus))
-    }
-}
-
-impl SimulatedDevice for Twin {
-    fn node(&self) -> NodeId {
-        self.node.id()
-    }
-
-    fn observe(&self) -> Observation {
-        Observation {
-            nmt_state: self.node.state(),
-            is_powered: false,
-            position: self.encoder.shaft.position(),
-            velocity: self.encoder.shaft.velocity(),
-            torque: 0.0,
-        }
-    }
-
-    fn disturb(&mut self, disturbance: Disturbance) {
-        match disturbance {
-            Disturbance::Mute(muted) => self.node.mute(muted),
-            Disturbance::LoseTPdos(count) => self.node.lose_t_pdos(count),
-            Disturbance::Reset => self.node.power_cycle(),
-            Disturbance::Fault(class) if class > ErrorClass::Warning => {
-                self.set_error(EncoderError::Eeprom, true);
-            }
-            Disturbance::FaultPersists(persists) if !persists => {
-                self.set_error(EncoderError::Eeprom, false);
-            }
-            Disturbance::RefuseWrite(address, code) => self.encoder.refusals.push((address, code)),
-            // It has no power stage, no motor, no other channel, no inputs and no identity object.
-            Disturbance::Mains(_)
-            | Disturbance::Block(_)
-            | Disturbance::LoseTorque(_)
-            | Disturbance::Fault(_)
-            | Disturbance::FaultPersists(_)
-            | Disturbance::FoundEnabled
-            | Disturbance::EnableTime(_)
-            | Disturbance::Remote(_)
-            | Disturbance::Input(..)
-            | Disturbance::Vendor(_) => {}
-        }
-    }
-
-    fn shaft_mut(&mut self) -> Option<&mut Shaft> {
-        Some(&mut self.encoder.shaft)
-    }
-
-    fn run_until(&mut self, now: Instant) {
-        self.now = now;
-        self.encoder.run_until(now);
-    }
-}
-
-impl Node for Twin {
-    fn on_frame(&mut self, now: Instant, frame: &Frame, tx: &mut dyn Transmit) {
-        self.now = now;
-        if self.is_understood() {
-            self.node.on_frame(now, frame, &mut self.encoder, tx);
-        } else {
-            self.encoder.run_until(now);
-        }
-    }
-
-    fn poll(&mut self, now: Instant, tx: &mut dyn Transmit) {
-        self.now = now;
-        let mut unheard = Vec::new();
-        let tx = match self.is_understood() {
-            true => tx,
-            false => &mut unheard,
-        };
-        self.node.poll(now, &mut self.encoder, tx);
-    }
-
-    fn deadline(&self) -> Option<Instant> {
-        self.node.deadline()
+        self.firmware.errors.set(error, is_there);
     }
 }

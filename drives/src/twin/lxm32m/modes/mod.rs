@@ -22,6 +22,7 @@ pub(super) use profile_position::ProfilePosition;
 use super::drive::Drive;
 use super::synchronisation;
 use super::units::INCREMENTS_PER_REVOLUTION;
+use crate::twin::node::Firmware;
 use syncline_canopen::cia402::{Controlword, State};
 use syncline_canopen::dictionary::Row;
 use syncline_canopen::node::Origin;

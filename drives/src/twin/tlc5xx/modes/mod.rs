@@ -19,6 +19,7 @@ pub(super) use profile::Target;
 
 use super::drive::Drive;
 use super::motion::Motion;
+use crate::twin::node::Firmware;
 use syncline_canopen::cia402::{Controlword, State};
 
 /// 6060h and 6061h (15225-15228).

@@ -1,6 +1,7 @@
 //! What a write to 2xxxh and 6xxxh is permitted to be, and what it does.
 
 use super::{Homing, Mode};
+use crate::twin::node::Firmware;
 use crate::twin::tlc5xx::drive::Drive;
 use crate::twin::tlc5xx::settings::Settings;
 use syncline_canopen::Address;
@@ -145,7 +146,7 @@ impl Drive {
         };
         self.objects.forget(chosen);
         self.objects.restore(chosen);
-        self.show_presets();
+        self.tampering.show(&mut self.objects);
         self.settle_parameters();
     }
 }
