@@ -18,13 +18,13 @@
 //! ```
 //! use syncline_canopen::{CobId, Frame, Instant, NodeId};
 //! use syncline_drives::bus::{Band, BitRate};
-//! use syncline_drives::twin::{Config, TWINS};
+//! use syncline_drives::twin::cia402_csp::{Twin, TwinConfig};
 //! use syncline_drives::world::World;
 //!
 //! let mut world = World::new();
 //! let bus = world.add_bus(BitRate::from_kbit(1000).ok_or("bit rate")?, |_| ());
 //! let node = NodeId::new(1).ok_or("node id")?;
-//! let drive = world.attach(bus, (TWINS[0].make)(&Config::new(node)));
+//! let drive = world.attach(bus, Box::new(Twin::new(TwinConfig::new(node))));
 //! world.send(bus, Band::Acyclic, Frame::new(CobId::NMT, &[0x01, 1]));
 //! world.advance_to(Instant::ZERO);
 //! world.advance_to(Instant::from_nanos(5_000_000));
@@ -128,10 +128,11 @@ impl World {
         self.couplings.add(coupling, &mut self.buses[..]);
     }
 
-    /// Turns the shaft of one device with that of another, `ratio` times as far, before time passes:
-    /// an encoder on a screw. It takes no torque.
+    /// Turns the shaft of one device with the load of another, `ratio` times as far as its motor does,
+    /// before time passes: an encoder on the axis. It takes no torque.
     ///
-    /// At each point of the world's grid it is where the other one is; in between it goes on with the
+    /// At each point of the world's grid it is where the load is, behind the motor by twist and play and
+    /// off by the lead error; in between it goes on with the
     /// velocity that it had, which under an acceleration `a` is wrong by at most `a h²/2` after `h`
     /// seconds.
     ///
@@ -358,11 +359,8 @@ impl Couplings {
         ratio: f64,
         all: &mut (impl Devices + ?Sized),
     ) {
-        let mut position = |device| {
-            let shaft = all.device_mut(device).shaft_mut();
-            shaft.expect("both have a shaft").position()
-        };
-        let zero = position(follower) - ratio * position(leader);
+        let load = shaft_of(leader, all).load_position();
+        let zero = shaft_of(follower, all).position() - ratio * load;
         if let Some(shaft) = all.device_mut(follower).shaft_mut() {
             shaft.couple(Instant::ZERO);
         }
@@ -395,10 +393,11 @@ impl Follower {
         let Some(shaft) = leader.shaft_mut() else {
             return;
         };
+        let load = shaft.load_motion();
         let motion = Motion {
-            position: self.zero + self.ratio * shaft.position(),
-            velocity: self.ratio * shaft.velocity(),
-            acceleration: 0.0,
+            position: self.zero + self.ratio * load.position,
+            velocity: self.ratio * load.velocity,
+            ..load
         };
         let follower = all.device_mut(self.follower);
         follower.run_until(end);

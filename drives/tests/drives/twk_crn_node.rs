@@ -1,14 +1,18 @@
 //! The encoder from the bus: what each object and each frame makes it do.
 
 use crate::common::{Bench, id, ms};
+use core::f64::consts::TAU;
 use syncline_canopen::nmt::{Command, State};
 use syncline_canopen::node::{BootUp, LifeGuarding};
 use syncline_drives::bus::{BitRate, SimBus};
+use syncline_drives::mechanics::drive_train::{DriveTrain, Elasticity};
+use syncline_drives::mechanics::friction::Friction;
 use syncline_drives::twin::node::Delays;
+use syncline_drives::twin::servo::motor::Motor;
 use syncline_drives::twin::twk_crn::{
     Commissioned, EncoderError, Policies, Resolution, Texts, Twin, TwinConfig, Version,
 };
-use syncline_drives::twin::{Disturbance, SimulatedDevice};
+use syncline_drives::twin::{Axis, Config, Disturbance, SimulatedDevice};
 use syncline_drives::twin::{cia402_csp, lxm32m};
 use syncline_drives::world::World;
 
@@ -702,15 +706,43 @@ fn texts_and_confirmations_as_policies() {
 
 // ---- on another device's shaft ----
 
-/// Both positions by SYNC, of a drive at constant speed and of the encoder on its screw.
+/// A drive at constant speed, and the encoder on its screw.
 #[test]
 fn an_encoder_follows_a_drives_shaft() {
+    let ahead = ahead_of_its_encoder(&Config::new(id(2)));
+    // A step of the grid at this speed is 3·10⁻⁴ revolutions.
+    assert!(ahead.abs() < 5e-4, "{ahead}");
+}
+
+/// The guide's friction winds a soft screw, and the encoder is behind it.
+#[test]
+fn an_encoder_on_the_load_is_behind_what_gives_way() {
+    let (friction, stiffness) = (0.5, 10.0);
+    let train = DriveTrain {
+        elasticity: Some(Elasticity {
+            stiffness,
+            damping: 0.02,
+            play: 0.0,
+        }),
+        guide: Friction::coulomb(friction),
+        ..DriveTrain::default()
+    };
+    let ahead = ahead_of_its_encoder(&Config {
+        axis: Some(Axis {
+            motor: Motor::default(),
+            train,
+        }),
+        ..Config::new(id(2))
+    });
+    let twist = friction / stiffness / TAU;
+    assert!((ahead - twist).abs() < 0.1 * twist, "{ahead}, not {twist}");
+}
+
+/// How far a drive at 5 rev/s is ahead of the encoder on its axis, revolutions.
+fn ahead_of_its_encoder(leader: &Config) -> f64 {
     let mut world = World::new();
     let bus = world.add_bus(rate(1000), |_| ());
-    let drive = world.attach(
-        bus,
-        Box::new(lxm32m::Twin::new(lxm32m::TwinConfig::new(id(2)))),
-    );
+    let drive = world.attach(bus, Box::new(lxm32m::Twin::new(leader.into())));
     let encoder = world.attach(
         bus,
         Box::new(Twin::new(TwinConfig {
@@ -745,8 +777,7 @@ fn an_encoder_follows_a_drives_shaft() {
     let turned = world.device(drive).observe();
     let seen = world.device(encoder).observe();
     assert!((turned.velocity - 5.0).abs() < 0.1, "{turned:?}");
-    // A step of the grid at this speed is 6·10⁻⁴ revolutions.
-    assert!((seen.position - (100.0 - 2.0 * turned.position)).abs() < 1e-3);
     assert!((seen.velocity + 2.0 * turned.velocity).abs() < 0.05);
     assert_eq!(world.device(idle).observe().position, 0.0);
+    turned.position - (100.0 - seen.position) / 2.0
 }

@@ -6,11 +6,11 @@ use syncline_canopen::time::Duration;
 use syncline_canopen::{CobId, Frame, Instant};
 use syncline_drives::bus::{Band, BitRate, Node};
 use syncline_drives::mechanics::{Load, Mechanics, Motion};
-use syncline_drives::twin::{Config, Disturbance, SimulatedDevice, TWINS};
+use syncline_drives::twin::{Disturbance, SimulatedDevice, lxm32m};
 use syncline_drives::world::{GRID, Hosted, World};
 
 fn twin(node: u8) -> Box<dyn SimulatedDevice> {
-    (TWINS[0].make)(&Config::new(id(node)))
+    Box::new(lxm32m::Twin::new(lxm32m::TwinConfig::new(id(node))))
 }
 
 fn at(micros: u64) -> Instant {

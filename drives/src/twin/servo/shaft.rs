@@ -9,6 +9,7 @@
 use crate::mechanics::drive_train::{DriveTrain, FeedAxis};
 use crate::mechanics::rigid::Rigid;
 use crate::mechanics::{Load, Mechanics, Motion};
+use core::f64::consts::TAU;
 use syncline_canopen::Instant;
 
 /// What a motor moves alone.
@@ -105,6 +106,20 @@ impl Shaft {
         match (&self.plant, &self.coupled) {
             (Plant::FeedAxis(axis), None) => axis.load_position(self.motion.position),
             _ => self.motion.position,
+        }
+    }
+
+    /// How the load moves, in revolutions of the shaft; its lead error is in the position alone.
+    #[must_use]
+    pub fn load_motion(&self) -> Motion {
+        let velocity = match (&self.plant, &self.coupled) {
+            (Plant::FeedAxis(axis), None) => axis.load_speed() * (1.0 / TAU),
+            _ => self.motion.velocity,
+        };
+        Motion {
+            position: self.load_position(),
+            velocity,
+            acceleration: 0.0,
         }
     }
 
