@@ -2,7 +2,7 @@
 
 use crate::budget::DoesNotFit;
 use crate::control::{Instruction, Layout, layout};
-use crate::machine::AxisLimits;
+use crate::machine::{AxisLimits, Homing, HomingPolicy};
 use crate::port::sim::{self, SimPort};
 use crate::port::{Port, Ports};
 use crate::run::driver::Driver;
@@ -247,8 +247,10 @@ impl Shape {
                         skew: None,
                         standstill: 0.1,
                     },
+                    homing: Homing::default(),
                 })
                 .collect(),
+            homing: HomingPolicy::default(),
             inputs: Vec::new(),
             outputs: Vec::new(),
         }

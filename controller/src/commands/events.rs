@@ -14,7 +14,7 @@ use syncline_gcode::Axis;
 /// An event's name, what its value has to be, if it has one, and the command that they make.
 type Event = (&'static str, &'static str, fn(&str) -> Option<Command>);
 
-const EVENTS: [Event; 23] = [
+const EVENTS: [Event; 24] = [
     (
         "feed_override",
         "0 or a value from 0.1 to 200 (%)",
@@ -73,6 +73,9 @@ const EVENTS: [Event; 23] = [
     ("mdi", "blocks, with `;` in between", |value| {
         let lines = value.replace(';', "\n");
         (!value.is_empty()).then_some(Command::Mdi(lines))
+    }),
+    ("home", "nothing, or axes as `X Y`", |value| {
+        letters(value).map(Command::Home)
     }),
     ("enable", "", |_| Some(Command::Enable)),
     ("disable", "", |_| Some(Command::Disable)),
@@ -195,6 +198,15 @@ fn positions(value: &str) -> Option<[Option<f64>; COORDINATES]> {
         }
     }
     positions.iter().any(Option::is_some).then_some(positions)
+}
+
+/// `X Y`, `XY`; nothing.
+fn letters(value: &str) -> Option<[bool; COORDINATES]> {
+    let mut letters = [false; COORDINATES];
+    for letter in value.chars().filter(|it| !it.is_whitespace()) {
+        letters[Axis::from_letter(letter.to_ascii_uppercase())?.index()] = true;
+    }
+    Some(letters)
 }
 
 /// Commands in the order of their times.

@@ -1,8 +1,10 @@
 //! One axis in the cycle: planned position to increments, actual position back, following error.
 
 use super::fault::{AxisCause, AxisIndex, DriveCause, Fault};
+use super::homing::Edge;
 use super::layout;
 use super::node::DriveNode;
+use crate::machine::HomingMethod;
 use syncline_drives::model::{Increments, OutOfRange, Setpoint};
 
 /// Setpoints that are kept to look back by a drive's interpolation delay.
@@ -24,6 +26,8 @@ pub(super) struct AxisControl {
     index: AxisIndex,
     spec: layout::AxisSpec,
     sides: Vec<Side>,
+    /// Its positions are machine positions.
+    referenced: bool,
     /// Planned positions by cycle, newest at `cycle % HISTORY`, mm.
     planned: [f64; HISTORY],
 }
@@ -44,6 +48,7 @@ impl AxisControl {
         Self {
             index,
             sides: vec![Side::default(); spec.drives.len()],
+            referenced: spec.homing.is_absolute(),
             spec,
             planned: [0.0; HISTORY],
         }
@@ -53,6 +58,87 @@ impl AxisControl {
     pub(super) fn coordinate(&self) -> usize {
         self.spec.coordinate
     }
+
+    // --- its reference ---
+
+    /// Whether its positions are machine positions.
+    pub(super) fn is_referenced(&self) -> bool {
+        self.referenced
+    }
+
+    /// Its positions mean nothing any more.
+    pub(super) fn forget_reference(&mut self) {
+        self.referenced = false;
+    }
+
+    /// Whether one of its drives may not count any more as it did when it was referenced.
+    pub(super) fn has_lost_count(&self, nodes: &[DriveNode]) -> bool {
+        let mut drives = self.spec.drives.iter();
+        !self.spec.homing.is_absolute() && drives.any(|&drive| nodes[drive].has_lost_count())
+    }
+
+    /// Without a reference, counts from where each side stands.
+    pub(super) fn count_from_here(&self, nodes: &mut [DriveNode]) {
+        for &drive in self.spec.drives.iter().filter(|_| !self.referenced) {
+            let node = &mut nodes[drive];
+            node.origin = node.actual() - node.scaling().zero();
+        }
+    }
+
+    /// Takes it that the edges of its switches, one a side, are at the machine position that the machine
+    /// file says; without switches, that the axis stands there. Returns by how much that may be off, mm.
+    pub(super) fn reference(
+        &mut self,
+        edges: [Option<Edge>; 2],
+        nodes: &mut [DriveNode],
+    ) -> Result<f64, Fault> {
+        let position = match &self.spec.homing.method {
+            HomingMethod::Encoder => 0.0,
+            HomingMethod::SetHere { position } => *position,
+            HomingMethod::Switch(search) => search.position,
+        };
+        let mut uncertainty = 0.0_f64;
+        for (edge, &drive) in edges.into_iter().zip(&self.spec.drives) {
+            let node = &mut nodes[drive];
+            let (at, off) = match edge {
+                Some(edge) => (edge.at, edge.uncertainty.get()),
+                None => (node.setpoint.position, 1),
+            };
+            uncertainty = uncertainty.max(off as f64 * node.scaling().resolution());
+            let there = node.scaling().to_increments(position);
+            let there =
+                there.map_err(|OutOfRange| Fault::Drive(drive, DriveCause::PositionRange))?;
+            node.origin = at - there;
+            node.keep_count();
+        }
+        self.referenced = true;
+        Ok(uncertainty)
+    }
+
+    /// Goes on at rest from where its setpoints are, which do not change; its position there, mm.
+    pub(super) fn reseat(&mut self, nodes: &[DriveNode]) -> Result<f64, Fault> {
+        let sides = self.spec.drives.iter();
+        let sum: f64 = sides.map(|&drive| nodes[drive].setpoint_mm()).sum();
+        let position = sum / self.spec.drives.len() as f64;
+        self.seat(position, nodes)?;
+        Ok(position)
+    }
+
+    /// Takes the setpoints of its sides to be at that position.
+    fn seat(&mut self, position: f64, nodes: &[DriveNode]) -> Result<(), Fault> {
+        for (side, &drive) in self.sides.iter_mut().zip(&self.spec.drives) {
+            let node = &nodes[drive];
+            let planned = node
+                .scaling()
+                .to_increments(position)
+                .map_err(|OutOfRange| Fault::Drive(drive, DriveCause::PositionRange))?;
+            side.offset = node.setpoint.position - planned;
+        }
+        self.planned = [position; HISTORY];
+        Ok(())
+    }
+
+    // --- where it stands ---
 
     /// Checks where the axis stands before it is enabled, and returns its machine position in mm.
     pub(super) fn locate(&self, nodes: &[DriveNode]) -> Result<f64, Fault> {
@@ -68,6 +154,9 @@ impl AxisControl {
         if self.skewed(most - least) {
             let difference = most - least;
             return Err(Fault::Axis(axis, AxisCause::Skew { difference }));
+        }
+        if !self.referenced {
+            return Ok(f64::midpoint(least, most));
         }
         // The encoder's noise on a limit is not outside.
         let window = self.spec.limits.standstill;
@@ -90,15 +179,7 @@ impl AxisControl {
     /// machine position in mm.
     pub(super) fn freeze(&mut self, nodes: &[DriveNode]) -> Result<f64, Fault> {
         let position = self.locate(nodes)?;
-        for (side, &drive) in self.sides.iter_mut().zip(&self.spec.drives) {
-            let node = &nodes[drive];
-            let planned = node
-                .scaling()
-                .to_increments(position)
-                .map_err(|OutOfRange| Fault::Drive(drive, DriveCause::PositionRange))?;
-            side.offset = node.setpoint.position - planned;
-        }
-        self.planned = [position; HISTORY];
+        self.seat(position, nodes)?;
         Ok(position)
     }
 

@@ -2,6 +2,7 @@
 
 use super::fault::{AxisIndex, BusIndex, DriveIndex, Fault, Names};
 use super::functions::Switch;
+use super::homing::HomingFailure;
 use super::inputs::InputIndex;
 use super::job::Outcome;
 use super::state::State;
@@ -80,6 +81,25 @@ pub enum Event {
         axis: AxisIndex,
         /// Machine position, mm.
         position: f64,
+    },
+    /// An axis has been homed: its positions are machine positions from now on.
+    Referenced {
+        /// Which axis.
+        axis: AxisIndex,
+        /// By how much they may be off, mm.
+        uncertainty: f64,
+    },
+    /// A drive of an axis may have lost its count: its positions are no machine positions any more.
+    Unreferenced {
+        /// Which axis.
+        axis: AxisIndex,
+    },
+    /// An axis was not homed; what moved comes to rest.
+    HomingFailed {
+        /// Which axis.
+        axis: AxisIndex,
+        /// Why.
+        failure: HomingFailure,
     },
     /// A drive's T_PDO did not come in time.
     MissedTPdo {
@@ -338,6 +358,16 @@ impl Event {
                 let axis = names.axis(axis);
                 format!("axis {} stands at {position:.4} {}", axis.name, axis.unit)
             }
+            Self::Referenced { axis, uncertainty } => {
+                let axis = names.axis(axis);
+                let unit = axis.unit;
+                format!("axis {} is homed, to {uncertainty:.4} {unit}", axis.name)
+            }
+            Self::Unreferenced { axis } => format!(
+                "axis {} is not referenced any more, as its drive was gone: home it",
+                names.axis(axis).name
+            ),
+            Self::HomingFailed { axis, failure } => failure.describe(names.axis(axis)),
             Self::MissedTPdo { drive } => format!("{}: T_PDO missing in one cycle", who(drive)),
             Self::LateSetpoint { bus, cycle } => format!(
                 "bus {}: the setpoints of cycle {cycle} missed their SYNC",

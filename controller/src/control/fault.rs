@@ -3,6 +3,7 @@
 //! cause's text stands at the cause, and says what came, what was expected and what to do next.
 
 use super::NO_PLAN;
+use super::homing::HomingFailure;
 use super::inputs::InputIndex;
 use super::layout::AxisSpec;
 use std::fmt;
@@ -41,6 +42,10 @@ pub enum Fault {
         /// Which input.
         input: InputIndex,
     },
+    /// An axis is not referenced, which the program needs.
+    Unreferenced(AxisIndex),
+    /// An axis could not be homed before the program.
+    Homing(AxisIndex, HomingFailure),
     /// The path rested in mid-program, nobody held it, and nothing more of its plan came.
     NoPlan,
 }
@@ -359,6 +364,12 @@ impl Fault {
                 "the enabling input \"{}\" is off: switch it on and start again",
                 names.input(input)
             ),
+            Self::Unreferenced(axis) => format!(
+                "axis {} is not referenced: let it be homed by `at_start` in [homing], or home it in \
+                 `syncline console`",
+                names.axis(axis).name
+            ),
+            Self::Homing(axis, failure) => failure.describe(names.axis(axis)),
             Self::NoPlan => format!(
                 "the path rests in mid-program, nobody holds it, and no plan came for {} s: this is \
                  a defect of syncline, please report it with the machine, the program and what was \

@@ -65,6 +65,7 @@ impl<const N: usize> Controller<N> {
             Phase::Disabled if self.fault.is_some() => State::Faulted,
             Phase::Disabled => State::Disabled,
             phase if phase < Phase::Program && self.goal == Goal::Ready => State::Starting,
+            Phase::Program if self.homing.is_active() => State::Homing,
             Phase::Program => match self.job {
                 None if self.executor.is_off_path() => State::Jogging,
                 None => State::Ready,
@@ -113,7 +114,7 @@ impl<const N: usize> Controller<N> {
     /// for it.
     #[must_use]
     pub fn ready(&self) -> Option<[f64; N]> {
-        let begins = self.phase == Phase::Program && self.job.is_some();
+        let begins = self.takes_plan() && self.phase == Phase::Program;
         begins.then_some(self.planned.position)
     }
 
@@ -130,9 +131,10 @@ impl<const N: usize> Controller<N> {
         }
     }
 
-    /// While it stops: the way to rest, and nothing beyond.
+    /// While it stops: the way to rest, and nothing beyond. A homing comes before the job.
     fn takes_plan(&self) -> bool {
-        self.job.is_some() && matches!(self.phase, Phase::Program | Phase::Stop)
+        let homes = self.homing.is_active();
+        self.job.is_some() && !homes && matches!(self.phase, Phase::Program | Phase::Stop)
     }
 
     /// As [`Job::waits_for_input`], for the one job that a machine is switched on for.
@@ -193,8 +195,8 @@ impl<const N: usize> Controller<N> {
 
     /// Stops what moves; the job is over. A machine that was switched on for one job goes off.
     pub fn interrupt(&mut self) {
-        let moves =
-            self.phase == Phase::Program && (self.job.is_some() || self.executor.is_off_path());
+        let works = self.job.is_some() || self.homing.is_active() || self.executor.is_off_path();
+        let moves = self.phase == Phase::Program && works;
         if !self.stays_on && self.end().is_none() {
             self.tell(Event::Interrupted);
             self.go_to(Goal::Off(End::Interrupted));

@@ -3,7 +3,7 @@
 use super::fault::{AxisIndex, BusIndex, DriveIndex, Names};
 use super::inputs::InputIndex;
 use crate::budget::{BusBudget, DoesNotFit, MachineBudget};
-use crate::machine::{self, AxisLimits, Machine};
+use crate::machine::{self, AxisLimits, Homing, HomingPolicy, Machine};
 use syncline_canopen::time::Duration;
 use syncline_canopen::{CanId, Frame, NodeId};
 use syncline_drives::model::{self, Increments, Scaling};
@@ -39,6 +39,8 @@ pub struct Layout {
     pub drives: Vec<DriveSpec>,
     /// Axes, in the order of the machine file.
     pub axes: Vec<AxisSpec>,
+    /// What holds for the homing of all axes.
+    pub homing: HomingPolicy,
     /// Inputs, in the order of the machine file.
     pub inputs: Vec<machine::Input>,
     /// Outputs, in the order of the machine file.
@@ -101,6 +103,8 @@ pub struct AxisSpec {
     pub drives: Vec<DriveIndex>,
     /// What it may do, and what is a fault.
     pub limits: AxisLimits,
+    /// How it comes to know where it is.
+    pub homing: Homing,
 }
 
 impl Layout {
@@ -145,10 +149,12 @@ impl Layout {
                     unit: axis.units()[0],
                     drives: axis.drives.clone(),
                     limits: axis.limits,
+                    homing: axis.homing.clone(),
                 })
                 .collect(),
             buses,
             drives,
+            homing: machine.homing,
             inputs: machine.inputs.clone(),
             outputs: machine.outputs.clone(),
         })

@@ -14,6 +14,7 @@
 //! - [`Phase`]: bring-up, program, end, in their order
 //! - [`fault`], [`event`]: why it stopped, what it tells
 //! - [`functions`]: what M-codes switch, at their place on the path
+//! - `homing`: how axes come to know where they are
 //! - `inputs`: the machine's inputs that mean something
 //! - `node`, `sdo_sequence`: a drive over its bus; what it is asked by SDO
 //! - [`state`]: what operators may ask for, and when
@@ -24,6 +25,7 @@ mod axis;
 pub mod event;
 pub mod fault;
 pub mod functions;
+mod homing;
 mod inputs;
 pub mod job;
 pub mod layout;
@@ -40,6 +42,7 @@ pub use axis::AxisSample;
 pub use event::{Event, Pause, Phase};
 pub use fault::Fault;
 pub use functions::{MachineFunctions, Switch};
+pub use homing::HomingFailure;
 pub use inputs::{InputIndex, InputWait};
 pub use job::{Job, JobKind, Outcome};
 pub use layout::Layout;
@@ -51,6 +54,7 @@ use crate::bus::{BusFault, Reaction};
 use axis::AxisControl;
 use fault::{BusCause, BusIndex, DriveCause, DriveIndex, Names};
 use functions::Switches;
+use homing::Homing;
 use inputs::{Awaited, Inputs};
 use node::DriveNode;
 use setpoint_misses::SetpointMisses;
@@ -249,6 +253,7 @@ pub struct Controller<const N: usize> {
     in_position: u32,
     /// The last mark of the plan; there is never another one behind it before it is passed.
     stop_point: Option<(u32, StopPoint)>,
+    homing: Homing,
     switches: Switches,
     inputs: Inputs,
     /// While the path rests at an M66.
@@ -313,6 +318,7 @@ impl<const N: usize> Controller<N> {
             row: None,
             in_position: 0,
             stop_point: None,
+            homing: Homing::new(layout.axes.iter().map(|axis| axis.drives.len())),
             switches: Switches::new(),
             inputs: Inputs::new(&layout.inputs, layout.cycle),
             awaited: None,
@@ -423,6 +429,10 @@ impl<const N: usize> Controller<N> {
                 self.miss(bus, self.cycle);
             }
         }
+        self.watch_references();
+        if let Err(fault) = self.take_references() {
+            self.fail(fault);
+        }
         if let Err(fault) = self.watch_inputs() {
             self.fail(fault);
         }
@@ -512,6 +522,9 @@ impl<const N: usize> Controller<N> {
     /// A bus' interface failed.
     pub fn bus_failed(&mut self, bus: BusIndex) {
         self.lost[bus] = true;
+        for &drive in &self.layout.buses[bus].drives {
+            self.nodes[drive].lose_count();
+        }
         self.fail(Fault::Bus(bus, BusCause::Failed));
     }
 

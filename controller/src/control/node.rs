@@ -38,6 +38,12 @@ pub(super) struct DriveNode {
     arrived: u32,
     status: DriveStatus,
     actual: Increments,
+    /// Its count at machine position 0, beyond the `zero` of the machine file.
+    pub(super) origin: Increments,
+    /// It has begun anew without having been told to, or was out of reach: it may count otherwise.
+    lost_count: bool,
+    /// The boot-up message that is to come was asked for.
+    resetting: bool,
     /// Its digital inputs and outputs, off before they are first told.
     signals: u32,
     /// Its digital outputs as they are to be, where its R_PDOs carry them.
@@ -77,6 +83,9 @@ impl DriveNode {
             arrived: 0,
             status: DriveStatus::default(),
             actual: Increments::ZERO,
+            origin: Increments::ZERO,
+            lost_count: false,
+            resetting: false,
             signals: 0,
             outputs: 0,
             age: 1,
@@ -166,7 +175,9 @@ impl DriveNode {
             events(Event::ErrorReset { drive });
         } else {
             let told = self.heartbeat.on_frame(at, frame);
-            self.booted |= told == Some(heartbeat::Event::BootUp);
+            let boots = told == Some(heartbeat::Event::BootUp);
+            self.booted |= boots;
+            self.lost_count |= boots && !self.resetting;
         }
         Ok(())
     }
@@ -219,7 +230,27 @@ impl DriveNode {
 
     /// The machine position that the drive reports, mm.
     pub(super) fn actual_mm(&self) -> f64 {
-        self.scaling().to_mm(self.actual)
+        self.scaling().to_mm(self.actual - self.origin)
+    }
+
+    /// The machine position of its setpoint, mm.
+    pub(super) fn setpoint_mm(&self) -> f64 {
+        self.scaling().to_mm(self.setpoint.position - self.origin)
+    }
+
+    /// Whether it may count otherwise than when its count was last known.
+    pub(super) fn has_lost_count(&self) -> bool {
+        self.lost_count
+    }
+
+    /// It may count otherwise from now on.
+    pub(super) fn lose_count(&mut self) {
+        self.lost_count = true;
+    }
+
+    /// Its count is known from now on.
+    pub(super) fn keep_count(&mut self) {
+        self.lost_count = false;
     }
 
     pub(super) fn actual(&self) -> Increments {
@@ -250,6 +281,7 @@ impl DriveNode {
         self.sequence.clear();
         self.replies.clear();
         self.expect_boot();
+        self.resetting = false;
         self.arrived = 0;
         self.status = DriveStatus::default();
         self.age = 1;
@@ -262,6 +294,7 @@ impl DriveNode {
     /// Forgets the boot-up messages so far.
     pub(super) fn expect_boot(&mut self) {
         self.booted = false;
+        self.resetting = true;
         self.heartbeat.forget();
         self.come = 0;
     }
@@ -328,6 +361,7 @@ impl DriveNode {
             return Err(self.fault(DriveCause::MissingTPdo { misses }));
         }
         if !self.heartbeat.is_alive(now) {
+            self.lost_count = true;
             Err(self.fault(DriveCause::HeartbeatLost))
         } else if !self.is_operational() {
             Err(self.did_not_start())
@@ -447,6 +481,7 @@ impl DriveNode {
     /// The steps from the boot-up message to a drive that is set up.
     pub(super) fn ask_set_up(&mut self) {
         self.booted = false;
+        self.resetting = false;
         let spec = self.device.spec();
         let identity = spec.identity.iter().copied().map(Step::Identity);
         let writes = spec.setup.iter().copied().map(Step::Write);

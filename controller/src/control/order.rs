@@ -41,6 +41,8 @@ pub enum Order<const N: usize = COORDINATES> {
     Enable,
     /// Disables the drives, once what moves has come to rest.
     Disable,
+    /// Homes the axes with these coordinates; without any, all but those that an operator homes by hand.
+    Home([bool; N]),
     /// Brings the drives back after a fault: found, set up and enabled anew, without a motion.
     Reset,
     /// Switches the machine off, once what moves has come to rest.
@@ -59,6 +61,18 @@ pub enum Refusal {
     /// A jog cannot be.
     #[error("no jog: {}", why_no_jog(*.0))]
     Jog(JogError),
+    /// The axis with this coordinate is not referenced.
+    #[error("axis {} is not referenced: home it first", letter(*.0))]
+    Unreferenced(usize),
+    /// The axis with this coordinate knows where it is.
+    #[error("axis {} has an absolute encoder: there is nothing to home", letter(*.0))]
+    Absolute(usize),
+    /// No axis has this coordinate.
+    #[error("the machine has no axis {}", letter(*.0))]
+    NoSuchAxis(usize),
+    /// No axis is homed unless it is named.
+    #[error("nothing is to be homed but what an operator homes by hand: name the axes")]
+    NothingToHome,
 }
 
 impl<const N: usize> Order<N> {
@@ -70,6 +84,7 @@ impl<const N: usize> Order<N> {
             Self::CycleStart | Self::Resume | Self::Retrace => Request::GoOn,
             Self::FeedHold | Self::ToggleFeedHold => Request::FeedHold,
             Self::Jog(_) => Request::Jog,
+            Self::Home(_) => Request::Home,
             Self::FeedOverride(_)
             | Self::RapidOverride(_)
             | Self::SingleBlock(_)
@@ -99,6 +114,7 @@ impl<const N: usize> Controller<N> {
         if self.open_door().is_some() && self.moves(order) {
             return Err(Refusal::DoorOpen);
         }
+        self.check_references(&order)?;
         match order {
             Order::Begin(job) => self.begin(job),
             Order::CycleStart => self.go_on(),
@@ -139,10 +155,26 @@ impl<const N: usize> Controller<N> {
             }
             Order::Enable => self.enable(),
             Order::Disable => self.go_to(Goal::Disabled),
+            Order::Home(coordinates) => self.home(coordinates)?,
             Order::Reset => self.reset(),
             Order::SwitchOff => self.switch_off(),
         }
         Ok(())
+    }
+
+    /// Whether the axes that an order moves by machine positions have such positions.
+    fn check_references(&self, order: &Order<N>) -> Result<(), Refusal> {
+        let needs = |at: usize| match order {
+            Order::Begin(_) => !self.layout.homing.unreferenced_jobs,
+            Order::Jog(Jog::To(positions) | Jog::Line(positions)) => positions[at].is_some(),
+            _ => false,
+        };
+        let missing = self.axes.iter().filter(|axis| !axis.is_referenced());
+        let mut missing = missing.map(|axis| axis.coordinate());
+        match missing.find(|&at| needs(at)) {
+            Some(at) => Err(Refusal::Unreferenced(at)),
+            None => Ok(()),
+        }
     }
 
     /// Whether an order sets something in motion that rests.
@@ -152,6 +184,7 @@ impl<const N: usize> Controller<N> {
             | Order::CycleStart
             | Order::Resume
             | Order::Retrace
+            | Order::Home(_)
             | Order::Jog(_) => true,
             Order::ToggleFeedHold => self.executor.is_held(),
             _ => false,
@@ -164,11 +197,19 @@ impl<const N: usize> Controller<N> {
             return Err(JogError::Moving);
         }
         let mut travel = [None; N];
-        for axis in &self.layout.axes {
+        for (axis, control) in self.layout.axes.iter().zip(&self.axes) {
             let limits = &axis.limits;
-            let (min, max) = limits.position;
+            let here = self.planned.position[axis.coordinate];
+            let (velocity, (min, max)) = match control.is_referenced() {
+                true => (limits.velocity, limits.position),
+                false => {
+                    let far = axis.homing.jog_distance;
+                    let speed = limits.velocity.min(axis.homing.jog_speed);
+                    (speed, (here - far, here + far))
+                }
+            };
             travel[axis.coordinate] = Some(Travel {
-                limits: Limits::symmetric(limits.velocity, limits.acceleration, limits.jerk),
+                limits: Limits::symmetric(velocity, limits.acceleration, limits.jerk),
                 bounds: PositionLimits { min, max },
             });
         }
@@ -185,9 +226,15 @@ impl<const N: usize> Controller<N> {
     }
 }
 
+/// The letter of a coordinate.
+fn letter(coordinate: usize) -> char {
+    Letter::ALL
+        .get(coordinate)
+        .map_or('?', |axis| axis.letter())
+}
+
 /// Why a jog is refused, and what to do.
 fn why_no_jog(error: JogError) -> String {
-    let letter = |axis: usize| Letter::ALL.get(axis).map_or('?', |axis| axis.letter());
     match error {
         JogError::Moving => "the machine moves: feed hold first".to_owned(),
         JogError::NoAxis(axis) => format!("the machine has no axis {}", letter(axis)),

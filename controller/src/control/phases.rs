@@ -47,6 +47,7 @@ impl<const N: usize> Controller<N> {
                 let locked = self.sequences_done();
                 if locked {
                     for axis in &self.axes {
+                        axis.count_from_here(&mut self.nodes);
                         axis.locate(&self.nodes)?;
                     }
                 }
@@ -164,11 +165,19 @@ impl<const N: usize> Controller<N> {
             }
             Phase::Program => {
                 self.mode_cycle.get_or_insert(self.cycle + 1);
+                if !self.stays_on
+                    && let Err(fault) = self.home_at_start()
+                {
+                    return self.fail(fault);
+                }
                 if self.job.is_some() && self.open_door().is_some() {
                     self.executor.feed_hold();
                 }
             }
-            Phase::Stop => self.executor.stop(),
+            Phase::Stop => {
+                self.homing.abort();
+                self.executor.stop();
+            }
             Phase::Release => self.ask_release(),
             Phase::PreOperational => self.send_nmt(nmt::Command::EnterPreOperational, out),
             Phase::Done => self.sync_on = false,
@@ -241,6 +250,9 @@ impl<const N: usize> Controller<N> {
     }
 
     fn step_program(&mut self) {
+        if self.homing.is_active() {
+            return self.step_homing();
+        }
         if self.job.is_none() {
             if self.executor.is_off_path() && self.executor.is_at_rest() {
                 self.rest_here();

@@ -17,6 +17,8 @@ pub enum State {
     Starting,
     /// At rest, drives enabled, without a job.
     Ready,
+    /// Axes are homed.
+    Homing,
     /// Axes are jogged, or go to a position; no job is at work.
     Jogging,
     /// Lines that were typed in are at work.
@@ -38,6 +40,8 @@ pub enum State {
 pub enum Request {
     /// Begin a job: a program, lines that are typed in.
     Begin,
+    /// Home axes.
+    Home,
     /// Move axes by jogs, or to a position.
     Jog,
     /// Rest on the path.
@@ -60,10 +64,11 @@ pub enum Request {
 
 impl State {
     /// All of them.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 11] = [
         Self::Off,
         Self::Starting,
         Self::Ready,
+        Self::Homing,
         Self::Jogging,
         Self::Mdi,
         Self::Running,
@@ -76,15 +81,18 @@ impl State {
     /// Whether the machine does in this state what is asked.
     #[must_use]
     pub const fn allows(self, request: Request) -> bool {
-        use State::{Disabled, Faulted, Held, Jogging, Mdi, Off, Ready, Running, Starting};
+        use State::{Disabled, Faulted, Held, Homing, Jogging, Mdi, Off, Ready, Running, Starting};
         match request {
-            Request::Begin => matches!(self, Ready),
+            Request::Begin | Request::Home => matches!(self, Ready),
             Request::Jog => matches!(self, Ready | Jogging | Held),
             Request::FeedHold => matches!(self, Jogging | Mdi | Running | Held),
             Request::GoOn => matches!(self, Mdi | Running | Held),
             Request::Enable => matches!(self, Disabled),
             Request::Disable => {
-                matches!(self, Starting | Ready | Jogging | Mdi | Running | Held)
+                matches!(
+                    self,
+                    Starting | Ready | Homing | Jogging | Mdi | Running | Held
+                )
             }
             Request::Reset => matches!(self, Faulted),
             Request::Stop | Request::SwitchOff | Request::Set => !matches!(self, Off),
@@ -97,7 +105,8 @@ impl State {
         match self {
             Self::Off => "start the command again",
             Self::Starting => "wait until the machine is ready",
-            Self::Ready => "run a program, type a line, jog or go to a position",
+            Self::Ready => "run a program, type a line, home, jog or go to a position",
+            Self::Homing => "wait until the axes are homed, or stop",
             Self::Jogging => "feed hold stops the axes",
             Self::Mdi | Self::Running => "feed hold rests on the path, stop ends the job",
             Self::Held => "resume or cycle start goes on, stop ends the job",
@@ -110,8 +119,9 @@ impl State {
 
 impl Request {
     /// All of them.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 11] = [
         Self::Begin,
+        Self::Home,
         Self::Jog,
         Self::FeedHold,
         Self::GoOn,
@@ -130,6 +140,7 @@ impl fmt::Display for State {
             Self::Off => "off",
             Self::Starting => "starting",
             Self::Ready => "ready",
+            Self::Homing => "homing",
             Self::Jogging => "jogging",
             Self::Mdi => "MDI",
             Self::Running => "running",
@@ -145,6 +156,7 @@ impl fmt::Display for Request {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::Begin => "begin a job",
+            Self::Home => "home",
             Self::Jog => "jog",
             Self::FeedHold => "feed hold",
             Self::GoOn => "go on",

@@ -4,12 +4,14 @@
 //! all keys.
 
 mod fits;
+mod homing;
 mod node;
 mod read;
 mod signals;
 mod simulation;
 mod spindle;
 
+pub use homing::{Homing, HomingMethod, HomingPolicy, SwitchSearch};
 pub use signals::{Input, InputMeaning, Output, OutputSwitch};
 pub use simulation::{Carriage, FeedAxis, Gantry, Simulation};
 pub use spindle::{SpinUp, Spindle};
@@ -46,6 +48,8 @@ pub struct Machine {
     pub axes: Vec<Axis>,
     /// If the file says anything of it.
     pub spindle: Option<Spindle>,
+    /// What holds for the homing of all axes.
+    pub homing: HomingPolicy,
     /// In the order of the file.
     pub inputs: Vec<Input>,
     /// In the order of the file.
@@ -141,6 +145,8 @@ pub struct Axis {
     pub drive_following_error: bool,
     /// Whether the drives supervise [`AxisLimits::position`] too.
     pub drive_soft_limits: bool,
+    /// How it comes to know where it is.
+    pub homing: Homing,
     /// What its drives move when they are simulated; `None`: what each drive's model has.
     pub simulation: Option<Simulation>,
 }
@@ -195,17 +201,27 @@ impl Axis {
         self.letter.units()
     }
 
-    /// The machine position nearest to zero that its soft limits allow, mm: where a simulated
-    /// axis stands when it is switched on.
+    /// Where its homing ends, mm; where that is not stated, the machine position nearest to zero that
+    /// its soft limits allow.
     #[must_use]
     pub fn rest(&self) -> f64 {
-        0f64.clamp(self.limits.position.0, self.limits.position.1)
+        let (least, most) = self.limits.position;
+        let homed = self.homing.final_position();
+        homed.unwrap_or_else(|| 0f64.clamp(least, most))
+    }
+
+    /// Where a side of it, by its place in `drives`, stands when it is simulated and switched on, mm.
+    #[must_use]
+    pub fn stands(&self, side: usize) -> f64 {
+        let simulation = self.simulation.as_ref();
+        let start = simulation.and_then(|simulation| simulation.start);
+        let skew = simulation.map_or(0.0, |simulation| simulation.skew);
+        start.unwrap_or_else(|| self.rest()) + if side == 0 { 0.0 } else { skew }
     }
 }
 
 impl Machine {
-    /// Where the simulated axes stand when they are switched on, and where programs are checked
-    /// from.
+    /// Where the axes stand before the first program: where programs are checked from.
     #[must_use]
     pub fn rest(&self) -> Position {
         let mut rest = Position::default();

@@ -3,11 +3,13 @@
 //! so that one mistake does not cause complaints about another thing.
 
 use super::fits::{self, Asked, Pairing};
+use super::homing::{self, HomingTable};
 use super::node::{self, NodeTable, node_id};
 use super::signals::SignalTables;
 use super::simulation::{self, Simulation};
 use super::{
-    Axis, AxisLimits, Bus, Controller, Drive, Machine, PathTolerances, Spindle, assumed, spindle,
+    Axis, AxisLimits, Bus, Controller, Drive, Homing, HomingPolicy, Machine, PathTolerances,
+    Spindle, assumed, spindle,
 };
 use std::{collections::BTreeMap, ops::Range, time::Duration};
 use syncline_drives::model::{Ability, Assumed, Direction, Increments, MODELS, Model, Scaling};
@@ -48,6 +50,7 @@ struct Tables {
     drives: Vec<DriveTable>,
     axes: Vec<AxisTable>,
     spindle: Option<Spindle>,
+    homing: Spanned<HomingPolicy>,
     signals: SignalTables,
     assumptions: Vec<(&'static Model, Assumed)>,
 }
@@ -62,6 +65,7 @@ impl Tables {
         let drives = file.tables(log, "drive");
         let axes = file.tables(log, "axis");
         let spindle = file.table(log, "spindle", false);
+        let homing = file.table(log, "homing", false);
         let signals = SignalTables::read(log, &mut file);
         let model = file.table(log, "model", false);
         file.finish(log);
@@ -84,6 +88,8 @@ impl Tables {
             .collect();
         let axes: Vec<_> = axes.into_iter().map(|t| AxisTable::read(log, t)).collect();
         let spindle = spindle.and_then(|table| spindle::read(log, table));
+        let homing = homing.unwrap_or_else(|| Table::new("homing", 0..0, &empty));
+        let homing = homing::policy(log, homing);
         let assumptions = model.map_or(Vec::new(), |table| assumptions(log, table));
         let (name, cycle) = machine?;
         Some(Self {
@@ -95,6 +101,7 @@ impl Tables {
             drives: drives.into_iter().collect::<Option<_>>()?,
             axes: axes.into_iter().collect::<Option<_>>()?,
             spindle,
+            homing,
             signals: signals?,
             assumptions,
         })
@@ -128,7 +135,7 @@ impl Tables {
                 drive.join(log, bus, axis, &self.axes[axis], &assumed)
             })
             .collect();
-        let axes = self
+        let (mut axes, homings): (Vec<_>, Vec<_>) = self
             .axes
             .into_iter()
             .map(|axis| {
@@ -140,11 +147,13 @@ impl Tables {
                 let own = axis.drives.get_ref().iter().filter_map(index).collect();
                 axis.join(own)
             })
-            .collect::<Vec<_>>();
+            .unzip();
         for axis in &axes {
             simulation::check(log, axis, &axes);
         }
+        let places = self.signals.inputs();
         let (inputs, outputs) = self.signals.join(log, &drives, self.spindle.is_some());
+        homing::join(log, &mut axes, homings, (&inputs, &places), &self.homing);
         Some(Machine {
             name: self.name,
             cycle,
@@ -154,6 +163,7 @@ impl Tables {
             drives,
             axes,
             spindle: self.spindle,
+            homing: self.homing.into_inner(),
             inputs,
             outputs,
             assumptions: self.assumptions,
@@ -418,6 +428,7 @@ struct AxisTable {
     soft_limits: Range<usize>,
     /// What its drives are to do besides.
     asked: Vec<Asked>,
+    homing: Option<HomingTable>,
     simulation: Option<Simulation>,
 }
 
@@ -481,6 +492,19 @@ impl AxisTable {
         };
         let standstill = table.positive_or(log, "standstill_window", 0.1, position);
         let asked = fits::asked(log, &mut table);
+        let limits = || {
+            Some(AxisLimits {
+                position: *soft_limits.as_ref()?.get_ref(),
+                velocity: *max_velocity.as_ref()?.get_ref(),
+                acceleration: *max_acceleration.as_ref()?.get_ref(),
+                jerk: *max_jerk.as_ref()?.get_ref(),
+                following_error: *following_error_limit.as_ref()?.get_ref(),
+                skew: skew_limit.as_ref().map(|limit| *limit.get_ref()),
+                standstill,
+            })
+        };
+        let limits = limits();
+        let homing = homing::read(log, &mut table, &limits.unwrap_or_default(), rotary);
         let simulation = simulation::read(log, &mut table, rotary, pair);
         if let (Some(pitch), true) = (&pitch, log.is_empty())
             && !(pitch.get_ref() / gear).is_normal()
@@ -500,16 +524,9 @@ impl AxisTable {
             pitch: pitch?.into_inner(),
             gear,
             soft_limits: soft_limits.as_ref()?.span(),
-            limits: AxisLimits {
-                position: soft_limits?.into_inner(),
-                velocity: max_velocity?.into_inner(),
-                acceleration: max_acceleration?.into_inner(),
-                jerk: max_jerk?.into_inner(),
-                following_error: following_error_limit?.into_inner(),
-                skew: skew_limit.map(Spanned::into_inner),
-                standstill,
-            },
+            limits: limits?,
             asked,
+            homing,
             simulation,
         })
     }
@@ -522,17 +539,20 @@ impl AxisTable {
         self.pitch / self.gear
     }
 
-    fn join(self, drives: Vec<usize>) -> Axis {
+    /// The axis with those drives, and how it is homed.
+    fn join(self, drives: Vec<usize>) -> (Axis, Option<HomingTable>) {
         let asks = |ability| self.asked.iter().any(|asked| asked.ability == ability);
-        Axis {
+        let axis = Axis {
             drive_following_error: asks(Ability::FollowingErrorLimit),
             drive_soft_limits: asks(Ability::SoftLimits),
             mm_per_revolution: self.mm_per_revolution(),
             letter: self.letter,
             drives,
             limits: self.limits,
+            homing: Homing::default(),
             simulation: self.simulation,
-        }
+        };
+        (axis, self.homing)
     }
 }
 

@@ -24,6 +24,8 @@ pub struct Input {
     pub debounce: Duration,
     /// What it means.
     pub meaning: InputMeaning,
+    /// Where along the drive's axis it is on when the drive is simulated, mm; `None`: nowhere.
+    pub simulated: Option<(f64, f64)>,
 }
 
 /// What an input means.
@@ -41,6 +43,8 @@ pub enum InputMeaning {
     Door,
     /// The spindle has its speed while it is on.
     AtSpeed,
+    /// It is on about the place of an axis that is homed by it.
+    Home,
 }
 
 /// A digital output of a drive, and what the machine uses it for.
@@ -76,12 +80,13 @@ pub enum OutputSwitch {
 }
 
 /// What inputs mean besides their numbers, by their names in the file.
-const MEANINGS: [(&str, InputMeaning); 5] = [
+const MEANINGS: [(&str, InputMeaning); 6] = [
     ("enable", InputMeaning::Enable),
     ("feed_hold", InputMeaning::FeedHold),
     ("cycle_start", InputMeaning::CycleStart),
     ("door", InputMeaning::Door),
     ("at_speed", InputMeaning::AtSpeed),
+    ("home", InputMeaning::Home),
 ];
 
 /// What switches outputs besides their numbers.
@@ -196,6 +201,7 @@ struct InputTable {
     wire: Wire,
     debounce: Duration,
     meaning: InputMeaning,
+    simulated: Option<(f64, f64)>,
 }
 
 impl InputTable {
@@ -204,11 +210,21 @@ impl InputTable {
         let numbers = (DIGITAL_INPUTS, InputMeaning::Program as fn(u8) -> _, "M66");
         let meaning = purpose(log, &mut table, numbers, &MEANINGS);
         let debounce = table.integer_or(log, "debounce_ms", 0, 0..=MOST_DEBOUNCE, " (ms)");
+        if let (Some(InputMeaning::Home), true) = (meaning, debounce > 0) {
+            log.report(
+                table.span_of("debounce_ms").unwrap_or_default(),
+                format!("{}: `debounce_ms` of a home switch", table.title),
+                "leave it out: each cycle's level counts, so that the place of the edge is known",
+            );
+        }
+        let allowed = "[from, to] machine position of the drive's axis, the first below the second";
+        let simulated = table.interval_if(log, "simulated", allowed);
         table.finish(log);
         Some(Self {
             wire: wire?,
             debounce: Duration::from_millis(debounce as u64),
             meaning: meaning?,
+            simulated: simulated.map(Spanned::into_inner),
         })
     }
 }
@@ -257,6 +273,12 @@ impl SignalTables {
         })
     }
 
+    /// Where the file names each of the inputs.
+    pub(super) fn inputs(&self) -> Vec<Range<usize>> {
+        let names = self.inputs.iter().map(|it| it.wire.name.span());
+        names.collect()
+    }
+
     /// Those of these drives, on a machine that `has_spindle`.
     pub(super) fn join(
         self,
@@ -292,6 +314,7 @@ fn join_inputs(log: &mut Log<'_>, tables: Vec<InputTable>, drives: &[Drive]) -> 
         wire,
         debounce,
         meaning,
+        simulated,
     } in tables
     {
         if let Some((drive, signal)) = wire.resolve(log, drives, |it| it.model.inputs) {
@@ -302,6 +325,7 @@ fn join_inputs(log: &mut Log<'_>, tables: Vec<InputTable>, drives: &[Drive]) -> 
                 active_low: wire.active_low,
                 debounce,
                 meaning,
+                simulated,
             });
         }
     }

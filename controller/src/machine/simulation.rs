@@ -27,6 +27,10 @@ pub struct Simulation {
     pub gantry: Option<Gantry>,
     /// `None`: what each drive's model has.
     pub encoder: Option<EncoderErrors>,
+    /// Where the axis stands when it is switched on, mm; `None`: where its homing ends, or near zero.
+    pub start: Option<f64>,
+    /// By how much the second side of a gantry stands further then, mm.
+    pub skew: f64,
 }
 
 /// A beam between the two sides of a gantry.
@@ -220,11 +224,22 @@ pub(super) fn read(
             "allowed: `mechanics` only of a linear axis whose `drives` name two, a gantry pair",
         );
     }
+    let is_pair = gantry;
     let gantry = is_tied.then(|| beam(log, &mut table));
     let feed_axis = feed_axis(log, &mut table, rotary, is_tied);
     let encoder = encoder(log, &mut table);
+    let position = if rotary { "(°)" } else { "(mm)" };
+    let allowed = format!("a number from -10000000 to 10000000 {position}");
+    let start = table.number_if(log, "start", &allowed, |start| start.abs() <= 1e7);
+    let skew = if is_pair {
+        number_or(log, &mut table, "start_skew", 0.0, -1e3..=1e3, position)
+    } else {
+        0.0
+    };
     table.finish(log);
     Some(Simulation {
+        start: start.map(Spanned::into_inner),
+        skew,
         axis: feed_axis,
         gantry: match gantry {
             Some(gantry) => Some(gantry?),

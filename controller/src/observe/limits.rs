@@ -96,6 +96,11 @@ pub(super) struct AxisWatches {
     max: [f64; WATCHED.len()],
     watches: [Watch; WATCHED.len()],
     began: bool,
+    /// Its positions are machine positions, and it stands where the machine file says.
+    referenced: bool,
+    /// It is homed: its drives do not count as the machine file says.
+    homed: bool,
+    period: f64,
     planned: Differences,
     sides: Vec<Side>,
     /// Sum of the squares of the following error, and of how many rows.
@@ -185,6 +190,9 @@ impl AxisWatches {
             max: [0.0; WATCHED.len()],
             watches: Default::default(),
             began: false,
+            referenced: axis.homing.is_absolute(),
+            homed: !axis.homing.is_absolute(),
+            period: cycle,
             planned: Differences::new(cycle, Uncertainty::Numbers),
             sides: (axis.drives.iter())
                 .map(|drive| Side::new(machine, *drive))
@@ -192,6 +200,17 @@ impl AxisWatches {
             squares: 0.0,
             rows: 0,
             unsent: 0,
+        }
+    }
+
+    /// From the next row on its positions count from elsewhere, and are machine positions or not; what
+    /// the drives are sent does not change with that.
+    pub(super) fn count_anew(&mut self, referenced: bool) {
+        self.referenced = referenced;
+        self.began = false;
+        self.planned = Differences::new(self.period, Uncertainty::Numbers);
+        for side in &mut self.sides {
+            side.offset = None;
         }
     }
 
@@ -224,7 +243,9 @@ impl AxisWatches {
         let at = self.coordinate;
         let position = row.plan.position[at];
         let (mut min, mut max) = self.limits.position;
-        if !self.began {
+        if !self.referenced {
+            (min, max) = (f64::NEG_INFINITY, f64::INFINITY);
+        } else if !self.began {
             // The encoder's noise of a machine that stands at a limit is no violation.
             (min, max) = (min.min(position), max.max(position));
             self.limits.position = (min, max);
@@ -241,7 +262,7 @@ impl AxisWatches {
             following.abs(),
             (min - position).max(position - max).max(0.0),
         ];
-        let sent = sent.map_or([0.0; SENT], |sent| self.latch(row, sent));
+        let sent = sent.map_or([0.0; SENT], |sent| self.latch(row, sent, (min, max)));
         let AxisLimits {
             velocity,
             acceleration,
@@ -251,7 +272,10 @@ impl AxisWatches {
             standstill,
             ..
         } = self.limits;
-        let window = standstill + skew.unwrap_or(0.0);
+        let window = match self.homed {
+            true => f64::INFINITY,
+            false => standstill + skew.unwrap_or(0.0),
+        };
         let planned =
             planned
                 .into_iter()
@@ -275,7 +299,12 @@ impl AxisWatches {
     }
 
     /// What is watched of what its drives latched at the row's SYNC: of its sides the greatest.
-    fn latch(&mut self, row: &Row<COORDINATES>, sent: &SentSetpoints) -> [f64; SENT] {
+    fn latch(
+        &mut self,
+        row: &Row<COORDINATES>,
+        sent: &SentSetpoints,
+        limits: (f64, f64),
+    ) -> [f64; SENT] {
         let planned = row.axes[self.coordinate].set;
         let mut greatest = [0.0_f64; SENT];
         for side in &mut self.sides {
@@ -283,7 +312,7 @@ impl AxisWatches {
                 self.unsent += 1;
                 continue;
             };
-            let of = side.latch(row.cycle, count, planned, self.limits.position);
+            let of = side.latch(row.cycle, count, planned, limits);
             for (greatest, of) in greatest.iter_mut().zip(of) {
                 *greatest = greatest.max(of);
             }

@@ -145,6 +145,8 @@ impl Observers {
             Event::LateSetpoint { .. } => {
                 self.late_setpoint.get_or_insert(now);
             }
+            Event::Referenced { axis, .. } => self.axes[*axis].count_anew(true),
+            Event::Unreferenced { axis } => self.axes[*axis].count_anew(false),
             _ => {}
         }
     }

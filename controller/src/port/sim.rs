@@ -8,7 +8,7 @@ use syncline_drives::bus::{Band, BitRate};
 use syncline_drives::mechanics::rigid::Rigid;
 use syncline_drives::mechanics::rigid_beam::{RigidBeam, Side};
 use syncline_drives::model::{Direction, Model};
-use syncline_drives::twin::{self, Config, Kind, SimulatedDevice};
+use syncline_drives::twin::{self, Config, Kind, Sensor, SimulatedDevice};
 use syncline_drives::world::{BusId, DeviceId, Hosted, Observer, World};
 
 /// The controller's side of a simulated bus: what is to be sent there, and what came from there.
@@ -86,7 +86,7 @@ pub struct Simulated {
 
 impl Simulated {
     /// The buses for which `observers` has an observer, which sees every frame in bus order. Their
-    /// axes stand as near to machine zero as their soft limits allow, once time passes.
+    /// axes [stand](Axis::stands) where the machine file says, once time passes.
     ///
     /// `seed` varies encoder noise, response delays and oscillator errors; `configure` may change
     /// a drive, given by its index, before it is made.
@@ -190,20 +190,39 @@ pub fn hosted(
 #[must_use]
 pub fn config(machine: &Machine, drive: usize, seed: u64) -> Config {
     let spec = &machine.drives[drive];
-    // The machine file was checked: the soft limits are within the drive's range.
-    let rest = machine.axes[spec.axis].rest();
-    let position = spec.scaling.to_increments(rest);
     let axis = &machine.axes[spec.axis];
+    let side = axis.drives.iter().position(|it| *it == drive);
+    let position = axis.stands(side.unwrap_or_default());
+    let turns = |mm: f64| {
+        let count = spec.scaling.to_increments(mm);
+        count.map_or(0.0, |count| spec.scaling.to_revolutions(count))
+    };
     let simulation = axis.simulation.as_ref();
     let own = simulation.filter(|it| it.gantry.is_none());
     Config {
         axis: own.map(|it| at_shaft(machine, drive, it)),
         encoder: simulation.and_then(|it| it.encoder),
-        position: position.map_or(0.0, |rest| spec.scaling.to_revolutions(rest)),
+        position: turns(position),
+        sensors: sensors(machine, drive, turns),
         bit_rate: BitRate::from_kbit(machine.buses[spec.bus].bitrate / 1000),
         assumed: machine.assumed(spec.model).0,
         ..single(spec.node, drive, seed)
     }
+}
+
+/// The switches along the axis of a drive that are wired to it, their places in `turns` of its shaft.
+fn sensors(machine: &Machine, drive: usize, turns: impl Fn(f64) -> f64) -> Vec<Sensor> {
+    let wired = machine.inputs.iter().filter(|input| input.drive == drive);
+    let sensors = wired.filter_map(|input| {
+        let (from, to) = input.simulated?;
+        let (from, to) = (turns(from), turns(to));
+        Some(Sensor {
+            input: input.signal as u8,
+            range: from.min(to)..from.max(to),
+            inverted: input.active_low,
+        })
+    });
+    sensors.collect()
 }
 
 /// The `index`-th drive of a bus or machine, its encoder at zero.

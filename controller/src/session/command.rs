@@ -58,6 +58,8 @@ pub enum Command {
     Enable,
     /// Disables the drives, once what moves has come to rest.
     Disable,
+    /// Homes these axes, by letter; without any, all but those that an operator homes by hand.
+    Home([bool; COORDINATES]),
     /// Brings the drives back after a fault, without a motion.
     Reset,
     /// Switches the machine off, once what moves has come to rest.

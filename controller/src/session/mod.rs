@@ -123,7 +123,10 @@ impl<T: Timeline> Session<T> {
         jobs: Option<Jobs>,
         observers: Observers,
     ) -> Self {
-        let status = Status::default();
+        let mut status = Status::default();
+        for axis in &machine.axes {
+            status.referenced[axis.letter.index()] = axis.homing.is_absolute();
+        }
         Self {
             timeline,
             inlet: Inlet::default(),
@@ -375,6 +378,8 @@ impl Desk {
                 match event {
                     control::Event::Phase(phase) => self.status.phase = phase,
                     control::Event::Fault(fault) => self.faults.push(fault),
+                    control::Event::Referenced { axis, .. } => self.show_reference(axis, true),
+                    control::Event::Unreferenced { axis } => self.show_reference(axis, false),
                     _ => {}
                 }
                 self.status.waits = event.rests().unwrap_or(self.status.waits);
@@ -423,6 +428,11 @@ impl Desk {
             off_path: row.plan.off_path,
             ..std::mem::take(&mut self.status)
         };
+    }
+
+    /// Shows whether the positions of an axis are machine positions.
+    fn show_reference(&mut self, axis: usize, referenced: bool) {
+        self.status.referenced[self.coordinates[axis]] = referenced;
     }
 
     /// Shows the state, and tells a change of it.

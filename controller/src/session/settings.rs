@@ -106,6 +106,7 @@ impl Settings {
             Command::Stop => Order::Interrupt,
             Command::Enable => Order::Enable,
             Command::Disable => Order::Disable,
+            Command::Home(axes) => Order::Home(axes),
             Command::Reset => Order::Reset,
             Command::SwitchOff => Order::SwitchOff,
             // Jobs are the session's.

@@ -14,6 +14,8 @@ use syncline_gcode::{Coolant, Spindle};
 pub struct Status {
     /// What may be asked of the machine depends on this.
     pub state: State,
+    /// Whose positions are machine positions; what has no axis has none to home.
+    pub referenced: [bool; COORDINATES],
     /// The phase between power-up and the end.
     pub phase: Phase,
     /// Since the program could begin, s; `None` before.
@@ -58,6 +60,7 @@ impl Default for Status {
     fn default() -> Self {
         Self {
             state: State::Starting,
+            referenced: [true; COORDINATES],
             phase: Phase::Survey,
             time: None,
             line: 0,
@@ -77,6 +80,19 @@ impl Default for Status {
             modes: String::new(),
             program: None,
             settings: Settings::default(),
+        }
+    }
+}
+
+impl Status {
+    /// The state, and whether axes have to be homed in it: `ready (unreferenced)`.
+    #[must_use]
+    pub fn state_in_words(&self) -> String {
+        match self.state {
+            State::Ready if self.referenced.contains(&false) => {
+                format!("{} (unreferenced)", self.state)
+            }
+            state => state.to_string(),
         }
     }
 }

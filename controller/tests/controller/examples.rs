@@ -29,7 +29,7 @@ fn programs(directory: &Path) -> Vec<PathBuf> {
 fn examples_are_accepted() {
     let examples = Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples");
     let mut summary = String::new();
-    for machine in ["csp", "portal", "rotary", "xyz"] {
+    for machine in ["csp", "portal", "rotary", "router", "xyz"] {
         let directory = examples.join(machine);
         let setup = setup(&directory.join("machine.toml"));
         for file in programs(&directory) {

@@ -5,7 +5,7 @@ use syncline_canopen::emcy::Emergency;
 use syncline_canopen::sdo::AbortCode;
 use syncline_canopen::{Address, nmt};
 use syncline_controller::control::fault::{AwaitedState, AxisCause, BusCause, DriveCause};
-use syncline_controller::control::{Fault, Layout};
+use syncline_controller::control::{Fault, HomingFailure, Layout};
 use syncline_controller::machine::Machine;
 use syncline_drives::model::{Data, NotFollowing, StatusWord};
 
@@ -196,7 +196,58 @@ texts! {
     Fault::NotEnabled { .. }, Fault::NotEnabled { input: 0 },
     "the enabling input \"enable\" is off: switch it on and start again";
 
+    Fault::Unreferenced(_), Fault::Unreferenced(1),
+    "axis Y is not referenced: let it be homed by `at_start` in [homing], or home it in `syncline \
+     console`";
+
+    Fault::Homing(..), Fault::Homing(1, HomingFailure::NoSignal),
+    "axis Y is not homed";
+
     Fault::NoPlan, Fault::NoPlan,
     "the path rests in mid-program, nobody holds it, and no plan came for 30 s: this is a defect of \
      syncline, please report it with the machine, the program and what was done";
+}
+
+#[test]
+fn every_failure_of_a_homing_has_its_text() {
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples/router/machine.toml");
+    let router = Layout::new(&Machine::load(&file).unwrap()).unwrap();
+    for (failure, text) in [
+        (
+            HomingFailure::NotFound,
+            "no switch came on within 1800 mm in negative direction: check the switch and its \
+             wiring, `direction`, and the drive's `direction`",
+        ),
+        (
+            HomingFailure::StaysOn,
+            "its switch stays on, 5 mm and more in front of its edge: check whether it is stuck, and \
+             `active_low`",
+        ),
+        (
+            HomingFailure::Lost,
+            "its switch came on at speed, and not again within 5 mm of there: check whether it is \
+             loose, or too narrow for `speed`",
+        ),
+        (
+            HomingFailure::OneSide { side: 1 },
+            "the switch of its second side did not come on within 5 mm of the other one's: check \
+             that switch, and whether the side is jammed",
+        ),
+        (
+            HomingFailure::TooLong,
+            "it took longer than 120 s: check `max_time_ms` and the rapid override",
+        ),
+        (
+            HomingFailure::NoSignal,
+            "its switch tells no level: check the drive that it is wired to",
+        ),
+        (
+            HomingFailure::Shared,
+            "its switch is on already, and another axis has the same one: move the axes off it",
+        ),
+        (HomingFailure::NoSpeed, "the rapid override is 0: raise it"),
+    ] {
+        let told = Fault::Homing(0, failure).describe(&router);
+        assert_eq!(told, format!("axis X is not homed: {text}"));
+    }
 }

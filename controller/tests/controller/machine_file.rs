@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 use std::path::Path;
 use std::time::Duration;
-use syncline_controller::machine::{InputMeaning, Machine, OutputSwitch};
+use syncline_controller::machine::{HomingMethod, InputMeaning, Machine, OutputSwitch};
 use syncline_drives::model::{Increments, MODELS};
 use syncline_strict_toml::{Diagnostic, Invalid};
 
@@ -698,7 +698,15 @@ fn the_reference_is_complete() {
     .map(|(table, header)| (table, header.to_owned()))
     .into();
     tables.extend((models.iter()).map(|model| (&model[..], format!("[{model}]"))));
+    for table in ["homing", "axis.homing"] {
+        tables.push((table, format!("[{table}]")));
+    }
     for (table, header) in tables {
+        let text = if table.ends_with("homing") {
+            ROUTER
+        } else {
+            &text
+        };
         let text = text.replacen(&header, &format!("{header}\nno_such_key = 1"), 1);
         let error = parse(&text).unwrap_err();
         let (_, allowed) = error.diagnostics[0].help.split_once("allowed: ").unwrap();
@@ -767,4 +775,93 @@ fn wires_that_lead_nowhere_are_told() {
         output("signal = \"DQ0\"\nnumber = 1\n[[output]]\nname = \"a\"\ndrive = \"Q\"\nsignal = \"DQ0\"\nnumber = 2"),
         told_of("[[input]]\nname = \"a\"\ndrive = \"Y\"\nsignal = \"DI0\"\nfunction = \"dor\"\ndebounce_ms = 2000").join("\n"),
     ].join("\n\n"));
+}
+
+const ROUTER: &str = include_str!("../../../examples/router/machine.toml");
+
+/// What is wrong with the router's file with `from` replaced.
+fn router_with(from: &str, to: &str) -> String {
+    assert!(ROUTER.contains(from), "{from}");
+    let read = parse(&ROUTER.replacen(from, to, 1));
+    read.err()
+        .map_or_else(String::new, |error| error.to_string())
+}
+
+#[test]
+fn homing_is_read() {
+    let machine = parse(ROUTER).unwrap();
+    assert!(machine.homing.at_start && !machine.homing.unreferenced_jobs);
+    let [x, _, z] = &machine.axes[..] else {
+        panic!("three axes")
+    };
+    let HomingMethod::Switch(search) = &x.homing.method else {
+        panic!("a switch")
+    };
+    assert_eq!((&search.inputs[..], search.direction), (&[0, 1][..], -1.0));
+    assert_eq!(search.max_distance, 1800.0);
+    assert_eq!([x.homing.order, z.homing.order], [2, 1]);
+    assert_eq!(x.homing.jog_speed, 80.0);
+    assert_eq!([x.rest(), x.stands(0), z.stands(0)], [0.0, 180.0, -40.0]);
+    // Without the table an axis has an absolute encoder.
+    assert!(parse(PORTAL).unwrap().axes[0].homing.is_absolute());
+}
+
+#[test]
+fn mistakes_of_homing_are_told() {
+    for (from, to, told) in [
+        (
+            "switches = [\"home Y\"]",
+            "switches = [\"home W\"]",
+            "axis \"Y\": homing: there is no home switch \"home W\"",
+        ),
+        (
+            "switches = [\"home X1\", \"home X2\"]",
+            "switches = [\"home X1\"]",
+            "a switch for each of its 2 drives",
+        ),
+        (
+            "switches = [\"home Y\"]",
+            "switches = [\"home X1\"]",
+            "switch \"home X1\" is that of axis \"X\" at the same time",
+        ),
+        (
+            "switches = [\"home Y\"]",
+            "switches = [\"home X1\"]",
+            "input \"home Y\": no axis is homed by it",
+        ),
+        ("slow_speed = 1.0", "slow_speed = 31.0", "`slow_speed`"),
+        ("speed = 30.0", "speed = 251.0", "`speed`"),
+        (
+            "position = 3.0\nfinal_position = 0.0",
+            "position = 3.0\nfinal_position = 3.0",
+            "inside the soft limits",
+        ),
+        (
+            "following_error_limit = 1.0",
+            "following_error_limit = 1.0\ndrive_soft_limits = true",
+            "`drive_soft_limits` of an axis that is homed",
+        ),
+        (
+            "active_low = true",
+            "active_low = true\ndebounce_ms = 5",
+            "`debounce_ms` of a home switch",
+        ),
+        (
+            "kind = \"switch\"\norder = 1",
+            "kind = \"encoder\"\norder = 1",
+            "`order`",
+        ),
+        ("start = -40.0", "start_skew = 1.0", "`start_skew`"),
+    ] {
+        let errors = router_with(from, to);
+        assert!(errors.contains(told), "{told}: {errors}");
+    }
+    let by_hand = ROUTER.replacen(
+        "kind = \"switch\"\norder = 1\nswitches = [\"home Z\"]\ndirection = \"positive\"\nspeed = \
+         30.0\nslow_speed = 1.0\nback_off = 3.0\nposition = 3.0\nfinal_position = 0.0",
+        "kind = \"set_here\"",
+        1,
+    );
+    let errors = parse(&by_hand).unwrap_err().to_string();
+    assert!(errors.contains("`at_start` with axis \"Z\""), "{errors}");
 }

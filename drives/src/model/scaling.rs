@@ -149,6 +149,12 @@ impl Scaling {
         self.length(1).abs()
     }
 
+    /// What the drive reports at machine position 0.
+    #[must_use]
+    pub fn zero(&self) -> Increments {
+        self.zero
+    }
+
     /// Which way the drive counts.
     #[must_use]
     pub fn direction(&self) -> Direction {

@@ -9,6 +9,7 @@ use super::servo::shaft::{Plant, Shaft};
 use crate::bus::{BitRate, Node};
 use crate::mechanics::drive_train::DriveTrain;
 use core::any::Any;
+use core::ops::Range;
 use syncline_canopen::dictionary::Entry;
 use syncline_canopen::sdo::AbortCode;
 use syncline_canopen::time::Duration;
@@ -109,6 +110,25 @@ pub struct Axis {
     pub train: DriveTrain,
 }
 
+/// A switch along an axis, wired to a digital input.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Sensor {
+    /// The input's number, from 0.
+    pub input: u8,
+    /// Where the shaft is while it is on, revolutions from the encoder's zero.
+    pub range: Range<f64>,
+    /// The input is on outside of that range instead.
+    pub inverted: bool,
+}
+
+impl Sensor {
+    /// The level of its input while the shaft is there.
+    #[must_use]
+    pub fn level(&self, position: f64) -> bool {
+        self.range.contains(&position) != self.inverted
+    }
+}
+
 /// What a twin is made of, whatever its model.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Config {
@@ -132,6 +152,8 @@ pub struct Config {
     pub axis: Option<Axis>,
     /// What makes its encoder's reading wrong; `None`: the model's own.
     pub encoder: Option<EncoderErrors>,
+    /// The switches along its axis, of a device that has digital inputs.
+    pub sensors: Vec<Sensor>,
     /// What is known of the real device where its manual is silent, by the names that its model has
     /// for it, such as a resolution; a twin takes what it is made of.
     pub assumed: Vec<(&'static str, u32)>,
@@ -151,6 +173,7 @@ impl Config {
             prompt: false,
             axis: None,
             encoder: None,
+            sensors: Vec::new(),
             assumed: Vec::new(),
         }
     }

@@ -30,7 +30,9 @@ pub mod tlc5xx;
 pub mod tsp10;
 pub mod twk_crn;
 
-pub use device::{Axis, Config, Disturbance, ErrorClass, Kind, Observation, SimulatedDevice};
+pub use device::{
+    Axis, Config, Disturbance, ErrorClass, Kind, Observation, Sensor, SimulatedDevice,
+};
 
 /// Every twin.
 pub static TWINS: &[&Kind] = &[

@@ -284,12 +284,14 @@ fn keys_on_a_terminal_are_a_day_too() {
 
 /// The states that may follow one.
 fn successors(state: State) -> &'static [State] {
-    use State::{Disabled, Faulted, Held, Jogging, Mdi, Off, Ready, Running, Starting, Stopping};
+    use State::{
+        Disabled, Faulted, Held, Homing, Jogging, Mdi, Off, Ready, Running, Starting, Stopping,
+    };
     match state {
         Off => &[],
         Starting => &[Ready, Stopping],
-        Ready => &[Jogging, Mdi, Running, Stopping],
-        Jogging => &[Ready, Stopping],
+        Ready => &[Homing, Jogging, Mdi, Running, Stopping],
+        Homing | Jogging => &[Ready, Stopping],
         Mdi | Running => &[Ready, Held, Stopping],
         Held => &[Mdi, Running, Stopping],
         Stopping => &[Ready, Disabled, Faulted, Off],

@@ -12,6 +12,7 @@ mod faults;
 mod feed_axes;
 mod fits;
 mod heard;
+mod homing;
 mod jogs;
 mod judge;
 mod lines;

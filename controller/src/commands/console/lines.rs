@@ -205,6 +205,7 @@ fn begins(command: &Command) -> bool {
             | Command::SetWorkOffset(_)
             | Command::SetToolLength(_)
             | Command::GoTo(_)
+            | Command::Home(_)
             | Command::Jog(_)
     )
 }
@@ -222,7 +223,9 @@ fn shown(status: &Status, machine: &Machine) -> String {
     let (work, machine) = (positions(&status.offset), positions(&[0.0; 9]));
     format!(
         "{}: work{work}, machine{machine}, tool {}, {}",
-        status.state, status.tool, status.modes
+        status.state_in_words(),
+        status.tool,
+        status.modes
     )
 }
 

@@ -5,7 +5,7 @@ use super::super::{events, keys};
 use super::model::Model;
 use super::view;
 use crate::control::Layout;
-use crate::machine::Machine;
+use crate::machine::{COORDINATES, Machine};
 use crate::run::Timeline;
 use crate::session::{Command, NotTaken, Operator, Session, StatusView, Subscription};
 use crossbeam::channel::{self, Receiver, Sender};
@@ -207,6 +207,7 @@ fn command(code: KeyCode) -> Option<Command> {
         KeyCode::Char('e') => Some(Command::Enable),
         KeyCode::Char('d') => Some(Command::Disable),
         KeyCode::Char('r') => Some(Command::Reset),
+        KeyCode::Char('h') => Some(Command::Home([false; COORDINATES])),
         KeyCode::Char(character) => keys::command(u8::try_from(character).ok()?),
         KeyCode::Enter => keys::command(b'\n'),
         KeyCode::Right => keys::command_of_sequence(b"C"),

@@ -20,7 +20,7 @@ const POSITIONS: u16 = 44;
 const WIDE: u16 = 120;
 
 /// Every key, and what it does.
-const KEYS: [(&str, &str); 16] = [
+const KEYS: [(&str, &str); 17] = [
     (
         "Enter",
         "cycle start: go on at a stop; without a job run the program",
@@ -37,6 +37,7 @@ const KEYS: [(&str, &str); 16] = [
     ("q", "stop what moves; the job is over"),
     ("e d", "enable, disable the drives"),
     ("r", "reset after a fault"),
+    ("h", "home all axes"),
     (
         ":",
         "type a command: mdi G0 X5, load FILE …; Tab lists them",
@@ -90,12 +91,14 @@ fn header(model: &Model, width: u16) -> Line<'static> {
         State::Ready | State::Off | State::Disabled => Color::Reset,
         State::Faulted => Color::Red,
         State::Held | State::Stopping => Color::Yellow,
-        State::Starting | State::Jogging | State::Mdi | State::Running => Color::Green,
+        State::Starting | State::Homing | State::Jogging | State::Mdi | State::Running => {
+            Color::Green
+        }
     };
     let style = Style::new()
         .fg(colour)
         .add_modifier(Modifier::BOLD | Modifier::REVERSED);
-    let name = format!(" {} ", state.to_string().to_uppercase());
+    let name = format!(" {} ", model.status.state_in_words().to_uppercase());
     let program = (model.status.program.as_deref())
         .and_then(|file| file.file_name())
         .map_or_else(
@@ -118,6 +121,7 @@ fn position_rows(model: &Model) -> Vec<Line<'static>> {
         offset,
         target,
         setpoint,
+        referenced,
         ..
     } = &model.status;
     let mut rows = vec![Line::raw(format!(
@@ -127,8 +131,10 @@ fn position_rows(model: &Model) -> Vec<Line<'static>> {
     for axis in &model.axes {
         let at = axis.index();
         let unit = if axis.is_linear() { "" } else { "°" };
+        // Where nobody knows where it is, its positions count from where it was switched on.
+        let mark = if referenced[at] { ' ' } else { '?' };
         rows.push(Line::from(vec![
-            bold(format!(" {axis}{:>13.3}", actual[at] - offset[at])),
+            bold(format!(" {axis}{mark}{:>12.3}", actual[at] - offset[at])),
             Span::raw(format!(
                 "{:>14.3}{:>12.3}{unit}",
                 actual[at],

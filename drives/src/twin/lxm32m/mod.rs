@@ -150,6 +150,10 @@ impl From<&Config> for TwinConfig {
             encoder: config.encoder.unwrap_or(own.encoder),
             seed: config.seed,
             initial_position: (config.position * INCREMENTS_PER_REVOLUTION) as i64,
+            switches: Switches {
+                along: config.sensors.clone(),
+                ..own.switches
+            },
             policies: match config.tolerant {
                 true => Policies::tolerant(),
                 false => own.policies,

@@ -48,10 +48,12 @@ impl Drive {
     pub(super) fn watch_captures(&mut self) {
         let position = self.shaft().position();
         for input in 0..CAPTURES {
-            let Some(range) = &self.switches.captures[input] else {
-                continue;
+            let along = self.switches.along(input).next();
+            let (range, level) = match (&self.switches.captures[input], along) {
+                (Some(range), _) => (range, range.contains(&position)),
+                (None, Some(sensor)) => (&sensor.range, sensor.level(position)),
+                (None, None) => continue,
             };
-            let level = range.contains(&position);
             let edge = if (position - range.start).abs() < (position - range.end).abs() {
                 range.start
             } else {
@@ -243,7 +245,11 @@ impl Drive {
             self.switches.negative_limit_active(position),
             self.switches.reference_active(position),
         ];
-        core::array::from_fn(|input| switches[input] || self.switches.sensors >> input & 1 != 0)
+        core::array::from_fn(|input| {
+            let sensed = self.switches.sensors >> input & 1 != 0;
+            let mut along = self.switches.along(input);
+            switches[input] || sensed || along.any(|sensor| sensor.level(position))
+        })
     }
 
     /// DQ0…DQ2.

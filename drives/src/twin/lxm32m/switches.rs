@@ -1,6 +1,7 @@
 //! What else is wired to the drive: limit and reference switches, the index pulse, a pulse source.
 
 use super::signals::CAPTURES;
+use crate::twin::device::Sensor;
 use core::ops::Range;
 
 /// Switches along the axis, in revolutions from the encoder's zero. The index pulse comes at
@@ -17,6 +18,8 @@ pub struct Switches {
     pub captures: [Option<Range<f64>>; CAPTURES],
     /// DI0 to DI4 that other sensors switch on: bit n is DIn.
     pub sensors: u8,
+    /// Sensors along the axis at any of the inputs, besides.
+    pub along: Vec<Sensor>,
 }
 
 /// One of the switches.
@@ -42,6 +45,11 @@ impl Switches {
             Switch::PositiveLimit => self.positive_limit_active(position),
             Switch::Reference => self.reference_active(position),
         }
+    }
+
+    /// The sensors along the axis at DIn.
+    pub(super) fn along(&self, input: usize) -> impl Iterator<Item = &Sensor> {
+        (self.along.iter()).filter(move |sensor| usize::from(sensor.input) == input)
     }
 
     /// A sensor at DIn is on or off.

@@ -1,0 +1,76 @@
+//! Why an axis was not homed.
+
+use super::super::layout::AxisSpec;
+use crate::machine::HomingMethod;
+
+/// Why a homing failed. The axes came to rest; this one is not referenced.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum HomingFailure {
+    /// The switch did not come on within the distance.
+    NotFound,
+    /// The switch did not go off.
+    StaysOn,
+    /// Passed slowly, the switch did not come on where it had at speed.
+    Lost,
+    /// Of a gantry, the switch of one side did not come on where the other one's did.
+    OneSide {
+        /// Its place among the axis' drives.
+        side: usize,
+    },
+    /// It took longer than allowed.
+    TooLong,
+    /// The level of the switch is not known.
+    NoSignal,
+    /// The switch is on, and is another axis' too.
+    Shared,
+    /// The rapid override is 0.
+    NoSpeed,
+}
+
+impl HomingFailure {
+    /// What happened, and what to do next, in words.
+    pub(in crate::control) fn describe(self, axis: &AxisSpec) -> String {
+        let AxisSpec { name, unit, .. } = axis;
+        let HomingMethod::Switch(search) = &axis.homing.method else {
+            return format!("axis {name} is not homed");
+        };
+        let side = if search.direction > 0.0 {
+            "positive"
+        } else {
+            "negative"
+        };
+        let (far, back_off) = (search.max_distance, search.back_off);
+        let why = match self {
+            Self::NotFound => format!(
+                "no switch came on within {far} {unit} in {side} direction: check the switch and its \
+                 wiring, `direction`, and the drive's `direction`"
+            ),
+            Self::StaysOn => format!(
+                "its switch stays on, {back_off} {unit} and more in front of its edge: check whether \
+                 it is stuck, and `active_low`"
+            ),
+            Self::Lost => format!(
+                "its switch came on at speed, and not again within {back_off} {unit} of there: check \
+                 whether it is loose, or too narrow for `speed`"
+            ),
+            Self::OneSide { side } => format!(
+                "the switch of its {} side did not come on within {back_off} {unit} of the other \
+                 one's: check that switch, and whether the side is jammed",
+                if side == 0 { "first" } else { "second" }
+            ),
+            Self::TooLong => format!(
+                "it took longer than {} s: check `max_time_ms` and the rapid override",
+                search.max_time.as_secs_f64()
+            ),
+            Self::NoSignal => {
+                "its switch tells no level: check the drive that it is wired to".into()
+            }
+            Self::Shared => {
+                "its switch is on already, and another axis has the same one: move the axes off it"
+                    .into()
+            }
+            Self::NoSpeed => "the rapid override is 0: raise it".into(),
+        };
+        format!("axis {name} is not homed: {why}")
+    }
+}

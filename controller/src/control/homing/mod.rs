@@ -1,0 +1,391 @@
+//! Homing: axes come to know where they are.
+//!
+//! An axis that is not *referenced* counts from where it was switched on. Its machine positions are known
+//! once the machine position of one of the drive's counts is: its *origin*, the drive's count at machine
+//! position 0, beyond the `zero` of the machine file. A homing finds it, while setpoints go out as
+//! always; when it is found the plan's positions change, and the setpoints in increments do not.
+//!
+//! Axes are homed in groups, one after the other by their `order`: all axes of a group search
+//! at once, are referenced in one cycle, at rest, and go to their final positions. What moves them are the
+//! executor's jogs, so that a homing has the limits of the axes, the supervision of every cycle and, inside the
+//! distance that the machine file allows, a stop from wherever it is.
+//!
+//! A failure is told with its cause, the axes come to rest, and what was not homed yet stays
+//! unreferenced.
+
+mod failure;
+mod switch;
+
+pub use failure::HomingFailure;
+pub(super) use switch::Edge;
+
+use super::fault::{AxisIndex, Fault};
+use super::{Controller, Event, Phase, Refusal};
+use crate::machine::HomingMethod;
+use std::sync::Arc;
+use switch::{Motion, Progress, Search, Seen};
+use syncline_trajectory::limits::{Limits, PositionLimits};
+use syncline_trajectory::path::{Jog, Travel};
+
+/// A set of axes: bit n is the axis with that index.
+type AxisSet = u32;
+
+/// So near to where it is to come to rest, mm, an axis is there.
+const REACHED: f64 = 1e-6;
+
+/// Where a homing is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+enum Stage {
+    /// None is under way.
+    #[default]
+    Idle,
+    /// The next group begins.
+    Next,
+    /// Its axes search.
+    Searching,
+    /// They are referenced at the beginning of the next cycle.
+    Found,
+    /// They go to their final positions; whether that is ordered.
+    Leaving(bool),
+}
+
+/// A homing of axes.
+#[derive(Clone, Debug)]
+pub(super) struct Homing {
+    stage: Stage,
+    /// Axes that are still to come.
+    left: AxisSet,
+    /// Axes at work.
+    group: AxisSet,
+    /// When those began.
+    began: u64,
+    /// By axis.
+    searches: Vec<Search>,
+    /// Axes of the group that have been found.
+    found: AxisSet,
+}
+
+impl Homing {
+    /// Of a machine with so many drives to each axis.
+    pub(super) fn new(sides: impl Iterator<Item = usize>) -> Self {
+        Self {
+            stage: Stage::Idle,
+            left: 0,
+            group: 0,
+            began: 0,
+            searches: sides.map(Search::new).collect(),
+            found: 0,
+        }
+    }
+
+    /// Whether one is under way.
+    pub(super) fn is_active(&self) -> bool {
+        self.stage != Stage::Idle
+    }
+
+    /// Ends it where it is.
+    pub(super) fn abort(&mut self) {
+        self.stage = Stage::Idle;
+    }
+
+    fn begin(&mut self, axes: AxisSet) {
+        self.stage = Stage::Next;
+        self.left = axes;
+    }
+}
+
+fn has(axes: AxisSet, axis: AxisIndex) -> bool {
+    axes >> axis & 1 != 0
+}
+
+impl<const N: usize> Controller<N> {
+    /// The first axis that is not referenced.
+    pub(super) fn unreferenced(&self) -> Option<AxisIndex> {
+        self.axes.iter().position(|axis| !axis.is_referenced())
+    }
+
+    /// Homes the axes with these coordinates; without any all that do not wait for an operator to say
+    /// where they stand.
+    ///
+    /// # Errors
+    /// There is nothing to home.
+    pub(super) fn home(&mut self, coordinates: [bool; N]) -> Result<(), Refusal> {
+        let all = !coordinates.contains(&true);
+        let mut wanted = 0;
+        for (index, axis) in self.layout.axes.iter().enumerate() {
+            let named = coordinates[axis.coordinate];
+            let by_hand = matches!(axis.homing.method, HomingMethod::SetHere { .. });
+            if named && axis.homing.is_absolute() {
+                return Err(Refusal::Absolute(axis.coordinate));
+            }
+            if named || all && !axis.homing.is_absolute() && !by_hand {
+                wanted |= 1 << index;
+            }
+        }
+        let there = |at: usize| self.layout.axes.iter().any(|axis| axis.coordinate == at);
+        if let Some(at) = (0..N).find(|&at| coordinates[at] && !there(at)) {
+            return Err(Refusal::NoSuchAxis(at));
+        }
+        if wanted == 0 {
+            return Err(Refusal::NothingToHome);
+        }
+        self.homing.begin(wanted);
+        Ok(())
+    }
+
+    /// Before the one job of a machine: homes what has to be, where the machine file says so.
+    ///
+    /// # Errors
+    /// An axis is not referenced, and it does not say so.
+    pub(super) fn home_at_start(&mut self) -> Result<(), Fault> {
+        let policy = self.layout.homing;
+        match self.unreferenced() {
+            Some(_) if policy.at_start => {
+                let axes = self.axes.iter().enumerate();
+                let missing = axes.filter(|(_, axis)| !axis.is_referenced());
+                self.homing
+                    .begin(missing.fold(0, |set, (index, _)| set | 1 << index));
+                Ok(())
+            }
+            Some(axis) if !policy.unreferenced_jobs => Err(Fault::Unreferenced(axis)),
+            _ => Ok(()),
+        }
+    }
+
+    /// Forgets where an axis is whose drive may have lost its count.
+    pub(super) fn watch_references(&mut self) {
+        for index in 0..self.axes.len() {
+            let axis = &mut self.axes[index];
+            if axis.is_referenced() && axis.has_lost_count(&self.nodes) {
+                axis.forget_reference();
+                self.tell(Event::Unreferenced { axis: index });
+            }
+        }
+    }
+
+    /// Goes on with a homing by a cycle.
+    pub(super) fn step_homing(&mut self) {
+        let outcome = match self.homing.stage {
+            Stage::Idle | Stage::Found => Ok(()),
+            Stage::Next => self.begin_group(),
+            Stage::Searching => self.search(),
+            Stage::Leaving(ordered) => self.leave(ordered),
+        };
+        if let Err((axis, failure)) = outcome {
+            self.homing_failed(axis, failure);
+        }
+    }
+
+    /// What did not find its place stays unreferenced.
+    fn homing_failed(&mut self, axis: AxisIndex, failure: HomingFailure) {
+        self.homing.abort();
+        self.tell(Event::HomingFailed { axis, failure });
+        if self.stays_on {
+            self.enter(Phase::Stop, &mut []);
+        } else {
+            self.fail(Fault::Homing(axis, failure));
+        }
+    }
+
+    /// The axes of the lowest order begin; without any the homing is over.
+    fn begin_group(&mut self) -> Result<(), (AxisIndex, HomingFailure)> {
+        let layout = Arc::clone(&self.layout);
+        let left = (0..layout.axes.len()).filter(|&axis| has(self.homing.left, axis));
+        let order = |axis: AxisIndex| layout.axes[axis].homing.order;
+        let Some(lowest) = left.clone().map(order).min() else {
+            self.homing.abort();
+            self.rest_here();
+            return Ok(());
+        };
+        let group = left.filter(|&axis| order(axis) == lowest);
+        let group: AxisSet = group.fold(0, |set, axis| set | 1 << axis);
+        self.homing.left &= !group;
+        self.homing.group = group;
+        self.homing.found = 0;
+        self.homing.began = self.cycle;
+        self.homing.stage = Stage::Searching;
+        for axis in (0..layout.axes.len()).filter(|&axis| has(group, axis)) {
+            self.homing.searches[axis] = Search::new(layout.axes[axis].drives.len());
+            self.check_switches(axis)
+                .map_err(|failure| (axis, failure))?;
+        }
+        self.rest_here();
+        Ok(())
+    }
+
+    /// Whether an axis can be homed by its switches as they are: one that is on, and may be on for
+    /// another axis' sake, says nothing.
+    fn check_switches(&self, axis: AxisIndex) -> Result<(), HomingFailure> {
+        let HomingMethod::Switch(search) = &self.layout.axes[axis].homing.method else {
+            return Ok(());
+        };
+        let on = self.switch_levels(&search.inputs);
+        match on {
+            None => Err(HomingFailure::NoSignal),
+            Some(on) if search.is_shared && on.contains(&true) => Err(HomingFailure::Shared),
+            Some(_) => Ok(()),
+        }
+    }
+
+    /// The levels of one or two switches; `None` while one of them has not been seen.
+    fn switch_levels(&self, inputs: &[usize]) -> Option<[bool; 2]> {
+        let mut on = [false; 2];
+        for (on, &input) in on.iter_mut().zip(inputs) {
+            let input = &self.layout.inputs[input];
+            *on = self.nodes[input.drive].signal(input.signal)? != input.active_low;
+        }
+        Some(on)
+    }
+
+    /// The axes of the group search, each for itself.
+    fn search(&mut self) -> Result<(), (AxisIndex, HomingFailure)> {
+        let layout = Arc::clone(&self.layout);
+        let elapsed = self.layout.cycle * (self.cycle - self.homing.began) as u32;
+        for (index, axis) in layout.axes.iter().enumerate() {
+            if !has(self.homing.group & !self.homing.found, index) {
+                continue;
+            }
+            let HomingMethod::Switch(how) = &axis.homing.method else {
+                self.homing.found |= 1 << index;
+                continue;
+            };
+            let failed = |failure| (index, failure);
+            let on = self.switch_levels(&how.inputs);
+            let on = on.ok_or(failed(HomingFailure::NoSignal))?;
+            let seen = self.seen(index, on);
+            let searched = self.homing.searches[index].go_on(how, &seen);
+            match searched.map_err(failed)? {
+                Progress::Goes if elapsed > how.max_time => {
+                    return Err(failed(HomingFailure::TooLong));
+                }
+                Progress::Goes => {}
+                Progress::Found => self.homing.found |= 1 << index,
+                Progress::Moves(motion) => self.move_axis(index, motion).map_err(failed)?,
+            }
+        }
+        if self.homing.found == self.homing.group {
+            self.homing.stage = Stage::Found;
+        }
+        Ok(())
+    }
+
+    /// What an axis shows in this cycle.
+    fn seen(&self, index: AxisIndex, on: [bool; 2]) -> Seen {
+        let axis = &self.axes[index];
+        let at = axis.coordinate();
+        let sample = axis.sample(self.cycle, &self.nodes);
+        let mut counts = [Default::default(); 2];
+        for (count, &drive) in counts.iter_mut().zip(&self.layout.axes[index].drives) {
+            *count = self.nodes[drive].actual();
+        }
+        Seen {
+            position: sample.act,
+            rests: self.planned.velocity[at] == 0.0 && self.planned.acceleration[at] == 0.0,
+            settled: axis.is_in_position(&sample),
+            on,
+            counts,
+        }
+    }
+
+    /// Lets an axis of the group move.
+    fn move_axis(&mut self, index: AxisIndex, motion: Motion) -> Result<(), HomingFailure> {
+        let axis = self.axes[index].coordinate();
+        let order = match motion {
+            Motion::Run(velocity) => Jog::Continuous { axis, velocity },
+            Motion::Stop => Jog::Step {
+                axis,
+                distance: 0.0,
+                speed: f64::INFINITY,
+            },
+            Motion::To(position, speed) => Jog::Step {
+                axis,
+                distance: position - self.planned.position[axis],
+                speed,
+            },
+        };
+        let travel = self.homing_travel();
+        if !self.executor.is_off_path() {
+            // There is no path to leave: it is held where it stands.
+            self.executor.feed_hold();
+        }
+        let taken = self.executor.jog(order, &travel);
+        taken.map_err(|_| HomingFailure::NoSpeed)
+    }
+
+    /// How far the axes of the group may go: while they search inside the distance that the machine file
+    /// allows, from where the search began; then inside their soft limits.
+    fn homing_travel(&self) -> [Option<Travel>; N] {
+        let mut travel = [None; N];
+        for (index, axis) in self.layout.axes.iter().enumerate() {
+            if !has(self.homing.group, index) {
+                continue;
+            }
+            let limits = &axis.limits;
+            let here = self.planned.position[axis.coordinate];
+            let (min, max) = match &axis.homing.method {
+                HomingMethod::Switch(how) if self.homing.stage == Stage::Searching => {
+                    (here - how.max_distance, here + how.max_distance)
+                }
+                _ => limits.position,
+            };
+            travel[axis.coordinate] = Some(Travel {
+                limits: Limits::symmetric(limits.velocity, limits.acceleration, limits.jerk),
+                bounds: PositionLimits { min, max },
+            });
+        }
+        travel
+    }
+
+    /// At the beginning of a cycle: references what has been found. The axes rest; their plan goes on in
+    /// machine positions, and no setpoint changes.
+    ///
+    /// # Errors
+    /// A position is beyond what a drive can count.
+    pub(super) fn take_references(&mut self) -> Result<(), Fault> {
+        if self.homing.stage != Stage::Found {
+            return Ok(());
+        }
+        self.homing.stage = Stage::Leaving(false);
+        let mut position = self.planned.position;
+        for index in 0..self.axes.len() {
+            if !has(self.homing.group, index) {
+                continue;
+            }
+            let edges = self.homing.searches[index].edges();
+            let axis = &mut self.axes[index];
+            let uncertainty = axis.reference(edges, &mut self.nodes)?;
+            position[axis.coordinate()] = axis.reseat(&self.nodes)?;
+            self.tell(Event::Referenced {
+                axis: index,
+                uncertainty,
+            });
+        }
+        self.planned.position = position;
+        self.rest_here();
+        Ok(())
+    }
+
+    /// The axes of the group go to their final positions.
+    fn leave(&mut self, ordered: bool) -> Result<(), (AxisIndex, HomingFailure)> {
+        let layout = Arc::clone(&self.layout);
+        let mut there = true;
+        for (index, axis) in layout.axes.iter().enumerate() {
+            if let HomingMethod::Switch(how) = &axis.homing.method
+                && has(self.homing.group, index)
+            {
+                let away = self.planned.position[axis.coordinate] - how.final_position;
+                there &= self.planned.velocity[axis.coordinate] == 0.0 && away.abs() < REACHED;
+                if !ordered {
+                    let motion = Motion::To(how.final_position, how.speed);
+                    let moved = self.move_axis(index, motion);
+                    moved.map_err(|failure| (index, failure))?;
+                }
+            }
+        }
+        self.homing.stage = match there {
+            true => Stage::Next,
+            false => Stage::Leaving(true),
+        };
+        Ok(())
+    }
+}

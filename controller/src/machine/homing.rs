@@ -1,0 +1,405 @@
+//! `[homing]` and `[axis.homing]`: how an axis comes to know where it is.
+//!
+//! An absolute encoder knows it from the beginning. Any other axis counts from where it was switched on
+//! until it is homed: then it is *referenced*, and its positions are machine positions.
+
+use super::signals::{Input, InputMeaning};
+use super::{Axis, AxisLimits};
+use std::ops::{Range, RangeInclusive};
+use std::time::Duration;
+use syncline_strict_toml::{Log, Table, nearest, one_of};
+use toml::Spanned;
+
+/// `[homing]`: what holds for all axes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct HomingPolicy {
+    /// A machine that is switched on for one program homes what is not referenced before it.
+    pub at_start: bool,
+    /// Programs and typed lines may move axes that are not referenced.
+    pub unreferenced_jobs: bool,
+}
+
+/// `[axis.homing]`: how an axis is homed.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Homing {
+    /// How it finds its place.
+    pub method: HomingMethod,
+    /// Axes with a lower number home first, those with the same number at once.
+    pub order: u32,
+    /// The highest speed of a jog while the axis is not referenced, mm/s.
+    pub jog_speed: f64,
+    /// How far one jog goes at most while the axis is not referenced, mm.
+    pub jog_distance: f64,
+}
+
+/// How an axis finds its place.
+#[derive(Clone, Debug, PartialEq)]
+pub enum HomingMethod {
+    /// Its encoder is absolute, with the drives' `zero`: it is always referenced.
+    Encoder,
+    /// Where it stands when it is homed is this machine position, mm.
+    SetHere {
+        /// mm.
+        position: f64,
+    },
+    /// The controller searches a switch.
+    Switch(SwitchSearch),
+}
+
+/// A search for a switch.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SwitchSearch {
+    /// For each drive of the axis, the switch at its side: index in
+    /// [`Machine::inputs`](super::Machine::inputs).
+    pub inputs: Vec<usize>,
+    /// Another axis has the same switch.
+    pub is_shared: bool,
+    /// 1 or −1: to which side the switch is searched.
+    pub direction: f64,
+    /// Of the search, mm/s.
+    pub speed: f64,
+    /// Of the approach by which the edge is measured, mm/s.
+    pub slow_speed: f64,
+    /// From how far in front of the edge it is approached, mm.
+    pub back_off: f64,
+    /// How far from where it begins the axis goes at most to either side, mm.
+    pub max_distance: f64,
+    /// How long the axis takes at most.
+    pub max_time: Duration,
+    /// Machine position of the edge at which the switch comes on in that direction, mm.
+    pub position: f64,
+    /// Where the axis goes once it is referenced, mm.
+    pub final_position: f64,
+}
+
+impl Default for Homing {
+    /// An absolute encoder.
+    fn default() -> Self {
+        Self {
+            method: HomingMethod::Encoder,
+            order: 0,
+            jog_speed: f64::INFINITY,
+            jog_distance: f64::INFINITY,
+        }
+    }
+}
+
+impl Homing {
+    /// Whether the axis knows from the beginning where it is.
+    #[must_use]
+    pub fn is_absolute(&self) -> bool {
+        self.method == HomingMethod::Encoder
+    }
+
+    /// Where the axis stands once it is homed, if that is stated.
+    #[must_use]
+    pub fn final_position(&self) -> Option<f64> {
+        match &self.method {
+            HomingMethod::Encoder => None,
+            HomingMethod::SetHere { position } => Some(*position),
+            HomingMethod::Switch(search) => Some(search.final_position),
+        }
+    }
+}
+
+/// `[homing]` of a machine file.
+pub(super) fn policy(log: &mut Log<'_>, mut table: Table<'_, '_>) -> Spanned<HomingPolicy> {
+    let span = table.span_of("at_start").unwrap_or_default();
+    let policy = HomingPolicy {
+        at_start: table.flag_or(log, "at_start", false),
+        unreferenced_jobs: table.flag_or(log, "unreferenced_jobs", false),
+    };
+    table.finish(log);
+    Spanned::new(span, policy)
+}
+
+/// `[axis.homing]` as the file has it.
+pub(super) struct HomingTable {
+    homing: Homing,
+    /// The names of its switches.
+    switches: Option<Spanned<Vec<Spanned<String>>>>,
+}
+
+/// What a `homing` looks like.
+const ALLOWED: &str = "a table [axis.homing]; see docs/homing.md";
+const KINDS: [&str; 3] = ["encoder", "set_here", "switch"];
+/// Of a jog without a reference, mm or degrees.
+const JOG_DISTANCE: f64 = 10.0;
+
+/// The key of an axis with those limits.
+pub(super) fn read(
+    log: &mut Log<'_>,
+    axis: &mut Table<'_, '_>,
+    limits: &AxisLimits,
+    rotary: bool,
+) -> Option<HomingTable> {
+    let mut table = axis.table_if(log, "homing", ALLOWED)?;
+    table.title = format!("{}: homing", axis.title);
+    let kind = table.choice(log, "kind", KINDS.into_iter());
+    let [position, speed] = if rotary {
+        ["(°)", "(°/s)"]
+    } else {
+        ["(mm)", "(mm/s)"]
+    };
+    let mut switches = None;
+    let mut jog_speed = limits.velocity / 10.0;
+    let method = match kind.as_ref().map(|kind| kind.get_ref().as_str()) {
+        Some("set_here") => Some(HomingMethod::SetHere {
+            position: place(log, &mut table, "position", 0.0, limits, position),
+        }),
+        Some("switch") => {
+            let allowed = "the name of an [[input]] for each of the axis' drives";
+            switches = table.texts(log, "switches", allowed, 1..=2);
+            let search = search(log, &mut table, limits, [position, speed]);
+            jog_speed = search.as_ref().map_or(jog_speed, |search| search.speed);
+            search.map(HomingMethod::Switch)
+        }
+        _ => Some(HomingMethod::Encoder),
+    };
+    let mut homing = Homing::default();
+    if kind.is_some_and(|kind| kind.get_ref() != KINDS[0]) {
+        homing.order = table.integer_or(log, "order", 1, 1..=100, "") as u32;
+        let most = limits.velocity;
+        homing.jog_speed = number_or(log, &mut table, "jog_speed", jog_speed, 0.001..=most, speed);
+        homing.jog_distance = number_or(
+            log,
+            &mut table,
+            "jog_distance",
+            JOG_DISTANCE,
+            0.001..=1e6,
+            position,
+        );
+        refuse_drive_limits(log, axis);
+    }
+    table.finish(log);
+    Some(HomingTable {
+        homing: Homing {
+            method: method?,
+            ..homing
+        },
+        switches,
+    })
+}
+
+/// A drive that supervises positions does so by its own count, which tells no machine position before
+/// the axis is homed.
+fn refuse_drive_limits(log: &mut Log<'_>, axis: &mut Table<'_, '_>) {
+    if let Some(span) = axis.span_of("drive_soft_limits") {
+        log.report(
+            span,
+            format!(
+                "{}: `drive_soft_limits` of an axis that is homed",
+                axis.title
+            ),
+            "allowed: only with an absolute encoder, `kind = \"encoder\"`",
+        );
+    }
+}
+
+/// The keys of a search for a switch.
+fn search(
+    log: &mut Log<'_>,
+    table: &mut Table<'_, '_>,
+    limits: &AxisLimits,
+    [position, speed]: [&str; 2],
+) -> Option<SwitchSearch> {
+    let direction = table.choice(log, "direction", ["positive", "negative"].into_iter());
+    let (least, most) = limits.position;
+    let fast = 0.001..=limits.velocity;
+    let search_speed = number(log, table, "speed", fast, speed);
+    let slow = 0.001..=search_speed.unwrap_or(limits.velocity);
+    let slow_speed = number(log, table, "slow_speed", slow, speed);
+    let back_off = number(log, table, "back_off", 0.001..=1e6, position);
+    let travel = most - least;
+    let max_distance = number_or(
+        log,
+        table,
+        "max_distance",
+        1.5 * travel,
+        0.001..=1e7,
+        position,
+    );
+    let max_time = table.millis_or(log, "max_time_ms", 120_000, 3_600_000);
+    let edge = number(log, table, "position", -1e7..=1e7, position);
+    let final_position = place(
+        log,
+        table,
+        "final_position",
+        edge.unwrap_or_default().clamp(least, most),
+        limits,
+        position,
+    );
+    Some(SwitchSearch {
+        inputs: Vec::new(),
+        is_shared: false,
+        direction: match direction?.get_ref().as_str() {
+            "negative" => -1.0,
+            _ => 1.0,
+        },
+        speed: search_speed?,
+        slow_speed: slow_speed?,
+        back_off: back_off?,
+        max_distance,
+        max_time,
+        position: edge?,
+        final_position,
+    })
+}
+
+fn number(
+    log: &mut Log<'_>,
+    table: &mut Table<'_, '_>,
+    key: &'static str,
+    range: RangeInclusive<f64>,
+    unit: &str,
+) -> Option<f64> {
+    let allowed = format!("a number from {} to {} {unit}", range.start(), range.end());
+    let found = table.number(log, key, &allowed, |number| range.contains(&number));
+    found.map(Spanned::into_inner)
+}
+
+fn number_or(
+    log: &mut Log<'_>,
+    table: &mut Table<'_, '_>,
+    key: &'static str,
+    default: f64,
+    range: RangeInclusive<f64>,
+    unit: &str,
+) -> f64 {
+    let allowed = format!("a number from {} to {} {unit}", range.start(), range.end());
+    let found = table.number_if(log, key, &allowed, |number| range.contains(&number));
+    found.map_or(default, Spanned::into_inner)
+}
+
+/// A place inside the soft limits.
+fn place(
+    log: &mut Log<'_>,
+    table: &mut Table<'_, '_>,
+    key: &'static str,
+    default: f64,
+    limits: &AxisLimits,
+    unit: &str,
+) -> f64 {
+    let (least, most) = limits.position;
+    let unit = format!("{unit}, inside the soft limits");
+    number_or(log, table, key, default, least..=most, &unit)
+}
+
+/// Gives each axis the homing of its table: the names of its switches are inputs of the machine.
+pub(super) fn join(
+    log: &mut Log<'_>,
+    axes: &mut [Axis],
+    tables: Vec<Option<HomingTable>>,
+    (inputs, places): (&[Input], &[Range<usize>]),
+    policy: &Spanned<HomingPolicy>,
+) {
+    // By input: the last axis that has it, and in which order.
+    let mut users: Vec<Option<(usize, u32)>> = vec![None; inputs.len()];
+    for (index, table) in tables.into_iter().enumerate() {
+        let Some(HomingTable {
+            mut homing,
+            switches,
+        }) = table
+        else {
+            continue;
+        };
+        let name = axes[index].name();
+        if let (HomingMethod::Switch(search), Some(switches)) = (&mut homing.method, switches) {
+            let sides = axes[index].drives.len();
+            if switches.get_ref().len() != sides {
+                log.report(
+                    switches.span(),
+                    format!("axis \"{name}\": homing: a switch for each of its {sides} drives"),
+                    "allowed: as many names as `drives` has, in the same order",
+                );
+            }
+            for switch in switches.get_ref() {
+                let Some(input) = home_input(log, name, switch, inputs) else {
+                    continue;
+                };
+                search.inputs.push(input);
+                if let Some((other, order)) = users[input].replace((index, homing.order)) {
+                    search.is_shared = true;
+                    share(log, switch, axes, [other, index], [order, homing.order]);
+                }
+            }
+        }
+        axes[index].homing = homing;
+    }
+    for ((input, place), user) in inputs.iter().zip(places).zip(&users) {
+        if input.meaning == InputMeaning::Home && user.is_none() {
+            log.report(
+                place.clone(),
+                format!("input \"{}\": no axis is homed by it", input.name),
+                "name it in the `switches` of an [axis.homing], or remove it",
+            );
+        }
+    }
+    let by_hand = |axis: &&Axis| matches!(axis.homing.method, HomingMethod::SetHere { .. });
+    if policy.get_ref().at_start
+        && let Some(axis) = axes.iter().find(by_hand)
+    {
+        log.report(
+            policy.span(),
+            format!(
+                "homing: `at_start` with axis \"{}\", which an operator homes by hand",
+                axis.name()
+            ),
+            "leave `at_start` out, or give the axis another `kind`",
+        );
+    }
+}
+
+/// The input of that name, if it is a home switch.
+fn home_input(
+    log: &mut Log<'_>,
+    axis: &str,
+    switch: &Spanned<String>,
+    inputs: &[Input],
+) -> Option<usize> {
+    let home = |input: &&Input| input.meaning == InputMeaning::Home;
+    let found = inputs.iter().position(|it| it.name == *switch.get_ref());
+    let found = found.filter(|&index| home(&&inputs[index]));
+    if found.is_none() {
+        let names = inputs.iter().filter(home).map(|input| input.name.as_str());
+        let near = nearest(switch.get_ref(), names.clone());
+        let help = match near {
+            Some(near) => format!("allowed: {}; nearest: \"{near}\"", one_of(names)),
+            None => "add an [[input]] with `function = \"home\"`".to_owned(),
+        };
+        log.report(
+            switch.span(),
+            format!(
+                "axis \"{axis}\": homing: there is no home switch \"{}\"",
+                switch.get_ref()
+            ),
+            help,
+        );
+    }
+    found
+}
+
+/// Two axes have one switch: each needs its turn.
+fn share(
+    log: &mut Log<'_>,
+    switch: &Spanned<String>,
+    axes: &mut [Axis],
+    [other, index]: [usize; 2],
+    orders: [u32; 2],
+) {
+    if let HomingMethod::Switch(search) = &mut axes[other].homing.method {
+        search.is_shared = true;
+    }
+    if other == index || orders[0] == orders[1] {
+        log.report(
+            switch.span(),
+            format!(
+                "axis \"{}\": homing: switch \"{}\" is that of axis \"{}\" at the same time",
+                axes[index].name(),
+                switch.get_ref(),
+                axes[other].name()
+            ),
+            "give the two axes different values of `order`, or each side its own switch",
+        );
+    }
+}

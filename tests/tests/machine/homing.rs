@@ -1,0 +1,569 @@
+//! Axes that have to be homed: from switching on to a program, by each kind and through each failure.
+
+use proptest::prelude::*;
+use syncline_controller::control::{
+    Event, Fault, HomingFailure, Phase, Refusal as OrderRefusal, State,
+};
+use syncline_controller::session::{Command, Direction, Jog, Override, Refusal};
+use syncline_drives::model::Increments;
+use syncline_drives::twin::Disturbance;
+use syncline_gcode::Axis;
+use syncline_tests::rig::Rig;
+
+const ALL: Command = Command::Home([false; 9]);
+
+/// Drives of the router.
+const X1: usize = 0;
+const X2: usize = 1;
+const Y: usize = 2;
+
+fn home(axis: Axis) -> Command {
+    let mut letters = [false; 9];
+    letters[axis.index()] = true;
+    Command::Home(letters)
+}
+
+fn state(rig: &Rig) -> State {
+    rig.session.status().state
+}
+
+/// The router, switched on and not homed.
+fn switched_on(replacements: &[(&str, &str)]) -> Rig {
+    let mut rig = Rig::staying_on("router", replacements, |_, _| ());
+    settle(&mut rig);
+    assert_eq!(state(&rig), State::Ready, "{:?}", rig.events);
+    rig
+}
+
+/// Goes on until the machine rests and waits for an operator, or is off.
+fn settle(rig: &mut Rig) {
+    use State::{Disabled, Faulted, Held, Off, Ready};
+    let mut since = 0;
+    while since < 6 && rig.step() {
+        let rests = matches!(state(rig), Ready | Held | Faulted | Disabled | Off);
+        since = if rests { since + 1 } else { 0 };
+    }
+}
+
+fn go(rig: &mut Rig, command: Command) {
+    rig.command(command);
+    settle(rig);
+}
+
+/// Where a drive really is, mm: simulated drives count as the machine file says.
+fn truth(rig: &mut Rig, drive: usize) -> f64 {
+    let turns = rig.twin(drive).observe().position;
+    let scaling = rig.machine.drives[drive].scaling;
+    scaling.to_mm(Increments::new((turns * 131_072.0).round() as i64))
+}
+
+/// How far the drives of an axis are from where the session shows it, mm.
+fn errors(rig: &mut Rig, axis: Axis) -> Vec<f64> {
+    // As long as the loops take to come to rest.
+    for _ in 0..200 {
+        rig.step();
+    }
+    let shown = rig.session.status().setpoint[axis.index()];
+    let mut axes = rig.machine.axes.iter();
+    let drives = axes.find(|it| it.letter == axis).unwrap().drives.clone();
+    let errors = drives.into_iter().map(|drive| truth(rig, drive) - shown);
+    errors.collect()
+}
+
+fn is_referenced(rig: &Rig, axis: Axis) -> bool {
+    rig.session.status().referenced[axis.index()]
+}
+
+/// Why the last homing failed, if it did.
+fn failure(rig: &Rig) -> Option<HomingFailure> {
+    let failed = |event: &Event| match event {
+        Event::HomingFailed { failure, .. } => Some(*failure),
+        _ => None,
+    };
+    rig.events.iter().rev().find_map(failed)
+}
+
+fn refusals(rig: &Rig) -> Vec<OrderRefusal> {
+    let machine = |refusal: &Refusal| match refusal {
+        Refusal::Machine(refusal) => *refusal,
+        other => panic!("{other}"),
+    };
+    let refused = rig.refused.iter();
+    refused.map(|refused| machine(&refused.reason)).collect()
+}
+
+/// A day that begins with a homing; what it put on the bus, by its digest.
+fn day() -> String {
+    let mut rig = switched_on(&[]);
+    assert_eq!(
+        rig.session.status().state_in_words(),
+        "ready (unreferenced)"
+    );
+    go(&mut rig, ALL);
+    assert_eq!(state(&rig), State::Ready, "{:?}", rig.events);
+    assert_eq!(rig.session.status().state_in_words(), "ready");
+    for axis in [Axis::X, Axis::Y, Axis::Z] {
+        assert!(is_referenced(&rig, axis), "{:?}", rig.events);
+        assert_eq!(rig.session.status().setpoint[axis.index()], 0.0);
+        for error in errors(&mut rig, axis) {
+            assert!(error.abs() < 0.004, "{axis}: {error}");
+        }
+    }
+    go(&mut rig, Command::Mdi("G0 X20 Y30 Z-5".to_owned()));
+    // Again, from where it stands.
+    go(&mut rig, ALL);
+    go(
+        &mut rig,
+        Command::Mdi("G0 X20 Y30 Z-5\nG0 X0 Y0 Z0".to_owned()),
+    );
+    assert_eq!(rig.refused, []);
+    go(&mut rig, Command::SwitchOff);
+    assert_eq!(rig.problems, [""; 0]);
+    assert_eq!(failure(&rig), None);
+    rig.session.timeline().frames().result().0
+}
+
+#[test]
+fn a_cold_start_homes_and_runs_and_is_the_same_twice() {
+    assert_eq!(day(), day());
+}
+
+#[test]
+fn a_run_homes_first_where_the_file_says_so() {
+    let program = "G0 X20 Y30 Z-5\nG1 X40 F3000\nM2\n";
+    let rig = Rig::new("router", &[], program, |_, _| ());
+    let summary = rig.judge();
+    assert_eq!(summary.verdict, "pass", "{:?}", summary.violations);
+    let no = ("at_start = true", "at_start = false");
+    let mut rig = Rig::new("router", &[no], program, |_, _| ());
+    assert_eq!(rig.finish_with_fault(), Fault::Unreferenced(0));
+    let absent = ("active_low = true\nsimulated = [3.0, 40.0]", "");
+    let mut rig = Rig::new("router", &[absent], program, |_, _| ());
+    assert_eq!(
+        rig.finish_with_fault(),
+        Fault::Homing(2, HomingFailure::NotFound)
+    );
+}
+
+#[test]
+fn nothing_goes_to_machine_positions_before_there_are_any() {
+    let mut rig = switched_on(&[]);
+    let mut to = [None; 9];
+    to[Axis::Y.index()] = Some(10.0);
+    go(&mut rig, Command::Mdi("G0 X1".to_owned()));
+    go(&mut rig, Command::GoTo(to));
+    go(&mut rig, Command::Jog(Jog::To(to)));
+    let (x, y) = (Axis::X.index(), Axis::Y.index());
+    assert_eq!(
+        refusals(&rig),
+        [
+            OrderRefusal::Unreferenced(x),
+            OrderRefusal::Unreferenced(y),
+            OrderRefusal::Unreferenced(y),
+        ]
+    );
+    // A jog goes slowly, and not far.
+    let before = rig.rows.len();
+    go(
+        &mut rig,
+        Command::Jog(Jog::Continuous {
+            axis: Axis::Y,
+            direction: Direction::Positive,
+            speed: None,
+        }),
+    );
+    let rows = &rig.rows[before..];
+    let fastest = rows.iter().map(|row| row.plan.velocity[y]);
+    let fastest = fastest.fold(0.0, f64::max);
+    assert!((fastest - 80.0).abs() < 1e-6 || fastest < 80.0, "{fastest}");
+    let gone = rig.session.status().setpoint[y];
+    assert!((gone - 10.0).abs() < 0.01, "{gone}");
+    // Where the machine file allows it, programs move.
+    let allow = (
+        "at_start = true",
+        "at_start = true\nunreferenced_jobs = true",
+    );
+    let mut rig = switched_on(&[allow]);
+    go(&mut rig, Command::Mdi("G0 X1".to_owned()));
+    assert_eq!(rig.refused, []);
+}
+
+#[test]
+fn an_operator_says_where_an_axis_stands() {
+    let by_hand = (
+        "kind = \"switch\"\norder = 1\nswitches = [\"home Z\"]\ndirection = \"positive\"\n\
+         speed = 30.0\nslow_speed = 1.0\nback_off = 3.0\nposition = 3.0\nfinal_position = 0.0",
+        "kind = \"set_here\"\nposition = -40.0",
+    );
+    let no_switch = (
+        "# It opens at the top, as a broken wire does.\n[[input]]\nname = \"home Z\"\ndrive = \"Z\"\n\
+         signal = \"DI4\"\nfunction = \"home\"\nactive_low = true\nsimulated = [3.0, 40.0]",
+        "",
+    );
+    let mut rig = switched_on(&[by_hand, no_switch, ("at_start = true", "")]);
+    go(&mut rig, ALL);
+    assert!(is_referenced(&rig, Axis::X) && !is_referenced(&rig, Axis::Z));
+    go(&mut rig, home(Axis::Z));
+    assert!(is_referenced(&rig, Axis::Z));
+    assert_eq!(rig.session.status().setpoint[Axis::Z.index()], -40.0);
+    assert!(errors(&mut rig, Axis::Z)[0].abs() < 0.002);
+    go(&mut rig, home(Axis::A));
+    assert_eq!(refusals(&rig), [OrderRefusal::NoSuchAxis(Axis::A.index())]);
+}
+
+/// Homes an axis, does something to a drive once it has gone so far, and goes on to rest.
+fn disturbed(rig: &mut Rig, axis: Axis, far: f64, deeds: &[(usize, Disturbance)]) {
+    rig.command(home(axis));
+    let from = rig.session.status().setpoint[axis.index()];
+    for &(drive, disturbance) in deeds {
+        rig.run_until(|rig| {
+            let here = rig.session.status().setpoint[axis.index()];
+            (here - from).abs() > far
+        });
+        rig.twin(drive).disturb(disturbance);
+        for _ in 0..20 {
+            rig.step();
+        }
+    }
+    settle(rig);
+}
+
+const Y_SWITCH: &str =
+    "drive = \"Y\"\nsignal = \"DI0\"\nfunction = \"home\"\nsimulated = [-60.0, -4.0]";
+
+/// The switch of Y with other keys.
+fn y_switch(keys: &str) -> String {
+    format!("drive = \"Y\"\nsignal = \"DI0\"\nfunction = \"home\"\n{keys}")
+}
+
+#[test]
+fn a_switch_that_is_not_found_stops_the_axis() {
+    for keys in ["", "simulated = [850.0, 900.0]"] {
+        let mut rig = switched_on(&[(Y_SWITCH, &y_switch(keys))]);
+        go(&mut rig, home(Axis::Y));
+        assert_eq!(failure(&rig), Some(HomingFailure::NotFound), "{keys}");
+        assert_eq!(state(&rig), State::Ready);
+        // It went as far as it may, 1.5 times the travel, and stopped there.
+        let y = rig.session.status().setpoint[Axis::Y.index()];
+        assert!((y + 1200.0).abs() < 0.01, "{y}");
+        assert!(!is_referenced(&rig, Axis::Y));
+    }
+}
+
+#[test]
+fn a_switch_that_stays_on_is_told() {
+    // Stuck from the beginning, wired the other way round, and stuck once it came on.
+    let mut rig = switched_on(&[]);
+    rig.twin(Y).disturb(Disturbance::Input(0, true));
+    for _ in 0..4 {
+        rig.step();
+    }
+    go(&mut rig, home(Axis::Y));
+    assert_eq!(failure(&rig), Some(HomingFailure::StaysOn));
+    let mut rig = switched_on(&[(Y_SWITCH, &y_switch("active_low = true"))]);
+    go(&mut rig, home(Axis::Y));
+    assert_eq!(failure(&rig), Some(HomingFailure::StaysOn));
+    let mut rig = switched_on(&[]);
+    disturbed(&mut rig, Axis::Y, 60.0, &[(Y, Disturbance::Input(0, true))]);
+    assert_eq!(failure(&rig), Some(HomingFailure::StaysOn));
+    assert_eq!(state(&rig), State::Ready);
+    // Mended, it homes.
+    rig.twin(Y).disturb(Disturbance::Input(0, false));
+    for _ in 0..4 {
+        rig.step();
+    }
+    go(&mut rig, home(Axis::Y));
+    assert!(is_referenced(&rig, Axis::Y), "{:?}", rig.events);
+}
+
+#[test]
+fn a_switch_that_is_loose_is_told() {
+    let mut rig = switched_on(&[]);
+    let deeds = [
+        (Y, Disturbance::Input(0, true)),
+        (Y, Disturbance::Input(0, false)),
+    ];
+    disturbed(&mut rig, Axis::Y, 30.0, &deeds);
+    assert_eq!(failure(&rig), Some(HomingFailure::Lost));
+}
+
+#[test]
+fn each_side_of_a_gantry_needs_its_switch() {
+    let x2 = "drive = \"X2\"\nsignal = \"DI0\"\nfunction = \"home\"\nsimulated = [-60.0, -4.0]";
+    let without = "drive = \"X2\"\nsignal = \"DI0\"\nfunction = \"home\"";
+    let mut rig = switched_on(&[(x2, without)]);
+    go(&mut rig, home(Axis::X));
+    assert_eq!(failure(&rig), Some(HomingFailure::OneSide { side: 1 }));
+    // A side that is jammed stops both.
+    for side in [X1, X2] {
+        let mut rig = switched_on(&[]);
+        disturbed(&mut rig, Axis::X, 50.0, &[(side, Disturbance::Block(true))]);
+        assert_eq!(state(&rig), State::Faulted);
+        let fault = rig.session.faults()[0];
+        assert!(matches!(fault, Fault::Axis(0, _)), "{fault:?}");
+        assert!(!is_referenced(&rig, Axis::X));
+        let apart = truth(&mut rig, X1) - truth(&mut rig, X2);
+        assert!(apart.abs() < 5.0, "{apart}");
+    }
+}
+
+#[test]
+fn time_and_speed_end_a_homing() {
+    let short = ("back_off = 3.0", "back_off = 3.0\nmax_time_ms = 500");
+    let mut rig = switched_on(&[short]);
+    go(&mut rig, home(Axis::Z));
+    assert_eq!(failure(&rig), Some(HomingFailure::TooLong));
+    go(&mut rig, Command::RapidOverride(Override::To(0.0)));
+    go(&mut rig, home(Axis::Z));
+    assert_eq!(failure(&rig), Some(HomingFailure::NoSpeed));
+    assert_eq!(state(&rig), State::Ready);
+}
+
+#[test]
+fn a_stop_leaves_the_axis_unreferenced() {
+    let mut rig = switched_on(&[]);
+    rig.command(ALL);
+    rig.run_until(|rig| is_referenced(rig, Axis::Z) && state(rig) == State::Homing);
+    for _ in 0..900 {
+        rig.step();
+    }
+    go(&mut rig, Command::Stop);
+    assert_eq!(state(&rig), State::Ready);
+    assert!(is_referenced(&rig, Axis::Z));
+    assert!(!is_referenced(&rig, Axis::X) && !is_referenced(&rig, Axis::Y));
+    go(&mut rig, ALL);
+    assert!(is_referenced(&rig, Axis::X));
+}
+
+#[test]
+fn one_switch_of_two_axes_says_nothing_while_it_is_on() {
+    let shared = [
+        (
+            Y_SWITCH,
+            "drive = \"Y\"\nsignal = \"DI0\"\nnumber = 1\nsimulated = [-60.0, -4.0]",
+        ),
+        ("switches = [\"home Y\"]", "switches = [\"home Z\"]"),
+        ("start = -40.0", "start = 5.0"),
+    ];
+    let mut rig = switched_on(&shared);
+    go(&mut rig, home(Axis::Y));
+    assert_eq!(failure(&rig), Some(HomingFailure::Shared));
+    assert!(!is_referenced(&rig, Axis::Y));
+}
+
+#[test]
+fn a_drive_that_was_without_supply_is_homed_again() {
+    let mut rig = switched_on(&[]);
+    go(&mut rig, ALL);
+    // Disabled and enabled again, and after a fault that leaves the drives their counts, it stays.
+    go(&mut rig, Command::Disable);
+    go(&mut rig, Command::Enable);
+    assert!(is_referenced(&rig, Axis::Y));
+    rig.twin(Y).disturb(Disturbance::Fault(
+        syncline_drives::twin::ErrorClass::StopAndSwitchOff,
+    ));
+    settle(&mut rig);
+    go(&mut rig, Command::Reset);
+    assert_eq!(rig.session.status().state_in_words(), "ready");
+    assert!(errors(&mut rig, Axis::Y)[0].abs() < 0.004);
+    // A new start of the drive's own does not.
+    go(&mut rig, Command::Disable);
+    rig.twin(Y).disturb(Disturbance::Reset);
+    for _ in 0..200 {
+        rig.step();
+    }
+    assert!(!is_referenced(&rig, Axis::Y), "{:?}", rig.events);
+    assert!(is_referenced(&rig, Axis::X));
+    settle(&mut rig);
+    if state(&rig) == State::Faulted {
+        go(&mut rig, Command::Reset);
+    } else {
+        go(&mut rig, Command::Enable);
+    }
+    settle(&mut rig);
+    if state(&rig) == State::Faulted {
+        go(&mut rig, Command::Reset);
+    }
+    go(&mut rig, Command::Mdi("G0 X1".to_owned()));
+    assert_eq!(
+        refusals(&rig),
+        [OrderRefusal::Unreferenced(Axis::Y.index())]
+    );
+    go(&mut rig, home(Axis::Y));
+    assert!(is_referenced(&rig, Axis::Y), "{:?}", rig.events);
+}
+
+/// One homing of Z by a switch.
+#[derive(Clone, Debug)]
+struct Case {
+    positive: bool,
+    active_low: bool,
+    /// Where the axis stands.
+    start: f64,
+    /// Machine position of the edge that is searched, and how wide the switch is behind it, mm.
+    edge: f64,
+    width: f64,
+    speed: f64,
+    slow_speed: f64,
+    back_off: f64,
+    max_distance: f64,
+    seed: u64,
+}
+
+fn case() -> impl Strategy<Value = Case> {
+    let speeds = (8.0..200.0, 0.05..1.0, 0.5..12.0, 5.0..400.0);
+    let places = (-180.0..0.0, -220.0..40.0, 0.05..80.0);
+    (any::<[bool; 2]>(), places, speeds, 0..1000u64).prop_map(
+        |([positive, active_low], (start, edge, width), (speed, slow, back_off, max), seed)| Case {
+            positive,
+            active_low,
+            start,
+            edge,
+            width,
+            speed,
+            slow_speed: f64::min(slow * 8.0, speed),
+            back_off,
+            max_distance: max,
+            seed,
+        },
+    )
+}
+
+impl Case {
+    fn direction(&self) -> f64 {
+        if self.positive { 1.0 } else { -1.0 }
+    }
+
+    /// The switch, least position first.
+    fn switch(&self) -> (f64, f64) {
+        let far = self.edge + self.direction() * self.width;
+        (self.edge.min(far), self.edge.max(far))
+    }
+
+    fn rig(&self) -> Rig {
+        let (from, to) = self.switch();
+        let text = |key: &str, value: &dyn std::fmt::Debug| format!("{key} = {value:?}");
+        let direction = if self.positive {
+            "positive"
+        } else {
+            "negative"
+        };
+        let seed = self.seed;
+        let replacements = [
+            ("active_low = true", text("active_low", &self.active_low)),
+            ("simulated = [3.0, 40.0]", text("simulated", &[from, to])),
+            ("direction = \"positive\"", text("direction", &direction)),
+            ("speed = 30.0", text("speed", &self.speed)),
+            ("slow_speed = 1.0", text("slow_speed", &self.slow_speed)),
+            (
+                "back_off = 3.0",
+                format!(
+                    "back_off = {:?}\nmax_distance = {:?}",
+                    self.back_off, self.max_distance
+                ),
+            ),
+            (
+                "position = 3.0\nfinal_position = 0.0",
+                text("position", &self.edge),
+            ),
+            ("start = -40.0", text("start", &self.start)),
+        ];
+        let replacements: Vec<_> = replacements
+            .iter()
+            .map(|(old, new)| (*old, new.as_str()))
+            .collect();
+        let mut rig = Rig::staying_on("router", &replacements, |drive, config| {
+            config.seed = seed + drive as u64;
+        });
+        settle(&mut rig);
+        rig
+    }
+
+    /// How far the edge is ahead; negative behind.
+    fn ahead(&self) -> f64 {
+        (self.edge - self.start) * self.direction()
+    }
+
+    /// Whether a homing has to find the edge.
+    fn must_succeed(&self) -> bool {
+        let margin = 0.5 + self.speed * 0.01;
+        // Seen at speed for two samples at least, and at slow speed.
+        let seen = self.width > 0.01 * self.speed + 0.01;
+        let reached = self.ahead() > margin && self.ahead() + margin < self.max_distance;
+        let left = self.ahead() < -margin
+            && -self.ahead() < self.width - margin
+            // Off the switch, and as far beyond as it takes to stop and to back off.
+            && -self.ahead() + self.back_off + margin < self.max_distance;
+        let backs_off = self.max_distance > self.back_off + margin - self.ahead().min(0.0);
+        seen && backs_off && (reached || left)
+    }
+
+    /// Whether no homing can find the edge.
+    fn must_fail(&self) -> bool {
+        let beyond = self.ahead() < -self.width - 0.5;
+        beyond || self.ahead() > self.max_distance + 0.5
+    }
+}
+
+/// Runs a case, and holds it against what must be.
+fn judge(case: &Case) -> Result<(), TestCaseError> {
+    let mut rig = case.rig();
+    prop_assert_eq!(state(&rig), State::Ready);
+    let z = Axis::Z.index();
+    let from = rig.session.status().setpoint[z];
+    let began = rig.rows.len();
+    go(&mut rig, home(Axis::Z));
+    prop_assert_eq!(state(&rig), State::Ready, "{:?}", rig.events);
+    let known = is_referenced(&rig, Axis::Z);
+    prop_assert!(known != failure(&rig).is_some());
+    prop_assert!(known || !case.must_succeed(), "{:?}", failure(&rig));
+    prop_assert!(!known || !case.must_fail());
+    // No search leaves its distance: until it is referenced positions count from where it began.
+    let told = rig.events.iter().find_map(|event| match event {
+        Event::Referenced { uncertainty, .. } => Some(*uncertainty),
+        _ => None,
+    });
+    let farthest = rig.rows[began..]
+        .iter()
+        .map(|row| row.plan.position[z] - from);
+    if told.is_none() {
+        let farthest = farthest.map(f64::abs).fold(0.0, f64::max);
+        prop_assert!(farthest < case.max_distance + 1e-6, "{}", farthest);
+        if case.ahead() > case.max_distance + 0.5 || case.ahead() < -case.width - 0.5 {
+            prop_assert_eq!(failure(&rig), Some(HomingFailure::NotFound));
+        }
+    }
+    if let Some(uncertainty) = told {
+        prop_assert!(uncertainty <= case.slow_speed * 0.002 * 0.6 + 0.001);
+        let error = errors(&mut rig, Axis::Z)[0];
+        prop_assert!(
+            error.abs() < uncertainty + 0.0015,
+            "{} > {}",
+            error,
+            uncertainty
+        );
+        let (least, most) = rig.machine.axes[2].limits.position;
+        let shown = rig.session.status().setpoint[z];
+        prop_assert!((least..=most).contains(&shown), "{}", shown);
+    }
+    prop_assert!(rig.ends_at_rest());
+    Ok(())
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 16, ..ProptestConfig::default() })]
+
+    /// Wherever the axis stands and whatever the switch is like: it ends referenced, with its position
+    /// within the stated error of the truth, or at rest inside its distance with the reason.
+    #[test]
+    fn every_homing_ends_referenced_or_with_its_reason(case in case()) {
+        judge(&case)?;
+    }
+}
+
+#[test]
+fn phases_of_a_homing_are_those_of_a_machine_that_is_ready() {
+    let mut rig = switched_on(&[]);
+    go(&mut rig, ALL);
+    assert!(!rig.phases.iter().any(|(phase, _)| *phase == Phase::Stop));
+}
