@@ -1,4 +1,5 @@
-//! A machine of any number of axes to measure with: each a drive of its own, moving to and fro.
+//! A machine of any number of axes to measure with: each a drive of its own, of the reference model,
+//! moving to and fro.
 
 use crate::budget::DoesNotFit;
 use crate::control::{Instruction, Layout, layout};
@@ -12,7 +13,7 @@ use syncline_canopen::budget::{NodeTraffic, Traffic, Verdict};
 use syncline_canopen::{CobId, Instant, NodeId};
 use syncline_drives::bus::BitRate;
 use syncline_drives::model::{
-    Assumed, Direction, Drive, Heartbeat, Increments, MODELS, Model, Scaling, Settings,
+    Assumed, Direction, Drive, Heartbeat, Increments, REFERENCE, Scaling, Settings,
 };
 use syncline_drives::twin::{Config, SimulatedDevice};
 use syncline_drives::world::World;
@@ -67,11 +68,11 @@ impl Shape {
     /// # Errors
     /// If a bus does not fit the period, or the drives do not take it.
     pub fn check(&self) -> Result<(), DoesNotFit> {
-        if !model().takes_cycle(self.period) {
+        if !REFERENCE.takes_cycle(self.period) {
             return Err(DoesNotFit::Cycle {
                 cycle: self.period,
-                allowed: model().cycles.clone(),
-                step: model().cycle_step,
+                allowed: REFERENCE.cycles.clone(),
+                step: REFERENCE.cycle_step,
             });
         }
         // The first bus has the most axes.
@@ -98,7 +99,7 @@ impl Shape {
     /// The drive of an axis as the controller sees it.
     #[must_use]
     pub fn device(&self, axis: usize) -> Box<dyn Drive> {
-        (model().drive)(&Settings {
+        (REFERENCE.drive)(&Settings {
             node: self.node(axis),
             cycle: self.period,
             heartbeat: Heartbeat {
@@ -152,7 +153,7 @@ impl Shape {
                 seed: axis as u64,
                 ..Config::new(shape.node(axis))
             };
-            sim::twin(model(), &config)
+            sim::twin(REFERENCE, &config)
         })
     }
 
@@ -187,7 +188,7 @@ impl Shape {
         let latest = |offset: fn(&syncline_canopen::budget::Budget) -> Duration| {
             budgets.iter().map(offset).max().unwrap_or_default()
         };
-        let increments = (model().increments_per_revolution)(&Assumed::default());
+        let increments = (REFERENCE.increments_per_revolution)(&Assumed::default());
         let scaling = Scaling::new(increments, 10.0, Direction::Positive, Increments::from(0));
         Layout {
             cycle: self.period,
@@ -255,11 +256,6 @@ impl Shape {
             outputs: Vec::new(),
         }
     }
-}
-
-/// What every axis is moved by: the first model that there is.
-fn model() -> &'static Model {
-    MODELS[0]
 }
 
 fn bus_name(bus: usize) -> String {

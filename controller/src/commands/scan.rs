@@ -20,9 +20,12 @@ const PRODUCT: Address = Address::new(0x1018, 2);
 const REVISION: Address = Address::new(0x1018, 3);
 const STATUSWORD: Address = Address::new(0x6041, 0);
 
+/// Number of the device profile for drives, CiA 402, in 1000h.
+const DRIVES: u32 = 402;
+
 /// Find out who is on a bus: every node that answers or is heard, its identity and state.
 ///
-/// Reads device type, name, identity and statusword of all 127 nodes at once, and listens for
+/// Reads device type, name and identity of all 127 nodes at once, the statusword of drives of CiA 402, and listens for
 /// heartbeats meanwhile. Nothing is written, nothing is commanded. A node that is Stopped and has no
 /// heartbeat is found by --guarding only.
 #[derive(Debug, clap::Args)]
@@ -73,13 +76,20 @@ impl Args {
         let mut types = ask(&all, DEVICE_TYPE)?;
         types.retain(|_, answer| *answer != Err(Reason::TimedOut));
         let nodes: Vec<NodeId> = types.keys().copied().collect();
+        // What 6041h holds elsewhere is another profile's affair.
+        let is_drive = |answer: &Result<Vec<u8>, _>| {
+            let profile = |data: &Vec<u8>| number(data) & 0xFFFF;
+            answer.as_ref().is_ok_and(|data| profile(data) == DRIVES)
+        };
+        let drives = types.iter().filter(|(_, answer)| is_drive(answer));
+        let drives: Vec<NodeId> = drives.map(|(&node, _)| node).collect();
         let objects = Objects {
             types,
             names: ask(&nodes, NAME)?,
             vendors: ask(&nodes, VENDOR)?,
             products: ask(&nodes, PRODUCT)?,
             revisions: ask(&nodes, REVISION)?,
-            statuswords: ask(&nodes, STATUSWORD)?,
+            statuswords: ask(&drives, STATUSWORD)?,
         };
         listen(&mut session, &mut heard, end)?;
         if self.guarding {
@@ -184,16 +194,16 @@ fn number(data: &[u8]) -> u32 {
     bytes.fold(0, |number, &byte| number << 8 | u32::from(byte))
 }
 
-/// The model whose table says the same of itself.
+/// The model whose table says the same of itself: a device has its vendor where the table has one.
 pub(super) fn recognise(device_type: u32, vendor: Option<u32>) -> Option<&'static Model> {
-    let says = |model: &Model, address: Address, value: u32| {
+    let says = |model: &Model, address: Address| {
         let mut entries = model.dictionary.iter();
         let entry = entries.find(|entry| entry.address == address);
-        entry.is_some_and(|entry| entry.preset == Preset::Number(value.into()))
+        entry.map(|entry| entry.preset)
     };
+    let told = |value: Option<u32>| value.map(|value| Preset::Number(value.into()));
     let mut models = MODELS.iter().copied();
     models.find(|model| {
-        says(model, DEVICE_TYPE, device_type)
-            && vendor.is_some_and(|vendor| says(model, VENDOR, vendor))
+        says(model, DEVICE_TYPE) == told(Some(device_type)) && says(model, VENDOR) == told(vendor)
     })
 }

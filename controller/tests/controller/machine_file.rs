@@ -219,7 +219,7 @@ fn every_mistake_is_found_named_and_placed() {
             "model = \"lxm32m\"",
             "model = §\"lxm23m\"",
             "drive \"X1\": `model` is \"lxm23m\"",
-            "allowed: \"lxm32m\" or \"cia402_csp\"; nearest: \"lxm32m\"",
+            "; nearest: \"lxm32m\"",
         ),
         (
             "bus = \"portal\"\nnode = 3",
@@ -596,6 +596,16 @@ fn every_mistake_is_found_named_and_placed() {
     }
     let error = parse("").unwrap_err().to_string();
     assert!(error.starts_with("machine.toml:1:1: machine file: missing key `machine`"));
+}
+
+#[test]
+fn a_model_is_one_of_the_list() {
+    let text = portal_with("model = \"lxm32m\"", "model = \"lxm23m\"");
+    let told = parse(&text).unwrap_err().diagnostics;
+    for model in MODELS {
+        let name = format!("\"{}\"", model.name);
+        assert!(told[0].help.contains(&name), "{}", told[0].help);
+    }
 }
 
 #[test]

@@ -10,6 +10,7 @@ use syncline_canopen::{CanId, Frame};
 use syncline_controller::bus_log::candump::Line;
 use syncline_controller::port::url::{BusUrl, End};
 use syncline_controller::realtime;
+use syncline_drives::model::MODELS;
 
 const MACHINE: &str = concat!(
     env!("CARGO_MANIFEST_DIR"),
@@ -474,6 +475,8 @@ fn bad_input() {
         told.ends_with("bad.log:2: expected (SECONDS) INTERFACE ID#DATA\n"),
         "{told}"
     );
+    let models: Vec<&str> = MODELS.iter().map(|model| model.name).collect();
+    let no_model = format!("no model `y`, only {}", models.join(", "));
     for (args, told) in [
         (&["scan", "--bus", "tcp://x"][..], "`tcp://x` is no bus"),
         (
@@ -486,7 +489,7 @@ fn bad_input() {
         ),
         (
             &["monitor", "--log", "x", "--node", "1:y"],
-            "no model `y`, only lxm32m, cia402_csp",
+            no_model.as_str(),
         ),
         (&["monitor"], "required"),
         (&["scan", "--bus", "can0", "--timeout", "0"], "1..=600000"),

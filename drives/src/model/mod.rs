@@ -37,7 +37,7 @@ pub use syncline_canopen::Address;
 use core::{ops::RangeInclusive, time::Duration};
 use syncline_canopen::{NodeId, dictionary::Entry};
 
-/// Every model that a machine file may name.
+/// Every model that a machine file may name, in the order in which messages list them.
 pub static MODELS: &[&Model] = &[&lxm32m::LXM32M, &cia402_csp::CIA402_CSP];
 
 /// A kind of device: everything that is known before one is made.
@@ -83,6 +83,9 @@ pub enum Ability {
     /// It faults beyond positions of its own, [`Settings::soft_limits`].
     SoftLimits,
 }
+
+/// The model that measurements are made with where none is named, so that they can be compared.
+pub static REFERENCE: &Model = &lxm32m::LXM32M;
 
 impl Model {
     /// The model of that name.

@@ -64,6 +64,7 @@ pub struct Gains {
     pub speed_limit: f64,
 }
 
+/// Of the default axis with the default motor, by hand; for others see [`Gains::commissioned`].
 impl Default for Gains {
     fn default() -> Self {
         Self {
