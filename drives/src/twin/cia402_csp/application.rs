@@ -115,11 +115,11 @@ impl Firmware for Drive {
     }
 
     fn shaft(&self) -> &Shaft {
-        &self.shaft
+        &self.loops.shaft
     }
 
     fn shaft_mut(&mut self) -> &mut Shaft {
-        &mut self.shaft
+        &mut self.loops.shaft
     }
 
     fn is_powered(&self) -> bool {
@@ -127,7 +127,7 @@ impl Firmware for Drive {
     }
 
     fn torque(&self) -> f64 {
-        self.torque
+        self.loops.torque()
     }
 
     fn disturb(&mut self, disturbance: Disturbance) {

@@ -5,12 +5,11 @@ use super::policy::Policies;
 use super::settings::Settings;
 use super::{MODE, TwinConfig};
 use crate::twin::node::{Firmware, Tampering};
-use crate::twin::servo::cascade::{
-    Cascade, POSITION_STEP_NS, Reference, SPEED_STEP_NS, SPEED_STEPS,
-};
+use crate::twin::servo::cascade::{POSITION_STEP_NS, Reference, SPEED_STEPS};
 use crate::twin::servo::clock::Clock;
 use crate::twin::servo::encoder::Encoder;
-use crate::twin::servo::power_stage::{PowerStage, TorqueSource};
+use crate::twin::servo::loops::Loops;
+use crate::twin::servo::power_stage::PowerStage;
 use crate::twin::servo::ramp::Ramp;
 use crate::twin::servo::shaft::Shaft;
 use syncline_canopen::cia402::{Controlword, State, Statusword};
@@ -18,8 +17,6 @@ use syncline_canopen::dictionary::Dictionary;
 use syncline_canopen::time::Duration;
 use syncline_canopen::{Address, Instant};
 
-/// Nominal seconds per step of the speed loop and of the position loop.
-const SPEED_STEP: f64 = SPEED_STEP_NS as f64 * 1e-9;
 const POSITION_STEP: f64 = POSITION_STEP_NS as f64 * 1e-9;
 
 /// Time constant of the measured velocity, s.
@@ -96,14 +93,7 @@ pub struct Drive {
     /// Whether the node is in NMT Operational.
     pub(super) is_operational: bool,
 
-    clock: Clock,
-    pub(super) shaft: Shaft,
-    sensor: Encoder,
-    pub(super) cascade: Cascade,
-    torque_source: TorqueSource,
-    pub(super) torque: f64,
-    increments_per_revolution: f64,
-    pub(super) encoder: i64,
+    pub(super) loops: Loops,
     /// Measured, increments/s.
     velocity: f64,
     last_encoder: i64,
@@ -125,11 +115,13 @@ impl Drive {
         objects: Dictionary,
         config: TwinConfig,
         clock: Clock,
-        mut sensor: Encoder,
+        sensor: Encoder,
     ) -> Self {
-        let increments_per_revolution = f64::from(config.encoder_increments);
+        let counts = f64::from(config.encoder_increments);
         let shaft = Shaft::new(config.mechanics, config.position);
-        let encoder = sensor.read(&shaft, 0.0);
+        let (gains, torque_source) = (config.gains, config.torque_source);
+        let loops = Loops::new(clock, shaft, sensor, counts, gains, torque_source);
+        let encoder = loops.encoder;
         let mut drive = Self {
             settings: Settings::of(&objects),
             objects,
@@ -144,14 +136,7 @@ impl Drive {
             has_mains: true,
             remote: true,
             is_operational: false,
-            clock,
-            shaft,
-            sensor,
-            cascade: Cascade::new(config.gains, encoder),
-            torque_source: config.torque_source,
-            torque: 0.0,
-            increments_per_revolution,
-            encoder,
+            loops,
             velocity: 0.0,
             last_encoder: encoder,
             reference: Ramp::at(encoder as f64),
@@ -172,46 +157,34 @@ impl Drive {
 
     /// Lets the loops and the shaft run up to `now`.
     pub(super) fn advance(&mut self, now: Instant) {
-        while self.clock.step_end() <= now {
+        while self.loops.clock.step_end() <= now {
             self.step();
         }
         self.now = now;
     }
 
     fn step(&mut self) {
-        let (step, dt) = self.clock.step();
-        let end = self.clock.step_end();
+        let (step, _) = self.loops.clock.step();
         if step % SPEED_STEPS == 0 {
-            self.now = end;
+            self.now = self.loops.clock.step_end();
             self.position_step();
         }
-        let counts = self.increments_per_revolution;
-        let reference = self.loop_reference();
-        let is_held = self.torque_source.is_limited();
-        let wanted =
-            (self.cascade).speed_step(reference, self.encoder, counts, SPEED_STEP, is_held);
-        let (is_on, shaft) = (self.is_powered(), &self.shaft);
-        self.torque = (self.torque_source).step(wanted, is_on, shaft, SPEED_STEP);
-        self.shaft.step(end, dt, self.torque, is_on);
-        self.encoder = self.sensor.read(&self.shaft, 0.0);
-        self.clock.next_step();
+        self.loops.speed_step(self.loop_reference());
     }
 
     fn position_step(&mut self) {
-        let moved = (self.encoder - self.last_encoder) as f64 / POSITION_STEP;
-        self.last_encoder = self.encoder;
+        let moved = (self.loops.encoder - self.last_encoder) as f64 / POSITION_STEP;
+        self.last_encoder = self.loops.encoder;
         self.velocity += (moved - self.velocity) * (POSITION_STEP / VELOCITY_FILTER);
         self.change_state();
         if self.is_powered() {
             self.move_reference();
             self.monitor();
         } else {
-            self.reference = Ramp::at(self.encoder as f64);
+            self.reference = Ramp::at(self.loops.encoder as f64);
         }
-        self.cascade.limit_torque(self.torque_source.torque_limit());
-        let counts = self.increments_per_revolution;
-        let reference = self.loop_reference();
-        self.cascade.position_step(reference, self.encoder, counts);
+        let limit = self.loops.torque_source.torque_limit();
+        self.loops.position_step(self.loop_reference(), limit);
     }
 
     fn loop_reference(&self) -> Reference {
@@ -271,8 +244,8 @@ impl Drive {
 
     /// The power stage goes on: the reference is where the motor is.
     pub(super) fn start_loops(&mut self) {
-        self.cascade.reset();
-        self.reference = Ramp::at(self.encoder as f64);
+        self.loops.cascade.reset();
+        self.reference = Ramp::at(self.loops.encoder as f64);
         self.motion = Motion::Hold;
         self.too_far_since = None;
         self.following_error = false;
@@ -281,7 +254,7 @@ impl Drive {
     // ---- monitoring ----
 
     fn monitor(&mut self) {
-        let power_stage = self.torque_source.power_stage();
+        let power_stage = self.loops.torque_source.power_stage();
         if power_stage.is_some_and(PowerStage::has_overvoltage) {
             self.raise(DriveError::OVERVOLTAGE);
             return;
@@ -298,7 +271,7 @@ impl Drive {
             window_time,
             ..
         } = self.settings;
-        let deviation = (self.reference.position - self.encoder as f64).abs();
+        let deviation = (self.reference.position - self.loops.encoder as f64).abs();
         let too_far = following_error.is_some_and(|limit| deviation > limit);
         self.following_error = lasts(
             &mut self.too_far_since,
@@ -325,7 +298,7 @@ impl Drive {
     }
 
     fn is_at_rest(&self) -> bool {
-        let standstill = STANDSTILL * self.increments_per_revolution;
+        let standstill = STANDSTILL * self.loops.increments_per_revolution;
         self.motion == Motion::Hold && self.velocity.abs() < standstill
     }
 
@@ -338,14 +311,14 @@ impl Drive {
 
     /// Brings the objects that show the drive's condition up to `now`.
     pub(super) fn publish(&mut self, now: Instant) {
-        let ahead = self.clock.since_step(now);
-        let position = self.sensor.read(&self.shaft, ahead);
+        let ahead = self.loops.clock.since_step(now);
+        let position = self.loops.read(ahead);
         let reference = match self.motion {
             Motion::Follow(segment) => segment.at(now).position,
             _ => self.reference.position,
         };
         let deviation = libm::round(reference) as i64 - position;
-        let torque = self.torque / self.cascade.gains().continuous_torque * 1000.0;
+        let torque = self.loops.torque() / self.loops.cascade.gains().continuous_torque * 1000.0;
         for (index, value) in [
             (0x1001, self.errors.register().into()),
             (0x603F, self.errors.code().into()),

@@ -17,7 +17,8 @@ use crate::twin::servo::cascade::{
 };
 use crate::twin::servo::clock::Clock;
 use crate::twin::servo::encoder::Encoder;
-use crate::twin::servo::power_stage::{PowerStage, TorqueSource};
+use crate::twin::servo::loops::Loops;
+use crate::twin::servo::power_stage::PowerStage;
 use crate::twin::servo::ramp::Ramp;
 use crate::twin::servo::shaft::Shaft;
 use syncline_canopen::Instant;
@@ -58,16 +59,10 @@ pub struct Drive {
     pub(super) remote: bool,
     pub(super) warning_until: Instant,
 
-    pub(super) clock: Clock,
+    pub(super) loops: Loops,
     pub(super) sync: Synchronisation,
-    pub(super) shaft: Shaft,
-    sensor: Encoder,
-    pub(super) cascade: Cascade,
-    pub(super) torque_source: TorqueSource,
-    pub(super) torque: f64,
     /// Gains that no object sets.
     pub(super) own_gains: Gains,
-    pub(super) encoder: i64,
     /// Encoder reading at user position 0.
     pub(super) zero: i64,
     recent: [i64; VELOCITY_WINDOW],
@@ -111,7 +106,7 @@ impl Drive {
         objects: Dictionary,
         config: TwinConfig,
         clock: Clock,
-        mut sensor: Encoder,
+        sensor: Encoder,
     ) -> Self {
         let TwinConfig {
             initial_position,
@@ -125,8 +120,12 @@ impl Drive {
         } = config;
         let revolutions = initial_position as f64 / INCREMENTS_PER_REVOLUTION;
         let shaft = Shaft::new(mechanics, revolutions);
-        let cascade = Cascade::new(gains, initial_position);
-        let encoder = sensor.read(&shaft, 0.0);
+        let counts = INCREMENTS_PER_REVOLUTION;
+        let own_gains = gains.clone();
+        let mut loops = Loops::new(clock, shaft, sensor, counts, gains, torque_source);
+        let encoder = loops.encoder;
+        // The speed is measured from where it has been put, not from a reading.
+        loops.cascade = Cascade::new(own_gains.clone(), initial_position);
         Self {
             rows: Rows::new(&objects),
             parameter_sets: ParameterSet::both(&objects),
@@ -145,15 +144,9 @@ impl Drive {
             has_mains: true,
             remote: true,
             warning_until: Instant::ZERO,
-            clock,
+            loops,
             sync: Synchronisation::new(),
-            shaft,
-            sensor,
-            own_gains: cascade.gains().clone(),
-            cascade,
-            torque_source,
-            torque: 0.0,
-            encoder,
+            own_gains,
             zero: 0,
             recent: [encoder; VELOCITY_WINDOW],
             recent_place: 0,
@@ -191,42 +184,30 @@ impl Drive {
 
     /// Lets the loops and the shaft run up to `now`.
     pub(super) fn advance(&mut self, now: Instant) {
-        while self.clock.step_end() <= now {
+        while self.loops.clock.step_end() <= now {
             self.step();
         }
         self.now = now;
     }
 
     fn step(&mut self) {
-        let (step, dt) = self.clock.step();
+        let (step, _) = self.loops.clock.step();
         if step % SPEED_STEPS == 0 {
-            self.now = self.clock.step_end();
+            self.now = self.loops.clock.step_end();
             self.position_step(step);
         }
-        let wanted = self.cascade.speed_step(
-            self.loop_reference(),
-            self.encoder,
-            INCREMENTS_PER_REVOLUTION,
-            SPEED_STEP,
-            self.torque_source.is_limited(),
-        );
-        let (is_on, shaft) = (self.is_powered(), &self.shaft);
-        self.torque = (self.torque_source).step(wanted, is_on, shaft, SPEED_STEP);
-        let end = self.clock.step_end();
-        self.shaft.step(end, dt, self.torque, is_on);
-        self.encoder = self.sensor.read(&self.shaft, 0.0);
-        if self.clock.next_step() {
+        if self.loops.speed_step(self.loop_reference()) {
             self.interpolation.next_cycle();
         }
     }
 
     fn position_step(&mut self, step: u32) {
-        let oldest = core::mem::replace(&mut self.recent[self.recent_place], self.encoder);
-        let moved = (self.encoder - oldest) as f64;
+        let oldest = core::mem::replace(&mut self.recent[self.recent_place], self.loops.encoder);
+        let moved = (self.loops.encoder - oldest) as f64;
         self.velocity = moved / (POSITION_STEP * VELOCITY_WINDOW as f64);
         self.recent_place = (self.recent_place + 1) % VELOCITY_WINDOW;
         self.pulses.advance(POSITION_STEP);
-        if step == self.clock.steps() / 2 / SPEED_STEPS * SPEED_STEPS {
+        if step == self.loops.clock.steps() / 2 / SPEED_STEPS * SPEED_STEPS {
             let verdict = self.sync.on_mid_cycle(&self.policies);
             self.judge_sync(verdict);
         }
@@ -237,17 +218,15 @@ impl Drive {
             self.move_reference(step);
             self.monitor();
         } else {
-            self.ramp = Ramp::at(self.encoder as f64);
+            self.ramp = Ramp::at(self.loops.encoder as f64);
         }
         if step == 0 {
-            let cycle = f64::from(self.clock.steps()) * SPEED_STEP;
+            let cycle = f64::from(self.loops.clock.steps()) * SPEED_STEP;
             self.acceleration = (self.ramp.velocity - self.cycle_velocity) / cycle;
             self.cycle_velocity = self.ramp.velocity;
         }
-        self.cascade.limit_torque(self.torque_limit());
-        let reference = self.loop_reference();
-        self.cascade
-            .position_step(reference, self.encoder, INCREMENTS_PER_REVOLUTION);
+        let (reference, limit) = (self.loop_reference(), self.torque_limit());
+        self.loops.position_step(reference, limit);
     }
 
     fn loop_reference(&self) -> Reference {
@@ -279,7 +258,7 @@ impl Drive {
             0 => f64::INFINITY,
             _ => self.torque_of_current(limit),
         };
-        limit.min(self.torque_source.torque_limit())
+        limit.min(self.loops.torque_source.torque_limit())
     }
 
     fn move_reference(&mut self, step: u32) {
@@ -312,7 +291,7 @@ impl Drive {
             Motion::Gear => self.follow_pulses(),
             Motion::Torque(_) => {
                 self.ramp = Ramp {
-                    position: self.encoder as f64,
+                    position: self.loops.encoder as f64,
                     velocity: self.actual_velocity(),
                 }
             }
@@ -320,7 +299,7 @@ impl Drive {
     }
 
     fn monitor(&mut self) {
-        let power_stage = self.torque_source.power_stage();
+        let power_stage = self.loops.torque_source.power_stage();
         if power_stage.is_some_and(PowerStage::has_overvoltage) {
             self.raise(DriveError::OVERVOLTAGE);
             return;
@@ -355,7 +334,7 @@ impl Drive {
 
     /// Reference minus actual position, increments.
     pub(super) fn deviation(&self) -> f64 {
-        self.ramp.position - self.encoder as f64
+        self.ramp.position - self.loops.encoder as f64
     }
 
     /// Whether the actual position is within the standstill window of the reference.
@@ -381,7 +360,7 @@ impl Drive {
         if matches!(self.motion, Motion::Torque(_)) {
             return 0.0;
         }
-        let gains = self.cascade.gains();
+        let gains = self.loops.cascade.gains();
         let lag = self.ramp.velocity * (1.0 - gains.velocity_feed_forward) / gains.position;
         let deviation = self.deviation();
         if (deviation - lag).abs() < deviation.abs() {
@@ -419,7 +398,7 @@ impl Drive {
     /// movement was under way (the Jog example, lxm32m 1762).
     pub(super) fn begin(&mut self, motion: Motion) {
         if matches!(self.motion, Motion::Torque(_)) && !matches!(motion, Motion::Torque(_)) {
-            self.cascade.reset();
+            self.loops.cascade.reset();
         }
         self.motion = motion;
         self.x_end = false;
@@ -431,7 +410,7 @@ impl Drive {
     /// Brings the motor to rest with a deceleration in increments/s².
     pub(super) fn stop(&mut self, deceleration: f64) {
         if matches!(self.motion, Motion::Torque(_)) {
-            self.cascade.reset();
+            self.loops.cascade.reset();
         }
         if self.motion != Motion::Hold {
             self.motion = Motion::Stop(deceleration);
@@ -448,13 +427,13 @@ impl Drive {
     /// Brings the objects that show the drive's condition up to `now`.
     pub(super) fn publish(&mut self, now: Instant) {
         let rows = self.rows;
-        let since_step = self.clock.since_step(now);
-        let encoder = self.sensor.read(&self.shaft, since_step);
+        let since_step = self.loops.clock.since_step(now);
+        let encoder = self.loops.read(since_step);
         let encoder = encoder.saturating_sub(self.zero);
         let reference = (self.ramp.position as i64).saturating_sub(self.zero);
         let velocity = self.actual_velocity();
         let rpm = velocity * 60.0 / INCREMENTS_PER_REVOLUTION;
-        let torque = self.torque / self.cascade.gains().continuous_torque * 1000.0;
+        let torque = self.loops.torque() / self.loops.cascade.gains().continuous_torque * 1000.0;
         let position = self.user_position(encoder);
         let user_reference = self.user_position(reference);
         let deviation = user_reference.saturating_sub(position);
@@ -520,7 +499,7 @@ impl Drive {
 
     /// DC bus in 0.1 V, I²t of power stage and motor in percent with their peaks: units assumed.
     fn publish_power_stage(&mut self) {
-        let Some(stage) = self.torque_source.power_stage() else {
+        let Some(stage) = self.loops.torque_source.power_stage() else {
             return;
         };
         let rows = self.rows;

@@ -32,8 +32,8 @@ impl Drive {
         self.state_since = self.now;
         self.enable_at = None;
         if self.is_powered() && !was_powered {
-            self.cascade.reset();
-            self.ramp = Ramp::at(self.encoder as f64);
+            self.loops.cascade.reset();
+            self.ramp = Ramp::at(self.loops.encoder as f64);
             self.motion = Motion::Hold;
             self.x_err = false;
             self.target_reached = false;
@@ -160,7 +160,7 @@ impl Drive {
         self.zero = 0;
         self.ref_ok = false;
         self.change_mode();
-        self.sync.stop(&mut self.clock, self.now);
+        self.sync.stop(&mut self.loops.clock, self.now);
         self.select_at_power_up();
         self.written(self.rows.velocity_limit, Origin::Sdo);
     }

@@ -7,7 +7,7 @@
 //! - [`motor`]: generic sets of figures
 //! - [`ramp`]: the drive's own profile generator
 //!
-//! A drive puts them together in the order of one step of its speed loop: the cascade turns the
+//! [`loops`] puts them together in the order of one step of its speed loop: the cascade turns the
 //! last reading into a torque, the power stage makes of it what current and voltage allow, the shaft moves
 //! under that for the length of the step, the encoder is read once.
 
@@ -15,6 +15,7 @@ pub mod cascade;
 pub mod clock;
 pub mod encoder;
 pub mod filter;
+pub mod loops;
 pub mod motor;
 pub mod power_stage;
 pub mod ramp;

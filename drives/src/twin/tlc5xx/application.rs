@@ -2,7 +2,6 @@
 
 use super::drive::Drive;
 use super::fault::{DriveError, Errors};
-use super::settings::Settings;
 use crate::twin::device::Disturbance;
 use crate::twin::node::Firmware;
 use crate::twin::servo::shaft::Shaft;
@@ -70,7 +69,7 @@ impl Application for Drive {
         if reset == nmt::Event::ResetNode {
             self.restart();
         }
-        self.settings = Settings::of(&self.objects, &self.policies);
+        self.settle_parameters();
         self.stale = true;
     }
 
@@ -117,11 +116,11 @@ impl Firmware for Drive {
     }
 
     fn shaft(&self) -> &Shaft {
-        &self.shaft
+        &self.loops.shaft
     }
 
     fn shaft_mut(&mut self) -> &mut Shaft {
-        &mut self.shaft
+        &mut self.loops.shaft
     }
 
     fn is_powered(&self) -> bool {
@@ -129,7 +128,7 @@ impl Firmware for Drive {
     }
 
     fn torque(&self) -> f64 {
-        self.torque
+        self.loops.torque()
     }
 
     fn disturb(&mut self, disturbance: Disturbance) {

@@ -8,12 +8,11 @@ use super::policy::Policies;
 use super::settings::{INCREMENTS_PER_REVOLUTION, RPM, Settings};
 use super::signals::{Captures, Inputs, Switches};
 use crate::twin::node::{Firmware, Tampering};
-use crate::twin::servo::cascade::{
-    Cascade, POSITION_STEP_NS, Reference, SPEED_STEP_NS, SPEED_STEPS,
-};
+use crate::twin::servo::cascade::{POSITION_STEP_NS, Reference, SPEED_STEPS};
 use crate::twin::servo::clock::Clock;
 use crate::twin::servo::encoder::Encoder;
-use crate::twin::servo::power_stage::{PowerStage, TorqueSource};
+use crate::twin::servo::loops::Loops;
+use crate::twin::servo::power_stage::PowerStage;
 use crate::twin::servo::ramp::Ramp;
 use crate::twin::servo::shaft::Shaft;
 use syncline_canopen::cia402::{Controlword, State};
@@ -21,8 +20,6 @@ use syncline_canopen::dictionary::Dictionary;
 use syncline_canopen::time::Duration;
 use syncline_canopen::{Address, Instant, nmt};
 
-/// Nominal seconds per step of the speed loop and of the position loop.
-const SPEED_STEP: f64 = SPEED_STEP_NS as f64 * 1e-9;
 pub(super) const POSITION_STEP: f64 = POSITION_STEP_NS as f64 * 1e-9;
 
 /// Position steps over which the measured velocity is averaged: 8 ms.
@@ -49,13 +46,7 @@ pub struct Drive {
     /// Whether the fieldbus has control, not a local unit.
     pub(super) remote: bool,
 
-    clock: Clock,
-    pub(super) shaft: Shaft,
-    sensor: Encoder,
-    pub(super) cascade: Cascade,
-    torque_source: TorqueSource,
-    pub(super) torque: f64,
-    pub(super) encoder: i64,
+    pub(super) loops: Loops,
     /// Encoder reading at user position 0.
     pub(super) zero: i64,
     /// Whether a reference point has been defined.
@@ -106,10 +97,13 @@ impl Drive {
         objects: Dictionary,
         config: TwinConfig,
         clock: Clock,
-        mut sensor: Encoder,
+        sensor: Encoder,
     ) -> Self {
         let shaft = Shaft::new(config.mechanics, config.position);
-        let encoder = sensor.read(&shaft, 0.0);
+        let counts = INCREMENTS_PER_REVOLUTION;
+        let (gains, torque_source) = (config.gains, config.torque_source);
+        let loops = Loops::new(clock, shaft, sensor, counts, gains, torque_source);
+        let encoder = loops.encoder;
         Self {
             settings: Settings::of(&objects, &config.policies),
             objects,
@@ -123,13 +117,7 @@ impl Drive {
             braking: false,
             has_mains: true,
             remote: true,
-            clock,
-            shaft,
-            sensor,
-            cascade: Cascade::new(config.gains, encoder),
-            torque_source: config.torque_source,
-            torque: 0.0,
-            encoder,
+            loops,
             zero: 0,
             is_referenced: false,
             recent: [encoder; VELOCITY_WINDOW],
@@ -167,54 +155,32 @@ impl Drive {
 
     /// Lets the loops and the shaft run up to `now`.
     pub(super) fn advance(&mut self, now: Instant) {
-        while self.clock.step_end() <= now {
+        while self.loops.clock.step_end() <= now {
             self.step();
         }
         self.now = now;
     }
 
     fn step(&mut self) {
-        let (step, dt) = self.clock.step();
-        let end = self.clock.step_end();
+        let (step, _) = self.loops.clock.step();
         if step % SPEED_STEPS == 0 {
-            self.now = end;
+            self.now = self.loops.clock.step_end();
             self.position_step();
         }
-        let reference = self.loop_reference();
-        let counts = INCREMENTS_PER_REVOLUTION;
-        let is_held = self.torque_source.is_limited();
-        let wanted =
-            (self.cascade).speed_step(reference, self.encoder, counts, SPEED_STEP, is_held);
-        let wanted = wanted * self.settings.direction;
-        let (is_on, shaft) = (self.is_powered(), &self.shaft);
-        self.torque = (self.torque_source).step(wanted, is_on, shaft, SPEED_STEP);
-        self.shaft.step(end, dt, self.torque, is_on);
-        self.encoder = self.read(0.0);
-        self.clock.next_step();
-    }
-
-    /// The encoder as the loops see it, with the direction of 2045h.
-    fn read(&mut self, ahead: f64) -> i64 {
-        let reading = self.sensor.read(&self.shaft, ahead);
-        if self.settings.direction < 0.0 {
-            -reading
-        } else {
-            reading
-        }
+        self.loops.speed_step(self.loop_reference());
     }
 
     /// The direction of rotation has changed (5141): where it is counts the other way.
     pub(super) fn turn_round(&mut self) {
-        self.encoder = self.read(0.0);
-        self.recent = [self.encoder; VELOCITY_WINDOW];
-        self.ramp = Ramp::at(self.encoder as f64);
-        self.cascade = Cascade::new(self.cascade.gains().clone(), self.encoder);
+        self.loops.turn_to(self.settings.direction);
+        self.recent = [self.loops.encoder; VELOCITY_WINDOW];
+        self.ramp = Ramp::at(self.loops.encoder as f64);
     }
 
     fn position_step(&mut self) {
-        let oldest = core::mem::replace(&mut self.recent[self.recent_place], self.encoder);
+        let oldest = core::mem::replace(&mut self.recent[self.recent_place], self.loops.encoder);
         self.recent_place = (self.recent_place + 1) % VELOCITY_WINDOW;
-        let moved = (self.encoder - oldest) as f64;
+        let moved = (self.loops.encoder - oldest) as f64;
         self.velocity = moved / (POSITION_STEP * VELOCITY_WINDOW as f64);
         self.change_state();
         self.watch_captures();
@@ -224,12 +190,10 @@ impl Drive {
             self.monitor();
         } else {
             self.change_mode();
-            self.ramp = Ramp::at(self.encoder as f64);
+            self.ramp = Ramp::at(self.loops.encoder as f64);
         }
-        self.cascade.limit_torque(self.torque_source.torque_limit());
-        let reference = self.loop_reference();
-        let counts = INCREMENTS_PER_REVOLUTION;
-        self.cascade.position_step(reference, self.encoder, counts);
+        let limit = self.loops.torque_source.torque_limit();
+        self.loops.position_step(self.loop_reference(), limit);
     }
 
     fn loop_reference(&self) -> Reference {
@@ -271,12 +235,12 @@ impl Drive {
     // ---- monitoring ----
 
     fn monitor(&mut self) {
-        let power_stage = self.torque_source.power_stage();
+        let power_stage = self.loops.torque_source.power_stage();
         if power_stage.is_some_and(PowerStage::has_overvoltage) {
             self.raise(DriveError::OVERVOLTAGE);
             return;
         }
-        let deviation = (self.ramp.position - self.encoder as f64).abs() - self.lag();
+        let deviation = (self.ramp.position - self.loops.encoder as f64).abs() - self.lag();
         self.peak_error = self.peak_error.max(deviation);
         if self.braking {
             if self.is_at_rest() {
@@ -299,7 +263,7 @@ impl Drive {
 
     /// What a position loop lags behind at constant velocity, increments.
     fn lag(&self) -> f64 {
-        let gains = self.cascade.gains();
+        let gains = self.loops.cascade.gains();
         let share = 1.0 - gains.velocity_feed_forward;
         (self.ramp.velocity * share / gains.position).abs()
     }
@@ -316,7 +280,7 @@ impl Drive {
 
     /// Whether the motor has been within the standstill window of its reference for its time.
     pub(super) fn has_settled(&mut self) -> bool {
-        let deviation = (self.ramp.position - self.encoder as f64).abs();
+        let deviation = (self.ramp.position - self.loops.encoder as f64).abs();
         if !self.is_at_rest() || deviation > self.settings.window {
             self.settling_since = None;
             return false;
@@ -352,7 +316,7 @@ impl Drive {
 
     /// Position in increments from user position 0.
     pub(super) fn position(&self) -> f64 {
-        self.encoder.saturating_sub(self.zero) as f64
+        self.loops.encoder.saturating_sub(self.zero) as f64
     }
 
     // ---- objects ----
@@ -369,8 +333,8 @@ impl Drive {
 
     /// Brings the objects that show the drive's condition up to `now`.
     pub(super) fn publish(&mut self, now: Instant) {
-        let ahead = self.clock.since_step(now);
-        let encoder = self.read(ahead).saturating_sub(self.zero) as f64;
+        let ahead = self.loops.clock.since_step(now);
+        let encoder = self.loops.read(ahead).saturating_sub(self.zero) as f64;
         let reference = self.ramp.position - self.zero as f64;
         let settings = self.settings;
         let (position, _) = settings.user(encoder);
@@ -385,8 +349,8 @@ impl Drive {
             Motion::Velocity(velocity, _) => (user_reference, user_velocity(velocity)),
             Motion::Hold | Motion::Stop(_) | Motion::Gear => (user_reference, 0),
         };
-        let torque = self.torque * self.settings.direction;
-        let current = torque / self.cascade.gains().continuous_torque;
+        let torque = self.loops.torque() * self.settings.direction;
+        let current = torque / self.loops.cascade.gains().continuous_torque;
         // Of the motor's nominal current (6410h:7).
         let nominal = self.objects.value(0x6410, 7).unwrap_or(0) as f64;
         let current = libm::round(current * nominal) as i64;

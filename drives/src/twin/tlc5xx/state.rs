@@ -19,8 +19,8 @@ impl Drive {
         self.state = state;
         self.enable_at = None;
         if self.is_powered() && !was_powered {
-            self.cascade.reset();
-            self.ramp = Ramp::at(self.encoder as f64);
+            self.loops.cascade.reset();
+            self.ramp = Ramp::at(self.loops.encoder as f64);
             self.motion = Motion::Hold;
             self.following_error = false;
         }

@@ -68,8 +68,10 @@ impl Drive {
 
     /// A SYNC, after the synchronous R_PDOs have been put into effect.
     pub(in crate::twin::lxm32m) fn on_sync(&mut self, now: Instant) {
-        let early = self.sync.is_paced() && self.clock.phase_error(now) < 0;
-        let verdict = self.sync.on_sync(&mut self.clock, now, &self.policies);
+        let early = self.sync.is_paced() && self.loops.clock.phase_error(now) < 0;
+        let verdict = self
+            .sync
+            .on_sync(&mut self.loops.clock, now, &self.policies);
         self.judge_sync(verdict);
         self.start_interpolation();
         let fresh = core::mem::take(&mut self.interpolation.fresh);
@@ -120,7 +122,7 @@ impl Drive {
     pub(in crate::twin::lxm32m) fn interpolate(&mut self, step: u32) {
         self.ramp.position += self.ramp.velocity * POSITION_STEP;
         if let Some(target) = self.interpolation.target {
-            let steps_left = (self.clock.steps() - step) / SPEED_STEPS;
+            let steps_left = (self.loops.clock.steps() - step) / SPEED_STEPS;
             let distance = target - self.ramp.position;
             self.ramp.velocity = distance / (f64::from(steps_left.max(1)) * POSITION_STEP);
         } else if self.policies.setpoint_gap == SetpointGap::Hold {

@@ -229,14 +229,16 @@ impl Drive {
             self.set_gear();
         } else if row == rows.velocity_limit {
             let limit = self.velocity_of(value);
-            self.cascade.limit_speed(limit / INCREMENTS_PER_REVOLUTION);
+            self.loops
+                .cascade
+                .limit_speed(limit / INCREMENTS_PER_REVOLUTION);
         } else if row == rows.sync_start {
             if value == synchronisation::START {
                 let unit = self.policies.sync_tolerance_unit.as_nanos() as u64;
                 let tolerance = self.objects.get(rows.sync_tolerance) as u64 * unit;
                 self.sync.start(self.period_ns(), tolerance);
             } else {
-                self.sync.stop(&mut self.clock, self.now);
+                self.sync.stop(&mut self.loops.clock, self.now);
             }
         } else if row == rows.store_parameters && value == 1 {
             self.objects.set(row, 0);

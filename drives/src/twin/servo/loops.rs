@@ -1,0 +1,102 @@
+//! The loops of a servo drive put together: clock, cascade, power stage, motor and encoder.
+
+use super::cascade::{Cascade, Gains, Reference, SPEED_STEP_NS};
+use super::clock::Clock;
+use super::encoder::Encoder;
+use super::power_stage::TorqueSource;
+use super::shaft::Shaft;
+
+/// Nominal seconds per step of the speed loop.
+const SPEED_STEP: f64 = SPEED_STEP_NS as f64 * 1e-9;
+
+/// Loops in motion. Positions are increments of the encoder, as the loops see it.
+pub struct Loops {
+    /// What paces them.
+    pub clock: Clock,
+    /// What they move.
+    pub shaft: Shaft,
+    /// What turns a reading into a torque.
+    pub cascade: Cascade,
+    /// What the cascade's torque becomes.
+    pub torque_source: TorqueSource,
+    /// The encoder's last reading.
+    pub encoder: i64,
+    /// Of the encoder.
+    pub increments_per_revolution: f64,
+    sensor: Encoder,
+    /// 1, or -1 where the loops see the motor turn the other way.
+    direction: f64,
+    torque: f64,
+}
+
+impl Loops {
+    /// Loops at rest.
+    #[must_use]
+    pub fn new(
+        clock: Clock,
+        shaft: Shaft,
+        mut sensor: Encoder,
+        increments_per_revolution: f64,
+        gains: Gains,
+        torque_source: TorqueSource,
+    ) -> Self {
+        let encoder = sensor.read(&shaft, 0.0);
+        Self {
+            cascade: Cascade::new(gains, encoder),
+            clock,
+            shaft,
+            torque_source,
+            encoder,
+            sensor,
+            increments_per_revolution,
+            direction: 1.0,
+            torque: 0.0,
+        }
+    }
+
+    /// Torque of the motor, N·m.
+    #[must_use]
+    pub fn torque(&self) -> f64 {
+        self.torque
+    }
+
+    /// What the encoder reads `ahead` seconds after the last step.
+    pub fn read(&mut self, ahead: f64) -> i64 {
+        let reading = self.sensor.read(&self.shaft, ahead);
+        if self.direction < 0.0 {
+            -reading
+        } else {
+            reading
+        }
+    }
+
+    /// Sees the motor turn this way from now on, 1 or -1, standing where it is.
+    pub fn turn_to(&mut self, direction: f64) {
+        self.direction = direction;
+        self.encoder = self.read(0.0);
+        self.cascade = Cascade::new(self.cascade.gains().clone(), self.encoder);
+    }
+
+    /// One step of the position loop, within this torque in N·m.
+    pub fn position_step(&mut self, reference: Reference, torque_limit: f64) {
+        self.cascade.limit_torque(torque_limit);
+        let counts = self.increments_per_revolution;
+        self.cascade.position_step(reference, self.encoder, counts);
+    }
+
+    /// The clock's next step, one of the speed loop; the power stage is on unless the reference is
+    /// [`Reference::Off`]. Whether the clock's cycle ends with it.
+    pub fn speed_step(&mut self, reference: Reference) -> bool {
+        let (_, dt) = self.clock.step();
+        let end = self.clock.step_end();
+        let (counts, is_on) = (self.increments_per_revolution, reference != Reference::Off);
+        let is_held = self.torque_source.is_limited();
+        let wanted =
+            (self.cascade).speed_step(reference, self.encoder, counts, SPEED_STEP, is_held);
+        let wanted = wanted * self.direction;
+        self.torque = (self.torque_source).step(wanted, is_on, &self.shaft, SPEED_STEP);
+        self.shaft.step(end, dt, self.torque, is_on);
+        self.encoder = self.read(0.0);
+        self.clock.next_step()
+    }
+}
