@@ -10,51 +10,15 @@ bounded.
 
 import math
 import sys
-import threading
 import time
 
-import canopen
 from canopen.profiles.p402 import BaseNode402
 
-STATE_MASK = 0x6F
-OPERATION_ENABLED = 0x27
-TARGET_REACHED, BIT_12, X_END = 1 << 10, 1 << 12, 1 << 14
+from master import (
+    BIT_12, OPERATION_ENABLED, STATE_MASK, TARGET_REACHED, aborted, connected, ok, until,
+)
 
-
-class Network(canopen.Network):
-    """Deaf to what only a master sends.
-
-    Over UDP python-can hears its own frames; python-canopen then takes its R_PDOs for periodic
-    ones and does not send them when told to.
-    """
-
-    R_PDOS = (0x200, 0x300, 0x400, 0x500)
-
-    def notify(self, can_id, data, timestamp):
-        if can_id & 0x780 not in self.R_PDOS:
-            super().notify(can_id, data, timestamp)
-
-
-def ok(what):
-    print("ok:", what, flush=True)
-
-
-def until(what, condition, seconds=3.0):
-    """Waits until the condition holds; fails after some seconds."""
-    end = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < end, f"not within {seconds} s: {what}"
-        time.sleep(0.005)
-
-
-def aborted(code, access):
-    """Asserts that an access is aborted with this code."""
-    try:
-        access()
-    except canopen.SdoAbortedError as error:
-        assert error.code == code, f"{error.code:08X} instead of {code:08X}"
-    else:
-        raise AssertionError(f"not aborted with {code:08X}")
+X_END = 1 << 14
 
 
 def network_management(network, node):
@@ -304,13 +268,8 @@ def interpolate(network, nodes, seconds=5.0, period=0.010):
 
 
 def main():
-    data_sheet, steps, interface, *options = sys.argv[1:]
-    options = dict(option.split("=", 1) for option in options)
-    if "port" in options:
-        options["port"] = int(options["port"])
-    network = Network()
-    network.connect(interface=interface, **options)
-    try:
+    data_sheet, steps, *bus = sys.argv[1:]
+    with connected(*bus) as network:
         nodes = [network.add_node(BaseNode402(id, data_sheet)) for id in (1, 2)]
         first = nodes[0]
         network.scanner.search(10)
@@ -327,8 +286,6 @@ def main():
         turn(first)
         fault(network, first)
         interpolate(network, nodes)
-    finally:
-        network.disconnect()
 
 
 if __name__ == "__main__":

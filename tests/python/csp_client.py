@@ -11,10 +11,9 @@ import math
 import sys
 import time
 
-import canopen
 from canopen.profiles.p402 import BaseNode402
 
-from client import BIT_12, OPERATION_ENABLED, STATE_MASK, Network, aborted, ok, until
+from master import BIT_12, OPERATION_ENABLED, STATE_MASK, aborted, connected, ok, until
 
 PERIOD = 0.010
 AMPLITUDE = 200_000
@@ -99,18 +98,11 @@ def follow(network, node, seconds=3.0):
 
 
 def main():
-    data_sheet, number, interface, *options = sys.argv[1:]
-    options = dict(option.split("=", 1) for option in options)
-    if "port" in options:
-        options["port"] = int(options["port"])
-    network = Network()
-    network.connect(interface=interface, **options)
-    try:
+    data_sheet, number, *bus = sys.argv[1:]
+    with connected(*bus) as network:
         node = network.add_node(BaseNode402(int(number), data_sheet))
         set_up(node)
         follow(network, node)
-    finally:
-        network.disconnect()
 
 
 if __name__ == "__main__":

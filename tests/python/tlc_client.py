@@ -10,22 +10,9 @@ is bounded.
 import struct
 import sys
 
-import canopen
+from master import TARGET_REACHED, aborted, answers, connected, ok, until, word
 
-from client import Network, aborted, ok, until
-
-TARGET_REACHED, ACKNOWLEDGED = 1 << 10, 1 << 12
-
-
-def answers(node):
-    try:
-        return node.sdo[0x1000].raw
-    except canopen.SdoCommunicationError:
-        return 0
-
-
-def word(node):
-    return node.sdo[0x6041].raw
+ACKNOWLEDGED = 1 << 12
 
 
 def bring_up(node):
@@ -132,13 +119,8 @@ def stream(network, node):
 
 
 def main():
-    data_sheet, number, interface, *options = sys.argv[1:]
-    options = dict(option.split("=", 1) for option in options)
-    if "port" in options:
-        options["port"] = int(options["port"])
-    network = Network()
-    network.connect(interface=interface, **options)
-    try:
+    data_sheet, number, *bus = sys.argv[1:]
+    with connected(*bus) as network:
         node = network.add_node(int(number), data_sheet)
         bring_up(node)
         aborts(node)
@@ -146,8 +128,6 @@ def main():
         home(node)
         move(node)
         stream(network, node)
-    finally:
-        network.disconnect()
 
 
 if __name__ == "__main__":

@@ -10,22 +10,9 @@ is bounded.
 import struct
 import sys
 
-import canopen
+from master import TARGET_REACHED, aborted, answers, connected, ok, until, word
 
-from client import Network, aborted, ok, until
-
-TARGET_REACHED, REFERENCED = 1 << 10, 1 << 8
-
-
-def answers(node):
-    try:
-        return node.sdo[0x1000].raw
-    except canopen.SdoCommunicationError:
-        return 0
-
-
-def word(node):
-    return node.sdo[0x6041].raw
+REFERENCED = 1 << 8
 
 
 def bring_up(node):
@@ -88,19 +75,12 @@ def move(node):
 
 
 def main():
-    data_sheet, number, interface, *options = sys.argv[1:]
-    options = dict(option.split("=", 1) for option in options)
-    if "port" in options:
-        options["port"] = int(options["port"])
-    network = Network()
-    network.connect(interface=interface, **options)
-    try:
+    data_sheet, number, *bus = sys.argv[1:]
+    with connected(*bus) as network:
         node = network.add_node(int(number), data_sheet)
         bring_up(node)
         aborts(node)
         move(node)
-    finally:
-        network.disconnect()
 
 
 if __name__ == "__main__":

@@ -11,9 +11,7 @@ import struct
 import sys
 import time
 
-import canopen
-
-from client import Network, aborted, ok, until
+from master import aborted, answers, connected, ok, until
 
 SAVE, LOAD = 0x65766173, 0x64616F6C
 
@@ -26,13 +24,6 @@ def bring_up(node):
     assert (node.sdo[0x6501].raw, node.sdo[0x6502].raw) == (8192, 4096)
     assert node.sdo[0x6503].raw == 0
     ok("expedited and segmented upload")
-
-
-def answers(node):
-    try:
-        return node.sdo[0x1000].raw
-    except canopen.SdoCommunicationError:
-        return 0
 
 
 def position(node):
@@ -106,13 +97,8 @@ def storage(node):
 
 
 def main():
-    data_sheet, number, interface, *options = sys.argv[1:]
-    network = Network()
-    options = dict(option.split("=", 1) for option in options)
-    if "port" in options:
-        options["port"] = int(options["port"])
-    network.connect(interface=interface, **options)
-    try:
+    data_sheet, number, *bus = sys.argv[1:]
+    with connected(*bus) as network:
         node = network.add_node(int(number), data_sheet)
         node.sdo.RESPONSE_TIMEOUT = 1
         time.sleep(0.1)
@@ -121,8 +107,6 @@ def main():
         process_data(network, node)
         aborts(node)
         storage(node)
-    finally:
-        network.disconnect()
 
 
 main()

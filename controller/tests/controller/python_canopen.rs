@@ -4,8 +4,6 @@ use crate::outside::{Drives, LOCAL, Namespace, SYNCLINE, TWO_TOLERANT, available
 use std::path::PathBuf;
 use std::process::Command;
 
-const CLIENT: &str = "tests/python/client.py";
-
 /// The interpreter that `tests/python/prepare` sets up, or else the host's.
 pub(crate) fn python() -> PathBuf {
     let prepared = root().join("target/python/bin/python");
@@ -21,20 +19,24 @@ pub(crate) fn has_python_canopen() -> Result<(), String> {
         .map_err(|why| format!("{why}; run tests/python/prepare"))
 }
 
-/// Runs the client on a bus that python-can opens with these arguments; returns what it says.
-fn client(mut python: Command, steps: &str, bus: &[&str]) -> String {
+/// Runs a client of `tests/python` with the data sheet that `eds` asks for, this `subject` and a bus
+/// that python-can opens with these arguments; returns what it says.
+pub(crate) fn run(
+    mut python: Command,
+    client: &str,
+    eds: &[&str],
+    subject: &str,
+    bus: &[&str],
+) -> String {
     let directory = tempfile::tempdir().unwrap();
-    let data_sheet = directory.path().join("lxm32m.eds");
-    let eds = Command::new(SYNCLINE)
-        .args(["eds", "examples/portal/machine.toml", "1"])
-        .current_dir(root())
-        .output()
-        .unwrap();
-    std::fs::write(&data_sheet, eds.stdout).unwrap();
+    let data_sheet = directory.path().join("device.eds");
+    let mut command = Command::new(SYNCLINE);
+    command.arg("eds").args(eds).current_dir(root());
+    std::fs::write(&data_sheet, command.output().unwrap().stdout).unwrap();
     let client = python
-        .arg(CLIENT)
+        .arg(format!("tests/python/{client}"))
         .arg(&data_sheet)
-        .arg(steps)
+        .arg(subject)
         .args(bus)
         .current_dir(root())
         .output()
@@ -43,6 +45,19 @@ fn client(mut python: Command, steps: &str, bus: &[&str]) -> String {
     let complained = String::from_utf8_lossy(&client.stderr);
     assert!(client.status.success(), "{said}{complained}");
     said.into_owned()
+}
+
+/// Runs a client as [`run`] does, on the bus of drives that are hosted over socketcand.
+pub(crate) fn run_local(drives: &Drives, client: &str, eds: &[&str], subject: &str) -> String {
+    let port = format!("port={}", drives.port());
+    let bus = ["socketcand", "host=127.0.0.1", &port, "channel=can0"];
+    run(Command::new(python()), client, eds, subject, &bus)
+}
+
+/// Does these steps with two LXM32Ms.
+fn client(python: Command, steps: &str, bus: &[&str]) -> String {
+    let eds = ["examples/portal/machine.toml", "1"];
+    run(python, "client.py", &eds, steps, bus)
 }
 
 fn drive(python: Command, bus: &[&str]) {

@@ -1,7 +1,7 @@
 //! python-canopen brings up devices that no machine file names, each with its own data sheet.
 
-use crate::outside::{Drives, SYNCLINE, available, root};
-use crate::python_canopen::{has_python_canopen, python};
+use crate::outside::{Drives, SYNCLINE, available};
+use crate::python_canopen::{has_python_canopen, run_local};
 use std::process::Command;
 
 /// Hosts the device at node 5 and runs its client; returns what that says.
@@ -12,44 +12,28 @@ fn client(device: &str, title: &str, client: &str) -> Option<String> {
     let node = format!("5:{device}");
     let drives = Drives::local(&["--node", &node]);
     assert!(drives.announced.contains(&format!("node 5 ({title})")));
-    let directory = tempfile::tempdir().unwrap();
-    let data_sheet = directory.path().join("device.eds");
-    let mut eds = Command::new(SYNCLINE);
-    eds.args(["eds", "--node", &node]);
-    std::fs::write(&data_sheet, eds.output().unwrap().stdout).unwrap();
-    let client = Command::new(python())
-        .arg(client)
-        .arg(&data_sheet)
-        .args(["5", "socketcand", "host=127.0.0.1"])
-        .arg(format!("port={}", drives.port()))
-        .arg("channel=can0")
-        .current_dir(root())
-        .output()
-        .unwrap();
-    let said = String::from_utf8_lossy(&client.stdout);
-    let complained = String::from_utf8_lossy(&client.stderr);
-    assert!(client.status.success(), "{said}{complained}");
+    let said = run_local(&drives, client, &["--node", &node], "5");
     drives.stop();
-    Some(said.into_owned())
+    Some(said)
 }
 
 #[test]
 fn the_encoder_is_brought_up_and_read() {
-    if let Some(said) = client("twk_crn", "TWK CRN", "tests/python/twk_client.py") {
+    if let Some(said) = client("twk_crn", "TWK CRN", "twk_client.py") {
         assert!(said.contains("stored values outlive a reset"), "{said}");
     }
 }
 
 #[test]
 fn the_positioning_controller_is_brought_up_and_moved() {
-    if let Some(said) = client("tlc5xx", "Twin Line TLC53x", "tests/python/tlc_client.py") {
+    if let Some(said) = client("tlc5xx", "Twin Line TLC53x", "tlc_client.py") {
         assert!(said.contains("velocities by PDO at SYNC"), "{said}");
     }
 }
 
 #[test]
 fn the_stepper_controller_is_brought_up_and_moved() {
-    if let Some(said) = client("tsp10", "TSP10-CBE", "tests/python/tsp_client.py") {
+    if let Some(said) = client("tsp10", "TSP10-CBE", "tsp_client.py") {
         assert!(said.contains("profile velocity and halt"), "{said}");
     }
 }

@@ -1,0 +1,68 @@
+"""What every master here has: the bus that its arguments name, waits that end, aborts that are meant."""
+
+import time
+
+import canopen
+
+STATE_MASK = 0x6F
+OPERATION_ENABLED = 0x27
+TARGET_REACHED, BIT_12 = 1 << 10, 1 << 12
+
+
+class Network(canopen.Network):
+    """Deaf to what only a master sends.
+
+    Over UDP python-can hears its own frames; python-canopen then takes its R_PDOs for periodic
+    ones and does not send them when told to.
+    """
+
+    R_PDOS = (0x200, 0x300, 0x400, 0x500)
+
+    def notify(self, can_id, data, timestamp):
+        if can_id & 0x780 not in self.R_PDOS:
+            super().notify(can_id, data, timestamp)
+
+
+def ok(what):
+    print("ok:", what, flush=True)
+
+
+def until(what, condition, seconds=3.0):
+    """Waits until the condition holds; fails after some seconds."""
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end, f"not within {seconds} s: {what}"
+        time.sleep(0.005)
+
+
+def aborted(code, access):
+    """Asserts that an access is aborted with this code."""
+    try:
+        access()
+    except canopen.SdoAbortedError as error:
+        assert error.code == code, f"{error.code:08X} instead of {code:08X}"
+    else:
+        raise AssertionError(f"not aborted with {code:08X}")
+
+
+def connected(interface, *options):
+    """The network on the bus that python-can opens with an interface and options KEY=VALUE."""
+    options = dict(option.split("=", 1) for option in options)
+    if "port" in options:
+        options["port"] = int(options["port"])
+    network = Network()
+    network.connect(interface=interface, **options)
+    return network
+
+
+def answers(node):
+    """The node's device type, or 0 as long as it does not answer."""
+    try:
+        return node.sdo[0x1000].raw
+    except canopen.SdoCommunicationError:
+        return 0
+
+
+def word(node):
+    """The statusword."""
+    return node.sdo[0x6041].raw
