@@ -1,9 +1,8 @@
 //! The drive by the profile alone on its bus: set-up, state machine, setpoints.
 
-use crate::common::{id, ms};
+use crate::common::{Bench, id, ms};
 use syncline_canopen::cia402::State;
-use syncline_canopen::{CanId, CobId, Frame, nmt};
-use syncline_drives::bus::{Band, BitRate, SimBus};
+use syncline_canopen::{CobId, nmt};
 use syncline_drives::twin::cia402_csp::{Policies, Twin, TwinConfig};
 use syncline_drives::twin::{Disturbance, ErrorClass, SimulatedDevice};
 
@@ -12,102 +11,33 @@ const NODE: u8 = 1;
 /// Increments for a revolution.
 const REVOLUTION: f64 = 1_048_576.0;
 
-struct Bench {
-    bus: SimBus<Twin>,
-    /// What came from the drive, oldest first.
-    log: Vec<Frame>,
-}
-
-impl Bench {
-    fn new(config: TwinConfig) -> Self {
-        let mut bus = SimBus::new(BitRate::from_kbit(1000).unwrap());
-        bus.attach(Twin::new(config));
-        let mut bench = Self { bus, log: vec![] };
-        bench.wait(5);
-        bench
-    }
-
+impl Bench<Twin> {
     fn plain() -> Self {
-        Self::new(TwinConfig::new(id(NODE)))
-    }
-
-    fn wait(&mut self, millis: u64) {
-        let until = self.bus.now() + ms(millis);
-        self.bus.advance_to(until, &mut |_| {});
-        while let Some(received) = self.bus.receive() {
-            if !received.own {
-                self.log.push(received.frame);
-            }
-        }
-    }
-
-    fn send(&mut self, id: impl Into<CanId>, data: &[u8]) {
-        self.bus.send(Band::Acyclic, Frame::new(id, data));
+        Self::of([Twin::new(TwinConfig::new(id(NODE)))])
     }
 
     fn state(&mut self) -> State {
-        self.bus.node_mut(0).state()
+        self.twin().state()
     }
 
-    fn last(&self, cob_id: CobId) -> Option<&Frame> {
-        let of = |frame: &&Frame| frame.id() == CanId::from(cob_id);
-        self.log.iter().rev().find(of)
-    }
-
-    /// An SDO request and its answer.
-    fn request(&mut self, request: [u8; 8]) -> [u8; 8] {
-        self.log.clear();
-        self.send(CobId::r_sdo(id(NODE)), &request);
-        self.wait(3);
-        let answer = self.last(CobId::t_sdo(id(NODE))).expect("an answer");
-        answer.data().try_into().unwrap()
-    }
-
-    /// The abort code, if it is refused.
-    fn write(&mut self, index: u16, sub: u8, bytes: &[u8]) -> Result<(), u32> {
-        let [low, high] = index.to_le_bytes();
-        let mut request = [
-            0x23 | (4 - bytes.len() as u8) << 2,
-            low,
-            high,
-            sub,
-            0,
-            0,
-            0,
-            0,
-        ];
-        request[4..4 + bytes.len()].copy_from_slice(bytes);
-        match self.request(request) {
-            [0x60, ..] => Ok(()),
-            [_, _, _, _, code @ ..] => Err(u32::from_le_bytes(code)),
-        }
-    }
-
-    fn read(&mut self, index: u16, sub: u8) -> i32 {
-        let [low, high] = index.to_le_bytes();
-        let answer = self.request([0x40, low, high, sub, 0, 0, 0, 0]);
-        assert_eq!(answer[0] & 0xF3, 0x43, "{index:04X}:{sub}");
-        i32::from_le_bytes(answer[4..].try_into().unwrap())
-    }
-
-    fn controlword(&mut self, word: u16) -> State {
-        self.write(0x6040, 0, &word.to_le_bytes()).unwrap();
-        self.wait(6);
+    /// The state some time after a controlword.
+    fn command(&mut self, word: u16) -> State {
+        self.controlword(NODE, word);
         self.state()
     }
 
-    fn nmt(&mut self, command: nmt::Command) {
-        self.send(CanId::Standard(0), &[command as u8, NODE]);
-        self.wait(1);
+    /// The last EMCY.
+    fn emcy(&self) -> Option<Vec<u8>> {
+        self.received(0, CobId::emcy(id(NODE)).get()).pop()
     }
 
     /// Mode 8, a period of 10 ms, R_PDO2 at SYNC, Operational and enabled.
     fn following(config: TwinConfig) -> Self {
-        let mut bench = Self::new(config);
-        bench.write(0x6060, 0, &[8]).unwrap();
-        bench.write(0x60C2, 1, &[10]).unwrap();
-        bench.nmt(nmt::Command::Start);
-        assert_eq!(bench.controlword(0x06), State::ReadyToSwitchOn);
+        let mut bench = Self::of([Twin::new(config)]);
+        bench.write(NODE, 0x6060, 0, &[8]).unwrap();
+        bench.write(NODE, 0x60C2, 1, &[10]).unwrap();
+        bench.nmt(nmt::Command::Start, NODE);
+        assert_eq!(bench.command(0x06), State::ReadyToSwitchOn);
         let position = bench.position();
         bench.cycles(1, 0x06, position);
         bench.cycles(2, 0x0F, position);
@@ -116,7 +46,7 @@ impl Bench {
     }
 
     fn position(&mut self) -> i32 {
-        (self.bus.node_mut(0).observe().position * REVOLUTION) as i32
+        (self.twin().observe().position * REVOLUTION) as i32
     }
 
     /// Cycles of 10 ms with R_PDO2 and SYNC.
@@ -124,15 +54,15 @@ impl Bench {
         for _ in 0..count {
             let [c0, c1] = word.to_le_bytes();
             let [p0, p1, p2, p3] = target.to_le_bytes();
-            self.send(CobId::r_pdo(2, id(NODE)), &[c0, c1, p0, p1, p2, p3]);
-            self.wait(1);
-            self.send(CobId::SYNC, &[]);
-            self.wait(9);
+            self.send(CobId::r_pdo(2, id(NODE)).get(), &[c0, c1, p0, p1, p2, p3]);
+            self.wait(ms(1));
+            self.sync();
+            self.wait(ms(9));
         }
     }
 
     fn statusword(&mut self) -> u16 {
-        self.bus.node_mut(0).statusword().0
+        self.twin().statusword().0
     }
 }
 
@@ -142,7 +72,7 @@ fn states_by_commands() {
     use State::{OperationEnabled, QuickStopActive, ReadyToSwitchOn, SwitchOnDisabled, SwitchedOn};
     let mut bench = Bench::plain();
     assert_eq!(bench.state(), SwitchOnDisabled); // T0, T1
-    bench.write(0x605A, 0, &6i16.to_le_bytes()).unwrap();
+    bench.write(NODE, 0x605A, 0, &6i16.to_le_bytes()).unwrap();
     for (word, state) in [
         (0x06, ReadyToSwitchOn),  // T2
         (0x07, SwitchedOn),       // T3
@@ -165,31 +95,28 @@ fn states_by_commands() {
         (0x0B, QuickStopActive),
         (0x00, SwitchOnDisabled), // T12
     ] {
-        assert_eq!(bench.controlword(word), state, "{word:02X}h");
+        assert_eq!(bench.command(word), state, "{word:02X}h");
     }
 }
 
 #[test]
 fn an_error_brakes_and_its_reset_needs_its_cause_gone() {
     let mut bench = Bench::following(TwinConfig::new(id(NODE)));
-    let twin = bench.bus.node_mut(0);
+    let twin = bench.twin();
     twin.disturb(Disturbance::Fault(ErrorClass::StopAndSwitchOff));
     twin.disturb(Disturbance::FaultPersists(true));
     assert_eq!(bench.state(), State::FaultReactionActive); // T13
-    bench.wait(20);
+    bench.wait(ms(20));
     assert_eq!(bench.state(), State::Fault); // T14
-    let emcy = bench
-        .last(CobId::emcy(id(NODE)))
-        .map(|it| it.data().to_vec());
-    assert_eq!(emcy.unwrap(), [0x11, 0x86, 0x21, 0, 0, 0, 0, 0]);
-    assert_eq!(bench.read(0x603F, 0) & 0xFFFF, 0x8611);
-    assert_eq!(bench.read(0x1003, 1) & 0xFFFF, 0x8611);
-    assert_eq!(bench.controlword(0x80), State::Fault);
-    let twin = bench.bus.node_mut(0);
+    assert_eq!(bench.emcy().unwrap(), [0x11, 0x86, 0x21, 0, 0, 0, 0, 0]);
+    assert_eq!(bench.number(NODE, 0x603F, 0) & 0xFFFF, 0x8611);
+    assert_eq!(bench.number(NODE, 0x1003, 1) & 0xFFFF, 0x8611);
+    assert_eq!(bench.command(0x80), State::Fault);
+    let twin = bench.twin();
     twin.disturb(Disturbance::FaultPersists(false));
-    assert_eq!(bench.controlword(0x00), State::Fault);
-    assert_eq!(bench.controlword(0x80), State::SwitchOnDisabled); // T15
-    assert_eq!(bench.read(0x603F, 0) & 0xFFFF, 0);
+    assert_eq!(bench.command(0x00), State::Fault);
+    assert_eq!(bench.command(0x80), State::SwitchOnDisabled); // T15
+    assert_eq!(bench.number(NODE, 0x603F, 0) & 0xFFFF, 0);
 }
 
 /// In a straight line to the target within the period, and there it rests: at SYNC after SYNC the
@@ -214,18 +141,18 @@ fn it_is_a_period_behind_and_rests_without_a_target() {
 #[test]
 fn a_missing_sync_is_ridden_out_as_its_policy_says() {
     let mut bench = Bench::following(TwinConfig::new(id(NODE)));
-    bench.wait(20);
+    bench.wait(ms(20));
     assert_eq!(bench.state(), State::OperationEnabled);
-    bench.wait(20);
+    bench.wait(ms(20));
     assert!(bench.state() != State::OperationEnabled);
-    let emcy = bench.last(CobId::emcy(id(NODE))).unwrap();
-    assert_eq!(emcy.data()[..2], [0x00, 0x87]);
+    let emcy = bench.emcy().unwrap();
+    assert_eq!(emcy[..2], [0x00, 0x87]);
 
     let mut bench = Bench::following(TwinConfig {
         policies: Policies::tolerant(),
         ..TwinConfig::new(id(NODE))
     });
-    bench.wait(500);
+    bench.wait(ms(500));
     assert_eq!(bench.state(), State::OperationEnabled);
 }
 
@@ -239,9 +166,11 @@ fn a_following_error_is_told_by_bit_13_or_is_a_fault() {
             },
             ..TwinConfig::new(id(NODE))
         });
-        bench.write(0x6065, 0, &5_000u32.to_le_bytes()).unwrap();
-        bench.write(0x6066, 0, &15u16.to_le_bytes()).unwrap();
-        bench.bus.node_mut(0).disturb(Disturbance::Block(true));
+        bench
+            .write(NODE, 0x6065, 0, &5_000u32.to_le_bytes())
+            .unwrap();
+        bench.write(NODE, 0x6066, 0, &15u16.to_le_bytes()).unwrap();
+        bench.twin().disturb(Disturbance::Block(true));
         let start = bench.position();
         bench.cycles(1, 0x0F, start + 20_000);
         assert_eq!(bench.statusword() & 0x2000, 0, "not for 15 ms yet");
@@ -266,12 +195,16 @@ fn what_is_refused() {
         (0x60C2, 1, &[0], 0x0609_0030),
         (0x2000, 0, &[0], 0x0602_0000),
     ] {
-        assert_eq!(bench.write(index, sub, bytes), Err(code), "{index:04X}");
+        assert_eq!(
+            bench.write(NODE, index, sub, bytes),
+            Err(code),
+            "{index:04X}"
+        );
     }
-    bench.nmt(nmt::Command::Start);
-    assert_eq!(bench.write(0x60C2, 1, &[2]), Err(0x0800_0022));
-    bench.bus.node_mut(0).disturb(Disturbance::Remote(false));
-    assert_eq!(bench.write(0x6040, 0, &[6, 0]), Err(0x0800_0021));
+    bench.nmt(nmt::Command::Start, NODE);
+    assert_eq!(bench.write(NODE, 0x60C2, 1, &[2]), Err(0x0800_0022));
+    bench.twin().disturb(Disturbance::Remote(false));
+    assert_eq!(bench.write(NODE, 0x6040, 0, &[6, 0]), Err(0x0800_0021));
 }
 
 #[test]
@@ -281,12 +214,12 @@ fn a_lost_heartbeat_is_a_fault() {
         ..TwinConfig::new(id(NODE))
     });
     let watch = 0x7F_0000u32 | 50;
-    bench.write(0x1016, 1, &watch.to_le_bytes()).unwrap();
-    bench.send(CanId::Standard(0x77F), &[5]);
-    bench.wait(30);
+    bench.write(NODE, 0x1016, 1, &watch.to_le_bytes()).unwrap();
+    bench.send(0x77F, &[5]);
+    bench.wait(ms(30));
     assert_eq!(bench.state(), State::OperationEnabled);
-    bench.wait(60);
+    bench.wait(ms(60));
     assert_eq!(bench.state(), State::Fault);
-    let emcy = bench.last(CobId::emcy(id(NODE))).unwrap();
-    assert_eq!(emcy.data()[..3], [0x30, 0x81, 0x11]);
+    let emcy = bench.emcy().unwrap();
+    assert_eq!(emcy[..3], [0x30, 0x81, 0x11]);
 }

@@ -1,17 +1,14 @@
 //! The whole object dictionary over the bus, against a table that a script of its own
 //! (`data/extract_lxm32m_dictionary.py`) took from the reference.
 
-use crate::common::Bench;
+use crate::common::dictionary::{
+    self, Differences, NOT_MAPPABLE, READ_ONLY, TOO_LONG, TOO_SHORT, UNKNOWN_OBJECT,
+    UNKNOWN_SUBINDEX, assert_none,
+};
+use crate::common::lxm32m::Bench;
 use std::collections::BTreeMap;
 
 const TABLE: &str = include_str!("data/lxm32m_dictionary.csv");
-
-const READ_ONLY: u32 = 0x0601_0002;
-const UNKNOWN_OBJECT: u32 = 0x0602_0000;
-const NOT_MAPPABLE: u32 = 0x0604_0041;
-const TOO_LONG: u32 = 0x0607_0012;
-const TOO_SHORT: u32 = 0x0607_0013;
-const UNKNOWN_SUBINDEX: u32 = 0x0609_0011;
 
 struct Row {
     index: u16,
@@ -24,20 +21,15 @@ struct Row {
 }
 
 fn rows() -> Vec<Row> {
-    let parse = |line: &str| {
-        let fields: Vec<&str> = line.split(',').collect();
-        Row {
-            index: u16::from_str_radix(fields[0], 16).unwrap(),
-            sub: u8::from_str_radix(fields[1], 16).unwrap(),
-            bytes: fields[2].parse().unwrap(),
-            read_only: fields[3] == "RO",
-            known: fields[4].into(),
-            r_pdo: fields[5] == "1",
-            t_pdo: fields[6] == "1",
-        }
-    };
-    let lines = TABLE.lines().filter(|line| !line.starts_with('#'));
-    lines.map(parse).collect()
+    dictionary::rows(TABLE, |fields| Row {
+        index: u16::from_str_radix(fields[0], 16).unwrap(),
+        sub: u8::from_str_radix(fields[1], 16).unwrap(),
+        bytes: fields[2].parse().unwrap(),
+        read_only: fields[3] == "RO",
+        known: fields[4].into(),
+        r_pdo: fields[5] == "1",
+        t_pdo: fields[6] == "1",
+    })
 }
 
 /// Downloads zeros of `bytes` length; more than 4 bytes are only announced.
@@ -55,21 +47,9 @@ fn downloaded(bench: &mut Bench, row: &Row, bytes: usize) -> Result<(), u32> {
 
 /// What a row answers that the expected table does not say; each a line.
 fn differences(bench: &mut Bench, row: &Row) -> Vec<String> {
-    let mut found = vec![];
-    let mut check = |what: &str, got: String, expected: String| {
-        if got != expected {
-            found.push(format!(
-                "{:04X}:{:X} {what}: {got}, expected {expected}",
-                row.index, row.sub
-            ));
-        }
-    };
+    let mut differences = Differences::of(row.index, row.sub);
     let size = bench.upload(1, row.index, row.sub).map(|bytes| bytes.len());
-    check(
-        "upload",
-        format!("{size:X?}"),
-        format!("{:X?}", Ok::<_, u32>(row.bytes)),
-    );
+    differences.check("upload", size, Ok(row.bytes));
     let mut lengths = vec![(row.bytes + 1, TOO_LONG)];
     if row.bytes > 1 {
         lengths.push((row.bytes - 1, TOO_SHORT));
@@ -77,31 +57,19 @@ fn differences(bench: &mut Bench, row: &Row) -> Vec<String> {
     for (bytes, refusal) in lengths {
         let refusal = if row.read_only { READ_ONLY } else { refusal };
         let got = downloaded(bench, row, bytes);
-        check(
-            "one byte off",
-            format!("{got:X?}"),
-            format!("{:X?}", Err::<(), _>(refusal)),
-        );
+        differences.check("one byte off", got, Err(refusal));
     }
     if row.read_only {
         let got = downloaded(bench, row, row.bytes);
-        check(
-            "download",
-            format!("{got:X?}"),
-            format!("{:X?}", Err::<(), _>(READ_ONLY)),
-        );
+        differences.check("download", got, Err(READ_ONLY));
     }
     let entry = (u32::from(row.index) << 16) | (u32::from(row.sub) << 8) | (row.bytes as u32 * 8);
     for (mapping, mappable) in [(0x1603, row.r_pdo), (0x1A03, row.t_pdo)] {
         let got = bench.write(1, mapping, 1, &entry.to_le_bytes());
         let expected = if mappable { Ok(()) } else { Err(NOT_MAPPABLE) };
-        check(
-            "mapping",
-            format!("{mapping:X} {got:X?}"),
-            format!("{mapping:X} {expected:X?}"),
-        );
+        differences.check(&format!("mapping {mapping:X}"), got, expected);
     }
-    found
+    differences.found()
 }
 
 #[test]
@@ -118,12 +86,7 @@ fn every_row_answers_as_the_manual_lists_it() {
     // Rows whose access is only inferred from the name, or on which overview and detail of the
     // manual differ, are counted apart.
     println!("rows by how their access is known: {counted:?}");
-    assert!(
-        found.is_empty(),
-        "{} differences:\n{}",
-        found.len(),
-        found.join("\n")
-    );
+    assert_none(&found);
 }
 
 #[test]

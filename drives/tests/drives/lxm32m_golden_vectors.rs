@@ -3,7 +3,8 @@
 //! Answers have to come as an ordered subsequence of what the node sends: T_PDOs in between are
 //! allowed, SDO answers are not.
 
-use crate::common::{Bench, id, ms};
+use crate::common::lxm32m::Bench;
+use crate::common::{id, ms};
 use std::collections::BTreeMap;
 use syncline_canopen::CanId;
 use syncline_canopen::cia402::State;

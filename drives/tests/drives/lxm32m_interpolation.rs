@@ -2,7 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use crate::common::{Bench, id, interpolation_setup, ms};
+use crate::common::lxm32m::{Bench, interpolation_setup};
+use crate::common::{id, ms};
 use syncline_canopen::cia402::State;
 use syncline_canopen::nmt::Command;
 use syncline_canopen::time::Duration;

@@ -1,6 +1,7 @@
 //! The loops' objects: what is written to them changes the motion, and nothing else does.
 
-use crate::common::{Bench, HALT, X_END, drive, enabled, id, ms, set, wait_for};
+use crate::common::lxm32m::{Bench, drive, enabled};
+use crate::common::{HALT, X_END, id, ms, set, wait_for};
 use syncline_canopen::Instant;
 use syncline_drives::mechanics::drive_train::{DriveTrain, Elasticity};
 use syncline_drives::mechanics::friction::Friction;

@@ -1,8 +1,8 @@
 //! The operating modes from the bus: start, monitoring bits, ending, Halt, Quick Stop.
 
+use crate::common::lxm32m::{Bench, drive, enabled};
 use crate::common::{
-    BIT_12, Bench, HALT, REF_OK, TARGET_REACHED, X_END, X_ERR, drive, enabled, id, ms, rpm, set,
-    status, wait_for,
+    BIT_12, HALT, REF_OK, TARGET_REACHED, X_END, X_ERR, id, ms, rpm, set, status, wait_for,
 };
 use syncline_canopen::cia402::State;
 use syncline_drives::twin::SimulatedDevice;

@@ -1,6 +1,7 @@
 //! The CANopen node: NMT, monitoring, EMCY, PDO services, errors and their reset.
 
-use crate::common::{Bench, id, ms};
+use crate::common::lxm32m::Bench;
+use crate::common::{id, ms};
 use syncline_canopen::cia402::{State, Statusword};
 use syncline_canopen::dictionary::Refusals;
 use syncline_canopen::nmt::{self, Command};

@@ -1,6 +1,7 @@
 //! Random frames at a twin in every state: no panic, and no motion without a valid enable.
 
-use crate::common::{Bench, id, ms};
+use crate::common::lxm32m::Bench;
+use crate::common::{frames, id, ms};
 use proptest::prelude::*;
 use syncline_canopen::cia402::State;
 use syncline_canopen::nmt::Command;
@@ -79,13 +80,7 @@ fn frame() -> impl Strategy<Value = Frame> {
         });
     let small = prop::collection::vec(prop_oneof![Just(0u8), Just(6), Just(7), 0u8..0x20], 0..9);
     let data = prop_oneof![4 => sdo, 3 => small, 1 => prop::collection::vec(any::<u8>(), 0..9)];
-    (ids, data, 0u8..20).prop_map(|(id, data, kind)| {
-        let id = CanId::Standard(id);
-        match kind {
-            0 => Frame::remote(id, data.len() as u8).unwrap(),
-            _ => Frame::new(id, &data),
-        }
-    })
+    frames(ids, data)
 }
 
 /// Whether some word in a frame, taken for a controlword, enables operation.

@@ -1,9 +1,9 @@
 //! What else is wired to the drive, and what watches it: limits, capture inputs, position
 //! registers, digital signals, parameter sets, windows.
 
+use crate::common::lxm32m::{Bench, drive, enabled};
 use crate::common::{
-    BIT_12, Bench, REF_OK, TARGET_REACHED, X_END, X_ERR, drive, enabled, id, ms, rpm, set, status,
-    wait_for,
+    BIT_12, REF_OK, TARGET_REACHED, X_END, X_ERR, id, ms, rpm, set, status, wait_for,
 };
 use std::fmt::Write;
 use syncline_canopen::cia402::{State, Statusword};

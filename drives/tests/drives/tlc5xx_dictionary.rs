@@ -2,22 +2,16 @@
 //! (`data/extract_tlc5xx_dictionary.py`) took from the reference: the 342 entries that the manual
 //! prints.
 
+use crate::common::dictionary::{
+    self, Differences, INVALID, NO_ACCESS, NOT_MAPPABLE, READ_ONLY, UNKNOWN_OBJECT,
+    UNKNOWN_SUBINDEX, WRITE_ONLY, assert_none,
+};
 use crate::common::{Bench, id};
 use syncline_drives::dictionary::{TLC5XX, TLC5XX_PRINTED};
 use syncline_drives::twin::node::Delays;
 use syncline_drives::twin::tlc5xx::{Twin, TwinConfig};
 
 const TABLE: &str = include_str!("data/tlc5xx_dictionary.csv");
-
-const NO_ACCESS: u32 = 0x0601_0000;
-const WRITE_ONLY: u32 = 0x0601_0001;
-const READ_ONLY: u32 = 0x0601_0002;
-const UNKNOWN_OBJECT: u32 = 0x0602_0000;
-const NOT_MAPPABLE: u32 = 0x0604_0041;
-const TOO_LONG: u32 = 0x0607_0012;
-const TOO_SHORT: u32 = 0x0607_0013;
-const UNKNOWN_SUBINDEX: u32 = 0x0609_0011;
-const INVALID: u32 = 0x0609_0030;
 
 /// Not the printed default, and why.
 const OTHER_DEFAULTS: [(u16, &str); 3] = [
@@ -47,8 +41,7 @@ struct Row {
 }
 
 fn rows() -> Vec<Row> {
-    let parse = |line: &str| {
-        let fields: Vec<&str> = line.split(',').collect();
+    dictionary::rows(TABLE, |fields| {
         let limits = fields[5].parse().ok().zip(fields[6].parse().ok());
         Row {
             index: u16::from_str_radix(fields[0], 16).unwrap(),
@@ -59,9 +52,7 @@ fn rows() -> Vec<Row> {
             range: limits,
             default: fields[7].into(),
         }
-    };
-    let lines = TABLE.lines().filter(|line| !line.starts_with('#'));
-    lines.map(parse).collect()
+    })
 }
 
 fn bench() -> Bench<Twin> {
@@ -81,18 +72,6 @@ impl Row {
 
     fn bytes_of(&self, value: i64) -> Vec<u8> {
         value.to_le_bytes()[..self.bytes.min(4)].to_vec()
-    }
-
-    /// The bytes that its default stands for, if it has one.
-    fn default_bytes(&self) -> Option<Vec<u8>> {
-        if let Some(text) = self.default.strip_prefix('"') {
-            return Some(text.trim_end_matches('"').into());
-        }
-        let number: i64 = match self.default.strip_prefix("id+") {
-            Some(base) => base.parse::<i64>().unwrap() + 1,
-            None => self.default.parse().ok()?,
-        };
-        Some(self.bytes_of(number))
     }
 
     /// The whole numbers just outside of its range that its bytes can hold.
@@ -115,16 +94,7 @@ impl Row {
 
 /// What a row answers that the expected table does not say; each a line.
 fn differences(bench: &mut Bench<Twin>, row: &Row) -> Vec<String> {
-    let mut found = vec![];
-    let mut check = |what: String, got: Result<Vec<u8>, u32>, expected: Result<Vec<u8>, u32>| {
-        if got != expected {
-            found.push(format!(
-                "{:04X}:{:X} {what}: {got:X?}, expected {expected:X?}",
-                row.index, row.sub
-            ));
-        }
-    };
-    let done = |written: Result<(), u32>| written.map(|()| vec![]);
+    let mut differences = Differences::of(row.index, row.sub);
     let value = bench.upload(1, row.index, row.sub);
     let refusal = match row.access.as_str() {
         _ if row.is_compatibility_entry() => Some(NO_ACCESS),
@@ -132,31 +102,26 @@ fn differences(bench: &mut Bench<Twin>, row: &Row) -> Vec<String> {
         _ => None,
     };
     match refusal {
-        Some(refusal) => check("read".into(), value.clone(), Err(refusal)),
+        Some(refusal) => differences.check("read", value.clone(), Err(refusal)),
         None => {
             let size = value.clone().map(|bytes| vec![bytes.len() as u8]);
             // Texts have their printed length at most.
             if row.bytes <= 4 {
-                check("size".into(), size, Ok(vec![row.bytes as u8]));
+                differences.check("size", size, Ok(vec![row.bytes as u8]));
             }
             let is_other = OTHER_DEFAULTS.iter().any(|(index, _)| *index == row.index);
-            if let Some(default) = row.default_bytes().filter(|_| !is_other) {
-                check("default".into(), value.clone(), Ok(default));
+            if let Some(default) = dictionary::default_bytes(&row.default, 1, 10, row.bytes.min(4))
+                .filter(|_| !is_other)
+            {
+                differences.check("default", value.clone(), Ok(default));
             }
         }
     }
     let read_only = row.access == "ro";
-    let mut lengths = vec![];
-    if row.bytes < 4 {
-        lengths.push((row.bytes + 1, TOO_LONG));
-    }
-    if (2..=4).contains(&row.bytes) {
-        lengths.push((row.bytes - 1, TOO_SHORT));
-    }
-    for (length, refusal) in lengths {
+    for (length, refusal) in dictionary::one_byte_off(row.bytes) {
         let refusal = if read_only { READ_ONLY } else { refusal };
         let got = bench.write(1, row.index, row.sub, &[1; 4][..length]);
-        check("one byte off".into(), done(got), Err(refusal));
+        differences.check("one byte off", got, Err(refusal));
     }
     let zeros = vec![0; row.bytes.min(4)];
     let kept = value.unwrap_or(zeros);
@@ -165,7 +130,7 @@ fn differences(bench: &mut Bench<Twin>, row: &Row) -> Vec<String> {
         _ if row.is_compatibility_entry() => Err(NO_ACCESS),
         // It takes no number but those of modes.
         _ if row.index == 0x6060 => Err(INVALID),
-        _ => Ok(vec![]),
+        _ => Ok(()),
     };
     // Entries of a mapping are changed while its count is 0 (1721).
     let is_mapping = matches!(row.index, 0x1600..=0x1603 | 0x1A00..=0x1A03);
@@ -174,7 +139,7 @@ fn differences(bench: &mut Bench<Twin>, row: &Row) -> Vec<String> {
     }
     if row.bytes <= 4 || read_only {
         let got = bench.write(1, row.index, row.sub, &kept[..kept.len().min(4)]);
-        check("write".into(), done(got), expected);
+        differences.check("write", got, expected);
     }
     let is_other = OTHER_RANGES.iter().any(|(index, _)| *index == row.index);
     // The count of a dynamic mapping is 0 while it is changed (1721), and more than it has places is
@@ -183,7 +148,7 @@ fn differences(bench: &mut Bench<Twin>, row: &Row) -> Vec<String> {
     if row.access != "ro" && !is_other && !is_count {
         for value in row.outside() {
             let got = bench.write(1, row.index, row.sub, &row.bytes_of(value));
-            check(format!("{value}"), done(got), Err(INVALID));
+            differences.check(&format!("{value}"), got, Err(INVALID));
         }
     }
     let entry = (u32::from(row.index) << 16) | (u32::from(row.sub) << 8) | (row.bytes as u32 * 8);
@@ -191,12 +156,12 @@ fn differences(bench: &mut Bench<Twin>, row: &Row) -> Vec<String> {
         bench.write(1, mapping, 0, &[0]).unwrap();
         let got = bench.write(1, mapping, 1, &entry.to_le_bytes());
         let expected = match row.pdo == letter {
-            true => Ok(vec![]),
+            true => Ok(()),
             false => Err(NOT_MAPPABLE),
         };
-        check(format!("mapping {mapping:X}"), done(got), expected);
+        differences.check(&format!("mapping {mapping:X}"), got, expected);
     }
-    found
+    differences.found()
 }
 
 #[test]
@@ -208,12 +173,7 @@ fn every_row_answers_as_the_manual_lists_it() {
         // A row at a time: some of what is written has effects.
         found.extend(differences(&mut bench(), row));
     }
-    assert!(
-        found.is_empty(),
-        "{} differences:\n{}",
-        found.len(),
-        found.join("\n")
-    );
+    assert_none(&found);
 }
 
 #[test]

@@ -2,9 +2,9 @@
 
 use crate::common::tlc5xx::{
     ACKNOWLEDGED, BIT_13, DEVICE_STATE, ENDED, FAILED, INVALID, MAXIMUM_BELOW_MINIMUM, TOO_HIGH,
-    config, drive, enabled, is_at, of, position, reach, rpm, set, status, switches, until, with,
+    config, drive, enabled, is_at, of, position, reach, set, switches, until, with,
 };
-use crate::common::{Bench, HALT, TARGET_REACHED, id, ms};
+use crate::common::{Bench, HALT, TARGET_REACHED, id, ms, rpm, status};
 use syncline_canopen::cia402::State;
 use syncline_canopen::nmt::Command;
 use syncline_drives::twin::tlc5xx::{Bit6, Policies, PositionFactor, Twin, TwinConfig};

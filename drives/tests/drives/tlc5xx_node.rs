@@ -2,9 +2,9 @@
 
 use crate::common::tlc5xx::{
     DEVICE_STATE, FAILED, INCOMPATIBLE, INVALID, LOCAL_CONTROL, config, drive, enabled, is_at, of,
-    position, reach, set, status, switches, until, with,
+    position, reach, set, switches, until, with,
 };
-use crate::common::{Bench, ms};
+use crate::common::{Bench, ms, status};
 use syncline_canopen::cia402::State;
 use syncline_canopen::nmt::{self, Command};
 use syncline_canopen::node::BootUp;

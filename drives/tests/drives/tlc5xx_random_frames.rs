@@ -1,11 +1,11 @@
 //! Random frames at the controller in every state: no panic, no motion without a valid enable, and
 //! what it shows stays legal.
 
-use crate::common::{Bench, id, ms};
+use crate::common::{Bench, frames, id, ms};
 use proptest::prelude::*;
+use syncline_canopen::Frame;
 use syncline_canopen::cia402::State;
 use syncline_canopen::nmt::Command;
-use syncline_canopen::{CanId, Frame};
 use syncline_drives::bus::Band;
 use syncline_drives::twin::node::Delays;
 use syncline_drives::twin::tlc5xx::{DriveError, Switches, Twin, TwinConfig};
@@ -52,13 +52,7 @@ fn frame() -> impl Strategy<Value = Frame> {
         0..9,
     );
     let data = prop_oneof![5 => sdo, 3 => small, 1 => prop::collection::vec(any::<u8>(), 0..9)];
-    (ids, data, 0u8..20).prop_map(|(id, data, kind)| {
-        let id = CanId::Standard(id);
-        match kind {
-            0 => Frame::remote(id, data.len() as u8).unwrap(),
-            _ => Frame::new(id, &data),
-        }
-    })
+    frames(ids, data)
 }
 
 /// Whether a frame may enable: by a controlword, or by bit 1 of the manufacturer's.

@@ -1,19 +1,16 @@
 //! The stepper controller's whole object dictionary over the bus, against a table that a script of
 //! its own (`data/extract_tsp10_dictionary.py`) took from the reference.
 
+use crate::common::dictionary::{
+    self, Differences, INVALID, READ_ONLY, TOO_LONG, TOO_SHORT, UNKNOWN_OBJECT, UNKNOWN_SUBINDEX,
+    assert_none,
+};
 use crate::common::{Bench, id};
 use syncline_drives::dictionary::TSP10;
 use syncline_drives::twin::node::Delays;
 use syncline_drives::twin::tsp10::{Twin, TwinConfig};
 
 const TABLE: &str = include_str!("data/tsp10_dictionary.csv");
-
-const READ_ONLY: u32 = 0x0601_0002;
-const UNKNOWN_OBJECT: u32 = 0x0602_0000;
-const TOO_LONG: u32 = 0x0607_0012;
-const TOO_SHORT: u32 = 0x0607_0013;
-const UNKNOWN_SUBINDEX: u32 = 0x0609_0011;
-const INVALID: u32 = 0x0609_0030;
 
 struct Row {
     index: u16,
@@ -26,20 +23,15 @@ struct Row {
 }
 
 fn rows() -> Vec<Row> {
-    let parse = |line: &str| {
-        let fields: Vec<&str> = line.split(',').collect();
-        Row {
-            index: u16::from_str_radix(fields[0], 16).unwrap(),
-            sub: fields[1].parse().unwrap(),
-            bytes: fields[2].parse().unwrap(),
-            writable: fields[3] == "rw",
-            mappable: fields[4] == "1",
-            range: fields[5].parse().ok().zip(fields[6].parse().ok()),
-            default: fields[7].into(),
-        }
-    };
-    let lines = TABLE.lines().filter(|line| !line.starts_with('#'));
-    lines.map(parse).collect()
+    dictionary::rows(TABLE, |fields| Row {
+        index: u16::from_str_radix(fields[0], 16).unwrap(),
+        sub: fields[1].parse().unwrap(),
+        bytes: fields[2].parse().unwrap(),
+        writable: fields[3] == "rw",
+        mappable: fields[4] == "1",
+        range: fields[5].parse().ok().zip(fields[6].parse().ok()),
+        default: fields[7].into(),
+    })
 }
 
 fn bench() -> Bench<Twin> {
@@ -54,54 +46,30 @@ impl Row {
     fn bytes_of(&self, value: i64) -> Vec<u8> {
         value.to_le_bytes()[..self.bytes].to_vec()
     }
-
-    fn default_bytes(&self) -> Option<Vec<u8>> {
-        if let Some(text) = self.default.strip_prefix('"') {
-            return Some(text.trim_end_matches('"').into());
-        }
-        let number: i64 = match self.default.strip_prefix("id+") {
-            Some(base) => base.parse::<i64>().unwrap() + 1,
-            None => self.default.parse().ok()?,
-        };
-        Some(self.bytes_of(number))
-    }
 }
 
 /// What a row answers that the expected table does not say; each a line.
 fn differences(bench: &mut Bench<Twin>, row: &Row) -> Vec<String> {
-    let mut found = vec![];
-    let mut check = |what: &str, got: Result<Vec<u8>, u32>, expected: Result<Vec<u8>, u32>| {
-        if got != expected {
-            found.push(format!(
-                "{:04X}:{:X} {what}: {got:X?}, expected {expected:X?}",
-                row.index, row.sub
-            ));
-        }
-    };
-    let done = |written: Result<(), u32>| written.map(|()| vec![]);
+    let mut differences = Differences::of(row.index, row.sub);
     let value = bench.upload(1, row.index, row.sub);
     let size = value.clone().map(|bytes| vec![bytes.len() as u8]);
-    check("size", size, Ok(vec![row.bytes as u8]));
-    if let Some(default) = row.default_bytes() {
-        check("default", value.clone(), Ok(default));
+    differences.check("size", size, Ok(vec![row.bytes as u8]));
+    if let Some(default) = dictionary::default_bytes(&row.default, 1, 10, row.bytes) {
+        differences.check("default", value.clone(), Ok(default));
     }
     let refused = |refusal: u32| Err(if row.writable { refusal } else { READ_ONLY });
     if row.bytes < 4 {
         let got = bench.write(1, row.index, row.sub, &[1; 4][..row.bytes + 1]);
-        check("too long", done(got), refused(TOO_LONG));
+        differences.check("too long", got, refused(TOO_LONG));
     }
     if row.bytes > 1 {
         let got = bench.write(1, row.index, row.sub, &[1; 4][..row.bytes - 1]);
-        check("too short", done(got), refused(TOO_SHORT));
+        differences.check("too short", got, refused(TOO_SHORT));
     }
     let kept = value.unwrap_or_default();
     let got = bench.write(1, row.index, row.sub, &kept[..kept.len().clamp(1, 4)]);
-    let expected = if row.writable {
-        Ok(vec![])
-    } else {
-        Err(READ_ONLY)
-    };
-    check("write", done(got), expected);
+    let expected = if row.writable { Ok(()) } else { Err(READ_ONLY) };
+    differences.check("write", got, expected);
     if let Some((least, greatest)) = row.range.filter(|_| row.writable) {
         let edges = [
             (least - 1, least != 0),
@@ -109,10 +77,10 @@ fn differences(bench: &mut Bench<Twin>, row: &Row) -> Vec<String> {
         ];
         for (outside, _) in edges.into_iter().filter(|(_, fits)| *fits) {
             let got = bench.write(1, row.index, row.sub, &row.bytes_of(outside));
-            check("outside", done(got), Err(INVALID));
+            differences.check("outside", got, Err(INVALID));
         }
     }
-    found
+    differences.found()
 }
 
 #[test]
@@ -123,12 +91,7 @@ fn every_row_answers_as_the_manual_lists_it() {
     for row in &rows {
         found.extend(differences(&mut bench(), row));
     }
-    assert!(
-        found.is_empty(),
-        "{} differences:\n{}",
-        found.len(),
-        found.join("\n")
-    );
+    assert_none(&found);
 }
 
 /// Besides the printed rows there is the subindex 0 of each record and array, which the manual never

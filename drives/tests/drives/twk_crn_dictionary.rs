@@ -1,18 +1,15 @@
 //! The encoder's whole object dictionary over the bus, against a table that a script of its own
 //! (`data/extract_twk_crn_dictionary.py`) took from the reference.
 
+use crate::common::dictionary::{
+    self, Differences, READ_ONLY, UNKNOWN_OBJECT, UNKNOWN_SUBINDEX, assert_none, default_bytes,
+};
 use crate::common::{Bench, id};
 use syncline_drives::dictionary::{TWK_CRN_4096, TWK_CRN_8192};
 use syncline_drives::twin::node::Delays;
 use syncline_drives::twin::twk_crn::{Resolution, Twin, TwinConfig, Version};
 
 const TABLE: &str = include_str!("data/twk_crn_dictionary.csv");
-
-const READ_ONLY: u32 = 0x0601_0002;
-const UNKNOWN_OBJECT: u32 = 0x0602_0000;
-const TOO_LONG: u32 = 0x0607_0012;
-const TOO_SHORT: u32 = 0x0607_0013;
-const UNKNOWN_SUBINDEX: u32 = 0x0609_0011;
 
 struct Row {
     index: u16,
@@ -26,20 +23,15 @@ struct Row {
 }
 
 fn rows() -> Vec<Row> {
-    let parse = |line: &str| {
-        let fields: Vec<&str> = line.split(',').collect();
-        Row {
-            index: u16::from_str_radix(fields[0], 16).unwrap(),
-            sub: u8::from_str_radix(fields[1], 16).unwrap(),
-            bytes: fields[2].parse().unwrap(),
-            signed: fields[3] == "1",
-            access: fields[4].into(),
-            t_pdo: fields[5] == "1",
-            defaults: [fields[6].into(), fields[7].into()],
-        }
-    };
-    let lines = TABLE.lines().filter(|line| !line.starts_with('#'));
-    lines.map(parse).collect()
+    dictionary::rows(TABLE, |fields| Row {
+        index: u16::from_str_radix(fields[0], 16).unwrap(),
+        sub: u8::from_str_radix(fields[1], 16).unwrap(),
+        bytes: fields[2].parse().unwrap(),
+        signed: fields[3] == "1",
+        access: fields[4].into(),
+        t_pdo: fields[5] == "1",
+        defaults: [fields[6].into(), fields[7].into()],
+    })
 }
 
 fn bench(node: u8, resolution: Resolution, version: Version) -> Bench<Twin> {
@@ -54,56 +46,22 @@ fn bench(node: u8, resolution: Resolution, version: Version) -> Bench<Twin> {
     })])
 }
 
-/// The bytes that a default of the table stands for, if it has one.
-fn bytes(row: &Row, node: u8, default: &str) -> Option<Vec<u8>> {
-    if let Some(text) = default.strip_prefix('"') {
-        return Some(text.trim_end_matches('"').into());
-    }
-    let number = match default.strip_prefix("id+") {
-        Some(base) => u32::from_str_radix(base, 16).unwrap() + u32::from(node),
-        None => u32::from_str_radix(default, 16).ok()?,
-    };
-    Some(number.to_le_bytes()[..row.bytes].to_vec())
-}
-
 /// What a row answers that the expected table does not say; each a line.
 fn differences(bench: &mut Bench<Twin>, node: u8, row: &Row, default: &str) -> Vec<String> {
-    let mut found = vec![];
-    let mut check = |what: &str, got: String, expected: String| {
-        if got != expected {
-            found.push(format!(
-                "{:04X}:{:X} {what}: {got}, expected {expected}",
-                row.index, row.sub
-            ));
-        }
-    };
+    let mut differences = Differences::of(row.index, row.sub);
     let value = bench.upload(node, row.index, row.sub);
     let size = value.clone().map(|bytes| bytes.len());
-    check("size", format!("{size:X?}"), format!("Ok({:X})", row.bytes));
+    differences.check("size", size, Ok(row.bytes));
     // Of the node id the version with a plug has another one already.
-    if let Some(expected) = bytes(row, node, default).filter(|_| row.index != 0x2000) {
-        check(
-            "default",
-            format!("{value:X?}"),
-            format!("{:X?}", Ok::<_, u32>(expected)),
-        );
+    let default = default_bytes(default, node, 16, row.bytes);
+    if let Some(expected) = default.filter(|_| row.index != 0x2000) {
+        differences.check("default", value.clone(), Ok(expected));
     }
     let read_only = row.access != "rw";
-    let mut lengths = vec![];
-    if row.bytes < 4 {
-        lengths.push((row.bytes + 1, TOO_LONG));
-    }
-    if (2..=4).contains(&row.bytes) {
-        lengths.push((row.bytes - 1, TOO_SHORT));
-    }
-    for (length, refusal) in lengths {
+    for (length, refusal) in dictionary::one_byte_off(row.bytes) {
         let refusal = if read_only { READ_ONLY } else { refusal };
         let got = bench.write(node, row.index, row.sub, &[1; 4][..length]);
-        check(
-            "one byte off",
-            format!("{got:X?}"),
-            format!("{:X?}", Err::<(), _>(refusal)),
-        );
+        differences.check("one byte off", got, Err(refusal));
     }
     let access = match (row.access.as_str(), &value) {
         // What it holds it takes as well.
@@ -111,8 +69,8 @@ fn differences(bench: &mut Bench<Twin>, node: u8, row: &Row, default: &str) -> V
         _ => bench.write(node, row.index, row.sub, &[0; 4][..row.bytes.min(4)]),
     };
     let expected = if read_only { Err(READ_ONLY) } else { Ok(()) };
-    check("access", format!("{access:X?}"), format!("{expected:X?}"));
-    found
+    differences.check("access", access, expected);
+    differences.found()
 }
 
 #[test]
@@ -132,12 +90,7 @@ fn every_row_answers_as_the_manual_lists_it() {
             }
         }
     }
-    assert!(
-        found.is_empty(),
-        "{} differences:\n{}",
-        found.len(),
-        found.join("\n")
-    );
+    assert_none(&found);
 }
 
 /// What the bus does not tell: signs, and which rows may be mapped (the mapping is read only).

@@ -1,15 +1,17 @@
 //! A small master for tests: SDO and NMT over a simulated bus, one virtual instant after another.
 
+pub(crate) mod dictionary;
+pub(crate) mod lxm32m;
 pub(crate) mod tlc5xx;
 
+use proptest::prelude::*;
 use syncline_canopen::cia402::Statusword;
 use syncline_canopen::time::Duration;
 use syncline_canopen::{CanId, CobId, Frame, Instant, NodeId, nmt};
 use syncline_drives::bus::{Band, BitRate, Node, Received, SimBus};
 use syncline_drives::twin::SimulatedDevice;
-use syncline_drives::twin::lxm32m::{Twin, TwinConfig};
 
-pub(crate) struct Bench<T = Twin> {
+pub(crate) struct Bench<T> {
     pub(crate) bus: SimBus<T>,
     /// Everything that came from the nodes, oldest first.
     pub(crate) log: Vec<Received>,
@@ -21,17 +23,6 @@ pub(crate) fn id(node: u8) -> NodeId {
 
 pub(crate) fn ms(millis: u64) -> Duration {
     Duration::from_millis(millis)
-}
-
-impl Bench {
-    /// Twins with these configurations at 1 Mbit/s, booted.
-    pub(crate) fn new(configs: impl IntoIterator<Item = TwinConfig>) -> Self {
-        Self::of(configs.into_iter().map(Twin::new))
-    }
-
-    pub(crate) fn one() -> Self {
-        Self::new([TwinConfig::new(id(1))])
-    }
 }
 
 impl<T: Node> Bench<T> {
@@ -215,24 +206,8 @@ pub(crate) const X_END: u16 = Statusword::BIT_14;
 pub(crate) const REF_OK: u16 = Statusword::BIT_15;
 pub(crate) const HALT: u16 = 0x0100;
 
-/// A drive in Operation Enabled, in this mode.
-pub(crate) fn enabled(config: TwinConfig, mode: i8) -> Bench {
-    let mut bench = Bench::new([config]);
-    for word in [0x0006, 0x000F] {
-        bench.controlword(1, word);
-    }
-    bench.write(1, 0x6060, 0, &[mode as u8]).unwrap();
-    assert_eq!(bench.read(1, 0x6061, 0).unwrap(), [mode as u8]);
-    bench
-}
-
-/// The same with all defaults.
-pub(crate) fn drive(mode: i8) -> Bench {
-    enabled(TwinConfig::new(id(1)), mode)
-}
-
 /// Writes a number in the object's own size.
-pub(crate) fn set(bench: &mut Bench, index: u16, sub: u8, value: i32) {
+pub(crate) fn set<T: Node>(bench: &mut Bench<T>, index: u16, sub: u8, value: i32) {
     let bytes = value.to_le_bytes();
     let size = bench.read(1, index, sub).unwrap().len();
     assert_eq!(
@@ -242,12 +217,12 @@ pub(crate) fn set(bench: &mut Bench, index: u16, sub: u8, value: i32) {
     );
 }
 
-pub(crate) fn status(bench: &mut Bench) -> u16 {
+pub(crate) fn status<T: Node>(bench: &mut Bench<T>) -> u16 {
     bench.read_u16(1, 0x6041, 0)
 }
 
 /// Waits until these statusword bits are set.
-pub(crate) fn wait_for(bench: &mut Bench, bits: u16, seconds: u64) {
+pub(crate) fn wait_for<T: Node>(bench: &mut Bench<T>, bits: u16, seconds: u64) {
     for _ in 0..seconds * 100 {
         if status(bench) & bits == bits {
             return;
@@ -257,47 +232,20 @@ pub(crate) fn wait_for(bench: &mut Bench, bits: u16, seconds: u64) {
     panic!("bits {bits:04X} of {:04X}", status(bench));
 }
 
-pub(crate) fn rpm(bench: &mut Bench) -> f64 {
+pub(crate) fn rpm<T: SimulatedDevice>(bench: &mut Bench<T>) -> f64 {
     bench.twin().observe().velocity * 60.0
 }
 
-/// I-01…I-30 of the manual's set-up for Interpolated Position (lxm32m 1604-1636) for a node and
-/// a period in milliseconds: index, subindex, bytes.
-pub(crate) fn interpolation_setup(node: u8, period: u8) -> Vec<(u16, u8, Vec<u8>)> {
-    let cob = |word: u32| (word + u32::from(node)).to_le_bytes().to_vec();
-    let u8 = |value: u8| vec![value];
-    let u16 = |value: u16| value.to_le_bytes().to_vec();
-    let u32 = |value: u32| value.to_le_bytes().to_vec();
-    vec![
-        (0x1400, 1, cob(0x8000_0200)),
-        (0x1800, 1, cob(0x8000_0180)),
-        (0x1401, 1, cob(0x0000_0300)),
-        (0x1801, 1, cob(0x0000_0280)),
-        (0x1402, 1, cob(0x8000_0400)),
-        (0x1802, 1, cob(0x8000_0380)),
-        (0x1403, 1, cob(0x8000_0500)),
-        (0x1803, 1, cob(0x8000_0480)),
-        (0x1401, 2, u8(1)),
-        (0x1801, 2, u8(1)),
-        (0x6040, 0, u16(0)),
-        (0x6040, 0, u16(0x80)),
-        (0x1601, 0, u8(0)),
-        (0x1601, 1, u32(0x6040_0010)),
-        (0x1601, 2, u32(0x60C1_0120)),
-        (0x1601, 0, u8(2)),
-        (0x1A01, 0, u8(0)),
-        (0x1A01, 1, u32(0x6041_0010)),
-        (0x1A01, 2, u32(0x6064_0020)),
-        (0x1A01, 0, u8(2)),
-        (0x3006, 0x07, u32(0x2_0000)),
-        (0x3006, 0x08, u32(1)),
-        (0x6060, 0, u8(7)),
-        (0x3006, 0x3D, u16(1)),
-        (0x60C2, 1, u8(period)),
-        (0x3012, 0x06, u16(1000)),
-        (0x3013, 0x06, u16(1000)),
-        (0x3006, 0x06, u16(1)),
-        (0x3022, 0x04, u16(1)),
-        (0x3022, 0x05, u16(2)),
-    ]
+/// Frames with these identifiers and data, one in twenty a remote request.
+pub(crate) fn frames(
+    ids: impl Strategy<Value = u16>,
+    data: impl Strategy<Value = Vec<u8>>,
+) -> impl Strategy<Value = Frame> {
+    (ids, data, 0u8..20).prop_map(|(id, data, kind)| {
+        let id = CanId::Standard(id);
+        match kind {
+            0 => Frame::remote(id, data.len() as u8).unwrap(),
+            _ => Frame::new(id, &data),
+        }
+    })
 }

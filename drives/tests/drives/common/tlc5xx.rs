@@ -1,8 +1,7 @@
 //! A TLC53x on the bench.
 
-use super::{Bench, TARGET_REACHED, id, ms};
+use super::{Bench, TARGET_REACHED, id, ms, status};
 use syncline_canopen::cia402::State;
-use syncline_drives::twin::SimulatedDevice;
 use syncline_drives::twin::node::Delays;
 use syncline_drives::twin::tlc5xx::{Policies, Switches, Twin, TwinConfig};
 
@@ -44,10 +43,6 @@ pub(crate) fn set(bench: &mut Bench<Twin>, index: u16, sub: u8, value: i32) -> R
         .unwrap();
     let bytes = value.to_le_bytes();
     bench.write(1, index, sub, &bytes[..entry.data_type.size()])
-}
-
-pub(crate) fn status(bench: &mut Bench<Twin>) -> u16 {
-    bench.read_u16(1, 0x6041, 0)
 }
 
 /// In Operation Enabled with this mode, at position 0, quick ramps.
@@ -99,10 +94,6 @@ pub(crate) fn reach(bench: &mut Bench<Twin>) {
     until(bench, 20, "target reached", |bench| {
         status(bench) & TARGET_REACHED != 0
     });
-}
-
-pub(crate) fn rpm(bench: &mut Bench<Twin>) -> f64 {
-    bench.twin().observe().velocity * 60.0
 }
 
 pub(crate) fn position(bench: &mut Bench<Twin>) -> i32 {
