@@ -40,11 +40,14 @@ struct BusLoad {
     pending: VecDeque<Transmission>,
     /// Bits since the last SYNC.
     bits: u64,
-    /// Most bits from SYNC to SYNC.
+    /// Most bits from SYNC to SYNC, a cycle apart.
     peak_bits: u64,
-    synced: bool,
+    /// When the last SYNC began.
+    synced: Option<Instant>,
     /// Bits in one cycle.
     capacity: f64,
+    /// From one SYNC to the next where SYNC runs: while it does not, what is sent belongs to no cycle.
+    longest_cycle: Duration,
 }
 
 impl FrameLog {
@@ -55,8 +58,9 @@ impl FrameLog {
             pending: VecDeque::new(),
             bits: 0,
             peak_bits: 0,
-            synced: false,
+            synced: None,
             capacity: f64::from(bitrate) * machine.cycle.as_secs_f64(),
+            longest_cycle: machine.cycle * 2,
         };
         Self {
             digest: Sha256::new(),
@@ -76,10 +80,10 @@ impl FrameLog {
         let log = &mut self.buses[bus];
         log.pending.push_back(*frame);
         if frame.frame.id() == CanId::from(CobId::SYNC) {
-            if log.synced {
+            let before = log.synced.replace(frame.start);
+            if before.is_some_and(|before| frame.start < before + log.longest_cycle) {
                 log.peak_bits = log.peak_bits.max(log.bits);
             }
-            log.synced = true;
             log.bits = 0;
         }
         log.bits += u64::from(frame.bits);

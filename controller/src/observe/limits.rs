@@ -95,7 +95,8 @@ pub(super) struct AxisWatches {
     pub(super) limits: AxisLimits,
     max: [f64; WATCHED.len()],
     watches: [Watch; WATCHED.len()],
-    began: bool,
+    /// The cycle of the next row, if none is left out.
+    next: u64,
     /// Its positions are machine positions, and it stands where the machine file says.
     referenced: bool,
     /// It is homed: its drives do not count as the machine file says.
@@ -120,7 +121,7 @@ struct Side {
     zero: f64,
     /// Its count less the plan's, increments, once it is known.
     offset: Option<f64>,
-    /// The cycle of the last row; a machine that is switched on again begins from 0.
+    /// The cycle of the last row; where cycles were left out, the setpoint may have been frozen anew.
     cycle: u64,
     differences: Differences,
 }
@@ -155,7 +156,7 @@ impl Side {
             increment, zero, ..
         } = *self;
         let (count, planned) = (count as f64, planned / increment);
-        if cycle <= self.cycle {
+        if cycle != self.cycle + 1 {
             self.offset = None;
         }
         self.cycle = cycle;
@@ -189,7 +190,8 @@ impl AxisWatches {
             limits: axis.limits,
             max: [0.0; WATCHED.len()],
             watches: Default::default(),
-            began: false,
+            // No row has that number: the first one begins.
+            next: u64::MAX,
             referenced: axis.homing.is_absolute(),
             homed: !axis.homing.is_absolute(),
             period: cycle,
@@ -207,7 +209,7 @@ impl AxisWatches {
     /// the drives are sent does not change with that.
     pub(super) fn count_anew(&mut self, referenced: bool) {
         self.referenced = referenced;
-        self.began = false;
+        self.next = u64::MAX;
         self.planned = Differences::new(self.period, Uncertainty::Numbers);
         for side in &mut self.sides {
             side.offset = None;
@@ -245,12 +247,12 @@ impl AxisWatches {
         let (mut min, mut max) = self.limits.position;
         if !self.referenced {
             (min, max) = (f64::NEG_INFINITY, f64::INFINITY);
-        } else if !self.began {
-            // The encoder's noise of a machine that stands at a limit is no violation.
+        } else if row.cycle != self.next {
+            // The encoder's noise of a machine that is frozen at a limit is no violation.
             (min, max) = (min.min(position), max.max(position));
             self.limits.position = (min, max);
-            self.began = true;
         }
+        self.next = row.cycle + 1;
         let following = row.axes[at].following_error;
         self.squares += following * following;
         self.rows += 1;
