@@ -3,6 +3,7 @@
 //! - [`Observers`]: all that is kept about a run, row by row
 //! - [`limits`]: every axis against its limits, as planned and as sent
 //! - [`sent`]: what the drives were sent, from the frames on the buses
+//! - `mapping`: which bytes of their PDOs are what
 //! - `differences`: what positions at the SYNCs say of the motion between them
 //! - [`deviation`]: setpoint and tool against the programmed geometry
 //! - [`travel`]: how far the tool has come along the program, and for how long it moved
@@ -17,6 +18,7 @@ pub mod deviation;
 mod differences;
 pub mod frames;
 pub mod limits;
+pub(crate) mod mapping;
 pub mod record;
 pub mod sent;
 pub mod summary;

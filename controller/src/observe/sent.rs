@@ -4,10 +4,9 @@
 //! sent wrongly passes. So a judge listens to the buses as an analyser beside the machine would, and
 //! shares nothing with the sender but the machine file and the standard:
 //!
-//! 1. *Which bytes are a setpoint* it learns from the bus. CiA 301 has a device told by SDO under which
-//!    COB-ID an R_PDO comes (1400h and on, subindex 1) and which objects lie in it, in their order (1600h
-//!    and on); what the device has confirmed holds, until its communication is reset. Of the objects two
-//!    are positions to go to: 60C1h:1, the interpolation data record, and 607Ah, the target position.
+//! 1. *Which bytes are a setpoint* it learns from the bus (`mapping`): of the objects that a device has been
+//!    told to find in its R_PDOs two are positions to go to, 60C1h:1, the interpolation data record, and
+//!    607Ah, the target position.
 //! 2. *Which setpoint counts* SYNC decides: a drive latches what came before it last. A frame that was
 //!    lost, repeated, late or somebody else's is thereby judged as the drive takes it.
 //! 3. *Which row of the run it belongs to* the number of the SYNC says ([`Row::sync`]).
@@ -17,21 +16,14 @@
 //!
 //! [`Row::sync`]: crate::control::Row::sync
 
+use super::mapping::{Heard, PdoMappings};
 use crate::machine::Machine;
 use crossbeam::channel::{self, Receiver, Sender};
-use std::collections::{BTreeMap, VecDeque};
-use syncline_canopen::{CanId, Frame};
+use std::collections::VecDeque;
+use syncline_canopen::{CanId, CobId, Frame};
 
 /// Objects that are a position to go to, as a mapping names them: index, subindex, 32 bits.
-const POSITIONS: [u32; 2] = [0x60C1_0120, 0x607A_0020];
-
-/// Communication and mapping parameters of the first R_PDO; those of the others follow.
-const COMMUNICATION: u16 = 0x1400;
-const MAPPING: u16 = 0x1600;
-/// R_PDOs that a device can have.
-const MOST_R_PDOS: u16 = 0x200;
-/// Set in a COB-ID: the PDO does not exist.
-const INVALID: u32 = 1 << 31;
+pub(crate) const POSITIONS: [u32; 2] = [0x60C1_0120, 0x607A_0020];
 
 /// A setpoint that a drive has latched.
 #[derive(Clone, Copy, Debug)]
@@ -50,161 +42,68 @@ pub(super) struct Hearing {
     tell: Sender<Latched>,
 }
 
-#[derive(Debug, Default)]
+#[derive(Debug)]
 struct Bus {
     syncs: u64,
-    nodes: Vec<Node>,
+    mappings: PdoMappings,
+    /// By node: the drive, and the setpoint that came last.
+    nodes: Vec<(usize, Option<i32>)>,
 }
 
-/// A drive as its bus shows it.
-#[derive(Debug)]
-struct Node {
-    drive: usize,
-    id: u16,
-    /// An SDO download that is not confirmed.
-    asked: Option<Download>,
-    /// By number, from 0: what is confirmed of each R_PDO.
-    r_pdos: BTreeMap<u16, RPdo>,
-    /// The setpoint that came last.
-    position: Option<i32>,
-}
-
-/// An expedited SDO download.
-#[derive(Clone, Copy, Debug)]
-struct Download {
-    /// Index and subindex, as they travel.
-    address: [u8; 3],
-    value: u32,
-}
-
-#[derive(Debug, Default)]
-struct RPdo {
-    cob_id: Option<u32>,
-    /// How many of the objects count.
-    count: usize,
-    objects: [u32; 8],
+impl Bus {
+    /// Of drives with their node ids.
+    fn new(drives: impl Iterator<Item = (usize, u16)> + Clone) -> Self {
+        Self {
+            syncs: 0,
+            mappings: PdoMappings::new(drives.clone().map(|(_, id)| id)),
+            nodes: drives.map(|(drive, _)| (drive, None)).collect(),
+        }
+    }
 }
 
 impl Hearing {
     /// Ears for a machine's buses, and what they hear.
     pub(super) fn new(machine: &Machine) -> (Self, SentSetpoints) {
-        let mut buses: Vec<Bus> = machine.buses.iter().map(|_| Bus::default()).collect();
-        for (index, drive) in machine.drives.iter().enumerate() {
-            buses[drive.bus].nodes.push(Node {
-                drive: index,
-                id: drive.node.get().into(),
-                asked: None,
-                r_pdos: BTreeMap::new(),
-                position: None,
-            });
-        }
+        let drives = machine.drives.iter().enumerate();
+        let on = |bus| drives.clone().filter(move |(_, drive)| drive.bus == bus);
+        let id = |(index, drive): (usize, &crate::machine::Drive)| (index, drive.node.get().into());
+        let buses = (0..machine.buses.len()).map(|bus| Bus::new(on(bus).map(id)));
         let (tell, told) = channel::unbounded();
         let sent = SentSetpoints {
             told,
             drives: vec![VecDeque::new(); machine.drives.len()],
         };
+        let buses = buses.collect();
         (Self { buses, tell }, sent)
     }
 
     /// Takes a frame of a bus, in the order in which the bus carries them.
     pub(super) fn hear(&mut self, bus: usize, frame: &Frame) {
-        let CanId::Standard(id) = frame.id() else {
-            return;
-        };
-        let Bus { syncs, nodes } = &mut self.buses[bus];
-        match id {
-            0x000 => nodes.iter_mut().for_each(|node| node.command(frame.data())),
-            0x080 => {
-                *syncs += 1;
-                for node in nodes {
-                    if let Some(position) = node.position {
-                        // Nobody judging is fine.
-                        let _ = self.tell.send(Latched {
-                            drive: node.drive,
-                            sync: *syncs,
-                            position,
-                        });
-                    }
-                }
-            }
-            _ => {
-                for node in nodes {
-                    match id.checked_sub(node.id) {
-                        Some(0x600) => node.request(frame.data()),
-                        Some(0x580) => node.answer(frame.data()),
-                        _ => node.r_pdo(id, frame.data()),
-                    }
+        let Bus {
+            syncs,
+            mappings,
+            nodes,
+        } = &mut self.buses[bus];
+        if frame.id() == CanId::from(CobId::SYNC) {
+            *syncs += 1;
+            for &(drive, position) in &*nodes {
+                if let Some(position) = position {
+                    // Nobody judging is fine.
+                    let _ = self.tell.send(Latched {
+                        drive,
+                        sync: *syncs,
+                        position,
+                    });
                 }
             }
         }
-    }
-}
-
-impl Node {
-    /// An NMT command: a reset takes back what was written.
-    fn command(&mut self, data: &[u8]) {
-        if let [0x81 | 0x82, node, ..] = *data
-            && (node == 0 || u16::from(node) == self.id)
-        {
-            self.r_pdos.clear();
-            self.position = None;
-        }
-    }
-
-    /// An SDO request: of interest is an expedited download.
-    fn request(&mut self, data: &[u8]) {
-        let &[specifier, a, b, c, d0, d1, d2, d3] = data else {
-            return;
-        };
-        self.asked = (specifier & 0xE2 == 0x22).then_some(Download {
-            address: [a, b, c],
-            value: u32::from_le_bytes([d0, d1, d2, d3]),
+        mappings.hear(frame, &mut |node, heard| match heard {
+            Heard::Reset => nodes[node].1 = None,
+            Heard::Object { object, value } if POSITIONS.contains(&object) => {
+                nodes[node].1 = Some(value.cast_signed());
+            }
+            Heard::Object { .. } => {}
         });
-    }
-
-    /// An SDO answer: what it confirms holds.
-    fn answer(&mut self, data: &[u8]) {
-        if let Some(Download { address, value }) = self.asked
-            && let [0x60, a, b, c, ..] = *data
-            && [a, b, c] == address
-        {
-            self.asked = None;
-            self.written(u16::from_le_bytes([a, b]), c, value);
-        }
-    }
-
-    fn written(&mut self, index: u16, sub: u8, value: u32) {
-        let number = |first| index.checked_sub(first).filter(|n| *n < MOST_R_PDOS);
-        if let Some(number) = number(MAPPING) {
-            let r_pdo = self.r_pdos.entry(number).or_default();
-            match usize::from(sub).checked_sub(1) {
-                None => r_pdo.count = (value as usize & 0xFF).min(r_pdo.objects.len()),
-                Some(place) if place < r_pdo.objects.len() => r_pdo.objects[place] = value,
-                Some(_) => {}
-            }
-        } else if let Some(number) = number(COMMUNICATION)
-            && sub == 1
-        {
-            let exists = value & INVALID == 0;
-            self.r_pdos.entry(number).or_default().cob_id = exists.then_some(value);
-        }
-    }
-
-    /// A frame that may be one of its R_PDOs.
-    fn r_pdo(&mut self, id: u16, data: &[u8]) {
-        let own = |r_pdo: &&RPdo| r_pdo.cob_id == Some(id.into());
-        for RPdo { count, objects, .. } in self.r_pdos.values().filter(own) {
-            let mut bit = 0;
-            for object in &objects[..*count] {
-                let byte = bit / 8;
-                if POSITIONS.contains(object)
-                    && let Some(&[a, b, c, d]) = data.get(byte..byte + 4)
-                {
-                    self.position = Some(i32::from_le_bytes([a, b, c, d]));
-                }
-                bit += (object & 0xFF) as usize;
-            }
-        }
     }
 }
 
@@ -245,22 +144,11 @@ mod tests {
 
     fn hearing() -> (Hearing, SentSetpoints) {
         let (tell, told) = channel::unbounded();
-        let node = Node {
-            drive: 0,
-            id: NODE,
-            asked: None,
-            r_pdos: BTreeMap::new(),
-            position: None,
-        };
-        let bus = Bus {
-            syncs: 0,
-            nodes: vec![node],
-        };
+        let buses = vec![Bus::new([(0, NODE)].into_iter())];
         let sent = SentSetpoints {
             told,
             drives: vec![VecDeque::new()],
         };
-        let buses = vec![bus];
         (Hearing { buses, tell }, sent)
     }
 
@@ -329,7 +217,7 @@ mod tests {
             map(&mut ears);
             if aborted {
                 write(&mut ears, 0x1402, 1, 0x403, true);
-                write(&mut ears, 0x1402, 1, INVALID | 0x403, true);
+                write(&mut ears, 0x1402, 1, 0x8000_0403, true);
                 write(&mut ears, 0x1402, 1, 0x403, false);
             }
             if let Some(reset) = reset {

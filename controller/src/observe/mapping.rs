@@ -1,0 +1,167 @@
+//! Which bytes of a PDO are which object, as a bus tells it to whoever listens.
+//!
+//! CiA 301 has a device told by SDO under which COB-ID a PDO comes or goes (1400h and on for R_PDOs,
+//! 1800h and on for T_PDOs, subindex 1) and which objects lie in it, in their order (1600h and on,
+//! 1A00h and on); what the device has confirmed holds, until its communication is reset. So a listener
+//! reads setpoints, controlwords and statuswords off the frames, and shares nothing with who sends
+//! them but the standard.
+
+use std::collections::BTreeMap;
+use syncline_canopen::{CanId, Frame};
+
+/// Communication and mapping parameters of the first R_PDO and the first T_PDO; those of the others follow.
+const PARAMETERS: [(u16, u16); 2] = [(0x1400, 0x1600), (0x1800, 0x1A00)];
+/// PDOs that a device can have in each direction.
+const MOST_PDOS: u16 = 0x200;
+/// Set in a COB-ID: the PDO does not exist.
+const INVALID: u32 = 1 << 31;
+/// Of a COB-ID, the identifier.
+const IDENTIFIER: u32 = 0x7FF;
+
+/// The PDOs of the nodes of a bus, as far as they were heard being set up.
+#[derive(Debug)]
+pub(crate) struct PdoMappings {
+    nodes: Vec<Node>,
+}
+
+/// What a frame said of a node.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Heard {
+    /// Its communication was reset: what it was told before no longer holds.
+    Reset,
+    /// A PDO carried this object, index, subindex and bits as a mapping has them, with this value.
+    Object {
+        /// As a mapping names it: index, subindex, bits.
+        object: u32,
+        /// Its bits.
+        value: u32,
+    },
+}
+
+#[derive(Debug)]
+struct Node {
+    id: u16,
+    /// An SDO download that is not confirmed.
+    asked: Option<Download>,
+    /// By direction, and by number from 0: what is confirmed of each PDO.
+    pdos: [BTreeMap<u16, Pdo>; 2],
+}
+
+/// An expedited SDO download.
+#[derive(Clone, Copy, Debug)]
+struct Download {
+    /// Index and subindex, as they travel.
+    address: [u8; 3],
+    value: u32,
+}
+
+#[derive(Debug, Default)]
+struct Pdo {
+    identifier: Option<u32>,
+    /// How many of the objects count.
+    count: usize,
+    objects: [u32; 8],
+}
+
+impl PdoMappings {
+    /// Of nodes with these ids, nothing is known yet.
+    pub(crate) fn new(ids: impl IntoIterator<Item = u16>) -> Self {
+        let node = |id| Node {
+            id,
+            asked: None,
+            pdos: Default::default(),
+        };
+        Self {
+            nodes: ids.into_iter().map(node).collect(),
+        }
+    }
+
+    /// Takes a frame, in the order in which the bus carries them, and tells what it says of which node.
+    pub(crate) fn hear(&mut self, frame: &Frame, tell: &mut impl FnMut(usize, Heard)) {
+        let CanId::Standard(id) = frame.id() else {
+            return;
+        };
+        for (place, node) in self.nodes.iter_mut().enumerate() {
+            match id.checked_sub(node.id) {
+                _ if id == 0 => {
+                    if node.is_reset(frame.data()) {
+                        tell(place, Heard::Reset);
+                    }
+                }
+                Some(0x600) => node.request(frame.data()),
+                Some(0x580) => node.answer(frame.data()),
+                _ => node.pdo(id, frame.data(), &mut |heard| tell(place, heard)),
+            }
+        }
+    }
+}
+
+impl Node {
+    /// Whether an NMT command resets it, which takes back what was written.
+    fn is_reset(&mut self, data: &[u8]) -> bool {
+        let resets = matches!(*data, [0x81 | 0x82, node, ..]
+            if node == 0 || u16::from(node) == self.id);
+        if resets {
+            self.pdos = Default::default();
+        }
+        resets
+    }
+
+    /// An SDO request: of interest is an expedited download.
+    fn request(&mut self, data: &[u8]) {
+        let &[specifier, a, b, c, d0, d1, d2, d3] = data else {
+            return;
+        };
+        self.asked = (specifier & 0xE2 == 0x22).then_some(Download {
+            address: [a, b, c],
+            value: u32::from_le_bytes([d0, d1, d2, d3]),
+        });
+    }
+
+    /// An SDO answer: what it confirms holds.
+    fn answer(&mut self, data: &[u8]) {
+        if let Some(Download { address, value }) = self.asked
+            && let [0x60, a, b, c, ..] = *data
+            && [a, b, c] == address
+        {
+            self.asked = None;
+            self.written(u16::from_le_bytes([a, b]), c, value);
+        }
+    }
+
+    fn written(&mut self, index: u16, sub: u8, value: u32) {
+        let number = |first| index.checked_sub(first).filter(|n| *n < MOST_PDOS);
+        for (pdos, (communication, mapping)) in self.pdos.iter_mut().zip(PARAMETERS) {
+            if let Some(number) = number(mapping) {
+                let pdo = pdos.entry(number).or_default();
+                match usize::from(sub).checked_sub(1) {
+                    None => pdo.count = (value as usize & 0xFF).min(pdo.objects.len()),
+                    Some(place) if place < pdo.objects.len() => pdo.objects[place] = value,
+                    Some(_) => {}
+                }
+            } else if let Some(number) = number(communication)
+                && sub == 1
+            {
+                let exists = value & INVALID == 0;
+                pdos.entry(number).or_default().identifier = exists.then_some(value & IDENTIFIER);
+            }
+        }
+    }
+
+    /// A frame that may be one of its PDOs.
+    fn pdo(&self, id: u16, data: &[u8], tell: &mut impl FnMut(Heard)) {
+        let own = |pdo: &&Pdo| pdo.identifier == Some(id.into());
+        for Pdo { count, objects, .. } in self.pdos.iter().flat_map(BTreeMap::values).filter(own) {
+            let mut byte = 0;
+            for &object in &objects[..*count] {
+                let end = byte + (object & 0xFF).div_ceil(8) as usize;
+                if let Some(bytes) = data.get(byte..end).filter(|bytes| bytes.len() <= 4) {
+                    let value = bytes.iter().rev();
+                    let value = value.fold(0, |value, byte| value << 8 | u32::from(*byte));
+                    tell(Heard::Object { object, value });
+                }
+                byte = end;
+            }
+        }
+    }
+}
