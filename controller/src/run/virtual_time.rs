@@ -9,9 +9,10 @@ use crate::port::sim::{SimPort, Simulated};
 use crate::port::{Port, PortError};
 use crate::program::{Feeder, Moves, Program, ProgramError};
 use std::collections::VecDeque;
-use std::mem::replace;
+use std::mem::{replace, take};
 use std::sync::Arc;
 use syncline_canopen::Instant;
+use syncline_canopen::time::Duration;
 use syncline_drives::world::{Observer, World};
 
 /// A machine of simulated drives and the controller, with programs to run.
@@ -31,6 +32,10 @@ pub struct VirtualMachine<P = SimPort> {
     answers: VecDeque<CycleReport>,
     /// A bus failed, which was reported.
     bus_failed: bool,
+    /// By so much the next wake-up comes late.
+    late: Duration,
+    /// For so many wake-ups the planner does nothing.
+    starved: u32,
 }
 
 impl VirtualMachine {
@@ -98,6 +103,8 @@ impl<P: Port> VirtualMachine<P> {
             now: Instant::ZERO,
             answers: VecDeque::new(),
             bus_failed: false,
+            late: Duration::ZERO,
+            starved: 0,
         }
     }
 
@@ -106,7 +113,8 @@ impl<P: Port> VirtualMachine<P> {
         let Some(next) = self.driver.controller.next_wake() else {
             return Ok(false);
         };
-        self.now = next.at();
+        // Behind a late one come those that are due since.
+        self.now = self.now.max(next.at()) + take(&mut self.late);
         let fed = self.feed();
         if fed.is_err() && self.feeder.is_none() {
             self.driver.controller.abandon();
@@ -121,6 +129,10 @@ impl<P: Port> VirtualMachine<P> {
 
     /// Keeps the controller's plan full.
     fn feed(&mut self) -> Result<(), ProgramError> {
+        if self.starved > 0 {
+            self.starved -= 1;
+            return Ok(());
+        }
         let controller = &mut self.driver.controller;
         let Some(job) = controller.job() else {
             return Ok(());
@@ -190,6 +202,16 @@ impl<P: Port> VirtualMachine<P> {
     /// The simulated world, to look at it and to interfere with it.
     pub fn world(&mut self) -> &mut World {
         &mut self.driver.world
+    }
+
+    /// Lets the next wake-up come so much late, as those of a host that has other things to do.
+    pub fn wake_late(&mut self, by: Duration) {
+        self.late = by;
+    }
+
+    /// Lets the planner do nothing for so many wake-ups, as one that gets no processor time.
+    pub fn starve_planner(&mut self, wake_ups: u32) {
+        self.starved = wake_ups;
     }
 
     /// Virtual time.
