@@ -18,6 +18,7 @@
 //! - [`report`]: what a run leaves to look at
 //! - [`drive_host`]: simulated drives on a real bus
 //! - [`bus_log`]: the traffic of a bus in files
+//! - [`campaign`]: random machines, programs, operators and troubles, watched by checkers
 //! - [`bench`](mod@bench): measures cycles and what simulations are made of
 //! - [`commands`]: the `syncline` command line
 
@@ -27,6 +28,7 @@ pub mod bench;
 pub mod budget;
 pub mod bus;
 pub mod bus_log;
+pub mod campaign;
 pub mod commands;
 pub mod control;
 pub mod doctor;

@@ -25,6 +25,7 @@ macro_rules! eprintln {
 
 mod bench;
 mod budget;
+mod campaign;
 mod check;
 mod command_log;
 mod console;
@@ -78,6 +79,7 @@ enum Command {
     Validate(validate::Args),
     Console(console::Args),
     Bench(bench::Args),
+    Campaign(campaign::Args),
     Budget(budget::Args),
     Doctor(doctor::Args),
     Drives(drives::Args),
@@ -115,6 +117,7 @@ impl Command {
             Command::Validate(args) => args.execute(),
             Command::Console(args) => args.execute(),
             Command::Bench(args) => args.execute(),
+            Command::Campaign(args) => args.execute(),
             Command::Budget(args) => args.execute(),
             Command::Doctor(args) => args.execute(),
             Command::Drives(args) => args.execute(),

@@ -2,6 +2,7 @@
 
 mod arrows;
 mod bench;
+mod campaign;
 mod check;
 mod eds;
 mod examples;

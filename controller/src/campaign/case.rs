@@ -1,0 +1,145 @@
+//! A case: all that a seed stands for, as data. It can be written to a file, made smaller and played
+//! again, whatever became of the generators since.
+
+use super::dice::Dice;
+use super::interference::{self, Interference, Trouble};
+use super::machine::MachineSpec;
+use super::operator::{self, Deed};
+use super::program;
+use serde::{Deserialize, Serialize};
+use std::fs;
+use std::io;
+use std::path::Path;
+
+/// Virtual time of a case from where its machine is ready for the first time, s: the shortest and the
+/// longest.
+const DURATION: (f64, f64) = (1.0, 8.0);
+
+/// A random machine with its programs, its operators and what goes wrong.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Case {
+    /// Where it comes from; also of the twins' noise, delays and oscillators.
+    pub seed: u64,
+    /// The machine.
+    pub machine: MachineSpec,
+    /// The programs, line by line; the first is `0.ngc`.
+    pub programs: Vec<Vec<String>>,
+    /// What operators command.
+    pub deeds: Vec<Deed>,
+    /// Wake-ups for which somebody waits who goes on where the machine rests; `None`: nobody is there.
+    pub patience: Option<u32>,
+    /// What goes wrong.
+    pub troubles: Vec<Trouble>,
+    /// Cycles from where the machine is ready first until it is switched off.
+    pub cycles: u32,
+}
+
+/// An instant of a case, in cycles.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum When {
+    /// Since the machine was switched on.
+    On(u32),
+    /// Since it was ready for the first time.
+    Ready(u32),
+}
+
+impl When {
+    /// Some time in a case of so many cycles; now and then while the machine comes up.
+    pub(super) fn draw(dice: &mut Dice, cycles: u32) -> Self {
+        if dice.chance(0.12) {
+            Self::On(dice.whole(0..=400))
+        } else {
+            Self::Ready(dice.whole(0..=cycles))
+        }
+    }
+
+    /// So many cycles later.
+    pub(super) fn later(self, cycles: u32) -> Self {
+        match self {
+            Self::On(cycle) => Self::On(cycle + cycles),
+            Self::Ready(cycle) => Self::Ready(cycle + cycles),
+        }
+    }
+
+    /// Whether it has come, so many cycles after switching on, and since the machine was ready.
+    pub(super) fn has_come(self, on: u64, ready: Option<u64>) -> bool {
+        match self {
+            Self::On(cycle) => on >= cycle.into(),
+            Self::Ready(cycle) => ready.is_some_and(|since| since >= cycle.into()),
+        }
+    }
+}
+
+impl Case {
+    /// The case of a seed: a function of the seed and of this version.
+    #[must_use]
+    pub fn of(seed: u64) -> Self {
+        let machine = MachineSpec::draw(&mut Dice::new(seed, 0));
+        let dice = &mut Dice::new(seed, 1);
+        let programs = (0..dice.whole(1..=3)).map(|_| program::draw(dice, &machine));
+        let programs: Vec<_> = programs.collect();
+        let dice = &mut Dice::new(seed, 2);
+        let seconds = dice.between(DURATION.0, DURATION.1);
+        let cycles = (seconds * 1e6 / f64::from(machine.cycle_us)) as u32;
+        let patience = (dice.chance(0.9)).then(|| *dice.pick(&[1, 10, 60, 300]));
+        let deeds = operator::draw(&mut Dice::new(seed, 3), &machine, programs.len(), cycles);
+        let troubles = interference::draw(&mut Dice::new(seed, 4), &machine, cycles);
+        Self {
+            seed,
+            machine,
+            programs,
+            deeds,
+            patience,
+            troubles,
+            cycles,
+        }
+    }
+
+    /// Whether nothing goes wrong, so that nothing may be told to be wrong.
+    #[must_use]
+    pub fn is_untroubled(&self) -> bool {
+        let disturbs = |trouble: &Trouble| !matches!(trouble.what, Interference::StarvePlanner(_));
+        !self.troubles.iter().any(disturbs)
+    }
+
+    /// Reads a case.
+    ///
+    /// # Errors
+    /// It cannot be read, or is none.
+    pub fn load(file: &Path) -> io::Result<Self> {
+        Ok(serde_json::from_str(&fs::read_to_string(file)?)?)
+    }
+
+    /// Writes it.
+    ///
+    /// # Errors
+    /// It cannot be written.
+    pub fn save(&self, file: &Path) -> io::Result<()> {
+        fs::write(file, serde_json::to_string_pretty(self)? + "\n")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_case_is_read_as_it_was_written() {
+        for seed in 0..200 {
+            let case = Case::of(seed);
+            assert_eq!(case, Case::of(seed));
+            let text = serde_json::to_string(&case).unwrap();
+            assert_eq!(serde_json::from_str::<Case>(&text).unwrap(), case, "{seed}");
+        }
+    }
+
+    #[test]
+    fn cases_are_of_every_kind() {
+        let cases: Vec<Case> = (0..300).map(Case::of).collect();
+        let untroubled = cases.iter().filter(|case| case.is_untroubled()).count();
+        assert!((60..160).contains(&untroubled), "{untroubled}");
+        let alone = cases.iter().filter(|case| case.deeds.is_empty()).count();
+        assert!((30..120).contains(&alone), "{alone}");
+    }
+}

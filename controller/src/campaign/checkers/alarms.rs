@@ -1,0 +1,182 @@
+//! Every fault is told once, in time and with the right subject; where nothing is wrong, none is.
+
+use super::super::interference::{Interference, ToBus, ToDrive, Traffic};
+use super::{Checker, Found, Scene};
+use crate::control::fault::DriveCause;
+use crate::control::{self, Fault, Phase, State};
+use crate::session::{Command, Event};
+use syncline_canopen::{CanId, Instant};
+use syncline_drives::bus::{Sender, Transmission};
+
+const NAME: &str = "alarms";
+
+/// Cycles from where something is visible on a bus until it has to be told.
+const IN_TIME: f64 = 3.0;
+
+/// See the module.
+#[derive(Default)]
+pub(super) struct Alarms {
+    /// Faults since the machine was reset: the first cause, and what came on top of it.
+    told: Vec<Fault>,
+    /// A drive told of an error, and when.
+    emergency: Option<(usize, Instant)>,
+}
+
+/// Which drives may be to blame for what happened: `None`, anything may.
+fn suspects(scene: &Scene<'_>) -> Option<Vec<usize>> {
+    let mut suspects = Vec::new();
+    for (_, what) in &scene.interferences {
+        match *what {
+            Interference::Drive(drive, _) => {
+                // What moves one side of a gantry moves the other.
+                let axis = scene.machine.drives.get(drive)?.axis;
+                suspects.extend(&scene.machine.axes[axis].drives);
+            }
+            Interference::Bus(bus, _) => suspects.extend(scene.drives_of(bus)),
+            Interference::StarvePlanner(_) => {}
+            // All drives miss a SYNC that comes late.
+            Interference::Late(_) => return None,
+        }
+    }
+    Some(suspects)
+}
+
+impl Alarms {
+    fn fault(&mut self, scene: &Scene<'_>, fault: &Fault, found: &mut Found) {
+        self.emergency = None;
+        // On the way down a drive that does not answer is told at each step.
+        let waits = matches!(fault, Fault::Drive(_, DriveCause::StateTimeout { .. }));
+        if self.told.contains(fault) && !waits {
+            found.violate(NAME, scene, "a fault is told twice", || {
+                format!("{fault:?}, after {:?}", self.told)
+            });
+        }
+        self.told.push(*fault);
+        if scene.case.is_untroubled() {
+            found.violate(NAME, scene, "a fault where nothing is wrong", || {
+                format!("{fault:?}")
+            });
+            return;
+        }
+        let Some(suspects) = suspects(scene) else {
+            return;
+        };
+        let drives_of_bus = |bus: usize| scene.drives_of(bus).to_vec();
+        let concerned = match fault {
+            Fault::Drive(drive, _) => vec![*drive],
+            Fault::Axis(axis, _) => scene.machine.axes[*axis].drives.clone(),
+            Fault::Bus(bus, _) => drives_of_bus(*bus),
+            _ => return,
+        };
+        if !concerned.iter().any(|drive| suspects.contains(drive)) {
+            found.violate(
+                NAME,
+                scene,
+                "a fault of somebody whom nothing happened to",
+                || format!("{fault:?}; what happened: {:?}", scene.interferences),
+            );
+        }
+    }
+
+    /// A drive told of an error while it was supervised, and nothing came of it.
+    fn in_time(&mut self, scene: &Scene<'_>, found: &mut Found) {
+        let Some((drive, since)) = self.emergency else {
+            return;
+        };
+        if scene.since(since) > IN_TIME * scene.period() + 1e-9 {
+            self.emergency = None;
+            found.violate(
+                NAME,
+                scene,
+                "an error of a drive is not told in time",
+                || {
+                    let name = &scene.machine.drives[drive].name;
+                    format!("drive {name}, machine {}", scene.state)
+                },
+            );
+        }
+    }
+
+    /// What is no fault and yet must not be while nothing is wrong.
+    fn warned(scene: &Scene<'_>, event: &control::Event, found: &mut Found) {
+        use control::Event;
+        let warns = matches!(
+            event,
+            Event::Silent { .. }
+                | Event::FoundEnabled { .. }
+                | Event::Emergency { .. }
+                | Event::Warning { .. }
+                | Event::MissedTPdo { .. }
+                | Event::LateSetpoint { .. }
+                | Event::LostCycles { .. }
+                | Event::BusWarning { .. }
+        );
+        if warns && scene.case.is_untroubled() {
+            found.violate(NAME, scene, "a warning where nothing is wrong", || {
+                format!("{event:?}")
+            });
+        }
+    }
+}
+
+/// Whether what comes in from a bus, or when, cannot be relied on.
+fn is_deaf(scene: &Scene<'_>, bus: usize) -> bool {
+    scene.interferences.iter().any(|(at, what)| match what {
+        Interference::Bus(of, what) if *of == bus => match what {
+            ToBus::Incoming(it) => it.traffic == Traffic::Emergency,
+            ToBus::Unplug(_) | ToBus::Condition(_) => true,
+            _ => false,
+        },
+        Interference::Late(_) => scene.since(*at) < 1.0,
+        _ => false,
+    })
+}
+
+impl Checker for Alarms {
+    fn frame(&mut self, scene: &Scene<'_>, bus: usize, sent: &Transmission, _: &mut Found) {
+        let CanId::Standard(id) = sent.frame.id() else {
+            return;
+        };
+        let supervised = (Phase::Disabled..=Phase::Stop).contains(&scene.phase)
+            && !matches!(
+                scene.state,
+                State::Faulted | State::Disabled | State::Stopping
+            );
+        if id >> 7 != 1 || sent.sender == Sender::Port || !supervised || scene.faulted {
+            return;
+        }
+        let is_error = sent.frame.data().first_chunk() != Some(&[0; 2]);
+        if let Some(drive) = scene.drive_with(bus, (id & 0x7F) as u8)
+            && is_error
+            && !is_deaf(scene, bus)
+        {
+            self.emergency.get_or_insert((drive, scene.now));
+        }
+    }
+
+    fn interfered(&mut self, _: &Scene<'_>, what: &Interference, _: &mut Found) {
+        if let Interference::Bus(..) | Interference::Late(_) = what {
+            self.emergency = None;
+        }
+        if let Interference::Drive(drive, ToDrive::Mute(_)) = what {
+            self.emergency.take_if(|(of, _)| of == drive);
+        }
+    }
+
+    fn told(&mut self, scene: &Scene<'_>, event: &Event, found: &mut Found) {
+        match event {
+            Event::Machine(control::Event::Fault(fault)) => self.fault(scene, fault, found),
+            Event::Machine(event) => Self::warned(scene, event, found),
+            Event::Accepted(it) if it.command == Command::Reset => {
+                self.told.clear();
+                self.emergency = None;
+            }
+            Event::State(State::Stopping | State::Disabled | State::Off) => self.emergency = None,
+            _ => {}
+        }
+    }
+
+    fn woken(&mut self, scene: &Scene<'_>, found: &mut Found) {
+        self.in_time(scene, found);
+    }
+}

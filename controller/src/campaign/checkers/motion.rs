@@ -1,0 +1,142 @@
+//! Nothing moves that is not enabled and commanded, and what moves keeps together: from the plants, which
+//! no drive can misreport.
+
+use super::{Checker, Found, Scene};
+use crate::control::State;
+use crate::machine::Machine;
+use syncline_canopen::Instant;
+
+const NAME: &str = "motion";
+
+/// A shaft slower than that is at rest, rev/s: the loops answer the encoder's noise.
+const AT_REST: f64 = 0.2;
+/// How long a shaft may coast once its power stage is off, s: brakes and friction hold by then.
+const COASTS: f64 = 3.0;
+/// How long an axis may take to settle once its setpoint rests, s.
+const SETTLES: f64 = 1.0;
+/// After something happened from outside an axis may move as it was made to, for so long, s.
+const DISTURBED: f64 = 4.0;
+
+/// See the module.
+pub(super) struct Motion {
+    /// By drive: since when its power stage is off.
+    off: Vec<Option<Instant>>,
+    /// By drive: since when its setpoint is the same, or it follows none.
+    rests: Vec<(Option<i32>, Instant)>,
+}
+
+impl Motion {
+    pub(super) fn new(machine: &Machine) -> Self {
+        Self {
+            off: vec![Some(Instant::ZERO); machine.drives.len()],
+            rests: vec![(None, Instant::ZERO); machine.drives.len()],
+        }
+    }
+
+    fn without_power(&mut self, scene: &Scene<'_>, drive: usize, found: &mut Found) {
+        let plant = &scene.plants[drive];
+        let off = &mut self.off[drive];
+        if plant.is_powered {
+            *off = None;
+            return;
+        }
+        let since = *off.get_or_insert(scene.now);
+        let tied = scene.machine.axes[scene.machine.drives[drive].axis]
+            .drives
+            .len()
+            > 1;
+        if !tied && scene.since(since) > COASTS && plant.velocity.abs() > AT_REST {
+            found.violate(NAME, scene, "moves without power", || {
+                let name = &scene.machine.drives[drive].name;
+                let (speed, since) = (plant.velocity, scene.since(since));
+                format!("drive {name}: {speed} rev/s, off for {since} s")
+            });
+        }
+    }
+
+    fn at_rest(&mut self, scene: &Scene<'_>, drive: usize, found: &mut Found) {
+        let (latched, since) = &mut self.rests[drive];
+        let now = scene.drives[drive]
+            .latched
+            .filter(|_| scene.drives[drive].in_effect);
+        if *latched != now {
+            (*latched, *since) = (now, scene.now);
+        }
+        let plant = &scene.plants[drive];
+        let rests = latched.is_some() && scene.since(*since) > SETTLES;
+        if rests && !scene.is_disturbed(DISTURBED) && plant.velocity.abs() > AT_REST {
+            found.violate(NAME, scene, "moves although its setpoint rests", || {
+                let name = &scene.machine.drives[drive].name;
+                format!("drive {name}: {} rev/s", plant.velocity)
+            });
+        }
+    }
+
+    /// The setpoint of a machine that waits does not change.
+    fn uncommanded(&self, scene: &Scene<'_>, drive: usize, found: &mut Found) {
+        let waits = matches!(scene.state, State::Ready | State::Faulted | State::Disabled);
+        let told = scene.since(scene.state_since) / scene.period();
+        let (latched, since) = &self.rests[drive];
+        let changed = scene.since(*since) / scene.period();
+        // What the state before sent is latched meanwhile.
+        if waits && latched.is_some() && changed < 0.5 && told > 4.0 {
+            found.violate(
+                NAME,
+                scene,
+                "a setpoint changes while nothing is commanded",
+                || {
+                    let name = &scene.machine.drives[drive].name;
+                    format!("drive {name}, machine {}", scene.state)
+                },
+            );
+        }
+    }
+
+    fn follows(&self, scene: &Scene<'_>, drive: usize, found: &mut Found) {
+        let it = &scene.drives[drive];
+        let (Some(latched), Some(actual)) = (it.latched, scene.actual(drive)) else {
+            return;
+        };
+        let axis = &scene.machine.axes[scene.machine.drives[drive].axis];
+        // A setpoint is where the drive is to be a cycle or some later.
+        let under_way = 4.0 * scene.period() * axis.limits.velocity;
+        let allowed = axis.limits.following_error + under_way;
+        let off = (scene.mm(drive, latched) - actual).abs();
+        if it.in_effect && off > allowed && !scene.is_disturbed(DISTURBED) && !scene.faulted {
+            found.violate(NAME, scene, "far from its setpoint", || {
+                let name = &scene.machine.drives[drive].name;
+                format!("drive {name}: {off} mm, allowed {allowed}")
+            });
+        }
+    }
+
+    fn together(&self, scene: &Scene<'_>, found: &mut Found) {
+        for axis in &scene.machine.axes {
+            let ([one, other], Some(limit)) = (&axis.drives[..], axis.limits.skew) else {
+                continue;
+            };
+            let both = [one, other].map(|drive| scene.drives[*drive].in_effect);
+            let (Some(a), Some(b)) = (scene.actual(*one), scene.actual(*other)) else {
+                continue;
+            };
+            let skew = (a - b).abs();
+            if both == [true; 2] && skew > limit && !scene.is_disturbed(DISTURBED) {
+                found.violate(NAME, scene, "a gantry is askew", || {
+                    format!("axis {}: {skew} mm, allowed {limit}", axis.name())
+                });
+            }
+        }
+    }
+}
+
+impl Checker for Motion {
+    fn woken(&mut self, scene: &Scene<'_>, found: &mut Found) {
+        for drive in 0..scene.plants.len() {
+            self.without_power(scene, drive, found);
+            self.at_rest(scene, drive, found);
+            self.uncommanded(scene, drive, found);
+            self.follows(scene, drive, found);
+        }
+        self.together(scene, found);
+    }
+}

@@ -1,0 +1,257 @@
+//! What all checkers know of a case so far.
+
+use super::super::case::Case;
+use super::super::interference::{Interference, ToBus, ToDrive};
+use super::super::stage::Woken;
+use crate::control::{self, Phase, State};
+use crate::machine::Machine;
+use crate::observe::mapping::{Heard, PdoMappings};
+use crate::observe::sent::POSITIONS;
+use crate::session::Event;
+use syncline_canopen::cia402::{self, Statusword};
+use syncline_canopen::{CanId, CobId, Instant};
+use syncline_drives::bus::Transmission;
+use syncline_drives::model::Increments;
+use syncline_drives::twin::Observation;
+
+/// Controlword and statusword, as a mapping names them.
+const CONTROLWORD: u32 = 0x6040_0010;
+const STATUSWORD: u32 = 0x6041_0010;
+
+/// How things are.
+#[derive(Debug)]
+pub struct Scene<'a> {
+    /// The case.
+    pub case: &'a Case,
+    /// Its machine.
+    pub machine: &'a Machine,
+    /// Virtual time of the last frame or wake-up.
+    pub now: Instant,
+    /// The controller's cycle.
+    pub cycle: u64,
+    /// The machine's state, as last told.
+    pub state: State,
+    /// When it was told.
+    pub state_since: Instant,
+    /// Where the controller is.
+    pub phase: Phase,
+    /// By drive: what its bus shows.
+    pub drives: Vec<DriveScene>,
+    /// By drive: what is true of it.
+    pub plants: Vec<Observation>,
+    /// By bus: the cycle of the last SYNC, counted from the first one by their times; `None` for one that was
+    /// too far off to belong to any.
+    pub syncs: Vec<Option<u64>>,
+    /// What happened from outside, and when.
+    pub interferences: Vec<(Instant, Interference)>,
+    /// A fault was told, and no reset since.
+    pub faulted: bool,
+    buses: Vec<BusScene>,
+}
+
+/// A drive as its bus shows it.
+#[derive(Debug, Default)]
+pub struct DriveScene {
+    /// The last that it was sent.
+    pub controlword: Option<u16>,
+    /// The last that it sent.
+    pub statusword: Option<u16>,
+    /// The last that it was sent, increments.
+    pub setpoint: Option<i32>,
+    /// R_PDOs with a setpoint since the last SYNC.
+    pub came: u32,
+    /// What it latched at the last SYNC.
+    pub latched: Option<i32>,
+    /// R_PDOs with a setpoint that came between the last two SYNCs.
+    pub latched_of: u32,
+    /// It was enabled and in its mode, as it said, when it latched.
+    pub in_effect: bool,
+}
+
+#[derive(Debug)]
+struct BusScene {
+    mappings: PdoMappings,
+    drives: Vec<usize>,
+    first_sync: Option<Instant>,
+}
+
+impl DriveScene {
+    /// It is told to follow, and says that its power stage is on and its mode at work. What a drive that fell
+    /// silent said last is no more than that.
+    #[must_use]
+    pub fn follows(&self) -> bool {
+        if self.controlword.is_none_or(|word| word & 0x0F != 0x0F) {
+            return false;
+        }
+        let word = Statusword(self.statusword.unwrap_or_default());
+        word.state() == Some(cia402::State::OperationEnabled) && word.has(Statusword::MODE_12)
+    }
+}
+
+impl<'a> Scene<'a> {
+    pub(super) fn new(case: &'a Case, machine: &'a Machine) -> Self {
+        let bus = |bus: usize| {
+            let drives = machine.drives.iter().enumerate();
+            let drives: Vec<usize> = drives
+                .filter(|(_, drive)| drive.bus == bus)
+                .map(|(index, _)| index)
+                .collect();
+            let ids = drives
+                .iter()
+                .map(|it| machine.drives[*it].node.get().into());
+            BusScene {
+                mappings: PdoMappings::new(ids),
+                drives,
+                first_sync: None,
+            }
+        };
+        Self {
+            case,
+            machine,
+            now: Instant::ZERO,
+            cycle: 0,
+            state: State::Starting,
+            state_since: Instant::ZERO,
+            phase: Phase::Survey,
+            drives: (machine.drives.iter())
+                .map(|_| DriveScene::default())
+                .collect(),
+            plants: Vec::new(),
+            syncs: vec![None; machine.buses.len()],
+            interferences: Vec::new(),
+            faulted: false,
+            buses: (0..machine.buses.len()).map(bus).collect(),
+        }
+    }
+
+    /// Virtual time, s.
+    #[must_use]
+    pub fn seconds(&self) -> f64 {
+        self.now.as_nanos() as f64 * 1e-9
+    }
+
+    /// Seconds since an instant.
+    #[must_use]
+    pub fn since(&self, instant: Instant) -> f64 {
+        self.now.saturating_since(instant).as_nanos() as f64 * 1e-9
+    }
+
+    /// A cycle, s.
+    #[must_use]
+    pub fn period(&self) -> f64 {
+        self.machine.cycle.as_secs_f64()
+    }
+
+    /// The drives of a bus.
+    #[must_use]
+    pub fn drives_of(&self, bus: usize) -> &[usize] {
+        &self.buses[bus].drives
+    }
+
+    /// Which drive of a bus has this node id.
+    #[must_use]
+    pub fn drive_with(&self, bus: usize, node: u8) -> Option<usize> {
+        let drives = self.buses[bus].drives.iter().copied();
+        let mut drives = drives.filter(|it| self.machine.drives[*it].node.get() == node);
+        drives.next()
+    }
+
+    /// Where a drive would be at so many increments, mm.
+    #[must_use]
+    pub fn mm(&self, drive: usize, increments: i32) -> f64 {
+        let scaling = &self.machine.drives[drive].scaling;
+        scaling.to_mm(Increments::new(increments.into()))
+    }
+
+    /// Where a drive's shaft is, mm.
+    #[must_use]
+    pub fn actual(&self, drive: usize) -> Option<f64> {
+        let position = self.plants.get(drive)?.position;
+        let scaling = &self.machine.drives[drive].scaling;
+        // The range of increments is wide enough: positions come from a simulation.
+        let revolution = self.machine.axes[self.machine.drives[drive].axis].mm_per_revolution;
+        let increments = position * revolution / scaling.resolution();
+        Some(scaling.to_mm(Increments::new(increments.round() as i64)))
+    }
+
+    /// Whether anything happened from outside in the last `seconds`, or lasts.
+    #[must_use]
+    pub fn is_disturbed(&self, seconds: f64) -> bool {
+        let lasts = |what: &Interference| match what {
+            Interference::Drive(_, what) => !matches!(what, ToDrive::LoseTPdos(_)),
+            Interference::Bus(_, what) => matches!(what, ToBus::Incoming(_) | ToBus::Unplug(_)),
+            Interference::Late(_) | Interference::StarvePlanner(_) => false,
+        };
+        let mut all = self.interferences.iter();
+        all.any(|(at, what)| lasts(what) || self.since(*at) < seconds)
+    }
+
+    /// Takes a frame; whether it was a SYNC.
+    pub(super) fn frame(&mut self, bus: usize, sent: &Transmission) -> bool {
+        self.now = self.now.max(sent.end);
+        let BusScene {
+            mappings,
+            drives,
+            first_sync,
+        } = &mut self.buses[bus];
+        let is_sync = sent.frame.id() == CanId::from(CobId::SYNC);
+        if is_sync {
+            let first = *first_sync.get_or_insert(sent.start);
+            let cycle = self.machine.cycle.as_nanos() as u64;
+            let passed = sent.start.saturating_since(first).as_nanos() as u64;
+            let number = (passed + cycle / 2) / cycle;
+            // A frame may be in its way, and have been in that of the first one.
+            let blocked = 2 * 135_000_000_000 / u64::from(self.machine.buses[bus].bitrate);
+            let on_time = passed.abs_diff(number * cycle) <= cycle / 20 + blocked;
+            self.syncs[bus] = on_time.then_some(number);
+            for &drive in &*drives {
+                let drive = &mut self.drives[drive];
+                drive.latched = drive.setpoint;
+                drive.latched_of = std::mem::take(&mut drive.came);
+                drive.in_effect = drive.follows();
+            }
+        }
+        let scenes = &mut self.drives;
+        mappings.hear(&sent.frame, &mut |node, heard| {
+            let drive = &mut scenes[drives[node]];
+            match heard {
+                Heard::Reset => *drive = DriveScene::default(),
+                Heard::Object { object, value } if POSITIONS.contains(&object) => {
+                    drive.setpoint = Some(value.cast_signed());
+                    drive.came += 1;
+                }
+                Heard::Object { object, value } => match object {
+                    CONTROLWORD => drive.controlword = Some(value as u16),
+                    STATUSWORD => drive.statusword = Some(value as u16),
+                    _ => {}
+                },
+            }
+        });
+        is_sync
+    }
+
+    pub(super) fn interfered(&mut self, what: &Interference) {
+        self.interferences.push((self.now, what.clone()));
+    }
+
+    pub(super) fn told(&mut self, event: &Event) {
+        match event {
+            Event::State(state) => {
+                self.state = *state;
+                self.state_since = self.now;
+            }
+            Event::Machine(control::Event::Fault(_)) => self.faulted = true,
+            Event::Accepted(it) if it.command == crate::session::Command::Reset => {
+                self.faulted = false;
+            }
+            _ => {}
+        }
+    }
+
+    pub(super) fn woken(&mut self, woken: &Woken) {
+        self.now = self.now.max(woken.now);
+        self.cycle = woken.cycle;
+        self.phase = woken.phase;
+        self.plants.clone_from(&woken.plants);
+    }
+}

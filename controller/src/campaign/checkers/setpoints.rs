@@ -1,0 +1,131 @@
+//! Setpoints as drives are sent them are within the limits of velocity, acceleration and jerk, and inside
+//! the soft limits, whatever happens.
+//!
+//! Positions at SYNCs that follow each other bound what the motion between them did: the n-th difference
+//! over strides of m cycles of T is (m T)ⁿ times a mean of the n-th derivative, and off by 2ⁿ halves of an
+//! increment. Where a setpoint is missing nothing is certain across the gap but a mean velocity, and the
+//! differences begin anew.
+
+use super::{Checker, Found, Scene};
+use crate::machine::{AxisLimits, Machine};
+use std::collections::VecDeque;
+
+const NAME: &str = "setpoints";
+
+/// Cycles from one position of a difference to the next.
+const STRIDES: [usize; 3] = [1, 4, 16];
+/// Positions that are kept.
+const KEPT: usize = 3 * STRIDES[STRIDES.len() - 1] + 1;
+
+/// Rounding to an increment, halves of it: with what the conversion before it may add.
+const ROUNDED: f64 = 0.501;
+/// Numbers are rounded, too; a limit may be exceeded by this part.
+const ROUNDING: f64 = 1e-6;
+
+/// See the module.
+pub(super) struct Setpoints {
+    /// By drive: positions that were in effect at SYNCs in a row, mm, the newest first, and the cycle of it.
+    drives: Vec<(VecDeque<f64>, u64)>,
+}
+
+impl Setpoints {
+    pub(super) fn new(machine: &Machine) -> Self {
+        let none = (VecDeque::with_capacity(KEPT + 1), 0);
+        Self {
+            drives: vec![none; machine.drives.len()],
+        }
+    }
+
+    fn latched(&mut self, scene: &Scene<'_>, drive: usize, cycle: u64, found: &mut Found) {
+        let spec = &scene.machine.drives[drive];
+        let axis = &scene.machine.axes[spec.axis];
+        let (positions, last) = &mut self.drives[drive];
+        let it = &scene.drives[drive];
+        let Some(latched) = it.latched.filter(|_| it.in_effect) else {
+            positions.clear();
+            return;
+        };
+        let increment = spec.scaling.resolution();
+        let position = scene.mm(drive, latched);
+        let limits = &axis.limits;
+        outside(scene, drive, position, limits, increment, found);
+        if it.latched_of != 1 {
+            // Nothing new came, or more than one: what it stands for is not certain.
+            positions.clear();
+            return;
+        }
+        // Behind a SYNC that was left out drives latch what was meant for that one, and then go on with the
+        // setpoints of their own instants.
+        if std::mem::replace(last, cycle) + 1 != cycle {
+            positions.clear();
+            return;
+        }
+        positions.truncate(KEPT - 1);
+        positions.push_front(position);
+        let allowed = [
+            ("velocity", limits.velocity),
+            ("acceleration", limits.acceleration),
+            ("jerk", limits.jerk),
+        ];
+        for stride in STRIDES {
+            let time = stride as f64 * scene.period();
+            let mut over = 1.0;
+            for (order, (what, limit)) in allowed.into_iter().enumerate() {
+                over *= time;
+                let Some(difference) = difference(positions, stride, order + 1) else {
+                    break;
+                };
+                let off = ROUNDED * increment * f64::from(2 << order);
+                let certain = (difference.abs() - off) / over;
+                if certain > limit * (1.0 + ROUNDING) {
+                    found.violate(NAME, scene, what, || {
+                        let name = &spec.name;
+                        format!("drive {name}: {certain}, allowed {limit}, over {stride} cycles")
+                    });
+                }
+            }
+        }
+    }
+}
+
+/// The difference of an order over strides of so many cycles, if there are positions enough.
+fn difference(positions: &VecDeque<f64>, stride: usize, order: usize) -> Option<f64> {
+    let at = |k: usize| positions.get(k * stride).copied();
+    Some(match order {
+        1 => at(0)? - at(1)?,
+        2 => at(0)? - 2.0 * at(1)? + at(2)?,
+        _ => at(0)? - 3.0 * (at(1)? - at(2)?) - at(3)?,
+    })
+}
+
+/// Looks for a position outside of the soft limits. Where an axis is frozen it stands as it was found,
+/// and each side of a gantry keeps its own offset.
+fn outside(
+    scene: &Scene<'_>,
+    drive: usize,
+    position: f64,
+    limits: &AxisLimits,
+    increment: f64,
+    found: &mut Found,
+) {
+    let (least, most) = limits.position;
+    let beyond = (least - position).max(position - most);
+    let allowed = limits.standstill + limits.skew.unwrap_or(0.0) + increment;
+    if beyond > allowed {
+        found.violate(NAME, scene, "soft limits", || {
+            let name = &scene.machine.drives[drive].name;
+            format!("drive {name}: {position} mm is {beyond} mm outside, allowed {allowed}")
+        });
+    }
+}
+
+impl Checker for Setpoints {
+    fn sync(&mut self, scene: &Scene<'_>, bus: usize, found: &mut Found) {
+        for &drive in scene.drives_of(bus) {
+            match scene.syncs[bus] {
+                Some(cycle) => self.latched(scene, drive, cycle, found),
+                None => self.drives[drive].0.clear(),
+            }
+        }
+    }
+}

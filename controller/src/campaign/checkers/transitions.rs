@@ -1,0 +1,156 @@
+//! What may follow what: states of the session, controlwords, NMT commands.
+
+use super::{Checker, Found, Scene};
+use crate::control::State;
+use crate::session::Event;
+use syncline_canopen::cia402::{self, Statusword};
+use syncline_canopen::{CanId, nmt};
+use syncline_drives::bus::{Sender, Transmission};
+
+const NAME: &str = "transitions";
+
+/// See the module.
+#[derive(Default)]
+pub(super) struct Transitions {
+    state: Option<State>,
+    /// By drive: how far it is commanded.
+    levels: Vec<Option<u8>>,
+}
+
+/// The states that may follow one, by the drawing in `docs/design.md`.
+fn may_follow(before: State, after: State) -> bool {
+    use State::{
+        Disabled, Faulted, Held, Homing, Jogging, Mdi, Off, Ready, Running, Starting, Stopping,
+    };
+    match before {
+        Off => false,
+        Starting => matches!(after, Ready | Stopping),
+        Ready => matches!(after, Homing | Jogging | Mdi | Running | Stopping),
+        Homing | Jogging => matches!(after, Ready | Stopping),
+        Mdi | Running => matches!(after, Ready | Held | Stopping),
+        Held => matches!(after, Mdi | Running | Stopping),
+        Stopping => matches!(after, Ready | Disabled | Faulted | Off),
+        Faulted => matches!(after, Starting | Stopping),
+        Disabled => matches!(after, Starting | Stopping | Faulted),
+    }
+}
+
+/// How far a controlword leads a drive: off, ready, switched on, enabled, in its mode.
+fn level(controlword: u16) -> u8 {
+    match controlword & 0x0F {
+        0x06 => 1,
+        0x07 => 2,
+        0x0F if controlword & 0x10 == 0 => 3,
+        0x0F => 4,
+        _ => 0,
+    }
+}
+
+impl Transitions {
+    /// The controlword of a drive, as it comes to it.
+    fn controlword(&mut self, scene: &Scene<'_>, drive: usize, found: &mut Found) {
+        self.levels.resize(scene.drives.len(), None);
+        let now = scene.drives[drive].controlword.map(level);
+        let before = std::mem::replace(&mut self.levels[drive], now);
+        let (Some(now), before) = (now, before.unwrap_or(0)) else {
+            return;
+        };
+        let name = &scene.machine.drives[drive].name;
+        let leaps = now > before && before < 3 && now > if before == 1 { 3 } else { before + 1 };
+        if leaps {
+            found.violate(NAME, scene, "a controlword leaps", || {
+                format!("drive {name}: from level {before} to {now}")
+            });
+        }
+        if now >= 3 && before < 3 {
+            // All are ready before any is enabled.
+            let unready = scene.drives.iter().position(|drive| {
+                let state = Statusword(drive.statusword.unwrap_or_default()).state();
+                let ready = [
+                    cia402::State::ReadyToSwitchOn,
+                    cia402::State::SwitchedOn,
+                    cia402::State::OperationEnabled,
+                ];
+                drive.statusword.is_some() && !state.is_some_and(|state| ready.contains(&state))
+            });
+            if let Some(unready) = unready.filter(|_| !scene.is_disturbed(1.0)) {
+                found.violate(
+                    NAME,
+                    scene,
+                    "enabled while another drive is not ready",
+                    || {
+                        let unready = &scene.machine.drives[unready].name;
+                        format!("drive {name} is enabled, {unready} is not ready")
+                    },
+                );
+            }
+        }
+    }
+
+    fn nmt(&self, scene: &Scene<'_>, bus: usize, data: &[u8], found: &mut Found) {
+        let &[command, node, ..] = data else {
+            return;
+        };
+        if node == 0 {
+            found.violate(NAME, scene, "an NMT command to all nodes", || {
+                format!("command {command:02X}h on bus {bus}")
+            });
+            return;
+        }
+        let resets = [
+            nmt::Command::ResetNode as u8,
+            nmt::Command::ResetCommunication as u8,
+            nmt::Command::Stop as u8,
+        ];
+        let Some(drive) = scene.drive_with(bus, node) else {
+            found.violate(NAME, scene, "an NMT command to a stranger", || {
+                format!("command {command:02X}h to node {node} on bus {bus}")
+            });
+            return;
+        };
+        let powered = scene
+            .plants
+            .get(drive)
+            .is_some_and(|plant| plant.is_powered);
+        if resets.contains(&command) && powered && !scene.is_disturbed(f64::INFINITY) {
+            found.violate(
+                NAME,
+                scene,
+                "a drive is reset with its power stage on",
+                || {
+                    let name = &scene.machine.drives[drive].name;
+                    format!("drive {name}: command {command:02X}h")
+                },
+            );
+        }
+    }
+}
+
+impl Checker for Transitions {
+    fn frame(&mut self, scene: &Scene<'_>, bus: usize, sent: &Transmission, found: &mut Found) {
+        if sent.sender != Sender::Port {
+            return;
+        }
+        match sent.frame.id() {
+            CanId::Standard(0) => self.nmt(scene, bus, sent.frame.data(), found),
+            CanId::Standard(_) => {
+                for &drive in scene.drives_of(bus) {
+                    self.controlword(scene, drive, found);
+                }
+            }
+            CanId::Extended(_) => {}
+        }
+    }
+
+    fn told(&mut self, scene: &Scene<'_>, event: &Event, found: &mut Found) {
+        let Event::State(after) = *event else {
+            return;
+        };
+        let before = self.state.replace(after).unwrap_or(State::Starting);
+        if !may_follow(before, after) {
+            found.violate(NAME, scene, "a state that may not follow", || {
+                format!("{after} after {before}")
+            });
+        }
+    }
+}

@@ -1,0 +1,176 @@
+//! What a campaign has reached, as tables: which command in which state, which trouble in which phase,
+//! which faults and refusals, and how long stops took.
+
+use super::checkers::{Scene, StopTimes};
+use super::stage::Seen;
+use crate::control::{self, Phase, State};
+use crate::session::{Command, Event};
+use std::collections::BTreeMap;
+use std::fmt;
+
+/// See the module.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Coverage {
+    /// By command, then state: accepted and refused.
+    commands: BTreeMap<&'static str, BTreeMap<String, [u64; 2]>>,
+    /// By trouble, then phase.
+    troubles: BTreeMap<&'static str, BTreeMap<Phase, u64>>,
+    /// What was told, by its kind.
+    told: BTreeMap<String, u64>,
+    /// By cause: cycles until rest.
+    stops: BTreeMap<&'static str, Vec<u64>>,
+    /// States that machines were in.
+    states: BTreeMap<String, u64>,
+}
+
+impl Coverage {
+    /// Takes what is seen, with the scene as it was before.
+    pub(super) fn see(&mut self, scene: &Scene<'_>, seen: &Seen) {
+        match seen {
+            Seen::Interfered(what) => {
+                let phases = self.troubles.entry(what.kind()).or_default();
+                *phases.entry(scene.phase).or_default() += 1;
+            }
+            Seen::Told(Event::Accepted(it)) => self.command(scene.state, &it.command, 0),
+            Seen::Told(Event::Refused(it)) => {
+                self.command(scene.state, &it.command, 1);
+                self.count(format!("refusal: {}", kind(&format!("{:?}", it.reason))));
+            }
+            Seen::Told(Event::State(state)) => {
+                *self.states.entry(state.to_string()).or_default() += 1;
+            }
+            Seen::Told(Event::Machine(event)) => match event {
+                control::Event::Fault(fault) => {
+                    self.count(format!("fault: {}", kind(&format!("{fault:?}"))));
+                }
+                control::Event::Phase(_) | control::Event::State(_) => {}
+                event => self.count(format!("event: {}", kind(&format!("{event:?}")))),
+            },
+            Seen::Told(Event::Problem(error)) => {
+                self.count(format!("problem: {}", kind(&format!("{error:?}"))));
+            }
+            Seen::Frame { .. } | Seen::Commanded(_) | Seen::Woken(_) => {}
+        }
+    }
+
+    fn count(&mut self, what: String) {
+        *self.told.entry(what).or_default() += 1;
+    }
+
+    fn command(&mut self, state: State, command: &Command, place: usize) {
+        let states = self.commands.entry(name(command)).or_default();
+        states.entry(state.to_string()).or_default()[place] += 1;
+    }
+
+    pub(super) fn stops(&mut self, times: &StopTimes) {
+        for (cause, cycles) in &times.0 {
+            self.stops.entry(cause).or_default().push(*cycles);
+        }
+    }
+
+    /// Adds what another case reached.
+    pub fn merge(&mut self, other: Self) {
+        for (command, states) in other.commands {
+            let mine = self.commands.entry(command).or_default();
+            for (state, [accepted, refused]) in states {
+                let counts = mine.entry(state).or_default();
+                *counts = [counts[0] + accepted, counts[1] + refused];
+            }
+        }
+        for (trouble, phases) in other.troubles {
+            let mine = self.troubles.entry(trouble).or_default();
+            for (phase, count) in phases {
+                *mine.entry(phase).or_default() += count;
+            }
+        }
+        for (mine, other) in [
+            (&mut self.told, other.told),
+            (&mut self.states, other.states),
+        ] {
+            for (what, count) in other {
+                *mine.entry(what).or_default() += count;
+            }
+        }
+        for (cause, cycles) in other.stops {
+            self.stops.entry(cause).or_default().extend(cycles);
+        }
+    }
+}
+
+/// The kind of a value by its debug text: names of variants, without what they carry.
+fn kind(text: &str) -> String {
+    let names = text.split(|c: char| !c.is_alphanumeric());
+    let variants = names.filter(|name| name.starts_with(|c: char| c.is_ascii_uppercase()));
+    let variants: Vec<&str> = variants.take(2).collect();
+    variants.join(" ")
+}
+
+fn name(command: &Command) -> &'static str {
+    match command {
+        Command::CycleStart => "cycle start",
+        Command::FeedHold => "feed hold",
+        Command::Resume => "resume",
+        Command::ToggleFeedHold => "toggle feed hold",
+        Command::SingleBlock(_) => "single block",
+        Command::OptionalStop(_) => "optional stop",
+        Command::Retrace => "retrace",
+        Command::FeedOverride(_) => "feed override",
+        Command::RapidOverride(_) => "rapid override",
+        Command::Jog(_) => "jog",
+        Command::JogStep(_) => "jog step",
+        Command::GoTo(_) => "go to",
+        Command::Load(_) => "load",
+        Command::Run { .. } => "run",
+        Command::Mdi(_) => "MDI",
+        Command::SetWorkOffset(_) => "set work offset",
+        Command::SetToolLength(_) => "set tool length",
+        Command::Stop => "stop",
+        Command::Enable => "enable",
+        Command::Disable => "disable",
+        Command::Reset => "reset",
+        Command::SwitchOff => "switch off",
+        Command::Home(_) => "home",
+    }
+}
+
+impl fmt::Display for Coverage {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(f, "commands by state, accepted/refused:")?;
+        let states = State::ALL.map(|state| state.to_string());
+        for (command, counts) in &self.commands {
+            write!(f, "  {command:<17}")?;
+            for state in &states {
+                let [accepted, refused] = counts.get(state).copied().unwrap_or_default();
+                write!(f, " {state} {accepted}/{refused},")?;
+            }
+            writeln!(f)?;
+        }
+        writeln!(f, "troubles by phase:")?;
+        for (trouble, phases) in &self.troubles {
+            write!(f, "  {trouble:<32}")?;
+            for (phase, count) in phases {
+                write!(f, " {phase:?} {count},")?;
+            }
+            writeln!(f)?;
+        }
+        writeln!(f, "told:")?;
+        for (what, count) in &self.told {
+            writeln!(f, "  {count:>8} {what}")?;
+        }
+        writeln!(f, "from cause to rest, cycles: count, median, 99 %, most:")?;
+        for (cause, cycles) in &self.stops {
+            let mut cycles = cycles.clone();
+            cycles.sort_unstable();
+            let at = |part: usize| cycles[(cycles.len() - 1) * part / 100];
+            writeln!(
+                f,
+                "  {cause:<12} {} {} {} {}",
+                cycles.len(),
+                at(50),
+                at(99),
+                at(100)
+            )?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,507 @@
+//! What a campaign does to drives, buses and the host, at random: each kind by itself, in bursts and
+//! together; and the port through which buses are interfered with.
+
+use super::When;
+use super::dice::Dice;
+use super::machine::MachineSpec;
+use crate::bus::{Burst, BusFault, Reaction, Received};
+use crate::port::sim::SimPort;
+use crate::port::{Port, PortError};
+use serde::{Deserialize, Serialize};
+use std::mem::take;
+use syncline_canopen::time::Duration;
+use syncline_canopen::{CanId, Frame};
+use syncline_drives::twin::{Disturbance, ErrorClass};
+use syncline_drives::world::World;
+
+/// Something that happens to the machine from outside.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Trouble {
+    /// When.
+    pub at: When,
+    /// What.
+    pub what: Interference,
+}
+
+/// What happens. Drives and buses by their places in the machine file.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Interference {
+    /// A drive.
+    Drive(usize, ToDrive),
+    /// A bus.
+    Bus(usize, ToBus),
+    /// The cycle's next wake-up comes so many µs late.
+    Late(u32),
+    /// The planner does nothing for so many wake-ups.
+    StarvePlanner(u32),
+}
+
+/// What happens to a drive.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ToDrive {
+    /// Whether the power stage has its supply.
+    Mains(bool),
+    /// Whether the shaft is blocked.
+    Block(bool),
+    /// Whether the motor has lost its torque.
+    LoseTorque(bool),
+    /// Whether nothing that it sends reaches the bus.
+    Mute(bool),
+    /// So many T_PDOs are lost.
+    LoseTPdos(u32),
+    /// Its control supply fails and returns.
+    Reset,
+    /// It finds an error of this class, 0 to 4.
+    Error(u8),
+    /// Whether the cause of an error stays.
+    ErrorPersists(bool),
+    /// Whether the bus has control of it.
+    Remote(bool),
+    /// How many ms its power stage takes to switch on.
+    EnableTime(u32),
+}
+
+/// What happens to a bus, at the controller's end of it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ToBus {
+    /// So many bursts find a full transmit queue.
+    DropBursts(u32),
+    /// So many bursts leave behind the SYNC that they are meant for.
+    DelayBursts(u32),
+    /// A burst finds room for its first frame alone.
+    TearBurst,
+    /// So many SYNCs are lost.
+    LoseSyncs(u32),
+    /// The interface is gone for so many cycles.
+    Unplug(u32),
+    /// The adapter reports this, by its place in [`BusFault::ALL`].
+    Condition(usize),
+    /// Frames that come in are tampered with.
+    Incoming(Tampering),
+    /// A frame of nobody's comes in so many cycles: its identifier and data.
+    Intruder(u16, [u8; 8], u32),
+}
+
+/// What becomes of frames that come in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Tampering {
+    /// Which kind of frames.
+    pub traffic: Traffic,
+    /// Of which node; 0: of all.
+    pub node: u8,
+    /// What becomes of them.
+    pub change: Change,
+    /// Of how many.
+    pub count: u32,
+}
+
+/// A kind of frames that drives send.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Traffic {
+    /// T_PDOs.
+    TPdo,
+    /// Heartbeats and boot-up messages.
+    Heartbeat,
+    /// EMCY.
+    Emergency,
+    /// SDO answers.
+    Sdo,
+}
+
+/// What becomes of a frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Change {
+    /// It is lost.
+    Lose,
+    /// It comes a cycle later.
+    Delay,
+    /// It comes twice.
+    Duplicate,
+    /// This bit of it is another one.
+    Corrupt(u8),
+}
+
+impl Traffic {
+    /// Whether a frame is of that kind and node.
+    fn matches(self, node: u8, frame: &Frame) -> bool {
+        let CanId::Standard(id) = frame.id() else {
+            return false;
+        };
+        let is = match id >> 7 {
+            0x3 | 0x5 | 0x7 | 0x9 => self == Self::TPdo,
+            0x1 => self == Self::Emergency && id != 0x80,
+            0xB => self == Self::Sdo,
+            0xE => self == Self::Heartbeat,
+            _ => false,
+        };
+        is && (node == 0 || id & 0x7F == u16::from(node))
+    }
+}
+
+impl ToDrive {
+    /// As a twin takes it.
+    pub(super) fn disturbance(self) -> Disturbance {
+        match self {
+            Self::Mains(on) => Disturbance::Mains(on),
+            Self::Block(on) => Disturbance::Block(on),
+            Self::LoseTorque(on) => Disturbance::LoseTorque(on),
+            Self::Mute(on) => Disturbance::Mute(on),
+            Self::LoseTPdos(count) => Disturbance::LoseTPdos(count),
+            Self::Reset => Disturbance::Reset,
+            Self::Error(class) => Disturbance::Fault(match class {
+                0 => ErrorClass::Warning,
+                1 => ErrorClass::QuickStop,
+                2 => ErrorClass::StopAndSwitchOff,
+                3 => ErrorClass::SwitchOff,
+                _ => ErrorClass::Fatal,
+            }),
+            Self::ErrorPersists(on) => Disturbance::FaultPersists(on),
+            Self::Remote(on) => Disturbance::Remote(on),
+            Self::EnableTime(ms) => Disturbance::EnableTime(Duration::from_millis(ms.into())),
+        }
+    }
+
+    /// What ends it, if it lasts.
+    fn end(self) -> Option<Self> {
+        Some(match self {
+            Self::Mains(false) => Self::Mains(true),
+            Self::Block(true) => Self::Block(false),
+            Self::LoseTorque(true) => Self::LoseTorque(false),
+            Self::Mute(true) => Self::Mute(false),
+            Self::ErrorPersists(true) => Self::ErrorPersists(false),
+            Self::Remote(false) => Self::Remote(true),
+            _ => return None,
+        })
+    }
+}
+
+impl Interference {
+    /// Its kind in a few words, for tables.
+    #[must_use]
+    pub fn kind(&self) -> &'static str {
+        match self {
+            Self::Drive(_, what) => match what {
+                ToDrive::Mains(false) => "power lost",
+                ToDrive::Mains(true) => "power back",
+                ToDrive::Block(true) => "axis jammed",
+                ToDrive::Block(false) => "axis free again",
+                ToDrive::LoseTorque(true) => "torque lost",
+                ToDrive::LoseTorque(false) => "torque back",
+                ToDrive::Mute(true) => "node mute",
+                ToDrive::Mute(false) => "node heard again",
+                ToDrive::LoseTPdos(_) => "T_PDOs lost at the drive",
+                ToDrive::Reset => "node reset",
+                ToDrive::Error(0) => "warning",
+                ToDrive::Error(1) => "error of class 1",
+                ToDrive::Error(2) => "error of class 2",
+                ToDrive::Error(3) => "error of class 3",
+                ToDrive::Error(_) => "error of class 4",
+                ToDrive::ErrorPersists(true) => "cause of an error stays",
+                ToDrive::ErrorPersists(false) => "cause of an error gone",
+                ToDrive::Remote(false) => "control taken by another channel",
+                ToDrive::Remote(true) => "control given back",
+                ToDrive::EnableTime(_) => "enabling takes longer",
+            },
+            Self::Bus(_, what) => match what {
+                ToBus::DropBursts(_) => "bursts dropped",
+                ToBus::DelayBursts(_) => "bursts behind their SYNC",
+                ToBus::TearBurst => "burst torn",
+                ToBus::LoseSyncs(_) => "SYNC missing",
+                ToBus::Unplug(_) => "interface gone",
+                ToBus::Condition(_) => "adapter reports a condition",
+                ToBus::Incoming(Tampering { change, .. }) => match change {
+                    Change::Lose => "frames lost",
+                    Change::Delay => "frames delayed",
+                    Change::Duplicate => "frames duplicated",
+                    Change::Corrupt(_) => "frames corrupted",
+                },
+                ToBus::Intruder(..) => "frames of a stranger",
+            },
+            Self::Late(_) => "wake-up late",
+            Self::StarvePlanner(_) => "planner starved",
+        }
+    }
+}
+
+/// Random interference with a machine in a case of so many cycles. Three cases in ten have none.
+pub(super) fn draw(dice: &mut Dice, machine: &MachineSpec, cycles: u32) -> Vec<Trouble> {
+    let count = match dice.weighted(&[3, 4, 2, 1]) {
+        0 => 0,
+        1 => 1,
+        2 => dice.whole(2..=4),
+        _ => dice.whole(5..=15),
+    };
+    let mut troubles = Vec::new();
+    for _ in 0..count {
+        let at = When::draw(dice, cycles);
+        let what = any(dice, machine);
+        troubles.push(Trouble {
+            at,
+            what: what.clone(),
+        });
+        if let Interference::Drive(drive, what) = what
+            && let Some(end) = what.end()
+            && dice.chance(0.85)
+        {
+            troubles.push(Trouble {
+                at: at.later(dice.whole(1..=cycles / 2)),
+                what: Interference::Drive(drive, end),
+            });
+        }
+    }
+    troubles.sort_by_key(|trouble| trouble.at);
+    troubles
+}
+
+fn any(dice: &mut Dice, machine: &MachineSpec) -> Interference {
+    match dice.weighted(&[6, 6, 2, 1]) {
+        0 => Interference::Drive(dice.below(machine.drives()), to_drive(dice)),
+        1 => Interference::Bus(dice.below(machine.buses.len()), to_bus(dice, machine)),
+        2 => {
+            // A tenth of a cycle to fifty of them.
+            let cycles = *dice.pick(&[0.1, 0.3, 0.6, 0.9, 1.0, 1.3, 2.0, 3.7, 10.0, 50.0]);
+            Interference::Late((f64::from(machine.cycle_us) * cycles) as u32)
+        }
+        _ => Interference::StarvePlanner(dice.whole(1..=400)),
+    }
+}
+
+fn to_drive(dice: &mut Dice) -> ToDrive {
+    match dice.below(12) {
+        0 => ToDrive::Mains(false),
+        1 => ToDrive::Block(true),
+        2 => ToDrive::LoseTorque(true),
+        3 => ToDrive::Mute(true),
+        4 | 5 => ToDrive::LoseTPdos(*dice.pick(&[1, 1, 2, 3, 20])),
+        6 => ToDrive::Reset,
+        7 | 8 => ToDrive::Error(dice.whole(0..=4) as u8),
+        9 => ToDrive::ErrorPersists(true),
+        10 => ToDrive::Remote(false),
+        _ => ToDrive::EnableTime(*dice.pick(&[1, 20, 300])),
+    }
+}
+
+fn to_bus(dice: &mut Dice, machine: &MachineSpec) -> ToBus {
+    let count = *dice.pick(&[1, 1, 2, 3, 10]);
+    match dice.below(12) {
+        0 | 1 => ToBus::DropBursts(count),
+        2 => ToBus::DelayBursts(count),
+        3 => ToBus::TearBurst,
+        4 => ToBus::LoseSyncs(count),
+        5 => ToBus::Unplug(*dice.pick(&[1, 5, 100, 1000])),
+        6 => ToBus::Condition(dice.below(BusFault::ALL.len())),
+        7 => {
+            let mut data = [0; 8];
+            data.fill_with(|| dice.whole(0..=255) as u8);
+            // Sometimes it looks like a drive's.
+            let node = nodes(machine)[dice.below(machine.drives())];
+            let function = *dice.pick(&[0x080, 0x180, 0x280, 0x580, 0x700, 0x000, 0x480]);
+            ToBus::Intruder(function + u16::from(node), data, count)
+        }
+        _ => {
+            let traffic = [
+                Traffic::TPdo,
+                Traffic::TPdo,
+                Traffic::Heartbeat,
+                Traffic::Emergency,
+                Traffic::Sdo,
+            ];
+            let change = [
+                Change::Lose,
+                Change::Delay,
+                Change::Duplicate,
+                Change::Corrupt(dice.whole(0..=63) as u8),
+            ];
+            let node = nodes(machine)[dice.below(machine.drives())];
+            ToBus::Incoming(Tampering {
+                traffic: *dice.pick(&traffic),
+                node: if dice.chance(0.8) { node } else { 0 },
+                change: *dice.pick(&change),
+                count,
+            })
+        }
+    }
+}
+
+/// The node ids of the drives.
+fn nodes(machine: &MachineSpec) -> Vec<u8> {
+    let drives = machine.axes.iter().flat_map(|axis| &axis.drives);
+    drives.map(|drive| drive.node).collect()
+}
+
+/// The controller's port to a simulated bus that is interfered with.
+pub(super) struct TroubledPort {
+    port: SimPort,
+    drop_bursts: u32,
+    delay_bursts: u32,
+    tear_bursts: u32,
+    lose_syncs: u32,
+    unplugged: u32,
+    condition: Option<BusFault>,
+    tampering: Vec<Tampering>,
+    intruder: Option<(Frame, u32)>,
+    /// Bursts that wait for the next SYNC to leave.
+    late: Vec<Frame>,
+    /// Frames that come a cycle later.
+    delayed: Vec<Received>,
+}
+
+impl TroubledPort {
+    /// Around a port that nothing happens to.
+    pub(super) fn new(port: SimPort) -> Self {
+        Self {
+            port,
+            drop_bursts: 0,
+            delay_bursts: 0,
+            tear_bursts: 0,
+            lose_syncs: 0,
+            unplugged: 0,
+            condition: None,
+            tampering: Vec::new(),
+            intruder: None,
+            late: Vec::new(),
+            delayed: Vec::new(),
+        }
+    }
+
+    /// Lets something happen.
+    pub(super) fn trouble(&mut self, what: ToBus) {
+        match what {
+            ToBus::DropBursts(count) => self.drop_bursts = count,
+            ToBus::DelayBursts(count) => self.delay_bursts = count,
+            ToBus::TearBurst => self.tear_bursts = 1,
+            ToBus::LoseSyncs(count) => self.lose_syncs = count,
+            ToBus::Unplug(cycles) => self.unplugged = cycles,
+            ToBus::Condition(place) => match BusFault::ALL.get(place) {
+                // A port tells by an error that its bus carries nothing any more.
+                Some(fault) if fault.reaction() == Reaction::Lose => self.unplugged = 1,
+                fault => self.condition = fault.copied(),
+            },
+            ToBus::Incoming(tampering) => self.tampering.push(tampering),
+            ToBus::Intruder(id, data, count) => {
+                let frame = Frame::new(CanId::Standard(id & 0x7FF), &data);
+                self.intruder = Some((frame, count));
+            }
+        }
+    }
+
+    fn check(&self) -> Result<(), PortError> {
+        if self.unplugged == 0 {
+            return Ok(());
+        }
+        Err(PortError {
+            bus: "campaign".into(),
+            what: "unplugged".into(),
+        })
+    }
+
+    /// What becomes of a frame that comes in: handed on as often as it says.
+    fn tamper(&mut self, received: &mut Received) -> usize {
+        let frame = received.frame;
+        let ours = |it: &&mut Tampering| it.count > 0 && it.traffic.matches(it.node, &frame);
+        let Some(tampering) = self
+            .tampering
+            .iter_mut()
+            .find(ours)
+            .filter(|_| !received.echo)
+        else {
+            return 1;
+        };
+        tampering.count -= 1;
+        match tampering.change {
+            Change::Lose => 0,
+            Change::Delay => {
+                self.delayed.push(*received);
+                0
+            }
+            Change::Duplicate => 2,
+            Change::Corrupt(bit) => {
+                let mut data = frame.data().to_vec();
+                if let Some(byte) = data.get_mut(usize::from(bit / 8)) {
+                    *byte ^= 1 << (bit % 8);
+                }
+                received.frame = Frame::new(frame.id(), &data);
+                1
+            }
+        }
+    }
+}
+
+/// One less, if there is one.
+fn take_one(count: &mut u32) -> bool {
+    let some = *count > 0;
+    *count = count.saturating_sub(1);
+    some
+}
+
+impl Port for TroubledPort {
+    fn exchange(&mut self, world: &mut World) {
+        self.port.exchange(world);
+    }
+
+    fn echoes(&self) -> bool {
+        self.port.echoes()
+    }
+
+    fn receive(&mut self, sink: &mut dyn FnMut(Received)) -> Result<(), PortError> {
+        let gone = self.check();
+        take_one(&mut self.unplugged);
+        let mut came = take(&mut self.delayed);
+        self.port.receive(&mut |received| came.push(received))?;
+        gone?;
+        if let Some((frame, count)) = &mut self.intruder
+            && take_one(count)
+            && let Some(last) = came.last()
+        {
+            came.push(Received {
+                at: last.at,
+                frame: *frame,
+                echo: false,
+            });
+        }
+        for mut received in came {
+            for _ in 0..self.tamper(&mut received) {
+                sink(received);
+            }
+        }
+        Ok(())
+    }
+
+    fn condition(&mut self) -> Option<BusFault> {
+        self.condition.take()
+    }
+
+    fn send_sync(&mut self, frame: &Frame) -> Result<(), PortError> {
+        self.check()?;
+        if !take_one(&mut self.lose_syncs) {
+            self.port.send_sync(frame)?;
+        }
+        self.port.send_burst(&take(&mut self.late))?;
+        Ok(())
+    }
+
+    fn send_burst(&mut self, frames: &[Frame]) -> Result<Burst, PortError> {
+        self.check()?;
+        if take_one(&mut self.drop_bursts) {
+            Ok(Burst::Dropped)
+        } else if take_one(&mut self.tear_bursts) && frames.len() > 1 {
+            self.port.send_burst(&frames[..1])?;
+            Ok(Burst::Torn { queued: 1 })
+        } else if take_one(&mut self.delay_bursts) {
+            self.late.extend(frames);
+            Ok(Burst::Queued)
+        } else {
+            self.port.send_burst(frames)
+        }
+    }
+
+    fn send_acyclic(&mut self, frames: &[Frame]) -> Result<(), PortError> {
+        self.check()?;
+        self.port.send_acyclic(frames)
+    }
+}

@@ -1,0 +1,373 @@
+//! Random machines, as data: what a shrinking case leaves out, and what becomes a machine file.
+
+use super::dice::{Dice, rounded};
+use crate::budget::{BusBudget, MachineBudget};
+use crate::machine::Machine;
+use serde::{Deserialize, Serialize};
+use std::fmt::Write as _;
+use std::path::Path;
+use std::time::Duration;
+use syncline_drives::model::MODELS;
+
+/// Letters of axes, in the order in which a small machine has them.
+const LETTERS: [char; 9] = ['X', 'Y', 'Z', 'A', 'B', 'C', 'U', 'V', 'W'];
+
+/// Cycles that are drawn, µs.
+const CYCLES: [u32; 8] = [1000, 2000, 2000, 3000, 4000, 5000, 10_000, 20_000];
+
+/// Bit rates that are drawn, bit/s: slower buses hold no cycle of two drives.
+const BIT_RATES: [u32; 3] = [1_000_000, 500_000, 250_000];
+
+/// Draws of a machine until one fits its buses; then the simplest one is taken.
+const DRAWS: usize = 40;
+
+/// A machine.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct MachineSpec {
+    /// Base cycle, µs.
+    pub cycle_us: u32,
+    /// T_PDOs missing in a row that are a fault.
+    pub t_pdo_misses: u32,
+    /// How far a path may leave what is programmed under G61, and under G64, mm.
+    pub tolerances: [f64; 2],
+    /// Bit rate of each bus, bit/s.
+    pub buses: Vec<u32>,
+    /// The axes.
+    pub axes: Vec<AxisSpec>,
+}
+
+/// An axis of one drive, or a gantry of two.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct AxisSpec {
+    /// Its letter.
+    pub letter: char,
+    /// Travel for one revolution of the motor, mm or degrees.
+    pub travel: f64,
+    /// mm/s.
+    pub velocity: f64,
+    /// mm/s².
+    pub acceleration: f64,
+    /// mm/s³.
+    pub jerk: f64,
+    /// Least and greatest position, mm.
+    pub soft_limits: [f64; 2],
+    /// Whether the drives supervise following error and soft limits too.
+    pub supervised: bool,
+    /// One, or two.
+    pub drives: Vec<DriveSpec>,
+    /// What the file says of what its drives move: the inside of `simulation`.
+    pub simulation: Option<String>,
+}
+
+/// A drive.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct DriveSpec {
+    /// Its place among the buses.
+    pub bus: usize,
+    /// Its node id.
+    pub node: u8,
+    /// The name of its model.
+    pub model: String,
+    /// Its encoder counts the other way.
+    pub negative: bool,
+    /// What its encoder counts at machine position 0.
+    pub zero: i32,
+}
+
+impl MachineSpec {
+    /// A random machine that fits its buses.
+    pub(super) fn draw(dice: &mut Dice) -> Self {
+        for _ in 0..DRAWS {
+            let spec = Self::any(dice);
+            if spec.fits() {
+                return spec;
+            }
+        }
+        Self {
+            cycle_us: 4000,
+            t_pdo_misses: 2,
+            tolerances: [0.001, 0.01],
+            buses: vec![1_000_000],
+            axes: vec![AxisSpec::draw(
+                dice,
+                'X',
+                4000,
+                &mut vec![(0, MODELS[0].name)],
+            )],
+        }
+    }
+
+    /// A random one, whether it fits or not.
+    fn any(dice: &mut Dice) -> Self {
+        let cycle_us = *dice.pick(&CYCLES);
+        // Small machines are most: they are quick, and most of what goes wrong needs no more.
+        let count = match dice.weighted(&[4, 4, 2]) {
+            0 => dice.whole(1..=3),
+            1 => dice.whole(3..=5),
+            _ => dice.whole(6..=9),
+        };
+        let buses = 1 + dice.weighted(&[6, 3, 1]).min(count as usize - 1);
+        let buses: Vec<u32> = (0..buses)
+            .map(|_| BIT_RATES[dice.weighted(&[6, 2, 1])])
+            .collect();
+        let mut letters = LETTERS.to_vec();
+        if dice.chance(0.3) {
+            for place in (1..letters.len()).rev() {
+                letters.swap(place, dice.below(place + 1));
+            }
+        }
+        // Most machines have one maker's drives.
+        let period = Duration::from_micros(cycle_us.into());
+        let models: Vec<&str> = MODELS
+            .iter()
+            .filter(|model| model.takes_cycle(period))
+            .map(|model| model.name)
+            .collect();
+        let mixed = dice.chance(0.4);
+        let main = MODELS[0].name;
+        let axes = letters[..count as usize].iter().map(|&letter| {
+            let gantry = dice.chance(0.15);
+            let model = if mixed { *dice.pick(&models) } else { main };
+            let drives = if gantry { 2 } else { 1 };
+            let mut places: Vec<_> = (0..drives)
+                .map(|_| (dice.below(buses.len()), model))
+                .collect();
+            AxisSpec::draw(dice, letter, cycle_us, &mut places)
+        });
+        let axes = axes.collect();
+        let mut spec = Self {
+            cycle_us,
+            t_pdo_misses: *dice.pick(&[2, 2, 2, 1, 3]),
+            tolerances: [dice.decades(-4, -1), dice.decades(-3, 0)],
+            buses,
+            axes,
+        };
+        spec.number(dice);
+        spec
+    }
+
+    /// Gives the drives node ids of their own, and leaves out buses without any.
+    fn number(&mut self, dice: &mut Dice) {
+        let mut used = Vec::new();
+        for drive in self.axes.iter_mut().flat_map(|axis| &mut axis.drives) {
+            while used.contains(&(drive.bus, drive.node)) {
+                drive.node = dice.whole(1..=126) as u8;
+            }
+            used.push((drive.bus, drive.node));
+        }
+        self.leave_out_unused_buses();
+    }
+
+    /// Leaves out buses without drives.
+    pub(super) fn leave_out_unused_buses(&mut self) {
+        for bus in (0..self.buses.len()).rev() {
+            let drives = || self.axes.iter().flat_map(|axis| &axis.drives);
+            if self.buses.len() > 1 && !drives().any(|drive| drive.bus == bus) {
+                self.buses.remove(bus);
+                let drives = self.axes.iter_mut().flat_map(|axis| &mut axis.drives);
+                for drive in drives.filter(|drive| drive.bus > bus) {
+                    drive.bus -= 1;
+                }
+            }
+        }
+    }
+
+    /// How many drives it has.
+    #[must_use]
+    pub fn drives(&self) -> usize {
+        self.axes.iter().map(|axis| axis.drives.len()).sum()
+    }
+
+    /// What the machine file says of it.
+    ///
+    /// # Errors
+    /// What is wrong in it, in words.
+    pub fn machine(&self) -> Result<Machine, String> {
+        Machine::parse(Path::new("machine.toml"), &self.toml()).map_err(|wrong| wrong.to_string())
+    }
+
+    /// Whether it is good, and its frames fit its cycle with room for an SDO transfer: a bus that has none
+    /// is accepted, and the requests while SYNC runs are in its way then (`docs/reliability.md`).
+    fn fits(&self) -> bool {
+        self.machine().is_ok_and(|machine| {
+            let budget = MachineBudget::of(&machine);
+            let has_room = |bus: &BusBudget| bus.budget.sdo_transfers > 0;
+            budget.check().is_ok() && budget.buses.iter().all(has_room)
+        })
+    }
+
+    /// The machine file.
+    #[must_use]
+    pub fn toml(&self) -> String {
+        let [exact, blend] = self.tolerances;
+        let mut text = format!(
+            "[machine]\nname = \"campaign\"\ncycle_us = {}\n\n[controller]\nt_pdo_misses = {}\n\n\
+             [path]\nexact_tolerance = {exact}\nblend_tolerance = {blend}\n",
+            self.cycle_us, self.t_pdo_misses,
+        );
+        for (bus, bitrate) in self.buses.iter().enumerate() {
+            let _ = write!(
+                text,
+                "\n[[bus]]\nname = \"bus{bus}\"\nbitrate = {bitrate}\nport = \"sim\"\n"
+            );
+        }
+        for axis in &self.axes {
+            axis.write(&mut text);
+        }
+        text
+    }
+}
+
+impl AxisSpec {
+    /// An axis whose drives have these buses and models.
+    ///
+    /// Limits are drawn at the motor, where a drive can follow them, and carried over to the axis by
+    /// a travel per revolution between micrometres and metres, so that axes of one machine differ by
+    /// decades.
+    fn draw(dice: &mut Dice, letter: char, cycle_us: u32, places: &mut Vec<(usize, &str)>) -> Self {
+        let period = f64::from(cycle_us) * 1e-6;
+        let travel = if dice.chance(0.6) {
+            f64::from(dice.whole(1..=40))
+        } else {
+            dice.decades(-2, 3)
+        };
+        // Between two setpoints a drive interpolates: what changes much within a cycle it cannot follow.
+        let velocity = dice.between(3.0, 45.0);
+        let acceleration = dice.between(10.0, 400.0).min(0.6 / period);
+        let jerk = acceleration * dice.between(2.0, 40.0).min(0.2 / period);
+        let span = dice.between(5.0, 200.0);
+        let least = match dice.weighted(&[3, 3, 1]) {
+            0 => 0.0,
+            1 => -span * dice.between(0.0, 1.0),
+            _ => dice.between(-500.0, 500.0),
+        };
+        let drives = places.drain(..).enumerate().map(|(side, (bus, model))| {
+            let revolutions = dice.between(-600.0, 600.0);
+            DriveSpec {
+                bus,
+                node: dice.whole(1..=126) as u8,
+                model: model.to_owned(),
+                negative: side == 1 || dice.chance(0.3),
+                zero: (revolutions * 131_072.0) as i32,
+            }
+        });
+        Self {
+            letter,
+            travel,
+            velocity: digits(velocity * travel),
+            acceleration: digits(acceleration * travel),
+            jerk: digits(jerk * travel),
+            drives: drives.collect(),
+            soft_limits: [digits(least * travel), digits((least + span) * travel)],
+            supervised: dice.chance(0.5),
+            simulation: dice.chance(0.15).then(|| Self::simulation(dice)),
+        }
+    }
+
+    /// A feed axis that a motor is at ease with.
+    fn simulation(dice: &mut Dice) -> String {
+        let motor = dice.pick(&["generic-3", "generic-6", "generic-12"]);
+        format!("motor = \"{motor}\"")
+    }
+
+    /// Following error that is a fault, mm.
+    #[must_use]
+    pub fn following_error(&self) -> f64 {
+        digits(0.25 * self.travel)
+    }
+
+    fn write(&self, text: &mut String) {
+        let name = |side: usize| format!("{}{}", self.letter, side + 1);
+        for (side, drive) in self.drives.iter().enumerate() {
+            let direction = if drive.negative {
+                "negative"
+            } else {
+                "positive"
+            };
+            let _ = write!(
+                text,
+                "\n[[drive]]\nname = \"{}\"\nbus = \"bus{}\"\nnode = {}\nmodel = \"{}\"\n\
+                 direction = \"{direction}\"\nzero = {}\n",
+                name(side),
+                drive.bus,
+                drive.node,
+                drive.model,
+                drive.zero
+            );
+        }
+        let names: Vec<String> = (0..self.drives.len())
+            .map(|side| format!("\"{}\"", name(side)))
+            .collect();
+        let rotary = matches!(self.letter, 'A' | 'B' | 'C');
+        let gear = if rotary { 360.0 / self.travel } else { 1.0 };
+        let pitch = if rotary { 360.0 } else { self.travel };
+        let [least, most] = self.soft_limits;
+        let following_error = self.following_error();
+        let _ = write!(
+            text,
+            "\n[[axis]]\nname = \"{}\"\ndrives = [{}]\npitch = {pitch}\ngear = {gear}\n\
+             max_velocity = {}\nmax_acceleration = {}\nmax_jerk = {}\nsoft_limits = [{least}, {most}]\n\
+             following_error_limit = {following_error}\nstandstill_window = {}\n\
+             drive_following_error = {supervised}\ndrive_soft_limits = {supervised}\n",
+            self.letter,
+            names.join(", "),
+            self.velocity,
+            self.acceleration,
+            self.jerk,
+            digits(0.02 * self.travel),
+            supervised = self.supervised,
+        );
+        if self.drives.len() == 2 {
+            let _ = writeln!(text, "skew_limit = {}", digits(0.1 * self.travel));
+        }
+        if let Some(inside) = &self.simulation {
+            let _ = writeln!(text, "simulation = {{ {inside} }}");
+        }
+    }
+}
+
+/// A number as people write it: to four digits or so.
+fn digits(value: f64) -> f64 {
+    let magnitude = value.abs();
+    let decimals = [1000.0, 100.0, 10.0, 1.0, 0.1, 0.01];
+    let decimals = decimals.iter().filter(|it| magnitude < **it).count();
+    rounded(value, decimals)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::control::Layout;
+
+    #[test]
+    fn every_machine_that_is_drawn_is_a_good_one() {
+        let (mut gantries, mut buses, mut most) = (0, 0, 0);
+        for seed in 0..300 {
+            let spec = MachineSpec::draw(&mut Dice::new(seed, 0));
+            let machine = spec
+                .machine()
+                .unwrap_or_else(|wrong| panic!("{seed}: {wrong}"));
+            Layout::new(&machine).unwrap();
+            gantries += usize::from(spec.drives() > spec.axes.len());
+            buses += usize::from(spec.buses.len() > 1);
+            most = most.max(spec.axes.len());
+        }
+        assert!(
+            gantries > 30 && buses > 30 && most == 9,
+            "{gantries} {buses} {most}"
+        );
+    }
+
+    #[test]
+    fn a_machine_without_an_axis_is_still_good() {
+        for seed in 0..60 {
+            let mut spec = MachineSpec::draw(&mut Dice::new(seed, 0));
+            while spec.axes.len() > 1 {
+                spec.axes.remove(seed as usize % spec.axes.len());
+                spec.leave_out_unused_buses();
+                spec.machine()
+                    .unwrap_or_else(|wrong| panic!("{seed}: {wrong}"));
+            }
+        }
+    }
+}

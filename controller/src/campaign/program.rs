@@ -1,0 +1,392 @@
+//! Random programs from a grammar of RS-274/NGC, a list of lines each.
+//!
+//! A program knows where the machine will be, so that it stays within the soft limits: what is to be
+//! found lies behind programs that run. One in twenty has a block that is wrong, and must be refused
+//! before anything moves.
+
+use super::dice::{Dice, rounded};
+use super::machine::{AxisSpec, MachineSpec};
+
+/// Decimals of a position in a program.
+const DECIMALS: usize = 4;
+
+/// What a program is made of.
+const PARTS: [(u32, fn(&mut Writer)); 16] = [
+    (8, Writer::rapid),
+    (12, Writer::line),
+    (8, Writer::arc),
+    (4, Writer::contour),
+    (3, Writer::zigzag),
+    (2, Writer::incremental),
+    (2, Writer::inverse_time),
+    (2, Writer::repeat),
+    (1, Writer::parameters),
+    (2, Writer::drill),
+    (3, Writer::dwell),
+    (4, Writer::mode),
+    (3, Writer::stop),
+    (5, Writer::switch),
+    (3, Writer::feed),
+    (1, Writer::nothing),
+];
+
+/// Random programs for a machine.
+pub(super) fn draw(dice: &mut Dice, machine: &MachineSpec) -> Vec<String> {
+    let mut writer = Writer {
+        at: machine.axes.iter().map(rest).collect(),
+        axes: machine.axes.clone(),
+        lines: vec!["G17 G21 G90 G94".to_owned()],
+        labels: 0,
+        dice: Dice::new(dice.seed(), 0),
+    };
+    let mut weights = PARTS.map(|(weight, _)| weight);
+    // Each program is rich in some things and has none of others.
+    for weight in &mut weights {
+        *weight *= [0, 1, 1, 4][writer.dice.below(4)];
+    }
+    writer.feed();
+    for _ in 0..writer.dice.whole(1..=40) {
+        let part = writer.dice.weighted(&weights);
+        PARTS[part].1(&mut writer);
+    }
+    if writer.dice.chance(0.05) {
+        writer.mistake();
+    }
+    let end = *writer.dice.pick(&["M2", "M30", "M2", ""]);
+    writer.lines.push(end.to_owned());
+    writer.lines
+}
+
+/// Where a simulated axis stands when it is switched on.
+fn rest(axis: &AxisSpec) -> f64 {
+    let [least, most] = axis.soft_limits;
+    0.0_f64.clamp(least, most)
+}
+
+/// A program that is being written.
+struct Writer {
+    dice: Dice,
+    axes: Vec<AxisSpec>,
+    /// Where each axis is, machine coordinates.
+    at: Vec<f64>,
+    lines: Vec<String>,
+    /// Labels of flow that were given.
+    labels: u32,
+}
+
+impl Writer {
+    fn push(&mut self, line: impl Into<String>) {
+        self.lines.push(line.into());
+    }
+
+    /// A position of an axis a random way from where it is: over all decades, within its limits.
+    fn target(&mut self, axis: usize) -> f64 {
+        let AxisSpec {
+            soft_limits: [least, most],
+            travel,
+            ..
+        } = self.axes[axis];
+        let to = match self.dice.weighted(&[3, 5, 1]) {
+            0 => self.dice.between(least, most),
+            1 => {
+                let way = travel * self.dice.decades(-3, 2);
+                self.at[axis] + if self.dice.chance(0.5) { way } else { -way }
+            }
+            _ => *self.dice.pick(&[least, most]),
+        };
+        rounded(to.clamp(least, most), DECIMALS).clamp(least, most)
+    }
+
+    /// Some axes' words for a move, and where it leads; absolute.
+    fn words(&mut self) -> String {
+        let mut words = String::new();
+        let all = self.dice.chance(0.3);
+        let first = self.dice.below(self.axes.len());
+        for axis in 0..self.axes.len() {
+            if all || axis == first || self.dice.chance(0.2) {
+                self.at[axis] = self.target(axis);
+                words += &format!(" {}{}", self.axes[axis].letter, self.at[axis]);
+            }
+        }
+        words
+    }
+
+    fn rapid(&mut self) {
+        let words = self.words();
+        self.push(format!("G0{words}"));
+    }
+
+    fn line(&mut self) {
+        let words = self.words();
+        self.push(format!("G1{words}"));
+    }
+
+    fn feed(&mut self) {
+        let axis = &self.axes[self.dice.below(self.axes.len())];
+        let most = axis.velocity * 60.0;
+        let feed = most * *self.dice.pick(&[0.02, 0.1, 0.3, 0.7, 1.0, 3.0]);
+        self.push(format!("F{}", rounded(feed, DECIMALS).max(0.001)));
+    }
+
+    /// The places of two linear axes, by the plane that they span, if the machine has them.
+    fn plane(&mut self) -> Option<(&'static str, [usize; 2], [char; 2])> {
+        let planes = [
+            ("G17", ['X', 'Y'], ['I', 'J']),
+            ("G18", ['Z', 'X'], ['K', 'I']),
+            ("G19", ['Y', 'Z'], ['J', 'K']),
+        ];
+        let (code, letters, centre) = *self.dice.pick(&planes);
+        let place = |letter| self.axes.iter().position(|axis| axis.letter == letter);
+        Some((code, [place(letters[0])?, place(letters[1])?], centre))
+    }
+
+    /// Room of an axis to both sides.
+    fn room(&self, axis: usize) -> f64 {
+        let [least, most] = self.axes[axis].soft_limits;
+        (self.at[axis] - least).min(most - self.at[axis])
+    }
+
+    /// An arc, a full circle or a helix, where there is room for one.
+    fn arc(&mut self) {
+        let Some((code, [a, b], [i, j])) = self.plane() else {
+            return self.line();
+        };
+        // The whole circle is within the limits.
+        let room = self.room(a).min(self.room(b)) / 2.0;
+        let radius = rounded(room * self.dice.between(0.01, 0.99), 3);
+        if radius < 0.05 {
+            return self.line();
+        }
+        let [x, y] = self.dice.direction();
+        let centre = [rounded(radius * x, DECIMALS), rounded(radius * y, DECIMALS)];
+        let sense = *self.dice.pick(&["G2", "G3"]);
+        let letters = [a, b].map(|axis| self.axes[axis].letter);
+        let mut words = format!("{i}{} {j}{}", centre[0], centre[1]);
+        if self.dice.chance(0.7) {
+            let [u, v] = self.dice.direction();
+            let real = (centre[0] * centre[0] + centre[1] * centre[1]).sqrt();
+            let end = [
+                rounded(self.at[a] + centre[0] + real * u, DECIMALS),
+                rounded(self.at[b] + centre[1] + real * v, DECIMALS),
+            ];
+            words = format!("{}{} {}{} {words}", letters[0], end[0], letters[1], end[1]);
+            (self.at[a], self.at[b]) = (end[0], end[1]);
+        }
+        self.push(format!("{code} {sense} {words}"));
+    }
+
+    /// Short segments, as CAM writes a curve.
+    fn contour(&mut self) {
+        let Some((_, [a, b], _)) = self.plane() else {
+            return self.zigzag();
+        };
+        let letters = [a, b].map(|axis| self.axes[axis].letter);
+        let travel = self.axes[a].travel.min(self.axes[b].travel);
+        let step = travel * self.dice.decades(-2, 0);
+        let [mut x, mut y] = self.dice.direction();
+        let bend = self.dice.between(0.0, 0.3);
+        for _ in 0..self.dice.whole(5..=60) {
+            let t = self.dice.between(-bend, bend);
+            let (cos, sin) = ((1.0 - t * t) / (1.0 + t * t), 2.0 * t / (1.0 + t * t));
+            (x, y) = (x * cos - y * sin, x * sin + y * cos);
+            let to = [self.at[a] + step * x, self.at[b] + step * y].map(|it| rounded(it, DECIMALS));
+            let inside = |axis: usize, to: f64| {
+                let [least, most] = self.axes[axis].soft_limits;
+                (least..=most).contains(&to)
+            };
+            if !inside(a, to[0]) || !inside(b, to[1]) {
+                (x, y) = (-x, -y);
+                continue;
+            }
+            (self.at[a], self.at[b]) = (to[0], to[1]);
+            self.push(format!(
+                "G1 {}{} {}{}",
+                letters[0], to[0], letters[1], to[1]
+            ));
+        }
+    }
+
+    /// To and fro over the same stretch: reversals, moves of no length.
+    fn zigzag(&mut self) {
+        let axis = self.dice.below(self.axes.len());
+        let letter = self.axes[axis].letter;
+        let ends = [self.at[axis], self.target(axis)];
+        for turn in 0..self.dice.whole(1..=6) as usize {
+            self.at[axis] = ends[(turn + 1) % 2];
+            let code = *self.dice.pick(&["G1", "G0", "G1"]);
+            self.push(format!("{code} {letter}{}", self.at[axis]));
+        }
+    }
+
+    fn incremental(&mut self) {
+        let axis = self.dice.below(self.axes.len());
+        let to = self.target(axis);
+        let way = rounded(to - self.at[axis], DECIMALS);
+        self.push(format!("G91 G1 {}{way}", self.axes[axis].letter));
+        self.at[axis] += way;
+        self.push("G90");
+    }
+
+    fn inverse_time(&mut self) {
+        let words = self.words();
+        let feed = rounded(60.0 / self.dice.between(0.05, 2.0), 3);
+        self.push(format!("G93 G1{words} F{feed}"));
+        self.push("G94");
+        self.feed();
+    }
+
+    /// A loop that goes somewhere and back.
+    fn repeat(&mut self) {
+        self.labels += 1;
+        let label = self.labels;
+        let times = self.dice.whole(0..=4);
+        let axis = self.dice.below(self.axes.len());
+        let letter = self.axes[axis].letter;
+        let (from, to) = (self.at[axis], self.target(axis));
+        self.push(format!("O{label} REPEAT [{times}]"));
+        self.push(format!("G1 {letter}{to}"));
+        self.push(format!("G0 {letter}{from}"));
+        self.push(format!("O{label} ENDREPEAT"));
+    }
+
+    /// Positions by parameters and expressions.
+    fn parameters(&mut self) {
+        let axis = self.dice.below(self.axes.len());
+        let to = self.target(axis);
+        let half = rounded(to / 2.0, DECIMALS);
+        self.push(format!("#101 = {half}"));
+        self.push(format!("#<rest> = [{to} - #101]"));
+        self.push(format!("G1 {}[#101 + #<rest>]", self.axes[axis].letter));
+        self.at[axis] = to;
+    }
+
+    /// A hole, where there is an axis to drill it with.
+    fn drill(&mut self) {
+        let place = |letter| self.axes.iter().position(|axis| axis.letter == letter);
+        let (Some(x), Some(z)) = (place('X'), place('Z')) else {
+            return self.line();
+        };
+        let [least, most] = self.axes[z].soft_limits;
+        let depth = (most - least) * self.dice.between(0.001, 0.1);
+        let level = |part: f64| rounded(most - part * depth, DECIMALS);
+        self.push(format!("G0 Z{}", level(0.0).min(most)));
+        let cycle = *self
+            .dice
+            .pick(&["G81", "G82 P0.02", "G73 Q", "G83 Q", "G85", "G89 P0.01"]);
+        let peck = if cycle.ends_with('Q') {
+            rounded(depth / 3.0, DECIMALS).max(0.001).to_string()
+        } else {
+            String::new()
+        };
+        self.at[x] = self.target(x);
+        let back = *self.dice.pick(&["G98", "G99"]);
+        self.push(format!(
+            "{back} {cycle}{peck} X{} Z{} R{}",
+            self.at[x],
+            level(0.9).max(least),
+            level(0.2)
+        ));
+        self.push("G80");
+        self.push(format!("G0 Z{}", level(0.0).min(most)));
+        self.at[z] = level(0.0).min(most);
+    }
+
+    fn dwell(&mut self) {
+        let seconds = *self.dice.pick(&["0", "0.001", "0.02", "0.1", "0.3"]);
+        self.push(format!("G4 P{seconds}"));
+    }
+
+    fn mode(&mut self) {
+        let mode = match self.dice.below(5) {
+            0 => "G61".to_owned(),
+            1 => "G61.1".to_owned(),
+            2 => "G64".to_owned(),
+            3 => format!("G64 P{}", self.dice.decades(-3, 1)),
+            _ => {
+                let (p, q) = (self.dice.decades(-3, 0), self.dice.decades(-3, 0));
+                format!("G64 P{p} Q{q}")
+            }
+        };
+        self.push(mode);
+    }
+
+    fn stop(&mut self) {
+        let stop = *self.dice.pick(&["M0", "M1", "T1 M6", "T2 M6", "M1"]);
+        self.push(stop);
+    }
+
+    fn switch(&mut self) {
+        let number = self.dice.whole(0..=7);
+        let code = match self.dice.below(10) {
+            0 => format!("M3 S{}", self.dice.whole(0..=9000)),
+            1 => "M4 S500".to_owned(),
+            2 => "M5".to_owned(),
+            3 => (*self.dice.pick(&["M7", "M8", "M9"])).to_owned(),
+            4 | 5 => format!("M{} P{number}", self.dice.whole(64..=65)),
+            6 | 7 => format!("M{} P{number}", self.dice.whole(62..=63)),
+            8 => format!("M{} E{} Q{number}", self.dice.whole(67..=68), number % 4),
+            _ => format!("M{}", self.dice.whole(100..=120)),
+        };
+        self.push(code);
+    }
+
+    fn nothing(&mut self) {
+        let line = *self.dice.pick(&[
+            "",
+            "(nothing)",
+            "; nothing",
+            "N7",
+            "G54",
+            "G49",
+            "G40",
+            "G80",
+        ]);
+        self.push(line);
+    }
+
+    /// A block that has to be refused.
+    fn mistake(&mut self) {
+        let axis = &self.axes[self.dice.below(self.axes.len())];
+        let beyond = axis.soft_limits[1] + axis.travel.max(1.0);
+        let mistakes = [
+            format!("G1 {}{beyond}", axis.letter),
+            "G1 Q".to_owned(),
+            "G2 X1".to_owned(),
+            "G33 Z1".to_owned(),
+            "#1 = [1 / 0] G4 P#1".to_owned(),
+            "O9 ENDREPEAT".to_owned(),
+            "G0 G1 X0".to_owned(),
+        ];
+        let place = self.dice.below(self.lines.len());
+        let mistake = self.dice.pick(&mistakes).clone();
+        self.lines.insert(place, mistake);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::program::Programs;
+    use std::path::Path;
+
+    #[test]
+    fn nearly_every_program_is_a_good_one() {
+        let mut bad = Vec::new();
+        for seed in 0..400 {
+            let mut dice = Dice::new(seed, 0);
+            let spec = MachineSpec::draw(&mut dice);
+            let machine = spec.machine().unwrap();
+            let programs = Programs::new(&machine, Path::new("/nowhere/machine.toml")).unwrap();
+            let text = draw(&mut dice, &spec).join("\n") + "\n";
+            if let Err(wrong) = programs.lines(&text).check(machine.rest()) {
+                bad.push(format!("{seed}: {wrong}"));
+            }
+        }
+        assert!(
+            (5..60).contains(&bad.len()),
+            "{}: {}",
+            bad.len(),
+            bad.join("\n")
+        );
+    }
+}

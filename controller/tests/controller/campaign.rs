@@ -1,0 +1,613 @@
+//! The campaign's checkers are silent where nothing is wrong, and each is told what is planted.
+
+use std::path::PathBuf;
+use std::sync::LazyLock;
+use std::time::Duration;
+use syncline_canopen::cia402::{self, Statusword};
+use syncline_canopen::{CanId, CobId, Frame, Instant};
+use syncline_controller::campaign::stage::{self, Played};
+use syncline_controller::campaign::{self, Case, Checkers, Seen, Wanted};
+use syncline_controller::control::fault::{BusCause, Fault};
+use syncline_controller::control::{self, State};
+use syncline_controller::machine::Machine;
+use syncline_controller::session::{Accepted, Command, Event};
+use syncline_drives::bus::{Sender, Transmission};
+
+use super::outside::root;
+
+/// A case without troubles, as it was seen.
+struct Recorded {
+    case: Case,
+    machine: Machine,
+    seen: Vec<Seen>,
+    played: Played,
+}
+
+/// Quiet cases in which a program runs, among them one with a gantry.
+static RECORDED: LazyLock<Vec<Recorded>> = LazyLock::new(|| {
+    let quiet = (0..)
+        .map(Case::of)
+        .filter(|case| case.is_untroubled() && case.patience.is_some() && case.cycles < 1200);
+    let mut recorded: Vec<Recorded> = Vec::new();
+    for case in quiet {
+        let has_gantry = |case: &Case| case.machine.drives() > case.machine.axes.len();
+        let missing = !recorded.iter().any(|it| has_gantry(&it.case));
+        if recorded.len() >= 3 && !(missing && has_gantry(&case)) {
+            if missing {
+                continue;
+            }
+            break;
+        }
+        let machine = case.machine.machine().unwrap();
+        let mut seen = Vec::new();
+        let mut record = |it| seen.push(it);
+        let played = stage::play(&case, &machine, Wanted::default(), &mut record).unwrap();
+        if played.summary.times.motion_s > 0.5 {
+            recorded.push(Recorded {
+                case,
+                machine,
+                seen,
+                played,
+            });
+        }
+    }
+    recorded
+});
+
+/// What the checkers say of a recording that was changed: their names.
+fn judge(
+    recorded: &Recorded,
+    change: &dyn Fn(&Recorded, &mut Planting, &Seen) -> Vec<Seen>,
+) -> Vec<&'static str> {
+    let mut checkers = Checkers::new(&recorded.case, &recorded.machine);
+    let mut planting = Planting::default();
+    for seen in &recorded.seen {
+        planting.see(recorded, seen);
+        for seen in change(recorded, &mut planting, seen) {
+            checkers.see(&seen);
+        }
+    }
+    checkers.end(&recorded.played);
+    checkers.found.0.iter().map(|it| it.checker).collect()
+}
+
+/// What a defect knows of the recording so far.
+#[derive(Default)]
+struct Planting {
+    now: Instant,
+    state: Option<State>,
+    /// Wake-ups while a program runs.
+    running: u32,
+    /// Wake-ups in which the machine is ready.
+    ready: u32,
+    done: u32,
+    setpoint: Option<i32>,
+}
+
+impl Planting {
+    fn see(&mut self, _: &Recorded, seen: &Seen) {
+        match seen {
+            Seen::Woken(woken) => {
+                self.now = woken.now;
+                self.running += u32::from(woken.state == State::Running);
+                self.ready += u32::from(woken.state == State::Ready);
+            }
+            Seen::Told(Event::State(state)) => self.state = Some(*state),
+            _ => {}
+        }
+    }
+
+    /// Once, in the midst of a program.
+    fn once(&mut self) -> bool {
+        let now = self.running > 100 && self.state == Some(State::Running);
+        let first = now && self.done == 0;
+        self.done += u32::from(first);
+        first
+    }
+}
+
+/// The setpoint of an LXM32M's frame to a node, and the frame with another one.
+fn setpoint(recorded: &Recorded, seen: &Seen) -> Option<i32> {
+    let Seen::Frame { sent, .. } = seen else {
+        return None;
+    };
+    let drives = recorded.machine.drives.iter();
+    let mut drives = drives.filter(|drive| drive.model.name == "lxm32m");
+    let first = drives.next()?;
+    let Seen::Frame { bus, .. } = seen else {
+        return None;
+    };
+    let own = sent.frame.id() == CanId::from(CobId::r_pdo(2, first.node)) && *bus == first.bus;
+    let bytes = sent.frame.data().get(2..6).filter(|_| own)?;
+    Some(i32::from_le_bytes(bytes.try_into().ok()?))
+}
+
+fn with_setpoint(seen: &Seen, setpoint: i32) -> Seen {
+    let Seen::Frame { bus, sent } = seen else {
+        return seen.clone();
+    };
+    let mut data = sent.frame.data().to_vec();
+    data[2..6].copy_from_slice(&setpoint.to_le_bytes());
+    framed(*bus, sent, Frame::new(sent.frame.id(), &data))
+}
+
+fn framed(bus: usize, sent: &Transmission, frame: Frame) -> Seen {
+    Seen::Frame {
+        bus,
+        sent: Transmission { frame, ..*sent },
+    }
+}
+
+fn event(event: control::Event) -> Seen {
+    Seen::Told(Event::Machine(event))
+}
+
+fn is_sync(seen: &Seen) -> bool {
+    matches!(seen, Seen::Frame { sent, .. } if sent.frame.id() == CanId::from(CobId::SYNC))
+}
+
+/// An NMT command in front of a SYNC.
+fn commanded(seen: &Seen, data: [u8; 2]) -> Vec<Seen> {
+    let Seen::Frame { bus, sent } = seen else {
+        return vec![seen.clone()];
+    };
+    vec![
+        framed(*bus, sent, Frame::new(CanId::Standard(0), &data)),
+        seen.clone(),
+    ]
+}
+
+type Change = fn(&Recorded, &mut Planting, &Seen) -> Vec<Seen>;
+
+/// Defects by the checker that has to find each.
+const DEFECTS: [(&str, &str, Change); 33] = [
+    (
+        "setpoints",
+        "one setpoint a tenth of a revolution off",
+        |it, planting, seen| match setpoint(it, seen) {
+            Some(at) if planting.once() => vec![with_setpoint(seen, at + 13_000)],
+            _ => vec![seen.clone()],
+        },
+    ),
+    (
+        "setpoints",
+        "twice as far",
+        |it, planting, seen| match setpoint(it, seen) {
+            Some(at) => {
+                let first = *planting.setpoint.get_or_insert(at);
+                vec![with_setpoint(seen, first + 2 * (at - first))]
+            }
+            None => vec![seen.clone()],
+        },
+    ),
+    (
+        "setpoints",
+        "a tremble of some increments",
+        |it, planting, seen| match setpoint(it, seen) {
+            Some(at) => {
+                planting.done += 1;
+                vec![with_setpoint(
+                    seen,
+                    at + [0, 900][planting.done as usize % 2],
+                )]
+            }
+            None => vec![seen.clone()],
+        },
+    ),
+    (
+        "setpoints",
+        "a leap from one program to the next",
+        |it, planting, seen| match setpoint(it, seen) {
+            Some(at) if planting.running > 150 => vec![with_setpoint(seen, at + 131_072)],
+            _ => vec![seen.clone()],
+        },
+    ),
+    (
+        "setpoints",
+        "far outside of the soft limits",
+        |it, planting, seen| match setpoint(it, seen) {
+            Some(at) if planting.running > 100 => vec![with_setpoint(seen, at ^ 0x2000_0000)],
+            _ => vec![seen.clone()],
+        },
+    ),
+    (
+        "motion",
+        "a shaft that turns without power",
+        |_, _, seen| match seen {
+            Seen::Woken(woken) => {
+                let mut woken = woken.clone();
+                for plant in woken.plants.iter_mut().filter(|plant| !plant.is_powered) {
+                    plant.velocity = 1.0;
+                }
+                // Long enough for it to have coasted.
+                woken.now =
+                    Instant::ZERO + Duration::from_secs(1) + (woken.now - Instant::ZERO) * 9;
+                vec![Seen::Woken(woken)]
+            }
+            _ => Vec::new(),
+        },
+    ),
+    (
+        "motion",
+        "a loop that swings at rest",
+        |_, _, seen| match seen {
+            Seen::Woken(woken) if woken.state == State::Ready => {
+                let mut woken = woken.clone();
+                woken.now += Duration::from_secs(3);
+                woken
+                    .plants
+                    .iter_mut()
+                    .for_each(|plant| plant.velocity = 2.0);
+                vec![Seen::Woken(woken)]
+            }
+            _ => vec![seen.clone()],
+        },
+    ),
+    (
+        "motion",
+        "an axis that lags",
+        |_, planting, seen| match seen {
+            Seen::Woken(woken) if planting.running > 50 => {
+                let mut woken = woken.clone();
+                woken.plants[0].position += 30.0;
+                vec![Seen::Woken(woken)]
+            }
+            _ => vec![seen.clone()],
+        },
+    ),
+    (
+        "motion",
+        "a gantry whose sides part",
+        |it, planting, seen| match seen {
+            Seen::Woken(woken) if planting.running > 50 => {
+                let mut woken = woken.clone();
+                let mut axes = it.machine.axes.iter();
+                if let Some(gantry) = axes.find(|axis| axis.drives.len() == 2) {
+                    woken.plants[gantry.drives[1]].position += 0.2;
+                }
+                vec![Seen::Woken(woken)]
+            }
+            _ => vec![seen.clone()],
+        },
+    ),
+    (
+        "motion",
+        "a setpoint that creeps while the machine is ready",
+        |it, planting, seen| match setpoint(it, seen) {
+            Some(at) if planting.state == Some(State::Ready) => {
+                planting.done += 1;
+                vec![with_setpoint(seen, at + planting.done as i32)]
+            }
+            _ => vec![seen.clone()],
+        },
+    ),
+    ("stops", "a stop that nobody obeys", |_, planting, seen| {
+        let mut all = vec![seen.clone()];
+        if planting.once() {
+            all.push(Seen::Told(Event::Accepted(Accepted {
+                cycle: 0,
+                source: "planted".into(),
+                command: Command::Stop,
+            })));
+        }
+        all
+    }),
+    (
+        "stops",
+        "a fault in spite of which it goes on",
+        |_, planting, seen| {
+            let mut all = vec![seen.clone()];
+            if planting.once() {
+                all.push(event(control::Event::Fault(Fault::Program)));
+            }
+            all
+        },
+    ),
+    (
+        "stops",
+        "drives that are to be disabled and go on",
+        |_, planting, seen| {
+            let mut all = vec![seen.clone()];
+            if planting.once() {
+                all.push(Seen::Told(Event::Accepted(Accepted {
+                    cycle: 0,
+                    source: "planted".into(),
+                    command: Command::Disable,
+                })));
+            }
+            all
+        },
+    ),
+    (
+        "transitions",
+        "a machine that does not say that it stops",
+        |_, _, seen| match seen {
+            Seen::Told(Event::State(State::Stopping)) => Vec::new(),
+            _ => vec![seen.clone()],
+        },
+    ),
+    (
+        "transitions",
+        "held without a job",
+        |_, _, seen| match seen {
+            Seen::Told(Event::State(State::Ready)) => {
+                vec![seen.clone(), Seen::Told(Event::State(State::Held))]
+            }
+            _ => vec![seen.clone()],
+        },
+    ),
+    ("transitions", "off and on again", |_, _, seen| match seen {
+        Seen::Told(Event::State(State::Off)) => {
+            vec![seen.clone(), Seen::Told(Event::State(State::Starting))]
+        }
+        _ => vec![seen.clone()],
+    }),
+    (
+        "transitions",
+        "a reset of all nodes",
+        |_, planting, seen| {
+            if is_sync(seen) && planting.once() {
+                return commanded(seen, [0x82, 0]);
+            }
+            vec![seen.clone()]
+        },
+    ),
+    (
+        "transitions",
+        "a reset of a drive that is enabled",
+        |it, planting, seen| {
+            let Seen::Frame { bus, .. } = seen else {
+                return vec![seen.clone()];
+            };
+            let mut drives = it.machine.drives.iter();
+            let node = drives
+                .find(|drive| drive.bus == *bus)
+                .map(|drive| drive.node);
+            match node.filter(|_| is_sync(seen) && planting.once()) {
+                Some(node) => commanded(seen, [0x82, node.get()]),
+                None => vec![seen.clone()],
+            }
+        },
+    ),
+    (
+        "transitions",
+        "a controlword that enables at once",
+        |it, _, seen| {
+            let Seen::Frame { bus, sent } = seen else {
+                return vec![seen.clone()];
+            };
+            let data = sent.frame.data();
+            match setpoint(it, seen) {
+                Some(_) if data[0] == 0x06 => {
+                    let mut data = data.to_vec();
+                    data[0] = 0;
+                    vec![framed(*bus, sent, Frame::new(sent.frame.id(), &data))]
+                }
+                _ => vec![seen.clone()],
+            }
+        },
+    ),
+    (
+        "transitions",
+        "an enabled drive beside one that is not ready",
+        |it, _, seen| {
+            let Seen::Frame { bus, sent } = seen else {
+                return vec![seen.clone()];
+            };
+            let last = it.machine.drives.last().unwrap();
+            let own =
+                sent.frame.id() == CanId::from(CobId::t_pdo(2, last.node)) && *bus == last.bus;
+            let data = sent.frame.data();
+            if !own || data.len() < 2 {
+                return vec![seen.clone()];
+            }
+            let word = Statusword(u16::from_le_bytes([data[0], data[1]]));
+            if word.state() != Some(cia402::State::ReadyToSwitchOn) {
+                return vec![seen.clone()];
+            }
+            let mut data = data.to_vec();
+            data[0] = 0x50;
+            vec![framed(*bus, sent, Frame::new(sent.frame.id(), &data))]
+        },
+    ),
+    ("alarms", "a fault out of nothing", |_, planting, seen| {
+        let mut all = vec![seen.clone()];
+        if planting.ready > 5 && planting.done == 0 {
+            planting.done = 1;
+            let cause = BusCause::LateSetpoints { count: 2 };
+            all.push(event(control::Event::Fault(Fault::Bus(0, cause))));
+        }
+        all
+    }),
+    ("alarms", "the same fault twice", |_, planting, seen| {
+        let mut all = vec![seen.clone()];
+        if planting.once() {
+            all.push(event(control::Event::Fault(Fault::NoPlan)));
+            all.push(event(control::Event::Fault(Fault::NoPlan)));
+        }
+        all
+    }),
+    ("alarms", "a warning out of nothing", |_, planting, seen| {
+        let mut all = vec![seen.clone()];
+        if planting.once() {
+            all.push(event(control::Event::MissedTPdo { drive: 0 }));
+        }
+        all
+    }),
+    (
+        "alarms",
+        "an EMCY that nobody hears",
+        |it, planting, seen| {
+            let Seen::Frame { bus, sent } = seen else {
+                return vec![seen.clone()];
+            };
+            let mut drives = it.machine.drives.iter();
+            let node = drives
+                .find(|drive| drive.bus == *bus)
+                .map(|drive| drive.node);
+            let mut all = vec![seen.clone()];
+            if let Some(node) = node.filter(|_| planting.once()) {
+                let frame = Frame::new(CobId::emcy(node), &[0x11, 0x86, 0x21, 0, 0, 0, 0, 0]);
+                let sent = Transmission {
+                    sender: Sender::Node(0),
+                    ..*sent
+                };
+                all.push(framed(*bus, &sent, frame));
+            }
+            all
+        },
+    ),
+    (
+        "answers",
+        "a command that is not told to be accepted",
+        |_, _, seen| match seen {
+            Seen::Told(Event::Accepted(it)) if it.command == Command::SwitchOff => Vec::new(),
+            _ => vec![seen.clone()],
+        },
+    ),
+    (
+        "answers",
+        "a program that is said to be loaded never",
+        |_, _, seen| match seen {
+            Seen::Told(Event::Accepted(it)) if matches!(it.command, Command::Load(_)) => Vec::new(),
+            _ => vec![seen.clone()],
+        },
+    ),
+    (
+        "bus",
+        "a SYNC that comes late",
+        |_, planting, seen| match seen {
+            Seen::Frame { bus, sent } if is_sync(seen) && planting.once() => {
+                let mut late = *sent;
+                late.start += Duration::from_micros(900);
+                vec![Seen::Frame {
+                    bus: *bus,
+                    sent: late,
+                }]
+            }
+            _ => vec![seen.clone()],
+        },
+    ),
+    (
+        "bus",
+        "a setpoint that one drive does not get",
+        |it, planting, seen| match setpoint(it, seen) {
+            Some(_) if planting.once() => Vec::new(),
+            _ => vec![seen.clone()],
+        },
+    ),
+    (
+        "bus",
+        "a setpoint that comes twice",
+        |it, planting, seen| match setpoint(it, seen) {
+            Some(_) if planting.once() => vec![seen.clone(), seen.clone()],
+            _ => vec![seen.clone()],
+        },
+    ),
+    (
+        "bus",
+        "a SYNC of somebody else's",
+        |_, planting, seen| match seen {
+            Seen::Frame { bus, sent } if is_sync(seen) && planting.once() => {
+                let mut stranger = *sent;
+                stranger.sender = Sender::Node(0);
+                vec![Seen::Frame {
+                    bus: *bus,
+                    sent: stranger,
+                }]
+            }
+            _ => vec![seen.clone()],
+        },
+    ),
+    (
+        "ending",
+        "a clock that stands still",
+        |_, planting, seen| match seen {
+            Seen::Woken(woken) if planting.running > 100 => {
+                let mut woken = woken.clone();
+                woken.now = Instant::ZERO;
+                vec![Seen::Woken(woken)]
+            }
+            Seen::Frame { .. } if planting.running > 100 => Vec::new(),
+            _ => vec![seen.clone()],
+        },
+    ),
+    (
+        "ending",
+        "a machine that never says that it is off",
+        |_, _, seen| match seen {
+            Seen::Told(Event::State(State::Off)) => Vec::new(),
+            _ => vec![seen.clone()],
+        },
+    ),
+    (
+        "ending",
+        "a power stage that stays on",
+        |_, _, seen| match seen {
+            Seen::Woken(woken) => {
+                let mut woken = woken.clone();
+                woken.plants[0].is_powered = true;
+                vec![Seen::Woken(woken)]
+            }
+            _ => vec![seen.clone()],
+        },
+    ),
+];
+
+#[test]
+fn nothing_is_found_where_nothing_is_planted() {
+    for recorded in &*RECORDED {
+        let found = judge(recorded, &|_, _, seen| vec![seen.clone()]);
+        assert_eq!(found, [""; 0], "seed {}", recorded.case.seed);
+    }
+}
+
+#[test]
+fn every_planted_defect_is_found_by_its_checker() {
+    let mut missed = Vec::new();
+    for (checker, what, change) in DEFECTS {
+        let found = RECORDED
+            .iter()
+            .any(|it| judge(it, &change).contains(&checker));
+        if !found {
+            missed.push(format!("{checker}: {what}"));
+        }
+    }
+    assert!(missed.is_empty(), "not found:\n{}", missed.join("\n"));
+}
+
+#[test]
+fn a_seed_is_the_same_twice() {
+    for seed in [3, 4] {
+        let outcome = campaign::run_twice(&Case::of(seed));
+        assert!(
+            outcome.violations.is_empty(),
+            "{seed}: {:?}",
+            outcome.violations
+        );
+        assert!(!outcome.frames.is_empty());
+    }
+}
+
+/// Cases that failed once, as small as they became.
+fn saved() -> Vec<PathBuf> {
+    let folder = root().join("controller/tests/campaign");
+    let files = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    let mut files: Vec<PathBuf> = files.map(|file| file.path()).collect();
+    files.retain(|file| file.extension().is_some_and(|it| it == "json"));
+    files.sort();
+    files
+}
+
+#[test]
+fn what_failed_once_does_not_fail_again() {
+    let mut failing = Vec::new();
+    for file in saved() {
+        let case = Case::load(&file).unwrap_or_else(|error| panic!("{}: {error}", file.display()));
+        let outcome = campaign::run(&case, Wanted::default(), &mut |_| ());
+        for violation in outcome.violations {
+            failing.push(format!("{}: {violation}", file.display()));
+        }
+    }
+    assert!(failing.is_empty(), "{}", failing.join("\n"));
+}
