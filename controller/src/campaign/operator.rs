@@ -80,8 +80,11 @@ struct Drawing<'a> {
     programs: usize,
 }
 
+/// Draws a command of a kind.
+type Draw = fn(&mut Drawing<'_>) -> Command;
+
 /// Every kind of command, and how often it comes.
-const KINDS: [(u32, fn(&mut Drawing<'_>) -> Command); 23] = [
+const KINDS: [(u32, Draw); 23] = [
     (4, |_| Command::CycleStart),
     (4, |_| Command::FeedHold),
     (4, |_| Command::Resume),

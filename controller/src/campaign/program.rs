@@ -10,8 +10,11 @@ use super::machine::{AxisSpec, MachineSpec};
 /// Decimals of a position in a program.
 const DECIMALS: usize = 4;
 
-/// What a program is made of.
-const PARTS: [(u32, fn(&mut Writer)); 16] = [
+/// Writes a part of a program.
+type Part = fn(&mut Writer);
+
+/// What a program is made of, and how often each comes.
+const PARTS: [(u32, Part); 16] = [
     (8, Writer::rapid),
     (12, Writer::line),
     (8, Writer::arc),

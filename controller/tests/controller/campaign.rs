@@ -54,11 +54,11 @@ static RECORDED: LazyLock<Vec<Recorded>> = LazyLock::new(|| {
     recorded
 });
 
+/// What becomes of something that was seen.
+type Change = fn(&Recorded, &mut Planting, &Seen) -> Vec<Seen>;
+
 /// What the checkers say of a recording that was changed: their names.
-fn judge(
-    recorded: &Recorded,
-    change: &dyn Fn(&Recorded, &mut Planting, &Seen) -> Vec<Seen>,
-) -> Vec<&'static str> {
+fn judge(recorded: &Recorded, change: Change) -> Vec<&'static str> {
     let mut checkers = Checkers::new(&recorded.case, &recorded.machine);
     let mut planting = Planting::default();
     for seen in &recorded.seen {
@@ -156,8 +156,6 @@ fn commanded(seen: &Seen, data: [u8; 2]) -> Vec<Seen> {
         seen.clone(),
     ]
 }
-
-type Change = fn(&Recorded, &mut Planting, &Seen) -> Vec<Seen>;
 
 /// Defects by the checker that has to find each.
 const DEFECTS: [(&str, &str, Change); 33] = [
@@ -557,7 +555,7 @@ const DEFECTS: [(&str, &str, Change); 33] = [
 #[test]
 fn nothing_is_found_where_nothing_is_planted() {
     for recorded in &*RECORDED {
-        let found = judge(recorded, &|_, _, seen| vec![seen.clone()]);
+        let found = judge(recorded, |_, _, seen| vec![seen.clone()]);
         assert_eq!(found, [""; 0], "seed {}", recorded.case.seed);
     }
 }
@@ -568,7 +566,7 @@ fn every_planted_defect_is_found_by_its_checker() {
     for (checker, what, change) in DEFECTS {
         let found = RECORDED
             .iter()
-            .any(|it| judge(it, &change).contains(&checker));
+            .any(|it| judge(it, change).contains(&checker));
         if !found {
             missed.push(format!("{checker}: {what}"));
         }
