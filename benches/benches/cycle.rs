@@ -95,7 +95,8 @@ fn frames(criterion: &mut Criterion) {
         buses: 1,
         period: Duration::from_millis(2),
     };
-    let mut drive = shape.device(0);
+    let mut device = shape.device(0);
+    let drive = device.drive_mut().expect("axes have drives");
     let setpoint = Setpoint {
         position: Increments::from(1_234_567),
     };

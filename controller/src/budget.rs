@@ -1,6 +1,6 @@
 //! Whether a machine's frames fit its cycle: each bus's budget, and when the setpoints leave.
 
-use crate::machine::Machine;
+use crate::machine::{Machine, Node};
 use std::fmt;
 use std::ops::RangeInclusive;
 use std::time::Duration;
@@ -8,7 +8,7 @@ use syncline_canopen::budget::{BLOCKING_BITS, Budget, Direction, Traffic, Verdic
 use syncline_canopen::response_time::bit_time;
 use syncline_canopen::{CobId, Frame};
 use syncline_drives::bus::frame_bits;
-use syncline_drives::model::{Drive, Increments, PowerCommand, Setpoint};
+use syncline_drives::model::{Device, Increments, Monitoring, PowerCommand, Setpoint};
 use thiserror::Error;
 
 /// The budget of one bus of a machine.
@@ -136,39 +136,38 @@ impl MachineBudget {
 
 impl BusBudget {
     fn of(machine: &Machine, bus: usize) -> Self {
-        let drives: Vec<usize> = (0..machine.drives.len())
-            .filter(|&drive| machine.drives[drive].bus == bus)
+        let nodes: Vec<(Node<'_>, Device)> = (machine.nodes().enumerate())
+            .filter(|(_, node)| node.bus == bus)
+            .map(|(index, node)| (node, machine.device(index)))
             .collect();
-        let devices: Vec<Box<dyn Drive>> =
-            drives.iter().map(|&drive| machine.device(drive)).collect();
+        let devices = nodes.iter().map(|(_, device)| device);
         let traffic = Traffic {
             bit_rate: machine.buses[bus].bitrate,
             cycle: machine.cycle,
-            nodes: devices
-                .iter()
+            nodes: (devices.clone())
                 .map(|device| device.spec().traffic())
                 .collect(),
         };
         let taken_by_all = |cycle: &Duration| {
-            let mut models = drives.iter().map(|&drive| machine.drives[drive].model);
+            let mut models = nodes.iter().map(|(node, _)| node.model);
             models.all(|model| model.takes_cycle(*cycle))
         };
         let cycles = (1..=LONGEST_CYCLE_MS)
             .map(Duration::from_millis)
             .filter(taken_by_all);
         let budget = traffic.budget();
-        let answers = devices.iter().map(|device| device.spec().sdo_response);
+        let answers = devices.map(|device| device.spec().sdo_response);
         let busy = budget.burst_out + budget.quiet_window + answers.max().unwrap_or_default();
         let transfer = bit_time(2 * BLOCKING_BITS, budget.bit_rate);
         let room = budget.cycle.saturating_sub(busy).as_nanos() / transfer.as_nanos();
-        let sdo_per_cycle = room.clamp(1, devices.len().max(1) as u128) as usize;
+        let sdo_per_cycle = room.clamp(1, nodes.len().max(1) as u128) as usize;
         let sdo = bit_time(3 * BLOCKING_BITS, budget.bit_rate) * sdo_per_cycle as u32;
         Self {
             bus: machine.buses[bus].name.clone(),
             load: budget.load + sdo,
             sdo_per_cycle,
             budget,
-            typical_load: typical_load(machine, &drives, &devices, traffic.bit_rate),
+            typical_load: typical_load(machine, &nodes, traffic.bit_rate),
             smallest_cycle: traffic.smallest_cycle(cycles),
             traffic,
         }
@@ -205,42 +204,39 @@ const LONGEST_CYCLE_MS: u64 = 100;
 /// Positions along each axis that the typical load is averaged over.
 const POSITIONS: u32 = 256;
 
-/// The PDOs of a drive in one cycle of motion at `position`, if it can be there.
-fn in_motion(drive: &dyn Drive, position: Increments) -> Option<Vec<Frame>> {
-    let setpoint = Setpoint { position };
-    drive.check(setpoint).ok()?;
-    let r_pdos = drive.spec().r_pdos.iter();
-    let mut r_pdos: Vec<_> = r_pdos.map(|pdo| Frame::new(pdo.cob_id, &[])).collect();
-    (drive.clone_box()).encode(PowerCommand::Run, setpoint, &mut r_pdos);
-    let mut frames = drive.in_motion(position);
-    frames.extend(r_pdos);
+/// The PDOs of a device in one cycle of motion at `position`, if it can be there.
+fn in_motion(device: &Device, position: Increments) -> Option<Vec<Frame>> {
+    let mut frames = device.in_motion(position);
+    if let Some(drive) = device.drive() {
+        let setpoint = Setpoint { position };
+        drive.check(setpoint).ok()?;
+        let r_pdos = drive.spec().r_pdos.iter();
+        let mut r_pdos: Vec<_> = r_pdos.map(|pdo| Frame::new(pdo.cob_id, &[])).collect();
+        (drive.clone_box()).encode(PowerCommand::Run, setpoint, &mut r_pdos);
+        frames.extend(r_pdos);
+    }
     Some(frames)
 }
 
 /// Mean exact bits of SYNC, PDOs and heartbeats over the axes' whole travel, as a share of time.
-fn typical_load(
-    machine: &Machine,
-    drives: &[usize],
-    devices: &[Box<dyn Drive>],
-    bit_rate: u32,
-) -> f64 {
+fn typical_load(machine: &Machine, nodes: &[(Node<'_>, Device)], bit_rate: u32) -> f64 {
     let bits = |frame: &Frame| f64::from(frame_bits(frame));
     let mut per_cycle = bits(&Frame::new(CobId::SYNC, &[]));
-    for (&drive, device) in drives.iter().zip(devices) {
-        let drive = &machine.drives[drive];
-        let (least, most) = machine.axes[drive.axis].limits.position;
+    for (node, device) in nodes {
+        let (least, most) = machine.axes[node.axis].limits.position;
         let lengths: Vec<f64> = (0..POSITIONS)
             .map(|step| least + (most - least) * f64::from(step) / f64::from(POSITIONS))
-            .filter_map(|mm| drive.scaling.to_increments(mm).ok())
-            .filter_map(|position| in_motion(&**device, position))
+            .filter_map(|mm| node.scaling.to_increments(mm).ok())
+            .filter_map(|position| in_motion(device, position))
             .map(|frames| frames.iter().map(bits).sum())
             .collect();
         per_cycle += lengths.iter().sum::<f64>() / lengths.len().max(1) as f64;
     }
     let operational = [0x05];
-    let heartbeats: f64 = drives
+    let heartbeats: f64 = nodes
         .iter()
-        .map(|&drive| machine.drives[drive].node)
+        .filter(|(_, device)| device.spec().monitoring == Monitoring::Heartbeat)
+        .map(|(node, _)| node.id)
         .chain([machine.controller.node])
         .map(|node| bits(&Frame::new(CobId::error_control(node), &operational)))
         .sum();

@@ -146,9 +146,9 @@ fn open_real(
     let spec = &machine.buses[bus];
     match url {
         BusUrl::SocketCan(interface) => {
-            let drives = 0..machine.drives.len();
-            let drives = drives.filter(|&drive| machine.drives[drive].bus == bus);
-            let devices: Vec<_> = drives.map(|drive| machine.device(drive)).collect();
+            let nodes = machine.nodes().enumerate();
+            let nodes = nodes.filter(|(_, node)| node.bus == bus);
+            let devices: Vec<_> = nodes.map(|(index, _)| machine.device(index)).collect();
             let options = socketcan::Options {
                 bit_rate: spec.bitrate,
                 receive: (devices.iter())

@@ -142,6 +142,25 @@ impl World {
         (self.couplings).follow(follower, leader, ratio, &mut self.buses[..]);
     }
 
+    /// The coupling between a [follower](Self::follow) and its leader slips: the follower's shaft jumps
+    /// by so many revolutions.
+    pub fn slip(&mut self, follower: DeviceId, by: f64) {
+        for coupled in self.couplings.of(follower) {
+            coupled.zero += by;
+        }
+    }
+
+    /// The coupling between a [follower](Self::follow) and its leader breaks: the follower's shaft
+    /// stays where it is.
+    pub fn part(&mut self, follower: DeviceId) {
+        let shaft = self.device_mut(follower).shaft_mut();
+        let position = shaft.map_or(0.0, |shaft| shaft.position());
+        for coupled in self.couplings.of(follower) {
+            coupled.ratio = 0.0;
+            coupled.zero = position;
+        }
+    }
+
     /// A device, to look at it.
     #[must_use]
     pub fn device(&self, device: DeviceId) -> &dyn SimulatedDevice {
@@ -241,6 +260,15 @@ impl Hosted {
         };
         let coupling = Coupling::new(Box::new(mechanics), &devices(places), &devices(watched));
         self.couplings.add(coupling, &mut self.devices[..]);
+    }
+
+    /// Turns the shaft of the device at one place with that at another, as [`World::follow`] does.
+    ///
+    /// # Panics
+    /// If one of them has no shaft.
+    pub fn follow(&mut self, follower: usize, leader: usize, ratio: f64) {
+        let [follower, leader] = [follower, leader].map(|place| DeviceId { bus: 0, place });
+        (self.couplings).follow(follower, leader, ratio, &mut self.devices[..]);
     }
 
     /// Lets all that is due until `now` happen, each at its own instant.
@@ -370,6 +398,11 @@ impl Couplings {
             ratio,
             zero,
         });
+    }
+
+    /// What ties that device to its leader.
+    fn of(&mut self, follower: DeviceId) -> impl Iterator<Item = &mut Follower> {
+        (self.followers.iter_mut()).filter(move |coupled| coupled.follower == follower)
     }
 
     /// Moves coupled shafts from point to point of the grid, up to `until`.

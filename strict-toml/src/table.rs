@@ -88,6 +88,22 @@ impl<'a, 'i> Table<'a, 'i> {
         }
     }
 
+    /// A text, if the key is there.
+    pub fn text_if(
+        &mut self,
+        log: &mut Log<'_>,
+        key: &'static str,
+        allowed: &str,
+        accept: impl Fn(&str) -> bool,
+    ) -> Found<String> {
+        if self.entries.contains_key(key) {
+            self.text(log, key, allowed, accept)
+        } else {
+            self.known.push(key);
+            None
+        }
+    }
+
     /// A required name: one of `names`.
     pub fn choice<'n>(
         &mut self,
@@ -152,13 +168,8 @@ impl<'a, 'i> Table<'a, 'i> {
         allowed: &str,
         accept: impl Fn(&str) -> bool,
     ) -> String {
-        if self.entries.contains_key(key) {
-            self.text(log, key, allowed, accept)
-                .map_or_else(|| default.into(), Spanned::into_inner)
-        } else {
-            self.known.push(key);
-            default.into()
-        }
+        self.text_if(log, key, allowed, accept)
+            .map_or_else(|| default.into(), Spanned::into_inner)
     }
 
     /// A required list of texts, as many as `count` says.

@@ -284,10 +284,22 @@ impl Rig {
         self.session.timeline().bus(0)
     }
 
-    /// The drive at that place in the machine file, to interfere with it.
+    /// The drive at that place in the machine file, behind all drives the encoder, to interfere with it.
     pub fn twin(&mut self, drive: usize) -> &mut dyn SimulatedDevice {
         let twin = self.twins[drive];
         self.session.timeline().world().device_mut(twin)
+    }
+
+    /// The coupling of an encoder, by its place among them, slips by so many revolutions of it.
+    pub fn slip(&mut self, encoder: usize, by: f64) {
+        let twin = self.twins[self.machine.drives.len() + encoder];
+        self.session.timeline().world().slip(twin, by);
+    }
+
+    /// The coupling of an encoder, by its place among them, breaks.
+    pub fn part(&mut self, encoder: usize) {
+        let twin = self.twins[self.machine.drives.len() + encoder];
+        self.session.timeline().world().part(twin);
     }
 
     /// The same as what it is, for what only its model has.

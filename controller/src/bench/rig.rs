@@ -13,7 +13,7 @@ use syncline_canopen::budget::{NodeTraffic, Traffic, Verdict};
 use syncline_canopen::{CobId, Instant, NodeId};
 use syncline_drives::bus::BitRate;
 use syncline_drives::model::{
-    Assumed, Direction, Drive, Heartbeat, Increments, REFERENCE, Scaling, Settings,
+    Assumed, Device, Direction, Heartbeat, Increments, REFERENCE, Scaling, Settings,
 };
 use syncline_drives::twin::{Config, SimulatedDevice};
 use syncline_drives::world::World;
@@ -98,8 +98,8 @@ impl Shape {
 
     /// The drive of an axis as the controller sees it.
     #[must_use]
-    pub fn device(&self, axis: usize) -> Box<dyn Drive> {
-        (REFERENCE.drive)(&Settings {
+    pub fn device(&self, axis: usize) -> Device {
+        REFERENCE.device(&Settings {
             node: self.node(axis),
             cycle: self.period,
             heartbeat: Heartbeat {
@@ -231,6 +231,7 @@ impl Shape {
                     scaling,
                     heartbeat_timeout: Duration::from_millis(300),
                     standstill_window: scaling.magnitude(0.05),
+                    middle: Increments::ZERO,
                 })
                 .collect(),
             axes: (0..self.axes)
@@ -239,6 +240,7 @@ impl Shape {
                     coordinate: axis,
                     unit: "mm",
                     drives: vec![axis],
+                    feedback: None,
                     limits: AxisLimits {
                         position: (-1.0, STROKE + 1.0),
                         velocity: SPEED,

@@ -116,18 +116,12 @@ impl Args {
 
     fn machine_buses(&self, machine: &Machine) -> Result<Vec<Hosted>, Box<dyn Error>> {
         let host = |(index, bus): (usize, &crate::machine::Bus)| {
-            let drives = machine.drives.iter().filter(|drive| drive.bus == index);
+            let nodes = machine.nodes().filter(|node| node.bus == index);
             Ok(Hosted {
                 url: bus.port.parse()?,
                 bitrate: bus.bitrate,
-                names: drives
-                    .map(|drive| {
-                        format!(
-                            "{} = {}",
-                            drive.name,
-                            describe(drive.node, drive.model.title)
-                        )
-                    })
+                names: nodes
+                    .map(|node| format!("{} = {}", node.name, describe(node.id, node.model.title)))
                     .collect(),
                 drives: sim::hosted(machine, index, self.seed, |config| self.configure(config))?,
             })

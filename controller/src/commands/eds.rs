@@ -2,7 +2,7 @@
 
 use super::tool::NodeOfTwin;
 use super::{Exit, bad_input, input};
-use crate::machine::{Drive, Machine};
+use crate::machine::{Machine, Node};
 use std::error::Error;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
@@ -73,36 +73,36 @@ impl Args {
             return Ok(of.twin.into());
         };
         let machine = Machine::load(file)?;
-        let drive = self.drive(&machine, node);
-        let drive = drive.map_err(|message| format!("{}: {message}", file.display()))?;
-        Ok(drive.model.into())
+        let node = self.node_of(&machine, node);
+        let node = node.map_err(|message| format!("{}: {message}", file.display()))?;
+        Ok(node.model.into())
     }
 
-    fn drive<'a>(&self, machine: &'a Machine, node: u8) -> Result<&'a Drive, String> {
+    fn node_of<'a>(&self, machine: &'a Machine, id: u8) -> Result<Node<'a>, String> {
         if let Some(wanted) = &self.bus
             && machine.buses.iter().all(|bus| bus.name != *wanted)
         {
             let known: Vec<&str> = machine.buses.iter().map(|bus| &*bus.name).collect();
             return Err(format!("no bus `{wanted}`, only {}", known.join(", ")));
         }
-        let on_bus = |drive: &&Drive| {
-            let bus = &machine.buses[drive.bus].name;
+        let on_bus = |node: &Node<'_>| {
+            let bus = &machine.buses[node.bus].name;
             self.bus.as_ref().is_none_or(|wanted| wanted == bus)
         };
-        let of_node = |drive: &&Drive| drive.node.get() == node;
-        let mut drives = machine.drives.iter().filter(on_bus).filter(of_node);
-        match (drives.next(), drives.next()) {
-            (Some(drive), None) => Ok(drive),
+        let of_id = |node: &Node<'_>| node.id.get() == id;
+        let mut nodes = machine.nodes().filter(on_bus).filter(of_id);
+        match (nodes.next(), nodes.next()) {
+            (Some(node), None) => Ok(node),
             (Some(_), Some(_)) => Err(format!(
-                "several buses have a node {node}: say which by --bus"
+                "several buses have a node {id}: say which by --bus"
             )),
             (None, _) => {
-                let known = machine.drives.iter().filter(on_bus);
+                let known = machine.nodes().filter(on_bus);
                 let known: Vec<String> = known
-                    .map(|drive| format!("{} ({})", drive.node, drive.name))
+                    .map(|node| format!("{} ({})", node.id, node.name))
                     .collect();
                 Err(format!(
-                    "no drive with node id {node}, only {}",
+                    "no drive with node id {id}, only {}",
                     known.join(", ")
                 ))
             }

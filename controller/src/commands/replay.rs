@@ -238,8 +238,8 @@ fn print_difference(difference: &Difference, machine: &Machine, log: &[Logged], 
         sent,
     } = difference;
     let mut monitor = Monitor::new();
-    for drive in machine.drives.iter().filter(|drive| drive.bus == *bus) {
-        monitor.add(drive.node, drive.model.dictionary);
+    for node in machine.nodes().filter(|node| node.bus == *bus) {
+        monitor.add(node.id, node.model.dictionary);
     }
     for before in log.iter().filter(|it| it.bus == *bus && it.at < *at) {
         monitor.decode(&before.frame);

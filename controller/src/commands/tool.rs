@@ -115,8 +115,7 @@ impl Known {
         let mut models = BTreeMap::new();
         if let Some(file) = &self.machine {
             let machine = Machine::load(file)?;
-            let drives = machine.drives.iter();
-            models.extend(drives.map(|drive| (drive.node.get(), drive.model)));
+            models.extend(machine.nodes().map(|node| (node.id.get(), node.model)));
         }
         let nodes = self.nodes.iter();
         models.extend(nodes.map(|known| (known.node.get(), known.model)));

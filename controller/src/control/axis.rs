@@ -167,6 +167,7 @@ impl AxisControl {
                 return Err(Fault::Axis(axis, AxisCause::OutsideSoftLimits { position }));
             }
         }
+        self.check_feedback(nodes)?;
         Ok(least + (most - least) / 2.0)
     }
 
@@ -234,7 +235,7 @@ impl AxisControl {
         for (index, (side, &drive)) in self.sides.iter().zip(&self.spec.drives).enumerate() {
             let node = &nodes[drive];
             let act = node.scaling().to_mm(node.actual() - side.offset);
-            let behind = (node.device().latency())
+            let behind = (node.latency())
                 .saturating_add(node.age())
                 .min(HISTORY as u32 - 1);
             let latched = self.planned(cycle - u64::from(behind));
@@ -258,6 +259,36 @@ impl AxisControl {
         if distance > self.spec.limits.standstill {
             let axis = self.index;
             return Err(Fault::Axis(axis, AxisCause::Standstill { distance }));
+        }
+        Ok(())
+    }
+
+    /// Whether the encoder of the axis says what its drives say, of a gantry pair the mean of both.
+    ///
+    /// Both absolute positions are compared, so that what slipped while the machine was off shows too.
+    pub(super) fn check_feedback(&self, nodes: &[DriveNode]) -> Result<(), Fault> {
+        let Some(layout::AxisFeedback {
+            encoder,
+            difference: allowed,
+        }) = self.spec.feedback.filter(|_| self.referenced)
+        else {
+            return Ok(());
+        };
+        let encoder = &nodes[encoder];
+        let drives = self.spec.drives.iter().map(|&drive| &nodes[drive]);
+        // Positions of different SYNCs say nothing about each other.
+        if drives.clone().any(|drive| drive.age() != encoder.age()) {
+            return Ok(());
+        }
+        let count = drives.len() as f64;
+        let mean = drives.map(DriveNode::actual_mm).sum::<f64>() / count;
+        let difference = encoder.actual_mm() - mean;
+        if difference.abs() > allowed {
+            let axis = self.index;
+            return Err(Fault::Axis(
+                axis,
+                AxisCause::FeedbackDifference { difference },
+            ));
         }
         Ok(())
     }

@@ -40,6 +40,17 @@ pub enum Event {
         /// Its value.
         value: u32,
     },
+    /// A device was set otherwise than it has to be, and is set anew.
+    Rewritten {
+        /// Which one.
+        drive: DriveIndex,
+        /// The object.
+        object: Address,
+        /// What it was.
+        found: u32,
+        /// What it has to be.
+        value: u32,
+    },
     /// A drive would not have an object read or written where that is no fault.
     Refused {
         /// Which drive.
@@ -337,6 +348,16 @@ impl Event {
                 object,
                 value,
             } => format!("{}: before the set-up {object} was {value:X}h", who(drive)),
+            Self::Rewritten {
+                drive,
+                object,
+                found,
+                value,
+            } => format!(
+                "{}: {object} was {found:X}h, is set to {value:X}h: it may count from elsewhere now, \
+                 check its `zero`",
+                who(drive)
+            ),
             Self::Refused {
                 drive,
                 object,

@@ -14,7 +14,7 @@ use syncline_canopen::sdo::AbortCode;
 use syncline_drives::model::{Address, NotFollowing, StatusWord};
 use thiserror::Error;
 
-/// A drive by its place in the machine file.
+/// A drive by its place in the machine file; behind all drives come the encoders by theirs.
 pub type DriveIndex = usize;
 /// An axis by its place in the machine file.
 pub type AxisIndex = usize;
@@ -56,6 +56,9 @@ pub enum DriveCause {
     /// It did not send its boot-up message after the reset.
     #[error("no boot-up message after the reset: check power, cabling, node id and bit rate")]
     NoBootUp,
+    /// It did not answer an SDO request after the reset, by which it would show that it has booted.
+    #[error("no answer after the reset: check power, cabling, node id and bit rate")]
+    NoAnswer,
     /// An object that identifies the device has another value than the configured model.
     #[error(
         "object {object} ({name}) reads {found:08X}h, expected {expected:08X}h: another device has \
@@ -237,6 +240,11 @@ pub enum AxisCause {
         /// Setpoint minus actual position, mm.
         error: f64,
     },
+    /// Its encoder and its drives disagree about where it is.
+    FeedbackDifference {
+        /// The encoder's position minus the drives', mm.
+        difference: f64,
+    },
 }
 
 /// What went wrong with a bus.
@@ -333,6 +341,9 @@ impl Fault {
             AxisCause::FollowingError { error } => (error.abs(), limits.following_error),
             AxisCause::Skew { difference } => (difference, limits.skew?),
             AxisCause::Standstill { distance } => (distance, limits.standstill),
+            AxisCause::FeedbackDifference { difference } => {
+                (difference.abs(), names.axis(axis).feedback?.difference)
+            }
             AxisCause::OutsideSoftLimits { position } => {
                 let (min, max) = limits.position;
                 (position, if position < min { min } else { max })
@@ -402,6 +413,12 @@ impl AxisCause {
                 "axis {name} left its frozen position by {distance:.4} {unit}, allowed {} {unit}: \
                  check its brake, its loop and `standstill_window`",
                 limits.standstill
+            ),
+            Self::FeedbackDifference { difference } => format!(
+                "axis {name}: its encoder is {difference:.4} {unit} from where its drive says that it \
+                 is, allowed {} {unit}: look for a coupling or belt that slips or is broken and for \
+                 lost steps, then check the `zero` of both",
+                axis.feedback.map_or(0.0, |feedback| feedback.difference)
             ),
             Self::FollowingError { error } => format!(
                 "axis {name}: following error {error:.4} {unit}, allowed {} {unit}: look for a \

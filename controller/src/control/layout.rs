@@ -6,7 +6,7 @@ use crate::budget::{BusBudget, DoesNotFit, MachineBudget};
 use crate::machine::{self, AxisLimits, Homing, HomingPolicy, Machine};
 use syncline_canopen::time::Duration;
 use syncline_canopen::{CanId, Frame, NodeId};
-use syncline_drives::model::{self, Increments, Scaling};
+use syncline_drives::model::{Device, Increments, Scaling};
 
 /// Buses, drives, axes and times.
 #[derive(Debug)]
@@ -35,7 +35,7 @@ pub struct Layout {
     pub t_pdo_misses: u32,
     /// Buses, in the order of the machine file.
     pub buses: Vec<BusSpec>,
-    /// Drives, in the order of the machine file.
+    /// Drives, in the order of the machine file, and behind them encoders in theirs.
     pub drives: Vec<DriveSpec>,
     /// Axes, in the order of the machine file.
     pub axes: Vec<AxisSpec>,
@@ -73,7 +73,7 @@ impl BusSpec {
     }
 }
 
-/// A drive as it is switched on.
+/// A drive, or an encoder, as it is switched on.
 #[derive(Debug)]
 pub struct DriveSpec {
     /// As the machine file names it.
@@ -81,13 +81,15 @@ pub struct DriveSpec {
     /// The bus it is on.
     pub bus: BusIndex,
     /// What the controller knows of it, as it is switched on.
-    pub device: Box<dyn model::Drive>,
+    pub device: Device,
     /// Machine millimetres to increments.
     pub scaling: Scaling,
     /// Without a heartbeat for so long it is lost.
     pub heartbeat_timeout: Duration,
     /// Standing still is moving less than this.
     pub standstill_window: Increments,
+    /// In the middle of its axis's travel: where a position that begins anew is first looked for.
+    pub middle: Increments,
 }
 
 /// An axis and its limits: a drive, or the two sides of a gantry.
@@ -101,10 +103,21 @@ pub struct AxisSpec {
     pub unit: &'static str,
     /// Its drives.
     pub drives: Vec<DriveIndex>,
+    /// What says where it is, beside them.
+    pub feedback: Option<AxisFeedback>,
     /// What it may do, and what is a fault.
     pub limits: AxisLimits,
     /// How it comes to know where it is.
     pub homing: Homing,
+}
+
+/// What says where an axis is, beside its drives.
+#[derive(Clone, Copy, Debug)]
+pub struct AxisFeedback {
+    /// Which encoder.
+    pub encoder: DriveIndex,
+    /// Between its position and that of the drives; more is a fault. mm.
+    pub difference: f64,
 }
 
 impl Layout {
@@ -115,15 +128,20 @@ impl Layout {
     pub fn new(machine: &Machine) -> Result<Self, DoesNotFit> {
         let budget = MachineBudget::of(machine);
         budget.check()?;
-        let drives: Vec<DriveSpec> = (machine.drives.iter().enumerate())
-            .map(|(index, drive)| DriveSpec {
-                name: drive.name.clone(),
-                bus: drive.bus,
-                device: machine.device(index),
-                scaling: drive.scaling,
-                heartbeat_timeout: machine.controller.heartbeat_timeout,
-                standstill_window: (drive.scaling)
-                    .magnitude(machine.axes[drive.axis].limits.standstill),
+        let drives: Vec<DriveSpec> = (machine.nodes().enumerate())
+            .map(|(index, node)| {
+                let axis = &machine.axes[node.axis];
+                let middle = node.scaling.to_increments(axis.middle());
+                DriveSpec {
+                    name: node.name.to_owned(),
+                    bus: node.bus,
+                    device: machine.device(index),
+                    scaling: *node.scaling,
+                    heartbeat_timeout: machine.controller.heartbeat_timeout,
+                    standstill_window: node.scaling.magnitude(axis.limits.standstill),
+                    // The soft limits are within what it can count.
+                    middle: middle.unwrap_or_default(),
+                }
             })
             .collect();
         let buses = (budget.buses.iter().enumerate())
@@ -148,6 +166,10 @@ impl Layout {
                     coordinate: axis.letter.index(),
                     unit: axis.units()[0],
                     drives: axis.drives.clone(),
+                    feedback: axis.feedback.map(|feedback| AxisFeedback {
+                        encoder: machine.drives.len() + feedback.encoder,
+                        difference: feedback.difference,
+                    }),
                     limits: axis.limits,
                     homing: axis.homing.clone(),
                 })

@@ -463,7 +463,7 @@ impl<const N: usize> Controller<N> {
             black_box(axis.sample(self.cycle, &self.nodes));
         }
         for node in &self.nodes {
-            black_box(node.device().check(node.setpoint).is_ok());
+            black_box(node.check(node.setpoint).is_ok());
             black_box(node.check_follows(true).is_ok());
         }
     }
@@ -571,11 +571,13 @@ impl<const N: usize> Controller<N> {
         if self.phase == Phase::ModeStart {
             for axis in &self.axes {
                 axis.check_standstill(&axis.sample(self.cycle, &self.nodes))?;
+                axis.check_feedback(&self.nodes)?;
             }
         }
         if let Some(row) = &self.row {
             for axis in &self.axes {
                 axis.check_motion(&row.axes[axis.coordinate()], &self.nodes)?;
+                axis.check_feedback(&self.nodes)?;
             }
         }
         Ok(())

@@ -1,6 +1,7 @@
-//! One drive as the controller sees it over its bus: what it last told and what it is told.
+//! One drive as the controller sees it over its bus: what it last told and what it is told. An encoder
+//! is a drive that is told nothing.
 //!
-//! What travels is the model's affair ([`Drive`]); here is what holds for every drive: that all
+//! What travels is the model's affair ([`Device`]); here is what holds for every drive: that all
 //! its T_PDOs answer every SYNC, that it is alive, in Operational, and where it was told to be.
 
 use super::event::Event;
@@ -12,7 +13,8 @@ use std::sync::Arc;
 use syncline_canopen::emcy::{self, Emergency};
 use syncline_canopen::{CanId, CobId, Frame, Instant, Transmit, heartbeat, nmt};
 use syncline_drives::model::{
-    Drive, DriveStatus, Increments, OutOfRange, PowerCommand, PowerState, Scaling, Setpoint,
+    Device, DriveStatus, Increments, Monitoring, OutOfRange, PowerCommand, PowerState, Scaling,
+    Setpoint, unwrapped,
 };
 
 /// A drive in the cycle: what it last told, and what it is told next.
@@ -21,7 +23,7 @@ pub(super) struct DriveNode {
     layout: Arc<Layout>,
     index: DriveIndex,
     /// Its own, with what changes from frame to frame.
-    device: Box<dyn Drive>,
+    device: Device,
     sequence: SdoSequence,
     /// What an SDO transfer of several messages goes on with, until the next wake-up.
     replies: FrameBuf,
@@ -82,7 +84,7 @@ impl DriveNode {
             come: 0,
             arrived: 0,
             status: DriveStatus::default(),
-            actual: Increments::ZERO,
+            actual: drive.middle,
             origin: Increments::ZERO,
             lost_count: false,
             resetting: false,
@@ -104,10 +106,6 @@ impl DriveNode {
 
     fn spec(&self) -> &layout::DriveSpec {
         &self.layout.drives[self.index]
-    }
-
-    pub(super) fn device(&self) -> &dyn Drive {
-        &*self.device
     }
 
     pub(super) fn scaling(&self) -> &Scaling {
@@ -185,14 +183,18 @@ impl DriveNode {
     /// Takes what a T_PDO says.
     fn take(&mut self, t_pdo: usize, data: &[u8], events: &mut impl FnMut(Event)) {
         self.come |= 1 << t_pdo;
-        if let Some(status) = self.device.status(t_pdo, data) {
+        let drive = self.device.drive_mut();
+        if let Some(status) = drive.and_then(|drive| drive.status(t_pdo, data)) {
             if status.warning && !self.status.warning {
                 events(Event::Warning { drive: self.index });
             }
             self.status = status;
         }
         if let Some(sample) = self.device.sample(t_pdo, data) {
-            self.actual = sample.position;
+            self.actual = match self.device.range() {
+                Some(range) => unwrapped(sample.position, range, self.actual),
+                None => sample.position,
+            };
         }
         if let Some(io) = self.device.io()
             && let Some(signals) = io.signals(t_pdo, data)
@@ -300,15 +302,36 @@ impl DriveNode {
     }
 
     pub(super) fn has_booted(&self) -> bool {
-        self.booted
+        match self.monitoring() {
+            Monitoring::Heartbeat => self.booted,
+            Monitoring::TPdos => self.sequence.is_done(),
+        }
+    }
+
+    /// Why a device that was reset does not count as booted.
+    pub(super) fn did_not_boot(&self) -> Fault {
+        self.fault(match self.monitoring() {
+            Monitoring::Heartbeat => DriveCause::NoBootUp,
+            Monitoring::TPdos => DriveCause::NoAnswer,
+        })
     }
 
     pub(super) fn is_operational(&self) -> bool {
-        self.heartbeat.state() == Some(nmt::State::Operational)
+        match self.monitoring() {
+            Monitoring::Heartbeat => self.heartbeat.state() == Some(nmt::State::Operational),
+            Monitoring::TPdos => self.is_sampled(),
+        }
+    }
+
+    fn monitoring(&self) -> Monitoring {
+        self.device.spec().monitoring
     }
 
     /// Whether the drive reports what is `awaited`.
     pub(super) fn has_reached(&self, awaited: AwaitedState) -> bool {
+        let Some(drive) = self.device.drive() else {
+            return true;
+        };
         let DriveStatus {
             power, mode_runs, ..
         } = self.status;
@@ -317,7 +340,7 @@ impl DriveNode {
             AwaitedState::Ready => power == PowerState::Ready,
             AwaitedState::Enabled => power == PowerState::Enabled,
             AwaitedState::ModeStarted => mode_runs,
-            AwaitedState::ModeEnded => !mode_runs || !self.device.ends_mode(),
+            AwaitedState::ModeEnded => !mode_runs || !drive.ends_mode(),
         }
     }
 
@@ -360,7 +383,9 @@ impl DriveNode {
             let misses = self.misses;
             return Err(self.fault(DriveCause::MissingTPdo { misses }));
         }
-        if !self.heartbeat.is_alive(now) {
+        if self.monitoring() == Monitoring::TPdos {
+            Ok(())
+        } else if !self.heartbeat.is_alive(now) {
             self.lost_count = true;
             Err(self.fault(DriveCause::HeartbeatLost))
         } else if !self.is_operational() {
@@ -372,11 +397,15 @@ impl DriveNode {
 
     /// Why a drive that should run in Operational does not.
     pub(super) fn did_not_start(&self) -> Fault {
+        let missing = DriveCause::MissingTPdo {
+            misses: self.misses,
+        };
+        if self.monitoring() == Monitoring::TPdos {
+            return self.fault(missing);
+        }
         self.fault(match self.heartbeat.state() {
             None => DriveCause::NoNmtState,
-            Some(nmt::State::Operational) => DriveCause::MissingTPdo {
-                misses: self.misses,
-            },
+            Some(nmt::State::Operational) => missing,
             Some(state) => DriveCause::NmtState { state },
         })
     }
@@ -393,6 +422,9 @@ impl DriveNode {
     /// Whether an enabled drive, in its mode if `in_mode`, still does as it is told.
     pub(super) fn check_follows(&self, in_mode: bool) -> Result<(), Fault> {
         self.check_no_fault()?;
+        if self.device.drive().is_none() {
+            return Ok(());
+        }
         let word = self.status.word;
         self.status
             .follows(in_mode)
@@ -422,15 +454,26 @@ impl DriveNode {
         let out_of_range = |OutOfRange| self.fault(DriveCause::PositionRange);
         let position = self.scaling().to_increments(mm).map_err(out_of_range)? + offset;
         let setpoint = Setpoint { position };
-        self.device.check(setpoint).map_err(out_of_range)?;
+        self.check(setpoint).map_err(out_of_range)?;
         Ok(setpoint)
+    }
+
+    /// Whether the drive can be sent there.
+    pub(super) fn check(&self, setpoint: Setpoint) -> Result<(), OutOfRange> {
+        let drive = self.device.drive();
+        drive.map_or(Ok(()), |drive| drive.check(setpoint))
+    }
+
+    /// Cycles from the SYNC that latches a setpoint until the drive's reference has reached it.
+    pub(super) fn latency(&self) -> u32 {
+        self.device.drive().map_or(0, |drive| drive.latency())
     }
 
     /// Holds the drive where it is. One that follows its setpoints as soon as it is enabled is held
     /// where it was before: if its setpoint went along with its noise, nothing would hold it.
     pub(super) fn hold(&mut self) {
-        let follows = self.power == PowerCommand::Enable && !self.device.ends_mode();
-        if !follows {
+        let ends_mode = self.device.drive().is_none_or(|drive| drive.ends_mode());
+        if self.power != PowerCommand::Enable || ends_mode {
             self.setpoint.position = self.actual;
         }
     }
@@ -444,11 +487,13 @@ impl DriveNode {
     /// Encodes its R_PDOs for the next SYNC: once for a cycle in which they are sent.
     pub(super) fn encode(&mut self) {
         let outputs = self.outputs;
-        if let Some(io) = self.device.io_mut() {
+        let Some(drive) = self.device.drive_mut() else {
+            return;
+        };
+        if let Some(io) = drive.io_mut() {
             io.set_outputs(outputs);
         }
-        self.device
-            .encode(self.power, self.setpoint, &mut self.r_pdos);
+        drive.encode(self.power, self.setpoint, &mut self.r_pdos);
     }
 
     /// Its R_PDOs as last encoded.
@@ -464,9 +509,20 @@ impl DriveNode {
         .encode()
     }
 
+    /// The step until a device that was reset has booted, where no boot-up message will tell; forgets
+    /// those so far.
+    pub(super) fn ask_boot(&mut self) {
+        self.expect_boot();
+        if self.monitoring() == Monitoring::TPdos {
+            let first = self.device.spec().identity.first();
+            let answer = first.map(|identity| Step::AwaitAnswer(identity.address));
+            self.sequence.extend(answer);
+        }
+    }
+
     /// The steps from a drive in an unknown state to one that may be reset.
     pub(super) fn ask_survey(&mut self) {
-        let survey = self.device.survey();
+        let survey = self.device.drive().and_then(|drive| drive.survey());
         let history = self
             .device
             .spec()
@@ -484,10 +540,12 @@ impl DriveNode {
         self.resetting = false;
         let spec = self.device.spec();
         let identity = spec.identity.iter().copied().map(Step::Identity);
+        let ensured = spec.ensured.iter().copied().map(Step::Ensure);
         let writes = spec.setup.iter().copied().map(Step::Write);
-        let read_back = spec.read_back.iter().copied().map(Step::ReadBack);
+        let read_back = spec.ensured.iter().chain(&spec.read_back);
+        let read_back = read_back.copied().map(Step::ReadBack);
         self.sequence
-            .extend(identity.chain(writes).chain(read_back));
+            .extend(identity.chain(ensured).chain(writes).chain(read_back));
     }
 
     /// The steps until the drive's clock follows SYNC; none for one without a clock that does.
@@ -498,7 +556,8 @@ impl DriveNode {
 
     /// The step that checks the operating mode, where the drive has more than one.
     pub(super) fn ask_mode(&mut self) {
-        self.sequence.extend(self.device.mode().map(Step::Mode));
+        let mode = self.device.drive().and_then(|drive| drive.mode());
+        self.sequence.extend(mode.map(Step::Mode));
     }
 
     /// The steps that take the set-up's cyclic part back.
@@ -644,7 +703,7 @@ mod tests {
         let at = |micros| Instant::ZERO + Duration::from_micros(micros);
         for (case, steps, check, expected) in cases {
             let mut node = DriveNode::new(0, &layout);
-            let id = CobId::error_control(node.device().spec().node);
+            let id = CobId::error_control(node.device.spec().node);
             for step in steps {
                 match *step {
                     Says(micros, data) => {

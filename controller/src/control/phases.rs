@@ -21,9 +21,7 @@ impl<const N: usize> Controller<N> {
             Phase::Boot => {
                 if self.timed_out(self.layout.boot_timeout) {
                     let missing = self.nodes.iter().position(|node| !node.has_booted());
-                    missing.map_or(Ok(()), |drive| {
-                        Err(Fault::Drive(drive, DriveCause::NoBootUp))
-                    })?;
+                    missing.map_or(Ok(()), |drive| Err(self.nodes[drive].did_not_boot()))?;
                 }
                 let booted = self.nodes.iter().all(DriveNode::has_booted);
                 self.go_on_if(booted, Phase::SetUp, out);
@@ -137,7 +135,7 @@ impl<const N: usize> Controller<N> {
         match phase {
             Phase::Survey => self.ask(DriveNode::ask_survey),
             Phase::Boot => {
-                self.ask(DriveNode::expect_boot);
+                self.ask(DriveNode::ask_boot);
                 self.send_nmt(nmt::Command::ResetCommunication, out);
             }
             Phase::SetUp => self.ask(DriveNode::ask_set_up),

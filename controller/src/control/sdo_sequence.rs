@@ -45,8 +45,12 @@ pub(super) enum Step {
     AwaitDisabled(Survey),
     /// Reads an object for the log.
     History(Address),
+    /// Reads an object until there is an answer, whatever it is.
+    AwaitAnswer(Address),
     /// Reads an object that must be the model's.
     Identity(Identity),
+    /// Writes, where the object reads otherwise.
+    Ensure(Write),
     /// Writes; a refusal is a fault.
     Write(Write),
     /// Reads what was written; a refusal to be read is an event, another value a fault.
@@ -63,9 +67,12 @@ impl Step {
     fn address(&self) -> Address {
         match self {
             Self::Survey(survey) | Self::AwaitDisabled(survey) => survey.address,
-            Self::History(address) => *address,
+            Self::History(address) | Self::AwaitAnswer(address) => *address,
             Self::Identity(identity) => identity.address,
-            Self::Write(write) | Self::ReadBack(write) | Self::Release(write) => write.address,
+            Self::Write(write)
+            | Self::Ensure(write)
+            | Self::ReadBack(write)
+            | Self::Release(write) => write.address,
             Self::AwaitLock(lock) => lock.address,
             Self::Mode(display) => display.address,
         }
@@ -214,6 +221,11 @@ impl SdoSequence {
         let object = step.address();
         let fault = |cause| Fault::Drive(drive, cause);
         match failure.reason {
+            // Whoever waits for it knows how long.
+            Reason::TimedOut if matches!(step, Step::AwaitAnswer(_)) => self.tries = 0,
+            Reason::Refused(_) | Reason::GivenUp(_) if matches!(step, Step::AwaitAnswer(_)) => {
+                self.next();
+            }
             Reason::TimedOut if self.tries <= self.layout.sdo_retries => {}
             Reason::TimedOut if step.may_fail() => {
                 events(Event::Silent { drive });
@@ -290,6 +302,20 @@ impl SdoSequence {
                     found: value,
                 }));
             }
+            Step::Ensure(write) => {
+                let is_so =
+                    (self.layout.drives[drive].device.spec()).agrees(&write, reading.bytes());
+                self.next();
+                if !is_so {
+                    events(Event::Rewritten {
+                        drive,
+                        object,
+                        found: value,
+                        value: write.data.bits(),
+                    });
+                    self.steps.push_front(Step::Write(write));
+                }
+            }
             Step::ReadBack(write)
                 if !(self.layout.drives[drive].device.spec()).agrees(&write, reading.bytes()) =>
             {
@@ -320,7 +346,11 @@ impl SdoSequence {
                 self.next();
                 self.identified = !matches!(self.steps.front(), Some(Step::Identity(_)));
             }
-            Step::Write(_) | Step::ReadBack(_) | Step::Mode(_) | Step::Release(_) => self.next(),
+            Step::AwaitAnswer(_)
+            | Step::Write(_)
+            | Step::ReadBack(_)
+            | Step::Mode(_)
+            | Step::Release(_) => self.next(),
         }
         Ok(())
     }

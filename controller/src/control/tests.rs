@@ -6,8 +6,8 @@ use crate::run::driver::Driver;
 use std::sync::atomic::{AtomicU64, Ordering};
 use syncline_canopen::budget::{Direction, Pdo};
 use syncline_drives::model::{
-    Drive, DriveStatus, Feedback, Increments, Io, ModeDisplay, NodeSpec, OutOfRange, PowerCommand,
-    RemoteNode, Sample, Setpoint, Survey,
+    Device, Drive, DriveStatus, Feedback, Increments, Io, ModeDisplay, NodeSpec, OutOfRange,
+    PowerCommand, RemoteNode, Sample, Setpoint, Survey,
 };
 
 /// How often all drives were asked, by what.
@@ -58,6 +58,10 @@ impl Probe {
     }
 }
 
+fn as_drive(device: &Device) -> Box<dyn Drive> {
+    device.drive().expect("a drive").clone_box()
+}
+
 impl RemoteNode for Probe {
     fn spec(&self) -> &NodeSpec {
         &self.spec
@@ -77,6 +81,9 @@ impl Feedback for Probe {
             _ if t_pdo == 1 => self.drive.sample(0, &[&[0, 0], data].concat()),
             _ => None,
         }
+    }
+    fn in_motion(&self, position: Increments) -> Vec<Frame> {
+        self.drive.in_motion(position)
     }
 }
 
@@ -118,9 +125,6 @@ impl Drive for Probe {
             self.drive.encode(command, setpoint, frames);
         }
     }
-    fn in_motion(&self, position: Increments) -> Vec<Frame> {
-        self.drive.in_motion(position)
-    }
 }
 
 const DRIVES: usize = 3;
@@ -131,7 +135,7 @@ fn counting_machine() -> (Driver<9, Box<dyn crate::port::Port + Send>>, Arc<Aske
     let asked = Arc::new(Asked::default());
     let mut layout = shape.layout();
     for drive in &mut layout.drives {
-        drive.device = Box::new(Probe::new(drive.device.clone(), &asked));
+        drive.device = Device::Drive(Box::new(Probe::new(as_drive(&drive.device), &asked)));
     }
     let (world, ports) = shape.simulated();
     let mut machine = Driver::new(Arc::new(layout), world, ports, Instant::ZERO);
@@ -191,7 +195,7 @@ fn two_pdos_each() -> Arc<Layout> {
     let shape = Shape::on_fewest_buses(2, Duration::from_millis(2)).unwrap();
     let mut layout = shape.layout();
     for drive in &mut layout.drives {
-        drive.device = Box::new(Probe::in_two_pdos(drive.device.clone()));
+        drive.device = Device::Drive(Box::new(Probe::in_two_pdos(as_drive(&drive.device))));
     }
     Arc::new(layout)
 }
@@ -200,7 +204,7 @@ fn two_pdos_each() -> Arc<Layout> {
 fn a_drive_has_answered_when_all_its_t_pdos_have() {
     let layout = two_pdos_each();
     let mut node = DriveNode::new(0, &layout);
-    let id = node.device().spec().node;
+    let id = layout.drives[0].device.spec().node;
     let (word, position) = (CobId::t_pdo(1, id), CobId::t_pdo(3, id));
     let sync = Instant::ZERO;
     let take = |node: &mut DriveNode, id, data: &[u8]| {

@@ -3,6 +3,7 @@
 //! Reading is strict, see [`syncline_strict_toml`]. `docs/machine-file.md` is the reference of
 //! all keys.
 
+mod encoder;
 mod fits;
 mod homing;
 mod node;
@@ -11,6 +12,7 @@ mod signals;
 mod simulation;
 mod spindle;
 
+pub use encoder::{Encoder, Feedback, Node};
 pub use homing::{Homing, HomingMethod, HomingPolicy, SwitchSearch};
 pub use signals::{Input, InputMeaning, Output, OutputSwitch};
 pub use simulation::{Carriage, FeedAxis, Gantry, Simulation};
@@ -23,7 +25,7 @@ use std::{
 };
 use syncline_canopen::NodeId;
 use syncline_drives::model::{
-    self, Assumed, Direction, Heartbeat, Increments, Model, Scaling, Settings, Write,
+    Assumed, Device, Direction, Heartbeat, Increments, Model, Scaling, Settings, Write,
 };
 use syncline_gcode as gcode;
 use syncline_strict_toml::Invalid;
@@ -44,6 +46,8 @@ pub struct Machine {
     pub buses: Vec<Bus>,
     /// In the order of the file, at least one; each belongs to one axis.
     pub drives: Vec<Drive>,
+    /// In the order of the file; each belongs to one axis.
+    pub encoders: Vec<Encoder>,
     /// In the order of the file, at least one.
     pub axes: Vec<Axis>,
     /// If the file says anything of it.
@@ -147,6 +151,8 @@ pub struct Axis {
     pub drive_soft_limits: bool,
     /// How it comes to know where it is.
     pub homing: Homing,
+    /// What says where it is, beside its drives.
+    pub feedback: Option<Feedback>,
     /// What its drives move when they are simulated; `None`: what each drive's model has.
     pub simulation: Option<Simulation>,
 }
@@ -254,9 +260,59 @@ impl Machine {
         })
     }
 
-    /// What the controller needs to know of the drive with that index.
+    /// All devices: the drives, and behind them the encoders. Where both are alike, an index means a
+    /// place in this list.
+    pub fn nodes(&self) -> impl Iterator<Item = Node<'_>> {
+        let drives = self.drives.iter().map(Node::from);
+        drives.chain(self.encoders.iter().map(Node::from))
+    }
+
+    /// The [device](Self::nodes) with that index.
     #[must_use]
-    pub fn device(&self, drive: usize) -> Box<dyn model::Drive> {
+    pub fn node(&self, index: usize) -> Node<'_> {
+        match index.checked_sub(self.drives.len()) {
+            None => Node::from(&self.drives[index]),
+            Some(encoder) => Node::from(&self.encoders[encoder]),
+        }
+    }
+
+    /// What the controller needs to know of the [device](Self::nodes) with that index.
+    #[must_use]
+    pub fn device(&self, index: usize) -> Device {
+        match index.checked_sub(self.drives.len()) {
+            None => self.drive(index),
+            Some(encoder) => {
+                let Encoder {
+                    node,
+                    model,
+                    objects,
+                    ..
+                } = &self.encoders[encoder];
+                model.device(&self.settings(*node, model, objects))
+            }
+        }
+    }
+
+    /// Those of a device that does not move an axis.
+    fn settings(&self, node: NodeId, model: &Model, objects: &[Write]) -> Settings {
+        Settings {
+            node,
+            cycle: self.cycle,
+            heartbeat: Heartbeat {
+                controller: self.controller.node,
+                producer: self.controller.heartbeat,
+                consumer: self.controller.heartbeat_timeout,
+            },
+            following_error_limit: None,
+            soft_limits: None,
+            signals: false,
+            outputs: 0,
+            objects: objects.to_vec(),
+            assumed: self.assumed(model),
+        }
+    }
+
+    fn drive(&self, drive: usize) -> Device {
         let has_inputs = self.inputs.iter().any(|input| input.drive == drive);
         let outputs = self.outputs.iter().filter(|output| output.drive == drive);
         let outputs = outputs.fold(0, |outputs, output| outputs | 1 << output.signal);
@@ -270,14 +326,7 @@ impl Machine {
             ..
         } = &self.drives[drive];
         let axis = &self.axes[*axis];
-        (model.drive)(&Settings {
-            node: *node,
-            cycle: self.cycle,
-            heartbeat: Heartbeat {
-                controller: self.controller.node,
-                producer: self.controller.heartbeat,
-                consumer: self.controller.heartbeat_timeout,
-            },
+        model.device(&Settings {
             following_error_limit: axis
                 .drive_following_error
                 .then(|| scaling.magnitude(axis.limits.following_error)),
@@ -286,8 +335,7 @@ impl Machine {
                 .then(|| drive_soft_limits(&axis.limits, scaling)),
             signals: *signals || has_inputs,
             outputs,
-            objects: objects.clone(),
-            assumed: self.assumed(model),
+            ..self.settings(*node, model, objects)
         })
     }
 

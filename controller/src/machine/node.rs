@@ -19,16 +19,18 @@ pub(super) struct NodeTable {
 }
 
 impl NodeTable {
-    /// Reads the keys that every `kind` of device has.
+    /// Reads the keys that every `kind` of device has; its models are those `of_kind`.
     pub(super) fn read(
         log: &mut Log<'_>,
         table: &mut Table<'_, '_>,
         kind: &'static str,
+        of_kind: fn(&Model) -> bool,
     ) -> Option<Self> {
         let name = name(log, table);
         let bus = table.text(log, "bus", "the `name` of a [[bus]]", |_| true);
         let node = table.integer(log, "node", 1..=127, "");
-        let models = MODELS.iter().map(|model| model.name);
+        let models = MODELS.iter().filter(|model| of_kind(model));
+        let models = models.map(|model| model.name);
         let model = table.choice(log, "model", models);
         let model = model.and_then(|name| Model::by_name(name.get_ref()));
         let entries = table.items(log, "sdo", SDO);

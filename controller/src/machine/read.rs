@@ -2,14 +2,15 @@
 //! they fit together. Each stage reports all it finds, and the next starts only on what is clean,
 //! so that one mistake does not cause complaints about another thing.
 
+use super::encoder::{self, EncoderTable, FeedbackTable};
 use super::fits::{self, Asked, Pairing};
 use super::homing::{self, HomingTable};
 use super::node::{self, NodeTable, node_id};
 use super::signals::SignalTables;
 use super::simulation::{self, Simulation};
 use super::{
-    Axis, AxisLimits, Bus, Controller, Drive, Homing, HomingPolicy, Machine, PathTolerances,
-    Spindle, assumed, spindle,
+    Axis, AxisLimits, Bus, Controller, Drive, Feedback, Homing, HomingPolicy, Machine,
+    PathTolerances, Spindle, assumed, spindle,
 };
 use std::{collections::BTreeMap, ops::Range, time::Duration};
 use syncline_drives::model::{Ability, Assumed, Direction, Increments, MODELS, Model, Scaling};
@@ -48,6 +49,7 @@ struct Tables {
     path: PathTolerances,
     buses: Vec<BusTable>,
     drives: Vec<DriveTable>,
+    encoders: Vec<EncoderTable>,
     axes: Vec<AxisTable>,
     spindle: Option<Spindle>,
     homing: Spanned<HomingPolicy>,
@@ -63,6 +65,7 @@ impl Tables {
         let path = file.table(log, "path", false);
         let buses = file.tables(log, "bus");
         let drives = file.tables(log, "drive");
+        let encoders = file.tables_if(log, "encoder", "name");
         let axes = file.tables(log, "axis");
         let spindle = file.table(log, "spindle", false);
         let homing = file.table(log, "homing", false);
@@ -86,6 +89,10 @@ impl Tables {
             .into_iter()
             .map(|t| DriveTable::read(log, t))
             .collect();
+        let encoders: Vec<_> = encoders
+            .into_iter()
+            .map(|t| EncoderTable::read(log, t))
+            .collect();
         let axes: Vec<_> = axes.into_iter().map(|t| AxisTable::read(log, t)).collect();
         let spindle = spindle.and_then(|table| spindle::read(log, table));
         let homing = homing.unwrap_or_else(|| Table::new("homing", 0..0, &empty));
@@ -99,6 +106,7 @@ impl Tables {
             path,
             buses: buses.into_iter().collect::<Option<_>>()?,
             drives: drives.into_iter().collect::<Option<_>>()?,
+            encoders: encoders.into_iter().collect::<Option<_>>()?,
             axes: axes.into_iter().collect::<Option<_>>()?,
             spindle,
             homing,
@@ -110,29 +118,39 @@ impl Tables {
     /// Checks what concerns several tables, and resolves names.
     fn join(self, log: &mut Log<'_>) -> Option<Machine> {
         unique(log, "bus", self.buses.iter().map(|bus| &bus.name));
-        unique(
-            log,
-            "drive",
-            self.drives.iter().map(|drive| &drive.node.name),
-        );
+        let drives = self.drives.iter().map(|drive| &drive.node);
+        let encoders = self.encoders.iter().map(|encoder| &encoder.node);
+        unique(log, "drive", drives.clone().map(|drive| &drive.name));
+        unique(log, "encoder", encoders.clone().map(|it| &it.name));
         unique(log, "axis", self.axes.iter().map(|axis| &axis.name));
         let cycle = Duration::from_micros(*self.cycle.get_ref() as u64);
         let controller = self.controller.join(log, cycle);
 
-        let devices: Vec<_> = self.drives.iter().map(|drive| &drive.node).collect();
+        let devices: Vec<_> = drives.chain(encoders).collect();
         let bus_of = node::places(log, &devices, &self.buses, &self.cycle, controller.node);
 
-        let axis_of = self.assign(log);
+        let mut axis_of = self.assign(log);
+        let feedbacks = self.axes.iter();
+        let feedbacks = feedbacks.map(|axis| (axis.title(), axis.feedback.as_ref()));
+        axis_of.extend(encoder::assign(log, &self.encoders, feedbacks));
         let bus_of: Option<Vec<usize>> = bus_of.into_iter().collect();
         let axis_of: Option<Vec<usize>> = axis_of.into_iter().collect();
+        let mut places = bus_of?.into_iter().zip(axis_of?);
         let drives: Vec<_> = self
             .drives
             .into_iter()
-            .zip(bus_of?)
-            .zip(axis_of?)
-            .map(|((drive, bus), axis)| {
+            .zip(&mut places)
+            .map(|(drive, (bus, axis))| {
                 let assumed = assumed(&self.assumptions, drive.node.model);
                 drive.join(log, bus, axis, &self.axes[axis], &assumed)
+            })
+            .collect();
+        let stated: Vec<_> = self.encoders.iter().map(|it| it.node.name.span()).collect();
+        let encoders = self.encoders.into_iter().zip(places);
+        let encoders: Vec<_> = encoders
+            .map(|(encoder, (bus, axis))| {
+                let assumed = assumed(&self.assumptions, encoder.node.model);
+                encoder.join(bus, axis, &assumed)
             })
             .collect();
         let (mut axes, homings): (Vec<_>, Vec<_>) = self
@@ -145,7 +163,8 @@ impl Tables {
                         .position(|drive| drive.name == *name.get_ref())
                 };
                 let own = axis.drives.get_ref().iter().filter_map(index).collect();
-                axis.join(own)
+                let encoder = axis.feedback.as_ref().and_then(|it| it.find(&encoders));
+                axis.join(own, encoder)
             })
             .unzip();
         for axis in &axes {
@@ -154,20 +173,23 @@ impl Tables {
         let places = self.signals.inputs();
         let (inputs, outputs) = self.signals.join(log, &drives, self.spindle.is_some());
         homing::join(log, &mut axes, homings, (&inputs, &places), &self.homing);
-        Some(Machine {
+        let machine = Machine {
             name: self.name,
             cycle,
             controller,
             path: self.path,
             buses: self.buses.into_iter().map(BusTable::join).collect(),
             drives,
+            encoders,
             axes,
             spindle: self.spindle,
             homing: self.homing.into_inner(),
             inputs,
             outputs,
             assumptions: self.assumptions,
-        })
+        };
+        encoder::check(log, &machine, &stated);
+        Some(machine)
     }
 
     /// The axis of each drive: exactly one.
@@ -334,9 +356,8 @@ struct DriveTable {
 
 impl DriveTable {
     fn read(log: &mut Log<'_>, mut table: Table<'_, '_>) -> Option<Self> {
-        let node = NodeTable::read(log, &mut table, "drive");
-        let directions = ["positive", "negative"].into_iter();
-        let direction = table.choice_or(log, "direction", "positive", directions);
+        let node = NodeTable::read(log, &mut table, "drive", Model::is_drive);
+        let direction = direction(log, &mut table);
         let (least, most) = (i64::from(i32::MIN), i64::from(i32::MAX));
         let zero = table.integer_or(log, "zero", 0, least..=most, " (increments)");
         let signals = table.flag_or(log, "signals", false);
@@ -351,10 +372,7 @@ impl DriveTable {
         table.finish(log);
         Some(Self {
             node: node?,
-            direction: match direction.as_str() {
-                "negative" => Direction::Negative,
-                _ => Direction::Positive,
-            },
+            direction,
             zero: Increments::new(zero),
             signals,
         })
@@ -403,6 +421,15 @@ impl DriveTable {
     }
 }
 
+/// Which way an encoder counts.
+pub(super) fn direction(log: &mut Log<'_>, table: &mut Table<'_, '_>) -> Direction {
+    let directions = ["positive", "negative"].into_iter();
+    match &*table.choice_or(log, "direction", "positive", directions) {
+        "negative" => Direction::Negative,
+        _ => Direction::Positive,
+    }
+}
+
 /// A limit of the plan: wide enough for every machine, and its powers are numbers.
 fn limit(
     log: &mut Log<'_>,
@@ -429,6 +456,7 @@ struct AxisTable {
     /// What its drives are to do besides.
     asked: Vec<Asked>,
     homing: Option<HomingTable>,
+    feedback: Option<FeedbackTable>,
     simulation: Option<Simulation>,
 }
 
@@ -505,6 +533,7 @@ impl AxisTable {
         };
         let limits = limits();
         let homing = homing::read(log, &mut table, &limits.unwrap_or_default(), rotary);
+        let feedback = FeedbackTable::read(log, &mut table, position);
         let simulation = simulation::read(log, &mut table, rotary, pair);
         if let (Some(pitch), true) = (&pitch, log.is_empty())
             && !(pitch.get_ref() / gear).is_normal()
@@ -527,6 +556,7 @@ impl AxisTable {
             limits: limits?,
             asked,
             homing,
+            feedback,
             simulation,
         })
     }
@@ -540,7 +570,7 @@ impl AxisTable {
     }
 
     /// The axis with those drives, and how it is homed.
-    fn join(self, drives: Vec<usize>) -> (Axis, Option<HomingTable>) {
+    fn join(self, drives: Vec<usize>, encoder: Option<usize>) -> (Axis, Option<HomingTable>) {
         let asks = |ability| self.asked.iter().any(|asked| asked.ability == ability);
         let axis = Axis {
             drive_following_error: asks(Ability::FollowingErrorLimit),
@@ -550,6 +580,10 @@ impl AxisTable {
             drives,
             limits: self.limits,
             homing: Homing::default(),
+            feedback: encoder.zip(self.feedback).map(|(encoder, table)| Feedback {
+                encoder,
+                difference: table.difference,
+            }),
             simulation: self.simulation,
         };
         (axis, self.homing)

@@ -80,7 +80,7 @@ pub struct Simulated {
     pub world: World,
     /// For each bus of the machine, where it is in the world.
     pub buses: Vec<Option<BusId>>,
-    /// For each drive of the machine, its twin.
+    /// For each [device](Machine::nodes) of the machine, its twin.
     pub devices: Vec<Option<DeviceId>>,
 }
 
@@ -89,7 +89,7 @@ impl Simulated {
     /// axes [stand](Axis::stands) where the machine file says, once time passes.
     ///
     /// `seed` varies encoder noise, response delays and oscillator errors; `configure` may change
-    /// a drive, given by its index, before it is made.
+    /// a device, given by its index, before it is made.
     ///
     /// # Errors
     /// If a bus cannot be simulated at its bit rate, or mechanics tie a simulated drive to one
@@ -113,11 +113,11 @@ impl Simulated {
             })?;
             buses.push(Some(world.add_bus(bit_rate, observer)));
         }
-        let devices = machine.drives.iter().enumerate().map(|(index, drive)| {
+        let devices = machine.nodes().enumerate().map(|(index, node)| {
             let mut config = config(machine, index, seed);
             configure(index, &mut config);
-            let bus = buses[drive.bus]?;
-            Some(world.attach(bus, twin(drive.model, &config)))
+            let bus = buses[node.bus]?;
+            Some(world.attach(bus, twin(node.model, &config)))
         });
         let devices: Vec<Option<DeviceId>> = devices.collect();
         for axis in &machine.axes {
@@ -134,6 +134,13 @@ impl Simulated {
                 return Err(tied.split(machine, axis));
             }
         }
+        for shaft in Shaft::all(machine) {
+            match (devices[shaft.encoder], devices[shaft.drive]) {
+                (Some(encoder), Some(drive)) => world.follow(encoder, drive, shaft.ratio),
+                (None, None) => {}
+                _ => return Err(shaft.split(machine)),
+            }
+        }
         Ok(Self {
             world,
             buses,
@@ -142,7 +149,7 @@ impl Simulated {
     }
 }
 
-/// The drives of one bus of a machine, to be hosted where others reach them.
+/// The devices of one bus of a machine, to be hosted where others reach them.
 ///
 /// `seed` and `configure` are as with [`Simulated::new`].
 ///
@@ -154,23 +161,23 @@ pub fn hosted(
     seed: u64,
     mut configure: impl FnMut(&mut Config),
 ) -> Result<Hosted, PortError> {
-    let drives = 0..machine.drives.len();
-    let drives: Vec<usize> = drives.filter(|it| machine.drives[*it].bus == bus).collect();
-    let devices: Vec<_> = (drives.iter())
-        .map(|&drive| {
-            let mut config = config(machine, drive, seed);
+    let nodes = machine.nodes().enumerate();
+    let (drives, devices): (Vec<usize>, Vec<_>) = nodes
+        .filter(|(_, node)| node.bus == bus)
+        .map(|(index, node)| {
+            let mut config = config(machine, index, seed);
             configure(&mut config);
-            twin(machine.drives[drive].model, &config)
+            (index, twin(node.model, &config))
         })
-        .collect();
+        .unzip();
+    let place = |device: usize| drives.iter().position(|it| *it == device);
     let mut ties = Vec::new();
     for axis in &machine.axes {
         let Some(tied) = Tied::of(machine, axis) else {
             continue;
         };
         let here = |all: &[usize]| -> Vec<usize> {
-            let place = |drive| drives.iter().position(|it| it == drive);
-            all.iter().filter_map(place).collect()
+            all.iter().filter_map(|&drive| place(drive)).collect()
         };
         let (sides, watched) = (here(&axis.drives), here(&tied.watched));
         if sides.len() == axis.drives.len() && watched.len() == tied.watched.len() {
@@ -183,30 +190,43 @@ pub fn hosted(
     for (mechanics, sides, watched) in ties {
         hosted.couple(mechanics, &sides, &watched);
     }
+    for shaft in Shaft::all(machine) {
+        match (place(shaft.encoder), place(shaft.drive)) {
+            (Some(encoder), Some(drive)) => hosted.follow(encoder, drive, shaft.ratio),
+            (None, None) => {}
+            _ => return Err(shaft.split(machine)),
+        }
+    }
     Ok(hosted)
 }
 
-/// A drive of a machine by its index, to be switched on with its axis at rest.
+/// A [device](Machine::nodes) of a machine by its index, to be switched on where its axis
+/// [stands](Axis::stands).
 #[must_use]
-pub fn config(machine: &Machine, drive: usize, seed: u64) -> Config {
-    let spec = &machine.drives[drive];
-    let axis = &machine.axes[spec.axis];
-    let side = axis.drives.iter().position(|it| *it == drive);
-    let position = axis.stands(side.unwrap_or_default());
+pub fn config(machine: &Machine, index: usize, seed: u64) -> Config {
+    let node = machine.node(index);
+    let axis = &machine.axes[node.axis];
+    let side = axis.drives.iter().position(|it| *it == index);
     let turns = |mm: f64| {
-        let count = spec.scaling.to_increments(mm);
-        count.map_or(0.0, |count| spec.scaling.to_revolutions(count))
+        let count = node.scaling.to_increments(mm);
+        count.map_or(0.0, |count| node.scaling.to_revolutions(count))
     };
+    let config = Config {
+        position: turns(axis.stands(side.unwrap_or_default())),
+        bit_rate: BitRate::from_kbit(machine.buses[node.bus].bitrate / 1000),
+        assumed: machine.assumed(node.model).0,
+        ..single(node.id, index, seed)
+    };
+    if !node.model.is_drive() {
+        return config;
+    }
     let simulation = axis.simulation.as_ref();
     let own = simulation.filter(|it| it.gantry.is_none());
     Config {
-        axis: own.map(|it| at_shaft(machine, drive, it)),
+        axis: own.map(|it| at_shaft(machine, index, it)),
         encoder: simulation.and_then(|it| it.encoder),
-        position: turns(position),
-        sensors: sensors(machine, drive, turns),
-        bit_rate: BitRate::from_kbit(machine.buses[spec.bus].bitrate / 1000),
-        assumed: machine.assumed(spec.model).0,
-        ..single(spec.node, drive, seed)
+        sensors: sensors(machine, index, turns),
+        ..config
     }
 }
 
@@ -269,6 +289,52 @@ fn side(machine: &Machine, drive: usize, simulation: &Simulation) -> Side {
             brake_torque: train.brake.torque,
             ..Rigid::default()
         },
+    }
+}
+
+/// The shaft of an encoder, which the axis that it sees turns.
+struct Shaft {
+    /// By their indices among the machine's devices.
+    encoder: usize,
+    drive: usize,
+    /// Revolutions of it for one of the drive's motor.
+    ratio: f64,
+}
+
+impl Shaft {
+    /// Of all encoders of a machine. What one sees of a gantry pair is its first side.
+    fn all(machine: &Machine) -> impl Iterator<Item = Self> {
+        let encoders = machine.encoders.iter().enumerate();
+        encoders.map(|(index, encoder)| {
+            let drive = machine.axes[encoder.axis].drives[0];
+            let [own, motor] = [&encoder.scaling, &machine.drives[drive].scaling];
+            Self {
+                encoder: machine.drives.len() + index,
+                drive,
+                ratio: motor.travel_per_revolution() / own.travel_per_revolution(),
+            }
+        })
+    }
+
+    /// It is turned by a drive that does not live by its clock.
+    fn split(&self, machine: &Machine) -> PortError {
+        let encoder = &machine.encoders[self.encoder - machine.drives.len()];
+        let drive = &machine.drives[self.drive];
+        let bus = |index: usize| {
+            let bus = &machine.buses[index];
+            format!("bus {} (port {})", bus.name, bus.port)
+        };
+        PortError {
+            bus: machine.buses[encoder.bus].name.clone(),
+            what: format!(
+                "encoder {} on {} is turned by drive {} on {}, and they are not simulated by one clock: \
+                 let both buses be \"sim\", or put both on one bus",
+                encoder.name,
+                bus(encoder.bus),
+                drive.name,
+                bus(drive.bus)
+            ),
+        }
     }
 }
 

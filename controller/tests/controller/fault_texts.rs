@@ -44,11 +44,19 @@ fn portal() -> Layout {
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples/portal/machine.toml");
     let enable =
         "[[input]]\nname = \"enable\"\ndrive = \"Y\"\nsignal = \"DI0\"\nfunction = \"enable\"\n";
-    let text = format!("{enable}{}", std::fs::read_to_string(&file).unwrap());
+    let encoder = "[[encoder]]\nname = \"screw\"\nbus = \"portal\"\nnode = 5\nmodel = \"twk_crn\"\n\
+                   pitch = 10.0\n";
+    let z = "name = \"Z\"\ndrives";
+    let feedback = format!("feedback = \"screw\"\ndifference_limit = 0.2\n{z}");
+    let text = std::fs::read_to_string(&file).unwrap();
+    let text = format!("{enable}{encoder}{}", text.replace(z, &feedback));
     Layout::new(&Machine::parse(&file, &text).unwrap()).unwrap()
 }
 
 texts! {
+    Fault::Drive(_, DriveCause::NoAnswer), Fault::Drive(4, DriveCause::NoAnswer),
+    "node 5 (screw, TWK CRN): no answer after the reset: check power, cabling, node id and bit rate";
+
     Fault::Drive(_, DriveCause::NoBootUp), Fault::Drive(2, DriveCause::NoBootUp),
     "node 3 (Y, LXM32M): no boot-up message after the reset: check power, cabling, node id and bit \
      rate";
@@ -171,6 +179,11 @@ texts! {
     Fault::Axis(1, AxisCause::FollowingError { error: 2.5 }),
     "axis Y: following error 2.5000 mm, allowed 2 mm: look for a blocked axis, a weak loop or too \
      high limits";
+
+    Fault::Axis(_, AxisCause::FeedbackDifference { .. }),
+    Fault::Axis(2, AxisCause::FeedbackDifference { difference: -0.35 }),
+    "axis Z: its encoder is -0.3500 mm from where its drive says that it is, allowed 0.2 mm: look \
+     for a coupling or belt that slips or is broken and for lost steps, then check the `zero` of both";
 
     Fault::Bus(_, BusCause::LateSetpoints { .. }),
     Fault::Bus(0, BusCause::LateSetpoints { count: 2 }),

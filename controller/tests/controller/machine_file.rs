@@ -132,7 +132,7 @@ fn nothing_is_wired_to_the_portal() {
     assert_eq!(machine.axes[0].limits.standstill, 0.1);
     let drive = machine.device(2);
     assert_eq!(drive.spec().setup[30].address.to_string(), "3012h:6");
-    assert_eq!(drive.latency(), 1);
+    assert_eq!(drive.drive().unwrap().latency(), 1);
 }
 
 #[test]
@@ -693,6 +693,7 @@ fn the_reference_is_complete() {
         .map(|model| format!("model.{}", model.name))
         .collect();
     let mut text = PORTAL.to_owned() + "\n[axis.simulation]\ntransmission = \"belt\"\n[path]\n";
+    text += "[[encoder]]\nname = \"screw\"\nbus = \"portal\"\nnode = 5\nmodel = \"twk_crn\"\npitch = 10.0\n";
     for model in &models {
         text += &format!("[{model}]\n");
     }
@@ -702,6 +703,7 @@ fn the_reference_is_complete() {
         ("path", "[path]"),
         ("bus", "[[bus]]"),
         ("drive", "[[drive]]"),
+        ("encoder", "[[encoder]]"),
         ("axis", "[[axis]]"),
         ("axis.simulation", "[axis.simulation]"),
     ]
@@ -723,6 +725,89 @@ fn the_reference_is_complete() {
         let allowed: Vec<_> = allowed.split(", ").map(str::to_owned).collect();
         assert_eq!(documented(table), allowed, "[{table}]");
     }
+}
+
+/// An encoder on the screw of the portal's Z.
+const ENCODER: &str = r#"
+[[encoder]]
+name = "screw"
+bus = "portal"
+node = 5
+model = "twk_crn"
+pitch = 10.0
+direction = "negative"
+zero = 1000
+
+[[axis]]
+name = "Z"
+feedback = "screw"
+difference_limit = 0.2
+"#;
+
+/// The portal with that encoder, its text changed.
+fn with_encoder(from: &str, to: &str) -> Result<Machine, Invalid> {
+    let text = portal_with("[[axis]]\nname = \"Z\"\n", ENCODER);
+    assert!(text.contains(from), "{from}");
+    parse(&text.replacen(from, to, 1))
+}
+
+#[test]
+fn an_encoder_sees_an_axis() {
+    let machine = with_encoder("", "").unwrap();
+    let (encoder, axis) = (&machine.encoders[0], &machine.axes[2]);
+    assert_eq!((encoder.bus, encoder.node.get(), encoder.axis), (0, 5, 2));
+    let feedback = axis.feedback.unwrap();
+    assert_eq!((feedback.encoder, feedback.difference), (0, 0.2));
+    assert!(machine.axes[0].feedback.is_none());
+    // One turn is 10 mm, downwards.
+    let position = encoder.scaling.to_increments(-10.0).unwrap();
+    assert_eq!(position, Increments::new(1000 + 8192));
+    // Behind the drives.
+    let names: Vec<_> = machine.nodes().map(|node| node.name.to_owned()).collect();
+    assert_eq!(names, ["X1", "X2", "Y", "Z", "screw"]);
+    let device = machine.device(4);
+    assert!(device.drive().is_none() && device.spec().r_pdos.is_empty());
+    assert_eq!(device.range(), Some(Increments::new(8192 * 4096)));
+    let scaled = with_encoder(
+        "[[encoder]]",
+        "[model.twk_crn]\nunits_per_turn = 1000\nturns_exponent = 6\n[[encoder]]",
+    );
+    let range = scaled.unwrap().device(4).range();
+    assert_eq!(range, Some(Increments::new(64_000)));
+}
+
+#[test]
+fn encoders_that_see_nothing_or_not_enough_are_told() {
+    let told = |from: &str, to: &str| {
+        let told = with_encoder(from, to).unwrap_err().diagnostics.into_iter();
+        let told: Vec<_> = told
+            .map(|it| format!("{}: {}", it.problem, it.help))
+            .collect();
+        told.join("\n")
+    };
+    let scaling = |exponent: u32| {
+        format!("[model.twk_crn]\nunits_per_turn = 1000\nturns_exponent = {exponent}\n[[encoder]]")
+    };
+    let twice = "[[axis]]\nname = \"Y\"\nfeedback = \"screw\"\ndifference_limit = 1.0\n";
+    insta::assert_snapshot!(
+        [
+            told("feedback = \"screw\"", "feedback = \"scrow\""),
+            told("feedback = \"screw\"\ndifference_limit = 0.2\n", ""),
+            told("feedback = \"screw\"\n", ""),
+            told("difference_limit = 0.2\n", ""),
+            told("difference_limit = 0.2\n", "difference_limit = 0.001\n"),
+            told("model = \"twk_crn\"", "model = \"lxm32m\""),
+            told("model = \"lxm32m\"", "model = \"twk_crn\""),
+            told("node = 5", "node = 4"),
+            told("zero = 1000", "zero = -1"),
+            told("zero = 1000", "sdo = [[\"6003:0\", 5]]"),
+            // Of 300 mm it tells 40 apart.
+            told("[[encoder]]", &scaling(2)),
+            told("[[axis]]\nname = \"Y\"\n", twice),
+        ]
+        .join("\n\n")
+    );
+    assert!(with_encoder("[[encoder]]", &scaling(5)).is_ok());
 }
 
 /// What is told of the portal with this table, each with its line's text.

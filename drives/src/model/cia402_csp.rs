@@ -13,8 +13,8 @@ use super::profile::cia402::{self, INTERPOLATION_DELAY};
 use super::profile::communication::{self, SDO_RESPONSE, T_PDO_RESPONSE};
 use super::{
     Ability, Address, Assumed, Assumption, Data, Drive, DriveStatus, Feedback, Identity,
-    Increments, ModeDisplay, Model, NodeSpec, PowerCommand, RemoteNode, Sample, Setpoint, Settings,
-    Survey, Write,
+    Increments, Make, ModeDisplay, Model, NodeSpec, PowerCommand, RemoteNode, Sample, Setpoint,
+    Settings, Survey, Write,
 };
 use crate::dictionary;
 use core::time::Duration;
@@ -47,7 +47,7 @@ pub(super) static CIA402_CSP: Model = Model {
     reserved,
     inputs: &[],
     outputs: &[],
-    drive: |settings| Box::new(Cia402Csp::new(settings)),
+    make: Make::Drive(|settings| Box::new(Cia402Csp::new(settings))),
 };
 
 const ENCODER_INCREMENTS: Assumption = Assumption {
@@ -223,6 +223,11 @@ impl Feedback for Cia402Csp {
     fn sample(&self, _: usize, data: &[u8]) -> Option<Sample> {
         cia402::sample(data)
     }
+
+    fn in_motion(&self, position: Increments) -> Vec<Frame> {
+        let data = cia402::in_motion(position);
+        vec![Frame::new(self.spec.t_pdos[0].cob_id, &data)]
+    }
 }
 
 impl Drive for Cia402Csp {
@@ -253,11 +258,6 @@ impl Drive for Cia402Csp {
     fn encode(&mut self, command: PowerCommand, setpoint: Setpoint, frames: &mut [Frame]) {
         let data = cia402::command(command, 0, setpoint);
         frames[0] = Frame::new(self.spec.r_pdos[0].cob_id, &data);
-    }
-
-    fn in_motion(&self, position: Increments) -> Vec<Frame> {
-        let data = cia402::in_motion(position);
-        vec![Frame::new(self.spec.t_pdos[0].cob_id, &data)]
     }
 }
 

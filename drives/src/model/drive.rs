@@ -47,9 +47,6 @@ pub trait Drive: Feedback {
     /// Its R_PDOs of this cycle, one each in `frames`. What [`Drive::check`] refuses goes to the end
     /// of the range.
     fn encode(&mut self, command: PowerCommand, setpoint: Setpoint, frames: &mut [Frame]);
-
-    /// Its T_PDOs while it follows its setpoints, at `position`: what the bus typically carries.
-    fn in_motion(&self, position: Increments) -> Vec<Frame>;
 }
 
 impl Clone for Box<dyn Drive> {

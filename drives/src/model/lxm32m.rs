@@ -6,7 +6,7 @@ use super::profile::cia402::{self, INTERPOLATION_DELAY};
 use super::profile::communication::{self, SDO_RESPONSE, T_PDO_RESPONSE};
 use super::{
     Ability, Address, Assumption, ClockLock, Data, Drive, DriveStatus, Feedback, Identity,
-    Increments, Io, ModeDisplay, Model, NodeSpec, PowerCommand, RemoteNode, Sample, Setpoint,
+    Increments, Io, Make, ModeDisplay, Model, NodeSpec, PowerCommand, RemoteNode, Sample, Setpoint,
     Settings, Survey, Write,
 };
 use crate::dictionary;
@@ -39,7 +39,7 @@ pub(super) static LXM32M: Model = Model {
     reserved,
     inputs: &INPUTS,
     outputs: &OUTPUTS,
-    drive: |settings| Box::new(Lxm32m::new(settings)),
+    make: Make::Drive(|settings| Box::new(Lxm32m::new(settings))),
 };
 
 /// Taken by the drive family's wider documentation; not in the fieldbus manual.
@@ -260,6 +260,13 @@ impl Feedback for Lxm32m {
     fn sample(&self, _: usize, data: &[u8]) -> Option<Sample> {
         cia402::sample(data)
     }
+
+    fn in_motion(&self, position: Increments) -> Vec<Frame> {
+        let mut data = cia402::in_motion(position).to_vec();
+        let t_pdo = &self.spec.t_pdos[0];
+        data.resize(t_pdo.bytes.into(), 0);
+        vec![Frame::new(t_pdo.cob_id, &data)]
+    }
 }
 
 impl Drive for Lxm32m {
@@ -294,13 +301,6 @@ impl Drive for Lxm32m {
         let data = [c0, c1, p0, p1, p2, p3, o0, o1];
         let r_pdo = &self.spec.r_pdos[0];
         frames[0] = Frame::new(r_pdo.cob_id, &data[..r_pdo.bytes.into()]);
-    }
-
-    fn in_motion(&self, position: Increments) -> Vec<Frame> {
-        let mut data = cia402::in_motion(position).to_vec();
-        let t_pdo = &self.spec.t_pdos[0];
-        data.resize(t_pdo.bytes.into(), 0);
-        vec![Frame::new(t_pdo.cob_id, &data)]
     }
 }
 

@@ -22,23 +22,28 @@ mod node;
 mod object;
 mod profile;
 mod scaling;
+mod twk_crn;
 
 pub use drive::{
     Drive, DriveStatus, ModeDisplay, NotFollowing, PowerCommand, PowerState, Setpoint, StatusWord,
     Survey,
 };
-pub use feedback::{Feedback, Sample};
+pub use feedback::{Feedback, Sample, unwrapped};
 pub use io::Io;
-pub use node::{ClockLock, Identity, NodeSpec, RemoteNode};
+pub use node::{ClockLock, Identity, Monitoring, NodeSpec, RemoteNode};
 pub use object::{Data, Write};
 pub use scaling::{Direction, Increments, OutOfRange, Scaling};
 pub use syncline_canopen::Address;
 
-use core::{ops::RangeInclusive, time::Duration};
+use core::{
+    ops::{Deref, RangeInclusive},
+    time::Duration,
+};
+use std::sync::Arc;
 use syncline_canopen::{NodeId, dictionary::Entry};
 
 /// Every model that a machine file may name, in the order in which messages list them.
-pub static MODELS: &[&Model] = &[&lxm32m::LXM32M, &cia402_csp::CIA402_CSP];
+pub static MODELS: &[&Model] = &[&lxm32m::LXM32M, &cia402_csp::CIA402_CSP, &twk_crn::TWK_CRN];
 
 /// A kind of device: everything that is known before one is made.
 #[derive(Clone, Debug)]
@@ -72,7 +77,56 @@ pub struct Model {
     /// T_PDOs where [`Settings::signals`] asks for them, the inputs first.
     pub outputs: &'static [&'static str],
     /// Makes the device.
-    pub drive: fn(&Settings) -> Box<dyn Drive>,
+    pub make: Make,
+}
+
+/// How a device of a model is made, by what it does for a machine.
+#[derive(Clone, Copy, Debug)]
+pub enum Make {
+    /// It moves an axis.
+    Drive(fn(&Settings) -> Box<dyn Drive>),
+    /// It tells where something is, and no more.
+    Encoder(fn(&Settings) -> Arc<dyn Feedback>),
+}
+
+/// A device, by what it does for a machine.
+#[derive(Clone, Debug)]
+pub enum Device {
+    /// It moves an axis.
+    Drive(Box<dyn Drive>),
+    /// It tells where something is, and no more.
+    Encoder(Arc<dyn Feedback>),
+}
+
+impl Device {
+    /// The device as a drive, if it is one.
+    #[must_use]
+    pub fn drive(&self) -> Option<&dyn Drive> {
+        match self {
+            Self::Drive(drive) => Some(&**drive),
+            Self::Encoder(_) => None,
+        }
+    }
+
+    /// The same, to tell it something.
+    pub fn drive_mut(&mut self) -> Option<&mut dyn Drive> {
+        match self {
+            Self::Drive(drive) => Some(&mut **drive),
+            Self::Encoder(_) => None,
+        }
+    }
+}
+
+/// What both have in common.
+impl Deref for Device {
+    type Target = dyn Feedback;
+
+    fn deref(&self) -> &Self::Target {
+        match self {
+            Self::Drive(drive) => &**drive,
+            Self::Encoder(encoder) => &**encoder,
+        }
+    }
 }
 
 /// Something that some drives can do and others cannot, which a machine file may ask for.
@@ -92,6 +146,21 @@ impl Model {
     #[must_use]
     pub fn by_name(name: &str) -> Option<&'static Self> {
         MODELS.iter().copied().find(|model| model.name == name)
+    }
+
+    /// A device of this model.
+    #[must_use]
+    pub fn device(&self, settings: &Settings) -> Device {
+        match self.make {
+            Make::Drive(make) => Device::Drive(make(settings)),
+            Make::Encoder(make) => Device::Encoder(make(settings)),
+        }
+    }
+
+    /// Whether its devices move an axis.
+    #[must_use]
+    pub fn is_drive(&self) -> bool {
+        matches!(self.make, Make::Drive(_))
     }
 
     /// The name of its signal at that place.

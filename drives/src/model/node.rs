@@ -41,12 +41,17 @@ pub struct NodeSpec {
     pub identity: Vec<Identity>,
     /// The objects to log before a reset, which would wipe them: what stopped the device last.
     pub history: Vec<Address>,
+    /// What the device has to be set to before the set-up, in this order, each written only where it
+    /// reads otherwise: writing it has a price.
+    pub ensured: Vec<Write>,
     /// The set-up writes, in order, to a device in NMT Pre-Operational after a reset of its
     /// communication. They reset an error that is left from before, too.
     pub setup: Vec<Write>,
     /// The objects to read back after the set-up, with the value that each must have. One that
     /// refuses to be read is worth a log line, no more.
     pub read_back: Vec<Write>,
+    /// By what the device shows that it is there and Operational.
+    pub monitoring: Monitoring,
     /// How to tell that the device's clock follows SYNC, if it has one that does.
     pub clock_lock: Option<ClockLock>,
     /// The writes that take the set-up's cyclic part back, after the device is disabled.
@@ -78,8 +83,10 @@ impl NodeSpec {
             node: settings.node,
             identity: Vec::new(),
             history: Vec::new(),
+            ensured: Vec::new(),
             read_back: communication::read_back(&setup, is_command),
             setup,
+            monitoring: Monitoring::Heartbeat,
             clock_lock: None,
             release: Vec::new(),
             t_pdos: Vec::new(),
@@ -118,6 +125,16 @@ pub struct Identity {
     pub mask: u32,
     /// Their value.
     pub value: u32,
+}
+
+/// By what a device shows that it is there and Operational.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Monitoring {
+    /// A boot-up message, then its heartbeat, which carries its NMT state.
+    Heartbeat,
+    /// Its T_PDOs alone, which it sends in Operational only; that it has booted shows in its
+    /// answering SDO requests.
+    TPdos,
 }
 
 /// An object to poll after SYNC has started, until the device's clock follows it.

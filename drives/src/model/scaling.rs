@@ -155,6 +155,12 @@ impl Scaling {
         self.zero
     }
 
+    /// How far a revolution in the direction in which the device counts up moves the axis, mm.
+    #[must_use]
+    pub fn travel_per_revolution(&self) -> f64 {
+        self.mm_per_revolution
+    }
+
     /// Which way the drive counts.
     #[must_use]
     pub fn direction(&self) -> Direction {

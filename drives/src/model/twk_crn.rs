@@ -12,17 +12,13 @@
 
 use super::profile::communication;
 use super::{
-    Address, Assumed, Assumption, ClockLock, Data, Feedback, Identity, Increments, Make, Model,
-    Monitoring, OutOfRange, RemoteNode, Sample, Settings, Write,
+    Address, Assumed, Assumption, Data, Feedback, Identity, Increments, Make, Model, Monitoring,
+    NodeSpec, RemoteNode, Sample, Settings, Write,
 };
 use crate::dictionary;
-use core::{slice, time::Duration};
+use core::time::Duration;
 use std::sync::Arc;
-use syncline_canopen::{
-    CobId, Frame, NodeId,
-    budget::{Direction, Pdo},
-    pdo::CobIdWord,
-};
+use syncline_canopen::{CobId, Frame, pdo::CobIdWord};
 
 /// The encoder.
 pub(super) static TWK_CRN: Model = Model {
@@ -43,6 +39,8 @@ pub(super) static TWK_CRN: Model = Model {
     ],
     dictionary: &dictionary::TWK_CRN_8192,
     reserved,
+    positions: Increments::MIN..=Increments::MAX,
+    abilities: &[],
     inputs: &[],
     outputs: &[],
     make: Make::Encoder(|settings| Arc::new(TwkCrn::new(settings))),
@@ -70,17 +68,13 @@ const TURNS_EXPONENT: Assumption = Assumption {
 };
 
 const T_PDO_RESPONSE: Assumption = Assumption {
-    name: "t_pdo_response_us",
     default: 300,
-    allowed: 0..=1_000_000,
-    meaning: "longest time in µs from the end of SYNC until the encoder queues its T_PDO",
+    ..communication::T_PDO_RESPONSE
 };
 
 const SDO_RESPONSE: Assumption = Assumption {
-    name: "sdo_response_us",
     default: 3000,
-    allowed: 0..=1_000_000,
-    meaning: "longest time in µs from the end of an SDO request until the encoder queues its answer",
+    ..communication::SDO_RESPONSE
 };
 
 /// 6000h: scaling is on; clockwise in any case (crn S25).
@@ -114,57 +108,46 @@ impl Measure {
     }
 }
 
-/// Last error (crn S2), alarms (crn S37).
-const HISTORY: [Address; 2] = [Address::new(0x1003, 1), Address::new(0x6503, 0)];
-
 /// One encoder.
 #[derive(Clone, Debug)]
 struct TwkCrn {
-    node: NodeId,
-    identity: [Identity; 4],
-    ensured: Vec<Write>,
-    setup: Vec<Write>,
-    read_back: Vec<Write>,
+    spec: NodeSpec,
     range: Increments,
-    t_pdo_response: Duration,
-    sdo_response: Duration,
-    /// The position.
-    t_pdo: Pdo,
 }
 
 impl TwkCrn {
     fn new(settings: &Settings) -> Self {
-        let (node, assumed) = (settings.node, &settings.assumed);
-        let measure = Measure::of(assumed);
-        let setup = setup(settings);
+        let assumed = &settings.assumed;
         let micros = |assumption| Duration::from_micros(assumed.value(assumption).into());
+        let measure = Measure::of(assumed);
+        let spec = NodeSpec::new(&TWK_CRN, settings, setup(settings), |_| false);
         Self {
-            node,
-            identity: identity(assumed.value(&STEPS_PER_TURN)),
-            ensured: ensured(measure),
-            read_back: communication::read_back(&setup, |_| false),
-            setup,
-            range: Increments::new(measure.range.into()),
-            t_pdo_response: micros(&T_PDO_RESPONSE),
-            sdo_response: micros(&SDO_RESPONSE),
-            t_pdo: Pdo {
-                direction: Direction::Transmit,
-                cob_id: CobId::t_pdo(2, node),
-                bytes: 4,
+            spec: NodeSpec {
+                identity: identity(assumed.value(&STEPS_PER_TURN)),
+                // Last error (crn S2), alarms (crn S37).
+                history: vec![Address::new(0x1003, 1), Address::new(0x6503, 0)],
+                ensured: ensured(measure),
+                monitoring: Monitoring::TPdos,
+                // The position.
+                t_pdos: vec![communication::t_pdo(2, settings.node, 4)],
+                t_pdo_response: micros(&T_PDO_RESPONSE),
+                sdo_response: micros(&SDO_RESPONSE),
+                ..spec
             },
+            range: Increments::new(measure.range.into()),
         }
     }
 }
 
 /// What tells that it is this encoder with this disc, and that it takes SYNC.
-fn identity(steps_per_turn: u32) -> [Identity; 4] {
+fn identity(steps_per_turn: u32) -> Vec<Identity> {
     let reads = |index, name, mask, value| Identity {
         address: Address::new(index, 0),
         name,
         mask,
         value,
     };
-    [
+    vec![
         // A multiturn encoder of profile 406 (crn S22).
         reads(0x1000, "device type", u32::MAX, 0x0002_0196),
         reads(0x6501, "steps per turn", u32::MAX, steps_per_turn),
@@ -212,70 +195,10 @@ fn reserved(Address { index, .. }: Address) -> bool {
     matches!(index, 0x1000..=0x1FFF | 0x2000 | 0x2001 | 0x6000..=0x6003 | 0x6200)
 }
 
+/// The manual describes none of the bytes that a maker adds to an EMCY (crn S35).
 impl RemoteNode for TwkCrn {
-    fn model(&self) -> &'static Model {
-        &TWK_CRN
-    }
-
-    fn node(&self) -> NodeId {
-        self.node
-    }
-
-    fn identity(&self) -> &[Identity] {
-        &self.identity
-    }
-
-    fn history(&self) -> &[Address] {
-        &HISTORY
-    }
-
-    fn ensured(&self) -> &[Write] {
-        &self.ensured
-    }
-
-    fn setup(&self) -> &[Write] {
-        &self.setup
-    }
-
-    fn read_back(&self) -> &[Write] {
-        &self.read_back
-    }
-
-    fn agrees(&self, written: &Write, read: &[u8]) -> bool {
-        communication::agrees(written, read)
-    }
-
-    fn monitoring(&self) -> Monitoring {
-        Monitoring::TPdos
-    }
-
-    fn clock_lock(&self) -> Option<ClockLock> {
-        None
-    }
-
-    fn release(&self) -> &[Write] {
-        &[]
-    }
-
-    fn t_pdos(&self) -> &[Pdo] {
-        slice::from_ref(&self.t_pdo)
-    }
-
-    fn r_pdos(&self) -> &[Pdo] {
-        &[]
-    }
-
-    fn t_pdo_response(&self) -> Duration {
-        self.t_pdo_response
-    }
-
-    fn sdo_response(&self) -> Duration {
-        self.sdo_response
-    }
-
-    /// The manual describes none of these bytes (crn S35).
-    fn vendor_error(&self, _: [u8; 5]) -> Option<String> {
-        None
+    fn spec(&self) -> &NodeSpec {
+        &self.spec
     }
 }
 
@@ -294,11 +217,102 @@ impl Feedback for TwkCrn {
         Some(self.range)
     }
 
-    fn in_motion(&self, position: Increments) -> Result<Vec<Frame>, OutOfRange> {
+    fn in_motion(&self, position: Increments) -> Vec<Frame> {
         let position = position.get().rem_euclid(self.range.get()) as u32;
-        Ok(vec![Frame::new(
-            self.t_pdo.cob_id,
-            &position.to_le_bytes(),
-        )])
+        let cob_id = self.spec.t_pdos[0].cob_id;
+        vec![Frame::new(cob_id, &position.to_le_bytes())]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Heartbeat;
+    use super::*;
+    use proptest::prelude::*;
+    use syncline_canopen::NodeId;
+
+    fn encoder(assumed: &[(&'static str, u32)]) -> TwkCrn {
+        TwkCrn::new(&Settings {
+            node: NodeId::new(3).unwrap(),
+            cycle: Duration::from_millis(2),
+            heartbeat: Heartbeat {
+                controller: NodeId::new(127).unwrap(),
+                producer: Duration::from_millis(100),
+                consumer: Duration::from_millis(250),
+            },
+            following_error_limit: None,
+            soft_limits: None,
+            signals: false,
+            outputs: 0,
+            objects: vec![Write::new(0x6401, 1, Data::i32(5))],
+            assumed: Assumed(assumed.to_vec()),
+        })
+    }
+
+    fn shown(writes: &[Write]) -> Vec<String> {
+        let shown = |write: &Write| format!("{} = {}", write.address, write.data);
+        writes.iter().map(shown).collect()
+    }
+
+    /// The floods are off before anything is on, and the user's objects come in between.
+    #[test]
+    fn the_setup_in_its_order() {
+        let encoder = encoder(&[]);
+        assert_eq!(
+            shown(&encoder.spec.setup),
+            [
+                "1800h:1 = 80000183h",
+                "100Ch:0 = 0000h",
+                "100Dh:0 = 00h",
+                "6401h:1 = 00000005h",
+                "1802h:3 = 0000h",
+                "1802h:2 = 01h",
+                "1802h:1 = 00000283h",
+            ]
+        );
+        assert_eq!(shown(&encoder.spec.ensured), ["6000h:0 = 0000h"]);
+    }
+
+    #[test]
+    fn scaling_is_set_in_the_manuals_order() {
+        let encoder = encoder(&[("units_per_turn", 1024), ("turns_exponent", 3)]);
+        assert_eq!(
+            shown(&encoder.spec.ensured),
+            [
+                "6000h:0 = 0004h",
+                "6001h:0 = 00000400h",
+                "6002h:0 = 00002000h"
+            ]
+        );
+        assert_eq!(encoder.range(), Some(Increments::new(8192)));
+    }
+
+    #[test]
+    fn nothing_that_moves_its_zero_is_the_users() {
+        for index in [
+            0x1010, 0x1800, 0x2000, 0x2001, 0x6000, 0x6001, 0x6002, 0x6003,
+        ] {
+            assert!(reserved(Address::new(index, 0)), "{index:04X}h");
+        }
+        assert!(!reserved(Address::new(0x6401, 1)));
+    }
+
+    proptest! {
+        /// What it sends at a position is that position, within its range.
+        #[test]
+        fn a_t_pdo_tells_the_position(position: i32) {
+            let encoder = encoder(&[]);
+            let position = Increments::from(position);
+            let frames = encoder.in_motion(position);
+            let told = encoder.sample(0, frames[0].data()).unwrap().position;
+            let range = encoder.range().unwrap();
+            prop_assert!((0..range.get()).contains(&told.get()));
+            prop_assert_eq!(super::super::unwrapped(told, range, position), position);
+        }
+
+        #[test]
+        fn short_data_is_no_position(data in prop::collection::vec(any::<u8>(), 0..4)) {
+            prop_assert_eq!(encoder(&[]).sample(0, &data), None);
+        }
     }
 }

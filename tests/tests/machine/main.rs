@@ -10,6 +10,7 @@ mod corpus;
 mod day;
 mod faults;
 mod feed_axes;
+mod feedback;
 mod fits;
 mod heard;
 mod homing;

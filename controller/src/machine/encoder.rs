@@ -1,0 +1,254 @@
+//! `[[encoder]]`: devices that tell where an axis is and do not move it, and `feedback`, by which an
+//! axis names one.
+
+use super::node::NodeTable;
+use super::read::unknown;
+use super::{Axis, Drive, Machine};
+use std::ops::Range;
+use syncline_canopen::NodeId;
+use syncline_drives::model::{Assumed, Direction, Increments, Model, Scaling, Write};
+use syncline_strict_toml::{Log, Table};
+use toml::Spanned;
+
+/// An encoder on a bus.
+#[derive(Clone, Debug)]
+pub struct Encoder {
+    /// As axes and messages name it.
+    pub name: String,
+    /// Index of its bus in [`Machine::buses`].
+    pub bus: usize,
+    /// Its node id, unique on the bus.
+    pub node: NodeId,
+    /// What it is.
+    pub model: &'static Model,
+    /// Index of the axis that it sees in [`Machine::axes`].
+    pub axis: usize,
+    /// The axis's millimetres and its own increments.
+    pub scaling: Scaling,
+    /// Written after the standard set-up, in this order.
+    pub objects: Vec<Write>,
+}
+
+/// An encoder that says where an axis is, beside its drives.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Feedback {
+    /// Its index in [`Machine::encoders`].
+    pub encoder: usize,
+    /// `difference_limit`: between its position and that of the drives; more is a fault. mm.
+    pub difference: f64,
+}
+
+/// A table good on its own.
+pub(super) struct EncoderTable {
+    pub(super) node: NodeTable,
+    pitch: f64,
+    direction: Direction,
+    zero: Increments,
+}
+
+impl EncoderTable {
+    pub(super) fn read(log: &mut Log<'_>, mut table: Table<'_, '_>) -> Option<Self> {
+        let node = NodeTable::read(log, &mut table, "encoder", |model| !model.is_drive());
+        let unit = "(mm or degrees that the axis moves for one turn of the encoder's shaft)";
+        let pitch = table.positive(log, "pitch", unit);
+        let direction = super::read::direction(log, &mut table);
+        let zero = table.integer_or(log, "zero", 0, 0..=u32::MAX.into(), " (increments)");
+        table.finish(log);
+        Some(Self {
+            node: node?,
+            pitch: pitch?.into_inner(),
+            direction,
+            zero: Increments::new(zero),
+        })
+    }
+
+    pub(super) fn join(self, bus: usize, axis: usize, assumed: &Assumed) -> Encoder {
+        let model = self.node.model;
+        Encoder {
+            name: self.node.name.into_inner(),
+            bus,
+            node: self.node.node.into_inner(),
+            model,
+            axis,
+            scaling: Scaling::new(
+                (model.increments_per_revolution)(assumed),
+                self.pitch,
+                self.direction,
+                self.zero,
+            ),
+            objects: self.node.objects,
+        }
+    }
+}
+
+/// What an axis says of its encoder, good on its own.
+pub(super) struct FeedbackTable {
+    pub(super) name: Spanned<String>,
+    pub(super) difference: f64,
+}
+
+impl FeedbackTable {
+    /// Reads `feedback` and `difference_limit` of an axis, which come together.
+    pub(super) fn read(log: &mut Log<'_>, table: &mut Table<'_, '_>, unit: &str) -> Option<Self> {
+        let allowed = "the `name` of an [[encoder]]";
+        let name = table.text_if(log, "feedback", allowed, |_| true);
+        let Some(name) = name else {
+            if let Some(difference) = table.positive_if(log, "difference_limit", unit) {
+                log.report(
+                    difference.span(),
+                    format!("{}: `difference_limit` without `feedback`", table.title),
+                    "allowed: only where `feedback` names an [[encoder]]",
+                );
+            }
+            return None;
+        };
+        let unit = format!("{unit}, between its encoder and its drives");
+        let difference = table.positive(log, "difference_limit", &unit)?;
+        Some(Self {
+            name,
+            difference: difference.into_inner(),
+        })
+    }
+
+    /// Its encoder's place among them.
+    pub(super) fn find(&self, encoders: &[Encoder]) -> Option<usize> {
+        let mut names = encoders.iter().map(|encoder| &encoder.name);
+        names.position(|name| name == self.name.get_ref())
+    }
+}
+
+/// The axis that each encoder sees: exactly one.
+pub(super) fn assign<'t>(
+    log: &mut Log<'_>,
+    encoders: &[EncoderTable],
+    axes: impl Iterator<Item = (String, Option<&'t FeedbackTable>)>,
+) -> Vec<Option<usize>> {
+    let mut axis_of: Vec<Option<usize>> = vec![None; encoders.len()];
+    let mut misnamed = false;
+    for (index, (title, feedback)) in axes.enumerate() {
+        let Some(FeedbackTable { name, .. }) = feedback else {
+            continue;
+        };
+        let names = (encoders.iter()).map(|encoder| encoder.node.name.get_ref().as_str());
+        match names.clone().position(|other| other == name.get_ref()) {
+            None if encoders.is_empty() => log.report(
+                name.span(),
+                format!("{title}: there is no encoder \"{}\"", name.get_ref()),
+                "add it as an [[encoder]]",
+            ),
+            None => unknown(log, &title, "encoder", name, names),
+            Some(encoder) if axis_of[encoder].is_some() => log.report(
+                name.span(),
+                format!(
+                    "{title}: encoder \"{}\" already sees another axis",
+                    name.get_ref()
+                ),
+                "allowed: each encoder once",
+            ),
+            Some(encoder) => {
+                axis_of[encoder] = Some(index);
+                continue;
+            }
+        }
+        misnamed = true;
+    }
+    for (encoder, axis) in encoders.iter().zip(&axis_of) {
+        if axis.is_none() && !misnamed {
+            log.report(
+                encoder.node.name.span(),
+                format!("{}: no axis names it", encoder.node.title()),
+                "name it as the `feedback` of an [[axis]], or remove it",
+            );
+        }
+    }
+    axis_of
+}
+
+/// Whether each encoder tells every place of its axis from every other one, and finely enough. `places`
+/// are where the file names them.
+pub(super) fn check(log: &mut Log<'_>, machine: &Machine, places: &[Range<usize>]) {
+    for (index, (encoder, place)) in machine.encoders.iter().zip(places).enumerate() {
+        let axis = &machine.axes[encoder.axis];
+        let unit = axis.units()[0];
+        let (name, title) = (&encoder.name, encoder.model.title);
+        let (least, most) = axis.limits.position;
+        let resolution = encoder.scaling.resolution();
+        let device = machine.device(machine.drives.len() + index);
+        let range = device.range().map(|range| range.get() as f64 * resolution);
+        if let Some(range) = range.filter(|range| most - least >= *range) {
+            log.report(
+                place.clone(),
+                format!(
+                    "encoder \"{name}\": the {title} tells {range:.3} {unit} apart, and axis {} moves \
+                     {:.3} {unit}",
+                    axis.name(),
+                    most - least
+                ),
+                "allowed: a `pitch`, and `soft_limits` of the axis, that keep it within its range",
+            );
+        }
+        if let Some(feedback) = axis.feedback.filter(|it| it.difference < resolution) {
+            log.report(
+                place.clone(),
+                format!(
+                    "encoder \"{name}\": an increment of {resolution} {unit} is more than the \
+                     `difference_limit` of {} {unit}",
+                    feedback.difference
+                ),
+                format!("allowed: a `difference_limit` of more than {resolution} {unit}"),
+            );
+        }
+    }
+}
+
+/// A device of a machine, whatever it does, by its place on the buses and the axis that it belongs to.
+#[derive(Clone, Copy, Debug)]
+pub struct Node<'m> {
+    /// As axes and messages name it.
+    pub name: &'m str,
+    /// Index of its bus in [`Machine::buses`].
+    pub bus: usize,
+    /// Its node id, unique on the bus.
+    pub id: NodeId,
+    /// What it is.
+    pub model: &'static Model,
+    /// Index of its axis in [`Machine::axes`].
+    pub axis: usize,
+    /// The axis's millimetres and its own increments.
+    pub scaling: &'m Scaling,
+}
+
+impl<'m> From<&'m Drive> for Node<'m> {
+    fn from(drive: &'m Drive) -> Self {
+        Self {
+            name: &drive.name,
+            bus: drive.bus,
+            id: drive.node,
+            model: drive.model,
+            axis: drive.axis,
+            scaling: &drive.scaling,
+        }
+    }
+}
+
+impl<'m> From<&'m Encoder> for Node<'m> {
+    fn from(encoder: &'m Encoder) -> Self {
+        Self {
+            name: &encoder.name,
+            bus: encoder.bus,
+            id: encoder.node,
+            model: encoder.model,
+            axis: encoder.axis,
+            scaling: &encoder.scaling,
+        }
+    }
+}
+
+impl Axis {
+    /// Where its travel has its middle, mm.
+    #[must_use]
+    pub fn middle(&self) -> f64 {
+        let (least, most) = self.limits.position;
+        least + (most - least) / 2.0
+    }
+}
