@@ -200,6 +200,30 @@ fn a_day_at_the_machine_is_the_same_twice() {
     assert_eq!(day(), day());
 }
 
+/// Each time it is frozen anew, a little beside where it was; and while SYNC is off no cycle is full.
+#[test]
+fn a_machine_that_is_enabled_again_is_judged_from_where_it_stands() {
+    let mut rig = ready();
+    for to in ["G0 X20 Y30", "G0 X0 Y0 Z0", "G0 X5"] {
+        mdi(&mut rig, to);
+        go(&mut rig, Command::Disable);
+        go(&mut rig, Command::Enable);
+        assert_eq!(state(&rig), State::Ready);
+    }
+    rig.twin(2).disturb(Disturbance::Reset);
+    settle(&mut rig);
+    rig.run_until(|rig| state(rig) == State::Faulted);
+    go(&mut rig, Command::Reset);
+    assert_eq!(state(&rig), State::Ready, "{:?}", rig.events);
+    go(&mut rig, Command::SwitchOff);
+    let summary = rig.judge();
+    assert_eq!(summary.verdict, "pass", "{:#?}", summary.violations);
+    let [bus] = &summary.bus[..] else {
+        panic!("the portal has one bus");
+    };
+    assert!(bus.peak_utilisation < 1.0, "{}", bus.peak_utilisation);
+}
+
 /// The work offset that the tables beside a machine's file have, once they have it.
 fn offset_of(machine: &Path, axis: Axis) -> Option<f64> {
     let tables = Tables::load(&Tables::beside(machine)).ok()?;
