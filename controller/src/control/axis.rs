@@ -4,11 +4,21 @@ use super::fault::{AxisCause, AxisIndex, DriveCause, Fault};
 use super::homing::Edge;
 use super::layout;
 use super::node::DriveNode;
-use crate::machine::HomingMethod;
+use crate::machine::{HomingMethod, Square};
+use syncline_canopen::time::Duration;
 use syncline_drives::model::{Increments, OutOfRange, Setpoint};
+use syncline_trajectory::limits::Limits;
+use syncline_trajectory::profile::{Profile, State};
+use syncline_trajectory::state_to_state::{self, Axis as Motion};
 
 /// Setpoints that are kept to look back by a drive's interpolation delay.
 const HISTORY: usize = 16;
+
+/// Which way a side goes as the sides come apart.
+const OUTWARDS: [f64; 2] = [-0.5, 0.5];
+
+/// The part of the axis' limits of acceleration and jerk with which its sides move against each other.
+const GENTLE: f64 = 0.1;
 
 /// What one side of an axis keeps.
 #[derive(Clone, Copy, Debug, Default)]
@@ -30,6 +40,12 @@ pub(super) struct AxisControl {
     referenced: bool,
     /// Planned positions by cycle, newest at `cycle % HISTORY`, mm.
     planned: [f64; HISTORY],
+    /// How far the second side is planned beyond the first, likewise.
+    apart: [f64; HISTORY],
+    /// How that goes to zero, and the cycle in which it began.
+    squaring: Option<(Profile, u64)>,
+    /// Of a cycle, s.
+    period: f64,
 }
 
 /// What an axis did at one SYNC.
@@ -41,16 +57,22 @@ pub struct AxisSample {
     pub act: f64,
     /// Setpoint minus actual position after removing the interpolation delay, mm.
     pub following_error: f64,
+    /// Of a gantry: how far the second side was planned beyond the first, where that is being taken
+    /// out, mm.
+    pub apart: f64,
 }
 
 impl AxisControl {
-    pub(super) fn new(index: AxisIndex, spec: layout::AxisSpec) -> Self {
+    pub(super) fn new(index: AxisIndex, spec: layout::AxisSpec, cycle: Duration) -> Self {
         Self {
             index,
             sides: vec![Side::default(); spec.drives.len()],
             referenced: spec.homing.is_absolute(),
             spec,
             planned: [0.0; HISTORY],
+            apart: [0.0; HISTORY],
+            squaring: None,
+            period: cycle.as_secs_f64(),
         }
     }
 
@@ -98,14 +120,16 @@ impl AxisControl {
             HomingMethod::Switch(search) => search.position,
         };
         let mut uncertainty = 0.0_f64;
-        for (edge, &drive) in edges.into_iter().zip(&self.spec.drives) {
+        let squareness = self.spec.homing.square.map_or(0.0, |it| it.squareness);
+        let places = [position, position + squareness];
+        for ((edge, place), &drive) in edges.into_iter().zip(places).zip(&self.spec.drives) {
             let node = &mut nodes[drive];
             let (at, off) = match edge {
                 Some(edge) => (edge.at, edge.uncertainty.get()),
                 None => (node.setpoint.position, 1),
             };
             uncertainty = uncertainty.max(off as f64 * node.scaling().resolution());
-            let there = node.scaling().to_increments(position);
+            let there = node.scaling().to_increments(place);
             let there =
                 there.map_err(|OutOfRange| Fault::Drive(drive, DriveCause::PositionRange))?;
             node.origin = at - there;
@@ -115,14 +139,75 @@ impl AxisControl {
         Ok(uncertainty)
     }
 
-    /// Goes on at rest from where its setpoints are, which do not change; its position there, mm.
-    pub(super) fn reseat(&mut self, nodes: &[DriveNode]) -> Result<f64, Fault> {
-        let sides = self.spec.drives.iter();
-        let sum: f64 = sides.map(|&drive| nodes[drive].setpoint_mm()).sum();
-        let position = sum / self.spec.drives.len() as f64;
-        self.seat(position, nodes)?;
-        Ok(position)
+    /// Goes on at rest from where its setpoints are, which do not change; its position there, mm. Of a
+    /// gantry that is the middle of its sides, which are planned as far apart as they are.
+    pub(super) fn reseat(&mut self, nodes: &[DriveNode]) -> f64 {
+        for (side, &drive) in self.sides.iter_mut().zip(&self.spec.drives) {
+            side.offset = nodes[drive].origin;
+        }
+        let at = |side: usize| nodes[self.spec.drives[side]].setpoint_mm();
+        let (position, apart) = match self.sides.len() {
+            2 => (f64::midpoint(at(0), at(1)), at(1) - at(0)),
+            _ => (at(0), 0.0),
+        };
+        self.planned = [position; HISTORY];
+        self.apart = [apart; HISTORY];
+        self.squaring = None;
+        position
     }
+
+    // --- its sides against each other ---
+
+    /// Whether its sides are planned further apart than they may be.
+    pub(super) fn askew(&self, cycle: u64) -> Option<f64> {
+        let apart = self.apart(cycle);
+        self.skewed(apart.abs()).then_some(apart)
+    }
+
+    fn square_limits(&self) -> Option<(Square, Limits)> {
+        let square = self.spec.homing.square?;
+        let limits = &self.spec.limits;
+        let (acceleration, jerk) = (GENTLE * limits.acceleration, GENTLE * limits.jerk);
+        Some((square, Limits::symmetric(square.speed, acceleration, jerk)))
+    }
+
+    /// From the setpoint that SYNC `cycle` latches on its sides move to where they belong, each by half
+    /// of the way, and the middle between them stays. How far they are apart, mm.
+    pub(super) fn square(&mut self, cycle: u64) -> f64 {
+        let apart = self.apart(cycle - 1);
+        if let Some((_, limits)) = self.square_limits()
+            && apart != 0.0
+        {
+            let (from, to) = (State::at_rest(apart), State::at_rest(0.0));
+            let plan = state_to_state::plan(&Motion::new(from, to, limits), 0.0);
+            self.squaring = plan.ok().map(|plan| (plan, cycle - 1));
+        }
+        apart
+    }
+
+    /// Its sides come to rest against each other.
+    pub(super) fn stop_squaring(&mut self, cycle: u64) {
+        if let (Some((plan, began)), Some((_, limits))) = (&self.squaring, self.square_limits()) {
+            let now = plan.at((cycle - 1 - began) as f64 * self.period);
+            let stop = state_to_state::plan(&Motion::to_velocity(now, 0.0, limits), 0.0);
+            self.squaring = stop.ok().map(|plan| (plan, cycle - 1));
+        }
+    }
+
+    /// Whether its sides move against each other at SYNC `cycle`.
+    pub(super) fn squares(&self, cycle: u64) -> bool {
+        let under_way = |(plan, began): &(Profile, u64)| {
+            (cycle.saturating_sub(*began)) as f64 * self.period < plan.duration()
+        };
+        self.squaring.as_ref().is_some_and(under_way)
+    }
+
+    /// How far its sides are planned apart at SYNC `cycle`, whose newest 16 are kept.
+    fn apart(&self, cycle: u64) -> f64 {
+        self.apart[cycle as usize % HISTORY]
+    }
+
+    // --- its setpoints ---
 
     /// Takes the setpoints of its sides to be at that position.
     fn seat(&mut self, position: f64, nodes: &[DriveNode]) -> Result<(), Fault> {
@@ -135,6 +220,8 @@ impl AxisControl {
             side.offset = node.setpoint.position - planned;
         }
         self.planned = [position; HISTORY];
+        self.apart = [0.0; HISTORY];
+        self.squaring = None;
         Ok(())
     }
 
@@ -151,8 +238,9 @@ impl AxisControl {
         let (least, most) = sides.fold((f64::INFINITY, f64::NEG_INFINITY), |(least, most), mm| {
             (least.min(mm), most.max(mm))
         });
-        if self.skewed(most - least) {
-            let difference = most - least;
+        let difference = most - least;
+        let taken_out = self.spec.homing.square.map_or(0.0, |it| it.most);
+        if self.skewed(difference) && difference > taken_out {
             return Err(Fault::Axis(axis, AxisCause::Skew { difference }));
         }
         if !self.referenced {
@@ -180,6 +268,10 @@ impl AxisControl {
     /// machine position in mm.
     pub(super) fn freeze(&mut self, nodes: &[DriveNode]) -> Result<f64, Fault> {
         let position = self.locate(nodes)?;
+        let side = |side: usize| nodes[self.spec.drives[side]].actual_mm();
+        if self.sides.len() == 2 && self.skewed((side(1) - side(0)).abs()) {
+            return Ok(self.reseat(nodes));
+        }
         self.seat(position, nodes)?;
         Ok(position)
     }
@@ -187,9 +279,10 @@ impl AxisControl {
     /// SYNC `cycle` and those after it, `lost` in all, were left out: the next one latches what
     /// `cycle` would have.
     pub(super) fn repeat(&mut self, cycle: u64, lost: u64) {
-        let position = self.planned(cycle);
+        let (position, apart) = (self.planned(cycle), self.apart(cycle));
         for next in (cycle + 1..=cycle + lost).rev().take(HISTORY) {
             self.planned[next as usize % HISTORY] = position;
+            self.apart[next as usize % HISTORY] = apart;
         }
     }
 
@@ -202,9 +295,13 @@ impl AxisControl {
         nodes: &mut [DriveNode],
     ) -> Result<(), Fault> {
         let position = positions[self.spec.coordinate];
-        let mut sides = self.sides.iter_mut().zip(&self.spec.drives);
-        let converted = sides.try_for_each(|(side, &drive)| {
-            side.next = nodes[drive].setpoint_at(position, side.offset)?;
+        let apart = match &self.squaring {
+            Some((plan, began)) => plan.at((cycle - began) as f64 * self.period).p,
+            None => self.apart(cycle - 1),
+        };
+        let sides = self.sides.iter_mut().zip(&self.spec.drives);
+        let converted = sides.zip(OUTWARDS).try_for_each(|((side, &drive), out)| {
+            side.next = nodes[drive].setpoint_at(position + out * apart, side.offset)?;
             Ok(())
         });
         if let Err(fault) = converted {
@@ -215,6 +312,7 @@ impl AxisControl {
             nodes[drive].setpoint = side.next;
         }
         self.planned[cycle as usize % HISTORY] = position;
+        self.apart[cycle as usize % HISTORY] = apart;
         Ok(())
     }
 
@@ -231,10 +329,12 @@ impl AxisControl {
             set,
             act: set,
             following_error: 0.0,
+            apart: self.apart(cycle),
         };
         for (index, (side, &drive)) in self.sides.iter().zip(&self.spec.drives).enumerate() {
             let node = &nodes[drive];
             let act = node.scaling().to_mm(node.actual() - side.offset);
+            let act = act - OUTWARDS[index] * worst.apart;
             let behind = (node.latency())
                 .saturating_add(node.age())
                 .min(HISTORY as u32 - 1);
@@ -306,7 +406,7 @@ impl AxisControl {
         }
         if let [one, other] = self.spec.drives[..] {
             let (one, other) = (&nodes[one], &nodes[other]);
-            let difference = (one.actual_mm() - other.actual_mm()).abs();
+            let difference = (other.actual_mm() - one.actual_mm() - sample.apart).abs();
             // Positions of different SYNCs say nothing about each other.
             if one.age() == other.age() && self.skewed(difference) {
                 return Err(Fault::Axis(axis, AxisCause::Skew { difference }));

@@ -97,8 +97,17 @@ pub enum Event {
     Referenced {
         /// Which axis.
         axis: AxisIndex,
-        /// By how much they may be off, mm.
-        uncertainty: f64,
+        /// By how much they may be off, mm; `None` of an absolute encoder.
+        uncertainty: Option<f64>,
+        /// Of a gantry: how far the second side stood beyond the first, which is being taken out, mm.
+        apart: f64,
+    },
+    /// The sides of a gantry are further apart than they may be, as far as a homing takes out.
+    Askew {
+        /// Which axis.
+        axis: AxisIndex,
+        /// How far the second stands beyond the first, mm.
+        apart: f64,
     },
     /// A drive of an axis may have lost its count: its positions are no machine positions any more.
     Unreferenced {
@@ -379,10 +388,27 @@ impl Event {
                 let axis = names.axis(axis);
                 format!("axis {} stands at {position:.4} {}", axis.name, axis.unit)
             }
-            Self::Referenced { axis, uncertainty } => {
+            Self::Referenced {
+                axis,
+                uncertainty,
+                apart,
+            } => {
                 let axis = names.axis(axis);
                 let unit = axis.unit;
-                format!("axis {} is homed, to {uncertainty:.4} {unit}", axis.name)
+                let to = uncertainty.map(|off| format!(", to {off:.4} {unit}"));
+                let square = (axis.drives.len() == 2)
+                    .then(|| format!("; its sides were {apart:.4} {unit} out of square"));
+                let (to, square) = (to.unwrap_or_default(), square.unwrap_or_default());
+                format!("axis {} is homed{to}{square}", axis.name)
+            }
+            Self::Askew { axis, apart } => {
+                let axis = names.axis(axis);
+                format!(
+                    "axis {}: its sides are {:.3} {} apart: home it to take it square",
+                    axis.name,
+                    apart.abs(),
+                    axis.unit
+                )
             }
             Self::Unreferenced { axis } => format!(
                 "axis {} is not referenced any more, as its drive was gone: home it",

@@ -288,7 +288,7 @@ impl<const N: usize> Controller<N> {
                 .map(|drive| DriveNode::new(drive, &layout))
                 .collect(),
             axes: (layout.axes.iter().cloned().enumerate())
-                .map(|(index, axis)| AxisControl::new(index, axis))
+                .map(|(index, axis)| AxisControl::new(index, axis, layout.cycle))
                 .collect(),
             events: VecDeque::with_capacity(EVENT_CAPACITY),
             sync_at: start,

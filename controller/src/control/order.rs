@@ -64,6 +64,9 @@ pub enum Refusal {
     /// The axis with this coordinate is not referenced.
     #[error("axis {} is not referenced: home it first", letter(*.0))]
     Unreferenced(usize),
+    /// The sides of the axis with this coordinate are too far apart.
+    #[error("the sides of axis {} are too far apart: home it to take it square", letter(*.0))]
+    Askew(usize),
     /// The axis with this coordinate knows where it is.
     #[error("axis {} has an absolute encoder: there is nothing to home", letter(*.0))]
     Absolute(usize),
@@ -169,6 +172,16 @@ impl<const N: usize> Controller<N> {
             Order::Jog(Jog::To(positions) | Jog::Line(positions)) => positions[at].is_some(),
             _ => false,
         };
+        let moves = |at: usize| match order {
+            Order::Begin(_) => true,
+            Order::Jog(Jog::Continuous { axis, .. } | Jog::Step { axis, .. }) => *axis == at,
+            _ => needs(at),
+        };
+        let mut askew = self.axes.iter();
+        let askew = askew.find(|it| it.askew(self.cycle).is_some() && moves(it.coordinate()));
+        if let Some(axis) = askew {
+            return Err(Refusal::Askew(axis.coordinate()));
+        }
         let missing = self.axes.iter().filter(|axis| !axis.is_referenced());
         let mut missing = missing.map(|axis| axis.coordinate());
         match missing.find(|&at| needs(at)) {

@@ -85,7 +85,9 @@ impl<const N: usize> Controller<N> {
             Phase::Stop => {
                 let settled = self.in_position >= self.still_cycles();
                 let waited = self.timed_out(self.layout.state_timeout);
-                let over = self.executor.is_idle() && (settled || waited || self.is_faulty());
+                let squares = self.axes.iter().any(|axis| axis.squares(self.cycle));
+                let rests = self.executor.is_idle() && !squares;
+                let over = rests && (settled || waited || self.is_faulty());
                 if over && self.goal == Goal::Ready {
                     self.rest_after(Outcome::Stopped);
                     self.enter(Phase::Program, out);
@@ -174,6 +176,9 @@ impl<const N: usize> Controller<N> {
             }
             Phase::Stop => {
                 self.homing.abort();
+                for axis in &mut self.axes {
+                    axis.stop_squaring(self.cycle + 1);
+                }
                 self.executor.stop();
             }
             Phase::Release => self.ask_release(),
@@ -339,6 +344,9 @@ impl<const N: usize> Controller<N> {
             let axis = &mut self.axes[index];
             let frozen = axis.freeze(&self.nodes)?;
             position[axis.coordinate()] = frozen;
+            if let Some(apart) = axis.askew(self.cycle) {
+                self.tell(Event::Askew { axis: index, apart });
+            }
             self.tell(Event::Frozen {
                 axis: index,
                 position: frozen,

@@ -30,6 +30,20 @@ pub struct Homing {
     pub jog_speed: f64,
     /// How far one jog goes at most while the axis is not referenced, mm.
     pub jog_distance: f64,
+    /// How a gantry is taken square; `None` of an axis with one drive.
+    pub square: Option<Square>,
+}
+
+/// How the two sides of a gantry are brought to where they belong.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Square {
+    /// How far they may be apart for a homing to take that out, mm; what is more is a fault.
+    pub most: f64,
+    /// How fast one moves against the other, mm/s.
+    pub speed: f64,
+    /// By how much the switch of the second side comes on further than that of the first where the
+    /// gantry is square, mm.
+    pub squareness: f64,
 }
 
 /// How an axis finds its place.
@@ -80,6 +94,7 @@ impl Default for Homing {
             order: 0,
             jog_speed: f64::INFINITY,
             jog_distance: f64::INFINITY,
+            square: None,
         }
     }
 }
@@ -126,7 +141,7 @@ const KINDS: [&str; 3] = ["encoder", "set_here", "switch"];
 /// Of a jog without a reference, mm or degrees.
 const JOG_DISTANCE: f64 = 10.0;
 
-/// The key of an axis with those limits.
+/// The key of an axis with those limits, of a gantry where those have a skew.
 pub(super) fn read(
     log: &mut Log<'_>,
     axis: &mut Table<'_, '_>,
@@ -171,6 +186,9 @@ pub(super) fn read(
         );
         refuse_drive_limits(log, axis);
     }
+    if let Some(skew) = limits.skew {
+        homing.square = Some(square(log, &mut table, limits, skew, method.as_ref()));
+    }
     table.finish(log);
     Some(HomingTable {
         homing: Homing {
@@ -179,6 +197,41 @@ pub(super) fn read(
         },
         switches,
     })
+}
+
+/// The keys of a gantry.
+fn square(
+    log: &mut Log<'_>,
+    table: &mut Table<'_, '_>,
+    limits: &AxisLimits,
+    skew: f64,
+    method: Option<&HomingMethod>,
+) -> Square {
+    let usual = match method {
+        Some(HomingMethod::Switch(search)) => search.back_off.max(skew),
+        _ => skew,
+    };
+    let most = number_or(log, table, "max_skew", usual, skew..=1e3, "(mm)");
+    let fastest = limits.velocity;
+    let speed = number_or(
+        log,
+        table,
+        "square_speed",
+        0.01 * fastest,
+        0.001..=fastest,
+        "(mm/s)",
+    );
+    let squareness = match method {
+        Some(HomingMethod::Switch(_)) => {
+            number_or(log, table, "squareness", 0.0, -most..=most, "(mm)")
+        }
+        _ => 0.0,
+    };
+    Square {
+        most,
+        speed,
+        squareness,
+    }
 }
 
 /// A drive that supervises positions does so by its own count, which tells no machine position before

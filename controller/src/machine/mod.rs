@@ -13,7 +13,7 @@ mod simulation;
 mod spindle;
 
 pub use encoder::{Encoder, Feedback, Node};
-pub use homing::{Homing, HomingMethod, HomingPolicy, SwitchSearch};
+pub use homing::{Homing, HomingMethod, HomingPolicy, Square, SwitchSearch};
 pub use signals::{Input, InputMeaning, Output, OutputSwitch};
 pub use simulation::{Carriage, FeedAxis, Gantry, Simulation};
 pub use spindle::{SpinUp, Spindle};

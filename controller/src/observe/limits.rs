@@ -249,7 +249,8 @@ impl AxisWatches {
             (min, max) = (f64::NEG_INFINITY, f64::INFINITY);
         } else if row.cycle != self.next {
             // The encoder's noise of a machine that is frozen at a limit is no violation.
-            (min, max) = (min.min(position), max.max(position));
+            let half = 0.5 * row.axes[at].apart.abs();
+            (min, max) = (min.min(position - half), max.max(position + half));
             self.limits.position = (min, max);
         }
         self.next = row.cycle + 1;
@@ -307,9 +308,11 @@ impl AxisWatches {
         sent: &SentSetpoints,
         limits: (f64, f64),
     ) -> [f64; SENT] {
-        let planned = row.axes[self.coordinate].set;
+        let sample = &row.axes[self.coordinate];
         let mut greatest = [0.0_f64; SENT];
-        for side in &mut self.sides {
+        // The sides of a gantry that is taken square are planned apart, half of it each.
+        for (side, out) in self.sides.iter_mut().zip([-0.5, 0.5]) {
+            let planned = sample.set + out * sample.apart;
             let Some(count) = sent.latched(side.drive, row.sync) else {
                 self.unsent += 1;
                 continue;

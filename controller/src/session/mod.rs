@@ -379,7 +379,9 @@ impl Desk {
                     control::Event::Phase(phase) => self.status.phase = phase,
                     control::Event::Fault(fault) => self.faults.push(fault),
                     control::Event::Referenced { axis, .. } => self.show_reference(axis, true),
-                    control::Event::Unreferenced { axis } => self.show_reference(axis, false),
+                    control::Event::Unreferenced { axis } | control::Event::Askew { axis, .. } => {
+                        self.show_reference(axis, false)
+                    }
                     _ => {}
                 }
                 self.status.waits = event.rests().unwrap_or(self.status.waits);

@@ -10,6 +10,10 @@
 //! executor's jogs, so that a homing has the limits of the axes, the supervision of every cycle and, inside the
 //! distance that the machine file allows, a stop from wherever it is.
 //!
+//! The sides of a gantry are planned as far apart as they stand then. The difference is taken out by a
+//! jerk-limited motion of both about the middle, while the axis itself rests, and skew is what is left
+//! beside that plan. A gantry with absolute encoders, too, is taken square by a homing, without a search.
+//!
 //! A failure is told with its cause, the axes come to rest, and what was not homed yet stays
 //! unreferenced.
 
@@ -19,7 +23,7 @@ mod switch;
 pub use failure::HomingFailure;
 pub(super) use switch::Edge;
 
-use super::fault::{AxisIndex, Fault};
+use super::fault::{AxisCause, AxisIndex, Fault};
 use super::{Controller, Event, Phase, Refusal};
 use crate::machine::HomingMethod;
 use std::sync::Arc;
@@ -45,6 +49,8 @@ enum Stage {
     Searching,
     /// They are referenced at the beginning of the next cycle.
     Found,
+    /// The sides of gantries go where they belong.
+    Squaring,
     /// They go to their final positions; whether that is ordered.
     Leaving(bool),
 }
@@ -99,9 +105,11 @@ fn has(axes: AxisSet, axis: AxisIndex) -> bool {
 }
 
 impl<const N: usize> Controller<N> {
-    /// The first axis that is not referenced.
-    pub(super) fn unreferenced(&self) -> Option<AxisIndex> {
-        self.axes.iter().position(|axis| !axis.is_referenced())
+    /// Whether an axis has to be homed before it moves as it likes: it is not referenced, or its sides
+    /// are too far apart.
+    pub(super) fn needs_homing(&self, axis: AxisIndex) -> bool {
+        let axis = &self.axes[axis];
+        !axis.is_referenced() || axis.askew(self.cycle).is_some()
     }
 
     /// Homes the axes with these coordinates; without any all that do not wait for an operator to say
@@ -115,10 +123,12 @@ impl<const N: usize> Controller<N> {
         for (index, axis) in self.layout.axes.iter().enumerate() {
             let named = coordinates[axis.coordinate];
             let by_hand = matches!(axis.homing.method, HomingMethod::SetHere { .. });
-            if named && axis.homing.is_absolute() {
+            let is_gantry = axis.drives.len() == 2;
+            if named && axis.homing.is_absolute() && !is_gantry {
                 return Err(Refusal::Absolute(axis.coordinate));
             }
-            if named || all && !axis.homing.is_absolute() && !by_hand {
+            let searches = !axis.homing.is_absolute() && !by_hand;
+            if named || all && (searches || self.axes[index].askew(self.cycle).is_some()) {
                 wanted |= 1 << index;
             }
         }
@@ -139,17 +149,24 @@ impl<const N: usize> Controller<N> {
     /// An axis is not referenced, and it does not say so.
     pub(super) fn home_at_start(&mut self) -> Result<(), Fault> {
         let policy = self.layout.homing;
-        match self.unreferenced() {
-            Some(_) if policy.at_start => {
-                let axes = self.axes.iter().enumerate();
-                let missing = axes.filter(|(_, axis)| !axis.is_referenced());
-                self.homing
-                    .begin(missing.fold(0, |set, (index, _)| set | 1 << index));
-                Ok(())
+        let missing = (0..self.axes.len()).filter(|&axis| self.needs_homing(axis));
+        if policy.at_start {
+            let missing = missing.fold(0, |set, axis| set | 1 << axis);
+            if missing != 0 {
+                self.homing.begin(missing);
             }
-            Some(axis) if !policy.unreferenced_jobs => Err(Fault::Unreferenced(axis)),
-            _ => Ok(()),
+            return Ok(());
         }
+        for axis in missing {
+            if let Some(apart) = self.axes[axis].askew(self.cycle) {
+                let difference = apart.abs();
+                return Err(Fault::Axis(axis, AxisCause::Skew { difference }));
+            }
+            if !policy.unreferenced_jobs {
+                return Err(Fault::Unreferenced(axis));
+            }
+        }
+        Ok(())
     }
 
     /// Forgets where an axis is whose drive may have lost its count.
@@ -169,6 +186,10 @@ impl<const N: usize> Controller<N> {
             Stage::Idle | Stage::Found => Ok(()),
             Stage::Next => self.begin_group(),
             Stage::Searching => self.search(),
+            Stage::Squaring => {
+                self.await_square();
+                Ok(())
+            }
             Stage::Leaving(ordered) => self.leave(ordered),
         };
         if let Err((axis, failure)) = outcome {
@@ -345,7 +366,7 @@ impl<const N: usize> Controller<N> {
         if self.homing.stage != Stage::Found {
             return Ok(());
         }
-        self.homing.stage = Stage::Leaving(false);
+        self.homing.stage = Stage::Squaring;
         let mut position = self.planned.position;
         for index in 0..self.axes.len() {
             if !has(self.homing.group, index) {
@@ -353,16 +374,32 @@ impl<const N: usize> Controller<N> {
             }
             let edges = self.homing.searches[index].edges();
             let axis = &mut self.axes[index];
-            let uncertainty = axis.reference(edges, &mut self.nodes)?;
-            position[axis.coordinate()] = axis.reseat(&self.nodes)?;
+            let uncertainty = match self.layout.axes[index].homing.is_absolute() {
+                true => None,
+                false => Some(axis.reference(edges, &mut self.nodes)?),
+            };
+            position[axis.coordinate()] = axis.reseat(&self.nodes);
+            let apart = axis.square(self.cycle + 1);
             self.tell(Event::Referenced {
                 axis: index,
                 uncertainty,
+                apart,
             });
         }
         self.planned.position = position;
         self.rest_here();
         Ok(())
+    }
+
+    /// The sides of gantries go where they belong, before the axes leave.
+    fn await_square(&mut self) {
+        let settled = self.axes.iter().all(|axis| {
+            let sample = axis.sample(self.cycle, &self.nodes);
+            !axis.squares(self.cycle) && axis.is_in_position(&sample)
+        });
+        if settled {
+            self.homing.stage = Stage::Leaving(false);
+        }
     }
 
     /// The axes of the group go to their final positions.
