@@ -352,6 +352,18 @@ impl Case {
             .collect()
     }
 
+    /// Where the tool's centre is that touches a corner at an end of an edge, and cuts into neither of the blocks there.
+    fn around_corners(&self, index: usize) -> impl Iterator<Item = Vector> + '_ {
+        let count = self.edges.len();
+        let near = [count - 1, 0, 1].map(|k| self.edges[(index + k) % count]);
+        let corners = [self.edges[index].from, self.edges[index].to];
+        let angles = (0..720).map(|k| TAU * f64::from(k) / 720.0);
+        let centers = angles.flat_map(move |angle| {
+            corners.map(|[x, y]| [x + self.radius * angle.cos(), y + self.radius * angle.sin()])
+        });
+        centers.filter(move |center| to_all(&near, *center) > self.radius - 1e-9)
+    }
+
     /// Whether the tool can stand there without cutting into the contour.
     fn stands(&self, center: Vector, depth: f64) -> bool {
         to_all(&self.edges, center) > self.radius - depth
@@ -455,15 +467,16 @@ fn judge_path(case: &Case, commands: &[Command], seed: u64) {
 }
 
 /// A refusal is right if the tool cannot touch one of the two blocks anywhere, or cannot stand
-/// beside one of them where the other is.
+/// beside one of them, or at its corners, where the other is.
 fn judge_refusal(case: &Case, line: u32, fault: &Fault, seed: u64) {
     let other = match fault {
         Fault::CutterArc { .. } => line,
         Fault::CutterCorner { line } | Fault::CutterGouge { line, .. } => *line,
         other => panic!("seed {seed}: {other}\n{}", case.program()),
     };
-    let edges = [line, other].map(|line| case.edges[(line as usize).saturating_sub(3)]);
-    let right = edges.iter().any(|edge| {
+    let indices = [line, other].map(|line| (line as usize).saturating_sub(3));
+    let edges = indices.map(|index| case.edges[index]);
+    let right = indices.iter().zip(&edges).any(|(index, edge)| {
         let step = edge.length() / 300.0;
         let beside = case.beside(edge, step);
         match fault {
@@ -472,7 +485,8 @@ fn judge_refusal(case: &Case, line: u32, fault: &Fault, seed: u64) {
                     let depths = edges.iter().map(|edge| case.radius - edge.distance(center));
                     depths.fold(0.0, f64::max) > 0.0005
                 };
-                beside.iter().any(|(_, center)| cuts(*center))
+                let beside = beside.into_iter().map(|(_, center)| center);
+                beside.chain(case.around_corners(*index)).any(cuts)
             }
             _ => beside
                 .iter()
@@ -518,6 +532,12 @@ fn nothing_is_cut_and_all_in_reach_is_touched() {
 #[test]
 fn a_short_arc_between_two_inside_corners() {
     sweep(1_019_237, 1);
+}
+
+/// The tool rolls around a corner into another one across the neck of a bottle.
+#[test]
+fn a_neck_between_two_corners() {
+    sweep(1_051_592, 1);
 }
 
 /// Takes minutes: `cargo test -p syncline-gcode -- --ignored ten_thousand`.
