@@ -6,6 +6,7 @@ use std::time::Duration;
 use super::arc::Arc;
 use super::axes::Point;
 use super::lexer::Columns;
+use super::spline::Spline;
 
 /// One command and the block that asked for it.
 #[derive(Clone, Debug, PartialEq)]
@@ -46,6 +47,13 @@ pub enum Action {
     Arc {
         /// The curve.
         arc: Arc,
+        /// How fast.
+        feed: Feed,
+    },
+    /// Along a spline at a feed (G5, G5.1; of G5.2 to G5.3 one for each polynomial).
+    Spline {
+        /// The curve.
+        spline: Spline,
         /// How fast.
         feed: Feed,
     },

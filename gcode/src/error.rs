@@ -277,6 +277,32 @@ pub enum Fault {
         greatest: f64,
     },
 
+    // Splines.
+    #[error("{code} is a curve in X and Y: write G17 before")]
+    SplinePlane { code: Code },
+    #[error("{code} does not move {axis}: it is a curve in X and Y")]
+    SplineAxis { code: Code, axis: Axis },
+    #[error("the spline is a point: correct its end or its control points")]
+    SplineNowhere,
+    #[error(
+        "weights that differ are not supported: write P as in the block of G5.2, or lines and arcs"
+    )]
+    NurbsWeight,
+    #[error("G5.2 has more than {allowed} points: write G5.3 and begin another")]
+    NurbsTooLong { allowed: usize },
+    #[error(
+        "{points} points are too few for L{order}: write as many as its order, the start among them"
+    )]
+    NurbsTooFew { points: usize, order: usize },
+    #[error("no G5.2 is open here: write it, and a block for each point")]
+    NurbsNotBegun,
+    #[error("{code} between G5.2 and G5.3: only points and F may stand there, write G5.3 before")]
+    NurbsOpen { code: Code },
+    #[error("G5.2 has no G5.3: add it")]
+    NurbsNotEnded,
+    #[error("line {line} is between G5.2 and G5.3: begin where G5.2 is, or before")]
+    BeginNurbs { line: u32 },
+
     // Cutter compensation.
     #[error(
         "{code} is not possible while G41 or G42 is on: write it before, or G40 and a line first"

@@ -19,6 +19,7 @@ use super::lexer::Columns;
 use super::modal::{Code, Group, Modes, ProgrammedFeed};
 use super::parameters::{self, Parameters};
 use super::saved::SavedModes;
+use super::spline::Nurbs;
 use super::words::{Words, out_of_range};
 
 /// The least feed above 0, and what is as good as any greater one: no axis keeps up with it.
@@ -68,6 +69,11 @@ pub(crate) struct State {
     pub(crate) compensated: Compensated,
     /// What canned cycles keep from block to block.
     pub(crate) series: Series,
+    /// Where the last G5 led, from its end, mm: what a G5 without I and J goes on with.
+    pub(crate) spline_direction: Option<[f64; 2]>,
+    /// What G5.2 has begun, and where that starts.
+    pub(crate) nurbs: Option<Nurbs>,
+    pub(crate) nurbs_start: Option<Point>,
     /// The line of the block that is being executed.
     pub(crate) line: u32,
     /// What M70 and M73 have saved: of the main program, then of each subroutine that is open.
@@ -89,6 +95,9 @@ impl State {
             setup,
             compensated: Compensated::default(),
             series: Series::default(),
+            spline_direction: None,
+            nurbs: None,
+            nurbs_start: None,
             line: 0,
             stack: Vec::new(),
             settings: Vec::new(),
@@ -103,6 +112,7 @@ impl State {
     ) -> Result<Continuation, Refusal> {
         let mut words = self.evaluate(block)?;
         self.end_compensation_by(&words)?;
+        self.only_nurbs(&words)?;
         self.feeds(&mut words)?;
         self.tools(&mut words, commands)?;
         self.spindle(&mut words, commands)?;

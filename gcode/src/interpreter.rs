@@ -240,6 +240,12 @@ impl Interpreter {
                 Fault::BeginCompensated { line },
             ));
         }
+        if self.state.nurbs.is_some() {
+            return Err(Refusal::new(
+                self.block.columns(),
+                Fault::BeginNurbs { line },
+            ));
+        }
         self.state.resume(start, &mut self.actions)?;
         let span = Span {
             file: 0,
@@ -383,6 +389,7 @@ impl Interpreter {
             match &action {
                 Action::Rapid { to } | Action::Feed { to, .. } => self.settled_at = *to,
                 Action::Arc { arc, .. } => self.settled_at = arc.to,
+                Action::Spline { spline, .. } => self.settled_at = spline.to,
                 _ => {}
             }
             self.pending.push_back(Command { span, action });
@@ -428,6 +435,9 @@ impl Interpreter {
     }
 
     fn end(&mut self) -> Result<(), Refusal> {
+        if self.state.nurbs.is_some() {
+            return Err(Refusal::new(self.block.columns(), Fault::NurbsNotEnded));
+        }
         self.state.end_compensation();
         self.actions.push_back(Action::End);
         self.settle(self.span())?;
@@ -447,6 +457,7 @@ impl Iterator for Interpreter {
         let (at, does) = match &command.action {
             Action::Rapid { to } | Action::Feed { to, .. } => (*to, *to != self.idle_at),
             Action::Arc { arc, .. } => (arc.to, true),
+            Action::Spline { spline, .. } => (spline.to, true),
             Action::Dwell { .. } | Action::Stop(_) => (self.idle_at, true),
             _ => (self.idle_at, false),
         };

@@ -7,7 +7,7 @@
 //! A line's bytes (`source`) become tokens (`lexer`), the tokens a block (`parser`, `block`).
 //! Its values are computed (`expression`, `parameters`, `system`), its words sorted into their
 //! modal groups (`words`, `modal`) and executed (`execute`, `saved`, `switches`, `offsets`, `motion`, `arc`,
-//! `cycles`); O-words lead on to other blocks (`flow`). Under G41 and G42 the contour becomes the way
+//! `spline`, `cycles`); O-words lead on to other blocks (`flow`). Under G41 and G42 the contour becomes the way
 //! of the tool's centre (`compensation`). [`Interpreter`] hands out the
 //! [`Command`]s that come of it, one block at a time. What a program may not do is refused with an
 //! [`Error`] that shows the place, the block, what is wrong and what to do.
@@ -33,6 +33,7 @@ mod parameters;
 mod parser;
 mod saved;
 mod source;
+mod spline;
 mod switches;
 mod system;
 mod tables;
@@ -51,6 +52,7 @@ pub use lexer::Columns;
 pub use memory::Memory;
 pub use modal::{Code, Modes, Motion, ProgrammedFeed};
 pub use source::{Input, MAX_LINE};
+pub use spline::Spline;
 pub use tables::{Tables, TablesError, Tool};
 
 use std::sync::atomic::AtomicBool;

@@ -2,7 +2,7 @@
 //! and the parameters. Offsets and tools themselves are in the [`Tables`](super::Tables).
 
 use super::axes::{Axis, Point};
-use super::command::{Coolant, Turning};
+use super::command::{Coolant, PathMode, Turning};
 use super::modal::{Modes, Motion};
 use super::parameters::Parameters;
 use super::saved::SavedModes;
@@ -21,6 +21,13 @@ pub struct Memory {
 }
 
 impl Memory {
+    /// A machine that was just switched on, whose programs begin in this path mode.
+    pub fn in_path_mode(path_mode: PathMode) -> Memory {
+        let mut memory = Memory::default();
+        memory.modes.path_mode = path_mode;
+        memory
+    }
+
     /// The modal state.
     pub fn modes(&self) -> &Modes {
         &self.modes

@@ -115,7 +115,6 @@ pub(crate) enum Standing {
 const NO_SYNCHRONISED_SPINDLE: &str =
     "it moves in step with the spindle, whose angle the controller does not know";
 const NO_LATHE: &str = "it is for lathes";
-const NO_SPLINE: &str = "write the curve as lines and arcs";
 const NO_SCALING: &str =
     "have the program scaled where it is made: write G50 away if it only ends that";
 const NO_ROTATION: &str =
@@ -128,14 +127,12 @@ impl Code {
         use Standing::{Refused, Supported, Unknown};
         match self {
             Code::G(tenths) => match tenths {
-                0 | 10 | 20 | 30 | 730 | 800..=830 | 850 | 860 | 890 if tenths % 10 == 0 => {
-                    Supported(Group::Motion)
-                }
+                0 | 10 | 20 | 30 | 50..=53 => Supported(Group::Motion),
+                730 | 800..=830 | 850 | 860 | 890 if tenths % 10 == 0 => Supported(Group::Motion),
                 870 | 880 => Refused("write the moves out"),
                 980 | 990 => Supported(Group::CycleReturn),
                 40 => Supported(Group::Dwell),
                 100 | 280 | 281 | 300 | 301 | 520 | 920..=923 => Supported(Group::Offsets),
-                50..=53 => Refused(NO_SPLINE),
                 70 => Refused(NO_LATHE),
                 80 => Supported(Group::Diameters),
                 120 | 130 => Refused(NO_CIRCLES),
@@ -192,6 +189,12 @@ pub enum Motion {
     Feed,
     /// G2, G3
     Arc(Direction),
+    /// G5
+    Cubic,
+    /// G5.1
+    Quadratic,
+    /// G5.2, until G5.3.
+    Nurbs,
     /// G73, G81 …
     Cycle(Cycle),
 }
@@ -205,6 +208,9 @@ impl Motion {
             Motion::Feed => 10,
             Motion::Arc(Direction::Clockwise) => 20,
             Motion::Arc(Direction::Counterclockwise) => 30,
+            Motion::Cubic => 50,
+            Motion::Quadratic => 51,
+            Motion::Nurbs => 52,
             Motion::Cycle(cycle) => cycle.tenths(),
         })
     }

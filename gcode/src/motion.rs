@@ -34,6 +34,9 @@ impl State {
                 Code::G(10) => Motion::Feed,
                 Code::G(20) => Motion::Arc(Direction::Clockwise),
                 Code::G(30) => Motion::Arc(Direction::Counterclockwise),
+                Code::G(50) => Motion::Cubic,
+                Code::G(51) => Motion::Quadratic,
+                Code::G(52) => Motion::Nurbs,
                 code => Cycle::of(code.number()).map_or(Motion::None, Motion::Cycle),
             };
         }
@@ -50,6 +53,9 @@ impl State {
                 Fault::MachineCoordinatesWithout,
             ));
         }
+        if motion != Motion::Cubic {
+            self.spline_direction = None;
+        }
         let arc = matches!(motion, Motion::Arc(_)) && (explicit.is_some() || words.has_arc());
         // Another code that uses the axis words suspends the motion mode for its block.
         let suspended = explicit.is_none()
@@ -61,7 +67,11 @@ impl State {
         let motion_columns = words
             .code_columns(Group::Motion)
             .unwrap_or_else(|| block.columns());
-        if suspended || !(words.has_axes() || words.has_polar() || arc) {
+        if explicit == Some(Code::G(53)) {
+            return self.end_nurbs(words, motion_columns, commands);
+        }
+        let begins_nurbs = explicit == Some(Code::G(52));
+        if suspended || !(words.has_axes() || words.has_polar() || arc || begins_nurbs) {
             return match motion {
                 Motion::Cycle(_) if explicit.is_some() => {
                     Err(Refusal::new(motion_columns, Fault::CycleNowhere { code }))
@@ -76,6 +86,9 @@ impl State {
         }
         if let Motion::Cycle(cycle) = motion {
             return self.cycle(cycle, words, motion_columns, commands);
+        }
+        if let Motion::Cubic | Motion::Quadratic | Motion::Nurbs = motion {
+            return self.spline(motion, words, motion_columns, commands);
         }
         let to = self.target(words, code, machine)?;
         let moved = self.move_to(to, motion, words, motion_columns, commands);
@@ -95,16 +108,6 @@ impl State {
     ) -> Result<(), Refusal> {
         let code = motion.code();
         let action = match motion {
-            Motion::None | Motion::Cycle(_) => {
-                let first = Axis::ALL
-                    .iter()
-                    .filter_map(|axis| words.columns(axis.letter() as u8))
-                    .min_by_key(|columns| columns.start);
-                return Err(Refusal::new(
-                    first.unwrap_or(motion_columns),
-                    Fault::NoMotion,
-                ));
-            }
             Motion::Rapid => Action::Rapid { to },
             Motion::Feed => Action::Feed {
                 to,
@@ -120,6 +123,16 @@ impl State {
                         .feed(words, code, to)
                         .map_err(|fault| Refusal::new(motion_columns, fault))?,
                 }
+            }
+            _ => {
+                let first = Axis::ALL
+                    .iter()
+                    .filter_map(|axis| words.columns(axis.letter() as u8))
+                    .min_by_key(|columns| columns.start);
+                return Err(Refusal::new(
+                    first.unwrap_or(motion_columns),
+                    Fault::NoMotion,
+                ));
             }
         };
         self.go(action, words, motion_columns, commands)
@@ -147,6 +160,7 @@ impl State {
         match &action {
             Action::Rapid { to } | Action::Feed { to, .. } => self.at = *to,
             Action::Arc { arc, .. } => self.at = arc.to,
+            Action::Spline { spline, .. } => self.at = spline.to,
             _ => {}
         }
         commands.push_back(action);
@@ -419,6 +433,7 @@ impl State {
             };
             let (low, high) = match action {
                 Action::Arc { arc, .. } => arc.extent(axis),
+                Action::Spline { spline, .. } => spline.extent(axis),
                 Action::Rapid { to } | Action::Feed { to, .. } => (to[axis], to[axis]),
                 _ => continue,
             };

@@ -99,6 +99,14 @@ impl Words {
         self.codes[group as usize].map(|(_, columns)| columns)
     }
 
+    /// The first code of another group than this.
+    pub(crate) fn first_code_but(&self, group: Group) -> Option<(Code, Columns)> {
+        let others = self.codes.iter().enumerate();
+        let others = others.filter(|(index, _)| *index != group as usize);
+        let others = others.filter_map(|(_, code)| *code);
+        others.min_by_key(|(_, columns)| columns.start)
+    }
+
     /// Whether the letter is there, used or not.
     pub(crate) fn has(&self, letter: u8) -> bool {
         self.letters[slot(letter)].is_some()

@@ -4,7 +4,7 @@ use super::switches::Switches;
 use super::{Exit, report};
 use crate::budget::MachineBudget;
 use crate::machine::Machine;
-use crate::program::Extent;
+use crate::program::{CappedFeeds, Extent};
 use std::error::Error;
 use std::path::{Path, PathBuf};
 use syncline_gcode::Tables;
@@ -24,7 +24,7 @@ use syncline_gcode::Tables;
 pub(super) struct Args {
     /// Machine file
     machine: PathBuf,
-    /// G-code program
+    /// G-code program; `-` is standard input
     program: Option<PathBuf>,
     #[command(flatten)]
     switches: Switches,
@@ -60,6 +60,14 @@ impl Args {
                 extent.blocks,
                 extent.length
             );
+            let CappedFeeds { moves, line, part } = extent.capped;
+            if moves > 0 {
+                println!(
+                    "feed: {moves} moves ask for more than the axes can, and are as fast as these can; line {line} \
+                     has {:.0} % of its feed",
+                    part * 100.0
+                );
+            }
             let (deviation, line) = extent.arc_deviation;
             if deviation > 0.0 {
                 println!(

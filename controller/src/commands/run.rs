@@ -55,7 +55,7 @@ const POLL: Duration = Duration::from_millis(1);
 pub(super) struct Args {
     /// Machine file (TOML).
     machine: PathBuf,
-    /// Part program (RS-274/NGC).
+    /// Part program (RS-274/NGC); `-` is standard input, which then answers nothing
     program: PathBuf,
     #[command(flatten)]
     ports: PortChoice,

@@ -1,10 +1,14 @@
 //! How a program is to be read: the switches of an operator's panel.
 
 use crate::machine::Machine;
-use crate::program::Program;
+use crate::program::{Program, Programs};
 use crate::session::{Command, NotTaken, Operator, SwitchChange};
+use std::error::Error;
+use std::io::{self, Read};
 use std::path::Path;
-use syncline_gcode::TablesError;
+
+/// Bytes that a program on standard input may have: it is kept in memory.
+const LONGEST: u64 = 1 << 28;
 
 /// How a program is to be read.
 #[derive(Debug, clap::Args)]
@@ -32,8 +36,14 @@ impl Switches {
         file: &Path,
         machine: &Machine,
         machine_file: &Path,
-    ) -> Result<Program, TablesError> {
-        Ok(Program::new(file, machine, machine_file)?
+    ) -> Result<Program, Box<dyn Error>> {
+        let programs = Programs::new(machine, machine_file)?;
+        let program = if file == Path::new("-") {
+            programs.text("standard input", &standard_input()?)
+        } else {
+            programs.file(file)
+        };
+        Ok(program
             .block_delete(!self.no_block_delete)
             .from_line(self.from_line)
             .stream(self.stream))
@@ -46,4 +56,15 @@ impl Switches {
         }
         Ok(())
     }
+}
+
+/// All of standard input.
+fn standard_input() -> Result<Vec<u8>, Box<dyn Error>> {
+    let mut text = Vec::new();
+    let input = io::stdin().lock().take(LONGEST + 1).read_to_end(&mut text);
+    input.map_err(|error| format!("cannot read standard input: {error}"))?;
+    if text.len() as u64 > LONGEST {
+        return Err(format!("standard input has more than {LONGEST} bytes: name a file").into());
+    }
+    Ok(text)
 }

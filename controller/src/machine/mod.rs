@@ -42,6 +42,8 @@ pub struct Machine {
     pub controller: Controller,
     /// How closely programmed paths are followed.
     pub path: PathTolerances,
+    /// How they are followed until a program says otherwise.
+    pub path_mode: gcode::PathMode,
     /// In the order of the file, at least one.
     pub buses: Vec<Bus>,
     /// In the order of the file, at least one; each belongs to one axis.
@@ -189,6 +191,15 @@ pub enum MachineError {
         /// Why.
         source: io::Error,
     },
+    /// It is something else.
+    #[error(
+        "{} is no machine file, which is TOML: name the machine file first, then the program",
+        file.display()
+    )]
+    NotToml {
+        /// The file as it was named.
+        file: PathBuf,
+    },
     /// It does not describe a machine.
     #[error(transparent)]
     Invalid(#[from] Invalid),
@@ -246,6 +257,11 @@ impl Machine {
             file: file.into(),
             source,
         })?;
+        // A person who takes one for the other does not want to hear of TOML's grammar.
+        let named = file.extension().is_some_and(|name| name == "toml");
+        if !named && source.parse::<toml::Table>().is_err() {
+            return Err(MachineError::NotToml { file: file.into() });
+        }
         Ok(Self::parse(file, &source)?)
     }
 

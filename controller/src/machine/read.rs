@@ -47,6 +47,7 @@ struct Tables {
     cycle: Spanned<i64>,
     controller: ControllerTable,
     path: PathTolerances,
+    path_mode: gcode::PathMode,
     buses: Vec<BusTable>,
     drives: Vec<DriveTable>,
     encoders: Vec<EncoderTable>,
@@ -83,7 +84,7 @@ impl Tables {
         let controller = controller.unwrap_or_else(|| Table::new("controller", 0..0, &empty));
         let controller = ControllerTable::read(log, controller);
         let path = path.unwrap_or_else(|| Table::new("path", 0..0, &empty));
-        let path = path_tolerances(log, path);
+        let (path, path_mode) = followed_path(log, path);
         let buses: Vec<_> = buses.into_iter().map(|t| BusTable::read(log, t)).collect();
         let drives: Vec<_> = drives
             .into_iter()
@@ -104,6 +105,7 @@ impl Tables {
             cycle,
             controller: controller?,
             path,
+            path_mode,
             buses: buses.into_iter().collect::<Option<_>>()?,
             drives: drives.into_iter().collect::<Option<_>>()?,
             encoders: encoders.into_iter().collect::<Option<_>>()?,
@@ -178,6 +180,7 @@ impl Tables {
             cycle,
             controller,
             path: self.path,
+            path_mode: self.path_mode,
             buses: self.buses.into_iter().map(BusTable::join).collect(),
             drives,
             encoders,
@@ -306,12 +309,21 @@ impl ControllerTable {
     }
 }
 
-/// `[path]`: how closely programmed paths are followed.
-fn path_tolerances(log: &mut Log<'_>, mut table: Table<'_, '_>) -> PathTolerances {
+/// `[path]`: how programmed paths are followed, and how closely.
+fn followed_path(log: &mut Log<'_>, mut table: Table<'_, '_>) -> (PathTolerances, gcode::PathMode) {
     let exact = table.positive_or(log, "exact_tolerance", 0.001, "(mm)");
     let blend = table.positive_or(log, "blend_tolerance", 0.01, "(mm)");
+    let mode = table.choice_or(log, "mode", "G61", ["G61", "G61.1", "G64"].into_iter());
     table.finish(log);
-    PathTolerances { exact, blend }
+    let mode = match mode.as_str() {
+        "G61.1" => gcode::PathMode::ExactStop,
+        "G64" => gcode::PathMode::Blend {
+            tolerance: None,
+            merge: None,
+        },
+        _ => gcode::PathMode::ExactPath,
+    };
+    (PathTolerances { exact, blend }, mode)
 }
 
 pub(super) struct BusTable {

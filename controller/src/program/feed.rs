@@ -1,7 +1,8 @@
 //! What F counts of a move: X Y Z, else U V W, else the turns of A B C.
 
 use crate::machine::{COORDINATES, Position};
-use syncline_trajectory::path::Curve;
+use syncline_gcode::{Action, Feed};
+use syncline_trajectory::path::{Curve, Limits};
 
 /// Travel below this is rounding of the program's, mm or degrees.
 const ROUNDING: f64 = 1e-7;
@@ -44,6 +45,44 @@ pub(super) fn counted_length(curve: &Curve<COORDINATES>) -> (f64, bool) {
 fn change(curve: &Curve<COORDINATES>) -> Position {
     let (start, end) = (curve.start(), curve.end());
     std::array::from_fn(|i| end[i] - start[i])
+}
+
+/// The feed of a motion, but for rapids.
+pub(super) fn feed(action: &Action) -> Option<Feed> {
+    match action {
+        Action::Feed { feed, .. } | Action::Arc { feed, .. } | Action::Spline { feed, .. } => {
+            Some(*feed)
+        }
+        _ => None,
+    }
+}
+
+/// Feeds that fall short by less than this part are reached.
+const REACHED: f64 = 1e-6;
+
+/// The part of its feed that the axes can along the curves of a motion, where they are slowest; `None` if that is
+/// all of it.
+pub(super) fn reached(
+    curves: &[Curve<COORDINATES>],
+    action: &Action,
+    limits: &Limits<COORDINATES>,
+) -> Option<f64> {
+    let feed = feed(action)?;
+    let length: f64 = curves.iter().map(Curve::length).sum();
+    let parts = curves.iter().map(|curve| {
+        let speed = match feed {
+            Feed::Rate(rate) => path_speed(curve, rate),
+            Feed::Duration(seconds) => length / seconds,
+        };
+        let [along, ..] = curve.derivative_bounds();
+        let axes = along.iter().zip(&limits.velocity);
+        let most = axes
+            .map(|(along, most)| most / along)
+            .fold(f64::INFINITY, f64::min);
+        most / speed
+    });
+    let least = parts.fold(f64::INFINITY, f64::min);
+    (least < 1.0 - REACHED).then_some(least)
 }
 
 /// The path speed at which a move has a programmed feed.

@@ -1,7 +1,7 @@
 //! A running program: its commands pushed into the planner, the planner's handed out as instructions.
 
-use super::feed::path_speed;
-use super::moves::{MoveSource, ON_THE_PATH, Step, Upcoming};
+use super::feed::{feed, path_speed};
+use super::moves::{MoveSource, ON_THE_PATH, ProgramMove, Step, Upcoming};
 use super::{Left, Program, ProgramError, place};
 use crate::control::functions::SWITCHES;
 use crate::control::{InputWait, Instruction, Pause, StopPoint, Switch};
@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use syncline_gcode::{self as gcode, Action, Interpreter, PathMode, Tables, TablesError};
 use syncline_trajectory::limits::PositionLimits;
 use syncline_trajectory::path::{
-    Command as PathCommand, Feed, Move, PathControlMode, PathItem, Planner, ReplanRequest,
+    Command as PathCommand, Curve, Feed, Move, PathControlMode, PathItem, Planner, ReplanRequest,
 };
 
 /// Marks that can come up again when the path is planned anew: more than the planner keeps.
@@ -139,36 +139,13 @@ impl Feeder {
 
     fn take(&mut self, command: &gcode::Command) -> Result<(), ProgramError> {
         let line = command.span.line;
-        let motion = self.source.curve(command);
-        let motion = motion.map_err(|source| ProgramError::Curve {
+        let curves = self.source.curves(command);
+        let curves = curves.map_err(|source| ProgramError::Curve {
             place: place(&self.interpreter, command.span),
             source,
         })?;
-        if let Some(mut motion) = motion {
-            let cuts = matches!(command.action, Action::Feed { .. } | Action::Arc { .. });
-            if cuts && take(&mut self.spins_up) {
-                self.await_spindle(command.span)?;
-            }
-            for (line, switch) in take(&mut self.with_motion) {
-                self.switch(line, switch);
-            }
-            motion.tolerance = self.path_control_mode.tolerance().max(ON_THE_PATH);
-            let feed = match &command.action {
-                Action::Feed { feed, .. } | Action::Arc { feed, .. } => match *feed {
-                    gcode::Feed::Rate(rate) => Feed::Rate(path_speed(&motion.curve, rate)),
-                    gcode::Feed::Duration(seconds) => Feed::Rate(motion.curve.length() / seconds),
-                },
-                _ => Feed::Rapid,
-            };
-            let item = PathItem::Move(Move {
-                curve: motion.curve,
-                feed,
-                mode: self.path_control_mode,
-                tag: self.tag,
-            });
-            self.tag += 1;
-            self.upcoming.tell(Step::Move(motion));
-            return self.push(command.span, item);
+        if !curves.is_empty() {
+            return self.take_curves(curves, command);
         }
         match &command.action {
             Action::Dwell { seconds } => {
@@ -225,6 +202,51 @@ impl Feeder {
             _ => {}
         }
         self.ended |= command.action == Action::End;
+        Ok(())
+    }
+
+    /// Goes along the curves of one motion, from each to the next without a stop.
+    fn take_curves(
+        &mut self,
+        curves: Vec<Curve<COORDINATES>>,
+        command: &gcode::Command,
+    ) -> Result<(), ProgramError> {
+        let feed = feed(&command.action);
+        if feed.is_some() && take(&mut self.spins_up) {
+            self.await_spindle(command.span)?;
+        }
+        for (line, switch) in take(&mut self.with_motion) {
+            self.switch(line, switch);
+        }
+        let length: f64 = curves.iter().map(Curve::length).sum();
+        let last = curves.len() - 1;
+        for (index, curve) in curves.into_iter().enumerate() {
+            let mode = match self.path_control_mode {
+                PathControlMode::Stop if index < last => {
+                    PathControlMode::Exact(self.tolerances.exact)
+                }
+                mode => mode,
+            };
+            let feed = match feed {
+                Some(gcode::Feed::Rate(rate)) => Feed::Rate(path_speed(&curve, rate)),
+                Some(gcode::Feed::Duration(seconds)) => Feed::Rate(length / seconds),
+                None => Feed::Rapid,
+            };
+            let item = PathItem::Move(Move {
+                curve,
+                feed,
+                mode,
+                tag: self.tag,
+            });
+            self.tag += 1;
+            self.upcoming.tell(Step::Move(ProgramMove {
+                line: command.span.line,
+                curve,
+                tolerance: mode.tolerance().max(ON_THE_PATH),
+                end: None,
+            }));
+            self.push(command.span, item)?;
+        }
         Ok(())
     }
 

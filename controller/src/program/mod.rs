@@ -23,6 +23,7 @@ use crate::machine::{COORDINATES, InputMeaning, Machine, PathTolerances, Positio
 use feed::counted_length;
 use moves::MoveSource;
 use std::fmt;
+use std::io::Cursor;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -56,6 +57,8 @@ enum Source {
     File(PathBuf),
     /// Typed in.
     Lines(String),
+    /// In memory, and its name.
+    Text(String, Arc<[u8]>),
 }
 
 /// Operator switches and the place a program starts from.
@@ -87,6 +90,28 @@ pub struct Extent {
     pub sets_tables: bool,
     /// The greatest change of an arc that was made for its ends to be exact, mm, and its line.
     pub arc_deviation: (f64, u32),
+    /// Feeds above what the axes can.
+    pub capped: CappedFeeds,
+}
+
+/// Feeds that a program asks for and the axes cannot: moves with them are as fast as the axes can.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct CappedFeeds {
+    /// How many moves.
+    pub moves: u64,
+    /// The line of the one that is slowed down most.
+    pub line: u32,
+    /// The part of its feed that it has where it is slowest.
+    pub part: f64,
+}
+
+impl CappedFeeds {
+    fn add(&mut self, line: u32, part: f64) {
+        if self.moves == 0 || part < self.part {
+            (self.line, self.part) = (line, part);
+        }
+        self.moves += 1;
+    }
 }
 
 /// Why a program cannot be run.
@@ -140,6 +165,7 @@ impl Programs {
         }
         let mut setup = gcode::Setup::new(axes);
         setup.limits = soft_limits;
+        setup.memory = gcode::Memory::in_path_mode(machine.path_mode);
         setup.spindle_speeds = machine.spindle.map(|spindle| spindle.speeds);
         for input in &machine.inputs {
             if let InputMeaning::Program(number) = input.meaning {
@@ -167,6 +193,12 @@ impl Programs {
     #[must_use]
     pub fn file(&self, file: &Path) -> Program {
         self.program(Source::File(file.to_owned()))
+    }
+
+    /// A program in memory; `name` stands for it in messages.
+    #[must_use]
+    pub fn text(&self, name: &str, text: &[u8]) -> Program {
+        self.program(Source::Text(name.to_owned(), text.into()))
     }
 
     /// Lines that were typed in: where they end the modal state goes on.
@@ -320,15 +352,19 @@ impl Program {
             {
                 extent.arc_deviation = (arc.deviation, command.span.line);
             }
-            let motion = source.curve(&command);
-            let motion = motion.map_err(|source| ProgramError::Curve {
+            let curves = source.curves(&command);
+            let curves = curves.map_err(|source| ProgramError::Curve {
                 place: place(&interpreter, command.span),
                 source,
             })?;
-            match motion.map(|motion| counted_length(&motion.curve)) {
-                Some((length, false)) => extent.length += length,
-                Some((angle, true)) => extent.turned += angle,
-                None => {}
+            if let Some(part) = feed::reached(&curves, &command.action, &self.limits) {
+                extent.capped.add(command.span.line, part);
+            }
+            for curve in &curves {
+                match counted_length(curve) {
+                    (length, false) => extent.length += length,
+                    (angle, true) => extent.turned += angle,
+                }
             }
         }
         if !mistakes.is_empty() {
@@ -357,6 +393,9 @@ impl Program {
         let mut interpreter = match &self.source {
             Source::File(file) => Interpreter::open(file, setup)?,
             Source::Lines(text) => Interpreter::from_text("MDI", text.as_str(), setup),
+            Source::Text(name, text) => {
+                Interpreter::new(name.as_str(), Cursor::new(Arc::clone(text)), setup)
+            }
         };
         if let Some(line) = self.from_line {
             interpreter.start_at_line(line)?;

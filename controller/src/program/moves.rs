@@ -31,14 +31,16 @@ pub(super) struct MoveSource {
 }
 
 impl MoveSource {
-    /// The move that a command asks for; `None` if it asks for none, or for one of no length.
-    pub(super) fn curve(
+    /// The curves that a command asks for: none, or none as it has no length, or the parts of a spline.
+    pub(super) fn curves(
         &mut self,
         command: &gcode::Command,
-    ) -> Result<Option<ProgramMove>, CurveError> {
-        let line = command.span.line;
-        let (curve, to) = match &command.action {
-            Action::Rapid { to } | Action::Feed { to, .. } => (Curve::line(self.at, to.0), to.0),
+    ) -> Result<Vec<Curve<COORDINATES>>, CurveError> {
+        let one = |curve: Result<_, _>| curve.map(|curve| vec![curve]);
+        let (curves, to) = match &command.action {
+            Action::Rapid { to } | Action::Feed { to, .. } => {
+                (one(Curve::line(self.at, to.0)), to.0)
+            }
             Action::Arc { arc, .. } => {
                 let definition = ArcDefinition {
                     start: self.at,
@@ -52,21 +54,24 @@ impl MoveSource {
                     clockwise: arc.direction() == gcode::Direction::Clockwise,
                     turns: arc.turns,
                 };
-                (Curve::arc(definition), arc.to.0)
+                (one(Curve::arc(definition)), arc.to.0)
             }
-            _ => return Ok(None),
+            Action::Spline { spline, .. } => {
+                let controls = spline.controls().map(|[x, y]| {
+                    let mut point = self.at;
+                    (point[gcode::Axis::X.index()], point[gcode::Axis::Y.index()]) = (x, y);
+                    point
+                });
+                (Curve::spline(controls), spline.to.0)
+            }
+            _ => return Ok(Vec::new()),
         };
-        match curve {
-            Ok(curve) => {
+        match curves {
+            Ok(curves) => {
                 self.at = to;
-                Ok(Some(ProgramMove {
-                    line,
-                    curve,
-                    tolerance: ON_THE_PATH,
-                    end: None,
-                }))
+                Ok(curves)
             }
-            Err(CurveError::NoLength) => Ok(None),
+            Err(CurveError::NoLength) => Ok(Vec::new()),
             Err(source) => Err(source),
         }
     }

@@ -220,3 +220,57 @@ fn an_endless_program_is_for_streaming() {
     let output = check(&[PORTAL, file, "--stream"]);
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
 }
+
+#[test]
+fn feeds_above_what_the_axes_can_are_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("part.ngc");
+    let program =
+        "F600 G1 X10\nF1000000 X20\nG93 F60000 X30\nG94 F600 X40\nF500000\nG2 X50 I5\nM2\n";
+    fs::write(&file, program).unwrap();
+    let output = check(&[PORTAL, file.to_str().unwrap()]);
+    let good = text(&output.stdout);
+    assert!(good.contains("feed: 3 moves ask for more"), "{good}");
+    assert!(good.contains("line 2 has "), "{good}");
+    fs::write(&file, "F600 G1 X10\nG0 X20\nM2\n").unwrap();
+    let output = check(&[PORTAL, file.to_str().unwrap()]);
+    assert!(!text(&output.stdout).contains("feed:"));
+}
+
+#[test]
+fn a_program_comes_from_standard_input() {
+    use std::io::Write;
+    use std::process::Stdio;
+    for (program, code, said) in [
+        ("G0 X10\nM2\n", 0, "program -: 2 blocks"),
+        ("G0 X10 H\n", 2, "standard input:1:9: "),
+    ] {
+        let mut child = Command::new(env!("CARGO_BIN_EXE_syncline"))
+            .current_dir(root())
+            .args(["check", PORTAL, "-"])
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let mut input = child.stdin.take().unwrap();
+        input.write_all(program.as_bytes()).unwrap();
+        drop(input);
+        let output = child.wait_with_output().unwrap();
+        assert_eq!(output.status.code(), Some(code));
+        let told = [text(&output.stdout), text(&output.stderr)].concat();
+        assert!(told.contains(said), "{told}");
+    }
+}
+
+#[test]
+fn a_program_in_place_of_the_machine_file_is_told_as_that() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("part.ngc");
+    fs::write(&file, "G0 X10\nM2\n").unwrap();
+    let told = refused(&[file.to_str().unwrap(), PORTAL]);
+    assert!(
+        told.contains("is no machine file, which is TOML: name the machine file first"),
+        "{told}"
+    );
+}

@@ -194,7 +194,13 @@ fn every_mistake_is_found_named_and_placed() {
             "[controller]",
             "[path]\n§exact_tolerence = 0.001\n[controller]",
             "path: unknown key `exact_tolerence`",
-            "nearest valid key: `exact_tolerance`; allowed: exact_tolerance, blend_tolerance",
+            "nearest valid key: `exact_tolerance`; allowed: exact_tolerance, blend_tolerance, mode",
+        ),
+        (
+            "[controller]",
+            "[path]\nmode = §\"G62\"\n[controller]",
+            "path: `mode` is \"G62\"",
+            "allowed: \"G61\", \"G61.1\" or \"G64\"; nearest: \"G61\"",
         ),
         (
             "[controller]",

@@ -109,12 +109,14 @@ fn what_a_compensated_contour_refuses() {
         (format!("{on}G53 G0 X0"), "4:1"),
         (format!("{on}G93"), "4:1"),
         (format!("{on}G81 X50 Z-5 R2"), "4:1"),
+        (format!("{on}G5.1 X50 I5 J5"), "4:1"),
         (format!("{on}#5221 = 3"), "4:1"),
         (format!("{on}#5211 = 3"), "4:1"),
         // Behind G40.
         (format!("{on}G40 G2 X50 I5"), "4:5"),
         (format!("{on}G40\nG81 X50 Z-5 R2"), "5:1"),
         (format!("{on}G40\nG28"), "5:1"),
+        (format!("{on}G40\nG5.1 X50 I5 J5"), "5:1"),
         // What the tool does not fit into.
         (format!("{on}G3 X40 Y4 J2"), "4:1"),
         (format!("{on}Y2\nX60"), "4:1"),

@@ -75,6 +75,13 @@ fn show(action: &Action) -> String {
             round(arc.sweep.to_degrees()),
             rate(feed),
         ),
+        Action::Spline { spline, feed } => {
+            let [from, a, b, c, d, to] = spline.controls().map(|point| {
+                let [x, y] = point.map(round);
+                format!("{x} {y}")
+            });
+            format!("spline {from}, {a}, {b}, {c}, {d}, {to} {}", rate(feed))
+        }
         other => format!("{other:?}"),
     }
 }

@@ -13,5 +13,6 @@ mod polar;
 mod refusals;
 mod resume;
 mod saved;
+mod splines;
 mod sweep;
 mod words;

@@ -25,6 +25,7 @@ mod replayed;
 mod results;
 mod run;
 mod signals;
+mod splines;
 mod stops;
 mod switched;
 mod validate;

@@ -12,6 +12,7 @@
 //! - `arc`: where the radii at start and end differ inside the tolerance the radius goes with the angle, so that both end
 //!   points are met,
 //! - `polynomial`: measured in parts, closer in the middle, where the rate of a sharp corner dips,
+//! - `spline`: polynomials by their control points, cut into parts that bend little,
 //! - `length`: derivatives by length from those by any parameter, and upper bounds of the first six on a stretch, as
 //!   the [certificate](super::certify) needs them: bounds of Taylor coefficients, of which Cauchy's product bounds those of
 //!   products.
@@ -19,6 +20,7 @@
 mod arc;
 mod length;
 mod polynomial;
+mod spline;
 
 use thiserror::Error;
 
@@ -99,6 +101,9 @@ pub enum CurveError {
         /// mm
         allowed: f64,
     },
+    /// The parameter of a spline runs ahead of no path.
+    #[error("the spline stands still or turns back on its way: move its control points apart")]
+    StandsStill,
     /// The plane names an axis that the machine does not have.
     #[error("the arc's plane needs more axes than there are")]
     NoSuchAxis,
