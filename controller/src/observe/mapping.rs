@@ -2,11 +2,13 @@
 //!
 //! CiA 301 has a device told by SDO under which COB-ID a PDO comes or goes (1400h and on for R_PDOs,
 //! 1800h and on for T_PDOs, subindex 1) and which objects lie in it, in their order (1600h and on,
-//! 1A00h and on); what the device has confirmed holds, until its communication is reset. So a listener
+//! 1A00h and on); what the device has confirmed holds, until its communication is reset. Where it is told
+//! nothing, what its data sheet says holds: the values of its dictionary after a reset. So a listener
 //! reads setpoints, controlwords and statuswords off the frames, and shares nothing with who sends
-//! them but the standard.
+//! them but the standard and the data sheet.
 
 use std::collections::BTreeMap;
+use syncline_canopen::dictionary::{Entry, Preset};
 use syncline_canopen::{CanId, Frame};
 
 /// Communication and mapping parameters of the first R_PDO and the first T_PDO; those of the others follow.
@@ -41,6 +43,7 @@ pub(crate) enum Heard {
 #[derive(Debug)]
 struct Node {
     id: u16,
+    dictionary: &'static [Entry],
     /// An SDO download that is not confirmed.
     asked: Option<Download>,
     /// By direction, and by number from 0: what is confirmed of each PDO.
@@ -64,15 +67,20 @@ struct Pdo {
 }
 
 impl PdoMappings {
-    /// Of nodes with these ids, nothing is known yet.
-    pub(crate) fn new(ids: impl IntoIterator<Item = u16>) -> Self {
-        let node = |id| Node {
-            id,
-            asked: None,
-            pdos: Default::default(),
+    /// Of nodes with these ids and dictionaries, of which nothing is heard yet.
+    pub(crate) fn new(nodes: impl IntoIterator<Item = (u16, &'static [Entry])>) -> Self {
+        let node = |(id, dictionary)| {
+            let mut node = Node {
+                id,
+                dictionary,
+                asked: None,
+                pdos: Default::default(),
+            };
+            node.reset();
+            node
         };
         Self {
-            nodes: ids.into_iter().map(node).collect(),
+            nodes: nodes.into_iter().map(node).collect(),
         }
     }
 
@@ -85,6 +93,7 @@ impl PdoMappings {
             match id.checked_sub(node.id) {
                 _ if id == 0 => {
                     if node.is_reset(frame.data()) {
+                        node.reset();
                         tell(place, Heard::Reset);
                     }
                 }
@@ -97,14 +106,22 @@ impl PdoMappings {
 }
 
 impl Node {
-    /// Whether an NMT command resets it, which takes back what was written.
-    fn is_reset(&mut self, data: &[u8]) -> bool {
-        let resets = matches!(*data, [0x81 | 0x82, node, ..]
-            if node == 0 || u16::from(node) == self.id);
-        if resets {
-            self.pdos = Default::default();
+    /// Whether an NMT command resets it.
+    fn is_reset(&self, data: &[u8]) -> bool {
+        matches!(*data, [0x81 | 0x82, node, ..] if node == 0 || u16::from(node) == self.id)
+    }
+
+    /// A reset takes back what was written: the values of its data sheet hold.
+    fn reset(&mut self) {
+        self.pdos = Default::default();
+        for entry in self.dictionary {
+            let value = match entry.preset {
+                Preset::Number(value) | Preset::Assumed(value) => value,
+                Preset::PlusNode(value) => value + i64::from(self.id),
+                Preset::Unknown | Preset::Bytes(_) => continue,
+            };
+            self.written(entry.address.index, entry.address.sub, value as u32);
         }
-        resets
     }
 
     /// An SDO request: of interest is an expedited download.

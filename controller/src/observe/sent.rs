@@ -5,8 +5,8 @@
 //! shares nothing with the sender but the machine file and the standard:
 //!
 //! 1. *Which bytes are a setpoint* it learns from the bus (`mapping`): of the objects that a device has been
-//!    told to find in its R_PDOs two are positions to go to, 60C1h:1, the interpolation data record, and
-//!    607Ah, the target position.
+//!    told to find in its R_PDOs, or has there by its data sheet, its model names those that are a position
+//!    to go to ([`Drive::position_objects`]).
 //! 2. *Which setpoint counts* SYNC decides: a drive latches what came before it last. A frame that was
 //!    lost, repeated, late or somebody else's is thereby judged as the drive takes it.
 //! 3. *Which row of the run it belongs to* the number of the SYNC says ([`Row::sync`]).
@@ -15,15 +15,15 @@
 //! `differences` and [`limits`](super::limits).
 //!
 //! [`Row::sync`]: crate::control::Row::sync
+//! [`Drive::position_objects`]: syncline_drives::model::Drive::position_objects
 
 use super::mapping::{Heard, PdoMappings};
 use crate::machine::Machine;
 use crossbeam::channel::{self, Receiver, Sender};
 use std::collections::VecDeque;
-use syncline_canopen::{CanId, CobId, Frame};
-
-/// Objects that are a position to go to, as a mapping names them: index, subindex, 32 bits.
-pub(crate) const POSITIONS: [u32; 2] = [0x60C1_0120, 0x607A_0020];
+use syncline_canopen::dictionary::Entry;
+use syncline_canopen::{Address, CanId, CobId, Frame};
+use syncline_drives::model;
 
 /// A setpoint that a drive has latched.
 #[derive(Clone, Copy, Debug)]
@@ -46,17 +46,51 @@ pub(super) struct Hearing {
 struct Bus {
     syncs: u64,
     mappings: PdoMappings,
-    /// By node: the drive, and the setpoint that came last.
-    nodes: Vec<(usize, Option<i32>)>,
+    nodes: Vec<Node>,
+}
+
+#[derive(Debug)]
+struct Node {
+    drive: usize,
+    /// The objects that are a position to go to.
+    positions: &'static [Address],
+    /// The setpoint that came last.
+    position: Option<i32>,
 }
 
 impl Bus {
-    /// Of drives with their node ids.
-    fn new(drives: impl Iterator<Item = (usize, u16)> + Clone) -> Self {
+    /// Of nodes, each with its id and its dictionary.
+    fn new(nodes: impl IntoIterator<Item = (Node, u16, &'static [Entry])>) -> Self {
+        let mut data_sheets = Vec::new();
+        let mut of = |(node, id, dictionary)| {
+            data_sheets.push((id, dictionary));
+            node
+        };
+        let nodes = nodes.into_iter().map(&mut of).collect();
         Self {
             syncs: 0,
-            mappings: PdoMappings::new(drives.clone().map(|(_, id)| id)),
-            nodes: drives.map(|(drive, _)| (drive, None)).collect(),
+            mappings: PdoMappings::new(data_sheets),
+            nodes,
+        }
+    }
+}
+
+impl Node {
+    fn new(drive: usize, positions: &'static [Address]) -> Self {
+        Self {
+            drive,
+            positions,
+            position: None,
+        }
+    }
+
+    /// Takes an object of one of its PDOs, named as a mapping does: index, subindex, bits.
+    fn take(&mut self, object: u32, value: u32) {
+        let [bits, sub, low, high] = object.to_le_bytes();
+        let address = Address::new(u16::from_le_bytes([low, high]), sub);
+        if self.positions.contains(&address) {
+            let unused = 32_u32.saturating_sub(bits.into());
+            self.position = Some((value << unused).cast_signed() >> unused);
         }
     }
 }
@@ -66,8 +100,15 @@ impl Hearing {
     pub(super) fn new(machine: &Machine) -> (Self, SentSetpoints) {
         let drives = machine.drives.iter().enumerate();
         let on = |bus| drives.clone().filter(move |(_, drive)| drive.bus == bus);
-        let id = |(index, drive): (usize, &crate::machine::Drive)| (index, drive.node.get().into());
-        let buses = (0..machine.buses.len()).map(|bus| Bus::new(on(bus).map(id)));
+        let node = |(index, drive): (usize, &crate::machine::Drive)| {
+            let device = machine.device(index);
+            let positions = device
+                .drive()
+                .map_or(&[][..], model::Drive::position_objects);
+            let node = Node::new(index, positions);
+            (node, drive.node.get().into(), drive.model.dictionary)
+        };
+        let buses = (0..machine.buses.len()).map(|bus| Bus::new(on(bus).map(node)));
         let (tell, told) = channel::unbounded();
         let sent = SentSetpoints {
             told,
@@ -86,11 +127,11 @@ impl Hearing {
         } = &mut self.buses[bus];
         if frame.id() == CanId::from(CobId::SYNC) {
             *syncs += 1;
-            for &(drive, position) in &*nodes {
-                if let Some(position) = position {
+            for node in &*nodes {
+                if let Some(position) = node.position {
                     // Nobody judging is fine.
                     let _ = self.tell.send(Latched {
-                        drive,
+                        drive: node.drive,
                         sync: *syncs,
                         position,
                     });
@@ -98,11 +139,8 @@ impl Hearing {
             }
         }
         mappings.hear(frame, &mut |node, heard| match heard {
-            Heard::Reset => nodes[node].1 = None,
-            Heard::Object { object, value } if POSITIONS.contains(&object) => {
-                nodes[node].1 = Some(value.cast_signed());
-            }
-            Heard::Object { .. } => {}
+            Heard::Reset => nodes[node].position = None,
+            Heard::Object { object, value } => nodes[node].take(object, value),
         });
     }
 }
@@ -144,7 +182,8 @@ mod tests {
 
     fn hearing() -> (Hearing, SentSetpoints) {
         let (tell, told) = channel::unbounded();
-        let buses = vec![Bus::new([(0, NODE)].into_iter())];
+        static POSITIONS: [Address; 2] = [Address::new(0x60C1, 1), Address::new(0x607A, 0)];
+        let buses = vec![Bus::new([(Node::new(0, &POSITIONS), NODE, &[][..])])];
         let sent = SentSetpoints {
             told,
             drives: vec![VecDeque::new()],

@@ -1,5 +1,6 @@
 //! Devices that move an axis: what they are told, what they say of themselves.
 
+use super::profile::cia402;
 use super::{Address, Data, Feedback, Increments, OutOfRange, Write};
 use core::fmt;
 use syncline_canopen::Frame;
@@ -42,6 +43,12 @@ pub trait Drive: Feedback {
         let positions = &self.spec().model.positions;
         let inside = positions.contains(&setpoint.position);
         inside.then_some(()).ok_or(OutOfRange)
+    }
+
+    /// The objects of its R_PDOs that are a position to go to, for who reads off the bus what it was
+    /// sent: by default CiA 402's, 60C1h:1 and 607Ah.
+    fn position_objects(&self) -> &'static [Address] {
+        &cia402::POSITIONS
     }
 
     /// Its R_PDOs of this cycle, one each in `frames`. What [`Drive::check`] refuses goes to the end

@@ -6,13 +6,15 @@ use super::super::stage::Woken;
 use crate::control::{self, Phase, State};
 use crate::machine::Machine;
 use crate::observe::mapping::{Heard, PdoMappings};
-use crate::observe::sent::POSITIONS;
 use crate::session::Event;
 use syncline_canopen::cia402::{self, Statusword};
 use syncline_canopen::{CanId, CobId, Instant};
 use syncline_drives::bus::Transmission;
 use syncline_drives::model::Increments;
 use syncline_drives::twin::Observation;
+
+/// Positions to go to by CiA 402, as a mapping names them.
+const POSITIONS: [u32; 2] = [0x60C1_0120, 0x607A_0020];
 
 /// Controlword and statusword, as a mapping names them.
 const CONTROLWORD: u32 = 0x6040_0010;
@@ -98,7 +100,8 @@ impl<'a> Scene<'a> {
                 .collect();
             let ids = drives
                 .iter()
-                .map(|it| machine.drives[*it].node.get().into());
+                .map(|it| &machine.drives[*it])
+                .map(|drive| (drive.node.get().into(), drive.model.dictionary));
             BusScene {
                 mappings: PdoMappings::new(ids),
                 drives,

@@ -12,6 +12,10 @@ const CONTROLWORD: Address = Address::new(0x6040, 0);
 const STATUSWORD: Address = Address::new(0x6041, 0);
 const MODE_DISPLAY: Address = Address::new(0x6061, 0);
 
+/// The interpolation data record's first entry, and the target position.
+pub(in crate::model) static POSITIONS: [Address; 2] =
+    [Address::new(0x60C1, 1), Address::new(0x607A, 0)];
+
 /// How late a drive's position reference follows what it was sent.
 pub(in crate::model) const INTERPOLATION_DELAY: Assumption = Assumption {
     name: "interpolation_delay",
