@@ -177,6 +177,8 @@ impl SentSetpoints {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use syncline_canopen::dictionary::DataType::{U8, U32};
+    use syncline_canopen::dictionary::{ro, rw, table};
 
     const NODE: u16 = 3;
 
@@ -194,6 +196,30 @@ mod tests {
     fn frame(id: u16, data: &[u8]) -> Frame {
         let id = syncline_canopen::CobId::new(id).unwrap();
         Frame::new(id, data)
+    }
+
+    /// Its R_PDO is fixed: a byte, and its own target of 16 bits.
+    #[test]
+    fn a_data_sheet_tells_what_nobody_writes() {
+        static TARGET: [Address; 1] = [Address::new(0x2001, 0)];
+        static DICTIONARY: [Entry; 4] = table([
+            rw(0x1400, 1, "COB-ID", U32).default_plus_node(0x200),
+            ro(0x1600, 0, "number", U8).default(2),
+            ro(0x1600, 1, "first", U32).default(0x2000_0008),
+            ro(0x1600, 2, "second", U32).default(0x2001_0010),
+        ]);
+        let (mut ears, mut sent) = hearing();
+        ears.buses = vec![Bus::new([(Node::new(0, &TARGET), NODE, &DICTIONARY[..])])];
+        for reset in [false, true] {
+            if reset {
+                ears.hear(0, &frame(0x000, &[0x82, 0]));
+            }
+            ears.hear(0, &frame(0x200 + NODE, &[0x81, 0xFE, 0xFF]));
+            ears.hear(0, &frame(0x080, &[]));
+            let sync = 1 + u64::from(reset);
+            sent.go_on_to(sync);
+            assert_eq!(sent.latched(0, sync), Some(-2));
+        }
     }
 
     /// Writes an object of so many bytes; the node confirms it, or aborts.
