@@ -423,18 +423,34 @@ impl Rig {
         self.controller().end()
     }
 
-    /// The trace so far.
+    /// The trace so far. An axis that was quick-stopped follows no setpoint: its are those of the plan, which
+    /// ends where all were.
     #[must_use]
     pub fn trace(&self) -> Trace {
         let mut axes = trace::axes(&self.machine);
-        for (trace, axis) in axes.iter_mut().zip(&self.layout.axes) {
-            let samples = self.rows.iter().map(|row| row.axes[axis.coordinate]);
-            trace.set = samples.clone().map(|sample| sample.set).collect();
-            trace.act = samples.map(|sample| sample.act).collect();
+        let places: Vec<usize> = self
+            .layout
+            .axes
+            .iter()
+            .map(|axis| axis.coordinate)
+            .collect();
+        let planned = |row: &&Row<COORDINATES>| {
+            let mut axes = places.iter().map(|&at| row.axes[at]);
+            axes.any(|axis| !axis.quick_stopped)
+        };
+        let rows: Vec<_> = self.rows.iter().filter(planned).collect();
+        for (trace, &at) in axes.iter_mut().zip(&places) {
+            let set = |row: &&Row<COORDINATES>| match row.axes[at].quick_stopped {
+                true => row.plan.position[at],
+                false => row.axes[at].set,
+            };
+            trace.set = rows.iter().map(set).collect();
+            trace.act = rows.iter().map(|row| row.axes[at].act).collect();
         }
         Trace {
             cycle: self.machine.cycle.as_secs_f64(),
-            line: vec![0; self.rows.len()],
+            line: vec![0; rows.len()],
+            cut_off: rows.len() < self.rows.len(),
             axes,
         }
     }

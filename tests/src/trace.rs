@@ -12,6 +12,8 @@ pub struct Trace {
     pub axes: Vec<AxisTrace>,
     /// Program line by row.
     pub line: Vec<u32>,
+    /// A quick stop cut the plan off, which did not come to rest.
+    pub cut_off: bool,
 }
 
 /// One axis, by row, mm.
@@ -114,11 +116,16 @@ impl Trace {
                 axis.act.push(field(3 + 2 * index));
             }
         }
-        Self { cycle, axes, line }
+        Self {
+            cycle,
+            axes,
+            line,
+            cut_off: false,
+        }
     }
 
     /// What exceeds a limit, by the differences of the setpoints: at rest before the first row
-    /// and after the last one.
+    /// and, unless it was cut off, after the last one.
     ///
     /// Differences average the plan over a cycle, so they can only be smaller; allowed on top are
     /// one part in a million, and for each difference the rounding of the positions in it.
@@ -153,7 +160,9 @@ impl Trace {
             };
             let mut padded = vec![first; 3];
             padded.extend(&axis.set);
-            padded.extend([last; 3]);
+            if !self.cut_off {
+                padded.extend([last; 3]);
+            }
             let greatest = padded.iter().fold(0.0_f64, |most, p| most.max(p.abs()));
             let ulp = greatest.next_up() - greatest;
             let mut differences = padded;
@@ -239,6 +248,7 @@ mod tests {
         Trace {
             cycle: CYCLE,
             line: vec![1; set.len()],
+            cut_off: false,
             axes: vec![AxisTrace {
                 name: "X".into(),
                 act: set.clone(),

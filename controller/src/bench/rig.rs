@@ -206,6 +206,7 @@ impl Shape {
             lock_timeout: Duration::from_secs(5),
             state_timeout: Duration::from_secs(5),
             t_pdo_misses: 2,
+            stop_together: false,
             buses: budgets
                 .into_iter()
                 .enumerate()
@@ -247,6 +248,7 @@ impl Shape {
                         acceleration: ACCELERATION,
                         jerk: JERK,
                         following_error: 5.0,
+                        following_error_at_rest: 5.0,
                         skew: None,
                         standstill: 0.1,
                     },

@@ -29,7 +29,7 @@ pub enum BusFault {
 
 /// What the machine does about a [`BusFault`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Reaction {
+pub enum Severity {
     /// Counted; what it costs shows as a late setpoint or a missing T_PDO.
     Count,
     /// Counted and told.
@@ -59,16 +59,16 @@ impl BusFault {
 
     /// What the machine does about it.
     #[must_use]
-    pub const fn reaction(self) -> Reaction {
+    pub const fn severity(self) -> Severity {
         match self {
-            Self::BusOff | Self::TransmitTimeout | Self::Restarted => Reaction::Lose,
-            Self::ErrorPassive => Reaction::Stop,
-            Self::ErrorWarning => Reaction::Warn,
+            Self::BusOff | Self::TransmitTimeout | Self::Restarted => Severity::Lose,
+            Self::ErrorPassive => Severity::Stop,
+            Self::ErrorWarning => Severity::Warn,
             Self::ReceiveOverrun
             | Self::TransmitOverrun
             | Self::NoAcknowledge
             | Self::ArbitrationLost
-            | Self::Damaged => Reaction::Count,
+            | Self::Damaged => Severity::Count,
         }
     }
 }
@@ -117,10 +117,10 @@ mod tests {
 
     #[test]
     fn what_stops_the_machine() {
-        assert_eq!(BusFault::BusOff.reaction(), Reaction::Lose);
-        assert_eq!(BusFault::ErrorPassive.reaction(), Reaction::Stop);
-        assert_eq!(BusFault::ErrorWarning.reaction(), Reaction::Warn);
-        assert_eq!(BusFault::ArbitrationLost.reaction(), Reaction::Count);
+        assert_eq!(BusFault::BusOff.severity(), Severity::Lose);
+        assert_eq!(BusFault::ErrorPassive.severity(), Severity::Stop);
+        assert_eq!(BusFault::ErrorWarning.severity(), Severity::Warn);
+        assert_eq!(BusFault::ArbitrationLost.severity(), Severity::Count);
     }
 
     #[test]

@@ -9,7 +9,7 @@
 
 mod fault;
 
-pub use fault::{BusFault, FaultCounts, Reaction};
+pub use fault::{BusFault, FaultCounts, Severity};
 
 use syncline_canopen::{CobId, Frame, Instant, Transmit};
 

@@ -4,7 +4,7 @@
 use super::When;
 use super::dice::Dice;
 use super::machine::MachineSpec;
-use crate::bus::{Burst, BusFault, Reaction, Received};
+use crate::bus::{Burst, BusFault, Received, Severity};
 use crate::port::sim::SimPort;
 use crate::port::{Port, PortError};
 use serde::{Deserialize, Serialize};
@@ -379,7 +379,7 @@ impl TroubledPort {
             ToBus::Unplug(cycles) => self.unplugged = cycles,
             ToBus::Condition(place) => match BusFault::ALL.get(place) {
                 // A port tells by an error that its bus carries nothing any more.
-                Some(fault) if fault.reaction() == Reaction::Lose => self.unplugged = 1,
+                Some(fault) if fault.severity() == Severity::Lose => self.unplugged = 1,
                 fault => self.condition = fault.copied(),
             },
             ToBus::Incoming(tampering) => self.tampering.push(tampering),

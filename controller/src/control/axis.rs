@@ -2,10 +2,10 @@
 
 use super::fault::{AxisCause, AxisIndex, DriveCause, Fault};
 use super::homing::Edge;
-use super::layout;
+use super::layout::{self, Layout};
 use super::node::DriveNode;
+use super::setpoint_guard::SetpointGuard;
 use crate::machine::{HomingMethod, Square};
-use syncline_canopen::time::Duration;
 use syncline_drives::model::{Increments, OutOfRange, Setpoint};
 use syncline_trajectory::limits::Limits;
 use syncline_trajectory::profile::{Profile, State};
@@ -13,6 +13,8 @@ use syncline_trajectory::state_to_state::{self, Axis as Motion};
 
 /// Setpoints that are kept to look back by a drive's interpolation delay.
 const HISTORY: usize = 16;
+/// So many times its greatest velocity no axis moves, also not while it catches up.
+const JUMP: f64 = 1.5;
 
 /// Which way a side goes as the sides come apart.
 const OUTWARDS: [f64; 2] = [-0.5, 0.5];
@@ -21,13 +23,16 @@ const OUTWARDS: [f64; 2] = [-0.5, 0.5];
 const GENTLE: f64 = 0.1;
 
 /// What one side of an axis keeps.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Debug)]
 struct Side {
     /// Increments to add to the converted plan, captured when the setpoint was frozen: the side
     /// stays where it is, whatever the other side does.
     offset: Increments,
-    /// What its drive is sent to next, before it is known that the other side's can be too.
+    /// What its drive is sent to next, before it is known that all others' can be too.
     next: Setpoint,
+    guard: SetpointGuard,
+    /// Its last actual position, and how many cycles ago that was.
+    seen: Option<(Increments, u32)>,
 }
 
 /// An axis in the cycle.
@@ -38,6 +43,8 @@ pub(super) struct AxisControl {
     sides: Vec<Side>,
     /// Its positions are machine positions.
     referenced: bool,
+    /// Where it is sent next, and how far its second side beyond the first, mm; `None` where it stays.
+    next: Option<(f64, f64)>,
     /// Planned positions by cycle, newest at `cycle % HISTORY`, mm.
     planned: [f64; HISTORY],
     /// How far the second side is planned beyond the first, likewise.
@@ -60,19 +67,30 @@ pub struct AxisSample {
     /// Of a gantry: how far the second side was planned beyond the first, where that is being taken
     /// out, mm.
     pub apart: f64,
+    /// Its drives were quick-stopped: they come to rest by themselves and follow no setpoint; the one here is the
+    /// actual position.
+    pub quick_stopped: bool,
 }
 
 impl AxisControl {
-    pub(super) fn new(index: AxisIndex, spec: layout::AxisSpec, cycle: Duration) -> Self {
+    pub(super) fn new(index: AxisIndex, layout: &Layout) -> Self {
+        let spec = layout.axes[index].clone();
+        let side = |&drive: &usize| Side {
+            offset: Increments::ZERO,
+            next: Setpoint::default(),
+            guard: SetpointGuard::new(&spec.limits, &layout.drives[drive].scaling, layout.cycle),
+            seen: None,
+        };
         Self {
             index,
-            sides: vec![Side::default(); spec.drives.len()],
+            sides: spec.drives.iter().map(side).collect(),
             referenced: spec.homing.is_absolute(),
             spec,
+            next: None,
             planned: [0.0; HISTORY],
             apart: [0.0; HISTORY],
             squaring: None,
-            period: cycle.as_secs_f64(),
+            period: layout.cycle.as_secs_f64(),
         }
     }
 
@@ -268,6 +286,10 @@ impl AxisControl {
     /// machine position in mm.
     pub(super) fn freeze(&mut self, nodes: &[DriveNode]) -> Result<f64, Fault> {
         let position = self.locate(nodes)?;
+        for side in &mut self.sides {
+            side.guard.forget();
+            side.seen = None;
+        }
         let side = |side: usize| nodes[self.spec.drives[side]].actual_mm();
         if self.sides.len() == 2 && self.skewed((side(1) - side(0)).abs()) {
             return Ok(self.reseat(nodes));
@@ -277,8 +299,16 @@ impl AxisControl {
     }
 
     /// SYNC `cycle` and those after it, `lost` in all, were left out: the next one latches what
-    /// `cycle` would have.
-    pub(super) fn repeat(&mut self, cycle: u64, lost: u64) {
+    /// `cycle` would have, and the drives went on meanwhile.
+    pub(super) fn lose_cycles(&mut self, cycle: u64, lost: u64) {
+        self.repeat(cycle, lost);
+        for (_, ago) in self.sides.iter_mut().filter_map(|side| side.seen.as_mut()) {
+            *ago = ago.saturating_add(u32::try_from(lost).unwrap_or(u32::MAX));
+        }
+    }
+
+    /// The setpoint of SYNC `cycle` holds for so many more.
+    fn repeat(&mut self, cycle: u64, lost: u64) {
         let (position, apart) = (self.planned(cycle), self.apart(cycle));
         for next in (cycle + 1..=cycle + lost).rev().take(HISTORY) {
             self.planned[next as usize % HISTORY] = position;
@@ -286,34 +316,70 @@ impl AxisControl {
         }
     }
 
-    /// Takes the planned position that SYNC `cycle` latches and hands it to the drives. A position
-    /// that one of them cannot take is taken by none: they keep their last one.
-    pub(super) fn plan(
+    /// Setpoints of the plan were left out: the next one may be further away.
+    pub(super) fn leave_out(&mut self) {
+        self.sides.iter_mut().for_each(|side| side.guard.forget());
+    }
+
+    /// Looks whether its drives can be sent to what SYNC `cycle` latches. One that one of them cannot take
+    /// is taken by none: they keep their last one.
+    /// Its soft limits count once it is referenced, but not while it is `homing`.
+    pub(super) fn prepare(
         &mut self,
         cycle: u64,
         positions: &[f64],
-        nodes: &mut [DriveNode],
+        homing: bool,
+        nodes: &[DriveNode],
     ) -> Result<(), Fault> {
-        let position = positions[self.spec.coordinate];
+        self.next = None;
+        if self.is_quick_stopped(nodes) {
+            return Ok(());
+        }
+        let (axis, position) = (self.index, positions[self.spec.coordinate]);
         let apart = match &self.squaring {
             Some((plan, began)) => plan.at((cycle - began) as f64 * self.period).p,
             None => self.apart(cycle - 1),
         };
         let sides = self.sides.iter_mut().zip(&self.spec.drives);
-        let converted = sides.zip(OUTWARDS).try_for_each(|((side, &drive), out)| {
+        for ((side, &drive), out) in sides.zip(OUTWARDS) {
             side.next = nodes[drive].setpoint_at(position + out * apart, side.offset)?;
-            Ok(())
-        });
-        if let Err(fault) = converted {
-            self.repeat(cycle - 1, 1);
-            return Err(fault);
+            let origin = Some(nodes[drive].origin).filter(|_| self.referenced && !homing);
+            let guarded = side.guard.check(side.next.position, origin);
+            guarded.map_err(|(quantity, value)| {
+                let cause = AxisCause::SetpointGuard {
+                    drive,
+                    quantity,
+                    value,
+                };
+                Fault::Axis(axis, cause)
+            })?;
         }
-        for (side, &drive) in self.sides.iter().zip(&self.spec.drives) {
+        self.next = Some((position, apart));
+        Ok(())
+    }
+
+    /// Hands the drives what SYNC `cycle` latches, if they `move_on` and it could be prepared; otherwise they
+    /// keep their last one.
+    pub(super) fn hand_over(&mut self, cycle: u64, move_on: bool, nodes: &mut [DriveNode]) {
+        let Some((position, apart)) = self.next.filter(|_| move_on) else {
+            let quick_stopped = self.is_quick_stopped(nodes);
+            for &drive in self.spec.drives.iter().filter(|_| quick_stopped) {
+                nodes[drive].hold();
+            }
+            return self.repeat(cycle - 1, 1);
+        };
+        for (side, &drive) in self.sides.iter_mut().zip(&self.spec.drives) {
             nodes[drive].setpoint = side.next;
+            side.guard.push(side.next.position);
         }
         self.planned[cycle as usize % HISTORY] = position;
         self.apart[cycle as usize % HISTORY] = apart;
-        Ok(())
+    }
+
+    /// Whether its drives come to rest by themselves.
+    pub(super) fn is_quick_stopped(&self, nodes: &[DriveNode]) -> bool {
+        let mut drives = self.spec.drives.iter();
+        drives.any(|&drive| nodes[drive].is_quick_stopped())
     }
 
     /// The planned position latched at SYNC `cycle`; the newest 16 are kept.
@@ -330,7 +396,13 @@ impl AxisControl {
             act: set,
             following_error: 0.0,
             apart: self.apart(cycle),
+            quick_stopped: self.is_quick_stopped(nodes),
         };
+        if worst.quick_stopped {
+            worst.act = nodes[self.spec.drives[0]].actual_mm();
+            worst.set = worst.act;
+            return worst;
+        }
         for (index, (side, &drive)) in self.sides.iter().zip(&self.spec.drives).enumerate() {
             let node = &nodes[drive];
             let act = node.scaling().to_mm(node.actual() - side.offset);
@@ -346,6 +418,38 @@ impl AxisControl {
             }
         }
         worst
+    }
+
+    /// The greatest speed of the setpoints latched at SYNC `cycle` and lately before, mm/s: a following error
+    /// decays later than the speed that it comes from.
+    fn speed(&self, cycle: u64) -> f64 {
+        let steps = (1..HISTORY as u64).map(|back| {
+            let before = cycle.wrapping_sub(back);
+            (self.planned(before.wrapping_add(1)) - self.planned(before)).abs()
+        });
+        steps.fold(0.0, f64::max) / self.period
+    }
+
+    /// Looks at the actual positions of a cycle: what changed by more than the axis can move is none of it.
+    pub(super) fn check_jumps(&mut self, nodes: &[DriveNode]) -> Result<(), Fault> {
+        let mut outcome = Ok(());
+        let limits = &self.spec.limits;
+        for (side, &drive) in self.sides.iter_mut().zip(&self.spec.drives) {
+            let node = &nodes[drive];
+            if node.age() > 0 {
+                side.seen = side.seen.map(|(seen, ago)| (seen, ago.saturating_add(1)));
+            } else if let Some((seen, ago)) = side.seen.replace((node.actual(), 1)) {
+                let counts = (node.actual() - seen).get().unsigned_abs();
+                let distance = counts as f64 * node.scaling().resolution();
+                let possible =
+                    JUMP * limits.velocity * self.period * f64::from(ago) + limits.standstill;
+                if distance > possible {
+                    let cause = AxisCause::Jump { distance, possible };
+                    outcome = Err(Fault::Axis(self.index, cause));
+                }
+            }
+        }
+        outcome
     }
 
     /// Whether the axis has arrived where the plan is at rest.
@@ -396,13 +500,18 @@ impl AxisControl {
     /// Checks a sample while the setpoint moves.
     pub(super) fn check_motion(
         &self,
+        cycle: u64,
         sample: &AxisSample,
         nodes: &[DriveNode],
     ) -> Result<(), Fault> {
         let axis = self.index;
-        if sample.following_error.abs() > self.spec.limits.following_error {
+        let allowed = self.spec.limits.following_error_at(self.speed(cycle));
+        if sample.following_error.abs() > allowed {
             let error = sample.following_error;
-            return Err(Fault::Axis(axis, AxisCause::FollowingError { error }));
+            return Err(Fault::Axis(
+                axis,
+                AxisCause::FollowingError { error, allowed },
+            ));
         }
         if let [one, other] = self.spec.drives[..] {
             let (one, other) = (&nodes[one], &nodes[other]);

@@ -240,6 +240,8 @@ pub enum Phase {
     Program,
     /// A stop on the path.
     Stop,
+    /// A quick stop of all drives.
+    QuickStop,
     /// Ends the operating mode.
     ModeEnd,
     /// Power stages off, brakes first.
@@ -268,6 +270,7 @@ impl fmt::Display for Phase {
             Self::ModeStart => "setpoints frozen, starting the operating mode",
             Self::Program => "ready",
             Self::Stop => "coming to rest",
+            Self::QuickStop => "quick stop",
             Self::ModeEnd => "ending the operating mode",
             Self::ShutDown => "switching the power stages off",
             Self::Disable => "power stages off",

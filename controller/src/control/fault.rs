@@ -6,6 +6,7 @@ use super::NO_PLAN;
 use super::homing::HomingFailure;
 use super::inputs::InputIndex;
 use super::layout::AxisSpec;
+use super::setpoint_guard::Quantity;
 use std::fmt;
 use syncline_canopen::NodeId;
 use syncline_canopen::emcy::Emergency;
@@ -239,6 +240,24 @@ pub enum AxisCause {
     FollowingError {
         /// Setpoint minus actual position, mm.
         error: f64,
+        /// What was allowed at its speed, mm.
+        allowed: f64,
+    },
+    /// An actual position changed by more than an axis can move meanwhile.
+    Jump {
+        /// By how much, mm.
+        distance: f64,
+        /// What was possible, mm.
+        possible: f64,
+    },
+    /// A setpoint of a drive was beyond a limit of its axis, and was not sent.
+    SetpointGuard {
+        /// The drive.
+        drive: DriveIndex,
+        /// What of it.
+        quantity: Quantity,
+        /// How much: by mm and s; of a position, how far beyond its range.
+        value: f64,
     },
     /// Its encoder and its drives disagree about where it is.
     FeedbackDifference {
@@ -338,7 +357,11 @@ impl Fault {
         };
         let AxisSpec { limits, unit, .. } = names.axis(axis);
         let (value, limit) = match cause {
-            AxisCause::FollowingError { error } => (error.abs(), limits.following_error),
+            AxisCause::FollowingError { error, allowed } => (error.abs(), allowed),
+            AxisCause::Jump { distance, possible } => (distance, possible),
+            AxisCause::SetpointGuard {
+                quantity, value, ..
+            } => return Some((value, quantity.limit(limits), quantity.unit(unit))),
             AxisCause::Skew { difference } => (difference, limits.skew?),
             AxisCause::Standstill { distance } => (distance, limits.standstill),
             AxisCause::FeedbackDifference { difference } => {
@@ -362,6 +385,9 @@ impl Fault {
                 names.vendor_part(drive, &emergency)
             ),
             Self::Drive(drive, cause) => format!("{}: {cause}", names.who(drive)),
+            Self::Axis(axis, cause @ AxisCause::SetpointGuard { drive, .. }) => {
+                format!("{}, {}", names.who(drive), cause.describe(names.axis(axis)))
+            }
             Self::Axis(axis, cause) => cause.describe(names.axis(axis)),
             Self::Bus(bus, cause) => format!("bus {}: {cause}", names.bus(bus)),
             Self::LateWakeUp { late_ns } => format!(
@@ -420,10 +446,22 @@ impl AxisCause {
                  lost steps, then check the `zero` of both",
                 axis.feedback.map_or(0.0, |feedback| feedback.difference)
             ),
-            Self::FollowingError { error } => format!(
-                "axis {name}: following error {error:.4} {unit}, allowed {} {unit}: look for a \
-                 blocked axis, a weak loop or too high limits",
-                limits.following_error
+            Self::FollowingError { error, allowed } => format!(
+                "axis {name}: following error {error:.4} {unit}, allowed {allowed} {unit}: look for a \
+                 blocked axis, a weak loop or too high limits"
+            ),
+            Self::Jump { distance, possible } => format!(
+                "axis {name}: an actual position jumped by {distance:.4} {unit}, {possible:.4} {unit} \
+                 were possible: check the encoder and its coupling, then the position of the axis"
+            ),
+            Self::SetpointGuard {
+                quantity, value, ..
+            } => format!(
+                "axis {name}: a setpoint whose {quantity} is {value:.4} {unit}, allowed {limit} \
+                 {unit}, was not sent: this is a defect of syncline, please report it with the \
+                 machine, the program and what was done",
+                unit = quantity.unit(unit),
+                limit = quantity.limit(limits),
             ),
         }
     }

@@ -101,9 +101,10 @@ impl<const N: usize> Controller<N> {
         let off = |&index: &InputIndex| {
             layout.inputs[index].meaning == InputMeaning::Enable && !self.inputs.is_on(index)
         };
-        let enables = self.goal == Goal::Ready
-            && self.sync_on
-            && (Phase::Disabled..=Phase::Stop).contains(&self.phase);
+        let phase = self.phase;
+        let goes_up = self.goal == Goal::Ready && (Phase::Disabled..=Phase::Stop).contains(&phase);
+        let is_on = (Phase::OperationEnabled..=Phase::Stop).contains(&phase);
+        let enables = self.sync_on && (goes_up || is_on);
         match (0..layout.inputs.len()).find(off) {
             Some(input) if enables => Err(Fault::NotEnabled { input }),
             _ => Ok(()),

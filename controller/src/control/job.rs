@@ -62,7 +62,7 @@ impl<const N: usize> Controller<N> {
         match self.phase {
             Phase::Done => State::Off,
             Phase::Disabled if self.goal == Goal::Ready => State::Starting,
-            Phase::Disabled if self.fault.is_some() => State::Faulted,
+            Phase::Disabled if self.is_faulty() => State::Faulted,
             Phase::Disabled => State::Disabled,
             phase if phase < Phase::Program && self.goal == Goal::Ready => State::Starting,
             Phase::Program if self.homing.is_active() => State::Homing,

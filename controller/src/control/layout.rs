@@ -33,6 +33,8 @@ pub struct Layout {
     pub state_timeout: Duration,
     /// Cycles in a row without a drive's T_PDO that are a fault.
     pub t_pdo_misses: u32,
+    /// Where one axis is quick-stopped, all are.
+    pub stop_together: bool,
     /// Buses, in the order of the machine file.
     pub buses: Vec<BusSpec>,
     /// Drives, in the order of the machine file, and behind them encoders in theirs.
@@ -160,6 +162,7 @@ impl Layout {
             lock_timeout: controller.sync_lock_timeout,
             state_timeout: controller.state_timeout,
             t_pdo_misses: controller.t_pdo_misses,
+            stop_together: controller.stop_together,
             axes: (machine.axes.iter())
                 .map(|axis| AxisSpec {
                     name: axis.name().to_owned(),

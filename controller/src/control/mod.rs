@@ -20,6 +20,8 @@
 //! - [`state`]: what operators may ask for, and when
 //! - [`job`]: what the machine works on, one after the other
 //! - `axis`: planned position to increments, following error
+//! - [`reaction`], `supervision`: what is done about what happens, the table and its execution
+//! - `setpoint_guard`: the last look at a setpoint before it is sent
 
 mod axis;
 pub mod event;
@@ -32,9 +34,12 @@ pub mod layout;
 mod node;
 mod order;
 mod phases;
+pub mod reaction;
 mod sdo_sequence;
+mod setpoint_guard;
 mod setpoint_misses;
 pub mod state;
+mod supervision;
 #[cfg(test)]
 mod tests;
 
@@ -47,10 +52,12 @@ pub use inputs::{InputIndex, InputWait};
 pub use job::{Job, JobKind, Outcome};
 pub use layout::Layout;
 pub use order::{Order, Refusal};
+pub use reaction::{Cause, Clearing, Reaction};
+pub use setpoint_guard::Quantity;
 pub use state::{NotNow, Request, State};
 
 use crate::bus::{Burst, Outbox, Received};
-use crate::bus::{BusFault, Reaction};
+use crate::bus::{BusFault, Severity};
 use axis::AxisControl;
 use fault::{BusCause, BusIndex, DriveCause, DriveIndex, Names};
 use functions::Switches;
@@ -77,6 +84,8 @@ const STILL_CYCLES: u32 = 5;
 /// How long a path that could go on rests until a plan that does not come is a fault. A planner, and
 /// a program that computes before it moves, may take a while in real time; none takes so long.
 const NO_PLAN: Duration = Duration::from_secs(30);
+/// Faults that are kept until a reset; what comes beyond them has many causes before it.
+const MOST_FAULTS: usize = 32;
 /// Cycles that a command stands at least, so that its effect is seen in a T_PDO.
 const COMMAND_CYCLES: u64 = 3;
 
@@ -232,8 +241,8 @@ pub struct Controller<const N: usize> {
     /// What the phase does once, after its entry, has been done.
     acted: bool,
     goal: Goal,
-    /// What stopped the machine, until it is reset.
-    fault: Option<Fault>,
+    /// What stopped the machine, the first cause first, until it is reset.
+    faults: Vec<Fault>,
     /// Also without a job.
     stays_on: bool,
     job: Option<Job>,
@@ -287,8 +296,8 @@ impl<const N: usize> Controller<N> {
             nodes: (0..layout.drives.len())
                 .map(|drive| DriveNode::new(drive, &layout))
                 .collect(),
-            axes: (layout.axes.iter().cloned().enumerate())
-                .map(|(index, axis)| AxisControl::new(index, axis, layout.cycle))
+            axes: (0..layout.axes.len())
+                .map(|axis| AxisControl::new(axis, &layout))
                 .collect(),
             events: VecDeque::with_capacity(EVENT_CAPACITY),
             sync_at: start,
@@ -306,7 +315,7 @@ impl<const N: usize> Controller<N> {
             phase_cycle: 0,
             acted: false,
             goal: Goal::Ready,
-            fault: None,
+            faults: Vec::with_capacity(MOST_FAULTS),
             stays_on: false,
             job: Some(Job::ONLY),
             over: None,
@@ -376,7 +385,7 @@ impl<const N: usize> Controller<N> {
             if self.frozen {
                 // The next SYNC latches what the lost ones would have.
                 for axis in &mut self.axes {
-                    axis.repeat(self.cycle, lost);
+                    axis.lose_cycles(self.cycle, lost);
                 }
                 self.left_out = lost == 1;
             }
@@ -436,9 +445,7 @@ impl<const N: usize> Controller<N> {
         if let Err(fault) = self.watch_inputs() {
             self.fail(fault);
         }
-        if let Err(fault) = self.supervise(due) {
-            self.fail(fault);
-        }
+        self.supervise(due);
         if let Err(fault) = self.step(out) {
             self.fail(fault);
         }
@@ -530,8 +537,8 @@ impl<const N: usize> Controller<N> {
 
     /// The adapter of a bus reported something although the bus can be used on.
     pub fn bus_reports(&mut self, bus: BusIndex, fault: BusFault) {
-        match fault.reaction() {
-            Reaction::Stop => self.fail(Fault::Bus(bus, BusCause::ErrorPassive)),
+        match fault.severity() {
+            Severity::Stop => self.fail(Fault::Bus(bus, BusCause::ErrorPassive)),
             _ => self.tell(Event::BusWarning { bus, fault }),
         }
     }
@@ -548,77 +555,6 @@ impl<const N: usize> Controller<N> {
         }
     }
 
-    // --- supervision ---
-
-    fn supervise(&mut self, now: Instant) -> Result<(), Fault> {
-        self.nodes.iter_mut().for_each(DriveNode::watch_standstill);
-        if (Phase::Program..=Phase::Stop).contains(&self.phase) {
-            self.sample_axes();
-        }
-        let watched = self.sync_on && (Phase::Lock..=Phase::Stop).contains(&self.phase);
-        if self.is_faulty() || !watched {
-            return Ok(());
-        }
-        let mut events = event_sink(&mut self.events);
-        for node in &mut self.nodes {
-            node.check_alive(now, &mut events)?;
-            match self.phase {
-                Phase::ModeStart => node.check_follows(false)?,
-                Phase::Program | Phase::Stop => node.check_follows(true)?,
-                _ => node.check_no_fault()?,
-            }
-        }
-        if self.phase == Phase::ModeStart {
-            for axis in &self.axes {
-                axis.check_standstill(&axis.sample(self.cycle, &self.nodes))?;
-                axis.check_feedback(&self.nodes)?;
-            }
-        }
-        if let Some(row) = &self.row {
-            for axis in &self.axes {
-                axis.check_motion(&row.axes[axis.coordinate()], &self.nodes)?;
-                axis.check_feedback(&self.nodes)?;
-            }
-        }
-        Ok(())
-    }
-
-    /// Compares what the axes did at this SYNC with the plan, and keeps it as the trace's row.
-    fn sample_axes(&mut self) {
-        let mut samples = [AxisSample::default(); N];
-        let mut in_position = self.executor.is_idle();
-        for axis in &self.axes {
-            let sample = axis.sample(self.cycle, &self.nodes);
-            in_position &= axis.is_in_position(&sample);
-            samples[axis.coordinate()] = sample;
-        }
-        self.in_position = if in_position { self.in_position + 1 } else { 0 };
-        self.row = Some(Row {
-            cycle: self
-                .cycle
-                .saturating_sub(self.mode_cycle.unwrap_or_default()),
-            sync: self.syncs,
-            plan: self.planned,
-            axes: samples,
-            functions: self.switches.functions,
-        });
-    }
-
-    /// Records a fault and begins the way down; the first one counts.
-    fn fail(&mut self, fault: Fault) {
-        if self.is_faulty() {
-            return;
-        }
-        self.tell(Event::Fault(fault));
-        self.fault = Some(fault);
-        let goes_off = !self.stays_on || self.end().is_some();
-        self.go_to(if goes_off {
-            Goal::Off(End::Fault(fault))
-        } else {
-            Goal::Disabled
-        });
-    }
-
     fn tell(&mut self, event: Event) {
         event_sink(&mut self.events)(event);
     }
@@ -627,22 +563,14 @@ impl<const N: usize> Controller<N> {
 
     /// The burst of setpoints for the next SYNC: of every drive, or of none.
     fn command(&mut self, now: Instant, out: &mut [Outbox]) -> Result<(), Fault> {
-        let mut outcome = Ok(());
         if !self.streams() {
-            return outcome;
+            return Ok(());
         }
-        if !self.frozen {
-            self.nodes.iter_mut().for_each(DriveNode::hold);
+        let mut outcome = Ok(());
+        if self.frozen {
+            outcome = self.plan_axes();
         } else {
-            if take(&mut self.left_out) {
-                self.plan();
-            }
-            self.plan();
-            for axis in &mut self.axes {
-                let planned = axis.plan(self.cycle + 1, &self.planned.position, &mut self.nodes);
-                // An axis that cannot follow stays where it is; the others, and the end, go on.
-                outcome = outcome.and(planned);
-            }
+            self.nodes.iter_mut().for_each(DriveNode::hold);
         }
         if self.phase == Phase::Start && !self.nodes.iter().all(DriveNode::is_sampled) {
             return outcome;
@@ -664,6 +592,32 @@ impl<const N: usize> Controller<N> {
     /// Whether setpoints go out every cycle.
     fn streams(&self) -> bool {
         (Phase::Start..=Phase::Disable).contains(&self.phase) && self.sync_on
+    }
+
+    /// Goes on with the plan, and hands the drives their setpoints: all but those of an axis that cannot
+    /// be sent there; of none where one would be beyond its axis' limits.
+    fn plan_axes(&mut self) -> Result<(), Fault> {
+        if take(&mut self.left_out) {
+            self.plan();
+            self.axes.iter_mut().for_each(AxisControl::leave_out);
+        }
+        self.plan();
+        let mut outcome = Ok(());
+        let mut move_on = true;
+        let homing = self.homing.is_active();
+        for axis in &mut self.axes {
+            let prepared =
+                axis.prepare(self.cycle + 1, &self.planned.position, homing, &self.nodes);
+            if prepared.is_err_and(|fault| fault.cause() == Cause::SetpointGuard) {
+                move_on = false;
+                outcome = prepared;
+            }
+            outcome = outcome.and(prepared);
+        }
+        for axis in &mut self.axes {
+            axis.hand_over(self.cycle + 1, move_on, &mut self.nodes);
+        }
+        outcome
     }
 
     /// Goes on with the plan by one cycle.
@@ -746,10 +700,10 @@ impl<const N: usize> Controller<N> {
         }
     }
 
-    /// What stopped the machine, until it is reset.
+    /// What stopped the machine, the first cause first, until it is reset.
     #[must_use]
-    pub fn fault(&self) -> Option<Fault> {
-        self.fault
+    pub fn faults(&self) -> &[Fault] {
+        &self.faults
     }
 
     /// Bursts that missed their SYNC, of all buses.

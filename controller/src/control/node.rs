@@ -60,7 +60,10 @@ pub(super) struct DriveNode {
     still: u32,
     still_at: Increments,
 
-    pub(super) power: PowerCommand,
+    power: PowerCommand,
+    /// It was told to come to rest by itself: until it is brought up anew it follows no setpoints, and is only
+    /// switched off.
+    quick_stopped: bool,
     pub(super) setpoint: Setpoint,
     /// Its R_PDOs, as last encoded.
     r_pdos: Vec<Frame>,
@@ -97,6 +100,7 @@ impl DriveNode {
             still: 0,
             still_at: Increments::ZERO,
             power: PowerCommand::Disable,
+            quick_stopped: false,
             setpoint: Setpoint::default(),
             r_pdos: (spec.r_pdos.iter())
                 .map(|pdo| Frame::new(pdo.cob_id, &[]))
@@ -290,6 +294,7 @@ impl DriveNode {
         self.misses = 0;
         (self.twice, self.was_twice) = (false, false);
         self.still = 0;
+        self.quick_stopped = false;
         self.power = PowerCommand::Disable;
     }
 
@@ -448,6 +453,31 @@ impl DriveNode {
     }
 
     // --- what it is told ---
+
+    /// Commands its power stage.
+    pub(super) fn command(&mut self, power: PowerCommand) {
+        self.power = match power {
+            // Out of a quick stop there is no other way down.
+            PowerCommand::Prepare if self.quick_stopped => PowerCommand::Disable,
+            PowerCommand::Enable | PowerCommand::Run if self.quick_stopped => {
+                PowerCommand::QuickStop
+            }
+            _ => power,
+        };
+    }
+
+    /// Has it come to rest by itself.
+    pub(super) fn quick_stop(&mut self) {
+        if !std::mem::replace(&mut self.quick_stopped, true) {
+            self.forget_standstill();
+            self.power = PowerCommand::QuickStop;
+        }
+    }
+
+    /// Whether it was told to come to rest by itself, and follows no setpoints.
+    pub(super) fn is_quick_stopped(&self) -> bool {
+        self.quick_stopped
+    }
 
     /// What the drive has to be sent to for its axis to be at `mm`, `offset` increments beside.
     pub(super) fn setpoint_at(&self, mm: f64, offset: Increments) -> Result<Setpoint, Fault> {

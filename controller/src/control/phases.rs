@@ -86,7 +86,8 @@ impl<const N: usize> Controller<N> {
                 let settled = self.in_position >= self.still_cycles();
                 let waited = self.timed_out(self.layout.state_timeout);
                 let squares = self.axes.iter().any(|axis| axis.squares(self.cycle));
-                let rests = self.executor.is_idle() && !squares;
+                let stopped = waited || self.quick_stops_rest();
+                let rests = self.executor.is_idle() && !squares && stopped;
                 let over = rests && (settled || waited || self.is_faulty());
                 if over && self.goal == Goal::Ready {
                     self.rest_after(Outcome::Stopped);
@@ -97,6 +98,14 @@ impl<const N: usize> Controller<N> {
                         _ => Outcome::Stopped,
                     });
                     self.enter(Phase::ModeEnd, out);
+                }
+            }
+            Phase::QuickStop => {
+                let seen = self.cycle >= self.phase_cycle + COMMAND_CYCLES;
+                let waited = self.timed_out(self.layout.state_timeout);
+                if seen && (waited || self.quick_stops_rest()) {
+                    self.end_job(Outcome::Stopped);
+                    self.enter(Phase::Disable, out);
                 }
             }
             Phase::ModeEnd => self.await_some(AwaitedState::ModeEnded, Phase::ShutDown, out),
@@ -181,6 +190,11 @@ impl<const N: usize> Controller<N> {
                 }
                 self.executor.stop();
             }
+            Phase::QuickStop => {
+                self.homing.abort();
+                self.frozen = false;
+                self.quick_stop(|_, _| true);
+            }
             Phase::Release => self.ask_release(),
             Phase::PreOperational => self.send_nmt(nmt::Command::EnterPreOperational, out),
             Phase::Done => self.sync_on = false,
@@ -202,6 +216,7 @@ impl<const N: usize> Controller<N> {
             Phase::ModeStart => Phase::ModeEnd,
             Phase::Program => Phase::Stop,
             Phase::Stop
+            | Phase::QuickStop
             | Phase::ModeEnd
             | Phase::ShutDown
             | Phase::Disable
@@ -226,7 +241,7 @@ impl<const N: usize> Controller<N> {
     /// Brings the drives back after a fault. Whatever became of them meanwhile, they are found, reset
     /// and set up as after power-up, which resets their errors.
     pub(super) fn reset(&mut self) {
-        self.fault = None;
+        self.faults.clear();
         self.goal = Goal::Ready;
         self.bring_up();
     }
@@ -234,7 +249,10 @@ impl<const N: usize> Controller<N> {
     /// Switches the machine off, unless that is under way.
     pub(super) fn switch_off(&mut self) {
         if self.end().is_none() {
-            let end = self.fault.map_or(End::SwitchedOff, End::Fault);
+            let end = self
+                .faults
+                .first()
+                .map_or(End::SwitchedOff, |first| End::Fault(*first));
             self.go_to(Goal::Off(end));
         }
     }
@@ -411,17 +429,14 @@ impl<const N: usize> Controller<N> {
             |drive: usize| self.is_in_reach(drive) && !self.nodes[drive].has_reached(awaited);
         let missing = (0..self.nodes.len()).find(|&drive| lags(drive));
         if let Err(fault) = self.go_on_without(missing, awaited, next, out) {
-            // Told even where it is not the first one: this drive may still be enabled.
-            if self.is_faulty() {
-                self.tell(Event::Fault(fault));
-            }
+            // Also where it is not the first one: this drive may still be enabled.
             self.fail(fault);
             self.enter(next, out);
         }
     }
 
     /// [`STILL`] in cycles.
-    fn still_cycles(&self) -> u32 {
+    pub(super) fn still_cycles(&self) -> u32 {
         let cycles = STILL.as_nanos().div_ceil(self.layout.cycle.as_nanos());
         STILL_CYCLES.max(cycles as u32)
     }
@@ -431,7 +446,7 @@ impl<const N: usize> Controller<N> {
     }
 
     pub(super) fn is_faulty(&self) -> bool {
-        self.fault.is_some()
+        !self.faults.is_empty()
     }
 
     fn sequences_done(&self) -> bool {
@@ -440,7 +455,7 @@ impl<const N: usize> Controller<N> {
     }
 
     /// Whether the drive's bus carries frames.
-    fn is_in_reach(&self, drive: usize) -> bool {
+    pub(super) fn is_in_reach(&self, drive: usize) -> bool {
         !self.lost[self.layout.drives[drive].bus]
     }
 
@@ -457,7 +472,7 @@ impl<const N: usize> Controller<N> {
     }
 
     fn set_power(&mut self, power: PowerCommand) {
-        self.ask(|node| node.power = power);
+        self.ask(|node| node.command(power));
     }
 
     fn send_nmt(&self, command: nmt::Command, out: &mut [Outbox]) {

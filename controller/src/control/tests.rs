@@ -247,7 +247,7 @@ fn a_burst_leaves_by_identifiers_whichever_drive_they_are_of() {
     let layout = two_pdos_each();
     let mut controller = Controller::<9>::new(Arc::clone(&layout), Instant::ZERO);
     for node in &mut controller.nodes {
-        node.power = PowerCommand::Enable;
+        node.command(PowerCommand::Enable);
         node.encode();
     }
     let burst = controller.bursts[0].iter();
@@ -292,7 +292,7 @@ fn a_drive_that_follows_once_enabled_keeps_its_last_setpoint() {
             (PowerCommand::Prepare, 10),
         ]
         .map(|(power, position)| {
-            node.power = power;
+            node.command(power);
             let frame = Frame::new(t_pdo, &data(position));
             let taken = node.receive(Instant::ZERO, &frame, None, &mut |_| ());
             assert_eq!(taken, Ok(()));

@@ -195,6 +195,7 @@ mod tests {
         acceleration: 1000.0,
         jerk: 10_000.0,
         following_error: 1.0,
+        following_error_at_rest: 1.0,
         skew: Some(1.0),
         standstill: 0.1,
     };

@@ -84,6 +84,8 @@ pub struct Controller {
     pub state_timeout: Duration,
     /// T_PDOs missing in a row that are a fault.
     pub t_pdo_misses: u32,
+    /// Where one axis is quick-stopped, all are.
+    pub stop_together: bool,
     /// Time from SYNC to the setpoint burst; `None` takes it from the bus budget.
     pub setpoint_offset: Option<Duration>,
 }
@@ -170,14 +172,28 @@ pub struct AxisLimits {
     pub acceleration: f64,
     /// `max_jerk`, mm/s³.
     pub jerk: f64,
-    /// `following_error_limit`: between setpoint and actual position; more is a fault. mm.
+    /// `following_error_limit`: between setpoint and actual position at the greatest velocity; more is a
+    /// fault. mm.
     pub following_error: f64,
+    /// `following_error_limit_at_rest`: the same at rest. mm.
+    pub following_error_at_rest: f64,
     /// `skew_limit`: between the two sides of a gantry pair, `Some` for two drives; more is a
     /// fault. mm.
     pub skew: Option<f64>,
     /// `standstill_window`: how far an actual position may leave its place before the program
     /// starts, mm.
     pub standstill: f64,
+}
+
+impl AxisLimits {
+    /// What the following error may be at a speed, mm: from that at rest in proportion to that at the greatest
+    /// velocity.
+    #[must_use]
+    pub fn following_error_at(&self, speed: f64) -> f64 {
+        let part = (speed / self.velocity).min(1.0);
+        let at_rest = self.following_error_at_rest;
+        at_rest + (self.following_error - at_rest) * part
+    }
 }
 
 /// A machine file that cannot be used.

@@ -255,6 +255,7 @@ impl ControllerTable {
         let sync_lock_timeout = table.millis_or(log, "sync_lock_timeout_ms", 5_000, 600_000);
         let state_timeout = table.millis_or(log, "state_timeout_ms", 2_000, 600_000);
         let t_pdo_misses = table.integer_or(log, "t_pdo_misses", 2, 1..=5, "");
+        let stop_together = table.flag_or(log, "stop_together", false);
         let setpoint_offset = table.integer_if(log, "setpoint_offset_us", 1..=1_000_000, " (µs)");
         let span = table
             .span_of("heartbeat_timeout_ms")
@@ -271,6 +272,7 @@ impl ControllerTable {
                 sync_lock_timeout,
                 state_timeout,
                 t_pdo_misses: t_pdo_misses as u32,
+                stop_together,
                 setpoint_offset: None,
             },
             setpoint_offset,
@@ -456,6 +458,21 @@ fn limit(
     })
 }
 
+/// The limits of the following error at the greatest velocity and at rest.
+fn following_error_limits(
+    log: &mut Log<'_>,
+    table: &mut Table<'_, '_>,
+    unit: &str,
+) -> Option<(f64, f64)> {
+    let limit = table.positive(log, "following_error_limit", unit);
+    let limit = limit.map(Spanned::into_inner);
+    let allowed = format!("a number above 0, at most `following_error_limit` {unit}");
+    let most = limit.unwrap_or(f64::INFINITY);
+    let is_less = |number| number > 0.0 && number <= most;
+    let at_rest = table.number_if(log, "following_error_limit_at_rest", &allowed, is_less);
+    Some((limit?, at_rest.map_or(most, Spanned::into_inner)))
+}
+
 struct AxisTable {
     name: Spanned<String>,
     letter: gcode::Axis,
@@ -512,7 +529,7 @@ impl AxisTable {
             "[least, greatest] machine position in mm, the first below the second"
         };
         let soft_limits = table.interval(log, "soft_limits", allowed);
-        let following_error_limit = table.positive(log, "following_error_limit", position);
+        let following_error = following_error_limits(log, &mut table, position);
         let pair = drives
             .as_ref()
             .is_some_and(|drives| drives.get_ref().len() == 2);
@@ -538,7 +555,8 @@ impl AxisTable {
                 velocity: *max_velocity.as_ref()?.get_ref(),
                 acceleration: *max_acceleration.as_ref()?.get_ref(),
                 jerk: *max_jerk.as_ref()?.get_ref(),
-                following_error: *following_error_limit.as_ref()?.get_ref(),
+                following_error: following_error?.0,
+                following_error_at_rest: following_error?.1,
                 skew: skew_limit.as_ref().map(|limit| *limit.get_ref()),
                 standstill,
             })

@@ -243,6 +243,10 @@ impl AxisWatches {
         violations: &mut Vec<Violation>,
     ) {
         let at = self.coordinate;
+        if row.axes[at].quick_stopped {
+            // It follows nothing that could be held against a limit.
+            return;
+        }
         let position = row.plan.position[at];
         let (mut min, mut max) = self.limits.position;
         if !self.referenced {

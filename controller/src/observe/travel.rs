@@ -40,7 +40,8 @@ impl Cycles {
     /// Takes the cycle before a row; whether the path moved at the one before, too.
     fn observe(&mut self, observed: &Observed, moved: bool) {
         let plan = &observed.row.plan;
-        let count = if plan.off_path {
+        let quick_stop = observed.row.axes.iter().any(|axis| axis.quick_stopped);
+        let count = if plan.off_path && !quick_stop {
             &mut self.jogs
         } else if plan.speed > 0.0 || moved {
             &mut self.motion

@@ -13,7 +13,7 @@ use super::error_frame;
 use super::wire::Wire;
 use super::{Port, PortError};
 use crate::bus::{BURST_CAPACITY, Burst, Received};
-use crate::bus::{BusFault, FaultCounts, Reaction};
+use crate::bus::{BusFault, FaultCounts, Severity};
 use crate::realtime;
 use libc::{c_int, can_frame, iovec, mmsghdr, timespec};
 use socketcan::nl::CanState;
@@ -151,17 +151,17 @@ impl SocketCan {
             self.waiting = 0;
             self.syncs_waiting = 0;
         }
-        match fault.reaction() {
-            Reaction::Count => Ok(()),
-            Reaction::Warn => {
+        match fault.severity() {
+            Severity::Count => Ok(()),
+            Severity::Warn => {
                 self.condition.get_or_insert(fault);
                 Ok(())
             }
-            Reaction::Stop => {
+            Severity::Stop => {
                 self.condition = Some(fault);
                 Ok(())
             }
-            Reaction::Lose => Err(PortError {
+            Severity::Lose => Err(PortError {
                 bus: self.name.clone(),
                 what: fault.to_string().replace("DEV", &self.name),
             }),

@@ -5,7 +5,7 @@ use syncline_canopen::emcy::Emergency;
 use syncline_canopen::sdo::AbortCode;
 use syncline_canopen::{Address, nmt};
 use syncline_controller::control::fault::{AwaitedState, AxisCause, BusCause, DriveCause};
-use syncline_controller::control::{Fault, HomingFailure, Layout};
+use syncline_controller::control::{Fault, HomingFailure, Layout, Quantity};
 use syncline_controller::machine::Machine;
 use syncline_drives::model::{Data, NotFollowing, StatusWord};
 
@@ -175,8 +175,21 @@ texts! {
     "axis Y left its frozen position by 1.0000 mm, allowed 0.05 mm: check its brake, its loop and \
      `standstill_window`";
 
+    Fault::Axis(_, AxisCause::Jump { .. }),
+    Fault::Axis(1, AxisCause::Jump { distance: 3.5, possible: 1.25 }),
+    "axis Y: an actual position jumped by 3.5000 mm, 1.2500 mm were possible: check the encoder and \
+     its coupling, then the position of the axis";
+
+    Fault::Axis(_, AxisCause::SetpointGuard { .. }),
+    Fault::Axis(1, AxisCause::SetpointGuard {
+        drive: 2, quantity: Quantity::Acceleration, value: 12_345.6,
+    }),
+    "node 3 (Y, LXM32M), axis Y: a setpoint whose acceleration is 12345.6000 mm/s², allowed 5000 \
+     mm/s², was not sent: this is a defect of syncline, please report it with the machine, the \
+     program and what was done";
+
     Fault::Axis(_, AxisCause::FollowingError { .. }),
-    Fault::Axis(1, AxisCause::FollowingError { error: 2.5 }),
+    Fault::Axis(1, AxisCause::FollowingError { error: 2.5, allowed: 2.0 }),
     "axis Y: following error 2.5000 mm, allowed 2 mm: look for a blocked axis, a weak loop or too \
      high limits";
 

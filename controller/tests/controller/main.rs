@@ -16,6 +16,7 @@ mod plan;
 mod python_canopen;
 mod python_canopen_csp;
 mod python_canopen_twins;
+mod reactions;
 mod replay;
 mod report;
 mod stalled_peers;

@@ -78,23 +78,47 @@ fn off_the_path(point: &[f64; 3]) -> f64 {
     NOMINAL.windows(2).map(from).fold(f64::INFINITY, f64::min)
 }
 
-/// What holds after every end of a machine that moved.
-fn assert_stopped_on_the_path(rig: &mut Rig) {
+/// The drives that are quick-stopped for a fault: those of its axis, and all where that is the gantry.
+fn quick_stopped(fault: &Fault) -> &'static [usize] {
+    match fault {
+        Fault::Drive(0 | X2, _) | Fault::Axis(0, _) => &[0, X2, Y, Z],
+        Fault::Drive(Y, _) | Fault::Axis(1, _) => &[Y],
+        Fault::Drive(..) | Fault::Axis(..) => &[Z],
+        _ => &[],
+    }
+}
+
+/// The controlwords of a whole run, one after the other: with an ordinary end, and with a quick stop.
+const ORDERLY: [u16; 7] = [0x00, 0x06, 0x0F, 0x1F, 0x0F, 0x06, 0x00];
+const QUICK_STOP: [u16; 6] = [0x00, 0x06, 0x0F, 0x1F, 0x0B, 0x00];
+
+/// What holds after every end of a machine that moved. Of axes that are quick-stopped it is the plan that stays on
+/// the path.
+fn assert_stopped_on_the_path(rig: &mut Rig, quick_stopped: &[usize]) {
     let trace = rig.trace();
     trace.assert_within_limits();
     assert!(rig.ends_at_rest());
     let from = ON_THE_ARC.saturating_sub(10).min(rig.rows.len());
-    for (row, point) in positions(rig).iter().enumerate().skip(from) {
+    let planned = trace.axes[0].set.len();
+    let positions = positions(rig);
+    for (row, point) in positions[..planned].iter().enumerate().skip(from) {
         // A setpoint a cycle: chords of the arcs, at most 0.6 mm long.
         let off = off_the_path(point);
         assert!(off < 2e-3, "row {row} is {off} mm off the path: {point:?}");
     }
-    assert_switched_off(rig, &[0x00, 0x06, 0x0F, 0x1F, 0x0F, 0x06, 0x00]);
+    assert_switched_off_by(rig, |drive| match quick_stopped.contains(&drive) {
+        true => &QUICK_STOP,
+        false => &ORDERLY,
+    });
 }
 
 /// What holds after every end: the drives were given just these controlwords, one after the other,
 /// then released, Pre-Operational, and SYNC went last.
 fn assert_switched_off(rig: &mut Rig, controlwords: &[u16]) {
+    assert_switched_off_by(rig, |_| controlwords);
+}
+
+fn assert_switched_off_by<'a>(rig: &mut Rig, controlwords: impl Fn(usize) -> &'a [u16]) {
     let last_sync = rig.syncs().last().copied();
     let nmt_frames = rig.sent(CanId::Standard(0));
     assert!(
@@ -106,7 +130,7 @@ fn assert_switched_off(rig: &mut Rig, controlwords: &[u16]) {
         let commands = rig.commands(drive);
         let mut words: Vec<u16> = commands.iter().map(|it| it.1).collect();
         words.dedup();
-        assert_eq!(words, controlwords, "drive {drive}");
+        assert_eq!(words, controlwords(drive), "drive {drive}");
         let requests = rig.sent(CobId::r_sdo(node(drive)));
         let release = [0x2B, 0x22, 0x30, 5, 0, 0];
         let released = requests
@@ -132,7 +156,7 @@ fn fault_in_motion(interfere: impl FnOnce(&mut Rig)) -> Fault {
     let mut rig = moving();
     interfere(&mut rig);
     let fault = rig.finish_with_fault();
-    assert_stopped_on_the_path(&mut rig);
+    assert_stopped_on_the_path(&mut rig, quick_stopped(&fault));
     fault
 }
 
@@ -221,7 +245,7 @@ fn an_unexpected_reboot() {
         rig.finish_with_fault(),
         Fault::Drive(Y, DriveCause::Rebooted)
     );
-    assert_stopped_on_the_path(&mut rig);
+    assert_stopped_on_the_path(&mut rig, &[Y]);
 }
 
 #[test]
@@ -303,12 +327,93 @@ fn a_blocked_axis_is_a_following_error() {
     let mut rig = moving_with(&[ALONE], |_, _| ());
     rig.twin(Y).disturb(Disturbance::Block(true));
     let fault = rig.finish_with_fault();
-    let Fault::Axis(axis, AxisCause::FollowingError { error }) = fault else {
+    let Fault::Axis(axis, AxisCause::FollowingError { error, .. }) = fault else {
         panic!("{fault:?}");
     };
     assert_eq!(rig.layout.axes[axis].name, "Y");
     assert!(error.abs() > 2.0 && error.abs() < 3.0, "{error}");
-    assert_stopped_on_the_path(&mut rig);
+    assert_stopped_on_the_path(&mut rig, &[Y]);
+}
+
+/// Y's limit in motion would not see it for long.
+#[test]
+fn a_following_error_is_less_at_rest() {
+    let mut rig = Rig::new(
+        "portal",
+        &[(
+            ALONE.0,
+            &format!("{}\nfollowing_error_limit_at_rest = 0.2", ALONE.1),
+        )],
+        "G1 Y100 F30000\nG4 P0.2\nG1 Y100.5 F60\nM2\n",
+        |_, _| (),
+    );
+    rig.run_until(|rig| {
+        rig.rows
+            .last()
+            .is_some_and(|row| row.plan.position[1] > 100.1)
+    });
+    assert_eq!(rig.end(), None, "fast, its error is more: {:?}", rig.events);
+    rig.twin(Y).disturb(Disturbance::Block(true));
+    let fault = rig.finish_with_fault();
+    let Fault::Axis(1, AxisCause::FollowingError { error, allowed }) = fault else {
+        panic!("{fault:?}");
+    };
+    assert!(
+        error.abs() > 0.2 && error.abs() < 0.3 && allowed < 0.21,
+        "{error}, {allowed}"
+    );
+}
+
+#[test]
+fn an_actual_position_that_jumps() {
+    let mut rig = moving();
+    // By 4 mm, more than Z can move in a cycle.
+    rig.bus().doctor = Some(Box::new(|it| {
+        !is(it, CobId::t_pdo(2, node(Z)), &[])
+            || doctored(it, |data| {
+                let mut position = [0; 4];
+                position.copy_from_slice(&data[2..6]);
+                let jumped = i32::from_le_bytes(position) + 131_072 * 2 / 5;
+                data[2..6].copy_from_slice(&jumped.to_le_bytes());
+            })
+    }));
+    let fault = rig.finish_with_fault();
+    let Fault::Axis(2, AxisCause::Jump { distance, possible }) = fault else {
+        panic!("{fault:?}");
+    };
+    assert!(
+        (distance - 4.0).abs() < 0.2 && possible < 2.0,
+        "{distance}, {possible}"
+    );
+    assert_stopped_on_the_path(&mut rig, &[Z]);
+}
+
+#[test]
+fn axes_that_stop_together_are_all_quick_stopped() {
+    let together = ("[controller]\n", "[controller]\nstop_together = true\n");
+    let mut rig = moving_with(&[together], |_, _| ());
+    rig.twin(Z).disturb(Disturbance::LoseTPdos(2));
+    let _ = rig.finish_with_fault();
+    assert_stopped_on_the_path(&mut rig, &[0, X2, Y, Z]);
+}
+
+#[test]
+fn what_follows_is_told_and_makes_a_harder_stop() {
+    let mut rig = moving();
+    rig.twin(Z).disturb(Disturbance::LoseTPdos(20));
+    rig.run_to(Phase::Stop);
+    rig.twin(X2)
+        .disturb(Disturbance::Fault(ErrorClass::SwitchOff));
+    let first = rig.finish_with_fault();
+    assert_eq!(
+        first,
+        Fault::Drive(Z, DriveCause::MissingTPdo { misses: 2 })
+    );
+    let faults = rig.session.faults();
+    assert_eq!(faults.len(), 2, "{faults:?}");
+    assert_eq!(faults[0], first);
+    assert!(matches!(faults[1], Fault::Drive(X2, _)), "{faults:?}");
+    assert_stopped_on_the_path(&mut rig, &[0, X2, Y, Z]);
 }
 
 #[test]
@@ -321,7 +426,7 @@ fn a_blocked_side_of_the_gantry_is_a_skew() {
     };
     assert_eq!(rig.layout.axes[axis].name, "X");
     assert!(difference > 0.5 && difference < 1.5, "{difference}");
-    assert_stopped_on_the_path(&mut rig);
+    assert_stopped_on_the_path(&mut rig, quick_stopped(&fault));
 }
 
 #[test]
@@ -343,7 +448,7 @@ fn a_drive_that_supervises_itself_switches_off() {
         ) | Fault::Axis(_, AxisCause::FollowingError { .. })
     );
     assert!(expected, "{fault:?}");
-    assert_stopped_on_the_path(&mut rig);
+    assert_stopped_on_the_path(&mut rig, &[Y]);
 }
 
 // --- the controller's own lateness ---
@@ -395,7 +500,7 @@ fn an_interrupt_stops_on_the_path() {
     let mut rig = moving();
     rig.controller().interrupt();
     assert_eq!(rig.finish(), End::Interrupted);
-    assert_stopped_on_the_path(&mut rig);
+    assert_stopped_on_the_path(&mut rig, &[]);
     assert!(rig.rows.len() < NOMINAL.len(), "before the program's end");
 }
 

@@ -150,7 +150,7 @@ fn found(rig: &mut Rig, row: usize, interfere: impl FnOnce(&mut Rig)) -> (Fault,
     rig.run_to_row(row);
     interfere(rig);
     let before = rig.rows.len();
-    rig.run_until(|rig| rig.controller().fault().is_some());
+    rig.run_until(|rig| !rig.controller().faults().is_empty());
     let cycles = rig.rows.len() - before;
     (rig.finish_with_fault(), cycles)
 }

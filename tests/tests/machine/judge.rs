@@ -4,7 +4,8 @@ use proptest::prelude::*;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use syncline_canopen::{CobId, Frame, NodeId};
-use syncline_controller::control::{Controller, Layout, Order, Phase};
+use syncline_controller::control::fault::AxisCause;
+use syncline_controller::control::{Controller, Fault, Layout, Order, Phase, Quantity};
 use syncline_controller::machine::{COORDINATES, Machine};
 use syncline_controller::observe::Observers;
 use syncline_controller::observe::summary::Summary;
@@ -319,7 +320,8 @@ fn a_plan_with_half_as_much_jerk_again_that_denies_it() {
     let program = folder.file("p.ngc", "G0 Z-40\nG0 Z0\nM2\n");
     for (plans, verdict) in [(&judge, "pass"), (&planner, "fail")] {
         let program = Program::new(&program, plans, &file).expect("no tables");
-        let layout = Arc::new(Layout::new(&judge).expect("it fits"));
+        // The controller's own guard knows no better than the planner.
+        let layout = Arc::new(Layout::new(plans).expect("it fits"));
         let (timeline, moves) =
             VirtualMachine::new(&judge, Arc::clone(&layout), program, 0).expect("simulated");
         let sent = timeline.frames().listen(&judge);
@@ -340,6 +342,42 @@ fn a_plan_with_half_as_much_jerk_again_that_denies_it() {
             assert_found(&summary, "Z", &["jerk", "sent jerk"]);
         }
     }
+}
+
+/// The controller, too, is asked last: what a planner of greater limits wants is not sent.
+#[test]
+fn a_setpoint_beyond_the_limits_is_not_sent() {
+    let folder = Folder::new();
+    let machine = |jerk: &str| {
+        let text = machine_with("xyz", &[("max_jerk = 40_000.0", jerk)]);
+        let file = folder.file("machine.toml", &text);
+        (Machine::load(&file).expect("a machine"), file)
+    };
+    let (judge, _) = machine("max_jerk = 40_000.0");
+    let (planner, file) = machine("max_jerk = 60_000.0");
+    let program = folder.file("p.ngc", "G0 Z-40\nG0 Z0\nM2\n");
+    let program = Program::new(&program, &planner, &file).expect("no tables");
+    let layout = Arc::new(Layout::new(&judge).expect("it fits"));
+    let (timeline, moves) =
+        VirtualMachine::new(&judge, Arc::clone(&layout), program, 0).expect("simulated");
+    let sent = timeline.frames().listen(&judge);
+    let observers = Observers::new(&judge, Some(sent), None, false);
+    let mut session = Session::new(&judge, timeline, moves, observers);
+    while session.advance() != Progress::Ended {}
+    let (mut timeline, observers) = session.end();
+    let faults = timeline.controller().faults();
+    let [Fault::Axis(_, AxisCause::SetpointGuard { quantity, .. })] = faults[..] else {
+        panic!("{faults:?}");
+    };
+    assert_eq!(quantity, Quantity::Jerk);
+    let (summary, _) = observers
+        .finish(&judge, &layout, timeline.controller(), None)
+        .expect("no trace");
+    let what: Vec<_> = summary.violations.iter().map(|it| &*it.what).collect();
+    assert!(
+        !what.iter().any(|what| what.starts_with("sent")),
+        "{what:?}"
+    );
 }
 
 /// A move that is over within a few cycles has done what its differences say.

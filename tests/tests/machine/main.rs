@@ -21,6 +21,7 @@ mod operator;
 mod pages;
 mod programs;
 mod properties;
+mod reactions;
 mod replayed;
 mod results;
 mod run;

@@ -164,11 +164,28 @@ fn an_enable_that_is_lost_stops_and_its_return_starts_nothing() {
     let mut rig = wired("G21 G90 F6000\nM3 S100\nG1 X400\nM2\n");
     rig.run_until(|rig| speed(rig) > 50.0);
     set(&mut rig, ENABLE, false);
+    let lost = rig.session.timeline().now();
     rig.run_until(|rig| rig.end().is_some());
     set(&mut rig, ENABLE, true);
     assert!(matches!(rig.finish_with_fault(), Fault::NotEnabled { .. }));
     rig.trace().assert_within_limits();
     assert!(rig.ends_at_rest());
+    let cycle = rig.machine.cycle;
+    for drive in 0..rig.machine.drives.len() {
+        let frames = rig.sent(CobId::r_pdo(2, rig.machine.drives[drive].node));
+        let frames = frames.iter().filter(|it| it.start > lost);
+        let mut words: Vec<_> = frames.map(|it| (it.frame.data()[0], it.start)).collect();
+        words.dedup_by_key(|(word, _)| *word);
+        words.retain(|(word, _)| *word != 0x1F);
+        let [(0x0B, at), (0x00, _)] = words[..] else {
+            panic!("drive {drive}: {words:?}");
+        };
+        // The T_PDO of the next SYNC tells it.
+        assert!(
+            at < lost + 3 * cycle,
+            "drive {drive}: {at:?}, lost {lost:?}"
+        );
+    }
     assert_eq!(set_outputs(&rig).last().map(|it| it.1), Some(SAFE));
 }
 

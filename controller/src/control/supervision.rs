@@ -1,0 +1,171 @@
+//! What is looked at in every cycle, and what is done about what is found, by the table of
+//! [`reaction`](super::reaction).
+//!
+//! Supervision goes on while the machine comes to rest after a fault: what follows is told and kept behind the first
+//! cause, and may make the stop a harder one. A drive that was quick-stopped is out of it: nothing more is expected
+//! of it than to come to rest.
+
+use super::axis::AxisSample;
+use super::node::DriveNode;
+use super::{Controller, Event, Fault, Goal, MOST_FAULTS, Phase, Reaction, Row, event_sink};
+use syncline_canopen::Instant;
+
+impl<const N: usize> Controller<N> {
+    /// Looks at drives and axes.
+    pub(super) fn supervise(&mut self, now: Instant) {
+        self.nodes.iter_mut().for_each(DriveNode::watch_standstill);
+        let phase = self.phase;
+        if (Phase::Program..=Phase::QuickStop).contains(&phase) {
+            self.sample_axes();
+        }
+        if !self.sync_on || !(Phase::Lock..=Phase::Stop).contains(&phase) {
+            return;
+        }
+        for drive in 0..self.nodes.len() {
+            if let Err(fault) = self.check_drive(drive, phase, now) {
+                self.fail(fault);
+            }
+        }
+        for axis in 0..self.axes.len() {
+            if let Err(fault) = self.check_axis(axis, phase) {
+                self.fail(fault);
+            }
+        }
+    }
+
+    fn check_drive(&mut self, drive: usize, phase: Phase, now: Instant) -> Result<(), Fault> {
+        let node = &mut self.nodes[drive];
+        if node.is_quick_stopped() {
+            return Ok(());
+        }
+        node.check_alive(now, &mut event_sink(&mut self.events))?;
+        match phase {
+            Phase::ModeStart => node.check_follows(false),
+            Phase::Program | Phase::Stop => node.check_follows(true),
+            _ => node.check_no_fault(),
+        }
+    }
+
+    fn check_axis(&mut self, axis: usize, phase: Phase) -> Result<(), Fault> {
+        let Self { nodes, .. } = self;
+        let axis = &mut self.axes[axis];
+        if axis.is_quick_stopped(nodes) {
+            return Ok(());
+        }
+        if phase == Phase::ModeStart {
+            axis.check_standstill(&axis.sample(self.cycle, nodes))?;
+            return axis.check_feedback(nodes);
+        }
+        let Some(row) = &self.row else {
+            return Ok(());
+        };
+        axis.check_jumps(nodes)?;
+        axis.check_motion(self.cycle, &row.axes[axis.coordinate()], nodes)?;
+        axis.check_feedback(nodes)
+    }
+
+    /// Compares what the axes did at this SYNC with the plan, and keeps it as the trace's row.
+    fn sample_axes(&mut self) {
+        if self.phase == Phase::QuickStop {
+            self.follow_axes();
+        }
+        let mut samples = [AxisSample::default(); N];
+        let mut in_position = self.executor.is_idle();
+        for axis in &self.axes {
+            let sample = axis.sample(self.cycle, &self.nodes);
+            in_position &= axis.is_in_position(&sample);
+            samples[axis.coordinate()] = sample;
+        }
+        self.in_position = if in_position { self.in_position + 1 } else { 0 };
+        self.row = Some(Row {
+            cycle: self
+                .cycle
+                .saturating_sub(self.mode_cycle.unwrap_or_default()),
+            sync: self.syncs,
+            plan: self.planned,
+            axes: samples,
+            functions: self.switches.functions,
+        });
+    }
+
+    /// Axes that come to rest by themselves have no plan: it is where they are.
+    fn follow_axes(&mut self) {
+        for axis in &self.axes {
+            let at = axis.coordinate();
+            self.planned.position[at] = axis.sample(self.cycle, &self.nodes).act;
+        }
+        let zero = [0.0; N];
+        (self.planned.velocity, self.planned.acceleration) = (zero, zero);
+        self.planned.jerk = zero;
+        (self.planned.speed, self.planned.feed) = (0.0, 0.0);
+        (self.planned.busy, self.planned.off_path) = (false, true);
+    }
+
+    /// Records a fault and does what the table says: the first one has the machine go down, those that
+    /// follow may still make a quick stop of it.
+    pub(super) fn fail(&mut self, fault: Fault) {
+        let is_known = self.faults.iter().any(|known| fault.repeats(known));
+        if is_known || self.faults.len() == MOST_FAULTS {
+            return;
+        }
+        let is_first = !self.is_faulty();
+        self.faults.push(fault);
+        self.tell(Event::Fault(fault));
+        if is_first {
+            let goes_off = !self.stays_on || self.end().is_some();
+            self.goal = match goes_off {
+                true => Goal::Off(super::End::Fault(fault)),
+                false => Goal::Disabled,
+            };
+        }
+        let powered = (Phase::OperationEnabled..=Phase::Stop).contains(&self.phase);
+        if powered && self.stops_all(&fault) {
+            self.enter(Phase::QuickStop, &mut []);
+        } else if is_first {
+            self.go_to(self.goal);
+        }
+        if self.phase == Phase::Stop && fault.cause().rule().reaction == Reaction::QuickStopAxis {
+            self.quick_stop(|layout, drive| fault.concerns(layout, drive));
+        }
+    }
+
+    /// Whether every drive is quick-stopped for a fault: by the table, because the machine file has all axes stop
+    /// together, or because it concerns one side of a gantry.
+    fn stops_all(&self, fault: &Fault) -> bool {
+        match fault.cause().rule().reaction {
+            Reaction::QuickStopAll => true,
+            Reaction::QuickStopAxis if self.follows_plan() => {
+                let layout = &self.layout;
+                let of_a_pair = |axis: &super::layout::AxisSpec| {
+                    let mut drives = axis.drives.iter();
+                    axis.drives.len() > 1 && drives.any(|&drive| fault.concerns(layout, drive))
+                };
+                layout.stop_together || layout.axes.iter().any(of_a_pair)
+            }
+            _ => false,
+        }
+    }
+
+    /// Whether axes may move, so that it matters how they come to rest.
+    fn follows_plan(&self) -> bool {
+        (Phase::Program..=Phase::Stop).contains(&self.phase)
+    }
+
+    /// Has drives come to rest by themselves.
+    pub(super) fn quick_stop(&mut self, of: impl Fn(&super::Layout, usize) -> bool) {
+        for drive in 0..self.nodes.len() {
+            if of(&self.layout, drive) {
+                self.nodes[drive].quick_stop();
+            }
+        }
+    }
+
+    /// Whether the drives that come to rest by themselves have.
+    pub(super) fn quick_stops_rest(&self) -> bool {
+        let cycles = self.still_cycles();
+        self.nodes.iter().enumerate().all(|(drive, node)| {
+            let rests = !node.status().power.may_be_on() || node.still() >= cycles;
+            !node.is_quick_stopped() || rests || !self.is_in_reach(drive)
+        })
+    }
+}
