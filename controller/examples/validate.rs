@@ -22,7 +22,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let (timeline, moves) = VirtualMachine::new(&machine, Arc::clone(&layout), program, 0)?;
     let sent = timeline.frames().listen(&machine);
     let observers = Observers::new(&machine, Some(sent), None, false);
-    let mut session = Session::new(&machine, timeline, moves, observers);
+    let mut session = Session::new(&layout, timeline, moves, observers);
     while session.advance() != Progress::Ended {}
     let (mut timeline, observers) = session.end();
     let frames = Some(timeline.frames().result());

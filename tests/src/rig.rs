@@ -250,12 +250,12 @@ impl Rig {
             Some(text) => {
                 let program = programs.file(&folder.file("program.ngc", text));
                 let (timeline, moves) = VirtualMachine::on(world, ports, layouts, program, shared);
-                Session::new(&machine, timeline, moves, observers)
+                Session::new(&layout, timeline, moves, observers)
             }
             None => {
                 let timeline = VirtualMachine::staying_on(world, ports, layouts, shared);
                 let programs = programs.keep_tables(Tables::beside(&file));
-                Session::staying_on(&machine, timeline, programs, observers)
+                Session::staying_on(&layout, timeline, programs, observers)
             }
         };
         Self {

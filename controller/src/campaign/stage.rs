@@ -205,12 +205,13 @@ impl<'a> Stage<'a> {
         let simulated = Simulated::new(machine, case.seed, observers, |_, _| ())?;
         let ports = simulated.buses.iter().flatten();
         let ports = ports.map(|bus| TroubledPort::new(SimPort::new(*bus)));
-        let (world, layout) = (simulated.world, Arc::clone(layout));
-        let timeline = VirtualMachine::staying_on(world, ports.collect(), layout, shared);
+        let world = simulated.world;
+        let timeline =
+            VirtualMachine::staying_on(world, ports.collect(), Arc::clone(layout), shared);
         // Nothing is written to the tables: a case begins with what it is alone.
         let programs = Programs::new(machine, &folder.path("machine.toml"))?;
         let observers = Observers::new(machine, Some(sent), wanted.trace, wanted.report);
-        let mut session = Session::staying_on(machine, timeline, programs, observers);
+        let mut session = Session::staying_on(layout, timeline, programs, observers);
         let told = session.subscribe();
         let attendant = case.patience.map(|patience| {
             let attendant = Attendant::new(patience, case.programs.len());

@@ -91,7 +91,7 @@ impl Args {
         )
         .map_err(|error| BadLog(format!("{}: {error}", self.log.display())))?;
         let observers = Observers::new(&machine, None, None, false);
-        let session = Session::new(&machine, replay, moves, observers);
+        let session = Session::new(&layout, replay, moves, observers);
         let (outcome, recorded) = self.again(session, recorded)?;
         let began = log.first().map_or(Instant::ZERO, |first| first.at);
         print(&outcome, &layout);

@@ -254,7 +254,7 @@ impl Run<'_> {
                 tell.tell(granted.to_string());
             },
         )?;
-        let mut session = Session::new(&self.machine, timeline, moves, observers);
+        let mut session = Session::new(&self.layout, timeline, moves, observers);
         let commands = self.results.commands_by(&mut self.writers)?;
         let mut commands = commands.map(|file| CommandLog::begin(&mut session, file));
         (self.args.switches).set(&session.operator("command line"))?;

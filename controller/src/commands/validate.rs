@@ -133,7 +133,7 @@ impl Args {
         let sent = Some(timeline.frames().listen(&machine));
         let observers = Observers::new(&machine, sent, results.trace()?, results.wants_report())
             .of_program(extent);
-        let mut session = Session::new(&machine, timeline, moves, observers);
+        let mut session = Session::new(&layout, timeline, moves, observers);
         let commands = results.commands()?;
         let mut commands = commands.map(|file| CommandLog::begin(&mut session, file));
         self.switches.set(&session.operator("command line"))?;

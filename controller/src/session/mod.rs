@@ -33,10 +33,10 @@ pub use channel::{Accepted, Event, NotTaken, Operator, Refused, Subscription};
 pub use command::{Command, Direction, Jog, Refusal};
 pub use recorded::Recorded;
 pub use settings::{LEAST, MOST_FEED, MOST_RAPID, Override, Settings, StepChange, SwitchChange};
-pub use status::{Status, StatusView};
+pub use status::{Status, StatusView, Stopped};
 
-use crate::control::{self, Fault, NotNow, Order, Request, Row, State};
-use crate::machine::{COORDINATES, Machine};
+use crate::control::{self, Fault, Layout, NotNow, Order, Request, Row, State};
+use crate::machine::COORDINATES;
 use crate::observe::{Observed, Observers};
 use crate::program::{Moves, Programs};
 use crate::run::{CycleReport, Progress, RunError, Timeline};
@@ -74,6 +74,8 @@ struct Desk {
     jobs: Option<Jobs>,
     faults: Vec<Fault>,
     observers: Observers,
+    /// For the words of faults.
+    layout: Arc<Layout>,
     /// Coordinates that have an axis.
     coordinates: Vec<usize>,
 }
@@ -97,35 +99,35 @@ enum What {
 impl<T: Timeline> Session<T> {
     /// A session with one job: the program on the timeline, whose moves come up in `moves`.
     #[must_use]
-    pub fn new(machine: &Machine, timeline: T, moves: Moves, observers: Observers) -> Self {
-        Self::with(machine, timeline, moves, None, observers)
+    pub fn new(layout: &Arc<Layout>, timeline: T, moves: Moves, observers: Observers) -> Self {
+        Self::with(layout, timeline, moves, None, observers)
     }
 
     /// A session of a machine that stays on until it is switched off, and runs one job after the
     /// other.
     #[must_use]
     pub fn staying_on(
-        machine: &Machine,
+        layout: &Arc<Layout>,
         timeline: T,
         programs: Programs,
         observers: Observers,
     ) -> Self {
         let jobs = Some(Jobs::new(programs));
-        let mut session = Self::with(machine, timeline, Moves::new().1, jobs, observers);
+        let mut session = Self::with(layout, timeline, Moves::new().1, jobs, observers);
         session.desk.show_programs();
         session
     }
 
     fn with(
-        machine: &Machine,
+        layout: &Arc<Layout>,
         timeline: T,
         moves: Moves,
         jobs: Option<Jobs>,
         observers: Observers,
     ) -> Self {
         let mut status = Status::default();
-        for axis in &machine.axes {
-            status.referenced[axis.letter.index()] = axis.homing.is_absolute();
+        for axis in &layout.axes {
+            status.referenced[axis.coordinate] = axis.homing.is_absolute();
         }
         Self {
             timeline,
@@ -143,9 +145,8 @@ impl<T: Timeline> Session<T> {
                 jobs,
                 faults: Vec::new(),
                 observers,
-                coordinates: (machine.axes.iter())
-                    .map(|axis| axis.letter.index())
-                    .collect(),
+                coordinates: layout.axes.iter().map(|axis| axis.coordinate).collect(),
+                layout: Arc::clone(layout),
             },
         }
     }
@@ -310,7 +311,10 @@ impl Desk {
         self.first += 1;
         match (&issued.command, what) {
             (_, What::Begin(_, moves)) => self.job = Job::new(moves),
-            (Command::Reset, _) => self.faults.clear(),
+            (Command::Reset, _) => {
+                self.faults.clear();
+                self.status.stopped = None;
+            }
             _ => {}
         }
         self.outlets.tell(&Event::Accepted(Accepted {
@@ -377,7 +381,7 @@ impl Desk {
                 self.observers.tell(&event);
                 match event {
                     control::Event::Phase(phase) => self.status.phase = phase,
-                    control::Event::Fault(fault) => self.faults.push(fault),
+                    control::Event::Fault(fault) => self.stopped_by(fault),
                     control::Event::Referenced { axis, .. } => self.show_reference(axis, true),
                     control::Event::Unreferenced { axis } | control::Event::Askew { axis, .. } => {
                         self.show_reference(axis, false)
@@ -390,6 +394,18 @@ impl Desk {
             CycleReport::Row(row) => self.follow(&row),
             CycleReport::BusFailed(error) => self.problem(RunError::Port(error)),
         }
+    }
+
+    /// Lists a fault behind those before.
+    fn stopped_by(&mut self, fault: Fault) {
+        let works = matches!(self.state, State::Running | State::Mdi | State::Held);
+        let line = works.then_some(self.status.line);
+        let stopped = self.status.stopped.get_or_insert_with(|| Stopped {
+            line,
+            ..Stopped::default()
+        });
+        stopped.faults.push(fault.describe(&*self.layout));
+        self.faults.push(fault);
     }
 
     /// Takes what happened at one SYNC of the program.

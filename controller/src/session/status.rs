@@ -54,6 +54,17 @@ pub struct Status {
     pub program: Option<PathBuf>,
     /// What operators have set.
     pub settings: Settings,
+    /// What stopped the machine, until it is reset.
+    pub stopped: Option<Stopped>,
+}
+
+/// What stopped a machine. Where it came to rest is in [`Status::actual`].
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Stopped {
+    /// What happened, to whom and what to do, in words: the first cause on top, then what followed.
+    pub faults: Vec<String>,
+    /// The line of the block that was at work and is not completed, if a job was.
+    pub line: Option<u32>,
 }
 
 impl Default for Status {
@@ -80,6 +91,7 @@ impl Default for Status {
             modes: String::new(),
             program: None,
             settings: Settings::default(),
+            stopped: None,
         }
     }
 }

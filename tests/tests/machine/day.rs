@@ -170,11 +170,18 @@ fn day() -> String {
     settle(&mut rig);
     assert_eq!(state(&rig), State::Faulted);
     assert_eq!(rig.session.faults().len(), 1);
+    let stopped = rig.session.status().stopped.clone().expect("the list");
+    assert!(
+        stopped.faults[0].starts_with("node 3 (Y, LXM32M): EMCY"),
+        "{stopped:?}"
+    );
+    assert_eq!(stopped.line, Some(1));
     go(&mut rig, Command::Mdi("G0 X0".to_owned()));
     assert_eq!(rig.refused.len(), 1);
     go(&mut rig, Command::Reset);
     assert_eq!(state(&rig), State::Ready, "{:?}", rig.events);
     assert!(rig.session.faults().is_empty());
+    assert_eq!(rig.session.status().stopped, None);
     go(
         &mut rig,
         Command::GoTo(positions([(Axis::X, 0.0), (Axis::Y, 0.0)])),

@@ -330,7 +330,7 @@ fn a_plan_with_half_as_much_jerk_again_that_denies_it() {
             machine: timeline,
             most: 40_000.0,
         };
-        let mut session = Session::new(&judge, timeline, moves, observers);
+        let mut session = Session::new(&layout, timeline, moves, observers);
         while session.advance() != Progress::Ended {}
         let (mut timeline, observers) = session.end();
         let controller: &Controller<COORDINATES> = timeline.machine.controller();
@@ -362,7 +362,7 @@ fn a_setpoint_beyond_the_limits_is_not_sent() {
         VirtualMachine::new(&judge, Arc::clone(&layout), program, 0).expect("simulated");
     let sent = timeline.frames().listen(&judge);
     let observers = Observers::new(&judge, Some(sent), None, false);
-    let mut session = Session::new(&judge, timeline, moves, observers);
+    let mut session = Session::new(&layout, timeline, moves, observers);
     while session.advance() != Progress::Ended {}
     let (mut timeline, observers) = session.end();
     let faults = timeline.controller().faults();

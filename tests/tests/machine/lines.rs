@@ -98,9 +98,10 @@ fn cut(machine: &Machine, file: &Path, program: &Path, from: Option<u32>, rows: 
     let program = Program::new(program, machine, file)
         .expect("no tables")
         .from_line(from);
-    let (timeline, moves) = VirtualMachine::new(machine, layout, program, 0).expect("simulated");
+    let (timeline, moves) =
+        VirtualMachine::new(machine, Arc::clone(&layout), program, 0).expect("simulated");
     let observers = Observers::new(machine, None, None, false);
-    let mut session = Session::new(machine, timeline, moves, observers);
+    let mut session = Session::new(&layout, timeline, moves, observers);
     let operator = session.operator("test");
     let (mut seen, mut last, mut stretches) = (0, None, Vec::new());
     while session.advance() != Progress::Ended {

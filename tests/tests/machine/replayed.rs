@@ -169,7 +169,7 @@ fn again(rig: &mut Rig, accepted: &[Accepted]) -> Vec<Accepted> {
     )
     .unwrap();
     let observers = Observers::new(machine, None, None, false);
-    let mut session = Session::new(machine, replay, moves, observers);
+    let mut session = Session::new(&rig.layout, replay, moves, observers);
     let told = session.subscribe();
     let mut recorded = Recorded::new(accepted.iter().cloned());
     let mut heard = Vec::new();

@@ -30,6 +30,7 @@ const HELP: &str = "\
 commands, a line each; one that begins something waits until what is under way is over:
   ?                  this list
   status             state, positions, offset, tool and modes
+  faults             what stopped the machine, where, and what may be done
   wait               the lines behind it, but for stop and feed_hold, wait until the machine rests";
 
 /// Begins to obey the lines of standard input and to tell what happens; the thread that tells ends
@@ -132,6 +133,7 @@ impl Reader {
             "" | WAIT => {}
             "?" => self.help(),
             "status" => println!("{}", shown(&self.view.get(), &self.machine)),
+            "faults" => println!("{}", listed(&self.view.get(), &self.machine)),
             _ => match parsed(line) {
                 Ok(command) => return self.command(command),
                 Err(problem) => println!("{problem}"),
@@ -227,6 +229,23 @@ fn shown(status: &Status, machine: &Machine) -> String {
         status.tool,
         status.modes
     )
+}
+
+/// What stopped the machine, the first cause on top, where it stands and what may be done.
+fn listed(status: &Status, machine: &Machine) -> String {
+    let Some(stopped) = &status.stopped else {
+        return "no fault".to_owned();
+    };
+    let mut text = String::new();
+    for (place, fault) in (1..).zip(&stopped.faults) {
+        text += &format!("{place}. {fault}\n");
+    }
+    text += &shown(status, machine);
+    if let Some(line) = stopped.line {
+        text +=
+            &format!("\nnot completed: line {line}; once it is reset, `run {line}` begins there");
+    }
+    format!("{text}\n{}", status.state.way_on())
 }
 
 /// Tells what happens.

@@ -114,7 +114,7 @@ impl Args {
         })?;
         let observers = Observers::new(&machine, None, None, false);
         Ok(Attended {
-            session: Session::staying_on(&machine, timeline, programs, observers),
+            session: Session::staying_on(&layout, timeline, programs, observers),
             machine,
             layout,
         })

@@ -20,8 +20,6 @@ pub(super) struct Model {
     pub(super) status: Status,
     /// What happened, the newest last.
     pub(super) messages: VecDeque<String>,
-    /// What stopped the machine, the first cause on top, until it is reset.
-    pub(super) faults: Vec<String>,
     /// What is typed behind `:`.
     pub(super) prompt: Option<String>,
     /// The keys are shown.
@@ -81,9 +79,8 @@ impl Model {
     /// Takes something that happened.
     pub(super) fn happened(&mut self, event: &Event, layout: &Layout) {
         match event {
-            Event::Machine(MachineEvent::Fault(fault)) => {
-                self.faults.push(fault.describe(layout));
-            }
+            // They are in the status until a reset.
+            Event::Machine(MachineEvent::Fault(_)) => {}
             Event::Machine(event) => {
                 if (self.verbose || !event.is_routine())
                     && let Some(text) = event.describe(layout)
@@ -93,9 +90,19 @@ impl Model {
             }
             Event::Refused(refused) => self.tell(refused.reason.to_string()),
             Event::Problem(error) => self.tell(super::told(&**error)),
-            Event::State(State::Starting) => self.faults.clear(),
             Event::Accepted(_) | Event::State(_) => {}
         }
+    }
+
+    /// What stopped the machine, the first cause on top, and what is not completed.
+    pub(super) fn faults(&self) -> Vec<String> {
+        let Some(stopped) = &self.status.stopped else {
+            return Vec::new();
+        };
+        let rest = stopped.line.map(|line| {
+            format!("line {line} is not completed; once it is reset, :run {line} begins there")
+        });
+        stopped.faults.iter().cloned().chain(rest).collect()
     }
 
     /// Shows a message.

@@ -87,11 +87,8 @@ fn draw_all(
     }
     ratatui::restore();
     // What was told last would be gone with the screen.
-    for text in model
-        .faults
-        .iter()
-        .chain(model.messages.iter().rev().take(1))
-    {
+    let last = model.messages.iter().rev().take(1).cloned();
+    for text in model.faults().into_iter().chain(last) {
         eprintln!("{text}");
     }
     drawn

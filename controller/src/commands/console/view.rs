@@ -230,9 +230,9 @@ fn draw_messages(frame: &mut Frame, model: &Model, area: Rect) {
     let red = Style::new().fg(Color::Red);
     let mut lines: Vec<Line> = Vec::new();
     let mut room = usize::from(inner.height);
-    for fault in &model.faults {
-        room = room.saturating_sub(rows(fault));
-        lines.push(Line::styled(fault.clone(), red));
+    for fault in model.faults() {
+        room = room.saturating_sub(rows(&fault));
+        lines.push(Line::styled(fault, red));
     }
     let mut last = Vec::new();
     for message in model.messages.iter().rev() {
@@ -282,7 +282,7 @@ pub(super) type Axes = Vec<Axis>;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::session::Settings;
+    use crate::session::{Settings, Stopped};
     use ratatui::Terminal;
     use ratatui::backend::TestBackend;
 
@@ -352,12 +352,15 @@ mod tests {
     fn the_first_cause_of_a_stop_is_on_top() {
         let mut model = model();
         model.status.state = State::Faulted;
-        model.faults = vec![
-            "drive Y: drive fault, statusword 0238h: read its error memory, clear the cause, \
-             start again"
-                .to_owned(),
-            "drive Z: heartbeat lost: check cabling and supply".to_owned(),
-        ];
+        model.status.stopped = Some(Stopped {
+            faults: vec![
+                "drive Y: drive fault, statusword 0238h: read its error memory, clear the cause, \
+                 start again"
+                    .to_owned(),
+                "drive Z: heartbeat lost: check cabling and supply".to_owned(),
+            ],
+            line: Some(3),
+        });
         model.prompt = Some("mdi G0 X0".to_owned());
         insta::assert_snapshot!(drawn(&model, 80, 24));
     }
