@@ -608,7 +608,7 @@ fn every_mistake_is_found_named_and_placed() {
 fn a_model_is_one_of_the_list() {
     let text = portal_with("model = \"lxm32m\"", "model = \"lxm23m\"");
     let told = parse(&text).unwrap_err().diagnostics;
-    for model in MODELS {
+    for model in MODELS.iter().filter(|model| model.is_drive()) {
         let name = format!("\"{}\"", model.name);
         assert!(told[0].help.contains(&name), "{}", told[0].help);
     }
