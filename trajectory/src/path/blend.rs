@@ -58,11 +58,13 @@ pub struct Blend<const N: usize> {
     pub cut: f64,
 }
 
-/// The blend between two curves that meet, nowhere further than `tolerance` from them and no further
-/// from the point where they meet; `None` where there is none, as in a reversal.
+/// The blend between two curves that meet, of which both give up `most` mm at most and no more than half, nowhere
+/// further than `tolerance` from them and no further from the point where they meet; `None` where there is none, as in
+/// a reversal.
 pub fn blend<const N: usize>(
     before: &Curve<N>,
     after: &Curve<N>,
+    most: f64,
     tolerance: f64,
 ) -> Option<Blend<N>> {
     let (b, a) = (before.at(before.length()), after.at(0.0));
@@ -72,7 +74,7 @@ pub fn blend<const N: usize>(
     if along < REVERSAL || !unit(&b) || !unit(&a) {
         return None;
     }
-    let most = 0.5 * before.length().min(after.length());
+    let most = most.min(0.5 * before.length().min(after.length()));
     let mut cut = most;
     // Corners deviate in proportion to the cut, steps of the curvature with its square.
     let power = if along < 1.0 - TANGENT { 1.0 } else { 0.5 };
@@ -112,7 +114,7 @@ const SHARP: (f64, f64) = (3.0, 6.0);
 /// … and as evenly as can be.
 const EVEN: (f64, f64) = (2.0, 0.0);
 
-/// Points at which a blend's derivatives are looked at to tell how soon it is passed.
+/// Parts between the points at which a blend's derivatives are looked at to tell how soon it is passed.
 const LOOKS: usize = 8;
 
 /// How long it takes to pass a blend at an even rate of its parameter, s: what tells two blends between the
@@ -134,6 +136,24 @@ pub fn passing_time<const N: usize>(blend: &Curve<N>, feed: f64, limits: &Limits
         }
     }
     time
+}
+
+/// What part of a blend between lines is enough to be passed at a constant path speed: accelerations go with its
+/// inverse, jerks with the inverse of its square.
+pub fn needed_part<const N: usize>(blend: &Curve<N>, speed: f64, limits: &Limits<N>) -> f64 {
+    let step = blend.length() / LOOKS as f64;
+    let mut part = 0.0_f64;
+    for k in 0..=LOOKS {
+        let Derivatives { d2, d3, .. } = blend.at(k as f64 * step);
+        for i in 0..N {
+            let acceleration = d2[i].abs() * speed * speed;
+            let jerk = d3[i].abs() * speed * speed * speed;
+            part = part
+                .max(acceleration / limits.acceleration[i])
+                .max((jerk / limits.jerk[i]).sqrt());
+        }
+    }
+    part
 }
 
 fn join<const N: usize>(

@@ -6,8 +6,9 @@
 //! the others become polynomials of degree five that go on one from the other with tangent and
 //! curvature, each the best (by least squares) for points far beyond its own end: the next one starts
 //! from where data on both sides held the curve, not from where it was let go. Every point and every
-//! short segment is measured. Where a program says within what lines are to be merged, they are, however
-//! long they are.
+//! short segment is measured. Lines that are shorter still turn by whatever they like, as a zigzag within the tolerance
+//! does: they are one curve as far as that stays within it. Where a program says within what lines are to be merged, they
+//! are, however long they are.
 //!
 //! # Why it is right
 //!
@@ -22,8 +23,10 @@ use super::{Move, PathControlMode};
 
 /// Lines up to so many tolerances long are short segments.
 const SHORT: f64 = 100.0;
-/// Least cosine of the turn from one short segment to the next.
+/// Least cosine of the turn from one short segment to the next, …
 const GENTLE: f64 = 0.9;
+/// … unless all are no longer than this part of the tolerance: whatever they turn by stays within that.
+const TINY: f64 = 0.5;
 /// Part of the tolerance that a polynomial may stray between two others, …
 const SHARE: f64 = 0.97;
 /// … where what is left is for a blend with what comes before or after, …
@@ -46,7 +49,9 @@ pub struct ShortSegments<const N: usize> {
     /// Direction of the last one.
     heading: [f64; N],
     /// All of them are short, and turn little from one to the next.
-    curve_like: bool,
+    gentle: bool,
+    /// All of them are so short that whatever they turn by stays within the tolerance.
+    tiny: bool,
     /// The line that stands for all of them, if one does, and how far it strays.
     line: Option<(Curve<N>, f64)>,
     /// What the curve goes on from at the first point.
@@ -98,15 +103,16 @@ impl<const N: usize> ShortSegments<N> {
     /// One move; `None` if that is no short segment, nor to be merged.
     pub fn begin(motion: &Move<N>) -> Option<Self> {
         let heading = motion.curve.direction()?;
-        let curve_like = is_short(motion, &heading);
-        (curve_like || merged_within(motion.mode).is_some()).then(|| ShortSegments {
+        let gentle = is_short(motion, &heading, SHORT);
+        (gentle || merged_within(motion.mode).is_some()).then(|| ShortSegments {
             last: *motion,
             points: vec![
                 (motion.curve.start(), motion.tag),
                 (motion.curve.end(), motion.tag),
             ],
             heading,
-            curve_like,
+            gentle,
+            tiny: is_short(motion, &heading, TINY),
             line: Some((motion.curve, 0.0)),
             knot: None,
             reach: MOST,
@@ -119,7 +125,9 @@ impl<const N: usize> ShortSegments<N> {
             return false;
         };
         let turn: f64 = (0..N.min(3)).map(|i| heading[i] * self.heading[i]).sum();
-        let curve_like = self.curve_like && is_short(motion, &heading) && turn >= GENTLE;
+        let gentle = self.gentle && turn >= GENTLE && is_short(motion, &heading, SHORT);
+        let tiny = self.tiny && is_short(motion, &heading, TINY);
+        let curve_like = gentle || tiny;
         let merged = merged_within(motion.mode);
         if motion.mode != self.last.mode
             || motion.feed != self.last.feed
@@ -139,7 +147,7 @@ impl<const N: usize> ShortSegments<N> {
         }
         self.last = *motion;
         self.heading = heading;
-        self.curve_like = curve_like;
+        (self.gentle, self.tiny) = (gentle, tiny);
         true
     }
 
@@ -158,9 +166,11 @@ impl<const N: usize> ShortSegments<N> {
             return Some(self.part(curve, lines, deviation, None));
         }
         let may_be = |fit: &Fit<N>, it: &Self| may_be(&fit.curve, &it.points[..=fit.lines]);
-        let mut ahead = lines.min(self.wanted());
+        let most = lines.min(self.wanted());
+        let mut ahead = most;
         loop {
-            let whole = ended && ahead == lines;
+            // Segments that turn by anything go up to where they stop being within the tolerance of a curve.
+            let whole = ended && ahead == lines || !self.gentle && ahead < most;
             if let Some(fit) = self.fit(ahead, whole).filter(|fit| may_be(fit, self)) {
                 self.reach = ahead;
                 let end = (!whole).then_some(fit.end);
@@ -169,7 +179,11 @@ impl<const N: usize> ShortSegments<N> {
             if ahead <= FEWEST {
                 break;
             }
-            ahead = (ahead * 7 / 10).max(FEWEST);
+            ahead = if self.gentle {
+                (ahead * 7 / 10).max(FEWEST)
+            } else {
+                ahead - 1
+            };
         }
         // The curve ends in a corner.
         self.reach = MOST;
@@ -416,11 +430,11 @@ fn solve<const N: usize>(
     Some(())
 }
 
-/// Whether a line is short against its tolerance, and the tool's.
-fn is_short<const N: usize>(motion: &Move<N>, heading: &[f64; N]) -> bool {
+/// Whether a line is no longer than so many tolerances, and the tool's.
+fn is_short<const N: usize>(motion: &Move<N>, heading: &[f64; N], tolerances: f64) -> bool {
     let led: f64 = heading[..N.min(3)].iter().map(|d| d * d).sum();
     let tolerance = motion.mode.rounding().unwrap_or(0.0);
-    led > 0.5 && motion.curve.length() <= SHORT * tolerance
+    led > 0.5 && motion.curve.length() <= tolerances * tolerance
 }
 
 fn merged_within(mode: PathControlMode) -> Option<f64> {

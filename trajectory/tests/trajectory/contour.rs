@@ -1,6 +1,7 @@
 //! Contours of many moves: the plan's jerk segments, checked between the samples, against the programmed
 //! geometry.
 
+use crate::programs::Draw;
 use proptest::prelude::*;
 use syncline_trajectory::path::{
     Command, Curve, Feed, JerkSegment, Limits, Move, PathControlMode, PathItem, PathSegment, Plane,
@@ -292,27 +293,6 @@ fn the_feed_changes_in_the_middle_of_a_rounding() {
             time(PathControlMode::Stop),
         );
         assert!(through < stop, "{through} s, {stop} s with a stop");
-    }
-}
-
-/// Random numbers of our own: 0 … 1.
-struct Draw(u64);
-
-impl Draw {
-    fn unit(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
-    }
-
-    fn uniform(&mut self, low: f64, high: f64) -> f64 {
-        low + (high - low) * self.unit()
-    }
-
-    fn log(&mut self, low: f64, high: f64) -> f64 {
-        low * (high / low).powf(self.unit())
     }
 }
 

@@ -9,3 +9,5 @@ mod jog;
 mod machine;
 mod overrides;
 mod path;
+mod programs;
+mod tolerances;

@@ -114,7 +114,7 @@ fn curve() -> impl Strategy<Value = Curve<3>> {
 fn rounded() -> impl Strategy<Value = Curve<3>> {
     let corner = (point(), point(), point()).prop_filter_map("no blend", |(a, b, c)| {
         let (before, after) = (Curve::line(a, b).ok()?, Curve::line(b, c).ok()?);
-        Some(blend(&before, &after, 0.3)?.curve)
+        Some(blend(&before, &after, f64::INFINITY, 0.3)?.curve)
     });
     let arcs = (arc(), point(), 0.2..2.0_f64).prop_filter_map("no blend", |(before, to, turn)| {
         let start = before.end();
@@ -131,7 +131,7 @@ fn rounded() -> impl Strategy<Value = Curve<3>> {
             clockwise: false,
             turns: 0,
         });
-        Some(blend(&before, &after.ok()?, 0.05)?.curve)
+        Some(blend(&before, &after.ok()?, f64::INFINITY, 0.05)?.curve)
     });
     prop_oneof![corner, arcs]
 }

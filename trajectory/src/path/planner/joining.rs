@@ -5,7 +5,7 @@ use super::{NOTHING, PathError, Pending, PlanItem, Planner, Section, asked_speed
 use std::collections::VecDeque;
 
 use crate::limits::PositionLimits;
-use crate::path::blend::{Blend, blend, passing_time};
+use crate::path::blend::{Blend, blend, needed_part, passing_time};
 use crate::path::bounds::crawling_time;
 use crate::path::segment_fitting::{MoveEnd, Part, ShortSegments};
 use crate::path::{Curve, Limits, Move, Overrides, PathSegment};
@@ -20,6 +20,14 @@ const LESSER: [f64; 4] = [1.0, 0.25, 0.0625, 0.015625];
 
 /// Part of the time of a blend in which a gentle one has to be passed to be taken: it is entered at less speed.
 const SOONER: f64 = 0.8;
+/// Roundings are sized for programmed feeds that are overridden to so many times as much.
+const FASTEST: f64 = 2.0;
+/// How often a rounding that is larger than needed is made smaller, at most, …
+const SMALLER: usize = 4;
+/// … to how many times what is needed.
+const ROOM: f64 = 1.1;
+/// No rounding is made so small that it would be passed in less time, s: that does not show.
+const SHORTEST_PASSAGE: f64 = 1e-3;
 
 impl<const N: usize> Planner<N> {
     /// The path rests where what was joined so far ends.
@@ -134,25 +142,51 @@ impl<const N: usize> Planner<N> {
         self.deviation = deviation;
     }
 
-    /// The rounding between two moves within a tolerance, and what both give up for it, mm.
+    /// The rounding between two moves within a tolerance, and what both give up for it, mm: no more than
+    /// it takes to pass it at the speed that the moves have there.
     fn round(&self, before: &Move<N>, after: &Move<N>, tolerance: f64) -> Option<(Curve<N>, f64)> {
+        let limits = &self.limits;
+        let speed = joint_speed(before, after, limits);
+        let (mut curve, mut cut) = (LESSER.iter())
+            .find_map(|part| self.round_within(before, after, f64::INFINITY, tolerance * part))?;
+        for _ in 0..SMALLER {
+            let part = needed_part(&curve, speed, limits) * ROOM;
+            let most = (cut * part).max(0.5 * speed * SHORTEST_PASSAGE);
+            if most >= cut {
+                break;
+            }
+            let smaller = self.round_within(before, after, most, tolerance);
+            let Some(smaller) = smaller.filter(|(it, _)| needed_part(it, speed, limits) <= 1.0)
+            else {
+                break;
+            };
+            (curve, cut) = smaller;
+        }
+        Some((curve, cut))
+    }
+
+    /// The rounding for which two moves give up `most` mm at most, in the shape that is passed sooner.
+    fn round_within(
+        &self,
+        before: &Move<N>,
+        after: &Move<N>,
+        most: f64,
+        tolerance: f64,
+    ) -> Option<(Curve<N>, f64)> {
         let feeds = [before, after].map(|motion| motion.feed.speed());
         let [slow, fast] = [feeds[0].min(feeds[1]), feeds[0].max(feeds[1])];
         let may_be = |curve: &Curve<N>| {
             inside(curve, &self.bounds) && crawling_time(curve, slow, &self.limits).is_finite()
         };
         let time = |curve: &Curve<N>| passing_time(curve, fast, &self.limits);
-        LESSER.iter().find_map(|part| {
-            let Blend { curve, gentle, cut } =
-                blend(&before.curve, &after.curve, tolerance * part)?;
-            let gentle = gentle.filter(|gentle| may_be(gentle));
-            let sharp = Some(curve).filter(|sharp| may_be(sharp));
-            let curve = match (sharp, gentle) {
-                (Some(sharp), Some(gentle)) if time(&gentle) > SOONER * time(&sharp) => sharp,
-                (sharp, gentle) => gentle.or(sharp)?,
-            };
-            Some((curve, cut))
-        })
+        let Blend { curve, gentle, cut } = blend(&before.curve, &after.curve, most, tolerance)?;
+        let gentle = gentle.filter(|gentle| may_be(gentle));
+        let sharp = Some(curve).filter(|sharp| may_be(sharp));
+        let curve = match (sharp, gentle) {
+            (Some(sharp), Some(gentle)) if time(&gentle) > SOONER * time(&sharp) => sharp,
+            (sharp, gentle) => gentle.or(sharp)?,
+        };
+        Some((curve, cut))
     }
 
     /// Lays the pending move but for the last `cut` of it. Which moves end in that, from where it begins.
@@ -270,6 +304,18 @@ impl<const N: usize> Planner<N> {
             self.kept += 1;
         }
     }
+}
+
+/// The most that the path's speed may be where two moves meet, but for what their joint asks of it.
+fn joint_speed<const N: usize>(before: &Move<N>, after: &Move<N>, limits: &Limits<N>) -> f64 {
+    let ends = [(before, before.curve.length()), (after, 0.0)];
+    let speeds = ends.map(|(motion, at)| {
+        let tangent = motion.curve.at(at).d1;
+        (0..N)
+            .map(|i| limits.velocity[i] / tangent[i].abs())
+            .fold(FASTEST * motion.feed.speed(), f64::min)
+    });
+    speeds[0].min(speeds[1])
 }
 
 /// Whether a curve stays between these positions, but for rounding.
