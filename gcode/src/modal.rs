@@ -112,8 +112,12 @@ pub(crate) enum Standing {
     Unknown,
 }
 
-const NO_SYNCHRONISED_SPINDLE: &str =
-    "it moves in step with the spindle, whose angle the controller does not know";
+const NO_THREAD: &str = "it moves in step with the spindle, whose angle the controller does not \
+                         know: mill the thread with G2 or G3 and Z";
+const NO_FEED_PER_TURN: &str = "it moves in step with the spindle, whose speed the controller does \
+                                not measure: write G94, and F as that feed times S";
+const NO_ORIENTATION: &str =
+    "the controller does not know the spindle's angle: write M0, and turn it by hand";
 const NO_LATHE: &str = "it is for lathes";
 const NO_SCALING: &str =
     "have the program scaled where it is made: write G50 away if it only ends that";
@@ -139,7 +143,7 @@ impl Code {
                 170 | 180 | 190 => Supported(Group::Plane),
                 171 | 181 | 191 => Refused("planes of U V W have no arcs: use G17, G18 or G19"),
                 200 | 210 => Supported(Group::Units),
-                330 | 331 | 740 | 760 | 840 => Refused(NO_SYNCHRONISED_SPINDLE),
+                330 | 331 | 740 | 760 | 840 => Refused(NO_THREAD),
                 382..=385 => Refused("the controller has no probe input"),
                 400 | 410 | 411 | 420 | 421 => Supported(Group::CutterCompensation),
                 430..=432 | 490 => Supported(Group::ToolLength),
@@ -152,7 +156,7 @@ impl Code {
                 900 | 910 => Supported(Group::Distance),
                 901 | 911 => Supported(Group::ArcDistance),
                 930 | 940 => Supported(Group::FeedMode),
-                950 => Refused(NO_SYNCHRONISED_SPINDLE),
+                950 => Refused(NO_FEED_PER_TURN),
                 960 => Refused("there is no constant surface speed: write G97 and S in 1/min"),
                 970 => Supported(Group::SpindleMode),
                 _ => Unknown,
@@ -163,7 +167,7 @@ impl Code {
                 6 => Supported(Group::ToolChange),
                 7 => Supported(Group::Mist),
                 8 | 9 => Supported(Group::Coolant),
-                19 => Refused(NO_SYNCHRONISED_SPINDLE),
+                19 => Refused(NO_ORIENTATION),
                 48 | 50..=53 => Supported(Group::Overrides),
                 61 => Supported(Group::ToolChange),
                 62..=68 => Supported(Group::Output),
