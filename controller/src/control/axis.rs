@@ -1,6 +1,7 @@
 //! One axis in the cycle: planned position to increments, actual position back, following error.
 
-use super::fault::{AxisCause, AxisIndex, DriveCause, Fault};
+use super::SIDES_ENABLE;
+use super::fault::{AwaitedState, AxisCause, AxisIndex, DriveCause, DriveIndex, Fault};
 use super::homing::Edge;
 use super::layout::{self, Layout};
 use super::node::DriveNode;
@@ -51,6 +52,8 @@ pub(super) struct AxisControl {
     apart: [f64; HISTORY],
     /// How that goes to zero, and the cycle in which it began.
     squaring: Option<(Profile, u64)>,
+    /// For so many cycles one of its sides has been enabled, and the other has not.
+    half_enabled: u32,
     /// Of a cycle, s.
     period: f64,
 }
@@ -90,6 +93,7 @@ impl AxisControl {
             planned: [0.0; HISTORY],
             apart: [0.0; HISTORY],
             squaring: None,
+            half_enabled: 0,
             period: layout.cycle.as_secs_f64(),
         }
     }
@@ -275,6 +279,18 @@ impl AxisControl {
         }
         self.check_feedback(nodes)?;
         Ok(least + (most - least) / 2.0)
+    }
+
+    /// Of a gantry that is being enabled: the side that has been without torque for too long while the
+    /// other one pulls.
+    pub(super) fn lagging_side(&mut self, nodes: &[DriveNode]) -> Option<DriveIndex> {
+        let is_off = |&&drive: &&DriveIndex| !nodes[drive].has_reached(AwaitedState::Enabled);
+        let off = self.spec.drives.iter().filter(is_off).count();
+        let half = off > 0 && off < self.spec.drives.len();
+        self.half_enabled = if half { self.half_enabled + 1 } else { 0 };
+        let lags = self.half_enabled > SIDES_ENABLE;
+        let mut drives = self.spec.drives.iter().filter(|_| lags);
+        drives.find(is_off).copied()
     }
 
     /// Whether the two sides of a gantry are further apart than allowed.

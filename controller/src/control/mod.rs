@@ -81,6 +81,8 @@ const EVENT_CAPACITY: usize = 1024;
 const STILL: Duration = Duration::from_millis(50);
 /// See [`STILL`].
 const STILL_CYCLES: u32 = 5;
+/// Cycles after the first side of a gantry within which the other one has to be enabled, too.
+const SIDES_ENABLE: u32 = 50;
 /// How long a path that could go on rests until a plan that does not come is a fault. A planner, and
 /// a program that computes before it moves, may take a while in real time; none takes so long.
 const NO_PLAN: Duration = Duration::from_secs(30);

@@ -59,6 +59,7 @@ impl<const N: usize> Controller<N> {
                 self.await_all(AwaitedState::Ready, Phase::OperationEnabled, out)?;
             }
             Phase::OperationEnabled => {
+                self.watch_sides()?;
                 let cycles = self.still_cycles();
                 let moving = self.nodes.iter().position(|node| node.still() < cycles);
                 match moving {
@@ -381,6 +382,21 @@ impl<const N: usize> Controller<N> {
         if through {
             self.enter(next, out);
         }
+    }
+
+    /// Whether the two sides of each gantry are enabled about together: one that pulls alone turns the
+    /// beam. They are told in one burst, and where one does not follow both are disabled.
+    fn watch_sides(&mut self) -> Result<(), Fault> {
+        let mut axes = self.axes.iter_mut();
+        let Some(drive) = axes.find_map(|axis| axis.lagging_side(&self.nodes)) else {
+            return Ok(());
+        };
+        let awaited = AwaitedState::Enabled;
+        let word = self.nodes[drive].status().word;
+        Err(Fault::Drive(
+            drive,
+            DriveCause::StateTimeout { awaited, word },
+        ))
     }
 
     /// Goes on once every drive reports what is `awaited`; one that does not in time is a fault.

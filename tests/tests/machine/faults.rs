@@ -18,6 +18,7 @@ use syncline_tests::rig::{PORTAL_PROGRAM, Rig};
 const ON_THE_ARC: usize = 900;
 
 /// The drives: the gantry's sides, Y and Z.
+const X1: usize = 0;
 const X2: usize = 1;
 const Y: usize = 2;
 const Z: usize = 3;
@@ -653,6 +654,30 @@ fn a_drive_that_does_not_enable() {
     assert!(expected, "{fault:?}");
     assert_eq!(rig.rows.len(), 0);
     assert_switched_off(&mut rig, &[0x00, 0x06, 0x0F, 0x06, 0x00]);
+}
+
+/// A side of a gantry that does not follow the other one is not waited for as long as a drive alone:
+/// both are disabled again 50 cycles later.
+#[test]
+fn a_side_that_is_not_enabled_with_the_other() {
+    for side in [X1, X2] {
+        let mut rig = Rig::portal(PORTAL_PROGRAM);
+        let slow = Disturbance::EnableTime(Duration::from_secs(3600));
+        rig.twin(side).disturb(slow);
+        let mut pulled = 0;
+        while rig.step() {
+            let powered = [X1, X2].map(|drive| rig.twin(drive).observe().is_powered);
+            pulled += u32::from(powered[0] != powered[1]);
+        }
+        let Some(End::Fault(Fault::Drive(drive, DriveCause::StateTimeout { awaited, .. }))) =
+            rig.end()
+        else {
+            panic!("{:?}", rig.end());
+        };
+        assert_eq!((drive, awaited), (side, AwaitedState::Enabled));
+        // Two wake-ups a cycle, and some cycles until the command and its effect are there.
+        assert!((100..120).contains(&pulled), "{pulled}");
+    }
 }
 
 #[test]
