@@ -4,6 +4,7 @@
 //! until it is homed: then it is *referenced*, and its positions are machine positions.
 
 use super::signals::{Input, InputMeaning};
+use super::simulation::number_or;
 use super::{Axis, AxisLimits};
 use std::ops::{Range, RangeInclusive};
 use std::time::Duration;
@@ -309,19 +310,6 @@ fn number(
     let allowed = format!("a number from {} to {} {unit}", range.start(), range.end());
     let found = table.number(log, key, &allowed, |number| range.contains(&number));
     found.map(Spanned::into_inner)
-}
-
-fn number_or(
-    log: &mut Log<'_>,
-    table: &mut Table<'_, '_>,
-    key: &'static str,
-    default: f64,
-    range: RangeInclusive<f64>,
-    unit: &str,
-) -> f64 {
-    let allowed = format!("a number from {} to {} {unit}", range.start(), range.end());
-    let found = table.number_if(log, key, &allowed, |number| range.contains(&number));
-    found.map_or(default, Spanned::into_inner)
 }
 
 /// A place inside the soft limits.

@@ -325,7 +325,7 @@ pub(super) fn check(log: &mut Log<'_>, axis: &Axis, axes: &[Axis]) {
 }
 
 /// A number in a range, or its default.
-fn number_or(
+pub(super) fn number_or(
     log: &mut Log<'_>,
     table: &mut Table<'_, '_>,
     key: &'static str,
