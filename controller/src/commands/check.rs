@@ -4,7 +4,7 @@ use super::switches::Switches;
 use super::{Exit, report};
 use crate::budget::MachineBudget;
 use crate::machine::Machine;
-use crate::program::{CappedFeeds, Extent};
+use crate::program::{CappedFeeds, Extent, Programs};
 use std::error::Error;
 use std::path::{Path, PathBuf};
 use syncline_gcode::Tables;
@@ -79,7 +79,8 @@ impl Args {
     }
 
     fn check_program(&self, machine: &Machine, file: &Path) -> Result<Extent, Box<dyn Error>> {
-        let program = self.switches.program(file, machine, &self.machine)?;
+        let programs = Programs::new(machine, &self.machine)?;
+        let program = self.switches.program(&programs, file)?;
         let extent = program.check(machine.rest())?;
         if let Some(beginning) = program.beginning(machine.rest())? {
             println!("{beginning}");

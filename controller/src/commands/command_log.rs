@@ -1,13 +1,40 @@
-//! The log of a session's commands, a line of JSON for each that took effect: written beside a run,
-//! read by `replay`.
+//! The log of a session's commands: written beside a run, read by `replay`.
+//!
+//! It is lines of JSON. The first ones hold the tables with which the session began, a line of their file
+//! each, as what it does may change them; then comes a line for each command that took effect.
 
 use super::input::ShortLines;
+use super::output::{Claims, NoOutput, Target};
 use crate::observe::trace::Sink;
 use crate::run::Timeline;
 use crate::session::{Accepted, Event, Recorded, Session, Subscription};
-use std::fs::File;
+use serde::{Deserialize, Serialize};
+use std::fs::{self, File};
 use std::io::{self, BufRead, BufReader, Write};
 use std::path::{Path, PathBuf};
+use syncline_gcode::{Tables, TablesError};
+
+/// Where the commands of operators are written.
+#[derive(Debug, clap::Args)]
+pub(super) struct CommandFile {
+    /// Write every command of an operator that took effect, and in which cycle, as a line of JSON: with it
+    /// `replay` does what operators did.
+    #[arg(long, value_name = "FILE")]
+    commands: Option<PathBuf>,
+}
+
+impl CommandFile {
+    /// Opens the file.
+    pub(super) fn open(&self, claims: &mut Claims) -> Result<Option<Target>, NoOutput> {
+        claims.open("--commands", &self.commands)
+    }
+}
+
+/// A line of the tables' file, as it was when the session began.
+#[derive(Serialize, Deserialize)]
+struct TablesLine {
+    tables: String,
+}
 
 /// The log of a session that goes on.
 pub(super) struct CommandLog {
@@ -16,26 +43,52 @@ pub(super) struct CommandLog {
 }
 
 impl CommandLog {
-    /// The log of a session that has not begun.
-    pub(super) fn begin<T: Timeline>(session: &mut Session<T>, file: Sink) -> Self {
-        Self {
+    /// The log of a session that has not begun, on a machine whose tables are in the file `tables`.
+    pub(super) fn begin<T: Timeline>(
+        session: &mut Session<T>,
+        file: Sink,
+        tables: &Path,
+    ) -> io::Result<Self> {
+        let mut log = Self {
             events: session.subscribe(),
             file,
+        };
+        // Without a file they are empty, which is worth a line: by replay time there may be one.
+        let text = match fs::read_to_string(tables) {
+            Err(error) if error.kind() == io::ErrorKind::NotFound => String::new(),
+            text => text?,
+        };
+        for tables in text.split('\n').map(str::to_owned) {
+            write(&mut log.file, &TablesLine { tables })?;
         }
+        Ok(log)
     }
 
     /// Writes what took effect since the last call.
     pub(super) fn follow(&mut self) -> io::Result<()> {
         for event in self.events.events() {
             if let Event::Accepted(accepted) = event {
-                let line = serde_json::to_string(&accepted)? + "\n";
-                self.file.write_all(line.as_bytes())?;
-                // What a run that breaks off did is wanted most.
-                self.file.flush()?;
+                write(&mut self.file, &accepted)?;
             }
         }
         Ok(())
     }
+}
+
+fn write(file: &mut Sink, line: &impl Serialize) -> io::Result<()> {
+    let line = serde_json::to_string(line)? + "\n";
+    file.write_all(line.as_bytes())?;
+    // What a run that breaks off did is wanted most.
+    file.flush()
+}
+
+/// What a log holds.
+#[derive(Default)]
+pub(super) struct Logged {
+    /// The commands.
+    pub(super) commands: Recorded,
+    /// The tables with which the session began, if they are in it.
+    pub(super) tables: Option<Tables>,
 }
 
 /// A log of commands that cannot be used.
@@ -50,7 +103,7 @@ pub(super) enum BadCommands {
         source: io::Error,
     },
     /// A line is no command that took effect.
-    #[error("{}:{line}: no command as `--commands` of `run` and `validate` writes it", file.display())]
+    #[error("{}:{line}: no command as `--commands` of `run`, `validate` and `console` writes it", file.display())]
     Line {
         /// The file as it was named.
         file: PathBuf,
@@ -59,6 +112,9 @@ pub(super) enum BadCommands {
         /// What is wrong with it.
         source: serde_json::Error,
     },
+    /// The tables in it are none.
+    #[error(transparent)]
+    Tables(#[from] TablesError),
     /// A command took effect before the one above it.
     #[error(
         "{}:{line}: cycle {cycle} comes behind cycle {before}: the lines are not in the order in \
@@ -78,7 +134,7 @@ pub(super) enum BadCommands {
 }
 
 /// Reads a log. A last line that is cut off is told and left out.
-pub(super) fn read(path: &Path) -> Result<Recorded, BadCommands> {
+pub(super) fn read(path: &Path) -> Result<Logged, BadCommands> {
     let cannot_read = |source| BadCommands::Read {
         file: path.to_owned(),
         source,
@@ -86,6 +142,7 @@ pub(super) fn read(path: &Path) -> Result<Recorded, BadCommands> {
     let file = File::open(path).map_err(cannot_read)?;
     let mut file = BufReader::new(ShortLines::new(file));
     let mut accepted: Vec<Accepted> = Vec::new();
+    let mut tables: Vec<String> = Vec::new();
     let mut text = String::new();
     for line in 1.. {
         text.clear();
@@ -96,6 +153,10 @@ pub(super) fn read(path: &Path) -> Result<Recorded, BadCommands> {
             let file = path.display();
             eprintln!("{file}:{line}: the last line is cut off: left out");
             break;
+        }
+        if let Ok(TablesLine { tables: line }) = serde_json::from_str(&text) {
+            tables.push(line);
+            continue;
         }
         let command: Accepted =
             serde_json::from_str(&text).map_err(|source| BadCommands::Line {
@@ -115,5 +176,12 @@ pub(super) fn read(path: &Path) -> Result<Recorded, BadCommands> {
         }
         accepted.push(command);
     }
-    Ok(Recorded::new(accepted))
+    let tables = match tables.is_empty() {
+        true => None,
+        false => Some(Tables::parse(path, &tables.join("\n"))?),
+    };
+    Ok(Logged {
+        commands: Recorded::new(accepted),
+        tables,
+    })
 }

@@ -42,6 +42,7 @@ mod output;
 mod plan;
 mod ports;
 mod progress;
+mod real_time;
 mod record;
 mod repeats;
 mod replay;

@@ -87,18 +87,22 @@ impl Claims {
         }
     }
 
-    /// For a program on a machine: neither is to be written over, nor are the tables, be they there
-    /// or to be made by the program, nor the files beside the program that it can call.
+    /// For a machine: its file is not to be written over, nor are the tables, be they there or to be
+    /// made.
+    pub(super) fn of_machine(machine: &Path) -> Self {
+        Self::default()
+            .reads("the machine file", machine)
+            .reads("the tables", &Tables::beside(machine))
+    }
+
+    /// For a program on a machine: nor are the program and the files beside it that it can call.
     pub(super) fn of_run(machine: &Path, program: &Path) -> Self {
         let folder = program.parent().filter(|it| !it.as_os_str().is_empty());
         // A folder that cannot be read holds nothing that can be called.
         let beside = fs::read_dir(folder.unwrap_or(Path::new("."))).into_iter();
         let beside = beside.flatten().flatten().map(|entry| entry.path());
         let callable = beside.filter(|it| it.extension().is_some_and(|it| it == "ngc"));
-        let claims = Self::default()
-            .reads("the machine file", machine)
-            .reads("the tables", &Tables::beside(machine))
-            .reads("the program", program);
+        let claims = Self::of_machine(machine).reads("the program", program);
         callable.fold(claims, |claims, file| {
             claims.reads("a program that can be called", &file)
         })
@@ -302,10 +306,6 @@ pub(super) struct Output {
     /// Write a report as one self-contained HTML file.
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
-    /// Write every command of an operator that took effect, and in which cycle, as a line of JSON: with it
-    /// `replay` does what operators did.
-    #[arg(long, value_name = "FILE")]
-    commands: Option<PathBuf>,
 }
 
 /// The files of an [`Output`].
@@ -313,7 +313,6 @@ pub(super) struct Results {
     json: Option<Target>,
     trace: Option<Target>,
     report: Option<Target>,
-    commands: Option<Target>,
 }
 
 impl Output {
@@ -323,7 +322,6 @@ impl Output {
             json: claims.open(JSON, &self.json)?,
             trace: claims.open("--trace", &self.trace)?,
             report: claims.open("--report", &self.report)?,
-            commands: claims.open("--commands", &self.commands)?,
         })
     }
 }
@@ -343,20 +341,6 @@ impl Results {
     pub(super) fn trace_by(&mut self, writers: &mut Writers) -> io::Result<Option<Sink>> {
         let trace = self.trace.take().map(|file| writers.begin(file));
         Ok(trace.transpose()?.map(|trace| Box::new(trace) as Sink))
-    }
-
-    /// The log of commands, to be written at once.
-    pub(super) fn commands(&mut self) -> io::Result<Option<Sink>> {
-        let commands = self.commands.take().map(Target::begin).transpose()?;
-        Ok(commands.map(|commands| Box::new(commands) as Sink))
-    }
-
-    /// The log of commands, to be written beside the motion.
-    pub(super) fn commands_by(&mut self, writers: &mut Writers) -> io::Result<Option<Sink>> {
-        let commands = self.commands.take().map(|file| writers.begin(file));
-        Ok(commands
-            .transpose()?
-            .map(|commands| Box::new(commands) as Sink))
     }
 
     /// Writes JSON and report; `begin` begins a file.

@@ -10,9 +10,10 @@ use crate::control::{Layout, Phase};
 use crate::machine::Machine;
 use crate::observe::Observers;
 use crate::port::url::BusUrl;
+use crate::program::Programs;
 use crate::run::Progress;
 use crate::run::replay::{Difference, Logged, Operators, Outcome, Replay, ReplayBus};
-use crate::session::{Event, NotTaken, Recorded, Session};
+use crate::session::{Event, NotTaken, Recorded, Refused, Session};
 use std::error::Error;
 use std::fs::File;
 use std::io::{BufRead, BufReader};
@@ -26,11 +27,13 @@ use syncline_canopen::{CobId, Frame, Instant};
 ///
 /// LOG is a text log of all the machine's buses, as `syncline run --candump`, `syncline record` or
 /// `candump -l` write it, from before the run began. Interfaces stand for the buses whose names or
-/// ports they are. The machine file, the tables beside it and the program must be those of the run.
+/// ports they are. The machine file and the programs must be those of the run, and so must the tables beside
+/// the machine file, unless the log of commands has them.
 ///
-/// With the commands of its operators, as `--commands` of `run` and `validate` writes them, each is handed
-/// in in its cycle. Without them pauses and an interruption are found in the log; what else a person
-/// did is not, and setpoints differ from there on.
+/// With the commands of its operators, as `--commands` of `run`, `validate` and `console` writes them, each
+/// is handed in in its cycle. Without them pauses and an interruption are found in the log; what else a person
+/// did is not, and setpoints differ from there on. Without PROGRAM the log is of a session of `console`: what
+/// it loaded, it loads again.
 ///
 /// Exit codes: 0 if the controller sends the same frames bit for bit, 1 with the first frame that
 /// differs, 2 if the log cannot be replayed.
@@ -40,10 +43,10 @@ pub(super) struct Args {
     log: PathBuf,
     /// Machine file (TOML).
     machine: PathBuf,
-    /// Part program (RS-274/NGC).
-    program: PathBuf,
+    /// Part program (RS-274/NGC) of a run; none for a session of `console`.
+    program: Option<PathBuf>,
     /// What operators commanded in the run.
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", required_unless_present = "program")]
     commands: Option<PathBuf>,
     #[command(flatten)]
     ports: PortChoice,
@@ -68,7 +71,16 @@ impl Args {
         let mut machine = Machine::load(&self.machine)?;
         self.ports.apply(&mut machine)?;
         let layout = Arc::new(Layout::new(&machine)?);
-        let program = (self.switches).program(&self.program, &machine, &self.machine)?;
+        let recorded = self.commands.as_deref().map(command_log::read);
+        let recorded = recorded.transpose()?;
+        let operators = recorded
+            .as_ref()
+            .map_or(Operators::Unknown, |_| Operators::Recorded);
+        let command_log::Logged { commands, tables } = recorded.unwrap_or_default();
+        let mut programs = Programs::new(&machine, &self.machine)?;
+        if let Some(tables) = tables {
+            programs = programs.with_tables(tables);
+        }
         let log = self.read(&machine)?;
         let buses = machine.buses.iter().map(|bus| {
             let url = bus.port.parse::<BusUrl>();
@@ -78,21 +90,23 @@ impl Args {
                 simulated: matches!(url, Ok(BusUrl::Sim)),
             }
         });
-        let (operators, recorded) = match &self.commands {
-            Some(file) => (Operators::Recorded, command_log::read(file)?),
-            None => (Operators::Unknown, Recorded::default()),
-        };
-        let (replay, moves) = Replay::new(
-            Arc::clone(&layout),
-            buses.collect(),
-            operators,
-            program,
-            log.clone(),
-        )
-        .map_err(|error| BadLog(format!("{}: {error}", self.log.display())))?;
+        let buses = buses.collect();
         let observers = Observers::new(&machine, None, None, false);
-        let session = Session::new(&layout, replay, moves, observers);
-        let (outcome, recorded) = self.again(session, recorded)?;
+        let bad_log = |error| BadLog(format!("{}: {error}", self.log.display()));
+        let session = match &self.program {
+            Some(file) => {
+                let program = self.switches.program(&programs, file)?;
+                let replay =
+                    Replay::new(Arc::clone(&layout), buses, operators, program, log.clone());
+                let (replay, moves) = replay.map_err(bad_log)?;
+                Session::new(&layout, replay, moves, observers)
+            }
+            None => {
+                let replay = Replay::staying_on(Arc::clone(&layout), buses, log.clone());
+                Session::staying_on(&layout, replay.map_err(bad_log)?, programs, observers)
+            }
+        };
+        let (outcome, commands) = self.again(session, commands)?;
         let began = log.first().map_or(Instant::ZERO, |first| first.at);
         print(&outcome, &layout);
         if outcome.difference.is_none() && is_longer(&log, &outcome, &layout) {
@@ -103,7 +117,7 @@ impl Args {
             .into());
         }
         // A log that was cut off may end before the last of them.
-        let left = recorded.left().filter(|_| outcome.end.is_some());
+        let left = commands.left().filter(|_| outcome.end.is_some());
         Ok(match (&outcome.difference, left) {
             (None, None) => Exit::Finished,
             (None, Some((cycle, count))) => {
@@ -124,26 +138,31 @@ impl Args {
     fn again(
         &self,
         mut session: Session<Replay>,
-        mut recorded: Recorded,
+        mut commands: Recorded,
     ) -> Result<(Outcome, Recorded), NotTaken> {
         let told = session.subscribe();
         if self.commands.is_none() {
             self.switches.set(&session.operator("command line"))?;
         }
-        loop {
+        let mut progress = Progress::More;
+        while progress != Progress::Ended {
             if let Some(cycle) = session.timeline().setpoints_of() {
-                recorded.hand_in(&session, cycle)?;
+                commands.hand_in(&mut session, cycle);
             }
-            if session.advance() == Progress::Ended {
-                break;
-            }
+            progress = session.advance();
             for event in told.events() {
-                if let Event::Problem(error) = event {
-                    report(&*error);
+                match event {
+                    Event::Problem(error) => report(&*error),
+                    Event::Refused(Refused {
+                        source,
+                        command,
+                        reason,
+                    }) => eprintln!("now refused: {source}: {command:?}: {reason}"),
+                    _ => {}
                 }
             }
         }
-        Ok((session.timeline().outcome(), recorded))
+        Ok((session.timeline().outcome(), commands))
     }
 
     /// The frames of the machine's buses.

@@ -1,25 +1,21 @@
 //! `syncline run`: a program on a machine, in real time.
 
-use super::command_log::CommandLog;
+use super::command_log::{CommandFile, CommandLog};
 use super::keys::{self, Keys};
-use super::log_files::{Listeners, LogFiles};
-use super::output::{Claims, Output, Results};
+use super::log_files::LogFiles;
+use super::output::{Claims, Output, Results, Target};
 use super::ports::PortChoice;
 use super::progress::{Console, Messages, Screen};
+use super::real_time::{Buses, RealTimeArgs, Written, attend, lockstep};
 use super::switches::Switches;
-use super::writers::Writers;
-use super::{Exit, bad_input, core, duration, report, told};
+use super::{Exit, bad_input, report, told};
 use crate::control::{End, Event as MachineEvent, Layout};
 use crate::machine::Machine;
 use crate::observe::Observers;
-use crate::observe::frames::SharedFrames;
 use crate::observe::summary::Summary;
 use crate::observe::timing::Stage;
-use crate::port::{self, Ports, url};
-use crate::program::{Beginning, Extent, Program};
-use crate::realtime;
-use crate::run::Progress;
-use crate::run::real_time::{Ended, Measured, RealTime, Timing, late_after};
+use crate::program::{Beginning, Extent, Program, Programs};
+use crate::run::real_time::{Ended, Measured, RealTime, late_after};
 use crate::session::{Command, Event, Operator, Session, Subscription};
 use rustix::termios::{QueueSelector, tcflush};
 use std::error::Error;
@@ -29,11 +25,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::thread;
 use std::time::Duration;
-use syncline_drives::world::{Observer, World};
 use syncline_gcode::Tables;
-
-/// How often it is looked after the session.
-const POLL: Duration = Duration::from_millis(1);
 
 /// Run a program on a machine, in real time.
 ///
@@ -63,24 +55,12 @@ pub(super) struct Args {
     output: Output,
     #[command(flatten)]
     log: LogFiles,
-    /// Varies encoder noise, response delays and oscillator errors of simulated drives.
-    #[arg(long, default_value_t = 0)]
-    seed: u64,
     #[command(flatten)]
     switches: Switches,
-    /// Make a late wake-up a fault on simulated buses too.
-    #[arg(long)]
-    strict: bool,
-    /// Real-time priority of the cycle, 1…99.
-    #[arg(long, default_value_t = 80, value_parser = clap::value_parser!(u8).range(1..=99))]
-    priority: u8,
-    /// Processor core of the cycle; an isolated one is best. Without it, the last one that this
-    /// process may use.
-    #[arg(long, value_parser = core)]
-    core: Option<usize>,
-    /// Stay awake that long before each wake-up, for a core of its own: 50us.
-    #[arg(long, default_value = "0us", value_parser = duration)]
-    spin: Duration,
+    #[command(flatten)]
+    real_time: RealTimeArgs,
+    #[command(flatten)]
+    commands: CommandFile,
     /// Tell what the controller does.
     #[arg(short, long)]
     verbose: bool,
@@ -94,11 +74,8 @@ impl Args {
             layout,
             program,
             extent,
-            world,
-            ports,
-            frames,
-            listeners,
-            writers,
+            buses,
+            commands,
             claims,
             results,
         } = match prepared {
@@ -110,16 +87,14 @@ impl Args {
             machine,
             layout,
             extent,
-            frames,
-            listeners,
-            writers,
             claims,
             results,
         };
-        run.execute(world, ports, program).unwrap_or_else(|error| {
-            report(&*error);
-            Exit::Stopped
-        })
+        run.execute(buses, program, commands)
+            .unwrap_or_else(|error| {
+                report(&*error);
+                Exit::Stopped
+            })
     }
 }
 
@@ -129,11 +104,8 @@ struct Prepared {
     layout: Arc<Layout>,
     program: Program,
     extent: Extent,
-    world: World,
-    ports: Ports,
-    frames: SharedFrames,
-    listeners: Listeners,
-    writers: Writers,
+    buses: Buses,
+    commands: Option<Target>,
     claims: Claims,
     results: Results,
 }
@@ -144,52 +116,31 @@ impl Args {
         let mut machine = Machine::load(&self.machine)?;
         self.ports.apply(&mut machine)?;
         let layout = Arc::new(Layout::new(&machine)?);
-        let program = (self.switches).program(&self.program, &machine, &self.machine)?;
+        let programs = Programs::new(&machine, &self.machine)?;
+        let program = self.switches.program(&programs, &self.program)?;
         let extent = program.check(machine.rest())?;
         let mut claims = Claims::of_run(&self.machine, &self.program);
         let results = self.output.open(&mut claims)?;
         let logs = self.log.open(&mut claims)?;
+        let commands = self.commands.open(&mut claims)?;
         if extent.sets_tables {
             Tables::probe(&Tables::beside(&self.machine))?;
         }
         if let Some(beginning) = program.beginning(machine.rest())? {
             confirm(&beginning)?;
         }
-        let frames = SharedFrames::new(&machine);
-        let mut listeners = logs.listeners();
-        let mut observers: Vec<Observer> = Vec::with_capacity(machine.buses.len());
-        for bus in 0..machine.buses.len() {
-            observers.push(if lockstep(&machine) {
-                Box::new(frames.observer(bus))
-            } else {
-                listeners.overhear(bus, frames.clone())?
-            });
-        }
-        let (world, ports) = port::open(&machine, self.seed, observers)?;
-        for port in &ports {
-            port.notes().iter().for_each(|note| eprintln!("{note}"));
-        }
-        let mut writers = Writers::default();
-        logs.record(&machine, &frames, &mut listeners, &mut writers)?;
+        let buses = self.real_time.open(&machine, logs)?;
         Ok(Prepared {
             machine,
             layout,
             program,
             extent,
-            world,
-            ports,
-            frames,
-            listeners,
-            writers,
+            buses,
+            commands,
             claims,
             results,
         })
     }
-}
-
-/// Whether every bus is simulated: their time goes with the cycle.
-pub(super) fn lockstep(machine: &Machine) -> bool {
-    machine.buses.iter().all(|bus| bus.port == url::SIM)
 }
 
 /// Asks whether the program is to begin in the middle.
@@ -213,9 +164,6 @@ struct Run<'a> {
     machine: Machine,
     layout: Arc<Layout>,
     extent: Extent,
-    frames: SharedFrames,
-    listeners: Listeners,
-    writers: Writers,
     claims: Claims,
     results: Results,
 }
@@ -223,22 +171,19 @@ struct Run<'a> {
 impl Run<'_> {
     fn execute(
         mut self,
-        world: World,
-        ports: Ports,
+        buses: Buses,
         program: Program,
+        commands: Option<Target>,
     ) -> Result<Exit, Box<dyn Error>> {
+        let Buses {
+            world,
+            ports,
+            mut written,
+        } = buses;
         let lockstep = lockstep(&self.machine);
-        let timing = Timing {
-            settings: realtime::Settings {
-                priority: self.args.priority,
-                core: self.args.core.or_else(realtime::last_core),
-            },
-            spin: self.args.spin,
-            lockstep,
-            strict: self.args.strict,
-        };
-        let trace = self.results.trace_by(&mut self.writers)?;
-        let sent = lockstep.then(|| self.frames.listen(&self.machine));
+        let timing = self.args.real_time.timing(&self.machine);
+        let trace = self.results.trace_by(&mut written.writers)?;
+        let sent = lockstep.then(|| written.frames.listen(&self.machine));
         let extent = (!program.streams()).then_some(self.extent);
         let observers = Observers::new(&self.machine, sent, trace, self.results.wants_report())
             .of_program(extent);
@@ -255,8 +200,11 @@ impl Run<'_> {
             },
         )?;
         let mut session = Session::new(&self.layout, timeline, moves, observers);
-        let commands = self.results.commands_by(&mut self.writers)?;
-        let mut commands = commands.map(|file| CommandLog::begin(&mut session, file));
+        let commands = commands.map(|file| {
+            let file = Box::new(written.writers.begin(file)?);
+            CommandLog::begin(&mut session, file, &Tables::beside(&self.args.machine))
+        });
+        let commands = commands.transpose()?;
         (self.args.switches).set(&session.operator("command line"))?;
         let screen = Screen {
             events: session.subscribe(),
@@ -268,17 +216,8 @@ impl Run<'_> {
         };
         let console = Console::start(screen, messages.clone(), waiting)?;
         let keys = listen(&mut session, &messages)?;
-        loop {
-            let progress = session.advance();
-            commands.as_mut().map_or(Ok(()), CommandLog::follow)?;
-            match progress {
-                Progress::More => {}
-                Progress::Idle => thread::sleep(POLL),
-                Progress::Ended => break,
-            }
-        }
-        drop(commands);
-        let concluded = self.conclude(session, &messages, lockstep);
+        attend(&mut session, commands)?;
+        let concluded = self.conclude(session, written, &messages, lockstep);
         let exit = concluded.unwrap_or_else(|error| {
             messages.tell(told(&*error));
             Exit::Stopped
@@ -290,8 +229,9 @@ impl Run<'_> {
 
     /// Writes what is left to write, and tells the result.
     fn conclude(
-        mut self,
+        self,
         session: Session<RealTime>,
+        mut written: Written,
         messages: &Messages,
         lockstep: bool,
     ) -> Result<Exit, Box<dyn Error>> {
@@ -308,9 +248,9 @@ impl Run<'_> {
         {
             problems.push(error.into());
         }
-        let frames = lockstep.then(|| self.frames.result());
+        let carried = lockstep.then(|| written.frames.result());
         let (summary, mut rows) =
-            observers.finish(&self.machine, &self.layout, &controller, frames)?;
+            observers.finish(&self.machine, &self.layout, &controller, carried)?;
         if let Some(report) = &mut rows {
             report.distributions = measured.distributions().to_vec();
         }
@@ -320,18 +260,14 @@ impl Run<'_> {
         } else {
             "run in real time"
         };
-        let writers = &mut self.writers;
         let (program, mode) = (&self.args.program, mode.to_owned());
-        let begin = |target| writers.begin(target);
-        let written = (self.results).write(&summary, rows, program, mode, begin);
-        problems.extend(written.err());
+        let begin = |target| written.writers.begin(target);
+        let put = (self.results).write(&summary, rows, program, mode, begin);
+        problems.extend(put.err());
         if let Some(stream) = self.claims.stream() {
             messages.conclude(stream, text);
         }
-        drop(self.listeners);
-        problems.extend(self.frames.finish_log().err().map(Into::into));
-        let missing = self.writers.finish().into_iter();
-        problems.extend(missing.map(Into::into));
+        problems.extend(written.finish());
         for problem in &problems {
             messages.tell(told(&**problem));
         }

@@ -1,6 +1,5 @@
 //! How a program is to be read: the switches of an operator's panel.
 
-use crate::machine::Machine;
 use crate::program::{Program, Programs};
 use crate::session::{Command, NotTaken, Operator, SwitchChange};
 use std::error::Error;
@@ -30,14 +29,12 @@ pub(super) struct Switches {
 }
 
 impl Switches {
-    /// The program with these switches.
+    /// A program with these switches.
     pub(super) fn program(
         &self,
+        programs: &Programs,
         file: &Path,
-        machine: &Machine,
-        machine_file: &Path,
     ) -> Result<Program, Box<dyn Error>> {
-        let programs = Programs::new(machine, machine_file)?;
         let program = if file == Path::new("-") {
             programs.text("standard input", &standard_input()?)
         } else {

@@ -1,6 +1,6 @@
 //! `syncline validate`: proof before metal moves.
 
-use super::command_log::CommandLog;
+use super::command_log::{CommandFile, CommandLog};
 use super::events::Events;
 use super::log_files::{LogFiles, Logs};
 use super::output::{Claims, Output, Results, Target};
@@ -13,7 +13,7 @@ use crate::control::{Event as MachineEvent, Layout};
 use crate::machine::Machine;
 use crate::observe::Observers;
 use crate::observe::summary::Summary;
-use crate::program::{Extent, Program};
+use crate::program::{Extent, Program, Programs};
 use crate::run::Progress;
 use crate::run::virtual_time::VirtualMachine;
 use crate::session::{Command, Event, NotTaken, Operator, Session, Status};
@@ -21,6 +21,7 @@ use std::error::Error;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
+use syncline_gcode::Tables;
 
 /// A program that is held when the last event is past, and that rests so long, s, is stopped:
 /// nobody is there to go on.
@@ -39,6 +40,8 @@ pub(super) struct Args {
     program: PathBuf,
     #[command(flatten)]
     output: Output,
+    #[command(flatten)]
+    commands: CommandFile,
     #[command(flatten)]
     log: LogFiles,
     /// Varies encoder noise, response delays and oscillator errors of the simulated drives.
@@ -66,6 +69,7 @@ struct Prepared {
     events: Events,
     claims: Claims,
     results: Results,
+    commands: Option<Target>,
     logs: Logs,
 }
 
@@ -89,7 +93,8 @@ impl Args {
     fn prepare(&self) -> Result<Prepared, Box<dyn Error>> {
         let machine = Machine::load(&self.machine)?;
         let layout = Arc::new(Layout::new(&machine)?);
-        let program = (self.switches).program(&self.program, &machine, &self.machine)?;
+        let programs = Programs::new(&machine, &self.machine)?;
+        let program = self.switches.program(&programs, &self.program)?;
         let extent = program.check(machine.rest())?;
         let mut claims = Claims::of_run(&self.machine, &self.program);
         let events = match &self.events {
@@ -100,6 +105,7 @@ impl Args {
             None => Events::default(),
         };
         let results = self.output.open(&mut claims)?;
+        let commands = self.commands.open(&mut claims)?;
         let logs = self.log.open(&mut claims)?;
         if let Some(beginning) = program.beginning(machine.rest())? {
             eprintln!("{beginning}");
@@ -112,6 +118,7 @@ impl Args {
             events,
             claims,
             results,
+            commands,
             logs,
         })
     }
@@ -125,6 +132,7 @@ impl Args {
             events,
             claims,
             mut results,
+            commands,
             logs,
         } = prepared;
         let (timeline, moves) =
@@ -134,8 +142,11 @@ impl Args {
         let observers = Observers::new(&machine, sent, results.trace()?, results.wants_report())
             .of_program(extent);
         let mut session = Session::new(&layout, timeline, moves, observers);
-        let commands = results.commands()?;
-        let mut commands = commands.map(|file| CommandLog::begin(&mut session, file));
+        let commands = commands.map(|file| {
+            let tables = Tables::beside(&self.machine);
+            CommandLog::begin(&mut session, Box::new(file.begin()?), &tables)
+        });
+        let mut commands = commands.transpose()?;
         self.switches.set(&session.operator("command line"))?;
         let (told, nobody) = (session.subscribe(), session.operator("validate"));
         let mut script = Script {

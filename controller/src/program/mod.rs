@@ -189,6 +189,13 @@ impl Programs {
         self
     }
 
+    /// Other tables than those beside the machine's file.
+    #[must_use]
+    pub fn with_tables(mut self, tables: Tables) -> Self {
+        self.setup.tables = tables;
+        self
+    }
+
     /// A program in a file.
     #[must_use]
     pub fn file(&self, file: &Path) -> Program {

@@ -4,20 +4,23 @@
 //! - [`virtual_time`]: as fast as the CPU allows, deterministic
 //! - [`real_time`]: on the host's clock
 //! - [`planning`]: the program on its way there, in a thread of its own
+//! - `inline_planning`: the same where the cycle's time is not the host's
 //! - [`replay`]: a recorded run once more
 //!
 //! A [`Timeline`] is a machine with its program in either time, as a session drives it.
 
 pub mod driver;
+mod inline_planning;
 pub mod planning;
 pub mod real_time;
 pub mod replay;
 pub mod virtual_time;
 
-use crate::control::{Event, Order, Outcome, Refusal, Row};
+use crate::control::{Controller, Event, Order, Outcome, Refusal, Row};
 use crate::machine::COORDINATES;
 use crate::port::PortError;
 use crate::program::{Left, Program, ProgramError, Upcoming};
+use std::collections::VecDeque;
 use syncline_gcode::TablesError;
 
 /// What the cycle reports.
@@ -109,4 +112,33 @@ pub trait Timeline {
     /// # Errors
     /// Something cannot go on; the machine comes to its end when this is called further.
     fn advance(&mut self, report: &mut dyn FnMut(CycleReport)) -> Result<Progress, RunError>;
+}
+
+/// Orders on their way into a cycle whose time is not the host's.
+#[derive(Debug, Default)]
+struct Orders(VecDeque<(u64, Order)>);
+
+impl Orders {
+    fn push(&mut self, number: u64, order: Order) {
+        self.0.push_back((number, order));
+    }
+
+    /// Has the controller obey them, in turn, and reports what became of each.
+    fn obey(
+        &mut self,
+        controller: &mut Controller<COORDINATES>,
+        report: &mut dyn FnMut(CycleReport),
+    ) {
+        let cycle = controller.cycle();
+        for (number, order) in self.0.drain(..) {
+            report(match controller.obey(order) {
+                Ok(()) => CycleReport::Obeyed { number, cycle },
+                Err(refusal) => CycleReport::Refused {
+                    number,
+                    cycle,
+                    refusal,
+                },
+            });
+        }
+    }
 }

@@ -1,14 +1,14 @@
 //! A machine in virtual time: the real controller against simulated drives.
 
 use super::driver::Driver;
-use super::{CycleReport, Progress, RunError, Timeline, Work};
-use crate::control::{Controller, Layout, Order, Outcome, Row};
+use super::inline_planning::InlinePlanning;
+use super::{CycleReport, Orders, Progress, RunError, Timeline, Work};
+use crate::control::{Controller, Layout, Order, Row};
 use crate::machine::{COORDINATES, Machine};
 use crate::observe::frames::SharedFrames;
 use crate::port::sim::{SimPort, Simulated};
 use crate::port::{Port, PortError};
-use crate::program::{Feeder, Moves, Program, ProgramError};
-use std::collections::VecDeque;
+use crate::program::{Moves, Program, ProgramError};
 use std::mem::{replace, take};
 use std::sync::Arc;
 use syncline_canopen::Instant;
@@ -21,15 +21,9 @@ use syncline_drives::world::{Observer, World};
 pub struct VirtualMachine<P = SimPort> {
     driver: Driver<COORDINATES, P>,
     frames: SharedFrames,
-    /// Jobs that have not begun.
-    work: VecDeque<Work>,
-    /// The job that is planned.
-    feeder: Option<(u64, Feeder)>,
-    /// The last job that was reported to be over.
-    over: Option<u64>,
+    planning: InlinePlanning,
+    orders: Orders,
     now: Instant,
-    /// What became of orders and is not reported.
-    answers: VecDeque<CycleReport>,
     /// A bus failed, which was reported.
     bus_failed: bool,
     /// By so much the next wake-up comes late.
@@ -72,7 +66,7 @@ impl<P: Port> VirtualMachine<P> {
     ) -> (Self, Moves) {
         let (upcoming, moves) = Moves::new();
         let mut machine = Self::with(world, ports, layout, frames);
-        machine.work.push_back(Work {
+        machine.prepare(Work {
             number: 0,
             program,
             upcoming,
@@ -97,26 +91,34 @@ impl<P: Port> VirtualMachine<P> {
         Self {
             driver: Driver::new(layout, world, ports, Instant::ZERO),
             frames,
-            work: VecDeque::new(),
-            feeder: None,
-            over: None,
+            planning: InlinePlanning::default(),
+            orders: Orders::default(),
             now: Instant::ZERO,
-            answers: VecDeque::new(),
             bus_failed: false,
             late: Duration::ZERO,
             starved: 0,
         }
     }
 
-    /// Goes on to the next wake-up; false once the machine is at its end.
-    fn step(&mut self) -> Result<bool, RunError> {
+    /// Goes on to the next wake-up; false once the machine is at its end. Orders are obeyed and the plan
+    /// is fed where the cycle of a machine in real time does so, before the setpoints.
+    fn step(&mut self, report: &mut dyn FnMut(CycleReport)) -> Result<bool, RunError> {
         let Some(next) = self.driver.controller.next_wake() else {
+            self.orders.obey(&mut self.driver.controller, report);
             return Ok(false);
         };
         // Behind a late one come those that are due since.
         self.now = self.now.max(next.at()) + take(&mut self.late);
-        let fed = self.feed();
-        if fed.is_err() && self.feeder.is_none() {
+        let plans = self.starved == 0;
+        self.starved = self.starved.saturating_sub(1);
+        let mut fed = Ok(());
+        if self.driver.setpoints_are_next() {
+            self.orders.obey(&mut self.driver.controller, report);
+            if plans {
+                fed = self.feed();
+            }
+        }
+        if fed.is_err() && !self.planning.is_at_work() {
             self.driver.controller.abandon();
         }
         let stepped = self.driver.step(self.now);
@@ -129,31 +131,9 @@ impl<P: Port> VirtualMachine<P> {
 
     /// Keeps the controller's plan full.
     fn feed(&mut self) -> Result<(), ProgramError> {
-        if self.starved > 0 {
-            self.starved -= 1;
-            return Ok(());
-        }
         let controller = &mut self.driver.controller;
-        let Some(job) = controller.job() else {
-            return Ok(());
-        };
-        let is_planned = |(number, _): &(u64, Feeder)| *number == job.number;
-        if let Some(start) = controller.ready()
-            && !self.feeder.as_ref().is_some_and(is_planned)
-        {
-            self.feeder = None;
-            self.work.retain(|work| work.number >= job.number);
-            if let Some(Work {
-                number,
-                program,
-                upcoming,
-            }) = self.work.pop_front()
-            {
-                program.check(start)?;
-                self.feeder = Some((number, program.feeder(start, upcoming)?));
-            }
-        }
-        let Some((_, feeder)) = &mut self.feeder else {
+        self.planning.begin(controller)?;
+        let Some(feeder) = self.planning.feeder() else {
             return Ok(());
         };
         if let Some(request) = controller.replan_request() {
@@ -164,22 +144,6 @@ impl<P: Port> VirtualMachine<P> {
         {
             controller.accept(instruction);
         }
-        Ok(())
-    }
-
-    /// Reports a job that is over.
-    fn report_over(&mut self, report: &mut dyn FnMut(CycleReport)) -> Result<(), RunError> {
-        let Some((job, outcome)) = self.driver.controller.over() else {
-            return Ok(());
-        };
-        if self.over.replace(job) == Some(job) {
-            return Ok(());
-        }
-        let feeder = self.feeder.take_if(|(number, _)| *number == job);
-        let finished = feeder.filter(|_| outcome == Outcome::Finished);
-        let (left, kept) = finished.map(|(_, feeder)| feeder.finish()).unzip();
-        report(CycleReport::JobOver { job, outcome, left });
-        kept.unwrap_or(Ok(()))?;
         Ok(())
     }
 
@@ -229,33 +193,23 @@ impl<P: Port> VirtualMachine<P> {
 
 impl<P: Port> Timeline for VirtualMachine<P> {
     fn prepare(&mut self, work: Work) {
-        self.work.push_back(work);
+        self.planning.prepare(work);
     }
 
     fn order(&mut self, number: u64, order: Order) {
-        let controller = &mut self.driver.controller;
-        let cycle = controller.cycle();
-        self.answers.push_back(match controller.obey(order) {
-            Ok(()) => CycleReport::Obeyed { number, cycle },
-            Err(refusal) => CycleReport::Refused {
-                number,
-                cycle,
-                refusal,
-            },
-        });
+        self.orders.push(number, order);
     }
 
     /// One wake-up.
     fn advance(&mut self, report: &mut dyn FnMut(CycleReport)) -> Result<Progress, RunError> {
-        self.answers.drain(..).for_each(&mut *report);
-        let stepped = self.step();
+        let stepped = self.step(report);
         while let Some(event) = self.driver.controller.event() {
             report(CycleReport::Event(event));
         }
         if let Some(row) = self.row() {
             report(CycleReport::Row(*row));
         }
-        self.report_over(report)?;
+        self.planning.report_over(&self.driver.controller, report)?;
         Ok(match stepped? {
             true => Progress::More,
             false => Progress::Ended,

@@ -195,6 +195,17 @@ impl<T: Timeline> Session<T> {
         })
     }
 
+    /// Hands over a command of a recorded session. What was before it in there is before it here, also
+    /// before a stop, which overtakes nothing any more.
+    fn repeat(&mut self, accepted: Accepted) {
+        let Accepted {
+            source, command, ..
+        } = accepted;
+        let source = source.into();
+        let issued = Issued { source, command };
+        self.desk.hand_over(issued, &mut self.timeline);
+    }
+
     /// What stopped the machine, the first cause on top, until it is reset.
     #[must_use]
     pub fn faults(&self) -> &[Fault] {
@@ -334,7 +345,9 @@ impl Desk {
 
     /// Commands have taken effect in a cycle, all before the one with this number.
     fn accept_before(&mut self, number: u64, cycle: u64) {
-        self.cycle = cycle;
+        if self.first < number {
+            self.cycle = cycle;
+        }
         while self.first < number && !self.waiting.is_empty() {
             self.accept_next();
         }

@@ -1,6 +1,6 @@
 //! A session once more: the commands that took effect in it, each handed in in its cycle.
 
-use super::{Accepted, NotTaken, Session};
+use super::{Accepted, Session};
 use crate::run::Timeline;
 use std::collections::VecDeque;
 
@@ -15,24 +15,15 @@ impl Recorded {
         Self(accepted.into_iter().collect())
     }
 
-    /// Commands what took effect up to `cycle`, whose setpoints are next, in the name of whoever did.
-    ///
-    /// # Errors
-    /// There are too many in one cycle.
-    pub fn hand_in<T: Timeline>(
-        &mut self,
-        session: &Session<T>,
-        cycle: u64,
-    ) -> Result<(), NotTaken> {
+    /// Hands in what took effect up to `cycle`, whose setpoints are next, in the name of whoever commanded
+    /// it and in the order in which it did.
+    pub fn hand_in<T: Timeline>(&mut self, session: &mut Session<T>, cycle: u64) {
         while let Some(accepted) = self.0.front()
             && accepted.cycle <= cycle
         {
-            session
-                .operator(&accepted.source)
-                .command(accepted.command.clone())?;
+            session.repeat(accepted.clone());
             self.0.pop_front();
         }
-        Ok(())
     }
 
     /// How many are left, and the cycle of the first.

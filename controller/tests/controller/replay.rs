@@ -520,3 +520,67 @@ fn a_run_that_is_interrupted_on_an_arc_is_sent_again() {
     assert_eq!(code, 0, "{text}");
     assert!(text.contains("interrupted by the user"), "{text}");
 }
+
+impl Recorded {
+    /// The session of a console that is given these lines, with the log of what took effect.
+    fn attended(lines: &str) -> Self {
+        let recorded = Self::new();
+        let mut console = Command::new(SYNCLINE);
+        console.args(["console", "--lines"]).arg(&recorded.machine);
+        console.arg("--candump").arg(&recorded.log);
+        console.arg("--commands").arg(recorded.commands());
+        console
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped());
+        let mut console = console.spawn().unwrap();
+        let mut input = console.stdin.take().unwrap();
+        input.write_all(lines.as_bytes()).unwrap();
+        drop(input);
+        let (code, text) = ended(&console.wait_with_output().unwrap());
+        assert_eq!(code, 0, "{text}");
+        recorded
+    }
+
+    fn replay_attended(&self) -> (i32, String) {
+        let mut replay = Command::new(SYNCLINE);
+        replay.arg("replay").args([&self.log, &self.machine]);
+        replay.arg("--commands").arg(self.commands());
+        ended(&replay.output().unwrap())
+    }
+}
+
+/// Several jobs: each begins with the offsets, the tool and the modes that those before it have left, and
+/// with tables that the session itself has written.
+#[test]
+fn a_day_at_the_console_is_sent_again_bit_for_bit() {
+    let lines = "\
+        mdi G0 X5\nwait\njog X+10\nset_offset X0 Y0\nmdi G91 G1 X5 F6000\nmdi X5\nmdi T1 M6\nwait\ncycle_start\n\
+        set_tool_length Z3\nwait\ndisable\nwait\nenable\nwait\nload PROGRAM\nfeed_override 80\nrun\n\
+        wait\ncycle_start\nwait\ncycle_start\nwait\ncycle_start\nwait\n";
+    let program = Recorded::new();
+    let lines = lines.replace("PROGRAM", program.program.to_str().unwrap());
+    let recorded = Recorded::attended(&lines);
+    let log = fs::read_to_string(recorded.commands()).unwrap();
+    for taken in [
+        r#"{"tables":""}"#,
+        r#""command":{"mdi":"X5"}"#,
+        r#"{"set_work_offset":[0.0,0.0,"#,
+        r#""enable""#,
+        r#"{"run":{"from_line":null}}"#,
+    ] {
+        assert!(log.contains(taken), "{taken}: {log}");
+    }
+    assert!(recorded.folder.path().join("machine.tables.toml").exists());
+    let (code, text) = recorded.replay_attended();
+    assert_eq!(code, 0, "{text}");
+    let same = format!("the same           {} frames", recorded.own());
+    assert!(text.contains(&same), "{same}{text}");
+    assert!(text.contains("the run's end      switched off"), "{text}");
+
+    // Without the tables with which it began it is another session.
+    fs::write(recorded.commands(), log.replace("{\"tables\":\"\"}\n", "")).unwrap();
+    let (code, text) = recorded.replay_attended();
+    assert_eq!(code, 1, "{text}");
+    assert!(text.contains("FIRST DIFFERENCE"), "{text}");
+}

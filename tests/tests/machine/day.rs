@@ -333,7 +333,7 @@ fn successors(state: State) -> &'static [State] {
 
 /// What an operator or the world does.
 #[derive(Clone, Debug)]
-enum Deed {
+pub(super) enum Deed {
     Command(Command),
     Disturb(usize, Disturbance),
 }
@@ -345,7 +345,27 @@ const PROGRAMS: [&str; 4] = [
     "T1 M6\nG0 Z-5\nM30\n",
 ];
 
-fn deed() -> impl Strategy<Value = Deed> {
+/// Lays the programs where deeds load them from.
+pub(super) fn lay_out_programs(rig: &Rig) {
+    for (name, text) in PROGRAMS.iter().enumerate() {
+        let _ = rig.folder.file(&format!("{name}.ngc"), text);
+    }
+}
+
+impl Deed {
+    pub(super) fn done_to(self, rig: &mut Rig) {
+        match self {
+            Self::Command(Command::Load(file)) => {
+                let file = rig.folder.path(file.to_str().expect("a plain name"));
+                rig.command(Command::Load(file));
+            }
+            Self::Command(command) => rig.command(command),
+            Self::Disturb(drive, disturbance) => rig.twin(drive).disturb(disturbance),
+        }
+    }
+}
+
+pub(super) fn deed() -> impl Strategy<Value = Deed> {
     let axis = || select(&[Axis::X, Axis::Y, Axis::Z][..]);
     let direction = || select(&[Direction::Positive, Direction::Negative][..]);
     let jog = prop_oneof![
@@ -418,24 +438,14 @@ proptest! {
         deeds in prop::collection::vec((deed(), 1..900usize), 1..16),
     ) {
         let mut rig = Rig::staying_on("portal", &[], |_, _| ());
-        for (name, text) in PROGRAMS.iter().enumerate() {
-            let _ = rig.folder.file(&format!("{name}.ngc"), text);
-        }
+        lay_out_programs(&rig);
         rig.goes_on = false;
         let told = rig.session.subscribe();
         let (mut asked, mut answered) = (0, 0);
         settle(&mut rig);
         for (deed, wait) in deeds {
-            match deed {
-                Deed::Command(command) => {
-                    asked += 1;
-                    rig.command(match command {
-                        Command::Load(file) => Command::Load(rig.folder.path(file.to_str().unwrap())),
-                        other => other,
-                    });
-                }
-                Deed::Disturb(drive, disturbance) => rig.twin(drive).disturb(disturbance),
-            }
+            asked += usize::from(matches!(deed, Deed::Command(_)));
+            deed.done_to(&mut rig);
             for _ in 0..wait {
                 rig.step();
                 let rests = matches!(state(&rig), State::Ready | State::Disabled | State::Faulted);

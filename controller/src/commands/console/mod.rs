@@ -5,30 +5,23 @@ mod model;
 mod screen;
 mod view;
 
+use super::command_log::{CommandFile, CommandLog};
+use super::log_files::LogFiles;
+use super::output::Claims;
 use super::ports::PortChoice;
-use super::run::lockstep;
-use super::{Exit, bad_input, core, duration, report, told};
+use super::real_time::{self, Buses, RealTimeArgs, Written};
+use super::{Exit, bad_input, report, told};
 use crate::control::{End, Layout, State};
 use crate::machine::Machine;
 use crate::observe::Observers;
-use crate::observe::frames::SharedFrames;
-use crate::port;
 use crate::program::Programs;
-use crate::realtime;
-use crate::run::Progress;
-use crate::run::real_time::{RealTime, Timing};
+use crate::run::real_time::RealTime;
 use crate::session::{Command, Session};
 use std::error::Error;
 use std::io::{self, IsTerminal};
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::thread;
-use std::time::Duration;
-use syncline_drives::world::Observer;
 use syncline_gcode::Tables;
-
-/// How often it is looked after the session.
-const POLL: Duration = Duration::from_millis(1);
 
 /// Stay at a machine for a working day: jog, touch off, type lines, run programs, one after the other.
 ///
@@ -40,7 +33,8 @@ const POLL: Duration = Duration::from_millis(1);
 /// the last line the machine is switched off as soon as it rests. Ctrl-C stops what moves; where nothing
 /// moves it switches off.
 ///
-/// Offsets and tools that are set are written to the tables beside the machine file.
+/// Offsets and tools that are set are written to the tables beside the machine file. With --candump and
+/// --commands `replay` goes through the session once more.
 ///
 /// This is no safety device: the emergency stop belongs in hardware.
 #[derive(Debug, clap::Args)]
@@ -49,22 +43,12 @@ pub(super) struct Args {
     machine: PathBuf,
     #[command(flatten)]
     ports: PortChoice,
-    /// Varies encoder noise, response delays and oscillator errors of simulated drives.
-    #[arg(long, default_value_t = 0)]
-    seed: u64,
-    /// Make a late wake-up a fault on simulated buses too.
-    #[arg(long)]
-    strict: bool,
-    /// Real-time priority of the cycle, 1…99.
-    #[arg(long, default_value_t = 80, value_parser = clap::value_parser!(u8).range(1..=99))]
-    priority: u8,
-    /// Processor core of the cycle; an isolated one is best. Without it, the last one that this
-    /// process may use.
-    #[arg(long, value_parser = core)]
-    core: Option<usize>,
-    /// Stay awake that long before each wake-up, for a core of its own: 50us.
-    #[arg(long, default_value = "0us", value_parser = duration)]
-    spin: Duration,
+    #[command(flatten)]
+    real_time: RealTimeArgs,
+    #[command(flatten)]
+    log: LogFiles,
+    #[command(flatten)]
+    commands: CommandFile,
     /// Lines of text on a terminal, too.
     #[arg(long)]
     lines: bool,
@@ -85,36 +69,36 @@ impl Args {
         })
     }
 
-    /// Reads and checks everything, opens the buses and starts the machine.
+    /// Reads and checks everything, opens files and buses and starts the machine.
     fn switch_on(&self) -> Result<Attended, Box<dyn Error>> {
         let mut machine = Machine::load(&self.machine)?;
         self.ports.apply(&mut machine)?;
         let layout = Arc::new(Layout::new(&machine)?);
         let tables = Tables::beside(&self.machine);
         Tables::probe(&tables)?;
-        let programs = Programs::new(&machine, &self.machine)?.keep_tables(tables);
-        let frames = SharedFrames::new(&machine);
-        let buses = 0..machine.buses.len();
-        let observers = buses.map(|bus| Box::new(frames.observer(bus)) as Observer);
-        let (world, ports) = port::open(&machine, self.seed, observers.collect())?;
-        for port in &ports {
-            port.notes().iter().for_each(|note| eprintln!("{note}"));
-        }
-        let timing = Timing {
-            settings: realtime::Settings {
-                priority: self.priority,
-                core: self.core.or_else(realtime::last_core),
-            },
-            spin: self.spin,
-            lockstep: lockstep(&machine),
-            strict: self.strict,
-        };
+        let programs = Programs::new(&machine, &self.machine)?.keep_tables(tables.clone());
+        let mut claims = Claims::of_machine(&self.machine);
+        let logs = self.log.open(&mut claims)?;
+        let commands = self.commands.open(&mut claims)?;
+        let Buses {
+            world,
+            ports,
+            mut written,
+        } = self.real_time.open(&machine, logs)?;
+        let timing = self.real_time.timing(&machine);
         let timeline = RealTime::stay_on(&layout, world, ports, timing, |granted| {
             eprintln!("{granted}");
         })?;
         let observers = Observers::new(&machine, None, None, false);
+        let mut session = Session::staying_on(&layout, timeline, programs, observers);
+        let commands = commands.map(|file| {
+            let file = Box::new(written.writers.begin(file)?);
+            CommandLog::begin(&mut session, file, &tables)
+        });
         Ok(Attended {
-            session: Session::staying_on(&layout, timeline, programs, observers),
+            commands: commands.transpose()?,
+            written,
+            session,
             machine,
             layout,
         })
@@ -124,6 +108,8 @@ impl Args {
     fn attend(&self, attended: Attended) -> Result<Exit, Box<dyn Error>> {
         let Attended {
             mut session,
+            commands,
+            written,
             machine,
             layout,
         } = attended;
@@ -137,19 +123,16 @@ impl Args {
         } else {
             screen::listen(&mut session, &machine, layout, self.verbose)?
         };
-        loop {
-            match session.advance() {
-                Progress::More => {}
-                Progress::Idle => thread::sleep(POLL),
-                Progress::Ended => break,
-            }
-        }
+        real_time::attend(&mut session, commands)?;
         let (timeline, _) = session.end();
         let ended = timeline.end();
         // Where it panicked, that is written.
         let _ = telling.join();
-        Ok(match ended?.controller.end() {
-            Some(End::SwitchedOff) => Exit::Finished,
+        let end = ended?.controller.end();
+        let problems = written.finish();
+        problems.iter().for_each(|problem| report(&**problem));
+        Ok(match end {
+            Some(End::SwitchedOff) if problems.is_empty() => Exit::Finished,
             _ => Exit::Stopped,
         })
     }
@@ -158,6 +141,8 @@ impl Args {
 /// A machine that is switched on.
 struct Attended {
     session: Session<RealTime>,
+    commands: Option<CommandLog>,
+    written: Written,
     machine: Machine,
     layout: Arc<Layout>,
 }

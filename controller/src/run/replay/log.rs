@@ -1,0 +1,122 @@
+//! The log of a recorded run: whose frames are in it, and what its stamps say of the controller's clock.
+
+use super::{Logged, NoReplay, ReplayBus};
+use crate::control::Layout;
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use syncline_canopen::response_time::bit_time;
+use syncline_canopen::{CanId, CobId, Frame, Instant};
+use syncline_drives::bus::frame_bits;
+
+/// Priority band of a frame of the controller's.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Band {
+    Sync,
+    Burst,
+    Acyclic,
+}
+
+/// The frames of a machine's buses, by their stamps.
+pub(super) struct Log {
+    pub(super) layout: Arc<Layout>,
+    pub(super) buses: Vec<ReplayBus>,
+    pub(super) frames: Vec<Logged>,
+}
+
+impl Log {
+    /// When the controller was first woken.
+    pub(super) fn first_wake(&self) -> Result<Instant, NoReplay> {
+        let cycle = self.layout.cycle.as_nanos() as i128;
+        let heartbeat = CanId::from(CobId::error_control(self.layout.node));
+        // A machine that was switched off before it had SYNC: its heartbeats leave where SYNC would.
+        let is_mark = |it: &&Logged| match self.frames.iter().any(is_sync) {
+            true => is_sync(it),
+            false => it.frame.id() == heartbeat,
+        };
+        let starts = self.frames.iter().filter(is_mark);
+        let starts = starts.map(|it| i128::from(self.start_of(it).as_nanos()));
+        let mut starts = starts.peekable();
+        let first = *starts.peek().ok_or(NoReplay::NoRun)?;
+        // Each is some time late; the least late has the phase.
+        let phase = starts
+            .map(|start| start - (start - first + cycle / 2).div_euclid(cycle) * cycle)
+            .min()
+            .unwrap_or(first);
+        // Whole microseconds, as all instants of a run; the stamps were rounded up to them.
+        let phase = phase.div_euclid(1000) * 1000;
+        let own = self.frames.iter().find(|it| self.band(it).is_some());
+        let own = own.ok_or(NoReplay::NoBeginning)?;
+        if own.frame.id() != heartbeat {
+            return Err(NoReplay::NoBeginning);
+        }
+        let own = i128::from(self.start_of(own).as_nanos()) + 999;
+        let before = (phase - own).div_euclid(cycle) + i128::from((phase - own) % cycle != 0);
+        Ok(Instant::from_nanos((phase - before * cycle) as u64))
+    }
+
+    /// The instant at which a frame's first bit was on the bus.
+    pub(super) fn start_of(&self, logged: &Logged) -> Instant {
+        /// Behind the end of frame, before the bus is free.
+        const INTERMISSION_BITS: u32 = 3;
+        let bits = frame_bits(&logged.frame) - INTERMISSION_BITS;
+        let length = bit_time(bits, self.buses[logged.bus].bitrate);
+        Instant::from_nanos(
+            logged
+                .at
+                .as_nanos()
+                .saturating_sub(length.as_nanos() as u64),
+        )
+    }
+
+    /// The band of a frame that only the controller sends.
+    pub(super) fn band(&self, logged: &Logged) -> Option<Band> {
+        let id = logged.frame.id();
+        let is = |cob_id: CobId| id == CanId::from(cob_id);
+        if is(CobId::SYNC) {
+            return Some(Band::Sync);
+        }
+        if is(CobId::NMT) || is(CobId::error_control(self.layout.node)) {
+            return Some(Band::Acyclic);
+        }
+        let mut drives = self.layout.buses[logged.bus].drives.iter();
+        drives.find_map(|&drive| {
+            let device = &self.layout.drives[drive].device;
+            if device.spec().r_pdos.iter().any(|pdo| is(pdo.cob_id)) {
+                Some(Band::Burst)
+            } else {
+                is(CobId::r_sdo(device.spec().node)).then_some(Band::Acyclic)
+            }
+        })
+    }
+
+    /// The place of the first frame that ended after `at`.
+    pub(super) fn until(&self, at: Instant) -> usize {
+        self.frames.partition_point(|it| it.at <= at)
+    }
+
+    /// When the first setpoint from `place` on is another than the one before it.
+    pub(super) fn next_change(&self, place: usize) -> Option<Instant> {
+        let mut last: BTreeMap<(usize, u32), Frame> = BTreeMap::new();
+        let from = place.saturating_sub(16 * self.layout.drives.len() + 16);
+        for (index, logged) in self.frames.iter().enumerate().skip(from) {
+            if self.band(logged) != Some(Band::Burst) {
+                continue;
+            }
+            let Logged { bus, frame, .. } = *logged;
+            let before = last.insert((bus, frame.id().raw()), frame);
+            if index >= place && before.is_some_and(|before| before != frame) {
+                return Some(logged.at);
+            }
+        }
+        None
+    }
+
+    /// Whether the cycle waited for its plan.
+    pub(super) fn is_simulated(&self) -> bool {
+        self.buses.iter().all(|bus| bus.simulated)
+    }
+}
+
+pub(super) fn is_sync(logged: &Logged) -> bool {
+    logged.frame.id() == CanId::from(CobId::SYNC)
+}
