@@ -430,100 +430,103 @@ mod tests {
         );
     }
 
+    /// A file, where its mistake is, and what is told of it.
+    const MISTAKES: [(&str, &str, &str); 26] = [
+        ("t,event,value\n", "e.csv:1:1:", "header"),
+        ("t_s,event,value\n1\n", "e.csv:2:2:", "no event"),
+        (
+            "t_s,event,value\n-1,feed_hold,\n",
+            "e.csv:2:1:",
+            "from 0 on",
+        ),
+        (
+            "t_s,event,value\n2,feed_hold,\n1,feed_hold,\n",
+            "e.csv:3:1:",
+            "from 2 on",
+        ),
+        ("t_s,event,value\nnan,hold,\n", "e.csv:2:1:", "no time"),
+        (
+            "t_s,event,value\n1, feed_hodl,\n",
+            "e.csv:2:4:",
+            "nearest: `feed_hold`",
+        ),
+        (
+            "t_s,event,value\n1,feed_hold,5\n",
+            "e.csv:2:13:",
+            "no value",
+        ),
+        (
+            "t_s,event,value\n1,feed_override,\n",
+            "e.csv:2:17:",
+            "0.1 to 200",
+        ),
+        (
+            "t_s,event,value\n1,feed_override\n",
+            "e.csv:2:16:",
+            "0.1 to 200",
+        ),
+        (
+            "t_s,event,value\n1,feed_override,1e-300\n",
+            "e.csv:2:17:",
+            "0.1 to 200",
+        ),
+        (
+            "t_s,event,value\n1,rapid_override,101\n",
+            "e.csv:2:18:",
+            "0.1 to 100",
+        ),
+        (
+            "t_s,event,value\n1,feed_hold,,x\n",
+            "e.csv:2:14:",
+            "nothing follows",
+        ),
+        (
+            "t_s,event,value\n1,hold,\n",
+            "e.csv:2:3:",
+            "`hold` is called `feed_hold` now",
+        ),
+        (
+            "t_s,event,value\n1,stop_after_block,\n",
+            "e.csv:2:3:",
+            "`single_block` now",
+        ),
+        (
+            "t_s,event,value\n1,step_back,\n",
+            "e.csv:2:3:",
+            "`retrace` now",
+        ),
+        (
+            "t_s,event,value\n1,single_block,\n",
+            "e.csv:2:16:",
+            "`single_block` needs `on` or `off`",
+        ),
+        (
+            "t_s,event,value\n1,optional_stop,ON\n",
+            "e.csv:2:17:",
+            "`optional_stop` needs `on` or `off`",
+        ),
+        ("t_s,event,value\n1,jog,X5\n", "e.csv:2:7:", "`X+1.5`"),
+        ("t_s,event,value\n1,jog,\n", "e.csv:2:7:", "`X+1.5`"),
+        ("t_s,event,value\n1,jog,X+inf\n", "e.csv:2:7:", "`X+1.5`"),
+        ("t_s,event,value\n1,jog,X+1 F0\n", "e.csv:2:7:", "`X+1.5`"),
+        ("t_s,event,value\n1,jog,X+1 Y+1\n", "e.csv:2:7:", "`X+1.5`"),
+        ("t_s,event,value\n1,jog,F+1\n", "e.csv:2:7:", "`X+1.5`"),
+        (
+            "t_s,event,value\n1,move_to,\n",
+            "e.csv:2:11:",
+            "`X10 Y-2.5`",
+        ),
+        (
+            "t_s,event,value\n1,jog_to,X1 X2\n",
+            "e.csv:2:10:",
+            "`X10 Y-2.5`",
+        ),
+        ("", "e.csv:1:1:", "header"),
+    ];
+
     #[test]
     fn mistakes_are_told_with_their_place() {
-        for (text, place, told) in [
-            ("t,event,value\n", "e.csv:1:1:", "header"),
-            ("t_s,event,value\n1\n", "e.csv:2:2:", "no event"),
-            (
-                "t_s,event,value\n-1,feed_hold,\n",
-                "e.csv:2:1:",
-                "from 0 on",
-            ),
-            (
-                "t_s,event,value\n2,feed_hold,\n1,feed_hold,\n",
-                "e.csv:3:1:",
-                "from 2 on",
-            ),
-            ("t_s,event,value\nnan,hold,\n", "e.csv:2:1:", "no time"),
-            (
-                "t_s,event,value\n1, feed_hodl,\n",
-                "e.csv:2:4:",
-                "nearest: `feed_hold`",
-            ),
-            (
-                "t_s,event,value\n1,feed_hold,5\n",
-                "e.csv:2:13:",
-                "no value",
-            ),
-            (
-                "t_s,event,value\n1,feed_override,\n",
-                "e.csv:2:17:",
-                "0.1 to 200",
-            ),
-            (
-                "t_s,event,value\n1,feed_override\n",
-                "e.csv:2:16:",
-                "0.1 to 200",
-            ),
-            (
-                "t_s,event,value\n1,feed_override,1e-300\n",
-                "e.csv:2:17:",
-                "0.1 to 200",
-            ),
-            (
-                "t_s,event,value\n1,rapid_override,101\n",
-                "e.csv:2:18:",
-                "0.1 to 100",
-            ),
-            (
-                "t_s,event,value\n1,feed_hold,,x\n",
-                "e.csv:2:14:",
-                "nothing follows",
-            ),
-            (
-                "t_s,event,value\n1,hold,\n",
-                "e.csv:2:3:",
-                "`hold` is called `feed_hold` now",
-            ),
-            (
-                "t_s,event,value\n1,stop_after_block,\n",
-                "e.csv:2:3:",
-                "`single_block` now",
-            ),
-            (
-                "t_s,event,value\n1,step_back,\n",
-                "e.csv:2:3:",
-                "`retrace` now",
-            ),
-            (
-                "t_s,event,value\n1,single_block,\n",
-                "e.csv:2:16:",
-                "`single_block` needs `on` or `off`",
-            ),
-            (
-                "t_s,event,value\n1,optional_stop,ON\n",
-                "e.csv:2:17:",
-                "`optional_stop` needs `on` or `off`",
-            ),
-            ("t_s,event,value\n1,jog,X5\n", "e.csv:2:7:", "`X+1.5`"),
-            ("t_s,event,value\n1,jog,\n", "e.csv:2:7:", "`X+1.5`"),
-            ("t_s,event,value\n1,jog,X+inf\n", "e.csv:2:7:", "`X+1.5`"),
-            ("t_s,event,value\n1,jog,X+1 F0\n", "e.csv:2:7:", "`X+1.5`"),
-            ("t_s,event,value\n1,jog,X+1 Y+1\n", "e.csv:2:7:", "`X+1.5`"),
-            ("t_s,event,value\n1,jog,F+1\n", "e.csv:2:7:", "`X+1.5`"),
-            (
-                "t_s,event,value\n1,move_to,\n",
-                "e.csv:2:11:",
-                "`X10 Y-2.5`",
-            ),
-            (
-                "t_s,event,value\n1,jog_to,X1 X2\n",
-                "e.csv:2:10:",
-                "`X10 Y-2.5`",
-            ),
-            ("", "e.csv:1:1:", "header"),
-        ] {
+        for (text, place, told) in MISTAKES {
             let error = match parse(text) {
                 Err(error) => error.to_string(),
                 Ok(events) => panic!("{text:?}: {events:?}"),

@@ -610,6 +610,7 @@ impl DriveNode {
 mod tests {
     use super::*;
     use crate::bench::rig::Shape;
+    use Step::{Forget, Says, SetUp};
     use syncline_canopen::time::Duration;
 
     /// What happens to a node, at a time in µs.
@@ -625,22 +626,23 @@ mod tests {
     /// Its name, what the node did, when it is checked in µs, and what that tells.
     type Case = (&'static str, &'static [Step], u64, Result<(), Fault>);
 
-    /// Heartbeat supervision with a limit of 300 ms. What a check tells it tells every time.
+    const LOST: Result<(), Fault> = fault(DriveCause::HeartbeatLost);
+
+    const fn fault(cause: DriveCause) -> Result<(), Fault> {
+        Err(Fault::Drive(0, cause))
+    }
+
+    const fn state(state: nmt::State) -> Result<(), Fault> {
+        fault(DriveCause::NmtState { state })
+    }
+
     #[test]
-    fn heartbeat_supervision() {
-        use Step::{Forget, Says, SetUp};
-        let fault = |cause| Err(Fault::Drive(0, cause));
-        let state = |state| fault(DriveCause::NmtState { state });
-        let lost = fault(DriveCause::HeartbeatLost);
-        let rebooted = fault(DriveCause::Rebooted);
-        let initialising = state(nmt::State::Initialising);
-        let pre_operational = state(nmt::State::PreOperational);
-        let stopped = state(nmt::State::Stopped);
-        let cases: [Case; 20] = [
-            ("never heard", &[], 0, lost),
+    fn a_heartbeat_is_missed_beyond_its_limit() {
+        supervised(&[
+            ("never heard", &[], 0, LOST),
             ("heard", &[Says(0, &[5])], 1, Ok(())),
             ("at the limit", &[Says(0, &[5])], 300_000, Ok(())),
-            ("late", &[Says(0, &[5])], 300_001, lost),
+            ("late", &[Says(0, &[5])], 300_001, LOST),
             (
                 "each one counts anew",
                 &[Says(0, &[5]), Says(300_000, &[5])],
@@ -653,30 +655,48 @@ mod tests {
                 900_001,
                 Ok(()),
             ),
-            ("boot-up in the run", &[Says(0, &[0])], 1, rebooted),
+            ("forgotten", &[Says(0, &[5]), Forget], 1, LOST),
+            (
+                "no heartbeat by its length",
+                &[Says(0, &[5]), Says(100_000, &[]), Says(100_000, &[0x7F, 0])],
+                300_001,
+                LOST,
+            ),
+        ]);
+    }
+
+    #[test]
+    fn a_boot_up_is_a_restart_unless_it_is_waited_for() {
+        supervised(&[
+            (
+                "boot-up in the run",
+                &[Says(0, &[0])],
+                1,
+                fault(DriveCause::Rebooted),
+            ),
             (
                 "boot-up in the run, running since",
                 &[Says(0, &[0]), Says(100_000, &[5])],
                 100_001,
-                rebooted,
+                fault(DriveCause::Rebooted),
             ),
             (
                 "boot-up before the set-up",
                 &[Says(0, &[0]), SetUp],
                 1,
-                initialising,
+                state(nmt::State::Initialising),
             ),
             (
                 "boot-up is a sign of life",
                 &[Says(0, &[0]), SetUp],
                 300_000,
-                initialising,
+                state(nmt::State::Initialising),
             ),
             (
                 "boot-up is no sign of life for ever",
                 &[Says(0, &[0]), SetUp],
                 300_001,
-                lost,
+                LOST,
             ),
             (
                 "started after the set-up",
@@ -684,24 +704,29 @@ mod tests {
                 400_000,
                 Ok(()),
             ),
-            ("forgotten", &[Says(0, &[5]), Forget], 1, lost),
+        ]);
+    }
+
+    #[test]
+    fn a_heartbeat_tells_the_state() {
+        supervised(&[
             (
                 "left Operational",
                 &[Says(0, &[5]), Says(100_000, &[0x7F])],
                 100_001,
-                pre_operational,
+                state(nmt::State::PreOperational),
             ),
             (
                 "stopped, and late besides",
                 &[Says(0, &[5]), Says(100_000, &[4])],
                 400_001,
-                lost,
+                LOST,
             ),
             (
                 "stopped",
                 &[Says(0, &[5]), Says(100_000, &[4])],
                 400_000,
-                stopped,
+                state(nmt::State::Stopped),
             ),
             (
                 "back in Operational",
@@ -721,20 +746,18 @@ mod tests {
                 400_000,
                 fault(DriveCause::NoNmtState),
             ),
-            (
-                "no heartbeat by its length",
-                &[Says(0, &[5]), Says(100_000, &[]), Says(100_000, &[0x7F, 0])],
-                300_001,
-                lost,
-            ),
-        ];
+        ]);
+    }
+
+    /// Heartbeat supervision with a limit of 300 ms. What a check tells it tells every time.
+    fn supervised(cases: &[Case]) {
         let shape = Shape::on_fewest_buses(1, Duration::from_millis(2)).unwrap();
         let layout = Arc::new(shape.layout());
         let at = |micros| Instant::ZERO + Duration::from_micros(micros);
         for (case, steps, check, expected) in cases {
             let mut node = DriveNode::new(0, &layout);
             let id = CobId::error_control(node.device.spec().node);
-            for step in steps {
+            for step in *steps {
                 match *step {
                     Says(micros, data) => {
                         let heard =
@@ -747,7 +770,8 @@ mod tests {
             }
             node.age = 0;
             for _ in 0..2 {
-                assert_eq!(node.check_alive(at(check), &mut |_| ()), expected, "{case}");
+                let told = node.check_alive(at(*check), &mut |_| ());
+                assert_eq!(told, *expected, "{case}");
             }
         }
     }

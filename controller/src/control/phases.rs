@@ -17,6 +17,25 @@ impl<const N: usize> Controller<N> {
     /// through.
     pub(super) fn step(&mut self, out: &mut [Outbox]) -> Result<(), Fault> {
         match self.phase {
+            phase if phase < Phase::Program => self.step_up(out),
+            Phase::Program => {
+                let late = self.executor.late_plans();
+                if std::mem::replace(&mut self.late_plans, late) < late {
+                    self.tell(Event::LatePlan);
+                }
+                self.step_program();
+                self.watch_plan()
+            }
+            _ => {
+                self.step_down(out);
+                Ok(())
+            }
+        }
+    }
+
+    /// On the way from power-up to *ready*; it is left by the first fault.
+    fn step_up(&mut self, out: &mut [Outbox]) -> Result<(), Fault> {
+        match self.phase {
             Phase::Survey => self.go_on_if(self.sequences_done(), Phase::Boot, out),
             Phase::Boot => {
                 if self.timed_out(self.layout.boot_timeout) {
@@ -70,19 +89,17 @@ impl<const N: usize> Controller<N> {
                     None => self.await_all(AwaitedState::Enabled, Phase::ModeStart, out)?,
                 }
             }
-            Phase::ModeStart => {
-                if self.sequences_done() {
-                    self.await_all(AwaitedState::ModeStarted, Phase::Program, out)?;
-                }
+            Phase::ModeStart if self.sequences_done() => {
+                self.await_all(AwaitedState::ModeStarted, Phase::Program, out)?;
             }
-            Phase::Program => {
-                let late = self.executor.late_plans();
-                if std::mem::replace(&mut self.late_plans, late) < late {
-                    self.tell(Event::LatePlan);
-                }
-                self.step_program();
-                self.watch_plan()?;
-            }
+            _ => {}
+        }
+        Ok(())
+    }
+
+    /// On the way down, which goes on whatever fails.
+    fn step_down(&mut self, out: &mut [Outbox]) {
+        match self.phase {
             Phase::Stop => {
                 let settled = self.in_position >= self.still_cycles();
                 let waited = self.timed_out(self.layout.state_timeout);
@@ -133,9 +150,8 @@ impl<const N: usize> Controller<N> {
                 self.sync_on &= !sent;
                 self.go_on_if(sent, next, out);
             }
-            Phase::Done => {}
+            _ => {}
         }
-        Ok(())
     }
 
     /// Enters a phase: what it sends or asks once.
