@@ -33,13 +33,13 @@ use core::fmt;
 use core::time::Duration;
 
 /// The longest frame that anyone may put on the bus unasked: 8 data bytes, standard identifier.
-pub const BLOCKING_BITS: u32 = 135;
+pub const BLOCKING_BITS: u32 = worst_case_bits(CanId::Standard(0), 8);
 
 /// A heartbeat: one data byte.
-const HEARTBEAT_BITS: u32 = 65;
+const HEARTBEAT_BITS: u32 = worst_case_bits(CanId::Standard(0), 1);
 
-/// The identifier of the most urgent EMCY message.
-const EMCY: u16 = 0x081;
+/// The node whose messages are the most urgent of their kind.
+const FIRST_NODE: NodeId = NodeId::new(1).expect("node ids begin with 1");
 
 /// Share of the cycle above which a fitting machine is warned, in percent.
 pub const WARNING_PERCENT: u32 = 80;
@@ -185,12 +185,24 @@ pub struct Budget {
     pub burst_out: Duration,
     /// Before SYNC, no acyclic frame may be started that long: its longest frame.
     pub quiet_window: Duration,
-    /// What is left of the cycle for SDO.
+    /// What SYNC, PDOs and one blocking frame leave of the cycle's bus time; for how many transfers a
+    /// cycle, see [`sdo_transfers`](Self::sdo_transfers).
     pub sdo_room: Duration,
-    /// Requests with their answers that fit into `sdo_room`.
-    pub sdo_transfers: u32,
     /// All that can be queued in one cycle while axes move: SYNC, PDOs, every heartbeat, an EMCY.
     pub load: Duration,
+}
+
+impl Budget {
+    /// SDO transfers in a cycle: requests that are sent behind the burst and answered, where a node takes
+    /// `answer` at most for that, before the quiet window begins. At least one: where there is no room
+    /// for it, it is sent all the same, as there are none while axes move.
+    #[must_use]
+    pub fn sdo_transfers(&self, answer: Duration) -> usize {
+        let busy = self.burst_out + self.quiet_window + answer;
+        let transfer = bit_time(2 * BLOCKING_BITS, self.bit_rate);
+        let room = self.cycle.saturating_sub(busy).as_nanos() / transfer.as_nanos();
+        (room as usize).max(1)
+    }
 }
 
 impl Traffic {
@@ -222,6 +234,7 @@ impl Traffic {
             Verdict::Fits
         };
         let bounds = if outlasts_emcy { &with_emcy } else { &calm };
+        // One frame that was on its way when SYNC was due, and one that comes between SYNC and the T_PDOs.
         let generous = time(2 * BLOCKING_BITS + sync_bits + t_pdo_bits) + self.slowest_response();
         let setpoint_offset = bounds.setpoint_offset(generous + self.cycle / 20, self.cycle);
 
@@ -266,7 +279,6 @@ impl Traffic {
             burst_out: setpoint_offset + blocking + time(r_pdo_bits),
             quiet_window: blocking,
             sdo_room,
-            sdo_transfers: (sdo_room.as_nanos() / (2 * blocking).as_nanos()) as u32,
             load: time(sync_bits + pdo_bits + heartbeats + BLOCKING_BITS),
         }
     }
@@ -329,7 +341,7 @@ impl Traffic {
             })
             .unzip();
         messages.extend(emcy.then_some(Message {
-            id: CanId::Standard(EMCY),
+            id: CobId::emcy(FIRST_NODE).into(),
             bytes: 8,
             period: self.cycle,
             jitter: Duration::ZERO,

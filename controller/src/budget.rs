@@ -157,10 +157,9 @@ impl BusBudget {
             .filter(taken_by_all);
         let budget = traffic.budget();
         let answers = devices.map(|device| device.spec().sdo_response);
-        let busy = budget.burst_out + budget.quiet_window + answers.max().unwrap_or_default();
-        let transfer = bit_time(2 * BLOCKING_BITS, budget.bit_rate);
-        let room = budget.cycle.saturating_sub(busy).as_nanos() / transfer.as_nanos();
-        let sdo_per_cycle = room.clamp(1, nodes.len().max(1) as u128) as usize;
+        let transfers = budget.sdo_transfers(answers.max().unwrap_or_default());
+        // One at a time of each node.
+        let sdo_per_cycle = transfers.min(nodes.len().max(1));
         let sdo = bit_time(3 * BLOCKING_BITS, budget.bit_rate) * sdo_per_cycle as u32;
         Self {
             bus: machine.buses[bus].name.clone(),
@@ -324,7 +323,7 @@ impl fmt::Display for BusBudget {
                 format!(
                     "{}, {} transfers a cycle",
                     Millis(budget.sdo_room),
-                    budget.sdo_transfers
+                    self.sdo_per_cycle
                 ),
             ),
             (

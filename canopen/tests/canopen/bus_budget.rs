@@ -86,7 +86,7 @@ fn six_axes_at_two_milliseconds_fit() {
     assert_eq!(budget.demand, Duration::from_micros(1570));
     assert_eq!(budget.verdict, Verdict::Fits);
     assert_eq!(budget.sdo_room, Duration::from_micros(430));
-    assert_eq!(budget.sdo_transfers, 1);
+    assert_eq!(budget.sdo_transfers(Duration::ZERO), 1);
     assert_eq!(budget.latest_burst, Duration::from_micros(2000 - 5 * 115));
     assert_eq!(
         budget.latest_offset,
@@ -102,6 +102,20 @@ fn six_axes_at_two_milliseconds_fit() {
         budget.load,
         Duration::from_micros(55 + 690 + 690 + 7 * 65 + 135)
     );
+}
+
+#[test]
+fn sdo_has_what_lies_between_the_burst_and_the_quiet_window() {
+    // A request with its answer takes 270 µs on the bus.
+    let budget = axes(6, 10).budget();
+    let left = Duration::from_millis(10) - budget.burst_out - budget.quiet_window;
+    let transfer = Duration::from_micros(270);
+    for count in [1, 7, 20] {
+        let answer = left - count * transfer;
+        assert_eq!(budget.sdo_transfers(answer), count as usize);
+        let longer = answer + Duration::from_nanos(1);
+        assert_eq!(budget.sdo_transfers(longer), (count as usize - 1).max(1));
+    }
 }
 
 #[test]

@@ -218,7 +218,7 @@ impl Shape {
                     layout::BusSpec {
                         name: bus_name(bus),
                         bit_rate: budget.bit_rate,
-                        sdo_per_cycle: (budget.sdo_transfers as usize).max(1),
+                        sdo_per_cycle: budget.sdo_transfers(self.device(0).spec().sdo_response),
                         drives: self.axes_of(bus).collect(),
                         by_node,
                     }

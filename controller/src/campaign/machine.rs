@@ -7,6 +7,8 @@ use serde::{Deserialize, Serialize};
 use std::fmt::Write as _;
 use std::path::Path;
 use std::time::Duration;
+use syncline_canopen::budget::BLOCKING_BITS;
+use syncline_canopen::response_time::bit_time;
 use syncline_drives::model::MODELS;
 
 /// Letters of axes, in the order in which a small machine has them.
@@ -191,7 +193,9 @@ impl MachineSpec {
     fn fits(&self) -> bool {
         self.machine().is_ok_and(|machine| {
             let budget = MachineBudget::of(&machine);
-            let has_room = |bus: &BusBudget| bus.budget.sdo_transfers > 0;
+            let has_room = |BusBudget { budget, .. }: &BusBudget| {
+                budget.sdo_room >= bit_time(2 * BLOCKING_BITS, budget.bit_rate)
+            };
             budget.check().is_ok() && budget.buses.iter().all(has_room)
         })
     }

@@ -87,7 +87,7 @@ fn bus_json(bus: &BusBudget) -> Value {
         "outlasts_emcy": budget.outlasts_emcy,
         "quiet_window_us": micros(budget.quiet_window),
         "sdo_room_us": micros(budget.sdo_room),
-        "sdo_transfers_per_cycle": budget.sdo_transfers,
+        "sdo_transfers_per_cycle": bus.sdo_per_cycle,
         "load_in_motion": budget.load.as_secs_f64() / budget.cycle.as_secs_f64(),
         "load": bus.load.as_secs_f64() / budget.cycle.as_secs_f64(),
         "typical_load": bus.typical_load,
