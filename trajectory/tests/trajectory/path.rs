@@ -651,6 +651,60 @@ fn a_hold_rests_and_resumes() {
     assert_eq!(rows.last().unwrap().position, [300.0, 0.0, 0.0]);
 }
 
+/// A dwell is rest already: a hold in it changes nothing about how long it takes, and one that lasts longer
+/// has the path go on as soon as it is resumed.
+#[test]
+fn a_hold_in_a_dwell_does_not_run_it_again() {
+    let a = Curve::line([0.0; 3], [10.0, 0.0, 0.0]).unwrap();
+    let b = Curve::line([10.0, 0.0, 0.0], [10.0, 20.0, 0.0]).unwrap();
+    let dwell = PathItem::Dwell {
+        duration: 1.0,
+        tag: 2,
+    };
+    let items = [go(a, 100.0, 1), dwell, go(b, 100.0, 3)];
+    // Held after so many cycles of the dwell for so many; how many the path rests there.
+    let rests = |holds: &[(usize, usize)]| {
+        let mut dwelt = 0;
+        let rows = act(&items, [0.0; 3], |executor| {
+            dwelt += usize::from(executor.setpoint().tag == 2);
+            for &(after, cycles) in holds {
+                if dwelt == after {
+                    executor.feed_hold();
+                    assert!(executor.is_held());
+                } else if dwelt == after + cycles {
+                    executor.resume();
+                }
+            }
+            true
+        });
+        assert_eq!(rows.last().unwrap().position, [10.0, 20.0, 0.0]);
+        let resting = rows.iter().filter(|row| row.tag == 2);
+        assert!(resting.clone().all(|row| row.position == [10.0, 0.0, 0.0]));
+        resting.count()
+    };
+    let whole = rests(&[]);
+    assert!((499..=501).contains(&whole), "{whole} cycles");
+    for holds in [
+        &[(50, 100)][..],
+        &[(1, 30), (200, 50), (300, 150)],
+        &[(400, 90)],
+    ] {
+        let rested = rests(holds);
+        assert!(
+            rested.abs_diff(whole) <= 1,
+            "{holds:?}: {rested}, not {whole}"
+        );
+    }
+    for hold in [(50, 800), (400, 120)] {
+        let rested = rests(&[hold]);
+        let resumed = hold.0 + hold.1;
+        assert!(
+            (resumed..resumed + 12).contains(&rested),
+            "{hold:?}: {rested}"
+        );
+    }
+}
+
 #[test]
 fn a_stop_after_the_block_rests_in_its_end() {
     let square = [

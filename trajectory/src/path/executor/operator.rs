@@ -41,7 +41,7 @@ impl<const N: usize> Executor<N> {
 
     /// Comes to rest on the path as soon as the limits allow and waits for
     /// [`resume`](Self::resume). Effective from the current cycle on; the next setpoints lead to
-    /// rest. A dwell is broken off, and begins anew.
+    /// rest. A dwell is rest already, and its time goes on.
     ///
     /// On a line that is the closed form. On curves the [`replan_request`](Self::replan_request) asks the planner
     /// for the hardest braking that the axes allow, and where it does not answer in time one is

@@ -28,15 +28,18 @@ impl<const N: usize> Executor<N> {
     }
 
     /// Comes to rest as soon as it can, for what is next; at rest it is there already. What is behind
-    /// the rest is dropped, a dwell is broken off.
+    /// the rest is dropped. A dwell under way is such a rest, and goes on if the path does.
     pub(super) fn stop_for(&mut self, next: Next) {
         // However slow the planner's plans are, a stop is soon found.
         self.lead = first_lead(self.period);
         self.drop_uncommitted();
         let goes_on =
             |s: &Step<N>| matches!(s, Step::JerkSegment(_) | Step::Section { moving: true, .. });
+        let stays = matches!(next, Next::Hold | Next::Follow);
+        let dwells = stays && matches!(self.current(), Some(Step::Dwell { .. }));
         let motion = self.steps.iter().position(|s| !goes_on(s));
-        self.steps.truncate(motion.unwrap_or(self.steps.len()));
+        let kept = if dwells { Some(1) } else { motion };
+        self.steps.truncate(kept.unwrap_or(self.steps.len()));
         self.committed = self.steps.len();
         if self.moves() {
             let (departure, since) = (self.cycle, self.cycle);
