@@ -400,6 +400,16 @@ impl DriveNode {
         }
     }
 
+    /// The fault of a drive that has answered no SYNC for as many cycles as are tolerated: what it said
+    /// before is no longer true of it.
+    pub(super) fn check_answers(&self) -> Result<(), Fault> {
+        if self.age < self.layout.t_pdo_misses {
+            return Ok(());
+        }
+        let misses = self.age;
+        Err(self.fault(DriveCause::MissingTPdo { misses }))
+    }
+
     /// Why a drive that should run in Operational does not.
     pub(super) fn did_not_start(&self) -> Fault {
         let missing = DriveCause::MissingTPdo {
@@ -456,14 +466,20 @@ impl DriveNode {
 
     /// Commands its power stage.
     pub(super) fn command(&mut self, power: PowerCommand) {
-        self.power = match power {
-            // Out of a quick stop there is no other way down.
-            PowerCommand::Prepare if self.quick_stopped => PowerCommand::Disable,
+        self.power = power;
+    }
+
+    /// What its power stage is commanded now. Out of a quick stop, its own or a commanded one, there is
+    /// one way down.
+    fn power_command(&self) -> PowerCommand {
+        let quick_stops = self.status.power == PowerState::QuickStop;
+        match self.power {
+            PowerCommand::Prepare if self.quick_stopped || quick_stops => PowerCommand::Disable,
             PowerCommand::Enable | PowerCommand::Run if self.quick_stopped => {
                 PowerCommand::QuickStop
             }
-            _ => power,
-        };
+            power => power,
+        }
     }
 
     /// Has it come to rest by itself.
@@ -516,14 +532,14 @@ impl DriveNode {
 
     /// Encodes its R_PDOs for the next SYNC: once for a cycle in which they are sent.
     pub(super) fn encode(&mut self) {
-        let outputs = self.outputs;
+        let (outputs, power) = (self.outputs, self.power_command());
         let Some(drive) = self.device.drive_mut() else {
             return;
         };
         if let Some(io) = drive.io_mut() {
             io.set_outputs(outputs);
         }
-        drive.encode(self.power, self.setpoint, &mut self.r_pdos);
+        drive.encode(power, self.setpoint, &mut self.r_pdos);
     }
 
     /// Its R_PDOs as last encoded.

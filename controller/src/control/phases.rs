@@ -455,11 +455,27 @@ impl<const N: usize> Controller<N> {
     }
 
     /// On the way down: as [`Self::await_all`], but goes on in any case, and waits for nobody out of
-    /// reach.
+    /// reach. A drive that fell silent is given the time for its brake, and said to be silent instead of
+    /// in the state that it named last.
     fn await_some(&mut self, awaited: AwaitedState, next: Phase, out: &mut [Outbox]) {
-        let lags =
-            |drive: usize| self.is_in_reach(drive) && !self.nodes[drive].has_reached(awaited);
-        let missing = (0..self.nodes.len()).find(|&drive| lags(drive));
+        let mut missing = None;
+        for drive in 0..self.nodes.len() {
+            let node = &self.nodes[drive];
+            if !self.is_in_reach(drive) || node.has_reached(awaited) {
+                continue;
+            }
+            match node.check_answers() {
+                Ok(()) => missing = missing.or(Some(drive)),
+                Err(silent) => {
+                    let brakes = self.phase == Phase::ShutDown;
+                    let waits = brakes && !self.timed_out(self.layout.state_timeout);
+                    self.fail(silent);
+                    if waits {
+                        return;
+                    }
+                }
+            }
+        }
         if let Err(fault) = self.go_on_without(missing, awaited, next, out) {
             // Also where it is not the first one: this drive may still be enabled.
             self.fail(fault);

@@ -52,11 +52,16 @@ fn is(received: &Received, id: CobId, begin: &[u8]) -> bool {
         && received.frame.data().starts_with(begin)
 }
 
+/// Controlwords of a drive that is enabled, and switched off once the axes rest.
+const SWITCHED_OFF: [u16; 5] = [0x00, 0x06, 0x0F, 0x06, 0x00];
+/// Controlwords of a drive that is enabled, and comes to rest by its own quick stop.
+const QUICK_STOPPED: [u16; 5] = [0x00, 0x06, 0x0F, 0x0B, 0x00];
+
 /// The drive was switched off in its order, and nothing was enabled again.
-fn assert_switched_off(rig: &mut Rig) {
+fn assert_switched_off(rig: &mut Rig, controlwords: [u16; 5]) {
     let mut words: Vec<u16> = commands(rig, 2).iter().map(|it| it.0).collect();
     words.dedup();
-    assert_eq!(words, [0x00, 0x06, 0x0F, 0x06, 0x00]);
+    assert_eq!(words, controlwords);
     for drive in 0..rig.machine.drives.len() {
         assert!(!rig.twin(drive).observe().is_powered, "drive {drive}");
     }
@@ -95,7 +100,7 @@ fn the_bracket_passes_and_is_the_same_each_time() {
 fn it_follows_beside_its_neighbours() {
     let mut rig = portal(&[]);
     assert_eq!(rig.finish(), End::Finished, "{:?}", rig.events);
-    assert_switched_off(&mut rig);
+    assert_switched_off(&mut rig, SWITCHED_OFF);
     let [x, y] = [0, 1].map(|axis| {
         let errors = rig.rows.iter().map(|row| row.axes[axis].following_error);
         errors.fold(0.0, |most: f64, error| most.max(error.abs()))
@@ -136,7 +141,7 @@ fn a_coarser_encoder_does_the_same() {
     );
     let mut rig = portal(&[encoder, ("zero = 3_217_048", "zero = 30_680")]);
     assert_eq!(rig.finish(), End::Finished, "{:?}", rig.events);
-    assert_switched_off(&mut rig);
+    assert_switched_off(&mut rig, SWITCHED_OFF);
 }
 
 /// Bit 12 follows enabling, and the first target is where the drive stands.
@@ -245,7 +250,7 @@ fn fault_in_motion(interfere: impl FnOnce(&mut Rig)) -> Fault {
     rig.run_to_row(ON_THE_ARC);
     interfere(&mut rig);
     let fault = rig.finish_with_fault();
-    assert_switched_off(&mut rig);
+    assert_switched_off(&mut rig, QUICK_STOPPED);
     fault
 }
 
@@ -305,7 +310,7 @@ fn a_blocked_axis_is_the_drives_own_following_error() {
         panic!("{fault:?}");
     };
     assert_eq!(emergency.code, 0x8611);
-    assert_switched_off(&mut rig);
+    assert_switched_off(&mut rig, QUICK_STOPPED);
 }
 
 /// The controller is gone: the drive comes to rest by itself, with EMCY 8700h.

@@ -208,6 +208,65 @@ fn a_fault_in_the_statusword_alone() {
     );
 }
 
+/// The phases in which drives are waited for on the way down, and how long each took.
+fn way_down(rig: &Rig) -> Vec<(Phase, Duration)> {
+    let waits = [Phase::ModeEnd, Phase::ShutDown, Phase::Disable];
+    let pairs = rig.phases.windows(2);
+    let times = pairs.map(|pair| (pair[0].0, pair[1].1 - pair[0].1));
+    times.filter(|(phase, _)| waits.contains(phase)).collect()
+}
+
+fn faults_of(rig: &Rig) -> Vec<Fault> {
+    let faults = rig.events.iter().filter_map(|event| match event {
+        Event::Fault(fault) => Some(*fault),
+        _ => None,
+    });
+    faults.collect()
+}
+
+#[test]
+fn a_drive_in_quick_stop_active_is_switched_off_without_waiting() {
+    for drive in [X2, Y, Z] {
+        let mut rig = moving();
+        rig.twin(drive)
+            .disturb(Disturbance::Fault(ErrorClass::QuickStop));
+        rig.finish_with_fault();
+        for (phase, took) in way_down(&rig) {
+            assert!(took < Duration::from_millis(500), "{phase:?} took {took:?}");
+        }
+        let waited = |fault: &Fault| {
+            let Fault::Drive(_, cause) = fault else {
+                return false;
+            };
+            matches!(cause, DriveCause::StateTimeout { .. })
+        };
+        assert!(!faults_of(&rig).iter().any(waited), "{:?}", faults_of(&rig));
+    }
+}
+
+#[test]
+fn a_drive_that_fell_silent_is_told_once_and_given_the_time_for_its_brake() {
+    for drive in [X2, Y, Z] {
+        let mut rig = moving();
+        rig.twin(drive).disturb(Disturbance::Mute(true));
+        rig.finish_with_fault();
+        for (phase, took) in way_down(&rig) {
+            let brakes = phase == Phase::ShutDown && took >= Duration::from_secs(2);
+            let quick = took < Duration::from_millis(500);
+            assert!(
+                brakes || phase != Phase::ShutDown && quick,
+                "{phase:?} took {took:?}"
+            );
+        }
+        let faults = faults_of(&rig);
+        let told = |fault: &&Fault| matches!(fault, Fault::Drive(of, _) if *of == drive);
+        assert_eq!(faults.iter().filter(told).count(), 1, "{faults:?}");
+        let missing =
+            |fault: &Fault| matches!(fault, Fault::Drive(_, DriveCause::MissingTPdo { .. }));
+        assert!(missing(&faults[0]), "{faults:?}");
+    }
+}
+
 #[test]
 fn a_statusword_that_no_longer_follows() {
     for (set, cleared, why) in [
