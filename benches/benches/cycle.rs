@@ -97,9 +97,7 @@ fn frames(criterion: &mut Criterion) {
     };
     let mut device = shape.device(0);
     let drive = device.drive_mut().expect("axes have drives");
-    let setpoint = Setpoint {
-        position: Increments::from(1_234_567),
-    };
+    let setpoint = Setpoint::at(Increments::from(1_234_567));
     let mut frames = [Frame::new(CobId::SYNC, &[])];
     criterion.bench_function("pack an R_PDO", |bencher| {
         bencher.iter(|| {

@@ -207,7 +207,7 @@ const POSITIONS: u32 = 256;
 fn in_motion(device: &Device, position: Increments) -> Option<Vec<Frame>> {
     let mut frames = device.in_motion(position);
     if let Some(drive) = device.drive() {
-        let setpoint = Setpoint { position };
+        let setpoint = Setpoint::at(position);
         drive.check(setpoint).ok()?;
         let r_pdos = drive.spec().r_pdos.iter();
         let mut r_pdos: Vec<_> = r_pdos.map(|pdo| Frame::new(pdo.cob_id, &[])).collect();

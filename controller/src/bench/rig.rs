@@ -102,6 +102,7 @@ impl Shape {
         REFERENCE.device(&Settings {
             node: self.node(axis),
             cycle: self.period,
+            velocity: 0.0,
             heartbeat: Heartbeat {
                 controller: NodeId::new(127).expect("a node id"),
                 producer: Duration::from_millis(100),
@@ -207,6 +208,7 @@ impl Shape {
             state_timeout: Duration::from_secs(5),
             t_pdo_misses: 2,
             stop_together: false,
+            lag: self.device(0).drive().map_or(0.0, |drive| drive.latency()),
             buses: budgets
                 .into_iter()
                 .enumerate()
@@ -232,6 +234,7 @@ impl Shape {
                     scaling,
                     heartbeat_timeout: Duration::from_millis(300),
                     standstill_window: scaling.magnitude(0.05),
+                    delay: 0.0,
                     middle: Increments::ZERO,
                 })
                 .collect(),

@@ -9,7 +9,7 @@ use std::path::Path;
 use std::time::Duration;
 use syncline_canopen::budget::BLOCKING_BITS;
 use syncline_canopen::response_time::bit_time;
-use syncline_drives::model::MODELS;
+use syncline_drives::model::{MODELS, Setpoints};
 
 /// Letters of axes, in the order in which a small machine has them.
 const LETTERS: [char; 9] = ['X', 'Y', 'Z', 'A', 'B', 'C', 'U', 'V', 'W'];
@@ -118,11 +118,12 @@ impl MachineSpec {
                 letters.swap(place, dice.below(place + 1));
             }
         }
-        // Most machines have one maker's drives.
+        // Most machines have one maker's drives, and those of all are sent positions.
         let period = Duration::from_micros(cycle_us.into());
         let models: Vec<&str> = MODELS
             .iter()
             .filter(|model| model.is_drive() && model.takes_cycle(period))
+            .filter(|model| model.setpoints == Setpoints::Positions)
             .map(|model| model.name)
             .collect();
         let mixed = dice.chance(0.4);

@@ -12,7 +12,7 @@ use syncline_trajectory::limits::Limits;
 use syncline_trajectory::profile::{Profile, State};
 use syncline_trajectory::state_to_state::{self, Axis as Motion};
 
-/// Setpoints that are kept to look back by a drive's interpolation delay.
+/// Setpoints that are kept to look back by the drives' latency.
 const HISTORY: usize = 16;
 /// So many times its greatest velocity no axis moves, also not while it catches up.
 const JUMP: f64 = 1.5;
@@ -22,6 +22,35 @@ const OUTWARDS: [f64; 2] = [-0.5, 0.5];
 
 /// The part of the axis' limits of acceleration and jerk with which its sides move against each other.
 const GENTLE: f64 = 0.1;
+
+/// The plan of an axis at one SYNC.
+#[derive(Clone, Copy, Debug, Default)]
+struct Planned {
+    /// mm
+    position: f64,
+    /// mm/s
+    velocity: f64,
+    /// How far the second side is planned beyond the first, mm.
+    apart: f64,
+}
+
+impl Planned {
+    /// Between this one and the `next`, at a part of the way from 0 to 1. As a mean of both it keeps every
+    /// limit that the plan keeps, up to the jerk; it is beside the plan by at most an eighth of the
+    /// acceleration times the square of the cycle.
+    fn towards(self, next: Self, part: f64) -> Self {
+        Self {
+            position: self.position + part * (next.position - self.position),
+            velocity: self.velocity + part * (next.velocity - self.velocity),
+            apart: self.apart + part * (next.apart - self.apart),
+        }
+    }
+
+    /// The position of a side, mm.
+    fn of_side(self, side: usize) -> f64 {
+        self.position + OUTWARDS[side] * self.apart
+    }
+}
 
 /// What one side of an axis keeps.
 #[derive(Clone, Debug)]
@@ -44,13 +73,13 @@ pub(super) struct AxisControl {
     sides: Vec<Side>,
     /// Its positions are machine positions.
     referenced: bool,
-    /// Where it is sent next, and how far its second side beyond the first, mm; `None` where it stays.
-    next: Option<(f64, f64)>,
-    /// Planned positions by cycle, newest at `cycle % HISTORY`, mm.
-    planned: [f64; HISTORY],
-    /// How far the second side is planned beyond the first, likewise.
-    apart: [f64; HISTORY],
-    /// How that goes to zero, and the cycle in which it began.
+    /// Its drives can be sent on with the plan; otherwise it stays.
+    moves_on: bool,
+    /// The plan by cycle, newest at `cycle % HISTORY`.
+    planned: [Planned; HISTORY],
+    /// See [`Layout::lag`].
+    lag: f64,
+    /// How what the sides are apart goes to zero, and the cycle in which it began.
     squaring: Option<(Profile, u64)>,
     /// For so many cycles one of its sides has been enabled, and the other has not.
     half_enabled: u32,
@@ -89,9 +118,9 @@ impl AxisControl {
             sides: spec.drives.iter().map(side).collect(),
             referenced: spec.homing.is_absolute(),
             spec,
-            next: None,
-            planned: [0.0; HISTORY],
-            apart: [0.0; HISTORY],
+            moves_on: false,
+            planned: [Planned::default(); HISTORY],
+            lag: layout.lag,
             squaring: None,
             half_enabled: 0,
             period: layout.cycle.as_secs_f64(),
@@ -172,8 +201,11 @@ impl AxisControl {
             2 => (f64::midpoint(at(0), at(1)), at(1) - at(0)),
             _ => (at(0), 0.0),
         };
-        self.planned = [position; HISTORY];
-        self.apart = [apart; HISTORY];
+        self.planned = [Planned {
+            position,
+            velocity: 0.0,
+            apart,
+        }; HISTORY];
         self.squaring = None;
         position
     }
@@ -224,9 +256,9 @@ impl AxisControl {
         self.squaring.as_ref().is_some_and(under_way)
     }
 
-    /// How far its sides are planned apart at SYNC `cycle`, whose newest 16 are kept.
+    /// How far its sides are planned apart at SYNC `cycle`, one of the newest.
     fn apart(&self, cycle: u64) -> f64 {
-        self.apart[cycle as usize % HISTORY]
+        self.planned(cycle, 0.0).apart
     }
 
     // --- its setpoints ---
@@ -241,8 +273,10 @@ impl AxisControl {
                 .map_err(|OutOfRange| Fault::Drive(drive, DriveCause::PositionRange))?;
             side.offset = node.setpoint.position - planned;
         }
-        self.planned = [position; HISTORY];
-        self.apart = [0.0; HISTORY];
+        self.planned = [Planned {
+            position,
+            ..Planned::default()
+        }; HISTORY];
         self.squaring = None;
         Ok(())
     }
@@ -325,10 +359,9 @@ impl AxisControl {
 
     /// The setpoint of SYNC `cycle` holds for so many more.
     fn repeat(&mut self, cycle: u64, lost: u64) {
-        let (position, apart) = (self.planned(cycle), self.apart(cycle));
+        let planned = self.planned(cycle, 0.0);
         for next in (cycle + 1..=cycle + lost).rev().take(HISTORY) {
-            self.planned[next as usize % HISTORY] = position;
-            self.apart[next as usize % HISTORY] = apart;
+            self.planned[next as usize % HISTORY] = planned;
         }
     }
 
@@ -337,29 +370,39 @@ impl AxisControl {
         self.sides.iter_mut().for_each(|side| side.guard.forget());
     }
 
-    /// Looks whether its drives can be sent to what SYNC `cycle` latches. One that one of them cannot take
-    /// is taken by none: they keep their last one.
+    /// Looks whether its drives can be sent to what the plan, positions and velocities, has for SYNC `cycle`,
+    /// each by its latency. What one of them cannot take is taken by none: they keep their last one.
     /// Its soft limits count once it is referenced, but not while it is `homing`.
     pub(super) fn prepare(
         &mut self,
         cycle: u64,
-        positions: &[f64],
+        (positions, velocities): (&[f64], &[f64]),
         homing: bool,
         nodes: &[DriveNode],
     ) -> Result<(), Fault> {
-        self.next = None;
+        self.moves_on = false;
         if self.is_quick_stopped(nodes) {
             return Ok(());
         }
-        let (axis, position) = (self.index, positions[self.spec.coordinate]);
-        let apart = match &self.squaring {
-            Some((plan, began)) => plan.at((cycle - began) as f64 * self.period).p,
-            None => self.apart(cycle - 1),
+        self.planned[cycle as usize % HISTORY] = Planned {
+            position: positions[self.spec.coordinate],
+            velocity: velocities[self.spec.coordinate],
+            apart: match &self.squaring {
+                Some((plan, began)) => plan.at((cycle - began) as f64 * self.period).p,
+                None => self.apart(cycle - 1),
+            },
         };
-        let sides = self.sides.iter_mut().zip(&self.spec.drives);
-        for ((side, &drive), out) in sides.zip(OUTWARDS) {
-            side.next = nodes[drive].setpoint_at(position + out * apart, side.offset)?;
-            let origin = Some(nodes[drive].origin).filter(|_| self.referenced && !homing);
+        for index in 0..self.sides.len() {
+            let drive = self.spec.drives[index];
+            let node = &nodes[drive];
+            let there = self.planned(cycle, node.delay()).of_side(index);
+            let velocity = self.velocity(cycle, index, node);
+            let side = &mut self.sides[index];
+            side.next = Setpoint {
+                velocity,
+                ..node.setpoint_at(there, side.offset)?
+            };
+            let origin = Some(node.origin).filter(|_| self.referenced && !homing);
             let guarded = side.guard.check(side.next.position, origin);
             guarded.map_err(|(quantity, value)| {
                 let cause = AxisCause::SetpointGuard {
@@ -367,29 +410,32 @@ impl AxisControl {
                     quantity,
                     value,
                 };
-                Fault::Axis(axis, cause)
+                Fault::Axis(self.index, cause)
             })?;
         }
-        self.next = Some((position, apart));
+        self.moves_on = true;
         Ok(())
     }
 
     /// Hands the drives what SYNC `cycle` latches, if they `move_on` and it could be prepared; otherwise they
-    /// keep their last one.
+    /// keep their last position.
     pub(super) fn hand_over(&mut self, cycle: u64, move_on: bool, nodes: &mut [DriveNode]) {
-        let Some((position, apart)) = self.next.filter(|_| move_on) else {
+        if !(self.moves_on && move_on) {
+            self.repeat(cycle - 1, 1);
             let quick_stopped = self.is_quick_stopped(nodes);
-            for &drive in self.spec.drives.iter().filter(|_| quick_stopped) {
-                nodes[drive].hold();
+            for (side, &drive) in self.spec.drives.iter().enumerate() {
+                if quick_stopped {
+                    nodes[drive].hold();
+                } else {
+                    nodes[drive].setpoint.velocity = self.velocity(cycle, side, &nodes[drive]);
+                }
             }
-            return self.repeat(cycle - 1, 1);
-        };
+            return;
+        }
         for (side, &drive) in self.sides.iter_mut().zip(&self.spec.drives) {
             nodes[drive].setpoint = side.next;
             side.guard.push(side.next.position);
         }
-        self.planned[cycle as usize % HISTORY] = position;
-        self.apart[cycle as usize % HISTORY] = apart;
     }
 
     /// Whether its drives come to rest by themselves.
@@ -398,38 +444,73 @@ impl AxisControl {
         drives.any(|&drive| nodes[drive].is_quick_stopped())
     }
 
-    /// The planned position latched at SYNC `cycle`; the newest 16 are kept.
-    fn planned(&self, cycle: u64) -> f64 {
-        self.planned[cycle as usize % HISTORY]
+    /// How fast a side is sent to where it has to be: 0 for a drive that is sent positions.
+    ///
+    /// The velocity that the plan has on the way, led by the drive's lag, and what closes the loop about the
+    /// position. The last sample is compared with where the axis should have been at its SYNC; while the
+    /// next one is missing the axis is taken to go on as planned, which leaves their difference as it is.
+    /// When it is missing for longer the drive follows the plan alone.
+    fn velocity(&self, cycle: u64, side: usize, node: &DriveNode) -> f64 {
+        let Some(dynamics) = node.dynamics() else {
+            return 0.0;
+        };
+        let [before, there] = [1.0, 0.0].map(|earlier| {
+            let planned = self.planned(cycle, node.delay() + earlier);
+            planned.of_side(side) + dynamics.lag * planned.velocity
+        });
+        let planned = (there - before) / self.period;
+        let error = if node.is_fresh() {
+            self.following_error(cycle - 1, side, node)
+        } else {
+            0.0
+        };
+        (node.scaling()).to_increments_per_second(planned + dynamics.gain * error)
+    }
+
+    /// What the plan has `behind` cycles before SYNC `cycle`, a part of a cycle included; the newest 16 are
+    /// kept.
+    fn planned(&self, cycle: u64, behind: f64) -> Planned {
+        let behind = behind.min((HISTORY - 2) as f64);
+        let whole = behind as u64;
+        let at = |behind: u64| self.planned[cycle.wrapping_sub(behind) as usize % HISTORY];
+        match behind - whole as f64 {
+            0.0 => at(whole),
+            part => at(whole + 1).towards(at(whole), 1.0 - part),
+        }
+    }
+
+    /// Where a side is in the plan's frame, mm; `cycle` is that of the last SYNC.
+    fn actual(&self, cycle: u64, side: usize, node: &DriveNode) -> f64 {
+        let act = (node.scaling()).to_mm(node.actual() - self.sides[side].offset);
+        act - OUTWARDS[side] * self.apart(cycle)
+    }
+
+    /// Where a side should have been at the SYNC of its last sample, less where it was, mm; `cycle` is that
+    /// of the last SYNC.
+    fn following_error(&self, cycle: u64, side: usize, node: &DriveNode) -> f64 {
+        let planned = self.planned(cycle, self.lag + f64::from(node.age()));
+        planned.position - self.actual(cycle, side, node)
     }
 
     /// What the axis did at SYNC `cycle`, which has just been answered by its T_PDOs. A drive whose
     /// T_PDO is missing is measured by the plan of its last one.
     pub(super) fn sample(&self, cycle: u64, nodes: &[DriveNode]) -> AxisSample {
-        let set = self.planned(cycle);
         let mut worst = AxisSample {
-            set,
-            act: set,
-            following_error: 0.0,
             apart: self.apart(cycle),
             quick_stopped: self.is_quick_stopped(nodes),
+            ..AxisSample::default()
         };
         if worst.quick_stopped {
             worst.act = nodes[self.spec.drives[0]].actual_mm();
             worst.set = worst.act;
             return worst;
         }
-        for (index, (side, &drive)) in self.sides.iter().zip(&self.spec.drives).enumerate() {
+        for (side, &drive) in self.spec.drives.iter().enumerate() {
             let node = &nodes[drive];
-            let act = node.scaling().to_mm(node.actual() - side.offset);
-            let act = act - OUTWARDS[index] * worst.apart;
-            let behind = (node.latency())
-                .saturating_add(node.age())
-                .min(HISTORY as u32 - 1);
-            let latched = self.planned(cycle - u64::from(behind));
-            let following_error = latched - act;
-            if index == 0 || following_error.abs() > worst.following_error.abs() {
-                worst.act = act;
+            let following_error = self.following_error(cycle, side, node);
+            if side == 0 || following_error.abs() > worst.following_error.abs() {
+                worst.set = self.planned(cycle, node.delay()).position;
+                worst.act = self.actual(cycle, side, node);
                 worst.following_error = following_error;
             }
         }
@@ -441,7 +522,8 @@ impl AxisControl {
     fn speed(&self, cycle: u64) -> f64 {
         let steps = (1..HISTORY as u64).map(|back| {
             let before = cycle.wrapping_sub(back);
-            (self.planned(before.wrapping_add(1)) - self.planned(before)).abs()
+            let [there, here] = [before.wrapping_add(1), before].map(|at| self.planned(at, 0.0));
+            (there.position - here.position).abs()
         });
         steps.fold(0.0, f64::max) / self.period
     }

@@ -35,6 +35,10 @@ pub struct Layout {
     pub t_pdo_misses: u32,
     /// Where one axis is quick-stopped, all are.
     pub stop_together: bool,
+    /// Cycles from the SYNC that latches a setpoint of the slowest drive until it is where it was sent to.
+    /// All axes are where the plan was so long ago: setpoints of the others are those of later
+    /// ([`DriveSpec::delay`]).
+    pub lag: f64,
     /// Buses, in the order of the machine file.
     pub buses: Vec<BusSpec>,
     /// Drives, in the order of the machine file, and behind them encoders in theirs.
@@ -90,6 +94,8 @@ pub struct DriveSpec {
     pub heartbeat_timeout: Duration,
     /// Standing still is moving less than this.
     pub standstill_window: Increments,
+    /// Cycles by which it is sent the plan later than the slowest drive, as it is faster by so much.
+    pub delay: f64,
     /// In the middle of its axis's travel: where a position that begins anew is first looked for.
     pub middle: Increments,
 }
@@ -130,14 +136,20 @@ impl Layout {
     pub fn new(machine: &Machine) -> Result<Self, DoesNotFit> {
         let budget = MachineBudget::of(machine);
         budget.check()?;
-        let drives: Vec<DriveSpec> = (machine.nodes().enumerate())
-            .map(|(index, node)| {
+        let devices: Vec<Device> = (0..machine.nodes().count())
+            .map(|index| machine.device(index))
+            .collect();
+        let latencies = devices.iter().filter_map(Device::drive);
+        let lag = latencies.map(|drive| drive.latency()).fold(0.0, f64::max);
+        let drives: Vec<DriveSpec> = (machine.nodes().zip(devices))
+            .map(|(node, device)| {
                 let axis = &machine.axes[node.axis];
                 let middle = node.scaling.to_increments(axis.middle());
                 DriveSpec {
                     name: node.name.to_owned(),
                     bus: node.bus,
-                    device: machine.device(index),
+                    delay: device.drive().map_or(0.0, |drive| lag - drive.latency()),
+                    device,
                     scaling: *node.scaling,
                     heartbeat_timeout: machine.controller.heartbeat_timeout,
                     standstill_window: node.scaling.magnitude(axis.limits.standstill),
@@ -163,6 +175,7 @@ impl Layout {
             state_timeout: controller.state_timeout,
             t_pdo_misses: controller.t_pdo_misses,
             stop_together: controller.stop_together,
+            lag,
             axes: (machine.axes.iter())
                 .map(|axis| AxisSpec {
                     name: axis.name().to_owned(),

@@ -608,8 +608,8 @@ impl<const N: usize> Controller<N> {
         let mut move_on = true;
         let homing = self.homing.is_active();
         for axis in &mut self.axes {
-            let prepared =
-                axis.prepare(self.cycle + 1, &self.planned.position, homing, &self.nodes);
+            let plan = (&self.planned.position[..], &self.planned.velocity[..]);
+            let prepared = axis.prepare(self.cycle + 1, plan, homing, &self.nodes);
             if prepared.is_err_and(|fault| fault.cause() == Cause::SetpointGuard) {
                 move_on = false;
                 outcome = prepared;

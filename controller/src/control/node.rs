@@ -13,8 +13,8 @@ use std::sync::Arc;
 use syncline_canopen::emcy::{self, Emergency};
 use syncline_canopen::{CanId, CobId, Frame, Instant, Transmit, heartbeat, nmt};
 use syncline_drives::model::{
-    Device, DriveStatus, Increments, Monitoring, OutOfRange, PowerCommand, PowerState, Scaling,
-    Setpoint, unwrapped,
+    Device, DriveStatus, Dynamics, Increments, Monitoring, OutOfRange, PowerCommand, PowerState,
+    Scaling, Setpoint, unwrapped,
 };
 
 /// A drive in the cycle: what it last told, and what it is told next.
@@ -307,17 +307,19 @@ impl DriveNode {
     }
 
     pub(super) fn has_booted(&self) -> bool {
-        match self.monitoring() {
-            Monitoring::Heartbeat => self.booted,
-            Monitoring::TPdos => self.sequence.is_done(),
+        if self.device.spec().tells_boot_up {
+            self.booted
+        } else {
+            self.sequence.is_done()
         }
     }
 
     /// Why a device that was reset does not count as booted.
     pub(super) fn did_not_boot(&self) -> Fault {
-        self.fault(match self.monitoring() {
-            Monitoring::Heartbeat => DriveCause::NoBootUp,
-            Monitoring::TPdos => DriveCause::NoAnswer,
+        self.fault(if self.device.spec().tells_boot_up {
+            DriveCause::NoBootUp
+        } else {
+            DriveCause::NoAnswer
         })
     }
 
@@ -499,7 +501,7 @@ impl DriveNode {
     pub(super) fn setpoint_at(&self, mm: f64, offset: Increments) -> Result<Setpoint, Fault> {
         let out_of_range = |OutOfRange| self.fault(DriveCause::PositionRange);
         let position = self.scaling().to_increments(mm).map_err(out_of_range)? + offset;
-        let setpoint = Setpoint { position };
+        let setpoint = Setpoint::at(position);
         self.check(setpoint).map_err(out_of_range)?;
         Ok(setpoint)
     }
@@ -510,9 +512,19 @@ impl DriveNode {
         drive.map_or(Ok(()), |drive| drive.check(setpoint))
     }
 
-    /// Cycles from the SYNC that latches a setpoint until the drive's reference has reached it.
-    pub(super) fn latency(&self) -> u32 {
-        self.device.drive().map_or(0, |drive| drive.latency())
+    /// How it moves, if it is sent velocities.
+    pub(super) fn dynamics(&self) -> Option<Dynamics> {
+        self.device.drive().and_then(|drive| drive.dynamics())
+    }
+
+    /// By how many cycles its setpoints lag behind the plan, see [`Layout::lag`].
+    pub(super) fn delay(&self) -> f64 {
+        self.spec().delay
+    }
+
+    /// Whether its position is young enough to be controlled by.
+    pub(super) fn is_fresh(&self) -> bool {
+        self.age < self.layout.t_pdo_misses
     }
 
     /// Holds the drive where it is. One that follows its setpoints as soon as it is enabled is held
@@ -520,7 +532,7 @@ impl DriveNode {
     pub(super) fn hold(&mut self) {
         let ends_mode = self.device.drive().is_none_or(|drive| drive.ends_mode());
         if self.power != PowerCommand::Enable || ends_mode {
-            self.setpoint.position = self.actual;
+            self.setpoint = Setpoint::at(self.actual);
         }
     }
 
@@ -559,7 +571,7 @@ impl DriveNode {
     /// those so far.
     pub(super) fn ask_boot(&mut self) {
         self.expect_boot();
-        if self.monitoring() == Monitoring::TPdos {
+        if !self.device.spec().tells_boot_up {
             let first = self.device.spec().identity.first();
             let answer = first.map(|identity| Step::AwaitAnswer(identity.address));
             self.sequence.extend(answer);

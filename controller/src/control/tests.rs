@@ -100,7 +100,7 @@ impl Drive for Probe {
     fn ends_mode(&self) -> bool {
         self.ends_mode
     }
-    fn latency(&self) -> u32 {
+    fn latency(&self) -> f64 {
         self.drive.latency()
     }
     fn status(&mut self, t_pdo: usize, data: &[u8]) -> Option<DriveStatus> {

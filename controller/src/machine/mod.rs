@@ -330,6 +330,7 @@ impl Machine {
         Settings {
             node,
             cycle: self.cycle,
+            velocity: 0.0,
             heartbeat: Heartbeat {
                 controller: self.controller.node,
                 producer: self.controller.heartbeat,
@@ -359,6 +360,7 @@ impl Machine {
         } = &self.drives[drive];
         let axis = &self.axes[*axis];
         model.device(&Settings {
+            velocity: scaling.to_increments_per_second(axis.limits.velocity).abs(),
             following_error_limit: axis
                 .drive_following_error
                 .then(|| scaling.magnitude(axis.limits.following_error)),

@@ -22,7 +22,7 @@ use super::record::Violation;
 use super::sent::SentSetpoints;
 use crate::control::Row;
 use crate::machine::{Axis, AxisLimits, COORDINATES, Machine};
-use syncline_drives::model::{Direction, Increments};
+use syncline_drives::model::{Direction, Increments, Setpoints};
 
 /// A plan may exceed a limit by this part of it: rounding.
 const ROUNDING: f64 = 1e-9;
@@ -196,7 +196,9 @@ impl AxisWatches {
             homed: !axis.homing.is_absolute(),
             period: cycle,
             planned: Differences::new(cycle, Uncertainty::Numbers),
+            // What is sent velocities is judged by where it is.
             sides: (axis.drives.iter())
+                .filter(|&&drive| machine.drives[drive].model.setpoints == Setpoints::Positions)
                 .map(|drive| Side::new(machine, *drive))
                 .collect(),
             squares: 0.0,

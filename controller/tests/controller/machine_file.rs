@@ -132,7 +132,7 @@ fn nothing_is_wired_to_the_portal() {
     assert_eq!(machine.axes[0].limits.standstill, 0.1);
     let drive = machine.device(2);
     assert_eq!(drive.spec().setup[30].address.to_string(), "3012h:6");
-    assert_eq!(drive.drive().unwrap().latency(), 1);
+    assert_eq!(drive.drive().unwrap().latency(), 1.0);
 }
 
 #[test]

@@ -14,7 +14,7 @@ use super::profile::communication::{self, SDO_RESPONSE, T_PDO_RESPONSE};
 use super::{
     Ability, Address, Assumed, Assumption, Data, Drive, DriveStatus, Feedback, Identity,
     Increments, Make, ModeDisplay, Model, NodeSpec, PowerCommand, RemoteNode, Sample, Setpoint,
-    Settings, Survey, Write,
+    Setpoints, Settings, Survey, Write,
 };
 use crate::dictionary;
 use core::time::Duration;
@@ -33,6 +33,7 @@ pub(super) static CIA402_CSP: Model = Model {
     cycles: Duration::from_micros(500)..=Duration::from_millis(20),
     increments_per_revolution: |assumed| assumed.value(&ENCODER_INCREMENTS),
     positions: Increments::MIN..=Increments::MAX,
+    setpoints: Setpoints::Positions,
     abilities: &[Ability::FollowingErrorLimit, Ability::SoftLimits],
     assumptions: &[
         ENCODER_INCREMENTS,
@@ -247,8 +248,8 @@ impl Drive for Cia402Csp {
         false
     }
 
-    fn latency(&self) -> u32 {
-        self.interpolation_delay
+    fn latency(&self) -> f64 {
+        self.interpolation_delay.into()
     }
 
     fn status(&mut self, _: usize, data: &[u8]) -> Option<DriveStatus> {
@@ -271,6 +272,7 @@ mod tests {
         Settings {
             node: NodeId::new(3).unwrap(),
             cycle: Duration::from_micros(cycle_us),
+            velocity: 0.0,
             heartbeat: Heartbeat {
                 controller: NodeId::new(127).unwrap(),
                 producer: Duration::from_millis(100),
@@ -395,12 +397,10 @@ mod tests {
             (PowerCommand::Run, 1 << 31, "203#0F00FFFFFF7F"),
         ] {
             let position = Increments::new(position);
-            drive.encode(command, Setpoint { position }, &mut frames);
+            drive.encode(command, Setpoint::at(position), &mut frames);
             assert_eq!(format!("{:?}", frames[0]), expected);
         }
-        let position = |position| Setpoint {
-            position: Increments::new(position),
-        };
+        let position = |position| Setpoint::at(Increments::new(position));
         assert_eq!(drive.check(position(-2)), Ok(()));
         assert_eq!(drive.check(position(1 << 31)), Err(OutOfRange));
         let data = [0x37, 0x12, 0x00, 0x00, 0x02, 0x00];

@@ -5,7 +5,7 @@ use super::{Address, Data, Feedback, Increments, OutOfRange, Write};
 use core::fmt;
 use syncline_canopen::Frame;
 
-/// A device that takes a position setpoint every cycle, latched at SYNC.
+/// A device that takes a setpoint every cycle, latched at SYNC: a position, or a velocity.
 ///
 /// The words and bits by which it is told and tells are the model's own affair: outside of it there
 /// are a [`PowerCommand`] and a [`DriveStatus`]. What changes from frame to frame, a toggle bit, a
@@ -28,8 +28,13 @@ pub trait Drive: Feedback {
     fn ends_mode(&self) -> bool;
 
     /// Cycles from the SYNC that latches a setpoint until the drive's position reference has
-    /// reached it.
-    fn latency(&self) -> u32;
+    /// reached its position, parts of a cycle included.
+    fn latency(&self) -> f64;
+
+    /// How it moves, if it is sent velocities: the controller closes the position loop.
+    fn dynamics(&self) -> Option<Dynamics> {
+        None
+    }
 
     /// What the data of a T_PDO, all its mapped bytes, say of the drive; `None` if that PDO says
     /// nothing of it. What a handshake goes on with, the model keeps.
@@ -63,10 +68,42 @@ impl Clone for Box<dyn Drive> {
 }
 
 /// Where a drive shall be when it has carried out a cycle.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Setpoint {
     /// As the drive counts.
     pub position: Increments,
+    /// How fast it goes there, increments/s, for one that is sent velocities.
+    pub velocity: f64,
+}
+
+impl Setpoint {
+    /// At rest there.
+    #[must_use]
+    pub const fn at(position: Increments) -> Self {
+        Self {
+            position,
+            velocity: 0.0,
+        }
+    }
+}
+
+/// How a drive moves that is sent velocities: after its [latency](Drive::latency) its position follows
+/// the integral of the velocity with a first-order lag.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Dynamics {
+    /// Time constant of that lag, s.
+    pub lag: f64,
+    /// Gain of the controller's position loop, 1/s.
+    pub gain: f64,
+}
+
+impl Dynamics {
+    /// The gain of a loop with so much delay and lag in all, s. A quarter of its inverse is where a loop
+    /// about an integrator with a first-order lag begins to overshoot.
+    #[must_use]
+    pub fn gain(delay: f64) -> f64 {
+        0.25 / delay
+    }
 }
 
 /// What a drive is told to do with its power stage.

@@ -7,7 +7,7 @@ use super::profile::communication::{self, SDO_RESPONSE, T_PDO_RESPONSE};
 use super::{
     Ability, Address, Assumption, ClockLock, Data, Drive, DriveStatus, Feedback, Identity,
     Increments, Io, Make, ModeDisplay, Model, NodeSpec, PowerCommand, RemoteNode, Sample, Setpoint,
-    Settings, Survey, Write,
+    Setpoints, Settings, Survey, Write,
 };
 use crate::dictionary;
 use core::time::Duration;
@@ -28,6 +28,7 @@ pub(super) static LXM32M: Model = Model {
     cycles: Duration::from_millis(1)..=Duration::from_millis(20),
     increments_per_revolution: |_| 131_072, // (1602)
     positions: Increments::MIN..=Increments::MAX,
+    setpoints: Setpoints::Positions,
     abilities: &[Ability::FollowingErrorLimit, Ability::SoftLimits],
     assumptions: &[
         INTERPOLATION_DELAY,
@@ -287,8 +288,8 @@ impl Drive for Lxm32m {
         true
     }
 
-    fn latency(&self) -> u32 {
-        self.interpolation_delay
+    fn latency(&self) -> f64 {
+        self.interpolation_delay.into()
     }
 
     fn status(&mut self, _: usize, data: &[u8]) -> Option<DriveStatus> {
@@ -313,6 +314,7 @@ mod tests {
         Settings {
             node: NodeId::new(node).unwrap(),
             cycle: Duration::from_millis(cycle_ms),
+            velocity: 0.0,
             heartbeat: Heartbeat {
                 controller: NodeId::new(127).unwrap(),
                 producer: Duration::from_millis(100),
@@ -441,9 +443,7 @@ mod tests {
     }
 
     fn at(position: i64) -> Setpoint {
-        Setpoint {
-            position: Increments::new(position),
-        }
+        Setpoint::at(Increments::new(position))
     }
 
     #[test]

@@ -22,11 +22,12 @@ mod node;
 mod object;
 mod profile;
 mod scaling;
+mod tlc5xx;
 mod twk_crn;
 
 pub use drive::{
-    Drive, DriveStatus, ModeDisplay, NotFollowing, PowerCommand, PowerState, Setpoint, StatusWord,
-    Survey,
+    Drive, DriveStatus, Dynamics, ModeDisplay, NotFollowing, PowerCommand, PowerState, Setpoint,
+    StatusWord, Survey,
 };
 pub use feedback::{Feedback, Sample, unwrapped};
 pub use io::Io;
@@ -43,7 +44,12 @@ use std::sync::Arc;
 use syncline_canopen::{NodeId, dictionary::Entry};
 
 /// Every model that a machine file may name, in the order in which messages list them.
-pub static MODELS: &[&Model] = &[&lxm32m::LXM32M, &cia402_csp::CIA402_CSP, &twk_crn::TWK_CRN];
+pub static MODELS: &[&Model] = &[
+    &lxm32m::LXM32M,
+    &cia402_csp::CIA402_CSP,
+    &twk_crn::TWK_CRN,
+    &tlc5xx::TLC5XX,
+];
 
 /// A kind of device: everything that is known before one is made.
 #[derive(Clone, Debug)]
@@ -63,6 +69,8 @@ pub struct Model {
     pub increments_per_revolution: fn(&Assumed) -> u32,
     /// The positions that it can be sent to: what its setpoint's object holds.
     pub positions: RangeInclusive<Increments>,
+    /// What its drives are sent in every cycle.
+    pub setpoints: Setpoints,
     /// What it can do besides.
     pub abilities: &'static [Ability],
     /// What the manual leaves open, with the value taken unless the machine file says otherwise.
@@ -127,6 +135,15 @@ impl Deref for Device {
             Self::Encoder(encoder) => &**encoder,
         }
     }
+}
+
+/// What drives are sent in every cycle.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Setpoints {
+    /// Where to be.
+    Positions,
+    /// How fast to turn, see [`Dynamics`].
+    Velocities,
 }
 
 /// Something that some drives can do and others cannot, which a machine file may ask for.
@@ -197,6 +214,8 @@ pub struct Settings {
     pub node: NodeId,
     /// Time between two setpoints, one that [`Model::takes_cycle`] takes.
     pub cycle: Duration,
+    /// Greatest velocity that the plan has for its axis, increments/s.
+    pub velocity: f64,
     /// Connection monitoring both ways.
     pub heartbeat: Heartbeat,
     /// Following error at which the drive itself faults; `None` leaves the drive's own. Asked of

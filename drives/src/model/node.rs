@@ -50,6 +50,9 @@ pub struct NodeSpec {
     /// The objects to read back after the set-up, with the value that each must have. One that
     /// refuses to be read is worth a log line, no more.
     pub read_back: Vec<Write>,
+    /// Whether a message at 700h + id says that it has booted; otherwise it shows in its answering
+    /// SDO requests.
+    pub tells_boot_up: bool,
     /// By what the device shows that it is there and Operational.
     pub monitoring: Monitoring,
     /// How to tell that the device's clock follows SYNC, if it has one that does.
@@ -86,6 +89,7 @@ impl NodeSpec {
             ensured: Vec::new(),
             read_back: communication::read_back(&setup, is_command),
             setup,
+            tells_boot_up: true,
             monitoring: Monitoring::Heartbeat,
             clock_lock: None,
             release: Vec::new(),
@@ -130,10 +134,9 @@ pub struct Identity {
 /// By what a device shows that it is there and Operational.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Monitoring {
-    /// A boot-up message, then its heartbeat, which carries its NMT state.
+    /// Its heartbeat, which carries its NMT state.
     Heartbeat,
-    /// Its T_PDOs alone, which it sends in Operational only; that it has booted shows in its
-    /// answering SDO requests.
+    /// Its T_PDOs alone, which it sends in Operational only.
     TPdos,
 }
 

@@ -137,6 +137,12 @@ impl Scaling {
         }
     }
 
+    /// A velocity as the drive counts, increments/s, of one in mm/s.
+    #[must_use]
+    pub fn to_increments_per_second(&self, mm_per_second: f64) -> f64 {
+        mm_per_second * self.increments_per_revolution / self.mm_per_revolution
+    }
+
     /// The machine position in mm at the drive's `position`.
     #[must_use]
     pub fn to_mm(&self, position: Increments) -> f64 {

@@ -13,7 +13,7 @@
 use super::profile::communication;
 use super::{
     Address, Assumed, Assumption, Data, Feedback, Identity, Increments, Make, Model, Monitoring,
-    NodeSpec, RemoteNode, Sample, Settings, Write,
+    NodeSpec, RemoteNode, Sample, Setpoints, Settings, Write,
 };
 use crate::dictionary;
 use core::time::Duration;
@@ -40,6 +40,7 @@ pub(super) static TWK_CRN: Model = Model {
     dictionary: &dictionary::TWK_CRN_8192,
     reserved,
     positions: Increments::MIN..=Increments::MAX,
+    setpoints: Setpoints::Positions,
     abilities: &[],
     inputs: &[],
     outputs: &[],
@@ -127,6 +128,7 @@ impl TwkCrn {
                 // Last error (crn S2), alarms (crn S37).
                 history: vec![Address::new(0x1003, 1), Address::new(0x6503, 0)],
                 ensured: ensured(measure),
+                tells_boot_up: false,
                 monitoring: Monitoring::TPdos,
                 // The position.
                 t_pdos: vec![communication::t_pdo(2, settings.node, 4)],
@@ -235,6 +237,7 @@ mod tests {
         TwkCrn::new(&Settings {
             node: NodeId::new(3).unwrap(),
             cycle: Duration::from_millis(2),
+            velocity: 0.0,
             heartbeat: Heartbeat {
                 controller: NodeId::new(127).unwrap(),
                 producer: Duration::from_millis(100),

@@ -30,4 +30,5 @@ mod splines;
 mod stops;
 mod switched;
 mod validate;
+mod velocity;
 mod wired;

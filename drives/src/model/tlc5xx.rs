@@ -1,0 +1,305 @@
+//! The positioning controller Twin Line TLC53x (DSP-402 V1.0). Numbers in parentheses in comments are
+//! lines of the fieldbus manual's text, D-02 and the like the doubts listed in `docs/tlc5xx.md`.
+//!
+//! It takes no interpolated positions. It is sent velocities, which its profile generator integrates to
+//! the position that it controls, and the controller closes a loop about the position that it tells:
+//! R_PDO3 brings controlword and velocity (60FFh), T_PDO2 statusword and position (6064h), both at every
+//! SYNC.
+//!
+//! A velocity is in user units, which are made as fine as the greatest velocity (607Fh, 12 000 units at
+//! most, 15575) leaves room for. That a unit is 1 r/min while the factor 6094h is 1 stands nowhere
+//! (D-53): it is inferred from an example, and so an [`Assumption`] with a name.
+
+use super::profile::{cia402, communication};
+use super::{
+    Address, Assumption, Data, Drive, DriveStatus, Dynamics, Feedback, Identity, Increments, Make,
+    ModeDisplay, Model, NodeSpec, PowerCommand, PowerState, RemoteNode, Sample, Setpoint,
+    Setpoints, Settings, Survey, Write,
+};
+use crate::dictionary;
+use core::time::Duration;
+use syncline_canopen::{CobId, Frame, cia402::Statusword, pdo::CobIdWord};
+
+/// The controller.
+pub(super) static TLC5XX: Model = Model {
+    name: "tlc5xx",
+    title: "Twin Line TLC53x",
+    bitrates: &[100_000, 125_000, 250_000, 500_000, 1_000_000],
+    cycle_step: Duration::from_millis(1),
+    cycles: Duration::from_millis(1)..=Duration::from_millis(20),
+    // Of a motor with a Sincoder (4982).
+    increments_per_revolution: |_| INCREMENTS,
+    positions: Increments::MIN..=Increments::MAX,
+    setpoints: Setpoints::Velocities,
+    abilities: &[],
+    assumptions: &[
+        UNITS_PER_RPM,
+        VELOCITY_DELAY,
+        POSITION_LAG,
+        REMOTE,
+        T_PDO_RESPONSE,
+        SDO_RESPONSE,
+    ],
+    dictionary: &dictionary::TLC5XX,
+    reserved,
+    inputs: &[],
+    outputs: &[],
+    make: Make::Drive(|settings| Box::new(Tlc5xx::new(settings))),
+};
+
+const INCREMENTS: u32 = 16_384;
+
+const UNITS_PER_RPM: Assumption = Assumption {
+    name: "units_per_rpm",
+    default: 1,
+    allowed: 1..=1000,
+    meaning: "what 60FFh counts for 1 r/min while the factor 6094h is 1 (D-53)",
+};
+
+const VELOCITY_DELAY: Assumption = Assumption {
+    name: "velocity_delay_us",
+    default: 0,
+    allowed: 0..=20_000,
+    meaning: "time in µs from the SYNC that latches a velocity until the profile generator has it",
+};
+
+const POSITION_LAG: Assumption = Assumption {
+    name: "position_lag_us",
+    default: 12_500,
+    allowed: 0..=100_000,
+    meaning: "time constant in µs of the position loop in the drive, which lags by as much at a \
+              constant velocity",
+};
+
+const REMOTE: Assumption = Assumption {
+    name: "remote_bit",
+    default: 0,
+    allowed: 0..=2,
+    meaning: "level of statusword bit 9 while the fieldbus has control (D-04); 2: it says nothing",
+};
+
+const T_PDO_RESPONSE: Assumption = Assumption {
+    default: 600,
+    ..communication::T_PDO_RESPONSE
+};
+
+const SDO_RESPONSE: Assumption = Assumption {
+    default: 4000,
+    ..communication::SDO_RESPONSE
+};
+
+const PROFILE_VELOCITY: i8 = 3;
+
+/// Most units of 607Fh (15575).
+const MOST_UNITS: f64 = 12_000.0;
+
+/// How much faster than its axis the loop may have it for a while.
+const RESERVE: f64 = 1.2;
+
+/// The steepest ramp, r/(min·s) (15651, 15680): the drive follows the plan, it makes none.
+const RAMP: u32 = 2_000_000;
+
+/// One drive.
+#[derive(Clone, Debug)]
+struct Tlc5xx {
+    spec: NodeSpec,
+    /// Units of 60FFh for an increment/s.
+    units: f64,
+    latency: f64,
+    dynamics: Dynamics,
+    remote: u32,
+}
+
+impl Tlc5xx {
+    fn new(settings: &Settings) -> Self {
+        let assumed = &settings.assumed;
+        let micros = |assumption| Duration::from_micros(assumed.value(assumption).into());
+        let rpm = settings.velocity / f64::from(INCREMENTS) * 60.0;
+        let per_rpm = assumed.value(&UNITS_PER_RPM);
+        // Finer than by a thousand nothing is gained.
+        let finer = (MOST_UNITS / (rpm * RESERVE * f64::from(per_rpm))).clamp(1.0, 1000.0) as u32;
+        let units = f64::from(finer * per_rpm) * 60.0 / f64::from(INCREMENTS);
+        let spec = NodeSpec::new(&TLC5XX, settings, setup(settings, finer), is_command);
+        let cycle = settings.cycle.as_secs_f64();
+        let delay = micros(&VELOCITY_DELAY).as_secs_f64();
+        let lag = micros(&POSITION_LAG).as_secs_f64();
+        Self {
+            spec: NodeSpec {
+                identity: identity(),
+                history: cia402::HISTORY.to_vec(),
+                tells_boot_up: false,
+                t_pdos: vec![communication::t_pdo(2, settings.node, 6)],
+                r_pdos: vec![communication::r_pdo(3, settings.node, 6)],
+                t_pdo_response: micros(&T_PDO_RESPONSE),
+                sdo_response: micros(&SDO_RESPONSE),
+                ..spec
+            },
+            units,
+            latency: 1.0 + delay / cycle,
+            dynamics: Dynamics {
+                lag,
+                // From a sample to the middle of the cycle in which it takes effect are one and a half.
+                gain: Dynamics::gain(lag + delay + 1.5 * cycle),
+            },
+            remote: assumed.value(&REMOTE),
+        }
+    }
+}
+
+/// What tells that it is this controller, and that a unit of its positions is an increment as it counts
+/// without inversion. All of it is stored in the drive, so that it has to be so before.
+fn identity() -> Vec<Identity> {
+    let reads = |index, sub, name, value| Identity {
+        address: Address::new(index, sub),
+        name,
+        mask: u32::MAX,
+        value,
+    };
+    vec![
+        reads(0x1000, 0, "device type", 0x0002_0192),
+        reads(0x1018, 1, "vendor", 0x0100_002E),
+        reads(0x6093, 1, "position factor, numerator", 1),
+        reads(0x6093, 2, "position factor, denominator", INCREMENTS),
+        reads(0x2045, 0, "inversion of rotation", 0),
+    ]
+}
+
+/// Every PDO off; mode, unit, ramps; the two that are used, and heartbeats, which exclude guarding.
+fn setup(settings: &Settings, finer: u32) -> Vec<Write> {
+    let w = Write::new;
+    let node = settings.node;
+    let mut setup = Vec::new();
+    for n in 1..=4 {
+        let receive = CobIdWord::valid(CobId::r_pdo(n, node)).0 | CobIdWord::INVALID;
+        let transmit = CobIdWord::valid(CobId::t_pdo(n, node)).0 | CobIdWord::INVALID;
+        setup.push(w(0x13FF + u16::from(n), 1, Data::u32(receive)));
+        setup.push(w(0x17FF + u16::from(n), 1, Data::u32(transmit)));
+    }
+    setup.push(w(0x6040, 0, Data::u16(0)));
+    setup.push(w(0x6040, 0, Data::u16(0x80))); // Fault Reset
+    setup.push(w(0x6060, 0, Data::u8(PROFILE_VELOCITY as u8)));
+    setup.push(w(0x6094, 1, Data::i32(1)));
+    setup.push(w(0x6094, 2, Data::i32(finer as i32)));
+    setup.push(w(0x607F, 0, Data::u32(MOST_UNITS as u32)));
+    setup.push(w(0x6083, 0, Data::u32(RAMP)));
+    setup.push(w(0x6084, 0, Data::u32(RAMP)));
+    setup.extend(&settings.objects);
+    for (index, mapped) in [
+        (0x1602, [0x6040_0010, 0x60FF_0020]),
+        (0x1A01, [0x6041_0010, 0x6064_0020]),
+    ] {
+        setup.push(w(index, 0, Data::u8(0)));
+        setup.push(w(index, 1, Data::u32(mapped[0])));
+        setup.push(w(index, 2, Data::u32(mapped[1])));
+        setup.push(w(index, 0, Data::u8(2)));
+    }
+    setup.push(w(0x1402, 2, Data::u8(1))); // at every SYNC
+    setup.push(w(0x1801, 2, Data::u8(1)));
+    let receive = CobIdWord::valid(CobId::r_pdo(3, node)).0;
+    let transmit = CobIdWord::valid(CobId::t_pdo(2, node)).0;
+    setup.push(w(0x1402, 1, Data::u32(receive)));
+    setup.push(w(0x1801, 1, Data::u32(transmit)));
+    setup.push(w(0x100C, 0, Data::u16(0)));
+    setup.extend(communication::heartbeats(&settings.heartbeat));
+    setup
+}
+
+/// The mode cannot be read either (6357): 6061h tells it.
+fn is_command(write: &Write) -> bool {
+    cia402::is_command(write) || write.address == Address::new(0x6060, 0)
+}
+
+/// Communication, the words of the state machine, mode, unit and ramps are the controller's.
+fn reserved(Address { index, .. }: Address) -> bool {
+    matches!(
+        index,
+        0x1000
+            ..=0x1FFF
+                | 0x2045
+                | 0x6040
+                | 0x6060
+                | 0x607F
+                | 0x6083
+                | 0x6084
+                | 0x6093
+                | 0x6094
+                | 0x60FF
+    )
+}
+
+/// The bytes that its maker adds to an EMCY are the device manual's, which is not at hand.
+impl RemoteNode for Tlc5xx {
+    fn spec(&self) -> &NodeSpec {
+        &self.spec
+    }
+}
+
+impl Feedback for Tlc5xx {
+    fn sample(&self, _: usize, data: &[u8]) -> Option<Sample> {
+        cia402::sample(data)
+    }
+
+    fn in_motion(&self, position: Increments) -> Vec<Frame> {
+        let cob_id = self.spec.t_pdos[0].cob_id;
+        vec![Frame::new(cob_id, &cia402::in_motion(position))]
+    }
+}
+
+impl Drive for Tlc5xx {
+    fn clone_box(&self) -> Box<dyn Drive> {
+        Box::new(self.clone())
+    }
+
+    fn survey(&self) -> Option<Survey> {
+        Some(cia402::SURVEY)
+    }
+
+    fn mode(&self) -> Option<ModeDisplay> {
+        Some(cia402::shows(PROFILE_VELOCITY))
+    }
+
+    /// It turns as it is told as soon as it is enabled.
+    fn ends_mode(&self) -> bool {
+        false
+    }
+
+    fn latency(&self) -> f64 {
+        self.latency
+    }
+
+    fn dynamics(&self) -> Option<Dynamics> {
+        Some(self.dynamics)
+    }
+
+    /// Of a fault bit 3 alone is certain (D-20); bit 12 says in this mode that it stands.
+    fn status(&mut self, _: usize, data: &[u8]) -> Option<DriveStatus> {
+        let status = cia402::status(data, 0)?;
+        let statusword = Statusword(status.word.value.bits() as u16);
+        let power = match status.power {
+            _ if statusword.has(1 << 3) => PowerState::Fault,
+            power => power,
+        };
+        let set = statusword.has(Statusword::REMOTE);
+        Some(DriveStatus {
+            power,
+            mode_runs: power == PowerState::Enabled,
+            error: false,
+            remote: self.remote > 1 || set == (self.remote == 1),
+            ..status
+        })
+    }
+
+    fn encode(&mut self, command: PowerCommand, setpoint: Setpoint, frames: &mut [Frame]) {
+        let velocity = match command {
+            PowerCommand::Run => setpoint.velocity * self.units,
+            _ => 0.0,
+        };
+        // A float becomes the nearest integer that there is.
+        let velocity = Increments::from(velocity.round() as i32);
+        let told = Setpoint::at(velocity);
+        frames[0] = Frame::new(
+            self.spec.r_pdos[0].cob_id,
+            &cia402::command(command, 0, told),
+        );
+    }
+}

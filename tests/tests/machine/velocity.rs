@@ -1,0 +1,216 @@
+//! An axis whose drive is sent velocities, while the controller closes the position loop: Y of the portal
+//! on a TLC53x, beside LXM32M, which are sent positions.
+
+use proptest::prelude::*;
+use syncline_canopen::{CobId, NodeId};
+use syncline_controller::control::fault::AxisCause;
+use syncline_controller::control::{End, Fault, Row};
+use syncline_controller::machine::COORDINATES;
+use syncline_drives::twin::{Config, Disturbance, ErrorClass};
+use syncline_tests::rig::{PORTAL_PROGRAM, Rig};
+
+/// The drive's place in the machine file, and its axis.
+const DRIVE: usize = 2;
+const Y: usize = 1;
+
+const LXM32M: &str = "node = 3\nmodel = \"lxm32m\"\nzero = 402_131";
+const TLC53X: &str = "node = 3\nmodel = \"tlc5xx\"\nzero = 50_266";
+
+const SUPERVISED: &str = "following_error_limit = 2.0\nstandstill_window = 0.05\n\
+    drive_following_error = true\ndrive_soft_limits = true\n\n[[axis]]\nname = \"Z\"";
+const UNSUPERVISED: &str =
+    "following_error_limit = 2.0\nstandstill_window = 0.05\n\n[[axis]]\nname = \"Z\"";
+
+/// Two circles of 20 mm at 100 mm/s.
+const CIRCLES: &str = "G21 G90 G94 G61\nG0 X300 Y300\nG1 X320 Y300 F6000\n\
+    G3 X320 Y300 I-20\nG3 X320 Y300 I-20\nM2\n";
+
+/// What is assumed of the drive by default, s.
+const LAG: f64 = 12.5e-3;
+const CYCLE: f64 = 2e-3;
+
+/// The smallest difference of two velocities: a quarter of 1 r/min, of 20 mm a revolution. mm/s
+const QUANTUM: f64 = 0.25 / 60.0 * 20.0;
+
+/// An increment, mm.
+const INCREMENT: f64 = 20.0 / 16_384.0;
+
+fn gain() -> f64 {
+    0.25 / (LAG + 1.5 * CYCLE)
+}
+
+fn portal_with(
+    more: &[(&str, &str)],
+    program: &str,
+    configure: impl Fn(usize, &mut Config),
+) -> Rig {
+    let mut replacements = vec![(LXM32M, TLC53X), (SUPERVISED, UNSUPERVISED)];
+    replacements.extend(more);
+    Rig::new("portal", &replacements, program, configure)
+}
+
+fn portal(program: &str) -> Rig {
+    portal_with(&[], program, |_, _| ())
+}
+
+fn peak(rows: &[Row<COORDINATES>], axis: usize) -> f64 {
+    let errors = rows.iter().map(|row| row.axes[axis].following_error.abs());
+    errors.fold(0.0, f64::max)
+}
+
+/// What is left of the drive's lag once it is led, for each mm/s²: its speed loop's own lag, of 1.5 ms at
+/// most, times the lag of the position loop. mm
+const OF_ACCELERATION: f64 = 1.5e-3 * LAG;
+
+/// How far the axis may be from its plan at the most, where it is accelerated so much, mm.
+fn bound(acceleration: f64) -> f64 {
+    OF_ACCELERATION * acceleration + QUANTUM / gain() + INCREMENT
+}
+
+/// The greatest acceleration on the way to and from a velocity, within the limits of Y, mm/s².
+fn acceleration(velocity: f64) -> f64 {
+    (velocity * 100_000.0).sqrt().min(5000.0)
+}
+
+// --- it follows ---
+
+#[test]
+fn it_follows_a_program_beside_drives_that_are_sent_positions() {
+    let mut rig = portal(PORTAL_PROGRAM);
+    assert_eq!(rig.finish(), End::Finished, "{:?}", rig.events);
+    let [x, y] = [0, Y].map(|axis| peak(&rig.rows, axis));
+    assert!(
+        x < 0.03 && y <= bound(5000.0) && y >= bound(5000.0) / 5.0,
+        "{x}, {y}"
+    );
+    rig.trace().assert_within_limits();
+    assert!(rig.ends_at_rest());
+}
+
+/// A drive that is late by a part of a cycle has the others wait for it, between two setpoints of the
+/// plan, which keep the limits all the same.
+#[test]
+fn setpoints_between_two_of_the_plan_keep_the_limits() {
+    let late = "[model.tlc5xx]\nvelocity_delay_us = 700\n[[bus]]";
+    let mut rig = portal_with(&[("[[bus]]", late)], PORTAL_PROGRAM, |_, _| ());
+    assert_eq!(rig.finish(), End::Finished, "{:?}", rig.events);
+    assert!(peak(&rig.rows, 0) < 0.03);
+    let apart = rig
+        .rows
+        .iter()
+        .map(|row| row.axes[0].set - row.plan.position[0]);
+    assert!(apart.fold(0.0, |most: f64, apart| most.max(apart.abs())) > 0.1);
+    rig.trace().assert_within_limits();
+}
+
+/// Where the controller knows nothing of the drive's lag, it is twelve times as far from its plan.
+#[test]
+fn a_lag_that_is_not_led_shows_on_a_circle() {
+    let [led, unknown] = ["[[bus]]", "[model.tlc5xx]\nposition_lag_us = 0\n[[bus]]"].map(|table| {
+        let mut rig = portal_with(&[("[[bus]]", table)], CIRCLES, |_, _| ());
+        assert_eq!(rig.finish(), End::Finished, "{:?}", rig.events);
+        peak(&rig.rows, Y)
+    });
+    assert!(led <= bound(acceleration(100.0) + 500.0), "{led}");
+    assert!(unknown >= 5.0 * led, "{led}, {unknown}");
+}
+
+/// The loop has no error at a constant velocity, but for what the velocity's quantum leaves.
+#[test]
+fn it_does_not_lag_at_a_constant_velocity() {
+    let velocity = 200.0;
+    let mut rig = portal("G21 G90 G94 G61\nG1 Y600 F12000\nM2\n");
+    assert_eq!(rig.finish(), End::Finished, "{:?}", rig.events);
+    let middle = (rig.rows.iter()).filter(|row| (400.0..550.0).contains(&row.axes[Y].set));
+    let errors: Vec<f64> = middle.map(|row| row.axes[Y].following_error).collect();
+    let mean = errors.iter().sum::<f64>() / errors.len() as f64;
+    assert!(
+        mean.abs() <= (0.001 * velocity + QUANTUM) / gain(),
+        "{mean}"
+    );
+}
+
+// --- it is lost ---
+
+#[test]
+fn a_position_that_is_missing_once_is_ridden_out() {
+    let mut rig = portal(CIRCLES);
+    rig.run_to_row(600);
+    for _ in 0..10 {
+        rig.twin(DRIVE).disturb(Disturbance::LoseTPdos(1));
+        let row = rig.rows.len() + 20;
+        rig.run_to_row(row);
+    }
+    assert_eq!(rig.finish(), End::Finished, "{:?}", rig.events);
+}
+
+#[test]
+fn each_loss_has_its_own_message() {
+    let cases: [(Disturbance, &str); 5] = [
+        (Disturbance::LoseTPdos(9), "no T_PDO in 2 cycles in a row"),
+        (Disturbance::Mute(true), "no T_PDO in 2 cycles in a row"),
+        (Disturbance::Reset, "no T_PDO in 2 cycles in a row"),
+        (Disturbance::Remote(false), "not under fieldbus control"),
+        (Disturbance::Fault(ErrorClass::StopAndSwitchOff), "EMCY"),
+    ];
+    for (disturbance, text) in cases {
+        let mut rig = portal(CIRCLES);
+        rig.run_to_row(600);
+        rig.twin(DRIVE).disturb(disturbance);
+        let fault = rig.finish_with_fault().describe(&*rig.layout);
+        assert!(
+            fault.starts_with("node 3 (Y, Twin Line TLC53x): ") && fault.contains(text),
+            "{fault}"
+        );
+        assert!(rig.ends_at_rest());
+    }
+}
+
+/// A unit that is another one than the machine file says.
+#[test]
+fn another_unit_of_the_velocity_stops_the_axis_by_its_following_error() {
+    for units in ["2", "60"] {
+        let table = format!("[model.tlc5xx]\nunits_per_rpm = {units}\n[[bus]]");
+        let mut rig = portal_with(&[("[[bus]]", &table)], CIRCLES, |_, _| ());
+        let fault = rig.finish_with_fault();
+        assert!(
+            matches!(fault, Fault::Axis(Y, AxisCause::FollowingError { .. })),
+            "{fault:?}"
+        );
+    }
+}
+
+/// The drive is sent no velocity before the program and none behind it.
+#[test]
+fn no_velocity_is_sent_to_a_drive_that_is_not_to_move() {
+    let mut rig = portal("G21 G90\nG0 X20\nM2\n");
+    assert_eq!(rig.finish(), End::Finished, "{:?}", rig.events);
+    let id = CobId::r_pdo(3, NodeId::new(3).unwrap());
+    let sent: Vec<(u8, i32)> = (rig.sent(id).iter())
+        .map(|it| match *it.frame.data() {
+            [word, _, a, b, c, d] => (word, i32::from_le_bytes([a, b, c, d])),
+            ref data => panic!("{data:?}"),
+        })
+        .collect();
+    assert!(
+        sent.iter()
+            .all(|(word, velocity)| *word == 0x0F || *velocity == 0)
+    );
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 6, ..ProptestConfig::default() })]
+
+    /// There and back, at every feed: within the bound, which is no more than five times too wide.
+    #[test]
+    fn it_stays_within_its_bound(to in 20.0..800.0f64, feed in 500.0..30_000.0f64, share in 0.0..0.5f64) {
+        let program = format!(
+            "G21 G90 G94 G61\nG1 Y{to:.3} F{feed:.0}\nG1 Y{:.3}\nM2\n",
+            share * to
+        );
+        let mut rig = portal(&program);
+        prop_assert_eq!(rig.finish(), End::Finished);
+        let (error, bound) = (peak(&rig.rows, Y), bound(acceleration(feed / 60.0)));
+        prop_assert!((bound / 5.0..=bound).contains(&error), "{} mm, bound {}", error, bound);
+    }
+}
