@@ -1,7 +1,7 @@
 //! Checks a trace against the limits, trusting no planner: plain differences of what was sent.
 
 use std::fmt;
-use syncline_controller::machine::Machine;
+use syncline_controller::machine::{HomingMethod, Machine};
 
 /// A trace, as `--trace` writes it or as a [`rig`](crate::rig) recorded it.
 #[derive(Clone, Debug, PartialEq)]
@@ -27,6 +27,29 @@ pub struct AxisTrace {
     pub act: Vec<f64>,
     /// Greatest velocity, acceleration and jerk allowed, by mm and s.
     pub limits: [f64; 3],
+    /// It is referenced by a homing, after which the same place has another position.
+    pub homes: bool,
+}
+
+impl AxisTrace {
+    /// The setpoints between changes of the reference, each with the row that it begins in: where the
+    /// setpoint and the actual position of an axis that homes change alike, by more than the axis can go
+    /// in a cycle.
+    #[must_use]
+    pub fn by_reference(&self, cycle: f64) -> Vec<(usize, &[f64])> {
+        let farthest = 2.0 * self.limits[0] * cycle;
+        let changes = (1..self.set.len()).filter(|&row| {
+            let [set, act] = [&self.set, &self.act].map(|of| of[row] - of[row - 1]);
+            self.homes && set.abs() > farthest && (set - act).abs() < farthest
+        });
+        let mut begins = vec![0];
+        begins.extend(changes);
+        let ends = begins.iter().skip(1).copied().chain([self.set.len()]);
+        let pieces = begins.iter().zip(ends);
+        pieces
+            .map(|(&begin, end)| (begin, &self.set[begin..end]))
+            .collect()
+    }
 }
 
 /// What has limits.
@@ -72,6 +95,7 @@ pub fn axes(machine: &Machine) -> Vec<AxisTrace> {
             axis.limits.acceleration,
             axis.limits.jerk,
         ],
+        homes: axis.homing.method != HomingMethod::Encoder,
     });
     axes.collect()
 }
@@ -155,32 +179,34 @@ impl Trace {
     /// Hands out every difference with what is allowed for it.
     fn differences<'a>(&'a self, mut look: impl FnMut(Excess<'a>, f64)) {
         for axis in &self.axes {
-            let (Some(&first), Some(&last)) = (axis.set.first(), axis.set.last()) else {
-                continue;
-            };
-            let mut padded = vec![first; 3];
-            padded.extend(&axis.set);
-            if !self.cut_off {
-                padded.extend([last; 3]);
-            }
-            let greatest = padded.iter().fold(0.0_f64, |most, p| most.max(p.abs()));
-            let ulp = greatest.next_up() - greatest;
-            let mut differences = padded;
-            let mut span = 1.0;
-            for (order, what) in QUANTITIES.into_iter().enumerate() {
-                span *= self.cycle;
-                differences = differences.windows(2).map(|w| w[1] - w[0]).collect();
-                let limit = axis.limits[order];
-                let allowed = limit * (1.0 + 1e-6) + 8.0 * 4.0 * ulp / span;
-                for (index, difference) in differences.iter().enumerate() {
-                    let excess = Excess {
-                        axis: &axis.name,
-                        what,
-                        row: (index + order + 1).saturating_sub(3),
-                        value: difference.abs() / span,
-                        limit,
-                    };
-                    look(excess, allowed);
+            for (begin, set) in axis.by_reference(self.cycle) {
+                let (Some(&first), Some(&last)) = (set.first(), set.last()) else {
+                    continue;
+                };
+                let mut padded = vec![first; 3];
+                padded.extend(set);
+                if !self.cut_off || begin + set.len() < axis.set.len() {
+                    padded.extend([last; 3]);
+                }
+                let greatest = padded.iter().fold(0.0_f64, |most, p| most.max(p.abs()));
+                let ulp = greatest.next_up() - greatest;
+                let mut differences = padded;
+                let mut span = 1.0;
+                for (order, what) in QUANTITIES.into_iter().enumerate() {
+                    span *= self.cycle;
+                    differences = differences.windows(2).map(|w| w[1] - w[0]).collect();
+                    let limit = axis.limits[order];
+                    let allowed = limit * (1.0 + 1e-6) + 8.0 * 4.0 * ulp / span;
+                    for (index, difference) in differences.iter().enumerate() {
+                        let excess = Excess {
+                            axis: &axis.name,
+                            what,
+                            row: begin + (index + order + 1).saturating_sub(3),
+                            value: difference.abs() / span,
+                            limit,
+                        };
+                        look(excess, allowed);
+                    }
                 }
             }
         }
@@ -254,6 +280,7 @@ mod tests {
                 act: set.clone(),
                 set,
                 limits: [20.0, 100.0, jerk],
+                homes: false,
             }],
         }
     }
@@ -292,6 +319,28 @@ mod tests {
         let mut trace = good();
         trace.axes[0].set[100] = f64::NAN;
         assert!(!trace.excesses().is_empty());
+    }
+
+    #[test]
+    fn another_reference_is_no_motion_of_an_axis_that_homes_and_rests() {
+        let shifted = |from: usize, homes: bool, act: bool| {
+            let mut trace = good();
+            let axis = &mut trace.axes[0];
+            axis.homes = homes;
+            axis.set[from..].iter_mut().for_each(|it| *it += 180.0);
+            if act {
+                axis.act[from..].iter_mut().for_each(|it| *it += 180.0);
+            }
+            trace
+        };
+        shifted(3, true, true).assert_within_limits();
+        for trace in [
+            shifted(3, false, true),
+            shifted(3, true, false),
+            shifted(100, true, true),
+        ] {
+            assert!(!trace.excesses().is_empty());
+        }
     }
 
     #[test]
