@@ -12,6 +12,8 @@
 //!
 //! Tests interfere with it as with every device, by a [`Disturbance`]; what this one alone has is
 //! reached through [`Twin::preset`], [`Twin::raise`] and [`TwinConfig`].
+//!
+//! [`Disturbance`]: crate::twin::Disturbance
 
 mod application;
 mod drive;

@@ -31,6 +31,8 @@
 //! Tests interfere with it as with every device, by a [`Disturbance`]; what this drive alone has is
 //! reached through [`Twin::raise`], [`Twin::set_pulse_frequency`], [`Twin::preset_status`] and
 //! [`TwinConfig`].
+//!
+//! [`Disturbance`]: crate::twin::Disturbance
 
 mod application;
 mod drive;
