@@ -307,16 +307,19 @@ impl Timeline for Mended {
     }
 }
 
+/// A machine, and the same one with half as much jerk again; the folder's file is of the second.
+fn judge_and_planner(folder: &Folder) -> [Machine; 2] {
+    ["max_jerk = 40_000.0", "max_jerk = 60_000.0"].map(|jerk| {
+        let text = machine_with("xyz", &[("max_jerk = 40_000.0", jerk)]);
+        Machine::load(&folder.file("machine.toml", &text)).expect("a machine")
+    })
+}
+
 #[test]
 fn a_plan_with_half_as_much_jerk_again_that_denies_it() {
     let folder = Folder::new();
-    let machine = |jerk: &str| {
-        let text = machine_with("xyz", &[("max_jerk = 40_000.0", jerk)]);
-        let file = folder.file("machine.toml", &text);
-        (Machine::load(&file).expect("a machine"), file)
-    };
-    let (judge, _) = machine("max_jerk = 40_000.0");
-    let (planner, file) = machine("max_jerk = 60_000.0");
+    let [judge, planner] = judge_and_planner(&folder);
+    let file = folder.path("machine.toml");
     let program = folder.file("p.ngc", "G0 Z-40\nG0 Z0\nM2\n");
     for (plans, verdict) in [(&judge, "pass"), (&planner, "fail")] {
         let program = Program::new(&program, plans, &file).expect("no tables");
@@ -348,13 +351,8 @@ fn a_plan_with_half_as_much_jerk_again_that_denies_it() {
 #[test]
 fn a_setpoint_beyond_the_limits_is_not_sent() {
     let folder = Folder::new();
-    let machine = |jerk: &str| {
-        let text = machine_with("xyz", &[("max_jerk = 40_000.0", jerk)]);
-        let file = folder.file("machine.toml", &text);
-        (Machine::load(&file).expect("a machine"), file)
-    };
-    let (judge, _) = machine("max_jerk = 40_000.0");
-    let (planner, file) = machine("max_jerk = 60_000.0");
+    let [judge, planner] = judge_and_planner(&folder);
+    let file = folder.path("machine.toml");
     let program = folder.file("p.ngc", "G0 Z-40\nG0 Z0\nM2\n");
     let program = Program::new(&program, &planner, &file).expect("no tables");
     let layout = Arc::new(Layout::new(&judge).expect("it fits"));
