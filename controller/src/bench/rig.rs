@@ -227,7 +227,7 @@ impl Shape {
                 })
                 .collect(),
             drives: (0..self.axes)
-                .map(|axis| layout::DriveSpec {
+                .map(|axis| layout::DeviceSpec {
                     name: format!("drive {axis}"),
                     bus: axis % self.buses,
                     device: self.device(axis),

@@ -56,14 +56,14 @@ pub struct AxisSpec {
     /// Whether the drives supervise following error and soft limits too.
     pub supervised: bool,
     /// One, or two.
-    pub drives: Vec<DriveSpec>,
+    pub drives: Vec<DeviceSpec>,
     /// What the file says of what its drives move: the inside of `simulation`.
     pub simulation: Option<String>,
 }
 
 /// A drive.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct DriveSpec {
+pub struct DeviceSpec {
     /// Its place among the buses.
     pub bus: usize,
     /// Its node id.
@@ -248,7 +248,7 @@ impl AxisSpec {
         };
         let drives = places.drain(..).enumerate().map(|(side, (bus, model))| {
             let revolutions = dice.between(-600.0, 600.0);
-            DriveSpec {
+            DeviceSpec {
                 bus,
                 node: dice.whole(1..=126) as u8,
                 model: model.to_owned(),

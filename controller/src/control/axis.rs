@@ -1,10 +1,10 @@
 //! One axis in the cycle: planned position to increments, actual position back, following error.
 
 use super::SIDES_ENABLE;
-use super::fault::{AwaitedState, AxisCause, AxisIndex, DriveCause, DriveIndex, Fault};
+use super::fault::{AwaitedState, AxisCause, AxisIndex, DeviceIndex, DriveCause, Fault};
 use super::homing::Edge;
 use super::layout::{self, Layout};
-use super::node::DriveNode;
+use super::node::DeviceNode;
 use super::setpoint_guard::SetpointGuard;
 use crate::machine::{HomingMethod, Square};
 use syncline_drives::model::{Increments, OutOfRange, Setpoint};
@@ -145,13 +145,13 @@ impl AxisControl {
     }
 
     /// Whether one of its drives may not count any more as it did when it was referenced.
-    pub(super) fn has_lost_count(&self, nodes: &[DriveNode]) -> bool {
+    pub(super) fn has_lost_count(&self, nodes: &[DeviceNode]) -> bool {
         let mut drives = self.spec.drives.iter();
         !self.spec.homing.is_absolute() && drives.any(|&drive| nodes[drive].has_lost_count())
     }
 
     /// Without a reference, counts from where each side stands.
-    pub(super) fn count_from_here(&self, nodes: &mut [DriveNode]) {
+    pub(super) fn count_from_here(&self, nodes: &mut [DeviceNode]) {
         for &drive in self.spec.drives.iter().filter(|_| !self.referenced) {
             let node = &mut nodes[drive];
             node.origin = node.actual() - node.scaling().zero();
@@ -163,7 +163,7 @@ impl AxisControl {
     pub(super) fn reference(
         &mut self,
         edges: [Option<Edge>; 2],
-        nodes: &mut [DriveNode],
+        nodes: &mut [DeviceNode],
     ) -> Result<f64, Fault> {
         let position = match &self.spec.homing.method {
             HomingMethod::Encoder => 0.0,
@@ -192,7 +192,7 @@ impl AxisControl {
 
     /// Goes on at rest from where its setpoints are, which do not change; its position there, mm. Of a
     /// gantry that is the middle of its sides, which are planned as far apart as they are.
-    pub(super) fn reseat(&mut self, nodes: &[DriveNode]) -> f64 {
+    pub(super) fn reseat(&mut self, nodes: &[DeviceNode]) -> f64 {
         for (side, &drive) in self.sides.iter_mut().zip(&self.spec.drives) {
             side.offset = nodes[drive].origin;
         }
@@ -264,7 +264,7 @@ impl AxisControl {
     // --- its setpoints ---
 
     /// Takes the setpoints of its sides to be at that position.
-    fn seat(&mut self, position: f64, nodes: &[DriveNode]) -> Result<(), Fault> {
+    fn seat(&mut self, position: f64, nodes: &[DeviceNode]) -> Result<(), Fault> {
         for (side, &drive) in self.sides.iter_mut().zip(&self.spec.drives) {
             let node = &nodes[drive];
             let planned = node
@@ -284,7 +284,7 @@ impl AxisControl {
     // --- where it stands ---
 
     /// Checks where the axis stands before it is enabled, and returns its machine position in mm.
-    pub(super) fn locate(&self, nodes: &[DriveNode]) -> Result<f64, Fault> {
+    pub(super) fn locate(&self, nodes: &[DeviceNode]) -> Result<f64, Fault> {
         let axis = self.index;
         let sides = self
             .spec
@@ -317,8 +317,8 @@ impl AxisControl {
 
     /// Of a gantry that is being enabled: the side that has been without torque for too long while the
     /// other one pulls.
-    pub(super) fn lagging_side(&mut self, nodes: &[DriveNode]) -> Option<DriveIndex> {
-        let is_off = |&&drive: &&DriveIndex| !nodes[drive].has_reached(AwaitedState::Enabled);
+    pub(super) fn lagging_side(&mut self, nodes: &[DeviceNode]) -> Option<DeviceIndex> {
+        let is_off = |&&drive: &&DeviceIndex| !nodes[drive].has_reached(AwaitedState::Enabled);
         let off = self.spec.drives.iter().filter(is_off).count();
         let half = off > 0 && off < self.spec.drives.len();
         self.half_enabled = if half { self.half_enabled + 1 } else { 0 };
@@ -334,7 +334,7 @@ impl AxisControl {
 
     /// Freezes the axis where its drives' setpoints are; the plan starts from the returned
     /// machine position in mm.
-    pub(super) fn freeze(&mut self, nodes: &[DriveNode]) -> Result<f64, Fault> {
+    pub(super) fn freeze(&mut self, nodes: &[DeviceNode]) -> Result<f64, Fault> {
         let position = self.locate(nodes)?;
         for side in &mut self.sides {
             side.guard.forget();
@@ -378,7 +378,7 @@ impl AxisControl {
         cycle: u64,
         (positions, velocities): (&[f64], &[f64]),
         homing: bool,
-        nodes: &[DriveNode],
+        nodes: &[DeviceNode],
     ) -> Result<(), Fault> {
         self.moves_on = false;
         if self.is_quick_stopped(nodes) {
@@ -419,7 +419,7 @@ impl AxisControl {
 
     /// Hands the drives what SYNC `cycle` latches, if they `move_on` and it could be prepared; otherwise they
     /// keep their last position.
-    pub(super) fn hand_over(&mut self, cycle: u64, move_on: bool, nodes: &mut [DriveNode]) {
+    pub(super) fn hand_over(&mut self, cycle: u64, move_on: bool, nodes: &mut [DeviceNode]) {
         if !(self.moves_on && move_on) {
             self.repeat(cycle - 1, 1);
             let quick_stopped = self.is_quick_stopped(nodes);
@@ -439,7 +439,7 @@ impl AxisControl {
     }
 
     /// Whether its drives come to rest by themselves.
-    pub(super) fn is_quick_stopped(&self, nodes: &[DriveNode]) -> bool {
+    pub(super) fn is_quick_stopped(&self, nodes: &[DeviceNode]) -> bool {
         let mut drives = self.spec.drives.iter();
         drives.any(|&drive| nodes[drive].is_quick_stopped())
     }
@@ -450,7 +450,7 @@ impl AxisControl {
     /// position. The last sample is compared with where the axis should have been at its SYNC; while the
     /// next one is missing the axis is taken to go on as planned, which leaves their difference as it is.
     /// When it is missing for longer the drive follows the plan alone.
-    fn velocity(&self, cycle: u64, side: usize, node: &DriveNode) -> f64 {
+    fn velocity(&self, cycle: u64, side: usize, node: &DeviceNode) -> f64 {
         let Some(dynamics) = node.dynamics() else {
             return 0.0;
         };
@@ -480,21 +480,21 @@ impl AxisControl {
     }
 
     /// Where a side is in the plan's frame, mm; `cycle` is that of the last SYNC.
-    fn actual(&self, cycle: u64, side: usize, node: &DriveNode) -> f64 {
+    fn actual(&self, cycle: u64, side: usize, node: &DeviceNode) -> f64 {
         let act = (node.scaling()).to_mm(node.actual() - self.sides[side].offset);
         act - OUTWARDS[side] * self.apart(cycle)
     }
 
     /// Where a side should have been at the SYNC of its last sample, less where it was, mm; `cycle` is that
     /// of the last SYNC.
-    fn following_error(&self, cycle: u64, side: usize, node: &DriveNode) -> f64 {
+    fn following_error(&self, cycle: u64, side: usize, node: &DeviceNode) -> f64 {
         let planned = self.planned(cycle, self.lag + f64::from(node.age()));
         planned.position - self.actual(cycle, side, node)
     }
 
     /// What the axis did at SYNC `cycle`, which has just been answered by its T_PDOs. A drive whose
     /// T_PDO is missing is measured by the plan of its last one.
-    pub(super) fn sample(&self, cycle: u64, nodes: &[DriveNode]) -> AxisSample {
+    pub(super) fn sample(&self, cycle: u64, nodes: &[DeviceNode]) -> AxisSample {
         let mut worst = AxisSample {
             apart: self.apart(cycle),
             quick_stopped: self.is_quick_stopped(nodes),
@@ -529,7 +529,7 @@ impl AxisControl {
     }
 
     /// Looks at the actual positions of a cycle: what changed by more than the axis can move is none of it.
-    pub(super) fn check_jumps(&mut self, nodes: &[DriveNode]) -> Result<(), Fault> {
+    pub(super) fn check_jumps(&mut self, nodes: &[DeviceNode]) -> Result<(), Fault> {
         let mut outcome = Ok(());
         let limits = &self.spec.limits;
         for (side, &drive) in self.sides.iter_mut().zip(&self.spec.drives) {
@@ -568,7 +568,7 @@ impl AxisControl {
     /// Whether the encoder of the axis says what its drives say, of a gantry pair the mean of both.
     ///
     /// Both absolute positions are compared, so that what slipped while the machine was off shows too.
-    pub(super) fn check_feedback(&self, nodes: &[DriveNode]) -> Result<(), Fault> {
+    pub(super) fn check_feedback(&self, nodes: &[DeviceNode]) -> Result<(), Fault> {
         let Some(layout::AxisFeedback {
             encoder,
             difference: allowed,
@@ -583,7 +583,7 @@ impl AxisControl {
             return Ok(());
         }
         let count = drives.len() as f64;
-        let mean = drives.map(DriveNode::actual_mm).sum::<f64>() / count;
+        let mean = drives.map(DeviceNode::actual_mm).sum::<f64>() / count;
         let difference = encoder.actual_mm() - mean;
         if difference.abs() > allowed {
             let axis = self.index;
@@ -600,7 +600,7 @@ impl AxisControl {
         &self,
         cycle: u64,
         sample: &AxisSample,
-        nodes: &[DriveNode],
+        nodes: &[DeviceNode],
     ) -> Result<(), Fault> {
         let axis = self.index;
         let allowed = self.spec.limits.following_error_at(self.speed(cycle));

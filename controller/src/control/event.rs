@@ -1,10 +1,11 @@
 //! What the controller has to tell, as plain numbers; the text is made outside of the cycle.
 
-use super::fault::{AxisIndex, BusIndex, DriveIndex, Fault, Names};
+use super::fault::{AxisIndex, BusIndex, DeviceIndex, Fault, Names};
 use super::functions::Switch;
 use super::homing::HomingFailure;
 use super::inputs::InputIndex;
 use super::job::Outcome;
+use super::layout::AxisSpec;
 use super::state::State;
 use crate::bus::BusFault;
 use serde::{Deserialize, Serialize};
@@ -22,19 +23,19 @@ pub enum Event {
     /// A drive did not answer before its reset; it may just be starting up.
     Silent {
         /// Which drive.
-        drive: DriveIndex,
+        drive: DeviceIndex,
     },
     /// A drive was found with its power stage on and is being disabled.
     FoundEnabled {
         /// Which drive.
-        drive: DriveIndex,
+        drive: DeviceIndex,
         /// What it says of itself.
         word: StatusWord,
     },
     /// What a drive remembers of its last error, read before the set-up wipes it.
     History {
         /// Which drive.
-        drive: DriveIndex,
+        drive: DeviceIndex,
         /// The object.
         object: Address,
         /// Its value.
@@ -43,7 +44,7 @@ pub enum Event {
     /// A device was set otherwise than it has to be, and is set anew.
     Rewritten {
         /// Which one.
-        drive: DriveIndex,
+        drive: DeviceIndex,
         /// The object.
         object: Address,
         /// What it was.
@@ -54,7 +55,7 @@ pub enum Event {
     /// A drive would not have an object read or written where that is no fault.
     Refused {
         /// Which drive.
-        drive: DriveIndex,
+        drive: DeviceIndex,
         /// The object.
         object: Address,
         /// Its reason.
@@ -63,19 +64,19 @@ pub enum Event {
     /// A drive sent an EMCY message before its set-up, which resets the error.
     Emergency {
         /// Which drive.
-        drive: DriveIndex,
+        drive: DeviceIndex,
         /// What it says.
         emergency: Emergency,
     },
     /// A drive's warning came, which does not stop it.
     Warning {
         /// Which drive.
-        drive: DriveIndex,
+        drive: DeviceIndex,
     },
     /// One of a drive's digital inputs or outputs changed.
     Signal {
         /// Which drive.
-        drive: DriveIndex,
+        drive: DeviceIndex,
         /// Its place among the drive's signals.
         signal: usize,
         /// Its new level.
@@ -84,7 +85,7 @@ pub enum Event {
     /// A drive told that its error is gone (EMCY code 0000h).
     ErrorReset {
         /// Which drive.
-        drive: DriveIndex,
+        drive: DeviceIndex,
     },
     /// An axis stands here, its setpoint frozen.
     Frozen {
@@ -124,7 +125,7 @@ pub enum Event {
     /// A drive's T_PDO did not come in time.
     MissedTPdo {
         /// Which drive.
-        drive: DriveIndex,
+        drive: DeviceIndex,
     },
     /// A cycle's setpoints were dropped or left too late for their SYNC.
     LateSetpoint {
@@ -383,41 +384,19 @@ impl Event {
             ),
             Self::Warning { drive } => format!("{}: warning pending", who(drive)),
             Self::Signal { drive, signal, on } => {
-                let level = if on { "on" } else { "off" };
-                format!("{}: {} {level}", who(drive), names.signal(drive, signal))
-            }
-            Self::ErrorReset { drive } => format!("{}: error reset", who(drive)),
-            Self::Frozen { axis, position } => {
-                let axis = names.axis(axis);
-                format!("axis {} stands at {position:.4} {}", axis.name, axis.unit)
-            }
-            Self::Referenced {
-                axis,
-                uncertainty,
-                apart,
-            } => {
-                let axis = names.axis(axis);
-                let unit = axis.unit;
-                let to = uncertainty.map(|off| format!(", to {off:.4} {unit}"));
-                let square = (axis.drives.len() == 2)
-                    .then(|| format!("; its sides were {apart:.4} {unit} out of square"));
-                let (to, square) = (to.unwrap_or_default(), square.unwrap_or_default());
-                format!("axis {} is homed{to}{square}", axis.name)
-            }
-            Self::Askew { axis, apart } => {
-                let axis = names.axis(axis);
                 format!(
-                    "axis {}: its sides are {:.3} {} apart: home it to take it square",
-                    axis.name,
-                    apart.abs(),
-                    axis.unit
+                    "{}: {} {}",
+                    who(drive),
+                    names.signal(drive, signal),
+                    level(on)
                 )
             }
-            Self::Unreferenced { axis } => format!(
-                "axis {} is not referenced any more, as its drive was gone: home it",
-                names.axis(axis).name
-            ),
-            Self::HomingFailed { axis, failure } => failure.describe(names.axis(axis)),
+            Self::ErrorReset { drive } => format!("{}: error reset", who(drive)),
+            Self::Frozen { axis, .. }
+            | Self::Referenced { axis, .. }
+            | Self::Askew { axis, .. }
+            | Self::Unreferenced { axis }
+            | Self::HomingFailed { axis, .. } => return self.describe_axis(names.axis(axis)),
             Self::MissedTPdo { drive } => format!("{}: T_PDO missing in one cycle", who(drive)),
             Self::LateSetpoint { bus, cycle } => format!(
                 "bus {}: the setpoints of cycle {cycle} missed their SYNC",
@@ -438,8 +417,7 @@ impl Event {
                                the program"
                 .to_owned(),
             Self::Input { input, on } => {
-                let level = if on { "on" } else { "off" };
-                format!("input \"{}\" {level}", names.input(input))
+                format!("input \"{}\" {}", names.input(input), level(on))
             }
             Self::Switched {
                 line,
@@ -459,4 +437,34 @@ impl Event {
             Self::Fault(fault) => format!("FAULT: {}", fault.describe(names)),
         })
     }
+
+    /// What happened to an axis.
+    fn describe_axis(&self, axis: &AxisSpec) -> Option<String> {
+        let (name, unit) = (&axis.name, axis.unit);
+        Some(match *self {
+            Self::Frozen { position, .. } => format!("axis {name} stands at {position:.4} {unit}"),
+            Self::Referenced {
+                uncertainty, apart, ..
+            } => {
+                let to = uncertainty.map(|off| format!(", to {off:.4} {unit}"));
+                let square = (axis.drives.len() == 2)
+                    .then(|| format!("; its sides were {apart:.4} {unit} out of square"));
+                let (to, square) = (to.unwrap_or_default(), square.unwrap_or_default());
+                format!("axis {name} is homed{to}{square}")
+            }
+            Self::Askew { apart, .. } => format!(
+                "axis {name}: its sides are {:.3} {unit} apart: home it to take it square",
+                apart.abs()
+            ),
+            Self::Unreferenced { .. } => {
+                format!("axis {name} is not referenced any more, as its drive was gone: home it")
+            }
+            Self::HomingFailed { failure, .. } => failure.describe(axis),
+            _ => return None,
+        })
+    }
+}
+
+fn level(on: bool) -> &'static str {
+    if on { "on" } else { "off" }
 }

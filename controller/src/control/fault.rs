@@ -15,8 +15,8 @@ use syncline_canopen::sdo::AbortCode;
 use syncline_drives::model::{Address, NotFollowing, StatusWord};
 use thiserror::Error;
 
-/// A drive by its place in the machine file; behind all drives come the encoders by theirs.
-pub type DriveIndex = usize;
+/// A device by its place in the machine file: the drives, and behind them the encoders.
+pub type DeviceIndex = usize;
 /// An axis by its place in the machine file.
 pub type AxisIndex = usize;
 /// A bus by its place in the machine file.
@@ -26,7 +26,7 @@ pub type BusIndex = usize;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Fault {
     /// A drive, or what has its node id.
-    Drive(DriveIndex, DriveCause),
+    Drive(DeviceIndex, DriveCause),
     /// An axis.
     Axis(AxisIndex, AxisCause),
     /// A bus.
@@ -253,7 +253,7 @@ pub enum AxisCause {
     /// A setpoint of a drive was beyond a limit of its axis, and was not sent.
     SetpointGuard {
         /// The drive.
-        drive: DriveIndex,
+        drive: DeviceIndex,
         /// What of it.
         quantity: Quantity,
         /// How much: by mm and s; of a position, how far beyond its range.
@@ -322,27 +322,27 @@ impl fmt::Display for AwaitedState {
 /// Names and limits that a fault's text needs.
 pub trait Names {
     /// A drive's node id, name and model.
-    fn drive(&self, drive: DriveIndex) -> (NodeId, &str, &str);
+    fn drive(&self, drive: DeviceIndex) -> (NodeId, &str, &str);
     /// An axis.
     fn axis(&self, axis: AxisIndex) -> &AxisSpec;
     /// A bus' name.
     fn bus(&self, bus: BusIndex) -> &str;
     /// The name of one of a drive's digital inputs or outputs.
-    fn signal(&self, drive: DriveIndex, signal: usize) -> &str;
+    fn signal(&self, drive: DeviceIndex, signal: usize) -> &str;
 
     /// The name of an input of the machine.
     fn input(&self, input: InputIndex) -> &str;
     /// What the bytes that its maker adds to a drive's EMCY say, if anything.
-    fn vendor_error(&self, drive: DriveIndex, bytes: [u8; 5]) -> Option<String>;
+    fn vendor_error(&self, drive: DeviceIndex, bytes: [u8; 5]) -> Option<String>;
 
     /// A drive as messages call it: `node 3 (Y, LXM32M)`.
-    fn who(&self, drive: DriveIndex) -> String {
+    fn who(&self, drive: DeviceIndex) -> String {
         let (node, name, model) = self.drive(drive);
         format!("node {node} ({name}, {model})")
     }
 
     /// `, vendor error B404h: its meaning`, or nothing.
-    fn vendor_part(&self, drive: DriveIndex, emergency: &Emergency) -> String {
+    fn vendor_part(&self, drive: DeviceIndex, emergency: &Emergency) -> String {
         let error = self.vendor_error(drive, emergency.vendor);
         error.map_or_else(String::new, |error| format!(", {error}"))
     }

@@ -1,6 +1,6 @@
 //! The machine as the controller needs it, made once from the machine file.
 
-use super::fault::{AxisIndex, BusIndex, DriveIndex, Names};
+use super::fault::{AxisIndex, BusIndex, DeviceIndex, Names};
 use super::inputs::InputIndex;
 use crate::budget::{BusBudget, DoesNotFit, MachineBudget};
 use crate::machine::{self, AxisLimits, Homing, HomingPolicy, Machine};
@@ -37,12 +37,12 @@ pub struct Layout {
     pub stop_together: bool,
     /// Cycles from the SYNC that latches a setpoint of the slowest drive until it is where it was sent to.
     /// All axes are where the plan was so long ago: setpoints of the others are those of later
-    /// ([`DriveSpec::delay`]).
+    /// ([`DeviceSpec::delay`]).
     pub lag: f64,
     /// Buses, in the order of the machine file.
     pub buses: Vec<BusSpec>,
     /// Drives, in the order of the machine file, and behind them encoders in theirs.
-    pub drives: Vec<DriveSpec>,
+    pub drives: Vec<DeviceSpec>,
     /// Axes, in the order of the machine file.
     pub axes: Vec<AxisSpec>,
     /// What holds for the homing of all axes.
@@ -64,14 +64,14 @@ pub struct BusSpec {
     /// as none is sent while axes move.
     pub sdo_per_cycle: usize,
     /// The drives on it.
-    pub drives: Vec<DriveIndex>,
+    pub drives: Vec<DeviceIndex>,
     /// By node id: the drive.
-    pub by_node: [Option<DriveIndex>; 128],
+    pub by_node: [Option<DeviceIndex>; 128],
 }
 
 impl BusSpec {
     /// The drive whose node id is in the frame's identifier.
-    pub(super) fn node_of(&self, frame: &Frame) -> Option<DriveIndex> {
+    pub(super) fn node_of(&self, frame: &Frame) -> Option<DeviceIndex> {
         match frame.id() {
             CanId::Standard(id) => self.by_node[usize::from(id & 0x7F)],
             CanId::Extended(_) => None,
@@ -81,7 +81,7 @@ impl BusSpec {
 
 /// A drive, or an encoder, as it is switched on.
 #[derive(Debug)]
-pub struct DriveSpec {
+pub struct DeviceSpec {
     /// As the machine file names it.
     pub name: String,
     /// The bus it is on.
@@ -110,7 +110,7 @@ pub struct AxisSpec {
     /// Of its positions: `mm`, or `°`, as which every mm below counts then.
     pub unit: &'static str,
     /// Its drives.
-    pub drives: Vec<DriveIndex>,
+    pub drives: Vec<DeviceIndex>,
     /// What says where it is, beside them.
     pub feedback: Option<AxisFeedback>,
     /// What it may do, and what is a fault.
@@ -123,7 +123,7 @@ pub struct AxisSpec {
 #[derive(Clone, Copy, Debug)]
 pub struct AxisFeedback {
     /// Which encoder.
-    pub encoder: DriveIndex,
+    pub encoder: DeviceIndex,
     /// Between its position and that of the drives; more is a fault. mm.
     pub difference: f64,
 }
@@ -141,11 +141,11 @@ impl Layout {
             .collect();
         let latencies = devices.iter().filter_map(Device::drive);
         let lag = latencies.map(|drive| drive.latency()).fold(0.0, f64::max);
-        let drives: Vec<DriveSpec> = (machine.nodes().zip(devices))
+        let drives: Vec<DeviceSpec> = (machine.nodes().zip(devices))
             .map(|(node, device)| {
                 let axis = &machine.axes[node.axis];
                 let middle = node.scaling.to_increments(axis.middle());
-                DriveSpec {
+                DeviceSpec {
                     name: node.name.to_owned(),
                     bus: node.bus,
                     delay: device.drive().map_or(0.0, |drive| lag - drive.latency()),
@@ -202,7 +202,7 @@ impl Layout {
 impl Layout {
     /// The R_PDOs of a bus by their identifiers, each as drive and place among its R_PDOs: the
     /// order in which a burst leaves.
-    pub(super) fn burst(&self, bus: &BusSpec) -> Vec<(DriveIndex, usize)> {
+    pub(super) fn burst(&self, bus: &BusSpec) -> Vec<(DeviceIndex, usize)> {
         let mut burst = Vec::new();
         for &drive in &bus.drives {
             let r_pdos = self.drives[drive].device.spec().r_pdos.iter().enumerate();
@@ -214,8 +214,8 @@ impl Layout {
 }
 
 impl BusSpec {
-    fn new(index: BusIndex, bus: &BusBudget, drives: &[DriveSpec]) -> Self {
-        let own: Vec<DriveIndex> = (0..drives.len())
+    fn new(index: BusIndex, bus: &BusBudget, drives: &[DeviceSpec]) -> Self {
+        let own: Vec<DeviceIndex> = (0..drives.len())
             .filter(|&drive| drives[drive].bus == index)
             .collect();
         let mut by_node = [None; 128];
@@ -233,7 +233,7 @@ impl BusSpec {
 }
 
 impl Names for Layout {
-    fn drive(&self, drive: DriveIndex) -> (NodeId, &str, &str) {
+    fn drive(&self, drive: DeviceIndex) -> (NodeId, &str, &str) {
         let drive = &self.drives[drive];
         let spec = drive.device.spec();
         (spec.node, &drive.name, spec.model.title)
@@ -247,7 +247,7 @@ impl Names for Layout {
         &self.buses[bus].name
     }
 
-    fn signal(&self, drive: DriveIndex, signal: usize) -> &str {
+    fn signal(&self, drive: DeviceIndex, signal: usize) -> &str {
         let model = self.drives[drive].device.spec().model;
         model.signal(signal).unwrap_or_default()
     }
@@ -256,7 +256,7 @@ impl Names for Layout {
         &self.inputs[input].name
     }
 
-    fn vendor_error(&self, drive: DriveIndex, bytes: [u8; 5]) -> Option<String> {
+    fn vendor_error(&self, drive: DeviceIndex, bytes: [u8; 5]) -> Option<String> {
         self.drives[drive].device.vendor_error(bytes)
     }
 }

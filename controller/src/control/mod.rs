@@ -59,11 +59,11 @@ pub use state::{NotNow, Request, State};
 use crate::bus::{Burst, Outbox, Received};
 use crate::bus::{BusFault, Severity};
 use axis::AxisControl;
-use fault::{BusCause, BusIndex, DriveCause, DriveIndex, Names};
+use fault::{BusCause, BusIndex, DeviceIndex, DriveCause, Names};
 use functions::Switches;
 use homing::Homing;
 use inputs::{Awaited, Inputs};
-use node::DriveNode;
+use node::DeviceNode;
 use setpoint_misses::SetpointMisses;
 use std::collections::VecDeque;
 use std::hint::black_box;
@@ -216,7 +216,7 @@ enum Goal {
 #[derive(Clone, Debug)]
 pub struct Controller<const N: usize> {
     layout: Arc<Layout>,
-    nodes: Vec<DriveNode>,
+    nodes: Vec<DeviceNode>,
     axes: Vec<AxisControl>,
     events: VecDeque<Event>,
 
@@ -232,7 +232,7 @@ pub struct Controller<const N: usize> {
     heartbeat_due: Instant,
     misses: Vec<SetpointMisses>,
     /// By bus: the R_PDOs of a burst, by identifier: drive, and which of its own.
-    bursts: Vec<Vec<(DriveIndex, usize)>>,
+    bursts: Vec<Vec<(DeviceIndex, usize)>>,
     /// By bus: it failed, and no drive has been heard on it since.
     lost: Vec<bool>,
     /// By bus: the drive whose turn it is to use the acyclic room.
@@ -296,7 +296,7 @@ impl<const N: usize> Controller<N> {
         let executor = Executor::new([0.0; N], layout.cycle.as_secs_f64());
         Self {
             nodes: (0..layout.drives.len())
-                .map(|drive| DriveNode::new(drive, &layout))
+                .map(|drive| DeviceNode::new(drive, &layout))
                 .collect(),
             axes: (0..layout.axes.len())
                 .map(|axis| AxisControl::new(axis, &layout))
@@ -572,9 +572,9 @@ impl<const N: usize> Controller<N> {
         if self.frozen {
             outcome = self.plan_axes();
         } else {
-            self.nodes.iter_mut().for_each(DriveNode::hold);
+            self.nodes.iter_mut().for_each(DeviceNode::hold);
         }
-        if self.phase == Phase::Start && !self.nodes.iter().all(DriveNode::is_sampled) {
+        if self.phase == Phase::Start && !self.nodes.iter().all(DeviceNode::is_sampled) {
             return outcome;
         }
         if now > self.sync_at + self.layout.latest_burst {
@@ -582,7 +582,7 @@ impl<const N: usize> Controller<N> {
             return outcome;
         }
         self.set_outputs();
-        self.nodes.iter_mut().for_each(DriveNode::encode);
+        self.nodes.iter_mut().for_each(DeviceNode::encode);
         for (burst, outbox) in self.bursts.iter().zip(out) {
             for &(drive, r_pdo) in burst {
                 outbox.burst.transmit(self.nodes[drive].r_pdos()[r_pdo]);

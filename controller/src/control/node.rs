@@ -1,11 +1,11 @@
-//! One drive as the controller sees it over its bus: what it last told and what it is told. An encoder
-//! is a drive that is told nothing.
+//! The node of one device, a drive or an encoder, as the controller sees it over its bus: what it last told
+//! and what it is told. An encoder is told nothing.
 //!
-//! What travels is the model's affair ([`Device`]); here is what holds for every drive: that all
+//! What travels is the model's affair ([`Device`]); here is what holds for every device: that all
 //! its T_PDOs answer every SYNC, that it is alive, in Operational, and where it was told to be.
 
 use super::event::Event;
-use super::fault::{AwaitedState, DriveCause, DriveIndex, Fault};
+use super::fault::{AwaitedState, DeviceIndex, DriveCause, Fault};
 use super::layout::{self, Layout};
 use super::sdo_sequence::{SdoSequence, Step};
 use crate::bus::FrameBuf;
@@ -17,11 +17,11 @@ use syncline_drives::model::{
     Scaling, Setpoint, unwrapped,
 };
 
-/// A drive in the cycle: what it last told, and what it is told next.
+/// A device in the cycle: what it last told, and what it is told next.
 #[derive(Clone, Debug)]
-pub(super) struct DriveNode {
+pub(super) struct DeviceNode {
     layout: Arc<Layout>,
-    index: DriveIndex,
+    index: DeviceIndex,
     /// Its own, with what changes from frame to frame.
     device: Device,
     sequence: SdoSequence,
@@ -60,7 +60,8 @@ pub(super) struct DriveNode {
     still: u32,
     still_at: Increments,
 
-    power: PowerCommand,
+    /// What is wanted of its power stage; [`Self::power_command`] is what it is told.
+    pub(super) power: PowerCommand,
     /// It was told to come to rest by itself: until it is brought up anew it follows no setpoints, and is only
     /// switched off.
     quick_stopped: bool,
@@ -69,8 +70,8 @@ pub(super) struct DriveNode {
     r_pdos: Vec<Frame>,
 }
 
-impl DriveNode {
-    pub(super) fn new(index: DriveIndex, layout: &Arc<Layout>) -> Self {
+impl DeviceNode {
+    pub(super) fn new(index: DeviceIndex, layout: &Arc<Layout>) -> Self {
         let drive = &layout.drives[index];
         let spec = drive.device.spec();
         Self {
@@ -108,7 +109,7 @@ impl DriveNode {
         }
     }
 
-    fn spec(&self) -> &layout::DriveSpec {
+    fn spec(&self) -> &layout::DeviceSpec {
         &self.layout.drives[self.index]
     }
 
@@ -466,12 +467,7 @@ impl DriveNode {
 
     // --- what it is told ---
 
-    /// Commands its power stage.
-    pub(super) fn command(&mut self, power: PowerCommand) {
-        self.power = power;
-    }
-
-    /// What its power stage is commanded now. Out of a quick stop, its own or a commanded one, there is
+    /// What its power stage is told now. Out of a quick stop, its own or a commanded one, there is
     /// one way down.
     fn power_command(&self) -> PowerCommand {
         let quick_stops = self.status.power == PowerState::QuickStop;

@@ -3,8 +3,8 @@
 use super::InputWait;
 use super::fault::{AwaitedState, DriveCause, Fault};
 use super::{
-    COMMAND_CYCLES, Controller, DriveNode, End, Event, Goal, NO_PLAN, Outcome, Pause, Phase, STILL,
-    STILL_CYCLES, StopPoint,
+    COMMAND_CYCLES, Controller, DeviceNode, End, Event, Goal, NO_PLAN, Outcome, Pause, Phase,
+    STILL, STILL_CYCLES, StopPoint,
 };
 use crate::bus::Outbox;
 use crate::machine::InputMeaning;
@@ -42,7 +42,7 @@ impl<const N: usize> Controller<N> {
                     let missing = self.nodes.iter().position(|node| !node.has_booted());
                     missing.map_or(Ok(()), |drive| Err(self.nodes[drive].did_not_boot()))?;
                 }
-                let booted = self.nodes.iter().all(DriveNode::has_booted);
+                let booted = self.nodes.iter().all(DeviceNode::has_booted);
                 self.go_on_if(booted, Phase::SetUp, out);
             }
             Phase::SetUp => self.go_on_if(self.sequences_done(), Phase::Start, out),
@@ -51,7 +51,7 @@ impl<const N: usize> Controller<N> {
                     self.acted = true;
                     self.send_nmt(nmt::Command::Start, out);
                 }
-                let started = |node: &DriveNode| node.is_sampled() && node.is_operational();
+                let started = |node: &DeviceNode| node.is_sampled() && node.is_operational();
                 if self.timed_out(self.layout.boot_timeout)
                     && let Some(drive) = self.nodes.iter().position(|node| !started(node))
                 {
@@ -161,14 +161,14 @@ impl<const N: usize> Controller<N> {
         self.acted = false;
         self.tell(Event::Phase(phase));
         match phase {
-            Phase::Survey => self.ask(DriveNode::ask_survey),
+            Phase::Survey => self.ask(DeviceNode::ask_survey),
             Phase::Boot => {
-                self.ask(DriveNode::ask_boot);
+                self.ask(DeviceNode::ask_boot);
                 self.send_nmt(nmt::Command::ResetCommunication, out);
             }
-            Phase::SetUp => self.ask(DriveNode::ask_set_up),
+            Phase::SetUp => self.ask(DeviceNode::ask_set_up),
             Phase::Start => self.sync_on = true,
-            Phase::Lock => self.ask(DriveNode::ask_lock),
+            Phase::Lock => self.ask(DeviceNode::ask_lock),
             Phase::Disabled => {
                 self.frozen = false;
                 self.set_power(PowerCommand::Disable);
@@ -178,7 +178,7 @@ impl<const N: usize> Controller<N> {
                 self.set_power(PowerCommand::Prepare);
             }
             Phase::OperationEnabled => {
-                self.ask(DriveNode::forget_standstill);
+                self.ask(DeviceNode::forget_standstill);
                 self.set_power(PowerCommand::Enable);
             }
             Phase::ModeEnd => self.set_power(PowerCommand::Enable),
@@ -187,7 +187,7 @@ impl<const N: usize> Controller<N> {
                     return self.fail(fault);
                 }
                 self.set_power(PowerCommand::Run);
-                self.ask(DriveNode::ask_mode);
+                self.ask(DeviceNode::ask_mode);
             }
             Phase::Program => {
                 self.mode_cycle.get_or_insert(self.cycle + 1);
@@ -278,7 +278,7 @@ impl<const N: usize> Controller<N> {
     fn bring_up(&mut self) {
         self.sync_on = false;
         self.sync_sent = None;
-        self.nodes.iter_mut().for_each(DriveNode::forget);
+        self.nodes.iter_mut().for_each(DeviceNode::forget);
         for bus in 0..self.misses.len() {
             self.misses[bus].forgive();
             self.lost[bus] = false;
@@ -373,7 +373,7 @@ impl<const N: usize> Controller<N> {
 
     /// Freezes every drive's setpoint where it stands; the plan starts there.
     fn freeze(&mut self) -> Result<(), Fault> {
-        self.ask(DriveNode::hold);
+        self.ask(DeviceNode::hold);
         let mut position = [0.0; N];
         for index in 0..self.axes.len() {
             let axis = &mut self.axes[index];
@@ -515,12 +515,12 @@ impl<const N: usize> Controller<N> {
         }
     }
 
-    fn ask(&mut self, what: impl Fn(&mut DriveNode)) {
+    fn ask(&mut self, what: impl Fn(&mut DeviceNode)) {
         self.nodes.iter_mut().for_each(what);
     }
 
     fn set_power(&mut self, power: PowerCommand) {
-        self.ask(|node| node.command(power));
+        self.ask(|node| node.power = power);
     }
 
     fn send_nmt(&self, command: nmt::Command, out: &mut [Outbox]) {

@@ -1,7 +1,7 @@
 //! What a node is asked by SDO, step after step: survey, identity, set-up, release.
 
 use super::event::Event;
-use super::fault::{DriveCause, DriveIndex, Fault};
+use super::fault::{DeviceIndex, DriveCause, Fault};
 use super::layout::Layout;
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -95,7 +95,7 @@ impl Step {
 #[derive(Clone, Debug)]
 pub(super) struct SdoSequence {
     layout: Arc<Layout>,
-    drive: DriveIndex,
+    drive: DeviceIndex,
     client: sdo::Client,
     steps: VecDeque<Step>,
     /// Requests sent for the first step without an answer.
@@ -112,7 +112,7 @@ pub(super) struct SdoSequence {
 const LONGEST: usize = 8;
 
 impl SdoSequence {
-    pub(super) fn new(drive: DriveIndex, layout: &Arc<Layout>) -> Self {
+    pub(super) fn new(drive: DeviceIndex, layout: &Arc<Layout>) -> Self {
         let node = layout.drives[drive].device.spec().node;
         Self {
             layout: Arc::clone(layout),

@@ -6,14 +6,14 @@
 //! of it than to come to rest.
 
 use super::axis::AxisSample;
-use super::node::DriveNode;
+use super::node::DeviceNode;
 use super::{Controller, Event, Fault, Goal, MOST_FAULTS, Phase, Reaction, Row, event_sink};
 use syncline_canopen::Instant;
 
 impl<const N: usize> Controller<N> {
     /// Looks at drives and axes.
     pub(super) fn supervise(&mut self, now: Instant) {
-        self.nodes.iter_mut().for_each(DriveNode::watch_standstill);
+        self.nodes.iter_mut().for_each(DeviceNode::watch_standstill);
         let phase = self.phase;
         if (Phase::Program..=Phase::QuickStop).contains(&phase) {
             self.sample_axes();

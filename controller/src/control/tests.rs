@@ -203,11 +203,11 @@ fn two_pdos_each() -> Arc<Layout> {
 #[test]
 fn a_drive_has_answered_when_all_its_t_pdos_have() {
     let layout = two_pdos_each();
-    let mut node = DriveNode::new(0, &layout);
+    let mut node = DeviceNode::new(0, &layout);
     let id = layout.drives[0].device.spec().node;
     let (word, position) = (CobId::t_pdo(1, id), CobId::t_pdo(3, id));
     let sync = Instant::ZERO;
-    let take = |node: &mut DriveNode, id, data: &[u8]| {
+    let take = |node: &mut DeviceNode, id, data: &[u8]| {
         node.receive(sync, &Frame::new(id, data), Some(sync), &mut |_| ())
     };
     node.on_sync();
@@ -224,7 +224,7 @@ fn a_drive_has_answered_when_all_its_t_pdos_have() {
     assert_eq!(take(&mut node, position, &[8, 0, 0, 0]), Ok(()));
     assert_eq!((node.actual(), node.age()), (Increments::new(8), 1));
     // One of them twice to a SYNC, and again to the next: another device has its node id.
-    let twice = |node: &mut DriveNode| {
+    let twice = |node: &mut DeviceNode| {
         node.on_sync();
         [(); 2].map(|()| {
             node.receive(
@@ -247,7 +247,7 @@ fn a_burst_leaves_by_identifiers_whichever_drive_they_are_of() {
     let layout = two_pdos_each();
     let mut controller = Controller::<9>::new(Arc::clone(&layout), Instant::ZERO);
     for node in &mut controller.nodes {
-        node.command(PowerCommand::Enable);
+        node.power = PowerCommand::Enable;
         node.encode();
     }
     let burst = controller.bursts[0].iter();
@@ -263,7 +263,7 @@ fn a_burst_leaves_by_identifiers_whichever_drive_they_are_of() {
 fn a_mode_without_an_end_is_not_waited_for() {
     use fault::AwaitedState::{ModeEnded, ModeStarted};
     let running = |layout: &Arc<Layout>, t_pdo: CobId, data: &[u8]| {
-        let mut node = DriveNode::new(0, layout);
+        let mut node = DeviceNode::new(0, layout);
         let frame = Frame::new(t_pdo, data);
         let taken = node.receive(Instant::ZERO, &frame, None, &mut |_| ());
         assert_eq!(taken, Ok(()));
@@ -284,7 +284,7 @@ fn a_mode_without_an_end_is_not_waited_for() {
 #[test]
 fn a_drive_that_follows_once_enabled_keeps_its_last_setpoint() {
     let held = |layout: &Arc<Layout>, t_pdo: CobId, data: fn(u8) -> Vec<u8>| {
-        let mut node = DriveNode::new(0, layout);
+        let mut node = DeviceNode::new(0, layout);
         [
             (PowerCommand::Prepare, 7),
             (PowerCommand::Enable, 8),
@@ -292,7 +292,7 @@ fn a_drive_that_follows_once_enabled_keeps_its_last_setpoint() {
             (PowerCommand::Prepare, 10),
         ]
         .map(|(power, position)| {
-            node.command(power);
+            node.power = power;
             let frame = Frame::new(t_pdo, &data(position));
             let taken = node.receive(Instant::ZERO, &frame, None, &mut |_| ());
             assert_eq!(taken, Ok(()));

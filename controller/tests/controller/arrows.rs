@@ -1,9 +1,9 @@
 //! Inside the controller a module uses only what stands below it, by the table of `docs/design.md`.
 
-use super::outside::root;
+use super::outside::{root, sources};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// What each module may use, in the order of the table.
 fn table() -> Vec<(String, BTreeSet<String>)> {
@@ -23,18 +23,6 @@ fn table() -> Vec<(String, BTreeSet<String>)> {
         )
     })
     .collect()
-}
-
-/// The source files below a folder.
-fn sources(folder: &Path, found: &mut Vec<PathBuf>) {
-    for entry in fs::read_dir(folder).unwrap() {
-        let path = entry.unwrap().path();
-        if path.is_dir() {
-            sources(&path, found);
-        } else if path.extension().is_some_and(|it| it == "rs") {
-            found.push(path);
-        }
-    }
 }
 
 /// The modules that a file names behind `crate::`, but for comments and what only tests use.

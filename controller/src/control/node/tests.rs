@@ -7,9 +7,9 @@ use syncline_canopen::time::Duration;
 enum Step {
     /// Data on 700h + id.
     Says(u64, &'static [u8]),
-    /// [`DriveNode::expect_boot`]
+    /// [`DeviceNode::expect_boot`]
     Forget,
-    /// [`DriveNode::ask_set_up`]
+    /// [`DeviceNode::ask_set_up`]
     SetUp,
 }
 
@@ -145,7 +145,7 @@ fn supervised(cases: &[Case]) {
     let layout = Arc::new(shape.layout());
     let at = |micros| Instant::ZERO + Duration::from_micros(micros);
     for (case, steps, check, expected) in cases {
-        let mut node = DriveNode::new(0, &layout);
+        let mut node = DeviceNode::new(0, &layout);
         let id = CobId::error_control(node.device.spec().node);
         for step in *steps {
             match *step {
