@@ -192,7 +192,7 @@ impl Profile {
             .fold(Exact::leaving(self.start), |state, s| {
                 state.after(s.duration, s.jerk)
             });
-        state.rounded(self.start.p, 0.0, 0.0)
+        state.rounded(self.start.p, 0.0, 0.0).0
     }
 
     /// The state at time `t` (s). Before the start it is the start state, after the end the end
@@ -204,13 +204,20 @@ impl Profile {
     /// acceleration are those of the instant, less than one unit in the last place of the position
     /// later, at which the motion is exactly there.
     pub fn at(&self, t: f64) -> State {
+        self.sample(t).0
+    }
+
+    /// The state of [`Profile::at`], and how much later than `t` the motion is in it (s). That is next to
+    /// nothing but where the axis all but rests: there it is the cube root of the position's rounding, about
+    /// a microsecond. A plan from that state begins then, or the motion would jump ahead in time.
+    pub(crate) fn sample(&self, t: f64) -> (State, f64) {
         if t <= 0.0 {
-            return self.start;
+            return (self.start, 0.0);
         }
         let duration = self.duration();
         // From the nearer end, so that what is left of a plan keeps its digits.
         match self.target {
-            Some(target) if t >= duration => target,
+            Some(target) if t >= duration => (target, 0.0),
             Some(target) if t > 0.5 * duration => {
                 let mut rest = duration - t;
                 let mut state = Exact::leaving(target);
@@ -230,10 +237,14 @@ impl Profile {
                     let part = s.duration.min(rest);
                     let earlier = state.after(-part, s.jerk);
                     if part < s.duration {
-                        let state = earlier.rounded(target.p, s.jerk, part);
+                        let (state, later) = earlier.rounded(target.p, s.jerk, part);
                         let arrived = state.p == target.p
                             && (state.v * part).abs() <= 4.0 * f64::EPSILON * target.p.abs();
-                        return if arrived { target } else { state };
+                        return if arrived {
+                            (target, part)
+                        } else {
+                            (state, later)
+                        };
                     }
                     rest -= part;
                     state = earlier;
@@ -402,9 +413,9 @@ impl Exact {
     }
 
     /// The state displaced from `origin`, or the one at most `room` seconds later under the jerk `j`
-    /// whose position is the next one that an `f64` can be. Where the motion turns around before
-    /// that, the position is rounded.
-    fn rounded(self, origin: f64, j: f64, room: f64) -> State {
+    /// whose position is the next one that an `f64` can be, with how much later that is. Where the motion
+    /// turns around before that, the position is rounded.
+    fn rounded(self, origin: f64, j: f64, room: f64) -> (State, f64) {
         let nearest = (Double::from(origin) + self.p).value();
         let forward = self.v.value();
         let left = |p: f64, state: &Exact| (Double::from(p) - origin.into() - state.p).value();
@@ -430,12 +441,13 @@ impl Exact {
             state = self.after(later, j);
         }
         let arrived = left(p, &state).abs() <= 1e-6 * whole.abs();
-        let (p, state) = if arrived { (p, state) } else { (nearest, self) };
-        State {
-            p,
-            v: state.v.value(),
-            a: state.a.value(),
-        }
+        let (p, state, later) = if arrived {
+            (p, state, later)
+        } else {
+            (nearest, self, 0.0)
+        };
+        let (v, a) = (state.v.value(), state.a.value());
+        (State { p, v, a }, later)
     }
 }
 

@@ -114,12 +114,23 @@ struct Clock {
 #[derive(Clone, Copy, Debug)]
 struct Motion {
     plan: Profile,
-    /// The cycle at whose start the plan began.
+    /// The cycle in which the plan began …
     began: u64,
+    /// … and how much later than its start, s: when the motion before was in the state that the plan begins in.
+    later: f64,
     aim: Aim,
     /// The highest towards the aim, mm/s.
     speed: f64,
     due: Due,
+}
+
+/// Where a motion is in a cycle.
+#[derive(Clone, Copy, Debug)]
+struct Sample {
+    state: State,
+    jerk: f64,
+    /// How much later than the cycle's start it is in that state, s ([`Profile::sample`]).
+    later: f64,
 }
 
 /// All axes from one place to another, in one motion along a straight line.
@@ -196,6 +207,7 @@ impl Motion {
         Motion {
             plan: Profile::new(State::at_rest(position)),
             began: 0,
+            later: 0.0,
             aim: Aim::Anywhere,
             speed: f64::INFINITY,
             due: Due::No,
@@ -214,21 +226,29 @@ impl Motion {
     }
 
     fn since(&self, now: Clock) -> f64 {
-        (now.cycle - self.began) as f64 * now.period
+        (now.cycle - self.began) as f64 * now.period - self.later
     }
 
     fn is_at_rest(&self, now: Clock) -> bool {
         self.since(now) >= self.plan.duration()
     }
 
-    /// State and jerk.
-    fn at(&self, now: Clock) -> (State, f64) {
+    fn at(&self, now: Clock) -> Sample {
         if self.is_at_rest(now) {
             // Exactly, which a stop wherever it may be is only to rounding.
-            return (State::at_rest(self.end()), 0.0);
+            return Sample {
+                state: State::at_rest(self.end()),
+                jerk: 0.0,
+                later: 0.0,
+            };
         }
         let t = self.since(now);
-        (self.plan.at(t), self.plan.jerk_at(t))
+        let (state, later) = self.plan.sample(t);
+        Sample {
+            state,
+            jerk: self.plan.jerk_at(t),
+            later,
+        }
     }
 
     /// Makes a plan if one is due, with this part of the velocity; whether there is a new one.
@@ -236,18 +256,20 @@ impl Motion {
         if self.due == Due::No || self.due == Due::AtRest && !self.is_at_rest(now) {
             return false;
         }
-        self.plan(self.at(now).0, travel, now, rapid)
+        let Sample { state, later, .. } = self.at(now);
+        self.plan((state, later), travel, now, rapid)
     }
 
-    fn plan(&mut self, start: State, travel: &Travel, now: Clock, rapid: f64) -> bool {
+    /// A plan from a state that the motion is in so much later than the cycle's start.
+    fn plan(&mut self, start: (State, f64), travel: &Travel, now: Clock, rapid: f64) -> bool {
         let Limits { v_max, v_min, .. } = travel.limits;
         let speed = self.speed.min(rapid * v_max.max(-v_min));
-        let Some((plan, leads_there)) = travel.plan(start, self.aim, speed) else {
+        let Some((plan, leads_there)) = travel.plan(start.0, self.aim, speed) else {
             self.due = Due::No;
             return false;
         };
         self.plan = plan;
-        self.began = now.cycle;
+        (self.began, self.later) = (now.cycle, start.1);
         self.due = if leads_there { Due::No } else { Due::AtRest };
         true
     }
@@ -312,7 +334,7 @@ impl<const N: usize> Jogging<N> {
                 let from = match self.motions[axis].aim {
                     Aim::At(position) => position,
                     _ => {
-                        let now = self.motions[axis].at(self.clock).0;
+                        let now = self.motions[axis].at(self.clock).state;
                         stop(now, limits).map_or(now.p, |stop| stop.end().p)
                     }
                 };
@@ -448,7 +470,8 @@ impl<const N: usize> Jogging<N> {
 
     /// The straight line from where the axes are; none if they move otherwise.
     fn line_to(&self, to: &[Option<f64>; N], rapid: f64) -> Option<Line<N>> {
-        let states = self.motions.each_ref().map(|it| it.at(self.clock).0);
+        let samples = self.motions.each_ref().map(|it| it.at(self.clock));
+        let states = samples.map(|sample| sample.state);
         let from = states.map(|state| state.p);
         let to: [f64; N] = std::array::from_fn(|i| to[i].unwrap_or(from[i]));
         let displacement: [f64; N] = std::array::from_fn(|i| to[i] - from[i]);
@@ -461,6 +484,11 @@ impl<const N: usize> Jogging<N> {
             v: dot(&direction, &states.map(|state| state.v)),
             a: dot(&direction, &states.map(|state| state.a)),
         };
+        // Every axis is in its state at an instant of its own, if only by its position's rounding.
+        let later = dot(
+            &direction.map(|d| d * d),
+            &samples.map(|sample| sample.later),
+        );
         let mut along: Option<Travel> = None;
         for (i, travel) in self.travel.iter().enumerate() {
             let Some(Travel { limits, bounds }) = *travel else {
@@ -499,7 +527,7 @@ impl<const N: usize> Jogging<N> {
         let mut motion = Motion::resting(0.0);
         motion.aim(Aim::At(length), f64::INFINITY);
         motion
-            .plan(start, &travel, self.clock, rapid)
+            .plan((start, later), &travel, self.clock, rapid)
             .then_some(Line {
                 from,
                 to,
@@ -511,8 +539,8 @@ impl<const N: usize> Jogging<N> {
 
     /// The setpoint of this cycle; of the path it takes where that rests.
     pub(super) fn setpoint(&self, path: Setpoint<N>) -> Setpoint<N> {
-        let states = self.motions.each_ref().map(|it| it.at(self.clock));
-        let velocity = states.map(|(state, _)| state.v);
+        let samples = self.motions.each_ref().map(|it| it.at(self.clock));
+        let velocity = samples.map(|sample| sample.state.v);
         let norm = |part: &[f64]| part.iter().map(|v| v * v).sum::<f64>().sqrt();
         let (tool, others) = velocity.split_at(N.min(3));
         let speed = if norm(tool) > 0.0 {
@@ -521,10 +549,10 @@ impl<const N: usize> Jogging<N> {
             norm(others)
         };
         Setpoint {
-            position: states.map(|(state, _)| state.p),
+            position: samples.map(|sample| sample.state.p),
             velocity,
-            acceleration: states.map(|(state, _)| state.a),
-            jerk: states.map(|(_, jerk)| jerk),
+            acceleration: samples.map(|sample| sample.state.a),
+            jerk: samples.map(|sample| sample.jerk),
             speed,
             feed: if speed > 0.0 { f64::INFINITY } else { 0.0 },
             busy: !self.rests(),
@@ -625,7 +653,8 @@ mod tests {
 
     /// Goes on by one cycle; certifies, between the samples too, every plan that begins.
     fn advance(axes: &mut Jogging<N>, rapid: f64) -> Result<(), TestCaseError> {
-        let before: [State; N] = std::array::from_fn(|axis| axes.motions[axis].at(axes.clock).0);
+        let before: [State; N] =
+            std::array::from_fn(|axis| axes.motions[axis].at(axes.clock).state);
         axes.advance(rapid);
         for axis in 0..N {
             let Motion {
@@ -635,7 +664,7 @@ mod tests {
                 due,
                 ..
             } = axes.motions[axis];
-            let now = axes.motions[axis].at(axes.clock).0;
+            let now = axes.motions[axis].at(axes.clock).state;
             let Some(Travel { limits, bounds }) = axes.travel[axis] else {
                 prop_assert_eq!(now, State::at_rest(HOME[axis]));
                 continue;
@@ -724,12 +753,12 @@ mod tests {
                 }
                 for (motion, axis) in axes.motions.iter().zip(0..) {
                     if let Aim::At(position) | Aim::Limit(position) = motion.aim {
-                        prop_assert_eq!(axes.motions[axis].at(axes.clock).0, State::at_rest(position));
+                        prop_assert_eq!(axes.motions[axis].at(axes.clock).state, State::at_rest(position));
                     }
                 }
             }
             prop_assert!(axes.is_home());
-            let there: [State; N] = std::array::from_fn(|axis| axes.motions[axis].at(axes.clock).0);
+            let there: [State; N] = std::array::from_fn(|axis| axes.motions[axis].at(axes.clock).state);
             prop_assert_eq!(there, HOME.map(State::at_rest));
         }
     }
