@@ -22,6 +22,8 @@ pub(super) struct Job {
     pub(super) tags: Option<RangeInclusive<u32>>,
     /// Of the moves at the last rows, the newest first.
     last: [u32; ROWS_BEHIND],
+    /// It is over, and may still come to rest.
+    over: bool,
 }
 
 impl Job {
@@ -32,13 +34,23 @@ impl Job {
             line: 0,
             tags: None,
             last: [0; ROWS_BEHIND],
+            over: false,
         }
+    }
+
+    /// The job is over. From where the axes rest then, they may go anywhere, and stop there: none of its
+    /// moves says where they are to be.
+    pub(super) fn end(&mut self) {
+        self.over = true;
     }
 
     /// Follows the setpoint along the program.
     pub(super) fn follow(&mut self, row: &Row<COORDINATES>) {
         self.moves.take_up();
         self.tags = None;
+        if self.over && row.plan.speed == 0.0 {
+            self.moves = Moves::new().1;
+        }
         if row.plan.off_path {
             return;
         }

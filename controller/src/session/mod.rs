@@ -395,6 +395,7 @@ impl Desk {
                 match event {
                     control::Event::Phase(phase) => self.status.phase = phase,
                     control::Event::Fault(fault) => self.stopped_by(fault),
+                    control::Event::JobOver { .. } => self.job.end(),
                     control::Event::Referenced { axis, .. } => self.show_reference(axis, true),
                     control::Event::Unreferenced { axis } | control::Event::Askew { axis, .. } => {
                         self.show_reference(axis, false)
