@@ -203,6 +203,13 @@ impl Budget {
         let room = self.cycle.saturating_sub(busy).as_nanos() / transfer.as_nanos();
         (room as usize).max(1)
     }
+
+    /// After SYNC's instant, when a request has left that is sent behind a burst at `setpoint_offset`,
+    /// with the longest frame before them. Where that is beyond the cycle the next SYNC may wait for it.
+    #[must_use]
+    pub fn request_out(&self, setpoint_offset: Duration) -> Duration {
+        setpoint_offset + bit_time(self.r_pdo_bits + 2 * BLOCKING_BITS, self.bit_rate)
+    }
 }
 
 impl Traffic {

@@ -28,6 +28,9 @@ pub struct BusBudget {
     /// All that can be queued in one cycle of a whole run: what is in motion, and before and after
     /// it SDO, whose answers may be those to the requests of two cycles.
     pub load: Duration,
+    /// By how much SYNC may come late for the clocks of all its drives to follow it, if any has one that
+    /// does.
+    pub sync_tolerance: Option<Duration>,
     /// The least cycle that fits and that all its drives take.
     pub smallest_cycle: Option<Duration>,
 }
@@ -67,6 +70,26 @@ pub enum DoesNotFit {
         allowed: RangeInclusive<Duration>,
         /// … in multiples of this.
         step: Duration,
+    },
+    /// The SDO requests while SYNC runs, which ask whether a drive's clock follows it, would keep it from
+    /// that.
+    #[error(
+        "bus {bus}: a request by SDO behind the setpoints is out {} after SYNC, in a cycle of {}: the next \
+         SYNC waits up to {} for it, and its drives' clocks follow one that is {} late; take a longer \
+         cycle, a higher bit rate or another bus for some of the drives",
+        Millis(*.request_out), Millis(*.cycle), Millis(*.blocking), Millis(*.tolerance)
+    )]
+    Requests {
+        /// As the machine file names it.
+        bus: String,
+        /// When a request is out, after SYNC.
+        request_out: Duration,
+        /// From there on it is in the way of SYNC …
+        cycle: Duration,
+        /// … for so long …
+        blocking: Duration,
+        /// … and not longer may it be.
+        tolerance: Duration,
     },
     /// The machine file's `setpoint_offset_us` leaves too little time before it or behind it.
     #[error(
@@ -129,6 +152,20 @@ impl MachineBudget {
                     latest: *allowed.end(),
                 });
             }
+            let request_out = bus.budget.request_out(self.setpoint_offset);
+            let blocking = bus.budget.sync_jitter;
+            if let Some(tolerance) = bus.sync_tolerance
+                && blocking > tolerance
+                && request_out > bus.budget.cycle
+            {
+                return Err(DoesNotFit::Requests {
+                    bus: bus.bus.clone(),
+                    request_out,
+                    cycle: bus.budget.cycle,
+                    blocking,
+                    tolerance,
+                });
+            }
         }
         Ok(())
     }
@@ -156,6 +193,10 @@ impl BusBudget {
             .map(Duration::from_millis)
             .filter(taken_by_all);
         let budget = traffic.budget();
+        let locks = devices
+            .clone()
+            .filter_map(|device| device.spec().clock_lock);
+        let sync_tolerance = locks.map(|lock| lock.tolerance).min();
         let answers = devices.map(|device| device.spec().sdo_response);
         let transfers = budget.sdo_transfers(answers.max().unwrap_or_default());
         // One at a time of each node.
@@ -165,6 +206,7 @@ impl BusBudget {
             bus: machine.buses[bus].name.clone(),
             load: budget.load + sdo,
             sdo_per_cycle,
+            sync_tolerance,
             budget,
             typical_load: typical_load(machine, &nodes, traffic.bit_rate),
             smallest_cycle: traffic.smallest_cycle(cycles),
@@ -398,5 +440,23 @@ mod tests {
                 budget.check()
             );
         }
+    }
+
+    /// Three drives at 250 kbit/s: their requests were let stand in the way of one SYNC after the other.
+    #[test]
+    fn a_slow_bus_without_room_for_a_request_is_refused() {
+        let machine = |cycle_us| {
+            let mut machine = machine(3, cycle_us, "");
+            machine.buses[0].bitrate = 250_000;
+            machine
+        };
+        let refused = MachineBudget::of(&machine(4000)).check().unwrap_err();
+        assert_eq!(
+            refused.to_string(),
+            "bus one: a request by SDO behind the setpoints is out 5.080 ms after SYNC, in a cycle of \
+             4.000 ms: the next SYNC waits up to 0.540 ms for it, and its drives' clocks follow one that \
+             is 0.250 ms late; take a longer cycle, a higher bit rate or another bus for some of the drives"
+        );
+        assert_eq!(MachineBudget::of(&machine(6000)).check(), Ok(()));
     }
 }

@@ -332,3 +332,10 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn a_request_is_out_behind_a_frame_and_the_burst() {
+    let offset = Duration::from_micros(900);
+    let out = Duration::from_micros(900 + 135 + 345 + 135);
+    assert_eq!(axes(3, 2).budget().request_out(offset), out);
+}

@@ -1,14 +1,12 @@
 //! Random machines, as data: what a shrinking case leaves out, and what becomes a machine file.
 
 use super::dice::{Dice, rounded};
-use crate::budget::{BusBudget, MachineBudget};
+use crate::budget::MachineBudget;
 use crate::machine::Machine;
 use serde::{Deserialize, Serialize};
 use std::fmt::Write as _;
 use std::path::Path;
 use std::time::Duration;
-use syncline_canopen::budget::BLOCKING_BITS;
-use syncline_canopen::response_time::bit_time;
 use syncline_drives::model::{MODELS, Setpoints};
 
 /// Letters of axes, in the order in which a small machine has them.
@@ -189,16 +187,10 @@ impl MachineSpec {
         Machine::parse(Path::new("machine.toml"), &self.toml()).map_err(|wrong| wrong.to_string())
     }
 
-    /// Whether it is good, and its frames fit its cycle with room for an SDO transfer: a bus that has none
-    /// is accepted, and the requests while SYNC runs are in its way then (`docs/reliability.md`).
+    /// Whether it is good, and its frames fit its cycle.
     fn fits(&self) -> bool {
-        self.machine().is_ok_and(|machine| {
-            let budget = MachineBudget::of(&machine);
-            let has_room = |BusBudget { budget, .. }: &BusBudget| {
-                budget.sdo_room >= bit_time(2 * BLOCKING_BITS, budget.bit_rate)
-            };
-            budget.check().is_ok() && budget.buses.iter().all(has_room)
-        })
+        let machine = self.machine();
+        machine.is_ok_and(|machine| MachineBudget::of(&machine).check().is_ok())
     }
 
     /// The machine file.

@@ -51,6 +51,10 @@ const SYNC_LOCKED: Assumption = Assumption {
     meaning: "value of SyncMechStatus (3022h:6) once the drive's clock follows SYNC",
 };
 
+/// `SyncMechTol` (3022h:4, 2579) is set to 1 (1635). Of what, the manual at hand does not say: assumed to be
+/// a quarter of a millisecond.
+const SYNC_TOLERANCE: Duration = Duration::from_micros(250);
+
 const INTERPOLATED_POSITION: i8 = 7;
 
 /// `_IO_act` (3008h:1) shows the physical state of inputs and outputs (2303); which bit is which it
@@ -124,6 +128,7 @@ impl Lxm32m {
                 clock_lock: Some(ClockLock {
                     address: Address::new(0x3022, 6),
                     locked: settings.assumed.value(&SYNC_LOCKED),
+                    tolerance: SYNC_TOLERANCE,
                     assumption: SYNC_LOCKED.name,
                 }),
                 // SyncMechStart = 0: the synchronisation mechanism is off (1636, 2580).

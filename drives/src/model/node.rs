@@ -147,6 +147,8 @@ pub struct ClockLock {
     pub address: Address,
     /// What it reads once the device's clock follows SYNC.
     pub locked: u32,
+    /// By how much a SYNC may be late for the clock to follow it.
+    pub tolerance: Duration,
     /// The name of the [`Assumption`](super::Assumption) that says so.
     pub assumption: &'static str,
 }
