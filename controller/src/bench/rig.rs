@@ -13,7 +13,7 @@ use syncline_canopen::budget::{NodeTraffic, Traffic, Verdict};
 use syncline_canopen::{CobId, Instant, NodeId};
 use syncline_drives::bus::BitRate;
 use syncline_drives::model::{
-    Assumed, Device, Direction, Heartbeat, Increments, REFERENCE, Scaling, Settings,
+    Assumed, Device, Direction, Increments, REFERENCE, Scaling, Settings,
 };
 use syncline_drives::twin::{Config, SimulatedDevice};
 use syncline_drives::world::World;
@@ -99,22 +99,7 @@ impl Shape {
     /// The drive of an axis as the controller sees it.
     #[must_use]
     pub fn device(&self, axis: usize) -> Device {
-        REFERENCE.device(&Settings {
-            node: self.node(axis),
-            cycle: self.period,
-            velocity: 0.0,
-            heartbeat: Heartbeat {
-                controller: NodeId::new(127).expect("a node id"),
-                producer: Duration::from_millis(100),
-                consumer: Duration::from_millis(300),
-            },
-            following_error_limit: None,
-            soft_limits: None,
-            signals: false,
-            outputs: 0,
-            objects: Vec::new(),
-            assumed: Assumed::default(),
-        })
+        REFERENCE.device(&Settings::new(self.node(axis), self.period))
     }
 
     fn traffic(&self, bus: usize) -> Traffic {

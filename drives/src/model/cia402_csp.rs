@@ -264,26 +264,15 @@ impl Drive for Cia402Csp {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Heartbeat, NotFollowing, OutOfRange};
+    use super::super::{NotFollowing, OutOfRange};
     use super::*;
     use syncline_canopen::NodeId;
 
     fn settings(cycle_us: u64, assumed: &[(&'static str, u32)]) -> Settings {
+        let (node, cycle) = (NodeId::new(3).unwrap(), Duration::from_micros(cycle_us));
         Settings {
-            node: NodeId::new(3).unwrap(),
-            cycle: Duration::from_micros(cycle_us),
-            velocity: 0.0,
-            heartbeat: Heartbeat {
-                controller: NodeId::new(127).unwrap(),
-                producer: Duration::from_millis(100),
-                consumer: Duration::from_millis(250),
-            },
-            following_error_limit: None,
-            soft_limits: None,
-            signals: false,
-            outputs: 0,
-            objects: Vec::new(),
             assumed: Assumed(assumed.to_vec()),
+            ..Settings::new(node, cycle)
         }
     }
 

@@ -312,26 +312,11 @@ impl Drive for Lxm32m {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Assumed, Heartbeat, NotFollowing, OutOfRange};
+    use super::super::{NotFollowing, OutOfRange};
     use super::*;
 
     fn settings(node: u8, cycle_ms: u64) -> Settings {
-        Settings {
-            node: NodeId::new(node).unwrap(),
-            cycle: Duration::from_millis(cycle_ms),
-            velocity: 0.0,
-            heartbeat: Heartbeat {
-                controller: NodeId::new(127).unwrap(),
-                producer: Duration::from_millis(100),
-                consumer: Duration::from_millis(250),
-            },
-            following_error_limit: None,
-            soft_limits: None,
-            signals: false,
-            outputs: 0,
-            objects: Vec::new(),
-            assumed: Assumed::default(),
-        }
+        Settings::new(NodeId::new(node).unwrap(), Duration::from_millis(cycle_ms))
     }
 
     /// The expedited download that a write becomes on the wire (CiA 301), spelled out here so

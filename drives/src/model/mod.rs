@@ -234,6 +234,33 @@ pub struct Settings {
     pub assumed: Assumed,
 }
 
+impl Settings {
+    /// The standard set-up and nothing else, for a device that is asked for a heartbeat every 100 ms by a
+    /// controller with node id 127.
+    ///
+    /// # Panics
+    /// Never: 127 is a node id.
+    #[must_use]
+    pub fn new(node: NodeId, cycle: Duration) -> Self {
+        Self {
+            node,
+            cycle,
+            velocity: 0.0,
+            heartbeat: Heartbeat {
+                controller: NodeId::new(127).expect("a node id"),
+                producer: Duration::from_millis(100),
+                consumer: Duration::from_millis(250),
+            },
+            following_error_limit: None,
+            soft_limits: None,
+            signals: false,
+            outputs: 0,
+            objects: Vec::new(),
+            assumed: Assumed::default(),
+        }
+    }
+}
+
 /// Values of a model's [`Assumption`]s that differ from the default, by name.
 #[derive(Clone, Debug, Default)]
 pub struct Assumed(pub Vec<(&'static str, u32)>);

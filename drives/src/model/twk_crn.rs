@@ -228,27 +228,16 @@ impl Feedback for TwkCrn {
 
 #[cfg(test)]
 mod tests {
-    use super::super::Heartbeat;
     use super::*;
     use proptest::prelude::*;
     use syncline_canopen::NodeId;
 
     fn encoder(assumed: &[(&'static str, u32)]) -> TwkCrn {
+        let (node, cycle) = (NodeId::new(3).unwrap(), Duration::from_millis(2));
         TwkCrn::new(&Settings {
-            node: NodeId::new(3).unwrap(),
-            cycle: Duration::from_millis(2),
-            velocity: 0.0,
-            heartbeat: Heartbeat {
-                controller: NodeId::new(127).unwrap(),
-                producer: Duration::from_millis(100),
-                consumer: Duration::from_millis(250),
-            },
-            following_error_limit: None,
-            soft_limits: None,
-            signals: false,
-            outputs: 0,
             objects: vec![Write::new(0x6401, 1, Data::i32(5))],
             assumed: Assumed(assumed.to_vec()),
+            ..Settings::new(node, cycle)
         })
     }
 

@@ -4,15 +4,16 @@ use super::fault::{DriveError, Errors};
 use super::policy::Policies;
 use super::settings::Settings;
 use super::{MODE, TwinConfig};
-use crate::twin::node::{Firmware, Tampering};
+use crate::twin::node::Firmware;
 use crate::twin::servo::cascade::{POSITION_STEP_NS, Reference, SPEED_STEPS};
 use crate::twin::servo::clock::Clock;
 use crate::twin::servo::encoder::Encoder;
+use crate::twin::servo::firmware::Servo;
 use crate::twin::servo::loops::Loops;
 use crate::twin::servo::power_stage::PowerStage;
 use crate::twin::servo::ramp::Ramp;
 use crate::twin::servo::shaft::Shaft;
-use syncline_canopen::cia402::{Controlword, State, Statusword};
+use syncline_canopen::cia402::{State, Statusword};
 use syncline_canopen::dictionary::Dictionary;
 use syncline_canopen::time::Duration;
 use syncline_canopen::{Address, Instant};
@@ -78,22 +79,14 @@ pub struct Drive {
     pub(super) settings: Settings,
     pub(super) policies: Policies,
     pub(super) errors: Errors,
-    pub(super) now: Instant,
+    pub(super) servo: Servo,
 
-    pub(super) state: State,
     pub(super) state_since: Instant,
-    pub(super) enable_at: Option<Instant>,
-    pub(super) controlword: Controlword,
     /// It brakes by itself: quick stop or fault reaction.
     pub(super) braking: bool,
-    /// Whether the DC link has its voltage.
-    pub(super) has_mains: bool,
-    /// Whether the fieldbus has control, not another access channel.
-    pub(super) remote: bool,
     /// Whether the node is in NMT Operational.
     pub(super) is_operational: bool,
 
-    pub(super) loops: Loops,
     /// Measured, increments/s.
     velocity: f64,
     last_encoder: i64,
@@ -104,10 +97,6 @@ pub struct Drive {
     in_window_since: Option<Instant>,
     following_error: bool,
     target_reached: bool,
-
-    /// The objects do not show the present condition yet.
-    pub(super) stale: bool,
-    pub(super) tampering: Tampering,
 }
 
 impl Drive {
@@ -127,16 +116,10 @@ impl Drive {
             objects,
             policies: config.policies,
             errors: Errors::new(),
-            now: Instant::ZERO,
-            state: State::NotReadyToSwitchOn,
+            servo: Servo::new(loops, State::NotReadyToSwitchOn),
             state_since: Instant::ZERO,
-            enable_at: None,
-            controlword: Controlword(0),
             braking: false,
-            has_mains: true,
-            remote: true,
             is_operational: false,
-            loops,
             velocity: 0.0,
             last_encoder: encoder,
             reference: Ramp::at(encoder as f64),
@@ -145,8 +128,6 @@ impl Drive {
             in_window_since: None,
             following_error: false,
             target_reached: false,
-            stale: true,
-            tampering: Tampering::default(),
         };
         let resolution = Address::new(0x608F, 1);
         drive.preset(resolution, config.encoder_increments.into());
@@ -155,36 +136,28 @@ impl Drive {
 
     // ---- time ----
 
-    /// Lets the loops and the shaft run up to `now`.
-    pub(super) fn advance(&mut self, now: Instant) {
-        while self.loops.clock.step_end() <= now {
-            self.step();
-        }
-        self.now = now;
-    }
-
-    fn step(&mut self) {
-        let (step, _) = self.loops.clock.step();
+    pub(super) fn step(&mut self) {
+        let (step, _) = self.servo.loops.clock.step();
         if step % SPEED_STEPS == 0 {
-            self.now = self.loops.clock.step_end();
+            self.servo.now = self.servo.loops.clock.step_end();
             self.position_step();
         }
-        self.loops.speed_step(self.loop_reference());
+        self.servo.loops.speed_step(self.loop_reference());
     }
 
     fn position_step(&mut self) {
-        let moved = (self.loops.encoder - self.last_encoder) as f64 / POSITION_STEP;
-        self.last_encoder = self.loops.encoder;
+        let moved = (self.servo.loops.encoder - self.last_encoder) as f64 / POSITION_STEP;
+        self.last_encoder = self.servo.loops.encoder;
         self.velocity += (moved - self.velocity) * (POSITION_STEP / VELOCITY_FILTER);
         self.change_state();
         if self.is_powered() {
             self.move_reference();
             self.monitor();
         } else {
-            self.reference = Ramp::at(self.loops.encoder as f64);
+            self.reference = Ramp::at(self.servo.loops.encoder as f64);
         }
-        let limit = self.loops.torque_source.torque_limit();
-        self.loops.position_step(self.loop_reference(), limit);
+        let limit = self.servo.loops.torque_source.torque_limit();
+        self.servo.loops.position_step(self.loop_reference(), limit);
     }
 
     fn loop_reference(&self) -> Reference {
@@ -210,7 +183,7 @@ impl Drive {
                     self.motion = Motion::Hold;
                 }
             }
-            Motion::Follow(segment) => self.reference = segment.at(self.now),
+            Motion::Follow(segment) => self.reference = segment.at(self.servo.now),
         }
     }
 
@@ -223,7 +196,7 @@ impl Drive {
 
     /// A SYNC, after the synchronous R_PDOs have been put into effect.
     pub(super) fn on_sync(&mut self, now: Instant) {
-        let follows = self.state == State::OperationEnabled && self.settings.mode == MODE;
+        let follows = self.servo.state == State::OperationEnabled && self.settings.mode == MODE;
         if !follows {
             return;
         }
@@ -244,8 +217,8 @@ impl Drive {
 
     /// The power stage goes on: the reference is where the motor is.
     pub(super) fn start_loops(&mut self) {
-        self.loops.cascade.reset();
-        self.reference = Ramp::at(self.loops.encoder as f64);
+        self.servo.loops.cascade.reset();
+        self.reference = Ramp::at(self.servo.loops.encoder as f64);
         self.motion = Motion::Hold;
         self.too_far_since = None;
         self.following_error = false;
@@ -254,7 +227,7 @@ impl Drive {
     // ---- monitoring ----
 
     fn monitor(&mut self) {
-        let power_stage = self.loops.torque_source.power_stage();
+        let power_stage = self.servo.loops.torque_source.power_stage();
         if power_stage.is_some_and(PowerStage::has_overvoltage) {
             self.raise(DriveError::OVERVOLTAGE);
             return;
@@ -271,11 +244,11 @@ impl Drive {
             window_time,
             ..
         } = self.settings;
-        let deviation = (self.reference.position - self.loops.encoder as f64).abs();
+        let deviation = (self.reference.position - self.servo.loops.encoder as f64).abs();
         let too_far = following_error.is_some_and(|limit| deviation > limit);
         self.following_error = lasts(
             &mut self.too_far_since,
-            self.now,
+            self.servo.now,
             too_far,
             following_error_time,
         );
@@ -283,7 +256,12 @@ impl Drive {
             self.raise(DriveError::FOLLOWING_ERROR);
         }
         let is_in = window.is_some_and(|window| deviation <= window);
-        self.target_reached = lasts(&mut self.in_window_since, self.now, is_in, window_time);
+        self.target_reached = lasts(
+            &mut self.in_window_since,
+            self.servo.now,
+            is_in,
+            window_time,
+        );
     }
 
     /// Whether more SYNCs are overdue than may be missing: each by half a period.
@@ -291,14 +269,14 @@ impl Drive {
         match (self.motion, self.policies.missing_syncs) {
             (Motion::Follow(segment), Some(most)) => {
                 let periods = f64::from(most) + 1.5;
-                seconds(self.now.saturating_since(segment.since)) > segment.period * periods
+                seconds(self.servo.now.saturating_since(segment.since)) > segment.period * periods
             }
             _ => false,
         }
     }
 
     fn is_at_rest(&self) -> bool {
-        let standstill = STANDSTILL * self.loops.increments_per_revolution;
+        let standstill = STANDSTILL * self.servo.loops.increments_per_revolution;
         self.motion == Motion::Hold && self.velocity.abs() < standstill
     }
 
@@ -306,19 +284,22 @@ impl Drive {
 
     /// Gives an object another value, now and after each reset.
     pub(super) fn preset(&mut self, address: Address, value: i64) {
-        self.tampering.preset(&mut self.objects, address, value);
+        self.servo
+            .tampering
+            .preset(&mut self.objects, address, value);
     }
 
     /// Brings the objects that show the drive's condition up to `now`.
     pub(super) fn publish(&mut self, now: Instant) {
-        let ahead = self.loops.clock.since_step(now);
-        let position = self.loops.read(ahead);
+        let ahead = self.servo.loops.clock.since_step(now);
+        let position = self.servo.loops.read(ahead);
         let reference = match self.motion {
             Motion::Follow(segment) => segment.at(now).position,
             _ => self.reference.position,
         };
         let deviation = libm::round(reference) as i64 - position;
-        let torque = self.loops.torque() / self.loops.cascade.gains().continuous_torque * 1000.0;
+        let torque =
+            self.servo.loops.torque() / self.servo.loops.cascade.gains().continuous_torque * 1000.0;
         for (index, value) in [
             (0x1001, self.errors.register().into()),
             (0x603F, self.errors.code().into()),
@@ -337,9 +318,9 @@ impl Drive {
     pub(super) fn statusword(&self) -> Statusword {
         let follows = matches!(self.motion, Motion::Follow(_));
         let flags = [
-            (self.has_mains, Statusword::VOLTAGE_ENABLED),
+            (self.servo.has_mains, Statusword::VOLTAGE_ENABLED),
             (self.errors.warning, Statusword::WARNING),
-            (self.remote, Statusword::REMOTE),
+            (self.servo.remote, Statusword::REMOTE),
             (
                 self.target_reached && self.is_powered(),
                 Statusword::TARGET_REACHED,
@@ -355,7 +336,7 @@ impl Drive {
             ),
         ];
         let bits = flags.iter().filter(|(set, _)| *set).map(|(_, bit)| bit);
-        Statusword(bits.fold(self.state.bits(), |word, bit| word | bit))
+        Statusword(bits.fold(self.servo.state.bits(), |word, bit| word | bit))
     }
 }
 

@@ -67,8 +67,6 @@ pub(super) struct Errors {
     pub(super) active: Option<DriveError>,
     /// A warning is pending.
     pub(super) warning: bool,
-    /// Whether the cause is still there, so that a Fault Reset is in vain.
-    pub(super) cause_persists: bool,
     untold: VecDeque<Emergency>,
 }
 
@@ -77,7 +75,6 @@ impl Errors {
         Self {
             active: None,
             warning: false,
-            cause_persists: false,
             untold: VecDeque::with_capacity(EMCY_CAPACITY),
         }
     }
@@ -104,9 +101,8 @@ impl Errors {
 
     /// Forgets it, if it can be; whether it could.
     pub(super) fn reset(&mut self, told: bool) -> bool {
-        self.warning = false;
         let resettable = |error: DriveError| error.class != ErrorClass::Fatal;
-        let reset = !self.cause_persists && self.active.is_some_and(resettable);
+        let reset = self.active.is_some_and(resettable);
         if reset {
             self.active = None;
             if told {

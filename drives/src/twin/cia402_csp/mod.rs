@@ -165,7 +165,7 @@ impl Device<Drive> {
     /// State of the drive.
     #[must_use]
     pub fn state(&self) -> State {
-        self.firmware.state
+        self.firmware.servo.state
     }
 
     /// Statusword of the drive.

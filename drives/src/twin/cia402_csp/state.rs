@@ -20,13 +20,13 @@ const QUICK_STOP: i64 = 3;
 
 impl Drive {
     pub(super) fn enter(&mut self, state: State) {
-        if state == self.state {
+        if state == self.servo.state {
             return;
         }
         let was_powered = self.is_powered();
-        self.state = state;
-        self.state_since = self.now;
-        self.enable_at = None;
+        self.servo.state = state;
+        self.state_since = self.servo.now;
+        self.servo.enable_at = None;
         if self.is_powered() && !was_powered {
             self.start_loops();
         }
@@ -38,18 +38,18 @@ impl Drive {
 
     /// The changes that need no command.
     pub(super) fn change_state(&mut self) {
-        match self.state {
+        match self.servo.state {
             // T1
             State::NotReadyToSwitchOn
-                if self.now.saturating_since(self.state_since) >= SELF_TEST =>
+                if self.servo.now.saturating_since(self.state_since) >= SELF_TEST =>
             {
                 self.enter(State::SwitchOnDisabled);
             }
             // T4
-            State::SwitchedOn if self.enable_at.is_some_and(|at| self.now >= at) => {
+            State::SwitchedOn if self.servo.enable_at.is_some_and(|at| self.servo.now >= at) => {
                 self.enter(State::OperationEnabled);
             }
-            state if state.is_powered() && !self.has_mains => {
+            state if state.is_powered() && !self.servo.has_mains => {
                 self.raise(DriveError::UNDERVOLTAGE);
             }
             _ => {}
@@ -58,15 +58,17 @@ impl Drive {
 
     /// A controlword.
     pub(super) fn command(&mut self, word: Controlword) {
-        let previous = core::mem::replace(&mut self.controlword, word);
-        if word.resets_fault(previous) && self.state != State::FaultReactionActive {
+        let previous = core::mem::replace(&mut self.servo.controlword, word);
+        if word.resets_fault(previous) && self.servo.state != State::FaultReactionActive {
             self.reset_fault();
         }
-        if matches!(self.state, State::FaultReactionActive | State::Fault) {
+        if matches!(self.servo.state, State::FaultReactionActive | State::Fault) {
             return;
         }
-        let to = word.command().and_then(|it| commanded(self.state, it));
-        match (self.state, to) {
+        let to = word
+            .command()
+            .and_then(|it| commanded(self.servo.state, it));
+        match (self.servo.state, to) {
             (_, None) => {}
             (_, Some(State::QuickStopActive)) => self.quick_stop(),
             (State::QuickStopActive, Some(State::OperationEnabled)) => {
@@ -76,9 +78,9 @@ impl Drive {
             // T3, and T4 once the power stage is on: without DC link voltage never.
             (_, Some(State::OperationEnabled)) => {
                 self.enter(State::SwitchedOn);
-                if self.has_mains {
-                    let enabled = self.now + self.policies.enable_time;
-                    self.enable_at.get_or_insert(enabled);
+                if self.servo.has_mains {
+                    let enabled = self.servo.now + self.policies.enable_time;
+                    self.servo.enable_at.get_or_insert(enabled);
                 }
             }
             (_, Some(to)) => self.enter(to),
@@ -99,25 +101,19 @@ impl Drive {
     /// Quick stop or fault reaction has come to rest: T12, T14.
     pub(super) fn end_braking(&mut self) {
         self.braking = false;
-        match self.state {
+        match self.servo.state {
             State::FaultReactionActive => self.enter(State::Fault),
             _ if self.settings.quick_stop == BRAKE_AND_STAY => {}
             _ => self.enter(State::SwitchOnDisabled),
         }
     }
 
-    /// Puts an enabled drive on the bus: somebody left it so.
-    pub(super) fn start_enabled(&mut self) {
-        self.controlword = Controlword::ENABLE_OPERATION;
-        self.enter(State::OperationEnabled);
-    }
-
     /// The application starts anew; an error stays.
     pub(super) fn restart(&mut self) {
-        if !matches!(self.state, State::Fault | State::FaultReactionActive) {
+        if !matches!(self.servo.state, State::Fault | State::FaultReactionActive) {
             self.enter(State::NotReadyToSwitchOn);
         }
-        self.controlword = Controlword(0);
+        self.servo.controlword = Controlword(0);
     }
 
     /// Another mode than the one that follows setpoints: what moves comes to rest.
@@ -149,8 +145,9 @@ impl Drive {
 
     /// T15.
     fn reset_fault(&mut self) {
-        let reset = self.errors.reset(self.policies.emcy_on_reset);
-        if reset && self.state == State::Fault {
+        self.errors.warning = false;
+        let reset = !self.servo.cause_persists && self.errors.reset(self.policies.emcy_on_reset);
+        if reset && self.servo.state == State::Fault {
             self.enter(State::SwitchOnDisabled);
         }
     }
@@ -160,7 +157,7 @@ impl Drive {
         match self.settings.abort_connection {
             FAULT => self.raise(DriveError::CONNECTION_LOST),
             DISABLE_VOLTAGE if self.is_powered() => self.enter(State::SwitchOnDisabled),
-            QUICK_STOP if self.state == State::OperationEnabled => self.quick_stop(),
+            QUICK_STOP if self.servo.state == State::OperationEnabled => self.quick_stop(),
             _ => {}
         }
     }

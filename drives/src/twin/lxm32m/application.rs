@@ -2,9 +2,9 @@
 
 use super::drive::Drive;
 use super::fault::{DriveError, Errors};
-use crate::twin::device::Disturbance;
+use crate::twin::device::{Disturbance, ErrorClass};
 use crate::twin::node::Firmware;
-use crate::twin::servo::shaft::Shaft;
+use crate::twin::servo::firmware::{Servo, ServoFirmware};
 use syncline_canopen::cia402::State;
 use syncline_canopen::dictionary::{Dictionary, Row};
 use syncline_canopen::emcy::{self, Emergency};
@@ -25,24 +25,24 @@ impl Application for Drive {
     fn refresh(&mut self, now: Instant, row: Option<Row>) {
         // What can be written is what was written.
         let settled = row.is_some_and(|row| self.objects.entry(row).access.writable());
-        if !settled && core::mem::take(&mut self.stale) {
+        if !settled && core::mem::take(&mut self.servo.stale) {
             self.publish(now);
         }
     }
 
     fn check_write(&self, row: Row, value: i64, origin: Origin) -> Result<(), AbortCode> {
         let address = self.objects.entry(row).address;
-        self.tampering.check_write(address, origin)?;
+        self.servo.tampering.check_write(address, origin)?;
         Drive::check_write(self, row, value, origin)
     }
 
     fn written(&mut self, _: Instant, row: Row, origin: Origin) {
-        self.stale = true;
+        self.servo.stale = true;
         Drive::written(self, row, origin);
     }
 
     fn on_sync(&mut self, now: Instant, _: Sync) {
-        self.stale = true;
+        self.servo.stale = true;
         Drive::on_sync(self, now);
     }
 
@@ -118,49 +118,40 @@ impl Application for Drive {
     }
 }
 
-impl Firmware for Drive {
-    fn run_until(&mut self, now: Instant) {
-        self.advance(now);
-        self.stale = true;
+impl ServoFirmware for Drive {
+    fn servo(&self) -> &Servo {
+        &self.servo
     }
 
-    /// Nothing drives the shaft, and every error is forgotten.
-    fn power_off(&mut self) {
-        self.enter(State::NotReadyToSwitchOn);
+    fn servo_mut(&mut self) -> &mut Servo {
+        &mut self.servo
+    }
+
+    fn step(&mut self) {
+        Drive::step(self);
+    }
+
+    fn enter(&mut self, state: State) {
+        Drive::enter(self, state);
+    }
+
+    fn raise_class(&mut self, class: ErrorClass) {
+        self.raise(DriveError {
+            class,
+            ..DriveError::FOLLOWING_ERROR
+        });
+    }
+
+    fn forget_errors(&mut self) {
         self.errors = Errors::new();
     }
 
-    fn shaft(&self) -> &Shaft {
-        &self.loops.shaft
-    }
-
-    fn shaft_mut(&mut self) -> &mut Shaft {
-        &mut self.loops.shaft
-    }
-
-    fn is_powered(&self) -> bool {
-        self.state.is_powered()
-    }
-
-    fn torque(&self) -> f64 {
-        self.loops.torque()
-    }
-
-    fn disturb(&mut self, disturbance: Disturbance) {
+    fn disturb_own(&mut self, disturbance: Disturbance) {
         match disturbance {
-            // Without it state 3 is not left (lxm32m 1315).
-            Disturbance::Mains(on) => self.has_mains = on,
-            Disturbance::Fault(class) => self.raise(DriveError {
-                class,
-                ..DriveError::FOLLOWING_ERROR
-            }),
-            Disturbance::FaultPersists(persists) => self.errors.cause_persists = persists,
-            Disturbance::FoundEnabled => self.start_enabled(),
             Disturbance::EnableTime(time) => self.policies.enable_time = time,
             // While another access channel has it, parameters can be read and written, commands
             // are not executed (lxm32m 1327).
-            Disturbance::Remote(remote) => self.remote = remote,
-            Disturbance::RefuseWrite(address, code) => self.tampering.refuse(address, code),
+            Disturbance::Remote(remote) => self.servo.remote = remote,
             Disturbance::Input(input, on) => self.switches.sense(input, on),
             Disturbance::Vendor(id) => self.identity.vendor_id = id,
             // The rest is the node's and the shaft's.

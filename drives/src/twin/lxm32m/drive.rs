@@ -11,12 +11,13 @@ use super::switches::{Pulses, Switches};
 use super::synchronisation::{Synchronisation, Verdict};
 use super::units::INCREMENTS_PER_REVOLUTION;
 use super::{Identity, TwinConfig};
-use crate::twin::node::{Firmware, Tampering};
+use crate::twin::node::Firmware;
 use crate::twin::servo::cascade::{
     Cascade, Gains, POSITION_STEP_NS, Reference, SPEED_STEP_NS, SPEED_STEPS,
 };
 use crate::twin::servo::clock::Clock;
 use crate::twin::servo::encoder::Encoder;
+use crate::twin::servo::firmware::Servo;
 use crate::twin::servo::loops::Loops;
 use crate::twin::servo::power_stage::PowerStage;
 use crate::twin::servo::ramp::Ramp;
@@ -43,23 +44,15 @@ pub struct Drive {
     pub(super) parameter_sets: [ParameterSet; 2],
     pub(super) policies: Policies,
     pub(super) errors: Errors,
+    pub(super) servo: Servo,
     pub(super) switches: Switches,
     pub(super) pulses: Pulses,
     pub(super) captures: Captures,
-    pub(super) now: Instant,
 
-    pub(super) state: State,
     pub(super) state_since: Instant,
-    pub(super) enable_at: Option<Instant>,
-    pub(super) controlword: Controlword,
     pub(super) quick_stopping: bool,
-    /// Whether the DC bus has its voltage.
-    pub(super) has_mains: bool,
-    /// Whether the fieldbus has control, not another access channel.
-    pub(super) remote: bool,
     pub(super) warning_until: Instant,
 
-    pub(super) loops: Loops,
     pub(super) sync: Synchronisation,
     /// Gains that no object sets.
     pub(super) own_gains: Gains,
@@ -95,10 +88,7 @@ pub struct Drive {
     pub(super) ref_ok: bool,
     /// Something has happened that the statusword's value may not show.
     pub(super) status_event: bool,
-    /// The objects do not show the present condition yet.
-    pub(super) stale: bool,
     pub(super) identity: Identity,
-    pub(super) tampering: Tampering,
 }
 
 impl Drive {
@@ -132,19 +122,13 @@ impl Drive {
             objects,
             policies,
             errors: Errors::new(),
+            servo: Servo::new(loops, State::SwitchOnDisabled),
             switches,
             pulses: Pulses::default(),
             captures: Captures::default(),
-            now: Instant::ZERO,
-            state: State::SwitchOnDisabled,
             state_since: Instant::ZERO,
-            enable_at: None,
-            controlword: Controlword(0),
             quick_stopping: false,
-            has_mains: true,
-            remote: true,
             warning_until: Instant::ZERO,
-            loops,
             sync: Synchronisation::new(),
             own_gains,
             zero: 0,
@@ -170,44 +154,37 @@ impl Drive {
             x_end: true,
             ref_ok: false,
             status_event: false,
-            stale: true,
             identity,
-            tampering: Tampering::default(),
         }
     }
 
     pub(super) fn state(&self) -> State {
-        self.state
+        self.servo.state
     }
 
     // ---- time ----
 
-    /// Lets the loops and the shaft run up to `now`.
-    pub(super) fn advance(&mut self, now: Instant) {
-        while self.loops.clock.step_end() <= now {
-            self.step();
-        }
-        self.now = now;
-    }
-
-    fn step(&mut self) {
-        let (step, _) = self.loops.clock.step();
+    pub(super) fn step(&mut self) {
+        let (step, _) = self.servo.loops.clock.step();
         if step % SPEED_STEPS == 0 {
-            self.now = self.loops.clock.step_end();
+            self.servo.now = self.servo.loops.clock.step_end();
             self.position_step(step);
         }
-        if self.loops.speed_step(self.loop_reference()) {
+        if self.servo.loops.speed_step(self.loop_reference()) {
             self.interpolation.next_cycle();
         }
     }
 
     fn position_step(&mut self, step: u32) {
-        let oldest = core::mem::replace(&mut self.recent[self.recent_place], self.loops.encoder);
-        let moved = (self.loops.encoder - oldest) as f64;
+        let oldest = core::mem::replace(
+            &mut self.recent[self.recent_place],
+            self.servo.loops.encoder,
+        );
+        let moved = (self.servo.loops.encoder - oldest) as f64;
         self.velocity = moved / (POSITION_STEP * VELOCITY_WINDOW as f64);
         self.recent_place = (self.recent_place + 1) % VELOCITY_WINDOW;
         self.pulses.advance(POSITION_STEP);
-        if step == self.loops.clock.steps() / 2 / SPEED_STEPS * SPEED_STEPS {
+        if step == self.servo.loops.clock.steps() / 2 / SPEED_STEPS * SPEED_STEPS {
             let verdict = self.sync.on_mid_cycle(&self.policies);
             self.judge_sync(verdict);
         }
@@ -218,15 +195,15 @@ impl Drive {
             self.move_reference(step);
             self.monitor();
         } else {
-            self.ramp = Ramp::at(self.loops.encoder as f64);
+            self.ramp = Ramp::at(self.servo.loops.encoder as f64);
         }
         if step == 0 {
-            let cycle = f64::from(self.loops.clock.steps()) * SPEED_STEP;
+            let cycle = f64::from(self.servo.loops.clock.steps()) * SPEED_STEP;
             self.acceleration = (self.ramp.velocity - self.cycle_velocity) / cycle;
             self.cycle_velocity = self.ramp.velocity;
         }
         let (reference, limit) = (self.loop_reference(), self.torque_limit());
-        self.loops.position_step(reference, limit);
+        self.servo.loops.position_step(reference, limit);
     }
 
     fn loop_reference(&self) -> Reference {
@@ -248,7 +225,7 @@ impl Drive {
     fn torque_limit(&self) -> f64 {
         let row = if self.quick_stopping {
             Some(self.rows.quick_stop_current)
-        } else if self.controlword.has(Controlword::HALT) {
+        } else if self.servo.controlword.has(Controlword::HALT) {
             Some(self.rows.halt_current)
         } else {
             None
@@ -258,7 +235,7 @@ impl Drive {
             0 => f64::INFINITY,
             _ => self.torque_of_current(limit),
         };
-        limit.min(self.loops.torque_source.torque_limit())
+        limit.min(self.servo.loops.torque_source.torque_limit())
     }
 
     fn move_reference(&mut self, step: u32) {
@@ -291,7 +268,7 @@ impl Drive {
             Motion::Gear => self.follow_pulses(),
             Motion::Torque(_) => {
                 self.ramp = Ramp {
-                    position: self.loops.encoder as f64,
+                    position: self.servo.loops.encoder as f64,
                     velocity: self.actual_velocity(),
                 }
             }
@@ -299,22 +276,22 @@ impl Drive {
     }
 
     fn monitor(&mut self) {
-        let power_stage = self.loops.torque_source.power_stage();
+        let power_stage = self.servo.loops.torque_source.power_stage();
         if power_stage.is_some_and(PowerStage::has_overvoltage) {
             self.raise(DriveError::OVERVOLTAGE);
             return;
         }
         if let Some(error) = self.limit_hit().or_else(|| self.deviation_error()) {
-            let before = self.state;
+            let before = self.servo.state;
             self.raise(error);
-            if self.state != before {
+            if self.servo.state != before {
                 return;
             }
         }
         let at_rest = self.is_at_rest();
         if self.quick_stopping && at_rest {
             self.quick_stopping = false;
-            if self.state == State::FaultReactionActive {
+            if self.servo.state == State::FaultReactionActive {
                 self.enter(State::Fault);
                 return;
             }
@@ -323,7 +300,7 @@ impl Drive {
         self.watch_target();
         if at_rest && !self.x_end && !self.mode_is_busy() {
             self.x_end = true;
-            self.target_reached |= self.controlword.has(Controlword::HALT);
+            self.target_reached |= self.servo.controlword.has(Controlword::HALT);
         }
     }
 
@@ -334,7 +311,7 @@ impl Drive {
 
     /// Reference minus actual position, increments.
     pub(super) fn deviation(&self) -> f64 {
-        self.ramp.position - self.loops.encoder as f64
+        self.ramp.position - self.servo.loops.encoder as f64
     }
 
     /// Whether the actual position is within the standstill window of the reference.
@@ -350,8 +327,8 @@ impl Drive {
             return false;
         }
         let time = Duration::from_millis(self.objects.get(time) as u64);
-        let since = *self.settling_since.get_or_insert(self.now);
-        self.now.saturating_since(since) >= time
+        let since = *self.settling_since.get_or_insert(self.servo.now);
+        self.servo.now.saturating_since(since) >= time
     }
 
     /// The part of the deviation that a load causes, increments: a position loop with less than
@@ -360,7 +337,7 @@ impl Drive {
         if matches!(self.motion, Motion::Torque(_)) {
             return 0.0;
         }
-        let gains = self.loops.cascade.gains();
+        let gains = self.servo.loops.cascade.gains();
         let lag = self.ramp.velocity * (1.0 - gains.velocity_feed_forward) / gains.position;
         let deviation = self.deviation();
         if (deviation - lag).abs() < deviation.abs() {
@@ -398,7 +375,7 @@ impl Drive {
     /// movement was under way (the Jog example, lxm32m 1762).
     pub(super) fn begin(&mut self, motion: Motion) {
         if matches!(self.motion, Motion::Torque(_)) && !matches!(motion, Motion::Torque(_)) {
-            self.loops.cascade.reset();
+            self.servo.loops.cascade.reset();
         }
         self.motion = motion;
         self.x_end = false;
@@ -410,7 +387,7 @@ impl Drive {
     /// Brings the motor to rest with a deceleration in increments/s².
     pub(super) fn stop(&mut self, deceleration: f64) {
         if matches!(self.motion, Motion::Torque(_)) {
-            self.loops.cascade.reset();
+            self.servo.loops.cascade.reset();
         }
         if self.motion != Motion::Hold {
             self.motion = Motion::Stop(deceleration);
@@ -427,13 +404,14 @@ impl Drive {
     /// Brings the objects that show the drive's condition up to `now`.
     pub(super) fn publish(&mut self, now: Instant) {
         let rows = self.rows;
-        let since_step = self.loops.clock.since_step(now);
-        let encoder = self.loops.read(since_step);
+        let since_step = self.servo.loops.clock.since_step(now);
+        let encoder = self.servo.loops.read(since_step);
         let encoder = encoder.saturating_sub(self.zero);
         let reference = (self.ramp.position as i64).saturating_sub(self.zero);
         let velocity = self.actual_velocity();
         let rpm = velocity * 60.0 / INCREMENTS_PER_REVOLUTION;
-        let torque = self.loops.torque() / self.loops.cascade.gains().continuous_torque * 1000.0;
+        let torque =
+            self.servo.loops.torque() / self.servo.loops.cascade.gains().continuous_torque * 1000.0;
         let position = self.user_position(encoder);
         let user_reference = self.user_position(reference);
         let deviation = user_reference.saturating_sub(position);
@@ -499,7 +477,7 @@ impl Drive {
 
     /// DC bus in 0.1 V, I²t of power stage and motor in percent with their peaks: units assumed.
     fn publish_power_stage(&mut self) {
-        let Some(stage) = self.loops.torque_source.power_stage() else {
+        let Some(stage) = self.servo.loops.torque_source.power_stage() else {
             return;
         };
         let rows = self.rows;
@@ -521,10 +499,13 @@ impl Drive {
     /// 6041h (lxm32m 1301-1351).
     pub(super) fn statusword(&self) -> Statusword {
         let flags = [
-            (self.has_mains, Statusword::VOLTAGE_ENABLED),
-            (self.now < self.warning_until, Statusword::WARNING),
-            (self.controlword.has(Controlword::HALT), Statusword::HALT),
-            (self.remote, Statusword::REMOTE),
+            (self.servo.has_mains, Statusword::VOLTAGE_ENABLED),
+            (self.servo.now < self.warning_until, Statusword::WARNING),
+            (
+                self.servo.controlword.has(Controlword::HALT),
+                Statusword::HALT,
+            ),
+            (self.servo.remote, Statusword::REMOTE),
             (self.target_reached, Statusword::TARGET_REACHED),
             (self.bit_12, Statusword::MODE_12),
             (self.x_err, Statusword::BIT_13),
@@ -534,7 +515,7 @@ impl Drive {
         flags
             .iter()
             .filter(|(set, _)| *set)
-            .fold(Statusword(self.state.bits()), |word, (_, bit)| {
+            .fold(Statusword(self.servo.state.bits()), |word, (_, bit)| {
                 Statusword(word.0 | bit)
             })
     }

@@ -141,8 +141,6 @@ const EMCY_CAPACITY: usize = 8;
 pub(super) struct Errors {
     /// The error that stopped the drive, until it is reset.
     pub(super) active: Option<DriveError>,
-    /// Whether the cause is still there, so that a Fault Reset is in vain (lxm32m 4616).
-    pub(super) cause_persists: bool,
     untold: VecDeque<Emergency>,
 }
 
@@ -150,7 +148,6 @@ impl Errors {
     pub(super) fn new() -> Self {
         Self {
             active: None,
-            cause_persists: false,
             untold: VecDeque::with_capacity(EMCY_CAPACITY),
         }
     }

@@ -102,7 +102,7 @@ impl Drive {
         let second = self.objects.get(self.rows.parameter_set_selected) == SET_2;
         let set = self.parameter_sets[usize::from(second)];
         let gains = self.gains(&set, !second);
-        self.loops.cascade.retune(gains);
+        self.servo.loops.cascade.retune(gains);
         let active = 1 + i64::from(second);
         self.objects.set(self.rows.parameter_set_active, active);
     }
@@ -169,7 +169,7 @@ impl Drive {
                 ),
             ],
             torque_limit: or(rows.current_limit, torque_of(CURRENT), own.torque_limit),
-            speed_limit: self.loops.cascade.gains().speed_limit,
+            speed_limit: self.servo.loops.cascade.gains().speed_limit,
             ..own.clone()
         }
     }

@@ -24,16 +24,16 @@ const SELF_TEST: Duration = Duration::from_millis(1);
 
 impl Drive {
     pub(super) fn enter(&mut self, state: State) {
-        if state == self.state {
+        if state == self.servo.state {
             return;
         }
         let was_powered = self.is_powered();
-        self.state = state;
-        self.state_since = self.now;
-        self.enable_at = None;
+        self.servo.state = state;
+        self.state_since = self.servo.now;
+        self.servo.enable_at = None;
         if self.is_powered() && !was_powered {
-            self.loops.cascade.reset();
-            self.ramp = Ramp::at(self.loops.encoder as f64);
+            self.servo.loops.cascade.reset();
+            self.ramp = Ramp::at(self.servo.loops.encoder as f64);
             self.motion = Motion::Hold;
             self.x_err = false;
             self.target_reached = false;
@@ -49,22 +49,22 @@ impl Drive {
 
     /// The changes that need no command.
     pub(super) fn change_state(&mut self) {
-        match self.state {
-            State::ReadyToSwitchOn | State::SwitchedOn if !self.has_mains => {
+        match self.servo.state {
+            State::ReadyToSwitchOn | State::SwitchedOn if !self.servo.has_mains => {
                 self.enter(State::SwitchOnDisabled);
             }
-            state if state.is_powered() && !self.has_mains => {
+            state if state.is_powered() && !self.servo.has_mains => {
                 self.raise(DriveError::UNDERVOLTAGE);
             }
             // Factory setting of 301Bh:13: the examples show state 4 before any controlword (D-28).
             State::SwitchOnDisabled
                 if self.becomes_ready_alone()
-                    && self.has_mains
-                    && self.now.saturating_since(self.state_since) >= SELF_TEST =>
+                    && self.servo.has_mains
+                    && self.servo.now.saturating_since(self.state_since) >= SELF_TEST =>
             {
                 self.enter(State::ReadyToSwitchOn);
             }
-            State::SwitchedOn if self.enable_at.is_some_and(|at| self.now >= at) => {
+            State::SwitchedOn if self.servo.enable_at.is_some_and(|at| self.servo.now >= at) => {
                 self.enter(State::OperationEnabled);
                 if let Some(error) = self.limit_at_enabling() {
                     self.raise(error);
@@ -80,23 +80,23 @@ impl Drive {
 
     /// A controlword (lxm32m 1360-1393).
     pub(super) fn command(&mut self, word: Controlword, origin: Origin) {
-        let previous = core::mem::replace(&mut self.controlword, word);
+        let previous = core::mem::replace(&mut self.servo.controlword, word);
         if word.resets_fault(previous) {
             self.reset_errors();
         }
-        if matches!(self.state, State::FaultReactionActive | State::Fault) {
+        if matches!(self.servo.state, State::FaultReactionActive | State::Fault) {
             return;
         }
         let Some(command) = word.command() else {
             return;
         };
-        match (command, self.state) {
+        match (command, self.servo.state) {
             // T7, and back at once.
             (Command::DisableVoltage, State::ReadyToSwitchOn) if self.becomes_ready_alone() => {}
             // Without DC bus voltage state 3 is not left (lxm32m 1315).
-            (Command::Shutdown, State::SwitchOnDisabled) if !self.has_mains => {}
+            (Command::Shutdown, State::SwitchOnDisabled) if !self.servo.has_mains => {}
             (Command::EnableOperation, State::QuickStopActive) if self.errors.active.is_some() => {}
-            (Command::SwitchOn, State::SwitchedOn) => self.enable_at = None,
+            (Command::SwitchOn, State::SwitchedOn) => self.servo.enable_at = None,
             (command, state) => {
                 if let Some(to) = commanded(state, command) {
                     self.follow(to);
@@ -108,7 +108,7 @@ impl Drive {
 
     /// A commanded transition, with what the drive does on the way.
     fn follow(&mut self, to: State) {
-        match (self.state, to) {
+        match (self.servo.state, to) {
             (_, State::QuickStopActive) => {
                 self.enter(to);
                 self.x_err = true;
@@ -121,8 +121,8 @@ impl Drive {
             }
             (_, State::OperationEnabled) => {
                 self.enter(State::SwitchedOn);
-                let enabled = self.now + self.policies.enable_time;
-                self.enable_at.get_or_insert(enabled);
+                let enabled = self.servo.now + self.policies.enable_time;
+                self.servo.enable_at.get_or_insert(enabled);
             }
             _ => self.enter(to),
         }
@@ -143,24 +143,18 @@ impl Drive {
         self.acceleration_of(self.objects.get(self.rows.quick_stop_ramp))
     }
 
-    /// Puts an enabled drive on the bus: somebody left it so.
-    pub(super) fn start_enabled(&mut self) {
-        self.controlword = Controlword::ENABLE_OPERATION;
-        self.enter(State::OperationEnabled);
-    }
-
     /// The application starts with the objects as they were stored; an error stays.
     pub(super) fn restart(&mut self) {
-        if !matches!(self.state, State::Fault | State::FaultReactionActive) {
+        if !matches!(self.servo.state, State::Fault | State::FaultReactionActive) {
             self.enter(State::NotReadyToSwitchOn);
             self.enter(State::SwitchOnDisabled);
             self.x_err = false;
         }
-        self.controlword = Controlword(0);
+        self.servo.controlword = Controlword(0);
         self.zero = 0;
         self.ref_ok = false;
         self.change_mode();
-        self.sync.stop(&mut self.loops.clock, self.now);
+        self.sync.stop(&mut self.servo.loops.clock, self.servo.now);
         self.select_at_power_up();
         self.written(self.rows.velocity_limit, Origin::Sdo);
     }
@@ -172,7 +166,7 @@ impl Drive {
             self.objects.set(rows.last_warning, error.number.into());
             self.objects.set(rows.warnings_active, 1);
             self.objects.set(rows.warnings_latched, 1);
-            self.warning_until = self.now + WARNING_TIME;
+            self.warning_until = self.servo.now + WARNING_TIME;
             return;
         }
         // The first error is the one to tell, unless a worse one follows.
@@ -205,19 +199,19 @@ impl Drive {
         let rows = self.rows;
         self.objects.set(rows.memory_number, number);
         self.objects.set(rows.memory_class, class);
-        let seconds = self.now.as_nanos() / 1_000_000_000;
+        let seconds = self.servo.now.as_nanos() / 1_000_000_000;
         self.objects.set(rows.memory_time, seconds as i64);
     }
 
     fn reset_errors(&mut self) {
-        self.warning_until = self.now;
+        self.warning_until = self.servo.now;
         self.objects.set(self.rows.warnings_active, 0);
         let Some(active) = self.errors.active else {
             return;
         };
         if active.class == ErrorClass::Fatal
-            || self.errors.cause_persists
-            || self.state == State::FaultReactionActive
+            || self.servo.cause_persists
+            || self.servo.state == State::FaultReactionActive
         {
             return;
         }
@@ -226,7 +220,7 @@ impl Drive {
         if self.policies.emcy_on_reset {
             self.errors.tell(Emergency::default());
         }
-        if self.state == State::Fault {
+        if self.servo.state == State::Fault {
             self.enter(State::SwitchOnDisabled);
         }
     }

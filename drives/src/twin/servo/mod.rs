@@ -6,6 +6,7 @@
 //! - [`encoder`], [`shaft`]: what the loops read, and what they move
 //! - [`motor`]: generic sets of figures
 //! - [`ramp`]: the drive's own profile generator
+//! - [`firmware`]: what stands between them and the node
 //!
 //! [`loops`] puts them together in the order of one step of its speed loop: the cascade turns the
 //! last reading into a torque, the power stage makes of it what current and voltage allow, the shaft moves
@@ -15,6 +16,7 @@ pub mod cascade;
 pub mod clock;
 pub mod encoder;
 pub mod filter;
+pub mod firmware;
 pub mod loops;
 pub mod motor;
 pub mod power_stage;

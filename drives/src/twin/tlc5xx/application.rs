@@ -2,9 +2,8 @@
 
 use super::drive::Drive;
 use super::fault::{DriveError, Errors};
-use crate::twin::device::Disturbance;
-use crate::twin::node::Firmware;
-use crate::twin::servo::shaft::Shaft;
+use crate::twin::device::{Disturbance, ErrorClass};
+use crate::twin::servo::firmware::{Servo, ServoFirmware};
 use syncline_canopen::cia402::{Controlword, State};
 use syncline_canopen::dictionary::{Dictionary, Row};
 use syncline_canopen::emcy::Emergency;
@@ -22,7 +21,7 @@ impl Application for Drive {
     }
 
     fn refresh(&mut self, now: Instant, _: Option<Row>) {
-        if core::mem::take(&mut self.stale) {
+        if core::mem::take(&mut self.servo.stale) {
             self.publish(now);
         }
     }
@@ -40,14 +39,14 @@ impl Application for Drive {
 
     fn check_write(&self, row: Row, value: i64, origin: Origin) -> Result<(), AbortCode> {
         let address = self.objects.entry(row).address;
-        self.tampering.check_write(address, origin)?;
+        self.servo.tampering.check_write(address, origin)?;
         self.check_read(row)?;
         self.check_communication(address, value)?;
         self.check_parameter(address, value)
     }
 
     fn written(&mut self, _: Instant, row: Row, origin: Origin) {
-        self.stale = true;
+        self.servo.stale = true;
         let address = self.objects.entry(row).address;
         if address.index >= 0x2000 {
             self.parameter_written(address, origin);
@@ -63,14 +62,14 @@ impl Application for Drive {
 
     fn on_reset(&mut self, _: Instant, reset: nmt::Event) {
         self.nmt_state = nmt::State::PreOperational;
-        self.tampering.show(&mut self.objects);
+        self.servo.tampering.show(&mut self.objects);
         // The default printed is 1 (D-31), but there is no error.
         self.objects.put(0x1003, 0, 0);
         if reset == nmt::Event::ResetNode {
             self.restart();
         }
         self.settle_parameters();
-        self.stale = true;
+        self.servo.stale = true;
     }
 
     fn on_communication_error(
@@ -103,46 +102,38 @@ impl Application for Drive {
     }
 }
 
-impl Firmware for Drive {
-    fn run_until(&mut self, now: Instant) {
-        self.advance(now);
-        self.stale = true;
+impl ServoFirmware for Drive {
+    fn servo(&self) -> &Servo {
+        &self.servo
     }
 
-    /// Nothing drives the shaft, and every error is forgotten.
-    fn power_off(&mut self) {
-        self.enter(State::NotReadyToSwitchOn);
+    fn servo_mut(&mut self) -> &mut Servo {
+        &mut self.servo
+    }
+
+    fn step(&mut self) {
+        Drive::step(self);
+    }
+
+    fn enter(&mut self, state: State) {
+        Drive::enter(self, state);
+    }
+
+    fn raise_class(&mut self, class: ErrorClass) {
+        self.raise(DriveError {
+            class,
+            ..DriveError::FOLLOWING_ERROR
+        });
+    }
+
+    fn forget_errors(&mut self) {
         self.errors = Errors::default();
     }
 
-    fn shaft(&self) -> &Shaft {
-        &self.loops.shaft
-    }
-
-    fn shaft_mut(&mut self) -> &mut Shaft {
-        &mut self.loops.shaft
-    }
-
-    fn is_powered(&self) -> bool {
-        self.state.is_powered()
-    }
-
-    fn torque(&self) -> f64 {
-        self.loops.torque()
-    }
-
-    fn disturb(&mut self, disturbance: Disturbance) {
+    fn disturb_own(&mut self, disturbance: Disturbance) {
         match disturbance {
-            Disturbance::Mains(on) => self.has_mains = on,
-            Disturbance::Fault(class) => self.raise(DriveError {
-                class,
-                ..DriveError::FOLLOWING_ERROR
-            }),
-            Disturbance::FaultPersists(persists) => self.errors.cause_persists = persists,
-            Disturbance::FoundEnabled => self.start_enabled(),
             Disturbance::EnableTime(time) => self.policies.enable_time = time,
             Disturbance::Remote(remote) => self.take_control(remote),
-            Disturbance::RefuseWrite(address, code) => self.tampering.refuse(address, code),
             Disturbance::Vendor(id) => self.preset(Address::new(0x1018, 1), id.into()),
             // Its inputs are set by [`Twin::set_inputs`].
             _ => {}
@@ -153,10 +144,10 @@ impl Firmware for Drive {
 impl Drive {
     /// The application starts anew; an error stays.
     fn restart(&mut self) {
-        if !matches!(self.state, State::Fault | State::FaultReactionActive) {
+        if !matches!(self.servo.state, State::Fault | State::FaultReactionActive) {
             self.enter(State::NotReadyToSwitchOn);
         }
-        self.controlword = Controlword(0);
+        self.servo.controlword = Controlword(0);
         self.zero = 0;
         self.is_referenced = false;
         self.latched_signals = 0;

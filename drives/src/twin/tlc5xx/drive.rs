@@ -7,15 +7,16 @@ use super::motion::Motion;
 use super::policy::Policies;
 use super::settings::{INCREMENTS_PER_REVOLUTION, RPM, Settings};
 use super::signals::{Captures, Inputs, Switches};
-use crate::twin::node::{Firmware, Tampering};
+use crate::twin::node::Firmware;
 use crate::twin::servo::cascade::{POSITION_STEP_NS, Reference, SPEED_STEPS};
 use crate::twin::servo::clock::Clock;
 use crate::twin::servo::encoder::Encoder;
+use crate::twin::servo::firmware::Servo;
 use crate::twin::servo::loops::Loops;
 use crate::twin::servo::power_stage::PowerStage;
 use crate::twin::servo::ramp::Ramp;
 use crate::twin::servo::shaft::Shaft;
-use syncline_canopen::cia402::{Controlword, State};
+use syncline_canopen::cia402::State;
 use syncline_canopen::dictionary::Dictionary;
 use syncline_canopen::time::Duration;
 use syncline_canopen::{Address, Instant, nmt};
@@ -34,19 +35,12 @@ pub struct Drive {
     pub(super) settings: Settings,
     pub(super) policies: Policies,
     pub(super) errors: Errors,
-    pub(super) now: Instant,
+    pub(super) servo: Servo,
     pub(super) nmt_state: nmt::State,
 
-    pub(super) state: State,
-    pub(super) enable_at: Option<Instant>,
-    pub(super) controlword: Controlword,
     /// It brakes by itself: quick stop or fault reaction.
     pub(super) braking: bool,
-    pub(super) has_mains: bool,
-    /// Whether the fieldbus has control, not a local unit.
-    pub(super) remote: bool,
 
-    pub(super) loops: Loops,
     /// Encoder reading at user position 0.
     pub(super) zero: i64,
     /// Whether a reference point has been defined.
@@ -86,10 +80,6 @@ pub struct Drive {
     settling_since: Option<Instant>,
     pub(super) following_error: bool,
     pub(super) movement_failed: bool,
-
-    /// The objects do not show the present condition yet.
-    pub(super) stale: bool,
-    pub(super) tampering: Tampering,
 }
 
 impl Drive {
@@ -109,15 +99,9 @@ impl Drive {
             objects,
             policies: config.policies,
             errors: Errors::default(),
-            now: Instant::ZERO,
+            servo: Servo::new(loops, State::NotReadyToSwitchOn),
             nmt_state: nmt::State::Initialising,
-            state: State::NotReadyToSwitchOn,
-            enable_at: None,
-            controlword: Controlword(0),
             braking: false,
-            has_mains: true,
-            remote: true,
-            loops,
             zero: 0,
             is_referenced: false,
             recent: [encoder; VELOCITY_WINDOW],
@@ -146,41 +130,34 @@ impl Drive {
             settling_since: None,
             following_error: false,
             movement_failed: false,
-            stale: true,
-            tampering: Tampering::default(),
         }
     }
 
     // ---- time ----
 
-    /// Lets the loops and the shaft run up to `now`.
-    pub(super) fn advance(&mut self, now: Instant) {
-        while self.loops.clock.step_end() <= now {
-            self.step();
-        }
-        self.now = now;
-    }
-
-    fn step(&mut self) {
-        let (step, _) = self.loops.clock.step();
+    pub(super) fn step(&mut self) {
+        let (step, _) = self.servo.loops.clock.step();
         if step % SPEED_STEPS == 0 {
-            self.now = self.loops.clock.step_end();
+            self.servo.now = self.servo.loops.clock.step_end();
             self.position_step();
         }
-        self.loops.speed_step(self.loop_reference());
+        self.servo.loops.speed_step(self.loop_reference());
     }
 
     /// The direction of rotation has changed (5141): where it is counts the other way.
     pub(super) fn turn_round(&mut self) {
-        self.loops.turn_to(self.settings.direction);
-        self.recent = [self.loops.encoder; VELOCITY_WINDOW];
-        self.ramp = Ramp::at(self.loops.encoder as f64);
+        self.servo.loops.turn_to(self.settings.direction);
+        self.recent = [self.servo.loops.encoder; VELOCITY_WINDOW];
+        self.ramp = Ramp::at(self.servo.loops.encoder as f64);
     }
 
     fn position_step(&mut self) {
-        let oldest = core::mem::replace(&mut self.recent[self.recent_place], self.loops.encoder);
+        let oldest = core::mem::replace(
+            &mut self.recent[self.recent_place],
+            self.servo.loops.encoder,
+        );
         self.recent_place = (self.recent_place + 1) % VELOCITY_WINDOW;
-        let moved = (self.loops.encoder - oldest) as f64;
+        let moved = (self.servo.loops.encoder - oldest) as f64;
         self.velocity = moved / (POSITION_STEP * VELOCITY_WINDOW as f64);
         self.change_state();
         self.watch_captures();
@@ -190,10 +167,10 @@ impl Drive {
             self.monitor();
         } else {
             self.change_mode();
-            self.ramp = Ramp::at(self.loops.encoder as f64);
+            self.ramp = Ramp::at(self.servo.loops.encoder as f64);
         }
-        let limit = self.loops.torque_source.torque_limit();
-        self.loops.position_step(self.loop_reference(), limit);
+        let limit = self.servo.loops.torque_source.torque_limit();
+        self.servo.loops.position_step(self.loop_reference(), limit);
     }
 
     fn loop_reference(&self) -> Reference {
@@ -235,17 +212,17 @@ impl Drive {
     // ---- monitoring ----
 
     fn monitor(&mut self) {
-        let power_stage = self.loops.torque_source.power_stage();
+        let power_stage = self.servo.loops.torque_source.power_stage();
         if power_stage.is_some_and(PowerStage::has_overvoltage) {
             self.raise(DriveError::OVERVOLTAGE);
             return;
         }
-        let deviation = (self.ramp.position - self.loops.encoder as f64).abs() - self.lag();
+        let deviation = (self.ramp.position - self.servo.loops.encoder as f64).abs() - self.lag();
         self.peak_error = self.peak_error.max(deviation);
         if self.braking {
             if self.is_at_rest() {
                 self.braking = false;
-                if self.state == State::FaultReactionActive {
+                if self.servo.state == State::FaultReactionActive {
                     self.enter(State::Fault);
                 }
             }
@@ -263,7 +240,7 @@ impl Drive {
 
     /// What a position loop lags behind at constant velocity, increments.
     fn lag(&self) -> f64 {
-        let gains = self.loops.cascade.gains();
+        let gains = self.servo.loops.cascade.gains();
         let share = 1.0 - gains.velocity_feed_forward;
         (self.ramp.velocity * share / gains.position).abs()
     }
@@ -280,14 +257,14 @@ impl Drive {
 
     /// Whether the motor has been within the standstill window of its reference for its time.
     pub(super) fn has_settled(&mut self) -> bool {
-        let deviation = (self.ramp.position - self.loops.encoder as f64).abs();
+        let deviation = (self.ramp.position - self.servo.loops.encoder as f64).abs();
         if !self.is_at_rest() || deviation > self.settings.window {
             self.settling_since = None;
             return false;
         }
-        let since = *self.settling_since.get_or_insert(self.now);
+        let since = *self.settling_since.get_or_insert(self.servo.now);
         let time = Duration::from_millis(self.settings.window_ms);
-        self.now.saturating_since(since) >= time
+        self.servo.now.saturating_since(since) >= time
     }
 
     // ---- movement ----
@@ -316,14 +293,16 @@ impl Drive {
 
     /// Position in increments from user position 0.
     pub(super) fn position(&self) -> f64 {
-        self.loops.encoder.saturating_sub(self.zero) as f64
+        self.servo.loops.encoder.saturating_sub(self.zero) as f64
     }
 
     // ---- objects ----
 
     /// Gives an object another value, now and after each reset.
     pub(super) fn preset(&mut self, address: Address, value: i64) {
-        self.tampering.preset(&mut self.objects, address, value);
+        self.servo
+            .tampering
+            .preset(&mut self.objects, address, value);
     }
 
     /// Forgets the greatest following error: any write to 2013h (9399).
@@ -333,8 +312,8 @@ impl Drive {
 
     /// Brings the objects that show the drive's condition up to `now`.
     pub(super) fn publish(&mut self, now: Instant) {
-        let ahead = self.loops.clock.since_step(now);
-        let encoder = self.loops.read(ahead).saturating_sub(self.zero) as f64;
+        let ahead = self.servo.loops.clock.since_step(now);
+        let encoder = self.servo.loops.read(ahead).saturating_sub(self.zero) as f64;
         let reference = self.ramp.position - self.zero as f64;
         let settings = self.settings;
         let (position, _) = settings.user(encoder);
@@ -349,8 +328,8 @@ impl Drive {
             Motion::Velocity(velocity, _) => (user_reference, user_velocity(velocity)),
             Motion::Hold | Motion::Stop(_) | Motion::Gear => (user_reference, 0),
         };
-        let torque = self.loops.torque() * self.settings.direction;
-        let current = torque / self.loops.cascade.gains().continuous_torque;
+        let torque = self.servo.loops.torque() * self.settings.direction;
+        let current = torque / self.servo.loops.cascade.gains().continuous_torque;
         // Of the motor's nominal current (6410h:7).
         let nominal = self.objects.value(0x6410, 7).unwrap_or(0) as f64;
         let current = libm::round(current * nominal) as i64;

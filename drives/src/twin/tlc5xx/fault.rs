@@ -70,8 +70,6 @@ impl DriveError {
 pub(super) struct Errors {
     /// The error that stopped the drive, until it is reset.
     pub(super) active: Option<DriveError>,
-    /// Whether the cause is still there, so that its reset is in vain (2689).
-    pub(super) cause_persists: bool,
     untold: VecDeque<Emergency>,
     /// Newest first.
     pub(super) memory: VecDeque<u16>,

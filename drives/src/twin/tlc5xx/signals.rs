@@ -169,7 +169,8 @@ impl Drive {
     /// Looks for the edges of 2016h and 2018h.
     pub(super) fn watch_captures(&mut self) {
         let before = self.captures;
-        let revolution = (self.loops.encoder as f64 / INCREMENTS_PER_REVOLUTION).floor() as i64;
+        let revolution =
+            (self.servo.loops.encoder as f64 / INCREMENTS_PER_REVOLUTION).floor() as i64;
         self.captures.levels = self.inputs.levels;
         self.captures.revolution = revolution;
         let value = |index| self.objects.value(index, 0).unwrap_or(0) as u16;

@@ -12,15 +12,15 @@ use syncline_canopen::cia402::{Command, Controlword, State, Statusword};
 
 impl Drive {
     pub(super) fn enter(&mut self, state: State) {
-        if state == self.state {
+        if state == self.servo.state {
             return;
         }
         let was_powered = self.is_powered();
-        self.state = state;
-        self.enable_at = None;
+        self.servo.state = state;
+        self.servo.enable_at = None;
         if self.is_powered() && !was_powered {
-            self.loops.cascade.reset();
-            self.ramp = Ramp::at(self.loops.encoder as f64);
+            self.servo.loops.cascade.reset();
+            self.ramp = Ramp::at(self.servo.loops.encoder as f64);
             self.motion = Motion::Hold;
             self.following_error = false;
         }
@@ -33,15 +33,15 @@ impl Drive {
 
     /// The changes that need no command (T0, T1, T14).
     pub(super) fn change_state(&mut self) {
-        match self.state {
+        match self.servo.state {
             State::NotReadyToSwitchOn => self.enter(State::SwitchOnDisabled),
-            State::ReadyToSwitchOn | State::SwitchedOn if !self.has_mains => {
+            State::ReadyToSwitchOn | State::SwitchedOn if !self.servo.has_mains => {
                 self.enter(State::SwitchOnDisabled);
             }
-            state if state.is_powered() && !self.has_mains => {
+            state if state.is_powered() && !self.servo.has_mains => {
                 self.raise(DriveError::UNDERVOLTAGE);
             }
-            State::SwitchedOn if self.enable_at.is_some_and(|at| self.now >= at) => {
+            State::SwitchedOn if self.servo.enable_at.is_some_and(|at| self.servo.now >= at) => {
                 self.enter(State::OperationEnabled);
             }
             _ => {}
@@ -50,11 +50,11 @@ impl Drive {
 
     /// A controlword (2709-2728). From 4 to 6 in one word, as the examples do (3493).
     pub(super) fn command(&mut self, word: Controlword) {
-        let previous = core::mem::replace(&mut self.controlword, word);
+        let previous = core::mem::replace(&mut self.servo.controlword, word);
         if word.resets_fault(previous) {
             self.reset_fault();
         }
-        if matches!(self.state, State::FaultReactionActive | State::Fault) {
+        if matches!(self.servo.state, State::FaultReactionActive | State::Fault) {
             return;
         }
         if let Some(command) = word.command() {
@@ -68,7 +68,7 @@ impl Drive {
         if bits & 1 << 3 != 0 {
             self.reset_fault();
         }
-        if matches!(self.state, State::FaultReactionActive | State::Fault) {
+        if matches!(self.servo.state, State::FaultReactionActive | State::Fault) {
             return;
         }
         if bits & 1 << 0 != 0 {
@@ -76,7 +76,7 @@ impl Drive {
         } else if bits & 1 << 2 != 0 {
             self.transit(Command::QuickStop);
         } else if bits & 1 << 1 != 0 {
-            if self.state == State::SwitchOnDisabled {
+            if self.servo.state == State::SwitchOnDisabled {
                 self.transit(Command::Shutdown);
             }
             self.transit(Command::EnableOperation);
@@ -84,14 +84,14 @@ impl Drive {
     }
 
     fn transit(&mut self, command: Command) {
-        let to = match (command, self.state) {
-            (Command::Shutdown, State::SwitchOnDisabled) if !self.has_mains => return,
+        let to = match (command, self.servo.state) {
+            (Command::Shutdown, State::SwitchOnDisabled) if !self.servo.has_mains => return,
             (Command::EnableOperation, State::QuickStopActive) if self.errors.active.is_some() => {
                 return;
             }
             (command, state) => commanded(state, command),
         };
-        match (self.state, to) {
+        match (self.servo.state, to) {
             (_, None) => {}
             (_, Some(State::QuickStopActive)) => {
                 self.enter(State::QuickStopActive);
@@ -103,8 +103,8 @@ impl Drive {
             }
             (_, Some(State::OperationEnabled)) => {
                 self.enter(State::SwitchedOn);
-                let enabled = self.now + self.policies.enable_time;
-                self.enable_at.get_or_insert(enabled);
+                let enabled = self.servo.now + self.policies.enable_time;
+                self.servo.enable_at.get_or_insert(enabled);
             }
             (_, Some(to)) => self.enter(to),
         }
@@ -121,13 +121,7 @@ impl Drive {
     /// 2060h keeps it for the fieldbus (566-589, 10944). A movement goes on.
     pub(super) fn take_control(&mut self, remote: bool) {
         let is_reserved = self.objects.value(0x2060, 0) == Some(1);
-        self.remote = remote || is_reserved;
-    }
-
-    /// Puts an enabled drive on the bus: somebody left it so.
-    pub(super) fn start_enabled(&mut self) {
-        self.controlword = Controlword::ENABLE_OPERATION;
-        self.enter(State::OperationEnabled);
+        self.servo.remote = remote || is_reserved;
     }
 
     /// Raises an error and reacts as its class says.
@@ -174,8 +168,8 @@ impl Drive {
             return;
         };
         if error.class == ErrorClass::Fatal
-            || self.errors.cause_persists
-            || self.state == State::FaultReactionActive
+            || self.servo.cause_persists
+            || self.servo.state == State::FaultReactionActive
         {
             return;
         }
@@ -185,7 +179,7 @@ impl Drive {
         if self.policies.emcy_on_reset {
             self.errors.tell_reset();
         }
-        if self.state == State::Fault {
+        if self.servo.state == State::Fault {
             self.enter(State::SwitchOnDisabled);
         }
     }
@@ -195,7 +189,7 @@ impl Drive {
     /// 6041h (10.4 of the digest). Bit 10 is not shown in state 3, where the examples have 0040h
     /// between two words with it (2847-2853).
     pub(super) fn statusword(&self) -> Statusword {
-        let state = match (self.state, self.policies.fault) {
+        let state = match (self.servo.state, self.policies.fault) {
             (State::NotReadyToSwitchOn, _) => 0x0000,
             // Bit 5 is open there (2782); the examples have it clear.
             (State::SwitchOnDisabled, _) => 0x0040,
@@ -204,14 +198,14 @@ impl Drive {
             (state, _) => state.bits(),
         };
         let remote = match self.policies.remote {
-            Bit9::ClearIsFieldbus => !self.remote,
-            Bit9::SetIsFieldbus => self.remote,
+            Bit9::ClearIsFieldbus => !self.servo.remote,
+            Bit9::SetIsFieldbus => self.servo.remote,
         };
-        let reached = self.target_reached && self.state != State::SwitchOnDisabled;
+        let reached = self.target_reached && self.servo.state != State::SwitchOnDisabled;
         let (bit_12, bit_13) = self.mode_bits();
         let flags = [
             // "Voltage switched off" (15115): clear in all examples of switching (D-04).
-            (!self.has_mains, Statusword::VOLTAGE_ENABLED),
+            (!self.servo.has_mains, Statusword::VOLTAGE_ENABLED),
             (remote, Statusword::REMOTE),
             (reached, Statusword::TARGET_REACHED),
             (self.limit_signals() != 0, Statusword::INTERNAL_LIMIT),
@@ -224,7 +218,7 @@ impl Drive {
 
     /// 2041h (2877-2903).
     pub(super) fn drive_status(&self) -> u16 {
-        let number = match self.state {
+        let number = match self.servo.state {
             State::NotReadyToSwitchOn => 2,
             State::SwitchOnDisabled => 3,
             State::ReadyToSwitchOn => 4,

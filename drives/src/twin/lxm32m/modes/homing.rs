@@ -101,7 +101,7 @@ impl Drive {
         let number = self.objects.get(self.rows.home_method);
         if number == 35 {
             let position = self.increments_of(self.objects.get(self.rows.set_position));
-            self.reference_at(self.loops.encoder as f64 - position);
+            self.reference_at(self.servo.loops.encoder as f64 - position);
             return;
         }
         let method = Method::of(number);
@@ -171,7 +171,7 @@ impl Drive {
             Phase::Outside if standing => self.seek_edge(method),
             Phase::Edge => {
                 if on == method.entering {
-                    self.homing.edge = self.loops.encoder as f64;
+                    self.homing.edge = self.servo.loops.encoder as f64;
                     if method.index {
                         self.seek_index(method);
                     } else {
@@ -184,7 +184,7 @@ impl Drive {
                 }
             }
             Phase::Index(revolution) => {
-                let now = (self.loops.encoder as f64 / INCREMENTS_PER_REVOLUTION).floor();
+                let now = (self.servo.loops.encoder as f64 / INCREMENTS_PER_REVOLUTION).floor();
                 if now != revolution {
                     let pulse = now.max(revolution) * INCREMENTS_PER_REVOLUTION;
                     if method.switch.is_some() {
@@ -224,7 +224,7 @@ impl Drive {
     }
 
     fn leave_or_enter(&mut self, method: Method) {
-        self.homing.began = self.loops.encoder as f64;
+        self.homing.began = self.servo.loops.encoder as f64;
         if method.entering {
             self.homing.phase = Phase::BackOff;
             self.run(-method.approach, self.rows.home_clear_velocity);
@@ -234,13 +234,13 @@ impl Drive {
     }
 
     fn seek_edge(&mut self, method: Method) {
-        self.homing.began = self.loops.encoder as f64;
+        self.homing.began = self.servo.loops.encoder as f64;
         self.homing.phase = Phase::Edge;
         self.run(method.approach, self.rows.home_clear_velocity);
     }
 
     fn seek_index(&mut self, method: Method) {
-        let revolution = (self.loops.encoder as f64 / INCREMENTS_PER_REVOLUTION).floor();
+        let revolution = (self.servo.loops.encoder as f64 / INCREMENTS_PER_REVOLUTION).floor();
         self.homing.phase = Phase::Index(revolution);
         self.run(method.approach, self.rows.home_clear_velocity);
     }
@@ -264,7 +264,7 @@ impl Drive {
     /// 3028h:6: greatest distance for coming off or onto the switch, 0 for any.
     fn check_clear_limit(&mut self) {
         let limit = self.increments_of(self.objects.get(self.rows.home_clear_limit));
-        let moved = (self.loops.encoder as f64 - self.homing.began).abs();
+        let moved = (self.servo.loops.encoder as f64 - self.homing.began).abs();
         if limit > 0.0 && moved > limit {
             self.raise(DriveError::HOMING_FAILED);
         }

@@ -52,7 +52,7 @@ impl Interpolation {
 
 impl Drive {
     pub(super) fn command_interpolation(&mut self, start: bool, origin: Origin) {
-        if !self.controlword.has(Controlword::MODE_4) {
+        if !self.servo.controlword.has(Controlword::MODE_4) {
             self.interpolation.asked = false;
             self.interpolation.spent = false;
             if self.motion == Motion::Interpolate {
@@ -60,7 +60,7 @@ impl Drive {
                 self.stop(self.profile_deceleration());
             }
         } else if matches!(origin, Origin::Pdo(_))
-            || (start && self.state == State::OperationEnabled)
+            || (start && self.servo.state == State::OperationEnabled)
         {
             self.interpolation.asked = true;
         }
@@ -68,10 +68,10 @@ impl Drive {
 
     /// A SYNC, after the synchronous R_PDOs have been put into effect.
     pub(in crate::twin::lxm32m) fn on_sync(&mut self, now: Instant) {
-        let early = self.sync.is_paced() && self.loops.clock.phase_error(now) < 0;
+        let early = self.sync.is_paced() && self.servo.loops.clock.phase_error(now) < 0;
         let verdict = self
             .sync
-            .on_sync(&mut self.loops.clock, now, &self.policies);
+            .on_sync(&mut self.servo.loops.clock, now, &self.policies);
         self.judge_sync(verdict);
         self.start_interpolation();
         let fresh = core::mem::take(&mut self.interpolation.fresh);
@@ -122,7 +122,7 @@ impl Drive {
     pub(in crate::twin::lxm32m) fn interpolate(&mut self, step: u32) {
         self.ramp.position += self.ramp.velocity * POSITION_STEP;
         if let Some(target) = self.interpolation.target {
-            let steps_left = (self.loops.clock.steps() - step) / SPEED_STEPS;
+            let steps_left = (self.servo.loops.clock.steps() - step) / SPEED_STEPS;
             let distance = target - self.ramp.position;
             self.ramp.velocity = distance / (f64::from(steps_left.max(1)) * POSITION_STEP);
         } else if self.policies.setpoint_gap == SetpointGap::Hold {

@@ -71,9 +71,9 @@ impl Drive {
         match self.jog {
             Jog::Step if self.motion == Motion::Hold => {
                 let pause = self.objects.get(self.rows.jog_time) as u64;
-                self.jog = Jog::Pause(self.now + Duration::from_millis(pause));
+                self.jog = Jog::Pause(self.servo.now + Duration::from_millis(pause));
             }
-            Jog::Pause(until) if self.now >= until => {
+            Jog::Pause(until) if self.servo.now >= until => {
                 self.jog = Jog::Idle;
                 let (direction, limits) = self.jog_command();
                 self.motion = Motion::Velocity(direction * limits.velocity, limits);

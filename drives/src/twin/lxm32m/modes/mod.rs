@@ -67,13 +67,14 @@ const HALT_BY_QUICK_STOP_RAMP: i64 = 2;
 impl Drive {
     /// Whether movements may be commanded.
     fn may_move(&self) -> bool {
-        self.state == State::OperationEnabled && !self.controlword.has(Controlword::HALT)
+        self.servo.state == State::OperationEnabled
+            && !self.servo.controlword.has(Controlword::HALT)
     }
 
     /// The mode's own part of a controlword.
     pub(super) fn mode_command(&mut self, previous: Controlword, origin: Origin) {
-        let word = self.controlword;
-        let enabled = self.state == State::OperationEnabled;
+        let word = self.servo.controlword;
+        let enabled = self.servo.state == State::OperationEnabled;
         if enabled && word.has(Controlword::HALT) && !previous.has(Controlword::HALT) {
             self.end_mode();
             match self.objects.get(self.rows.halt_option) {
@@ -179,7 +180,7 @@ impl Drive {
                 return Err(AbortCode::DeviceState);
             }
         }
-        if row == rows.controlword && !self.remote {
+        if row == rows.controlword && !self.servo.remote {
             return Err(AbortCode::LocalControl);
         }
         if row == rows.mode {
@@ -189,7 +190,7 @@ impl Drive {
             }
         }
         // A PDO may bring the bit that makes it relative with it.
-        let absolute = origin == Origin::Sdo && !self.controlword.has(Controlword::MODE_6);
+        let absolute = origin == Origin::Sdo && !self.servo.controlword.has(Controlword::MODE_6);
         if row == rows.position_target && absolute {
             // Its least and greatest value depend on the software limits (lxm32m 1563).
             let (least, most) = self.software_limits();
@@ -229,7 +230,8 @@ impl Drive {
             self.set_gear();
         } else if row == rows.velocity_limit {
             let limit = self.velocity_of(value);
-            self.loops
+            self.servo
+                .loops
                 .cascade
                 .limit_speed(limit / INCREMENTS_PER_REVOLUTION);
         } else if row == rows.sync_start {
@@ -238,7 +240,7 @@ impl Drive {
                 let tolerance = self.objects.get(rows.sync_tolerance) as u64 * unit;
                 self.sync.start(self.period_ns(), tolerance);
             } else {
-                self.sync.stop(&mut self.loops.clock, self.now);
+                self.sync.stop(&mut self.servo.loops.clock, self.servo.now);
             }
         } else if row == rows.store_parameters && value == 1 {
             self.objects.set(row, 0);

@@ -149,7 +149,7 @@ impl Drive {
 
     /// Bit 4 rose; bit 5 a sequence, bit 6 from the data set of 301Bh:A (lxm32m 1721-1724).
     pub(super) fn start_sequence(&mut self) {
-        let word = self.controlword;
+        let word = self.servo.controlword;
         if let Phase::Wait(_) = self.sequence.phase {
             self.sequence.edge = true;
             return;
@@ -195,7 +195,7 @@ impl Drive {
                     self.sequence.phase = Phase::Idle;
                     self.target_reached = !self.sequence.single;
                 } else {
-                    self.sequence.phase = Phase::Wait(self.now);
+                    self.sequence.phase = Phase::Wait(self.servo.now);
                 }
             }
             Phase::Wait(since) => {
@@ -203,7 +203,7 @@ impl Drive {
                     AT_ONCE => true,
                     AFTER_TIME => {
                         let wait = Duration::from_millis(set[value].max(0) as u64);
-                        self.now.saturating_since(since) >= wait
+                        self.servo.now.saturating_since(since) >= wait
                     }
                     AT_EDGE => self.sequence.edge,
                     _ => false,

@@ -28,7 +28,7 @@ impl ProfilePosition {
 impl Drive {
     /// Bits 4, 5, 6 and 9 (lxm32m 1568-1576).
     pub(super) fn command_position(&mut self, start: bool) {
-        let word = self.controlword;
+        let word = self.servo.controlword;
         if !word.has(Controlword::MODE_4) && self.position.next.is_none() {
             self.bit_12 = false;
         }
@@ -84,7 +84,7 @@ impl Drive {
         }
         if let Some(next) = self.position.next {
             self.go(next);
-            self.bit_12 = self.controlword.has(Controlword::MODE_4);
+            self.bit_12 = self.servo.controlword.has(Controlword::MODE_4);
         }
     }
 

@@ -31,7 +31,7 @@ impl Drive {
             next = torque + (target - torque).clamp(-change, change);
         }
         let velocity = self.actual_velocity() / INCREMENTS_PER_REVOLUTION;
-        let limit = self.loops.cascade.gains().speed_limit;
+        let limit = self.servo.loops.cascade.gains().speed_limit;
         if velocity.abs() > limit && velocity * next > 0.0 {
             next = 0.0;
         }
@@ -53,6 +53,6 @@ impl Drive {
 
     /// 0.1 % of the continuous stall torque as N·m.
     fn torque_of(&self, tenths: i64) -> f64 {
-        tenths as f64 * 1e-3 * self.loops.cascade.gains().continuous_torque
+        tenths as f64 * 1e-3 * self.servo.loops.cascade.gains().continuous_torque
     }
 }

@@ -138,7 +138,7 @@ impl Drive {
     /// master's to shift.
     pub(super) fn set_zero(&mut self, position: i64) {
         let shift = position as f64 * self.settings.position;
-        self.succeed(self.loops.encoder as f64 - shift);
+        self.succeed(self.servo.loops.encoder as f64 - shift);
     }
 
     fn succeed(&mut self, zero: f64) {
@@ -186,7 +186,7 @@ impl Drive {
     }
 
     fn revolution(&self) -> f64 {
-        (self.loops.encoder as f64 / INCREMENTS_PER_REVOLUTION).floor()
+        (self.servo.loops.encoder as f64 / INCREMENTS_PER_REVOLUTION).floor()
     }
 
     fn fail_homing(&mut self) {
@@ -204,7 +204,7 @@ impl Drive {
 
     /// Off the switch, back where the search came from.
     fn leave(&mut self, method: Method) {
-        self.homing.began = self.loops.encoder as f64;
+        self.homing.began = self.servo.loops.encoder as f64;
         self.homing.phase = Phase::Leave;
         self.run(-method.search, 2);
     }
@@ -215,7 +215,7 @@ impl Drive {
             self.homing.phase = Phase::Index(self.revolution());
         } else {
             let distance = self.objects.value(0x20F4, 0).unwrap_or(0) as f64;
-            let edge = self.loops.encoder as f64;
+            let edge = self.servo.loops.encoder as f64;
             self.reach(edge - method.search * distance * self.settings.position);
         }
     }
@@ -239,7 +239,7 @@ impl Drive {
     /// 20F3h: the longest way off the switch, 0 for any (14014-14031).
     fn check_run_out(&mut self) {
         let most = self.objects.value(0x20F3, 0).unwrap_or(0) as f64 * self.settings.position;
-        let gone = (self.loops.encoder as f64 - self.homing.began).abs();
+        let gone = (self.servo.loops.encoder as f64 - self.homing.began).abs();
         if most > 0.0 && gone > most {
             self.fail_homing();
         }

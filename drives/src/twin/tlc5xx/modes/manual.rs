@@ -51,7 +51,7 @@ impl Drive {
         self.manual = Manual {
             direction,
             fast: bits & FAST != 0,
-            runs_from: (!is_united).then(|| self.now + delay),
+            runs_from: (!is_united).then(|| self.servo.now + delay),
         };
         let way = direction * distance as f64 * self.settings.position;
         let limits = Settings::at_most(self.settings.manufacturer, self.manual_velocity());
@@ -59,7 +59,11 @@ impl Drive {
     }
 
     pub(super) fn step_manual(&mut self) {
-        if self.manual.runs_from.is_some_and(|from| self.now >= from) {
+        if self
+            .manual
+            .runs_from
+            .is_some_and(|from| self.servo.now >= from)
+        {
             self.manual.runs_from = None;
             let limits = Settings::at_most(self.settings.manufacturer, self.manual_velocity());
             self.motion = Motion::Velocity(self.manual.direction * limits.velocity, limits);

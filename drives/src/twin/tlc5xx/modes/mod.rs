@@ -61,7 +61,8 @@ pub(super) enum Movement {
 impl Drive {
     /// Whether movements may be started.
     pub(super) fn may_move(&self) -> bool {
-        self.state == State::OperationEnabled && !self.controlword.has(Controlword::HALT)
+        self.servo.state == State::OperationEnabled
+            && !self.servo.controlword.has(Controlword::HALT)
     }
 
     /// Whether a movement is under way or interrupted.
@@ -75,7 +76,7 @@ impl Drive {
 
     /// The mode's own part of a controlword.
     pub(super) fn command_mode(&mut self, previous: Controlword) {
-        let word = self.controlword;
+        let word = self.servo.controlword;
         self.command_halt(previous);
         if !word.has(Controlword::MODE_4) {
             self.setpoint_acknowledged = false;
@@ -97,10 +98,10 @@ impl Drive {
     /// Bit 8: it brakes with the ramp of the running command, and goes on when the bit falls
     /// (5342-5349).
     fn command_halt(&mut self, previous: Controlword) {
-        if self.state != State::OperationEnabled {
+        if self.servo.state != State::OperationEnabled {
             return;
         }
-        let word = self.controlword;
+        let word = self.servo.controlword;
         match (previous.has(Controlword::HALT), word.has(Controlword::HALT)) {
             (false, true) => {
                 if let Some(deceleration) = self.motion.deceleration() {

@@ -39,7 +39,7 @@ impl Drive {
         value: i64,
     ) -> Result<(), AbortCode> {
         let Address { index, sub } = address;
-        if !self.remote && COMMANDS.contains(&index) {
+        if !self.servo.remote && COMMANDS.contains(&index) {
             return Err(AbortCode::LocalControl);
         }
         let number = |index| self.objects.value(index, 0).unwrap_or(0);
@@ -146,7 +146,7 @@ impl Drive {
         };
         self.objects.forget(chosen);
         self.objects.restore(chosen);
-        self.tampering.show(&mut self.objects);
+        self.servo.tampering.show(&mut self.objects);
         self.settle_parameters();
     }
 }

@@ -21,7 +21,7 @@ pub(in crate::twin::tlc5xx) struct Target {
 impl Drive {
     /// Controlword bit 4 rose in mode 1.
     pub(super) fn take_target(&mut self) {
-        let word = self.controlword;
+        let word = self.servo.controlword;
         let absolute = match self.policies.absolute {
             Bit6::SetIsAbsolute => word.has(Controlword::MODE_6),
             Bit6::ClearIsAbsolute => !word.has(Controlword::MODE_6),
