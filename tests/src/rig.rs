@@ -14,6 +14,7 @@ use syncline_controller::control::{
 };
 use syncline_controller::machine::{COORDINATES, Machine};
 use syncline_controller::observe::Observers;
+use syncline_controller::observe::flight_recorder::FaultFiles;
 use syncline_controller::observe::frames::SharedFrames;
 use syncline_controller::observe::summary::Summary;
 use syncline_controller::port::sim::{SimPort, Simulated};
@@ -157,6 +158,8 @@ pub struct Rig {
     pub refused: Vec<Refused>,
     /// What could not go on, with its causes.
     pub problems: Vec<String>,
+    /// What led to faults and was written.
+    pub recorded: Vec<FaultFiles>,
     /// At a pause the operator goes on at once.
     pub goes_on: bool,
     /// The machine as operators have it.
@@ -269,6 +272,7 @@ impl Rig {
             states: Vec::new(),
             refused: Vec::new(),
             problems: Vec::new(),
+            recorded: Vec::new(),
             rows: Vec::new(),
             switches: Vec::new(),
             phases: Vec::new(),
@@ -338,6 +342,10 @@ impl Rig {
                 }
                 session::Event::Problem(problem) => {
                     self.problems.push(told(&*problem));
+                    continue;
+                }
+                session::Event::Recorded(files) => {
+                    self.recorded.push(files);
                     continue;
                 }
                 session::Event::Accepted(_) => continue,

@@ -49,7 +49,10 @@ impl Coverage {
             Seen::Told(Event::Problem(error)) => {
                 self.count(format!("problem: {}", kind(&format!("{error:?}"))));
             }
-            Seen::Frame { .. } | Seen::Commanded(_) | Seen::Woken(_) => {}
+            Seen::Frame { .. }
+            | Seen::Commanded(_)
+            | Seen::Woken(_)
+            | Seen::Told(Event::Recorded(_)) => {}
         }
     }
 

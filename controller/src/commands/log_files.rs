@@ -1,6 +1,7 @@
 //! Files for the traffic of buses.
 
 use super::output::{Claims, NoOutput, Target};
+use super::real_time::origin;
 use super::writers::Writers;
 use crate::bus_log::{BusLog, LogFile};
 use crate::machine::Machine;
@@ -103,16 +104,10 @@ impl Logs {
                 wires.push((bus, url.open(spec.bitrate, End::Client)?));
             }
         }
-        // A machine whose buses are all simulated has a time of its own.
-        let origin = if wires.is_empty() {
-            VIRTUAL_ORIGIN
-        } else {
-            Duration::from_nanos(realtime::wall_clock_offset())
-        };
         let log = self.begin_by(names(machine), |target| {
             Ok(Box::new(writers.begin(target)?))
         })?;
-        frames.write_to(log, origin);
+        frames.write_to(log, origin(machine));
         for (bus, wire) in wires {
             listeners.listen(bus, wire, frames.clone())?;
         }

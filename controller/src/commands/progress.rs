@@ -165,6 +165,7 @@ impl Screen {
                 }
             }
             Event::Refused(refused) => bar.suspend(|| eprintln!("{}", refused.reason)),
+            Event::Recorded(files) => bar.suspend(|| eprintln!("{files}")),
             Event::Problem(error) => bar.suspend(|| eprintln!("{}", told(&**error))),
             // What comes of a command is seen.
             Event::Accepted(_) | Event::State(_) => {}

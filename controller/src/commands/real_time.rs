@@ -5,8 +5,10 @@ use super::command_log::CommandLog;
 use super::log_files::{Listeners, Logs};
 use super::writers::Writers;
 use super::{core, duration};
+use crate::control::Layout;
 use crate::machine::Machine;
-use crate::observe::frames::SharedFrames;
+use crate::observe::flight_recorder::FlightRecorder;
+use crate::observe::frames::{SharedFrames, VIRTUAL_ORIGIN};
 use crate::port::{self, Ports, url};
 use crate::realtime;
 use crate::run::Progress;
@@ -14,6 +16,8 @@ use crate::run::real_time::{RealTime, Timing};
 use crate::session::Session;
 use std::error::Error;
 use std::io;
+use std::path::Path;
+use std::sync::Arc;
 use std::thread;
 use std::time::Duration;
 use syncline_drives::world::{Observer, World};
@@ -113,6 +117,27 @@ impl Written {
         problems.extend(self.frames.finish_log().err().map(Into::into));
         problems.extend(self.writers.finish().into_iter().map(Into::into));
         problems
+    }
+}
+
+/// Instant zero of a machine, since 1970. One whose buses are all simulated has a time of its own.
+pub(super) fn origin(machine: &Machine) -> Duration {
+    match lockstep(machine) {
+        true => VIRTUAL_ORIGIN,
+        false => Duration::from_nanos(realtime::wall_clock_offset()),
+    }
+}
+
+/// Has what leads to a fault written beside the machine's file, unless that wants none.
+pub(super) fn record_faults(
+    session: &mut Session<RealTime>,
+    file: &Path,
+    machine: &Machine,
+    layout: &Arc<Layout>,
+) {
+    let folder = FlightRecorder::folder(file);
+    if let Some(recorder) = FlightRecorder::new(machine, layout, folder, origin(machine)) {
+        session.record_faults(recorder);
     }
 }
 

@@ -6,7 +6,7 @@ use super::log_files::LogFiles;
 use super::output::{Claims, Output, Results, Target};
 use super::ports::PortChoice;
 use super::progress::{Console, Messages, Screen};
-use super::real_time::{Buses, RealTimeArgs, Written, attend, lockstep};
+use super::real_time::{Buses, RealTimeArgs, Written, attend, lockstep, record_faults};
 use super::switches::Switches;
 use super::{Exit, bad_input, report, told};
 use crate::control::{End, Event as MachineEvent, Layout};
@@ -200,6 +200,12 @@ impl Run<'_> {
             },
         )?;
         let mut session = Session::new(&self.layout, timeline, moves, observers);
+        record_faults(
+            &mut session,
+            &self.args.machine,
+            &self.machine,
+            &self.layout,
+        );
         let commands = commands.map(|file| {
             let file = Box::new(written.writers.begin(file)?);
             CommandLog::begin(&mut session, file, &Tables::beside(&self.args.machine))

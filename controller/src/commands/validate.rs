@@ -186,7 +186,7 @@ impl Args {
                     }
                     Event::Problem(error) => failure = failure.or(Some(error)),
                     Event::Refused(refused) => eprintln!("{}", refused.reason),
-                    Event::Accepted(_) | Event::State(_) => {}
+                    Event::Accepted(_) | Event::State(_) | Event::Recorded(_) => {}
                 }
             }
             tell_counted(repeats.due(now));

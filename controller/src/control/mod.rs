@@ -167,6 +167,8 @@ pub struct Row<const N: usize> {
     pub cycle: u64,
     /// The number of this SYNC on each bus, from 1.
     pub sync: u64,
+    /// When it was due.
+    pub at: Instant,
     /// The plan at the setpoint that this SYNC latched.
     pub plan: Setpoint<N>,
     /// By coordinate of the plan.

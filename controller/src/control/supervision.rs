@@ -82,6 +82,7 @@ impl<const N: usize> Controller<N> {
                 .cycle
                 .saturating_sub(self.mode_cycle.unwrap_or_default()),
             sync: self.syncs,
+            at: self.sync_at,
             plan: self.planned,
             axes: samples,
             functions: self.switches.functions,

@@ -88,6 +88,8 @@ pub struct Controller {
     pub stop_together: bool,
     /// Time from SYNC to the setpoint burst; `None` takes it from the bus budget.
     pub setpoint_offset: Option<Duration>,
+    /// How long before a fault the flight recorder keeps; zero: there is none.
+    pub flight_recorder: Duration,
 }
 
 /// How far a path may leave what is programmed, mm.

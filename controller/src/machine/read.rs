@@ -256,6 +256,7 @@ impl ControllerTable {
         let state_timeout = table.millis_or(log, "state_timeout_ms", 2_000, 600_000);
         let t_pdo_misses = table.integer_or(log, "t_pdo_misses", 2, 1..=5, "");
         let stop_together = table.flag_or(log, "stop_together", false);
+        let flight_recorder = table.integer_or(log, "flight_recorder_s", 10, 0..=60, " (s)");
         let setpoint_offset = table.integer_if(log, "setpoint_offset_us", 1..=1_000_000, " (µs)");
         let span = table
             .span_of("heartbeat_timeout_ms")
@@ -274,6 +275,7 @@ impl ControllerTable {
                 t_pdo_misses: t_pdo_misses as u32,
                 stop_together,
                 setpoint_offset: None,
+                flight_recorder: Duration::from_secs(flight_recorder as u64),
             },
             setpoint_offset,
             heartbeat_timeout: span.unwrap_or(0..0),

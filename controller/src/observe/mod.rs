@@ -12,10 +12,12 @@
 //! - [`switched`]: what M-codes switched, and when
 //! - [`summary`]: the result
 //! - [`frames`]: what the simulated buses carried: hash, utilisation
+//! - [`flight_recorder`]: the last seconds before a fault
 //! - [`timing`]: how punctual a cycle was
 
 pub mod deviation;
 mod differences;
+pub mod flight_recorder;
 pub mod frames;
 pub mod limits;
 pub(crate) mod mapping;

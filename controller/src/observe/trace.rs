@@ -29,10 +29,7 @@ impl Trace {
             // Writing to a string does not fail.
             let _ = write!(header, ",{0}_set,{0}_act", axis.name());
         }
-        header += ",spindle,coolant,tool,digital_outputs";
-        for number in 0..ANALOG_OUTPUTS {
-            let _ = write!(header, ",analog_output_{number}");
-        }
+        header += &switched_columns();
         header.push('\n');
         Self {
             written: file.write_all(header.as_bytes()),
@@ -53,19 +50,7 @@ impl Trace {
             let sample = &observed.row.axes[coordinate];
             let _ = write!(text, ",{},{}", sample.set, sample.act);
         }
-        let MachineFunctions {
-            spindle,
-            coolant,
-            tool,
-            digital,
-            analog,
-            ..
-        } = observed.row.functions;
-        let (spindle, coolant) = (turning(spindle), running(coolant));
-        let _ = write!(text, ",{spindle},{coolant},{tool},{digital}");
-        for value in analog {
-            let _ = write!(text, ",{value}");
-        }
+        write_switched(text, &observed.row.functions);
         text.push('\n');
         if self.written.is_ok() {
             self.written = self.file.write_all(text.as_bytes());
@@ -76,5 +61,31 @@ impl Trace {
     pub(super) fn finish(mut self) -> io::Result<()> {
         self.written?;
         self.file.flush()
+    }
+}
+
+/// The names of the columns of [`write_switched`], each behind a comma.
+pub(super) fn switched_columns() -> String {
+    let mut columns = ",spindle,coolant,tool,digital_outputs".to_owned();
+    for number in 0..ANALOG_OUTPUTS {
+        let _ = write!(columns, ",analog_output_{number}");
+    }
+    columns
+}
+
+/// Appends what programs have switched, each value behind a comma.
+pub(super) fn write_switched(text: &mut String, functions: &MachineFunctions) {
+    let MachineFunctions {
+        spindle,
+        coolant,
+        tool,
+        digital,
+        analog,
+        ..
+    } = functions;
+    let (spindle, coolant) = (turning(*spindle), running(*coolant));
+    let _ = write!(text, ",{spindle},{coolant},{tool},{digital}");
+    for value in analog {
+        let _ = write!(text, ",{value}");
     }
 }

@@ -2,10 +2,15 @@
 
 use crate::bus::{Outbox, Received};
 use crate::control::{Controller, Layout, Wake};
+use crate::observe::flight_recorder::Carried;
 use crate::port::{Port, PortError};
+use rtrb::{Consumer, Producer, RingBuffer};
 use std::sync::Arc;
 use syncline_canopen::Instant;
 use syncline_drives::world::World;
+
+/// Frames on their way to a flight recorder.
+const CARRIED: usize = 16_384;
 
 /// A controller with its ports. Nothing allocates after construction.
 pub struct Driver<const N: usize, P> {
@@ -18,6 +23,9 @@ pub struct Driver<const N: usize, P> {
     outboxes: Vec<Outbox>,
     /// What the last collection brought, by bus.
     inbox: Vec<(usize, Received)>,
+    /// When it was woken last.
+    woke: Instant,
+    tap: Option<Producer<Carried>>,
 }
 
 impl<const N: usize, P: Port> Driver<N, P> {
@@ -31,7 +39,16 @@ impl<const N: usize, P: Port> Driver<N, P> {
             controller: Controller::new(layout, start),
             ports,
             world,
+            woke: start,
+            tap: None,
         }
+    }
+
+    /// The frames that the controller receives and sends from now on. Those that find no room are left out.
+    pub fn tap(&mut self) -> Consumer<Carried> {
+        let (tap, carried) = RingBuffer::new(CARRIED);
+        self.tap = Some(tap);
+        carried
     }
 
     /// Whether the next wake-up supervises and sends setpoints.
@@ -79,6 +96,7 @@ impl<const N: usize, P: Port> Driver<N, P> {
         for (bus, received) in &self.inbox {
             self.controller.receive(*bus, received);
         }
+        self.woke = now;
         self.outboxes.iter_mut().for_each(Outbox::clear);
         self.controller.wake(now, &mut self.outboxes);
     }
@@ -107,7 +125,26 @@ impl<const N: usize, P: Port> Driver<N, P> {
         for port in &mut self.ports {
             port.exchange(&mut self.world);
         }
+        self.record();
         failed
+    }
+
+    /// Tells whoever taps the buses what was received, and what is sent.
+    fn record(&mut self) {
+        let Some(tap) = &mut self.tap else { return };
+        let received = self.inbox.drain(..).filter(|(_, it)| !it.echo);
+        let received = received.map(|(bus, Received { at, frame, .. })| Carried { bus, at, frame });
+        let outboxes = self.outboxes.iter().enumerate();
+        let at = self.woke;
+        let sent = outboxes.flat_map(|(bus, outbox)| {
+            let frames = outbox.sync.iter().chain(outbox.burst.as_slice());
+            let frames = frames.chain(outbox.acyclic.as_slice());
+            frames.map(move |&frame| Carried { bus, at, frame })
+        });
+        for carried in received.chain(sent) {
+            // Nobody waits for a recorder that is slow: what finds no room is left out.
+            let _ = tap.push(carried);
+        }
     }
 
     fn send_rest(&mut self, bus: usize) -> Result<(), PortError> {

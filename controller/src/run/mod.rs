@@ -18,6 +18,7 @@ pub mod virtual_time;
 
 use crate::control::{Controller, Event, Order, Outcome, Refusal, Row};
 use crate::machine::COORDINATES;
+use crate::observe::flight_recorder::{Carried, NotRecorded};
 use crate::port::PortError;
 use crate::program::{Left, Program, ProgramError, Upcoming};
 use std::collections::VecDeque;
@@ -83,6 +84,9 @@ pub enum RunError {
     /// What a program changed in the tables could not be written.
     #[error(transparent)]
     Tables(#[from] TablesError),
+    /// The last seconds before a fault could not be written.
+    #[error(transparent)]
+    Recorder(#[from] NotRecorded),
     /// The planner's thread panicked; the panic's own message stands above.
     #[error("the planner failed: this is a defect of syncline, please report it with the program")]
     Planner,
@@ -112,6 +116,11 @@ pub trait Timeline {
     /// # Errors
     /// Something cannot go on; the machine comes to its end when this is called further.
     fn advance(&mut self, report: &mut dyn FnMut(CycleReport)) -> Result<Progress, RunError>;
+
+    /// The next of the frames that the controller has received and sent, where its buses can be tapped.
+    fn carried(&mut self) -> Option<Carried> {
+        None
+    }
 }
 
 /// Orders on their way into a cycle whose time is not the host's.

@@ -25,6 +25,7 @@ use super::planning::{PlanQueues, PlanRequest, Planning, Told};
 use super::{CycleReport, Progress, RunError, Timeline, Work};
 use crate::control::{Controller, Event, Instruction, Layout, Order, Outcome, Phase};
 use crate::machine::COORDINATES;
+use crate::observe::flight_recorder::Carried;
 use crate::observe::timing::{Distribution, Stage, Stages};
 use crate::port::{Port, Ports};
 use crate::program::{Feeder, Moves, Program};
@@ -118,6 +119,7 @@ pub struct CycleHandle {
     /// Orders that found no room yet.
     waiting: VecDeque<(u64, Order)>,
     reports: Consumer<CycleReport>,
+    carried: Consumer<Carried>,
 }
 
 impl CycleHandle {
@@ -185,8 +187,10 @@ impl Cycle {
         } else {
             realtime::now() + 10 * layout.cycle
         };
+        let mut driver = Driver::new(Arc::clone(layout), world, ports, start);
+        let carried = driver.tap();
         let cycle = Self {
-            driver: Driver::new(Arc::clone(layout), world, ports, start),
+            driver,
             timing,
             period: layout.cycle,
             instructions,
@@ -214,6 +218,7 @@ impl Cycle {
             orders: order,
             waiting: VecDeque::new(),
             reports,
+            carried,
         };
         let queues = PlanQueues {
             requests,
@@ -610,6 +615,10 @@ impl Timeline for RealTime {
         }
         Ok(Progress::More)
     }
+
+    fn carried(&mut self) -> Option<Carried> {
+        self.handle.as_mut()?.carried.pop().ok()
+    }
 }
 
 #[cfg(test)]
@@ -665,10 +674,12 @@ mod tests {
     fn no_order_gets_lost_while_the_cycle_stands() {
         let (orders, mut taken) = RingBuffer::new(ORDERS);
         let (_, reports) = RingBuffer::new(1);
+        let (_, carried) = RingBuffer::new(1);
         let mut handle = CycleHandle {
             orders,
             waiting: VecDeque::new(),
             reports,
+            carried,
         };
         let many = 2 * ORDERS as u64;
         for number in 0..many {

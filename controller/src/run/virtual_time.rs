@@ -5,10 +5,12 @@ use super::inline_planning::InlinePlanning;
 use super::{CycleReport, Orders, Progress, RunError, Timeline, Work};
 use crate::control::{Controller, Layout, Order, Row};
 use crate::machine::{COORDINATES, Machine};
+use crate::observe::flight_recorder::Carried;
 use crate::observe::frames::SharedFrames;
 use crate::port::sim::{SimPort, Simulated};
 use crate::port::{Port, PortError};
 use crate::program::{Moves, Program, ProgramError};
+use rtrb::Consumer;
 use std::mem::{replace, take};
 use std::sync::Arc;
 use syncline_canopen::Instant;
@@ -21,6 +23,7 @@ use syncline_drives::world::{Observer, World};
 pub struct VirtualMachine<P = SimPort> {
     driver: Driver<COORDINATES, P>,
     frames: SharedFrames,
+    carried: Consumer<Carried>,
     planning: InlinePlanning,
     orders: Orders,
     now: Instant,
@@ -88,8 +91,10 @@ impl<P: Port> VirtualMachine<P> {
     }
 
     fn with(world: World, ports: Vec<P>, layout: Arc<Layout>, frames: SharedFrames) -> Self {
+        let mut driver = Driver::new(layout, world, ports, Instant::ZERO);
         Self {
-            driver: Driver::new(layout, world, ports, Instant::ZERO),
+            carried: driver.tap(),
+            driver,
             frames,
             planning: InlinePlanning::default(),
             orders: Orders::default(),
@@ -214,5 +219,9 @@ impl<P: Port> Timeline for VirtualMachine<P> {
             true => Progress::More,
             false => Progress::Ended,
         })
+    }
+
+    fn carried(&mut self) -> Option<Carried> {
+        self.carried.pop().ok()
     }
 }

@@ -2,6 +2,7 @@
 
 use super::{Command, Refusal};
 use crate::control::{self, State};
+use crate::observe::flight_recorder::FaultFiles;
 use crate::run::RunError;
 use crossbeam::channel::{self, Receiver, RecvTimeoutError, Sender, TryIter, TrySendError};
 use serde::{Deserialize, Serialize};
@@ -147,6 +148,8 @@ pub enum Event {
     Refused(Refused),
     /// The machine is in this state now.
     State(State),
+    /// What led to a fault is written.
+    Recorded(FaultFiles),
     /// A bus failed, or the program cannot go on.
     Problem(Arc<RunError>),
 }

@@ -37,6 +37,7 @@ pub use status::{Status, StatusView, Stopped};
 
 use crate::control::{self, Fault, Layout, NotNow, Order, Request, Row, State};
 use crate::machine::COORDINATES;
+use crate::observe::flight_recorder::FlightRecorder;
 use crate::observe::{Observed, Observers};
 use crate::program::{Moves, Programs};
 use crate::run::{CycleReport, Progress, RunError, Timeline};
@@ -74,6 +75,7 @@ struct Desk {
     jobs: Option<Jobs>,
     faults: Vec<Fault>,
     observers: Observers,
+    recorder: Option<FlightRecorder>,
     /// For the words of faults.
     layout: Arc<Layout>,
     /// Coordinates that have an axis.
@@ -145,6 +147,7 @@ impl<T: Timeline> Session<T> {
                 jobs,
                 faults: Vec::new(),
                 observers,
+                recorder: None,
                 coordinates: layout.axes.iter().map(|axis| axis.coordinate).collect(),
                 layout: Arc::clone(layout),
             },
@@ -189,10 +192,17 @@ impl<T: Timeline> Session<T> {
         let progress = timeline.advance(&mut |report| desk.take(report));
         desk.status.settings = desk.settings;
         desk.view.show(&desk.status);
-        progress.unwrap_or_else(|error| {
+        let progress = progress.unwrap_or_else(|error| {
             desk.problem(error);
             Progress::More
-        })
+        });
+        desk.record(timeline, progress == Progress::Ended);
+        progress
+    }
+
+    /// Has what leads to a fault written, from now on.
+    pub fn record_faults(&mut self, recorder: FlightRecorder) {
+        self.desk.recorder = Some(recorder);
     }
 
     /// Hands over a command of a recorded session. What was before it in there is before it here, also
@@ -357,6 +367,24 @@ impl Desk {
         self.outlets.tell(&Event::Problem(Arc::new(error)));
     }
 
+    /// Hands the flight recorder the frames. Once the machine rests after a fault it is written what was
+    /// before, and told what came of that.
+    fn record(&mut self, timeline: &mut impl Timeline, ended: bool) {
+        let Some(recorder) = &mut self.recorder else {
+            return;
+        };
+        while let Some(frame) = timeline.carried() {
+            recorder.carry(frame);
+        }
+        let rests = ended || self.state == State::Faulted;
+        let begun = if rests { recorder.write() } else { None };
+        match begun.or_else(|| recorder.written(ended)) {
+            Some(Ok(files)) => self.outlets.tell(&Event::Recorded(files)),
+            Some(Err(error)) => self.problem(error.into()),
+            None => {}
+        }
+    }
+
     fn take(&mut self, report: CycleReport) {
         match report {
             CycleReport::Obeyed { number, cycle } => {
@@ -392,6 +420,9 @@ impl Desk {
             }
             CycleReport::Event(event) => {
                 self.observers.tell(&event);
+                if let Some(recorder) = &mut self.recorder {
+                    recorder.tell(&event);
+                }
                 match event {
                     control::Event::Phase(phase) => self.status.phase = phase,
                     control::Event::Fault(fault) => self.stopped_by(fault),
@@ -441,6 +472,9 @@ impl Desk {
             let programs = self.jobs.as_ref().map(Jobs::programs);
             let tool = programs.and_then(|programs| programs.tool(row.functions.tool));
             self.status.tool_name = tool.map_or_else(String::new, |tool| tool.name.clone());
+        }
+        if let Some(recorder) = &mut self.recorder {
+            recorder.observe(row, self.state, self.job.line);
         }
         let motion = self.job.moves.motion(row.plan.tag);
         let ahead = motion.filter(|_| row.plan.busy && !row.plan.off_path);

@@ -25,18 +25,23 @@ fn frames_of(rig: &mut Rig) -> String {
 
 /// A portal that is ready for the first job of the day.
 fn ready() -> Rig {
-    let mut rig = Rig::staying_on("portal", &[], |_, _| ());
+    ready_with(&[])
+}
+
+/// The same with parts of its file replaced.
+pub(super) fn ready_with(replacements: &[(&str, &str)]) -> Rig {
+    let mut rig = Rig::staying_on("portal", replacements, |_, _| ());
     settle(&mut rig);
     assert_eq!(state(&rig), State::Ready, "{:?}", rig.events);
     rig
 }
 
-fn state(rig: &Rig) -> State {
+pub(super) fn state(rig: &Rig) -> State {
     rig.session.status().state
 }
 
 /// Goes on until the machine rests and waits for an operator, or is off.
-fn settle(rig: &mut Rig) {
+pub(super) fn settle(rig: &mut Rig) {
     use State::{Disabled, Faulted, Held, Off, Ready};
     // What is commanded, also by who goes on at a tool change, shows some wake-ups later.
     let mut since = 0;
@@ -47,12 +52,12 @@ fn settle(rig: &mut Rig) {
 }
 
 /// Commands something, and goes on until the machine rests again.
-fn go(rig: &mut Rig, command: Command) {
+pub(super) fn go(rig: &mut Rig, command: Command) {
     rig.command(command);
     settle(rig);
 }
 
-fn mdi(rig: &mut Rig, lines: &str) {
+pub(super) fn mdi(rig: &mut Rig, lines: &str) {
     go(rig, Command::Mdi(lines.to_owned()));
 }
 

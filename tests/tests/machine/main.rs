@@ -22,6 +22,7 @@ mod pages;
 mod programs;
 mod properties;
 mod reactions;
+mod recorder;
 mod replayed;
 mod results;
 mod run;

@@ -286,6 +286,7 @@ impl Teller {
                 })
             }
             Event::Refused(refused) => Some(format!("refused: {}", refused.reason)),
+            Event::Recorded(files) => Some(files.to_string()),
             Event::Problem(error) => Some(told(&**error)),
             Event::Accepted(_) => None,
         }

@@ -91,6 +91,7 @@ impl Args {
         })?;
         let observers = Observers::new(&machine, None, None, false);
         let mut session = Session::staying_on(&layout, timeline, programs, observers);
+        real_time::record_faults(&mut session, &self.machine, &machine, &layout);
         let commands = commands.map(|file| {
             let file = Box::new(written.writers.begin(file)?);
             CommandLog::begin(&mut session, file, &tables)
