@@ -119,6 +119,7 @@ impl State {
         if cycle == Cycle::BoringWithStop && self.modes.spindle.turning == Turning::Off {
             return Err(Refusal::new(columns, Fault::CycleSpindle { code }));
         }
+        self.plane_of_axes(code, columns)?;
         let plane = self.modes.plane.axes();
         for axis in self.setup.axes.iter() {
             let letter = axis.letter() as u8;
@@ -227,7 +228,8 @@ impl State {
             let retract = self.at[axis] + retract;
             (retract, retract + depth)
         } else {
-            (retract + self.offset(axis), depth + self.offset(axis))
+            let origin = self.coordinates().origin[axis];
+            (retract + origin, depth + origin)
         };
         if retract < bottom {
             return Err(Refusal::new(columns, Fault::CycleBelow { code, axis }));

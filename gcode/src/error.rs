@@ -202,8 +202,10 @@ pub enum Fault {
     #[error("{code} P0 would take the override from the operator, who keeps it: remove it")]
     OperatorsOverride { code: Code },
 
-    #[error("the work's axes are not turned: have the program turned where it is made, write R0")]
-    TurnedWork,
+    #[error(
+        "{code} in the plane of G18 or G19 while the work is turned in X and Y: write G17, or G10 L2 P0 R0 before"
+    )]
+    TurnedPlane { code: Code },
 
     #[error("nothing is saved here: write M70 or M73 before, in this subroutine")]
     NothingSaved,

@@ -6,8 +6,8 @@
 //!
 //! A line's bytes (`source`) become tokens (`lexer`), the tokens a block (`parser`, `block`).
 //! Its values are computed (`expression`, `parameters`, `system`), its words sorted into their
-//! modal groups (`words`, `modal`) and executed (`execute`, `saved`, `switches`, `offsets`, `motion`, `arc`,
-//! `spline`, `cycles`); O-words lead on to other blocks (`flow`). Under G41 and G42 the contour becomes the way
+//! modal groups (`words`, `modal`) and executed (`execute`, `saved`, `switches`, `offsets`, `coordinates`,
+//! `motion`, `arc`, `spline`, `cycles`); O-words lead on to other blocks (`flow`). Under G41 and G42 the contour becomes the way
 //! of the tool's centre (`compensation`). [`Interpreter`] hands out the
 //! [`Command`]s that come of it, one block at a time. What a program may not do is refused with an
 //! [`Error`] that shows the place, the block, what is wrong and what to do.
@@ -18,6 +18,7 @@ mod axes;
 mod block;
 mod command;
 mod compensation;
+mod coordinates;
 mod cycles;
 mod error;
 mod execute;
@@ -45,6 +46,7 @@ pub use command::{
     ANALOG_OUTPUTS, Action, Command, Coolant, DIGITAL_INPUTS, DIGITAL_OUTPUTS, Feed, InputWait,
     Output, PathMode, Span, Spindle, Stop, Turning, Until,
 };
+pub use coordinates::WorkCoordinates;
 pub use cycles::Cycle;
 pub use error::{Error, Fault};
 pub use interpreter::Interpreter;

@@ -3,6 +3,7 @@
 
 use super::axes::{Axis, Point};
 use super::command::{Coolant, PathMode, Turning};
+use super::coordinates::WorkCoordinates;
 use super::modal::{Modes, Motion};
 use super::parameters::Parameters;
 use super::saved::SavedModes;
@@ -33,20 +34,9 @@ impl Memory {
         &self.modes
     }
 
-    /// What lies between program and machine coordinates: work offset, G92 or G52, and tool. mm and
-    /// degrees.
-    pub fn offset(&self, tables: &Tables) -> Point {
-        let work = tables.work_offsets[self.modes.work_offset];
-        let mut offset = Point::ZERO;
-        for axis in Axis::ALL {
-            let shift = if self.g92_applies {
-                tables.g92[axis]
-            } else {
-                0.0
-            };
-            offset[axis] = work[axis] + shift + self.tool_offset[axis];
-        }
-        offset
+    /// The coordinates in effect: work offset, G92 or G52, and tool.
+    pub fn coordinates(&self, tables: &Tables) -> WorkCoordinates {
+        tables.coordinates(self.modes.work_offset, self.g92_applies, self.tool_offset)
     }
 
     /// What M2, M30 and the end of a program's file reset (RS-274/NGC): G54, no shift by G92 or G52,

@@ -122,7 +122,7 @@ const NO_LATHE: &str = "it is for lathes";
 const NO_SCALING: &str =
     "have the program scaled where it is made: write G50 away if it only ends that";
 const NO_ROTATION: &str =
-    "have the program turned where it is made: write G69 away if it only ends that";
+    "turn the work offset with G10 L2 P0 and R, or remove G69 if it only ends a rotation";
 const NO_CIRCLES: &str = "write the circle with G2 or G3 and its radius's compensation with G41";
 
 impl Code {

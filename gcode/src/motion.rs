@@ -6,6 +6,7 @@ use super::arc::{Arc, Direction, Plane};
 use super::axes::{Axis, COORDINATE_LIMIT, Point};
 use super::block::Block;
 use super::command::{Action, Feed, Stop};
+use super::coordinates::sum;
 use super::cycles::Cycle;
 use super::error::{Fault, Refusal};
 use super::execute::{Compensated, State};
@@ -232,35 +233,39 @@ impl State {
         code: Code,
         machine: bool,
     ) -> Result<Point, Refusal> {
+        let coordinates = self.coordinates();
         let mut to = from;
         if words.has_polar() {
             if machine {
                 let letter = if words.has(b'@') { b'@' } else { b'^' };
                 return Err(words.refuse(letter, Fault::PolarMachine));
             }
-            let point = self.polar(from, words, code)?;
-            for (axis, value) in [Axis::X, Axis::Y].into_iter().zip(point) {
-                to[axis] = value + self.offset(axis);
+            let place = coordinates.to_machine(self.polar(from, words, code)?);
+            for axis in [Axis::X, Axis::Y] {
+                to[axis] = place[axis];
             }
         }
-        for axis in self.setup.axes.iter() {
-            let Some(length) = self.coordinate(words, axis, code)? else {
-                continue;
-            };
-            to[axis] = if machine {
-                length
-            } else if self.modes.incremental {
-                from[axis] + length
-            } else {
-                length + self.offset(axis)
-            };
+        if machine {
+            return Ok(self.placed(from, words, code)?.0);
+        }
+        // What no word moves stays where it is to the last bit.
+        let (place, given) = if self.modes.incremental {
+            let (way, given) = self.placed(Point::ZERO, words, code)?;
+            (sum(from, coordinates.turned(way)), given)
+        } else {
+            let at = coordinates.to_program(from);
+            let (place, given) = self.placed(at, words, code)?;
+            (coordinates.to_machine(place), given)
+        };
+        for axis in coordinates.moved_by(given).iter() {
+            to[axis] = place[axis];
         }
         Ok(to)
     }
 
     /// Where `@` and `^` lead in the program's X and Y, mm: by the distance from its origin and the
     /// angle from X. One that is not written stays; under G91 both are added.
-    fn polar(&self, from: Point, words: &mut Words, code: Code) -> Result<[f64; 2], Refusal> {
+    fn polar(&self, from: Point, words: &mut Words, code: Code) -> Result<Point, Refusal> {
         let letter = if words.has(b'@') { b'@' } else { b'^' };
         if let Some(mixed) = [b'X', b'Y'].into_iter().find(|axis| words.has(*axis)) {
             return Err(words.refuse(mixed, Fault::PolarMixed));
@@ -275,7 +280,8 @@ impl State {
         {
             return Err(words.refuse(letter, Fault::NoSuchAxis { axis, axes }));
         }
-        let [x, y] = [Axis::X, Axis::Y].map(|axis| from[axis] - self.offset(axis));
+        let mut point = self.coordinates().to_program(from);
+        let [x, y] = [point[Axis::X], point[Axis::Y]];
         let (distance, angle) = (libm::hypot(x, y), libm::atan2(y, x).to_degrees());
         let written = words
             .take(b'@', code)?
@@ -293,9 +299,10 @@ impl State {
             (written.unwrap_or(distance), turned.unwrap_or(angle))
         };
         let (sine, cosine) = libm::sincos(angle.to_radians());
-        let point = [distance * cosine, distance * sine];
-        for (axis, value) in [Axis::X, Axis::Y].into_iter().zip(point) {
+        let place = [distance * cosine, distance * sine];
+        for (axis, value) in [Axis::X, Axis::Y].into_iter().zip(place) {
             in_range(axis, value).map_err(|fault| words.refuse(letter, fault))?;
+            point[axis] = value;
         }
         Ok(point)
     }
@@ -360,6 +367,7 @@ impl State {
         let refuse = |fault| Refusal::new(columns, fault);
         let plane = self.modes.plane;
         let axes = plane.axes();
+        self.plane_of_axes(code, columns)?;
         let missing_axes = axes[..2]
             .iter()
             .find(|axis| !self.setup.axes.contains(**axis));
@@ -398,19 +406,18 @@ impl State {
                     Plane::Yz => "J and K, or R",
                 })));
             }
-            (None, [first, second]) if !self.modes.absolute_centers => {
-                let offset = |value: Option<f64>| value.unwrap_or(0.0) * unit;
-                let center = [
-                    self.at[axes[0]] + offset(first),
-                    self.at[axes[1]] + offset(second),
-                ];
-                Arc::about(plane, self.at, to, center, direction, turns)
-            }
-            (None, [Some(first), Some(second)]) => {
-                let center = [
-                    first * unit + self.offset(axes[0]),
-                    second * unit + self.offset(axes[1]),
-                ];
+            (None, offsets) if !self.modes.absolute_centers || !offsets.contains(&None) => {
+                let mut written = Point::ZERO;
+                for (axis, offset) in axes.into_iter().zip(offsets) {
+                    written[axis] = offset.unwrap_or(0.0) * unit;
+                }
+                let coordinates = self.coordinates();
+                let center = if self.modes.absolute_centers {
+                    coordinates.to_machine(written)
+                } else {
+                    sum(self.at, coordinates.turned(written))
+                };
+                let center = [center[axes[0]], center[axes[1]]];
                 Arc::about(plane, self.at, to, center, direction, turns)
             }
             (None, _) => {

@@ -2,10 +2,13 @@
 
 use std::collections::VecDeque;
 
-use super::axes::{Axis, Point};
+use super::arc::Plane;
+use super::axes::{Axis, AxisSet, Point};
 use super::command::Action;
+use super::coordinates::{ROTATION_LIMIT, WorkCoordinates, less};
 use super::error::{Fault, Refusal};
 use super::execute::{Compensated, State, missing};
+use super::lexer::Columns;
 use super::modal::{Code, Group};
 use super::motion::RADIUS_LIMIT;
 use super::words::{Words, out_of_range};
@@ -14,21 +17,18 @@ use super::words::{Words, out_of_range};
 const MEASURED: f64 = 1e3;
 /// What is programmed is known to this part; below there is the rounding of sums and inches.
 const PROGRAMMED: f64 = 1e9;
+/// G59.3, the work offset from which G10 L11 measures tools.
+const FIXTURE: usize = 8;
 
 impl State {
-    /// What lies between program and machine coordinates.
-    pub(crate) fn offset(&self, axis: Axis) -> f64 {
-        self.origin(axis) + self.tool_offset[axis]
+    /// The coordinates in effect.
+    pub(crate) fn coordinates(&self) -> WorkCoordinates {
+        self.coordinates_of(self.modes.work_offset, self.tool_offset)
     }
 
-    /// The origin of the program's coordinates without the tool.
-    fn origin(&self, axis: Axis) -> f64 {
-        let work = self.setup.tables.work_offsets[self.modes.work_offset][axis];
-        if self.g92_applies {
-            work + self.setup.tables.g92[axis]
-        } else {
-            work
-        }
+    /// The coordinates that a work offset would make.
+    fn coordinates_of(&self, work_offset: usize, tool: Point) -> WorkCoordinates {
+        (self.setup.tables).coordinates(work_offset, self.g92_applies, tool)
     }
 
     /// G43, G43.1, G43.2, G49.
@@ -121,15 +121,15 @@ impl State {
             self.setup.tables.g92 = Point::ZERO;
             self.g92_applies = true;
         }
+        let tables = &self.setup.tables;
+        let unshifted = tables.coordinates(self.modes.work_offset, false, self.tool_offset);
+        let here = unshifted.to_program(self.noted());
         for axis in self.setup.axes.iter() {
             if let Some(value) = self.coordinate(words, axis, code)? {
-                let shift = if code == Code::G(520) {
-                    value
-                } else {
-                    let work = self.setup.tables.work_offsets[self.modes.work_offset][axis];
-                    self.noted()[axis] - work - self.tool_offset[axis] - value
+                self.setup.tables.g92[axis] = match code {
+                    Code::G(520) => value,
+                    _ => here[axis] - value,
                 };
-                self.setup.tables.g92[axis] = shift;
             }
         }
         Ok(())
@@ -164,22 +164,7 @@ impl State {
                     Some(number) => number as usize - 1,
                     None => return Err(missing(words, Group::Offsets, code, allowed)),
                 };
-                if let Some(turned) = words.take(b'R', code)?
-                    && turned != 0.0
-                {
-                    return Err(words.refuse(b'R', Fault::TurnedWork));
-                }
-                for axis in self.setup.axes.iter() {
-                    if let Some(value) = self.coordinate(words, axis, code)? {
-                        let work = self.setup.tables.work_offsets[self.modes.work_offset][axis];
-                        let others = self.offset(axis) - work;
-                        self.setup.tables.work_offsets[index][axis] = match kind {
-                            2 => value,
-                            _ => self.noted()[axis] - others - value,
-                        };
-                    }
-                }
-                Ok(())
+                self.set_work_offset(index, kind == 20, words, code)
             }
             1 | 10 | 11 => {
                 let allowed = "the number of a tool from 1 to 99999";
@@ -193,16 +178,19 @@ impl State {
                     .get(&number)
                     .cloned()
                     .unwrap_or_default();
+                let tables = &self.setup.tables;
+                let without_tool = match kind {
+                    11 => tables.coordinates(FIXTURE, false, Point::ZERO),
+                    _ => self.coordinates_of(self.modes.work_offset, Point::ZERO),
+                };
+                let here = without_tool.to_program(self.noted());
+                let (place, given) = self.placed(here, words, code)?;
+                let measured = without_tool.turned(less(here, place));
                 for axis in self.setup.axes.iter() {
-                    if let Some(value) = self.coordinate(words, axis, code)? {
-                        tool.offset[axis] = match kind {
-                            1 => value,
-                            10 => self.noted()[axis] - self.origin(axis) - value,
-                            _ => {
-                                let work = self.setup.tables.work_offsets[8][axis];
-                                self.noted()[axis] - work - value
-                            }
-                        };
+                    if kind == 1 && given.contains(axis) {
+                        tool.offset[axis] = place[axis];
+                    } else if kind != 1 && without_tool.moved_by(given).contains(axis) {
+                        tool.offset[axis] = measured[axis];
                     }
                 }
                 if let Some(radius) = words.take(b'R', code)? {
@@ -217,6 +205,77 @@ impl State {
             }
             _ => Err(words.refuse(b'L', out_of_range('L', f64::from(kind), allowed))),
         }
+    }
+
+    /// G10 L2 sets a work offset and by how much it is turned; L20 sets it so that the position has the given
+    /// coordinates in it.
+    fn set_work_offset(
+        &mut self,
+        index: usize,
+        by_position: bool,
+        words: &mut Words,
+        code: Code,
+    ) -> Result<(), Refusal> {
+        if let Some(degrees) = words.take(b'R', code)? {
+            self.turn_work(index, degrees)
+                .map_err(|fault| words.refuse(b'R', fault))?;
+        }
+        if !by_position {
+            let (place, given) = self.placed(Point::ZERO, words, code)?;
+            for axis in given.iter() {
+                self.setup.tables.work_offsets[index][axis] = place[axis];
+            }
+            return Ok(());
+        }
+        let coordinates = self.coordinates_of(index, self.tool_offset);
+        let here = coordinates.to_program(self.noted());
+        let (place, given) = self.placed(here, words, code)?;
+        let moved = coordinates.turned(less(here, place));
+        for axis in coordinates.moved_by(given).iter() {
+            self.setup.tables.work_offsets[index][axis] += moved[axis];
+        }
+        Ok(())
+    }
+
+    /// Turns X and Y of a work offset about its origin.
+    pub(crate) fn turn_work(&mut self, index: usize, degrees: f64) -> Result<(), Fault> {
+        let axes = self.setup.axes;
+        let missing = [Axis::X, Axis::Y]
+            .into_iter()
+            .find(|axis| !axes.contains(*axis));
+        if let Some(axis) = missing.filter(|_| degrees != 0.0) {
+            return Err(Fault::NoSuchAxis { axis, axes });
+        }
+        if degrees.abs() > ROTATION_LIMIT {
+            return Err(out_of_range('R', degrees, "an angle within ±360°"));
+        }
+        self.setup.tables.rotations[index] = degrees;
+        Ok(())
+    }
+
+    /// A point with the coordinates of the words in place of its own, and which these are. mm and degrees.
+    pub(crate) fn placed(
+        &self,
+        mut point: Point,
+        words: &mut Words,
+        code: Code,
+    ) -> Result<(Point, AxisSet), Refusal> {
+        let mut given = AxisSet::default();
+        for axis in self.setup.axes.iter() {
+            if let Some(value) = self.coordinate(words, axis, code)? {
+                point[axis] = value;
+                given.insert(axis);
+            }
+        }
+        Ok((point, given))
+    }
+
+    /// Refuses what is in the plane of G18 or G19 while the work is turned: no two axes of the machine are in it.
+    pub(crate) fn plane_of_axes(&self, code: Code, columns: Columns) -> Result<(), Refusal> {
+        if self.modes.plane != Plane::Xy && self.coordinates().rotation != 0.0 {
+            return Err(Refusal::new(columns, Fault::TurnedPlane { code }));
+        }
+        Ok(())
     }
 
     /// G28, G30: over the point that the axis words give, if any, to the stored one.

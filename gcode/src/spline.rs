@@ -240,15 +240,17 @@ impl State {
         let [Some(p), Some(q)] = second else {
             return Err(missing("both P and Q"));
         };
+        let last = [-p, -q];
         let [start, end] = [self.at, to].map(|point| [point[Axis::X], point[Axis::Y]]);
+        let [[i, j], [p, q]] = [first, [p, q]].map(|vector| self.turned_vector(vector));
         let controls = [
             start,
-            [start[0] + first[0], start[1] + first[1]],
+            [start[0] + i, start[1] + j],
             [end[0] + p, end[1] + q],
             end,
         ];
         self.go_along(&controls, words, code, columns, commands)?;
-        self.spline_direction = Some([-p, -q]);
+        self.spline_direction = Some(last);
         Ok(())
     }
 
@@ -267,9 +269,15 @@ impl State {
             return Err(Refusal::new(columns, Fault::MissingWord { code, words }));
         }
         let [start, end] = [self.at, to].map(|point| [point[Axis::X], point[Axis::Y]]);
-        let [i, j] = offsets.map(Option::unwrap_or_default);
+        let [i, j] = self.turned_vector(offsets.map(Option::unwrap_or_default));
         let controls = [start, [start[0] + i, start[1] + j], end];
         self.go_along(&controls, words, code, columns, commands)
+    }
+
+    /// A vector of the program in machine coordinates.
+    fn turned_vector(&self, [x, y]: Vector) -> Vector {
+        let turned = self.coordinates().turned(Point::xyz(x, y, 0.0));
+        [turned[Axis::X], turned[Axis::Y]]
     }
 
     /// Two words that are lengths from a point, mm.

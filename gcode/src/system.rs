@@ -40,8 +40,16 @@ impl State {
         }
     }
 
-    /// Sets a parameter of a stored point; `false` if the number is none.
+    /// The work offset of which a parameter is the rotation.
+    fn rotation_of(index: usize) -> Option<usize> {
+        (0..9).find(|work_offset| index == 5230 + 20 * work_offset)
+    }
+
+    /// Sets a parameter of a stored point or rotation; `false` if the number is none.
     pub(crate) fn set_system(&mut self, index: usize, value: f64) -> Result<bool, Fault> {
+        if let Some(work_offset) = State::rotation_of(index) {
+            return self.turn_work(work_offset, value).map(|()| true);
+        }
         let Some((which, axis)) = State::stored(index) else {
             return Ok(false);
         };
@@ -50,12 +58,13 @@ impl State {
         Ok(true)
     }
 
-    /// Whether a parameter moves the origin.
+    /// Whether a parameter moves the program's coordinates.
     pub(crate) fn shifts(&self, index: usize) -> bool {
-        matches!(
+        let origin = matches!(
             State::stored(index),
             Some((Stored::G92 | Stored::Work(_), _))
-        )
+        );
+        origin || State::rotation_of(index).is_some()
     }
 
     /// A parameter that shows the machine's state.
@@ -68,6 +77,9 @@ impl State {
                 Stored::G92 => tables.g92[axis],
                 Stored::Work(index) => tables.work_offsets[index][axis],
             });
+        }
+        if let Some(work_offset) = State::rotation_of(index) {
+            return Some(tables.rotations[work_offset]);
         }
         let tool = tables.tools.get(&self.modes.tool);
         Some(match index {
@@ -147,7 +159,7 @@ impl State {
     }
 
     fn relative(&self, axis: Axis) -> f64 {
-        (self.at[axis] - self.offset(axis)) / self.unit(axis)
+        self.coordinates().to_program(self.at)[axis] / self.unit(axis)
     }
 }
 

@@ -15,7 +15,8 @@
 //! offset = { Z = 52.3 }
 //! ```
 //!
-//! All lengths in mm, in machine coordinates; an axis that is not named is zero.
+//! All lengths in mm, in machine coordinates; an axis that is not named is zero. R of a work offset are the degrees by
+//! which its X and Y are turned, counterclockwise.
 
 mod save;
 
@@ -27,12 +28,16 @@ use std::path::{Path, PathBuf};
 use toml::Spanned;
 
 use super::axes::{Axis, COORDINATE_LIMIT, Point};
+use super::coordinates::{ROTATION_LIMIT, WorkCoordinates, sum};
 use syncline_strict_toml::{Invalid, Log, Table};
 
 /// The names of the work offsets, in the order of their numbers 1 to 9.
 const WORK_OFFSETS: [&str; 9] = [
     "G54", "G55", "G56", "G57", "G58", "G59", "G59.1", "G59.2", "G59.3",
 ];
+
+/// The key of how a work offset's X and Y are turned, as G10's word.
+const ROTATION: &str = "R";
 
 /// Bytes that a tables file may have: thousands of tools.
 const LONGEST: u64 = 1 << 20;
@@ -42,6 +47,8 @@ const LONGEST: u64 = 1 << 20;
 pub struct Tables {
     /// Origins of G54 … G59.3.
     pub work_offsets: [Point; 9],
+    /// By how much X and Y of each are turned about its origin, degrees, counterclockwise.
+    pub rotations: [f64; 9],
     /// Where G28 goes.
     pub g28: Point,
     /// Where G30 goes.
@@ -107,6 +114,25 @@ pub enum TablesError {
 }
 
 impl Tables {
+    /// The coordinates of a work offset (0 is G54), with the shift of G92 or without, and a tool's
+    /// offset.
+    pub(crate) fn coordinates(
+        &self,
+        work_offset: usize,
+        g92: bool,
+        tool: Point,
+    ) -> WorkCoordinates {
+        let mut coordinates = WorkCoordinates {
+            origin: self.work_offsets[work_offset],
+            rotation: self.rotations[work_offset],
+        };
+        if g92 {
+            coordinates.origin = coordinates.to_machine(self.g92);
+        }
+        coordinates.origin = sum(coordinates.origin, tool);
+        coordinates
+    }
+
     /// Where the tables of a machine file are: `portal.toml` has `portal.tables.toml`.
     pub fn beside(machine: &Path) -> PathBuf {
         machine.with_extension("tables.toml")
@@ -151,15 +177,20 @@ impl Tables {
         let tools = file.tables_if(log, "tool", "number");
         file.finish(log);
         if let Some(mut table) = work_offsets {
-            for (name, offset) in WORK_OFFSETS.into_iter().zip(&mut self.work_offsets) {
-                *offset = point(log, &mut table, name);
+            let rows = self.work_offsets.iter_mut().zip(&mut self.rotations);
+            for (name, (offset, rotation)) in WORK_OFFSETS.into_iter().zip(rows) {
+                if let Some(mut values) = row(log, &mut table, name) {
+                    *offset = point(log, &mut values);
+                    *rotation = angle(log, &mut values, ROTATION);
+                    values.finish(log);
+                }
             }
             table.finish(log);
         }
         if let Some(mut table) = reference_points {
-            self.g28 = point(log, &mut table, "G28");
-            self.g30 = point(log, &mut table, "G30");
-            self.g92 = point(log, &mut table, "G92");
+            self.g28 = place(log, &mut table, "G28");
+            self.g30 = place(log, &mut table, "G30");
+            self.g92 = place(log, &mut table, "G92");
             table.finish(log);
         }
         for mut table in tools {
@@ -168,7 +199,7 @@ impl Tables {
                 name: table.text_or(log, "name", "", "a text", |_| true),
                 diameter: length(log, &mut table, "diameter"),
                 diameter_wear: length(log, &mut table, "diameter_wear"),
-                offset: point(log, &mut table, "offset"),
+                offset: place(log, &mut table, "offset"),
             };
             let title = table.title.clone();
             table.finish(log);
@@ -233,19 +264,43 @@ fn length(log: &mut Log<'_>, table: &mut Table<'_, '_>, key: &'static str) -> f6
     (table.number_if(log, key, &allowed, within)).map_or(0.0, Spanned::into_inner)
 }
 
-/// The point `key` of a table; zero without it.
-fn point(log: &mut Log<'_>, table: &mut Table<'_, '_>, key: &'static str) -> Point {
-    let mut point = Point::ZERO;
+/// The angle `key` of a table, degrees; zero without it.
+fn angle(log: &mut Log<'_>, table: &mut Table<'_, '_>, key: &'static str) -> f64 {
+    let allowed = format!("a number within ±{ROTATION_LIMIT} (°)");
+    let within = |degrees: f64| degrees.abs() <= ROTATION_LIMIT;
+    (table.number_if(log, key, &allowed, within)).map_or(0.0, Spanned::into_inner)
+}
+
+/// The row `key` of a table, if it is there.
+fn row<'t, 'd>(
+    log: &mut Log<'_>,
+    table: &mut Table<'t, 'd>,
+    key: &'static str,
+) -> Option<Table<'t, 'd>> {
     let allowed = "axes with their positions: { X = 400.0, Z = -250.0 }";
-    let Some(mut values) = table.table_if(log, key, allowed) else {
-        return point;
-    };
+    let mut values = table.table_if(log, key, allowed)?;
     values.title = format!("{}: {key}", table.title);
     if key == "G59" {
         for (part, name) in [("1", "G59.1"), ("2", "G59.2"), ("3", "G59.3")] {
             values.misread(log, part, &format!("\"{name}\", in quotes"));
         }
     }
+    Some(values)
+}
+
+/// The point of the row `key` of a table; zero without it.
+fn place(log: &mut Log<'_>, table: &mut Table<'_, '_>, key: &'static str) -> Point {
+    let Some(mut values) = row(log, table, key) else {
+        return Point::ZERO;
+    };
+    let place = point(log, &mut values);
+    values.finish(log);
+    place
+}
+
+/// The point that a row's axes give; zero where it names none.
+fn point(log: &mut Log<'_>, values: &mut Table<'_, '_>) -> Point {
+    let mut point = Point::ZERO;
     for axis in Axis::ALL {
         let (name, unit) = (axis.name(), axis.units()[0]);
         let allowed = format!("a number within ±{COORDINATE_LIMIT} ({unit})");
@@ -253,6 +308,5 @@ fn point(log: &mut Log<'_>, table: &mut Table<'_, '_>, key: &'static str) -> Poi
         let value = values.number_if(log, name, &allowed, within);
         point[axis] = value.map_or(0.0, Spanned::into_inner);
     }
-    values.finish(log);
     point
 }

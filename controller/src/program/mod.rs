@@ -237,10 +237,10 @@ impl Programs {
         &self.setup.memory
     }
 
-    /// What lies between program and machine coordinates, mm and degrees.
+    /// The coordinates in which the next program begins.
     #[must_use]
-    pub fn offset(&self) -> Position {
-        self.setup.memory.offset(&self.setup.tables).0
+    pub fn coordinates(&self) -> gcode::WorkCoordinates {
+        self.setup.memory.coordinates(&self.setup.tables)
     }
 
     /// The tool with this number, if the tables have it.

@@ -10,6 +10,7 @@ use crate::program::{Left, Moves, Program, Programs};
 use crate::run::Work;
 use std::fs::File;
 use std::path::{Path, PathBuf};
+use syncline_gcode::Point;
 
 /// See the module.
 pub(super) struct Jobs {
@@ -130,18 +131,13 @@ impl Jobs {
         Ok(self.programs.memory().words(positions))
     }
 
-    /// Of positions in work coordinates, those in machine coordinates.
+    /// Of positions in work coordinates, those in machine coordinates, from `here`.
     pub(super) fn machine_coordinates(
         &self,
         positions: &[Option<f64>; COORDINATES],
+        here: &Position,
     ) -> [Option<f64>; COORDINATES] {
-        let offset = self.offset();
-        std::array::from_fn(|i| positions[i].map(|position| position + offset[i]))
-    }
-
-    /// What lies between work and machine coordinates, mm and degrees.
-    pub(super) fn offset(&self) -> Position {
-        self.programs.offset()
+        self.programs.coordinates().place(positions, Point(*here))
     }
 
     /// The job did not begin.

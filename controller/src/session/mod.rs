@@ -297,7 +297,7 @@ impl Desk {
                 Ok(Asked::Own)
             }
             Command::GoTo(positions) => {
-                let to = jobs.machine_coordinates(positions);
+                let to = jobs.machine_coordinates(positions, &self.status.setpoint);
                 let order = self.settings.order(&Command::Jog(Jog::Line(to)));
                 Ok(order.map_or(Asked::Own, Asked::Order))
             }
@@ -514,7 +514,9 @@ impl Desk {
     /// Shows what the programs so far have left.
     fn show_programs(&mut self) {
         if let Some(jobs) = &self.jobs {
-            self.status.offset = jobs.offset();
+            let coordinates = jobs.programs().coordinates();
+            self.status.offset = coordinates.origin.0;
+            self.status.rotation = coordinates.rotation;
             self.status.modes = jobs.programs().memory().modes().to_string();
             self.status.program = jobs.loaded().map(Path::to_owned);
         }

@@ -6,7 +6,7 @@ use crate::machine::COORDINATES;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
-use syncline_gcode::{Coolant, Spindle};
+use syncline_gcode::{Coolant, Point, Spindle, WorkCoordinates};
 
 /// A machine and its job at one instant. Arrays are by letter, X Y Z A B C U V W, in machine
 /// coordinates; what has no axis stays 0.
@@ -48,6 +48,8 @@ pub struct Status {
     pub coolant: Coolant,
     /// What lies between work and machine coordinates where the next job begins, mm and degrees.
     pub offset: [f64; COORDINATES],
+    /// By how much X and Y of the work are turned about there, degrees, counterclockwise.
+    pub rotation: f64,
     /// The modal state in which the next job begins, as its codes.
     pub modes: String,
     /// The program that is loaded.
@@ -88,6 +90,7 @@ impl Default for Status {
             spindle: Spindle::default(),
             coolant: Coolant::default(),
             offset: [0.0; COORDINATES],
+            rotation: 0.0,
             modes: String::new(),
             program: None,
             settings: Settings::default(),
@@ -97,6 +100,16 @@ impl Default for Status {
 }
 
 impl Status {
+    /// Where the axes are in work coordinates, mm and degrees.
+    #[must_use]
+    pub fn work_position(&self) -> [f64; COORDINATES] {
+        let coordinates = WorkCoordinates {
+            origin: Point(self.offset),
+            rotation: self.rotation,
+        };
+        coordinates.to_program(Point(self.actual)).0
+    }
+
     /// The state, and whether axes have to be homed in it: `ready (unreferenced)`.
     #[must_use]
     pub fn state_in_words(&self) -> String {

@@ -82,6 +82,7 @@ impl State {
         };
         let columns = words.code_columns(Group::CutterCompensation);
         let columns = columns.unwrap_or_default();
+        self.plane_of_axes(code, columns)?;
         let plane = self.modes.plane;
         let needed = plane.axes();
         let lacking = needed[..2]

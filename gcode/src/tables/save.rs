@@ -6,7 +6,7 @@
 //! A lock on the folder keeps two runs from doing this at once; the file is replaced as a whole, so
 //! that after a power cut it is the old one or the new one.
 
-use super::{Tables, TablesError, WORK_OFFSETS, read};
+use super::{ROTATION, Tables, TablesError, WORK_OFFSETS, read};
 use crate::axes::{Axis, Point};
 use std::collections::BTreeMap;
 use std::fmt;
@@ -107,6 +107,7 @@ enum Row {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Column {
     Diameter,
+    Rotation,
     Axis(Axis),
 }
 
@@ -122,6 +123,7 @@ impl fmt::Display for Place {
         match self.1 {
             Column::Axis(axis) => write!(f, " {}", axis.name()),
             Column::Diameter => f.write_str(" diameter"),
+            Column::Rotation => write!(f, " {ROTATION}"),
         }
     }
 }
@@ -157,16 +159,22 @@ impl<'a> Changes<'a> {
         Self { before, set, names }
     }
 
-    /// All values of tables, without the dust of arithmetic below a millionth of a mm. A tool has its
+    /// All values of tables, without the dust of arithmetic below a millionth of a mm or degree. A tool has its
     /// diameter always, so that it is seen to be there.
     fn values(tables: &Tables) -> Values {
         let mut values = Values::new();
+        let mut put_one = |row, column, value: f64| {
+            let value = (value * 1e6).round() / 1e6;
+            if value != 0.0 {
+                values.insert((row, column), value);
+            }
+        };
+        for (name, &degrees) in WORK_OFFSETS.into_iter().zip(&tables.rotations) {
+            put_one(Row::Work(name), Column::Rotation, degrees);
+        }
         let mut put = |row, point: &Point| {
             for axis in Axis::ALL {
-                let value = (point[axis] * 1e6).round() / 1e6;
-                if value != 0.0 {
-                    values.insert((row, Column::Axis(axis)), value);
-                }
+                put_one(row, Column::Axis(axis), point[axis]);
             }
         };
         for (name, offset) in WORK_OFFSETS.into_iter().zip(&tables.work_offsets) {
@@ -225,6 +233,7 @@ impl<'a> Changes<'a> {
                         put(offset, axis.name(), value);
                     }
                 }
+                (_, Column::Rotation) => put(table, ROTATION, value),
                 (_, Column::Axis(axis)) => put(table, axis.name(), value),
             }
         }

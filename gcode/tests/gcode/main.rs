@@ -15,4 +15,5 @@ mod resume;
 mod saved;
 mod splines;
 mod sweep;
+mod turned;
 mod words;

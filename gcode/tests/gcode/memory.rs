@@ -85,7 +85,7 @@ proptest! {
         prop_assert_eq!(actions, wanted);
         prop_assert_eq!(one_by_one.start, at);
         prop_assert_eq!(one_by_one.memory.modes(), memory.modes());
-        prop_assert_eq!(one_by_one.memory.offset(&tables), memory.offset(&tables));
+        prop_assert_eq!(one_by_one.memory.coordinates(&tables), memory.coordinates(&tables));
         prop_assert_eq!(one_by_one.tables, tables);
     }
 }
@@ -109,7 +109,7 @@ fn the_end_of_a_program_resets_what_rs_274_says_and_nothing_else() {
         };
         assert_eq!(modes, expected, "{end:?}");
         let shift = if resets { 0.0 } else { 25.4 };
-        let offset = memory.offset(&tables)[syncline_gcode::Axis::X];
+        let offset = memory.coordinates(&tables).origin[syncline_gcode::Axis::X];
         assert!((offset.abs() - shift).abs() < 1e-9, "{end:?}: {offset}");
         let next = Setup {
             memory,
@@ -130,11 +130,17 @@ fn the_end_of_a_program_resets_what_rs_274_says_and_nothing_else() {
 #[test]
 fn another_tool_has_another_length() {
     let (_, _, mut memory, tables) = run("T1 M6 G43 H1 M3 S10", &setup());
-    assert_eq!(memory.offset(&tables), Point::xyz(0.0, 0.0, 7.0));
+    assert_eq!(
+        memory.coordinates(&tables).origin,
+        Point::xyz(0.0, 0.0, 7.0)
+    );
     memory.tool_is(1);
-    assert_eq!(memory.offset(&tables), Point::xyz(0.0, 0.0, 7.0));
+    assert_eq!(
+        memory.coordinates(&tables).origin,
+        Point::xyz(0.0, 0.0, 7.0)
+    );
     memory.tool_is(2);
-    assert_eq!(memory.offset(&tables), Point::ZERO);
+    assert_eq!(memory.coordinates(&tables).origin, Point::ZERO);
     assert_eq!(
         (memory.modes().tool, memory.modes().tool_length),
         (2, false)

@@ -129,7 +129,7 @@ fn what_cannot_be_set() {
         ("G10 L2 X1", "1:1"),
         ("G10 L2 P10 X1", "1:8"),
         ("G10 L3 P1 X1", "1:5"),
-        ("G10 L2 P1 R45", "1:11"),
+        ("G10 L2 P1 R450", "1:11"),
         ("G10 L1 P0 Z1", "1:8"),
         ("G10 L1 P1 R-99999999", "1:11"),
         ("G28 G92 X1", "1:5"),
@@ -338,4 +338,43 @@ fn no_encoder_noise_comes_into_the_tables() {
         assert_eq!(tables.work_offsets[0].0[..3], work, "{program}");
         assert_eq!(tables.g28[Axis::X], reference, "{program}");
     }
+}
+
+/// A rotation is in the tables file as the offset's R, and changes of two runs in one offset meet.
+#[test]
+fn rotations_are_kept() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("portal.tables.toml");
+    std::fs::write(
+        &file,
+        "[work_offsets]\nG54 = { X = 1.0, R = 30.0 } # the vice\n",
+    )
+    .unwrap();
+    let before = Tables::load(&file).unwrap();
+    assert_eq!(before.rotations[0], 30.0);
+    let mut setup = xyz();
+    setup.tables = before.clone();
+    let mut program = Interpreter::from_text("part.ngc", "G10 L2 P1 R-12.5\n#5250=7\nM2", setup);
+    assert!(program.by_ref().all(|it| it.is_ok()));
+    program.tables().save(&file, &before).unwrap();
+    let text = std::fs::read_to_string(&file).unwrap();
+    assert_eq!(
+        text,
+        "[work_offsets]\nG54 = { X = 1.0, R = -12.5 } # the vice\nG55 = { R = 7.0 }\n"
+    );
+    let other = Tables {
+        rotations: [1.0; 9],
+        ..before.clone()
+    };
+    let error = other.save(&file, &before).unwrap_err().to_string();
+    assert!(
+        error.contains("G54 R was 30 at the start, is -12.5 now"),
+        "{error}"
+    );
+    std::fs::write(&file, "[work_offsets]\nG54 = { R = 361.0 }\n").unwrap();
+    let error = Tables::load(&file).unwrap_err().to_string();
+    assert!(
+        error.contains("allowed: a number within ±360 (°)"),
+        "{error}"
+    );
 }

@@ -215,14 +215,15 @@ fn begins(command: &Command) -> bool {
 /// The state, where the machine stands and what is in effect.
 fn shown(status: &Status, machine: &Machine) -> String {
     let letters = || machine.axes.iter().map(|axis| axis.letter);
-    let positions = |offset: &[f64]| -> String {
-        let each = letters().map(|axis| {
-            let at = axis.index();
-            format!(" {axis}{:.3}", status.actual[at] - offset[at])
-        });
-        each.collect()
+    let positions = |position: &[f64]| -> String {
+        letters()
+            .map(|axis| format!(" {axis}{:.3}", position[axis.index()]))
+            .collect()
     };
-    let (work, machine) = (positions(&status.offset), positions(&[0.0; 9]));
+    let (work, machine) = (
+        positions(&status.work_position()),
+        positions(&status.actual),
+    );
     format!(
         "{}: work{work}, machine{machine}, tool {}, {}",
         status.state_in_words(),

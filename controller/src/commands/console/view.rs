@@ -118,12 +118,12 @@ fn header(model: &Model, width: u16) -> Line<'static> {
 fn position_rows(model: &Model) -> Vec<Line<'static>> {
     let Status {
         actual,
-        offset,
         target,
         setpoint,
         referenced,
         ..
     } = &model.status;
+    let work = model.status.work_position();
     let mut rows = vec![Line::raw(format!(
         " {:>14}{:>14}{:>12}",
         "work", "machine", "to go"
@@ -134,7 +134,7 @@ fn position_rows(model: &Model) -> Vec<Line<'static>> {
         // Where nobody knows where it is, its positions count from where it was switched on.
         let mark = if referenced[at] { ' ' } else { '?' };
         rows.push(Line::from(vec![
-            bold(format!(" {axis}{mark}{:>12.3}", actual[at] - offset[at])),
+            bold(format!(" {axis}{mark}{:>12.3}", work[at])),
             Span::raw(format!(
                 "{:>14.3}{:>12.3}{unit}",
                 actual[at],
