@@ -286,10 +286,8 @@ pub enum Fault {
     SplineAxis { code: Code, axis: Axis },
     #[error("the spline is a point: correct its end or its control points")]
     SplineNowhere,
-    #[error(
-        "weights that differ are not supported: write P as in the block of G5.2, or lines and arcs"
-    )]
-    NurbsWeight,
+    #[error("its weights turn the curve too sharply: correct P, or write lines and arcs")]
+    NurbsWeights,
     #[error("G5.2 has more than {allowed} points: write G5.3 and begin another")]
     NurbsTooLong { allowed: usize },
     #[error(

@@ -7,7 +7,7 @@
 //! A line's bytes (`source`) become tokens (`lexer`), the tokens a block (`parser`, `block`).
 //! Its values are computed (`expression`, `parameters`, `system`), its words sorted into their
 //! modal groups (`words`, `modal`) and executed (`execute`, `saved`, `switches`, `offsets`, `coordinates`,
-//! `motion`, `arc`, `spline`, `cycles`); O-words lead on to other blocks (`flow`). Under G41 and G42 the contour becomes the way
+//! `motion`, `arc`, `spline`, `rational`, `cycles`); O-words lead on to other blocks (`flow`). Under G41 and G42 the contour becomes the way
 //! of the tool's centre (`compensation`). [`Interpreter`] hands out the
 //! [`Command`]s that come of it, one block at a time. What a program may not do is refused with an
 //! [`Error`] that shows the place, the block, what is wrong and what to do.
@@ -32,6 +32,7 @@ mod motion;
 mod offsets;
 mod parameters;
 mod parser;
+mod rational;
 mod saved;
 mod source;
 mod spline;

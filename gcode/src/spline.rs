@@ -4,7 +4,8 @@
 //! a lower degree is one of the fifth by elevating its degree, and a B-spline is a polynomial between two of its knots.
 //! Its control points there are values of its blossom, the one symmetric function of as many parameters as the degree that is
 //! affine in each and is the polynomial where all are equal: with the left knot a times and the right one b times
-//! it gives the control points (de Boor's algorithm with another parameter on each level).
+//! it gives the control points (de Boor's algorithm with another parameter on each level). Where its points have
+//! different weights it is rational, and becomes polynomials in `rational`.
 
 use super::arc::Plane;
 use super::axes::{Axis, Point};
@@ -14,20 +15,23 @@ use super::execute::{Compensated, State};
 use super::lexer::Columns;
 use super::modal::{Code, Group, Motion};
 use super::motion::{RADIUS_LIMIT, in_range};
+use super::rational::{Weighted, approximate};
 use super::words::{Words, out_of_range};
 use std::collections::VecDeque;
 
 /// Degree of what comes of every spline.
-const DEGREE: usize = 5;
+pub(crate) const DEGREE: usize = 5;
 /// Control points of one G5.2, at most.
 const MOST_POINTS: usize = 1000;
-/// How far apart weights may be that are equal.
+/// What weights may be.
+const WEIGHTS: std::ops::RangeInclusive<f64> = 1e-3..=1e3;
+/// How far apart weights may be that are equal, as a part.
 const EQUAL: f64 = 1e-9;
 /// Halvings after which an extreme is known to rounding.
 const HALVINGS: u32 = 60;
 
 /// A vector in X and Y, mm.
-type Vector = [f64; 2];
+pub(crate) type Vector = [f64; 2];
 
 /// A stretch of a spline in X and Y, machine coordinates: a polynomial of degree five by its control points. Other axes rest.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -115,8 +119,9 @@ fn extremes(values: [f64; DEGREE + 1], halvings: u32, tell: &mut impl FnMut(f64)
     extremes(end, halvings - 1, tell);
 }
 
-fn between(a: Vector, b: Vector, part: f64) -> Vector {
-    [0, 1].map(|k| a[k] * (1.0 - part) + b[k] * part)
+/// The point between two others that divides their distance by a part.
+pub(crate) fn between<const N: usize>(a: [f64; N], b: [f64; N], part: f64) -> [f64; N] {
+    std::array::from_fn(|k| a[k] * (1.0 - part) + b[k] * part)
 }
 
 /// Control points of the same polynomial as one of the fifth degree.
@@ -138,9 +143,10 @@ fn elevated(controls: &[Vector]) -> [Vector; DEGREE + 1] {
 #[derive(Clone, Debug)]
 pub(crate) struct Nurbs {
     order: usize,
-    weight: f64,
-    /// Machine coordinates, mm.
+    /// Of the control points; machine coordinates, mm.
     points: Vec<Vector>,
+    /// Of each of them.
+    weights: Vec<f64>,
     feed: Feed,
 }
 
@@ -153,10 +159,14 @@ impl Nurbs {
     }
 
     /// The blossom between two knots, the left of which is `knot(span)`.
-    fn blossom(&self, span: usize, parameters: &[f64]) -> Vector {
+    fn blossom(&self, span: usize, parameters: &[f64]) -> Weighted {
         let degree = self.order - 1;
-        let mut points = [[0.0; 2]; DEGREE + 1];
-        points[..=degree].copy_from_slice(&self.points[span - degree..=span]);
+        let mut points = [[0.0; 3]; DEGREE + 1];
+        for (k, point) in points[..=degree].iter_mut().enumerate() {
+            let index = span - degree + k;
+            let ([x, y], weight) = (self.points[index], self.weights[index]);
+            *point = [x * weight, y * weight, weight];
+        }
         for (level, parameter) in parameters.iter().enumerate() {
             for k in (level + 1..=degree).rev() {
                 let from = self.knot(span - degree + k);
@@ -167,8 +177,35 @@ impl Nurbs {
         points[degree]
     }
 
-    /// The control points of each of its polynomials.
-    fn polynomials(&self) -> impl Iterator<Item = Vec<Vector>> + '_ {
+    /// The control points of polynomials that go along it; `None` if its weights are beyond that.
+    fn polynomials(mut self) -> Option<Vec<Vec<Vector>>> {
+        // Only the ratios of weights count.
+        let first = self.weights[0];
+        let differs = |weight: &f64| (weight - first).abs() > EQUAL * first;
+        if !self.weights.iter().any(differs) {
+            self.weights.fill(1.0);
+            let in_plane =
+                |controls: Vec<Weighted>| controls.iter().map(|[x, y, _]| [*x, *y]).collect();
+            return Some(self.stretches().map(in_plane).collect());
+        }
+        let mut polynomials = Vec::new();
+        for stretch in self.stretches() {
+            if !approximate(&stretch, &mut |quintic| polynomials.push(quintic.to_vec())) {
+                return None;
+            }
+        }
+        // To the last bit, which dividing by the weight is not.
+        let end = polynomials
+            .last_mut()
+            .and_then(|controls| controls.last_mut());
+        if let (Some(end), Some(point)) = (end, self.points.last()) {
+            *end = *point;
+        }
+        Some(polynomials)
+    }
+
+    /// The control points of each of its stretches between two knots.
+    fn stretches(&self) -> impl Iterator<Item = Vec<Weighted>> + '_ {
         let degree = self.order - 1;
         (degree..self.points.len()).map(move |span| {
             let (left, right) = (self.knot(span), self.knot(span + 1));
@@ -337,11 +374,12 @@ impl State {
         if self.modes.inverse_time {
             return Err(Refusal::new(columns, Fault::CycleInverseTime { code }));
         }
-        let weight = words.take(b'P', code)?;
-        if let Some(weight) = weight.filter(|weight| *weight <= 0.0 || *weight > 1e9) {
-            let fault = out_of_range('P', weight, "a weight above 0");
+        let weight = words.take(b'P', code)?.unwrap_or(1.0);
+        if !WEIGHTS.contains(&weight) {
+            let fault = out_of_range('P', weight, "a weight from 0.001 to 1000");
             return Err(words.refuse(b'P', fault));
         }
+        let has_point = words.has_axes() || words.has_polar();
         let order = words.take_whole(b'L', code, 3..=6, "an order from 3 to 6")?;
         let nurbs = match &mut self.nurbs {
             Some(_) if order.is_some() => {
@@ -354,20 +392,17 @@ impl State {
                 let feed = self.feed(words, code, from);
                 self.nurbs.insert(Nurbs {
                     order: order.unwrap_or(3) as usize,
-                    weight: weight.unwrap_or(1.0),
+                    weights: vec![if has_point { 1.0 } else { weight }],
                     points: vec![[from[Axis::X], from[Axis::Y]]],
                     feed: feed.map_err(|fault| Refusal::new(columns, fault))?,
                 })
             }
         };
-        if (weight.unwrap_or(1.0) - nurbs.weight).abs() > EQUAL * nurbs.weight {
-            return Err(words.refuse(b'P', Fault::NurbsWeight));
-        }
         if nurbs.points.len() >= MOST_POINTS {
             let allowed = MOST_POINTS;
             return Err(Refusal::new(columns, Fault::NurbsTooLong { allowed }));
         }
-        if !words.has_axes() && !words.has_polar() {
+        if !has_point {
             return Ok(());
         }
         // A position is where the control point before it is.
@@ -377,6 +412,7 @@ impl State {
         }
         if let Some(nurbs) = &mut self.nurbs {
             nurbs.points.push([to[Axis::X], to[Axis::Y]]);
+            nurbs.weights.push(weight);
         }
         self.nurbs_start.get_or_insert(self.at);
         self.at = to;
@@ -399,9 +435,13 @@ impl State {
             let (points, order) = (nurbs.points.len(), nurbs.order);
             return Err(Refusal::new(columns, Fault::NurbsTooFew { points, order }));
         }
-        for controls in nurbs.polynomials() {
+        let feed = nurbs.feed;
+        let Some(polynomials) = nurbs.polynomials() else {
+            return Err(Refusal::new(columns, Fault::NurbsWeights));
+        };
+        for controls in polynomials {
             let spline = Spline::new(self.at, &controls);
-            self.go_on_spline(spline, nurbs.feed, words, columns, commands)?;
+            self.go_on_spline(spline, feed, words, columns, commands)?;
         }
         Ok(())
     }

@@ -75,6 +75,35 @@ fn beginning_between_points_is_refused() {
     }
 }
 
+/// A quarter of a circle is the rational curve of second degree whose middle weight is the cosine of 45°.
+#[test]
+fn weights_make_circles() {
+    let weight = std::f64::consts::FRAC_1_SQRT_2;
+    let program = format!("F100 G0 X20 Y0\nG5.2 P1\nX20 Y20 P{weight}\nX0 Y20 P1\nG5.3\nM2");
+    let pieces = splines(&program);
+    assert!(pieces.len() > 1 && pieces.len() <= 16, "{}", pieces.len());
+    for k in 0..=100 {
+        let part = f64::from(k) / 100.0;
+        for piece in &pieces {
+            let point = piece.at(part);
+            let radius = point[Axis::X].hypot(point[Axis::Y]);
+            assert!((radius - 20.0).abs() < 1e-6, "{radius}");
+        }
+    }
+    // By curvature too, they meet as the circle does.
+    for pair in pieces.windows(2) {
+        let [a, b] = [&pair[0], &pair[1]].map(|piece| piece.controls());
+        let bend = |p: [f64; 2], q: [f64; 2], r: [f64; 2]| {
+            let ([ux, uy], [vx, vy]) = ([q[0] - p[0], q[1] - p[1]], [r[0] - q[0], r[1] - q[1]]);
+            0.8 * (ux * vy - uy * vx) / ux.hypot(uy).powi(3)
+        };
+        let curvatures = [bend(a[5], a[4], a[3]).abs(), bend(b[0], b[1], b[2]).abs()];
+        for curvature in curvatures {
+            assert!((curvature - 0.05).abs() < 1e-9, "{curvatures:?}");
+        }
+    }
+}
+
 /// The basis of B-splines by its recursion, over knots at whole numbers that both ends have `order` times.
 fn basis(order: usize, points: usize, index: usize, degree: usize, t: f64) -> f64 {
     let spans = (points + 1 - order) as f64;
@@ -124,6 +153,73 @@ proptest! {
                 }
             }
         }
+    }
+
+    /// With weights it is a rational curve, which the polynomials follow to a nanometre, each from where the one before
+    /// it ends, in its direction and with its curvature.
+    #[test]
+    fn weighted_b_splines_are_followed_to_a_nanometre(
+        points in prop::collection::vec(prop::array::uniform2(-50.0..50.0_f64), 2..9),
+        magnitude in 0.0..3.0_f64,
+        exponents in prop::collection::vec(-1.0..1.0_f64, 9),
+        order in 3..7_usize,
+        start_has_weight in any::<bool>(),
+    ) {
+        let count = points.len() + 1;
+        prop_assume!(count >= order);
+        let mut weights: Vec<f64> = exponents.iter().map(|it| 10.0_f64.powf(it * magnitude)).collect();
+        let mut program = format!("F100 G5.2 L{order}");
+        if start_has_weight {
+            program += &format!(" P{}\n", weights[0]);
+        } else {
+            weights[0] = 1.0;
+        }
+        for ([x, y], weight) in points.iter().zip(&weights[1..]) {
+            program += &format!(" X{x} Y{y} P{weight}\n");
+        }
+        let pieces = splines(&(program + "G5.3\nM2"));
+        let mut controls = vec![[0.0, 0.0]];
+        controls.extend(&points);
+        let on_curve = |t: f64| -> [f64; 2] {
+            let mut sums = [0.0; 3];
+            for i in 0..count {
+                let share = weights[i] * basis(order, count, i, order - 1, t);
+                sums[0] += share * controls[i][0];
+                sums[1] += share * controls[i][1];
+                sums[2] += share;
+            }
+            [sums[0] / sums[2], sums[1] / sums[2]]
+        };
+        // Each stretch between two knots is halved as often as it needs: find the parameters by the ends.
+        let spans = count + 1 - order;
+        let (mut span, mut from) = (0, 0.0);
+        for (number, piece) in pieces.iter().enumerate() {
+            let off = |part: f64, t: f64| {
+                let found = piece.at(part);
+                let [x, y] = on_curve(t);
+                (found[Axis::X] - x).hypot(found[Axis::Y] - y)
+            };
+            prop_assert!(off(0.0, span as f64 + from) < 1e-8);
+            // The widest stretch that begins here and whose end is the piece's.
+            let mut step = 1.0;
+            while from % step != 0.0 || off(1.0, span as f64 + from + step) > 1e-8 {
+                step /= 2.0;
+                prop_assert!(step > 1e-8, "piece {number} ends nowhere on the curve");
+            }
+            for k in 0..=20 {
+                let part = f64::from(k) / 20.0;
+                let off = off(part, span as f64 + from + part * step);
+                prop_assert!(off <= 1.001e-6, "piece {number}: {off} mm at {part}");
+            }
+            from += step;
+            if from == 1.0 {
+                (span, from) = (span + 1, 0.0);
+            }
+        }
+        prop_assert_eq!((span, from), (spans, 0.0));
+        prop_assert!(pieces.len() <= spans * 512, "{} pieces", pieces.len());
+        let end = pieces.last().unwrap().to;
+        prop_assert_eq!([end[Axis::X], end[Axis::Y]], points[points.len() - 1]);
     }
 
     /// G5 and G5.1 are Bezier's curves of their control points; what they cover holds them and no more.
