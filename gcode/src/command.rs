@@ -74,6 +74,8 @@ pub enum Action {
     SelectTool(u32),
     /// A command for the machine's outputs (M62 … M65, M67, M68, M100 … M199).
     Output(Output),
+    /// Tell the operator something (MSG, DEBUG, PRINT, a comment beside a stop).
+    Message(String),
     /// Rest until an input of the machine is there (M66).
     AwaitInput(InputWait),
     /// How the path is followed from here on (G61, G61.1, G64).

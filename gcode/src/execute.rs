@@ -16,6 +16,7 @@ use super::cycles::Series;
 use super::error::{Fault, Refusal};
 use super::expression::{Scope, Value};
 use super::lexer::Columns;
+use super::messages::message;
 use super::modal::{Code, Group, Modes, ProgrammedFeed};
 use super::parameters::{self, Parameters};
 use super::saved::SavedModes;
@@ -111,6 +112,7 @@ impl State {
         commands: &mut VecDeque<Action>,
     ) -> Result<Continuation, Refusal> {
         let mut words = self.evaluate(block)?;
+        self.messages(block, &words, commands);
         self.end_compensation_by(&words)?;
         self.only_nurbs(&words)?;
         self.feeds(&mut words)?;
@@ -162,6 +164,15 @@ impl State {
         self.settings = settings;
         self.stack = stack;
         Ok(words)
+    }
+
+    /// What the block's comments tell the operator, before it does anything.
+    fn messages(&self, block: &Block, words: &Words, commands: &mut VecDeque<Action>) {
+        let stops = words.code(Group::ToolChange) == Some(Code::M(6))
+            || matches!(words.code(Group::Stopping), Some(Code::M(0 | 1)));
+        let comments = block.tokens.comments.iter();
+        let told = comments.filter_map(|at| message(&block.text[at.clone()], stops, self));
+        commands.extend(told.map(Action::Message));
     }
 
     /// Evaluates one value of a block.

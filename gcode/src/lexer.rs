@@ -64,6 +64,8 @@ pub(crate) struct Tokens {
     /// Ends with exactly one [`Kind::End`].
     pub(crate) list: Vec<Token>,
     pub(crate) names: String,
+    /// What stands in comments.
+    pub(crate) comments: Vec<Range<usize>>,
     digits: String,
 }
 
@@ -72,6 +74,7 @@ impl Tokens {
     pub(crate) fn read(&mut self, line: &str) -> Result<(), Refusal> {
         self.list.clear();
         self.names.clear();
+        self.comments.clear();
         let mut cursor = Cursor {
             line,
             offset: 0,
@@ -90,8 +93,14 @@ impl Tokens {
                 }
                 '0'..='9' | '.' => self.number(character, &mut cursor)?,
                 '<' => self.name(start, &mut cursor)?,
-                '(' => comment(start, &mut cursor)?,
+                '(' => {
+                    let from = cursor.offset;
+                    let comment = comment(start, &mut cursor)?;
+                    self.comments.push(from..cursor.offset - 1);
+                    comment
+                }
                 ';' => {
+                    self.comments.push(cursor.offset..line.len());
                     while cursor.next().is_some() {}
                     Kind::Comment
                 }

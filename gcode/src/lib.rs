@@ -27,6 +27,7 @@ mod flow;
 mod interpreter;
 mod lexer;
 mod memory;
+mod messages;
 mod modal;
 mod motion;
 mod offsets;

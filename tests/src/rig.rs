@@ -158,6 +158,8 @@ pub struct Rig {
     pub refused: Vec<Refused>,
     /// What could not go on, with its causes.
     pub problems: Vec<String>,
+    /// What programs told their operator: the line, and what.
+    pub messages: Vec<(u32, String)>,
     /// What led to faults and was written.
     pub recorded: Vec<FaultFiles>,
     /// At a pause the operator goes on at once.
@@ -273,6 +275,7 @@ impl Rig {
             refused: Vec::new(),
             problems: Vec::new(),
             recorded: Vec::new(),
+            messages: Vec::new(),
             rows: Vec::new(),
             switches: Vec::new(),
             phases: Vec::new(),
@@ -344,6 +347,10 @@ impl Rig {
                     self.problems.push(told(&*problem));
                     continue;
                 }
+                session::Event::Message { line, text } => {
+                    self.messages.push((line, text));
+                    continue;
+                }
                 session::Event::Recorded(files) => {
                     self.recorded.push(files);
                     continue;
@@ -351,7 +358,9 @@ impl Rig {
                 session::Event::Accepted(_) => continue,
             };
             match event {
-                Event::Switched { switch, .. } => self.switches.push(switch),
+                Event::Switched { switch, .. } if switch != Switch::Message => {
+                    self.switches.push(switch);
+                }
                 Event::Phase(phase) => self.phases.push((phase, now)),
                 Event::Paused { .. } if self.goes_on => {
                     let taken = self.operator.command(Command::CycleStart);

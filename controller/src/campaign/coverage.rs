@@ -52,7 +52,7 @@ impl Coverage {
             Seen::Frame { .. }
             | Seen::Commanded(_)
             | Seen::Woken(_)
-            | Seen::Told(Event::Recorded(_)) => {}
+            | Seen::Told(Event::Recorded(_) | Event::Message { .. }) => {}
         }
     }
 

@@ -231,6 +231,9 @@ impl Args {
             Seen::Told(Event::Accepted(it)) => println!("{now:10.6} s  accepted: {:?}", it.command),
             Seen::Told(Event::Refused(it)) => println!("{now:10.6} s  refused: {}", it.reason),
             Seen::Told(Event::Problem(error)) => println!("{now:10.6} s  {error}"),
+            Seen::Told(Event::Message { line, text }) => {
+                println!("{now:10.6} s  line {line}: {text}")
+            }
             Seen::Told(Event::Recorded(files)) => println!("{now:10.6} s  {files}"),
         });
         if self.coverage {

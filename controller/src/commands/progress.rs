@@ -165,6 +165,9 @@ impl Screen {
                 }
             }
             Event::Refused(refused) => bar.suspend(|| eprintln!("{}", refused.reason)),
+            Event::Message { line, text } => {
+                bar.suspend(|| eprintln!("line {line}: {text}"));
+            }
             Event::Recorded(files) => bar.suspend(|| eprintln!("{files}")),
             Event::Problem(error) => bar.suspend(|| eprintln!("{}", told(&**error))),
             // What comes of a command is seen.

@@ -186,6 +186,9 @@ impl Args {
                     }
                     Event::Problem(error) => failure = failure.or(Some(error)),
                     Event::Refused(refused) => eprintln!("{}", refused.reason),
+                    Event::Message { line, text } => {
+                        bar.suspend(|| eprintln!("line {line}: {text}"));
+                    }
                     Event::Accepted(_) | Event::State(_) | Event::Recorded(_) => {}
                 }
             }

@@ -35,6 +35,8 @@ pub enum Switch {
     Tool(u32),
     /// An output: M62 … M65, M67, M68; a code of the user's is only told.
     Output(Output),
+    /// Nothing: the operator is told the program's next message.
+    Message,
 }
 
 /// What the program has switched.
@@ -67,6 +69,9 @@ impl MachineFunctions {
     }
 
     fn switch(&mut self, line: u32, switch: Switch) {
+        if switch == Switch::Message {
+            return;
+        }
         self.line = line;
         match switch {
             Switch::Spindle(spindle) => self.spindle = spindle,
@@ -79,7 +84,7 @@ impl MachineFunctions {
             Switch::Output(Output::Analog { number, value, .. }) => {
                 self.analog[usize::from(number)] = value;
             }
-            Switch::Output(Output::User { .. }) => {}
+            Switch::Output(Output::User { .. }) | Switch::Message => {}
         }
     }
 }

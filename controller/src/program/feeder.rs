@@ -162,6 +162,11 @@ impl Feeder {
                     gcode::Stop::ToolChange { tool } => Pause::ToolChange(tool),
                 };
                 if let gcode::Stop::ToolChange { tool } = *stop {
+                    let tools = &self.interpreter.tables().tools;
+                    let name = tools.get(&tool).map(|tool| tool.name.clone());
+                    if let Some(name) = name.filter(|name| !name.is_empty()) {
+                        self.tell(line, format!("tool {tool}: {name}"));
+                    }
                     self.switch(line, Switch::Tool(tool));
                 }
                 self.stop_then(StopPoint::Pause { reason, line });
@@ -174,6 +179,7 @@ impl Feeder {
                 };
                 self.stop_then(StopPoint::AwaitInput { wait, line });
             }
+            Action::Message(text) => self.tell(line, text.clone()),
             Action::ToolLoaded(tool) => self.switch(line, Switch::Tool(*tool)),
             Action::Spindle(spindle) => {
                 self.spins_up = spindle.turning != gcode::Turning::Off;
@@ -282,6 +288,12 @@ impl Feeder {
         self.since_stop += 1;
         self.switches.push_back((line, switch));
         self.planner.waypoint();
+    }
+
+    /// What the operator is told once the path has come here. The cycle only counts messages.
+    fn tell(&mut self, line: u32, text: String) {
+        self.upcoming.tell(Step::Message(text));
+        self.switch(line, Switch::Message);
     }
 
     fn push(&mut self, span: gcode::Span, item: PathItem<COORDINATES>) -> Result<(), ProgramError> {

@@ -85,6 +85,7 @@ pub struct Upcoming(Sender<Step>);
 pub(super) enum Step {
     Move(ProgramMove),
     End(MoveEnd),
+    Message(String),
 }
 
 impl Upcoming {
@@ -100,6 +101,8 @@ pub struct Moves {
     moves: VecDeque<ProgramMove>,
     /// Tag of the first of `moves`.
     first: u32,
+    /// Those that were not told, in the program's order.
+    messages: VecDeque<String>,
 }
 
 impl Moves {
@@ -111,6 +114,7 @@ impl Moves {
             coming,
             moves: VecDeque::new(),
             first: 0,
+            messages: VecDeque::new(),
         };
         (Upcoming(sender), moves)
     }
@@ -120,6 +124,7 @@ impl Moves {
         for step in self.coming.try_iter() {
             match step {
                 Step::Move(motion) => self.moves.push_back(motion),
+                Step::Message(text) => self.messages.push_back(text),
                 Step::End(MoveEnd { tag, at }) => {
                     let index = tag.checked_sub(self.first).map(|index| index as usize);
                     if let Some(motion) = index.and_then(|index| self.moves.get_mut(index)) {
@@ -128,6 +133,12 @@ impl Moves {
                 }
             }
         }
+    }
+
+    /// The next message, whose place the path has come to.
+    pub fn next_message(&mut self) -> Option<String> {
+        self.take_up();
+        self.messages.pop_front()
     }
 
     /// The tag of the move at work where the path has come to `distance` under the `tag` of a setpoint: a

@@ -148,6 +148,13 @@ pub enum Event {
     Refused(Refused),
     /// The machine is in this state now.
     State(State),
+    /// The program tells its operator something, at its place on the path.
+    Message {
+        /// The program's line.
+        line: u32,
+        /// What.
+        text: String,
+    },
     /// What led to a fault is written.
     Recorded(FaultFiles),
     /// A bus failed, or the program cannot go on.

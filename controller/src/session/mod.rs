@@ -35,7 +35,7 @@ pub use recorded::Recorded;
 pub use settings::{LEAST, MOST_FEED, MOST_RAPID, Override, Settings, StepChange, SwitchChange};
 pub use status::{Status, StatusView, Stopped};
 
-use crate::control::{self, Fault, Layout, NotNow, Order, Request, Row, State};
+use crate::control::{self, Fault, Layout, NotNow, Order, Request, Row, State, Switch};
 use crate::machine::COORDINATES;
 use crate::observe::flight_recorder::FlightRecorder;
 use crate::observe::{Observed, Observers};
@@ -432,6 +432,14 @@ impl Desk {
                         self.show_reference(axis, false)
                     }
                     _ => {}
+                }
+                if let control::Event::Switched {
+                    line,
+                    switch: Switch::Message,
+                } = event
+                    && let Some(text) = self.job.moves.next_message()
+                {
+                    self.outlets.tell(&Event::Message { line, text });
                 }
                 self.status.waits = event.rests().unwrap_or(self.status.waits);
                 self.outlets.tell(&Event::Machine(event));

@@ -17,6 +17,7 @@ mod homing;
 mod jogs;
 mod judge;
 mod lines;
+mod messages;
 mod operator;
 mod pages;
 mod programs;

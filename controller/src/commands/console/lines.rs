@@ -287,6 +287,7 @@ impl Teller {
                 })
             }
             Event::Refused(refused) => Some(format!("refused: {}", refused.reason)),
+            Event::Message { line, text } => Some(format!("line {line}: {text}")),
             Event::Recorded(files) => Some(files.to_string()),
             Event::Problem(error) => Some(told(&**error)),
             Event::Accepted(_) => None,

@@ -89,6 +89,7 @@ impl Model {
                 }
             }
             Event::Refused(refused) => self.tell(refused.reason.to_string()),
+            Event::Message { line, text } => self.tell(format!("line {line}: {text}")),
             Event::Recorded(files) => self.tell(files.to_string()),
             Event::Problem(error) => self.tell(super::told(&**error)),
             Event::Accepted(_) | Event::State(_) => {}
