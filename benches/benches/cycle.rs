@@ -11,7 +11,7 @@ use syncline_controller::bus_log::candump::Line;
 use syncline_controller::control::Wake;
 use syncline_controller::port::socketcan::{from_raw, to_raw};
 use syncline_drives::bus::{Band, BitRate, Node, SimBus, frame_bits};
-use syncline_drives::model::{Increments, PowerCommand, Setpoint};
+use syncline_drives::model::{Increments, PowerCommand, REFERENCE, Setpoint};
 
 /// What the processor's caches hold before a wake-up for the setpoints.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -91,6 +91,7 @@ fn cycles(criterion: &mut Criterion) {
 
 fn frames(criterion: &mut Criterion) {
     let shape = Shape {
+        model: REFERENCE,
         axes: 1,
         buses: 1,
         period: Duration::from_millis(2),

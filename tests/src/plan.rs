@@ -40,19 +40,9 @@ impl Plan {
     /// If the program cannot be planned, or the plan is no plan.
     #[must_use]
     pub fn of(machine: &Machine, machine_file: &Path, program: &Path) -> Self {
-        Self::in_windows(1, machine, machine_file, program)
-    }
-
-    /// The same, planned in windows that are so many times as deep.
-    ///
-    /// # Panics
-    /// As [`of`](Self::of).
-    #[must_use]
-    pub fn in_windows(depth: u32, machine: &Machine, machine_file: &Path, program: &Path) -> Self {
         let program = Program::new(program, machine, machine_file).expect("tables");
         let start = machine.rest();
         let mut feeder = program.feeder(start, Moves::new().0).expect("a program");
-        feeder.deepen(depth);
         let mut plan = Self {
             steps: Vec::new(),
             limits: Limits {

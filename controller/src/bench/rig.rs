@@ -1,5 +1,5 @@
-//! A machine of any number of axes to measure with: each a drive of its own, of the reference model,
-//! moving to and fro.
+//! A machine of any number of axes to measure with: each a drive of its own, all of one model, moving to
+//! and fro.
 
 use crate::budget::DoesNotFit;
 use crate::control::{Instruction, Layout, layout};
@@ -13,7 +13,7 @@ use syncline_canopen::budget::{NodeTraffic, Traffic, Verdict};
 use syncline_canopen::{CobId, Instant, NodeId};
 use syncline_drives::bus::BitRate;
 use syncline_drives::model::{
-    Assumed, Device, Direction, Increments, REFERENCE, Scaling, Settings,
+    Assumed, Device, Direction, Increments, Model, REFERENCE, Scaling, Settings,
 };
 use syncline_drives::twin::{Config, SimulatedDevice};
 use syncline_drives::world::World;
@@ -38,8 +38,10 @@ const JERK: f64 = 10_000.0;
 const BRING_UP_CYCLES: u32 = 100_000;
 
 /// A machine of `axes` axes spread over `buses` buses.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug)]
 pub struct Shape {
+    /// Of its drives.
+    pub model: &'static Model,
     /// 1…`N`.
     pub axes: usize,
     /// At least one.
@@ -49,12 +51,25 @@ pub struct Shape {
 }
 
 impl Shape {
-    /// The axes on as few buses as take them.
+    /// The axes on as few buses as take them, with drives of the reference model.
     ///
     /// # Errors
     /// If one axis alone does not fit the period.
     pub fn on_fewest_buses(axes: usize, period: Duration) -> Result<Self, DoesNotFit> {
+        Self::of_model(REFERENCE, axes, period)
+    }
+
+    /// The same with drives of another model.
+    ///
+    /// # Errors
+    /// If one axis alone does not fit the period.
+    pub fn of_model(
+        model: &'static Model,
+        axes: usize,
+        period: Duration,
+    ) -> Result<Self, DoesNotFit> {
         let shape = |buses| Self {
+            model,
             axes,
             buses,
             period,
@@ -68,11 +83,11 @@ impl Shape {
     /// # Errors
     /// If a bus does not fit the period, or the drives do not take it.
     pub fn check(&self) -> Result<(), DoesNotFit> {
-        if !REFERENCE.takes_cycle(self.period) {
+        if !self.model.takes_cycle(self.period) {
             return Err(DoesNotFit::Cycle {
                 cycle: self.period,
-                allowed: REFERENCE.cycles.clone(),
-                step: REFERENCE.cycle_step,
+                allowed: self.model.cycles.clone(),
+                step: self.model.cycle_step,
             });
         }
         // The first bus has the most axes.
@@ -99,7 +114,16 @@ impl Shape {
     /// The drive of an axis as the controller sees it.
     #[must_use]
     pub fn device(&self, axis: usize) -> Device {
-        REFERENCE.device(&Settings::new(self.node(axis), self.period))
+        self.model.device(&Settings {
+            // Increments a second from mm a second.
+            velocity: self.scaling().magnitude(SPEED).get() as f64,
+            ..Settings::new(self.node(axis), self.period)
+        })
+    }
+
+    fn scaling(&self) -> Scaling {
+        let increments = (self.model.increments_per_revolution)(&Assumed::default());
+        Scaling::new(increments, 10.0, Direction::Positive, Increments::ZERO)
     }
 
     fn traffic(&self, bus: usize) -> Traffic {
@@ -139,7 +163,7 @@ impl Shape {
                 seed: axis as u64,
                 ..Config::new(shape.node(axis))
             };
-            sim::twin(REFERENCE, &config)
+            sim::twin(shape.model, &config)
         })
     }
 
@@ -174,8 +198,7 @@ impl Shape {
         let latest = |offset: fn(&syncline_canopen::budget::Budget) -> Duration| {
             budgets.iter().map(offset).max().unwrap_or_default()
         };
-        let increments = (REFERENCE.increments_per_revolution)(&Assumed::default());
-        let scaling = Scaling::new(increments, 10.0, Direction::Positive, Increments::from(0));
+        let scaling = self.scaling();
         Layout {
             cycle: self.period,
             setpoint_offset: latest(|budget| budget.setpoint_offset),

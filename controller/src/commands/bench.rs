@@ -9,6 +9,7 @@ use crate::bench::sync::{self, Sender};
 use crate::observe::record::Report;
 use crate::observe::timing;
 use crate::realtime;
+use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args as ClapArgs, Subcommand};
 use serde_json::{Value, json};
 use std::error::Error;
@@ -17,6 +18,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 use std::{fs, io, thread};
+use syncline_drives::model::{MODELS, Model, REFERENCE};
 
 /// Measure this host: the cycle, and the parts of a simulation.
 ///
@@ -34,7 +36,7 @@ enum What {
     /// Simulated bus: how many cycles of frames a second
     Bus(OfflineArgs),
     /// Simulated drives: how many cycles of control loops and mechanics a second
-    Plant(OfflineArgs),
+    Plant(PlantArgs),
     /// Path planner: how many moves a second
     Plan(OfflineArgs),
 }
@@ -50,6 +52,9 @@ struct CycleArgs {
     /// `sim`, or SocketCAN interfaces without drives on them, one for each bus: vcan0,vcan1
     #[arg(long, default_value = "sim", value_delimiter = ',')]
     bus: Vec<String>,
+    /// Model of the drives
+    #[arg(long, default_value = REFERENCE.name, value_parser = drive_model())]
+    model: &'static Model,
     /// Axes, 1…64
     #[arg(long, default_value_t = 4, value_parser = clap::value_parser!(u8).range(1..=64))]
     axes: u8,
@@ -123,6 +128,22 @@ struct OfflineArgs {
 }
 
 #[derive(Debug, ClapArgs)]
+struct PlantArgs {
+    /// Model of the drives
+    #[arg(long, default_value = REFERENCE.name, value_parser = drive_model())]
+    model: &'static Model,
+    #[command(flatten)]
+    offline: OfflineArgs,
+}
+
+/// The models that move an axis, by their names.
+fn drive_model() -> impl TypedValueParser<Value = &'static Model> {
+    let drives = MODELS.iter().filter(|model| model.is_drive());
+    PossibleValuesParser::new(drives.map(|model| model.name))
+        .try_map(|name| Model::by_name(&name).ok_or("no such model"))
+}
+
+#[derive(Debug, ClapArgs)]
 struct Output {
     /// Print JSON instead of text
     #[arg(long)]
@@ -142,9 +163,9 @@ impl Args {
         match &self.what {
             What::Cycle(args) => args.execute(),
             What::Sync(args) => args.execute(),
-            What::Bus(args) => args.execute(offline::BUS),
-            What::Plant(args) => args.execute(offline::PLANT),
-            What::Plan(args) => args.execute(offline::PLAN),
+            What::Bus(args) => args.execute(offline::BUS, REFERENCE),
+            What::Plant(args) => args.offline.execute(offline::PLANT, args.model),
+            What::Plan(args) => args.execute(offline::PLAN, REFERENCE),
         }
     }
 }
@@ -181,9 +202,10 @@ impl CycleArgs {
             given => Some(given),
         };
         let shape = match buses {
-            None => Shape::on_fewest_buses(axes, self.period)?,
+            None => Shape::of_model(self.model, axes, self.period)?,
             Some(buses) => {
                 let shape = Shape {
+                    model: self.model,
                     axes,
                     buses: buses.min(axes),
                     period: self.period,
@@ -241,6 +263,7 @@ impl CycleArgs {
     ) -> Vec<(String, String)> {
         let busy: Duration = load.iter().sum();
         let mut facts = vec![
+            ("drives".into(), self.model.title.to_owned()),
             ("axes".into(), self.axes.to_string()),
             (
                 "buses".into(),
@@ -422,15 +445,16 @@ impl SyncArgs {
 }
 
 impl OfflineArgs {
-    fn execute(&self, part: Part) -> Exit {
+    fn execute(&self, part: Part, model: &'static Model) -> Exit {
         match self.output.open(std::iter::once(part.name)) {
-            Ok(files) => ended(self.measure(part, files).map_err(Into::into)),
+            Ok(files) => ended(self.measure(part, model, files).map_err(Into::into)),
             Err(error) => bad_input(&error),
         }
     }
 
-    fn measure(&self, part: Part, files: Files) -> io::Result<()> {
+    fn measure(&self, part: Part, model: &'static Model, files: Files) -> io::Result<()> {
         let shape = Shape {
+            model,
             axes: self.axes.into(),
             buses: 1,
             period: self.period,

@@ -98,11 +98,6 @@ impl Program {
 }
 
 impl Feeder {
-    /// As [`Planner::deepen`], before the first instruction.
-    pub fn deepen(&mut self, times: u32) {
-        self.planner.deepen(times);
-    }
-
     /// The next instruction; after [`StopPoint::End`] or [`StopPoint::Broken`] none.
     ///
     /// # Errors

@@ -6,6 +6,7 @@ use std::collections::BTreeSet;
 use std::fs;
 use std::process::{Command, Output};
 use std::thread::available_parallelism;
+use syncline_drives::model::MODELS;
 use tempfile::TempDir;
 
 fn bench(arguments: &str, files: Option<&TempDir>) -> Output {
@@ -134,6 +135,27 @@ fn the_parts_of_a_simulation_are_told_in_the_same_way() {
             text.contains(" a second") && text.contains("n=20  p50"),
             "{text}"
         );
+    }
+}
+
+/// Every model that moves an axis, each in a cycle that it takes; one that moves none is refused by name.
+#[test]
+fn every_model_of_a_drive_can_be_measured() {
+    for model in MODELS.iter().filter(|model| model.is_drive()) {
+        let drives = format!("--model {} --axes 2", model.name);
+        let found = json(&bench(
+            &format!("cycle {drives} --period 4ms --duration 100ms --json"),
+            None,
+        ));
+        assert_eq!(found["facts"]["drives"], model.title);
+        assert_eq!(found["cycles"], 25, "{drives}");
+        json(&bench(&format!("plant {drives} --steps 20 --json"), None));
+    }
+    for model in MODELS.iter().filter(|model| !model.is_drive()) {
+        let refused = bench(&format!("cycle --model {}", model.name), None);
+        let text = String::from_utf8_lossy(&refused.stderr).into_owned();
+        assert_eq!(refused.status.code(), Some(2), "{text}");
+        assert!(text.contains("possible values"), "{text}");
     }
 }
 

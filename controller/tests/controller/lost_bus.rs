@@ -11,6 +11,7 @@ use syncline_controller::control::fault::BusCause;
 use syncline_controller::control::{End, Event, Fault};
 use syncline_controller::port::{Port, PortError};
 use syncline_controller::run::driver::Driver;
+use syncline_drives::model::REFERENCE;
 use syncline_drives::world::World;
 
 const CYCLE: Duration = Duration::from_millis(2);
@@ -98,6 +99,7 @@ impl Machine {
     /// In mid-motion.
     fn moving() -> Self {
         let shape = Shape {
+            model: REFERENCE,
             axes: 2,
             buses: 2,
             period: CYCLE,

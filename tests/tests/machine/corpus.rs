@@ -255,24 +255,6 @@ fn the_corpus_of_many_segments() {
     assert_good(many_segments().iter().map(judge));
 }
 
-/// How far the planner looks ahead makes no difference to the motion time.
-#[test]
-fn the_depth_of_the_window_shows_in_no_example() {
-    for (file, program) in examples() {
-        let machine = Machine::load(&file).unwrap();
-        let [once, twice] = [1, 2].map(|depth| {
-            let plan = Plan::in_windows(depth, &machine, &file, &program);
-            plan.time()
-        });
-        let name = program.file_name().unwrap().display();
-        println!("{name}: {once:.4} s, {twice:.4} s in windows twice as deep");
-        assert!(
-            (once / twice - 1.0).abs() < 1e-3,
-            "{name}: {once} s, not {twice} s"
-        );
-    }
-}
-
 /// The checker is checked: a program that is not what it claims to be is found out.
 #[test]
 fn a_path_that_is_not_the_programmed_one_is_seen() {

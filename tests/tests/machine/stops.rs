@@ -11,6 +11,7 @@ use std::time::Duration;
 use syncline_controller::bench::rig::{Shape, Shuttle, ready_machine};
 use syncline_controller::control::{Controller, End, Event, Fault, Instruction, Order};
 use syncline_controller::control::{Pause, State, StopPoint, Switch};
+use syncline_drives::model::REFERENCE;
 use syncline_gcode::{Coolant, Output, Spindle, Turning};
 use syncline_tests::command::{Folder, ended, syncline};
 use syncline_tests::rig::Rig;
@@ -572,6 +573,7 @@ fn whatever_a_person_does_every_stop_is_made_for_long() {
 /// Runs the first move of a program of which no more comes, for so long at most; how it ended.
 fn without_plan(time: Duration, act: impl Fn(&mut Controller<1>)) -> Option<End> {
     let shape = Shape {
+        model: REFERENCE,
         axes: 1,
         buses: 1,
         period: syncline_canopen::time::Duration::from_millis(4),

@@ -83,6 +83,8 @@ impl Delays {
 #[derive(Debug)]
 pub struct Device<F> {
     node: Node,
+    /// The node's deadline, which is asked for at every event of the bus and changes only where the node acts.
+    node_due: Option<Instant>,
     pub(super) firmware: F,
     delays: Delays,
     boot_time: Duration,
@@ -106,6 +108,7 @@ impl<F: Firmware> Device<F> {
         let mut node = Node::new(id, firmware.objects(), options);
         node.power_on(Instant::ZERO);
         Self {
+            node_due: node.deadline(),
             node,
             firmware,
             delays,
@@ -125,11 +128,13 @@ impl<F: Firmware> Device<F> {
             self.outbox.clear();
             self.firmware.power_off();
             self.node.power_on(now + self.boot_time);
+            self.node_due = self.node.deadline();
         }
     }
 
-    /// Passes on what the node has sent: delayed as a device's processor delays it.
+    /// The node has acted. Passes on what it has sent, delayed as a device's processor delays it.
     fn dispatch(&mut self, now: Instant) {
+        self.node_due = self.node.deadline();
         if self.node.state() == nmt::State::Initialising {
             self.outbox.clear();
         }
@@ -175,7 +180,7 @@ impl<F: Firmware> bus::Node for Device<F> {
         let task = self.next_task <= now;
         // Events are looked for by the task, not whenever a frame leaves: noise that is mapped
         // into an event-driven T_PDO would fill the bus otherwise.
-        if task || self.node.deadline().is_some_and(|due| due <= now) {
+        if task || self.node_due.is_some_and(|due| due <= now) {
             self.node.poll(now, &mut self.firmware, &mut self.sent);
             self.dispatch(now);
         }
@@ -186,11 +191,7 @@ impl<F: Firmware> bus::Node for Device<F> {
     }
 
     fn deadline(&self) -> Option<Instant> {
-        let due = [
-            self.node.deadline(),
-            self.outbox.deadline(),
-            Some(self.next_task),
-        ];
+        let due = [self.node_due, self.outbox.deadline(), Some(self.next_task)];
         due.into_iter().flatten().min()
     }
 }

@@ -257,14 +257,6 @@ impl<const N: usize> Planner<N> {
         self.bounds = bounds;
     }
 
-    /// Windows are so many times as deep from now on. That changes what planning takes, and hardly the
-    /// motion time: it is for measuring how hardly.
-    pub fn deepen(&mut self, times: u32) {
-        self.lookahead *= f64::from(times);
-        self.horizon *= f64::from(times);
-        self.window.most_cells *= times as usize;
-    }
-
     /// Takes the next item.
     ///
     /// # Errors
