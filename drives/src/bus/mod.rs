@@ -205,9 +205,9 @@ impl<N: Node> SimBus<N> {
     /// If `until` lies before [`SimBus::now`], or a node breaks the contract of [`Node::poll`].
     pub fn advance_to(&mut self, until: Instant, observer: &mut dyn FnMut(&Transmission)) {
         assert!(until >= self.now, "virtual time does not run backwards");
+        let mut wake = self.next_wake();
         loop {
             let end = self.on_wire.as_ref().map(|on_wire| on_wire.end);
-            let wake = self.next_wake();
             let event = [end, wake].into_iter().flatten().min();
             if self.on_wire.is_none()
                 && let start = self.next_start()
@@ -228,6 +228,7 @@ impl<N: Node> SimBus<N> {
             } else {
                 self.wake();
             }
+            wake = self.next_wake();
         }
     }
 

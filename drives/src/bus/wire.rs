@@ -61,47 +61,74 @@ pub fn frame_bits(frame: &Frame) -> u32 {
     for &byte in frame.data() {
         stuffed.put(byte.into(), 8);
     }
-    stuffed.put(stuffed.crc.into(), 15);
-    stuffed.bits + TAIL_BITS + INTERMISSION_BITS
+    stuffed.put(stuffed.crc().into(), 15);
+    stuffed.bits + stuffed.stuff_bits() + TAIL_BITS + INTERMISSION_BITS
 }
 
-/// The part of a frame that is stuffed and covered by the CRC.
+/// The polynomial of the CRC, without its highest power.
+const POLYNOMIAL: u16 = 0x4599;
+
+/// What eight bits at the head of the register make of the rest of it.
+const CRC: [u16; 256] = {
+    let mut table = [0; 256];
+    let mut byte = 0;
+    while byte < table.len() {
+        let mut crc = (byte as u16) << 7;
+        let mut bit = 0;
+        while bit < 8 {
+            let feedback = if crc >> 14 & 1 == 1 { POLYNOMIAL } else { 0 };
+            crc = crc << 1 & 0x7FFF ^ feedback;
+            bit += 1;
+        }
+        table[byte] = crc;
+        byte += 1;
+    }
+    table
+};
+
+/// The part of a frame that is stuffed and covered by the CRC: 118 bits at most, the last one lowest.
 #[derive(Default)]
 struct Stuffed {
+    word: u128,
     bits: u32,
-    crc: u16,
-    last: Option<bool>,
-    run: u32,
 }
 
 impl Stuffed {
     fn put(&mut self, value: u64, width: u32) {
-        for shift in (0..width).rev() {
-            let bit = value >> shift & 1 == 1;
-            self.bits += 1;
-            let next = bit != (self.crc >> 14 & 1 == 1);
-            self.crc = self.crc << 1 & 0x7FFF;
-            if next {
-                self.crc ^= 0x4599;
-            }
-            self.run = if self.last == Some(bit) {
-                self.run + 1
-            } else {
-                1
-            };
-            self.last = Some(bit);
-            if self.run == 5 {
-                self.bits += 1;
-                self.last = Some(!bit);
-                self.run = 1;
-            }
+        self.word = self.word << width | u128::from(value);
+        self.bits += width;
+    }
+
+    /// Of all bits so far. The register begins with 0, so that the zeros before the first bit do nothing.
+    fn crc(&self) -> u16 {
+        let bytes = self.word.to_be_bytes();
+        bytes.iter().fold(0, |crc, byte| {
+            crc << 8 & 0x7FFF ^ CRC[usize::from((crc >> 7) as u8 ^ byte)]
+        })
+    }
+
+    /// Five bits of a kind are followed by one of the other, which counts as the first of what comes next:
+    /// of a run of `length` every fifth, and where the run ends with such a one the next is longer by it.
+    fn stuff_bits(&self) -> u32 {
+        let (mut rest, mut left) = (self.word << (u128::BITS - self.bits), self.bits);
+        let (mut stuffed, mut carried) = (0, 0);
+        while left > 0 {
+            let run = rest.leading_zeros().max(rest.leading_ones()).min(left);
+            let length = run + carried;
+            stuffed += length / 5;
+            carried = u32::from(length % 5 == 0);
+            rest <<= run;
+            left -= run;
         }
+        stuffed
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proptest::collection::vec;
+    use proptest::prelude::*;
     use syncline_canopen::CobId;
 
     #[test]
@@ -118,28 +145,60 @@ mod tests {
         }
     }
 
-    /// A SYNC: SOF and 0001 0000000 000 0000 and the CRC of that; counted by hand.
-    #[test]
-    fn sync_length_by_hand() {
-        // 0 00010000000 000 0000 | CRC. Data bits 19: runs of zeros 0 000 1 → 4, then 14 zeros.
-        let crc = {
-            let mut stuffed = Stuffed::default();
-            stuffed.put(0x080 << 7, 19);
-            stuffed.crc
-        };
-        let bits: Vec<bool> = (0..19)
-            .rev()
-            .map(|shift| (0x080u32 << 7) >> shift & 1 == 1)
-            .chain((0..15).rev().map(|shift| crc >> shift & 1 == 1))
-            .collect();
-        let mut sent = vec![];
-        for bit in bits {
+    /// The bits of the stuffed part one by one, stuff bits among them.
+    fn sent(stuffed: &Stuffed) -> Vec<bool> {
+        let bits = (0..stuffed.bits).rev();
+        let mut sent: Vec<bool> = Vec::new();
+        for bit in bits.map(|shift| stuffed.word >> shift & 1 == 1) {
             sent.push(bit);
             if sent.len() >= 5 && sent[sent.len() - 5..].iter().all(|&b| b == bit) {
                 sent.push(!bit);
             }
         }
-        let expected = sent.len() as u32 + TAIL_BITS + INTERMISSION_BITS;
+        sent
+    }
+
+    fn stuffed(parts: &[(u64, u32)]) -> Stuffed {
+        let mut stuffed = Stuffed::default();
+        for &(value, width) in parts {
+            stuffed.put(value & ((1 << width) - 1), width);
+        }
+        stuffed
+    }
+
+    /// The CRC by its definition: the remainder of the bits, a bit at a time.
+    fn remainder(stuffed: &Stuffed) -> u16 {
+        (0..stuffed.bits).rev().fold(0, |crc, shift| {
+            let bit = (stuffed.word >> shift & 1) as u16;
+            let feedback = (crc >> 14 & 1 ^ bit) * POLYNOMIAL;
+            crc << 1 & 0x7FFF ^ feedback
+        })
+    }
+
+    proptest! {
+        /// Words of long runs, as zeros and ones on the wire are, and of any bits.
+        #[test]
+        fn crc_and_stuff_bits_are_those_of_single_bits(
+            runs in vec((any::<bool>(), 1..20_u32), 1..10),
+            values in vec((any::<u64>(), 1..30_u32), 1..4),
+        ) {
+            let runs: Vec<_> = (runs.iter()).map(|&(on, width)| (if on { u64::MAX } else { 0 }, width)).collect();
+            for parts in [&runs[..], &values[..]] {
+                let stuffed = stuffed(&parts[..parts.len().min(5)]);
+                prop_assert_eq!(stuffed.crc(), remainder(&stuffed));
+                let sent = sent(&stuffed).len() as u32;
+                prop_assert_eq!(stuffed.bits + stuffed.stuff_bits(), sent);
+            }
+        }
+    }
+
+    /// A SYNC: SOF and 0001 0000000 000 0000 and the CRC of that; counted by hand.
+    #[test]
+    fn sync_length_by_hand() {
+        // 0 00010000000 000 0000 | CRC. Data bits 19: runs of zeros 0 000 1 → 4, then 14 zeros.
+        let mut sync = stuffed(&[(0x080 << 7, 19)]);
+        sync.put(remainder(&sync).into(), 15);
+        let expected = sent(&sync).len() as u32 + TAIL_BITS + INTERMISSION_BITS;
         assert_eq!(frame_bits(&Frame::new(CobId::SYNC, &[])), expected);
     }
 }
