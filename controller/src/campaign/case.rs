@@ -2,7 +2,7 @@
 //! again, whatever became of the generators since.
 
 use super::dice::Dice;
-use super::interference::{self, Interference, Trouble};
+use super::interference::{self, Interference, ToDrive, Trouble};
 use super::machine::MachineSpec;
 use super::operator::{self, Deed};
 use super::program;
@@ -75,16 +75,20 @@ impl Case {
     /// The case of a seed: a function of the seed and of this version.
     #[must_use]
     pub fn of(seed: u64) -> Self {
-        let machine = MachineSpec::draw(&mut Dice::new(seed, 0));
+        let mut machine = MachineSpec::draw(&mut Dice::new(seed, 0));
+        machine.wire(&mut Dice::new(seed, 5));
         let dice = &mut Dice::new(seed, 1);
         let programs = (0..dice.whole(1..=3)).map(|_| program::draw(dice, &machine));
+        let programs = programs.chain(program::special(&mut Dice::new(seed, 6), &machine));
         let programs: Vec<_> = programs.collect();
         let dice = &mut Dice::new(seed, 2);
         let seconds = dice.between(DURATION.0, DURATION.1);
         let cycles = (seconds * 1e6 / f64::from(machine.cycle_us)) as u32;
         let patience = (dice.chance(0.9)).then(|| *dice.pick(&[1, 10, 60, 300]));
         let deeds = operator::draw(&mut Dice::new(seed, 3), &machine, programs.len(), cycles);
-        let troubles = interference::draw(&mut Dice::new(seed, 4), &machine, cycles);
+        let mut troubles = interference::draw(&mut Dice::new(seed, 4), &machine, cycles);
+        interference::answer_wrongly(&mut Dice::new(seed, 7), &machine, &mut troubles);
+        interference::switch_inputs(&mut Dice::new(seed, 8), &machine, cycles, &mut troubles);
         Self {
             seed,
             machine,
@@ -96,10 +100,19 @@ impl Case {
         }
     }
 
-    /// Whether nothing goes wrong, so that nothing may be told to be wrong.
+    /// Whether nothing goes wrong, so that nothing may be told to be wrong. An input that is switched is
+    /// nothing wrong, unless the drives may not be enabled then.
     #[must_use]
     pub fn is_untroubled(&self) -> bool {
-        let disturbs = |trouble: &Trouble| !matches!(trouble.what, Interference::StarvePlanner(_));
+        let is_enable = |drive, place| {
+            let mut inputs = self.machine.wires();
+            inputs.any(|(of, wire)| (of, wire.place) == (drive, place) && wire.is_enable())
+        };
+        let disturbs = |trouble: &Trouble| match trouble.what {
+            Interference::StarvePlanner(_) => false,
+            Interference::Drive(drive, ToDrive::Input(place, _)) => is_enable(drive, place),
+            _ => true,
+        };
         !self.troubles.iter().any(disturbs)
     }
 

@@ -5,20 +5,21 @@ use super::checkers::{Scene, StopTimes};
 use super::stage::Seen;
 use crate::control::{self, Phase, State};
 use crate::session::{Command, Event};
-use std::collections::BTreeMap;
+use serde::{Deserialize, Serialize};
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 
 /// See the module.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Coverage {
     /// By command, then state: accepted and refused.
-    commands: BTreeMap<&'static str, BTreeMap<String, [u64; 2]>>,
+    commands: BTreeMap<String, BTreeMap<String, [u64; 2]>>,
     /// By trouble, then phase.
-    troubles: BTreeMap<&'static str, BTreeMap<Phase, u64>>,
+    troubles: BTreeMap<String, BTreeMap<Phase, u64>>,
     /// What was told, by its kind.
     told: BTreeMap<String, u64>,
-    /// By cause: cycles until rest.
-    stops: BTreeMap<&'static str, Vec<u64>>,
+    /// By cause: cycles until rest, the shortest first.
+    stops: BTreeMap<String, Vec<u64>>,
     /// States that machines were in.
     states: BTreeMap<String, u64>,
 }
@@ -28,7 +29,7 @@ impl Coverage {
     pub(super) fn see(&mut self, scene: &Scene<'_>, seen: &Seen) {
         match seen {
             Seen::Interfered(what) => {
-                let phases = self.troubles.entry(what.kind()).or_default();
+                let phases = self.troubles.entry(what.kind().to_owned()).or_default();
                 *phases.entry(scene.phase).or_default() += 1;
             }
             Seen::Told(Event::Accepted(it)) => self.command(scene.state, &it.command, 0),
@@ -61,13 +62,15 @@ impl Coverage {
     }
 
     fn command(&mut self, state: State, command: &Command, place: usize) {
-        let states = self.commands.entry(name(command)).or_default();
+        let states = self.commands.entry(name(command).to_owned()).or_default();
         states.entry(state.to_string()).or_default()[place] += 1;
     }
 
     pub(super) fn stops(&mut self, times: &StopTimes) {
         for (cause, cycles) in &times.0 {
-            self.stops.entry(cause).or_default().push(*cycles);
+            let stops = self.stops.entry((*cause).to_owned()).or_default();
+            stops.push(*cycles);
+            stops.sort_unstable();
         }
     }
 
@@ -95,8 +98,50 @@ impl Coverage {
             }
         }
         for (cause, cycles) in other.stops {
-            self.stops.entry(cause).or_default().extend(cycles);
+            let mine = self.stops.entry(cause).or_default();
+            mine.extend(cycles);
+            mine.sort_unstable();
         }
+    }
+}
+
+/// A cell of a table that was reached less often than that is told.
+const SELDOM: u64 = 20;
+
+impl Coverage {
+    /// Which cells were reached seldom or never. A machine that is off takes no command.
+    fn seldom(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let states = State::ALL.into_iter().filter(|state| *state != State::Off);
+        let states: Vec<String> = states.map(|state| state.to_string()).collect();
+        let mut cells = Vec::new();
+        for (command, counts) in &self.commands {
+            for state in &states {
+                let [accepted, refused] = counts.get(state).copied().unwrap_or_default();
+                cells.push((accepted + refused, format!("{command} while {state}")));
+            }
+        }
+        let phases: BTreeSet<Phase> = self
+            .troubles
+            .values()
+            .flat_map(|it| it.keys().copied())
+            .collect();
+        for (trouble, counts) in &self.troubles {
+            for phase in &phases {
+                let count = counts.get(phase).copied().unwrap_or_default();
+                cells.push((count, format!("{trouble} in {phase:?}")));
+            }
+        }
+        let all = cells.len();
+        cells.retain(|(count, _)| *count < SELDOM);
+        writeln!(
+            f,
+            "of {all} cells {} less than {SELDOM} times:",
+            cells.len()
+        )?;
+        for (count, what) in cells {
+            writeln!(f, "  {count:>2} {what}")?;
+        }
+        Ok(())
     }
 }
 
@@ -160,10 +205,9 @@ impl fmt::Display for Coverage {
         for (what, count) in &self.told {
             writeln!(f, "  {count:>8} {what}")?;
         }
+        self.seldom(f)?;
         writeln!(f, "from cause to rest, cycles: count, median, 99 %, most:")?;
         for (cause, cycles) in &self.stops {
-            let mut cycles = cycles.clone();
-            cycles.sort_unstable();
             let at = |part: usize| cycles[(cycles.len() - 1) * part / 100];
             writeln!(
                 f,

@@ -61,6 +61,8 @@ pub enum ToDrive {
     Remote(bool),
     /// How many ms its power stage takes to switch on.
     EnableTime(u32),
+    /// What is wired to the input with this number is on.
+    Input(u8, bool),
 }
 
 /// What happens to a bus, at the controller's end of it.
@@ -124,6 +126,8 @@ pub enum Change {
     Duplicate,
     /// This bit of it is another one.
     Corrupt(u8),
+    /// It begins with this byte: in an SDO answer, another command than the one that it answers.
+    Begin(u8),
 }
 
 impl Traffic {
@@ -163,6 +167,7 @@ impl ToDrive {
             Self::ErrorPersists(on) => Disturbance::FaultPersists(on),
             Self::Remote(on) => Disturbance::Remote(on),
             Self::EnableTime(ms) => Disturbance::EnableTime(Duration::from_millis(ms.into())),
+            Self::Input(input, on) => Disturbance::Input(input, on),
         }
     }
 
@@ -206,6 +211,8 @@ impl Interference {
                 ToDrive::Remote(false) => "control taken by another channel",
                 ToDrive::Remote(true) => "control given back",
                 ToDrive::EnableTime(_) => "enabling takes longer",
+                ToDrive::Input(_, true) => "input on",
+                ToDrive::Input(_, false) => "input off",
             },
             Self::Bus(_, what) => match what {
                 ToBus::DropBursts(_) => "bursts dropped",
@@ -219,6 +226,7 @@ impl Interference {
                     Change::Delay => "frames delayed",
                     Change::Duplicate => "frames duplicated",
                     Change::Corrupt(_) => "frames corrupted",
+                    Change::Begin(_) => "SDO answers wrong",
                 },
                 ToBus::Intruder(..) => "frames of a stranger",
             },
@@ -328,6 +336,52 @@ fn to_bus(dice: &mut Dice, machine: &MachineSpec) -> ToBus {
     }
 }
 
+/// Commands of an SDO server that are no answer to what a drive is asked: an abort, the beginning and the
+/// middle of a segmented transfer, a block transfer, the answer to a write, and none that there is.
+const WRONG: [u8; 6] = [0x80, 0x41, 0x00, 0xC6, 0x60, 0xE7];
+
+/// Where there is trouble anyway: drives that give wrong SDO answers while the machine comes up.
+pub(super) fn answer_wrongly(dice: &mut Dice, machine: &MachineSpec, troubles: &mut Vec<Trouble>) {
+    if troubles.is_empty() || !dice.chance(0.12) {
+        return;
+    }
+    let tampering = Tampering {
+        traffic: Traffic::Sdo,
+        node: 0,
+        change: Change::Begin(*dice.pick(&WRONG)),
+        count: *dice.pick(&[1, 1, 2, 10]),
+    };
+    let bus = dice.below(machine.buses.len());
+    troubles.push(Trouble {
+        at: When::On(dice.whole(0..=300)),
+        what: Interference::Bus(bus, ToBus::Incoming(tampering)),
+    });
+    troubles.sort_by_key(|trouble| trouble.at);
+}
+
+/// What is wired to inputs is switched on and off.
+pub(super) fn switch_inputs(
+    dice: &mut Dice,
+    machine: &MachineSpec,
+    cycles: u32,
+    troubles: &mut Vec<Trouble>,
+) {
+    for (drive, wire) in machine.wires().filter(|(_, wire)| wire.table == "input") {
+        if !dice.chance(if wire.is_enable() { 0.2 } else { 0.7 }) {
+            continue;
+        }
+        for _ in 0..dice.whole(1..=3) {
+            let at = When::draw(dice, cycles);
+            let later = at.later(dice.whole(1..=400));
+            for (at, on) in [(at, true), (later, false)] {
+                let what = Interference::Drive(drive, ToDrive::Input(wire.place, on));
+                troubles.push(Trouble { at, what });
+            }
+        }
+    }
+    troubles.sort_by_key(|trouble| trouble.at);
+}
+
 /// The node ids of the drives.
 fn nodes(machine: &MachineSpec) -> Vec<u8> {
     let drives = machine.axes.iter().flat_map(|axis| &axis.drives);
@@ -420,10 +474,14 @@ impl TroubledPort {
                 0
             }
             Change::Duplicate => 2,
-            Change::Corrupt(bit) => {
+            Change::Corrupt(_) | Change::Begin(_) => {
                 let mut data = frame.data().to_vec();
-                if let Some(byte) = data.get_mut(usize::from(bit / 8)) {
-                    *byte ^= 1 << (bit % 8);
+                match tampering.change {
+                    Change::Corrupt(bit) if data.len() > usize::from(bit / 8) => {
+                        data[usize::from(bit / 8)] ^= 1 << (bit % 8);
+                    }
+                    Change::Begin(byte) if !data.is_empty() => data[0] = byte,
+                    _ => {}
                 }
                 received.frame = Frame::new(frame.id(), &data);
                 1

@@ -72,6 +72,47 @@ pub struct DeviceSpec {
     pub negative: bool,
     /// What its encoder counts at machine position 0.
     pub zero: i32,
+    /// What is wired to its inputs and outputs.
+    #[serde(default)]
+    pub wires: Vec<Wire>,
+}
+
+/// An input or an output of a drive that means something to the machine.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Wire {
+    /// The table of the machine file that has it: `input` or `output`.
+    pub table: String,
+    /// Its number among the drive's inputs, or outputs.
+    pub place: u8,
+    /// The drive's name of it.
+    pub signal: String,
+    /// What it means: the rest of that table.
+    pub meaning: String,
+}
+
+/// What at most one input of a machine means, each. An enable is on while nothing is connected, as a closed
+/// contact is.
+const INPUTS: [&str; 4] = [
+    "function = \"door\"\ndebounce_ms = 20",
+    "function = \"feed_hold\"",
+    "function = \"cycle_start\"",
+    ENABLE,
+];
+const ENABLE: &str = "function = \"enable\"\nactive_low = true";
+
+/// The same of outputs.
+const OUTPUTS: [&str; 4] = [
+    "function = \"spindle\"",
+    "function = \"mist\"",
+    "function = \"flood\"\nsafe = \"on\"",
+    "function = \"spindle_reverse\"\nactive_low = true",
+];
+
+impl Wire {
+    /// Whether the drives may be enabled while it is on alone.
+    pub(super) fn is_enable(&self) -> bool {
+        self.meaning == ENABLE
+    }
 }
 
 impl MachineSpec {
@@ -173,6 +214,52 @@ impl MachineSpec {
         }
     }
 
+    /// Wires some of its drives' inputs and outputs, where the buses have room for what they carry then.
+    pub(super) fn wire(&mut self, dice: &mut Dice) {
+        if !dice.chance(0.35) {
+            return;
+        }
+        let mut wired = self.clone();
+        let (mut inputs, mut outputs) = (Meanings::of(INPUTS), Meanings::of(OUTPUTS));
+        for drive in wired.axes.iter_mut().flat_map(|axis| &mut axis.drives) {
+            let model = MODELS.iter().find(|model| model.name == drive.model);
+            let Some(model) = model else { continue };
+            for (table, signals, meanings) in [
+                ("input", model.inputs, &mut inputs),
+                ("output", model.outputs, &mut outputs),
+            ] {
+                for (place, signal) in signals.iter().enumerate() {
+                    if dice.chance(0.25) {
+                        drive.wires.push(Wire {
+                            table: table.to_owned(),
+                            place: place as u8,
+                            signal: (*signal).to_owned(),
+                            meaning: meanings.draw(dice),
+                        });
+                    }
+                }
+            }
+        }
+        if wired.fits() {
+            *self = wired;
+        }
+    }
+
+    /// What is wired, and to which drive.
+    pub(super) fn wires(&self) -> impl Iterator<Item = (usize, &Wire)> {
+        let drives = self.axes.iter().flat_map(|axis| &axis.drives);
+        drives
+            .enumerate()
+            .flat_map(|(place, drive)| drive.wires.iter().map(move |wire| (place, wire)))
+    }
+
+    /// The numbers by which programs know what is wired in a table.
+    pub(super) fn numbers(&self, table: &str) -> Vec<u8> {
+        let wires = self.wires().filter(|(_, wire)| wire.table == table);
+        let number = |(_, wire): (usize, &Wire)| wire.meaning.strip_prefix(NUMBER)?.parse().ok();
+        wires.filter_map(number).collect()
+    }
+
     /// How many drives it has.
     #[must_use]
     pub fn drives(&self) -> usize {
@@ -215,6 +302,33 @@ impl MachineSpec {
     }
 }
 
+/// What a number means of which programs know.
+const NUMBER: &str = "number = ";
+
+/// What inputs, or outputs, may mean: each function once, and numbers without end.
+struct Meanings {
+    functions: Vec<&'static str>,
+    next: u8,
+}
+
+impl Meanings {
+    fn of(functions: [&'static str; 4]) -> Self {
+        Self {
+            functions: functions.to_vec(),
+            next: 0,
+        }
+    }
+
+    fn draw(&mut self, dice: &mut Dice) -> String {
+        if !self.functions.is_empty() && dice.chance(0.5) {
+            let place = dice.below(self.functions.len());
+            return self.functions.swap_remove(place).to_owned();
+        }
+        self.next += 1;
+        format!("{NUMBER}{}", self.next - 1)
+    }
+}
+
 impl AxisSpec {
     /// An axis whose drives have these buses and models.
     ///
@@ -246,6 +360,7 @@ impl AxisSpec {
                 model: model.to_owned(),
                 negative: side == 1 || dice.chance(0.3),
                 zero: (revolutions * 131_072.0) as i32,
+                wires: Vec::new(),
             }
         });
         Self {
@@ -291,6 +406,15 @@ impl AxisSpec {
                 drive.model,
                 drive.zero
             );
+            for wire in &drive.wires {
+                let (drive, signal) = (name(side), &wire.signal);
+                let _ = write!(
+                    text,
+                    "\n[[{}]]\nname = \"{drive} {signal}\"\ndrive = \"{drive}\"\n\
+                     signal = \"{signal}\"\n{}\n",
+                    wire.table, wire.meaning
+                );
+            }
         }
         let names: Vec<String> = (0..self.drives.len())
             .map(|side| format!("\"{}\"", name(side)))
@@ -356,9 +480,23 @@ mod tests {
     }
 
     #[test]
+    fn whatever_is_wired_is_good() {
+        let mut wires = 0;
+        for seed in 0..300 {
+            let mut spec = MachineSpec::draw(&mut Dice::new(seed, 0));
+            spec.wire(&mut Dice::new(seed, 5));
+            wires += spec.wires().count();
+            spec.machine()
+                .unwrap_or_else(|wrong| panic!("{seed}: {wrong}"));
+        }
+        assert!(wires > 300, "{wires}");
+    }
+
+    #[test]
     fn a_machine_without_an_axis_is_still_good() {
         for seed in 0..60 {
             let mut spec = MachineSpec::draw(&mut Dice::new(seed, 0));
+            spec.wire(&mut Dice::new(seed, 5));
             while spec.axes.len() > 1 {
                 spec.axes.remove(seed as usize % spec.axes.len());
                 spec.leave_out_unused_buses();

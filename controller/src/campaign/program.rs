@@ -10,6 +10,10 @@ use super::machine::{AxisSpec, MachineSpec};
 /// Decimals of a position in a program.
 const DECIMALS: usize = 4;
 
+/// Travels of a plane's axes may differ by this factor where there is cutter compensation: beyond, arcs are so
+/// small where they are that rounding leads over an axis' jerk (`docs/reliability.md`).
+const MOST_APART: f64 = 100.0;
+
 /// Writes a part of a program.
 type Part = fn(&mut Writer);
 
@@ -58,6 +62,33 @@ pub(super) fn draw(dice: &mut Dice, machine: &MachineSpec) -> Vec<String> {
     let end = *writer.dice.pick(&["M2", "M30", "M2", ""]);
     writer.lines.push(end.to_owned());
     writer.lines
+}
+
+/// A program of what few machines can do: cutter compensation, and signals where some are wired.
+pub(super) fn special(dice: &mut Dice, machine: &MachineSpec) -> Option<Vec<String>> {
+    let [inputs, outputs] = ["input", "output"].map(|table| machine.numbers(table));
+    let is_wired = !inputs.is_empty() || !outputs.is_empty();
+    if !dice.chance(if is_wired { 0.7 } else { 0.15 }) {
+        return None;
+    }
+    let mut writer = Writer {
+        at: machine.axes.iter().map(rest).collect(),
+        axes: machine.axes.clone(),
+        lines: vec!["G17 G21 G90 G94".to_owned()],
+        labels: 0,
+        dice: dice.clone(),
+    };
+    for _ in 0..writer.dice.whole(1..=6) {
+        writer.feed();
+        match writer.dice.below(3) {
+            0 => writer.compensated(),
+            1 => writer.line(),
+            _ => writer.zigzag(),
+        }
+        writer.signal(&inputs, &outputs);
+    }
+    writer.push("M2");
+    Some(writer.lines)
 }
 
 /// Where a simulated axis stands when it is switched on.
@@ -294,6 +325,54 @@ impl Writer {
         self.at[z] = level(0.0).min(most);
     }
 
+    /// A square with cutter compensation, inside or outside of it.
+    fn compensated(&mut self) {
+        let Some((code, [a, b], _)) = self.plane() else {
+            return self.line();
+        };
+        let spans = [a, b].map(|axis| self.axes[axis].soft_limits);
+        let span = spans.map(|[least, most]| most - least);
+        if span[0].max(span[1]) > MOST_APART * span[0].min(span[1]) {
+            return self.line();
+        }
+        let side = span[0].min(span[1]) * self.dice.between(0.05, 0.3);
+        let diameter = rounded(side * self.dice.between(0.02, 0.4), DECIMALS);
+        if diameter < 0.01 {
+            return self.line();
+        }
+        let letters = [a, b].map(|axis| self.axes[axis].letter);
+        let from = [0, 1].map(|it| (spans[it][0] + spans[it][1] - side) / 2.0);
+        let place = |[u, v]: [f64; 2]| {
+            let at = [from[0] + u * side, from[1] + v * side].map(|it| rounded(it, DECIMALS));
+            (
+                at,
+                format!("{}{} {}{}", letters[0], at[0], letters[1], at[1]),
+            )
+        };
+        let (beside, way) = place([-0.4, 0.0]);
+        let hand = *self.dice.pick(&["G41.1", "G42.1"]);
+        self.push(format!("{code} G0 {way}"));
+        self.push(format!("{hand} D{diameter}"));
+        for corner in [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0], [0.0, 0.0]] {
+            self.push(format!("G1 {}", place(corner).1));
+        }
+        self.push(format!("G40 G1 {way}"));
+        (self.at[a], self.at[b]) = (beside[0], beside[1]);
+    }
+
+    /// Switches what is wired, or waits for it.
+    fn signal(&mut self, inputs: &[u8], outputs: &[u8]) {
+        if !outputs.is_empty() && self.dice.chance(0.7) {
+            let (code, number) = (self.dice.whole(62..=65), *self.dice.pick(outputs));
+            self.push(format!("M{code} P{number}"));
+        }
+        if !inputs.is_empty() && self.dice.chance(0.5) {
+            let (number, until) = (*self.dice.pick(inputs), self.dice.whole(1..=4));
+            let seconds = *self.dice.pick(&["0.01", "0.1", "0.5"]);
+            self.push(format!("M66 P{number} L{until} Q{seconds}"));
+        }
+    }
+
     fn dwell(&mut self) {
         let seconds = *self.dice.pick(&["0", "0.001", "0.02", "0.1", "0.3"]);
         self.push(format!("G4 P{seconds}"));
@@ -371,6 +450,30 @@ mod tests {
     use super::*;
     use crate::program::Programs;
     use std::path::Path;
+
+    #[test]
+    fn every_special_program_is_a_good_one() {
+        let (mut compensated, mut waiting) = (0, 0);
+        for seed in 0..400 {
+            let mut spec = MachineSpec::draw(&mut Dice::new(seed, 0));
+            spec.wire(&mut Dice::new(seed, 5));
+            let machine = spec.machine().unwrap();
+            let programs = Programs::new(&machine, Path::new("/nowhere/machine.toml")).unwrap();
+            let Some(lines) = special(&mut Dice::new(seed, 6), &spec) else {
+                continue;
+            };
+            let text = lines.join("\n") + "\n";
+            compensated += usize::from(text.contains("G41.1") || text.contains("G42.1"));
+            waiting += usize::from(text.contains("M66"));
+            if let Err(wrong) = programs.lines(&text).check(machine.rest()) {
+                panic!("{seed}: {wrong}\n{text}");
+            }
+        }
+        assert!(
+            compensated > 20 && waiting > 20,
+            "{compensated} compensated, {waiting} waiting"
+        );
+    }
 
     #[test]
     fn nearly_every_program_is_a_good_one() {

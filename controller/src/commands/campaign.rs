@@ -6,6 +6,7 @@ use super::{Exit, report};
 use crate::campaign::{self, Case, Coverage, Outcome, Seen, Violation, Wanted, shrink};
 use crate::control::Layout;
 use crate::session::Event;
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::error::Error;
 use std::ops::Range;
@@ -15,7 +16,7 @@ use std::sync::Mutex;
 use std::sync::PoisonError;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
-use std::{fs, panic, thread};
+use std::{fs, io, panic, thread};
 
 /// Every so many-th seed is played twice.
 const TWICE: u64 = 50;
@@ -28,7 +29,7 @@ const TWICE: u64 = 50;
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
     /// Seeds to play, from A up to and without B: 0..2000.
-    #[arg(long, value_name = "A..B", required_unless_present_any = ["seed", "case"])]
+    #[arg(long, value_name = "A..B", required_unless_present_any = ["seed", "case", "merge"])]
     seeds: Option<Seeds>,
     /// One seed, and tell what happens.
     #[arg(long, conflicts_with_all = ["seeds", "case"])]
@@ -45,6 +46,12 @@ pub(super) struct Args {
     /// Begin no seed after so many minutes.
     #[arg(long, requires = "seeds")]
     minutes: Option<f64>,
+    /// Write what all seeds came to into this file, for --merge.
+    #[arg(long, value_name = "FILE", requires = "seeds")]
+    sum: Option<PathBuf>,
+    /// Tell what the seeds of several runs came to, of which each wrote its --sum: as if they had been one.
+    #[arg(long, value_name = "FILE", num_args = 1.., conflicts_with_all = ["seeds", "seed", "case"])]
+    merge: Vec<PathBuf>,
     /// Make what fails smaller, and write it to a file in this folder.
     #[arg(long, value_name = "FOLDER")]
     shrink: Option<PathBuf>,
@@ -99,20 +106,61 @@ impl FromStr for Shard {
     }
 }
 
-/// What all seeds so far came to.
-#[derive(Default)]
+/// What all seeds so far came to; whole numbers, so that it is the same in whatever order they were played.
+#[derive(Debug, Default, PartialEq, Serialize, Deserialize)]
 struct Sum {
     played: u64,
-    seconds: [f64; 2],
+    /// Virtual time, µs: of all, and of what a path moved.
+    micros: [u64; 2],
     coverage: Coverage,
-    /// By seed.
-    violations: BTreeMap<u64, Vec<Violation>>,
+    /// By seed: checker, and what it found.
+    violations: BTreeMap<u64, Vec<(String, String)>>,
+}
+
+impl Sum {
+    /// What one seed came to.
+    fn of(seed: u64, outcome: Outcome) -> Self {
+        let kind = |it: &Violation| (it.checker.to_owned(), it.what.to_owned());
+        let found: Vec<_> = outcome.violations.iter().map(kind).collect();
+        let found = Some((seed, found)).filter(|(_, found)| !found.is_empty());
+        Self {
+            played: 1,
+            micros: outcome.seconds.map(|it| (it * 1e6).round() as u64),
+            coverage: outcome.coverage,
+            violations: found.into_iter().collect(),
+        }
+    }
+
+    /// Adds what other seeds came to.
+    fn merge(&mut self, other: Self) {
+        self.played += other.played;
+        for (mine, other) in self.micros.iter_mut().zip(other.micros) {
+            *mine += other;
+        }
+        self.coverage.merge(other.coverage);
+        self.violations.extend(other.violations);
+    }
+
+    /// Reads what [`Args::sum`] has.
+    fn load(file: &Path) -> io::Result<Self> {
+        Ok(serde_json::from_str(&fs::read_to_string(file)?)?)
+    }
+
+    fn save(&self, file: &Path) -> io::Result<()> {
+        fs::write(file, serde_json::to_string_pretty(self)? + "\n")
+    }
 }
 
 impl Args {
     pub(super) fn execute(self) -> Exit {
         // What panics is told with its seed.
         panic::set_hook(Box::new(|_| ()));
+        if !self.merge.is_empty() {
+            return match self.merged() {
+                Ok(sum) => Self::exit(self.conclude(&sum, None)),
+                Err(error) => super::bad_input(&error),
+            };
+        }
         let done = match (&self.seeds, self.seed, &self.case) {
             (Some(seeds), ..) => self.all(&seeds.0),
             (None, Some(seed), _) => self.one(&Case::of(seed)),
@@ -122,6 +170,11 @@ impl Args {
             },
             (None, None, None) => return Exit::BadInput,
         };
+        Self::exit(done)
+    }
+
+    /// Whether nothing was found, as an exit code.
+    fn exit(done: Result<bool, Box<dyn Error>>) -> Exit {
         match done {
             Ok(true) => Exit::Finished,
             Ok(false) => Exit::Stopped,
@@ -130,6 +183,15 @@ impl Args {
                 Exit::Stopped
             }
         }
+    }
+
+    /// What several runs came to.
+    fn merged(&self) -> io::Result<Sum> {
+        let mut sum = Sum::default();
+        for file in &self.merge {
+            sum.merge(Sum::load(file)?);
+        }
+        Ok(sum)
     }
 
     /// Plays many seeds; whether nothing was found.
@@ -152,17 +214,11 @@ impl Args {
                 0 => campaign::run_twice(&case),
                 _ => campaign::run(&case, Wanted::default(), &mut |_| ()),
             };
-            let mut sum = sum.lock().unwrap_or_else(PoisonError::into_inner);
             for violation in &outcome.violations {
                 println!("seed {seed}: {violation}");
             }
-            sum.played += 1;
-            sum.seconds[0] += outcome.seconds[0];
-            sum.seconds[1] += outcome.seconds[1];
-            sum.coverage.merge(outcome.coverage);
-            if !outcome.violations.is_empty() {
-                sum.violations.insert(seed, outcome.violations);
-            }
+            let mut sum = sum.lock().unwrap_or_else(PoisonError::into_inner);
+            sum.merge(Sum::of(seed, outcome));
         };
         thread::scope(|scope| {
             for _ in 0..jobs {
@@ -170,17 +226,21 @@ impl Args {
             }
         });
         let sum = sum.into_inner().unwrap_or_else(PoisonError::into_inner);
-        self.conclude(&sum, began.elapsed().as_secs_f64())
+        if let Some(file) = &self.sum {
+            sum.save(file)?;
+        }
+        self.conclude(&sum, Some(began.elapsed().as_secs_f64()))
     }
 
-    fn conclude(&self, sum: &Sum, took: f64) -> Result<bool, Box<dyn Error>> {
+    /// Tells what seeds came to, and how many seconds that took.
+    fn conclude(&self, sum: &Sum, took: Option<f64>) -> Result<bool, Box<dyn Error>> {
         if self.coverage {
             print!("{}", sum.coverage);
         }
         let mut kinds: BTreeMap<(&str, &str), Vec<u64>> = BTreeMap::new();
         for (seed, violations) in &sum.violations {
-            for it in violations {
-                kinds.entry((it.checker, it.what)).or_default().push(*seed);
+            for (checker, what) in violations {
+                kinds.entry((checker, what)).or_default().push(*seed);
             }
         }
         for ((checker, what), seeds) in &kinds {
@@ -190,16 +250,18 @@ impl Args {
                 seeds[0]
             );
         }
-        let [seconds, motion] = sum.seconds;
+        let [seconds, motion] = sum.micros.map(|it| it as f64 * 1e-6);
+        let pace = took.map_or_else(String::new, |took| {
+            format!(", in {took:.1} s: {:.0} a second", seconds / took.max(1e-9))
+        });
         println!(
             "{} seeds, {} with violations; {seconds:.0} s of virtual time, {motion:.0} s of them in \
-             motion, in {took:.1} s: {:.0} a second",
+             motion{pace}",
             sum.played,
             sum.violations.len(),
-            seconds / took.max(1e-9),
         );
         for seeds in kinds.values() {
-            self.shrunk(&Case::of(seeds[0]), &sum.violations[&seeds[0]])?;
+            self.shrunk(&Case::of(seeds[0]), sum.violations[&seeds[0]].first())?;
         }
         Ok(sum.violations.is_empty())
     }
@@ -248,7 +310,9 @@ impl Args {
             }
         }
         println!("frames SHA-256 {}", outcome.frames);
-        self.shrunk(case, &outcome.violations)?;
+        let first = outcome.violations.first();
+        let first = first.map(|it| (it.checker.to_owned(), it.what.to_owned()));
+        self.shrunk(case, first.as_ref())?;
         self.write(case, outcome, results)
     }
 
@@ -267,20 +331,51 @@ impl Args {
         Ok(good)
     }
 
-    /// Writes the smallest case in which the first of these violations is found.
-    fn shrunk(&self, case: &Case, violations: &[Violation]) -> Result<(), Box<dyn Error>> {
-        let (Some(folder), Some(first)) = (&self.shrink, violations.first()) else {
+    /// Writes the smallest case in which this checker finds that.
+    fn shrunk(&self, case: &Case, first: Option<&(String, String)>) -> Result<(), Box<dyn Error>> {
+        let (Some(folder), Some((checker, what))) = (&self.shrink, first) else {
             return Ok(());
         };
-        let kind = |it: &Violation| (it.checker, it.what);
         let small = shrink::shrink(case, |case| {
             let outcome = campaign::run(case, Wanted::default(), &mut |_| ());
-            outcome.violations.iter().any(|it| kind(it) == kind(first))
+            let mut found = outcome.violations.iter();
+            found.any(|it| it.checker == checker && it.what == what)
         });
         fs::create_dir_all(folder)?;
-        let file = folder.join(format!("{}-{}.json", first.checker, case.seed));
+        let file = folder.join(format!("{checker}-{}.json", case.seed));
         small.save(&file)?;
-        println!("{}: {}: {}", file.display(), first.checker, first.what);
+        println!("{}: {checker}: {what}", file.display());
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn played(seeds: impl Iterator<Item = u64>) -> Sum {
+        let mut sum = Sum::default();
+        for seed in seeds {
+            let mut case = Case::of(seed);
+            case.cycles /= 8;
+            let outcome = campaign::run(&case, Wanted::default(), &mut |_| ());
+            sum.merge(Sum::of(seed, outcome));
+        }
+        sum
+    }
+
+    #[test]
+    fn shards_come_to_what_one_run_comes_to() {
+        let folder = std::env::temp_dir().join(format!("syncline-shards-{}", std::process::id()));
+        fs::create_dir_all(&folder).unwrap();
+        let mut merged = Sum::default();
+        for part in [2, 0, 1] {
+            let file = folder.join(format!("{part}.json"));
+            played((0..6).skip(part).step_by(3)).save(&file).unwrap();
+            merged.merge(Sum::load(&file).unwrap());
+        }
+        fs::remove_dir_all(&folder).unwrap();
+        assert_eq!(merged, played(0..6));
+        assert_eq!(merged.played, 6);
     }
 }

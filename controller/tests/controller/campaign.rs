@@ -142,6 +142,15 @@ fn event(event: control::Event) -> Seen {
     Seen::Told(Event::Machine(event))
 }
 
+/// Told to be accepted, whoever commanded it.
+fn accepted(command: Command) -> Seen {
+    Seen::Told(Event::Accepted(Accepted {
+        cycle: 0,
+        source: "planted".into(),
+        command,
+    }))
+}
+
 fn is_sync(seen: &Seen) -> bool {
     matches!(seen, Seen::Frame { sent, .. } if sent.frame.id() == CanId::from(CobId::SYNC))
 }
@@ -158,7 +167,7 @@ fn commanded(seen: &Seen, data: [u8; 2]) -> Vec<Seen> {
 }
 
 /// Defects by the checker that has to find each.
-const DEFECTS: [(&str, &str, Change); 33] = [
+const DEFECTS: [(&str, &str, Change); 41] = [
     (
         "setpoints",
         "one setpoint a tenth of a revolution off",
@@ -206,6 +215,20 @@ const DEFECTS: [(&str, &str, Change); 33] = [
         |it, planting, seen| match setpoint(it, seen) {
             Some(at) if planting.running > 100 => vec![with_setpoint(seen, at ^ 0x2000_0000)],
             _ => vec![seen.clone()],
+        },
+    ),
+    (
+        "setpoints",
+        "a new setpoint in every second cycle alone",
+        |it, planting, seen| match setpoint(it, seen) {
+            Some(at) => {
+                planting.done += 1;
+                if planting.done % 2 == 0 {
+                    planting.setpoint = Some(at);
+                }
+                vec![with_setpoint(seen, planting.setpoint.unwrap_or(at))]
+            }
+            None => vec![seen.clone()],
         },
     ),
     (
@@ -282,11 +305,7 @@ const DEFECTS: [(&str, &str, Change); 33] = [
     ("stops", "a stop that nobody obeys", |_, planting, seen| {
         let mut all = vec![seen.clone()];
         if planting.once() {
-            all.push(Seen::Told(Event::Accepted(Accepted {
-                cycle: 0,
-                source: "planted".into(),
-                command: Command::Stop,
-            })));
+            all.push(accepted(Command::Stop));
         }
         all
     }),
@@ -307,13 +326,43 @@ const DEFECTS: [(&str, &str, Change); 33] = [
         |_, planting, seen| {
             let mut all = vec![seen.clone()];
             if planting.once() {
-                all.push(Seen::Told(Event::Accepted(Accepted {
-                    cycle: 0,
-                    source: "planted".into(),
-                    command: Command::Disable,
-                })));
+                all.push(accepted(Command::Disable));
             }
             all
+        },
+    ),
+    (
+        "stops",
+        "a feed hold that nobody obeys",
+        |_, planting, seen| {
+            let mut all = vec![seen.clone()];
+            if planting.once() {
+                all.push(accepted(Command::FeedHold));
+            }
+            all
+        },
+    ),
+    (
+        "transitions",
+        "a program that runs before the machine is ready",
+        |_, _, seen| match seen {
+            Seen::Told(Event::State(State::Ready)) => {
+                vec![Seen::Told(Event::State(State::Running))]
+            }
+            _ => vec![seen.clone()],
+        },
+    ),
+    (
+        "transitions",
+        "an NMT command to a node that is none of the machine's",
+        |it, planting, seen| {
+            let mut nodes = (1..=127).rev();
+            let taken = |node: &u8| it.machine.drives.iter().any(|it| it.node.get() == *node);
+            let stranger = nodes.find(|node| !taken(node));
+            match stranger.filter(|_| is_sync(seen) && planting.once()) {
+                Some(node) => commanded(seen, [0x01, node]),
+                None => vec![seen.clone()],
+            }
         },
     ),
     (
@@ -468,6 +517,44 @@ const DEFECTS: [(&str, &str, Change); 33] = [
         "a program that is said to be loaded never",
         |_, _, seen| match seen {
             Seen::Told(Event::Accepted(it)) if matches!(it.command, Command::Load(_)) => Vec::new(),
+            _ => vec![seen.clone()],
+        },
+    ),
+    (
+        "answers",
+        "a program that runs and was not told to be accepted",
+        |_, _, seen| match seen {
+            Seen::Told(Event::Accepted(it)) if matches!(it.command, Command::Run { .. }) => {
+                Vec::new()
+            }
+            _ => vec![seen.clone()],
+        },
+    ),
+    (
+        "answers",
+        "a command that a machine accepts which is off",
+        |_, _, seen| match seen {
+            Seen::Told(Event::State(State::Off)) => vec![seen.clone(), accepted(Command::Enable)],
+            _ => vec![seen.clone()],
+        },
+    ),
+    (
+        "bus",
+        "a SYNC that is left out",
+        |_, planting, seen| match seen {
+            Seen::Frame { .. } if is_sync(seen) && planting.once() => Vec::new(),
+            _ => vec![seen.clone()],
+        },
+    ),
+    (
+        "bus",
+        "a SYNC that comes early",
+        |_, planting, seen| match seen {
+            Seen::Frame { bus, sent } if is_sync(seen) && planting.once() => {
+                let start = Instant::from_nanos(sent.start.as_nanos() - 900_000);
+                let sent = Transmission { start, ..*sent };
+                vec![Seen::Frame { bus: *bus, sent }]
+            }
             _ => vec![seen.clone()],
         },
     ),

@@ -181,7 +181,9 @@ impl<'a> Scene<'a> {
     #[must_use]
     pub fn is_disturbed(&self, seconds: f64) -> bool {
         let lasts = |what: &Interference| match what {
-            Interference::Drive(_, what) => !matches!(what, ToDrive::LoseTPdos(_)),
+            Interference::Drive(_, what) => {
+                !matches!(what, ToDrive::LoseTPdos(_) | ToDrive::Input(..))
+            }
             Interference::Bus(_, what) => matches!(what, ToBus::Incoming(_) | ToBus::Unplug(_)),
             Interference::Late(_) | Interference::StarvePlanner(_) => false,
         };

@@ -5,7 +5,8 @@
 //! of an acceleration for the bend, so that [`CURVED`] times that is allowed. Where the planner has to
 //! answer first, or does nothing because it is starved, the path goes on meanwhile.
 
-use super::super::interference::Interference;
+use super::super::interference::{Interference, ToDrive};
+use super::super::stage::Played;
 use super::{Checker, Found, Scene};
 use crate::control;
 use crate::machine::Machine;
@@ -20,6 +21,9 @@ const CURVED: f64 = 3.0;
 const ANSWER: f64 = 0.3;
 /// The same, cycles.
 const CYCLES: f64 = 12.0;
+
+/// Setpoints that have not changed for so long rest, cycles.
+const RESTS: f64 = 3.0;
 
 /// What is to stop, and where a stop takes how long.
 pub(super) struct Stops {
@@ -43,7 +47,6 @@ struct Stop {
     moved: Instant,
     /// May take so much longer, s.
     longer: f64,
-    counted: bool,
 }
 
 impl Stops {
@@ -78,8 +81,22 @@ impl Stops {
                 since: scene.now,
                 moved: scene.now,
                 longer: starved.sum(),
-                counted: false,
             });
+        }
+    }
+
+    /// What only rests may be set in motion again.
+    fn set_in_motion(&mut self, scene: &Scene<'_>) {
+        self.end(scene, |stop| ["feed hold", "stop"].contains(&stop.cause));
+    }
+
+    /// A stop of this kind is over; how long it took is known if the setpoints rest.
+    fn end(&mut self, scene: &Scene<'_>, is_over: impl Fn(&Stop) -> bool) {
+        let stop = self.stop.take_if(|stop| is_over(stop));
+        if let Some(stop) = stop.filter(|stop| scene.since(stop.moved) > RESTS * scene.period()) {
+            let took = stop.moved.saturating_since(stop.since).as_nanos();
+            let cycles = took / scene.machine.cycle.as_nanos();
+            self.times.0.push((stop.cause, cycles as u64));
         }
     }
 
@@ -125,6 +142,11 @@ impl Checker for Stops {
         let longer = match what {
             Interference::Late(micros) => f64::from(*micros) * 1e-6,
             Interference::StarvePlanner(wake_ups) => f64::from(*wake_ups) * scene.period(),
+            Interference::Drive(_, ToDrive::Input(..)) => {
+                // A person may go on by an input too.
+                self.set_in_motion(scene);
+                0.0
+            }
             _ => 0.0,
         };
         if let Some(stop) = &mut self.stop {
@@ -136,7 +158,7 @@ impl Checker for Stops {
         match event {
             Event::Machine(control::Event::Fault(_)) => {
                 // It stops more than a feed hold does: nobody resumes it.
-                self.stop.take_if(|stop| stop.cause == "feed hold");
+                self.end(scene, |stop| stop.cause == "feed hold");
                 self.begin(scene, "fault");
             }
             Event::Accepted(it) => match it.command {
@@ -144,27 +166,14 @@ impl Checker for Stops {
                 Command::Disable => self.begin(scene, "disable"),
                 Command::SwitchOff => self.begin(scene, "switch off"),
                 Command::FeedHold => self.begin(scene, "feed hold"),
-                Command::Reset | Command::Enable => self.stop = None,
-                _ => {
-                    // Other commands set in motion again what only rests.
-                    let rests = ["feed hold", "stop"];
-                    self.stop.take_if(|stop| rests.contains(&stop.cause));
-                }
+                Command::Reset | Command::Enable => self.end(scene, |_| true),
+                _ => self.set_in_motion(scene),
             },
             _ => {}
         }
     }
 
-    fn woken(&mut self, scene: &Scene<'_>, _: &mut Found) {
-        let Some(mut stop) = self.stop.take() else {
-            return;
-        };
-        if !stop.counted && scene.since(stop.since) > self.bound(scene, &stop) {
-            stop.counted = true;
-            let took = stop.moved.saturating_since(stop.since).as_nanos();
-            let cycles = took / scene.machine.cycle.as_nanos();
-            self.times.0.push((stop.cause, cycles as u64));
-        }
-        self.stop = Some(stop);
+    fn ended(&mut self, scene: &Scene<'_>, _: &Played, _: &mut Found) {
+        self.end(scene, |_| true);
     }
 }
