@@ -77,6 +77,20 @@ impl Origin {
 }
 
 impl Fault {
+    /// Of a named parameter without a value.
+    pub(crate) fn of_unset(name: &str) -> Fault {
+        Fault::of_others(name).unwrap_or_else(|| Fault::ParameterUnset(name.to_owned()))
+    }
+
+    /// Of a name that leads to LinuxCNC's HAL or INI file: `_hal[…]`, `_ini[…]…`.
+    pub(crate) fn of_others(name: &str) -> Option<Fault> {
+        match name.split_once('[')?.0 {
+            "_hal" => Some(Fault::Pin(name.to_owned())),
+            "_ini" => Some(Fault::IniValue(name.to_owned())),
+            _ => None,
+        }
+    }
+
     /// Whether nothing can be said of the program behind it.
     pub(crate) fn ends_reading(&self) -> bool {
         matches!(
@@ -140,6 +154,13 @@ pub enum Fault {
     ParameterIndex(f64),
     #[error("parameter #<{0}> has no value: set it first")]
     ParameterUnset(String),
+    #[error(
+        "#<{0}> is a pin of another controller: wait for an input with M66 P, switch an output with M64 and M65 P, \
+         by their numbers in the machine file"
+    )]
+    Pin(String),
+    #[error("#<{0}> is from another controller's INI file: write the value itself")]
+    IniValue(String),
     #[error(
         "#5399 is not known while the program is read: M66 leaves the path at rest where its input \
          does not come"

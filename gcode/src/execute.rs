@@ -323,6 +323,9 @@ impl State {
         if self.system_named(name).is_some() {
             return Err(Fault::ParameterReadOnly(format!("#<{name}>")));
         }
+        if let Some(fault) = Fault::of_others(name) {
+            return Err(fault);
+        }
         self.parameters.set_named(name, value);
         Ok(())
     }

@@ -191,9 +191,7 @@ impl Block {
                 Operation::Numbered => scope.numbered(pop()),
                 Operation::Named(name) => {
                     let name = self.name(name);
-                    scope
-                        .named(name)
-                        .ok_or_else(|| Fault::ParameterUnset(name.to_owned()))
+                    scope.named(name).ok_or_else(|| Fault::of_unset(name))
                 }
                 Operation::Exists(name) => {
                     Ok(f64::from(u8::from(scope.named(self.name(name)).is_some())))

@@ -21,8 +21,7 @@
 mod save;
 
 use std::collections::BTreeMap;
-use std::fs::File;
-use std::io::{self, Read};
+use std::io;
 use std::path::{Path, PathBuf};
 
 use toml::Spanned;
@@ -38,9 +37,6 @@ const WORK_OFFSETS: [&str; 9] = [
 
 /// The key of how a work offset's X and Y are turned, as G10's word.
 const ROTATION: &str = "R";
-
-/// Bytes that a tables file may have: thousands of tools.
-const LONGEST: u64 = 1 << 20;
 
 /// What programs read and set beyond their own end. mm and degrees, machine coordinates.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -237,24 +233,13 @@ impl Tables {
 
 /// The text of a tables file, if there is one.
 fn read(file: &Path) -> Result<Option<String>, TablesError> {
-    let fail = |source| TablesError::Read {
-        file: file.to_owned(),
-        source,
-    };
-    let source = match File::open(file) {
-        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
-        source => source.map_err(fail)?,
-    };
-    let mut text = String::new();
-    source
-        .take(LONGEST + 1)
-        .read_to_string(&mut text)
-        .map_err(fail)?;
-    if text.len() as u64 > LONGEST {
-        let what = format!("more than {LONGEST} bytes: is it a tables file?");
-        return Err(fail(io::Error::new(io::ErrorKind::FileTooLarge, what)));
+    match syncline_strict_toml::read(file) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
+        text => text.map(Some).map_err(|source| TablesError::Read {
+            file: file.to_owned(),
+            source,
+        }),
     }
-    Ok(Some(text))
 }
 
 /// The length `key` of a table, mm; zero without it.

@@ -43,8 +43,38 @@ mod table;
 pub use diagnostic::{Diagnostic, Invalid, Log};
 pub use table::{Found, Table, integer, nearest, one_of};
 
+use std::fs::File;
+use std::io::{self, Read};
+use std::path::Path;
 use toml::Spanned;
 use toml::de::DeTable;
+
+/// Bytes that a file may have: thousands of tables.
+const LONGEST: u64 = 1 << 20;
+/// Bytes that a line of it may have, of which messages show the line.
+const LONGEST_LINE: usize = 1 << 16;
+
+/// Reads a file's text.
+///
+/// # Errors
+/// It cannot be read, is no UTF-8, or is longer than such a file can be: then it is another kind of
+/// file, and is not read to its end.
+pub fn read(file: &Path) -> io::Result<String> {
+    let mut text = String::new();
+    let too_large = |what: String| Err(io::Error::new(io::ErrorKind::FileTooLarge, what));
+    let mut source = File::open(file)?.take(LONGEST + 1);
+    let read = source.read_to_string(&mut text);
+    if source.limit() == 0 {
+        return too_large(format!("more than {LONGEST} bytes: is it the right file?"));
+    }
+    read?;
+    let long = text.lines().position(|line| line.len() > LONGEST_LINE);
+    if let Some(index) = long {
+        let line = index + 1;
+        return too_large(format!("line {line} has more than {LONGEST_LINE} bytes"));
+    }
+    Ok(text)
+}
 
 /// Reads a file's text as TOML. What of it is none goes to the log.
 pub fn parse<'s>(log: &mut Log<'_>, source: &'s str) -> Spanned<DeTable<'s>> {

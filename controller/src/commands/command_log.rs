@@ -9,7 +9,7 @@ use crate::observe::trace::Sink;
 use crate::run::Timeline;
 use crate::session::{Accepted, Event, Recorded, Session, Subscription};
 use serde::{Deserialize, Serialize};
-use std::fs::{self, File};
+use std::fs::File;
 use std::io::{self, BufRead, BufReader, Write};
 use std::path::{Path, PathBuf};
 use syncline_gcode::{Tables, TablesError};
@@ -54,7 +54,7 @@ impl CommandLog {
             file,
         };
         // Without a file they are empty, which is worth a line: by replay time there may be one.
-        let text = match fs::read_to_string(tables) {
+        let text = match syncline_strict_toml::read(tables) {
             Err(error) if error.kind() == io::ErrorKind::NotFound => String::new(),
             text => text?,
         };

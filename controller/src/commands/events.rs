@@ -1,12 +1,12 @@
 //! What an operator does, in words: in a validated run from a CSV file, `t_s,event,value`, and on the
 //! lines of a console.
 
+use super::input;
 use crate::machine::COORDINATES;
 use crate::session::{
     Command, Direction, Jog, LEAST, MOST_FEED, MOST_RAPID, Override, StepChange, SwitchChange,
 };
 use std::collections::VecDeque;
-use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 use syncline_gcode::Axis;
@@ -247,7 +247,7 @@ impl Events {
     /// # Errors
     /// It cannot be read, or the first line that is wrong.
     pub(super) fn load(file: &Path) -> Result<Self, EventsError> {
-        let text = fs::read_to_string(file).map_err(|source| EventsError::Read {
+        let text = input::read_lines(file).map_err(|source| EventsError::Read {
             file: file.to_owned(),
             source,
         })?;

@@ -12,8 +12,18 @@ const LINE: usize = 1 << 16;
 
 /// A file as a whole.
 pub(super) fn read(file: &Path) -> io::Result<Vec<u8>> {
+    whole(File::open(file)?)
+}
+
+/// The lines of a file as a whole.
+pub(super) fn read_lines(file: &Path) -> io::Result<String> {
+    let bytes = whole(ShortLines::new(File::open(file)?))?;
+    String::from_utf8(bytes).map_err(|error| io::Error::new(io::ErrorKind::InvalidData, error))
+}
+
+fn whole(source: impl Read) -> io::Result<Vec<u8>> {
     let mut bytes = Vec::new();
-    File::open(file)?.take(WHOLE + 1).read_to_end(&mut bytes)?;
+    source.take(WHOLE + 1).read_to_end(&mut bytes)?;
     if bytes.len() as u64 > WHOLE {
         return Err(too_large(format!("more than {WHOLE} bytes")));
     }
@@ -70,5 +80,7 @@ mod tests {
         assert_eq!(error.to_string(), "a line of more than 65536 bytes");
         let error = read(Path::new("/dev/zero")).unwrap_err();
         assert_eq!(error.to_string(), "more than 16777216 bytes");
+        let error = read_lines(Path::new("/dev/zero")).unwrap_err();
+        assert_eq!(error.to_string(), "a line of more than 65536 bytes");
     }
 }

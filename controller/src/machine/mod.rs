@@ -19,7 +19,7 @@ pub use simulation::{Carriage, FeedAxis, Gantry, Simulation};
 pub use spindle::{SpinUp, Spindle};
 
 use std::{
-    fs, io,
+    io,
     path::{Path, PathBuf},
     time::Duration,
 };
@@ -271,7 +271,7 @@ impl Machine {
     /// # Errors
     /// If it cannot be read, or with everything that is wrong in it.
     pub fn load(file: &Path) -> Result<Self, MachineError> {
-        let source = fs::read_to_string(file).map_err(|source| MachineError::Read {
+        let source = syncline_strict_toml::read(file).map_err(|source| MachineError::Read {
             file: file.into(),
             source,
         })?;

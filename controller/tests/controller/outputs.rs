@@ -276,9 +276,31 @@ fn inputs_are_bounded() {
             "eds --node 1:lxm32m --compare /dev/zero",
             "cannot read /dev/zero: more than 16777216 bytes",
         ),
+        (
+            "validate portal.toml short.ngc --events /dev/zero",
+            &format!("cannot read /dev/zero: {line}"),
+        ),
+        (
+            "check /dev/zero",
+            "cannot read /dev/zero: more than 1048576 bytes: is it the right file?",
+        ),
     ] {
         place.refused(command, told);
     }
+    let machine = place.path().join("portal.toml");
+    let text = fs::read_to_string(&machine).unwrap();
+    fs::write(&machine, format!("{text}\n# {}\n", "x".repeat(70_000))).unwrap();
+    let told = format!(
+        "cannot read portal.toml: line {} has more than 65536 bytes",
+        text.lines().count() + 2
+    );
+    place.refused("check portal.toml", &told);
+    fs::write(place.path().join("portal.tables.toml"), "#".repeat(70_000)).unwrap();
+    fs::write(&machine, text).unwrap();
+    place.refused(
+        "check portal.toml",
+        "cannot read portal.tables.toml: line 1 has more than 65536 bytes",
+    );
 }
 
 /// Names do not command the terminal.
