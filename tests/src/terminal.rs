@@ -3,13 +3,16 @@
 use std::fs::File;
 use std::io::{Read, Write};
 use std::os::fd::AsFd;
-use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
+use std::process::{Child, ChildStdin, Command, Stdio};
+use std::sync::mpsc::{self, Receiver};
+use std::thread;
 
 /// A shell command that runs on a terminal.
 pub struct Terminal {
     child: Child,
     keys: ChildStdin,
-    told: ChildStdout,
+    /// What comes to stand there, read at once: a terminal whose other end is full takes no keys.
+    told: Receiver<Vec<u8>>,
     /// What was told and not waited for.
     unread: Vec<u8>,
 }
@@ -28,7 +31,15 @@ impl Terminal {
             .spawn()
             .expect("script runs");
         let keys = child.stdin.take().expect("piped");
-        let told = child.stdout.take().expect("piped");
+        let mut output = child.stdout.take().expect("piped");
+        let (tell, told) = mpsc::channel();
+        thread::spawn(move || {
+            let mut more = [0; 4096];
+            while let Ok(count @ 1..) = output.read(&mut more) {
+                // Nobody looking is fine.
+                let _ = tell.send(more[..count].to_vec());
+            }
+        });
         let unread = Vec::new();
         Self {
             child,
@@ -81,10 +92,7 @@ impl Terminal {
                 let told = self.unread.drain(..place + part.len());
                 return String::from_utf8_lossy(&told.collect::<Vec<_>>()).into_owned();
             }
-            let mut more = [0; 4096];
-            let count = self.told.read(&mut more).expect("readable");
-            assert!(count > 0, "{part}");
-            self.unread.extend(&more[..count]);
+            self.unread.extend(self.told.recv().expect(part));
         }
     }
 
@@ -96,7 +104,7 @@ impl Terminal {
     pub fn end(mut self) -> Vec<String> {
         drop(self.keys);
         let mut rest = self.unread;
-        self.told.read_to_end(&mut rest).expect("readable");
+        rest.extend(self.told.iter().flatten());
         let status = self.child.wait().expect("it was started");
         assert!(status.success(), "{status}");
         let rest = String::from_utf8_lossy(&rest);

@@ -453,8 +453,10 @@ impl Desk {
     fn stopped_by(&mut self, fault: Fault) {
         let works = matches!(self.state, State::Running | State::Mdi | State::Held);
         let line = works.then_some(self.status.line);
+        let position = self.status.actual;
         let stopped = self.status.stopped.get_or_insert_with(|| Stopped {
             line,
+            position,
             ..Stopped::default()
         });
         stopped.faults.push(fault.describe(&*self.layout));
@@ -467,6 +469,9 @@ impl Desk {
         let mut actual = row.plan.position;
         for &at in &self.coordinates {
             actual[at] = row.axes[at].act;
+        }
+        if let Some(stopped) = &mut self.status.stopped {
+            stopped.position = actual;
         }
         let time = self.observers.observe(&Observed {
             row,

@@ -60,13 +60,16 @@ pub struct Status {
     pub stopped: Option<Stopped>,
 }
 
-/// What stopped a machine. Where it came to rest is in [`Status::actual`].
+/// What stopped a machine.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Stopped {
     /// What happened, to whom and what to do, in words: the first cause on top, then what followed.
     pub faults: Vec<String>,
     /// The line of the block that was at work and is not completed, if a job was.
     pub line: Option<u32>,
+    /// Where the axes are, and in the end where they came to rest, by letter, machine coordinates, mm and
+    /// degrees.
+    pub position: [f64; COORDINATES],
 }
 
 impl Default for Status {

@@ -181,6 +181,10 @@ fn day() -> String {
         "{stopped:?}"
     );
     assert_eq!(stopped.line, Some(1));
+    let last = rig.rows.last().expect("it ran");
+    for axis in [Axis::X, Axis::Y, Axis::Z].map(Axis::index) {
+        assert_near(stopped.position[axis], last.axes[axis].act);
+    }
     go(&mut rig, Command::Mdi("G0 X0".to_owned()));
     assert_eq!(rig.refused.len(), 1);
     go(&mut rig, Command::Reset);

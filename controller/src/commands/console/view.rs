@@ -360,6 +360,7 @@ mod tests {
                 "drive Z: heartbeat lost: check cabling and supply".to_owned(),
             ],
             line: Some(3),
+            ..Stopped::default()
         });
         model.prompt = Some("mdi G0 X0".to_owned());
         insta::assert_snapshot!(drawn(&model, 80, 24));
