@@ -37,7 +37,7 @@ use crate::mechanics::{Load, Mechanics, Motion};
 use crate::twin::SimulatedDevice;
 use crate::twin::servo::shaft::Shaft;
 use syncline_canopen::time::Duration;
-use syncline_canopen::{Frame, Instant, Transmit};
+use syncline_canopen::{Frame, Instant, NodeId, Transmit};
 
 /// Between two points of the grid on which coupled shafts move: a nominal step of a speed loop.
 pub const GRID: Duration = Duration::from_nanos(62_500);
@@ -159,6 +159,14 @@ impl World {
             coupled.ratio = 0.0;
             coupled.zero = position;
         }
+    }
+
+    /// The device with this node id on a bus, by that bus' place in the order in which they were added.
+    #[must_use]
+    pub fn find(&self, bus: usize, node: NodeId) -> Option<DeviceId> {
+        let mut nodes = self.buses.get(bus)?.wire.nodes();
+        let place = nodes.position(|device| device.node() == node)?;
+        Some(DeviceId { bus, place })
     }
 
     /// A device, to look at it.

@@ -38,9 +38,11 @@
 #![forbid(unsafe_code)]
 
 mod diagnostic;
+mod set;
 mod table;
 
 pub use diagnostic::{Diagnostic, Invalid, Log};
+pub use set::{SetError, set};
 pub use table::{Found, Table, integer, nearest, one_of};
 
 use std::fs::File;

@@ -13,11 +13,13 @@ use crate::control::{Event as MachineEvent, Layout};
 use crate::machine::Machine;
 use crate::observe::Observers;
 use crate::observe::summary::Summary;
+use crate::program::bounds::TimeBounds;
 use crate::program::{Extent, Program, Programs};
 use crate::run::Progress;
 use crate::run::virtual_time::VirtualMachine;
 use crate::session::{Command, Event, NotTaken, Operator, Session, Status};
 use std::error::Error;
+use std::fs;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
@@ -49,11 +51,22 @@ pub(super) struct Args {
     seed: u64,
     #[command(flatten)]
     switches: Switches,
+    /// Validate with another value of a key of the machine file, as TOML has it:
+    /// `axis.X.max_jerk=40000`, `path.mode="G64"`. Of axes, drives, buses, inputs and outputs the name says
+    /// which. May be given again.
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    settings: Vec<String>,
+    /// Take work offsets and tools from FILE, not from the tables beside the machine file.
+    #[arg(long, value_name = "FILE")]
+    tables: Option<PathBuf>,
     /// What an operator does, as CSV with the columns `t_s,event,value`: feed_override and
     /// rapid_override (%), feed_hold, resume, single_block and optional_stop (on, off), retrace,
     /// jog (X+1.5 or X-), jog_to, move_to (X10 Y20), stop, at times of the trace.
     #[arg(long, value_name = "FILE")]
     events: Option<PathBuf>,
+    /// Say what bounds the time of motion: the program is planned once more with each bound raised.
+    #[arg(long, conflicts_with = "stream")]
+    time_bounds: bool,
     /// Tell what the controller does.
     #[arg(short, long)]
     verbose: bool,
@@ -66,6 +79,7 @@ struct Prepared {
     program: Program,
     /// Unless it is read as it runs.
     extent: Option<Extent>,
+    time_bounds: Option<TimeBounds>,
     events: Events,
     claims: Claims,
     results: Results,
@@ -91,12 +105,20 @@ impl Args {
 
     /// Reads and checks everything, and opens the files, before anything else.
     fn prepare(&self) -> Result<Prepared, Box<dyn Error>> {
-        let machine = Machine::load(&self.machine)?;
+        let machine = Machine::load_with(&self.machine, &self.settings)?;
         let layout = Arc::new(Layout::new(&machine)?);
-        let programs = Programs::new(&machine, &self.machine)?;
+        let mut programs = Programs::new(&machine, &self.machine)?;
+        if let Some(file) = &self.tables {
+            let text = fs::read_to_string(file);
+            let text = text.map_err(|why| format!("cannot read {}: {why}", file.display()))?;
+            programs = programs.with_tables(Tables::parse(file, &text)?);
+        }
         let program = self.switches.program(&programs, &self.program)?;
         let extent = program.check(machine.rest())?;
         let mut claims = Claims::of_run(&self.machine, &self.program);
+        if let Some(file) = &self.tables {
+            claims = claims.reads("--tables", file);
+        }
         let events = match &self.events {
             Some(file) => {
                 claims = claims.reads("--events", file);
@@ -110,7 +132,9 @@ impl Args {
         if let Some(beginning) = program.beginning(machine.rest())? {
             eprintln!("{beginning}");
         }
+        let time_bounds = self.time_bounds.then(|| program.time_bounds(&machine));
         Ok(Prepared {
+            time_bounds: time_bounds.transpose()?,
             machine,
             layout,
             extent: (!program.streams()).then_some(extent),
@@ -129,6 +153,7 @@ impl Args {
             layout,
             program,
             extent,
+            time_bounds,
             events,
             claims,
             mut results,
@@ -140,11 +165,13 @@ impl Args {
         logs.record_virtual(&machine, timeline.frames())?;
         let sent = Some(timeline.frames().listen(&machine));
         let observers = Observers::new(&machine, sent, results.trace()?, results.wants_report())
-            .of_program(extent);
+            .of_program(extent)
+            .bounded_by(time_bounds);
         let mut session = Session::new(&layout, timeline, moves, observers);
         let commands = commands.map(|file| {
-            let tables = Tables::beside(&self.machine);
-            CommandLog::begin(&mut session, Box::new(file.begin()?), &tables)
+            let beside = Tables::beside(&self.machine);
+            let tables = self.tables.as_ref().unwrap_or(&beside);
+            CommandLog::begin(&mut session, Box::new(file.begin()?), tables)
         });
         let mut commands = commands.transpose()?;
         self.switches.set(&session.operator("command line"))?;

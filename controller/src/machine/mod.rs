@@ -11,12 +11,14 @@ mod read;
 mod signals;
 mod simulation;
 mod spindle;
+mod validation;
 
 pub use encoder::{Encoder, Feedback, Node};
 pub use homing::{Homing, HomingMethod, HomingPolicy, Square, SwitchSearch};
 pub use signals::{Input, InputMeaning, Output, OutputSwitch};
 pub use simulation::{Carriage, FeedAxis, Gantry, Simulation};
 pub use spindle::{SpinUp, Spindle};
+pub use validation::Validation;
 
 use std::{
     io,
@@ -28,7 +30,7 @@ use syncline_drives::model::{
     Assumed, Device, Direction, Heartbeat, Increments, Model, Scaling, Settings, Write,
 };
 use syncline_gcode as gcode;
-use syncline_strict_toml::Invalid;
+use syncline_strict_toml::{Invalid, SetError};
 use thiserror::Error;
 
 /// One machine, checked.
@@ -56,6 +58,8 @@ pub struct Machine {
     pub spindle: Option<Spindle>,
     /// What holds for the homing of all axes.
     pub homing: HomingPolicy,
+    /// What a run has to keep to pass.
+    pub validation: Validation,
     /// In the order of the file.
     pub inputs: Vec<Input>,
     /// In the order of the file.
@@ -221,6 +225,9 @@ pub enum MachineError {
     /// It does not describe a machine.
     #[error(transparent)]
     Invalid(#[from] Invalid),
+    /// A value cannot be set in it.
+    #[error("--set {0}")]
+    Set(#[from] SetError),
 }
 
 impl Axis {
@@ -271,7 +278,16 @@ impl Machine {
     /// # Errors
     /// If it cannot be read, or with everything that is wrong in it.
     pub fn load(file: &Path) -> Result<Self, MachineError> {
-        let source = syncline_strict_toml::read(file).map_err(|source| MachineError::Read {
+        Self::load_with(file, &[])
+    }
+
+    /// The same with other values of keys, each as [`set`](syncline_strict_toml::set) takes it:
+    /// `axis.X.max_jerk=40000`. Messages show the text as it was changed.
+    ///
+    /// # Errors
+    /// As [`load`](Self::load), or if a value cannot be set.
+    pub fn load_with(file: &Path, settings: &[String]) -> Result<Self, MachineError> {
+        let mut source = syncline_strict_toml::read(file).map_err(|source| MachineError::Read {
             file: file.into(),
             source,
         })?;
@@ -279,6 +295,9 @@ impl Machine {
         let named = file.extension().is_some_and(|name| name == "toml");
         if !named && source.parse::<toml::Table>().is_err() {
             return Err(MachineError::NotToml { file: file.into() });
+        }
+        for setting in settings {
+            source = syncline_strict_toml::set(&source, setting)?;
         }
         Ok(Self::parse(file, &source)?)
     }

@@ -10,7 +10,7 @@ use super::signals::SignalTables;
 use super::simulation::{self, Simulation};
 use super::{
     Axis, AxisLimits, Bus, Controller, Drive, Feedback, Homing, HomingPolicy, Machine,
-    PathTolerances, Spindle, assumed, spindle,
+    PathTolerances, Spindle, Validation, assumed, spindle, validation,
 };
 use std::{collections::BTreeMap, ops::Range, time::Duration};
 use syncline_drives::model::{Ability, Assumed, Direction, Increments, MODELS, Model, Scaling};
@@ -54,6 +54,7 @@ struct Tables {
     axes: Vec<AxisTable>,
     spindle: Option<Spindle>,
     homing: Spanned<HomingPolicy>,
+    validation: Validation,
     signals: SignalTables,
     assumptions: Vec<(&'static Model, Assumed)>,
 }
@@ -70,6 +71,7 @@ impl Tables {
         let axes = file.tables(log, "axis");
         let spindle = file.table(log, "spindle", false);
         let homing = file.table(log, "homing", false);
+        let validation = file.table(log, "validation", false);
         let signals = SignalTables::read(log, &mut file);
         let model = file.table(log, "model", false);
         file.finish(log);
@@ -98,6 +100,7 @@ impl Tables {
         let spindle = spindle.and_then(|table| spindle::read(log, table));
         let homing = homing.unwrap_or_else(|| Table::new("homing", 0..0, &empty));
         let homing = homing::policy(log, homing);
+        let validation = validation.map(|table| validation::read(log, table));
         let assumptions = model.map_or(Vec::new(), |table| assumptions(log, table));
         let (name, cycle) = machine?;
         Some(Self {
@@ -112,6 +115,7 @@ impl Tables {
             axes: axes.into_iter().collect::<Option<_>>()?,
             spindle,
             homing,
+            validation: validation.unwrap_or_default(),
             signals: signals?,
             assumptions,
         })
@@ -187,6 +191,7 @@ impl Tables {
             axes,
             spindle: self.spindle,
             homing: self.homing.into_inner(),
+            validation: self.validation,
             inputs,
             outputs,
             assumptions: self.assumptions,

@@ -151,6 +151,12 @@ const RIGID_BEAM: &str = "rigid_beam";
 const ALLOWED: &str = "a table [axis.simulation]; see docs/machine-file.md";
 
 impl FeedAxis {
+    /// What turns it.
+    #[must_use]
+    pub fn motor(&self) -> Motor {
+        self.motor
+    }
+
     /// What a motor feels of it at its shaft, through a drive whose scaling that is, on a rotary axis
     /// or a linear one.
     #[must_use]

@@ -1,32 +1,71 @@
 //! Setpoint and tool against the programmed geometry.
+//!
+//! The contour error is the distance of the tool from the program's moves. It has two parts: what the planner
+//! rounds off, which is how far the setpoint is from them, and what the drives make of the setpoints, which
+//! is how far the tool is off the path of those (`trail`). In the worst case they add up.
 
 use super::Observed;
 use super::limits::Watch;
-use super::record::Violation;
+use super::record::{Greatest, Place, Violation};
 use super::summary::PathSummary;
+use super::trail::{Trail, norm};
 use super::travel::Travel;
-use crate::machine::{COORDINATES, Position};
-use crate::program::ProgramMove;
+use crate::machine::{COORDINATES, Machine, Position};
+use crate::program::{Moves, ProgramMove};
+use std::ops::Range;
 use syncline_trajectory::path::Curve;
 
 /// Angle of the tangent between two places from which the nearest one is searched, rad.
 const SWEEP: f64 = 0.5;
 /// Steps of Newton's method.
 const STEPS: usize = 12;
+/// A setpoint so near, mm, is on its move.
+const NEAREST: f64 = 1e-9;
+/// Where a rounding leads from one move to the next, its foot jumps by up to so many times its distance.
+const CORNER: f64 = 4.0;
 /// Moves farther away than the ones before, in a row, after which nearer ones are not expected.
 pub const AHEAD: u32 = 8;
 
 /// How far setpoint and tool were from the program's moves so far.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(super) struct Deviation {
-    /// Of the setpoint, mm.
-    setpoint: f64,
-    /// Of the actual position, mm.
-    tool: f64,
+    /// Of the setpoint, mm: what rounding makes of the contour error.
+    setpoint: Greatest,
+    /// Of the actual position, mm: the contour error.
+    tool: Greatest,
+    /// Of the actual position from the path of the setpoints, mm: the drives' part of it.
+    drives: Greatest,
+    trail: Trail,
     watch: Watch,
+    /// What of the contour error `[validation]` allows, mm.
+    tolerance: f64,
+    contour: Watch,
+}
+
+/// The nearest place of the program's moves.
+struct Foot {
+    /// How far it is, mm.
+    away: f64,
+    /// Of its move.
+    tag: u32,
+    /// Where on that, mm.
+    along: f64,
 }
 
 impl Deviation {
+    /// Nothing yet.
+    pub(super) fn new(machine: &Machine) -> Self {
+        Self {
+            setpoint: Greatest::default(),
+            tool: Greatest::default(),
+            drives: Greatest::default(),
+            trail: Trail::new(machine.cycle.as_secs_f64()),
+            watch: Watch::default(),
+            tolerance: machine.validation.contour_error,
+            contour: Watch::default(),
+        }
+    }
+
     /// Takes what is seen at one SYNC.
     pub(super) fn observe(
         &mut self,
@@ -34,28 +73,48 @@ impl Deviation {
         time: f64,
         violations: &mut Vec<Violation>,
     ) {
-        let plan = &observed.row.plan;
+        let Observed {
+            row, actual, line, ..
+        } = observed;
+        let plan = &row.plan;
         let Some(motion) = observed.tags.and(observed.moves.motion(plan.tag)) else {
+            self.trail.clear();
             return;
         };
-        let deviation = nearest(observed, &plan.position, 1e-9);
-        let tool = nearest(observed, &observed.actual, 0.0);
-        self.setpoint = self.setpoint.max(deviation);
-        self.tool = self.tool.max(tool);
-        (self.watch).look(violations, deviation, motion.tolerance, || Violation {
-            what: "path_deviation".to_owned(),
+        let foot = nearest(observed, &plan.position);
+        let deviation = foot.as_ref().map_or(f64::INFINITY, |foot| foot.away);
+        (self.trail).push(row.cycle, plan.position, plan.velocity, actual);
+        let reach = self.trail.reach() + CORNER * deviation;
+        let tool = foot.map_or(f64::INFINITY, |foot| {
+            from_stretch(observed.moves, &foot, reach, actual)
+        });
+        let at = Place { time, line: *line };
+        self.setpoint.look(deviation, at);
+        self.tool.look(tool, at);
+        self.drives.look(self.trail.distance(actual), at);
+        let violation = |what: &str, value, limit| Violation {
+            what: what.to_owned(),
             axis: None,
             time,
-            line: observed.line,
-            value: deviation,
-            limit: motion.tolerance,
+            line: *line,
+            value,
+            limit,
             unit: "mm",
+        };
+        let allowed = motion.tolerance;
+        (self.watch).look(violations, deviation, allowed, || {
+            violation("path_deviation", deviation, allowed)
+        });
+        let allowed = self.tolerance;
+        (self.contour).look(violations, tool, allowed, || {
+            violation("contour_error", tool, allowed)
         });
     }
 
-    /// Ends a violation that goes on.
+    /// Ends violations that go on.
     pub(super) fn close(&mut self, violations: &mut Vec<Violation>) {
         self.watch.close(violations);
+        self.contour.close(violations);
     }
 
     /// With how far the tool came, the path of the run.
@@ -63,19 +122,21 @@ impl Deviation {
         PathSummary {
             length_mm: travel.length_mm,
             turned_deg: travel.turned_deg,
-            max_deviation_mm: self.setpoint,
-            max_contour_error_mm: self.tool,
+            max_deviation_mm: self.setpoint.value,
+            max_deviation_at: self.setpoint.at,
+            max_contour_error_mm: self.tool.value,
+            max_contour_error_at: self.tool.at,
+            max_drive_deviation_mm: self.drives.value,
+            max_drive_deviation_at: self.drives.at,
         }
     }
 }
 
-/// Distance of a point from the moves that it may be on, mm; at once where it is `good_enough`.
-fn nearest(observed: &Observed, point: &Position, good_enough: f64) -> f64 {
-    let Some(tags) = observed.tags else {
-        return f64::INFINITY;
-    };
+/// Where a setpoint is on the moves that it may be on; at once where it is as near as one may be.
+fn nearest(observed: &Observed, point: &Position) -> Option<Foot> {
+    let tags = observed.tags?;
     let (first, last) = (*tags.start(), *tags.end());
-    let mut nearest = f64::INFINITY;
+    let mut nearest: Option<Foot> = None;
     let mut farther = 0;
     // Where this stretch passes into the next one it may be near to any move of that.
     for tag in (first..=last).rev().chain(last + 1..) {
@@ -85,14 +146,58 @@ fn nearest(observed: &Observed, point: &Position, good_enough: f64) -> f64 {
             }
             continue;
         };
-        let away = distance(curve, point);
+        let (away, along) = foot(curve, point, &(0.0..curve.length()));
+        let nearer = nearest.as_ref().is_none_or(|nearest| away < nearest.away);
         // Counted among those only that are ahead.
-        let nearer = away < nearest || tag <= last;
-        farther = if nearer { 0 } else { farther + 1 };
-        nearest = nearest.min(away);
-        if nearest <= good_enough || farther > AHEAD {
+        farther = if nearer || tag <= last {
+            0
+        } else {
+            farther + 1
+        };
+        if nearer {
+            nearest = Some(Foot { away, tag, along });
+        }
+        if (nearer && away <= NEAREST) || farther > AHEAD {
             break;
         }
+    }
+    nearest
+}
+
+/// Distance of a point from the program's moves up to `reach` on either side of a foot, mm: what crosses
+/// there from elsewhere does not count.
+fn from_stretch(moves: &Moves, from: &Foot, reach: f64, point: &Position) -> f64 {
+    let Some(ProgramMove { curve, .. }) = moves.motion(from.tag) else {
+        return f64::INFINITY;
+    };
+    let length = curve.length();
+    let (before, behind) = (from.along - reach, from.along + reach);
+    let (mut nearest, _) = foot(curve, point, &(before.max(0.0)..behind.min(length)));
+    let mut look = |curve: &Curve<COORDINATES>, range: Range<f64>| {
+        // Nothing of a line is nearer than its start by more than its end is from there.
+        let start = curve.start();
+        let skipped = matches!(curve, Curve::Line(_))
+            && norm(&start, point) - norm(&start, &curve.end()) >= nearest;
+        if !skipped {
+            nearest = nearest.min(foot(curve, point, &range).0);
+        }
+    };
+    let (mut tag, mut left) = (from.tag, -before);
+    while left > 0.0
+        && let Some(ProgramMove { curve, .. }) =
+            tag.checked_sub(1).and_then(|tag| moves.motion(tag))
+    {
+        let length = curve.length();
+        look(curve, (length - left).max(0.0)..length);
+        (tag, left) = (tag - 1, left - length);
+    }
+    let (mut tag, mut left) = (from.tag, behind - length);
+    while left > 0.0
+        && let Some(ProgramMove { curve, .. }) = moves.motion(tag + 1)
+    {
+        let length = curve.length();
+        look(curve, 0.0..left.min(length));
+        (tag, left) = (tag + 1, left - length);
     }
     nearest
 }
@@ -102,23 +207,34 @@ fn nearest(observed: &Observed, point: &Position, good_enough: f64) -> f64 {
 /// Independent of what the planner made of the curve: only its definition by length is used.
 #[must_use]
 pub fn distance(curve: &Curve<COORDINATES>, point: &Position) -> f64 {
-    let length = curve.length();
+    foot(curve, point, &(0.0..curve.length())).0
+}
+
+/// The same from a stretch of the curve, and where on it the nearest place is.
+fn foot(curve: &Curve<COORDINATES>, point: &Position, range: &Range<f64>) -> (f64, f64) {
+    let length = range.end - range.start;
     let bend = norm(&curve.at(0.0).d2, &Position::default()) * length;
     let places = 1 + (bend / SWEEP).ceil() as usize;
-    let place = |index: usize| length * index as f64 / places as f64;
+    let place = |index: usize| range.start + length * index as f64 / places as f64;
     let apart = |s: f64| norm(&curve.at(s).q, point);
-    let nearest = (0..=places).map(|index| apart(place(index)));
-    let nearest = nearest.fold(f64::INFINITY, f64::min);
+    let nearer = |one: (f64, f64), other: (f64, f64)| if other.0 < one.0 { other } else { one };
+    let nearest = (0..=places).map(|index| (apart(place(index)), place(index)));
+    let nearest = nearest.fold((f64::INFINITY, 0.0), nearer);
     // A foot nearer than that lies within half a step of a place that is hardly further.
     let step = length / places as f64;
     (0..=places)
-        .filter(|&index| apart(place(index)) <= nearest + step)
-        .map(|index| descend(curve, point, place(index)))
-        .fold(nearest, f64::min)
+        .filter(|&index| apart(place(index)) <= nearest.0 + step)
+        .map(|index| descend(curve, point, place(index), range))
+        .fold(nearest, nearer)
 }
 
-/// Distance at the foot of the perpendicular that is found from `s`, (q − p)·q′ = 0.
-fn descend(curve: &Curve<COORDINATES>, point: &Position, mut s: f64) -> f64 {
+/// Distance at the foot of the perpendicular that is found from `s`, (q − p)·q′ = 0, and where that is.
+fn descend(
+    curve: &Curve<COORDINATES>,
+    point: &Position,
+    mut s: f64,
+    range: &Range<f64>,
+) -> (f64, f64) {
     let length = curve.length();
     for _ in 0..STEPS {
         let at = curve.at(s);
@@ -128,19 +244,14 @@ fn descend(curve: &Curve<COORDINATES>, point: &Position, mut s: f64) -> f64 {
             change += at.d1[i] * at.d1[i] + (q - p) * at.d2[i];
         }
         let step = if change > 0.0 { slope / change } else { slope };
-        let next = (s - step).clamp(0.0, length);
+        let next = (s - step).clamp(range.start, range.end);
         let arrived = (next - s).abs() <= length * 1e-15;
         s = next;
         if arrived {
             break;
         }
     }
-    norm(&curve.at(s).q, point)
-}
-
-fn norm(a: &Position, b: &Position) -> f64 {
-    let squares = a.iter().zip(b).map(|(a, b)| (a - b) * (a - b));
-    squares.sum::<f64>().sqrt()
+    (norm(&curve.at(s).q, point), s)
 }
 
 #[cfg(test)]

@@ -18,7 +18,7 @@
 //! the second holds without it.
 
 use super::differences::{Differences, Uncertainty};
-use super::record::Violation;
+use super::record::{Place, Violation};
 use super::sent::SentSetpoints;
 use crate::control::Row;
 use crate::machine::{Axis, AxisLimits, COORDINATES, Machine};
@@ -107,6 +107,9 @@ pub(super) struct AxisWatches {
     /// Sum of the squares of the following error, and of how many rows.
     squares: f64,
     rows: u64,
+    /// Where the greatest following error was, and what of it `[validation]` allows.
+    following_at: Place,
+    following_tolerance: f64,
     /// SYNCs at which a drive had been sent no setpoint.
     pub(super) unsent: u64,
 }
@@ -203,6 +206,8 @@ impl AxisWatches {
                 .collect(),
             squares: 0.0,
             rows: 0,
+            following_at: Place::default(),
+            following_tolerance: machine.validation.following_error,
             unsent: 0,
         }
     }
@@ -235,6 +240,11 @@ impl AxisWatches {
         [self.max[FOLLOWING], mean.sqrt()]
     }
 
+    /// Where the greatest following error was.
+    pub(super) fn following_at(&self) -> Place {
+        self.following_at
+    }
+
     /// Takes what happened at one SYNC, and what the drives latched there if that is known.
     pub(super) fn observe(
         &mut self,
@@ -261,6 +271,9 @@ impl AxisWatches {
         }
         self.next = row.cycle + 1;
         let following = row.axes[at].following_error;
+        if following.abs() > self.max[FOLLOWING] {
+            self.following_at = Place { time, line };
+        }
         self.squares += following * following;
         self.rows += 1;
         let [velocity, acceleration, jerk] = self.planned.push(row.cycle, position);
@@ -285,10 +298,8 @@ impl AxisWatches {
             true => f64::INFINITY,
             false => standstill + skew.unwrap_or(0.0),
         };
-        let planned =
-            planned
-                .into_iter()
-                .zip([velocity, acceleration, jerk, following_error, BEYOND]);
+        let following = following_error.min(self.following_tolerance);
+        let planned = (planned.into_iter()).zip([velocity, acceleration, jerk, following, BEYOND]);
         let sent = sent
             .into_iter()
             .zip([velocity, acceleration, jerk, BEYOND, NEAREST, window]);

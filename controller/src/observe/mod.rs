@@ -6,6 +6,8 @@
 //! - `mapping`: which bytes of their PDOs are what
 //! - `differences`: what positions at the SYNCs say of the motion between them
 //! - [`deviation`]: setpoint and tool against the programmed geometry
+//! - `trail`: the path of the setpoints, which the drives are to follow
+//! - `drives`: torque and speed of simulated drives, skew and torque fight of gantries
 //! - [`travel`]: how far the tool has come along the program, and for how long it moved
 //! - [`trace`]: every row as CSV
 //! - [`record`]: every row for a report, and what must not be
@@ -17,6 +19,7 @@
 
 pub mod deviation;
 mod differences;
+mod drives;
 pub mod flight_recorder;
 pub mod frames;
 pub mod limits;
@@ -27,21 +30,25 @@ pub mod summary;
 pub mod switched;
 pub mod timing;
 pub mod trace;
+mod trail;
 pub mod travel;
 
 use crate::control::layout::Layout;
 use crate::control::{Controller, End, Event, Row};
 use crate::machine::{COORDINATES, Machine, Position};
+use crate::program::bounds::TimeBounds;
 use crate::program::{Extent, Moves, counted_speed};
 use deviation::Deviation;
+use drives::Drives;
 use limits::AxisWatches;
-use record::{Report, Violation};
+use record::{Place, Report, Violation};
 use sent::SentSetpoints;
 use std::io;
 use std::ops::RangeInclusive;
 use std::time::Duration;
 use summary::{AxisSummary, BusSummary, Stopped, Summary, Times};
 use switched::Switched;
+use syncline_drives::twin::Observation;
 use trace::{Sink, Trace};
 use travel::Travel;
 
@@ -63,13 +70,6 @@ pub struct Observed<'a> {
     pub tags: Option<&'a RangeInclusive<u32>>,
 }
 
-/// When something arose.
-#[derive(Clone, Copy, Debug)]
-struct Arisen {
-    time: f64,
-    line: u32,
-}
-
 /// All that is kept about a run.
 pub struct Observers {
     cycle: Duration,
@@ -81,11 +81,13 @@ pub struct Observers {
     position: Position,
     /// What the program amounts to, if it was read before.
     extent: Option<Extent>,
-    fault: Option<Arisen>,
-    late_setpoint: Option<Arisen>,
+    time_bounds: Option<TimeBounds>,
+    fault: Option<Place>,
+    late_setpoint: Option<Place>,
     travel: Travel,
     deviation: Deviation,
     axes: Vec<AxisWatches>,
+    drives: Drives,
     /// What the buses carried, where all of them can be heard.
     sent: Option<SentSetpoints>,
     switched: Switched,
@@ -113,10 +115,12 @@ impl Observers {
             line: 0,
             position: Position::default(),
             extent: None,
+            time_bounds: None,
             fault: None,
             late_setpoint: None,
             travel: Travel::default(),
-            deviation: Deviation::default(),
+            deviation: Deviation::new(machine),
+            drives: Drives::new(machine),
             axes: (machine.axes.iter())
                 .map(|axis| AxisWatches::new(machine, axis))
                 .collect(),
@@ -136,9 +140,16 @@ impl Observers {
         self
     }
 
+    /// What bounds the program's time, where that was asked for.
+    #[must_use]
+    pub fn bounded_by(mut self, bounds: Option<TimeBounds>) -> Self {
+        self.time_bounds = bounds;
+        self
+    }
+
     /// Takes what the controller tells, before the row of the same cycle.
     pub fn tell(&mut self, event: &Event) {
-        let now = Arisen {
+        let now = Place {
             time: self.seconds(self.next),
             line: self.line,
         };
@@ -184,6 +195,21 @@ impl Observers {
         time
     }
 
+    /// Takes how the simulated drives are at the SYNC of the last row, by their index; nothing where one
+    /// is not simulated.
+    pub fn observe_drives(&mut self, drive: impl Fn(usize) -> Option<Observation>) {
+        let at = self.last();
+        self.drives.observe(at, drive, &mut self.violations);
+    }
+
+    /// The last row.
+    fn last(&self) -> Place {
+        Place {
+            time: self.seconds(self.next.saturating_sub(1)),
+            line: self.line,
+        }
+    }
+
     /// How far the program has come, mm and degrees.
     #[must_use]
     pub fn passed(&self) -> f64 {
@@ -214,12 +240,10 @@ impl Observers {
             axis.close(&mut self.violations);
         }
         self.deviation.close(&mut self.violations);
-        let end = Arisen {
-            time: self.seconds(self.next.saturating_sub(1)),
-            line: self.line,
-        };
-        let mut violate = |what, arisen: Option<Arisen>, (value, limit, unit)| {
-            let Arisen { time, line } = arisen.unwrap_or(end);
+        let end = self.last();
+        self.drives.close(end, &mut self.violations);
+        let mut violate = |what, arisen: Option<Place>, (value, limit, unit)| {
+            let Place { time, line } = arisen.unwrap_or(end);
             self.violations.push(Violation {
                 what,
                 axis: None,
@@ -287,6 +311,7 @@ impl Observers {
             Some(End::Fault(_)) | None => "fail",
         };
         let finished = matches!(controller.end(), Some(End::Finished | End::SwitchedOff));
+        let (drives, gantries) = self.drives.summaries();
         let summary = Summary {
             verdict,
             outcome: (controller.end())
@@ -295,6 +320,7 @@ impl Observers {
             duration_s: (self.travel.motion)
                 .map_or(0.0, |(first, last)| self.seconds(last - first)),
             times: self.times(),
+            time_bounds: self.time_bounds.take(),
             cycles: self.cycles,
             late_setpoints: controller.late_setpoints(),
             frames_sha256: digest,
@@ -306,6 +332,8 @@ impl Observers {
                 })
                 .collect(),
             axes: self.axes.iter().map(AxisSummary::new).collect(),
+            drives,
+            gantries,
             switched: self.switched.states,
             violations: self.violations,
         };

@@ -40,6 +40,33 @@ pub struct Report {
     pub distributions: Vec<Distribution>,
 }
 
+/// When something was, and in which line of the program.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Place {
+    /// s on [`Report::time`].
+    #[serde(rename = "time_s")]
+    pub time: f64,
+    /// 0 where none.
+    pub line: u32,
+}
+
+/// The greatest of values, and where it was.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Greatest {
+    /// 0 where all are.
+    pub(super) value: f64,
+    pub(super) at: Place,
+}
+
+impl Greatest {
+    /// Takes a value.
+    pub(super) fn look(&mut self, value: f64, at: Place) {
+        if value > self.value {
+            *self = Self { value, at };
+        }
+    }
+}
+
 /// Something that must not be.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Violation {
@@ -154,6 +181,9 @@ impl Report {
             fact("stopped", stopped.to_string());
         }
         fact("motion time", format!("{:.3} s", summary.times.motion_s));
+        for bound in summary.time_bounds.iter().flat_map(|it| &it.bounds) {
+            fact("time is bound by", bound.to_string());
+        }
         let others = summary.times.others();
         if !others.is_empty() {
             fact("other times", others);
@@ -169,6 +199,13 @@ impl Report {
             "tool off the path",
             format!("{:.4} mm", summary.path.max_contour_error_mm),
         );
+        fact("contour error", summary.path.contour_error());
+        for drive in &summary.drives {
+            fact(&format!("drive {}", drive.name), drive.to_string());
+        }
+        for gantry in &summary.gantries {
+            fact(&format!("gantry {}", gantry.axis), gantry.to_string());
+        }
         for bus in &summary.bus {
             fact(
                 &format!("busiest cycle, {}", bus.name),

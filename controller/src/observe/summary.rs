@@ -1,8 +1,9 @@
 //! The result of a run, for programs (`--json`) and for people.
 
 use super::limits::AxisWatches;
-use super::record::Violation;
+use super::record::{Place, Violation};
 use super::switched::SwitchedState;
+use crate::program::bounds::{BoundShare, STEP, TimeBounds};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::fmt;
@@ -21,6 +22,9 @@ pub struct Summary {
     pub duration_s: f64,
     /// What the time went into, all of it.
     pub times: Times,
+    /// What bounds the time of motion, where that was asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub time_bounds: Option<TimeBounds>,
     /// Cycles while the program ran.
     pub cycles: u64,
     /// Bursts that missed their SYNC.
@@ -35,6 +39,12 @@ pub struct Summary {
     pub bus: Vec<BusSummary>,
     /// The axes.
     pub axes: Vec<AxisSummary>,
+    /// The drives, where all are simulated.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub drives: Vec<DriveSummary>,
+    /// The axes with two drives, where those are simulated.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub gantries: Vec<GantrySummary>,
     /// What M-codes switched, in order.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub switched: Vec<SwitchedState>,
@@ -103,8 +113,17 @@ pub struct PathSummary {
     pub turned_deg: f64,
     /// Greatest distance of a setpoint from the programmed geometry, mm.
     pub max_deviation_mm: f64,
+    /// Where that was.
+    pub max_deviation_at: Place,
     /// Greatest distance of an actual position from the programmed geometry, mm.
     pub max_contour_error_mm: f64,
+    /// Where that was.
+    pub max_contour_error_at: Place,
+    /// Greatest distance of an actual position from the path of the setpoints, mm: what the drives add to
+    /// what rounding makes.
+    pub max_drive_deviation_mm: f64,
+    /// Where that was.
+    pub max_drive_deviation_at: Place,
 }
 
 fn is_zero(number: &f64) -> bool {
@@ -120,6 +139,20 @@ impl PathSummary {
             degrees => format!(" and {degrees:.3} °"),
         };
         format!("{:.3} mm{turned}", self.length_mm)
+    }
+
+    /// The contour error and its parts, as a person reads it.
+    #[must_use]
+    pub fn contour_error(&self) -> String {
+        format!(
+            "max {:.4} mm in {}; of rounding {:.4} mm in {}, of the drives {:.4} mm in {}",
+            self.max_contour_error_mm,
+            self.max_contour_error_at,
+            self.max_deviation_mm,
+            self.max_deviation_at,
+            self.max_drive_deviation_mm,
+            self.max_drive_deviation_at
+        )
     }
 }
 
@@ -153,8 +186,54 @@ pub struct AxisSummary {
     pub jerk_limit: f64,
     /// Greatest absolute following error, mm.
     pub max_following_error_mm: f64,
+    /// Where that was.
+    pub max_following_error_at: Place,
     /// Root mean square of the following error, mm.
     pub rms_following_error_mm: f64,
+}
+
+/// What a simulated drive was asked for, once a cycle.
+#[derive(Clone, Debug, Serialize)]
+pub struct DriveSummary {
+    /// As the machine file names it.
+    pub name: String,
+    /// Greatest torque, N·m.
+    pub max_torque: f64,
+    /// Where that was.
+    pub max_torque_at: Place,
+    /// Most that its motor has, N·m.
+    pub peak_torque: f64,
+    /// What part of that was left.
+    pub torque_reserve: f64,
+    /// Root mean square of the torque, N·m: what the motor is heated by where the program runs over and over.
+    pub rms_torque: f64,
+    /// What the motor stands forever, N·m.
+    pub continuous_torque: f64,
+    /// Greatest speed, 1/min.
+    pub max_speed_rpm: f64,
+    /// What part was left of the speed at which its voltage is used up, if its power stage is simulated.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub speed_reserve: Option<f64>,
+}
+
+/// How the sides of a gantry agreed, as they truly were.
+#[derive(Clone, Debug, Serialize)]
+pub struct GantrySummary {
+    /// The axis.
+    pub axis: &'static str,
+    /// How far apart they were at most, mm.
+    pub max_skew_mm: f64,
+    /// Where that was.
+    pub max_skew_at: Place,
+    /// Greatest torque with which the beam's guides held it square, N·m, if there is a beam.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub max_racking_torque: Option<f64>,
+    /// Greatest torque with which each motor worked against the other, N·m: half of their difference.
+    pub max_torque_fight: f64,
+    /// Where that was.
+    pub max_torque_fight_at: Place,
+    /// Its root mean square, N·m.
+    pub rms_torque_fight: f64,
 }
 
 /// As a person reads it.
@@ -167,6 +246,9 @@ impl fmt::Display for Summary {
             writeln!(f, "stopped            {stopped}")?;
         }
         writeln!(f, "motion time        {:.3} s", self.times.motion_s)?;
+        for bound in self.time_bounds.iter().flat_map(|it| &it.bounds) {
+            writeln!(f, "bound by           {bound}")?;
+        }
         let others = self.times.others();
         if !others.is_empty() {
             writeln!(f, "other times        {others}")?;
@@ -183,6 +265,7 @@ impl fmt::Display for Summary {
             path.max_deviation_mm,
             path.max_contour_error_mm
         )?;
+        writeln!(f, "contour error      {}", path.contour_error())?;
         for bus in &self.bus {
             writeln!(
                 f,
@@ -195,7 +278,7 @@ impl fmt::Display for Summary {
             writeln!(
                 f,
                 "axis {:<13} velocity {:.1} of {} {unit}/s, acceleration {:.0} of {} {unit}/s², jerk \
-                 {:.0} of {} {unit}/s³, following error max {:.4} rms {:.4} {unit}",
+                 {:.0} of {} {unit}/s³, following error max {:.4} rms {:.4} {unit}, greatest in {}",
                 axis.name,
                 axis.max_velocity,
                 axis.velocity_limit,
@@ -205,8 +288,15 @@ impl fmt::Display for Summary {
                 axis.jerk_limit,
                 axis.max_following_error_mm,
                 axis.rms_following_error_mm,
+                axis.max_following_error_at,
                 unit = axis.unit
             )?;
+        }
+        for drive in &self.drives {
+            writeln!(f, "drive {:<12} {drive}", drive.name)?;
+        }
+        for gantry in &self.gantries {
+            writeln!(f, "gantry {:<11} {gantry}", gantry.axis)?;
         }
         for violation in &self.violations {
             write!(f, "VIOLATION          {}", violation.what)?;
@@ -231,6 +321,72 @@ impl fmt::Display for Summary {
             writeln!(f, "frames SHA-256     {digest}")?;
         }
         Ok(())
+    }
+}
+
+/// As a person reads it.
+impl fmt::Display for BoundShare {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let share = 100.0 * self.share;
+        match (self.what, self.axis) {
+            ("several", _) => {
+                return write!(
+                    f,
+                    "{share:.1} %: several bounds at once, of which none helps alone"
+                );
+            }
+            (what, Some(axis)) => write!(f, "{share:.1} %: {what} of {axis}")?,
+            (what, None) => write!(f, "{share:.1} %: {what}")?,
+        }
+        let step = 100.0 * STEP;
+        write!(f, "; {step} % more of it save {:.3} s", self.saves_s)
+    }
+}
+
+/// As a person reads it.
+impl fmt::Display for Place {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "line {} at {:.3} s", self.line, self.time)
+    }
+}
+
+/// As a person reads it, but for the name.
+impl fmt::Display for DriveSummary {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "torque max {:.2} of {:.2} N·m in {}, {:.0} % in reserve; rms {:.2} of {:.2} N·m; speed max {:.0} 1/min",
+            self.max_torque,
+            self.peak_torque,
+            self.max_torque_at,
+            100.0 * self.torque_reserve,
+            self.rms_torque,
+            self.continuous_torque,
+            self.max_speed_rpm,
+        )?;
+        match self.speed_reserve {
+            Some(reserve) => write!(f, ", {:.0} % in reserve", 100.0 * reserve),
+            None => Ok(()),
+        }
+    }
+}
+
+/// As a person reads it, but for the axis.
+impl fmt::Display for GantrySummary {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "skew max {:.4} mm in {}",
+            self.max_skew_mm, self.max_skew_at
+        )?;
+        if let Some(torque) = self.max_racking_torque {
+            write!(f, "; racking torque max {torque:.1} N·m")?;
+        }
+        write!(
+            f,
+            "; torque against each other max {:.3} N·m in {}, rms {:.3} N·m",
+            self.max_torque_fight, self.max_torque_fight_at, self.rms_torque_fight
+        )
     }
 }
 
@@ -268,6 +424,7 @@ impl AxisSummary {
             acceleration_limit: axis.limits.acceleration,
             jerk_limit: axis.limits.jerk,
             max_following_error_mm: max_following,
+            max_following_error_at: axis.following_at(),
             rms_following_error_mm: rms_following,
         }
     }

@@ -2,7 +2,7 @@
 
 use super::feed::{feed, path_speed};
 use super::moves::{MoveSource, ON_THE_PATH, ProgramMove, Step, Upcoming};
-use super::{Left, Program, ProgramError, place};
+use super::{Left, Program, ProgramError, Scale, place};
 use crate::control::functions::SWITCHES;
 use crate::control::{InputWait, Instruction, Pause, StopPoint, Switch};
 use crate::machine::{COORDINATES, InputMeaning, PathTolerances, Position, SpinUp};
@@ -27,6 +27,7 @@ pub struct Feeder {
     planner: Planner<COORDINATES>,
     path_control_mode: PathControlMode,
     tolerances: PathTolerances,
+    scale: Scale,
     keeps: Option<PathBuf>,
     /// What the planner's marks stand for, from this one on.
     marks: VecDeque<StopPoint>,
@@ -47,14 +48,17 @@ pub struct Feeder {
 }
 
 /// How moves are left in this mode.
-fn path_control_mode(mode: PathMode, tolerances: PathTolerances) -> PathControlMode {
+fn path_control_mode(mode: PathMode, tolerances: PathTolerances, scale: f64) -> PathControlMode {
     match mode {
         PathMode::ExactStop => PathControlMode::Stop,
         PathMode::ExactPath => PathControlMode::Exact(tolerances.exact),
         PathMode::Blend { tolerance, merge } => {
-            let tolerance = tolerance.unwrap_or(tolerances.blend);
+            let tolerance = tolerance.map_or(tolerances.blend, |programmed| programmed * scale);
             merge.map_or(PathControlMode::Blend(tolerance), |within| {
-                PathControlMode::Merge { tolerance, within }
+                PathControlMode::Merge {
+                    tolerance,
+                    within: within * scale,
+                }
             })
         }
     }
@@ -72,6 +76,10 @@ impl Program {
             let (min, max) = limits.unwrap_or((f64::NEG_INFINITY, f64::INFINITY));
             PositionLimits { min, max }
         }));
+        let tolerances = PathTolerances {
+            exact: self.tolerances.exact * self.scale.tolerance,
+            blend: self.tolerances.blend * self.scale.tolerance,
+        };
         Ok(Feeder {
             tables: self.setup.tables.clone(),
             interpreter: self.interpret(start)?,
@@ -79,9 +87,11 @@ impl Program {
             planner,
             path_control_mode: path_control_mode(
                 self.setup.memory.modes().path_mode,
-                self.tolerances,
+                tolerances,
+                self.scale.tolerance,
             ),
-            tolerances: self.tolerances,
+            tolerances,
+            scale: self.scale,
             keeps: self.keeps.clone(),
             marks: VecDeque::new(),
             first_mark: 0,
@@ -186,7 +196,8 @@ impl Feeder {
             }
             Action::Output(output) => self.switch(line, Switch::Output(*output)),
             Action::PathMode(mode) => {
-                self.path_control_mode = path_control_mode(*mode, self.tolerances)
+                self.path_control_mode =
+                    path_control_mode(*mode, self.tolerances, self.scale.tolerance);
             }
             Action::End => {
                 // The end of a program switches off, that of typed lines does not.
@@ -229,8 +240,12 @@ impl Feeder {
                 mode => mode,
             };
             let feed = match feed {
-                Some(gcode::Feed::Rate(rate)) => Feed::Rate(path_speed(&curve, rate)),
-                Some(gcode::Feed::Duration(seconds)) => Feed::Rate(length / seconds),
+                Some(gcode::Feed::Rate(rate)) => {
+                    Feed::Rate(self.scale.feed * path_speed(&curve, rate))
+                }
+                Some(gcode::Feed::Duration(seconds)) => {
+                    Feed::Rate(self.scale.feed * length / seconds)
+                }
                 None => Feed::Rapid,
             };
             let item = PathItem::Move(Move {

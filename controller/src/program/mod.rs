@@ -9,6 +9,7 @@
 //! [`Programs`] is what all programs of a machine share, a [`Program`] one of them before it runs, a
 //! [`Feeder`] the running one.
 
+pub mod bounds;
 mod feed;
 mod feeder;
 mod mistakes;
@@ -70,10 +71,30 @@ pub struct Program {
     tolerances: PathTolerances,
     keeps: Option<PathBuf>,
     spindle: SpinUp,
+    scale: Scale,
     /// Begin there instead of at the beginning.
     from_line: Option<u32>,
     /// Not interpreted as a whole before it runs.
     stream: bool,
+}
+
+/// What a program is planned with instead of what it says, to see what that makes of its time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Scale {
+    /// Of its feeds.
+    feed: f64,
+    /// Of the tolerances of its path.
+    tolerance: f64,
+}
+
+/// As it says.
+impl Default for Scale {
+    fn default() -> Self {
+        Self {
+            feed: 1.0,
+            tolerance: 1.0,
+        }
+    }
 }
 
 /// What a program amounts to.
@@ -226,6 +247,7 @@ impl Programs {
             tolerances: self.tolerances,
             keeps: self.keeps.clone(),
             spindle: self.spindle,
+            scale: Scale::default(),
             from_line: None,
             stream: false,
         }

@@ -22,6 +22,7 @@ use crate::observe::flight_recorder::{Carried, NotRecorded};
 use crate::port::PortError;
 use crate::program::{Left, Program, ProgramError, Upcoming};
 use std::collections::VecDeque;
+use syncline_drives::twin::Observation;
 use syncline_gcode::TablesError;
 
 /// What the cycle reports.
@@ -119,6 +120,11 @@ pub trait Timeline {
 
     /// The next of the frames that the controller has received and sent, where its buses can be tapped.
     fn carried(&mut self) -> Option<Carried> {
+        None
+    }
+
+    /// What is true of the drive with this index, if it is simulated here.
+    fn observe_drive(&self, _drive: usize) -> Option<Observation> {
         None
     }
 }

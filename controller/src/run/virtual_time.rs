@@ -15,13 +15,16 @@ use std::mem::{replace, take};
 use std::sync::Arc;
 use syncline_canopen::Instant;
 use syncline_canopen::time::Duration;
-use syncline_drives::world::{Observer, World};
+use syncline_drives::twin::Observation;
+use syncline_drives::world::{DeviceId, Observer, World};
 
 /// A machine of simulated drives and the controller, with programs to run.
 ///
 /// The same machine, programs and seed give the same frames, byte for byte.
 pub struct VirtualMachine<P = SimPort> {
     driver: Driver<COORDINATES, P>,
+    /// The twin of each drive.
+    drives: Vec<Option<DeviceId>>,
     frames: SharedFrames,
     carried: Consumer<Carried>,
     planning: InlinePlanning,
@@ -91,10 +94,14 @@ impl<P: Port> VirtualMachine<P> {
     }
 
     fn with(world: World, ports: Vec<P>, layout: Arc<Layout>, frames: SharedFrames) -> Self {
+        let drives = layout.drives.iter();
+        let drives = drives.map(|drive| world.find(drive.bus, drive.device.spec().node));
+        let drives = drives.collect();
         let mut driver = Driver::new(layout, world, ports, Instant::ZERO);
         Self {
             carried: driver.tap(),
             driver,
+            drives,
             frames,
             planning: InlinePlanning::default(),
             orders: Orders::default(),
@@ -223,5 +230,10 @@ impl<P: Port> Timeline for VirtualMachine<P> {
 
     fn carried(&mut self) -> Option<Carried> {
         self.carried.pop().ok()
+    }
+
+    fn observe_drive(&self, drive: usize) -> Option<Observation> {
+        let device = self.driver.world.device(self.drives[drive]?);
+        Some(device.observe())
     }
 }

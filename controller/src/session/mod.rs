@@ -189,7 +189,14 @@ impl<T: Timeline> Session<T> {
             desk.hand_over(issued, timeline);
         }
         desk.accept_own();
-        let progress = timeline.advance(&mut |report| desk.take(report));
+        let mut has_row = false;
+        let progress = timeline.advance(&mut |report| {
+            has_row |= matches!(report, CycleReport::Row(_));
+            desk.take(report);
+        });
+        if has_row {
+            (desk.observers).observe_drives(|drive| timeline.observe_drive(drive));
+        }
         desk.status.settings = desk.settings;
         desk.view.show(&desk.status);
         let progress = progress.unwrap_or_else(|error| {

@@ -698,7 +698,8 @@ fn the_reference_is_complete() {
     let models: Vec<_> = (MODELS.iter())
         .map(|model| format!("model.{}", model.name))
         .collect();
-    let mut text = PORTAL.to_owned() + "\n[axis.simulation]\ntransmission = \"belt\"\n[path]\n";
+    let mut text =
+        PORTAL.to_owned() + "\n[axis.simulation]\ntransmission = \"belt\"\n[path]\n[validation]\n";
     text += "[[encoder]]\nname = \"screw\"\nbus = \"portal\"\nnode = 5\nmodel = \"twk_crn\"\npitch = 10.0\n";
     for model in &models {
         text += &format!("[{model}]\n");
@@ -707,6 +708,7 @@ fn the_reference_is_complete() {
         ("machine", "[machine]"),
         ("controller", "[controller]"),
         ("path", "[path]"),
+        ("validation", "[validation]"),
         ("bus", "[[bus]]"),
         ("drive", "[[drive]]"),
         ("encoder", "[[encoder]]"),

@@ -3,6 +3,7 @@
 
 mod bad_input;
 mod beam;
+mod bounds;
 mod bring_up;
 mod cia402_csp;
 mod consoles;
@@ -32,5 +33,6 @@ mod splines;
 mod stops;
 mod switched;
 mod validate;
+mod validation;
 mod velocity;
 mod wired;

@@ -126,6 +126,12 @@ impl Motor {
     pub fn by_name(name: &str) -> Option<&'static Self> {
         MOTORS.iter().find(|motor| motor.name == name)
     }
+
+    /// Speed at which a DC bus of so many volts is used up by the voltage that the rotation induces, rev/s.
+    #[must_use]
+    pub fn no_load_speed(&self, voltage: f64) -> f64 {
+        voltage / 6.0_f64.sqrt() / (self.torque_constant / 3.0) / core::f64::consts::TAU
+    }
 }
 
 impl Default for Motor {

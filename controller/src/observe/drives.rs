@@ -1,0 +1,298 @@
+//! What the simulated drives of a run were asked for: torque, speed, and how the sides of a gantry
+//! work against each other.
+//!
+//! Each is looked at once a cycle, shortly behind its SYNC, as it truly is: without the encoder's noise and
+//! without the drive's own idea of it. What is over between two cycles is not seen. Speed is held against that
+//! at which the motor's voltage is used up without load, where the drive's power stage is simulated.
+
+use super::limits::Watch;
+use super::record::{Greatest, Place, Violation};
+use super::summary::{DriveSummary, GantrySummary};
+use crate::machine::{Axis, Drive, Machine, Validation};
+use syncline_drives::model::Increments;
+use syncline_drives::twin::Observation;
+use syncline_drives::twin::servo::motor::Motor;
+use syncline_drives::twin::servo::power_stage::DcBus;
+
+/// What is watched of all drives and gantries.
+#[derive(Debug)]
+pub(super) struct Drives {
+    drives: Vec<DriveWatch>,
+    gantries: Vec<GantryWatch>,
+    /// The drives at the last SYNC.
+    seen: Vec<Observation>,
+    /// Cycles in which they were seen.
+    rows: u64,
+}
+
+/// One drive.
+#[derive(Debug)]
+struct DriveWatch {
+    name: String,
+    /// N·m.
+    peak: f64,
+    continuous: f64,
+    /// rev/s.
+    most_speed: Option<f64>,
+    tolerance: Validation,
+    torque: Greatest,
+    speed: Greatest,
+    /// Sum of the squares of its torque.
+    squares: f64,
+    watches: [Watch; 2],
+    /// Where a stretch that goes on began: a cause is told before what it leads to.
+    since: [Option<Place>; 2],
+}
+
+/// The two sides of a gantry.
+#[derive(Debug)]
+struct GantryWatch {
+    axis: &'static str,
+    sides: [Side; 2],
+    /// Stiffness, N·m/rad, and damping, N·m·s/rad, of what holds its beam square, for a mm that the
+    /// second side is ahead.
+    racking: Option<[f64; 2]>,
+    /// How far the second side was ahead at first, mm: there its beam is square.
+    square: Option<f64>,
+    tolerance: f64,
+    skew: Greatest,
+    torque: Greatest,
+    fight: Greatest,
+    /// Sum of the squares of half of the difference of both torques.
+    squares: f64,
+    watch: Watch,
+}
+
+/// Where a side of a gantry is by its motor.
+#[derive(Debug)]
+struct Side {
+    drive: usize,
+    /// Machine position of the encoder's zero, mm.
+    zero: f64,
+    /// Of a revolution, with its sign, mm.
+    travel: f64,
+}
+
+impl Drives {
+    /// Nothing yet.
+    pub(super) fn new(machine: &Machine) -> Self {
+        let drives = machine.drives.iter();
+        let gantries = machine.axes.iter().filter(|axis| axis.drives.len() == 2);
+        Self {
+            drives: drives.map(|it| DriveWatch::new(machine, it)).collect(),
+            gantries: gantries.map(|it| GantryWatch::new(machine, it)).collect(),
+            seen: Vec::with_capacity(machine.drives.len()),
+            rows: 0,
+        }
+    }
+
+    /// Takes how the drives are at one SYNC, by their index; nothing where one is not simulated.
+    pub(super) fn observe(
+        &mut self,
+        at: Place,
+        drive: impl Fn(usize) -> Option<Observation>,
+        violations: &mut Vec<Violation>,
+    ) {
+        self.seen.clear();
+        self.seen.extend((0..self.drives.len()).map_while(drive));
+        if self.seen.len() < self.drives.len() {
+            return;
+        }
+        self.rows += 1;
+        for (watch, seen) in self.drives.iter_mut().zip(&self.seen) {
+            watch.observe(at, seen, violations);
+        }
+        for gantry in &mut self.gantries {
+            gantry.observe(at, &self.seen, violations);
+        }
+    }
+
+    /// Ends the stretches that go on, and says what is wrong of the whole run.
+    pub(super) fn close(&mut self, end: Place, violations: &mut Vec<Violation>) {
+        for gantry in &mut self.gantries {
+            gantry.watch.close(violations);
+        }
+        for drive in &mut self.drives {
+            drive.close(self.rows, end, violations);
+        }
+    }
+
+    /// What was seen; nothing where nothing could be.
+    pub(super) fn summaries(&self) -> (Vec<DriveSummary>, Vec<GantrySummary>) {
+        if self.rows == 0 {
+            return Default::default();
+        }
+        let drives = self.drives.iter().map(|it| it.summary(self.rows));
+        let gantries = self.gantries.iter().map(|it| it.summary(self.rows));
+        (drives.collect(), gantries.collect())
+    }
+}
+
+impl DriveWatch {
+    fn new(machine: &Machine, drive: &Drive) -> Self {
+        // As the twins have it: the sides of a beam move with the default motor.
+        let simulation = machine.axes[drive.axis].simulation.as_ref();
+        let own = simulation.filter(|it| it.gantry.is_none());
+        let own = own.map(|it| it.axis.motor());
+        let motor = own.unwrap_or_default();
+        Self {
+            name: drive.name.clone(),
+            peak: motor.peak_torque,
+            continuous: motor.continuous_torque,
+            most_speed: own.map(|it: Motor| it.no_load_speed(DcBus::default().nominal)),
+            tolerance: machine.validation,
+            torque: Greatest::default(),
+            speed: Greatest::default(),
+            squares: 0.0,
+            watches: Default::default(),
+            since: [None; 2],
+        }
+    }
+
+    fn observe(&mut self, at: Place, seen: &Observation, violations: &mut Vec<Violation>) {
+        let (torque, speed) = (seen.torque.abs(), seen.velocity.abs());
+        self.torque.look(torque, at);
+        self.speed.look(speed, at);
+        self.squares += torque * torque;
+        let most_speed = self.most_speed.unwrap_or(f64::INFINITY);
+        let looks = [
+            ("torque", torque, self.tolerance.torque * self.peak, "N·m"),
+            (
+                "speed",
+                60.0 * speed,
+                60.0 * self.tolerance.speed * most_speed,
+                "1/min",
+            ),
+        ];
+        let watches = self.watches.iter_mut().zip(&mut self.since);
+        for ((watch, since), (what, value, limit, unit)) in watches.zip(looks) {
+            let began = match value > limit {
+                true => *since.get_or_insert(at),
+                false => since.take().unwrap_or(at),
+            };
+            watch.look(violations, value, limit, || Violation {
+                what: format!("{what} of drive {}", self.name),
+                axis: None,
+                time: began.time,
+                line: began.line,
+                value,
+                limit,
+                unit,
+            });
+        }
+    }
+
+    fn close(&mut self, rows: u64, end: Place, violations: &mut Vec<Violation>) {
+        for watch in &mut self.watches {
+            watch.close(violations);
+        }
+        let limit = self.tolerance.rms_torque * self.continuous;
+        let value = root_mean(self.squares, rows);
+        if value > limit {
+            violations.push(Violation {
+                what: format!("rms_torque of drive {}", self.name),
+                axis: None,
+                time: end.time,
+                line: end.line,
+                value,
+                limit,
+                unit: "N·m",
+            });
+        }
+    }
+
+    fn summary(&self, rows: u64) -> DriveSummary {
+        DriveSummary {
+            name: self.name.clone(),
+            max_torque: self.torque.value,
+            max_torque_at: self.torque.at,
+            peak_torque: self.peak,
+            torque_reserve: 1.0 - self.torque.value / self.peak,
+            rms_torque: root_mean(self.squares, rows),
+            continuous_torque: self.continuous,
+            max_speed_rpm: 60.0 * self.speed.value,
+            speed_reserve: self.most_speed.map(|most| 1.0 - self.speed.value / most),
+        }
+    }
+}
+
+impl GantryWatch {
+    fn new(machine: &Machine, axis: &Axis) -> Self {
+        let side = |drive: usize| {
+            let scaling = &machine.drives[drive].scaling;
+            Side {
+                drive,
+                zero: scaling.to_mm(Increments::ZERO),
+                travel: scaling.travel_per_revolution(),
+            }
+        };
+        let simulation = axis.simulation.as_ref();
+        let beam = simulation.and_then(|it| Some(it.gantry.as_ref()?.beam));
+        Self {
+            axis: axis.name(),
+            sides: [side(axis.drives[0]), side(axis.drives[1])],
+            racking: beam.map(|beam| {
+                [beam.racking.stiffness, beam.racking.damping].map(|it| it * 1e-3 / beam.span)
+            }),
+            square: None,
+            tolerance: machine.validation.skew,
+            skew: Greatest::default(),
+            torque: Greatest::default(),
+            fight: Greatest::default(),
+            squares: 0.0,
+            watch: Watch::default(),
+        }
+    }
+
+    fn observe(&mut self, at: Place, seen: &[Observation], violations: &mut Vec<Violation>) {
+        let [first, second] = [0, 1].map(|side| {
+            let Side {
+                drive,
+                zero,
+                travel,
+            } = self.sides[side];
+            let seen = &seen[drive];
+            [
+                zero + travel * seen.position,
+                travel * seen.velocity,
+                travel.signum() * seen.torque,
+            ]
+        });
+        let [skew, rate, fight] = [0, 1, 2].map(|of| second[of] - first[of]);
+        let square = *self.square.get_or_insert(skew);
+        if let Some([stiffness, damping]) = self.racking {
+            let torque = stiffness * (skew - square) + damping * rate;
+            self.torque.look(torque.abs(), at);
+        }
+        let (skew, fight) = (skew.abs(), 0.5 * fight.abs());
+        self.skew.look(skew, at);
+        self.fight.look(fight, at);
+        self.squares += fight * fight;
+        self.watch
+            .look(violations, skew, self.tolerance, || Violation {
+                what: "skew".to_owned(),
+                axis: Some(self.axis.to_owned()),
+                time: at.time,
+                line: at.line,
+                value: skew,
+                limit: self.tolerance,
+                unit: "mm",
+            });
+    }
+
+    fn summary(&self, rows: u64) -> GantrySummary {
+        GantrySummary {
+            axis: self.axis,
+            max_skew_mm: self.skew.value,
+            max_skew_at: self.skew.at,
+            max_racking_torque: self.racking.map(|_| self.torque.value),
+            max_torque_fight: self.fight.value,
+            max_torque_fight_at: self.fight.at,
+            rms_torque_fight: root_mean(self.squares, rows),
+        }
+    }
+}
+
+fn root_mean(squares: f64, rows: u64) -> f64 {
+    (squares / rows.max(1) as f64).sqrt()
+}

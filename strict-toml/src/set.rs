@@ -1,0 +1,233 @@
+//! Changes a file's text before it is read: one value that somebody sets from outside.
+
+use std::ops::Range;
+use thiserror::Error;
+use toml::de::{DeTable, DeValue};
+
+/// Why a value cannot be set.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+pub enum SetError {
+    /// It is no TOML.
+    #[error(
+        "`{0}` is no `KEY=VALUE` as TOML has it: axis.X.max_jerk=40000, machine.name=\"portal\""
+    )]
+    Form(String),
+    /// There is no table of that name in a list of tables.
+    #[error("`{setting}`: there is no {list} \"{name}\"")]
+    NoSuchName {
+        /// What was to be set.
+        setting: String,
+        /// The list.
+        list: String,
+        /// The name that none in it has.
+        name: String,
+    },
+    /// The file is no TOML, or a key of the path has a value that is no table.
+    #[error("`{0}` cannot be set in this file: write it there")]
+    NoPlace(String),
+}
+
+/// The text with a value set, `KEY=VALUE` as TOML has it. The key leads through tables; in a list of tables the next
+/// part of it is the `name` of one: `axis.X.max_jerk=40000`, `input."home X1".debounce_ms=5`. What is there is
+/// replaced, what is not is added.
+///
+/// # Errors
+/// If it is no TOML, or has no place in the text.
+///
+/// ```
+/// use syncline_strict_toml::set;
+///
+/// let text = "[[axis]]\nname = \"X\"\nmax_jerk = 1.0\n";
+/// assert_eq!(set(text, "axis.X.max_jerk=40000")?, "[[axis]]\nname = \"X\"\nmax_jerk = 40000\n");
+/// assert_eq!(
+///     set(text, "path.blend_tolerance = 0.02")?,
+///     format!("{text}\n[path]\nblend_tolerance = 0.02\n")
+/// );
+/// # Ok::<(), syncline_strict_toml::SetError>(())
+/// ```
+pub fn set(source: &str, setting: &str) -> Result<String, SetError> {
+    let form = || SetError::Form(setting.to_owned());
+    let no_place = || SetError::NoPlace(setting.to_owned());
+    let wanted = DeTable::parse(setting).map_err(|_| form())?;
+    let (path, value) = leaf(wanted.get_ref(), setting).ok_or_else(form)?;
+    let document = DeTable::parse(source).map_err(|_| no_place())?;
+    let mut table = document.get_ref();
+    let mut path = &path[..];
+    while let [key, rest @ ..] = path
+        && let Some(found) = table.get(key.0.as_str())
+    {
+        path = rest;
+        table = match (found.get_ref(), rest) {
+            (_, []) => return Ok(replaced(source, found.span(), value)),
+            (DeValue::Table(table), _) => table,
+            (DeValue::Array(items), [name, rest @ ..]) => {
+                path = rest;
+                let mut tables = items.iter().filter_map(|item| item.get_ref().as_table());
+                let named = tables.find(|table| {
+                    let own = table.get("name").map(|own| own.get_ref().as_str());
+                    own == Some(Some(&name.0))
+                });
+                named.ok_or_else(|| SetError::NoSuchName {
+                    setting: setting.to_owned(),
+                    list: key.0.clone(),
+                    name: name.0.clone(),
+                })?
+            }
+            _ => return Err(no_place()),
+        };
+    }
+    added(source, document.get_ref(), table, path, value).ok_or_else(no_place)
+}
+
+/// A part of a key: its name, and how it is written.
+type Part = (String, String);
+
+/// The only value of a document, with the parts of its key.
+fn leaf<'s>(document: &DeTable<'_>, source: &'s str) -> Option<(Vec<Part>, &'s str)> {
+    let (mut path, mut table) = (Vec::new(), document);
+    loop {
+        let mut entries = table.iter();
+        let (key, value) = entries.next()?;
+        let None = entries.next() else {
+            return None;
+        };
+        let written = source.get(key.span())?;
+        path.push((key.get_ref().to_string(), written.to_owned()));
+        match value.get_ref() {
+            // One in braces is a value.
+            DeValue::Table(inner) if !source.get(value.span())?.starts_with('{') => table = inner,
+            _ => return Some((path, source.get(value.span())?)),
+        }
+    }
+}
+
+fn replaced(source: &str, place: Range<usize>, value: &str) -> String {
+    let (before, behind) = (&source[..place.start], &source[place.end..]);
+    format!("{before}{value}{behind}")
+}
+
+/// The text with what is left of a key in a table of it; `None` where that has no line or braces to add it to.
+fn added(
+    source: &str,
+    document: &DeTable<'_>,
+    table: &DeTable<'_>,
+    path: &[Part],
+    value: &str,
+) -> Option<String> {
+    let written: Vec<&str> = path.iter().map(|(_, written)| &written[..]).collect();
+    if std::ptr::eq(document, table) {
+        let (last, tables) = written.split_last()?;
+        return Some(match tables {
+            [] => format!("{last} = {value}\n{source}"),
+            _ => format!("{source}\n[{}]\n{last} = {value}\n", tables.join(".")),
+        });
+    }
+    // In front of its first key, which may not be that of a table of its own.
+    let key = written.join(".");
+    let keys = table.iter().map(|(key, _)| key.span().start);
+    let first = keys.min()?;
+    let before = source.get(..first)?;
+    let line = before.rfind('\n').map_or(0, |newline| newline + 1);
+    let place = match before[line..].trim_end() {
+        "" => replaced(source, line..line, &format!("{key} = {value}\n")),
+        opened if opened.ends_with('{') => {
+            replaced(source, first..first, &format!("{key} = {value}, "))
+        }
+        _ => return None,
+    };
+    Some(place)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TEXT: &str = "top = 1\n\n[machine]\nname = \"m\"  # é\n\n[[axis]]\nname = \"X\"\nmax = 1.5\n\
+                        simulation = { load = 2.0 }\n\n[[axis]]\nname = \"the Y\"\n\n[axis.simulation]\nload = 3\n";
+
+    /// What is read in the text behind a setting, as TOML.
+    fn read(setting: &str) -> toml::Table {
+        set(TEXT, setting).unwrap().parse().unwrap()
+    }
+
+    #[test]
+    fn a_value_is_replaced_or_added_where_the_key_leads() {
+        let before: toml::Table = TEXT.parse().unwrap();
+        for (setting, value, place) in [
+            ("top=2", "2", vec!["top"]),
+            ("new = 'a'", "'a'", vec!["new"]),
+            ("machine.name=\"n\"", "\"n\"", vec!["machine", "name"]),
+            ("machine.cycle_us=2000", "2000", vec!["machine", "cycle_us"]),
+            ("path.exact=0.1", "0.1", vec!["path", "exact"]),
+            (
+                "model.lxm32m.delay=2",
+                "2",
+                vec!["model", "lxm32m", "delay"],
+            ),
+            ("axis.X.max=9e3", "9e3", vec!["axis", "0", "max"]),
+            ("axis.X.min=[1, 2]", "[1, 2]", vec!["axis", "0", "min"]),
+            (
+                "axis.X.simulation.load=9",
+                "9",
+                vec!["axis", "0", "simulation", "load"],
+            ),
+            (
+                "axis.X.simulation.play=9",
+                "9",
+                vec!["axis", "0", "simulation", "play"],
+            ),
+            (
+                "axis.\"the Y\".simulation.load=9",
+                "9",
+                vec!["axis", "1", "simulation", "load"],
+            ),
+            (
+                "axis.\"the Y\".simulation.play=9",
+                "9",
+                vec!["axis", "1", "simulation", "play"],
+            ),
+            (
+                "axis.\"the Y\".homing.kind='a'",
+                "'a'",
+                vec!["axis", "1", "homing", "kind"],
+            ),
+        ] {
+            let after = read(setting);
+            let mut expected = toml::Value::Table(before.clone());
+            let mut at = &mut expected;
+            for part in &place {
+                at = match at {
+                    toml::Value::Array(items) => &mut items[part.parse::<usize>().unwrap()],
+                    toml::Value::Table(table) => table
+                        .entry(*part)
+                        .or_insert(toml::Value::Table(toml::Table::new())),
+                    other => panic!("{setting}: {other}"),
+                };
+            }
+            let value: toml::Table = format!("v = {value}").parse().unwrap();
+            *at = value["v"].clone();
+            assert_eq!(toml::Value::Table(after), expected, "{setting}");
+        }
+    }
+
+    #[test]
+    fn what_cannot_be_set_is_refused() {
+        for (setting, why) in [
+            ("axis.X.max", "no `KEY=VALUE`"),
+            ("axis.X.max=", "no `KEY=VALUE`"),
+            ("a=1\nb=2", "no `KEY=VALUE`"),
+            ("axis.Z.max=1", "there is no axis \"Z\""),
+            ("top.max=1", "cannot be set"),
+            ("axis.X.max.most=1", "cannot be set"),
+        ] {
+            let error = set(TEXT, setting).unwrap_err().to_string();
+            assert!(error.contains(why), "{setting}: {error}");
+        }
+        assert!(
+            set("no toml", "a=1")
+                .unwrap_err()
+                .to_string()
+                .contains("cannot be set")
+        );
+    }
+}
