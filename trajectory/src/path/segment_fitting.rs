@@ -7,7 +7,8 @@
 //! curvature, each the best (by least squares) for points far beyond its own end: the next one starts
 //! from where data on both sides held the curve, not from where it was let go. Every point and every
 //! short segment is measured. Lines that are shorter still turn by whatever they like, as a zigzag within the tolerance
-//! does: they are one curve as far as that stays within it. Where a program says within what lines are to be merged, they
+//! does: they are one curve as far as that stays within it. Where no curve can be, at a corner above all, a line takes the place
+//! of as many as it stays near: what is shorter than a rounding can be would be two stops. Where a program says within what lines are to be merged, they
 //! are, however long they are.
 //!
 //! # Why it is right
@@ -187,22 +188,39 @@ impl<const N: usize> ShortSegments<N> {
         }
         // The curve ends in a corner.
         self.reach = MOST;
-        for ahead in (2..FEWEST.min(lines)).rev() {
+        let (chord, straight, deviation) = self.chord()?;
+        for ahead in (straight + 1..FEWEST.min(lines)).rev() {
             if let Some(fit) = self.fit(ahead, true).filter(|fit| may_be(fit, self)) {
                 return Some(self.part(fit.curve, fit.lines, fit.deviation, None));
             }
         }
-        let start = self.start().q;
-        let deviation = distance(&start, &self.points[0].0);
-        let (last, curve) = (1..=lines).find_map(|last| {
-            let line = Curve::line(start, self.points[last].0).ok();
-            line.map(|line| (last, line))
-        })?;
-        let part = self.part(curve, last, deviation, None);
+        let part = self.part(chord, straight, deviation, None);
         Some(Part {
             goes_on: false,
             ..part
         })
+    }
+
+    /// The line in place of as many short segments as it stays near, for how many, and how far it strays from
+    /// them. Each is no further from it than its ends are, and as they lead from one end of the line to the other,
+    /// no place on it is further from them.
+    fn chord(&self) -> Option<(Curve<N>, usize, f64)> {
+        let start = self.start().q;
+        let within = OUTER_SHARE * self.last.mode.rounding()?;
+        let mut chord = None;
+        for last in 1..self.points.len() {
+            let Ok(line) = Curve::line(start, self.points[last].0) else {
+                continue;
+            };
+            let off =
+                |(point, _): &([f64; N], u32)| line.distance_near(point, nearest(&line, point));
+            let deviation = self.points[..last].iter().map(off).fold(0.0, f64::max);
+            if chord.is_some() && deviation > within {
+                break;
+            }
+            chord = Some((line, last, deviation));
+        }
+        chord
     }
 
     /// The path speed that is programmed on them, mm/s.
@@ -275,13 +293,21 @@ impl<const N: usize> ShortSegments<N> {
             done += way(&points[k].0, point);
             match curve {
                 Curve::Poly(poly) => poly.length_to(done / whole),
-                _ => along(&points[0].0, &curve.at(0.0).d1, point).clamp(0.0, curve.length()),
+                _ => nearest(curve, point),
             }
         };
         let places: Vec<f64> = points[1..lines].iter().enumerate().map(place).collect();
+        let mut reached = 0.0_f64;
         let moves = points[1..lines].iter().zip(places);
         moves
-            .map(|((_, tag), at)| MoveEnd { tag: *tag, at })
+            .map(|((_, tag), at)| {
+                // Lines to and fro have their places on one line in their order.
+                reached = reached.max(at);
+                MoveEnd {
+                    tag: *tag,
+                    at: reached,
+                }
+            })
             .collect()
     }
 
@@ -451,6 +477,11 @@ fn along<const N: usize>(start: &[f64; N], direction: &[f64; N], point: &[f64; N
     tool.map(|i| (point[i] - start[i]) * direction[i])
         .sum::<f64>()
         / scale
+}
+
+/// The place on a line that is nearest to a point.
+fn nearest<const N: usize>(line: &Curve<N>, point: &[f64; N]) -> f64 {
+    along(&line.start(), &line.at(0.0).d1, point).clamp(0.0, line.length())
 }
 
 /// The line from the first to the last point and how far the others are from it, if that is
