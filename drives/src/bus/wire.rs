@@ -110,14 +110,16 @@ impl Stuffed {
     /// Five bits of a kind are followed by one of the other, which counts as the first of what comes next:
     /// of a run of `length` every fifth, and where the run ends with such a one the next is longer by it.
     fn stuff_bits(&self) -> u32 {
-        let (mut rest, mut left) = (self.word << (u128::BITS - self.bits), self.bits);
+        let word = self.word << (u128::BITS - self.bits);
+        // Where a bit is another than the next.
+        let (mut changes, mut left) = (word ^ word << 1, self.bits);
         let (mut stuffed, mut carried) = (0, 0);
         while left > 0 {
-            let run = rest.leading_zeros().max(rest.leading_ones()).min(left);
+            let run = left.min(changes.leading_zeros() + 1);
             let length = run + carried;
             stuffed += length / 5;
             carried = u32::from(length % 5 == 0);
-            rest <<= run;
+            changes <<= run;
             left -= run;
         }
         stuffed
