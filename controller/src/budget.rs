@@ -1,10 +1,10 @@
 //! Whether a machine's frames fit its cycle: each bus's budget, and when the setpoints leave.
 
-use crate::machine::{Machine, Node};
+use crate::machine::{Machine, Node, Seat};
 use std::fmt;
 use std::ops::RangeInclusive;
 use std::time::Duration;
-use syncline_canopen::budget::{BLOCKING_BITS, Budget, Direction, Traffic, Verdict};
+use syncline_canopen::budget::{BLOCKING_BITS, Budget, Direction, Pdo, Traffic, Verdict};
 use syncline_canopen::response_time::bit_time;
 use syncline_canopen::{CobId, Frame};
 use syncline_drives::bus::frame_bits;
@@ -247,7 +247,7 @@ const POSITIONS: u32 = 256;
 
 /// The PDOs of a device in one cycle of motion at `position`, if it can be there.
 fn in_motion(device: &Device, position: Increments) -> Option<Vec<Frame>> {
-    let mut frames = device.in_motion(position);
+    let mut frames = device.feedback()?.in_motion(position);
     if let Some(drive) = device.drive() {
         let setpoint = Setpoint::at(position);
         drive.check(setpoint).ok()?;
@@ -259,15 +259,28 @@ fn in_motion(device: &Device, position: Increments) -> Option<Vec<Frame>> {
     Some(frames)
 }
 
+/// The PDOs of a device that has no place, in a cycle in which all that they carry is 0; those that come by event
+/// do not.
+fn at_rest(device: &Device) -> Vec<Frame> {
+    let spec = device.spec();
+    let t_pdos = spec.t_pdos.iter().filter(|_| spec.answers_sync);
+    let frame = |pdo: &Pdo| Frame::new(pdo.cob_id, &[0; 8][..pdo.bytes.into()]);
+    t_pdos.chain(&spec.r_pdos).map(frame).collect()
+}
+
 /// Mean exact bits of SYNC, PDOs and heartbeats over the axes' whole travel, as a share of time.
 fn typical_load(machine: &Machine, nodes: &[(Node<'_>, Device)], bit_rate: u32) -> f64 {
     let bits = |frame: &Frame| f64::from(frame_bits(frame));
     let mut per_cycle = bits(&Frame::new(CobId::SYNC, &[]));
     for (node, device) in nodes {
-        let (least, most) = machine.axes[node.axis].limits.position;
+        let Some(Seat { axis, scaling }) = node.seat else {
+            per_cycle += at_rest(device).iter().map(bits).sum::<f64>();
+            continue;
+        };
+        let (least, most) = machine.axes[axis].limits.position;
         let lengths: Vec<f64> = (0..POSITIONS)
             .map(|step| least + (most - least) * f64::from(step) / f64::from(POSITIONS))
-            .filter_map(|mm| node.scaling.to_increments(mm).ok())
+            .filter_map(|mm| scaling.to_increments(mm).ok())
             .filter_map(|position| in_motion(device, position))
             .map(|frames| frames.iter().map(bits).sum())
             .collect();

@@ -269,6 +269,7 @@ impl Shape {
             homing: HomingPolicy::default(),
             inputs: Vec::new(),
             outputs: Vec::new(),
+            analog_outputs: Vec::new(),
         }
     }
 }

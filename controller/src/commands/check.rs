@@ -111,4 +111,24 @@ fn describe(machine: &Machine, budget: &MachineBudget) {
             bus.budget.demand.as_secs_f64() / bus.budget.cycle.as_secs_f64() * 100.0
         );
     }
+    fallbacks(machine).for_each(|line| println!("{line}"));
+}
+
+/// What becomes of the outputs of each I/O node that no longer hears the controller.
+pub(super) fn fallbacks(machine: &Machine) -> impl Iterator<Item = String> {
+    let first = machine.drives.len() + machine.encoders.len();
+    let has_outputs = move |index: usize| {
+        let mut digital = machine.outputs.iter().map(|output| output.node);
+        let mut analog = machine.analog_outputs.iter().map(|output| output.node);
+        digital.any(|node| node == index) || analog.any(|node| node == index)
+    };
+    let io_nodes = machine.io_nodes.iter().enumerate();
+    let with_outputs = io_nodes.filter(move |(place, _)| has_outputs(first + place));
+    with_outputs.map(|(_, io)| {
+        format!(
+            "io {}: outputs are safe {} ms after the last heartbeat that it hears of the controller, by its own error mode",
+            io.name,
+            machine.controller.heartbeat_timeout.as_millis()
+        )
+    })
 }

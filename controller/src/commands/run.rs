@@ -1,5 +1,6 @@
 //! `syncline run`: a program on a machine, in real time.
 
+use super::check::fallbacks;
 use super::command_log::{CommandFile, CommandLog};
 use super::keys::{self, Keys};
 use super::log_files::LogFiles;
@@ -221,6 +222,7 @@ impl Run<'_> {
             verbose: self.args.verbose,
         };
         let console = Console::start(screen, messages.clone(), waiting)?;
+        fallbacks(&self.machine).for_each(|line| messages.tell(line));
         let keys = listen(&mut session, &messages)?;
         attend(&mut session, commands)?;
         let concluded = self.conclude(session, written, &messages, lockstep);

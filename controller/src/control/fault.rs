@@ -15,7 +15,7 @@ use syncline_canopen::sdo::AbortCode;
 use syncline_drives::model::{Address, NotFollowing, StatusWord};
 use thiserror::Error;
 
-/// A device by its place in the machine file: the drives, and behind them the encoders.
+/// A device by its place in the machine file: the drives, behind them the encoders, behind those the I/O nodes.
 pub type DeviceIndex = usize;
 /// An axis by its place in the machine file.
 pub type AxisIndex = usize;

@@ -6,12 +6,12 @@
 //! cycle in the program's order and apart from the plan, which is replaced as an operator acts: it is
 //! never replaced, waits here for the path to come to its waypoint, and is executed once.
 //!
-//! Outputs of the machine that are wired to drives follow with the setpoint of the same SYNC. Before the
+//! Outputs of the machine that are wired to drives and I/O nodes follow with the setpoint of the same SYNC. Before the
 //! program, and from the cycle on in which a stop begins, for whatever reason, they have their safe
 //! values.
 
 use super::{Controller, Event, Phase};
-use crate::machine::OutputSwitch;
+use crate::machine::{AnalogSource, OutputSwitch};
 use std::collections::VecDeque;
 use std::fmt;
 use std::sync::Arc;
@@ -65,6 +65,15 @@ impl MachineFunctions {
             OutputSwitch::SpindleReverse => self.spindle.turning == Turning::Counterclockwise,
             OutputSwitch::Mist => self.coolant.mist,
             OutputSwitch::Flood => self.coolant.flood,
+        }
+    }
+
+    /// What an analog output puts out.
+    fn value(&self, source: AnalogSource) -> f64 {
+        match source {
+            AnalogSource::Program(number) => self.analog[usize::from(number)],
+            AnalogSource::SpindleSpeed if self.spindle.turning == Turning::Off => 0.0,
+            AnalogSource::SpindleSpeed => self.spindle.speed,
         }
     }
 
@@ -189,17 +198,24 @@ impl<const N: usize> Controller<N> {
         }
     }
 
-    /// Sets the outputs of drives for the next SYNC.
+    /// Sets the outputs of devices for the next SYNC.
     pub(super) fn set_outputs(&mut self) {
         let layout = Arc::clone(&self.layout);
+        let is_safe = self.phase != Phase::Program || self.switches.safe;
+        let switched = &self.switches.functions;
         for output in &layout.outputs {
-            let on = match self.phase {
-                Phase::Program if !self.switches.safe => {
-                    self.switches.functions.is_on(output.switch)
-                }
-                _ => output.safe,
+            let on = match is_safe {
+                true => output.safe,
+                false => switched.is_on(output.switch),
             };
-            self.nodes[output.drive].set_output(output.signal, on != output.active_low);
+            self.nodes[output.node].set_output(output.signal, on != output.active_low);
+        }
+        for output in &layout.analog_outputs {
+            let value = match is_safe {
+                true => output.safe,
+                false => switched.value(output.source),
+            };
+            self.nodes[output.node].set_analog_output(output.place, output.scaled(value));
         }
     }
 }

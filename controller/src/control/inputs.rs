@@ -89,7 +89,7 @@ impl<const N: usize> Controller<N> {
     pub(super) fn watch_inputs(&mut self) -> Result<(), Fault> {
         let layout = Arc::clone(&self.layout);
         for (index, input) in layout.inputs.iter().enumerate() {
-            let level = self.nodes[input.drive].signal(input.signal);
+            let level = self.nodes[input.node].signal(input.signal);
             let level = level.map(|level| level != input.active_low);
             if let Some(on) = level.and_then(|level| self.inputs.0[index].take(level)) {
                 self.tell(Event::Input { input: index, on });

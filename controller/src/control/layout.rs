@@ -3,10 +3,10 @@
 use super::fault::{AxisIndex, BusIndex, DeviceIndex, Names};
 use super::inputs::InputIndex;
 use crate::budget::{BusBudget, DoesNotFit, MachineBudget};
-use crate::machine::{self, AxisLimits, Homing, HomingPolicy, Machine};
+use crate::machine::{self, AxisLimits, Homing, HomingPolicy, Machine, Seat};
 use syncline_canopen::time::Duration;
 use syncline_canopen::{CanId, Frame, NodeId};
-use syncline_drives::model::{Device, Increments, Scaling};
+use syncline_drives::model::{Device, Direction, Increments, Scaling};
 
 /// Buses, drives, axes and times.
 #[derive(Debug)]
@@ -41,7 +41,7 @@ pub struct Layout {
     pub lag: f64,
     /// Buses, in the order of the machine file.
     pub buses: Vec<BusSpec>,
-    /// Drives, in the order of the machine file, and behind them encoders in theirs.
+    /// Drives, in the order of the machine file, behind them encoders in theirs, and I/O nodes in theirs.
     pub drives: Vec<DeviceSpec>,
     /// Axes, in the order of the machine file.
     pub axes: Vec<AxisSpec>,
@@ -51,6 +51,8 @@ pub struct Layout {
     pub inputs: Vec<machine::Input>,
     /// Outputs, in the order of the machine file.
     pub outputs: Vec<machine::Output>,
+    /// Analog outputs, likewise.
+    pub analog_outputs: Vec<machine::AnalogOutput>,
 }
 
 /// A bus as the controller has to use it.
@@ -79,7 +81,7 @@ impl BusSpec {
     }
 }
 
-/// A drive, or an encoder, as it is switched on.
+/// A drive, an encoder or an I/O node, as it is switched on.
 #[derive(Debug)]
 pub struct DeviceSpec {
     /// As the machine file names it.
@@ -88,7 +90,7 @@ pub struct DeviceSpec {
     pub bus: BusIndex,
     /// What the controller knows of it, as it is switched on.
     pub device: Device,
-    /// Machine millimetres to increments.
+    /// Machine millimetres to increments, of what has a place on an axis.
     pub scaling: Scaling,
     /// Without a heartbeat for so long it is lost.
     pub heartbeat_timeout: Duration,
@@ -141,18 +143,23 @@ impl Layout {
             .collect();
         let latencies = devices.iter().filter_map(Device::drive);
         let lag = latencies.map(|drive| drive.latency()).fold(0.0, f64::max);
+        let nowhere = Scaling::new(1, 1.0, Direction::Positive, Increments::ZERO);
         let drives: Vec<DeviceSpec> = (machine.nodes().zip(devices))
             .map(|(node, device)| {
-                let axis = &machine.axes[node.axis];
-                let middle = node.scaling.to_increments(axis.middle());
+                let seat = node
+                    .seat
+                    .map(|Seat { axis, scaling }| (&machine.axes[axis], *scaling));
+                let scaling = seat.map_or(nowhere, |(_, scaling)| scaling);
+                let standstill = seat.map(|(axis, _)| scaling.magnitude(axis.limits.standstill));
+                let middle = seat.and_then(|(axis, _)| scaling.to_increments(axis.middle()).ok());
                 DeviceSpec {
                     name: node.name.to_owned(),
                     bus: node.bus,
                     delay: device.drive().map_or(0.0, |drive| lag - drive.latency()),
                     device,
-                    scaling: *node.scaling,
+                    scaling,
                     heartbeat_timeout: machine.controller.heartbeat_timeout,
-                    standstill_window: node.scaling.magnitude(axis.limits.standstill),
+                    standstill_window: standstill.unwrap_or_default(),
                     // The soft limits are within what it can count.
                     middle: middle.unwrap_or_default(),
                 }
@@ -195,6 +202,7 @@ impl Layout {
             homing: machine.homing,
             inputs: machine.inputs.clone(),
             outputs: machine.outputs.clone(),
+            analog_outputs: machine.analog_outputs.clone(),
         })
     }
 }

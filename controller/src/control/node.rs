@@ -1,5 +1,5 @@
-//! The node of one device, a drive or an encoder, as the controller sees it over its bus: what it last told
-//! and what it is told. An encoder is told nothing.
+//! The node of one device, a drive, an encoder or an I/O node, as the controller sees it over its bus: what it last told
+//! and what it is told. An encoder is told nothing, an I/O node has no place.
 //!
 //! What travels is the model's affair ([`Device`]); here is what holds for every device: that all
 //! its T_PDOs answer every SYNC, that it is alive, in Operational, and where it was told to be.
@@ -50,7 +50,7 @@ pub(super) struct DeviceNode {
     signals: u32,
     /// Its digital outputs as they are to be, where its R_PDOs carry them.
     outputs: u32,
-    /// SYNCs since the one that its last T_PDOs answered; 0 if that was the last.
+    /// SYNCs since the one that its last T_PDOs answered; 0 if that was the last, or if they answer none.
     age: u32,
     misses: u32,
     /// A T_PDO came twice to this SYNC, and one to the SYNC before.
@@ -94,7 +94,7 @@ impl DeviceNode {
             resetting: false,
             signals: 0,
             outputs: 0,
-            age: 1,
+            age: spec.answers_sync.into(),
             misses: 0,
             twice: false,
             was_twice: false,
@@ -195,8 +195,10 @@ impl DeviceNode {
             }
             self.status = status;
         }
-        if let Some(sample) = self.device.sample(t_pdo, data) {
-            self.actual = match self.device.range() {
+        if let Some(feedback) = self.device.feedback()
+            && let Some(sample) = feedback.sample(t_pdo, data)
+        {
+            self.actual = match feedback.range() {
                 Some(range) => unwrapped(sample.position, range, self.actual),
                 None => sample.position,
             };
@@ -217,6 +219,9 @@ impl DeviceNode {
 
     /// Counts a T_PDO as the answer to the running cycle's SYNC.
     fn count(&mut self, t_pdo: usize) -> Result<(), Fault> {
+        if !self.device.spec().answers_sync {
+            return Ok(());
+        }
         let bit = 1 << t_pdo;
         self.twice |= self.arrived & bit != 0;
         self.arrived |= bit;
@@ -291,7 +296,7 @@ impl DeviceNode {
         self.resetting = false;
         self.arrived = 0;
         self.status = DriveStatus::default();
-        self.age = 1;
+        self.age = self.device.spec().answers_sync.into();
         self.misses = 0;
         (self.twice, self.was_twice) = (false, false);
         self.still = 0;
@@ -366,7 +371,9 @@ impl DeviceNode {
 
     /// SYNC leaves: what came before it no longer counts.
     pub(super) fn on_sync(&mut self) {
-        self.age = self.age.saturating_add(1);
+        if self.device.spec().answers_sync {
+            self.age = self.age.saturating_add(1);
+        }
         self.arrived = 0;
         self.was_twice = std::mem::take(&mut self.twice);
     }
@@ -538,16 +545,24 @@ impl DeviceNode {
         self.outputs = self.outputs & !bit | if level { bit } else { 0 };
     }
 
+    /// Sets an analog output with the next R_PDOs.
+    pub(super) fn set_analog_output(&mut self, output: usize, value: i16) {
+        if let Some(io) = self.device.io_mut() {
+            io.set_analog_output(output, value);
+        }
+    }
+
     /// Encodes its R_PDOs for the next SYNC: once for a cycle in which they are sent.
     pub(super) fn encode(&mut self) {
         let (outputs, power) = (self.outputs, self.power_command());
-        let Some(drive) = self.device.drive_mut() else {
-            return;
-        };
-        if let Some(io) = drive.io_mut() {
+        if let Some(io) = self.device.io_mut() {
             io.set_outputs(outputs);
         }
-        drive.encode(power, self.setpoint, &mut self.r_pdos);
+        match &mut self.device {
+            Device::Drive(drive) => drive.encode(power, self.setpoint, &mut self.r_pdos),
+            Device::Encoder(_) => {}
+            Device::Io(io) => io.encode(&mut self.r_pdos),
+        }
     }
 
     /// Its R_PDOs as last encoded.

@@ -69,9 +69,6 @@ impl RemoteNode for Probe {
     fn vendor_error(&self, bytes: [u8; 5]) -> Option<String> {
         self.drive.vendor_error(bytes)
     }
-    fn io(&self) -> Option<&dyn Io> {
-        self.drive.io()
-    }
 }
 
 impl Feedback for Probe {
@@ -102,6 +99,9 @@ impl Drive for Probe {
     }
     fn latency(&self) -> f64 {
         self.drive.latency()
+    }
+    fn io(&self) -> Option<&dyn Io> {
+        self.drive.io()
     }
     fn status(&mut self, t_pdo: usize, data: &[u8]) -> Option<DriveStatus> {
         match t_pdo {

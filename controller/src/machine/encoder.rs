@@ -3,7 +3,7 @@
 
 use super::node::NodeTable;
 use super::read::unknown;
-use super::{Axis, Drive, Machine};
+use super::{Axis, Machine};
 use std::ops::Range;
 use syncline_canopen::NodeId;
 use syncline_drives::model::{Assumed, Direction, Increments, Model, Scaling, Write};
@@ -48,7 +48,7 @@ pub(super) struct EncoderTable {
 
 impl EncoderTable {
     pub(super) fn read(log: &mut Log<'_>, mut table: Table<'_, '_>) -> Option<Self> {
-        let node = NodeTable::read(log, &mut table, "encoder", |model| !model.is_drive());
+        let node = NodeTable::read(log, &mut table, "encoder", Model::is_encoder);
         let unit = "(mm or degrees that the axis moves for one turn of the encoder's shaft)";
         let pitch = table.positive(log, "pitch", unit);
         let direction = super::read::direction(log, &mut table);
@@ -174,7 +174,8 @@ pub(super) fn check(log: &mut Log<'_>, machine: &Machine, places: &[Range<usize>
         let (least, most) = axis.limits.position;
         let resolution = encoder.scaling.resolution();
         let device = machine.device(machine.drives.len() + index);
-        let range = device.range().map(|range| range.get() as f64 * resolution);
+        let range = device.feedback().and_then(|it| it.range());
+        let range = range.map(|range| range.get() as f64 * resolution);
         if let Some(range) = range.filter(|range| most - least >= *range) {
             log.report(
                 place.clone(),
@@ -197,49 +198,6 @@ pub(super) fn check(log: &mut Log<'_>, machine: &Machine, places: &[Range<usize>
                 ),
                 format!("allowed: a `difference_limit` of more than {resolution} {unit}"),
             );
-        }
-    }
-}
-
-/// A device of a machine, whatever it does, by its place on the buses and the axis that it belongs to.
-#[derive(Clone, Copy, Debug)]
-pub struct Node<'m> {
-    /// As axes and messages name it.
-    pub name: &'m str,
-    /// Index of its bus in [`Machine::buses`].
-    pub bus: usize,
-    /// Its node id, unique on the bus.
-    pub id: NodeId,
-    /// What it is.
-    pub model: &'static Model,
-    /// Index of its axis in [`Machine::axes`].
-    pub axis: usize,
-    /// The axis's millimetres and its own increments.
-    pub scaling: &'m Scaling,
-}
-
-impl<'m> From<&'m Drive> for Node<'m> {
-    fn from(drive: &'m Drive) -> Self {
-        Self {
-            name: &drive.name,
-            bus: drive.bus,
-            id: drive.node,
-            model: drive.model,
-            axis: drive.axis,
-            scaling: &drive.scaling,
-        }
-    }
-}
-
-impl<'m> From<&'m Encoder> for Node<'m> {
-    fn from(encoder: &'m Encoder) -> Self {
-        Self {
-            name: &encoder.name,
-            bus: encoder.bus,
-            id: encoder.node,
-            model: encoder.model,
-            axis: encoder.axis,
-            scaling: &encoder.scaling,
         }
     }
 }

@@ -6,6 +6,7 @@
 mod encoder;
 mod fits;
 mod homing;
+mod io_node;
 mod node;
 mod read;
 mod signals;
@@ -13,9 +14,11 @@ mod simulation;
 mod spindle;
 mod validation;
 
-pub use encoder::{Encoder, Feedback, Node};
+pub use encoder::{Encoder, Feedback};
 pub use homing::{Homing, HomingMethod, HomingPolicy, Square, SwitchSearch};
-pub use signals::{Input, InputMeaning, Output, OutputSwitch};
+pub use io_node::IoNode;
+pub use node::{Node, Seat};
+pub use signals::{AnalogOutput, AnalogSource, Input, InputMeaning, Output, OutputSwitch};
 pub use simulation::{Carriage, FeedAxis, Gantry, Simulation};
 pub use spindle::{SpinUp, Spindle};
 pub use validation::Validation;
@@ -27,7 +30,7 @@ use std::{
 };
 use syncline_canopen::NodeId;
 use syncline_drives::model::{
-    Assumed, Device, Direction, Heartbeat, Increments, Model, Scaling, Settings, Write,
+    Assumed, Device, Direction, Heartbeat, Increments, IoSettings, Model, Scaling, Settings, Write,
 };
 use syncline_gcode as gcode;
 use syncline_strict_toml::{Invalid, SetError};
@@ -52,6 +55,8 @@ pub struct Machine {
     pub drives: Vec<Drive>,
     /// In the order of the file; each belongs to one axis.
     pub encoders: Vec<Encoder>,
+    /// In the order of the file.
+    pub io_nodes: Vec<IoNode>,
     /// In the order of the file, at least one.
     pub axes: Vec<Axis>,
     /// If the file says anything of it.
@@ -64,6 +69,8 @@ pub struct Machine {
     pub inputs: Vec<Input>,
     /// In the order of the file.
     pub outputs: Vec<Output>,
+    /// In the order of the file.
+    pub analog_outputs: Vec<AnalogOutput>,
     assumptions: Vec<(&'static Model, Assumed)>,
 }
 
@@ -313,43 +320,31 @@ impl Machine {
         })
     }
 
-    /// All devices: the drives, and behind them the encoders. Where both are alike, an index means a
-    /// place in this list.
+    /// All devices: the drives, behind them the encoders, behind those the I/O nodes. Where all are alike, an index
+    /// means a place in this list.
     pub fn nodes(&self) -> impl Iterator<Item = Node<'_>> {
         let drives = self.drives.iter().map(Node::from);
-        drives.chain(self.encoders.iter().map(Node::from))
+        let encoders = self.encoders.iter().map(Node::from);
+        drives
+            .chain(encoders)
+            .chain(self.io_nodes.iter().map(Node::from))
     }
 
     /// The [device](Self::nodes) with that index.
+    ///
+    /// # Panics
+    /// If there is none.
     #[must_use]
     pub fn node(&self, index: usize) -> Node<'_> {
-        match index.checked_sub(self.drives.len()) {
-            None => Node::from(&self.drives[index]),
-            Some(encoder) => Node::from(&self.encoders[encoder]),
-        }
+        self.nodes().nth(index).expect("an index of a device")
     }
 
     /// What the controller needs to know of the [device](Self::nodes) with that index.
     #[must_use]
     pub fn device(&self, index: usize) -> Device {
-        match index.checked_sub(self.drives.len()) {
-            None => self.drive(index),
-            Some(encoder) => {
-                let Encoder {
-                    node,
-                    model,
-                    objects,
-                    ..
-                } = &self.encoders[encoder];
-                model.device(&self.settings(*node, model, objects))
-            }
-        }
-    }
-
-    /// Those of a device that does not move an axis.
-    fn settings(&self, node: NodeId, model: &Model, objects: &[Write]) -> Settings {
-        Settings {
-            node,
+        let node = self.node(index);
+        let common = Settings {
+            node: node.id,
             cycle: self.cycle,
             velocity: 0.0,
             heartbeat: Heartbeat {
@@ -359,28 +354,43 @@ impl Machine {
             },
             following_error_limit: None,
             soft_limits: None,
-            signals: false,
-            outputs: 0,
-            objects: objects.to_vec(),
-            assumed: self.assumed(model),
+            io: self.io_settings(index),
+            objects: node.objects.to_vec(),
+            assumed: self.assumed(node.model),
+        };
+        node.model.device(&match self.drives.get(index) {
+            Some(drive) => self.drive_settings(drive, common),
+            None => common,
+        })
+    }
+
+    /// What is used of a device's inputs and outputs.
+    fn io_settings(&self, index: usize) -> IoSettings {
+        let bits =
+            |signals: &mut dyn Iterator<Item = usize>| signals.fold(0, |bits, it| bits | 1 << it);
+        let outputs = self.outputs.iter().filter(|output| output.node == index);
+        let inputs = self.inputs.iter().filter(|input| input.node == index);
+        let analog = (self.analog_outputs.iter()).filter(|output| output.node == index);
+        let safe = outputs
+            .clone()
+            .filter(|output| output.safe != output.active_low);
+        let io_node = index.checked_sub(self.drives.len() + self.encoders.len());
+        IoSettings {
+            signals: self.drives.get(index).is_some_and(|drive| drive.signals),
+            inputs: bits(&mut inputs.map(|input| input.signal)),
+            outputs: bits(&mut outputs.map(|output| output.signal)),
+            safe: bits(&mut safe.map(|output| output.signal)),
+            analog_outputs: analog
+                .map(|output| (output.place, output.scaled(output.safe)))
+                .collect(),
+            by_event: io_node.is_some_and(|io| self.io_nodes[io].by_event),
         }
     }
 
-    fn drive(&self, drive: usize) -> Device {
-        let has_inputs = self.inputs.iter().any(|input| input.drive == drive);
-        let outputs = self.outputs.iter().filter(|output| output.drive == drive);
-        let outputs = outputs.fold(0, |outputs, output| outputs | 1 << output.signal);
-        let Drive {
-            node,
-            model,
-            axis,
-            scaling,
-            signals,
-            objects,
-            ..
-        } = &self.drives[drive];
-        let axis = &self.axes[*axis];
-        model.device(&Settings {
+    fn drive_settings(&self, drive: &Drive, common: Settings) -> Settings {
+        let axis = &self.axes[drive.axis];
+        let scaling = &drive.scaling;
+        Settings {
             velocity: scaling.to_increments_per_second(axis.limits.velocity).abs(),
             following_error_limit: axis
                 .drive_following_error
@@ -388,10 +398,8 @@ impl Machine {
             soft_limits: axis
                 .drive_soft_limits
                 .then(|| drive_soft_limits(&axis.limits, scaling)),
-            signals: *signals || has_inputs,
-            outputs,
-            ..self.settings(*node, model, objects)
-        })
+            ..common
+        }
     }
 
     /// What this machine's file says of a model where its manual is silent.

@@ -1,11 +1,83 @@
 //! What stands in the tables of all devices: a name, a place on a bus, a model, objects to write.
 
 use super::read::{BusTable, name, unknown};
+use super::{Drive, Encoder, IoNode};
 use std::{collections::BTreeMap, ops::Range, time::Duration};
 use syncline_canopen::{Address, NodeId};
-use syncline_drives::model::{Data, MODELS, Model, Write};
+use syncline_drives::model::{Data, MODELS, Model, Scaling, Write};
 use syncline_strict_toml::{Log, Table, integer};
 use toml::{Spanned, de::DeValue};
+
+/// A device of a machine, whatever it does: its place on the buses, and where it has one, on an axis.
+#[derive(Clone, Copy, Debug)]
+pub struct Node<'m> {
+    /// As axes and messages name it.
+    pub name: &'m str,
+    /// Index of its bus in [`Machine::buses`](super::Machine::buses).
+    pub bus: usize,
+    /// Its node id, unique on the bus.
+    pub id: NodeId,
+    /// What it is.
+    pub model: &'static Model,
+    /// Where it sits; `None` of what neither moves an axis nor sees one.
+    pub seat: Option<Seat<'m>>,
+    /// Written after the standard set-up, in this order.
+    pub objects: &'m [Write],
+}
+
+/// The axis that a device moves or sees.
+#[derive(Clone, Copy, Debug)]
+pub struct Seat<'m> {
+    /// Its index in [`Machine::axes`](super::Machine::axes).
+    pub axis: usize,
+    /// The axis's millimetres and the device's own increments.
+    pub scaling: &'m Scaling,
+}
+
+impl<'m> From<&'m Drive> for Node<'m> {
+    fn from(drive: &'m Drive) -> Self {
+        Self {
+            name: &drive.name,
+            bus: drive.bus,
+            id: drive.node,
+            model: drive.model,
+            seat: Some(Seat {
+                axis: drive.axis,
+                scaling: &drive.scaling,
+            }),
+            objects: &drive.objects,
+        }
+    }
+}
+
+impl<'m> From<&'m Encoder> for Node<'m> {
+    fn from(encoder: &'m Encoder) -> Self {
+        Self {
+            name: &encoder.name,
+            bus: encoder.bus,
+            id: encoder.node,
+            model: encoder.model,
+            seat: Some(Seat {
+                axis: encoder.axis,
+                scaling: &encoder.scaling,
+            }),
+            objects: &encoder.objects,
+        }
+    }
+}
+
+impl<'m> From<&'m IoNode> for Node<'m> {
+    fn from(io: &'m IoNode) -> Self {
+        Self {
+            name: &io.name,
+            bus: io.bus,
+            id: io.node,
+            model: io.model,
+            seat: None,
+            objects: &io.objects,
+        }
+    }
+}
 
 /// A device's place and model, good on its own.
 pub(super) struct NodeTable {

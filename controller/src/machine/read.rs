@@ -5,8 +5,9 @@
 use super::encoder::{self, EncoderTable, FeedbackTable};
 use super::fits::{self, Asked, Pairing};
 use super::homing::{self, HomingTable};
+use super::io_node::IoTable;
 use super::node::{self, NodeTable, node_id};
-use super::signals::SignalTables;
+use super::signals::{SignalTables, Signals, Wiring};
 use super::simulation::{self, Simulation};
 use super::{
     Axis, AxisLimits, Bus, Controller, Drive, Feedback, Homing, HomingPolicy, Machine,
@@ -51,6 +52,7 @@ struct Tables {
     buses: Vec<BusTable>,
     drives: Vec<DriveTable>,
     encoders: Vec<EncoderTable>,
+    io_nodes: Vec<IoTable>,
     axes: Vec<AxisTable>,
     spindle: Option<Spindle>,
     homing: Spanned<HomingPolicy>,
@@ -68,6 +70,7 @@ impl Tables {
         let buses = file.tables(log, "bus");
         let drives = file.tables(log, "drive");
         let encoders = file.tables_if(log, "encoder", "name");
+        let io_nodes = file.tables_if(log, "io", "name");
         let axes = file.tables(log, "axis");
         let spindle = file.table(log, "spindle", false);
         let homing = file.table(log, "homing", false);
@@ -96,6 +99,7 @@ impl Tables {
             .into_iter()
             .map(|t| EncoderTable::read(log, t))
             .collect();
+        let io_nodes: Vec<_> = (io_nodes.into_iter().map(|t| IoTable::read(log, t))).collect();
         let axes: Vec<_> = axes.into_iter().map(|t| AxisTable::read(log, t)).collect();
         let spindle = spindle.and_then(|table| spindle::read(log, table));
         let homing = homing.unwrap_or_else(|| Table::new("homing", 0..0, &empty));
@@ -112,6 +116,7 @@ impl Tables {
             buses: buses.into_iter().collect::<Option<_>>()?,
             drives: drives.into_iter().collect::<Option<_>>()?,
             encoders: encoders.into_iter().collect::<Option<_>>()?,
+            io_nodes: io_nodes.into_iter().collect::<Option<_>>()?,
             axes: axes.into_iter().collect::<Option<_>>()?,
             spindle,
             homing,
@@ -128,11 +133,13 @@ impl Tables {
         let encoders = self.encoders.iter().map(|encoder| &encoder.node);
         unique(log, "drive", drives.clone().map(|drive| &drive.name));
         unique(log, "encoder", encoders.clone().map(|it| &it.name));
+        let io_nodes = self.io_nodes.iter().map(|io| &io.node);
+        unique(log, "io", io_nodes.clone().map(|it| &it.name));
         unique(log, "axis", self.axes.iter().map(|axis| &axis.name));
         let cycle = Duration::from_micros(*self.cycle.get_ref() as u64);
         let controller = self.controller.join(log, cycle);
 
-        let devices: Vec<_> = drives.chain(encoders).collect();
+        let devices: Vec<_> = drives.chain(encoders).chain(io_nodes).collect();
         let bus_of = node::places(log, &devices, &self.buses, &self.cycle, controller.node);
 
         let mut axis_of = self.assign(log);
@@ -141,7 +148,9 @@ impl Tables {
         axis_of.extend(encoder::assign(log, &self.encoders, feedbacks));
         let bus_of: Option<Vec<usize>> = bus_of.into_iter().collect();
         let axis_of: Option<Vec<usize>> = axis_of.into_iter().collect();
-        let mut places = bus_of?.into_iter().zip(axis_of?);
+        let mut bus_of = bus_of?;
+        let io_buses = bus_of.split_off(bus_of.len() - self.io_nodes.len());
+        let mut places = bus_of.into_iter().zip(axis_of?);
         let drives: Vec<_> = self
             .drives
             .into_iter()
@@ -159,6 +168,8 @@ impl Tables {
                 encoder.join(bus, axis, &assumed)
             })
             .collect();
+        let io_nodes = self.io_nodes.into_iter().zip(io_buses);
+        let io_nodes: Vec<_> = io_nodes.map(|(io, bus)| io.join(bus)).collect();
         let (mut axes, homings): (Vec<_>, Vec<_>) = self
             .axes
             .into_iter()
@@ -177,7 +188,17 @@ impl Tables {
             simulation::check(log, axis, &axes);
         }
         let places = self.signals.inputs();
-        let (inputs, outputs) = self.signals.join(log, &drives, self.spindle.is_some());
+        let wiring = Wiring {
+            drives: &drives,
+            encoders: encoders.len(),
+            io_nodes: &io_nodes,
+        };
+        let signals = self.signals.join(log, wiring, self.spindle.as_ref());
+        let Signals {
+            inputs,
+            outputs,
+            analog_outputs,
+        } = signals;
         homing::join(log, &mut axes, homings, (&inputs, &places), &self.homing);
         let machine = Machine {
             name: self.name,
@@ -188,12 +209,14 @@ impl Tables {
             buses: self.buses.into_iter().map(BusTable::join).collect(),
             drives,
             encoders,
+            io_nodes,
             axes,
             spindle: self.spindle,
             homing: self.homing.into_inner(),
             validation: self.validation,
             inputs,
             outputs,
+            analog_outputs,
             assumptions: self.assumptions,
         };
         encoder::check(log, &machine, &stated);

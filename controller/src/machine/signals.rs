@@ -1,24 +1,25 @@
 //! `[[input]]` and `[[output]]`: the machine's inputs and outputs by name, each a digital signal of a
-//! drive.
+//! drive or of an I/O node, or an analog output of an I/O node.
 
-use super::Drive;
 use super::read::{name, unique, unknown};
+use super::{Drive, IoNode, Node, Spindle};
 use std::ops::Range;
 use std::time::Duration;
-use syncline_gcode::{DIGITAL_INPUTS, DIGITAL_OUTPUTS};
+use syncline_drives::model::Model;
+use syncline_gcode::{ANALOG_OUTPUTS, DIGITAL_INPUTS, DIGITAL_OUTPUTS};
 use syncline_strict_toml::{Log, Table, nearest, one_of};
 use toml::Spanned;
 
-/// A digital input of a drive, and what it means to the machine.
+/// A digital input of a drive or of an I/O node, and what it means to the machine.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Input {
     /// As the machine file names it.
     pub name: String,
-    /// Index of its drive in [`Machine::drives`](super::Machine::drives).
-    pub drive: usize,
-    /// Which of the drive's signals.
+    /// Index of its device in [`Machine::nodes`](super::Machine::nodes).
+    pub node: usize,
+    /// Which of the device's signals.
     pub signal: usize,
-    /// It is on where the drive's input is off.
+    /// It is on where the device's input is off.
     pub active_low: bool,
     /// For so long it has another level before that counts.
     pub debounce: Duration,
@@ -47,16 +48,16 @@ pub enum InputMeaning {
     Home,
 }
 
-/// A digital output of a drive, and what the machine uses it for.
+/// A digital output of a drive or of an I/O node, and what the machine uses it for.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Output {
     /// As the machine file names it.
     pub name: String,
-    /// Index of its drive in [`Machine::drives`](super::Machine::drives).
-    pub drive: usize,
-    /// Which of the drive's outputs.
+    /// Index of its device in [`Machine::nodes`](super::Machine::nodes).
+    pub node: usize,
+    /// Which of the device's outputs.
     pub signal: usize,
-    /// It is on where the drive's output is off.
+    /// It is on where the device's output is off.
     pub active_low: bool,
     /// Whether it is on while no program runs, and from a stop on.
     pub safe: bool,
@@ -79,6 +80,41 @@ pub enum OutputSwitch {
     Flood,
 }
 
+/// An analog output of an I/O node, and what the machine uses it for.
+#[derive(Clone, Debug, PartialEq)]
+pub struct AnalogOutput {
+    /// As the machine file names it.
+    pub name: String,
+    /// Index of its device in [`Machine::nodes`](super::Machine::nodes).
+    pub node: usize,
+    /// Which of the device's analog outputs.
+    pub place: usize,
+    /// The value at which it puts out all it can; above zero.
+    pub full_scale: f64,
+    /// Its value while no program runs, and from a stop on.
+    pub safe: f64,
+    /// What it puts out while a program runs.
+    pub source: AnalogSource,
+}
+
+impl AnalogOutput {
+    /// A value as the device takes it: the whole range of 16 bits is from the negative full scale to the positive
+    /// one, and what is beyond is at its end.
+    #[must_use]
+    pub fn scaled(&self, value: f64) -> i16 {
+        (value / self.full_scale * f64::from(i16::MAX)).round() as i16
+    }
+}
+
+/// What an analog output puts out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum AnalogSource {
+    /// Q of M67 and M68 with this E.
+    Program(u8),
+    /// S while the spindle turns, 1/min; 0 while it does not.
+    SpindleSpeed,
+}
+
 /// What inputs mean besides their numbers, by their names in the file.
 const MEANINGS: [(&str, InputMeaning); 6] = [
     ("enable", InputMeaning::Enable),
@@ -97,65 +133,116 @@ const SWITCHES: [(&str, OutputSwitch); 4] = [
     ("flood", OutputSwitch::Flood),
 ];
 
+/// What analog outputs put out besides.
+const SOURCES: [(&str, AnalogSource); 1] = [("spindle_speed", AnalogSource::SpindleSpeed)];
+
 /// Greatest time that an input is debounced for, ms.
 const MOST_DEBOUNCE: i64 = 1000;
 
-/// A signal of a drive by its name.
+/// The devices that inputs and outputs are wired to.
+#[derive(Clone, Copy)]
+pub(super) struct Wiring<'m> {
+    pub(super) drives: &'m [Drive],
+    /// How many devices stand between drives and I/O nodes.
+    pub(super) encoders: usize,
+    pub(super) io_nodes: &'m [IoNode],
+}
+
+/// The inputs and outputs of a machine.
+pub(super) struct Signals {
+    pub(super) inputs: Vec<Input>,
+    pub(super) outputs: Vec<Output>,
+    pub(super) analog_outputs: Vec<AnalogOutput>,
+}
+
+/// A signal of a device by their names.
 struct Wire {
     title: String,
     name: Spanned<String>,
-    drive: Spanned<String>,
+    device: Spanned<String>,
+    /// The device is an I/O node.
+    of_io: bool,
     signal: Spanned<String>,
-    active_low: bool,
 }
 
 impl Wire {
     /// The keys that inputs and outputs share; `allowed` is a signal of theirs.
     fn read(log: &mut Log<'_>, table: &mut Table<'_, '_>, allowed: &str) -> Option<Self> {
         let name = name(log, table);
-        let drive = table.text(log, "drive", "the `name` of a [[drive]]", |_| true);
+        let drive = table.text_if(log, "drive", "the `name` of a [[drive]]", |_| true);
+        let io = table.text_if(log, "io", "the `name` of an [[io]]", |_| true);
         let signal = table.text(log, "signal", allowed, |_| true);
-        let active_low = table.flag_or(log, "active_low", false);
+        let title = table.title.clone();
+        let device = match (drive, io) {
+            (Some(drive), None) => Some((drive, false)),
+            (None, Some(io)) => Some((io, true)),
+            (drive, io) => {
+                if drive.is_some() == io.is_some() {
+                    let (span, problem) = match io {
+                        Some(io) => (io.span(), "both `drive` and `io` say where it is"),
+                        None => (
+                            table.span_of("name").unwrap_or_default(),
+                            "nothing says where it is",
+                        ),
+                    };
+                    let help = "allowed: `drive`, the `name` of a [[drive]], or `io`, of an [[io]]";
+                    log.report(span, format!("{title}: {problem}"), help);
+                }
+                None
+            }
+        };
+        let (device, of_io) = device?;
         Some(Self {
-            title: table.title.clone(),
+            title,
             name: name?,
-            drive: drive?,
+            device,
+            of_io,
             signal: signal?,
-            active_low,
         })
     }
 
-    /// Index of the drive, and the place of the signal among those that its model has.
+    /// Index of the device, and the place of the signal among those that its model has.
     fn resolve(
         &self,
         log: &mut Log<'_>,
-        drives: &[Drive],
-        signals: fn(&Drive) -> &'static [&'static str],
+        wiring: Wiring<'_>,
+        signals: fn(&Model) -> &'static [&'static str],
     ) -> Option<(usize, usize)> {
-        let names = drives.iter().map(|drive| drive.name.as_str());
-        let Some(index) = names.clone().position(|name| name == self.drive.get_ref()) else {
-            unknown(log, &self.title, "drive", &self.drive, names);
+        let Wiring {
+            drives,
+            encoders,
+            io_nodes,
+        } = wiring;
+        let (kind, first, devices): (_, _, Vec<Node<'_>>) = match self.of_io {
+            false => ("drive", 0, drives.iter().map(Node::from).collect()),
+            true => {
+                let first = drives.len() + encoders;
+                ("io", first, io_nodes.iter().map(Node::from).collect())
+            }
+        };
+        let names = devices.iter().map(|device| device.name);
+        let Some(index) = names.clone().position(|name| name == self.device.get_ref()) else {
+            unknown(log, &self.title, kind, &self.device, names);
             return None;
         };
-        let drive = &drives[index];
-        let known = signals(drive).iter().copied();
+        let Node { name, model, .. } = devices[index];
+        let known = signals(model).iter().copied();
         let place = known.clone().position(|name| name == self.signal.get_ref());
         if place.is_none() {
             let nearest = nearest(self.signal.get_ref(), known.clone());
             let problem = format!(
-                "{}: drive \"{}\" ({}) has no such signal \"{}\"",
+                "{}: {kind} \"{name}\" ({}) has no such signal \"{}\"",
                 self.title,
-                drive.name,
-                drive.model.title,
+                model.title,
                 self.signal.get_ref()
             );
             let help = match nearest {
                 Some(nearest) => format!("allowed: {}; nearest: \"{nearest}\"", one_of(known)),
-                None => "allowed: a drive that has such signals".to_owned(),
+                None => format!("allowed: a {kind} that has such signals"),
             };
             log.report(self.signal.span(), problem, help);
         }
-        Some((index, place?))
+        Some((first + index, place?))
     }
 }
 
@@ -199,6 +286,7 @@ fn purpose<T: Copy>(
 /// An input as the file has it.
 struct InputTable {
     wire: Wire,
+    active_low: bool,
     debounce: Duration,
     meaning: InputMeaning,
     simulated: Option<(f64, f64)>,
@@ -206,7 +294,8 @@ struct InputTable {
 
 impl InputTable {
     fn read(log: &mut Log<'_>, mut table: Table<'_, '_>) -> Option<Self> {
-        let wire = Wire::read(log, &mut table, "an input of the drive: \"DI0\"");
+        let wire = Wire::read(log, &mut table, "an input of the device: \"DI0\"");
+        let active_low = table.flag_or(log, "active_low", false);
         let numbers = (DIGITAL_INPUTS, InputMeaning::Program as fn(u8) -> _, "M66");
         let meaning = purpose(log, &mut table, numbers, &MEANINGS);
         let debounce = table.integer_or(log, "debounce_ms", 0, 0..=MOST_DEBOUNCE, " (ms)");
@@ -219,9 +308,17 @@ impl InputTable {
         }
         let allowed = "[from, to] machine position of the drive's axis, the first below the second";
         let simulated = table.interval_if(log, "simulated", allowed);
+        if let (Some(simulated), Some(Wire { of_io: true, .. })) = (&simulated, &wire) {
+            log.report(
+                simulated.span(),
+                format!("{}: `simulated` of an I/O node", table.title),
+                "leave it out: a switch along an axis is simulated at an input of a drive of that axis",
+            );
+        }
         table.finish(log);
         Some(Self {
             wire: wire?,
+            active_low,
             debounce: Duration::from_millis(debounce as u64),
             meaning: meaning?,
             simulated: simulated.map(Spanned::into_inner),
@@ -232,25 +329,89 @@ impl InputTable {
 /// An output as the file has it.
 struct OutputTable {
     wire: Wire,
-    safe: bool,
-    switch: OutputSwitch,
+    used_for: OutputPurpose,
+}
+
+/// What the machine uses an output for.
+enum OutputPurpose {
+    Digital {
+        active_low: bool,
+        safe: bool,
+        switch: OutputSwitch,
+    },
+    Analog {
+        full_scale: Spanned<f64>,
+        safe: f64,
+        source: AnalogSource,
+    },
 }
 
 impl OutputTable {
     fn read(log: &mut Log<'_>, mut table: Table<'_, '_>) -> Option<Self> {
-        let wire = Wire::read(log, &mut table, "an output of the drive: \"DQ0\"");
+        let is_analog = table.span_of("full_scale").is_some();
+        let allowed = match is_analog {
+            true => "an analog output of the device: \"AO0\"",
+            false => "an output of the device: \"DQ0\"",
+        };
+        let wire = Wire::read(log, &mut table, allowed);
+        let used_for = match is_analog {
+            true => OutputPurpose::analog(log, &mut table),
+            false => OutputPurpose::digital(log, &mut table),
+        };
+        table.finish(log);
+        Some(Self {
+            wire: wire?,
+            used_for: used_for?,
+        })
+    }
+}
+
+impl OutputPurpose {
+    fn digital(log: &mut Log<'_>, table: &mut Table<'_, '_>) -> Option<Self> {
+        let active_low = table.flag_or(log, "active_low", false);
         let numbers = (
             DIGITAL_OUTPUTS,
             OutputSwitch::Program as fn(u8) -> _,
             "M62 to M65",
         );
-        let switch = purpose(log, &mut table, numbers, &SWITCHES);
+        let switch = purpose(log, table, numbers, &SWITCHES);
         let safe = table.choice_or(log, "safe", "off", ["off", "on"].into_iter());
-        table.finish(log);
-        Some(Self {
-            wire: wire?,
+        Some(Self::Digital {
+            active_low,
             safe: safe == "on",
             switch: switch?,
+        })
+    }
+
+    fn analog(log: &mut Log<'_>, table: &mut Table<'_, '_>) -> Option<Self> {
+        let unit = "(the value at which it puts out all it can)";
+        let full_scale = table.positive(log, "full_scale", unit);
+        let numbers = (
+            ANALOG_OUTPUTS,
+            AnalogSource::Program as fn(u8) -> _,
+            "M67 and M68, there E",
+        );
+        let source = purpose(log, table, numbers, &SOURCES);
+        let safe = table.number_if(log, "safe", "a number within `full_scale`", f64::is_finite);
+        let full_scale = full_scale?;
+        let safe = safe.filter(|safe| {
+            let within = safe.get_ref().abs() <= *full_scale.get_ref();
+            if !within {
+                log.report(
+                    safe.span(),
+                    format!("{}: `safe` is {}", table.title, safe.get_ref()),
+                    format!(
+                        "allowed: a number within `full_scale`, {}",
+                        full_scale.get_ref()
+                    ),
+                );
+            }
+            within
+        });
+        Some(Self::Analog {
+            full_scale,
+            safe: safe.map_or(0.0, Spanned::into_inner),
+            source: source?,
         })
     }
 }
@@ -279,16 +440,16 @@ impl SignalTables {
         names.collect()
     }
 
-    /// Those of these drives, on a machine that `has_spindle`.
+    /// Those of these devices, on a machine with this spindle, if it has one.
     pub(super) fn join(
         self,
         log: &mut Log<'_>,
-        drives: &[Drive],
-        has_spindle: bool,
-    ) -> (Vec<Input>, Vec<Output>) {
+        wiring: Wiring<'_>,
+        spindle: Option<&Spindle>,
+    ) -> Signals {
         let mut inputs = self.inputs.iter();
         if let Some(input) = inputs.find(|it| it.meaning == InputMeaning::AtSpeed)
-            && !has_spindle
+            && spindle.is_none()
         {
             log.report(
                 input.wire.name.span(),
@@ -299,63 +460,141 @@ impl SignalTables {
                 "add [spindle] with `max_speed` and `ramp_ms`, within which it comes",
             );
         }
-        (
-            join_inputs(log, self.inputs, drives),
-            join_outputs(log, self.outputs, drives),
-        )
+        unique(log, "output", self.outputs.iter().map(|it| &it.wire.name));
+        let inputs = join_inputs(log, self.inputs, wiring);
+        let mut signals = Signals {
+            inputs,
+            outputs: Vec::new(),
+            analog_outputs: Vec::new(),
+        };
+        for OutputTable { wire, used_for } in self.outputs {
+            match used_for {
+                OutputPurpose::Digital {
+                    active_low,
+                    safe,
+                    switch,
+                } => {
+                    let place = wire.resolve(log, wiring, |model| model.outputs);
+                    let used = (signals.outputs.iter()).map(|it| (it.node, it.signal, &it.name));
+                    if let Some((node, signal)) = once(log, &wire, place, used) {
+                        signals.outputs.push(Output {
+                            name: wire.name.into_inner(),
+                            node,
+                            signal,
+                            active_low,
+                            safe,
+                            switch,
+                        });
+                    }
+                }
+                OutputPurpose::Analog {
+                    full_scale,
+                    safe,
+                    source,
+                } => {
+                    if source == AnalogSource::SpindleSpeed {
+                        check_speed(log, &wire, &full_scale, spindle);
+                    }
+                    let place = wire.resolve(log, wiring, |model| model.analog_outputs);
+                    let used = signals.analog_outputs.iter();
+                    let used = used.map(|it| (it.node, it.place, &it.name));
+                    if let Some((node, place)) = once(log, &wire, place, used) {
+                        signals.analog_outputs.push(AnalogOutput {
+                            name: wire.name.into_inner(),
+                            node,
+                            place,
+                            full_scale: full_scale.into_inner(),
+                            safe,
+                            source,
+                        });
+                    }
+                }
+            }
+        }
+        signals
+    }
+}
+
+/// The place of an output, which is `used` by no other one.
+fn once<'o>(
+    log: &mut Log<'_>,
+    wire: &Wire,
+    place: Option<(usize, usize)>,
+    mut used: impl Iterator<Item = (usize, usize, &'o String)>,
+) -> Option<(usize, usize)> {
+    let place = place?;
+    if let Some((.., other)) = used.find(|(node, signal, _)| (*node, *signal) == place) {
+        log.report(
+            wire.signal.span(),
+            format!("{}: its signal is output \"{other}\"", wire.title),
+            "allowed: each output of a device once",
+        );
+    }
+    Some(place)
+}
+
+/// Whether an output can put out every speed that a program may ask for.
+fn check_speed(
+    log: &mut Log<'_>,
+    wire: &Wire,
+    full_scale: &Spanned<f64>,
+    spindle: Option<&Spindle>,
+) {
+    let Some(Spindle { speeds, .. }) = spindle else {
+        return log.report(
+            wire.name.span(),
+            format!("{}: speed of a spindle that is not there", wire.title),
+            "add [spindle] with `max_speed`, beyond which S is refused",
+        );
+    };
+    if speeds.1 > *full_scale.get_ref() {
+        log.report(
+            full_scale.span(),
+            format!(
+                "{}: `full_scale` is {}, and S goes up to {}",
+                wire.title,
+                full_scale.get_ref(),
+                speeds.1
+            ),
+            "allowed: from `max_speed` of [spindle] on",
+        );
     }
 }
 
 /// All inputs, with names of their own.
-fn join_inputs(log: &mut Log<'_>, tables: Vec<InputTable>, drives: &[Drive]) -> Vec<Input> {
+fn join_inputs(log: &mut Log<'_>, tables: Vec<InputTable>, wiring: Wiring<'_>) -> Vec<Input> {
     unique(log, "input", tables.iter().map(|table| &table.wire.name));
     let mut inputs = Vec::new();
     for InputTable {
         wire,
+        active_low,
         debounce,
         meaning,
         simulated,
     } in tables
     {
-        if let Some((drive, signal)) = wire.resolve(log, drives, |it| it.model.inputs) {
-            inputs.push(Input {
-                name: wire.name.into_inner(),
-                drive,
-                signal,
-                active_low: wire.active_low,
-                debounce,
-                meaning,
-                simulated,
-            });
-        }
-    }
-    inputs
-}
-
-/// All outputs, with names and signals of their own.
-fn join_outputs(log: &mut Log<'_>, tables: Vec<OutputTable>, drives: &[Drive]) -> Vec<Output> {
-    unique(log, "output", tables.iter().map(|table| &table.wire.name));
-    let mut outputs: Vec<Output> = Vec::new();
-    for OutputTable { wire, safe, switch } in tables {
-        let Some((drive, signal)) = wire.resolve(log, drives, |it| it.model.outputs) else {
+        let Some((node, signal)) = wire.resolve(log, wiring, |model| model.inputs) else {
             continue;
         };
-        let same = |other: &&Output| (other.drive, other.signal) == (drive, signal);
-        if let Some(other) = outputs.iter().find(same) {
+        let mut io_nodes = wiring.io_nodes.iter();
+        let by_event =
+            wire.of_io && io_nodes.any(|io| io.name == *wire.device.get_ref() && io.by_event);
+        if meaning == InputMeaning::Home && by_event {
             log.report(
-                wire.signal.span(),
-                format!("{}: its signal is output \"{}\"", wire.title, other.name),
-                "allowed: each output of a drive once",
+                wire.device.span(),
+                format!("{}: a home switch of an I/O node whose inputs come by event", wire.title),
+                "allowed: an I/O node with `inputs = \"sync\"`, so that the place of the edge is known",
             );
         }
-        outputs.push(Output {
+        inputs.push(Input {
             name: wire.name.into_inner(),
-            drive,
+            node,
             signal,
-            active_low: wire.active_low,
-            safe,
-            switch,
+            active_low,
+            debounce,
+            meaning,
+            simulated,
         });
     }
-    outputs
+    inputs
 }

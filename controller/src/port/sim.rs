@@ -2,7 +2,7 @@
 
 use super::{Port, PortError};
 use crate::bus::{Burst, Received};
-use crate::machine::{Axis, Gantry, Machine, Simulation};
+use crate::machine::{Axis, Gantry, Machine, Seat, Simulation};
 use syncline_canopen::{Frame, NodeId};
 use syncline_drives::bus::{Band, BitRate};
 use syncline_drives::mechanics::rigid::Rigid;
@@ -205,17 +205,23 @@ pub fn hosted(
 #[must_use]
 pub fn config(machine: &Machine, index: usize, seed: u64) -> Config {
     let node = machine.node(index);
-    let axis = &machine.axes[node.axis];
-    let side = axis.drives.iter().position(|it| *it == index);
-    let turns = |mm: f64| {
-        let count = node.scaling.to_increments(mm);
-        count.map_or(0.0, |count| node.scaling.to_revolutions(count))
-    };
     let config = Config {
-        position: turns(axis.stands(side.unwrap_or_default())),
         bit_rate: BitRate::from_kbit(machine.buses[node.bus].bitrate / 1000),
         assumed: machine.assumed(node.model).0,
         ..single(node.id, index, seed)
+    };
+    let Some(Seat { axis, scaling }) = node.seat else {
+        return config;
+    };
+    let axis = &machine.axes[axis];
+    let side = axis.drives.iter().position(|it| *it == index);
+    let turns = |mm: f64| {
+        let count = scaling.to_increments(mm);
+        count.map_or(0.0, |count| scaling.to_revolutions(count))
+    };
+    let config = Config {
+        position: turns(axis.stands(side.unwrap_or_default())),
+        ..config
     };
     if !node.model.is_drive() {
         return config;
@@ -232,7 +238,7 @@ pub fn config(machine: &Machine, index: usize, seed: u64) -> Config {
 
 /// The switches along the axis of a drive that are wired to it, their places in `turns` of its shaft.
 fn sensors(machine: &Machine, drive: usize, turns: impl Fn(f64) -> f64) -> Vec<Sensor> {
-    let wired = machine.inputs.iter().filter(|input| input.drive == drive);
+    let wired = machine.inputs.iter().filter(|input| input.node == drive);
     let sensors = wired.filter_map(|input| {
         let (from, to) = input.simulated?;
         let (from, to) = (turns(from), turns(to));

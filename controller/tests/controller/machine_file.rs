@@ -3,7 +3,9 @@
 use std::f64::consts::TAU;
 use std::path::Path;
 use std::time::Duration;
-use syncline_controller::machine::{HomingMethod, InputMeaning, Machine, OutputSwitch};
+use syncline_controller::machine::{
+    AnalogSource, HomingMethod, InputMeaning, Machine, OutputSwitch,
+};
 use syncline_drives::model::{Increments, MODELS};
 use syncline_strict_toml::{Diagnostic, Invalid};
 
@@ -701,6 +703,7 @@ fn the_reference_is_complete() {
     let mut text =
         PORTAL.to_owned() + "\n[axis.simulation]\ntransmission = \"belt\"\n[path]\n[validation]\n";
     text += "[[encoder]]\nname = \"screw\"\nbus = \"portal\"\nnode = 5\nmodel = \"twk_crn\"\npitch = 10.0\n";
+    text += "[[io]]\nname = \"cabinet\"\nbus = \"portal\"\nnode = 6\nmodel = \"cia401\"\n";
     for model in &models {
         text += &format!("[{model}]\n");
     }
@@ -712,6 +715,7 @@ fn the_reference_is_complete() {
         ("bus", "[[bus]]"),
         ("drive", "[[drive]]"),
         ("encoder", "[[encoder]]"),
+        ("io", "[[io]]"),
         ("axis", "[[axis]]"),
         ("axis.simulation", "[axis.simulation]"),
     ]
@@ -775,12 +779,16 @@ fn an_encoder_sees_an_axis() {
     assert_eq!(names, ["X1", "X2", "Y", "Z", "screw"]);
     let device = machine.device(4);
     assert!(device.drive().is_none() && device.spec().r_pdos.is_empty());
-    assert_eq!(device.range(), Some(Increments::new(8192 * 4096)));
+    assert_eq!(
+        device.feedback().and_then(|it| it.range()),
+        Some(Increments::new(8192 * 4096))
+    );
     let scaled = with_encoder(
         "[[encoder]]",
         "[model.twk_crn]\nunits_per_turn = 1000\nturns_exponent = 6\n[[encoder]]",
     );
-    let range = scaled.unwrap().device(4).range();
+    let device = scaled.unwrap().device(4);
+    let range = device.feedback().and_then(|it| it.range());
     assert_eq!(range, Some(Increments::new(64_000)));
 }
 
@@ -848,10 +856,10 @@ safe = "on"
 "#;
     let machine = parse(&portal_with("[[drive]]\n", wires)).unwrap();
     let (input, output) = (&machine.inputs[0], &machine.outputs[0]);
-    assert_eq!((input.drive, input.signal, input.active_low), (3, 5, true));
+    assert_eq!((input.node, input.signal, input.active_low), (3, 5, true));
     assert_eq!(input.debounce, Duration::from_millis(15));
     assert_eq!(input.meaning, InputMeaning::Door);
-    assert_eq!((output.drive, output.signal, output.safe), (2, 2, true));
+    assert_eq!((output.node, output.signal, output.safe), (2, 2, true));
     assert_eq!(output.switch, OutputSwitch::Program(63));
     // The frames grow where something is wired.
     let bytes = |drive: usize| {
@@ -967,4 +975,146 @@ fn mistakes_of_homing_are_told() {
     );
     let errors = parse(&by_hand).unwrap_err().to_string();
     assert!(errors.contains("`at_start` with axis \"Z\""), "{errors}");
+}
+
+const MILL: &str = include_str!("../../../examples/mill/machine.toml");
+
+#[test]
+fn io_nodes_stand_behind_the_others_and_have_what_is_wired_to_them() {
+    let machine = parse(MILL).unwrap();
+    let names: Vec<_> = machine.nodes().map(|node| node.name.to_owned()).collect();
+    assert_eq!(names[3], "cabinet");
+    assert!(
+        machine
+            .nodes()
+            .all(|node| node.seat.is_some() == (node.name != "cabinet"))
+    );
+    assert_eq!(
+        machine
+            .inputs
+            .iter()
+            .map(|input| input.node)
+            .collect::<Vec<_>>(),
+        [3; 3]
+    );
+    let speed = &machine.analog_outputs[0];
+    assert_eq!(
+        (speed.node, speed.place, speed.source),
+        (3, 0, AnalogSource::SpindleSpeed)
+    );
+    let scaled =
+        [0.0, 12_000.0, 24_000.0, 1e9, -24_000.0, f64::NAN].map(|value| speed.scaled(value));
+    assert_eq!(scaled, [0, 16384, 32767, 32767, -32767, 0]);
+    let device = machine.device(3);
+    let bytes: Vec<_> = (device.spec().t_pdos.iter().chain(&device.spec().r_pdos))
+        .map(|pdo| pdo.bytes)
+        .collect();
+    assert_eq!(bytes, [2, 1, 2]);
+}
+
+#[test]
+fn mistakes_of_io_nodes_are_told() {
+    for (from, to, told) in [
+        (
+            "model = \"cia401\"",
+            "model = \"lxm32m\"",
+            "io \"cabinet\": `model`",
+        ),
+        (
+            "model = \"cia401\"",
+            "model = \"cia401\"\ninputs = \"poll\"",
+            "io \"cabinet\": `inputs`",
+        ),
+        ("node = 40", "node = 33", "node 33 is already up-down"),
+        (
+            "io = \"cabinet\"\nsignal = \"DO0\"",
+            "io = \"box\"\nsignal = \"DO0\"",
+            "there is no io \"box\"",
+        ),
+        (
+            "io = \"cabinet\"\nsignal = \"DO0\"",
+            "signal = \"DO0\"",
+            "nothing says where it is",
+        ),
+        (
+            "io = \"cabinet\"\nsignal = \"DO0\"",
+            "io = \"cabinet\"\ndrive = \"up-down\"\nsignal = \"DO0\"",
+            "both `drive` and `io` say where it is",
+        ),
+        (
+            "signal = \"DO2\"",
+            "signal = \"DO0\"",
+            "its signal is output \"spindle on\"",
+        ),
+        (
+            "signal = \"DO2\"",
+            "signal = \"DO16\"",
+            "io \"cabinet\" (CiA 401) has no such signal \"DO16\"",
+        ),
+        (
+            "signal = \"AO0\"",
+            "signal = \"DO7\"",
+            "has no such signal \"DO7\"",
+        ),
+        (
+            "full_scale = 24_000 ",
+            "full_scale = 20_000 ",
+            "`full_scale` is 20000, and S goes up to 24000",
+        ),
+        (
+            "full_scale = 24_000 ",
+            "safe = 24_001\nfull_scale = 24_000 ",
+            "`safe` is 24001",
+        ),
+        (
+            "max_speed = 24_000\nmin_speed = 3_000\nramp_ms = 3_000",
+            "min_speed = 3_000",
+            "`max_speed`",
+        ),
+        (
+            "function = \"cycle_start\"",
+            "function = \"home\"",
+            "`debounce_ms` of a home switch",
+        ),
+        (
+            "model = \"cia401\"",
+            "model = \"cia401\"\nsdo = [[\"6206:1\", 0]]",
+            "6206h:1 is the controller's own",
+        ),
+        (
+            "signal = \"DI8\"",
+            "signal = \"DI8\"\nsimulated = [0, 1]",
+            "`simulated` of an I/O node",
+        ),
+    ] {
+        assert!(MILL.contains(from), "{from}");
+        let read = parse(&MILL.replacen(from, to, 1));
+        let errors = read
+            .err()
+            .map_or_else(String::new, |error| error.to_string());
+        assert!(errors.contains(told), "{told}: {errors}");
+    }
+    let home = MILL
+        .replace(
+            "model = \"cia401\"",
+            "model = \"cia401\"\ninputs = \"event\"",
+        )
+        .replace(
+            "signal = \"DI8\"\nnumber = 1",
+            "signal = \"DI8\"\nfunction = \"home\"",
+        );
+    let errors = parse(&home).unwrap_err().to_string();
+    assert!(
+        errors.contains("a home switch of an I/O node whose inputs come by event"),
+        "{errors}"
+    );
+    let no_spindle = MILL.replace(
+        "[spindle]\nmax_speed = 24_000\nmin_speed = 3_000\nramp_ms = 3_000\n",
+        "",
+    );
+    let errors = parse(&no_spindle).unwrap_err().to_string();
+    assert!(
+        errors.contains("speed of a spindle that is not there"),
+        "{errors}"
+    );
 }

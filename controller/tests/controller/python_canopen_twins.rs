@@ -38,6 +38,13 @@ fn the_stepper_controller_is_brought_up_and_moved() {
     }
 }
 
+#[test]
+fn the_io_node_is_brought_up_and_falls_back() {
+    if let Some(said) = client("cia401", "CiA 401", "io_client.py") {
+        assert!(said.contains("a missing heartbeat is found"), "{said}");
+    }
+}
+
 /// At a rate that the encoder does not have nobody hears it.
 #[test]
 fn a_bus_of_another_rate_is_silent() {

@@ -1,11 +1,13 @@
 //! Object dictionaries of the devices, each a table that reads like its manual's.
 
+mod cia401;
 mod cia402_csp;
 mod lxm32m;
 mod tlc5xx;
 mod tsp10;
 mod twk_crn;
 
+pub use cia401::CIA401;
 pub use cia402_csp::CIA402_CSP;
 pub use lxm32m::LXM32M;
 pub use tlc5xx::{PRINTED as TLC5XX_PRINTED, TLC5XX};

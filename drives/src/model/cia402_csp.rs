@@ -48,6 +48,7 @@ pub(super) static CIA402_CSP: Model = Model {
     reserved,
     inputs: &[],
     outputs: &[],
+    analog_outputs: &[],
     make: Make::Drive(|settings| Box::new(Cia402Csp::new(settings))),
 };
 

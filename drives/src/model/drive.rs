@@ -1,7 +1,7 @@
 //! Devices that move an axis: what they are told, what they say of themselves.
 
 use super::profile::cia402;
-use super::{Address, Data, Feedback, Increments, OutOfRange, Write};
+use super::{Address, Data, Feedback, Increments, Io, OutOfRange, Write};
 use core::fmt;
 use syncline_canopen::Frame;
 
@@ -33,6 +33,16 @@ pub trait Drive: Feedback {
 
     /// How it moves, if it is sent velocities: the controller closes the position loop.
     fn dynamics(&self) -> Option<Dynamics> {
+        None
+    }
+
+    /// Its digital inputs and outputs, if its PDOs carry them.
+    fn io(&self) -> Option<&dyn Io> {
+        None
+    }
+
+    /// The same, to set its outputs.
+    fn io_mut(&mut self) -> Option<&mut dyn Io> {
         None
     }
 

@@ -40,6 +40,7 @@ pub(super) static LXM32M: Model = Model {
     reserved,
     inputs: &INPUTS,
     outputs: &OUTPUTS,
+    analog_outputs: &[],
     make: Make::Drive(|settings| Box::new(Lxm32m::new(settings))),
 };
 
@@ -106,16 +107,16 @@ impl Lxm32m {
     fn new(settings: &Settings) -> Self {
         let node = settings.node;
         let mut setup = standard_setup(node, settings.cycle).to_vec();
-        if settings.signals {
+        if settings.io.tells() {
             map_third(&mut setup, 0x1A01, 0x3008_0110);
         }
-        if settings.outputs != 0 {
+        if settings.io.outputs != 0 {
             map_third(&mut setup, 0x1601, 0x3008_1110);
         }
         // MON_p_dif_load (2909), in position units as CiA 402 has it; MON_swLimN, MON_swLimP (2919, 2920).
         setup.extend(cia402::limits(settings));
         setup.extend(&settings.objects);
-        let set = (0..OUTPUTS.len() as u8).filter(|output| settings.outputs >> output & 1 != 0);
+        let set = (0..OUTPUTS.len() as u8).filter(|output| settings.io.outputs >> output & 1 != 0);
         setup.extend(set.map(|output| Write::new(0x3007, 0x09 + output, Data::u16(FREE))));
         // Heartbeats both ways (3282-3320).
         setup.extend(communication::heartbeats(&settings.heartbeat));
@@ -134,9 +135,13 @@ impl Lxm32m {
                 // SyncMechStart = 0: the synchronisation mechanism is off (1636, 2580).
                 release: vec![Write::new(0x3022, 5, Data::u16(0))],
                 // Statusword and position (1620-1625), and signals.
-                t_pdos: vec![communication::t_pdo(2, node, bytes(settings.signals))],
+                t_pdos: vec![communication::t_pdo(2, node, bytes(settings.io.tells()))],
                 // Controlword and setpoint, and outputs.
-                r_pdos: vec![communication::r_pdo(2, node, bytes(settings.outputs != 0))],
+                r_pdos: vec![communication::r_pdo(
+                    2,
+                    node,
+                    bytes(settings.io.outputs != 0),
+                )],
                 ..NodeSpec::new(&LXM32M, settings, setup, cia402::is_command)
             },
             interpolation_delay: settings.assumed.value(&INTERPOLATION_DELAY),
@@ -238,14 +243,6 @@ impl RemoteNode for Lxm32m {
         };
         Some(format!("vendor error {error:04X}h{meaning}"))
     }
-
-    fn io(&self) -> Option<&dyn Io> {
-        (self.tells_signals() || self.sets_outputs()).then_some(self)
-    }
-
-    fn io_mut(&mut self) -> Option<&mut dyn Io> {
-        self.sets_outputs().then_some(self)
-    }
 }
 
 impl Io for Lxm32m {
@@ -297,6 +294,14 @@ impl Drive for Lxm32m {
         self.interpolation_delay.into()
     }
 
+    fn io(&self) -> Option<&dyn Io> {
+        (self.tells_signals() || self.sets_outputs()).then_some(self)
+    }
+
+    fn io_mut(&mut self) -> Option<&mut dyn Io> {
+        self.sets_outputs().then_some(self)
+    }
+
     fn status(&mut self, _: usize, data: &[u8]) -> Option<DriveStatus> {
         cia402::status(data, X_ERR)
     }
@@ -312,7 +317,7 @@ impl Drive for Lxm32m {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{NotFollowing, OutOfRange};
+    use super::super::{IoSettings, NotFollowing, OutOfRange};
     use super::*;
 
     fn settings(node: u8, cycle_ms: u64) -> Settings {
@@ -466,7 +471,10 @@ mod tests {
     #[test]
     fn signals_come_behind_the_position_where_they_are_asked_for() {
         let drive = Lxm32m::new(&Settings {
-            signals: true,
+            io: IoSettings {
+                signals: true,
+                ..IoSettings::default()
+            },
             ..settings(1, 2)
         });
         let mapping: Vec<_> = (drive.spec().setup.iter())
@@ -496,7 +504,10 @@ mod tests {
     #[test]
     fn outputs_come_behind_the_setpoint_where_some_are_set() {
         let mut drive = Lxm32m::new(&Settings {
-            outputs: 0b101,
+            io: IoSettings {
+                outputs: 0b101,
+                ..IoSettings::default()
+            },
             ..settings(1, 2)
         });
         let written = |index| -> Vec<_> {

@@ -3,7 +3,8 @@
 //! - [`RemoteNode`]: what every device has
 //! - [`Feedback`]: it tells a position
 //! - [`Drive`]: it moves an axis
-//! - [`Io`]: it has digital inputs and outputs
+//! - [`Io`]: it has inputs and outputs
+//! - [`IoNode`]: it has nothing else
 //!
 //! A [`Model`] is what is known before a device is made: its name, the cycles and bit rates it
 //! takes, and what its manual leaves open ([`Assumption`]). [`MODELS`] is the one list of them. The
@@ -13,6 +14,7 @@
 //!
 //! A new model is a file here with a [`Model`], and a line in [`MODELS`].
 
+mod cia401;
 mod cia402_csp;
 mod drive;
 mod feedback;
@@ -30,7 +32,7 @@ pub use drive::{
     StatusWord, Survey,
 };
 pub use feedback::{Feedback, Sample, unwrapped};
-pub use io::Io;
+pub use io::{Io, IoNode, IoSettings};
 pub use node::{ClockLock, Identity, Monitoring, NodeSpec, RemoteNode};
 pub use object::{Data, Write};
 pub use scaling::{Direction, Increments, OutOfRange, Scaling};
@@ -49,6 +51,7 @@ pub static MODELS: &[&Model] = &[
     &cia402_csp::CIA402_CSP,
     &twk_crn::TWK_CRN,
     &tlc5xx::TLC5XX,
+    &cia401::CIA401,
 ];
 
 /// A kind of device: everything that is known before one is made.
@@ -82,8 +85,10 @@ pub struct Model {
     /// Its digital inputs, by the names that its manual has for them.
     pub inputs: &'static [&'static str],
     /// Its digital outputs that the controller can set. Both are its signals: they come with its
-    /// T_PDOs where [`Settings::signals`] asks for them, the inputs first.
+    /// T_PDOs where [`Settings::io`] asks for them, the inputs first.
     pub outputs: &'static [&'static str],
+    /// Its analog outputs, likewise.
+    pub analog_outputs: &'static [&'static str],
     /// Makes the device.
     pub make: Make,
 }
@@ -95,6 +100,8 @@ pub enum Make {
     Drive(fn(&Settings) -> Box<dyn Drive>),
     /// It tells where something is, and no more.
     Encoder(fn(&Settings) -> Arc<dyn Feedback>),
+    /// It has inputs and outputs, and no more.
+    Io(fn(&Settings) -> Box<dyn IoNode>),
 }
 
 /// A device, by what it does for a machine.
@@ -104,6 +111,8 @@ pub enum Device {
     Drive(Box<dyn Drive>),
     /// It tells where something is, and no more.
     Encoder(Arc<dyn Feedback>),
+    /// It has inputs and outputs, and no more.
+    Io(Box<dyn IoNode>),
 }
 
 impl Device {
@@ -112,7 +121,7 @@ impl Device {
     pub fn drive(&self) -> Option<&dyn Drive> {
         match self {
             Self::Drive(drive) => Some(&**drive),
-            Self::Encoder(_) => None,
+            Self::Encoder(_) | Self::Io(_) => None,
         }
     }
 
@@ -120,19 +129,49 @@ impl Device {
     pub fn drive_mut(&mut self) -> Option<&mut dyn Drive> {
         match self {
             Self::Drive(drive) => Some(&mut **drive),
+            Self::Encoder(_) | Self::Io(_) => None,
+        }
+    }
+
+    /// What tells where something is, if it does.
+    #[must_use]
+    pub fn feedback(&self) -> Option<&dyn Feedback> {
+        match self {
+            Self::Drive(drive) => Some(&**drive),
+            Self::Encoder(encoder) => Some(&**encoder),
+            Self::Io(_) => None,
+        }
+    }
+
+    /// Its inputs and outputs, if its PDOs carry them.
+    #[must_use]
+    pub fn io(&self) -> Option<&dyn Io> {
+        match self {
+            Self::Drive(drive) => drive.io(),
             Self::Encoder(_) => None,
+            Self::Io(io) => Some(&**io),
+        }
+    }
+
+    /// The same, to set its outputs.
+    pub fn io_mut(&mut self) -> Option<&mut dyn Io> {
+        match self {
+            Self::Drive(drive) => drive.io_mut(),
+            Self::Encoder(_) => None,
+            Self::Io(io) => Some(&mut **io),
         }
     }
 }
 
-/// What both have in common.
+/// What all have in common.
 impl Deref for Device {
-    type Target = dyn Feedback;
+    type Target = dyn RemoteNode;
 
     fn deref(&self) -> &Self::Target {
         match self {
             Self::Drive(drive) => &**drive,
             Self::Encoder(encoder) => &**encoder,
+            Self::Io(io) => &**io,
         }
     }
 }
@@ -171,6 +210,7 @@ impl Model {
         match self.make {
             Make::Drive(make) => Device::Drive(make(settings)),
             Make::Encoder(make) => Device::Encoder(make(settings)),
+            Make::Io(make) => Device::Io(make(settings)),
         }
     }
 
@@ -178,6 +218,18 @@ impl Model {
     #[must_use]
     pub fn is_drive(&self) -> bool {
         matches!(self.make, Make::Drive(_))
+    }
+
+    /// Whether its devices tell where something is, and no more.
+    #[must_use]
+    pub fn is_encoder(&self) -> bool {
+        matches!(self.make, Make::Encoder(_))
+    }
+
+    /// Whether its devices have inputs and outputs, and no more.
+    #[must_use]
+    pub fn is_io(&self) -> bool {
+        matches!(self.make, Make::Io(_))
     }
 
     /// The name of its signal at that place.
@@ -224,10 +276,8 @@ pub struct Settings {
     /// Positions beyond which the drive itself faults; `None` leaves the drive's own. Asked of those
     /// with [`Ability::SoftLimits`] only.
     pub soft_limits: Option<(Increments, Increments)>,
-    /// Whether the device's digital inputs and outputs come with its T_PDOs.
-    pub signals: bool,
-    /// Those of [`Model::outputs`] that the controller sets with its R_PDOs: bit n is the n-th.
-    pub outputs: u32,
+    /// What is used of its inputs and outputs.
+    pub io: IoSettings,
     /// Written after the standard set-up, in this order.
     pub objects: Vec<Write>,
     /// What the machine file says of the model.
@@ -253,8 +303,7 @@ impl Settings {
             },
             following_error_limit: None,
             soft_limits: None,
-            signals: false,
-            outputs: 0,
+            io: IoSettings::default(),
             objects: Vec::new(),
             assumed: Assumed::default(),
         }

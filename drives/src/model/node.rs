@@ -1,7 +1,7 @@
 //! What every CANopen device of a machine has, whatever it does.
 
 use super::profile::communication::{self, SDO_RESPONSE, T_PDO_RESPONSE};
-use super::{Address, Io, Model, Settings, Write};
+use super::{Address, Model, Settings, Write};
 use core::{fmt, time::Duration};
 use syncline_canopen::NodeId;
 use syncline_canopen::budget::{NodeTraffic, Pdo};
@@ -16,16 +16,6 @@ pub trait RemoteNode: fmt::Debug + Send + Sync {
     /// What the five bytes that its maker adds to an EMCY say, for a message: `vendor error
     /// B404h: SYNC signal missing`. `None` if the maker says nothing by them.
     fn vendor_error(&self, _: [u8; 5]) -> Option<String> {
-        None
-    }
-
-    /// Its digital inputs and outputs, if its PDOs carry them.
-    fn io(&self) -> Option<&dyn Io> {
-        None
-    }
-
-    /// The same, to set its outputs.
-    fn io_mut(&mut self) -> Option<&mut dyn Io> {
         None
     }
 }
@@ -59,8 +49,11 @@ pub struct NodeSpec {
     pub clock_lock: Option<ClockLock>,
     /// The writes that take the set-up's cyclic part back, after the device is disabled.
     pub release: Vec<Write>,
-    /// The PDOs that the device sends in answer to every SYNC.
+    /// The PDOs that the device sends.
     pub t_pdos: Vec<Pdo>,
+    /// It sends them in answer to every SYNC; otherwise when what they tell changes, at most once in a cycle each,
+    /// and when it becomes Operational.
+    pub answers_sync: bool,
     /// The PDOs that the controller sends to the device in every cycle.
     pub r_pdos: Vec<Pdo>,
     /// Longest time from the end of SYNC until the T_PDOs stand in the device's transmit queue.
@@ -94,6 +87,7 @@ impl NodeSpec {
             clock_lock: None,
             release: Vec::new(),
             t_pdos: Vec::new(),
+            answers_sync: true,
             r_pdos: Vec::new(),
             t_pdo_response: micros(&T_PDO_RESPONSE),
             sdo_response: micros(&SDO_RESPONSE),

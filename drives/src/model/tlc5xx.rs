@@ -44,6 +44,7 @@ pub(super) static TLC5XX: Model = Model {
     reserved,
     inputs: &[],
     outputs: &[],
+    analog_outputs: &[],
     make: Make::Drive(|settings| Box::new(Tlc5xx::new(settings))),
 };
 

@@ -44,6 +44,7 @@ pub(super) static TWK_CRN: Model = Model {
     abilities: &[],
     inputs: &[],
     outputs: &[],
+    analog_outputs: &[],
     make: Make::Encoder(|settings| Arc::new(TwkCrn::new(settings))),
 };
 

@@ -7,6 +7,7 @@
 //! - [`twk_crn`]: the absolute encoder TWK CRN
 //! - [`tlc5xx`]: the positioning controller Twin Line TLC53x
 //! - [`tsp10`]: the stepper controller TSP10-CBE
+//! - [`cia401`]: an I/O node by the profile
 //! - [`node`]: the CANopen node as a device's processor runs it: delays, losses, restarts
 //! - [`cia402`]: the state machine of a drive
 //! - [`servo`]: cascade, clock, encoder, shaft, ramps
@@ -19,6 +20,7 @@
 //! A twin never imports `model`: both read the manual, and a mistake shared by both would hide
 //! itself.
 
+pub mod cia401;
 pub mod cia402;
 pub mod cia402_csp;
 pub mod device;
@@ -41,6 +43,7 @@ pub static TWINS: &[&Kind] = &[
     &twk_crn::KIND,
     &tlc5xx::KIND,
     &tsp10::KIND,
+    &cia401::KIND,
 ];
 
 impl Kind {

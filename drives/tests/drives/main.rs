@@ -2,6 +2,7 @@
 
 mod bus;
 mod bus_budget;
+mod cia401;
 mod cia402_csp;
 mod common;
 mod lxm32m_dictionary;

@@ -38,12 +38,14 @@ fn a_twin_is_made_as_it_was_asked_for() {
             position: -12.5,
             ..Config::new(node)
         };
-        let device = (twin.make)(&config);
+        let mut device = (twin.make)(&config);
         let seen = device.observe();
         assert_eq!(device.node(), node);
+        // What has no shaft stands nowhere.
+        let position = device.shaft_mut().map_or(0.0, |_| -12.5);
         assert_eq!(
             (seen.position, seen.velocity, seen.torque),
-            (-12.5, 0.0, 0.0)
+            (position, 0.0, 0.0)
         );
         assert!(!seen.is_powered && seen.nmt_state == nmt::State::Initialising);
     }

@@ -15,6 +15,7 @@ mod feedback;
 mod fits;
 mod heard;
 mod homing;
+mod io_nodes;
 mod jogs;
 mod judge;
 mod lines;

@@ -253,7 +253,7 @@ impl<const N: usize> Controller<N> {
         let mut on = [false; 2];
         for (on, &input) in on.iter_mut().zip(inputs) {
             let input = &self.layout.inputs[input];
-            *on = self.nodes[input.drive].signal(input.signal)? != input.active_low;
+            *on = self.nodes[input.node].signal(input.signal)? != input.active_low;
         }
         Some(on)
     }

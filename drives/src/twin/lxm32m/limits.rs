@@ -4,7 +4,6 @@
 use super::drive::{Drive, POSITION_STEP, STANDSTILL};
 use super::fault::DriveError;
 use super::motion::Motion;
-use crate::twin::node::Firmware;
 
 /// 3006h:47 `MON_SWLimMode`: to rest at the limit; anything else, from the limit on.
 const STANDSTILL_AT_LIMIT: i64 = 1;
@@ -49,7 +48,7 @@ impl Drive {
     /// The negative and the positive switch, as far as 3006h:11 leaves them on.
     fn limit_switches(&self) -> (bool, bool) {
         let off = self.objects.get(self.rows.hardware_limits_off);
-        let position = self.shaft().position();
+        let position = self.servo.loops.shaft.position();
         (
             off & NEGATIVE == 0 && self.switches.negative_limit_active(position),
             off & POSITIVE == 0 && self.switches.positive_limit_active(position),

@@ -46,7 +46,7 @@ impl Drive {
     /// Looks after the capture inputs. What is captured is where the edge is, however far the
     /// shaft has turned since.
     pub(super) fn watch_captures(&mut self) {
-        let position = self.shaft().position();
+        let position = self.servo.loops.shaft.position();
         for input in 0..CAPTURES {
             let along = self.switches.along(input).next();
             let (range, level) = match (&self.switches.captures[input], along) {
@@ -236,7 +236,7 @@ impl Drive {
 
     /// DI0…DI4: capture inputs 1 and 2, LIMP, LIMN, REF, and what else is wired there, each 1 while active.
     fn inputs(&self) -> [bool; 5] {
-        let position = self.shaft().position();
+        let position = self.servo.loops.shaft.position();
         let [capture_1, capture_2] = self.captures.0.map(|level| level == Some(true));
         let switches = [
             capture_1,

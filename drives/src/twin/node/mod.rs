@@ -36,17 +36,25 @@ pub trait Firmware: Application {
     /// forgotten.
     fn power_off(&mut self);
 
-    /// The shaft that its motor turns, or that turns its encoder.
-    fn shaft(&self) -> &Shaft;
+    /// The shaft that its motor turns, or that turns its encoder, if it has one.
+    fn shaft(&self) -> Option<&Shaft> {
+        None
+    }
 
     /// The same, to be turned by something else.
-    fn shaft_mut(&mut self) -> &mut Shaft;
+    fn shaft_mut(&mut self) -> Option<&mut Shaft> {
+        None
+    }
 
     /// Whether the power stage is on.
-    fn is_powered(&self) -> bool;
+    fn is_powered(&self) -> bool {
+        false
+    }
 
     /// Torque of the motor, N·m.
-    fn torque(&self) -> f64;
+    fn torque(&self) -> f64 {
+        0.0
+    }
 
     /// Interferes with what is behind the node and the shaft; what it does not have is left alone.
     fn disturb(&mut self, disturbance: Disturbance);
@@ -205,8 +213,8 @@ impl<F: Firmware + Send + 'static> SimulatedDevice for Device<F> {
         Observation {
             nmt_state: self.node.state(),
             is_powered: self.firmware.is_powered(),
-            position: self.firmware.shaft().position(),
-            velocity: self.firmware.shaft().velocity(),
+            position: self.firmware.shaft().map_or(0.0, Shaft::position),
+            velocity: self.firmware.shaft().map_or(0.0, Shaft::velocity),
             torque: self.firmware.torque(),
         }
     }
@@ -216,14 +224,22 @@ impl<F: Firmware + Send + 'static> SimulatedDevice for Device<F> {
             Disturbance::Mute(muted) => self.outbox.mute(muted),
             Disturbance::LoseTPdos(count) => self.lost_t_pdos = count,
             Disturbance::Reset => self.power_cycle = true,
-            Disturbance::Block(blocked) => self.firmware.shaft_mut().block(blocked),
-            Disturbance::LoseTorque(lost) => self.firmware.shaft_mut().lose_torque(lost),
+            Disturbance::Block(blocked) => {
+                if let Some(shaft) = self.firmware.shaft_mut() {
+                    shaft.block(blocked);
+                }
+            }
+            Disturbance::LoseTorque(lost) => {
+                if let Some(shaft) = self.firmware.shaft_mut() {
+                    shaft.lose_torque(lost);
+                }
+            }
             other => self.firmware.disturb(other),
         }
     }
 
     fn shaft_mut(&mut self) -> Option<&mut Shaft> {
-        Some(self.firmware.shaft_mut())
+        self.firmware.shaft_mut()
     }
 
     fn run_until(&mut self, now: Instant) {

@@ -93,12 +93,12 @@ impl<D: ServoFirmware> Firmware for D {
         self.servo_mut().cause_persists = false;
     }
 
-    fn shaft(&self) -> &Shaft {
-        &self.servo().loops.shaft
+    fn shaft(&self) -> Option<&Shaft> {
+        Some(&self.servo().loops.shaft)
     }
 
-    fn shaft_mut(&mut self) -> &mut Shaft {
-        &mut self.servo_mut().loops.shaft
+    fn shaft_mut(&mut self) -> Option<&mut Shaft> {
+        Some(&mut self.servo_mut().loops.shaft)
     }
 
     fn is_powered(&self) -> bool {

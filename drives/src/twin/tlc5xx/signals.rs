@@ -3,7 +3,6 @@
 use super::drive::Drive;
 use super::fault::DriveError;
 use super::settings::INCREMENTS_PER_REVOLUTION;
-use crate::twin::node::Firmware;
 use core::ops::Range;
 
 /// Bits of 2046h, 2047h, 2048h and of the states of the modes (10276, 12251).
@@ -60,7 +59,7 @@ pub(super) struct Captures {
 impl Drive {
     /// Which of LIMP, LIMN, REF and STOP are active.
     pub(super) fn active_signals(&self) -> u16 {
-        let position = self.shaft().position();
+        let position = self.servo.loops.shaft.position();
         let Switches {
             negative_limit,
             positive_limit,

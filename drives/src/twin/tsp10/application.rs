@@ -103,12 +103,12 @@ impl Firmware for Drive {
         self.error_register = 0;
     }
 
-    fn shaft(&self) -> &Shaft {
-        &self.shaft
+    fn shaft(&self) -> Option<&Shaft> {
+        Some(&self.shaft)
     }
 
-    fn shaft_mut(&mut self) -> &mut Shaft {
-        &mut self.shaft
+    fn shaft_mut(&mut self) -> Option<&mut Shaft> {
+        Some(&mut self.shaft)
     }
 
     fn is_powered(&self) -> bool {

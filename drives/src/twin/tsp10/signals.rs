@@ -28,7 +28,7 @@ pub struct Switches {
 impl Drive {
     /// Levels of DE1 to DE10, from bit 0.
     pub(super) fn levels(&self) -> u16 {
-        let position = self.shaft().position();
+        let position = self.shaft.position();
         let switches = &self.switches;
         let is_below = switches.lower_limit.is_some_and(|limit| position < limit);
         let is_above = switches.upper_limit.is_some_and(|limit| position > limit);

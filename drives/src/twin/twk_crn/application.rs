@@ -95,20 +95,12 @@ impl Firmware for Encoder {
 
     fn power_off(&mut self) {}
 
-    fn shaft(&self) -> &Shaft {
-        &self.shaft
+    fn shaft(&self) -> Option<&Shaft> {
+        Some(&self.shaft)
     }
 
-    fn shaft_mut(&mut self) -> &mut Shaft {
-        &mut self.shaft
-    }
-
-    fn is_powered(&self) -> bool {
-        false
-    }
-
-    fn torque(&self) -> f64 {
-        0.0
+    fn shaft_mut(&mut self) -> Option<&mut Shaft> {
+        Some(&mut self.shaft)
     }
 
     fn disturb(&mut self, disturbance: Disturbance) {

@@ -5,7 +5,6 @@ use crate::twin::lxm32m::fault::DriveError;
 use crate::twin::lxm32m::motion::Motion;
 use crate::twin::lxm32m::switches::Switch;
 use crate::twin::lxm32m::units::INCREMENTS_PER_REVOLUTION;
-use crate::twin::node::Firmware;
 use syncline_canopen::dictionary::Row;
 
 /// How a method finds its reference point.
@@ -215,7 +214,8 @@ impl Drive {
     }
 
     fn is_on(&self, switch: Switch) -> bool {
-        self.switches.is_active(switch, self.shaft().position())
+        self.switches
+            .is_active(switch, self.servo.loops.shaft.position())
     }
 
     fn search(&mut self, direction: f64, turned: bool) {

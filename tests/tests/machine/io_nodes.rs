@@ -1,0 +1,425 @@
+//! An I/O node by CiA 401 beside the portal's drives: its outputs, its inputs, and what is done without it.
+
+use proptest::prelude::*;
+use std::time::Duration;
+use syncline_canopen::{CobId, Instant, NodeId};
+use syncline_controller::control::fault::DriveCause;
+use syncline_controller::control::{End, Event, Fault, Phase};
+use syncline_drives::twin::cia401::Twin;
+use syncline_drives::twin::{Disturbance, ErrorClass};
+use syncline_tests::rig::Rig;
+
+/// The node's place behind the drives of the machine file.
+const IO: usize = 4;
+
+const WIRED: &str = r#"
+[[io]]
+name = "cabinet"
+bus = "portal"
+node = 9
+model = "cia401"
+
+[spindle]
+max_speed = 24000
+ramp_ms = 200
+
+[[output]]
+name = "valve"
+io = "cabinet"
+signal = "DO1"
+number = 1
+
+[[output]]
+name = "clamp"
+io = "cabinet"
+signal = "DO9"
+active_low = true
+safe = "on"
+number = 2
+
+[[output]]
+name = "speed"
+io = "cabinet"
+signal = "AO0"
+full_scale = 24000
+function = "spindle_speed"
+
+[[output]]
+name = "laser"
+io = "cabinet"
+signal = "AO2"
+full_scale = 10
+safe = -1
+number = 3
+
+[[input]]
+name = "enable"
+io = "cabinet"
+signal = "DI0"
+function = "enable"
+
+[[input]]
+name = "part"
+io = "cabinet"
+signal = "DI12"
+active_low = true
+number = 5
+
+[machine]
+"#;
+const ENABLE: u8 = 0;
+const PART: u8 = 12;
+
+/// Analog outputs and their full scale: the clamp is on where its output is off, the laser at a tenth.
+const SAFE: (u16, [i16; 4]) = (0, [0, 0, -3277, 0]);
+
+fn node() -> NodeId {
+    NodeId::new(9).unwrap()
+}
+
+/// The portal with such a node, its enable on.
+fn wired_with(more: &[(&str, &str)], program: &str) -> Rig {
+    let mut replacements = vec![("[machine]\n", WIRED)];
+    replacements.extend(more);
+    let mut rig = Rig::new("portal", &replacements, program, |_, _| ());
+    set(&mut rig, ENABLE, true);
+    rig
+}
+
+fn wired(program: &str) -> Rig {
+    wired_with(&[], program)
+}
+
+fn set(rig: &mut Rig, input: u8, on: bool) {
+    rig.twin(IO).disturb(Disturbance::Input(input, on));
+}
+
+/// What the node puts out.
+fn outputs(rig: &mut Rig) -> (u16, [i16; 4]) {
+    let twin: &mut Twin = rig.twin_as(IO);
+    (twin.outputs(), twin.analog_outputs())
+}
+
+/// What it was sent, changes only, with the cycle of each: digital outputs, and the three analog ones up to the
+/// last that is used.
+fn sent(rig: &Rig) -> Vec<(Instant, u16, [i16; 3])> {
+    let digital = rig.sent(CobId::r_pdo(1, node()));
+    let analog = rig.sent(CobId::r_pdo(2, node()));
+    let mut sent: Vec<_> = (digital.iter().zip(&analog))
+        .map(|(digital, analog)| {
+            let &[low, high] = digital.frame.data() else {
+                panic!("{digital:?}");
+            };
+            let &[a, b, c, d, e, f] = analog.frame.data() else {
+                panic!("{analog:?}");
+            };
+            let analog = [[a, b], [c, d], [e, f]].map(i16::from_le_bytes);
+            (digital.start, u16::from_le_bytes([low, high]), analog)
+        })
+        .collect();
+    sent.dedup_by_key(|(_, digital, analog)| (*digital, *analog));
+    sent
+}
+
+fn speed(rig: &Rig) -> f64 {
+    rig.rows.last().map_or(0.0, |row| row.plan.speed)
+}
+
+#[test]
+fn outputs_follow_the_program_and_are_safe_before_and_behind() {
+    let program = "G21 G90 F6000\nM64 P1\nG4 P0.5\nM65 P1\nM3 S12000\nM68 E3 Q10\nG1 X20\nM67 E3 Q-2.5\nG1 X30\n\
+                   M64 P2 M5\nG1 X0\nM2\n";
+    let mut rig = wired(program);
+    assert_eq!(rig.finish(), End::Finished, "{:?}", rig.events);
+    assert_eq!(outputs(&mut rig), SAFE);
+    let sent = sent(&rig);
+    let states: Vec<_> = sent
+        .iter()
+        .map(|(_, digital, analog)| (*digital, *analog))
+        .collect();
+    let (full, quarter) = (32767, -8192);
+    // What stands at one place comes with one setpoint.
+    let expected = [
+        (0, [0, 0, -3277]),
+        (0x0200, [0, 0, 0]),
+        (0x0202, [0, 0, 0]),
+        (0x0200, [16384, 0, full]),
+        (0x0200, [16384, 0, quarter]),
+        (0, [0, 0, quarter]),
+        (0, [0, 0, -3277]),
+    ];
+    assert_eq!(states, expected);
+    let pulse = sent.iter().position(|it| it.1 == 0x0202).unwrap();
+    let length = sent[pulse + 1].0.saturating_since(sent[pulse].0);
+    let cycles = length.as_nanos() / rig.machine.cycle.as_nanos();
+    assert!(cycles.abs_diff(250) <= 1, "{cycles} cycles");
+}
+
+#[test]
+fn its_inputs_mean_what_the_file_says_at_sync_and_by_event() {
+    let by_event = (
+        "model = \"cia401\"",
+        "model = \"cia401\"\ninputs = \"event\"",
+    );
+    let by_words = (
+        "[machine]\n",
+        "[model.cia401]\ndigital_words = 1\n[machine]\n",
+    );
+    for more in [&[][..], &[by_event], &[by_words], &[by_event, by_words]] {
+        let mut rig = wired_with(more, "G21 G90 F6000\nG1 X10\nM66 P5 L3 Q3\nG1 X20\nM2\n");
+        set(&mut rig, PART, true);
+        rig.run_until(|rig| speed(rig) > 0.0);
+        rig.run_until(|rig| speed(rig) == 0.0);
+        let until = rig.rows.len() + 300;
+        rig.run_to_row(until);
+        assert_eq!(speed(&rig), 0.0);
+        set(&mut rig, PART, false);
+        let came = rig.rows.len();
+        rig.run_until(|rig| speed(rig) > 0.0);
+        assert!(
+            rig.rows.len() - came <= 8,
+            "{more:?}: {} cycles",
+            rig.rows.len() - came
+        );
+        assert_eq!(rig.finish(), End::Finished);
+        let told = rig
+            .frames()
+            .iter()
+            .filter(|it| it.frame.id() == CobId::t_pdo(1, node()).into())
+            .count();
+        let by_event = more.contains(&by_event);
+        assert_eq!(told < rig.syncs().len() / 10, by_event, "{told} T_PDOs");
+    }
+}
+
+#[test]
+fn its_enable_lost_stops_all() {
+    let mut rig = wired("G21 G90 F6000\nM3 S12000\nM64 P1\nG1 X400\nM2\n");
+    rig.run_until(|rig| speed(rig) > 50.0);
+    set(&mut rig, ENABLE, false);
+    rig.run_until(|rig| rig.end().is_some());
+    set(&mut rig, ENABLE, true);
+    assert!(matches!(rig.finish_with_fault(), Fault::NotEnabled { .. }));
+    assert!(rig.ends_at_rest());
+    assert_eq!(outputs(&mut rig), SAFE);
+}
+
+/// What happens to the node, and whether it is told at once or has to be missed.
+const LOSSES: [(Disturbance, &str); 3] = [
+    (Disturbance::Mute(true), "heartbeat lost"),
+    (Disturbance::Reset, "rebooted"),
+    (Disturbance::Fault(ErrorClass::SwitchOff), "EMCY"),
+];
+
+#[test]
+fn without_the_node_the_machine_stops_on_the_path_and_says_so() {
+    for by_event in [false, true] {
+        for (loss, _) in LOSSES {
+            let more = (
+                "model = \"cia401\"",
+                "model = \"cia401\"\ninputs = \"event\"",
+            );
+            let more = if by_event { vec![more] } else { vec![] };
+            let mut rig = wired_with(&more, "G21 G90 F6000\nM3 S12000\nG1 X700\nM2\n");
+            rig.run_until(|rig| speed(rig) > 50.0);
+            rig.twin(IO).disturb(loss);
+            let fault = rig.finish_with_fault();
+            let Fault::Drive(IO, cause) = fault else {
+                panic!("{loss:?}: {fault:?}");
+            };
+            if by_event && loss == Disturbance::Mute(true) {
+                assert_eq!(cause, DriveCause::HeartbeatLost);
+            }
+            let told = fault.describe(&*rig.layout);
+            assert!(told.contains("node 9 (cabinet, CiA 401)"), "{told}");
+            rig.trace().assert_within_limits();
+            assert!(rig.ends_at_rest());
+            let quick = |event: &&Event| matches!(event, Event::Phase(Phase::QuickStop));
+            assert!(rig.events.iter().find(quick).is_none(), "{loss:?}");
+        }
+    }
+}
+
+#[test]
+fn outputs_are_safe_within_two_cycles_of_a_fault() {
+    let mut rig = wired("G21 G90 F6000\nM3 S12000\nM64 P1\nM64 P2\nG1 X400\nM2\n");
+    rig.run_until(|rig| speed(rig) > 50.0);
+    assert_eq!(outputs(&mut rig), (0x0002, [16384, 0, 0, 0]));
+    rig.twin(0)
+        .disturb(Disturbance::Fault(ErrorClass::SwitchOff));
+    rig.run_until(|rig| rig.end().is_some());
+    let told = rig.session.timeline().now();
+    let _ = rig.finish_with_fault();
+    let (safe, digital, analog) = *sent(&rig).last().expect("outputs");
+    assert_eq!((digital, analog), (0, [0, 0, -3277]));
+    assert!(
+        safe <= told + 2 * rig.machine.cycle,
+        "safe at {safe:?}, told at {told:?}"
+    );
+}
+
+/// The controller is gone, in the middle of a program: the node falls back by itself once it misses its heartbeat.
+#[test]
+fn without_the_controller_outputs_are_safe_by_the_nodes_own_error_mode() {
+    let mut rig = wired("G21 G90 F6000\nM3 S12000\nM64 P1\nM64 P2\nG1 X400\nM2\n");
+    rig.run_until(|rig| speed(rig) > 50.0);
+    let puts_out = outputs(&mut rig);
+    assert_eq!(puts_out, (0x0002, [16384, 0, 0, 0]));
+    let heartbeats = rig.sent(CobId::error_control(NodeId::new(127).unwrap()));
+    let heard = heartbeats.last().expect("a heartbeat").start;
+    let timeout = rig.machine.controller.heartbeat_timeout;
+    let ms = Duration::from_millis(1);
+    let mut now = rig.session.timeline().now();
+    while now + 2 * ms < heard + timeout {
+        now += ms;
+        rig.session.timeline().world().advance_to(now);
+        assert_eq!(outputs(&mut rig), puts_out, "{now:?}");
+    }
+    rig.session
+        .timeline()
+        .world()
+        .advance_to(heard + timeout + 2 * ms);
+    assert_eq!(outputs(&mut rig), SAFE);
+}
+
+/// What a program switches: P1, P2, E3, the spindle.
+#[derive(Clone, Copy, Debug)]
+enum Step {
+    Digital(u8, bool, bool),
+    Analog(bool, i8),
+    Spindle(Option<u16>),
+    Dwell(u16),
+    Move(i8),
+}
+
+fn step() -> impl Strategy<Value = Step> {
+    prop_oneof![
+        3 => (1u8..3, any::<bool>(), any::<bool>()).prop_map(|(number, on, at_once)| Step::Digital(number, on, at_once)),
+        2 => (any::<bool>(), -100i8..=100).prop_map(|(at_once, tenths)| Step::Analog(at_once, tenths)),
+        2 => prop::option::of(1u16..=24_000).prop_map(Step::Spindle),
+        2 => (5u16..150).prop_map(Step::Dwell),
+        2 => (0i8..100).prop_map(Step::Move),
+    ]
+}
+
+/// Digital and analog outputs.
+type State = (u16, [i16; 3]);
+
+/// The program, and what it puts out, one state after the other: each with the time from the beginning of the one
+/// before, where only dwells are between them.
+fn programmed(steps: &[Step]) -> (String, Vec<(State, Option<f64>)>) {
+    let mut program = "G21 G90 G61 F6000\n".to_owned();
+    // A program begins with all off, the clamp, which is active low, too.
+    let mut state: State = (0x0200, [0; 3]);
+    let mut states = vec![(state, None)];
+    let mut with_motion: Vec<Step> = Vec::new();
+    let (mut since, mut at) = (None, 0);
+    for &step in steps {
+        let mut now = Vec::new();
+        let mut moves = false;
+        match step {
+            Step::Digital(number, on, at_once) => {
+                program += &format!(
+                    "M{} P{number}\n",
+                    62 + u8::from(!on) + 2 * u8::from(at_once)
+                );
+                let waits = if at_once { &mut now } else { &mut with_motion };
+                waits.push(step);
+            }
+            Step::Analog(at_once, tenths) => {
+                let value = f64::from(tenths) / 10.0;
+                program += &format!("M{} E3 Q{value}\n", 67 + u8::from(at_once));
+                let waits = if at_once { &mut now } else { &mut with_motion };
+                waits.push(step);
+            }
+            Step::Spindle(speed) => {
+                program += &speed.map_or("M5\n".into(), |speed| format!("M3 S{speed}\n"));
+                now.push(step);
+            }
+            Step::Dwell(ms) => {
+                program += &format!("G4 P{}\n", f64::from(ms) / 1e3);
+                since = since.map(|since| since + f64::from(ms) / 1e3);
+            }
+            Step::Move(to) => {
+                program += &format!("G0 X{to}\n");
+                moves = std::mem::replace(&mut at, to) != to;
+                if moves {
+                    now = std::mem::take(&mut with_motion);
+                }
+            }
+        }
+        now.into_iter().for_each(|step| put_out(&mut state, step));
+        since = follow(&mut states, state, since).filter(|_| !moves);
+    }
+    // What stands at the end has no length otherwise; the end switches the spindle off, before outputs are safe.
+    put_out(&mut state, Step::Spindle(None));
+    follow(&mut states, state, since.map(|since| since + 0.01));
+    (program + "G4 P0.01\nM2\n", states)
+}
+
+/// What a step makes of the outputs.
+fn put_out(state: &mut State, step: Step) {
+    let scaled = |value: f64, full: f64| (value / full * 32767.0).round() as i16;
+    match step {
+        Step::Digital(number, on, _) => {
+            let (bit, on) = if number == 1 {
+                (0x0002, on)
+            } else {
+                (0x0200, !on)
+            };
+            state.0 = state.0 & !bit | if on { bit } else { 0 };
+        }
+        Step::Analog(_, tenths) => state.1[2] = scaled(f64::from(tenths) / 10.0, 10.0),
+        Step::Spindle(speed) => state.1[0] = scaled(speed.map_or(0.0, f64::from), 24_000.0),
+        Step::Dwell(_) | Step::Move(_) => {}
+    }
+}
+
+/// A state behind the others, `since` the last one of them began; since when the last of all has been then. What
+/// stands at one place comes with one setpoint, and what does not change anything does not show.
+fn follow(states: &mut Vec<(State, Option<f64>)>, state: State, since: Option<f64>) -> Option<f64> {
+    let (last, before) = *states.last().expect("the first one");
+    if last == state {
+        return since;
+    }
+    if since != Some(0.0) {
+        states.push((state, since));
+        return Some(0.0);
+    }
+    states.pop();
+    match states.last() {
+        Some((earlier, _)) if *earlier == state => before,
+        _ => {
+            states.push((state, before));
+            since
+        }
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 24, ..ProptestConfig::default() })]
+
+    /// Whatever a program switches, and wherever: every state comes, in order, and lasts as long as the program dwells
+    /// in it, to one cycle.
+    #[test]
+    fn outputs_come_in_program_order_with_the_dwells_between_them(steps in prop::collection::vec(step(), 0..16)) {
+        let (program, expected) = programmed(&steps);
+        let mut rig = wired(&program);
+        prop_assert_eq!(rig.finish(), End::Finished, "{}{:?}", program, rig.events);
+        let sent = sent(&rig);
+        let states: Vec<State> = sent.iter().map(|(_, digital, analog)| (*digital, *analog)).collect();
+        let safe = (SAFE.0, [SAFE.1[0], SAFE.1[1], SAFE.1[2]]);
+        let wanted: Vec<State> = expected.iter().map(|(state, _)| *state).collect();
+        let mut all = [&[safe][..], &wanted, &[safe]].concat();
+        all.dedup();
+        prop_assert_eq!(&states, &all, "{}", program);
+        let cycle = rig.machine.cycle.as_secs_f64();
+        // The first one is that before the program.
+        for (place, (_, since)) in expected.iter().enumerate() {
+            let length = sent[place + 1].0.saturating_since(sent[place].0).as_secs_f64();
+            if let Some(since) = since {
+                prop_assert!((length - since).abs() <= cycle * 1.01, "{} s, not {}: {}", length, since, program);
+            }
+        }
+    }
+}
