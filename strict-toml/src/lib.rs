@@ -82,11 +82,51 @@ pub fn read(file: &Path) -> io::Result<String> {
 pub fn parse<'s>(log: &mut Log<'_>, source: &'s str) -> Spanned<DeTable<'s>> {
     let (document, errors) = DeTable::parse_recoverable(source);
     for error in errors {
-        log.report(
-            error.span().unwrap_or(0..0),
-            format!("not TOML: {}", error.message()),
-            "allowed: tables, keys and values as on https://toml.io",
-        );
+        let place = error.span().unwrap_or(0..0);
+        let told = format!("not TOML: {}", error.message());
+        let allowed = match table_again(source, place.start) {
+            Some(name) => {
+                format!("allowed: each table once; `[[{name}]]` where it is one of several")
+            }
+            None => "allowed: tables, keys and values as on https://toml.io".to_owned(),
+        };
+        log.report(place, told, allowed);
     }
     document
+}
+
+/// The name of a table whose header `[name]` comes a second time and begins before `place`.
+fn table_again(source: &str, place: usize) -> Option<&str> {
+    let before = source.get(..place)?;
+    let start = before.rfind('\n').map_or(0, |at| at + 1);
+    let header = source[start..].lines().next()?;
+    let header = header.split('#').next().unwrap_or_default().trim();
+    let name = header.strip_prefix('[')?.strip_suffix(']')?;
+    let is_header = |line: &str| line.split('#').next().unwrap_or_default().trim() == header;
+    (!name.starts_with('[') && source[..start].lines().any(is_header)).then_some(name)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_table_that_comes_again_wants_two_brackets() {
+        let told = |text: &str| {
+            let mut log = Log::new(text);
+            parse(&mut log, text);
+            let invalid = Invalid {
+                file: Path::new("a.toml").into(),
+                diagnostics: log.into_diagnostics(),
+            };
+            invalid.to_string()
+        };
+        let text = told("[axis]  # X\na = 1\n\n[axis]\na = 2\n");
+        let expected = "a.toml:4:2: not TOML: duplicate key\n  4 | [axis]\n    |  ^^^^\n    \
+                        = allowed: each table once; `[[axis]]` where it is one of several\n";
+        assert!(text.starts_with(expected), "{text}");
+        for other in ["a = 1\na = 2\n", "[b]\na = 1\na = 2\n", "a = \n", "[a\n"] {
+            assert!(told(other).contains("https://toml.io"), "{other:?}");
+        }
+    }
 }
