@@ -116,7 +116,10 @@ impl Checker for Stops {
                 moved = Some(drive);
             }
         }
-        let (Some(drive), Some(mut stop)) = (moved, self.stop.take()) else {
+        let Some(drive) = moved else {
+            return;
+        };
+        let Some(mut stop) = self.stop.take() else {
             return;
         };
         stop.moved = scene.now;
