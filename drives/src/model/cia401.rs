@@ -28,7 +28,7 @@ pub(super) static CIA401: Model = Model {
     cycle_step: Duration::from_micros(1),
     cycles: Duration::from_micros(500)..=Duration::from_secs(1),
     increments_per_revolution: |_| 1,
-    positions: Increments::ZERO..=Increments::ZERO,
+    positions: Increments::MIN..=Increments::MAX,
     setpoints: Setpoints::Positions,
     abilities: &[],
     assumptions: &[
