@@ -10,7 +10,7 @@ AssertionError. Every wait is bounded.
 import sys
 import time
 
-from master import aborted, answers, connected, ok, until
+from master import aborted, answers, connected, ok, received, until
 
 
 def bring_up(node):
@@ -36,15 +36,15 @@ def process_data(network, node):
     node.rpdo.read()
     assert [v.index for v in node.tpdo[1].map] == [0x6000, 0x6000]
     assert [v.index for v in node.rpdo[2].map] == [0x6411] * 4
-    node.nmt.state = "OPERATIONAL"
-    assert node.tpdo[1].wait_for_reception(1), "no T_PDO on entering Operational"
+    with received(node.tpdo[1], "no T_PDO on entering Operational"):
+        node.nmt.state = "OPERATIONAL"
     out = node.rpdo[1]
     out[0].raw, out[1].raw = 0x0F, 0xF0
     out.transmit()
     until("the outputs", lambda: node.sdo[0x6300][1].raw == 0xF00F)
     # A change of polarity changes what the inputs read.
-    node.sdo[0x6002][1].raw = 0x81
-    assert node.tpdo[1].wait_for_reception(1), "no T_PDO at a change"
+    with received(node.tpdo[1], "no T_PDO at a change"):
+        node.sdo[0x6002][1].raw = 0x81
     assert node.tpdo[1][0].raw == 0x81
     ok("outputs by R_PDO, inputs by event")
 
@@ -56,8 +56,8 @@ def synchronous(network, node):
     inputs.save()
     node.nmt.state = "OPERATIONAL"
     for _ in range(3):
-        network.sync.transmit()
-        assert inputs.wait_for_reception(1), "no T_PDO after SYNC"
+        with received(inputs, "no T_PDO after SYNC"):
+            network.sync.transmit()
     ok("inputs by SYNC")
 
 

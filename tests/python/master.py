@@ -1,6 +1,8 @@
 """What every master here has: the bus that its arguments name, waits that end, aborts that are meant."""
 
+import threading
 import time
+from contextlib import contextmanager
 
 import canopen
 
@@ -33,6 +35,20 @@ def until(what, condition, seconds=3.0):
     while not condition():
         assert time.monotonic() < end, f"not within {seconds} s: {what}"
         time.sleep(0.005)
+
+
+@contextmanager
+def received(pdo, what):
+    """Holds that a T_PDO comes in within a second of what the body does, however soon."""
+    came = threading.Event()
+
+    def note(_pdo):
+        came.set()
+
+    pdo.add_callback(note)
+    yield
+    assert came.wait(1), what
+    pdo.callbacks.remove(note)
 
 
 def aborted(code, access):

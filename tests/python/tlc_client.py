@@ -10,7 +10,7 @@ is bounded.
 import struct
 import sys
 
-from master import TARGET_REACHED, aborted, answers, connected, ok, until, word
+from master import TARGET_REACHED, aborted, answers, connected, ok, received, until, word
 
 ACKNOWLEDGED = 1 << 12
 
@@ -109,8 +109,8 @@ def stream(network, node):
         command[0x6040].raw = 0x0F
         command[0x60FF].raw = velocity
         command.transmit()
-        network.sync.transmit()
-        assert status.wait_for_reception(1), "no T_PDO2 after SYNC"
+        with received(status, "no T_PDO2 after SYNC"):
+            network.sync.transmit()
     before = node.sdo[0x6064].raw
     assert status[0x6041].raw & 0x6F == 0x27
     until("standstill", lambda: abs(node.sdo[0x606C].raw) <= 2, 5)

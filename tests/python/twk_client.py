@@ -11,7 +11,7 @@ import struct
 import sys
 import time
 
-from master import aborted, answers, connected, ok, until
+from master import aborted, answers, connected, ok, received, until
 
 SAVE, LOAD = 0x65766173, 0x64616F6C
 
@@ -44,11 +44,11 @@ def process_data(network, node):
     change, synchronous = node.tpdo[1], node.tpdo[3]
     assert [v.index for v in change.map] == [v.index for v in synchronous.map] == [0x6004]
     assert (change.trans_type, synchronous.trans_type) == (254, 1)
-    node.nmt.state = "OPERATIONAL"
-    assert change.wait_for_reception(1), "no T_PDO on entering Operational"
+    with received(change, "no T_PDO on entering Operational"):
+        node.nmt.state = "OPERATIONAL"
     for _ in range(3):
-        network.sync.transmit()
-        assert synchronous.wait_for_reception(1), "no T_PDO after SYNC"
+        with received(synchronous, "no T_PDO after SYNC"):
+            network.sync.transmit()
         assert synchronous[0x6004].raw == 1234
     node.sdo[0x6200].raw = 20
     for _ in range(3):

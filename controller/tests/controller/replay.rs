@@ -262,11 +262,9 @@ fn a_run_on_two_buses_is_sent_again() {
     // Another bit rate: the ends of frames do not fall together.
     let second = "[[bus]]\nname = \"second\"\nbitrate = 500_000\nport = \"sim\"\n\n[[drive]]";
     text = text.replacen("[[drive]]", second, 1);
-    for drive in ["Y", "Z"] {
-        let named = format!("name = \"{drive}\"\nbus = ");
-        assert!(text.contains(&named));
-        text = text.replace(&format!("{named}\"portal\""), &format!("{named}\"second\""));
-    }
+    let named = "name = \"Z\"\nbus = ";
+    assert!(text.contains(named));
+    text = text.replace(&format!("{named}\"portal\""), &format!("{named}\"second\""));
     fs::write(&recorded.machine, text).unwrap();
     let (code, text) = ended(&recorded.command("validate").output().unwrap());
     assert_eq!(code, 0, "{text}");
