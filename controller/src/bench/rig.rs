@@ -229,12 +229,12 @@ impl Shape {
                         name: bus_name(bus),
                         bit_rate: budget.bit_rate,
                         sdo_per_cycle: budget.sdo_transfers(self.device(0).spec().sdo_response),
-                        drives: self.axes_of(bus).collect(),
+                        devices: self.axes_of(bus).collect(),
                         by_node,
                     }
                 })
                 .collect(),
-            drives: (0..self.axes)
+            devices: (0..self.axes)
                 .map(|axis| layout::DeviceSpec {
                     name: format!("drive {axis}"),
                     bus: axis % self.buses,

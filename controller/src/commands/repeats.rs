@@ -75,7 +75,7 @@ mod tests {
             let now = Duration::from_millis(2 * cycle);
             let late = Event::LateSetpoint { bus: 0, cycle };
             told += u64::from(repeats.is_news(&late, now));
-            told += u64::from(repeats.is_news(&Event::MissedTPdo { drive: 1 }, now));
+            told += u64::from(repeats.is_news(&Event::MissedTPdo { device: 1 }, now));
             counted.extend(repeats.due(now));
         }
         counted.extend(repeats.due(Duration::MAX));
@@ -94,8 +94,8 @@ mod tests {
         let mut repeats = Repeats::default();
         let now = Duration::ZERO;
         for event in [
-            Event::MissedTPdo { drive: 1 },
-            Event::MissedTPdo { drive: 2 },
+            Event::MissedTPdo { device: 1 },
+            Event::MissedTPdo { device: 2 },
             Event::LateSetpoint { bus: 0, cycle: 5 },
             Event::LateSetpoint { bus: 1, cycle: 5 },
             Event::Held,
@@ -105,6 +105,6 @@ mod tests {
             assert!(repeats.is_news(&event, now), "{event:?}");
         }
         assert!(repeats.due(Duration::from_secs(2)).is_empty());
-        assert!(repeats.is_news(&Event::MissedTPdo { drive: 1 }, Duration::from_secs(2)));
+        assert!(repeats.is_news(&Event::MissedTPdo { device: 1 }, Duration::from_secs(2)));
     }
 }

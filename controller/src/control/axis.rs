@@ -1,7 +1,7 @@
 //! One axis in the cycle: planned position to increments, actual position back, following error.
 
 use super::SIDES_ENABLE;
-use super::fault::{AwaitedState, AxisCause, AxisIndex, DeviceIndex, DriveCause, Fault};
+use super::fault::{AwaitedState, AxisCause, AxisIndex, DeviceCause, DeviceIndex, Fault};
 use super::homing::Edge;
 use super::layout::{self, Layout};
 use super::node::DeviceNode;
@@ -110,7 +110,7 @@ impl AxisControl {
         let side = |&drive: &usize| Side {
             offset: Increments::ZERO,
             next: Setpoint::default(),
-            guard: SetpointGuard::new(&spec.limits, &layout.drives[drive].scaling, layout.cycle),
+            guard: SetpointGuard::new(&spec.limits, &layout.devices[drive].scaling, layout.cycle),
             seen: None,
         };
         Self {
@@ -182,7 +182,7 @@ impl AxisControl {
             uncertainty = uncertainty.max(off as f64 * node.scaling().resolution());
             let there = node.scaling().to_increments(place);
             let there =
-                there.map_err(|OutOfRange| Fault::Drive(drive, DriveCause::PositionRange))?;
+                there.map_err(|OutOfRange| Fault::Device(drive, DeviceCause::PositionRange))?;
             node.origin = at - there;
             node.keep_count();
         }
@@ -270,7 +270,7 @@ impl AxisControl {
             let planned = node
                 .scaling()
                 .to_increments(position)
-                .map_err(|OutOfRange| Fault::Drive(drive, DriveCause::PositionRange))?;
+                .map_err(|OutOfRange| Fault::Device(drive, DeviceCause::PositionRange))?;
             side.offset = node.setpoint.position - planned;
         }
         self.planned = [Planned {

@@ -20,22 +20,22 @@ use syncline_drives::model::{Address, StatusWord};
 pub enum Event {
     /// The machine entered this phase.
     Phase(Phase),
-    /// A drive did not answer before its reset; it may just be starting up.
+    /// A device did not answer before its reset; it may just be starting up.
     Silent {
-        /// Which drive.
-        drive: DeviceIndex,
+        /// Which device.
+        device: DeviceIndex,
     },
     /// A drive was found with its power stage on and is being disabled.
     FoundEnabled {
-        /// Which drive.
-        drive: DeviceIndex,
+        /// Which device.
+        device: DeviceIndex,
         /// What it says of itself.
         word: StatusWord,
     },
-    /// What a drive remembers of its last error, read before the set-up wipes it.
+    /// What a device remembers of its last error, read before the set-up wipes it.
     History {
-        /// Which drive.
-        drive: DeviceIndex,
+        /// Which device.
+        device: DeviceIndex,
         /// The object.
         object: Address,
         /// Its value.
@@ -43,8 +43,8 @@ pub enum Event {
     },
     /// A device was set otherwise than it has to be, and is set anew.
     Rewritten {
-        /// Which one.
-        drive: DeviceIndex,
+        /// Which device.
+        device: DeviceIndex,
         /// The object.
         object: Address,
         /// What it was.
@@ -52,40 +52,40 @@ pub enum Event {
         /// What it has to be.
         value: u32,
     },
-    /// A drive would not have an object read or written where that is no fault.
+    /// A device would not have an object read or written where that is no fault.
     Refused {
-        /// Which drive.
-        drive: DeviceIndex,
+        /// Which device.
+        device: DeviceIndex,
         /// The object.
         object: Address,
         /// Its reason.
         code: AbortCode,
     },
-    /// A drive sent an EMCY message before its set-up, which resets the error.
+    /// A device sent an EMCY message before its set-up, which resets the error.
     Emergency {
-        /// Which drive.
-        drive: DeviceIndex,
+        /// Which device.
+        device: DeviceIndex,
         /// What it says.
         emergency: Emergency,
     },
-    /// A drive's warning came, which does not stop it.
+    /// A device's warning came, which does not stop it.
     Warning {
-        /// Which drive.
-        drive: DeviceIndex,
+        /// Which device.
+        device: DeviceIndex,
     },
-    /// One of a drive's digital inputs or outputs changed.
+    /// One of a device's digital inputs or outputs changed.
     Signal {
-        /// Which drive.
-        drive: DeviceIndex,
-        /// Its place among the drive's signals.
+        /// Which device.
+        device: DeviceIndex,
+        /// Its place among the device's signals.
         signal: usize,
         /// Its new level.
         on: bool,
     },
-    /// A drive told that its error is gone (EMCY code 0000h).
+    /// A device told that its error is gone (EMCY code 0000h).
     ErrorReset {
-        /// Which drive.
-        drive: DeviceIndex,
+        /// Which device.
+        device: DeviceIndex,
     },
     /// An axis stands here, its setpoint frozen.
     Frozen {
@@ -122,10 +122,10 @@ pub enum Event {
         /// Why.
         failure: HomingFailure,
     },
-    /// A drive's T_PDO did not come in time.
+    /// A device's T_PDO did not come in time.
     MissedTPdo {
-        /// Which drive.
-        drive: DeviceIndex,
+        /// Which device.
+        device: DeviceIndex,
     },
     /// A cycle's setpoints were dropped or left too late for their SYNC.
     LateSetpoint {
@@ -313,14 +313,14 @@ impl Event {
             (Self::LostCycles { .. }, Self::LostCycles { .. }) => true,
             (
                 Self::Signal {
-                    drive: of, signal, ..
+                    device: of, signal, ..
                 },
                 Self::Signal {
-                    drive,
+                    device,
                     signal: other,
                     ..
                 },
-            ) => (of, signal) == (drive, other),
+            ) => (of, signal) == (device, other),
             (
                 Self::MissedTPdo { .. }
                 | Self::Warning { .. }
@@ -345,59 +345,59 @@ impl Event {
     /// The log's line; `None` for what is not worth one.
     #[must_use]
     pub fn describe(&self, names: &impl Names) -> Option<String> {
-        let who = |drive| names.who(drive);
+        let who = |device| names.who(device);
         Some(match *self {
             Self::Phase(phase) => phase.to_string(),
-            Self::Silent { drive } => {
-                format!("{}: no answer; it may just be starting", who(drive))
+            Self::Silent { device } => {
+                format!("{}: no answer; it may just be starting", who(device))
             }
-            Self::FoundEnabled { drive, word } => format!(
+            Self::FoundEnabled { device, word } => format!(
                 "{}: found with its power stage on, {word}: switching it off",
-                who(drive)
+                who(device)
             ),
             Self::History { value: 0, .. } => return None,
             Self::History {
-                drive,
+                device,
                 object,
                 value,
-            } => format!("{}: before the set-up {object} was {value:X}h", who(drive)),
+            } => format!("{}: before the set-up {object} was {value:X}h", who(device)),
             Self::Rewritten {
-                drive,
+                device,
                 object,
                 found,
                 value,
             } => format!(
                 "{}: {object} was {found:X}h, is set to {value:X}h: it may count from elsewhere now, \
                  check its `zero`",
-                who(drive)
+                who(device)
             ),
             Self::Refused {
-                drive,
+                device,
                 object,
                 code,
-            } => format!("{}: {object} refused: {code}", who(drive)),
-            Self::Emergency { drive, emergency } => format!(
+            } => format!("{}: {object} refused: {code}", who(device)),
+            Self::Emergency { device, emergency } => format!(
                 "{}: EMCY {:04X}h before the set-up{}",
-                who(drive),
+                who(device),
                 emergency.code,
-                names.vendor_part(drive, &emergency)
+                names.vendor_part(device, &emergency)
             ),
-            Self::Warning { drive } => format!("{}: warning pending", who(drive)),
-            Self::Signal { drive, signal, on } => {
+            Self::Warning { device } => format!("{}: warning pending", who(device)),
+            Self::Signal { device, signal, on } => {
                 format!(
                     "{}: {} {}",
-                    who(drive),
-                    names.signal(drive, signal),
+                    who(device),
+                    names.signal(device, signal),
                     level(on)
                 )
             }
-            Self::ErrorReset { drive } => format!("{}: error reset", who(drive)),
+            Self::ErrorReset { device } => format!("{}: error reset", who(device)),
             Self::Frozen { axis, .. }
             | Self::Referenced { axis, .. }
             | Self::Askew { axis, .. }
             | Self::Unreferenced { axis }
             | Self::HomingFailed { axis, .. } => return self.describe_axis(names.axis(axis)),
-            Self::MissedTPdo { drive } => format!("{}: T_PDO missing in one cycle", who(drive)),
+            Self::MissedTPdo { device } => format!("{}: T_PDO missing in one cycle", who(device)),
             Self::LateSetpoint { bus, cycle } => format!(
                 "bus {}: the setpoints of cycle {cycle} missed their SYNC",
                 names.bus(bus)

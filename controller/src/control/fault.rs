@@ -25,8 +25,8 @@ pub type BusIndex = usize;
 /// What stopped the machine. It stays stopped until a person starts it again.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Fault {
-    /// A drive, or what has its node id.
-    Drive(DeviceIndex, DriveCause),
+    /// A device, or what has its node id.
+    Device(DeviceIndex, DeviceCause),
     /// An axis.
     Axis(AxisIndex, AxisCause),
     /// A bus.
@@ -51,9 +51,9 @@ pub enum Fault {
     NoPlan,
 }
 
-/// What a drive did, or did not do.
+/// What a device did, or did not do.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
-pub enum DriveCause {
+pub enum DeviceCause {
     /// It did not send its boot-up message after the reset.
     #[error("no boot-up message after the reset: check power, cabling, node id and bit rate")]
     NoBootUp,
@@ -98,7 +98,7 @@ pub enum DriveCause {
         code: AbortCode,
     },
     /// It did not answer an SDO request, retries included.
-    #[error("no answer to SDO {object}: check that the drive is on the bus")]
+    #[error("no answer to SDO {object}: check that the device is on the bus")]
     SdoTimeout {
         /// The object.
         object: Address,
@@ -106,7 +106,7 @@ pub enum DriveCause {
     /// A set-up value reads back as something else.
     #[error(
         "object {object} reads back {found} ({found:X}h), expected {expected} ({expected:X}h): check \
-         for another master or tool, and the drive's firmware"
+         for another master or tool, and the device's firmware"
     )]
     ReadBack {
         /// The object.
@@ -211,7 +211,7 @@ pub enum DriveCause {
     #[error("booted in the middle of the run: check its supply and for another NMT master")]
     Rebooted,
     /// Its T_PDO stayed away.
-    #[error("no T_PDO in {misses} cycles in a row: check the bus load and the drive")]
+    #[error("no T_PDO in {misses} cycles in a row: check the bus load and the device")]
     MissingTPdo {
         /// Cycles in a row.
         misses: u32,
@@ -321,29 +321,29 @@ impl fmt::Display for AwaitedState {
 
 /// Names and limits that a fault's text needs.
 pub trait Names {
-    /// A drive's node id, name and model.
-    fn drive(&self, drive: DeviceIndex) -> (NodeId, &str, &str);
+    /// A device's node id, name and model.
+    fn device(&self, device: DeviceIndex) -> (NodeId, &str, &str);
     /// An axis.
     fn axis(&self, axis: AxisIndex) -> &AxisSpec;
     /// A bus' name.
     fn bus(&self, bus: BusIndex) -> &str;
-    /// The name of one of a drive's digital inputs or outputs.
-    fn signal(&self, drive: DeviceIndex, signal: usize) -> &str;
+    /// The name of one of a device's digital inputs or outputs.
+    fn signal(&self, device: DeviceIndex, signal: usize) -> &str;
 
     /// The name of an input of the machine.
     fn input(&self, input: InputIndex) -> &str;
-    /// What the bytes that its maker adds to a drive's EMCY say, if anything.
-    fn vendor_error(&self, drive: DeviceIndex, bytes: [u8; 5]) -> Option<String>;
+    /// What the bytes that its maker adds to a device's EMCY say, if anything.
+    fn vendor_error(&self, device: DeviceIndex, bytes: [u8; 5]) -> Option<String>;
 
-    /// A drive as messages call it: `node 3 (Y, LXM32M)`.
-    fn who(&self, drive: DeviceIndex) -> String {
-        let (node, name, model) = self.drive(drive);
+    /// A device as messages call it: `node 3 (Y, LXM32M)`.
+    fn who(&self, device: DeviceIndex) -> String {
+        let (node, name, model) = self.device(device);
         format!("node {node} ({name}, {model})")
     }
 
     /// `, vendor error B404h: its meaning`, or nothing.
-    fn vendor_part(&self, drive: DeviceIndex, emergency: &Emergency) -> String {
-        let error = self.vendor_error(drive, emergency.vendor);
+    fn vendor_part(&self, device: DeviceIndex, emergency: &Emergency) -> String {
+        let error = self.vendor_error(device, emergency.vendor);
         error.map_or_else(String::new, |error| format!(", {error}"))
     }
 }
@@ -379,12 +379,12 @@ impl Fault {
     #[must_use]
     pub fn describe(&self, names: &impl Names) -> String {
         match *self {
-            Self::Drive(drive, cause @ DriveCause::Emergency { emergency }) => format!(
+            Self::Device(device, cause @ DeviceCause::Emergency { emergency }) => format!(
                 "{}: {cause}{}: clear its cause, start again",
-                names.who(drive),
-                names.vendor_part(drive, &emergency)
+                names.who(device),
+                names.vendor_part(device, &emergency)
             ),
-            Self::Drive(drive, cause) => format!("{}: {cause}", names.who(drive)),
+            Self::Device(device, cause) => format!("{}: {cause}", names.who(device)),
             Self::Axis(axis, cause @ AxisCause::SetpointGuard { drive, .. }) => {
                 format!("{}, {}", names.who(drive), cause.describe(names.axis(axis)))
             }

@@ -8,7 +8,7 @@ use syncline_canopen::time::Duration;
 use syncline_canopen::{CanId, Frame, NodeId};
 use syncline_drives::model::{Device, Direction, Increments, Scaling};
 
-/// Buses, drives, axes and times.
+/// Buses, devices, axes and times.
 #[derive(Debug)]
 pub struct Layout {
     /// Base cycle: from SYNC to SYNC; above zero.
@@ -42,7 +42,7 @@ pub struct Layout {
     /// Buses, in the order of the machine file.
     pub buses: Vec<BusSpec>,
     /// Drives, in the order of the machine file, behind them encoders in theirs, and I/O nodes in theirs.
-    pub drives: Vec<DeviceSpec>,
+    pub devices: Vec<DeviceSpec>,
     /// Axes, in the order of the machine file.
     pub axes: Vec<AxisSpec>,
     /// What holds for the homing of all axes.
@@ -65,14 +65,14 @@ pub struct BusSpec {
     /// SDO requests, with their answers, that fit beside one cycle's SYNC and PDOs; at least one,
     /// as none is sent while axes move.
     pub sdo_per_cycle: usize,
-    /// The drives on it.
-    pub drives: Vec<DeviceIndex>,
-    /// By node id: the drive.
+    /// The devices on it.
+    pub devices: Vec<DeviceIndex>,
+    /// By node id: the device.
     pub by_node: [Option<DeviceIndex>; 128],
 }
 
 impl BusSpec {
-    /// The drive whose node id is in the frame's identifier.
+    /// The device whose node id is in the frame's identifier.
     pub(super) fn node_of(&self, frame: &Frame) -> Option<DeviceIndex> {
         match frame.id() {
             CanId::Standard(id) => self.by_node[usize::from(id & 0x7F)],
@@ -144,7 +144,7 @@ impl Layout {
         let latencies = devices.iter().filter_map(Device::drive);
         let lag = latencies.map(|drive| drive.latency()).fold(0.0, f64::max);
         let nowhere = Scaling::new(1, 1.0, Direction::Positive, Increments::ZERO);
-        let drives: Vec<DeviceSpec> = (machine.nodes().zip(devices))
+        let devices: Vec<DeviceSpec> = (machine.nodes().zip(devices))
             .map(|(node, device)| {
                 let seat = node
                     .seat
@@ -166,7 +166,7 @@ impl Layout {
             })
             .collect();
         let buses = (budget.buses.iter().enumerate())
-            .map(|(index, bus)| BusSpec::new(index, bus, &drives))
+            .map(|(index, bus)| BusSpec::new(index, bus, &devices))
             .collect();
         let controller = &machine.controller;
         Ok(Self {
@@ -198,7 +198,7 @@ impl Layout {
                 })
                 .collect(),
             buses,
-            drives,
+            devices,
             homing: machine.homing,
             inputs: machine.inputs.clone(),
             outputs: machine.outputs.clone(),
@@ -208,13 +208,13 @@ impl Layout {
 }
 
 impl Layout {
-    /// The R_PDOs of a bus by their identifiers, each as drive and place among its R_PDOs: the
+    /// The R_PDOs of a bus by their identifiers, each as device and place among its R_PDOs: the
     /// order in which a burst leaves.
     pub(super) fn burst(&self, bus: &BusSpec) -> Vec<(DeviceIndex, usize)> {
         let mut burst = Vec::new();
-        for &drive in &bus.drives {
-            let r_pdos = self.drives[drive].device.spec().r_pdos.iter().enumerate();
-            burst.extend(r_pdos.map(|(place, r_pdo)| (r_pdo.cob_id.get(), (drive, place))));
+        for &device in &bus.devices {
+            let r_pdos = self.devices[device].device.spec().r_pdos.iter().enumerate();
+            burst.extend(r_pdos.map(|(place, r_pdo)| (r_pdo.cob_id.get(), (device, place))));
         }
         burst.sort_unstable();
         burst.into_iter().map(|(_, r_pdo)| r_pdo).collect()
@@ -222,29 +222,29 @@ impl Layout {
 }
 
 impl BusSpec {
-    fn new(index: BusIndex, bus: &BusBudget, drives: &[DeviceSpec]) -> Self {
-        let own: Vec<DeviceIndex> = (0..drives.len())
-            .filter(|&drive| drives[drive].bus == index)
+    fn new(index: BusIndex, bus: &BusBudget, devices: &[DeviceSpec]) -> Self {
+        let own: Vec<DeviceIndex> = (0..devices.len())
+            .filter(|&device| devices[device].bus == index)
             .collect();
         let mut by_node = [None; 128];
-        for &drive in &own {
-            by_node[usize::from(drives[drive].device.spec().node.get())] = Some(drive);
+        for &device in &own {
+            by_node[usize::from(devices[device].device.spec().node.get())] = Some(device);
         }
         Self {
             name: bus.bus.clone(),
             bit_rate: bus.budget.bit_rate,
             sdo_per_cycle: bus.sdo_per_cycle,
-            drives: own,
+            devices: own,
             by_node,
         }
     }
 }
 
 impl Names for Layout {
-    fn drive(&self, drive: DeviceIndex) -> (NodeId, &str, &str) {
-        let drive = &self.drives[drive];
-        let spec = drive.device.spec();
-        (spec.node, &drive.name, spec.model.title)
+    fn device(&self, device: DeviceIndex) -> (NodeId, &str, &str) {
+        let device = &self.devices[device];
+        let spec = device.device.spec();
+        (spec.node, &device.name, spec.model.title)
     }
 
     fn axis(&self, axis: AxisIndex) -> &AxisSpec {
@@ -255,8 +255,8 @@ impl Names for Layout {
         &self.buses[bus].name
     }
 
-    fn signal(&self, drive: DeviceIndex, signal: usize) -> &str {
-        let model = self.drives[drive].device.spec().model;
+    fn signal(&self, device: DeviceIndex, signal: usize) -> &str {
+        let model = self.devices[device].device.spec().model;
         model.signal(signal).unwrap_or_default()
     }
 
@@ -264,7 +264,7 @@ impl Names for Layout {
         &self.inputs[input].name
     }
 
-    fn vendor_error(&self, drive: DeviceIndex, bytes: [u8; 5]) -> Option<String> {
-        self.drives[drive].device.vendor_error(bytes)
+    fn vendor_error(&self, device: DeviceIndex, bytes: [u8; 5]) -> Option<String> {
+        self.devices[device].device.vendor_error(bytes)
     }
 }

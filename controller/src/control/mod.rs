@@ -59,7 +59,7 @@ pub use state::{NotNow, Request, State};
 use crate::bus::{Burst, Outbox, Received};
 use crate::bus::{BusFault, Severity};
 use axis::AxisControl;
-use fault::{BusCause, BusIndex, DeviceIndex, DriveCause, Names};
+use fault::{BusCause, BusIndex, DeviceCause, DeviceIndex, Names};
 use functions::Switches;
 use homing::Homing;
 use inputs::{Awaited, Inputs};
@@ -297,7 +297,7 @@ impl<const N: usize> Controller<N> {
         assert!(layout.axes.iter().all(|axis| axis.coordinate < N));
         let executor = Executor::new([0.0; N], layout.cycle.as_secs_f64());
         Self {
-            nodes: (0..layout.drives.len())
+            nodes: (0..layout.devices.len())
                 .map(|drive| DeviceNode::new(drive, &layout))
                 .collect(),
             axes: (0..layout.axes.len())
@@ -504,10 +504,10 @@ impl<const N: usize> Controller<N> {
         drop(events);
         match outcome {
             // The set-up resets what was wrong before; what is wrong still shows after it.
-            Err(Fault::Drive(drive, DriveCause::Emergency { emergency }))
+            Err(Fault::Device(device, DeviceCause::Emergency { emergency }))
                 if self.phase < Phase::SetUp =>
             {
-                self.tell(Event::Emergency { drive, emergency });
+                self.tell(Event::Emergency { device, emergency });
             }
             Err(fault) => self.fail(fault),
             Ok(()) => {}
@@ -533,8 +533,8 @@ impl<const N: usize> Controller<N> {
     /// A bus' interface failed.
     pub fn bus_failed(&mut self, bus: BusIndex) {
         self.lost[bus] = true;
-        for &drive in &self.layout.buses[bus].drives {
-            self.nodes[drive].lose_count();
+        for &device in &self.layout.buses[bus].devices {
+            self.nodes[device].lose_count();
         }
         self.fail(Fault::Bus(bus, BusCause::Failed));
     }
@@ -650,19 +650,19 @@ impl<const N: usize> Controller<N> {
     ) -> Result<(), Fault> {
         let layout = Arc::clone(&self.layout);
         let layout::BusSpec {
-            drives,
+            devices,
             sdo_per_cycle,
             ..
         } = &layout.buses[bus];
         let mut left = if self.sync_on {
             *sdo_per_cycle
         } else {
-            drives.len()
+            devices.len()
         };
         let first = self.turn[bus];
         let mut events = event_sink(&mut self.events);
-        for place in (0..drives.len()).map(|turn| (first + turn) % drives.len()) {
-            if self.nodes[drives[place]].ask(now, left > 0, tx, &mut events)? {
+        for place in (0..devices.len()).map(|turn| (first + turn) % devices.len()) {
+            if self.nodes[devices[place]].ask(now, left > 0, tx, &mut events)? {
                 left -= 1;
                 self.turn[bus] = place + 1;
             }

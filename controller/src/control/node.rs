@@ -5,7 +5,7 @@
 //! its T_PDOs answer every SYNC, that it is alive, in Operational, and where it was told to be.
 
 use super::event::Event;
-use super::fault::{AwaitedState, DeviceIndex, DriveCause, Fault};
+use super::fault::{AwaitedState, DeviceCause, DeviceIndex, Fault};
 use super::layout::{self, Layout};
 use super::sdo_sequence::{SdoSequence, Step};
 use crate::bus::FrameBuf;
@@ -72,7 +72,7 @@ pub(super) struct DeviceNode {
 
 impl DeviceNode {
     pub(super) fn new(index: DeviceIndex, layout: &Arc<Layout>) -> Self {
-        let drive = &layout.drives[index];
+        let drive = &layout.devices[index];
         let spec = drive.device.spec();
         Self {
             sequence: SdoSequence::new(index, layout),
@@ -110,7 +110,7 @@ impl DeviceNode {
     }
 
     fn spec(&self) -> &layout::DeviceSpec {
-        &self.layout.drives[self.index]
+        &self.layout.devices[self.index]
     }
 
     pub(super) fn scaling(&self) -> &Scaling {
@@ -151,7 +151,6 @@ impl DeviceNode {
         since: Option<Instant>,
         events: &mut impl FnMut(Event),
     ) -> Result<(), Fault> {
-        let drive = self.index;
         let node = self.device.spec().node;
         let is = |cob_id: CobId| frame.id() == CanId::from(cob_id);
         let t_pdo =
@@ -173,9 +172,9 @@ impl DeviceNode {
                 return Ok(());
             };
             if emergency.code != emcy::code::NO_ERROR {
-                return Err(self.fault(DriveCause::Emergency { emergency }));
+                return Err(self.fault(DeviceCause::Emergency { emergency }));
             }
-            events(Event::ErrorReset { drive });
+            events(Event::ErrorReset { device: self.index });
         } else {
             let told = self.heartbeat.on_frame(at, frame);
             let boots = told == Some(heartbeat::Event::BootUp);
@@ -191,7 +190,7 @@ impl DeviceNode {
         let drive = self.device.drive_mut();
         if let Some(status) = drive.and_then(|drive| drive.status(t_pdo, data)) {
             if status.warning && !self.status.warning {
-                events(Event::Warning { drive: self.index });
+                events(Event::Warning { device: self.index });
             }
             self.status = status;
         }
@@ -206,12 +205,15 @@ impl DeviceNode {
         if let Some(io) = self.device.io()
             && let Some(signals) = io.signals(t_pdo, data)
         {
-            let drive = self.index;
             let mut changed = signals ^ std::mem::replace(&mut self.signals, signals);
             while changed != 0 {
                 let signal = changed.trailing_zeros() as usize;
                 let on = signals >> signal & 1 != 0;
-                events(Event::Signal { drive, signal, on });
+                events(Event::Signal {
+                    device: self.index,
+                    signal,
+                    on,
+                });
                 changed &= changed - 1;
             }
         }
@@ -230,7 +232,7 @@ impl DeviceNode {
         }
         // Once may be a frame that was received twice.
         if self.twice && self.was_twice {
-            return Err(self.fault(DriveCause::TwoNodes));
+            return Err(self.fault(DeviceCause::TwoNodes));
         }
         Ok(())
     }
@@ -323,9 +325,9 @@ impl DeviceNode {
     /// Why a device that was reset does not count as booted.
     pub(super) fn did_not_boot(&self) -> Fault {
         self.fault(if self.device.spec().tells_boot_up {
-            DriveCause::NoBootUp
+            DeviceCause::NoBootUp
         } else {
-            DriveCause::NoAnswer
+            DeviceCause::NoAnswer
         })
     }
 
@@ -365,8 +367,8 @@ impl DeviceNode {
     // --- supervision ---
 
     /// What this drive did.
-    fn fault(&self, cause: DriveCause) -> Fault {
-        Fault::Drive(self.index, cause)
+    fn fault(&self, cause: DeviceCause) -> Fault {
+        Fault::Device(self.index, cause)
     }
 
     /// SYNC leaves: what came before it no longer counts.
@@ -384,25 +386,24 @@ impl DeviceNode {
         now: Instant,
         events: &mut impl FnMut(Event),
     ) -> Result<(), Fault> {
-        let drive = self.index;
         if self.booted {
-            return Err(self.fault(DriveCause::Rebooted));
+            return Err(self.fault(DeviceCause::Rebooted));
         }
         if self.age == 0 {
             self.misses = 0;
         } else {
             self.misses += 1;
-            events(Event::MissedTPdo { drive });
+            events(Event::MissedTPdo { device: self.index });
         }
         if self.misses >= self.layout.t_pdo_misses {
             let misses = self.misses;
-            return Err(self.fault(DriveCause::MissingTPdo { misses }));
+            return Err(self.fault(DeviceCause::MissingTPdo { misses }));
         }
         if self.monitoring() == Monitoring::TPdos {
             Ok(())
         } else if !self.heartbeat.is_alive(now) {
             self.lost_count = true;
-            Err(self.fault(DriveCause::HeartbeatLost))
+            Err(self.fault(DeviceCause::HeartbeatLost))
         } else if !self.is_operational() {
             Err(self.did_not_start())
         } else {
@@ -417,21 +418,21 @@ impl DeviceNode {
             return Ok(());
         }
         let misses = self.age;
-        Err(self.fault(DriveCause::MissingTPdo { misses }))
+        Err(self.fault(DeviceCause::MissingTPdo { misses }))
     }
 
     /// Why a drive that should run in Operational does not.
     pub(super) fn did_not_start(&self) -> Fault {
-        let missing = DriveCause::MissingTPdo {
+        let missing = DeviceCause::MissingTPdo {
             misses: self.misses,
         };
         if self.monitoring() == Monitoring::TPdos {
             return self.fault(missing);
         }
         self.fault(match self.heartbeat.state() {
-            None => DriveCause::NoNmtState,
+            None => DeviceCause::NoNmtState,
             Some(nmt::State::Operational) => missing,
-            Some(state) => DriveCause::NmtState { state },
+            Some(state) => DeviceCause::NmtState { state },
         })
     }
 
@@ -439,7 +440,7 @@ impl DeviceNode {
     pub(super) fn check_no_fault(&self) -> Result<(), Fault> {
         if self.status.power.is_fault() {
             let word = self.status.word;
-            return Err(self.fault(DriveCause::Reported { word }));
+            return Err(self.fault(DeviceCause::Reported { word }));
         }
         Ok(())
     }
@@ -453,7 +454,7 @@ impl DeviceNode {
         let word = self.status.word;
         self.status
             .follows(in_mode)
-            .map_err(|why| self.fault(DriveCause::NotFollowing { word, why }))
+            .map_err(|why| self.fault(DeviceCause::NotFollowing { word, why }))
     }
 
     /// Counts the cycles in which the drive has stood within its window.
@@ -502,7 +503,7 @@ impl DeviceNode {
 
     /// What the drive has to be sent to for its axis to be at `mm`, `offset` increments beside.
     pub(super) fn setpoint_at(&self, mm: f64, offset: Increments) -> Result<Setpoint, Fault> {
-        let out_of_range = |OutOfRange| self.fault(DriveCause::PositionRange);
+        let out_of_range = |OutOfRange| self.fault(DeviceCause::PositionRange);
         let position = self.scaling().to_increments(mm).map_err(out_of_range)? + offset;
         let setpoint = Setpoint::at(position);
         self.check(setpoint).map_err(out_of_range)?;

@@ -1,7 +1,7 @@
 //! From power-up to a machine that is ready and from there to power-down, one phase after the other.
 
 use super::InputWait;
-use super::fault::{AwaitedState, DriveCause, Fault};
+use super::fault::{AwaitedState, DeviceCause, DeviceIndex, Fault};
 use super::{
     COMMAND_CYCLES, Controller, DeviceNode, End, Event, Goal, NO_PLAN, Outcome, Pause, Phase,
     STILL, STILL_CYCLES, StopPoint,
@@ -83,7 +83,7 @@ impl<const N: usize> Controller<N> {
                 let moving = self.nodes.iter().position(|node| node.still() < cycles);
                 match moving {
                     Some(drive) if self.timed_out(self.layout.state_timeout) => {
-                        return Err(Fault::Drive(drive, DriveCause::NotAtRest));
+                        return Err(Fault::Device(drive, DeviceCause::NotAtRest));
                     }
                     Some(_) => {}
                     None => self.await_all(AwaitedState::Enabled, Phase::ModeStart, out)?,
@@ -409,9 +409,9 @@ impl<const N: usize> Controller<N> {
         };
         let awaited = AwaitedState::Enabled;
         let word = self.nodes[drive].status().word;
-        Err(Fault::Drive(
+        Err(Fault::Device(
             drive,
-            DriveCause::StateTimeout { awaited, word },
+            DeviceCause::StateTimeout { awaited, word },
         ))
     }
 
@@ -445,9 +445,9 @@ impl<const N: usize> Controller<N> {
             }
             Some(drive) if self.timed_out(self.layout.state_timeout) => {
                 let word = self.nodes[drive].status().word;
-                Err(Fault::Drive(
+                Err(Fault::Device(
                     drive,
-                    DriveCause::StateTimeout { awaited, word },
+                    DeviceCause::StateTimeout { awaited, word },
                 ))
             }
             Some(_) => Ok(()),
@@ -498,13 +498,13 @@ impl<const N: usize> Controller<N> {
     }
 
     fn sequences_done(&self) -> bool {
-        let mut drives = (0..self.nodes.len()).filter(|&drive| self.is_in_reach(drive));
-        drives.all(|drive| self.nodes[drive].is_sequence_done())
+        let mut devices = (0..self.nodes.len()).filter(|&device| self.is_in_reach(device));
+        devices.all(|device| self.nodes[device].is_sequence_done())
     }
 
-    /// Whether the drive's bus carries frames.
-    pub(super) fn is_in_reach(&self, drive: usize) -> bool {
-        !self.lost[self.layout.drives[drive].bus]
+    /// Whether the device's bus carries frames.
+    pub(super) fn is_in_reach(&self, device: DeviceIndex) -> bool {
+        !self.lost[self.layout.devices[device].bus]
     }
 
     fn ask_release(&mut self) {
@@ -525,8 +525,8 @@ impl<const N: usize> Controller<N> {
 
     fn send_nmt(&self, command: nmt::Command, out: &mut [Outbox]) {
         for (bus, outbox) in self.layout.buses.iter().zip(out) {
-            for &drive in &bus.drives {
-                outbox.acyclic.transmit(self.nodes[drive].nmt(command));
+            for &device in &bus.devices {
+                outbox.acyclic.transmit(self.nodes[device].nmt(command));
             }
         }
     }

@@ -9,7 +9,7 @@
 //! it is, and every axis of a machine whose file says `stop_together`. Where nothing moves yet, and no setpoint is
 //! followed, every fault leads to disabled drives by the ordinary way down.
 
-use super::fault::{AxisCause, BusCause, DriveCause, Fault};
+use super::fault::{AxisCause, BusCause, DeviceCause, Fault};
 use super::layout::Layout;
 use std::fmt;
 
@@ -159,7 +159,7 @@ impl Fault {
     #[must_use]
     pub const fn cause(&self) -> Cause {
         match self {
-            Self::Drive(_, cause) => cause.cause(),
+            Self::Device(_, cause) => cause.cause(),
             Self::Axis(_, cause) => match cause {
                 AxisCause::OutsideSoftLimits { .. } | AxisCause::Standstill { .. } => {
                     Cause::BringUp
@@ -187,7 +187,7 @@ impl Fault {
     /// the table.
     pub(super) fn repeats(&self, other: &Self) -> bool {
         let same = match (self, other) {
-            (Self::Drive(one, _), Self::Drive(other, _))
+            (Self::Device(one, _), Self::Device(other, _))
             | (Self::Axis(one, _), Self::Axis(other, _))
             | (Self::Bus(one, _), Self::Bus(other, _)) => one == other,
             (Self::NotEnabled { input: one }, Self::NotEnabled { input: other }) => one == other,
@@ -199,15 +199,15 @@ impl Fault {
     /// Whether it concerns a drive: its own axis, or all that a bus carries.
     pub(super) fn concerns(&self, layout: &Layout, drive: usize) -> bool {
         match *self {
-            Self::Drive(of, _) => of == drive,
+            Self::Device(of, _) => of == drive,
             Self::Axis(axis, _) => layout.axes[axis].drives.contains(&drive),
-            Self::Bus(bus, _) => layout.drives[drive].bus == bus,
+            Self::Bus(bus, _) => layout.devices[drive].bus == bus,
             _ => false,
         }
     }
 }
 
-impl DriveCause {
+impl DeviceCause {
     const fn cause(&self) -> Cause {
         match self {
             Self::NoBootUp

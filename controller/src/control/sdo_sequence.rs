@@ -1,7 +1,7 @@
 //! What a node is asked by SDO, step after step: survey, identity, set-up, release.
 
 use super::event::Event;
-use super::fault::{DeviceIndex, DriveCause, Fault};
+use super::fault::{DeviceCause, DeviceIndex, Fault};
 use super::layout::Layout;
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -95,7 +95,7 @@ impl Step {
 #[derive(Clone, Debug)]
 pub(super) struct SdoSequence {
     layout: Arc<Layout>,
-    drive: DeviceIndex,
+    device: DeviceIndex,
     client: sdo::Client,
     steps: VecDeque<Step>,
     /// Requests sent for the first step without an answer.
@@ -112,11 +112,11 @@ pub(super) struct SdoSequence {
 const LONGEST: usize = 8;
 
 impl SdoSequence {
-    pub(super) fn new(drive: DeviceIndex, layout: &Arc<Layout>) -> Self {
-        let node = layout.drives[drive].device.spec().node;
+    pub(super) fn new(device: DeviceIndex, layout: &Arc<Layout>) -> Self {
+        let node = layout.devices[device].device.spec().node;
         Self {
             layout: Arc::clone(layout),
-            drive,
+            device,
             client: sdo::Client::new(node, layout.sdo_timeout, LONGEST),
             steps: VecDeque::with_capacity(128),
             tries: 0,
@@ -217,9 +217,9 @@ impl SdoSequence {
         failure: Failure,
         events: &mut impl FnMut(Event),
     ) -> Result<(), Fault> {
-        let drive = self.drive;
+        let device = self.device;
         let object = step.address();
-        let fault = |cause| Fault::Drive(drive, cause);
+        let fault = |cause| Fault::Device(device, cause);
         match failure.reason {
             // Whoever waits for it knows how long.
             Reason::TimedOut if matches!(step, Step::AwaitAnswer(_)) => self.tries = 0,
@@ -228,23 +228,23 @@ impl SdoSequence {
             }
             Reason::TimedOut if self.tries <= self.layout.sdo_retries => {}
             Reason::TimedOut if step.may_fail() => {
-                events(Event::Silent { drive });
+                events(Event::Silent { device });
                 self.clear();
             }
-            Reason::TimedOut => return Err(fault(DriveCause::SdoTimeout { object })),
+            Reason::TimedOut => return Err(fault(DeviceCause::SdoTimeout { object })),
             Reason::Refused(code) | Reason::GivenUp(code) => {
                 if !step.may_fail() && !matches!(step, Step::ReadBack(_)) {
                     return Err(fault(match step.write() {
-                        Some(write) => DriveCause::WriteAborted {
+                        Some(write) => DeviceCause::WriteAborted {
                             object,
                             value: write.data.bits(),
                             code,
                         },
-                        None => DriveCause::ReadAborted { object, code },
+                        None => DeviceCause::ReadAborted { object, code },
                     }));
                 }
                 events(Event::Refused {
-                    drive,
+                    device,
                     object,
                     code,
                 });
@@ -262,9 +262,9 @@ impl SdoSequence {
         reading: &Reading,
         events: &mut impl FnMut(Event),
     ) -> Result<(), Fault> {
-        let drive = self.drive;
+        let device = self.device;
         let object = step.address();
-        let fault = |cause| Fault::Drive(drive, cause);
+        let fault = |cause| Fault::Device(device, cause);
         let value = reading.number();
         match step {
             Step::Survey(survey) => {
@@ -272,7 +272,7 @@ impl SdoSequence {
                 self.next();
                 if status.power.may_be_on() {
                     let word = status.word;
-                    events(Event::FoundEnabled { drive, word });
+                    events(Event::FoundEnabled { device, word });
                     self.steps.push_front(Step::AwaitDisabled(survey));
                     self.steps.push_front(Step::Write(survey.disable));
                 }
@@ -283,19 +283,19 @@ impl SdoSequence {
                     self.next();
                 } else if self.out_of_patience(now) {
                     let word = status.word;
-                    return Err(fault(DriveCause::StaysEnabled { word }));
+                    return Err(fault(DeviceCause::StaysEnabled { word }));
                 }
             }
             Step::History(object) => {
                 events(Event::History {
-                    drive,
+                    device,
                     object,
                     value,
                 });
                 self.next();
             }
             Step::Identity(identity) if value & identity.mask != identity.value => {
-                return Err(fault(DriveCause::WrongIdentity {
+                return Err(fault(DeviceCause::WrongIdentity {
                     object,
                     name: identity.name,
                     expected: identity.value,
@@ -304,11 +304,11 @@ impl SdoSequence {
             }
             Step::Ensure(write) => {
                 let is_so =
-                    (self.layout.drives[drive].device.spec()).agrees(&write, reading.bytes());
+                    (self.layout.devices[device].device.spec()).agrees(&write, reading.bytes());
                 self.next();
                 if !is_so {
                     events(Event::Rewritten {
-                        drive,
+                        device,
                         object,
                         found: value,
                         value: write.data.bits(),
@@ -317,9 +317,9 @@ impl SdoSequence {
                 }
             }
             Step::ReadBack(write)
-                if !(self.layout.drives[drive].device.spec()).agrees(&write, reading.bytes()) =>
+                if !(self.layout.devices[device].device.spec()).agrees(&write, reading.bytes()) =>
             {
-                return Err(fault(DriveCause::ReadBack {
+                return Err(fault(DeviceCause::ReadBack {
                     object,
                     expected: write.data.bits(),
                     found: value,
@@ -329,14 +329,14 @@ impl SdoSequence {
                 if value == lock.locked {
                     self.next();
                 } else if self.out_of_patience(now) {
-                    return Err(fault(DriveCause::NoSyncLock {
+                    return Err(fault(DeviceCause::NoSyncLock {
                         status: value,
                         assumption: lock.assumption,
                     }));
                 }
             }
             Step::Mode(display) if value as i8 != display.mode => {
-                return Err(fault(DriveCause::WrongMode {
+                return Err(fault(DeviceCause::WrongMode {
                     object,
                     expected: display.mode,
                     found: value as i8,

@@ -134,7 +134,7 @@ fn counting_machine() -> (Driver<9, Box<dyn crate::port::Port + Send>>, Arc<Aske
     let shape = Shape::on_fewest_buses(DRIVES, Duration::from_millis(2)).unwrap();
     let asked = Arc::new(Asked::default());
     let mut layout = shape.layout();
-    for drive in &mut layout.drives {
+    for drive in &mut layout.devices {
         drive.device = Device::Drive(Box::new(Probe::new(as_drive(&drive.device), &asked)));
     }
     let (world, ports) = shape.simulated();
@@ -194,7 +194,7 @@ fn nothing_is_encoded_that_is_not_sent() {
 fn two_pdos_each() -> Arc<Layout> {
     let shape = Shape::on_fewest_buses(2, Duration::from_millis(2)).unwrap();
     let mut layout = shape.layout();
-    for drive in &mut layout.drives {
+    for drive in &mut layout.devices {
         drive.device = Device::Drive(Box::new(Probe::in_two_pdos(as_drive(&drive.device))));
     }
     Arc::new(layout)
@@ -204,7 +204,7 @@ fn two_pdos_each() -> Arc<Layout> {
 fn a_drive_has_answered_when_all_its_t_pdos_have() {
     let layout = two_pdos_each();
     let mut node = DeviceNode::new(0, &layout);
-    let id = layout.drives[0].device.spec().node;
+    let id = layout.devices[0].device.spec().node;
     let (word, position) = (CobId::t_pdo(1, id), CobId::t_pdo(3, id));
     let sync = Instant::ZERO;
     let take = |node: &mut DeviceNode, id, data: &[u8]| {
@@ -238,7 +238,7 @@ fn a_drive_has_answered_when_all_its_t_pdos_have() {
     assert_eq!(twice(&mut node), [Ok(()), Ok(())]);
     assert_eq!(
         twice(&mut node)[1],
-        Err(Fault::Drive(0, fault::DriveCause::TwoNodes))
+        Err(Fault::Device(0, fault::DeviceCause::TwoNodes))
     );
 }
 
@@ -270,7 +270,7 @@ fn a_mode_without_an_end_is_not_waited_for() {
         [ModeStarted, ModeEnded].map(|awaited| node.has_reached(awaited))
     };
     let layout = two_pdos_each();
-    let id = layout.drives[0].device.spec().node;
+    let id = layout.devices[0].device.spec().node;
     let word = [0x37, 0x12];
     assert_eq!(running(&layout, CobId::t_pdo(1, id), &word), [true, true]);
     let shape = Shape::on_fewest_buses(1, Duration::from_millis(2)).unwrap();
@@ -301,12 +301,12 @@ fn a_drive_that_follows_once_enabled_keeps_its_last_setpoint() {
         })
     };
     let layout = two_pdos_each();
-    let position = CobId::t_pdo(3, layout.drives[0].device.spec().node);
+    let position = CobId::t_pdo(3, layout.devices[0].device.spec().node);
     let at = |position| vec![position, 0, 0, 0];
     assert_eq!(held(&layout, position, at), [7, 7, 7, 10]);
     let shape = Shape::on_fewest_buses(1, Duration::from_millis(2)).unwrap();
     let layout = Arc::new(shape.layout());
-    let position = CobId::t_pdo(2, layout.drives[0].device.spec().node);
+    let position = CobId::t_pdo(2, layout.devices[0].device.spec().node);
     let at = |position| vec![0x37, 0x02, position, 0, 0, 0];
     assert_eq!(held(&layout, position, at), [7, 8, 9, 10]);
 }

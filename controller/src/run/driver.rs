@@ -35,7 +35,7 @@ impl<const N: usize, P: Port> Driver<N, P> {
     pub fn new(layout: Arc<Layout>, world: World, ports: Vec<P>, start: Instant) -> Self {
         Self {
             outboxes: vec![Outbox::default(); ports.len()],
-            inbox: Vec::with_capacity(8 * layout.drives.len() + 64),
+            inbox: Vec::with_capacity(8 * layout.devices.len() + 64),
             controller: Controller::new(layout, start),
             ports,
             world,

@@ -94,7 +94,7 @@ impl<P: Port> VirtualMachine<P> {
     }
 
     fn with(world: World, ports: Vec<P>, layout: Arc<Layout>, frames: SharedFrames) -> Self {
-        let drives = layout.drives.iter();
+        let drives = layout.devices.iter();
         let drives = drives.map(|drive| world.find(drive.bus, drive.device.spec().node));
         let drives = drives.collect();
         let mut driver = Driver::new(layout, world, ports, Instant::ZERO);

@@ -477,7 +477,7 @@ const DEFECTS: [(&str, &str, Change); 41] = [
     ("alarms", "a warning out of nothing", |_, planting, seen| {
         let mut all = vec![seen.clone()];
         if planting.once() {
-            all.push(event(control::Event::MissedTPdo { drive: 0 }));
+            all.push(event(control::Event::MissedTPdo { device: 0 }));
         }
         all
     }),

@@ -4,7 +4,7 @@ use std::path::Path;
 use syncline_canopen::emcy::Emergency;
 use syncline_canopen::sdo::AbortCode;
 use syncline_canopen::{Address, nmt};
-use syncline_controller::control::fault::{AwaitedState, AxisCause, BusCause, DriveCause};
+use syncline_controller::control::fault::{AwaitedState, AxisCause, BusCause, DeviceCause};
 use syncline_controller::control::{Fault, HomingFailure, Layout, Quantity};
 use syncline_controller::machine::Machine;
 use syncline_drives::model::{Data, NotFollowing, StatusWord};
@@ -54,112 +54,112 @@ fn portal() -> Layout {
 }
 
 texts! {
-    Fault::Drive(_, DriveCause::NoAnswer), Fault::Drive(4, DriveCause::NoAnswer),
+    Fault::Device(_, DeviceCause::NoAnswer), Fault::Device(4, DeviceCause::NoAnswer),
     "node 5 (screw, TWK CRN): no answer after the reset: check power, cabling, node id and bit rate";
 
-    Fault::Drive(_, DriveCause::NoBootUp), Fault::Drive(2, DriveCause::NoBootUp),
+    Fault::Device(_, DeviceCause::NoBootUp), Fault::Device(2, DeviceCause::NoBootUp),
     "node 3 (Y, LXM32M): no boot-up message after the reset: check power, cabling, node id and bit \
      rate";
 
-    Fault::Drive(_, DriveCause::WrongIdentity { .. }),
-    Fault::Drive(2, DriveCause::WrongIdentity {
+    Fault::Device(_, DeviceCause::WrongIdentity { .. }),
+    Fault::Device(2, DeviceCause::WrongIdentity {
         object: OBJECT, name: "vendor id", expected: 0x5A, found: 0xB7,
     }),
     "node 3 (Y, LXM32M): object 60C2h:1 (vendor id) reads 000000B7h, expected 0000005Ah: another \
      device has this node id, or it is not what the machine file says";
 
-    Fault::Drive(_, DriveCause::WriteAborted { .. }),
-    Fault::Drive(2, DriveCause::WriteAborted {
+    Fault::Device(_, DeviceCause::WriteAborted { .. }),
+    Fault::Device(2, DeviceCause::WriteAborted {
         object: OBJECT, value: 25, code: AbortCode::InvalidValue,
     }),
     "node 3 (Y, LXM32M): SDO write 60C2h:1 = 25 aborted 0609 0030h \"invalid value for \
      parameter\": check the value, and `sdo` in the machine file";
 
-    Fault::Drive(_, DriveCause::ReadAborted { .. }),
-    Fault::Drive(2, DriveCause::ReadAborted { object: OBJECT, code: AbortCode::InvalidValue }),
+    Fault::Device(_, DeviceCause::ReadAborted { .. }),
+    Fault::Device(2, DeviceCause::ReadAborted { object: OBJECT, code: AbortCode::InvalidValue }),
     "node 3 (Y, LXM32M): SDO read 60C2h:1 aborted 0609 0030h \"invalid value for parameter\": \
      check that the device is the model of the machine file";
 
-    Fault::Drive(_, DriveCause::SdoTimeout { .. }),
-    Fault::Drive(2, DriveCause::SdoTimeout { object: OBJECT }),
-    "node 3 (Y, LXM32M): no answer to SDO 60C2h:1: check that the drive is on the bus";
+    Fault::Device(_, DeviceCause::SdoTimeout { .. }),
+    Fault::Device(2, DeviceCause::SdoTimeout { object: OBJECT }),
+    "node 3 (Y, LXM32M): no answer to SDO 60C2h:1: check that the device is on the bus";
 
-    Fault::Drive(_, DriveCause::ReadBack { .. }),
-    Fault::Drive(2, DriveCause::ReadBack { object: OBJECT, expected: 10, found: 20 }),
+    Fault::Device(_, DeviceCause::ReadBack { .. }),
+    Fault::Device(2, DeviceCause::ReadBack { object: OBJECT, expected: 10, found: 20 }),
     "node 3 (Y, LXM32M): object 60C2h:1 reads back 20 (14h), expected 10 (Ah): check for another \
-     master or tool, and the drive's firmware";
+     master or tool, and the device's firmware";
 
-    Fault::Drive(_, DriveCause::StaysEnabled { .. }),
-    Fault::Drive(2, DriveCause::StaysEnabled { word: SWITCHED_ON }),
+    Fault::Device(_, DeviceCause::StaysEnabled { .. }),
+    Fault::Device(2, DeviceCause::StaysEnabled { word: SWITCHED_ON }),
     "node 3 (Y, LXM32M): found enabled and does not switch off, statusword \
      0233h (Switched On): switch it off by hand";
 
-    Fault::Drive(_, DriveCause::NoSyncLock { .. }),
-    Fault::Drive(2, DriveCause::NoSyncLock { status: 1, assumption: "sync_locked" }),
+    Fault::Device(_, DeviceCause::NoSyncLock { .. }),
+    Fault::Device(2, DeviceCause::NoSyncLock { status: 1, assumption: "sync_locked" }),
     "node 3 (Y, LXM32M): not synchronised to SYNC, status 1: check the cycle time and the model's \
      `sync_locked`";
 
-    Fault::Drive(_, DriveCause::StateTimeout { .. }),
-    Fault::Drive(2, DriveCause::StateTimeout {
+    Fault::Device(_, DeviceCause::StateTimeout { .. }),
+    Fault::Device(2, DeviceCause::StateTimeout {
         awaited: AwaitedState::Enabled, word: SWITCHED_ON,
     }),
     "node 3 (Y, LXM32M): expected power stage on, stays at statusword 0233h (Switched On): check \
      supply, enable inputs and the drive's error memory";
 
-    Fault::Drive(_, DriveCause::NotAtRest), Fault::Drive(2, DriveCause::NotAtRest),
+    Fault::Device(_, DeviceCause::NotAtRest), Fault::Device(2, DeviceCause::NotAtRest),
     "node 3 (Y, LXM32M): does not come to rest once enabled: check its loop and what moves its \
      axis, or `standstill_window`";
 
-    Fault::Drive(_, DriveCause::WrongMode { .. }),
-    Fault::Drive(2, DriveCause::WrongMode { object: OBJECT, expected: 7, found: 1 }),
+    Fault::Device(_, DeviceCause::WrongMode { .. }),
+    Fault::Device(2, DeviceCause::WrongMode { object: OBJECT, expected: 7, found: 1 }),
     "node 3 (Y, LXM32M): operating mode 60C2h:1 reads 1, expected 7: check for another master or \
      tool that selects one";
 
-    Fault::Drive(_, DriveCause::PositionRange), Fault::Drive(2, DriveCause::PositionRange),
+    Fault::Device(_, DeviceCause::PositionRange), Fault::Device(2, DeviceCause::PositionRange),
     "node 3 (Y, LXM32M): setpoint outside the drive's position range: check `zero` and the travel";
 
-    Fault::Drive(_, DriveCause::Emergency { .. }),
-    Fault::Drive(2, DriveCause::Emergency {
+    Fault::Device(_, DeviceCause::Emergency { .. }),
+    Fault::Device(2, DeviceCause::Emergency {
         emergency: Emergency { code: 0x3130, register: 5, vendor: [0, 0, 0, 0x05, 0xA3] },
     }),
     "node 3 (Y, LXM32M): EMCY 3130h, error register 05h, vendor error A305h: clear its cause, \
      start again";
 
-    Fault::Drive(_, DriveCause::Reported { .. }),
-    Fault::Drive(2, DriveCause::Reported { word: SWITCHED_ON }),
+    Fault::Device(_, DeviceCause::Reported { .. }),
+    Fault::Device(2, DeviceCause::Reported { word: SWITCHED_ON }),
     "node 3 (Y, LXM32M): drive fault, statusword 0233h (Switched On): read its error memory, clear \
      the cause, start again";
 
-    Fault::Drive(_, DriveCause::NotFollowing { .. }),
-    Fault::Drive(2, DriveCause::NotFollowing {
+    Fault::Device(_, DeviceCause::NotFollowing { .. }),
+    Fault::Device(2, DeviceCause::NotFollowing {
         word: SWITCHED_ON, why: NotFollowing::PowerStageOff,
     }),
     "node 3 (Y, LXM32M): power stage off, statusword 0233h (Switched On): check the drive's inputs \
      and its error memory";
 
-    Fault::Drive(_, DriveCause::TwoNodes), Fault::Drive(2, DriveCause::TwoNodes),
+    Fault::Device(_, DeviceCause::TwoNodes), Fault::Device(2, DeviceCause::TwoNodes),
     "node 3 (Y, LXM32M): two T_PDOs to one SYNC: another device has this node id, give it one of \
      its own";
 
-    Fault::Drive(_, DriveCause::HeartbeatLost), Fault::Drive(2, DriveCause::HeartbeatLost),
+    Fault::Device(_, DeviceCause::HeartbeatLost), Fault::Device(2, DeviceCause::HeartbeatLost),
     "node 3 (Y, LXM32M): heartbeat lost: check cabling and supply";
 
-    Fault::Drive(_, DriveCause::NoNmtState), Fault::Drive(2, DriveCause::NoNmtState),
+    Fault::Device(_, DeviceCause::NoNmtState), Fault::Device(2, DeviceCause::NoNmtState),
     "node 3 (Y, LXM32M): no heartbeat that tells its NMT state, expected Operational: check \
      cabling, bus load and for a master that guards it";
 
-    Fault::Drive(_, DriveCause::NmtState { .. }),
-    Fault::Drive(2, DriveCause::NmtState { state: nmt::State::PreOperational }),
+    Fault::Device(_, DeviceCause::NmtState { .. }),
+    Fault::Device(2, DeviceCause::NmtState { state: nmt::State::PreOperational }),
     "node 3 (Y, LXM32M): NMT state is PreOperational, expected Operational: check for another NMT \
      master and for communication errors";
 
-    Fault::Drive(_, DriveCause::Rebooted), Fault::Drive(2, DriveCause::Rebooted),
+    Fault::Device(_, DeviceCause::Rebooted), Fault::Device(2, DeviceCause::Rebooted),
     "node 3 (Y, LXM32M): booted in the middle of the run: check its supply and for another NMT \
      master";
 
-    Fault::Drive(_, DriveCause::MissingTPdo { .. }),
-    Fault::Drive(2, DriveCause::MissingTPdo { misses: 2 }),
-    "node 3 (Y, LXM32M): no T_PDO in 2 cycles in a row: check the bus load and the drive";
+    Fault::Device(_, DeviceCause::MissingTPdo { .. }),
+    Fault::Device(2, DeviceCause::MissingTPdo { misses: 2 }),
+    "node 3 (Y, LXM32M): no T_PDO in 2 cycles in a row: check the bus load and the device";
 
     Fault::Axis(_, AxisCause::OutsideSoftLimits { .. }),
     Fault::Axis(1, AxisCause::OutsideSoftLimits { position: -1.0 }),

@@ -6,7 +6,7 @@ use syncline_canopen::time::Duration;
 use syncline_canopen::{Frame, Instant};
 use syncline_controller::bench::rig::{Shape, Shuttle, ready_machine};
 use syncline_controller::bus::{Burst, Received};
-use syncline_controller::control::fault::{BusCause, DriveCause};
+use syncline_controller::control::fault::{BusCause, DeviceCause};
 use syncline_controller::control::{End, Event, Fault, Layout, Phase, Wake};
 use syncline_controller::port::sim::{self, SimPort, Simulated};
 use syncline_controller::port::{Port, PortError};
@@ -164,7 +164,10 @@ fn two_nodes_with_one_id_are_a_fault_before_power_is_on() {
     }
     let end = machine.controller.end();
     assert!(
-        matches!(end, Some(End::Fault(Fault::Drive(2, DriveCause::TwoNodes)))),
+        matches!(
+            end,
+            Some(End::Fault(Fault::Device(2, DeviceCause::TwoNodes)))
+        ),
         "{end:?}"
     );
     assert!(!phases.contains(&Phase::ReadyToSwitchOn));

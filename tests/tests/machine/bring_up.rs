@@ -356,7 +356,7 @@ fn a_drive_found_enabled_is_switched_off_before_anything_else() {
     let found = |it: &&Event| matches!(it, Event::FoundEnabled { .. });
     let found: Vec<_> = rig.events.iter().filter(found).collect();
     assert!(
-        matches!(found[..], [Event::FoundEnabled { drive: 2, .. }]),
+        matches!(found[..], [Event::FoundEnabled { device: 2, .. }]),
         "{found:?}"
     );
     let node = rig.machine.drives[2].node;
@@ -390,7 +390,7 @@ fn what_a_drive_remembers_is_told_and_then_reset() {
     let told = |object: &str| {
         rig.events.iter().find_map(|event| match event {
             Event::History {
-                drive: 1,
+                device: 1,
                 object: of,
                 value,
             } if of.to_string() == object => Some(*value),

@@ -5,7 +5,7 @@ use serde_json::Value;
 use syncline_canopen::cia402::Statusword;
 use syncline_canopen::{Address, CanId, CobId, Frame, NodeId, nmt};
 use syncline_controller::bus::Received;
-use syncline_controller::control::fault::DriveCause;
+use syncline_controller::control::fault::DeviceCause;
 use syncline_controller::control::{End, Fault, Phase};
 use syncline_drives::bus::{Sender, Transmission};
 use syncline_drives::twin::cia402_csp::{DriveError, Twin};
@@ -211,7 +211,7 @@ fn another_resolution_or_gear_is_refused_by_name() {
         let object = Address::new(index, sub);
         let mut rig = portal(&[]);
         rig.twin_as::<Twin>(Y).preset(object, found);
-        let Fault::Drive(Y, cause @ DriveCause::WrongIdentity { .. }) = rig.finish_with_fault()
+        let Fault::Device(Y, cause @ DeviceCause::WrongIdentity { .. }) = rig.finish_with_fault()
         else {
             panic!("{:?}", rig.events);
         };
@@ -234,12 +234,12 @@ fn another_mode_displayed() {
         }
         true
     }));
-    let expected = DriveCause::WrongMode {
+    let expected = DeviceCause::WrongMode {
         object: Address::new(0x6061, 0),
         expected: 8,
         found: 1,
     };
-    assert_eq!(rig.finish_with_fault(), Fault::Drive(Y, expected));
+    assert_eq!(rig.finish_with_fault(), Fault::Device(Y, expected));
     assert_eq!(rig.rows.len(), 0, "nothing moved");
 }
 
@@ -262,7 +262,7 @@ fn an_emcy_message() {
         register: 4,
     };
     let fault = fault_in_motion(|rig| rig.twin_as::<Twin>(Y).raise(error));
-    let Fault::Drive(Y, DriveCause::Emergency { emergency }) = fault else {
+    let Fault::Device(Y, DeviceCause::Emergency { emergency }) = fault else {
         panic!("{fault:?}");
     };
     assert_eq!((emergency.code, emergency.register), (0x3130, 5));
@@ -276,7 +276,7 @@ fn a_fault_in_the_statusword_alone() {
             .disturb(Disturbance::Fault(ErrorClass::StopAndSwitchOff));
     });
     assert!(
-        matches!(fault, Fault::Drive(Y, DriveCause::Reported { .. })),
+        matches!(fault, Fault::Device(Y, DeviceCause::Reported { .. })),
         "{fault:?}"
     );
 }
@@ -287,7 +287,7 @@ fn a_lost_heartbeat() {
         let silent = |it: &mut Received| !is(it, CobId::error_control(node()), &[]);
         rig.bus().doctor = Some(Box::new(silent));
     });
-    assert_eq!(fault, Fault::Drive(Y, DriveCause::HeartbeatLost));
+    assert_eq!(fault, Fault::Device(Y, DeviceCause::HeartbeatLost));
 }
 
 /// A neighbour's fault brings it to rest with the others.
@@ -296,7 +296,7 @@ fn a_neighbours_fault() {
     let fault = fault_in_motion(|rig| rig.twin(0).disturb(Disturbance::Mute(true)));
     assert_eq!(
         fault,
-        Fault::Drive(0, DriveCause::MissingTPdo { misses: 2 })
+        Fault::Device(0, DeviceCause::MissingTPdo { misses: 2 })
     );
 }
 
@@ -306,7 +306,7 @@ fn a_blocked_axis_is_the_drives_own_following_error() {
     rig.run_to_row(ON_THE_ARC);
     rig.twin(Y).disturb(Disturbance::Block(true));
     let fault = rig.finish_with_fault();
-    let Fault::Drive(Y, DriveCause::Emergency { emergency }) = fault else {
+    let Fault::Device(Y, DeviceCause::Emergency { emergency }) = fault else {
         panic!("{fault:?}");
     };
     assert_eq!(emergency.code, 0x8611);

@@ -7,7 +7,7 @@ use syncline_canopen::sdo::AbortCode;
 use syncline_canopen::time::Duration;
 use syncline_canopen::{Address, CanId, CobId, Frame, NodeId, nmt};
 use syncline_controller::bus::Received;
-use syncline_controller::control::fault::{AwaitedState, AxisCause, BusCause, DriveCause};
+use syncline_controller::control::fault::{AwaitedState, AxisCause, BusCause, DeviceCause};
 use syncline_controller::control::{End, Event, Fault, Phase};
 use syncline_drives::model::NotFollowing;
 use syncline_drives::twin::lxm32m::{DriveError, Twin};
@@ -82,9 +82,9 @@ fn off_the_path(point: &[f64; 3]) -> f64 {
 /// The drives that are quick-stopped for a fault: those of its axis, and all where that is the gantry.
 fn quick_stopped(fault: &Fault) -> &'static [usize] {
     match fault {
-        Fault::Drive(0 | X2, _) | Fault::Axis(0, _) => &[0, X2, Y, Z],
-        Fault::Drive(Y, _) | Fault::Axis(1, _) => &[Y],
-        Fault::Drive(..) | Fault::Axis(..) => &[Z],
+        Fault::Device(0 | X2, _) | Fault::Axis(0, _) => &[0, X2, Y, Z],
+        Fault::Device(Y, _) | Fault::Axis(1, _) => &[Y],
+        Fault::Device(..) | Fault::Axis(..) => &[Z],
         _ => &[],
     }
 }
@@ -191,7 +191,7 @@ fn an_emcy_message() {
         register: 5,
         vendor: [0, 0, 0, 0x05, 0xA3],
     };
-    let expected = Fault::Drive(Y, DriveCause::Emergency { emergency });
+    let expected = Fault::Device(Y, DeviceCause::Emergency { emergency });
     assert_eq!(fault, expected);
 }
 
@@ -203,7 +203,7 @@ fn a_fault_in_the_statusword_alone() {
         rig.twin_as::<Twin>(Z).raise(DriveError::FOLLOWING_ERROR);
     });
     assert!(
-        matches!(fault, Fault::Drive(Z, DriveCause::Reported { .. })),
+        matches!(fault, Fault::Device(Z, DeviceCause::Reported { .. })),
         "{fault:?}"
     );
 }
@@ -235,10 +235,10 @@ fn a_drive_in_quick_stop_active_is_switched_off_without_waiting() {
             assert!(took < Duration::from_millis(500), "{phase:?} took {took:?}");
         }
         let waited = |fault: &Fault| {
-            let Fault::Drive(_, cause) = fault else {
+            let Fault::Device(_, cause) = fault else {
                 return false;
             };
-            matches!(cause, DriveCause::StateTimeout { .. })
+            matches!(cause, DeviceCause::StateTimeout { .. })
         };
         assert!(!faults_of(&rig).iter().any(waited), "{:?}", faults_of(&rig));
     }
@@ -259,10 +259,10 @@ fn a_drive_that_fell_silent_is_told_once_and_given_the_time_for_its_brake() {
             );
         }
         let faults = faults_of(&rig);
-        let told = |fault: &&Fault| matches!(fault, Fault::Drive(of, _) if *of == drive);
+        let told = |fault: &&Fault| matches!(fault, Fault::Device(of, _) if *of == drive);
         assert_eq!(faults.iter().filter(told).count(), 1, "{faults:?}");
         let missing =
-            |fault: &Fault| matches!(fault, Fault::Drive(_, DriveCause::MissingTPdo { .. }));
+            |fault: &Fault| matches!(fault, Fault::Device(_, DeviceCause::MissingTPdo { .. }));
         assert!(missing(&faults[0]), "{faults:?}");
     }
 }
@@ -290,7 +290,7 @@ fn a_statusword_that_no_longer_follows() {
             })
         }));
         let fault = rig.finish_with_fault();
-        let told = matches!(fault, Fault::Drive(Y, DriveCause::NotFollowing { why: told, .. }) if told == why);
+        let told = matches!(fault, Fault::Device(Y, DeviceCause::NotFollowing { why: told, .. }) if told == why);
         assert!(told, "{why:?}: {fault:?}");
         rig.trace().assert_within_limits();
     }
@@ -303,7 +303,7 @@ fn an_unexpected_reboot() {
     rig.twin(Y).disturb(Disturbance::Reset);
     assert_eq!(
         rig.finish_with_fault(),
-        Fault::Drive(Y, DriveCause::Rebooted)
+        Fault::Device(Y, DeviceCause::Rebooted)
     );
     assert_stopped_on_the_path(&mut rig, &[Y]);
 }
@@ -317,7 +317,7 @@ fn a_drive_that_left_operational() {
         }));
     });
     let state = nmt::State::PreOperational;
-    assert_eq!(fault, Fault::Drive(X2, DriveCause::NmtState { state }));
+    assert_eq!(fault, Fault::Device(X2, DeviceCause::NmtState { state }));
 }
 
 // --- what drives do not tell ---
@@ -328,7 +328,7 @@ fn a_lost_heartbeat() {
         let silent = |it: &mut Received| !is(it, CobId::error_control(node(Y)), &[]);
         rig.bus().doctor = Some(Box::new(silent));
     });
-    assert_eq!(fault, Fault::Drive(Y, DriveCause::HeartbeatLost));
+    assert_eq!(fault, Fault::Device(Y, DeviceCause::HeartbeatLost));
 }
 
 #[test]
@@ -336,7 +336,7 @@ fn a_drive_that_falls_silent() {
     let fault = fault_in_motion(|rig| rig.twin(Y).disturb(Disturbance::Mute(true)));
     assert_eq!(
         fault,
-        Fault::Drive(Y, DriveCause::MissingTPdo { misses: 2 })
+        Fault::Device(Y, DeviceCause::MissingTPdo { misses: 2 })
     );
 }
 
@@ -349,14 +349,14 @@ fn one_missing_t_pdo_is_counted_and_two_in_a_row_are_a_fault() {
     }
     rig.twin(Z).disturb(Disturbance::LoseTPdos(1));
     assert_eq!(rig.finish(), End::Finished, "{:?}", rig.events);
-    let missed = |it: &&Event| **it == Event::MissedTPdo { drive: Z };
+    let missed = |it: &&Event| **it == Event::MissedTPdo { device: Z };
     assert_eq!(rig.events.iter().filter(missed).count(), 2);
     assert_eq!(positions(&rig), *NOMINAL);
 
     let fault = fault_in_motion(|rig| rig.twin(Z).disturb(Disturbance::LoseTPdos(2)));
     assert_eq!(
         fault,
-        Fault::Drive(Z, DriveCause::MissingTPdo { misses: 2 })
+        Fault::Device(Z, DeviceCause::MissingTPdo { misses: 2 })
     );
 }
 
@@ -369,7 +369,7 @@ fn a_t_pdo_that_is_late_or_cut_short_is_a_missing_one() {
     });
     assert_eq!(
         fault,
-        Fault::Drive(Y, DriveCause::MissingTPdo { misses: 2 })
+        Fault::Device(Y, DeviceCause::MissingTPdo { misses: 2 })
     );
 }
 
@@ -467,12 +467,12 @@ fn what_follows_is_told_and_makes_a_harder_stop() {
     let first = rig.finish_with_fault();
     assert_eq!(
         first,
-        Fault::Drive(Z, DriveCause::MissingTPdo { misses: 2 })
+        Fault::Device(Z, DeviceCause::MissingTPdo { misses: 2 })
     );
     let faults = rig.session.faults();
     assert_eq!(faults.len(), 2, "{faults:?}");
     assert_eq!(faults[0], first);
-    assert!(matches!(faults[1], Fault::Drive(X2, _)), "{faults:?}");
+    assert!(matches!(faults[1], Fault::Device(X2, _)), "{faults:?}");
     assert_stopped_on_the_path(&mut rig, &[0, X2, Y, Z]);
 }
 
@@ -497,9 +497,9 @@ fn a_drive_that_supervises_itself_switches_off() {
     let fault = rig.finish_with_fault();
     let expected = matches!(
         fault,
-        Fault::Drive(
+        Fault::Device(
             Y,
-            DriveCause::Emergency {
+            DeviceCause::Emergency {
                 emergency: Emergency {
                     vendor: [_, _, _, 0x20, 0xA3],
                     ..
@@ -573,7 +573,7 @@ fn a_drive_that_is_not_there() {
     let fault = fault_in_bring_up(as_configured, |rig| {
         rig.twin(Z).disturb(Disturbance::Mute(true))
     });
-    assert_eq!(fault, Fault::Drive(Z, DriveCause::NoBootUp));
+    assert_eq!(fault, Fault::Device(Z, DeviceCause::NoBootUp));
 }
 
 #[test]
@@ -583,7 +583,7 @@ fn a_drive_that_stops_answering() {
         rig.twin(X2).disturb(Disturbance::Mute(true));
     });
     let object = Address::new(0x1000, 0);
-    assert_eq!(fault, Fault::Drive(X2, DriveCause::SdoTimeout { object }));
+    assert_eq!(fault, Fault::Device(X2, DeviceCause::SdoTimeout { object }));
 }
 
 #[test]
@@ -591,9 +591,9 @@ fn another_device_with_the_nodes_id() {
     let fault = fault_in_bring_up(as_configured, |rig| {
         rig.twin(Y).disturb(Disturbance::Vendor(0x0000_00B7));
     });
-    let expected = Fault::Drive(
+    let expected = Fault::Device(
         Y,
-        DriveCause::WrongIdentity {
+        DeviceCause::WrongIdentity {
             object: Address::new(0x1018, 1),
             name: "vendor id",
             expected: 0x0800_005A,
@@ -610,9 +610,9 @@ fn a_set_up_write_that_is_refused() {
     let fault = fault_in_bring_up(as_configured, |rig| {
         rig.twin(Y).disturb(Disturbance::RefuseWrite(object, code))
     });
-    let expected = Fault::Drive(
+    let expected = Fault::Device(
         Y,
-        DriveCause::WriteAborted {
+        DeviceCause::WriteAborted {
             object,
             value: 2,
             code,
@@ -629,9 +629,9 @@ fn a_set_up_value_that_reads_back_as_another() {
             !answer || doctored(it, |data| data[4] = 4)
         }));
     });
-    let expected = Fault::Drive(
+    let expected = Fault::Device(
         Y,
-        DriveCause::ReadBack {
+        DeviceCause::ReadBack {
             object: Address::new(0x60C2, 1),
             expected: 2,
             found: 4,
@@ -653,7 +653,7 @@ fn an_object_that_refuses_to_be_read_back_is_told_and_no_fault() {
     }));
     assert_eq!(rig.finish(), End::Finished, "{:?}", rig.events);
     let refused = Event::Refused {
-        drive: Y,
+        device: Y,
         object: Address::new(0x3006, 0x3D),
         code: AbortCode::WriteOnly,
     };
@@ -670,9 +670,9 @@ fn a_clock_that_does_not_follow_sync() {
     });
     assert_eq!(
         fault,
-        Fault::Drive(
+        Fault::Device(
             Z,
-            DriveCause::NoSyncLock {
+            DeviceCause::NoSyncLock {
                 status: 1,
                 assumption: "sync_locked"
             }
@@ -689,7 +689,7 @@ fn a_drive_that_stays_enabled() {
         }));
     });
     assert!(
-        matches!(fault, Fault::Drive(X2, DriveCause::StaysEnabled { .. })),
+        matches!(fault, Fault::Device(X2, DeviceCause::StaysEnabled { .. })),
         "{fault:?}"
     );
 }
@@ -702,9 +702,9 @@ fn a_drive_that_does_not_enable() {
     let fault = rig.finish_with_fault();
     let expected = matches!(
         fault,
-        Fault::Drive(
+        Fault::Device(
             Z,
-            DriveCause::StateTimeout {
+            DeviceCause::StateTimeout {
                 awaited: AwaitedState::Enabled,
                 ..
             }
@@ -728,7 +728,7 @@ fn a_side_that_is_not_enabled_with_the_other() {
             let powered = [X1, X2].map(|drive| rig.twin(drive).observe().is_powered);
             pulled += u32::from(powered[0] != powered[1]);
         }
-        let Some(End::Fault(Fault::Drive(drive, DriveCause::StateTimeout { awaited, .. }))) =
+        let Some(End::Fault(Fault::Device(drive, DeviceCause::StateTimeout { awaited, .. }))) =
             rig.end()
         else {
             panic!("{:?}", rig.end());
@@ -748,9 +748,9 @@ fn another_operating_mode() {
     }));
     assert_eq!(
         rig.finish_with_fault(),
-        Fault::Drive(
+        Fault::Device(
             Y,
-            DriveCause::WrongMode {
+            DeviceCause::WrongMode {
                 object: Address::new(0x6061, 0),
                 expected: 7,
                 found: 1

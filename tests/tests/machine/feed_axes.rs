@@ -39,7 +39,7 @@ fn an_axis_that_its_motor_cannot_move_is_a_fault() {
     );
     let mut rig = Rig::new("portal", &[heavy], PORTAL_PROGRAM, |_, _| ());
     let fault = rig.finish_with_fault();
-    let (Fault::Axis(2, _) | Fault::Drive(3, _)) = fault else {
+    let (Fault::Axis(2, _) | Fault::Device(3, _)) = fault else {
         panic!("{fault:?}");
     };
 }

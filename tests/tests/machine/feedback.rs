@@ -2,7 +2,7 @@
 
 use proptest::prelude::*;
 use syncline_canopen::{Address, CanId, CobId, NodeId};
-use syncline_controller::control::fault::{AxisCause, DriveCause};
+use syncline_controller::control::fault::{AxisCause, DeviceCause};
 use syncline_controller::control::{End, Event, Fault, Phase};
 use syncline_drives::bus::Sender;
 use syncline_drives::twin::{Config, Disturbance, ErrorClass};
@@ -212,8 +212,8 @@ fn an_encoder_that_is_lost_stops_the_machine_by_its_missing_t_pdo() {
     ] {
         let mut rig = portal(PROGRAM);
         let (fault, cycles) = found(&mut rig, 60, |rig| rig.twin(ENCODER).disturb(disturbance));
-        let missing = DriveCause::MissingTPdo { misses: 2 };
-        assert_eq!(fault, Fault::Drive(ENCODER, missing), "{disturbance:?}");
+        let missing = DeviceCause::MissingTPdo { misses: 2 };
+        assert_eq!(fault, Fault::Device(ENCODER, missing), "{disturbance:?}");
         assert!(cycles <= 3, "{disturbance:?}: {cycles}");
         rig.trace().assert_within_limits();
     }
@@ -237,7 +237,7 @@ fn its_own_error_stops_the_machine() {
 fn an_encoder_that_does_not_answer_is_told_by_name() {
     let mut rig = portal(PROGRAM);
     rig.twin(ENCODER).disturb(Disturbance::Mute(true));
-    let fault = Fault::Drive(ENCODER, DriveCause::NoAnswer);
+    let fault = Fault::Device(ENCODER, DeviceCause::NoAnswer);
     assert_eq!(rig.finish_with_fault(), fault);
 }
 

@@ -3,7 +3,7 @@
 use proptest::prelude::*;
 use std::time::Duration;
 use syncline_canopen::{CobId, Instant, NodeId};
-use syncline_controller::control::fault::DriveCause;
+use syncline_controller::control::fault::DeviceCause;
 use syncline_controller::control::{End, Event, Fault, Phase};
 use syncline_drives::twin::cia401::Twin;
 use syncline_drives::twin::{Disturbance, ErrorClass};
@@ -224,11 +224,11 @@ fn without_the_node_the_machine_stops_on_the_path_and_says_so() {
             rig.run_until(|rig| speed(rig) > 50.0);
             rig.twin(IO).disturb(loss);
             let fault = rig.finish_with_fault();
-            let Fault::Drive(IO, cause) = fault else {
+            let Fault::Device(IO, cause) = fault else {
                 panic!("{loss:?}: {fault:?}");
             };
             if by_event && loss == Disturbance::Mute(true) {
-                assert_eq!(cause, DriveCause::HeartbeatLost);
+                assert_eq!(cause, DeviceCause::HeartbeatLost);
             }
             let told = fault.describe(&*rig.layout);
             assert!(told.contains("node 9 (cabinet, CiA 401)"), "{told}");

@@ -185,7 +185,7 @@ proptest! {
         }
         prop_assert_eq!(state(&rig), State::Faulted);
         prop_assert_eq!(rig.session.faults().first(), Some(&fault));
-        let pair = matches!(rig.layout.drives.len(), DRIVES) && (0..2).any(|side| concerns(&fault, side));
+        let pair = matches!(rig.layout.devices.len(), DRIVES) && (0..2).any(|side| concerns(&fault, side));
         let reaction = match fault.cause().rule().reaction {
             Reaction::QuickStopAxis if pair => Reaction::QuickStopAll,
             reaction => reaction,
@@ -224,7 +224,7 @@ proptest! {
 fn concerns(fault: &syncline_controller::control::Fault, drive: usize) -> bool {
     use syncline_controller::control::Fault;
     match *fault {
-        Fault::Drive(of, _) => of == drive,
+        Fault::Device(of, _) => of == drive,
         Fault::Axis(0, _) => drive < 2,
         Fault::Axis(axis, _) => axis + 1 == drive,
         Fault::Bus(..) => true,

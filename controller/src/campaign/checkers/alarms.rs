@@ -2,7 +2,7 @@
 
 use super::super::interference::{Interference, ToBus, ToDrive, Traffic};
 use super::{Checker, Found, Scene};
-use crate::control::fault::DriveCause;
+use crate::control::fault::DeviceCause;
 use crate::control::{self, Fault, Phase, State};
 use crate::session::{Command, Event};
 use syncline_canopen::{CanId, Instant};
@@ -45,7 +45,7 @@ impl Alarms {
     fn fault(&mut self, scene: &Scene<'_>, fault: &Fault, found: &mut Found) {
         self.emergency = None;
         // On the way down a drive that does not answer is told at each step.
-        let waits = matches!(fault, Fault::Drive(_, DriveCause::StateTimeout { .. }));
+        let waits = matches!(fault, Fault::Device(_, DeviceCause::StateTimeout { .. }));
         if self.told.contains(fault) && !waits {
             found.violate(NAME, scene, "a fault is told twice", || {
                 format!("{fault:?}, after {:?}", self.told)
@@ -63,7 +63,7 @@ impl Alarms {
         };
         let drives_of_bus = |bus: usize| scene.drives_of(bus).to_vec();
         let concerned = match fault {
-            Fault::Drive(drive, _) => vec![*drive],
+            Fault::Device(drive, _) => vec![*drive],
             Fault::Axis(axis, _) => scene.machine.axes[*axis].drives.clone(),
             Fault::Bus(bus, _) => drives_of_bus(*bus),
             _ => return,

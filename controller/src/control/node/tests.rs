@@ -16,14 +16,14 @@ enum Step {
 /// Its name, what the node did, when it is checked in µs, and what that tells.
 type Case = (&'static str, &'static [Step], u64, Result<(), Fault>);
 
-const LOST: Result<(), Fault> = fault(DriveCause::HeartbeatLost);
+const LOST: Result<(), Fault> = fault(DeviceCause::HeartbeatLost);
 
-const fn fault(cause: DriveCause) -> Result<(), Fault> {
-    Err(Fault::Drive(0, cause))
+const fn fault(cause: DeviceCause) -> Result<(), Fault> {
+    Err(Fault::Device(0, cause))
 }
 
 const fn state(state: nmt::State) -> Result<(), Fault> {
-    fault(DriveCause::NmtState { state })
+    fault(DeviceCause::NmtState { state })
 }
 
 #[test]
@@ -62,13 +62,13 @@ fn a_boot_up_is_a_restart_unless_it_is_waited_for() {
             "boot-up in the run",
             &[Says(0, &[0])],
             1,
-            fault(DriveCause::Rebooted),
+            fault(DeviceCause::Rebooted),
         ),
         (
             "boot-up in the run, running since",
             &[Says(0, &[0]), Says(100_000, &[5])],
             100_001,
-            fault(DriveCause::Rebooted),
+            fault(DeviceCause::Rebooted),
         ),
         (
             "boot-up before the set-up",
@@ -128,13 +128,13 @@ fn a_heartbeat_tells_the_state() {
             "a toggle bit, as in an answer to guarding: alive, its state unknown",
             &[Says(0, &[5]), Says(100_000, &[0x85])],
             400_000,
-            fault(DriveCause::NoNmtState),
+            fault(DeviceCause::NoNmtState),
         ),
         (
             "a byte that is no state: alive, its state unknown",
             &[Says(0, &[5]), Says(100_000, &[0x42])],
             400_000,
-            fault(DriveCause::NoNmtState),
+            fault(DeviceCause::NoNmtState),
         ),
     ]);
 }

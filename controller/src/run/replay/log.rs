@@ -78,9 +78,9 @@ impl Log {
         if is(CobId::NMT) || is(CobId::error_control(self.layout.node)) {
             return Some(Band::Acyclic);
         }
-        let mut drives = self.layout.buses[logged.bus].drives.iter();
-        drives.find_map(|&drive| {
-            let device = &self.layout.drives[drive].device;
+        let mut devices = self.layout.buses[logged.bus].devices.iter();
+        devices.find_map(|&index| {
+            let device = &self.layout.devices[index].device;
             if device.spec().r_pdos.iter().any(|pdo| is(pdo.cob_id)) {
                 Some(Band::Burst)
             } else {
@@ -97,7 +97,7 @@ impl Log {
     /// When the first setpoint from `place` on is another than the one before it.
     pub(super) fn next_change(&self, place: usize) -> Option<Instant> {
         let mut last: BTreeMap<(usize, u32), Frame> = BTreeMap::new();
-        let from = place.saturating_sub(16 * self.layout.drives.len() + 16);
+        let from = place.saturating_sub(16 * self.layout.devices.len() + 16);
         for (index, logged) in self.frames.iter().enumerate().skip(from) {
             if self.band(logged) != Some(Band::Burst) {
                 continue;
