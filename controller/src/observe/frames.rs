@@ -134,7 +134,8 @@ impl FrameLog {
         digest.iter().map(|byte| format!("{byte:02x}")).collect()
     }
 
-    /// Per bus: bits of the busiest interval from SYNC to SYNC, by the bits of a cycle.
+    /// Per bus: bits of the busiest interval from SYNC to SYNC, by the bits of a cycle. On a full bus that is
+    /// up to a frame more than 1, for which the second SYNC waited.
     #[must_use]
     pub fn peak_utilisation(&self) -> Vec<f64> {
         let peak = |log: &BusLoad| log.peak_bits as f64 / log.capacity;

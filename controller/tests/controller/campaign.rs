@@ -167,7 +167,7 @@ fn commanded(seen: &Seen, data: [u8; 2]) -> Vec<Seen> {
 }
 
 /// Defects by the checker that has to find each.
-const DEFECTS: [(&str, &str, Change); 41] = [
+const DEFECTS: [(&str, &str, Change); 42] = [
     (
         "setpoints",
         "one setpoint a tenth of a revolution off",
@@ -602,6 +602,21 @@ const DEFECTS: [(&str, &str, Change); 41] = [
                 }]
             }
             _ => vec![seen.clone()],
+        },
+    ),
+    (
+        "bus",
+        "a request by SDO in the midst of a move",
+        |it, planting, seen| {
+            let Seen::Frame { bus, sent } = seen else {
+                return vec![seen.clone()];
+            };
+            let mut all = vec![seen.clone()];
+            if is_sync(seen) && planting.running > 100 && planting.state == Some(State::Running) {
+                let request = CanId::Standard(0x600 + u16::from(it.machine.drives[0].node.get()));
+                all.push(framed(*bus, sent, Frame::new(request, &[0x40; 8])));
+            }
+            all
         },
     ),
     (

@@ -1,5 +1,9 @@
-//! Each bus as its devices need it: SYNC on time, the setpoints of a cycle to all drives or to none, never
-//! more frames than it can carry.
+//! Each bus as its devices need it: SYNC on time, a setpoint of each cycle to each drive, nothing that is not
+//! cyclic while axes move, never more frames than it can carry.
+//!
+//! A frame that is on its way is not interrupted. So beside a request by SDO and its answer the last
+//! setpoint of a cycle may come behind its SYNC where a bus is nearly full, which is why none is sent
+//! while anything moves; and what SYNC waits for is carried on top of a cycle.
 
 use super::super::stage::Played;
 use super::{Checker, Found, Scene};
@@ -16,18 +20,42 @@ const BLOCKING: f64 = 135.0;
 pub(super) struct Bus {
     /// By bus: when the last SYNC began.
     syncs: Vec<Option<Instant>>,
+    /// By bus: a request by SDO, or an answer, was carried since the last SYNC, and before it since the one
+    /// before.
+    requests: Vec<[bool; 2]>,
+}
+
+/// Whether a frame is a request by SDO or an answer to one.
+fn is_request(sent: &Transmission) -> bool {
+    matches!(sent.frame.id(), CanId::Standard(id) if matches!(id >> 7, 0xB | 0xC))
 }
 
 impl Bus {
     pub(super) fn new(machine: &Machine) -> Self {
         Self {
             syncs: vec![None; machine.buses.len()],
+            requests: vec![[false; 2]; machine.buses.len()],
+        }
+    }
+
+    /// A request by SDO, or an answer: then nothing may move.
+    fn request(&mut self, scene: &Scene<'_>, bus: usize, found: &mut Found) {
+        self.requests[bus][0] = true;
+        let moves = scene.drives.iter().position(|drive| drive.moves);
+        if let Some(drive) = moves.filter(|_| scene.case.is_untroubled()) {
+            found.violate(NAME, scene, "a request by SDO while axes move", || {
+                let name = &scene.machine.drives[drive].name;
+                format!("bus {bus}: drive {name} moves")
+            });
         }
     }
 }
 
 impl Checker for Bus {
     fn frame(&mut self, scene: &Scene<'_>, bus: usize, sent: &Transmission, found: &mut Found) {
+        if is_request(sent) {
+            self.request(scene, bus, found);
+        }
         if sent.frame.id() != CanId::from(CobId::SYNC) {
             return;
         }
@@ -52,7 +80,9 @@ impl Checker for Bus {
     }
 
     fn sync(&mut self, scene: &Scene<'_>, bus: usize, found: &mut Found) {
-        if !scene.case.is_untroubled() {
+        let [now, before] = self.requests[bus];
+        self.requests[bus] = [false, now];
+        if !scene.case.is_untroubled() || now || before {
             return;
         }
         for &drive in scene.drives_of(bus) {
@@ -67,10 +97,12 @@ impl Checker for Bus {
     }
 
     fn ended(&mut self, scene: &Scene<'_>, played: &Played, found: &mut Found) {
-        for bus in &played.summary.bus {
-            if bus.peak_utilisation > 1.0 && scene.case.is_untroubled() {
+        for (bus, spec) in played.summary.bus.iter().zip(&scene.machine.buses) {
+            let allowed = 1.0 + BLOCKING / f64::from(spec.bitrate) / scene.period();
+            if bus.peak_utilisation > allowed && scene.case.is_untroubled() {
                 found.violate(NAME, scene, "more frames than fit a cycle", || {
-                    format!("bus {}: {}", bus.name, bus.peak_utilisation)
+                    let (name, share) = (&bus.name, bus.peak_utilisation);
+                    format!("bus {name}: {share}, allowed {allowed}")
                 });
             }
         }

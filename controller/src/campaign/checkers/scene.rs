@@ -68,6 +68,8 @@ pub struct DriveScene {
     pub latched_of: u32,
     /// It was enabled and in its mode, as it said, when it latched.
     pub in_effect: bool,
+    /// It was so at the SYNC before, too, and latched another setpoint then.
+    pub moves: bool,
 }
 
 #[derive(Debug)]
@@ -211,9 +213,11 @@ impl<'a> Scene<'a> {
             self.syncs[bus] = on_time.then_some(number);
             for &drive in &*drives {
                 let drive = &mut self.drives[drive];
-                drive.latched = drive.setpoint;
+                let follows = drive.follows();
+                let followed = std::mem::replace(&mut drive.in_effect, follows);
+                let before = std::mem::replace(&mut drive.latched, drive.setpoint);
+                drive.moves = followed && drive.in_effect && drive.latched != before;
                 drive.latched_of = std::mem::take(&mut drive.came);
-                drive.in_effect = drive.follows();
             }
         }
         let scenes = &mut self.drives;
