@@ -167,8 +167,7 @@ impl MachineSpec {
         let period = Duration::from_micros(cycle_us.into());
         let models: Vec<&str> = MODELS
             .iter()
-            .filter(|model| model.is_drive() && model.takes_cycle(period))
-            .filter(|model| model.setpoints == Setpoints::Positions)
+            .filter(|model| model.is_sent(Setpoints::Positions) && model.takes_cycle(period))
             .map(|model| model.name)
             .collect();
         let mixed = dice.chance(0.4);

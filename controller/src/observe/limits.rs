@@ -201,7 +201,7 @@ impl AxisWatches {
             planned: Differences::new(cycle, Uncertainty::Numbers),
             // What is sent velocities is judged by where it is.
             sides: (axis.drives.iter())
-                .filter(|&&drive| machine.drives[drive].model.setpoints == Setpoints::Positions)
+                .filter(|&&drive| machine.drives[drive].model.is_sent(Setpoints::Positions))
                 .map(|drive| Side::new(machine, *drive))
                 .collect(),
             squares: 0.0,

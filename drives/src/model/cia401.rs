@@ -11,7 +11,7 @@
 use super::profile::communication;
 use super::{
     Address, Assumption, Data, Identity, Increments, Io, IoNode, IoSettings, Make, Model, NodeSpec,
-    RemoteNode, Setpoints, Settings, Write,
+    RemoteNode, Settings, Write,
 };
 use crate::dictionary;
 use core::time::Duration;
@@ -29,7 +29,6 @@ pub(super) static CIA401: Model = Model {
     cycles: Duration::from_micros(500)..=Duration::from_secs(1),
     increments_per_revolution: |_| 1,
     positions: Increments::MIN..=Increments::MAX,
-    setpoints: Setpoints::Positions,
     abilities: &[],
     assumptions: &[
         DIGITAL_WORDS,

@@ -33,7 +33,6 @@ pub(super) static CIA402_CSP: Model = Model {
     cycles: Duration::from_micros(500)..=Duration::from_millis(20),
     increments_per_revolution: |assumed| assumed.value(&ENCODER_INCREMENTS),
     positions: Increments::MIN..=Increments::MAX,
-    setpoints: Setpoints::Positions,
     abilities: &[Ability::FollowingErrorLimit, Ability::SoftLimits],
     assumptions: &[
         ENCODER_INCREMENTS,
@@ -49,7 +48,9 @@ pub(super) static CIA402_CSP: Model = Model {
     inputs: &[],
     outputs: &[],
     analog_outputs: &[],
-    make: Make::Drive(|settings| Box::new(Cia402Csp::new(settings))),
+    make: Make::Drive(Setpoints::Positions, |settings| {
+        Box::new(Cia402Csp::new(settings))
+    }),
 };
 
 const ENCODER_INCREMENTS: Assumption = Assumption {

@@ -28,7 +28,6 @@ pub(super) static LXM32M: Model = Model {
     cycles: Duration::from_millis(1)..=Duration::from_millis(20),
     increments_per_revolution: |_| 131_072, // (1602)
     positions: Increments::MIN..=Increments::MAX,
-    setpoints: Setpoints::Positions,
     abilities: &[Ability::FollowingErrorLimit, Ability::SoftLimits],
     assumptions: &[
         INTERPOLATION_DELAY,
@@ -41,7 +40,9 @@ pub(super) static LXM32M: Model = Model {
     inputs: &INPUTS,
     outputs: &OUTPUTS,
     analog_outputs: &[],
-    make: Make::Drive(|settings| Box::new(Lxm32m::new(settings))),
+    make: Make::Drive(Setpoints::Positions, |settings| {
+        Box::new(Lxm32m::new(settings))
+    }),
 };
 
 /// Taken by the drive family's wider documentation; not in the fieldbus manual.

@@ -72,8 +72,6 @@ pub struct Model {
     pub increments_per_revolution: fn(&Assumed) -> u32,
     /// The positions that it can be sent to: what its setpoint's object holds.
     pub positions: RangeInclusive<Increments>,
-    /// What its drives are sent in every cycle.
-    pub setpoints: Setpoints,
     /// What it can do besides.
     pub abilities: &'static [Ability],
     /// What the manual leaves open, with the value taken unless the machine file says otherwise.
@@ -96,8 +94,8 @@ pub struct Model {
 /// How a device of a model is made, by what it does for a machine.
 #[derive(Clone, Copy, Debug)]
 pub enum Make {
-    /// It moves an axis.
-    Drive(fn(&Settings) -> Box<dyn Drive>),
+    /// It moves an axis, and is sent this in every cycle.
+    Drive(Setpoints, fn(&Settings) -> Box<dyn Drive>),
     /// It tells where something is, and no more.
     Encoder(fn(&Settings) -> Arc<dyn Feedback>),
     /// It has inputs and outputs, and no more.
@@ -208,7 +206,7 @@ impl Model {
     #[must_use]
     pub fn device(&self, settings: &Settings) -> Device {
         match self.make {
-            Make::Drive(make) => Device::Drive(make(settings)),
+            Make::Drive(_, make) => Device::Drive(make(settings)),
             Make::Encoder(make) => Device::Encoder(make(settings)),
             Make::Io(make) => Device::Io(make(settings)),
         }
@@ -217,7 +215,13 @@ impl Model {
     /// Whether its devices move an axis.
     #[must_use]
     pub fn is_drive(&self) -> bool {
-        matches!(self.make, Make::Drive(_))
+        matches!(self.make, Make::Drive(..))
+    }
+
+    /// Whether its devices move an axis and are sent that in every cycle.
+    #[must_use]
+    pub fn is_sent(&self, setpoints: Setpoints) -> bool {
+        matches!(self.make, Make::Drive(sent, _) if sent == setpoints)
     }
 
     /// Whether its devices tell where something is, and no more.

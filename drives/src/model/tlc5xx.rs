@@ -30,7 +30,6 @@ pub(super) static TLC5XX: Model = Model {
     // Of a motor with a Sincoder (4982).
     increments_per_revolution: |_| INCREMENTS,
     positions: Increments::MIN..=Increments::MAX,
-    setpoints: Setpoints::Velocities,
     abilities: &[],
     assumptions: &[
         UNITS_PER_RPM,
@@ -45,7 +44,9 @@ pub(super) static TLC5XX: Model = Model {
     inputs: &[],
     outputs: &[],
     analog_outputs: &[],
-    make: Make::Drive(|settings| Box::new(Tlc5xx::new(settings))),
+    make: Make::Drive(Setpoints::Velocities, |settings| {
+        Box::new(Tlc5xx::new(settings))
+    }),
 };
 
 const INCREMENTS: u32 = 16_384;

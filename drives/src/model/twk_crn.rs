@@ -13,7 +13,7 @@
 use super::profile::communication;
 use super::{
     Address, Assumed, Assumption, Data, Feedback, Identity, Increments, Make, Model, Monitoring,
-    NodeSpec, RemoteNode, Sample, Setpoints, Settings, Write,
+    NodeSpec, RemoteNode, Sample, Settings, Write,
 };
 use crate::dictionary;
 use core::time::Duration;
@@ -40,7 +40,6 @@ pub(super) static TWK_CRN: Model = Model {
     dictionary: &dictionary::TWK_CRN_8192,
     reserved,
     positions: Increments::MIN..=Increments::MAX,
-    setpoints: Setpoints::Positions,
     abilities: &[],
     inputs: &[],
     outputs: &[],
