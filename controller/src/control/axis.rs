@@ -1,13 +1,13 @@
 //! One axis in the cycle: planned position to increments, actual position back, following error.
 
 use super::SIDES_ENABLE;
-use super::fault::{AwaitedState, AxisCause, AxisIndex, DeviceCause, DeviceIndex, Fault};
+use super::fault::{AwaitedState, AxisCause, AxisIndex, DeviceIndex, Fault};
 use super::homing::Edge;
 use super::layout::{self, Layout};
 use super::node::DeviceNode;
 use super::setpoint_guard::SetpointGuard;
 use crate::machine::{HomingMethod, Square};
-use syncline_drives::model::{Increments, OutOfRange, Setpoint};
+use syncline_drives::model::{Increments, Setpoint};
 use syncline_trajectory::limits::Limits;
 use syncline_trajectory::profile::{Profile, State};
 use syncline_trajectory::state_to_state::{self, Axis as Motion};
@@ -150,12 +150,30 @@ impl AxisControl {
         !self.spec.homing.is_absolute() && drives.any(|&drive| nodes[drive].has_lost_count())
     }
 
-    /// Without a reference, counts from where each side stands.
-    pub(super) fn count_from_here(&self, nodes: &mut [DeviceNode]) {
-        for &drive in self.spec.drives.iter().filter(|_| !self.referenced) {
+    /// Without a reference, counts from where each side stands. A drive beside the encoder of the position
+    /// loop learns its place from that.
+    pub(super) fn count_from_here(&self, nodes: &mut [DeviceNode]) -> Result<(), Fault> {
+        for &drive in &self.spec.drives {
+            let there = match self.loop_encoder() {
+                Some(encoder) => nodes[drive].increments(nodes[encoder].actual_mm())?,
+                None if self.referenced => continue,
+                None => nodes[drive].scaling().zero(),
+            };
             let node = &mut nodes[drive];
-            node.origin = node.actual() - node.scaling().zero();
+            node.origin = node.actual() - there;
         }
+        Ok(())
+    }
+
+    /// The encoder that its position loop is closed by, where it is not the drives.
+    fn loop_encoder(&self) -> Option<DeviceIndex> {
+        let feedback = self.spec.feedback.filter(|it| it.closes_loop);
+        feedback.map(|it| it.encoder)
+    }
+
+    /// What tells where a side is.
+    fn telling(&self, side: usize) -> DeviceIndex {
+        self.loop_encoder().unwrap_or(self.spec.drives[side])
     }
 
     /// Takes it that the edges of its switches, one a side, are at the machine position that the machine
@@ -180,10 +198,7 @@ impl AxisControl {
                 None => (node.setpoint.position, 1),
             };
             uncertainty = uncertainty.max(off as f64 * node.scaling().resolution());
-            let there = node.scaling().to_increments(place);
-            let there =
-                there.map_err(|OutOfRange| Fault::Device(drive, DeviceCause::PositionRange))?;
-            node.origin = at - there;
+            node.origin = at - node.increments(place)?;
             node.keep_count();
         }
         self.referenced = true;
@@ -267,11 +282,7 @@ impl AxisControl {
     fn seat(&mut self, position: f64, nodes: &[DeviceNode]) -> Result<(), Fault> {
         for (side, &drive) in self.sides.iter_mut().zip(&self.spec.drives) {
             let node = &nodes[drive];
-            let planned = node
-                .scaling()
-                .to_increments(position)
-                .map_err(|OutOfRange| Fault::Device(drive, DeviceCause::PositionRange))?;
-            side.offset = node.setpoint.position - planned;
+            side.offset = node.setpoint.position - node.increments(position)?;
         }
         self.planned = [Planned {
             position,
@@ -286,11 +297,7 @@ impl AxisControl {
     /// Checks where the axis stands before it is enabled, and returns its machine position in mm.
     pub(super) fn locate(&self, nodes: &[DeviceNode]) -> Result<f64, Fault> {
         let axis = self.index;
-        let sides = self
-            .spec
-            .drives
-            .iter()
-            .map(|&drive| nodes[drive].actual_mm());
+        let sides = (0..self.sides.len()).map(|side| nodes[self.telling(side)].actual_mm());
         let (least, most) = sides.fold((f64::INFINITY, f64::NEG_INFINITY), |(least, most), mm| {
             (least.min(mm), most.max(mm))
         });
@@ -396,7 +403,7 @@ impl AxisControl {
             let drive = self.spec.drives[index];
             let node = &nodes[drive];
             let there = self.planned(cycle, node.delay()).of_side(index);
-            let velocity = self.velocity(cycle, index, node);
+            let velocity = self.velocity(cycle, index, nodes);
             let side = &mut self.sides[index];
             side.next = Setpoint {
                 velocity,
@@ -427,7 +434,7 @@ impl AxisControl {
                 if quick_stopped {
                     nodes[drive].hold();
                 } else {
-                    nodes[drive].setpoint.velocity = self.velocity(cycle, side, &nodes[drive]);
+                    nodes[drive].setpoint.velocity = self.velocity(cycle, side, nodes);
                 }
             }
             return;
@@ -450,7 +457,8 @@ impl AxisControl {
     /// position. The last sample is compared with where the axis should have been at its SYNC; while the
     /// next one is missing the axis is taken to go on as planned, which leaves their difference as it is.
     /// When it is missing for longer the drive follows the plan alone.
-    fn velocity(&self, cycle: u64, side: usize, node: &DeviceNode) -> f64 {
+    fn velocity(&self, cycle: u64, side: usize, nodes: &[DeviceNode]) -> f64 {
+        let node = &nodes[self.spec.drives[side]];
         let Some(dynamics) = node.dynamics() else {
             return 0.0;
         };
@@ -459,8 +467,8 @@ impl AxisControl {
             planned.of_side(side) + dynamics.lag * planned.velocity
         });
         let planned = (there - before) / self.period;
-        let error = if node.is_fresh() {
-            self.following_error(cycle - 1, side, node)
+        let error = if nodes[self.telling(side)].is_fresh() {
+            self.following_error(cycle - 1, side, nodes)
         } else {
             0.0
         };
@@ -480,16 +488,21 @@ impl AxisControl {
     }
 
     /// Where a side is in the plan's frame, mm; `cycle` is that of the last SYNC.
-    fn actual(&self, cycle: u64, side: usize, node: &DeviceNode) -> f64 {
+    fn actual(&self, cycle: u64, side: usize, nodes: &[DeviceNode]) -> f64 {
+        if let Some(encoder) = self.loop_encoder() {
+            return nodes[encoder].actual_mm();
+        }
+        let node = &nodes[self.spec.drives[side]];
         let act = (node.scaling()).to_mm(node.actual() - self.sides[side].offset);
         act - OUTWARDS[side] * self.apart(cycle)
     }
 
     /// Where a side should have been at the SYNC of its last sample, less where it was, mm; `cycle` is that
     /// of the last SYNC.
-    fn following_error(&self, cycle: u64, side: usize, node: &DeviceNode) -> f64 {
-        let planned = self.planned(cycle, self.lag + f64::from(node.age()));
-        planned.position - self.actual(cycle, side, node)
+    fn following_error(&self, cycle: u64, side: usize, nodes: &[DeviceNode]) -> f64 {
+        let age = nodes[self.telling(side)].age();
+        let planned = self.planned(cycle, self.lag + f64::from(age));
+        planned.position - self.actual(cycle, side, nodes)
     }
 
     /// What the axis did at SYNC `cycle`, which has just been answered by its T_PDOs. A drive whose
@@ -501,16 +514,15 @@ impl AxisControl {
             ..AxisSample::default()
         };
         if worst.quick_stopped {
-            worst.act = nodes[self.spec.drives[0]].actual_mm();
+            worst.act = nodes[self.telling(0)].actual_mm();
             worst.set = worst.act;
             return worst;
         }
         for (side, &drive) in self.spec.drives.iter().enumerate() {
-            let node = &nodes[drive];
-            let following_error = self.following_error(cycle, side, node);
+            let following_error = self.following_error(cycle, side, nodes);
             if side == 0 || following_error.abs() > worst.following_error.abs() {
-                worst.set = self.planned(cycle, node.delay()).position;
-                worst.act = self.actual(cycle, side, node);
+                worst.set = self.planned(cycle, nodes[drive].delay()).position;
+                worst.act = self.actual(cycle, side, nodes);
                 worst.following_error = following_error;
             }
         }
@@ -531,9 +543,10 @@ impl AxisControl {
     /// Looks at the actual positions of a cycle: what changed by more than the axis can move is none of it.
     pub(super) fn check_jumps(&mut self, nodes: &[DeviceNode]) -> Result<(), Fault> {
         let mut outcome = Ok(());
+        let encoder = self.loop_encoder();
         let limits = &self.spec.limits;
         for (side, &drive) in self.sides.iter_mut().zip(&self.spec.drives) {
-            let node = &nodes[drive];
+            let node = &nodes[encoder.unwrap_or(drive)];
             if node.age() > 0 {
                 side.seen = side.seen.map(|(seen, ago)| (seen, ago.saturating_add(1)));
             } else if let Some((seen, ago)) = side.seen.replace((node.actual(), 1)) {
@@ -572,6 +585,7 @@ impl AxisControl {
         let Some(layout::AxisFeedback {
             encoder,
             difference: allowed,
+            ..
         }) = self.spec.feedback.filter(|_| self.referenced)
         else {
             return Ok(());

@@ -128,6 +128,8 @@ pub struct AxisFeedback {
     pub encoder: DeviceIndex,
     /// Between its position and that of the drives; more is a fault. mm.
     pub difference: f64,
+    /// It is what the axis's position loop is closed by, and where the axis is.
+    pub closes_loop: bool,
 }
 
 impl Layout {
@@ -192,6 +194,7 @@ impl Layout {
                     feedback: axis.feedback.map(|feedback| AxisFeedback {
                         encoder: machine.drives.len() + feedback.encoder,
                         difference: feedback.difference,
+                        closes_loop: feedback.closes_loop,
                     }),
                     limits: axis.limits,
                     homing: axis.homing.clone(),

@@ -503,11 +503,16 @@ impl DeviceNode {
 
     /// What the drive has to be sent to for its axis to be at `mm`, `offset` increments beside.
     pub(super) fn setpoint_at(&self, mm: f64, offset: Increments) -> Result<Setpoint, Fault> {
-        let out_of_range = |OutOfRange| self.fault(DeviceCause::PositionRange);
-        let position = self.scaling().to_increments(mm).map_err(out_of_range)? + offset;
-        let setpoint = Setpoint::at(position);
-        self.check(setpoint).map_err(out_of_range)?;
+        let setpoint = Setpoint::at(self.increments(mm)? + offset);
+        let checked = self.check(setpoint);
+        checked.map_err(|OutOfRange| self.fault(DeviceCause::PositionRange))?;
         Ok(setpoint)
+    }
+
+    /// A machine position as the device counts, from its `zero` in the machine file.
+    pub(super) fn increments(&self, mm: f64) -> Result<Increments, Fault> {
+        let there = self.scaling().to_increments(mm);
+        there.map_err(|OutOfRange| self.fault(DeviceCause::PositionRange))
     }
 
     /// Whether the drive can be sent there.

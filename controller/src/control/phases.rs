@@ -64,7 +64,7 @@ impl<const N: usize> Controller<N> {
                 let locked = self.sequences_done();
                 if locked {
                     for axis in &self.axes {
-                        axis.count_from_here(&mut self.nodes);
+                        axis.count_from_here(&mut self.nodes)?;
                         axis.locate(&self.nodes)?;
                     }
                 }

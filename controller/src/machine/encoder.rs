@@ -6,7 +6,7 @@ use super::read::unknown;
 use super::{Axis, Machine};
 use std::ops::Range;
 use syncline_canopen::NodeId;
-use syncline_drives::model::{Assumed, Direction, Increments, Model, Scaling, Write};
+use syncline_drives::model::{Assumed, Direction, Increments, Model, Scaling, Setpoints, Write};
 use syncline_strict_toml::{Log, Table};
 use toml::Spanned;
 
@@ -36,6 +36,9 @@ pub struct Feedback {
     pub encoder: usize,
     /// `difference_limit`: between its position and that of the drives; more is a fault. mm.
     pub difference: f64,
+    /// `position_loop = "encoder"`: by its position the controller closes the loop about an axis whose
+    /// drive is sent velocities.
+    pub closes_loop: bool,
 }
 
 /// A table good on its own.
@@ -85,14 +88,27 @@ impl EncoderTable {
 pub(super) struct FeedbackTable {
     pub(super) name: Spanned<String>,
     pub(super) difference: f64,
+    /// Where the file says that it closes the position loop, if it does.
+    pub(super) closes_loop: Option<Range<usize>>,
 }
 
 impl FeedbackTable {
-    /// Reads `feedback` and `difference_limit` of an axis, which come together.
+    /// Reads `feedback` and `difference_limit` of an axis, which come together, and `position_loop`.
     pub(super) fn read(log: &mut Log<'_>, table: &mut Table<'_, '_>, unit: &str) -> Option<Self> {
         let allowed = "the `name` of an [[encoder]]";
         let name = table.text_if(log, "feedback", allowed, |_| true);
+        let sources = ["drive", "encoder"].into_iter();
+        let source = table.choice_or(log, "position_loop", "drive", sources);
+        let closes_loop = (source == "encoder").then(|| table.span_of("position_loop"));
+        let closes_loop = closes_loop.map(Option::unwrap_or_default);
         let Some(name) = name else {
+            if let Some(span) = closes_loop {
+                log.report(
+                    span,
+                    format!("{}: `position_loop` without `feedback`", table.title),
+                    "allowed: \"encoder\" only where `feedback` names an [[encoder]]",
+                );
+            }
             if let Some(difference) = table.positive_if(log, "difference_limit", unit) {
                 log.report(
                     difference.span(),
@@ -107,7 +123,45 @@ impl FeedbackTable {
         Some(Self {
             name,
             difference: difference.into_inner(),
+            closes_loop,
         })
+    }
+
+    /// Whether the controller has a loop about the axis that the encoder could close.
+    pub(super) fn check_loop(
+        &self,
+        log: &mut Log<'_>,
+        title: &str,
+        drives: impl ExactSizeIterator<Item = &'static Model>,
+        homes: bool,
+    ) {
+        let Some(span) = &self.closes_loop else {
+            return;
+        };
+        let several = drives.len() > 1;
+        let positions = drives
+            .into_iter()
+            .find(|it| it.is_sent(Setpoints::Positions));
+        let (problem, help) = if let Some(model) = positions {
+            let problem = format!("its {} closes the position loop itself", model.title);
+            (
+                problem,
+                "leave the key out: the encoder is a second opinion then",
+            )
+        } else if several {
+            let problem = "one encoder says nothing about each side of a gantry pair".to_owned();
+            (problem, "leave the key out, or give the axis one drive")
+        } else if homes {
+            let problem = "the encoder is absolute, and the axis has an [axis.homing]".to_owned();
+            (
+                problem,
+                "leave one of them out: `zero` of the encoder says where the axis is",
+            )
+        } else {
+            return;
+        };
+        let problem = format!("{title}: `position_loop`: {problem}");
+        log.report(span.clone(), problem, help);
     }
 
     /// Its encoder's place among them.

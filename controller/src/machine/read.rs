@@ -179,8 +179,13 @@ impl Tables {
                         .iter()
                         .position(|drive| drive.name == *name.get_ref())
                 };
-                let own = axis.drives.get_ref().iter().filter_map(index).collect();
+                let own = axis.drives.get_ref().iter().filter_map(index);
+                let own: Vec<usize> = own.collect();
                 let encoder = axis.feedback.as_ref().and_then(|it| it.find(&encoders));
+                if let Some(feedback) = &axis.feedback {
+                    let models = own.iter().map(|&drive| drives[drive].model);
+                    feedback.check_loop(log, &axis.title(), models, axis.homing.is_some());
+                }
                 axis.join(own, encoder)
             })
             .unzip();
@@ -643,6 +648,7 @@ impl AxisTable {
             feedback: encoder.zip(self.feedback).map(|(encoder, table)| Feedback {
                 encoder,
                 difference: table.difference,
+                closes_loop: table.closes_loop.is_some(),
             }),
             simulation: self.simulation,
         };

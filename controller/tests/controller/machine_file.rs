@@ -826,6 +826,44 @@ fn encoders_that_see_nothing_or_not_enough_are_told() {
     assert!(with_encoder("[[encoder]]", &scaling(5)).is_ok());
 }
 
+/// By an encoder the controller can close a loop that is its own, about an axis that has no other reference.
+#[test]
+fn an_encoder_closes_no_loop_that_a_drive_closes() {
+    let told = |changes: &[(&str, &str)]| {
+        let mut text = portal_with("[[axis]]\nname = \"Z\"\n", ENCODER);
+        let last = "difference_limit = 0.2\n";
+        text = text.replacen(last, &format!("{last}position_loop = \"encoder\"\n"), 1);
+        for (from, to) in changes {
+            assert!(text.contains(from), "{from}");
+            text = text.replace(from, to);
+        }
+        parse(&text)
+    };
+    let drive = "node = 4\nmodel = \"lxm32m\"\nzero = 5_000_000";
+    let velocities = (drive, "node = 4\nmodel = \"tlc5xx\"\nzero = 600_000");
+    let own = (
+        "drive_following_error = true\ndrive_soft_limits = true\n",
+        "",
+    );
+    let machine = told(&[velocities, own]);
+    let refused = |changes: &[(&str, &str)]| {
+        let told = told(changes).unwrap_err().diagnostics.into_iter();
+        let told: Vec<_> = told
+            .map(|it| format!("{}: {}", it.problem, it.help))
+            .collect();
+        told.join("\n")
+    };
+    insta::assert_snapshot!(
+        [
+            refused(&[]),
+            refused(&[("feedback = \"screw\"\ndifference_limit = 0.2\n", "")]),
+            refused(&[("position_loop = \"encoder\"", "position_loop = \"both\"")]),
+        ]
+        .join("\n\n")
+    );
+    assert!(machine.is_ok_and(|it| it.axes[2].feedback.is_some_and(|it| it.closes_loop)));
+}
+
 /// What is told of the portal with this table, each with its line's text.
 fn told_of(table: &str) -> Vec<String> {
     let text = portal_with("[[drive]]\n", &format!("{table}\n[[drive]]\n"));

@@ -130,6 +130,79 @@ fn it_does_not_lag_at_a_constant_velocity() {
     );
 }
 
+// --- an encoder closes the loop ---
+
+/// Where the encoder reads 0 the axis is 41 mm below machine position 0.
+const ENCODER: &str = "[[encoder]]\nname = \"beam\"\nbus = \"portal\"\nnode = 5\n\
+    model = \"twk_crn\"\npitch = 20.0\nzero = 16_794\n\n[[axis]]\nname = \"X\"";
+
+/// The encoder's place among the devices.
+const BEAM: usize = 4;
+
+/// An increment of it, mm.
+const STEP: f64 = 20.0 / 8192.0;
+
+const BY_ENCODER: &str = "following_error_limit = 2.0\nstandstill_window = 0.05\n\
+    feedback = \"beam\"\ndifference_limit = 0.5\nposition_loop = \"encoder\"\n\n[[axis]]\nname = \"Z\"";
+
+fn portal_by_encoder(program: &str, configure: impl Fn(usize, &mut Config)) -> Rig {
+    let more = [
+        ("[[axis]]\nname = \"X\"", ENCODER),
+        (UNSUPERVISED, BY_ENCODER),
+    ];
+    portal_with(&more, program, configure)
+}
+
+#[test]
+fn an_encoder_closes_the_loop_as_well_as_the_drive() {
+    let mut rig = portal_by_encoder(PORTAL_PROGRAM, |_, _| ());
+    assert_eq!(rig.finish(), End::Finished, "{:?}", rig.events);
+    let y = peak(&rig.rows, Y);
+    assert!(y <= bound(5000.0) + STEP && y >= bound(5000.0) / 5.0, "{y}");
+    rig.trace().assert_within_limits();
+    assert!(rig.ends_at_rest());
+}
+
+/// What the drive counts is nothing to an axis whose encoder says where it is: it may have counted anything
+/// before, and goes where it is sent all the same.
+#[test]
+fn the_drive_learns_its_place_from_the_encoder() {
+    let program = "G21 G90 G94 G61\nG1 Y60 F6000\nM2\n";
+    for turns in [-7.3, 0.0, 0.21, 40.0] {
+        let mut rig = portal_by_encoder(program, |device, config| {
+            if device == DRIVE {
+                config.position += turns;
+            }
+        });
+        assert_eq!(rig.finish(), End::Finished, "{turns}: {:?}", rig.events);
+        let at = rig.rows.last().unwrap().axes[Y].act;
+        assert!((at - 60.0).abs() <= bound(0.0) + STEP, "{turns}: {at}");
+    }
+}
+
+#[test]
+fn an_encoder_that_closes_the_loop_and_is_lost_stops_the_machine() {
+    let cases: [(Disturbance, &str); 3] = [
+        (Disturbance::Mute(true), "no T_PDO in 2 cycles in a row"),
+        (Disturbance::Reset, "no T_PDO in 2 cycles in a row"),
+        (
+            Disturbance::Fault(ErrorClass::StopAndSwitchOff),
+            "EMCY FFFFh",
+        ),
+    ];
+    for (disturbance, text) in cases {
+        let mut rig = portal_by_encoder(CIRCLES, |_, _| ());
+        rig.run_to_row(600);
+        rig.twin(BEAM).disturb(disturbance);
+        let fault = rig.finish_with_fault().describe(&*rig.layout);
+        assert!(
+            fault.starts_with("node 5 (beam, TWK CRN): ") && fault.contains(text),
+            "{fault}"
+        );
+        rig.trace().assert_within_limits();
+    }
+}
+
 // --- it is lost ---
 
 #[test]
@@ -212,5 +285,28 @@ proptest! {
         prop_assert_eq!(rig.finish(), End::Finished);
         let (error, bound) = (peak(&rig.rows, Y), bound(acceleration(feed / 60.0)));
         prop_assert!((bound / 5.0..=bound).contains(&error), "{} mm, bound {}", error, bound);
+    }
+
+    /// A coupling that slips by less than the limit, at any time: by the encoder the axis is where it was sent,
+    /// and the drive has made up for the slip. What is beyond the limit is found.
+    #[test]
+    fn a_slip_is_made_up_for(row in 5..400usize, size in 0.0..0.045f64, backward: bool) {
+        let turns = if backward { -size } else { size };
+        let slipped = turns * 20.0;
+        let mut rig = portal_by_encoder("G21 G90 G94 G61\nG1 Y60 F6000\nG1 Y20\nG4 P0.5\nM2\n", |_, _| ());
+        rig.run_to_row(1);
+        let began = rig.twin(DRIVE).observe().position;
+        rig.run_to_row(row);
+        rig.slip(0, turns);
+        let end = rig.finish();
+        if slipped.abs() < 0.45 {
+            prop_assert_eq!(end, End::Finished, "{:?}", rig.events);
+            let by_encoder = rig.rows.last().unwrap().axes[Y].act;
+            prop_assert!((by_encoder - 20.0).abs() <= bound(0.0) + STEP, "{}", by_encoder);
+            let by_drive = (rig.twin(DRIVE).observe().position - began) * 20.0;
+            prop_assert!((by_drive - 20.0 + slipped).abs() <= bound(0.0) + STEP, "{}", by_drive);
+        } else if slipped.abs() > 0.55 {
+            prop_assert!(matches!(end, End::Fault(Fault::Axis(Y, AxisCause::FeedbackDifference { .. }))), "{:?}", end);
+        }
     }
 }
