@@ -163,6 +163,7 @@ fn open_real(
                         ])
                     })
                     .collect(),
+                heartbeat: CobId::error_control(machine.controller.node),
                 burst: (devices.iter())
                     .flat_map(|device| &device.spec().r_pdos)
                     .map(|pdo| pdo.cob_id)

@@ -31,6 +31,7 @@ fn options(axes: u8) -> Options {
     Options {
         bit_rate: 1_000_000,
         receive: (1..=axes).map(|id| CobId::t_pdo(2, node(id))).collect(),
+        heartbeat: CobId::error_control(node(127)),
         burst: (1..=axes).map(|id| CobId::r_pdo(2, node(id))).collect(),
     }
 }
@@ -90,9 +91,11 @@ fn only_what_is_used_comes_in_and_echoes_are_told_from_strangers() {
     say(0x301, &[4]);
     port.send_sync(&Frame::new(CobId::SYNC, &[])).unwrap();
     assert_eq!(port.send_burst(&burst(2)).unwrap(), Burst::Queued);
-    port.send_acyclic(&[Frame::new(CobId::NMT, &[1, 0])])
+    let life = Frame::new(CobId::error_control(node(127)), &[5]);
+    port.send_acyclic(&[Frame::new(CobId::NMT, &[1, 0]), life])
         .unwrap();
     say(0x080, &[]);
+    say(0x77F, &[5]);
     let received = receive(&mut port);
     let after = realtime::now();
 
@@ -108,12 +111,14 @@ fn only_what_is_used_comes_in_and_echoes_are_told_from_strangers() {
             (0x080, true),
             (0x301, true),
             (0x302, true),
-            (0x080, false)
+            (0x77F, true),
+            (0x080, false),
+            (0x77F, false)
         ]
     );
     assert_eq!(received[0].frame.data(), [1, 2]);
     assert!(received.is_sorted_by_key(|it| it.at));
-    assert!(before <= received[0].at && received[5].at <= after);
+    assert!(before <= received[0].at && received[7].at <= after);
     assert_eq!(port.stamps(), StampSource::Software);
 
     let everything = CanSocket::open(vcan.0).unwrap();

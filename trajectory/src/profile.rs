@@ -210,7 +210,7 @@ impl Profile {
     /// The state of [`Profile::at`], and how much later than `t` the motion is in it (s). That is next to
     /// nothing but where the axis all but rests: there it is the cube root of the position's rounding, about
     /// a microsecond. A plan from that state begins then, or the motion would jump ahead in time.
-    pub(crate) fn sample(&self, t: f64) -> (State, f64) {
+    pub fn sample(&self, t: f64) -> (State, f64) {
         if t <= 0.0 {
             return (self.start, 0.0);
         }

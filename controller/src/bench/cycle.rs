@@ -104,6 +104,7 @@ impl Buses {
             let socket_options = SocketOptions {
                 bit_rate,
                 receive,
+                heartbeat: options.shape.heartbeat(),
                 burst,
             };
             let port = SocketCan::open(interface, &socket_options)?;

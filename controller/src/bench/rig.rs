@@ -155,6 +155,12 @@ impl Shape {
         (receive.collect(), burst.map(|pdo| pdo.cob_id).collect())
     }
 
+    /// Identifier of the controller's heartbeat.
+    #[must_use]
+    pub fn heartbeat(&self) -> CobId {
+        CobId::error_control(self.layout().node)
+    }
+
     /// The twins of a bus.
     pub fn twins(&self, bus: usize) -> impl Iterator<Item = Box<dyn SimulatedDevice>> + use<> {
         let shape = *self;

@@ -79,12 +79,29 @@ pub(super) struct AxisControl {
     planned: [Planned; HISTORY],
     /// See [`Layout::lag`].
     lag: f64,
-    /// How what the sides are apart goes to zero, and the cycle in which it began.
-    squaring: Option<(Profile, u64)>,
+    /// How what the sides are apart goes to zero.
+    squaring: Option<Squaring>,
     /// For so many cycles one of its sides has been enabled, and the other has not.
     half_enabled: u32,
     /// Of a cycle, s.
     period: f64,
+}
+
+/// A motion of an axis' sides against each other.
+#[derive(Clone, Copy, Debug)]
+struct Squaring {
+    plan: Profile,
+    /// The cycle in which it began …
+    began: u64,
+    /// … and how much later than its SYNC, s, as the motion before came to the plan's first state then.
+    later: f64,
+}
+
+impl Squaring {
+    /// How long it has been under way at SYNC `cycle`, s.
+    fn since(&self, cycle: u64, period: f64) -> f64 {
+        cycle.saturating_sub(self.began) as f64 * period - self.later
+    }
 }
 
 /// What an axis did at one SYNC.
@@ -249,25 +266,28 @@ impl AxisControl {
         {
             let (from, to) = (State::at_rest(apart), State::at_rest(0.0));
             let plan = state_to_state::plan(&Motion::new(from, to, limits), 0.0);
-            self.squaring = plan.ok().map(|plan| (plan, cycle - 1));
+            self.squaring = plan.ok().map(|plan| Squaring {
+                plan,
+                began: cycle - 1,
+                later: 0.0,
+            });
         }
         apart
     }
 
     /// Its sides come to rest against each other.
     pub(super) fn stop_squaring(&mut self, cycle: u64) {
-        if let (Some((plan, began)), Some((_, limits))) = (&self.squaring, self.square_limits()) {
-            let now = plan.at((cycle - 1 - began) as f64 * self.period);
+        if let (Some(squaring), Some((_, limits))) = (&self.squaring, self.square_limits()) {
+            let began = cycle - 1;
+            let (now, later) = squaring.plan.sample(squaring.since(began, self.period));
             let stop = state_to_state::plan(&Motion::to_velocity(now, 0.0, limits), 0.0);
-            self.squaring = stop.ok().map(|plan| (plan, cycle - 1));
+            self.squaring = stop.ok().map(|plan| Squaring { plan, began, later });
         }
     }
 
     /// Whether its sides move against each other at SYNC `cycle`.
     pub(super) fn squares(&self, cycle: u64) -> bool {
-        let under_way = |(plan, began): &(Profile, u64)| {
-            (cycle.saturating_sub(*began)) as f64 * self.period < plan.duration()
-        };
+        let under_way = |it: &Squaring| it.since(cycle, self.period) < it.plan.duration();
         self.squaring.as_ref().is_some_and(under_way)
     }
 
@@ -395,7 +415,7 @@ impl AxisControl {
             position: positions[self.spec.coordinate],
             velocity: velocities[self.spec.coordinate],
             apart: match &self.squaring {
-                Some((plan, began)) => plan.at((cycle - began) as f64 * self.period).p,
+                Some(squaring) => squaring.plan.at(squaring.since(cycle, self.period)).p,
                 None => self.apart(cycle - 1),
             },
         };

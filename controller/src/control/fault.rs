@@ -284,6 +284,21 @@ pub enum BusCause {
     /// The adapter counted so many errors that it may soon leave the bus.
     #[error("error passive, more than 127 errors: check cable, termination and bit rate")]
     ErrorPassive,
+    /// SYNC came that this controller did not send.
+    #[error(
+        "SYNC comes from another node, too: drives take their setpoints at its instants; stop that node from \
+         producing SYNC (bit 30 of its 1005h), or the other master"
+    )]
+    SecondSync,
+    /// A node sends under the node id that is the controller's.
+    #[error(
+        "another node sends with the controller's node id {node}, and drives take its life for the controller's: \
+         give it another one, or the controller by `node` in the machine file"
+    )]
+    SecondController {
+        /// Which id that is.
+        node: NodeId,
+    },
     /// The interface failed; its message is in the event log.
     #[error(
         "the interface failed, drives out of reach stop by lost heartbeat: mend what its message \

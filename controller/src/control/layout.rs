@@ -1,11 +1,11 @@
 //! The machine as the controller needs it, made once from the machine file.
 
-use super::fault::{AxisIndex, BusIndex, DeviceIndex, Names};
+use super::fault::{AxisIndex, BusCause, BusIndex, DeviceIndex, Names};
 use super::inputs::InputIndex;
 use crate::budget::{BusBudget, DoesNotFit, MachineBudget};
 use crate::machine::{self, AxisLimits, Homing, HomingPolicy, Machine, Seat};
 use syncline_canopen::time::Duration;
-use syncline_canopen::{CanId, Frame, NodeId};
+use syncline_canopen::{CanId, CobId, Frame, NodeId};
 use syncline_drives::model::{Device, Direction, Increments, Scaling};
 
 /// Buses, devices, axes and times.
@@ -133,6 +133,19 @@ pub struct AxisFeedback {
 }
 
 impl Layout {
+    /// What a frame that another node sent does that only the controller may.
+    pub(super) fn second_master(&self, frame: &Frame) -> Option<BusCause> {
+        let node = self.node;
+        let is = |cob_id: CobId| frame.id() == CanId::from(cob_id);
+        if is(CobId::SYNC) {
+            Some(BusCause::SecondSync)
+        } else if is(CobId::error_control(node)) {
+            Some(BusCause::SecondController { node })
+        } else {
+            None
+        }
+    }
+
     /// A machine's layout.
     ///
     /// # Errors

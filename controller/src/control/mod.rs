@@ -482,6 +482,10 @@ impl<const N: usize> Controller<N> {
     /// Takes a frame of a bus, before the wake-up for the setpoints that follows its arrival.
     pub fn receive(&mut self, bus: BusIndex, received: &Received) {
         let Received { at, frame, echo } = received;
+        if !echo && let Some(cause) = self.layout.second_master(frame) {
+            self.fail(Fault::Bus(bus, cause));
+            return;
+        }
         let Some(drive) = self.layout.buses[bus].node_of(frame) else {
             return;
         };

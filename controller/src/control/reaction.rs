@@ -60,6 +60,8 @@ pub enum Cause {
     Setpoints,
     /// The adapter of a bus counts errors.
     ErrorPassive,
+    /// Another node does what only the controller may.
+    SecondMaster,
     /// A bus is lost.
     BusLost,
     /// A drive reports an error.
@@ -98,7 +100,7 @@ pub struct Rule {
 }
 
 /// The table, in the order of [`Cause`].
-pub const RULES: [Rule; 21] = [
+pub const RULES: [Rule; 22] = [
     rule(Cause::FeedHold, Reaction::FeedHold, Clearing::GoOn),
     rule(Cause::Door, Reaction::FeedHold, Clearing::GoOn),
     rule(Cause::Stop, Reaction::StopOnPath, Clearing::Nobody),
@@ -108,6 +110,7 @@ pub const RULES: [Rule; 21] = [
     rule(Cause::LateWakeUp, Reaction::StopOnPath, Clearing::Reset),
     rule(Cause::Setpoints, Reaction::StopOnPath, Clearing::Reset),
     rule(Cause::ErrorPassive, Reaction::StopOnPath, Clearing::Reset),
+    rule(Cause::SecondMaster, Reaction::StopOnPath, Clearing::Reset),
     rule(Cause::BusLost, Reaction::QuickStopAxis, Clearing::Reset),
     rule(Cause::DriveError, Reaction::QuickStopAxis, Clearing::Reset),
     rule(
@@ -173,6 +176,7 @@ impl Fault {
             Self::Bus(_, cause) => match cause {
                 BusCause::LateSetpoints { .. } | BusCause::TornBurst => Cause::Setpoints,
                 BusCause::ErrorPassive => Cause::ErrorPassive,
+                BusCause::SecondSync | BusCause::SecondController { .. } => Cause::SecondMaster,
                 BusCause::Failed => Cause::BusLost,
             },
             Self::LateWakeUp { .. } => Cause::LateWakeUp,
@@ -249,6 +253,7 @@ impl fmt::Display for Cause {
                 "setpoints missed their SYNC twice in a row or three times in 1000 cycles, or left in part"
             }
             Self::ErrorPassive => "adapter of a bus error passive",
+            Self::SecondMaster => "SYNC, or a node with the controller's id, that is not the controller's",
             Self::BusLost => "bus lost",
             Self::DriveError => "EMCY, or a fault that a drive tells",
             Self::NotFollowing => {

@@ -46,6 +46,8 @@ pub struct Options {
     pub bit_rate: u32,
     /// Identifiers to receive: T_PDOs, SDO answers, EMCY, error control.
     pub receive: Vec<CobId>,
+    /// Identifier of the controller's own heartbeat: from elsewhere it is received, too.
+    pub heartbeat: CobId,
     /// Identifiers of the burst: the R_PDOs. At most [`BURST_CAPACITY`].
     pub burst: Vec<CobId>,
 }
@@ -71,8 +73,9 @@ pub struct SocketCan {
     wire_clock: WireClock,
     /// Frames of the burst that have not been echoed.
     waiting: usize,
-    /// SYNCs that have not come back to the receiving socket.
-    syncs_waiting: usize,
+    /// What other sockets of this port send and the receiving one gets as well, SYNCs and heartbeats: how many
+    /// have not come back to it.
+    returning: [(CanId, usize); 2],
     faults: FaultCounts,
     /// The worst that was reported and lets the bus be used on, until it is asked for.
     condition: Option<BusFault>,
@@ -119,7 +122,7 @@ impl SocketCan {
             batch: Batch::new(options.receive.len() + options.burst.len() + BATCH_SLACK),
             wire_clock: WireClock::default(),
             waiting: 0,
-            syncs_waiting: 0,
+            returning: [CobId::SYNC, options.heartbeat].map(|id| (id.into(), 0)),
             faults: FaultCounts::default(),
             condition: None,
             overruns: 0,
@@ -149,7 +152,7 @@ impl SocketCan {
         self.faults.add(fault, 1);
         if matches!(fault, BusFault::BusOff | BusFault::Restarted) {
             self.waiting = 0;
-            self.syncs_waiting = 0;
+            self.returning.iter_mut().for_each(|(_, count)| *count = 0);
         }
         match fault.severity() {
             Severity::Count => Ok(()),
@@ -168,19 +171,27 @@ impl SocketCan {
         }
     }
 
-    /// Whether a frame is one of ours that left. The burst's own socket marks its frames; SYNC
-    /// comes from another socket of this port, so as many are ours as were sent.
+    /// Whether a frame is one of ours that left. The burst's own socket marks its frames; SYNC and the
+    /// heartbeat come from other sockets of this port, so as many are ours as were sent.
     fn is_echo(&mut self, frame: &Frame, flags: c_int) -> bool {
         if flags & libc::MSG_CONFIRM != 0 {
             self.waiting = self.waiting.saturating_sub(1);
             return true;
         }
-        let sync = frame.id() == CobId::SYNC.into() && flags & libc::MSG_DONTROUTE != 0;
-        if sync && self.syncs_waiting > 0 {
-            self.syncs_waiting -= 1;
-            return true;
+        let of_this_host = flags & libc::MSG_DONTROUTE != 0;
+        let mut returning = self.returning.iter_mut();
+        let own = returning.find(|(id, count)| of_this_host && *id == frame.id() && *count > 0);
+        own.map(|(_, count)| *count -= 1).is_some()
+    }
+
+    /// Frames left by a socket that is not the receiving one.
+    fn sent_beside(&mut self, frames: &[Frame]) {
+        for frame in frames {
+            let mut returning = self.returning.iter_mut();
+            if let Some((_, count)) = returning.find(|(id, _)| *id == frame.id()) {
+                *count += 1;
+            }
         }
-        false
     }
 }
 
@@ -249,7 +260,7 @@ impl Port for SocketCan {
     fn send_sync(&mut self, frame: &Frame) -> Result<(), PortError> {
         match send_all(&self.sync, std::slice::from_ref(frame)) {
             Ok(_) => {
-                self.syncs_waiting += 1;
+                self.sent_beside(std::slice::from_ref(frame));
                 Ok(())
             }
             Err(error) => Err(self.fail("sending SYNC", &error)),
@@ -276,6 +287,10 @@ impl Port for SocketCan {
 
     fn send_acyclic(&mut self, frames: &[Frame]) -> Result<(), PortError> {
         match send_all(&self.acyclic, frames) {
+            Ok(sent) => {
+                self.sent_beside(&frames[..sent]);
+                Ok(())
+            }
             Err(error) if !is_full(&error) => Err(self.fail("sending", &error)),
             _ => Ok(()),
         }
@@ -309,7 +324,8 @@ fn sending_socket(interface: &str, band: c_int) -> io::Result<CanSocket> {
 fn receiving_socket(interface: &str, options: &Options) -> io::Result<CanSocket> {
     let socket = socket_in_band(interface, MIDDLE_BAND)?;
     let ids = options.receive.iter().chain(&options.burst);
-    let filters: Vec<CanFilter> = ids.chain([&CobId::SYNC]).map(exactly).collect();
+    let ids = ids.chain([&CobId::SYNC, &options.heartbeat]);
+    let filters: Vec<CanFilter> = ids.map(exactly).collect();
     socket.set_filters(&filters)?;
     socket.set_recv_own_msgs(true)?;
     socket.set_error_filter(libc::CAN_ERR_MASK)?;
@@ -865,6 +881,7 @@ mod tests {
         let options = Options {
             bit_rate: 1_000_000,
             receive: Vec::new(),
+            heartbeat: CobId::NMT,
             burst: Vec::new(),
         };
         let Err(error) = SocketCan::open("can-none", &options) else {

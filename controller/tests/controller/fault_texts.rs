@@ -3,7 +3,7 @@
 use std::path::Path;
 use syncline_canopen::emcy::Emergency;
 use syncline_canopen::sdo::AbortCode;
-use syncline_canopen::{Address, nmt};
+use syncline_canopen::{Address, NodeId, nmt};
 use syncline_controller::control::fault::{AwaitedState, AxisCause, BusCause, DeviceCause};
 use syncline_controller::control::{Fault, HomingFailure, Layout, Quantity};
 use syncline_controller::machine::Machine;
@@ -208,6 +208,15 @@ texts! {
 
     Fault::Bus(_, BusCause::ErrorPassive), Fault::Bus(0, BusCause::ErrorPassive),
     "bus portal: error passive, more than 127 errors: check cable, termination and bit rate";
+
+    Fault::Bus(_, BusCause::SecondSync), Fault::Bus(0, BusCause::SecondSync),
+    "bus portal: SYNC comes from another node, too: drives take their setpoints at its instants; stop \
+     that node from producing SYNC (bit 30 of its 1005h), or the other master";
+
+    Fault::Bus(_, BusCause::SecondController { .. }),
+    Fault::Bus(0, BusCause::SecondController { node: NodeId::new(127).unwrap() }),
+    "bus portal: another node sends with the controller's node id 127, and drives take its life for the \
+     controller's: give it another one, or the controller by `node` in the machine file";
 
     Fault::Bus(_, BusCause::Failed), Fault::Bus(0, BusCause::Failed),
     "bus portal: the interface failed, drives out of reach stop by lost heartbeat: mend what its \

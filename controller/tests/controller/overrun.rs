@@ -3,11 +3,12 @@
 use std::mem::take;
 use std::sync::Arc;
 use syncline_canopen::time::Duration;
-use syncline_canopen::{Frame, Instant};
+use syncline_canopen::{CobId, Frame, Instant, NodeId};
 use syncline_controller::bench::rig::{Shape, Shuttle, ready_machine};
 use syncline_controller::bus::{Burst, Received};
 use syncline_controller::control::fault::{BusCause, DeviceCause};
 use syncline_controller::control::{End, Event, Fault, Layout, Phase, Wake};
+use syncline_controller::machine::Machine as MachineFile;
 use syncline_controller::port::sim::{self, SimPort, Simulated};
 use syncline_controller::port::{Port, PortError};
 use syncline_controller::realtime;
@@ -141,28 +142,36 @@ fn two_lost_cycles_are_a_fault_and_the_stop_begins_where_the_plan_was_left() {
     assert!((after - before).abs() < 0.3, "{before} mm, then {after} mm");
 }
 
-/// A second drive has the node id of the first: told before any power stage is on.
-#[test]
-fn two_nodes_with_one_id_are_a_fault_before_power_is_on() {
+/// How the portal ends with one more drive on its bus, under a node id that is taken, and whether it was
+/// about to switch on power.
+fn end_with_a_stranger(id: impl Fn(&MachineFile) -> NodeId) -> (Option<End>, bool) {
     let file = std::path::Path::new("../examples/portal/machine.toml");
-    let machine = syncline_controller::machine::Machine::load(file).unwrap();
+    let machine = MachineFile::load(file).unwrap();
     let layout = std::sync::Arc::new(Layout::new(&machine).unwrap());
     let observer: Observer = Box::new(|_| ());
     let simulated = Simulated::new(&machine, 0, [Some(observer)], |_, _| ()).unwrap();
     let (mut world, bus) = (simulated.world, simulated.buses[0].unwrap());
     let stranger = Config {
         seed: 7,
-        ..Config::new(machine.drives[2].node)
+        ..Config::new(id(&machine))
     };
     world.attach(bus, sim::twin(machine.drives[2].model, &stranger));
     let ports = vec![SimPort::new(bus)];
     let mut machine: Driver<9, SimPort> = Driver::new(layout, world, ports, Instant::ZERO);
-    let mut phases = Vec::new();
-    while let Some(wake) = machine.controller.next_wake() {
+    let mut powers = false;
+    while let Some(wake) = machine.controller.next_wake()
+        && !powers
+    {
         machine.step(wake.at()).unwrap();
-        phases.push(machine.controller.phase());
+        powers |= machine.controller.phase() == Phase::ReadyToSwitchOn;
     }
-    let end = machine.controller.end();
+    (machine.controller.end(), powers)
+}
+
+/// A second drive has the node id of the first: told before any power stage is on.
+#[test]
+fn two_nodes_with_one_id_are_a_fault_before_power_is_on() {
+    let (end, powers) = end_with_a_stranger(|machine| machine.drives[2].node);
     assert!(
         matches!(
             end,
@@ -170,7 +179,35 @@ fn two_nodes_with_one_id_are_a_fault_before_power_is_on() {
         ),
         "{end:?}"
     );
-    assert!(!phases.contains(&Phase::ReadyToSwitchOn));
+    assert!(!powers);
+}
+
+/// A drive that has the controller's own: its heartbeat would have the others run on without their controller.
+#[test]
+fn a_node_with_the_controllers_id_is_a_fault_before_power_is_on() {
+    let (end, powers) = end_with_a_stranger(|machine| machine.controller.node);
+    let node = NodeId::new(127).unwrap();
+    let cause = BusCause::SecondController { node };
+    assert_eq!(end, Some(End::Fault(Fault::Bus(0, cause))));
+    assert!(!powers);
+}
+
+/// SYNC from elsewhere has the drives take their setpoints when it comes.
+#[test]
+fn sync_from_elsewhere_is_a_fault_by_its_name() {
+    let (mut machine, mut plan) = in_motion();
+    let at = step(&mut machine, &mut plan, Duration::ZERO);
+    let mut received = Received {
+        at,
+        frame: Frame::new(CobId::SYNC, &[]),
+        echo: true,
+    };
+    machine.controller.receive(0, &received);
+    assert_eq!(machine.controller.end(), None);
+    received.echo = false;
+    machine.controller.receive(0, &received);
+    let end = machine.controller.end();
+    assert_eq!(end, Some(End::Fault(Fault::Bus(0, BusCause::SecondSync))));
 }
 
 /// A bus that something is wrong with.
@@ -211,7 +248,7 @@ impl Port for Troubled {
 #[test]
 fn the_stage_that_made_a_wake_up_late_is_told() {
     let file = std::path::Path::new("../examples/portal/machine.toml");
-    let machine = syncline_controller::machine::Machine::load(file).unwrap();
+    let machine = MachineFile::load(file).unwrap();
     let layout = std::sync::Arc::new(Layout::new(&machine).unwrap());
     let (world, mut ports) =
         syncline_controller::port::open(&machine, 0, vec![Box::new(|_| ())]).unwrap();

@@ -166,6 +166,9 @@ impl Replay {
     ) -> Result<(Self, Moves), NoReplay> {
         let (upcoming, moves) = Moves::new();
         let mut replay = Self::of(layout, buses, operators, log)?;
+        if program.streams() {
+            replay.state.controller.wait_for_input();
+        }
         replay.prepare(Work {
             number: 0,
             program,
