@@ -13,7 +13,7 @@ use std::fmt;
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Coverage {
     /// By command, then state: accepted and refused.
-    commands: BTreeMap<String, BTreeMap<String, [u64; 2]>>,
+    commands: BTreeMap<String, BTreeMap<State, [u64; 2]>>,
     /// By trouble, then phase.
     troubles: BTreeMap<String, BTreeMap<Phase, u64>>,
     /// What was told, by its kind.
@@ -22,6 +22,33 @@ pub struct Coverage {
     stops: BTreeMap<String, Vec<u64>>,
     /// States that machines were in.
     states: BTreeMap<String, u64>,
+}
+
+/// Where in a case something may come.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Moment {
+    /// A machine in this state, as far as commands go.
+    State(State),
+    /// A controller in this phase, as far as troubles go.
+    Phase(Phase),
+}
+
+/// A cell of the tables: what was commanded or went wrong, and where it came.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Cell {
+    /// The kind of the command or of the trouble.
+    pub kind: String,
+    /// The state or the phase.
+    pub moment: Moment,
+}
+
+impl fmt::Display for Cell {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.moment {
+            Moment::State(state) => write!(f, "{} while {state}", self.kind),
+            Moment::Phase(phase) => write!(f, "{} in {phase:?}", self.kind),
+        }
+    }
 }
 
 impl Coverage {
@@ -63,7 +90,7 @@ impl Coverage {
 
     fn command(&mut self, state: State, command: &Command, place: usize) {
         let states = self.commands.entry(name(command).to_owned()).or_default();
-        states.entry(state.to_string()).or_default()[place] += 1;
+        states.entry(state).or_default()[place] += 1;
     }
 
     pub(super) fn stops(&mut self, times: &StopTimes) {
@@ -105,41 +132,45 @@ impl Coverage {
     }
 }
 
-/// A cell of a table that was reached less often than that is told.
-const SELDOM: u64 = 20;
+/// A cell that was reached less often than that is told, and steered to.
+pub(super) const SELDOM: u64 = 20;
 
 impl Coverage {
-    /// Which cells were reached seldom or never. A machine that is off takes no command.
-    fn seldom(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let states = State::ALL.into_iter().filter(|state| *state != State::Off);
-        let states: Vec<String> = states.map(|state| state.to_string()).collect();
+    /// How often each cell was reached, of all the kinds that there were. A machine that is off takes no
+    /// command.
+    #[must_use]
+    pub fn cells(&self) -> Vec<(u64, Cell)> {
+        let cell = |kind: &String, moment| {
+            let kind = kind.clone();
+            Cell { kind, moment }
+        };
         let mut cells = Vec::new();
         for (command, counts) in &self.commands {
-            for state in &states {
-                let [accepted, refused] = counts.get(state).copied().unwrap_or_default();
-                cells.push((accepted + refused, format!("{command} while {state}")));
+            for state in State::ALL.into_iter().filter(|it| *it != State::Off) {
+                let [accepted, refused] = counts.get(&state).copied().unwrap_or_default();
+                cells.push((accepted + refused, cell(command, Moment::State(state))));
             }
         }
-        let phases: BTreeSet<Phase> = self
-            .troubles
-            .values()
-            .flat_map(|it| it.keys().copied())
-            .collect();
+        let phases = self.troubles.values().flat_map(|it| it.keys().copied());
+        let phases: BTreeSet<Phase> = phases.collect();
         for (trouble, counts) in &self.troubles {
             for phase in &phases {
                 let count = counts.get(phase).copied().unwrap_or_default();
-                cells.push((count, format!("{trouble} in {phase:?}")));
+                cells.push((count, cell(trouble, Moment::Phase(*phase))));
             }
         }
+        cells
+    }
+
+    /// Which cells were reached seldom or never.
+    fn seldom(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut cells = self.cells();
         let all = cells.len();
         cells.retain(|(count, _)| *count < SELDOM);
-        writeln!(
-            f,
-            "of {all} cells {} less than {SELDOM} times:",
-            cells.len()
-        )?;
-        for (count, what) in cells {
-            writeln!(f, "  {count:>2} {what}")?;
+        let seldom = cells.len();
+        writeln!(f, "of {all} cells {seldom} less than {SELDOM} times:")?;
+        for (count, cell) in cells {
+            writeln!(f, "  {count:>2} {cell}")?;
         }
         Ok(())
     }
@@ -153,7 +184,8 @@ fn kind(text: &str) -> String {
     variants.join(" ")
 }
 
-fn name(command: &Command) -> &'static str {
+/// A command's kind, as the tables name it.
+pub(super) fn name(command: &Command) -> &'static str {
     match command {
         Command::CycleStart => "cycle start",
         Command::FeedHold => "feed hold",
@@ -184,11 +216,10 @@ fn name(command: &Command) -> &'static str {
 impl fmt::Display for Coverage {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(f, "commands by state, accepted/refused:")?;
-        let states = State::ALL.map(|state| state.to_string());
         for (command, counts) in &self.commands {
             write!(f, "  {command:<17}")?;
-            for state in &states {
-                let [accepted, refused] = counts.get(state).copied().unwrap_or_default();
+            for state in State::ALL {
+                let [accepted, refused] = counts.get(&state).copied().unwrap_or_default();
                 write!(f, " {state} {accepted}/{refused},")?;
             }
             writeln!(f)?;

@@ -266,6 +266,32 @@ pub(super) fn draw(dice: &mut Dice, machine: &MachineSpec, cycles: u32) -> Vec<T
     troubles
 }
 
+/// Draws for one of a kind: the rarest comes every few hundred.
+const DRAWS: usize = 2000;
+
+/// Random interference of this kind, as [`Interference::kind`] names it, if it is one that may come at any
+/// time.
+pub(super) fn of_kind(dice: &mut Dice, machine: &MachineSpec, kind: &str) -> Option<Interference> {
+    let inputs = machine.wires().filter(|(_, wire)| wire.table == "input");
+    let switched = inputs.flat_map(|(drive, wire)| {
+        [true, false].map(|on| Interference::Drive(drive, ToDrive::Input(wire.place, on)))
+    });
+    let mut switched: Vec<_> = switched.filter(|what| what.kind() == kind).collect();
+    if !switched.is_empty() {
+        return Some(switched.swap_remove(dice.below(switched.len())));
+    }
+    let drawn = (0..DRAWS).flat_map(|_| {
+        let what = any(dice, machine);
+        let end = match what {
+            Interference::Drive(drive, what) => what.end().map(|it| Interference::Drive(drive, it)),
+            _ => None,
+        };
+        [Some(what), end].into_iter().flatten()
+    });
+    let mut drawn = drawn.filter(|what| what.kind() == kind);
+    drawn.next()
+}
+
 fn any(dice: &mut Dice, machine: &MachineSpec) -> Interference {
     match dice.weighted(&[6, 6, 2, 1]) {
         0 => Interference::Drive(dice.below(machine.drives()), to_drive(dice)),

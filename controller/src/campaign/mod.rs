@@ -14,6 +14,7 @@
 //! - [`stage`]: where it is played
 //! - [`checkers`]: what must hold
 //! - [`coverage`]: what was reached
+//! - [`explore`]: steering towards what was not
 //! - [`shrink`]: the smallest case that still fails
 //!
 //! Random cases are not alike: each draws which commands, blocks and troubles it is fond of and which it
@@ -24,6 +25,7 @@ pub mod case;
 pub mod checkers;
 pub mod coverage;
 mod dice;
+pub mod explore;
 mod interference;
 mod machine;
 mod operator;

@@ -1,6 +1,7 @@
 //! Random operators: what is commanded when, and who goes on where the machine rests.
 
 use super::When;
+use super::coverage;
 use super::dice::{Dice, rounded};
 use super::machine::MachineSpec;
 use crate::control::State;
@@ -31,9 +32,7 @@ pub(super) fn draw(
     programs: usize,
     cycles: u32,
 ) -> Vec<Deed> {
-    let letters: Vec<Axis> = (machine.axes.iter())
-        .filter_map(|axis| Axis::from_letter(axis.letter))
-        .collect();
+    let letters = letters(machine);
     let count = dice.weighted(&[2, 3, 3, 1]);
     let count = [
         0,
@@ -70,6 +69,31 @@ pub(super) fn draw(
     }
     deeds.sort_by_key(|deed| deed.at);
     deeds
+}
+
+/// A random command of this kind, as the tables name it, for a machine with so many programs.
+pub(super) fn of_kind(
+    dice: &mut Dice,
+    machine: &MachineSpec,
+    programs: usize,
+    kind: &str,
+) -> Option<Command> {
+    let letters = letters(machine);
+    let mut drawing = Drawing {
+        dice,
+        machine,
+        letters: &letters,
+        programs,
+    };
+    let mut commands = KINDS.iter().map(|(_, draw)| draw(&mut drawing));
+    commands.find(|command| coverage::name(command) == kind)
+}
+
+/// The letters of a machine's axes.
+fn letters(machine: &MachineSpec) -> Vec<Axis> {
+    let axes = machine.axes.iter();
+    axes.filter_map(|axis| Axis::from_letter(axis.letter))
+        .collect()
 }
 
 /// What a command is drawn from.

@@ -2,8 +2,8 @@
 //! and everything that can be seen of them handed on in its order.
 
 use super::case::Case;
-use super::interference::{Interference, TroubledPort};
-use super::operator::{Attendant, OPERATORS};
+use super::interference::{Interference, Trouble, TroubledPort};
+use super::operator::{Attendant, Deed, OPERATORS};
 use crate::bus_log::BusLog;
 use crate::control::{Layout, Phase, State};
 use crate::machine::Machine;
@@ -120,6 +120,12 @@ impl Drop for Folder {
     }
 }
 
+/// Takes what is due out of what is to come. What waits for an instant since switching on holds up nothing
+/// that waits for one since the machine was ready.
+fn due<T: Copy>(to_come: &mut Vec<T>, is_due: impl Fn(&T) -> bool) -> Vec<T> {
+    to_come.extract_if(.., |it| is_due(it)).collect()
+}
+
 type Frames = Arc<Mutex<Vec<(usize, Transmission)>>>;
 
 /// A case that is being played.
@@ -137,8 +143,9 @@ struct Stage<'a> {
     carried: Vec<(usize, Transmission)>,
     /// The cycle in which the machine was ready first.
     ready: Option<u64>,
-    /// Deeds and troubles that are over.
-    done: [usize; 2],
+    /// What is to come, in its order.
+    deeds: Vec<&'a Deed>,
+    troubles: Vec<&'a Trouble>,
     switched_off: bool,
 }
 
@@ -230,7 +237,8 @@ impl<'a> Stage<'a> {
             twins: simulated.devices.into_iter().flatten().collect(),
             carried: Vec::new(),
             ready: None,
-            done: [0; 2],
+            deeds: case.deeds.iter().collect(),
+            troubles: case.troubles.iter().collect(),
             switched_off: false,
         })
     }
@@ -294,10 +302,7 @@ impl<'a> Stage<'a> {
             self.issue(0, Command::SwitchOff, see);
             return;
         }
-        while let Some(deed) = self.case.deeds.get(self.done[0])
-            && deed.at.has_come(on, since)
-        {
-            self.done[0] += 1;
+        for deed in due(&mut self.deeds, |deed| deed.at.has_come(on, since)) {
             self.issue(deed.operator, deed.command.clone(), see);
         }
         if let Some((attendant, _)) = &mut self.attendant {
@@ -331,10 +336,7 @@ impl<'a> Stage<'a> {
     /// What goes wrong before the next wake-up.
     fn interfere(&mut self, see: &mut dyn FnMut(Seen)) {
         let (on, since) = self.cycles();
-        while let Some(trouble) = self.case.troubles.get(self.done[1])
-            && trouble.at.has_come(on, since)
-        {
-            self.done[1] += 1;
+        for trouble in due(&mut self.troubles, |trouble| trouble.at.has_come(on, since)) {
             let timeline = self.session.timeline();
             match &trouble.what {
                 Interference::Drive(drive, what) => {

@@ -3,6 +3,7 @@
 use super::log_files::LogFiles;
 use super::output::{Claims, Output, Results, Target};
 use super::{Exit, report};
+use crate::campaign::explore::{Explorer, Sightings};
 use crate::campaign::{self, Case, Coverage, Outcome, Seen, Violation, Wanted, shrink};
 use crate::control::Layout;
 use crate::session::Event;
@@ -12,9 +13,8 @@ use std::error::Error;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
-use std::sync::Mutex;
-use std::sync::PoisonError;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 use std::{fs, io, panic, thread};
 
@@ -55,6 +55,10 @@ pub(super) struct Args {
     /// Make what fails smaller, and write it to a file in this folder.
     #[arg(long, value_name = "FOLDER")]
     shrink: Option<PathBuf>,
+    /// Steer towards what was not reached, and write every case that fails to a file in this folder; the
+    /// numbers of --seeds count the cases.
+    #[arg(long, value_name = "FOLDER", requires = "seeds", conflicts_with_all = ["shard", "sum"])]
+    explore: Option<PathBuf>,
     /// Tell what was reached.
     #[arg(long)]
     coverage: bool,
@@ -151,24 +155,30 @@ impl Sum {
     }
 }
 
+/// What a thread that panics leaves is used all the same.
+fn lock<T>(of: &Mutex<T>) -> MutexGuard<'_, T> {
+    of.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
 impl Args {
     pub(super) fn execute(self) -> Exit {
         // What panics is told with its seed.
         panic::set_hook(Box::new(|_| ()));
         if !self.merge.is_empty() {
             return match self.merged() {
-                Ok(sum) => Self::exit(self.conclude(&sum, None)),
+                Ok(sum) => Self::exit(self.conclude(&sum, None, |seed| Ok(Case::of(seed)))),
                 Err(error) => super::bad_input(&error),
             };
         }
-        let done = match (&self.seeds, self.seed, &self.case) {
-            (Some(seeds), ..) => self.all(&seeds.0),
-            (None, Some(seed), _) => self.one(&Case::of(seed)),
-            (None, None, Some(file)) => match Case::load(file) {
+        let done = match (&self.seeds, &self.explore, self.seed, &self.case) {
+            (Some(seeds), None, ..) => self.all(&seeds.0),
+            (Some(seeds), Some(folder), ..) => self.explored(&seeds.0, folder),
+            (None, _, Some(seed), _) => self.one(&Case::of(seed)),
+            (None, _, None, Some(file)) => match Case::load(file) {
                 Ok(case) => self.one(&case),
                 Err(error) => return super::bad_input(&error),
             },
-            (None, None, None) => return Exit::BadInput,
+            (None, _, None, None) => return Exit::BadInput,
         };
         Self::exit(done)
     }
@@ -196,19 +206,9 @@ impl Args {
 
     /// Plays many seeds; whether nothing was found.
     fn all(&self, seeds: &Range<u64>) -> Result<bool, Box<dyn Error>> {
-        let Shard { part, parts } = self.shard.unwrap_or(Shard { part: 0, parts: 1 });
         let began = Instant::now();
-        let time = self
-            .minutes
-            .map(|minutes| Duration::from_secs_f64(minutes * 60.0));
-        let next = AtomicU64::new(0);
         let sum = Mutex::new(Sum::default());
-        let jobs = self.jobs.unwrap_or_else(crate::realtime::cores).max(1);
-        let play = || loop {
-            let seed = seeds.start + part + parts * next.fetch_add(1, Ordering::Relaxed);
-            if seed >= seeds.end || time.is_some_and(|time| began.elapsed() > time) {
-                return;
-            }
+        self.each(seeds, |seed| {
             let case = Case::of(seed);
             let outcome = match seed % TWICE {
                 0 => campaign::run_twice(&case),
@@ -217,23 +217,81 @@ impl Args {
             for violation in &outcome.violations {
                 println!("seed {seed}: {violation}");
             }
-            let mut sum = sum.lock().unwrap_or_else(PoisonError::into_inner);
-            sum.merge(Sum::of(seed, outcome));
-        };
-        thread::scope(|scope| {
-            for _ in 0..jobs {
-                scope.spawn(play);
-            }
+            lock(&sum).merge(Sum::of(seed, outcome));
         });
         let sum = sum.into_inner().unwrap_or_else(PoisonError::into_inner);
         if let Some(file) = &self.sum {
             sum.save(file)?;
         }
-        self.conclude(&sum, Some(began.elapsed().as_secs_f64()))
+        let took = began.elapsed().as_secs_f64();
+        self.conclude(&sum, Some(took), |seed| Ok(Case::of(seed)))
     }
 
-    /// Tells what seeds came to, and how many seconds that took.
-    fn conclude(&self, sum: &Sum, took: Option<f64>) -> Result<bool, Box<dyn Error>> {
+    /// Plays many cases that are steered to what was not reached; whether nothing was found.
+    fn explored(&self, numbers: &Range<u64>, folder: &Path) -> Result<bool, Box<dyn Error>> {
+        let began = Instant::now();
+        fs::create_dir_all(folder)?;
+        let file = |number: u64| folder.join(format!("{number}.json"));
+        let explored = Mutex::new((Sum::default(), Explorer::new(numbers.start)));
+        self.each(numbers, |number| {
+            let case = {
+                let (sum, explorer) = &mut *lock(&explored);
+                explorer.next(number, &sum.coverage)
+            };
+            let mut sightings = Sightings::new(&case, number);
+            let outcome = campaign::run(&case, Wanted::default(), &mut |seen| sightings.see(seen));
+            for violation in &outcome.violations {
+                println!("case {number}: {violation}");
+            }
+            if !outcome.violations.is_empty()
+                && let Err(error) = case.save(&file(number))
+            {
+                report(&error);
+            }
+            let (sum, explorer) = &mut *lock(&explored);
+            sum.merge(Sum::of(number, outcome));
+            explorer.remember(case, sightings);
+        });
+        let (sum, explorer) = explored
+            .into_inner()
+            .unwrap_or_else(PoisonError::into_inner);
+        for cell in explorer.given_up(&sum.coverage) {
+            println!("given up: {cell}");
+        }
+        let took = began.elapsed().as_secs_f64();
+        self.conclude(&sum, Some(took), |number| Case::load(&file(number)))
+    }
+
+    /// Does something with each seed that is this process's, on so many threads as are asked for.
+    fn each(&self, seeds: &Range<u64>, play: impl Fn(u64) + Sync) {
+        let Shard { part, parts } = self.shard.unwrap_or(Shard { part: 0, parts: 1 });
+        let began = Instant::now();
+        let time = self
+            .minutes
+            .map(|minutes| Duration::from_secs_f64(minutes * 60.0));
+        let next = AtomicU64::new(0);
+        let jobs = self.jobs.unwrap_or_else(crate::realtime::cores).max(1);
+        let work = || loop {
+            let seed = seeds.start + part + parts * next.fetch_add(1, Ordering::Relaxed);
+            if seed >= seeds.end || time.is_some_and(|time| began.elapsed() > time) {
+                return;
+            }
+            play(seed);
+        };
+        thread::scope(|scope| {
+            for _ in 0..jobs {
+                scope.spawn(work);
+            }
+        });
+    }
+
+    /// Tells what seeds came to, and how many seconds that took; `case` has the case of one of them.
+    fn conclude(
+        &self,
+        sum: &Sum,
+        took: Option<f64>,
+        case: impl Fn(u64) -> io::Result<Case>,
+    ) -> Result<bool, Box<dyn Error>> {
         if self.coverage {
             print!("{}", sum.coverage);
         }
@@ -261,7 +319,7 @@ impl Args {
             sum.violations.len(),
         );
         for seeds in kinds.values() {
-            self.shrunk(&Case::of(seeds[0]), sum.violations[&seeds[0]].first())?;
+            self.shrunk(&case(seeds[0])?, sum.violations[&seeds[0]].first())?;
         }
         Ok(sum.violations.is_empty())
     }
