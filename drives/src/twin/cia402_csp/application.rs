@@ -2,18 +2,15 @@
 
 use super::MODE;
 use super::drive::Drive;
-use super::fault::{DriveError, Errors};
 use super::settings::Settings;
-use crate::twin::device::{Disturbance, ErrorClass};
 use crate::twin::node::Firmware;
-use crate::twin::servo::firmware::{Servo, ServoFirmware};
-use syncline_canopen::cia402::{Controlword, State};
+use syncline_canopen::cia402::Controlword;
 use syncline_canopen::dictionary::{Dictionary, Row};
 use syncline_canopen::emcy::{Emergency, code, register};
 use syncline_canopen::node::{Application, CommunicationError, Origin};
 use syncline_canopen::sdo::AbortCode;
 use syncline_canopen::sync::Sync;
-use syncline_canopen::{Address, Instant, nmt};
+use syncline_canopen::{Instant, nmt};
 
 impl Application for Drive {
     fn objects(&self) -> &Dictionary {
@@ -98,45 +95,6 @@ impl Application for Drive {
     }
 
     fn next_emergency(&mut self) -> Option<Emergency> {
-        self.errors.next_emergency()
-    }
-}
-
-impl ServoFirmware for Drive {
-    fn servo(&self) -> &Servo {
-        &self.servo
-    }
-
-    fn servo_mut(&mut self) -> &mut Servo {
-        &mut self.servo
-    }
-
-    fn step(&mut self) {
-        Drive::step(self);
-    }
-
-    fn enter(&mut self, state: State) {
-        Drive::enter(self, state);
-    }
-
-    fn raise_class(&mut self, class: ErrorClass) {
-        self.raise(DriveError {
-            class,
-            ..DriveError::FOLLOWING_ERROR
-        });
-    }
-
-    fn forget_errors(&mut self) {
-        self.errors = Errors::new();
-    }
-
-    fn disturb_own(&mut self, disturbance: Disturbance) {
-        match disturbance {
-            Disturbance::EnableTime(time) => self.policies.enable_time = time,
-            Disturbance::Remote(remote) => self.servo.remote = remote,
-            Disturbance::Vendor(id) => self.preset(Address::new(0x1018, 1), id.into()),
-            // It has no inputs.
-            _ => {}
-        }
+        self.servo.errors.next_emergency()
     }
 }

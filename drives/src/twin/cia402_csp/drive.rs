@@ -1,14 +1,15 @@
 //! The drive behind the CANopen node: loops, monitoring, what its objects show.
 
-use super::fault::{DriveError, Errors};
+use super::fault::DriveError;
 use super::policy::Policies;
 use super::settings::Settings;
 use super::{MODE, TwinConfig};
+use crate::twin::device::Disturbance;
 use crate::twin::node::Firmware;
-use crate::twin::servo::cascade::{POSITION_STEP_NS, Reference, SPEED_STEPS};
+use crate::twin::servo::cascade::{POSITION_STEP_NS, Reference};
 use crate::twin::servo::clock::Clock;
 use crate::twin::servo::encoder::Encoder;
-use crate::twin::servo::firmware::Servo;
+use crate::twin::servo::firmware::{Servo, ServoFirmware};
 use crate::twin::servo::loops::Loops;
 use crate::twin::servo::power_stage::PowerStage;
 use crate::twin::servo::ramp::Ramp;
@@ -78,10 +79,9 @@ pub struct Drive {
     pub(super) objects: Dictionary,
     pub(super) settings: Settings,
     pub(super) policies: Policies,
-    pub(super) errors: Errors,
-    pub(super) servo: Servo,
+    pub(super) warning: bool,
+    pub(super) servo: Servo<DriveError>,
 
-    pub(super) state_since: Instant,
     /// It brakes by itself: quick stop or fault reaction.
     pub(super) braking: bool,
     /// Whether the node is in NMT Operational.
@@ -115,9 +115,8 @@ impl Drive {
             settings: Settings::of(&objects),
             objects,
             policies: config.policies,
-            errors: Errors::new(),
+            warning: false,
             servo: Servo::new(loops, State::NotReadyToSwitchOn),
-            state_since: Instant::ZERO,
             braking: false,
             is_operational: false,
             velocity: 0.0,
@@ -135,45 +134,6 @@ impl Drive {
     }
 
     // ---- time ----
-
-    pub(super) fn step(&mut self) {
-        let (step, _) = self.servo.loops.clock.step();
-        if step % SPEED_STEPS == 0 {
-            self.servo.now = self.servo.loops.clock.step_end();
-            self.position_step();
-        }
-        self.servo.loops.speed_step(self.loop_reference());
-    }
-
-    fn position_step(&mut self) {
-        let moved = (self.servo.loops.encoder - self.last_encoder) as f64 / POSITION_STEP;
-        self.last_encoder = self.servo.loops.encoder;
-        self.velocity += (moved - self.velocity) * (POSITION_STEP / VELOCITY_FILTER);
-        self.change_state();
-        if self.is_powered() {
-            self.move_reference();
-            self.monitor();
-        } else {
-            self.reference = Ramp::at(self.servo.loops.encoder as f64);
-        }
-        let limit = self.servo.loops.torque_source.torque_limit();
-        self.servo.loops.position_step(self.loop_reference(), limit);
-    }
-
-    fn loop_reference(&self) -> Reference {
-        if !self.is_powered() {
-            return Reference::Off;
-        }
-        Reference::Position {
-            position: self.reference.position,
-            velocity: self.reference.velocity,
-            acceleration: match self.motion {
-                Motion::Hold => 0.0,
-                Motion::Stop(deceleration) => -deceleration * self.reference.velocity.signum(),
-                Motion::Follow(segment) => segment.acceleration,
-            },
-        }
-    }
 
     fn move_reference(&mut self) {
         match self.motion {
@@ -213,15 +173,6 @@ impl Drive {
         };
         segment.acceleration = (segment.velocity() - velocity) / segment.period;
         self.motion = Motion::Follow(segment);
-    }
-
-    /// The power stage goes on: the reference is where the motor is.
-    pub(super) fn start_loops(&mut self) {
-        self.servo.loops.cascade.reset();
-        self.reference = Ramp::at(self.servo.loops.encoder as f64);
-        self.motion = Motion::Hold;
-        self.too_far_since = None;
-        self.following_error = false;
     }
 
     // ---- monitoring ----
@@ -301,8 +252,15 @@ impl Drive {
         let torque =
             self.servo.loops.torque() / self.servo.loops.cascade.gains().continuous_torque * 1000.0;
         for (index, value) in [
-            (0x1001, self.errors.register().into()),
-            (0x603F, self.errors.code().into()),
+            (0x1001, self.servo.errors.register().into()),
+            (
+                0x603F,
+                self.servo
+                    .errors
+                    .active()
+                    .map_or(0, |error| error.code)
+                    .into(),
+            ),
             (0x6041, self.statusword().0.into()),
             (0x6061, self.settings.mode),
             (0x6064, position),
@@ -319,7 +277,7 @@ impl Drive {
         let follows = matches!(self.motion, Motion::Follow(_));
         let flags = [
             (self.servo.has_mains, Statusword::VOLTAGE_ENABLED),
-            (self.errors.warning, Statusword::WARNING),
+            (self.warning, Statusword::WARNING),
             (self.servo.remote, Statusword::REMOTE),
             (
                 self.target_reached && self.is_powered(),
@@ -337,6 +295,79 @@ impl Drive {
         ];
         let bits = flags.iter().filter(|(set, _)| *set).map(|(_, bit)| bit);
         Statusword(bits.fold(self.servo.state.bits(), |word, bit| word | bit))
+    }
+}
+
+impl ServoFirmware for Drive {
+    type Error = DriveError;
+
+    fn servo(&self) -> &Servo<DriveError> {
+        &self.servo
+    }
+
+    fn servo_mut(&mut self) -> &mut Servo<DriveError> {
+        &mut self.servo
+    }
+
+    fn loop_reference(&self) -> Reference {
+        if !self.is_powered() {
+            return Reference::Off;
+        }
+        Reference::Position {
+            position: self.reference.position,
+            velocity: self.reference.velocity,
+            acceleration: match self.motion {
+                Motion::Hold => 0.0,
+                Motion::Stop(deceleration) => -deceleration * self.reference.velocity.signum(),
+                Motion::Follow(segment) => segment.acceleration,
+            },
+        }
+    }
+
+    fn position_step(&mut self, _: u32) {
+        let moved = (self.servo.loops.encoder - self.last_encoder) as f64 / POSITION_STEP;
+        self.last_encoder = self.servo.loops.encoder;
+        self.velocity += (moved - self.velocity) * (POSITION_STEP / VELOCITY_FILTER);
+        self.change_state();
+        if self.is_powered() {
+            self.move_reference();
+            self.monitor();
+        } else {
+            self.reference = Ramp::at(self.servo.loops.encoder as f64);
+        }
+        let limit = self.servo.loops.torque_source.torque_limit();
+        self.servo.loops.position_step(self.loop_reference(), limit);
+    }
+
+    /// The reference is where the motor is.
+    fn switched_on(&mut self) {
+        self.reference = Ramp::at(self.servo.loops.encoder as f64);
+        self.motion = Motion::Hold;
+        self.too_far_since = None;
+        self.following_error = false;
+    }
+
+    fn switched_off(&mut self) {
+        self.motion = Motion::Hold;
+        self.braking = false;
+    }
+
+    fn forget_own(&mut self) {
+        self.warning = false;
+    }
+
+    fn disturb_own(&mut self, disturbance: Disturbance) {
+        match disturbance {
+            Disturbance::Fault(class) => self.raise(DriveError {
+                class,
+                ..DriveError::FOLLOWING_ERROR
+            }),
+            Disturbance::EnableTime(time) => self.policies.enable_time = time,
+            Disturbance::Remote(remote) => self.servo.remote = remote,
+            Disturbance::Vendor(id) => self.preset(Address::new(0x1018, 1), id.into()),
+            // It has no inputs.
+            _ => {}
+        }
     }
 }
 

@@ -1,7 +1,7 @@
 //! Errors: their codes as CiA 402 has them, and how they are told.
 
 use crate::twin::ErrorClass;
-use std::collections::VecDeque;
+use crate::twin::servo::errors::ServoError;
 use syncline_canopen::emcy::{Emergency, code, register};
 
 /// An error as the drive tells it.
@@ -43,83 +43,18 @@ impl DriveError {
             register,
         }
     }
+}
 
-    fn emergency(self) -> Emergency {
+impl ServoError for DriveError {
+    fn class(&self) -> ErrorClass {
+        self.class
+    }
+
+    fn emergency(&self) -> Emergency {
         Emergency {
             code: self.code,
-            register: self.register(),
+            register: register::GENERIC | self.register,
             vendor: [0; 5],
-        }
-    }
-
-    fn register(self) -> u8 {
-        register::GENERIC | self.register
-    }
-}
-
-/// EMCYs that may wait for the bus; more are dropped.
-const EMCY_CAPACITY: usize = 8;
-
-/// What is wrong with a drive now, and what it still has to tell.
-#[derive(Clone, Debug)]
-pub(super) struct Errors {
-    /// The error that stopped the drive, until it is reset.
-    pub(super) active: Option<DriveError>,
-    /// A warning is pending.
-    pub(super) warning: bool,
-    untold: VecDeque<Emergency>,
-}
-
-impl Errors {
-    pub(super) fn new() -> Self {
-        Self {
-            active: None,
-            warning: false,
-            untold: VecDeque::with_capacity(EMCY_CAPACITY),
-        }
-    }
-
-    /// 1001h.
-    pub(super) fn register(&self) -> u8 {
-        self.active.map_or(0, DriveError::register)
-    }
-
-    /// 603Fh.
-    pub(super) fn code(&self) -> u16 {
-        self.active.map_or(0, |error| error.code)
-    }
-
-    /// Keeps an error, unless one is there already: the first one is to be told.
-    pub(super) fn begin(&mut self, error: DriveError) -> bool {
-        let first = self.active.is_none();
-        if first {
-            self.active = Some(error);
-            self.tell(error.emergency());
-        }
-        first
-    }
-
-    /// Forgets it, if it can be; whether it could.
-    pub(super) fn reset(&mut self, told: bool) -> bool {
-        let resettable = |error: DriveError| error.class != ErrorClass::Fatal;
-        let reset = self.active.is_some_and(resettable);
-        if reset {
-            self.active = None;
-            if told {
-                self.tell(Emergency::default());
-            }
-        }
-        reset
-    }
-
-    /// The next EMCY to be sent.
-    pub(super) fn next_emergency(&mut self) -> Option<Emergency> {
-        self.untold.pop_front()
-    }
-
-    fn tell(&mut self, emergency: Emergency) {
-        if self.untold.len() < EMCY_CAPACITY {
-            self.untold.push_back(emergency);
         }
     }
 }

@@ -1,12 +1,13 @@
 //! The state machine of CiA 402, and what errors do to it. Transitions bear the profile's numbers.
 
 use super::MODE;
-use super::drive::{Drive, Motion};
+use super::drive::Drive;
 use super::fault::DriveError;
 use super::settings::{BRAKE_AND_STAY, SWITCH_OFF};
 use crate::twin::ErrorClass;
 use crate::twin::cia402::commanded;
 use crate::twin::node::Firmware;
+use crate::twin::servo::firmware::ServoFirmware;
 use syncline_canopen::cia402::{Controlword, State};
 use syncline_canopen::time::Duration;
 
@@ -19,29 +20,12 @@ const DISABLE_VOLTAGE: i64 = 2;
 const QUICK_STOP: i64 = 3;
 
 impl Drive {
-    pub(super) fn enter(&mut self, state: State) {
-        if state == self.servo.state {
-            return;
-        }
-        let was_powered = self.is_powered();
-        self.servo.state = state;
-        self.state_since = self.servo.now;
-        self.servo.enable_at = None;
-        if self.is_powered() && !was_powered {
-            self.start_loops();
-        }
-        if !self.is_powered() {
-            self.motion = Motion::Hold;
-            self.braking = false;
-        }
-    }
-
     /// The changes that need no command.
     pub(super) fn change_state(&mut self) {
         match self.servo.state {
             // T1
             State::NotReadyToSwitchOn
-                if self.servo.now.saturating_since(self.state_since) >= SELF_TEST =>
+                if self.servo.now.saturating_since(self.servo.state_since) >= SELF_TEST =>
             {
                 self.enter(State::SwitchOnDisabled);
             }
@@ -126,12 +110,14 @@ impl Drive {
     /// Raises an error and reacts as its class says (T13).
     pub(super) fn raise(&mut self, error: DriveError) {
         if error.class == ErrorClass::Warning {
-            self.errors.warning = true;
+            self.warning = true;
             return;
         }
-        if !self.errors.begin(error) {
+        // The first error is the one to tell.
+        if self.servo.errors.active().is_some() {
             return;
         }
+        self.servo.errors.begin(error);
         let brakes = error.class <= ErrorClass::StopAndSwitchOff
             && self.settings.fault_reaction != SWITCH_OFF;
         if self.is_powered() && brakes {
@@ -145,9 +131,13 @@ impl Drive {
 
     /// T15.
     fn reset_fault(&mut self) {
-        self.errors.warning = false;
-        let reset = !self.servo.cause_persists && self.errors.reset(self.policies.emcy_on_reset);
-        if reset && self.servo.state == State::Fault {
+        self.warning = false;
+        let class = self.servo.errors.active_class();
+        if class.is_none_or(|class| class == ErrorClass::Fatal) || self.servo.cause_persists {
+            return;
+        }
+        self.servo.errors.reset(self.policies.emcy_on_reset);
+        if self.servo.state == State::Fault {
             self.enter(State::SwitchOnDisabled);
         }
     }

@@ -1,11 +1,9 @@
 //! What the CANopen node asks of the drive behind it.
 
 use super::drive::Drive;
-use super::fault::{DriveError, Errors};
-use crate::twin::device::{Disturbance, ErrorClass};
+use super::fault::DriveError;
 use crate::twin::node::Firmware;
-use crate::twin::servo::firmware::{Servo, ServoFirmware};
-use syncline_canopen::cia402::State;
+use crate::twin::servo::errors::ServoError;
 use syncline_canopen::dictionary::{Dictionary, Row};
 use syncline_canopen::emcy::{self, Emergency};
 use syncline_canopen::node::{Application, CommunicationError, Origin};
@@ -75,10 +73,12 @@ impl Application for Drive {
         error: CommunicationError,
     ) -> Option<Emergency> {
         match error {
-            CommunicationError::ShortPdo(number) => self
-                .policies
-                .emcy_on_short_pdo
-                .then(|| DriveError::SHORT_PDO.emergency(number as u8)),
+            CommunicationError::ShortPdo(number) => {
+                self.policies.emcy_on_short_pdo.then(|| Emergency {
+                    vendor: [0, 0, number as u8, 0, 0],
+                    ..DriveError::SHORT_PDO.emergency()
+                })
+            }
             CommunicationError::Heartbeat(_) | CommunicationError::LifeGuarding => {
                 // 3041h:11 (lxm32m 2723) as its error class.
                 let response = self.objects.get(self.rows.connection_response);
@@ -89,7 +89,7 @@ impl Application for Drive {
     }
 
     fn next_emergency(&mut self) -> Option<Emergency> {
-        self.errors.next_emergency()
+        self.servo.errors.next_emergency()
     }
 
     /// The vendor's number if the code says nothing (lxm32m 3045-3047).
@@ -115,48 +115,6 @@ impl Application for Drive {
             _ => rows.event_mask_4,
         };
         self.objects.get(mask) as u64
-    }
-}
-
-impl ServoFirmware for Drive {
-    fn servo(&self) -> &Servo {
-        &self.servo
-    }
-
-    fn servo_mut(&mut self) -> &mut Servo {
-        &mut self.servo
-    }
-
-    fn step(&mut self) {
-        Drive::step(self);
-    }
-
-    fn enter(&mut self, state: State) {
-        Drive::enter(self, state);
-    }
-
-    fn raise_class(&mut self, class: ErrorClass) {
-        self.raise(DriveError {
-            class,
-            ..DriveError::FOLLOWING_ERROR
-        });
-    }
-
-    fn forget_errors(&mut self) {
-        self.errors = Errors::new();
-    }
-
-    fn disturb_own(&mut self, disturbance: Disturbance) {
-        match disturbance {
-            Disturbance::EnableTime(time) => self.policies.enable_time = time,
-            // While another access channel has it, parameters can be read and written, commands
-            // are not executed (lxm32m 1327).
-            Disturbance::Remote(remote) => self.servo.remote = remote,
-            Disturbance::Input(input, on) => self.switches.sense(input, on),
-            Disturbance::Vendor(id) => self.identity.vendor_id = id,
-            // The rest is the node's and the shaft's.
-            _ => {}
-        }
     }
 }
 

@@ -1,6 +1,6 @@
 //! The drive behind the CANopen node: loops, monitoring, what its objects show.
 
-use super::fault::{DriveError, Errors};
+use super::fault::DriveError;
 use super::modes::{Gear, Homing, Interpolation, Jog, Mode, ProfilePosition, Sequence};
 use super::motion::Motion;
 use super::parameter_sets::ParameterSet;
@@ -11,13 +11,14 @@ use super::switches::{Pulses, Switches};
 use super::synchronisation::{Synchronisation, Verdict};
 use super::units::INCREMENTS_PER_REVOLUTION;
 use super::{Identity, TwinConfig};
+use crate::twin::device::Disturbance;
 use crate::twin::node::Firmware;
 use crate::twin::servo::cascade::{
     Cascade, Gains, POSITION_STEP_NS, Reference, SPEED_STEP_NS, SPEED_STEPS,
 };
 use crate::twin::servo::clock::Clock;
 use crate::twin::servo::encoder::Encoder;
-use crate::twin::servo::firmware::Servo;
+use crate::twin::servo::firmware::{Servo, ServoFirmware};
 use crate::twin::servo::loops::Loops;
 use crate::twin::servo::power_stage::PowerStage;
 use crate::twin::servo::ramp::Ramp;
@@ -43,13 +44,11 @@ pub struct Drive {
     pub(super) rows: Rows,
     pub(super) parameter_sets: [ParameterSet; 2],
     pub(super) policies: Policies,
-    pub(super) errors: Errors,
-    pub(super) servo: Servo,
+    pub(super) servo: Servo<DriveError>,
     pub(super) switches: Switches,
     pub(super) pulses: Pulses,
     pub(super) captures: Captures,
 
-    pub(super) state_since: Instant,
     pub(super) quick_stopping: bool,
     pub(super) warning_until: Instant,
 
@@ -121,12 +120,10 @@ impl Drive {
             parameter_sets: ParameterSet::both(&objects),
             objects,
             policies,
-            errors: Errors::new(),
             servo: Servo::new(loops, State::SwitchOnDisabled),
             switches,
             pulses: Pulses::default(),
             captures: Captures::default(),
-            state_since: Instant::ZERO,
             quick_stopping: false,
             warning_until: Instant::ZERO,
             sync: Synchronisation::new(),
@@ -163,62 +160,6 @@ impl Drive {
     }
 
     // ---- time ----
-
-    pub(super) fn step(&mut self) {
-        let (step, _) = self.servo.loops.clock.step();
-        if step % SPEED_STEPS == 0 {
-            self.servo.now = self.servo.loops.clock.step_end();
-            self.position_step(step);
-        }
-        if self.servo.loops.speed_step(self.loop_reference()) {
-            self.interpolation.next_cycle();
-        }
-    }
-
-    fn position_step(&mut self, step: u32) {
-        let oldest = core::mem::replace(
-            &mut self.recent[self.recent_place],
-            self.servo.loops.encoder,
-        );
-        let moved = (self.servo.loops.encoder - oldest) as f64;
-        self.velocity = moved / (POSITION_STEP * VELOCITY_WINDOW as f64);
-        self.recent_place = (self.recent_place + 1) % VELOCITY_WINDOW;
-        self.pulses.advance(POSITION_STEP);
-        if step == self.servo.loops.clock.steps() / 2 / SPEED_STEPS * SPEED_STEPS {
-            let verdict = self.sync.on_mid_cycle(&self.policies);
-            self.judge_sync(verdict);
-        }
-        self.change_state();
-        self.watch_captures();
-        if self.is_powered() {
-            self.step_mode();
-            self.move_reference(step);
-            self.monitor();
-        } else {
-            self.ramp = Ramp::at(self.servo.loops.encoder as f64);
-        }
-        if step == 0 {
-            let cycle = f64::from(self.servo.loops.clock.steps()) * SPEED_STEP;
-            self.acceleration = (self.ramp.velocity - self.cycle_velocity) / cycle;
-            self.cycle_velocity = self.ramp.velocity;
-        }
-        let (reference, limit) = (self.loop_reference(), self.torque_limit());
-        self.servo.loops.position_step(reference, limit);
-    }
-
-    fn loop_reference(&self) -> Reference {
-        if !self.is_powered() {
-            return Reference::Off;
-        }
-        match self.motion {
-            Motion::Torque(torque) => Reference::Torque(torque),
-            _ => Reference::Position {
-                position: self.ramp.position,
-                velocity: self.ramp.velocity,
-                acceleration: self.acceleration,
-            },
-        }
-    }
 
     /// Most torque that the present movement may take, N·m: 3011h:D in a Quick Stop, 3011h:E in a
     /// Halt, 0 as `Gains` say; and what the power stage allows.
@@ -434,7 +375,7 @@ impl Drive {
             (rows.speed_reference, libm::round(ramp_speed) as i64),
             (rows.torque, libm::round(torque) as i64),
             (rows.sync_status, self.sync.status() as i64),
-            (rows.error_register, self.errors.register().into()),
+            (rows.error_register, self.servo.errors.register().into()),
             (rows.mode_active, self.mode as i64),
             (rows.position, position),
             (rows.reference, user_reference),
@@ -523,5 +464,98 @@ impl Drive {
     /// Increments/s, averaged over the window.
     pub(super) fn actual_velocity(&self) -> f64 {
         self.velocity
+    }
+}
+
+impl ServoFirmware for Drive {
+    type Error = DriveError;
+
+    fn servo(&self) -> &Servo<DriveError> {
+        &self.servo
+    }
+
+    fn servo_mut(&mut self) -> &mut Servo<DriveError> {
+        &mut self.servo
+    }
+
+    fn loop_reference(&self) -> Reference {
+        if !self.is_powered() {
+            return Reference::Off;
+        }
+        match self.motion {
+            Motion::Torque(torque) => Reference::Torque(torque),
+            _ => Reference::Position {
+                position: self.ramp.position,
+                velocity: self.ramp.velocity,
+                acceleration: self.acceleration,
+            },
+        }
+    }
+
+    fn position_step(&mut self, step: u32) {
+        let oldest = core::mem::replace(
+            &mut self.recent[self.recent_place],
+            self.servo.loops.encoder,
+        );
+        let moved = (self.servo.loops.encoder - oldest) as f64;
+        self.velocity = moved / (POSITION_STEP * VELOCITY_WINDOW as f64);
+        self.recent_place = (self.recent_place + 1) % VELOCITY_WINDOW;
+        self.pulses.advance(POSITION_STEP);
+        if step == self.servo.loops.clock.steps() / 2 / SPEED_STEPS * SPEED_STEPS {
+            let verdict = self.sync.on_mid_cycle(&self.policies);
+            self.judge_sync(verdict);
+        }
+        self.change_state();
+        self.watch_captures();
+        if self.is_powered() {
+            self.step_mode();
+            self.move_reference(step);
+            self.monitor();
+        } else {
+            self.ramp = Ramp::at(self.servo.loops.encoder as f64);
+        }
+        if step == 0 {
+            let cycle = f64::from(self.servo.loops.clock.steps()) * SPEED_STEP;
+            self.acceleration = (self.ramp.velocity - self.cycle_velocity) / cycle;
+            self.cycle_velocity = self.ramp.velocity;
+        }
+        let (reference, limit) = (self.loop_reference(), self.torque_limit());
+        self.servo.loops.position_step(reference, limit);
+    }
+
+    fn end_cycle(&mut self) {
+        self.interpolation.next_cycle();
+    }
+
+    fn switched_on(&mut self) {
+        self.ramp = Ramp::at(self.servo.loops.encoder as f64);
+        self.motion = Motion::Hold;
+        self.x_err = false;
+        self.target_reached = false;
+        self.peak_deviation = 0.0;
+    }
+
+    fn switched_off(&mut self) {
+        self.end_mode();
+        self.motion = Motion::Hold;
+        self.quick_stopping = false;
+        self.x_end = true;
+    }
+
+    fn disturb_own(&mut self, disturbance: Disturbance) {
+        match disturbance {
+            Disturbance::Fault(class) => self.raise(DriveError {
+                class,
+                ..DriveError::FOLLOWING_ERROR
+            }),
+            Disturbance::EnableTime(time) => self.policies.enable_time = time,
+            // While another access channel has it, parameters can be read and written, commands
+            // are not executed (lxm32m 1327).
+            Disturbance::Remote(remote) => self.servo.remote = remote,
+            Disturbance::Input(input, on) => self.switches.sense(input, on),
+            Disturbance::Vendor(id) => self.identity.vendor_id = id,
+            // The rest is the node's and the shaft's.
+            _ => {}
+        }
     }
 }

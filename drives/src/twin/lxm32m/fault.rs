@@ -1,10 +1,10 @@
-//! Errors: their classes and codes, how they are told, and the memory of them.
+//! Errors: their classes and codes, and how they are told.
 //!
 //! The manual at hand tells what classes 0 and 2 do (lxm32m 997, 1319, 2900); 1, 3 and 4 are
 //! described in the drive's own, which is not at hand: assumptions.
 
 use crate::twin::ErrorClass;
-use std::collections::VecDeque;
+use crate::twin::servo::errors::ServoError;
 use syncline_canopen::emcy::{Emergency, register};
 
 /// An error as the drive tells it.
@@ -121,51 +121,18 @@ impl DriveError {
     }
 }
 
-impl DriveError {
-    /// The EMCY that tells it (lxm32m 926-940); `pdo` is the number of the PDO that caused it.
-    pub(super) fn emergency(self, pdo: u8) -> Emergency {
+impl ServoError for DriveError {
+    fn class(&self) -> ErrorClass {
+        self.class
+    }
+
+    /// As in lxm32m 926-940.
+    fn emergency(&self) -> Emergency {
         let [low, high] = self.number.to_le_bytes();
         Emergency {
             code: self.emcy_code,
             register: register::GENERIC | self.register,
-            vendor: [0, 0, pdo, low, high],
-        }
-    }
-}
-
-/// EMCYs that may wait for the bus; more are dropped.
-const EMCY_CAPACITY: usize = 8;
-
-/// What is wrong with a drive now, and what it still has to tell.
-#[derive(Clone, Debug)]
-pub(super) struct Errors {
-    /// The error that stopped the drive, until it is reset.
-    pub(super) active: Option<DriveError>,
-    untold: VecDeque<Emergency>,
-}
-
-impl Errors {
-    pub(super) fn new() -> Self {
-        Self {
-            active: None,
-            untold: VecDeque::with_capacity(EMCY_CAPACITY),
-        }
-    }
-
-    /// 1001h: bit 0 while any error exists (lxm32m 952, 1941-1949).
-    pub(super) fn register(&self) -> u8 {
-        self.active
-            .map_or(0, |error| register::GENERIC | error.register)
-    }
-
-    /// The next EMCY to be sent.
-    pub(super) fn next_emergency(&mut self) -> Option<Emergency> {
-        self.untold.pop_front()
-    }
-
-    pub(super) fn tell(&mut self, emergency: Emergency) {
-        if self.untold.len() < EMCY_CAPACITY {
-            self.untold.push_back(emergency);
+            vendor: [0, 0, 0, low, high],
         }
     }
 }

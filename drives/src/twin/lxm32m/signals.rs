@@ -267,7 +267,8 @@ impl Drive {
             match self.objects.get(function) {
                 OUTPUT_FREE => set >> place & 1 != 0,
                 OUTPUT_NO_FAULT => {
-                    self.errors.active.is_none() && self.servo.state != State::NotReadyToSwitchOn
+                    self.servo.errors.active().is_none()
+                        && self.servo.state != State::NotReadyToSwitchOn
                 }
                 OUTPUT_ACTIVE => self.is_powered(),
                 _ => false,

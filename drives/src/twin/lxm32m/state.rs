@@ -2,13 +2,11 @@
 
 use super::drive::Drive;
 use super::fault::DriveError;
-use super::motion::Motion;
 use crate::twin::ErrorClass;
 use crate::twin::cia402::commanded;
 use crate::twin::node::Firmware;
-use crate::twin::servo::ramp::Ramp;
+use crate::twin::servo::firmware::ServoFirmware;
 use syncline_canopen::cia402::{Command, Controlword, State};
-use syncline_canopen::emcy::Emergency;
 use syncline_canopen::node::Origin;
 use syncline_canopen::time::Duration;
 
@@ -23,30 +21,6 @@ const BY_PROFILE_AND_STAY: i64 = 5;
 const SELF_TEST: Duration = Duration::from_millis(1);
 
 impl Drive {
-    pub(super) fn enter(&mut self, state: State) {
-        if state == self.servo.state {
-            return;
-        }
-        let was_powered = self.is_powered();
-        self.servo.state = state;
-        self.state_since = self.servo.now;
-        self.servo.enable_at = None;
-        if self.is_powered() && !was_powered {
-            self.servo.loops.cascade.reset();
-            self.ramp = Ramp::at(self.servo.loops.encoder as f64);
-            self.motion = Motion::Hold;
-            self.x_err = false;
-            self.target_reached = false;
-            self.peak_deviation = 0.0;
-        }
-        if was_powered && !self.is_powered() {
-            self.end_mode();
-            self.motion = Motion::Hold;
-            self.quick_stopping = false;
-            self.x_end = true;
-        }
-    }
-
     /// The changes that need no command.
     pub(super) fn change_state(&mut self) {
         match self.servo.state {
@@ -60,7 +34,7 @@ impl Drive {
             State::SwitchOnDisabled
                 if self.becomes_ready_alone()
                     && self.servo.has_mains
-                    && self.servo.now.saturating_since(self.state_since) >= SELF_TEST =>
+                    && self.servo.now.saturating_since(self.servo.state_since) >= SELF_TEST =>
             {
                 self.enter(State::ReadyToSwitchOn);
             }
@@ -95,7 +69,8 @@ impl Drive {
             (Command::DisableVoltage, State::ReadyToSwitchOn) if self.becomes_ready_alone() => {}
             // Without DC bus voltage state 3 is not left (lxm32m 1315).
             (Command::Shutdown, State::SwitchOnDisabled) if !self.servo.has_mains => {}
-            (Command::EnableOperation, State::QuickStopActive) if self.errors.active.is_some() => {}
+            (Command::EnableOperation, State::QuickStopActive)
+                if self.servo.errors.active().is_some() => {}
             (Command::SwitchOn, State::SwitchedOn) => self.servo.enable_at = None,
             (command, state) => {
                 if let Some(to) = commanded(state, command) {
@@ -170,12 +145,10 @@ impl Drive {
             return;
         }
         // The first error is the one to tell, unless a worse one follows.
-        let active = self.errors.active.map(|active| active.class);
-        if active.is_some_and(|active| active >= error.class) {
+        if self.servo.errors.active_class() >= Some(error.class) {
             return;
         }
-        self.errors.active = Some(error);
-        self.errors.tell(error.emergency(0));
+        self.servo.errors.begin(error);
         self.objects.set(rows.last_error, error.number.into());
         self.remember(error.number.into(), error.class as i64);
         self.x_err = true;
@@ -206,20 +179,17 @@ impl Drive {
     fn reset_errors(&mut self) {
         self.warning_until = self.servo.now;
         self.objects.set(self.rows.warnings_active, 0);
-        let Some(active) = self.errors.active else {
+        let Some(class) = self.servo.errors.active_class() else {
             return;
         };
-        if active.class == ErrorClass::Fatal
+        if class == ErrorClass::Fatal
             || self.servo.cause_persists
             || self.servo.state == State::FaultReactionActive
         {
             return;
         }
-        self.errors.active = None;
+        self.servo.errors.reset(self.policies.emcy_on_reset);
         self.x_err = false;
-        if self.policies.emcy_on_reset {
-            self.errors.tell(Emergency::default());
-        }
         if self.servo.state == State::Fault {
             self.enter(State::SwitchOnDisabled);
         }

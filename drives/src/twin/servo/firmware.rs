@@ -1,19 +1,23 @@
 //! What the firmware of all servo drives here has, and what it answers its node.
 
+use super::cascade::{Reference, SPEED_STEPS};
+use super::errors::{Errors, ServoError};
 use super::loops::Loops;
 use super::shaft::Shaft;
-use crate::twin::device::{Disturbance, ErrorClass};
+use crate::twin::device::Disturbance;
 use crate::twin::node::{Firmware, Tampering};
 use syncline_canopen::Instant;
 use syncline_canopen::cia402::{Controlword, State};
 use syncline_canopen::node::Application;
 
-/// What every servo drive has, whoever made it.
-pub struct Servo {
+/// What every servo drive has, whoever made it; `E` are the errors of its maker.
+pub struct Servo<E> {
     /// Until when its loops have run.
     pub now: Instant,
     /// Of CiA 402.
     pub state: State,
+    /// Since when.
+    pub state_since: Instant,
     /// When the power stage is on that is being switched on.
     pub enable_at: Option<Instant>,
     /// The last one.
@@ -24,6 +28,8 @@ pub struct Servo {
     pub remote: bool,
     /// Whether the cause of an error is still there, so that its reset is in vain.
     pub cause_persists: bool,
+    /// What is wrong with it.
+    pub errors: Errors<E>,
     /// Its loops, with the shaft that they turn.
     pub loops: Loops,
     /// The objects do not show the present condition yet.
@@ -32,18 +38,20 @@ pub struct Servo {
     pub tampering: Tampering,
 }
 
-impl Servo {
+impl<E: ServoError> Servo<E> {
     /// One that has just been switched on, in the state that it shows first.
     #[must_use]
     pub fn new(loops: Loops, state: State) -> Self {
         Self {
             now: Instant::ZERO,
             state,
+            state_since: Instant::ZERO,
             enable_at: None,
             controlword: Controlword(0),
             has_mains: true,
             remote: true,
             cause_persists: false,
+            errors: Errors::new(),
             loops,
             stale: true,
             tampering: Tampering::default(),
@@ -54,26 +62,69 @@ impl Servo {
 /// The firmware of a servo drive: what makers do each in their own way. The rest of a [`Firmware`] follows
 /// from it.
 pub trait ServoFirmware: Application {
+    /// Its maker's errors.
+    type Error: ServoError;
+
     /// What it has as all of them.
-    fn servo(&self) -> &Servo;
+    fn servo(&self) -> &Servo<Self::Error>;
 
     /// The same, to change it.
-    fn servo_mut(&mut self) -> &mut Servo;
+    fn servo_mut(&mut self) -> &mut Servo<Self::Error>;
 
-    /// Runs the next step of the speed loop.
-    fn step(&mut self);
+    /// What its loops follow.
+    fn loop_reference(&self) -> Reference;
 
-    /// Enters a state, with all that goes with it.
-    fn enter(&mut self, state: State);
+    /// Runs its position loop and what runs as often: state machine, profiles, monitoring. `step` counts
+    /// the steps of the speed loop since the cycle began.
+    fn position_step(&mut self, step: u32);
 
-    /// Its monitoring finds an error of this class.
-    fn raise_class(&mut self, class: ErrorClass);
+    /// The last step of a cycle is done.
+    fn end_cycle(&mut self) {}
 
-    /// No error is active or to be told any more.
-    fn forget_errors(&mut self);
+    /// The power stage has gone on.
+    fn switched_on(&mut self);
+
+    /// The power stage has gone off.
+    fn switched_off(&mut self);
+
+    /// The control supply is gone: what not every servo drive has is forgotten as well.
+    fn forget_own(&mut self) {}
 
     /// Interferes with what not every servo drive has, or not in the same way.
     fn disturb_own(&mut self, disturbance: Disturbance);
+
+    /// Runs the next step of the speed loop.
+    fn step(&mut self) {
+        let (step, _) = self.servo().loops.clock.step();
+        if step % SPEED_STEPS == 0 {
+            let servo = self.servo_mut();
+            servo.now = servo.loops.clock.step_end();
+            self.position_step(step);
+        }
+        let reference = self.loop_reference();
+        if self.servo_mut().loops.speed_step(reference) {
+            self.end_cycle();
+        }
+    }
+
+    /// Enters a state, with all that goes with it.
+    fn enter(&mut self, state: State) {
+        let servo = self.servo_mut();
+        let before = core::mem::replace(&mut servo.state, state);
+        if state == before {
+            return;
+        }
+        servo.state_since = servo.now;
+        servo.enable_at = None;
+        match (before.is_powered(), state.is_powered()) {
+            (false, true) => {
+                servo.loops.cascade.reset();
+                self.switched_on();
+            }
+            (true, false) => self.switched_off(),
+            _ => {}
+        }
+    }
 }
 
 impl<D: ServoFirmware> Firmware for D {
@@ -89,8 +140,10 @@ impl<D: ServoFirmware> Firmware for D {
     /// Nothing drives the shaft, and every error is forgotten.
     fn power_off(&mut self) {
         self.enter(State::NotReadyToSwitchOn);
-        self.forget_errors();
-        self.servo_mut().cause_persists = false;
+        let servo = self.servo_mut();
+        servo.errors = Errors::new();
+        servo.cause_persists = false;
+        self.forget_own();
     }
 
     fn shaft(&self) -> Option<&Shaft> {
@@ -115,7 +168,6 @@ impl<D: ServoFirmware> Firmware for D {
             Disturbance::Mains(on) => servo.has_mains = on,
             Disturbance::FaultPersists(persists) => servo.cause_persists = persists,
             Disturbance::RefuseWrite(address, code) => servo.tampering.refuse(address, code),
-            Disturbance::Fault(class) => self.raise_class(class),
             Disturbance::FoundEnabled => {
                 servo.controlword = Controlword::ENABLE_OPERATION;
                 self.enter(State::OperationEnabled);

@@ -6,6 +6,7 @@
 //! - [`encoder`], [`shaft`]: what the loops read, and what they move
 //! - [`motor`]: generic sets of figures
 //! - [`ramp`]: the drive's own profile generator
+//! - [`errors`]: what is wrong, and how it is told
 //! - [`firmware`]: what stands between them and the node
 //!
 //! [`loops`] puts them together in the order of one step of its speed loop: the cascade turns the
@@ -15,6 +16,7 @@
 pub mod cascade;
 pub mod clock;
 pub mod encoder;
+pub mod errors;
 pub mod filter;
 pub mod firmware;
 pub mod loops;

@@ -1,9 +1,8 @@
 //! What the CANopen node asks of the drive.
 
 use super::drive::Drive;
-use super::fault::{DriveError, Errors};
-use crate::twin::device::{Disturbance, ErrorClass};
-use crate::twin::servo::firmware::{Servo, ServoFirmware};
+use super::fault::DriveError;
+use crate::twin::servo::firmware::ServoFirmware;
 use syncline_canopen::cia402::{Controlword, State};
 use syncline_canopen::dictionary::{Dictionary, Row};
 use syncline_canopen::emcy::Emergency;
@@ -93,51 +92,12 @@ impl Application for Drive {
     }
 
     fn next_emergency(&mut self) -> Option<Emergency> {
-        self.errors.next_emergency()
+        self.servo.errors.next_emergency()
     }
 
     /// T_PDO4 is sent on a change of the state word, its third object (1532).
     fn event_mask(&self, number: u16) -> u64 {
         if number == 4 { 1 << 2 } else { u64::MAX }
-    }
-}
-
-impl ServoFirmware for Drive {
-    fn servo(&self) -> &Servo {
-        &self.servo
-    }
-
-    fn servo_mut(&mut self) -> &mut Servo {
-        &mut self.servo
-    }
-
-    fn step(&mut self) {
-        Drive::step(self);
-    }
-
-    fn enter(&mut self, state: State) {
-        Drive::enter(self, state);
-    }
-
-    fn raise_class(&mut self, class: ErrorClass) {
-        self.raise(DriveError {
-            class,
-            ..DriveError::FOLLOWING_ERROR
-        });
-    }
-
-    fn forget_errors(&mut self) {
-        self.errors = Errors::default();
-    }
-
-    fn disturb_own(&mut self, disturbance: Disturbance) {
-        match disturbance {
-            Disturbance::EnableTime(time) => self.policies.enable_time = time,
-            Disturbance::Remote(remote) => self.take_control(remote),
-            Disturbance::Vendor(id) => self.preset(Address::new(0x1018, 1), id.into()),
-            // Its inputs are set by [`Twin::set_inputs`].
-            _ => {}
-        }
     }
 }
 

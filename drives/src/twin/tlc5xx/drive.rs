@@ -1,21 +1,23 @@
 //! The drive behind the CANopen node: loops, monitoring, what its objects show.
 
 use super::TwinConfig;
-use super::fault::{DriveError, Errors};
+use super::fault::DriveError;
 use super::modes::{Homing, List, Manual, Mode, Movement, Target};
 use super::motion::Motion;
 use super::policy::Policies;
 use super::settings::{INCREMENTS_PER_REVOLUTION, RPM, Settings};
 use super::signals::{Captures, Inputs, Switches};
+use crate::twin::device::Disturbance;
 use crate::twin::node::Firmware;
-use crate::twin::servo::cascade::{POSITION_STEP_NS, Reference, SPEED_STEPS};
+use crate::twin::servo::cascade::{POSITION_STEP_NS, Reference};
 use crate::twin::servo::clock::Clock;
 use crate::twin::servo::encoder::Encoder;
-use crate::twin::servo::firmware::Servo;
+use crate::twin::servo::firmware::{Servo, ServoFirmware};
 use crate::twin::servo::loops::Loops;
 use crate::twin::servo::power_stage::PowerStage;
 use crate::twin::servo::ramp::Ramp;
 use crate::twin::servo::shaft::Shaft;
+use std::collections::VecDeque;
 use syncline_canopen::cia402::State;
 use syncline_canopen::dictionary::Dictionary;
 use syncline_canopen::time::Duration;
@@ -34,8 +36,9 @@ pub struct Drive {
     pub(super) objects: Dictionary,
     pub(super) settings: Settings,
     pub(super) policies: Policies,
-    pub(super) errors: Errors,
-    pub(super) servo: Servo,
+    /// 2400h, the newest first.
+    pub(super) error_memory: VecDeque<u16>,
+    pub(super) servo: Servo<DriveError>,
     pub(super) nmt_state: nmt::State,
 
     /// It brakes by itself: quick stop or fault reaction.
@@ -98,7 +101,7 @@ impl Drive {
             settings: Settings::of(&objects, &config.policies),
             objects,
             policies: config.policies,
-            errors: Errors::default(),
+            error_memory: VecDeque::new(),
             servo: Servo::new(loops, State::NotReadyToSwitchOn),
             nmt_state: nmt::State::Initialising,
             braking: false,
@@ -135,54 +138,11 @@ impl Drive {
 
     // ---- time ----
 
-    pub(super) fn step(&mut self) {
-        let (step, _) = self.servo.loops.clock.step();
-        if step % SPEED_STEPS == 0 {
-            self.servo.now = self.servo.loops.clock.step_end();
-            self.position_step();
-        }
-        self.servo.loops.speed_step(self.loop_reference());
-    }
-
     /// The direction of rotation has changed (5141): where it is counts the other way.
     pub(super) fn turn_round(&mut self) {
         self.servo.loops.turn_to(self.settings.direction);
         self.recent = [self.servo.loops.encoder; VELOCITY_WINDOW];
         self.ramp = Ramp::at(self.servo.loops.encoder as f64);
-    }
-
-    fn position_step(&mut self) {
-        let oldest = core::mem::replace(
-            &mut self.recent[self.recent_place],
-            self.servo.loops.encoder,
-        );
-        self.recent_place = (self.recent_place + 1) % VELOCITY_WINDOW;
-        let moved = (self.servo.loops.encoder - oldest) as f64;
-        self.velocity = moved / (POSITION_STEP * VELOCITY_WINDOW as f64);
-        self.change_state();
-        self.watch_captures();
-        if self.is_powered() {
-            self.step_mode();
-            self.move_reference();
-            self.monitor();
-        } else {
-            self.change_mode();
-            self.ramp = Ramp::at(self.servo.loops.encoder as f64);
-        }
-        let limit = self.servo.loops.torque_source.torque_limit();
-        self.servo.loops.position_step(self.loop_reference(), limit);
-    }
-
-    fn loop_reference(&self) -> Reference {
-        if !self.is_powered() {
-            return Reference::Off;
-        }
-        Reference::Position {
-            position: self.ramp.position,
-            velocity: self.ramp.velocity,
-            // Its feed-forward is 0 as delivered (60FBh:15).
-            acceleration: 0.0,
-        }
     }
 
     fn move_reference(&mut self) {
@@ -336,7 +296,7 @@ impl Drive {
         let within = encoder.rem_euclid(INCREMENTS_PER_REVOLUTION) as i64;
         let error = libm::round(reference - encoder) as i64;
         let shown = [
-            (0x1001, self.errors.register().into()),
+            (0x1001, self.servo.errors.register().into()),
             (0x2013, libm::round(self.peak_error.max(0.0)) as i64),
             (0x2041, self.drive_status().into()),
             (0x2042, self.movement as i64),
@@ -372,5 +332,81 @@ impl Drive {
             self.objects.put(index, 0, value);
         }
         self.publish_states();
+    }
+}
+
+impl ServoFirmware for Drive {
+    type Error = DriveError;
+
+    fn servo(&self) -> &Servo<DriveError> {
+        &self.servo
+    }
+
+    fn servo_mut(&mut self) -> &mut Servo<DriveError> {
+        &mut self.servo
+    }
+
+    fn loop_reference(&self) -> Reference {
+        if !self.is_powered() {
+            return Reference::Off;
+        }
+        Reference::Position {
+            position: self.ramp.position,
+            velocity: self.ramp.velocity,
+            // Its feed-forward is 0 as delivered (60FBh:15).
+            acceleration: 0.0,
+        }
+    }
+
+    fn position_step(&mut self, _: u32) {
+        let oldest = core::mem::replace(
+            &mut self.recent[self.recent_place],
+            self.servo.loops.encoder,
+        );
+        self.recent_place = (self.recent_place + 1) % VELOCITY_WINDOW;
+        let moved = (self.servo.loops.encoder - oldest) as f64;
+        self.velocity = moved / (POSITION_STEP * VELOCITY_WINDOW as f64);
+        self.change_state();
+        self.watch_captures();
+        if self.is_powered() {
+            self.step_mode();
+            self.move_reference();
+            self.monitor();
+        } else {
+            self.change_mode();
+            self.ramp = Ramp::at(self.servo.loops.encoder as f64);
+        }
+        let limit = self.servo.loops.torque_source.torque_limit();
+        self.servo.loops.position_step(self.loop_reference(), limit);
+    }
+
+    fn switched_on(&mut self) {
+        self.ramp = Ramp::at(self.servo.loops.encoder as f64);
+        self.motion = Motion::Hold;
+        self.following_error = false;
+    }
+
+    fn switched_off(&mut self) {
+        self.end_movement();
+        self.motion = Motion::Hold;
+        self.braking = false;
+    }
+
+    fn forget_own(&mut self) {
+        self.error_memory.clear();
+    }
+
+    fn disturb_own(&mut self, disturbance: Disturbance) {
+        match disturbance {
+            Disturbance::Fault(class) => self.raise(DriveError {
+                class,
+                ..DriveError::FOLLOWING_ERROR
+            }),
+            Disturbance::EnableTime(time) => self.policies.enable_time = time,
+            Disturbance::Remote(remote) => self.take_control(remote),
+            Disturbance::Vendor(id) => self.preset(Address::new(0x1018, 1), id.into()),
+            // Its inputs are set by [`Twin::set_inputs`].
+            _ => {}
+        }
     }
 }

@@ -1,11 +1,8 @@
-//! Errors: how they are told, and the memory of them (13.1, 13.3 of the digest).
+//! Errors: their codes, and how they are told (13.1, 13.3 of the digest).
 
 use crate::twin::ErrorClass;
-use std::collections::VecDeque;
+use crate::twin::servo::errors::ServoError;
 use syncline_canopen::emcy::{Emergency, register};
-
-/// Errors that 2400h keeps (14855).
-pub(super) const MEMORY: usize = 20;
 
 /// An error as the device tells it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -65,40 +62,16 @@ impl DriveError {
     }
 }
 
-/// What is wrong now, and what is still to be told.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Errors {
-    /// The error that stopped the drive, until it is reset.
-    pub(super) active: Option<DriveError>,
-    untold: VecDeque<Emergency>,
-    /// Newest first.
-    pub(super) memory: VecDeque<u16>,
-}
-
-impl Errors {
-    /// 1001h.
-    pub(super) fn register(&self) -> u8 {
-        self.active
-            .map_or(0, |error| register::GENERIC | error.register)
+impl ServoError for DriveError {
+    fn class(&self) -> ErrorClass {
+        self.class
     }
 
-    /// Tells an error and keeps it in mind.
-    pub(super) fn tell(&mut self, error: DriveError) {
-        self.untold.push_back(Emergency {
-            code: error.code,
-            register: register::GENERIC | error.register,
+    fn emergency(&self) -> Emergency {
+        Emergency {
+            code: self.code,
+            register: register::GENERIC | self.register,
             vendor: [0; 5],
-        });
-        self.memory.truncate(MEMORY - 1);
-        self.memory.push_front(error.code);
-    }
-
-    /// Tells that all is well again.
-    pub(super) fn tell_reset(&mut self) {
-        self.untold.push_back(Emergency::default());
-    }
-
-    pub(super) fn next_emergency(&mut self) -> Option<Emergency> {
-        self.untold.pop_front()
+        }
     }
 }

@@ -2,35 +2,17 @@
 
 use super::drive::Drive;
 use super::fault::DriveError;
-use super::motion::Motion;
 use super::policy::{Bit9, FaultBits};
 use crate::twin::ErrorClass;
 use crate::twin::cia402::commanded;
 use crate::twin::node::Firmware;
-use crate::twin::servo::ramp::Ramp;
+use crate::twin::servo::firmware::ServoFirmware;
 use syncline_canopen::cia402::{Command, Controlword, State, Statusword};
 
-impl Drive {
-    pub(super) fn enter(&mut self, state: State) {
-        if state == self.servo.state {
-            return;
-        }
-        let was_powered = self.is_powered();
-        self.servo.state = state;
-        self.servo.enable_at = None;
-        if self.is_powered() && !was_powered {
-            self.servo.loops.cascade.reset();
-            self.ramp = Ramp::at(self.servo.loops.encoder as f64);
-            self.motion = Motion::Hold;
-            self.following_error = false;
-        }
-        if was_powered && !self.is_powered() {
-            self.end_movement();
-            self.motion = Motion::Hold;
-            self.braking = false;
-        }
-    }
+/// Errors that 2400h keeps (14855).
+const ERROR_MEMORY: usize = 20;
 
+impl Drive {
     /// The changes that need no command (T0, T1, T14).
     pub(super) fn change_state(&mut self) {
         match self.servo.state {
@@ -86,7 +68,9 @@ impl Drive {
     fn transit(&mut self, command: Command) {
         let to = match (command, self.servo.state) {
             (Command::Shutdown, State::SwitchOnDisabled) if !self.servo.has_mains => return,
-            (Command::EnableOperation, State::QuickStopActive) if self.errors.active.is_some() => {
+            (Command::EnableOperation, State::QuickStopActive)
+                if self.servo.errors.active().is_some() =>
+            {
                 return;
             }
             (command, state) => commanded(state, command),
@@ -127,17 +111,15 @@ impl Drive {
     /// Raises an error and reacts as its class says.
     pub(super) fn raise(&mut self, error: DriveError) {
         if error.class == ErrorClass::Warning {
-            self.errors.tell(error);
+            self.servo.errors.tell(error);
             self.show_error(error);
             return;
         }
         // The first error is the one to tell, unless a worse one follows.
-        let active = self.errors.active.map(|active| active.class);
-        if active.is_some_and(|active| active >= error.class) {
+        if self.servo.errors.active_class() >= Some(error.class) {
             return;
         }
-        self.errors.active = Some(error);
-        self.errors.tell(error);
+        self.servo.errors.begin(error);
         self.show_error(error);
         let is_powered = self.is_powered();
         match error.class {
@@ -156,29 +138,28 @@ impl Drive {
 
     /// 603Fh and 2400h, whose order the manual does not state: the newest first.
     fn show_error(&mut self, error: DriveError) {
+        self.error_memory.truncate(ERROR_MEMORY - 1);
+        self.error_memory.push_front(error.code);
         self.objects.put(0x603F, 0, error.code.into());
-        for (place, &code) in self.errors.memory.iter().enumerate() {
+        for (place, &code) in self.error_memory.iter().enumerate() {
             self.objects.put(0x2400, place as u8 + 1, code.into());
         }
     }
 
     /// T15, and out of a quick stop that an error made.
     fn reset_fault(&mut self) {
-        let Some(error) = self.errors.active else {
+        let Some(class) = self.servo.errors.active_class() else {
             return;
         };
-        if error.class == ErrorClass::Fatal
+        if class == ErrorClass::Fatal
             || self.servo.cause_persists
             || self.servo.state == State::FaultReactionActive
         {
             return;
         }
-        self.errors.active = None;
+        self.servo.errors.reset(self.policies.emcy_on_reset);
         self.movement_failed = false;
         self.latched_signals = 0;
-        if self.policies.emcy_on_reset {
-            self.errors.tell_reset();
-        }
         if self.servo.state == State::Fault {
             self.enter(State::SwitchOnDisabled);
         }
@@ -230,7 +211,7 @@ impl Drive {
         };
         let bit = |set: bool, bit: u16| if set { 1 << bit } else { 0 };
         number
-            | bit(self.errors.active.is_some(), 5)
+            | bit(self.servo.errors.active().is_some(), 5)
             | bit(self.latched_signals != 0, 6)
             | bit(self.target_reached, 13)
             | bit(!self.is_moving(), 14)
