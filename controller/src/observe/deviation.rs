@@ -102,11 +102,11 @@ impl Deviation {
             unit: "mm",
         };
         let allowed = motion.tolerance;
-        (self.watch).look(violations, deviation, allowed, || {
+        (self.watch).look(violations, at, deviation, allowed, |_| {
             violation("path_deviation", deviation, allowed)
         });
         let allowed = self.tolerance;
-        (self.contour).look(violations, tool, allowed, || {
+        (self.contour).look(violations, at, tool, allowed, |_| {
             violation("contour_error", tool, allowed)
         });
     }

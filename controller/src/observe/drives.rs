@@ -40,8 +40,6 @@ struct DriveWatch {
     /// Sum of the squares of its torque.
     squares: f64,
     watches: [Watch; 2],
-    /// Where a stretch that goes on began: a cause is told before what it leads to.
-    since: [Option<Place>; 2],
 }
 
 /// The two sides of a gantry.
@@ -145,7 +143,6 @@ impl DriveWatch {
             speed: Greatest::default(),
             squares: 0.0,
             watches: Default::default(),
-            since: [None; 2],
         }
     }
 
@@ -164,13 +161,9 @@ impl DriveWatch {
                 "1/min",
             ),
         ];
-        let watches = self.watches.iter_mut().zip(&mut self.since);
-        for ((watch, since), (what, value, limit, unit)) in watches.zip(looks) {
-            let began = match value > limit {
-                true => *since.get_or_insert(at),
-                false => since.take().unwrap_or(at),
-            };
-            watch.look(violations, value, limit, || Violation {
+        for (watch, (what, value, limit, unit)) in self.watches.iter_mut().zip(looks) {
+            // A cause is told before what it leads to: where it began.
+            watch.look(violations, at, value, limit, |began| Violation {
                 what: format!("{what} of drive {}", self.name),
                 axis: None,
                 time: began.time,
@@ -269,7 +262,7 @@ impl GantryWatch {
         self.fight.look(fight, at);
         self.squares += fight * fight;
         self.watch
-            .look(violations, skew, self.tolerance, || Violation {
+            .look(violations, at, skew, self.tolerance, |_| Violation {
                 what: "skew".to_owned(),
                 axis: Some(self.axis.to_owned()),
                 time: at.time,

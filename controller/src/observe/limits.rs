@@ -59,29 +59,33 @@ const SENT: usize = 6;
 /// A value that has a limit. A stretch above the limit is one violation, told at its worst.
 #[derive(Debug, Default)]
 pub(super) struct Watch {
-    /// Of the stretch that goes on.
-    worst: Option<Violation>,
+    /// Where the stretch that goes on began, and its worst.
+    stretch: Option<(Place, Violation)>,
 }
 
 impl Watch {
-    /// Looks at a value.
+    /// Looks at a value. Its violation is made of where the stretch began.
     pub(super) fn look(
         &mut self,
         violations: &mut Vec<Violation>,
+        at: Place,
         value: f64,
         limit: f64,
-        violation: impl FnOnce() -> Violation,
+        violation: impl FnOnce(Place) -> Violation,
     ) {
         if value <= limit * (1.0 + ROUNDING) {
-            self.close(violations);
-        } else if self.worst.as_ref().is_none_or(|worst| value > worst.value) {
-            self.worst = Some(violation());
+            return self.close(violations);
+        }
+        let began = self.stretch.as_ref().map_or(at, |(began, _)| *began);
+        let worst = self.stretch.as_ref().map(|(_, worst)| worst.value);
+        if worst.is_none_or(|worst| value > worst) {
+            self.stretch = Some((began, violation(began)));
         }
     }
 
     /// Ends a stretch that goes on.
     pub(super) fn close(&mut self, violations: &mut Vec<Violation>) {
-        violations.extend(self.worst.take());
+        violations.extend(self.stretch.take().map(|(_, worst)| worst));
     }
 }
 
@@ -306,7 +310,8 @@ impl AxisWatches {
         for (place, (value, limit)) in planned.chain(sent).enumerate() {
             let (what, unit) = WATCHED[place];
             self.max[place] = self.max[place].max(value);
-            self.watches[place].look(violations, value, limit, || Violation {
+            let at = Place { time, line };
+            self.watches[place].look(violations, at, value, limit, |_| Violation {
                 what: what.to_owned(),
                 axis: Some(self.name.to_owned()),
                 time,
