@@ -366,13 +366,17 @@ impl Traffic {
     /// in ascending order.
     #[must_use]
     pub fn smallest_cycle(&self, cycles: impl IntoIterator<Item = Duration>) -> Option<Duration> {
-        cycles.into_iter().find(|&cycle| {
-            let traffic = Self {
-                cycle,
-                ..self.clone()
-            };
-            traffic.budget().verdict != Verdict::DoesNotFit
-        })
+        let fits = |cycle: &Duration| self.in_cycle(*cycle).budget().verdict != Verdict::DoesNotFit;
+        cycles.into_iter().find(fits)
+    }
+
+    /// The same traffic in another cycle.
+    #[must_use]
+    pub fn in_cycle(&self, cycle: Duration) -> Self {
+        Self {
+            cycle,
+            ..self.clone()
+        }
     }
 
     /// The same nodes on two buses, dealt out in turn.

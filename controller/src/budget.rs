@@ -20,6 +20,8 @@ pub struct BusBudget {
     pub traffic: Traffic,
     /// Worst case.
     pub budget: Budget,
+    /// Whether it fits, SYNC on time beside requests by SDO included.
+    pub verdict: Verdict,
     /// Share of the bus's time that frames take on average in motion, by their exact lengths.
     pub typical_load: f64,
     /// SDO requests that the controller sends in a cycle, with their answers, beside SYNC and PDOs; at
@@ -113,17 +115,18 @@ impl MachineBudget {
     /// A machine's budget, whether it fits or not.
     #[must_use]
     pub fn of(machine: &Machine) -> Self {
-        let buses: Vec<BusBudget> = (0..machine.buses.len())
+        let mut buses: Vec<BusBudget> = (0..machine.buses.len())
             .map(|bus| BusBudget::of(machine, bus))
             .collect();
         let default = buses.iter().map(|bus| bus.budget.setpoint_offset).max();
         let latest = buses.iter().map(|bus| bus.budget.latest_burst).min();
+        let stated = machine.controller.setpoint_offset;
+        let setpoint_offset = stated.or(default).unwrap_or_default();
+        for bus in &mut buses {
+            bus.verdict = verdict(&bus.budget, setpoint_offset, bus.sync_tolerance);
+        }
         Self {
-            setpoint_offset: machine
-                .controller
-                .setpoint_offset
-                .or(default)
-                .unwrap_or_default(),
+            setpoint_offset,
             latest_burst: latest.unwrap_or(machine.cycle),
             buses,
         }
@@ -152,22 +155,34 @@ impl MachineBudget {
                     latest: *allowed.end(),
                 });
             }
-            let request_out = bus.budget.request_out(self.setpoint_offset);
-            let blocking = bus.budget.sync_jitter;
             if let Some(tolerance) = bus.sync_tolerance
-                && blocking > tolerance
-                && request_out > bus.budget.cycle
+                && requests_delay_sync(&bus.budget, self.setpoint_offset, tolerance)
             {
                 return Err(DoesNotFit::Requests {
                     bus: bus.bus.clone(),
-                    request_out,
+                    request_out: bus.budget.request_out(self.setpoint_offset),
                     cycle: bus.budget.cycle,
-                    blocking,
+                    blocking: bus.budget.sync_jitter,
                     tolerance,
                 });
             }
         }
         Ok(())
+    }
+}
+
+/// Whether a request by SDO that leaves behind the setpoints may keep SYNC from the drives for longer than
+/// their clocks follow.
+fn requests_delay_sync(budget: &Budget, setpoint_offset: Duration, tolerance: Duration) -> bool {
+    budget.sync_jitter > tolerance && budget.request_out(setpoint_offset) > budget.cycle
+}
+
+/// Whether a bus fits with setpoints that leave at that offset.
+fn verdict(budget: &Budget, setpoint_offset: Duration, tolerance: Option<Duration>) -> Verdict {
+    let delays = |tolerance| requests_delay_sync(budget, setpoint_offset, tolerance);
+    match tolerance.is_some_and(delays) {
+        true => Verdict::DoesNotFit,
+        false => budget.verdict,
     }
 }
 
@@ -189,14 +204,21 @@ impl BusBudget {
             let mut models = nodes.iter().map(|(node, _)| node.model);
             models.all(|model| model.takes_cycle(*cycle))
         };
-        let cycles = (1..=LONGEST_CYCLE_MS)
-            .map(Duration::from_millis)
-            .filter(taken_by_all);
         let budget = traffic.budget();
         let locks = devices
             .clone()
             .filter_map(|device| device.spec().clock_lock);
         let sync_tolerance = locks.map(|lock| lock.tolerance).min();
+        let is_on_time = |cycle: &Duration| {
+            let budget = traffic.in_cycle(*cycle).budget();
+            let stated = machine.controller.setpoint_offset;
+            let offset = stated.unwrap_or(budget.setpoint_offset);
+            !sync_tolerance.is_some_and(|most| requests_delay_sync(&budget, offset, most))
+        };
+        let cycles = (1..=LONGEST_CYCLE_MS)
+            .map(Duration::from_millis)
+            .filter(taken_by_all)
+            .filter(is_on_time);
         let answers = devices.map(|device| device.spec().sdo_response);
         let transfers = budget.sdo_transfers(answers.max().unwrap_or_default());
         // One at a time of each node.
@@ -207,6 +229,7 @@ impl BusBudget {
             load: budget.load + sdo,
             sdo_per_cycle,
             sync_tolerance,
+            verdict: budget.verdict,
             budget,
             typical_load: typical_load(machine, &nodes, traffic.bit_rate),
             smallest_cycle: traffic.smallest_cycle(cycles),
@@ -223,13 +246,11 @@ impl BusBudget {
         };
         let budgets = self.traffic.on_two_buses().map(|half| half.budget());
         let [most, _] = &budgets;
-        let verdict = if budgets
-            .iter()
-            .all(|half| half.verdict != Verdict::DoesNotFit)
-        {
-            most.verdict
-        } else {
-            Verdict::DoesNotFit
+        let verdicts = (budgets.each_ref())
+            .map(|half| verdict(half, half.setpoint_offset, self.sync_tolerance));
+        let verdict = match verdicts.contains(&Verdict::DoesNotFit) {
+            true => Verdict::DoesNotFit,
+            false => verdicts[0],
         };
         format!(
             "{cycle}; on two buses it is {} of {} each: {verdict}",
@@ -312,7 +333,7 @@ impl fmt::Display for Millis {
 impl fmt::Display for BusBudget {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let budget = &self.budget;
-        writeln!(f, "bus {}: {}", self.bus, budget.verdict)?;
+        writeln!(f, "bus {}: {}", self.bus, self.verdict)?;
         writeln!(f, "  {budget}")?;
         writeln!(f, "  {}", self.advice())?;
         writeln!(f)?;
@@ -470,6 +491,17 @@ mod tests {
              4.000 ms: the next SYNC waits up to 0.540 ms for it, and its drives' clocks follow one that \
              is 0.250 ms late; take a longer cycle, a higher bit rate or another bus for some of the drives"
         );
+        // What `budget` prints says the same.
+        let [bus] = &MachineBudget::of(&machine(4000)).buses[..] else {
+            panic!("one bus");
+        };
+        assert_eq!(bus.verdict, Verdict::DoesNotFit);
+        assert_eq!(bus.smallest_cycle, Some(Duration::from_millis(6)));
+        assert!(
+            bus.to_string().starts_with("bus one: does not fit\n"),
+            "{bus}"
+        );
         assert_eq!(MachineBudget::of(&machine(6000)).check(), Ok(()));
+        assert!(MachineBudget::of(&machine(5000)).check().is_err());
     }
 }

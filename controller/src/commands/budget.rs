@@ -68,7 +68,7 @@ fn bus_json(bus: &BusBudget) -> Value {
     let budget = &bus.budget;
     json!({
         "name": bus.bus,
-        "verdict": match budget.verdict {
+        "verdict": match bus.verdict {
             Verdict::Fits => "fits",
             Verdict::FitsTightly => "fits-tightly",
             Verdict::DoesNotFit => "does-not-fit",
