@@ -8,12 +8,11 @@ code 0 and a line "ok" for each step, or with an AssertionError. Every wait is b
 """
 
 import math
-import sys
 import time
 
 from canopen.profiles.p402 import BaseNode402
 
-from master import BIT_12, OPERATION_ENABLED, STATE_MASK, aborted, connected, ok, until
+from master import BIT_12, OPERATION_ENABLED, STATE_MASK, aborted, ok, take_through, until
 
 PERIOD = 0.010
 AMPLITUDE = 200_000
@@ -52,7 +51,7 @@ def set_up(node):
     ok("set up")
 
 
-def follow(network, node, seconds=3.0):
+def follow(node, seconds=3.0):
     """A cosine, every target followed by SYNC."""
     seen = {"status": 0, "position": None}
 
@@ -67,7 +66,7 @@ def follow(network, node, seconds=3.0):
         nonlocal next_cycle
         command[0].raw, command[1].raw = controlword, target
         command.transmit()
-        network.sync.transmit()
+        node.network.sync.transmit()
         next_cycle += PERIOD
         time.sleep(max(0.0, next_cycle - time.monotonic()))
 
@@ -97,13 +96,4 @@ def follow(network, node, seconds=3.0):
     ok("quick stop")
 
 
-def main():
-    data_sheet, number, *bus = sys.argv[1:]
-    with connected(*bus) as network:
-        node = network.add_node(BaseNode402(int(number), data_sheet))
-        set_up(node)
-        follow(network, node)
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+take_through(set_up, follow, kind=BaseNode402)

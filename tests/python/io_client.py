@@ -7,10 +7,7 @@ switched on, and nothing is wired to its inputs. Ends with code 0 and a line "ok
 AssertionError. Every wait is bounded.
 """
 
-import sys
-import time
-
-from master import aborted, answers, connected, ok, received, until
+from master import aborted, answers, ok, received, take_through, until
 
 
 def bring_up(node):
@@ -31,7 +28,7 @@ def outputs(node):
     ok("digital outputs by bytes and by words, analog outputs")
 
 
-def process_data(network, node):
+def process_data(node):
     node.tpdo.read()
     node.rpdo.read()
     assert [v.index for v in node.tpdo[1].map] == [0x6000, 0x6000]
@@ -49,7 +46,7 @@ def process_data(network, node):
     ok("outputs by R_PDO, inputs by event")
 
 
-def synchronous(network, node):
+def synchronous(node):
     node.nmt.state = "PRE-OPERATIONAL"
     inputs = node.tpdo[1]
     inputs.trans_type = 1
@@ -57,17 +54,17 @@ def synchronous(network, node):
     node.nmt.state = "OPERATIONAL"
     for _ in range(3):
         with received(inputs, "no T_PDO after SYNC"):
-            network.sync.transmit()
+            node.network.sync.transmit()
     ok("inputs by SYNC")
 
 
-def falls_back(network, node):
+def falls_back(node):
     """Error values once the master's heartbeat is missing."""
     node.sdo[0x6206][1].raw = 0xFF
     node.sdo[0x6207][1].raw = 0x55
     node.sdo[0x1017].raw = 50
     node.sdo[0x1016][1].raw = 0x7F << 16 | 300
-    network.send_message(0x77F, [5])
+    node.network.send_message(0x77F, [5])
     node.emcy.reset()
     assert node.emcy.wait(0x8130, timeout=3) is not None, "no EMCY 8130h"
     until("Pre-Operational", lambda: node.nmt.state == "PRE-OPERATIONAL")
@@ -84,18 +81,4 @@ def aborts(node):
     ok("abort codes")
 
 
-def main():
-    data_sheet, number, *bus = sys.argv[1:]
-    with connected(*bus) as network:
-        node = network.add_node(int(number), data_sheet)
-        node.sdo.RESPONSE_TIMEOUT = 1
-        time.sleep(0.1)
-        bring_up(node)
-        outputs(node)
-        process_data(network, node)
-        synchronous(network, node)
-        aborts(node)
-        falls_back(network, node)
-
-
-main()
+take_through(bring_up, outputs, process_data, synchronous, aborts, falls_back)

@@ -1,5 +1,6 @@
 """What every master here has: the bus that its arguments name, waits that end, aborts that are meant."""
 
+import sys
 import threading
 import time
 from contextlib import contextmanager
@@ -69,6 +70,16 @@ def connected(interface, *options):
     network = Network()
     network.connect(interface=interface, **options)
     return network
+
+
+def take_through(*steps, kind=canopen.RemoteNode):
+    """Takes the node of the arguments EDS NODE INTERFACE KEY=VALUE... through steps, functions of it."""
+    data_sheet, number, *bus = sys.argv[1:]
+    with connected(*bus) as network:
+        node = network.add_node(kind(int(number), data_sheet))
+        node.sdo.RESPONSE_TIMEOUT = 1
+        for step in steps:
+            step(node)
 
 
 def answers(node):

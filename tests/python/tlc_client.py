@@ -8,9 +8,8 @@ is bounded.
 """
 
 import struct
-import sys
 
-from master import TARGET_REACHED, aborted, answers, connected, ok, received, until, word
+from master import TARGET_REACHED, aborted, answers, ok, received, take_through, until, word
 
 ACKNOWLEDGED = 1 << 12
 
@@ -95,7 +94,7 @@ def move(node):
     ok("profile position")
 
 
-def stream(network, node):
+def stream(node):
     """Velocities by R_PDO3 at each SYNC, positions by T_PDO2."""
     node.nmt.state = "PRE-OPERATIONAL"
     command, status = node.rpdo[3], node.tpdo[2]
@@ -110,7 +109,7 @@ def stream(network, node):
         command[0x60FF].raw = velocity
         command.transmit()
         with received(status, "no T_PDO2 after SYNC"):
-            network.sync.transmit()
+            node.network.sync.transmit()
     before = node.sdo[0x6064].raw
     assert status[0x6041].raw & 0x6F == 0x27
     until("standstill", lambda: abs(node.sdo[0x606C].raw) <= 2, 5)
@@ -118,17 +117,4 @@ def stream(network, node):
     ok("velocities by PDO at SYNC")
 
 
-def main():
-    data_sheet, number, *bus = sys.argv[1:]
-    with connected(*bus) as network:
-        node = network.add_node(int(number), data_sheet)
-        bring_up(node)
-        aborts(node)
-        enable(node)
-        home(node)
-        move(node)
-        stream(network, node)
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+take_through(bring_up, aborts, enable, home, move, stream)

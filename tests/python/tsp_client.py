@@ -8,9 +8,8 @@ is bounded.
 """
 
 import struct
-import sys
 
-from master import TARGET_REACHED, aborted, answers, connected, ok, until, word
+from master import TARGET_REACHED, aborted, answers, ok, take_through, until, word
 
 REFERENCED = 1 << 8
 
@@ -74,14 +73,4 @@ def move(node):
     ok("profile velocity and halt")
 
 
-def main():
-    data_sheet, number, *bus = sys.argv[1:]
-    with connected(*bus) as network:
-        node = network.add_node(int(number), data_sheet)
-        bring_up(node)
-        aborts(node)
-        move(node)
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+take_through(bring_up, aborts, move)

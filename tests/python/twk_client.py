@@ -8,10 +8,8 @@ with an AssertionError. Every wait is bounded.
 """
 
 import struct
-import sys
-import time
 
-from master import aborted, answers, connected, ok, received, until
+from master import aborted, answers, ok, received, take_through, until
 
 SAVE, LOAD = 0x65766173, 0x64616F6C
 
@@ -39,7 +37,7 @@ def position(node):
     ok("code sequence, scaling, preset")
 
 
-def process_data(network, node):
+def process_data(node):
     node.tpdo.read()
     change, synchronous = node.tpdo[1], node.tpdo[3]
     assert [v.index for v in change.map] == [v.index for v in synchronous.map] == [0x6004]
@@ -48,7 +46,7 @@ def process_data(network, node):
         node.nmt.state = "OPERATIONAL"
     for _ in range(3):
         with received(synchronous, "no T_PDO after SYNC"):
-            network.sync.transmit()
+            node.network.sync.transmit()
         assert synchronous[0x6004].raw == 1234
     node.sdo[0x6200].raw = 20
     for _ in range(3):
@@ -96,17 +94,4 @@ def storage(node):
     ok("stored values outlive a reset")
 
 
-def main():
-    data_sheet, number, *bus = sys.argv[1:]
-    with connected(*bus) as network:
-        node = network.add_node(int(number), data_sheet)
-        node.sdo.RESPONSE_TIMEOUT = 1
-        time.sleep(0.1)
-        bring_up(node)
-        position(node)
-        process_data(network, node)
-        aborts(node)
-        storage(node)
-
-
-main()
+take_through(bring_up, position, process_data, aborts, storage)
