@@ -6,6 +6,7 @@
 
 use super::event::Event;
 use super::fault::{AwaitedState, DeviceCause, DeviceIndex, Fault};
+use super::homing::Edge;
 use super::layout::{self, Layout};
 use super::sdo_sequence::{SdoSequence, Step};
 use crate::bus::FrameBuf;
@@ -13,8 +14,8 @@ use std::sync::Arc;
 use syncline_canopen::emcy::{self, Emergency};
 use syncline_canopen::{CanId, CobId, Frame, Instant, Transmit, heartbeat, nmt};
 use syncline_drives::model::{
-    Device, DriveStatus, Dynamics, Increments, Monitoring, OutOfRange, PowerCommand, PowerState,
-    Scaling, Setpoint, unwrapped,
+    Capture, Device, DriveStatus, Dynamics, Increments, Monitoring, OutOfRange, PowerCommand,
+    PowerState, Scaling, Setpoint, unwrapped,
 };
 
 /// A device in the cycle: what it last told, and what it is told next.
@@ -359,6 +360,11 @@ impl DeviceNode {
         }
     }
 
+    /// Standing still is moving less than this.
+    pub(super) fn standstill_window(&self) -> Increments {
+        self.spec().standstill_window
+    }
+
     /// Cycles in a row that the drive has stood still.
     pub(super) fn still(&self) -> u32 {
         self.still
@@ -459,7 +465,7 @@ impl DeviceNode {
 
     /// Counts the cycles in which the drive has stood within its window.
     pub(super) fn watch_standstill(&mut self) {
-        let window = self.spec().standstill_window;
+        let window = self.standstill_window();
         if (self.actual - self.still_at).get().abs() <= window.get() {
             self.still = self.still.saturating_add(1);
         } else {
@@ -633,6 +639,26 @@ impl DeviceNode {
     pub(super) fn ask_mode(&mut self) {
         let mode = self.device.drive().and_then(|drive| drive.mode());
         self.sequence.extend(mode.map(Step::Mode));
+    }
+
+    /// The steps that let the drive capture the next edge of an input.
+    pub(super) fn arm_capture(&mut self, capture: &Capture) {
+        self.sequence.extend(capture.arm.map(Step::Write));
+    }
+
+    /// The steps that ask for the edge that was captured.
+    pub(super) fn ask_captured(&mut self, capture: &'static Capture) {
+        self.sequence.extend([Step::Captured(capture)]);
+    }
+
+    /// Where the edge was that was asked for last, if one was captured, passed at `speed`, mm/s.
+    pub(super) fn captured(&self, speed: f64) -> Option<Edge> {
+        let jitter = self.device.spec().capture_jitter.as_secs_f64();
+        let moved = self.scaling().magnitude(speed * jitter);
+        self.sequence.captured().map(|at| Edge {
+            at,
+            uncertainty: moved + Increments::new(1),
+        })
     }
 
     /// The steps that take the set-up's cyclic part back.

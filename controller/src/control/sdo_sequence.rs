@@ -7,7 +7,9 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 use syncline_canopen::sdo::{self, Failure, Reason};
 use syncline_canopen::{Frame, Instant, Transmit};
-use syncline_drives::model::{Address, ClockLock, Identity, ModeDisplay, Survey, Write};
+use syncline_drives::model::{
+    Address, Capture, ClockLock, Identity, Increments, ModeDisplay, Survey, Write,
+};
 
 /// What an upload brought.
 struct Reading {
@@ -61,6 +63,10 @@ pub(super) enum Step {
     Mode(ModeDisplay),
     /// Writes on the way out; a refusal is an event.
     Release(Write),
+    /// Reads whether an edge was captured, and goes on with where.
+    Captured(&'static Capture),
+    /// Reads where an edge was captured.
+    CapturedAt(&'static Capture),
 }
 
 impl Step {
@@ -75,6 +81,8 @@ impl Step {
             | Self::Release(write) => write.address,
             Self::AwaitLock(lock) => lock.address,
             Self::Mode(display) => display.address,
+            Self::Captured(capture) => capture.status,
+            Self::CapturedAt(capture) => capture.position,
         }
     }
 
@@ -106,6 +114,8 @@ pub(super) struct SdoSequence {
     identified: bool,
     /// The answer under way is to a step that was cleared.
     stale: bool,
+    /// Where the edge was that was asked for last, if one was captured.
+    captured: Option<Increments>,
 }
 
 /// The longest object that a sequence reads, in bytes.
@@ -123,7 +133,13 @@ impl SdoSequence {
             give_up: None,
             identified: false,
             stale: false,
+            captured: None,
         }
+    }
+
+    /// Where the edge was that was asked for last, if one was captured.
+    pub(super) fn captured(&self) -> Option<Increments> {
+        self.captured
     }
 
     /// Whether the device has shown to be the configured model.
@@ -342,6 +358,7 @@ impl SdoSequence {
                     found: value as i8,
                 }));
             }
+            Step::Captured(_) | Step::CapturedAt(_) => self.take_captured(step, value),
             Step::Identity(_) => {
                 self.next();
                 self.identified = !matches!(self.steps.front(), Some(Step::Identity(_)));
@@ -353,6 +370,19 @@ impl SdoSequence {
             | Step::Release(_) => self.next(),
         }
         Ok(())
+    }
+
+    /// What an answer says of an edge that a drive was to capture.
+    fn take_captured(&mut self, step: Step, value: u32) {
+        self.next();
+        self.captured = None;
+        match step {
+            Step::Captured(capture) if value & capture.stored != 0 => {
+                self.steps.push_front(Step::CapturedAt(capture));
+            }
+            Step::CapturedAt(_) => self.captured = Some((value as i32).into()),
+            _ => {}
+        }
     }
 
     fn next(&mut self) {

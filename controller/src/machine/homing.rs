@@ -5,9 +5,10 @@
 
 use super::signals::{Input, InputMeaning};
 use super::simulation::number_or;
-use super::{Axis, AxisLimits};
+use super::{Axis, AxisLimits, Drive};
 use std::ops::{Range, RangeInclusive};
 use std::time::Duration;
+use syncline_drives::model::Capture;
 use syncline_strict_toml::{Log, Table, nearest, one_of};
 use toml::Spanned;
 
@@ -67,6 +68,8 @@ pub struct SwitchSearch {
     /// For each drive of the axis, the switch at its side: index in
     /// [`Machine::inputs`](super::Machine::inputs).
     pub inputs: Vec<usize>,
+    /// For each drive of the axis, how it captures the edge of its switch; empty where edges are taken from samples.
+    pub captures: Vec<&'static Capture>,
     /// Another axis has the same switch.
     pub is_shared: bool,
     /// 1 or −1: to which side the switch is searched.
@@ -134,6 +137,8 @@ pub(super) struct HomingTable {
     homing: Homing,
     /// The names of its switches.
     switches: Option<Spanned<Vec<Spanned<String>>>>,
+    /// Whether the drives are to capture the switches' edges, if the file says so.
+    latch: Option<Spanned<bool>>,
 }
 
 /// What a `homing` looks like.
@@ -158,6 +163,7 @@ pub(super) fn read(
         ["(mm)", "(mm/s)"]
     };
     let mut switches = None;
+    let mut latch = None;
     let mut jog_speed = limits.velocity / 10.0;
     let method = match kind.as_ref().map(|kind| kind.get_ref().as_str()) {
         Some("set_here") => Some(HomingMethod::SetHere {
@@ -166,6 +172,9 @@ pub(super) fn read(
         Some("switch") => {
             let allowed = "the name of an [[input]] for each of the axis' drives";
             switches = table.texts(log, "switches", allowed, 1..=2);
+            let said = table.flag_or(log, "latch", true);
+            let span = table.span_of("latch");
+            latch = span.map(|span| Spanned::new(span, said));
             let search = search(log, &mut table, limits, [position, speed]);
             jog_speed = search.as_ref().map_or(jog_speed, |search| search.speed);
             search.map(HomingMethod::Switch)
@@ -197,6 +206,7 @@ pub(super) fn read(
             ..homing
         },
         switches,
+        latch,
     })
 }
 
@@ -285,6 +295,7 @@ fn search(
     );
     Some(SwitchSearch {
         inputs: Vec::new(),
+        captures: Vec::new(),
         is_shared: false,
         direction: match direction?.get_ref().as_str() {
             "negative" => -1.0,
@@ -326,10 +337,10 @@ fn place(
     number_or(log, table, key, default, least..=most, &unit)
 }
 
-/// Gives each axis the homing of its table: the names of its switches are inputs of the machine.
+/// Gives each axis of these drives the homing of its table: the names of its switches are inputs of the machine.
 pub(super) fn join(
     log: &mut Log<'_>,
-    axes: &mut [Axis],
+    (axes, drives): (&mut [Axis], &[Drive]),
     tables: Vec<Option<HomingTable>>,
     (inputs, places): (&[Input], &[Range<usize>]),
     policy: &Spanned<HomingPolicy>,
@@ -340,6 +351,7 @@ pub(super) fn join(
         let Some(HomingTable {
             mut homing,
             switches,
+            latch,
         }) = table
         else {
             continue;
@@ -363,6 +375,22 @@ pub(super) fn join(
                     search.is_shared = true;
                     share(log, switch, axes, [other, index], [order, homing.order]);
                 }
+            }
+            if latch.as_ref().is_none_or(|latch| *latch.get_ref()) {
+                let sides = search.inputs.iter().map(|&input| &inputs[input]);
+                let captures = sides.zip(&axes[index].drives).map(|(switch, &drive)| {
+                    let captured = capture(switch, drive, drives);
+                    if let (None, Some(latch)) = (captured, &latch) {
+                        refuse_latch(log, name, latch.span(), switch, &drives[drive]);
+                    }
+                    captured
+                });
+                // Of all sides or of none.
+                let captures: Vec<_> = captures.collect();
+                search.captures = captures
+                    .into_iter()
+                    .collect::<Option<_>>()
+                    .unwrap_or_default();
             }
         }
         axes[index].homing = homing;
@@ -418,6 +446,38 @@ fn home_input(
         );
     }
     found
+}
+
+/// How a drive captures where a switch comes on, if it sees that switch.
+fn capture(switch: &Input, drive: usize, drives: &[Drive]) -> Option<&'static Capture> {
+    let model = drives[drive].model;
+    let own = switch.node == drive;
+    own.then(|| model.capture(switch.signal, !switch.active_low))
+        .flatten()
+}
+
+/// No capture of the drive sees its switch.
+fn refuse_latch(log: &mut Log<'_>, axis: &str, place: Range<usize>, switch: &Input, drive: &Drive) {
+    let (name, model) = (&drive.name, drive.model);
+    let seen = model
+        .captures
+        .iter()
+        .map(|capture| model.inputs[capture.input]);
+    let help = match model.captures {
+        [] => format!("leave it out: the {} captures no position", model.title),
+        _ => format!(
+            "wire the switch to {} of drive \"{name}\", or leave it out",
+            one_of(seen)
+        ),
+    };
+    log.report(
+        place,
+        format!(
+            "axis \"{axis}\": homing: no capture of drive \"{name}\" sees switch \"{}\"",
+            switch.name
+        ),
+        help,
+    );
 }
 
 /// Two axes have one switch: each needs its turn.

@@ -204,7 +204,8 @@ impl Tables {
             outputs,
             analog_outputs,
         } = signals;
-        homing::join(log, &mut axes, homings, (&inputs, &places), &self.homing);
+        let wired = (&inputs[..], &places[..]);
+        homing::join(log, (&mut axes, &drives), homings, wired, &self.homing);
         let machine = Machine {
             name: self.name,
             cycle,

@@ -948,6 +948,12 @@ fn homing_is_read() {
     };
     assert_eq!((&search.inputs[..], search.direction), (&[0, 1][..], -1.0));
     assert_eq!(search.max_distance, 1800.0);
+    // What the drives can capture they do.
+    assert_eq!(search.captures.len(), 2);
+    let HomingMethod::Switch(search) = &z.homing.method else {
+        panic!("a switch")
+    };
+    assert!(search.captures.is_empty());
     assert_eq!([x.homing.order, z.homing.order], [2, 1]);
     assert_eq!(x.homing.jog_speed, 80.0);
     assert_eq!([x.rest(), x.stands(0), z.stands(0)], [0.0, 180.0, -40.0]);
@@ -1001,10 +1007,30 @@ fn mistakes_of_homing_are_told() {
             "`order`",
         ),
         ("start = -40.0", "start_skew = 1.0", "`start_skew`"),
+        (
+            "switches = [\"home Z\"]",
+            "switches = [\"home Z\"]\nlatch = true",
+            "axis \"Z\": homing: no capture of drive \"Z\" sees switch \"home Z\"",
+        ),
+        (
+            "switches = [\"home Z\"]",
+            "switches = [\"home Z\"]\nlatch = true",
+            "wire the switch to \"DI0\" or \"DI1\" of drive \"Z\", or leave it out",
+        ),
     ] {
         let errors = router_with(from, to);
         assert!(errors.contains(told), "{told}: {errors}");
     }
+    // A capture of the other side's drive is none of this side.
+    let crossed = ROUTER.replacen(
+        "drive = \"X2\"\nsignal = \"DI0\"",
+        "drive = \"X1\"\nsignal = \"DI1\"",
+        1,
+    );
+    let HomingMethod::Switch(search) = &parse(&crossed).unwrap().axes[0].homing.method else {
+        panic!("a switch")
+    };
+    assert!(search.captures.is_empty());
     let by_hand = ROUTER.replacen(
         "kind = \"switch\"\norder = 1\nswitches = [\"home Z\"]\ndirection = \"positive\"\nspeed = \
          30.0\nslow_speed = 1.0\nback_off = 3.0\nposition = 3.0\nfinal_position = 0.0",

@@ -41,6 +41,7 @@ pub(super) static CIA401: Model = Model {
     inputs: &INPUTS,
     outputs: &OUTPUTS,
     analog_outputs: &["AO0", "AO1", "AO2", "AO3"],
+    captures: &[],
     make: Make::Io(|settings| Box::new(Cia401::new(settings))),
 };
 
@@ -139,7 +140,6 @@ struct Cia401 {
 impl Cia401 {
     fn new(settings: &Settings) -> Self {
         let assumed = &settings.assumed;
-        let micros = |assumption| Duration::from_micros(assumed.value(assumption).into());
         let width = match assumed.value(&DIGITAL_WORDS) {
             0 => Width::BYTES,
             _ => Width::WORDS,
@@ -160,8 +160,8 @@ impl Cia401 {
                 answers_sync: t_pdo.is_some() && !io.by_event,
                 t_pdos: t_pdo.into_iter().collect(),
                 r_pdos: digital.into_iter().chain(r_pdo2).collect(),
-                t_pdo_response: micros(&T_PDO_RESPONSE),
-                sdo_response: micros(&SDO_RESPONSE),
+                t_pdo_response: assumed.time(&T_PDO_RESPONSE),
+                sdo_response: assumed.time(&SDO_RESPONSE),
                 ..NodeSpec::new(&CIA401, settings, setup, |_| false)
             },
             outputs: 0,

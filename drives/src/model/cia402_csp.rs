@@ -48,6 +48,7 @@ pub(super) static CIA402_CSP: Model = Model {
     inputs: &[],
     outputs: &[],
     analog_outputs: &[],
+    captures: &[],
     make: Make::Drive(Setpoints::Positions, |settings| {
         Box::new(Cia402Csp::new(settings))
     }),

@@ -2,12 +2,13 @@
 //!
 //! Numbers in parentheses are lines of the fieldbus manual 0198441113789.06.
 
+use super::capture::CAPTURE_JITTER;
 use super::profile::cia402::{self, INTERPOLATION_DELAY};
 use super::profile::communication::{self, SDO_RESPONSE, T_PDO_RESPONSE};
 use super::{
-    Ability, Address, Assumption, ClockLock, Data, Drive, DriveStatus, Feedback, Identity,
-    Increments, Io, Make, ModeDisplay, Model, NodeSpec, PowerCommand, RemoteNode, Sample, Setpoint,
-    Setpoints, Settings, Survey, Write,
+    Ability, Address, Assumption, CaptureInput, ClockLock, Data, Drive, DriveStatus, Feedback,
+    Identity, Increments, Io, Make, ModeDisplay, Model, NodeSpec, PowerCommand, RemoteNode, Sample,
+    Setpoint, Setpoints, Settings, Survey, Write,
 };
 use crate::dictionary;
 use core::time::Duration;
@@ -32,6 +33,7 @@ pub(super) static LXM32M: Model = Model {
     assumptions: &[
         INTERPOLATION_DELAY,
         SYNC_LOCKED,
+        CAPTURE_JITTER,
         T_PDO_RESPONSE,
         SDO_RESPONSE,
     ],
@@ -40,6 +42,7 @@ pub(super) static LXM32M: Model = Model {
     inputs: &INPUTS,
     outputs: &OUTPUTS,
     analog_outputs: &[],
+    captures: &CAPTURES,
     make: Make::Drive(Setpoints::Positions, |settings| {
         Box::new(Lxm32m::new(settings))
     }),
@@ -62,6 +65,10 @@ const INTERPOLATED_POSITION: i8 = 7;
 /// `_IO_act` (3008h:1) shows the physical state of inputs and outputs (2303); which bit is which it
 /// does not say. Assumed: bits 0…7 are inputs, bits 8…15 outputs, from the first one on.
 const INPUTS: [&str; 6] = ["DI0", "DI1", "DI2", "DI3", "DI4", "DI5"];
+
+/// `TouchProbeFct` and what belongs to it (2931-2936) as CiA 402 has it. Which inputs the captures see the manual does
+/// not say. Assumed: from the first one on.
+static CAPTURES: [CaptureInput; 2] = [cia402::touch_probe(0, 0), cia402::touch_probe(1, 1)];
 
 /// `IO_DQ_set` (3008h:11) sets outputs directly (2310), those whose function `IOfunc_DQn` (3007h:9…B,
 /// 2300-2302) is [`FREE`]; which bit is which the manual does not say. Assumed: from the first one on.
@@ -133,6 +140,7 @@ impl Lxm32m {
                     tolerance: SYNC_TOLERANCE,
                     assumption: SYNC_LOCKED.name,
                 }),
+                capture_jitter: settings.assumed.time(&CAPTURE_JITTER),
                 // SyncMechStart = 0: the synchronisation mechanism is off (1636, 2580).
                 release: vec![Write::new(0x3022, 5, Data::u16(0))],
                 // Statusword and position (1620-1625), and signals.
@@ -223,7 +231,10 @@ fn reserved(Address { index, sub }: Address) -> bool {
     matches!(
         (index, sub),
         (0x1000..=0x1FFF, _)
-            | (0x6040 | 0x6060 | 0x6065 | 0x607D | 0x60C1 | 0x60C2, _)
+            | (
+                0x6040 | 0x6060 | 0x6065 | 0x607D | 0x60B8 | 0x60C1 | 0x60C2,
+                _
+            )
             | (0x3006, 0x07 | 0x08 | 0x3D)
             | (0x3022, 5)
     )

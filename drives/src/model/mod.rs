@@ -14,6 +14,7 @@
 //!
 //! A new model is a file here with a [`Model`], and a line in [`MODELS`].
 
+mod capture;
 mod cia401;
 mod cia402_csp;
 mod drive;
@@ -27,6 +28,7 @@ mod scaling;
 mod tlc5xx;
 mod twk_crn;
 
+pub use capture::{Capture, CaptureInput};
 pub use drive::{
     Drive, DriveStatus, Dynamics, ModeDisplay, NotFollowing, PowerCommand, PowerState, Setpoint,
     StatusWord, Survey,
@@ -87,6 +89,8 @@ pub struct Model {
     pub outputs: &'static [&'static str],
     /// Its analog outputs, likewise.
     pub analog_outputs: &'static [&'static str],
+    /// Those of its digital inputs at whose edges it keeps its position.
+    pub captures: &'static [CaptureInput],
     /// Makes the device.
     pub make: Make,
 }
@@ -242,6 +246,17 @@ impl Model {
         self.inputs.iter().chain(self.outputs).nth(place).copied()
     }
 
+    /// How its devices keep their position where the input at that place comes on, or goes off; `None` if none of
+    /// their captures sees it.
+    #[must_use]
+    pub fn capture(&self, input: usize, rising: bool) -> Option<&'static Capture> {
+        let capture = self.captures.iter().find(|it| it.input == input)?;
+        Some(match rising {
+            true => &capture.rising,
+            false => &capture.falling,
+        })
+    }
+
     /// Whether the drive takes setpoints in this cycle.
     #[must_use]
     pub fn takes_cycle(&self, cycle: Duration) -> bool {
@@ -326,6 +341,11 @@ impl Assumed {
             .iter()
             .find(|(name, _)| *name == assumption.name)
             .map_or(assumption.default, |(_, value)| *value)
+    }
+
+    /// The time that holds for `assumption`, which counts in microseconds.
+    fn time(&self, assumption: &Assumption) -> Duration {
+        Duration::from_micros(self.value(assumption).into())
     }
 }
 

@@ -47,6 +47,8 @@ pub struct NodeSpec {
     pub monitoring: Monitoring,
     /// How to tell that the device's clock follows SYNC, if it has one that does.
     pub clock_lock: Option<ClockLock>,
+    /// Longest time between an edge of a capture input and the instant whose position is kept.
+    pub capture_jitter: Duration,
     /// The writes that take the set-up's cyclic part back, after the device is disabled.
     pub release: Vec<Write>,
     /// The PDOs that the device sends.
@@ -73,7 +75,6 @@ impl NodeSpec {
         setup: Vec<Write>,
         is_command: fn(&Write) -> bool,
     ) -> Self {
-        let micros = |assumption| Duration::from_micros(settings.assumed.value(assumption).into());
         Self {
             model,
             node: settings.node,
@@ -85,12 +86,13 @@ impl NodeSpec {
             tells_boot_up: true,
             monitoring: Monitoring::Heartbeat,
             clock_lock: None,
+            capture_jitter: Duration::ZERO,
             release: Vec::new(),
             t_pdos: Vec::new(),
             answers_sync: true,
             r_pdos: Vec::new(),
-            t_pdo_response: micros(&T_PDO_RESPONSE),
-            sdo_response: micros(&SDO_RESPONSE),
+            t_pdo_response: settings.assumed.time(&T_PDO_RESPONSE),
+            sdo_response: settings.assumed.time(&SDO_RESPONSE),
         }
     }
 

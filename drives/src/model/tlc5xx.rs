@@ -44,6 +44,7 @@ pub(super) static TLC5XX: Model = Model {
     inputs: &[],
     outputs: &[],
     analog_outputs: &[],
+    captures: &[],
     make: Make::Drive(Setpoints::Velocities, |settings| {
         Box::new(Tlc5xx::new(settings))
     }),
@@ -115,7 +116,6 @@ struct Tlc5xx {
 impl Tlc5xx {
     fn new(settings: &Settings) -> Self {
         let assumed = &settings.assumed;
-        let micros = |assumption| Duration::from_micros(assumed.value(assumption).into());
         let rpm = settings.velocity / f64::from(INCREMENTS) * 60.0;
         let per_rpm = assumed.value(&UNITS_PER_RPM);
         // Finer than by a thousand nothing is gained.
@@ -123,8 +123,8 @@ impl Tlc5xx {
         let units = f64::from(finer * per_rpm) * 60.0 / f64::from(INCREMENTS);
         let spec = NodeSpec::new(&TLC5XX, settings, setup(settings, finer), is_command);
         let cycle = settings.cycle.as_secs_f64();
-        let delay = micros(&VELOCITY_DELAY).as_secs_f64();
-        let lag = micros(&POSITION_LAG).as_secs_f64();
+        let delay = assumed.time(&VELOCITY_DELAY).as_secs_f64();
+        let lag = assumed.time(&POSITION_LAG).as_secs_f64();
         Self {
             spec: NodeSpec {
                 identity: identity(),
@@ -132,8 +132,8 @@ impl Tlc5xx {
                 tells_boot_up: false,
                 t_pdos: vec![communication::t_pdo(2, settings.node, 6)],
                 r_pdos: vec![communication::r_pdo(3, settings.node, 6)],
-                t_pdo_response: micros(&T_PDO_RESPONSE),
-                sdo_response: micros(&SDO_RESPONSE),
+                t_pdo_response: assumed.time(&T_PDO_RESPONSE),
+                sdo_response: assumed.time(&SDO_RESPONSE),
                 ..spec
             },
             units,

@@ -44,6 +44,7 @@ pub(super) static TWK_CRN: Model = Model {
     inputs: &[],
     outputs: &[],
     analog_outputs: &[],
+    captures: &[],
     make: Make::Encoder(|settings| Arc::new(TwkCrn::new(settings))),
 };
 
@@ -119,7 +120,6 @@ struct TwkCrn {
 impl TwkCrn {
     fn new(settings: &Settings) -> Self {
         let assumed = &settings.assumed;
-        let micros = |assumption| Duration::from_micros(assumed.value(assumption).into());
         let measure = Measure::of(assumed);
         let spec = NodeSpec::new(&TWK_CRN, settings, setup(settings), |_| false);
         Self {
@@ -132,8 +132,8 @@ impl TwkCrn {
                 monitoring: Monitoring::TPdos,
                 // The position.
                 t_pdos: vec![communication::t_pdo(2, settings.node, 4)],
-                t_pdo_response: micros(&T_PDO_RESPONSE),
-                sdo_response: micros(&SDO_RESPONSE),
+                t_pdo_response: assumed.time(&T_PDO_RESPONSE),
+                sdo_response: assumed.time(&SDO_RESPONSE),
                 ..spec
             },
             range: Increments::new(measure.range.into()),

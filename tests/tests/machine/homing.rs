@@ -393,11 +393,25 @@ fn a_drive_that_was_without_supply_is_homed_again() {
     assert!(is_referenced(&rig, Axis::Y), "{:?}", rig.events);
 }
 
+const X_SWITCHES: &str = "switches = [\"home X1\", \"home X2\"]";
+
+/// The edges of X are taken from samples, although its drives could capture them.
+const X_BY_SAMPLES: &str = "switches = [\"home X1\", \"home X2\"]\nlatch = false";
+
 /// X of the router, whose second side stands so much further, with that speed of the approach.
-fn skewed_router(skew: f64, slow_speed: f64, seed: u64, mechanics: &str) -> Rig {
+fn skewed_router(
+    skew: f64,
+    slow_speed: f64,
+    seed: u64,
+    (switches, mechanics): (&str, &str),
+) -> Rig {
     let start = format!("start = 180.0\nstart_skew = {skew:?}\n{mechanics}");
     let slow = format!("slow_speed = {slow_speed:?}");
-    let replacements = [("start = 180.0", &start[..]), ("slow_speed = 2.0", &slow)];
+    let replacements = [
+        ("start = 180.0", &start[..]),
+        ("slow_speed = 2.0", &slow),
+        (X_SWITCHES, switches),
+    ];
     let mut rig = Rig::staying_on("router", &replacements, |drive, config| {
         config.seed = seed * 8 + drive as u64;
     });
@@ -444,20 +458,67 @@ fn squared(rig: &mut Rig, limit: f64) -> f64 {
     apart(rig)
 }
 
+/// An increment of the router's X, mm: 20 mm a turn.
+const INCREMENT: f64 = 20.0 / 131_072.0;
+
+/// Friction and stiffness of the guides of a beam, as the seed has it.
+fn beam(seed: u64) -> String {
+    let friction = 5.0 + 2.0 * (seed % 15) as f64;
+    let stiffness = 1e5 * (1.0 + (seed % 4) as f64);
+    format!(
+        "mechanics = \"rigid_beam\"\nmass = 60.0\ninertia = 12.0\nspan = 1500.0\n\
+         racking_stiffness = {stiffness:?}\nracking_damping = 300.0\nfriction = {friction:?}"
+    )
+}
+
+#[test]
+fn a_gantry_is_taken_square_by_captured_edges_at_any_speed() {
+    for seed in 0..30 {
+        let skew = 3.0 - 0.2 * seed as f64;
+        let slow_speed = [0.5, 2.0, 8.0][seed as usize % 3];
+        let mechanics = if seed % 2 == 0 {
+            String::new()
+        } else {
+            beam(seed)
+        };
+        let mut rig = skewed_router(skew, slow_speed, seed, (X_SWITCHES, &mechanics));
+        let begin = apart(&mut rig);
+        let left = squared(&mut rig, 0.5);
+        // The sides stand as exactly as their loops hold them.
+        let (told, uncertainty) = told(&rig);
+        assert!(
+            (told - begin).abs() < 5.0 * INCREMENT,
+            "{seed}: {told} of {begin}"
+        );
+        assert!(
+            uncertainty < 2.0 * INCREMENT + slow_speed * 11e-6,
+            "{seed}: {uncertainty}"
+        );
+        assert!(left.abs() < 2.0 * INCREMENT, "{seed}: {left}");
+    }
+}
+
+/// What the last homing told: by how much the gantry was out of square, and by how much the place may be off, mm.
+fn told(rig: &Rig) -> (f64, f64) {
+    let told = rig.events.iter().rev().find_map(|event| match event {
+        Event::Referenced {
+            apart, uncertainty, ..
+        } => Some((*apart, uncertainty.unwrap_or_default())),
+        _ => None,
+    });
+    told.unwrap()
+}
+
 #[test]
 fn a_gantry_is_taken_square_by_its_switches() {
     for seed in 0..30 {
         let skew = 3.0 - 0.2 * seed as f64;
         let slow_speed = [0.5, 2.0, 8.0][seed as usize % 3];
-        let mut rig = skewed_router(skew, slow_speed, seed, "");
+        let mut rig = skewed_router(skew, slow_speed, seed, (X_BY_SAMPLES, ""));
         let left = squared(&mut rig, 0.1);
         // Either edge is off by half of what the axis moves in a cycle, and by an increment.
         assert!(left.abs() < slow_speed * 0.002 + 0.001, "{seed}: {left}");
-        let told = rig.events.iter().find_map(|event| match event {
-            Event::Referenced { apart, .. } => Some(*apart),
-            _ => None,
-        });
-        let off = told.unwrap() - skew;
+        let off = told(&rig).0 - skew;
         assert!(off.abs() < slow_speed * 0.002 + 0.002, "{seed}: {off}");
     }
 }
@@ -466,7 +527,7 @@ fn a_gantry_is_taken_square_by_its_switches() {
 fn a_beam_is_taken_square_against_its_guides() {
     let beam = "mechanics = \"rigid_beam\"\nmass = 60.0\ninertia = 12.0\nspan = 1500.0\n\
                 racking_stiffness = 2e5\nracking_damping = 300.0\nfriction = 20.0";
-    let mut rig = skewed_router(2.0, 2.0, 1, beam);
+    let mut rig = skewed_router(2.0, 2.0, 1, (X_BY_SAMPLES, beam));
     let left = squared(&mut rig, 0.5);
     assert!(left.abs() < 0.006, "{left}");
 }
@@ -576,6 +637,8 @@ fn after_a_fault_of_one_side_there_is_a_way_on() {
 struct Case {
     positive: bool,
     active_low: bool,
+    /// The drive captures the edge; otherwise it sees the switch and does not, or it is wired elsewhere.
+    latch: Option<bool>,
     /// Where the axis stands.
     start: f64,
     /// Machine position of the edge that is searched, and how wide the switch is behind it, mm.
@@ -591,10 +654,17 @@ struct Case {
 fn case() -> impl Strategy<Value = Case> {
     let speeds = (8.0..200.0, 0.05..1.0, 0.5..12.0, 5.0..400.0);
     let places = (-180.0..0.0, -220.0..40.0, 0.05..80.0);
-    (any::<[bool; 2]>(), places, speeds, 0..1000u64).prop_map(
-        |([positive, active_low], (start, edge, width), (speed, slow, back_off, max), seed)| Case {
+    let wiring = (any::<[bool; 2]>(), any::<Option<bool>>());
+    (wiring, places, speeds, 0..1000u64).prop_map(
+        |(
+            ([positive, active_low], latch),
+            (start, edge, width),
+            (speed, slow, back_off, max),
+            seed,
+        )| Case {
             positive,
             active_low,
+            latch,
             start,
             edge,
             width,
@@ -627,8 +697,18 @@ impl Case {
             "negative"
         };
         let seed = self.seed;
+        let (signal, latch) = match self.latch {
+            Some(true) => ("DI1", ""),
+            Some(false) => ("DI0", "latch = false"),
+            None => ("DI4", ""),
+        };
         let replacements = [
             ("active_low = true", text("active_low", &self.active_low)),
+            ("signal = \"DI4\"", text("signal", &signal)),
+            (
+                "switches = [\"home Z\"]",
+                format!("switches = [\"home Z\"]\n{latch}"),
+            ),
             ("simulated = [3.0, 40.0]", text("simulated", &[from, to])),
             ("direction = \"positive\"", text("direction", &direction)),
             ("speed = 30.0", text("speed", &self.speed)),
@@ -712,7 +792,11 @@ fn judge(case: &Case) -> Result<(), TestCaseError> {
         }
     }
     if let Some(uncertainty) = told {
-        prop_assert!(uncertainty <= case.slow_speed * 0.002 * 0.6 + 0.001);
+        let most = match case.latch {
+            Some(true) => case.slow_speed * 11e-6 + 0.0002,
+            _ => case.slow_speed * 0.002 * 0.6 + 0.001,
+        };
+        prop_assert!(uncertainty <= most, "{} > {}", uncertainty, most);
         let error = errors(&mut rig, Axis::Z)[0];
         prop_assert!(
             error.abs() < uncertainty + 0.0015,

@@ -17,6 +17,16 @@ pub enum HomingFailure {
         /// Its place among the axis' drives.
         side: usize,
     },
+    /// The drive of one side captured no edge where its switch came on.
+    NotCaptured {
+        /// Its place among the axis' drives.
+        side: usize,
+    },
+    /// The drive of one side captured another edge than the one at which its switch came on.
+    OtherEdge {
+        /// Its place among the axis' drives.
+        side: usize,
+    },
     /// It took longer than allowed.
     TooLong,
     /// The level of the switch is not known.
@@ -26,6 +36,9 @@ pub enum HomingFailure {
     /// The rapid override is 0.
     NoSpeed,
 }
+
+/// Sides and their drives by their places.
+const ORDINALS: [&str; 2] = ["first", "second"];
 
 impl HomingFailure {
     /// What happened, and what to do next, in words.
@@ -56,7 +69,17 @@ impl HomingFailure {
             Self::OneSide { side } => format!(
                 "the switch of its {} side did not come on within {back_off} {unit} of the other \
                  one's: check that switch, and whether the side is jammed",
-                if side == 0 { "first" } else { "second" }
+                ORDINALS[side]
+            ),
+            Self::NotCaptured { side } => format!(
+                "its {} drive did not capture where its switch came on: check that the switch is wired to the \
+                 input that `signal` names, or set `latch = false`",
+                ORDINALS[side]
+            ),
+            Self::OtherEdge { side } => format!(
+                "its {} drive captured another place than the one where its switch came on: check whether the \
+                 switch bounces, and which input it is wired to, or set `latch = false`",
+                ORDINALS[side]
             ),
             Self::TooLong => format!(
                 "it took longer than {} s: check `max_time_ms` and the rapid override",

@@ -262,6 +262,11 @@ impl<const N: usize> Controller<N> {
     fn search(&mut self) -> Result<(), (AxisIndex, HomingFailure)> {
         let layout = Arc::clone(&self.layout);
         let elapsed = self.layout.cycle * (self.cycle - self.homing.began) as u32;
+        let at_work = (0..layout.axes.len()).filter(|&axis| has(self.homing.group, axis));
+        let quiet = (at_work.clone())
+            .all(|axis| has(self.homing.found, axis) || self.homing.searches[axis].waits());
+        let mut drives = at_work.flat_map(|axis| &layout.axes[axis].drives);
+        let answered = drives.all(|&drive| self.nodes[drive].is_sequence_done());
         for (index, axis) in layout.axes.iter().enumerate() {
             if !has(self.homing.group & !self.homing.found, index) {
                 continue;
@@ -273,13 +278,27 @@ impl<const N: usize> Controller<N> {
             let failed = |failure| (index, failure);
             let on = self.switch_levels(&how.inputs);
             let on = on.ok_or(failed(HomingFailure::NoSignal))?;
-            let seen = self.seen(index, on);
+            let seen = Seen {
+                quiet,
+                answered,
+                ..self.seen(index, on, how.slow_speed)
+            };
             let searched = self.homing.searches[index].go_on(how, &seen);
             match searched.map_err(failed)? {
                 Progress::Goes if elapsed > how.max_time => {
                     return Err(failed(HomingFailure::TooLong));
                 }
-                Progress::Goes => {}
+                Progress::Goes | Progress::Waits => {}
+                Progress::Arms => {
+                    for (&drive, capture) in axis.drives.iter().zip(&how.captures) {
+                        self.nodes[drive].arm_capture(capture);
+                    }
+                }
+                Progress::Reads => {
+                    for (&drive, capture) in axis.drives.iter().zip(&how.captures) {
+                        self.nodes[drive].ask_captured(capture);
+                    }
+                }
                 Progress::Found => self.homing.found |= 1 << index,
                 Progress::Moves(motion) => self.move_axis(index, motion).map_err(failed)?,
             }
@@ -290,14 +309,19 @@ impl<const N: usize> Controller<N> {
         Ok(())
     }
 
-    /// What an axis shows in this cycle.
-    fn seen(&self, index: AxisIndex, on: [bool; 2]) -> Seen {
+    /// What an axis shows in this cycle that passes its edges at that speed, mm/s.
+    fn seen(&self, index: AxisIndex, on: [bool; 2], speed: f64) -> Seen {
         let axis = &self.axes[index];
         let at = axis.coordinate();
         let sample = axis.sample(self.cycle, &self.nodes);
         let mut counts = [Default::default(); 2];
-        for (count, &drive) in counts.iter_mut().zip(&self.layout.axes[index].drives) {
-            *count = self.nodes[drive].actual();
+        let mut window = [Default::default(); 2];
+        let mut captured = [None; 2];
+        for (side, &drive) in self.layout.axes[index].drives.iter().enumerate() {
+            let node = &self.nodes[drive];
+            counts[side] = node.actual();
+            window[side] = node.standstill_window();
+            captured[side] = node.captured(speed);
         }
         Seen {
             position: sample.act,
@@ -305,6 +329,10 @@ impl<const N: usize> Controller<N> {
             settled: axis.is_in_position(&sample),
             on,
             counts,
+            window,
+            quiet: false,
+            answered: false,
+            captured,
         }
     }
 

@@ -18,6 +18,10 @@
 //! so that it is off by half of what the axis moves in a cycle at most, and by what the drive's input
 //! filter delays, which is the same each time.
 //!
+//! A drive that captures the edge knows it better, whatever the speed. It is told to before the approach, and asked
+//! after it, by SDO: so while no axis of the group moves, and axes that come there wait for each other. The
+//! samples say what it may have captured: an edge far from theirs is not that of the switch.
+//!
 //! # Why it ends
 //!
 //! Each step has a motion that ends by itself: inside [`SwitchSearch::max_distance`] of where the homing
@@ -29,6 +33,10 @@ use syncline_drives::model::Increments;
 
 /// Cycles after which an order to an axis has begun to move it, whatever other axes are ordered.
 const TAKEN: u64 = 10;
+
+/// So many times the error of an edge by samples, four cycles of motion, may their levels come later than the edge
+/// that the drive captured: what filters of inputs delay.
+const LATER: i64 = 8;
 
 /// What an axis shows in a cycle.
 #[derive(Clone, Copy, Debug)]
@@ -43,6 +51,14 @@ pub(super) struct Seen {
     pub(super) on: [bool; 2],
     /// By side: what the drive counts.
     pub(super) counts: [Increments; 2],
+    /// By side: what is no motion of the drive.
+    pub(super) window: [Increments; 2],
+    /// No axis of the group moves, or will before this one has gone on.
+    pub(super) quiet: bool,
+    /// The drives have answered what they were asked.
+    pub(super) answered: bool,
+    /// By side: the edge that its drive said that it has captured.
+    pub(super) captured: [Option<Edge>; 2],
 }
 
 /// What an axis is to do from now on.
@@ -63,6 +79,12 @@ pub(super) enum Progress {
     Goes,
     /// Another motion begins.
     Moves(Motion),
+    /// It rests until no axis of the group moves.
+    Waits,
+    /// The drives are to capture the next edges.
+    Arms,
+    /// They are to tell what they captured.
+    Reads,
     /// The axis rests, and all edges are known.
     Found,
 }
@@ -79,10 +101,18 @@ enum Step {
     Overrun,
     /// To in front of the switch.
     BackOff,
+    /// There, until drives may be told to capture its edge.
+    Backed,
+    /// Until they have been.
+    Arming,
     /// Slowly onto it.
     Approach,
     /// Coming to rest on it.
     Arrive,
+    /// There, until drives may be asked for its edge.
+    Arrived,
+    /// Until they have told it.
+    Reading,
 }
 
 /// Where a switch came on.
@@ -151,12 +181,27 @@ impl Search {
                 self.enter(Step::BackOff, Motion::To(place, how.speed))
             }
             Step::BackOff if ended && any => return Err(HomingFailure::StaysOn),
-            Step::BackOff if ended => {
+            Step::BackOff if ended && !how.captures.is_empty() => {
+                self.at(Step::Backed, Progress::Waits)
+            }
+            Step::Backed if seen.quiet => self.at(Step::Arming, Progress::Arms),
+            Step::Arming if !seen.answered => Progress::Goes,
+            Step::BackOff if !ended => Progress::Goes,
+            Step::BackOff | Step::Arming => {
                 self.enter(Step::Approach, Motion::Run(towards * how.slow_speed))
             }
             Step::Approach => return self.approach(how, seen, ended),
+            Step::Arrive if ended && !how.captures.is_empty() => {
+                self.at(Step::Arrived, Progress::Waits)
+            }
+            Step::Arrived if seen.quiet => self.at(Step::Reading, Progress::Reads),
+            Step::Backed | Step::Arrived => Progress::Waits,
+            Step::Reading if seen.answered => {
+                self.take_captured(seen)?;
+                Progress::Found
+            }
             Step::Arrive if ended => Progress::Found,
-            Step::Leave | Step::Search | Step::Overrun | Step::BackOff | Step::Arrive => {
+            Step::Leave | Step::Search | Step::Overrun | Step::Arrive | Step::Reading => {
                 Progress::Goes
             }
         };
@@ -165,9 +210,34 @@ impl Search {
     }
 
     fn enter(&mut self, step: Step, motion: Motion) -> Progress {
+        self.at(step, Progress::Moves(motion))
+    }
+
+    fn at(&mut self, step: Step, progress: Progress) -> Progress {
         self.step = step;
         self.since = 0;
-        Progress::Moves(motion)
+        progress
+    }
+
+    /// Whether it rests until no axis of the group moves.
+    pub(super) fn waits(&self) -> bool {
+        matches!(self.step, Step::Backed | Step::Arrived)
+    }
+
+    /// Takes the edges that the drives captured for those of the samples.
+    fn take_captured(&mut self, seen: &Seen) -> Result<(), HomingFailure> {
+        let sides = self.edges[..self.sides].iter_mut().enumerate();
+        for (side, sampled) in sides {
+            let captured = seen.captured[side].ok_or(HomingFailure::NotCaptured { side })?;
+            if let Some(sampled) = sampled.replace(captured) {
+                let apart = (captured.at - sampled.at).get().abs();
+                let most = LATER * sampled.uncertainty.get() + seen.window[side].get();
+                if apart > most {
+                    return Err(HomingFailure::OtherEdge { side });
+                }
+            }
+        }
+        Ok(())
     }
 
     fn overrun(&mut self, seen: &Seen) -> Progress {
@@ -201,6 +271,92 @@ impl Search {
                 _ => HomingFailure::OneSide { side },
             }),
             Some(_) => Ok(Progress::Goes),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::time::Duration;
+    use syncline_drives::model::REFERENCE;
+
+    const ONE: Increments = Increments::new(1);
+
+    /// A search from −50 to a switch at 0 that a drive captures, at 1000 increments a millimetre and 1 ms.
+    fn how() -> SwitchSearch {
+        SwitchSearch {
+            inputs: vec![0],
+            captures: REFERENCE.capture(0, true).into_iter().collect(),
+            is_shared: false,
+            direction: 1.0,
+            speed: 20.0,
+            slow_speed: 2.0,
+            back_off: 1.0,
+            max_distance: 100.0,
+            max_time: Duration::from_secs(60),
+            position: 0.0,
+            final_position: 0.0,
+        }
+    }
+
+    /// Lets an axis do at once what the search says, with a drive that says it has captured that.
+    fn search(captured: Option<i64>) -> (Result<Progress, HomingFailure>, Search, u32) {
+        let (how, mut search) = (how(), Search::new(1));
+        let (mut position, mut motion, mut asked) = (-50.0_f64, Motion::Stop, 0);
+        for _ in 0..100_000 {
+            let rests = !matches!(motion, Motion::Run(_));
+            let there = Increments::new((position * 1000.0) as i64);
+            let seen = Seen {
+                position,
+                rests,
+                settled: true,
+                on: [position >= 0.0, false],
+                counts: [there; 2],
+                window: [ONE; 2],
+                quiet: search.waits(),
+                answered: true,
+                captured: [
+                    captured.map(|at| Edge {
+                        at: Increments::new(at),
+                        uncertainty: ONE,
+                    }),
+                    None,
+                ],
+            };
+            match search.go_on(&how, &seen) {
+                Ok(Progress::Goes | Progress::Waits) => {}
+                Ok(Progress::Moves(next)) => motion = next,
+                Ok(Progress::Arms | Progress::Reads) => {
+                    asked += 1;
+                    assert!(rests, "asked in motion");
+                }
+                end => return (end, search, asked),
+            }
+            match motion {
+                Motion::Run(speed) => position += 1e-3 * speed,
+                Motion::Stop => {}
+                Motion::To(there, _) => position = there,
+            }
+        }
+        panic!("it does not end");
+    }
+
+    #[test]
+    fn the_captured_edge_counts() {
+        let (end, search, asked) = search(Some(-1));
+        assert_eq!((end, asked), (Ok(Progress::Found), 2));
+        let edge = search.edges()[0].unwrap();
+        assert_eq!((edge.at.get(), edge.uncertainty), (-1, ONE));
+    }
+
+    #[test]
+    fn an_edge_that_was_not_captured_or_is_elsewhere_is_none() {
+        let missing = HomingFailure::NotCaptured { side: 0 };
+        assert_eq!(search(None).0, Err(missing));
+        let elsewhere = HomingFailure::OtherEdge { side: 0 };
+        for at in [-500, 500] {
+            assert_eq!(search(Some(at)).0, Err(elsewhere));
         }
     }
 }

@@ -3,8 +3,8 @@
 //! themselves are [`syncline_canopen::cia402`]'s.
 
 use crate::model::{
-    Address, Assumption, Data, DriveStatus, Increments, ModeDisplay, PowerCommand, PowerState,
-    Sample, Setpoint, Settings, StatusWord, Survey, Write,
+    Address, Assumption, Capture, CaptureInput, Data, DriveStatus, Increments, ModeDisplay,
+    PowerCommand, PowerState, Sample, Setpoint, Settings, StatusWord, Survey, Write,
 };
 use syncline_canopen::cia402::{Controlword, State, Statusword};
 
@@ -46,6 +46,34 @@ pub(in crate::model) const fn shows(mode: i8) -> ModeDisplay {
     ModeDisplay {
         address: MODE_DISPLAY,
         mode,
+    }
+}
+
+/// A touch probe, the first or the second, that sees an input: 60B8h arms it, 60B9h tells of edges, and 60BAh to 60BDh
+/// hold where they were.
+pub(in crate::model) const fn touch_probe(input: usize, probe: u16) -> CaptureInput {
+    CaptureInput {
+        input,
+        rising: touch_probe_edge(probe, 0),
+        falling: touch_probe_edge(probe, 1),
+    }
+}
+
+/// The same of its rising edges, 0, or its falling ones, 1. It is told anew once it has been off.
+const fn touch_probe_edge(probe: u16, edge: u16) -> Capture {
+    const ENABLE: u16 = 1 << 0;
+    const SAMPLE_RISING: u16 = 1 << 4;
+    const STORED_RISING: u32 = 1 << 1;
+    let shift = 8 * probe;
+    let function = (ENABLE | SAMPLE_RISING << edge) << shift;
+    Capture {
+        arm: [
+            Write::new(0x60B8, 0, Data::u16(0)),
+            Write::new(0x60B8, 0, Data::u16(function)),
+        ],
+        status: Address::new(0x60B9, 0),
+        stored: (STORED_RISING << edge) << shift,
+        position: Address::new(0x60BA + 2 * probe + edge, 0),
     }
 }
 

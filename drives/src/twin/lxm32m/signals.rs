@@ -38,35 +38,44 @@ const OUTPUT_FREE: i64 = 1;
 const OUTPUT_NO_FAULT: i64 = 2;
 const OUTPUT_ACTIVE: i64 = 3;
 
-/// Levels of the capture inputs; none before the first look.
+/// What was seen of the capture inputs at the last look.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Captures([Option<bool>; CAPTURES]);
+pub(super) struct Captures {
+    /// Their levels; none before the first look.
+    levels: [Option<bool>; CAPTURES],
+    /// Where the shaft was, revolutions.
+    position: f64,
+}
 
 impl Drive {
     /// Looks after the capture inputs. What is captured is where the edge is, however far the
-    /// shaft has turned since.
+    /// shaft has turned since; of an edge that does not come from the place of the shaft, where that is.
     pub(super) fn watch_captures(&mut self) {
         let position = self.servo.loops.shaft.position();
+        let turned = self.captures.position.min(position)..=self.captures.position.max(position);
+        self.captures.position = position;
         for input in 0..CAPTURES {
-            let along = self.switches.along(input).next();
-            let (range, level) = match (&self.switches.captures[input], along) {
-                (Some(range), _) => (range, range.contains(&position)),
-                (None, Some(sensor)) => (&sensor.range, sensor.level(position)),
-                (None, None) => continue,
-            };
-            let edge = if (position - range.start).abs() < (position - range.end).abs() {
-                range.start
-            } else {
-                range.end
-            };
-            let before = self.captures.0[input].replace(level);
+            let level = self.capture_level(input, position);
+            let before = self.captures.levels[input].replace(level);
             if before.is_some_and(|before| before != level) {
+                let edge = self
+                    .switches
+                    .edges(input)
+                    .find(|edge| turned.contains(edge));
+                let edge = edge.unwrap_or(position);
                 let increments = libm::round(edge * INCREMENTS_PER_REVOLUTION) as i64;
                 let captured = self.user_position(increments - self.zero);
                 self.probe(input, level, captured);
                 self.capture(input, level, captured);
             }
         }
+    }
+
+    /// The level of a capture input while the shaft is there.
+    fn capture_level(&self, input: usize, position: f64) -> bool {
+        let range = self.switches.captures[input].as_ref();
+        range.is_some_and(|range| range.contains(&position))
+            || self.switches.is_sensed(input, position)
     }
 
     /// An edge at a touch probe of CiA 402.
@@ -237,19 +246,14 @@ impl Drive {
     /// DI0…DI4: capture inputs 1 and 2, LIMP, LIMN, REF, and what else is wired there, each 1 while active.
     fn inputs(&self) -> [bool; 5] {
         let position = self.servo.loops.shaft.position();
-        let [capture_1, capture_2] = self.captures.0.map(|level| level == Some(true));
         let switches = [
-            capture_1,
-            capture_2,
+            self.capture_level(0, position),
+            self.capture_level(1, position),
             self.switches.positive_limit_active(position),
             self.switches.negative_limit_active(position),
             self.switches.reference_active(position),
         ];
-        core::array::from_fn(|input| {
-            let sensed = self.switches.sensors >> input & 1 != 0;
-            let mut along = self.switches.along(input);
-            switches[input] || sensed || along.any(|sensor| sensor.level(position))
-        })
+        core::array::from_fn(|input| switches[input] || self.switches.is_sensed(input, position))
     }
 
     /// DQ0…DQ2.

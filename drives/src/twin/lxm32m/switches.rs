@@ -48,8 +48,21 @@ impl Switches {
     }
 
     /// The sensors along the axis at DIn.
-    pub(super) fn along(&self, input: usize) -> impl Iterator<Item = &Sensor> {
+    fn along(&self, input: usize) -> impl Iterator<Item = &Sensor> {
         (self.along.iter()).filter(move |sensor| usize::from(sensor.input) == input)
+    }
+
+    /// Whether a sensor at DIn is on while the shaft is there.
+    pub(super) fn is_sensed(&self, input: usize, position: f64) -> bool {
+        let sensed = self.sensors >> input & 1 != 0;
+        sensed || self.along(input).any(|sensor| sensor.level(position))
+    }
+
+    /// Where along the axis a capture input changes.
+    pub(super) fn edges(&self, input: usize) -> impl Iterator<Item = f64> {
+        let own = self.captures[input].iter();
+        let ranges = own.chain(self.along(input).map(|sensor| &sensor.range));
+        ranges.flat_map(|range| [range.start, range.end])
     }
 
     /// A sensor at DIn is on or off.
