@@ -384,7 +384,23 @@ impl<'a, 'i> Table<'a, 'i> {
         allowed: &str,
         accept: impl Fn(f64, f64) -> bool,
     ) -> Found<Vec<(f64, f64)>> {
-        let value = self.get(key)?;
+        if self.entries.contains_key(key) {
+            self.points(log, key, allowed, accept)
+        } else {
+            self.known.push(key);
+            None
+        }
+    }
+
+    /// The same, required.
+    pub fn points(
+        &mut self,
+        log: &mut Log<'_>,
+        key: &'static str,
+        allowed: &str,
+        accept: impl Fn(f64, f64) -> bool,
+    ) -> Found<Vec<(f64, f64)>> {
+        let value = self.require(key, allowed)?;
         let point = |item: &Spanned<DeValue<'_>>| match &item.get_ref().as_array()?[..] {
             [one, other] => Some((number(one.get_ref())?, number(other.get_ref())?)),
             _ => None,
