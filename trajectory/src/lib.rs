@@ -18,6 +18,7 @@
 //! - [`state_to_state`]: one axis from any state to any state, as fast as its [`limits`] allow.
 //! - [`synchronise`]: several axes on a line, together, or each on its own.
 //! - [`path`]: motion of all axes along programmed geometry, and its execution.
+//! - [`shaper`]: input shaping, against vibrations that a motion would excite.
 //! - [`verify`]: certifies plans, in arithmetic of its own.
 #![forbid(unsafe_code)]
 
@@ -26,6 +27,7 @@ mod extremal;
 pub mod limits;
 pub mod path;
 pub mod profile;
+pub mod shaper;
 pub mod state_to_state;
 pub mod synchronise;
 pub mod verify;

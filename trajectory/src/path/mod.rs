@@ -9,7 +9,8 @@
 //!   handed over ends at rest,
 //! - [`executor`]: what the cycle calls: where every axis has to be at the path's own clock, and a
 //!   stop on the path at any instant,
-//! - [`jog`]: single axes in machine coordinates, from any state, and back to the path.
+//! - [`jog`]: single axes in machine coordinates, from any state, and back to the path,
+//! - [`shaping`]: the setpoints through an input shaper, against vibrations.
 //!
 //! # Override, feed hold, retrace
 //!
@@ -48,6 +49,7 @@ mod override_transition;
 mod plan;
 pub mod planner;
 pub mod segment_fitting;
+pub mod shaping;
 pub mod time_parametrisation;
 pub mod window;
 
@@ -55,6 +57,7 @@ pub use curve::{Arc, Curve, CurveError, Derivatives, Line, Plane, Poly};
 pub use executor::{Executor, Setpoint};
 pub use jog::{Jog, JogError, Travel};
 pub use planner::{PathError, Planner};
+pub use shaping::Shaping;
 
 /// What every axis is allowed, symmetric in both directions, all positive and finite.
 #[derive(Debug, Clone, Copy, PartialEq)]

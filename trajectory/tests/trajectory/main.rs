@@ -10,4 +10,5 @@ mod machine;
 mod overrides;
 mod path;
 mod programs;
+mod shaping;
 mod tolerances;

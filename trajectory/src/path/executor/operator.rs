@@ -3,9 +3,10 @@
 //! Each acts on what is committed at once and asks for a plan that goes with it.
 
 use super::activity::{Activity, Next, StopSearch};
-use super::{Executor, Step, part};
+use super::{Executor, Setpoint, Step, part};
 use crate::path::Overrides;
 use crate::path::jog::{Jog, JogError, Jogging, Travel};
+use crate::profile::State;
 
 impl<const N: usize> Executor<N> {
     /// From now on these parts of the programmed speeds are asked for; values outside of the ranges
@@ -197,9 +198,7 @@ impl<const N: usize> Executor<N> {
             Activity::Jogging { axes, next } => {
                 axes.hold();
                 *next = Next::End;
-                self.drop_uncommitted();
-                self.steps.clear();
-                self.committed = 0;
+                self.drop_plan();
             }
             _ => {
                 self.request_replacement();
@@ -209,6 +208,28 @@ impl<const N: usize> Executor<N> {
         if self.committed == 0 {
             self.path_segments.clear();
         }
+    }
+
+    /// Comes to rest from the motion of a setpoint that need not be on the path, inside the axes' limits and travels,
+    /// and leaves the path for good.
+    pub fn stop_beside(&mut self, from: &Setpoint<N>, travel: &[Option<Travel>; N]) {
+        let states = std::array::from_fn(|axis| State {
+            p: from.position[axis],
+            v: from.velocity[axis],
+            a: from.acceleration[axis],
+        });
+        let axes = Jogging::stopping(states, self.period, travel);
+        let next = Next::End;
+        self.activity = Activity::Jogging { axes, next };
+        self.drop_plan();
+    }
+
+    /// Nothing is left of the plan.
+    fn drop_plan(&mut self) {
+        self.drop_uncommitted();
+        self.steps.clear();
+        self.path_segments.clear();
+        self.committed = 0;
     }
 
     /// Moves axes while the path rests: after a [`feed_hold`](Self::feed_hold), or where nothing is left of it;

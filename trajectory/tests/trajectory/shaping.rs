@@ -1,0 +1,326 @@
+//! What input shaping leaves of a vibration, and that nothing which an operator or a fault does to a shaped motion
+//! breaks a limit.
+
+use crate::common::{LIMITS, contour};
+use crate::machine::Machine;
+use proptest::prelude::*;
+use std::f64::consts::TAU;
+use syncline_trajectory::limits::{Limits as AxisLimits, PositionLimits};
+use syncline_trajectory::path::{
+    Curve, Feed, Limits, Move, Overrides, PathControlMode, PathItem, Setpoint, Shaping, Travel,
+};
+use syncline_trajectory::shaper::{Kind, Shaper, Vibration};
+
+const PERIOD: f64 = 0.002;
+
+const KINDS: [Kind; 4] = [Kind::Zv, Kind::Zvd, Kind::Ei, Kind::TwoHumpEi];
+
+/// Amplitude of a vibration, mm, that is carried along by these positions, at their end: exact for what is linear
+/// between them.
+fn left(positions: &[f64], of: Vibration) -> f64 {
+    let (natural, damping) = (TAU * of.frequency, of.damping);
+    let turning = natural * (1.0 - damping * damping).sqrt();
+    let decay = (-damping * natural * PERIOD).exp();
+    let (sin, cos) = (turning * PERIOD).sin_cos();
+    // What is ahead of the setpoint, and its rate: relative to following a ramp evenly, which lags by 2ζ/ω of its speed.
+    let (mut away, mut rate, mut speed) = (0.0_f64, 0.0_f64, 0.0);
+    for pair in positions.windows(2) {
+        let slope = (pair[1] - pair[0]) / PERIOD;
+        away += 2.0 * damping / natural * (slope - speed);
+        rate -= slope - speed;
+        speed = slope;
+        let quadrature = (rate + damping * natural * away) / turning;
+        let turned = decay * (cos * away + sin * quadrature);
+        let quadrature = decay * (cos * quadrature - sin * away);
+        rate = turning * quadrature - damping * natural * turned;
+        away = turned;
+    }
+    away -= 2.0 * damping / natural * speed;
+    rate += speed;
+    away.hypot((rate + damping * natural * away) / turning)
+}
+
+/// The first coordinate of a straight move over that length, unshaped, and by each shaper; each to its own end.
+fn moved(length: f64, shapers: &[Shaper]) -> (Vec<f64>, Vec<Vec<f64>>) {
+    let limits = Limits {
+        velocity: [500.0; 3],
+        acceleration: [3_000.0; 3],
+        jerk: [60_000.0; 3],
+    };
+    let items = [PathItem::Move(Move {
+        curve: Curve::line([0.0; 3], [length, 0.0, 0.0]).unwrap(),
+        feed: Feed::Rapid,
+        mode: PathControlMode::Stop,
+        tag: 0,
+    })];
+    let mut machine = Machine::new(limits, &items, [0.0; 3], PERIOD);
+    let mut rest = machine.executor.setpoint();
+    let mut unshaped = vec![rest];
+    while let Some(setpoint) = machine.advance() {
+        unshaped.push(setpoint);
+        rest = machine.executor.setpoint();
+    }
+    let shaped = shapers.iter().map(|shaper| {
+        let mut shaping = Shaping::new(shaper, PERIOD, unshaped[0]);
+        let mut shaped: Vec<f64> = Vec::new();
+        let mut inputs = unshaped.iter().copied().chain(std::iter::repeat(rest));
+        while shaped.len() < unshaped.len() || !shaping.is_settled() {
+            let setpoint = shaping.shape(inputs.next().unwrap(), 0);
+            shaped.push(setpoint.position[0]);
+        }
+        assert_eq!(shaped.last(), Some(&length));
+        let longer = (shaped.len() - unshaped.len()) as f64 * PERIOD;
+        assert!((longer - shaper.duration()).abs() <= PERIOD, "{longer}");
+        shaped
+    });
+    let shaped = shaped.collect();
+    (unshaped.iter().map(|it| it.position[0]).collect(), shaped)
+}
+
+/// 60 lengths of moves, a mode of 8 Hz with a damping ratio of 2 %, and such that are off by up to as much as each kind
+/// is for: what is left at the end of the shaped move, as a part of what an unshaped one leaves at its own.
+#[test]
+fn moves_of_sixty_lengths_leave_of_a_vibration_what_theory_says() {
+    let made_for = Vibration {
+        frequency: 8.0,
+        damping: 0.02,
+    };
+    let kinds = [
+        (Kind::Zv, 0.03),
+        (Kind::Zvd, 0.14),
+        (Kind::Ei, 0.19),
+        (Kind::TwoHumpEi, 0.34),
+    ];
+    let shapers = kinds.map(|(kind, _)| Shaper::new(kind, &[made_for]));
+    let mut worst = [(0.0_f64, 0.0_f64); 4];
+    for step in 0..60 {
+        let length = 0.5 * 1000.0_f64.powf(f64::from(step) / 59.0);
+        let (unshaped, shaped) = moved(length, &shapers);
+        for (at, (kind, off)) in kinds.into_iter().enumerate() {
+            for part in [-1.0, -0.5, 0.0, 0.5, 1.0] {
+                let vibration = Vibration {
+                    frequency: 8.0 * (1.0 + part * off),
+                    ..made_for
+                };
+                let (before, after) = (left(&unshaped, vibration), left(&shaped[at], vibration));
+                let (ratio, theory) = (after / before, shapers[at].residual(&vibration));
+                if before < 1e-3 {
+                    assert!(after <= 1e-4, "{kind:?} {length} mm {part}: {after} mm");
+                    continue;
+                }
+                assert!(
+                    (ratio - theory).abs() <= 0.005,
+                    "{kind:?} {length} mm {part}: {ratio} {theory}"
+                );
+                assert!(ratio <= 0.05, "{kind:?} {length} mm {part}: {ratio}");
+                let (most, away) = &mut worst[at];
+                *most = most.max(ratio);
+                *away = away.max((ratio - theory).abs());
+            }
+        }
+    }
+    for ((kind, off), (most, away)) in kinds.iter().zip(worst) {
+        println!(
+            "| {kind:?} | ±{off} | {:.2} % | {:.3} points |",
+            100.0 * most,
+            100.0 * away
+        );
+    }
+}
+
+/// What is done to a shaped motion.
+#[derive(Clone, Copy, Debug)]
+enum Act {
+    Hold,
+    Resume,
+    Override(f64),
+    Retrace,
+}
+
+fn act() -> impl Strategy<Value = (u32, Act)> {
+    let act = prop_oneof![
+        1 => Just(Act::Hold),
+        2 => Just(Act::Resume),
+        2 => (0.1..2.0_f64).prop_map(Act::Override),
+        1 => Just(Act::Retrace),
+    ];
+    (0..150_u32, act)
+}
+
+fn shaper() -> impl Strategy<Value = Shaper> {
+    let mode = (4.0..50.0_f64, 0.0..0.2_f64);
+    let modes = prop::collection::vec(mode, 1..3);
+    (prop::sample::select(KINDS.to_vec()), modes).prop_map(|(kind, modes)| {
+        let modes = modes.into_iter();
+        let modes: Vec<_> = modes
+            .map(|(frequency, damping)| Vibration { frequency, damping })
+            .collect();
+        Shaper::new(kind, &modes)
+    })
+}
+
+fn mode() -> impl Strategy<Value = PathControlMode> {
+    prop_oneof![
+        Just(PathControlMode::Stop),
+        Just(PathControlMode::Exact(0.001)),
+        (0.01..1.0_f64).prop_map(PathControlMode::Blend),
+    ]
+}
+
+/// Every setpoint, and the differences of the positions, inside the limits.
+fn check(setpoints: &[Setpoint<3>]) -> Result<(), TestCaseError> {
+    for axis in 0..3 {
+        let limits = [LIMITS.velocity, LIMITS.acceleration, LIMITS.jerk].map(|of| of[axis]);
+        for now in setpoints {
+            let rates = [now.velocity, now.acceleration, now.jerk].map(|of| of[axis]);
+            for (rate, limit) in rates.into_iter().zip(limits) {
+                prop_assert!(
+                    rate.abs() <= limit * (1.0 + 1e-9),
+                    "axis {axis}: {rate} {limit}"
+                );
+            }
+        }
+        let mut differences: Vec<f64> = setpoints.iter().map(|it| it.position[axis]).collect();
+        // A position's rounding, through three differences.
+        let mut rounding = 1e-12;
+        for limit in limits {
+            rounding *= 2.0 / PERIOD;
+            differences = (differences.windows(2))
+                .map(|pair| (pair[1] - pair[0]) / PERIOD)
+                .collect();
+            for difference in &differences {
+                prop_assert!(
+                    difference.abs() <= limit * (1.0 + 1e-9) + rounding,
+                    "axis {axis}: {difference} {limit}"
+                );
+            }
+        }
+    }
+    Ok(())
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(32) })]
+
+    /// Any path, any shaper, whatever an operator does, and a stop past the shaper from any of its states.
+    #[test]
+    fn shaped_motions_keep_every_limit_whatever_happens(
+        curves in contour(0.5..30.0),
+        mode in mode(),
+        feed in 10.0..400.0_f64,
+        shaper in shaper(),
+        acts in prop::collection::vec(act(), 0..5),
+        stopped in prop::option::of(1..600_usize),
+    ) {
+        let items: Vec<_> = curves
+            .iter()
+            .map(|&curve| PathItem::Move(Move { curve, feed: Feed::Rate(feed), mode, tag: 0 }))
+            .collect();
+        let start = curves[0].start();
+        let mut machine = Machine::new(LIMITS, &items, start, PERIOD);
+        let mut shaping = Shaping::new(&shaper, PERIOD, machine.executor.setpoint());
+        let mut setpoints = vec![machine.executor.setpoint()];
+        let mut acts = acts.into_iter();
+        let mut next = acts.next();
+        let mut waited = 0;
+        loop {
+            let planned = match machine.advance() {
+                Some(planned) => planned,
+                None if shaping.is_settled() => break,
+                None => machine.executor.advance(),
+            };
+            setpoints.push(shaping.shape(planned, 0));
+            if Some(setpoints.len()) == stopped {
+                break;
+            }
+            waited += 1;
+            match next {
+                Some((wait, act)) if waited > wait => {
+                    match act {
+                        Act::Hold => machine.executor.feed_hold(),
+                        Act::Resume => machine.executor.resume(),
+                        Act::Override(feed) => {
+                            machine.executor.set_overrides(Overrides { feed, rapid: 1.0 });
+                        }
+                        Act::Retrace => machine.executor.retrace(),
+                    }
+                    next = acts.next();
+                    waited = 0;
+                }
+                None if machine.executor.is_held() && waited > 200 => {
+                    machine.executor.resume();
+                    waited = 0;
+                }
+                _ => {}
+            }
+        }
+        let last = *setpoints.last().unwrap();
+        if stopped.is_some() && !shaping.is_settled() {
+            let travel = std::array::from_fn(|axis| {
+                let of = [LIMITS.velocity, LIMITS.acceleration, LIMITS.jerk].map(|of| of[axis]);
+                let limits = AxisLimits::symmetric(of[0], of[1], of[2]);
+                Some(Travel { limits, bounds: PositionLimits { min: -1e3, max: 1e3 } })
+            });
+            machine.executor.stop_beside(&last, &travel);
+            shaping.bypass();
+            let begun = setpoints.len();
+            while !machine.executor.is_idle() {
+                let planned = machine.executor.advance();
+                setpoints.push(shaping.shape(planned, 0));
+                prop_assert!(setpoints.len() < begun + 5_000, "never rests");
+            }
+            let [v, a, j] = [500.0, 2_000.0, 40_000.0];
+            let longest = v / a + 3.0 * a / j;
+            prop_assert!(((setpoints.len() - begun) as f64) * PERIOD <= longest, "{}", setpoints.len() - begun);
+        }
+        let last = setpoints.last().unwrap();
+        prop_assert_eq!((last.velocity, last.acceleration), ([0.0; 3], [0.0; 3]));
+        check(&setpoints)?;
+    }
+
+    /// A straight line stays straight, and a stop from the middle of it nearly so.
+    #[test]
+    fn a_stop_from_a_straight_move_stays_near_its_line(
+        end in prop::array::uniform3(20.0..200.0_f64),
+        feed in 20.0..300.0_f64,
+        shaper in shaper(),
+        stopped in 1..400_usize,
+    ) {
+        let items = [PathItem::Move(Move {
+            curve: Curve::line([0.0; 3], end).unwrap(),
+            feed: Feed::Rate(feed),
+            mode: PathControlMode::Stop,
+            tag: 0,
+        })];
+        let mut machine = Machine::new(LIMITS, &items, [0.0; 3], PERIOD);
+        let mut shaping = Shaping::new(&shaper, PERIOD, machine.executor.setpoint());
+        let length = end.iter().map(|x| x * x).sum::<f64>().sqrt();
+        let off = |at: &[f64; 3]| {
+            let along = at.iter().zip(end).map(|(x, e)| x * e).sum::<f64>() / length;
+            let across = (0..3).map(|axis| at[axis] - along * end[axis] / length);
+            across.map(|x| x * x).sum::<f64>().sqrt()
+        };
+        let mut last = machine.executor.setpoint();
+        for _ in 0..stopped {
+            let planned = machine.advance().unwrap_or_else(|| machine.executor.advance());
+            last = shaping.shape(planned, 0);
+            prop_assert!(off(&last.position) <= 1e-10, "{}", off(&last.position));
+        }
+        if shaping.is_settled() {
+            return Ok(());
+        }
+        let travel = std::array::from_fn(|axis| {
+            let of = [LIMITS.velocity, LIMITS.acceleration, LIMITS.jerk].map(|of| of[axis]);
+            let limits = AxisLimits::symmetric(of[0], of[1], of[2]);
+            Some(Travel { limits, bounds: PositionLimits { min: -1e3, max: 1e3 } })
+        });
+        machine.executor.stop_beside(&last, &travel);
+        let from = last.position;
+        while !machine.executor.is_idle() {
+            last = machine.executor.advance();
+        }
+        let way = (0..3).map(|axis| last.position[axis] - from[axis]);
+        let way = way.map(|x| x * x).sum::<f64>().sqrt();
+        prop_assert!(off(&last.position) <= 0.2 * way + 1e-9, "{} of {way}", off(&last.position));
+    }
+}
