@@ -18,6 +18,7 @@ use syncline_drives::model::{
 use syncline_drives::twin::{Config, SimulatedDevice};
 use syncline_drives::world::World;
 use syncline_trajectory::path::{Curve, Feed, Limits, Move, PathControlMode, PathItem, Planner};
+use syncline_trajectory::shaper::Shaper;
 
 /// Of every bus.
 const BIT_RATE: u32 = 1_000_000;
@@ -222,6 +223,7 @@ impl Shape {
             state_timeout: Duration::from_secs(5),
             t_pdo_misses: 2,
             stop_together: false,
+            shaper: Shaper::none(),
             lag: self.device(0).drive().map_or(0.0, |drive| drive.latency()),
             buses: budgets
                 .into_iter()

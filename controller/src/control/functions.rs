@@ -189,7 +189,7 @@ impl<const N: usize> Controller<N> {
         if self.phase != Phase::Program {
             return;
         }
-        let waypoints = self.executor.waypoints();
+        let waypoints = self.shaping.waypoints();
         for _ in 0..MOST_SWITCHED {
             let Some((line, switch)) = self.switches.next(waypoints) else {
                 break;

@@ -94,8 +94,14 @@ impl<const N: usize> Controller<N> {
     pub(super) fn rest_here(&mut self) {
         self.executor.restart(self.planned.position);
         self.switches.restart();
-        self.planned = self.executor.setpoint();
+        self.plan_from_rest();
         self.held = false;
+    }
+
+    /// The plan begins anew where the executor rests.
+    pub(super) fn plan_from_rest(&mut self) {
+        self.planned = self.executor.setpoint();
+        self.shaping.restart(self.planned);
     }
 
     /// The job that is at work.

@@ -7,6 +7,7 @@ use crate::machine::{self, AxisLimits, Homing, HomingPolicy, Machine, Seat};
 use syncline_canopen::time::Duration;
 use syncline_canopen::{CanId, CobId, Frame, NodeId};
 use syncline_drives::model::{Device, Direction, Increments, Scaling};
+use syncline_trajectory::shaper::Shaper;
 
 /// Buses, devices, axes and times.
 #[derive(Debug)]
@@ -45,6 +46,8 @@ pub struct Layout {
     pub devices: Vec<DeviceSpec>,
     /// Axes, in the order of the machine file.
     pub axes: Vec<AxisSpec>,
+    /// What setpoints go through on their way from the path to the drives.
+    pub shaper: Shaper,
     /// What holds for the homing of all axes.
     pub homing: HomingPolicy,
     /// Inputs, in the order of the machine file.
@@ -215,6 +218,7 @@ impl Layout {
                 .collect(),
             buses,
             devices,
+            shaper: machine.shaper.clone(),
             homing: machine.homing,
             inputs: machine.inputs.clone(),
             outputs: machine.outputs.clone(),

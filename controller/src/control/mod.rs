@@ -72,7 +72,7 @@ use std::sync::Arc;
 use syncline_canopen::response_time::{bit_time, worst_case_bits};
 use syncline_canopen::time::Duration;
 use syncline_canopen::{CobId, Frame, Instant, Transmit, nmt};
-use syncline_trajectory::path::{Command as PathCommand, Executor, Setpoint};
+use syncline_trajectory::path::{Command as PathCommand, Executor, Setpoint, Shaping};
 
 /// Events that wait to be fetched at most; more are dropped, newest first.
 const EVENT_CAPACITY: usize = 1024;
@@ -254,7 +254,8 @@ pub struct Controller<const N: usize> {
     over: Option<(u64, Outcome)>,
 
     executor: Executor<N>,
-    /// The plan at the setpoint that the next SYNC latches.
+    shaping: Shaping<N>,
+    /// The plan, shaped, at the setpoint that the next SYNC latches.
     planned: Setpoint<N>,
     /// Cycle of the first row.
     mode_cycle: Option<u64>,
@@ -295,7 +296,8 @@ impl<const N: usize> Controller<N> {
     #[must_use]
     pub fn new(layout: Arc<Layout>, start: Instant) -> Self {
         assert!(layout.axes.iter().all(|axis| axis.coordinate < N));
-        let executor = Executor::new([0.0; N], layout.cycle.as_secs_f64());
+        let period = layout.cycle.as_secs_f64();
+        let executor = Executor::new([0.0; N], period);
         Self {
             nodes: (0..layout.devices.len())
                 .map(|drive| DeviceNode::new(drive, &layout))
@@ -324,6 +326,7 @@ impl<const N: usize> Controller<N> {
             job: Some(Job::ONLY),
             over: None,
             planned: executor.setpoint(),
+            shaping: Shaping::new(&layout.shaper, period, executor.setpoint()),
             executor,
             mode_cycle: None,
             frozen: false,
@@ -631,7 +634,8 @@ impl<const N: usize> Controller<N> {
     /// Goes on with the plan by one cycle.
     fn plan(&mut self) {
         if (Phase::Program..=Phase::Stop).contains(&self.phase) {
-            self.planned = self.executor.advance();
+            let planned = self.executor.advance();
+            self.planned = self.shaping.shape(planned, self.executor.waypoints());
             self.switch();
         }
     }

@@ -204,27 +204,38 @@ impl<const N: usize> Controller<N> {
         }
     }
 
+    /// What the axes may do beside the path, and how far each may go.
+    pub(super) fn travel(&self) -> [Option<Travel>; N] {
+        let mut travel = [None; N];
+        for (axis, control) in self.layout.axes.iter().zip(&self.axes) {
+            let limits = &axis.limits;
+            let here = self.planned.position[axis.coordinate];
+            let far = axis.homing.jog_distance;
+            let (min, max) = match control.is_referenced() {
+                true => limits.position,
+                false => (here - far, here + far),
+            };
+            travel[axis.coordinate] = Some(Travel {
+                limits: Limits::symmetric(limits.velocity, limits.acceleration, limits.jerk),
+                bounds: PositionLimits { min, max },
+            });
+        }
+        travel
+    }
+
     /// Moves axes inside their soft limits.
     fn jog(&mut self, jog: Jog<N>, state: State) -> Result<(), JogError> {
         if self.phase != Phase::Program {
             return Err(JogError::Moving);
         }
-        let mut travel = [None; N];
+        let mut travel = self.travel();
         for (axis, control) in self.layout.axes.iter().zip(&self.axes) {
-            let limits = &axis.limits;
-            let here = self.planned.position[axis.coordinate];
-            let (velocity, (min, max)) = match control.is_referenced() {
-                true => (limits.velocity, limits.position),
-                false => {
-                    let far = axis.homing.jog_distance;
-                    let speed = limits.velocity.min(axis.homing.jog_speed);
-                    (speed, (here - far, here + far))
-                }
-            };
-            travel[axis.coordinate] = Some(Travel {
-                limits: Limits::symmetric(velocity, limits.acceleration, limits.jerk),
-                bounds: PositionLimits { min, max },
-            });
+            if let Some(Travel { limits, .. }) = &mut travel[axis.coordinate]
+                && !control.is_referenced()
+            {
+                limits.v_max = limits.v_max.min(axis.homing.jog_speed);
+                limits.v_min = -limits.v_max;
+            }
         }
         if state != State::Ready {
             return self.executor.jog(jog, &travel);

@@ -105,7 +105,7 @@ impl<const N: usize> Controller<N> {
                 let waited = self.timed_out(self.layout.state_timeout);
                 let squares = self.axes.iter().any(|axis| axis.squares(self.cycle));
                 let stopped = waited || self.quick_stops_rest();
-                let rests = self.executor.is_idle() && !squares && stopped;
+                let rests = self.path_rests() && !squares && stopped;
                 let over = rests && (settled || waited || self.is_faulty());
                 if over && self.goal == Goal::Ready {
                     self.rest_after(Outcome::Stopped);
@@ -205,7 +205,7 @@ impl<const N: usize> Controller<N> {
                 for axis in &mut self.axes {
                     axis.stop_squaring(self.cycle + 1);
                 }
-                self.executor.stop();
+                self.stop_path();
             }
             Phase::QuickStop => {
                 self.homing.abort();
@@ -287,18 +287,31 @@ impl<const N: usize> Controller<N> {
         self.acted = true;
     }
 
+    /// Comes to rest on the path, and through the shaper; for a fault as soon as the axes can, past it.
+    fn stop_path(&mut self) {
+        if self.is_faulty() && !self.shaping.is_settled() {
+            let travel = self.travel();
+            self.executor.stop_beside(&self.planned, &travel);
+            self.shaping.bypass();
+        } else {
+            self.executor.stop();
+        }
+    }
+
     fn step_program(&mut self) {
         if self.homing.is_active() {
             return self.step_homing();
         }
         if self.job.is_none() {
-            if self.executor.is_off_path() && self.executor.is_at_rest() {
+            let rests = self.executor.is_at_rest() && self.shaping.is_settled();
+            if self.executor.is_off_path() && rests {
                 self.rest_here();
             }
             return;
         }
         // Jogs are no going on.
-        let rests = self.executor.is_held() && (self.planned.speed == 0.0 || self.planned.off_path);
+        let settled = self.planned.speed == 0.0 && self.shaping.is_settled();
+        let rests = self.executor.is_held() && (settled || self.planned.off_path);
         if rests != self.held {
             self.held = rests;
             let pause = self.reached().filter(|_| self.pause_told);
@@ -312,7 +325,7 @@ impl<const N: usize> Controller<N> {
         if !matches!(self.reached(), Some(StopPoint::AwaitInput { .. })) {
             self.awaited = None;
         }
-        if !self.executor.is_idle() || self.switches.lag(self.executor.waypoints()) {
+        if !self.path_rests() || self.switches.lag(self.executor.waypoints()) {
             return;
         }
         match self.reached() {
@@ -336,6 +349,11 @@ impl<const N: usize> Controller<N> {
             Some(StopPoint::End) => self.go_to(Goal::Off(End::Finished)),
             Some(StopPoint::Broken) => self.fail(Fault::Program),
         }
+    }
+
+    /// The path has come to rest, and the axes have to be where that is.
+    pub(super) fn path_rests(&self) -> bool {
+        self.executor.is_idle() && self.shaping.is_settled()
     }
 
     /// The job is over, and the machine stays ready.
@@ -389,7 +407,7 @@ impl<const N: usize> Controller<N> {
         }
         self.executor.restart(position);
         self.switches.begin();
-        self.planned = self.executor.setpoint();
+        self.plan_from_rest();
         self.frozen = true;
         Ok(())
     }

@@ -70,7 +70,7 @@ impl<const N: usize> Controller<N> {
             self.follow_axes();
         }
         let mut samples = [AxisSample::default(); N];
-        let mut in_position = self.executor.is_idle();
+        let mut in_position = self.path_rests();
         for axis in &self.axes {
             let sample = axis.sample(self.cycle, &self.nodes);
             in_position &= axis.is_in_position(&sample);

@@ -9,6 +9,7 @@ mod homing;
 mod io_node;
 mod node;
 mod read;
+mod shaper;
 mod signals;
 mod simulation;
 mod spindle;
@@ -34,6 +35,7 @@ use syncline_drives::model::{
 };
 use syncline_gcode as gcode;
 use syncline_strict_toml::{Invalid, SetError};
+use syncline_trajectory::shaper::Shaper;
 use thiserror::Error;
 
 /// One machine, checked.
@@ -63,6 +65,8 @@ pub struct Machine {
     pub spindle: Option<Spindle>,
     /// What holds for the homing of all axes.
     pub homing: HomingPolicy,
+    /// What its setpoints go through on their way from the path to the drives.
+    pub shaper: Shaper,
     /// What a run has to keep to pass.
     pub validation: Validation,
     /// In the order of the file.

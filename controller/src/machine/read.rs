@@ -7,6 +7,7 @@ use super::fits::{self, Asked, Pairing};
 use super::homing::{self, HomingTable};
 use super::io_node::IoTable;
 use super::node::{self, NodeTable, node_id};
+use super::shaper::ShaperTable;
 use super::signals::{SignalTables, Signals, Wiring};
 use super::simulation::{self, Simulation};
 use super::{
@@ -17,6 +18,7 @@ use std::{collections::BTreeMap, ops::Range, time::Duration};
 use syncline_drives::model::{Ability, Assumed, Direction, Increments, MODELS, Model, Scaling};
 use syncline_gcode as gcode;
 use syncline_strict_toml::{Diagnostic, Log, Table, nearest, one_of};
+use syncline_trajectory::shaper::Shaper;
 use toml::{Spanned, de::DeTable};
 
 /// Degrees for one turn of a rotary axis.
@@ -56,6 +58,7 @@ struct Tables {
     axes: Vec<AxisTable>,
     spindle: Option<Spindle>,
     homing: Spanned<HomingPolicy>,
+    shaper: Option<ShaperTable>,
     validation: Validation,
     signals: SignalTables,
     assumptions: Vec<(&'static Model, Assumed)>,
@@ -74,6 +77,7 @@ impl Tables {
         let axes = file.tables(log, "axis");
         let spindle = file.table(log, "spindle", false);
         let homing = file.table(log, "homing", false);
+        let shaper = file.table(log, "shaper", false);
         let validation = file.table(log, "validation", false);
         let signals = SignalTables::read(log, &mut file);
         let model = file.table(log, "model", false);
@@ -104,6 +108,7 @@ impl Tables {
         let spindle = spindle.and_then(|table| spindle::read(log, table));
         let homing = homing.unwrap_or_else(|| Table::new("homing", 0..0, &empty));
         let homing = homing::policy(log, homing);
+        let shaper = shaper.and_then(|table| ShaperTable::read(log, table));
         let validation = validation.map(|table| validation::read(log, table));
         let assumptions = model.map_or(Vec::new(), |table| assumptions(log, table));
         let (name, cycle) = machine?;
@@ -120,6 +125,7 @@ impl Tables {
             axes: axes.into_iter().collect::<Option<_>>()?,
             spindle,
             homing,
+            shaper,
             validation: validation.unwrap_or_default(),
             signals: signals?,
             assumptions,
@@ -138,6 +144,8 @@ impl Tables {
         unique(log, "axis", self.axes.iter().map(|axis| &axis.name));
         let cycle = Duration::from_micros(*self.cycle.get_ref() as u64);
         let controller = self.controller.join(log, cycle);
+
+        let shaper = self.shaper.as_ref().map(|table| table.join(log, cycle));
 
         let devices: Vec<_> = drives.chain(encoders).chain(io_nodes).collect();
         let bus_of = node::places(log, &devices, &self.buses, &self.cycle, controller.node);
@@ -219,6 +227,7 @@ impl Tables {
             axes,
             spindle: self.spindle,
             homing: self.homing.into_inner(),
+            shaper: shaper.unwrap_or_else(Shaper::none),
             validation: self.validation,
             inputs,
             outputs,

@@ -15,6 +15,9 @@ use syncline_trajectory::path::{
     Command as PathCommand, Curve, Feed, Move, PathControlMode, PathItem, Planner, ReplanRequest,
 };
 
+/// By less a direction, of length 1, does not change in a corner.
+const SMOOTH: f64 = 0.02;
+
 /// Marks that can come up again when the path is planned anew: more than the planner keeps.
 const MOST_MARKS: usize = 2 * Planner::<COORDINATES>::KEPT;
 
@@ -39,6 +42,10 @@ pub struct Feeder {
     /// The spindle's speed has changed since the last cut.
     spins_up: bool,
     spindle: SpinUp,
+    /// By how much the axes come to rest later than the path, s.
+    settling: f64,
+    /// The direction in which the last move ended, and how it is left; none where the path rests for long.
+    leaves: Option<(Position, PathControlMode)>,
     /// What is switched with the next motion.
     with_motion: Vec<(u32, Switch)>,
     upcoming: Upcoming,
@@ -99,6 +106,8 @@ impl Program {
             since_stop: 0,
             spins_up: false,
             spindle: self.spindle,
+            settling: self.settling,
+            leaves: None,
             with_motion: Vec::new(),
             upcoming,
             tag: 0,
@@ -153,13 +162,7 @@ impl Feeder {
             return self.take_curves(curves, command);
         }
         match &command.action {
-            Action::Dwell { seconds } => {
-                let item = PathItem::Dwell {
-                    duration: *seconds,
-                    tag: self.tag.saturating_sub(1),
-                };
-                self.push(command.span, item)?;
-            }
+            Action::Dwell { seconds } => self.rest(*seconds + self.settling, command.span)?,
             Action::Stop(stop) => {
                 let reason = match *stop {
                     gcode::Stop::Program => Pause::ProgramStop,
@@ -248,6 +251,8 @@ impl Feeder {
                 }
                 None => Feed::Rapid,
             };
+            self.settle(&curve, command.span)?;
+            self.leaves = Some((curve.at(curve.length()).d1, mode));
             let item = PathItem::Move(Move {
                 curve,
                 feed,
@@ -270,13 +275,7 @@ impl Feeder {
     fn await_spindle(&mut self, span: gcode::Span) -> Result<(), ProgramError> {
         match self.spindle {
             SpinUp::Unknown => Ok(()),
-            SpinUp::After(ramp) => {
-                let item = PathItem::Dwell {
-                    duration: ramp.as_secs_f64(),
-                    tag: self.tag.saturating_sub(1),
-                };
-                self.push(span, item)
-            }
+            SpinUp::After(ramp) => self.rest(ramp.as_secs_f64().max(self.settling), span),
             SpinUp::Told { within } => {
                 let wait = InputWait {
                     input: InputMeaning::AtSpeed,
@@ -306,6 +305,32 @@ impl Feeder {
         self.switch(line, Switch::Message);
     }
 
+    /// Rests for so many seconds.
+    fn rest(&mut self, duration: f64, span: gcode::Span) -> Result<(), ProgramError> {
+        let tag = self.tag.saturating_sub(1);
+        self.leaves = None;
+        self.push(span, PathItem::Dwell { duration, tag })
+    }
+
+    /// Where the path stops, or is exact and has a corner, which the shaper would round off, it rests until the axes
+    /// have come there.
+    fn settle(&mut self, next: &Curve<COORDINATES>, span: gcode::Span) -> Result<(), ProgramError> {
+        let Some((end, mode)) = self.leaves.filter(|_| self.settling > 0.0) else {
+            return Ok(());
+        };
+        let start = next.at(0.0).d1;
+        let mut along = end.iter().zip(&start);
+        let settles = match mode {
+            PathControlMode::Stop => true,
+            PathControlMode::Exact(_) => along.any(|(end, start)| (end - start).abs() > SMOOTH),
+            PathControlMode::Blend(_) | PathControlMode::Merge { .. } => false,
+        };
+        match settles {
+            true => self.rest(self.settling, span),
+            false => Ok(()),
+        }
+    }
+
     fn push(&mut self, span: gcode::Span, item: PathItem<COORDINATES>) -> Result<(), ProgramError> {
         self.planner
             .push(item)
@@ -333,6 +358,7 @@ impl Feeder {
     /// Comes to rest, then `stop`.
     fn stop_then(&mut self, stop: StopPoint) {
         self.since_stop = 0;
+        self.leaves = None;
         if self.marks.len() == MOST_MARKS {
             self.marks.pop_front();
             self.first_mark += 1;

@@ -39,6 +39,8 @@ pub struct Programs {
     limits: Limits<COORDINATES>,
     tolerances: PathTolerances,
     spindle: SpinUp,
+    /// By how much the axes come to rest later than the path, s.
+    settling: f64,
     /// Where what a program changes in the tables is written at its end.
     keeps: Option<PathBuf>,
 }
@@ -71,6 +73,8 @@ pub struct Program {
     tolerances: PathTolerances,
     keeps: Option<PathBuf>,
     spindle: SpinUp,
+    /// By how much the axes come to rest later than the path, s.
+    settling: f64,
     scale: Scale,
     /// Begin there instead of at the beginning.
     from_line: Option<u32>,
@@ -199,6 +203,7 @@ impl Programs {
             limits,
             tolerances: machine.path,
             spindle: SpinUp::of(machine),
+            settling: machine.shaper.settling(machine.cycle.as_secs_f64()),
             keeps: None,
         })
     }
@@ -247,6 +252,7 @@ impl Programs {
             tolerances: self.tolerances,
             keeps: self.keeps.clone(),
             spindle: self.spindle,
+            settling: self.settling,
             scale: Scale::default(),
             from_line: None,
             stream: false,

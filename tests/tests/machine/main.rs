@@ -29,6 +29,7 @@ mod recorder;
 mod replayed;
 mod results;
 mod run;
+mod shaper;
 mod signals;
 mod splines;
 mod stops;

@@ -1,6 +1,7 @@
 //! Whatever happens, and whenever: the machine comes to rest inside its limits and ends with its
 //! drives off.
 
+use crate::shaper::portal;
 use proptest::prelude::*;
 use syncline_canopen::CobId;
 use syncline_controller::control::{End, Phase};
@@ -93,8 +94,9 @@ proptest! {
         later in 0..100_usize,
         second in event(),
         drives in (0..4_usize, 0..4_usize),
+        shaped in any::<bool>(),
     ) {
-        let mut rig = Rig::portal(PORTAL_PROGRAM);
+        let mut rig = portal(shaped, PORTAL_PROGRAM);
         rig.run_until(|rig| rig.rows.len() >= row || rig.end().is_some());
         first.happen(&mut rig, drives.0);
         for _ in 0..later {

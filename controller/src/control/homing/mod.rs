@@ -325,7 +325,9 @@ impl<const N: usize> Controller<N> {
         }
         Seen {
             position: sample.act,
-            rests: self.planned.velocity[at] == 0.0 && self.planned.acceleration[at] == 0.0,
+            rests: self.planned.velocity[at] == 0.0
+                && self.planned.acceleration[at] == 0.0
+                && self.shaping.has_settled(at),
             settled: axis.is_in_position(&sample),
             on,
             counts,
@@ -440,6 +442,7 @@ impl<const N: usize> Controller<N> {
             {
                 let away = self.planned.position[axis.coordinate] - how.final_position;
                 there &= self.planned.velocity[axis.coordinate] == 0.0 && away.abs() < REACHED;
+                there &= self.shaping.has_settled(axis.coordinate);
                 if !ordered {
                     let motion = Motion::To(how.final_position, how.speed);
                     let moved = self.move_axis(index, motion);

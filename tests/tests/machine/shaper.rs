@@ -1,0 +1,185 @@
+//! A machine whose setpoints are shaped against its vibrations.
+
+use std::path::Path;
+use syncline_controller::control::{End, Event, Phase, Switch};
+use syncline_controller::machine::Machine;
+use syncline_controller::session::Command;
+use syncline_tests::command::machine_with;
+use syncline_tests::rig::{PORTAL_PROGRAM, Rig};
+
+/// The portal with a shaper of some 125 ms.
+const SHAPED: (&str, &str) = (
+    "[[bus]]\nname = \"portal\"",
+    "[shaper]\nkind = \"zvd\"\nmodes = [[8.0, 0.02]]\n\n[[bus]]\nname = \"portal\"",
+);
+
+/// How long that is, rows.
+const LENGTH: usize = 63;
+
+pub(crate) fn portal(shaped: bool, program: &str) -> Rig {
+    let replaced: &[(&str, &str)] = if shaped { &[SHAPED] } else { &[] };
+    Rig::new("portal", replaced, program, |_, _| ())
+}
+
+/// Lines with corners, and a line into an arc without one, far slower than what the shaper leaves of an arc.
+const CORNERS: &str = "G17 G21 G90 G94 G61 F6000\nG1 X100 Y40\nX160\nG4 P0.05\nY120 Z-10\nG1 X120 Y120\n\
+                       G0 X0 Y0 Z0\nM2\n";
+
+/// Under G61 and G61.1 the path is exact although it is shaped, and no setpoint leaves its limits.
+#[test]
+fn an_exact_path_stays_exact_and_inside_its_limits() {
+    for program in [CORNERS.to_owned(), CORNERS.replace("G61 ", "G61.1 ")] {
+        let plain = portal(false, &program).judge();
+        let shaped = portal(true, &program).judge();
+        assert_eq!(shaped.verdict, "pass", "{:?}", shaped.violations);
+        let [plain_off, off] = [&plain, &shaped].map(|it| it.path.max_deviation_mm);
+        assert!(off <= plain_off + 1e-9, "{off} {plain_off}");
+        assert!(
+            shaped.duration_s > plain.duration_s + 0.125,
+            "{}",
+            shaped.duration_s
+        );
+    }
+}
+
+/// What shaping takes off a curve is told, and fails where it is more than the path may be left by.
+#[test]
+fn what_is_cut_off_a_curve_is_told_and_judged() {
+    let feed = 3000.0 / 60.0;
+    let circle = |tolerance: &str| {
+        let program = format!(
+            "G21 G90 G64 P{tolerance} F3000\nG0 X100 Y100\nG4 P0.1\nG2 X100 Y100 I50\nM2\n"
+        );
+        portal(true, &program).judge()
+    };
+    // κ v² σ² / 2, σ² = T² / 8.
+    let predicted = feed * feed / 50.0 * (0.125 * 0.125 / 8.0) / 2.0;
+    let fits = circle("0.2");
+    assert_eq!(fits.verdict, "pass", "{:?}", fits.violations);
+    let off = fits.path.max_deviation_mm;
+    assert!((off / predicted - 1.0).abs() < 0.05, "{off} {predicted}");
+    let tight = circle("0.01");
+    assert_eq!(tight.verdict, "fail");
+    assert_eq!(tight.violations[0].what, "path_deviation");
+}
+
+/// Rows from an order on until the axes' setpoints rest.
+fn rows_to_rest(rig: &mut Rig, from: usize) -> usize {
+    rig.run_until(|rig| {
+        let rows = rig.rows.len();
+        let positions = rig.rows[rows.saturating_sub(2 * LENGTH)..].iter();
+        let mut positions = positions.map(|row| row.plan.position);
+        let first = positions.next();
+        rows > from + 2 * LENGTH && positions.all(|it| Some(it) == first)
+    });
+    rig.rows.len() - 2 * LENGTH - from
+}
+
+/// A feed hold ends later by the shaper's length, and is told once the axes rest; what was held goes on to its end.
+#[test]
+fn a_hold_ends_later_by_the_shapers_length() {
+    let held = |shaped: bool| {
+        let mut rig = portal(shaped, "G21 G90 G61\nG1 X400 F12000\nM2\n");
+        rig.run_to_row(500);
+        rig.command(Command::FeedHold);
+        let rows = rows_to_rest(&mut rig, 500);
+        rig.run_until(|rig| rig.events.contains(&Event::Held));
+        rig.command(Command::Resume);
+        assert_eq!(rig.finish(), End::Finished);
+        rig.trace().assert_within_limits();
+        rows
+    };
+    let (plain, shaped) = (held(false), held(true));
+    assert!(shaped.abs_diff(plain + LENGTH) <= 2, "{shaped} {plain}");
+}
+
+/// A stop for a fault goes past the shaper: it takes no longer than one without a shaper.
+#[test]
+fn a_stop_for_a_fault_goes_past_the_shaper() {
+    let stopped = |shaped: bool| {
+        let mut rig = portal(shaped, "G21 G90 G61\nG1 X400 Y200 F12000\nM2\n");
+        rig.run_to_row(500);
+        rig.bus().tear_bursts = 1;
+        rig.run_to(Phase::Stop);
+        let from = rig.rows.len();
+        let rows = rig.rows.len();
+        while rig.controller().phase() == Phase::Stop && rig.step() {}
+        let moving = rig.rows[rows..]
+            .iter()
+            .filter(|row| row.plan.speed > 0.0)
+            .count();
+        rig.finish_with_fault();
+        rig.trace().assert_within_limits();
+        assert!(rig.ends_at_rest());
+        assert!(from >= 500);
+        moving
+    };
+    let (plain, shaped) = (stopped(false), stopped(true));
+    assert!(shaped <= plain + 5, "{shaped} {plain}");
+}
+
+/// M-codes come where they stand on the shaped path.
+#[test]
+fn what_is_switched_is_switched_at_its_place() {
+    let program = "G21 G90 G64 P0.01 F6000\nG1 X60\nM8\nG1 X120\nM9\nX180\nM2\n";
+    for shaped in [false, true] {
+        let mut rig = portal(shaped, program);
+        let mut places = Vec::new();
+        let mut told = 0;
+        while rig.step() {
+            let switched = rig.events.iter().filter(|event| {
+                matches!(
+                    event,
+                    Event::Switched {
+                        switch: Switch::Coolant(_),
+                        ..
+                    }
+                )
+            });
+            let count = switched.count();
+            if count > told {
+                told = count;
+                places.push(rig.rows.last().map_or(0.0, |row| row.plan.position[0]));
+            }
+        }
+        assert_eq!(places.len(), 2, "{places:?}");
+        for (place, wanted) in places.iter().zip([60.0, 120.0]) {
+            // 100 mm/s; a cycle or two of the log.
+            assert!((place - wanted).abs() < 0.7, "{shaped}: {places:?}");
+        }
+    }
+}
+
+/// The whole program of the examples, with what it leaves of its curves.
+#[test]
+fn a_shaped_program_keeps_the_limits_of_every_axis() {
+    let mut rig = portal(true, PORTAL_PROGRAM);
+    assert_eq!(rig.finish(), End::Finished, "{:?}", rig.events);
+    rig.trace().assert_within_limits();
+    assert!(rig.ends_at_rest());
+}
+
+#[test]
+fn what_a_shaper_cannot_be_is_refused_by_name() {
+    for (keys, told) in [
+        ("kind = \"zvdd\"\nmodes = [[8.0, 0.02]]", "nearest: \"zvd\""),
+        ("kind = \"zv\"", "modes"),
+        ("kind = \"zv\"\nmodes = []", "0 `modes`"),
+        ("kind = \"zv\"\nmodes = [[9, 0.1], [8, 0.1]]", "ascending"),
+        (
+            "kind = \"zv\"\nmodes = [[8, 1.0]]",
+            "damping ratios from 0 to 0.3",
+        ),
+        (
+            "kind = \"zv\"\nmodes = [[80, 0.0]]",
+            "up to a tenth of the frequency of SYNC, 50 Hz",
+        ),
+    ] {
+        let with = format!("[shaper]\n{keys}\n\n{}", SHAPED.0);
+        let file = machine_with("portal", &[(SHAPED.0, &with)]);
+        let refused = Machine::parse(Path::new("portal.toml"), &file)
+            .unwrap_err()
+            .to_string();
+        assert!(refused.contains(told), "{keys}: {refused}");
+    }
+}
