@@ -77,10 +77,10 @@ impl Args {
             .as_ref()
             .map_or(Operators::Unknown, |_| Operators::Recorded);
         let command_log::Logged { commands, tables } = recorded.unwrap_or_default();
-        let mut programs = Programs::new(&machine, &self.machine)?;
-        if let Some(tables) = tables {
-            programs = programs.with_tables(tables);
-        }
+        let programs = match tables {
+            Some(tables) => Programs::with_tables(&machine, tables),
+            None => Programs::new(&machine, &self.machine)?,
+        };
         let log = self.read(&machine)?;
         let buses = machine.buses.iter().map(|bus| {
             let url = bus.port.parse::<BusUrl>();

@@ -107,12 +107,13 @@ impl Args {
     fn prepare(&self) -> Result<Prepared, Box<dyn Error>> {
         let machine = Machine::load_with(&self.machine, &self.settings)?;
         let layout = Arc::new(Layout::new(&machine)?);
-        let mut programs = Programs::new(&machine, &self.machine)?;
-        if let Some(file) = &self.tables {
+        let programs = if let Some(file) = &self.tables {
             let text = fs::read_to_string(file);
             let text = text.map_err(|why| format!("cannot read {}: {why}", file.display()))?;
-            programs = programs.with_tables(Tables::parse(file, &text)?);
-        }
+            Programs::with_tables(&machine, Tables::parse(file, &text)?)
+        } else {
+            Programs::new(&machine, &self.machine)?
+        };
         let program = self.switches.program(&programs, &self.program)?;
         let extent = program.check(machine.rest())?;
         let mut claims = Claims::of_run(&self.machine, &self.program);

@@ -172,6 +172,13 @@ impl Programs {
     /// # Errors
     /// The tables cannot be used.
     pub fn new(machine: &Machine, machine_file: &Path) -> Result<Self, TablesError> {
+        let tables = Tables::load(&Tables::beside(machine_file))?;
+        Ok(Self::with_tables(machine, tables))
+    }
+
+    /// For a machine, with these tables.
+    #[must_use]
+    pub fn with_tables(machine: &Machine, tables: Tables) -> Self {
         let mut axes = AxisSet::default();
         // A coordinate without an axis never moves, and is not to slow down the others.
         let mut limits = Limits {
@@ -197,28 +204,21 @@ impl Programs {
                 setup.inputs |= 1 << number;
             }
         }
-        setup.tables = Tables::load(&Tables::beside(machine_file))?;
-        Ok(Self {
+        setup.tables = tables;
+        Self {
             setup,
             limits,
             tolerances: machine.path,
             spindle: SpinUp::of(machine),
             settling: machine.shaper.settling(machine.cycle.as_secs_f64()),
             keeps: None,
-        })
+        }
     }
 
     /// Writes what a program changes in the tables to that file once it has finished.
     #[must_use]
     pub fn keep_tables(mut self, file: PathBuf) -> Self {
         self.keeps = Some(file);
-        self
-    }
-
-    /// Other tables than those beside the machine's file.
-    #[must_use]
-    pub fn with_tables(mut self, tables: Tables) -> Self {
-        self.setup.tables = tables;
         self
     }
 

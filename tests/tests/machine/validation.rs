@@ -219,7 +219,10 @@ fn values_and_tables_can_be_given_for_a_run() {
 
     let tables = "[work_offsets.G54]\nX = 3.0\nY = -2.0\n";
     let named = folder.file("other.toml", tables);
+    // Those beside the machine file are not looked at then.
+    let _ = folder.file("plain.tables.toml", "no table");
     let named = hash("plain.toml", &["--tables", named.to_str().unwrap()]);
+    let _ = folder.file("plain.tables.toml", "");
     assert_ne!(named.1, hash("plain.toml", &[]).1);
     let _ = folder.file("plain.tables.toml", tables);
     assert_eq!(named, hash("plain.toml", &[]));
