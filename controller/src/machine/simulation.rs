@@ -33,6 +33,21 @@ pub struct Simulation {
     pub skew: f64,
 }
 
+impl Simulation {
+    /// What each of its motors moves, with a power stage of its own; `None`: what its drive's model has.
+    #[must_use]
+    pub fn driven(&self) -> Option<FeedAxis> {
+        let Some(gantry) = &self.gantry else {
+            return Some(self.axis.clone());
+        };
+        let carried = gantry.carriage.as_ref().map_or(0.0, |it| it.mass);
+        gantry.motor_is_named.then(|| FeedAxis {
+            load: Some(0.5 * (gantry.beam.mass + carried)),
+            ..self.axis.clone()
+        })
+    }
+}
+
 /// A beam between the two sides of a gantry.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Gantry {
@@ -40,6 +55,8 @@ pub struct Gantry {
     pub beam: Beam,
     /// What runs along it.
     pub carriage: Option<Carriage>,
+    /// The file names the motor of its sides; otherwise each moves with what its drive's model has.
+    motor_is_named: bool,
 }
 
 /// What another axis moves along a beam, from the first side to the second.
@@ -276,6 +293,7 @@ fn beam(log: &mut Log<'_>, table: &mut Table<'_, '_>) -> Option<Gantry> {
         damping: number("racking_damping", 0.0..=1e9, "(N·m·s/rad)"),
     };
     let carriage = carriage(log, table);
+    let motor_is_named = table.span_of("motor").is_some();
     kind?;
     Some(Gantry {
         beam: Beam {
@@ -285,6 +303,7 @@ fn beam(log: &mut Log<'_>, table: &mut Table<'_, '_>) -> Option<Gantry> {
             racking,
         },
         carriage,
+        motor_is_named,
     })
 }
 

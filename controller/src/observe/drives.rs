@@ -8,7 +8,7 @@
 use super::limits::Watch;
 use super::record::{Greatest, Place, Violation};
 use super::summary::{DriveSummary, GantrySummary};
-use crate::machine::{Axis, Drive, Machine, Validation};
+use crate::machine::{Axis, Drive, FeedAxis, Machine, Simulation, Validation};
 use syncline_drives::model::Increments;
 use syncline_drives::twin::Observation;
 use syncline_drives::twin::servo::motor::Motor;
@@ -128,10 +128,9 @@ impl Drives {
 
 impl DriveWatch {
     fn new(machine: &Machine, drive: &Drive) -> Self {
-        // As the twins have it: the sides of a beam move with the default motor.
         let simulation = machine.axes[drive.axis].simulation.as_ref();
-        let own = simulation.filter(|it| it.gantry.is_none());
-        let own = own.map(|it| it.axis.motor());
+        let own = simulation.and_then(Simulation::driven);
+        let own = own.as_ref().map(FeedAxis::motor);
         let motor = own.unwrap_or_default();
         Self {
             name: drive.name.clone(),

@@ -2,7 +2,7 @@
 
 use super::{Port, PortError};
 use crate::bus::{Burst, Received};
-use crate::machine::{Axis, Gantry, Machine, Seat, Simulation};
+use crate::machine::{Axis, FeedAxis, Gantry, Machine, Seat, Simulation};
 use syncline_canopen::{Frame, NodeId};
 use syncline_drives::bus::{Band, BitRate};
 use syncline_drives::mechanics::rigid::Rigid;
@@ -227,9 +227,9 @@ pub fn config(machine: &Machine, index: usize, seed: u64) -> Config {
         return config;
     }
     let simulation = axis.simulation.as_ref();
-    let own = simulation.filter(|it| it.gantry.is_none());
+    let own = simulation.and_then(Simulation::driven);
     Config {
-        axis: own.map(|it| at_shaft(machine, index, it)),
+        axis: own.map(|it| at_shaft(machine, index, &it)),
         encoder: simulation.and_then(|it| it.encoder),
         sensors: sensors(machine, index, turns),
         ..config
@@ -271,16 +271,16 @@ pub fn twin(model: &Model, config: &Config) -> Box<dyn SimulatedDevice> {
 }
 
 /// What the motor of a drive feels of its axis.
-fn at_shaft(machine: &Machine, drive: usize, simulation: &Simulation) -> twin::Axis {
+fn at_shaft(machine: &Machine, drive: usize, driven: &FeedAxis) -> twin::Axis {
     let spec = &machine.drives[drive];
     let axis = &machine.axes[spec.axis];
     let rotary = !axis.letter.is_linear();
-    (simulation.axis).at_shaft(&spec.scaling, axis.mm_per_revolution, rotary)
+    driven.at_shaft(&spec.scaling, axis.mm_per_revolution, rotary)
 }
 
 /// One side of a beam, from the rotor to its end.
 fn side(machine: &Machine, drive: usize, simulation: &Simulation) -> Side {
-    let train = at_shaft(machine, drive, simulation).train;
+    let train = at_shaft(machine, drive, &simulation.axis).train;
     let travel = machine.axes[machine.drives[drive].axis].mm_per_revolution / 1000.0;
     Side {
         travel: match machine.drives[drive].scaling.direction() {

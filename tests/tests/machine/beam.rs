@@ -40,6 +40,31 @@ fn a_gantry_on_a_beam_runs_its_program_within_its_limits() {
     assert!(rig.ends_at_rest());
 }
 
+/// The motor that the file names turns both sides, with its torque and its gains; a weak one does not move the beam.
+#[test]
+fn the_sides_of_a_beam_have_the_motor_that_is_named() {
+    let with = |motor: &str, mass: &str| {
+        let beam = BEAM
+            .1
+            .replace("span =", &format!("motor = \"{motor}\", span ="))
+            .replace("mass = 80.0", mass);
+        let mut rig = Rig::new("portal", &[(BEAM.0, &beam)], PORTAL_PROGRAM, |_, _| ());
+        let end = rig.finish();
+        let summary = rig.judge();
+        (
+            end,
+            summary.drives[X1].peak_torque,
+            summary.drives[X2].max_torque,
+        )
+    };
+    let (end, peak, torque) = with("generic-6", "mass = 80.0");
+    assert_eq!((end, peak), (End::Finished, 18.0), "{torque}");
+    let (end, peak, torque) = with("generic-0.4", "mass = 2000.0");
+    assert!(matches!(end, End::Fault(_)), "{end:?}");
+    // Ripple and cogging come on top of what the current makes.
+    assert!(peak == 1.2 && torque <= 1.05 * peak, "{torque}");
+}
+
 #[test]
 fn a_side_that_loses_its_torque_is_felt_by_the_other() {
     let felt = |beam: bool| {
