@@ -210,9 +210,12 @@ impl Travel {
         let to = (start.p + along).clamp(self.bounds.min, self.bounds.max);
         let axis = Axis::new(start, State::at_rest(to), self.limits);
         let plan = state_to_state::plan(&axis, duration).ok();
+        // Where no plan lasts just so long the next one may last far longer.
         let goes_straight = |plan: &Profile| {
             let range = plan.extrema().position;
-            range.min >= start.p.min(to) - ROUNDING && range.max <= start.p.max(to) + ROUNDING
+            plan.duration() <= duration * (1.0 + ROUNDING)
+                && range.min >= start.p.min(to) - ROUNDING
+                && range.max <= start.p.max(to) + ROUNDING
         };
         plan.filter(goes_straight).unwrap_or(fastest)
     }

@@ -6,6 +6,8 @@ use crate::machine::Machine;
 use proptest::prelude::*;
 use std::f64::consts::TAU;
 use syncline_trajectory::limits::{Limits as AxisLimits, PositionLimits};
+use syncline_trajectory::path::Plane;
+use syncline_trajectory::path::curve::ArcDefinition;
 use syncline_trajectory::path::{
     Curve, Feed, Limits, Move, Overrides, PathControlMode, PathItem, Setpoint, Shaping, Travel,
 };
@@ -199,6 +201,133 @@ fn check(setpoints: &[Setpoint<3>]) -> Result<(), TestCaseError> {
     Ok(())
 }
 
+/// Goes along a path through a shaper, whatever an operator does; a stop past it begins at that setpoint.
+fn stays_inside(
+    curves: &[Curve<3>],
+    mode: PathControlMode,
+    feed: f64,
+    shaper: &Shaper,
+    acts: Vec<(u32, Act)>,
+    stopped: Option<usize>,
+) -> Result<(), TestCaseError> {
+    let items: Vec<_> = curves
+        .iter()
+        .map(|&curve| {
+            PathItem::Move(Move {
+                curve,
+                feed: Feed::Rate(feed),
+                mode,
+                tag: 0,
+            })
+        })
+        .collect();
+    let start = curves[0].start();
+    let mut machine = Machine::new(LIMITS, &items, start, PERIOD);
+    let mut shaping = Shaping::new(shaper, PERIOD, machine.executor.setpoint());
+    let mut setpoints = vec![machine.executor.setpoint()];
+    let mut acts = acts.into_iter();
+    let mut next = acts.next();
+    let mut waited = 0;
+    loop {
+        let planned = match machine.advance() {
+            Some(planned) => planned,
+            None if shaping.is_settled() => break,
+            None => machine.executor.advance(),
+        };
+        setpoints.push(shaping.shape(planned, 0));
+        if Some(setpoints.len()) == stopped {
+            break;
+        }
+        waited += 1;
+        match next {
+            Some((wait, act)) if waited > wait => {
+                match act {
+                    Act::Hold => machine.executor.feed_hold(),
+                    Act::Resume => machine.executor.resume(),
+                    Act::Override(feed) => {
+                        machine
+                            .executor
+                            .set_overrides(Overrides { feed, rapid: 1.0 });
+                    }
+                    Act::Retrace => machine.executor.retrace(),
+                }
+                next = acts.next();
+                waited = 0;
+            }
+            None if machine.executor.is_held() && waited > 200 => {
+                machine.executor.resume();
+                waited = 0;
+            }
+            _ => {}
+        }
+    }
+    let last = *setpoints.last().unwrap();
+    if stopped.is_some() && !shaping.is_settled() {
+        let travel = std::array::from_fn(|axis| {
+            let of = [LIMITS.velocity, LIMITS.acceleration, LIMITS.jerk].map(|of| of[axis]);
+            let limits = AxisLimits::symmetric(of[0], of[1], of[2]);
+            Some(Travel {
+                limits,
+                bounds: PositionLimits {
+                    min: -1e3,
+                    max: 1e3,
+                },
+            })
+        });
+        machine.executor.stop_beside(&last, &travel);
+        shaping.bypass();
+        let begun = setpoints.len();
+        while !machine.executor.is_idle() {
+            let planned = machine.executor.advance();
+            setpoints.push(shaping.shape(planned, 0));
+            prop_assert!(setpoints.len() < begun + 5_000, "never rests");
+        }
+        let [v, a, j] = [500.0, 2_000.0, 40_000.0];
+        let longest = v / a + 3.0 * a / j;
+        prop_assert!(
+            ((setpoints.len() - begun) as f64) * PERIOD <= longest,
+            "{}",
+            setpoints.len() - begun
+        );
+    }
+    let last = setpoints.last().unwrap();
+    prop_assert_eq!((last.velocity, last.acceleration), ([0.0; 3], [0.0; 3]));
+    check(&setpoints)
+}
+
+/// No stop of one axis lasts just as long as the lead's: the next longer one lasted twice that.
+#[test]
+fn a_stop_that_cannot_last_as_long_as_the_leads_is_the_fastest() {
+    let corner = [-11.88858216644726, -12.634023081141313, -10.679713611729904];
+    let next = [0.0, 12.58691281213092, -8.997750649415686];
+    let arc = Curve::arc(ArcDefinition {
+        start: [4.008498594567782, 11.49063845831519, 9.93653526118502],
+        end: corner,
+        plane: Plane::Xy,
+        centre: (-39.4644896486363, 22.837341458454212),
+        clockwise: true,
+        turns: 0,
+    });
+    let lines = [(corner, next), (next, [0.0; 3])].map(|(from, to)| Curve::line(from, to).unwrap());
+    let curves = [arc.unwrap(), lines[0], lines[1]];
+    let modes = [
+        (40.668364270149404, 0.1913620604686285),
+        (11.124373489128192, 0.18005269911757024),
+    ];
+    let modes = modes.map(|(frequency, damping)| Vibration { frequency, damping });
+    let shaper = Shaper::new(Kind::Zvd, &modes);
+    let mode = PathControlMode::Blend(0.3949298986028653);
+    stays_inside(
+        &curves,
+        mode,
+        196.8929797009274,
+        &shaper,
+        Vec::new(),
+        Some(151),
+    )
+    .unwrap();
+}
+
 proptest! {
     #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(32) })]
 
@@ -212,70 +341,7 @@ proptest! {
         acts in prop::collection::vec(act(), 0..5),
         stopped in prop::option::of(1..600_usize),
     ) {
-        let items: Vec<_> = curves
-            .iter()
-            .map(|&curve| PathItem::Move(Move { curve, feed: Feed::Rate(feed), mode, tag: 0 }))
-            .collect();
-        let start = curves[0].start();
-        let mut machine = Machine::new(LIMITS, &items, start, PERIOD);
-        let mut shaping = Shaping::new(&shaper, PERIOD, machine.executor.setpoint());
-        let mut setpoints = vec![machine.executor.setpoint()];
-        let mut acts = acts.into_iter();
-        let mut next = acts.next();
-        let mut waited = 0;
-        loop {
-            let planned = match machine.advance() {
-                Some(planned) => planned,
-                None if shaping.is_settled() => break,
-                None => machine.executor.advance(),
-            };
-            setpoints.push(shaping.shape(planned, 0));
-            if Some(setpoints.len()) == stopped {
-                break;
-            }
-            waited += 1;
-            match next {
-                Some((wait, act)) if waited > wait => {
-                    match act {
-                        Act::Hold => machine.executor.feed_hold(),
-                        Act::Resume => machine.executor.resume(),
-                        Act::Override(feed) => {
-                            machine.executor.set_overrides(Overrides { feed, rapid: 1.0 });
-                        }
-                        Act::Retrace => machine.executor.retrace(),
-                    }
-                    next = acts.next();
-                    waited = 0;
-                }
-                None if machine.executor.is_held() && waited > 200 => {
-                    machine.executor.resume();
-                    waited = 0;
-                }
-                _ => {}
-            }
-        }
-        let last = *setpoints.last().unwrap();
-        if stopped.is_some() && !shaping.is_settled() {
-            let travel = std::array::from_fn(|axis| {
-                let of = [LIMITS.velocity, LIMITS.acceleration, LIMITS.jerk].map(|of| of[axis]);
-                let limits = AxisLimits::symmetric(of[0], of[1], of[2]);
-                Some(Travel { limits, bounds: PositionLimits { min: -1e3, max: 1e3 } })
-            });
-            machine.executor.stop_beside(&last, &travel);
-            shaping.bypass();
-            let begun = setpoints.len();
-            while !machine.executor.is_idle() {
-                let planned = machine.executor.advance();
-                setpoints.push(shaping.shape(planned, 0));
-                prop_assert!(setpoints.len() < begun + 5_000, "never rests");
-            }
-            let [v, a, j] = [500.0, 2_000.0, 40_000.0];
-            let longest = v / a + 3.0 * a / j;
-            prop_assert!(((setpoints.len() - begun) as f64) * PERIOD <= longest, "{}", setpoints.len() - begun);
-        }
-        let last = setpoints.last().unwrap();
-        prop_assert_eq!((last.velocity, last.acceleration), ([0.0; 3], [0.0; 3]));
-        check(&setpoints)?;
+        stays_inside(&curves, mode, feed, &shaper, acts, stopped)?;
     }
 
     /// A straight line stays straight, and a stop from the middle of it nearly so.
