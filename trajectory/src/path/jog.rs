@@ -23,6 +23,8 @@
 //! travels; every axis follows it by its share, so that they stay on the line whatever becomes of the
 //! speed. A line begins in motion only where the axes move along it already.
 
+mod stopping;
+
 use super::Setpoint;
 use crate::limits::{Limits, PositionLimits};
 use crate::profile::{Profile, State};
@@ -197,29 +199,6 @@ impl Travel {
         Some(direct.map_or((stop, false), |plan| (plan, true)))
     }
 
-    /// A stop that lasts as long as the lead's, whose duration, way and velocity that is, and goes as far in its
-    /// proportion; the fastest where that cannot be.
-    fn stop_along(&self, start: State, fastest: Profile, lead: (f64, f64, f64)) -> Profile {
-        let (duration, way, velocity) = lead;
-        let shortest = fastest.end().p - start.p;
-        let along = way * start.v / velocity;
-        // Short of where it can stop it would have to come back.
-        if !(along.is_finite() && along * shortest > 0.0 && along.abs() > shortest.abs()) {
-            return fastest;
-        }
-        let to = (start.p + along).clamp(self.bounds.min, self.bounds.max);
-        let axis = Axis::new(start, State::at_rest(to), self.limits);
-        let plan = state_to_state::plan(&axis, duration).ok();
-        // Where no plan lasts just so long the next one may last far longer.
-        let goes_straight = |plan: &Profile| {
-            let range = plan.extrema().position;
-            plan.duration() <= duration * (1.0 + ROUNDING)
-                && range.min >= start.p.min(to) - ROUNDING
-                && range.max <= start.p.max(to) + ROUNDING
-        };
-        plan.filter(goes_straight).unwrap_or(fastest)
-    }
-
     fn contains(&self, position: f64) -> bool {
         (self.bounds.min..=self.bounds.max).contains(&position)
     }
@@ -318,29 +297,6 @@ impl<const N: usize> Jogging<N> {
             next_line: None,
             home,
         }
-    }
-
-    /// From a motion to rest, nearly along its direction: the axis that takes longest leads, and the others go as far
-    /// as theirs is, as long as the lead does. Where one cannot, it stops as fast as it can. So no
-    /// axis leaves its travel, as the head of this module says.
-    pub(super) fn stopping(states: [State; N], period: f64, travel: &[Option<Travel>; N]) -> Self {
-        let mut axes = Jogging::new(states.map(|state| state.p), period, travel);
-        let stops: [Option<Profile>; N] =
-            std::array::from_fn(|i| axes.travel[i].and_then(|it| stop(states[i], it.limits)));
-        let mut lead: Option<(f64, f64, f64)> = None;
-        for (state, stop) in states.iter().zip(&stops) {
-            if let Some(stop) = stop
-                && lead.is_none_or(|(longest, ..)| stop.duration() > longest)
-            {
-                lead = Some((stop.duration(), stop.end().p - state.p, state.v));
-            }
-        }
-        for i in 0..N {
-            if let (Some(travel), Some(stop), Some(lead)) = (axes.travel[i], stops[i], lead) {
-                axes.motions[i].plan = travel.stop_along(states[i], stop, lead);
-            }
-        }
-        axes
     }
 
     /// Takes an order, or refuses it and changes nothing; it is followed from the next cycle on.
