@@ -1,6 +1,6 @@
 //! What a simulated drive's plant and loops cost: a millisecond of each while the axis moves, 16 steps
 //! of the speed loop of 62.5 µs, under a torque that swings, as it does on a contour:
-//! `cargo bench -p syncline-benches --bench plants`. What is measured is the thread's processor time, so
+//! `cargo bench -p syncline-benches --features measure --bench plants`. What is measured is the thread's processor time, so
 //! that others on the host count little.
 
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
