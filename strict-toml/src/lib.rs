@@ -38,6 +38,7 @@
 #![forbid(unsafe_code)]
 
 mod diagnostic;
+pub mod replace;
 mod set;
 mod table;
 

@@ -12,7 +12,7 @@ use syncline_controller::bus::{Burst, Received};
 use syncline_controller::control::{
     Controller, End, Event, Fault, Layout, Phase, Row, State, Switch,
 };
-use syncline_controller::machine::{COORDINATES, Machine};
+use syncline_controller::machine::{COORDINATES, Machine, MachineState};
 use syncline_controller::observe::Observers;
 use syncline_controller::observe::flight_recorder::FaultFiles;
 use syncline_controller::observe::frames::SharedFrames;
@@ -194,7 +194,8 @@ impl Rig {
         program: &str,
         configure: impl Fn(usize, &mut Config),
     ) -> Self {
-        Self::switched_on(machine, replacements, Some(program), configure)
+        let state = MachineState::default();
+        Self::switched_on(machine, replacements, Some(program), &state, configure)
     }
 
     /// The same without a program: a machine that stays on.
@@ -204,19 +205,32 @@ impl Rig {
         replacements: &[(&str, &str)],
         configure: impl Fn(usize, &mut Config),
     ) -> Self {
-        Self::switched_on(machine, replacements, None, configure)
+        Self::recalling(machine, replacements, &MachineState::default(), configure)
+    }
+
+    /// The same, of which that is known from when it was on last.
+    #[must_use]
+    pub fn recalling(
+        machine: &str,
+        replacements: &[(&str, &str)],
+        state: &MachineState,
+        configure: impl Fn(usize, &mut Config),
+    ) -> Self {
+        Self::switched_on(machine, replacements, None, state, configure)
     }
 
     fn switched_on(
         machine: &str,
         replacements: &[(&str, &str)],
         program: Option<&str>,
+        state: &MachineState,
         configure: impl Fn(usize, &mut Config),
     ) -> Self {
         let folder = Folder::new();
         let file = folder.file("machine.toml", &machine_with(machine, replacements));
         let machine = Machine::load(&file).expect("a good machine");
-        let layout = Arc::new(Layout::new(&machine).expect("it fits its cycle"));
+        let layout = Layout::new(&machine).expect("it fits its cycle");
+        let layout = Arc::new(layout.recalling(&machine, state));
         let programs = Programs::new(&machine, &file).expect("good tables");
         let shared = SharedFrames::new(&machine);
         let sent = shared.listen(&machine);

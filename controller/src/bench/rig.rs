@@ -3,7 +3,7 @@
 
 use crate::budget::DoesNotFit;
 use crate::control::{Instruction, Layout, layout};
-use crate::machine::{AxisLimits, Homing, HomingPolicy};
+use crate::machine::{AxisLimits, Homing, HomingPolicy, NotKept};
 use crate::port::sim::{self, SimPort};
 use crate::port::{Port, Ports};
 use crate::run::driver::Driver;
@@ -272,6 +272,7 @@ impl Shape {
                         standstill: 0.1,
                     },
                     homing: Homing::default(),
+                    kept: Err(NotKept::Unknown),
                 })
                 .collect(),
             homing: HomingPolicy::default(),

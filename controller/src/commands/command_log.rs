@@ -1,10 +1,12 @@
 //! The log of a session's commands: written beside a run, read by `replay`.
 //!
 //! It is lines of JSON. The first ones hold the tables with which the session began, a line of their file
-//! each, as what it does may change them; then comes a line for each command that took effect.
+//! each, as what it does may change them, and what was known of the machine's state; then comes a line for
+//! each command that took effect.
 
 use super::input::ShortLines;
 use super::output::{Claims, NoOutput, Target};
+use crate::machine::MachineState;
 use crate::observe::trace::Sink;
 use crate::run::Timeline;
 use crate::session::{Accepted, Event, Recorded, Session, Subscription};
@@ -36,6 +38,12 @@ struct TablesLine {
     tables: String,
 }
 
+/// What was known of the machine when the session began.
+#[derive(Serialize, Deserialize)]
+struct StateLine {
+    state: MachineState,
+}
+
 /// The log of a session that goes on.
 pub(super) struct CommandLog {
     events: Subscription,
@@ -43,11 +51,13 @@ pub(super) struct CommandLog {
 }
 
 impl CommandLog {
-    /// The log of a session that has not begun, on a machine whose tables are in the file `tables`.
+    /// The log of a session that has not begun, on a machine of which that `state` is known, and whose tables
+    /// are in the file `tables`.
     pub(super) fn begin<T: Timeline>(
         session: &mut Session<T>,
         file: Sink,
         tables: &Path,
+        state: &MachineState,
     ) -> io::Result<Self> {
         let mut log = Self {
             events: session.subscribe(),
@@ -61,6 +71,8 @@ impl CommandLog {
         for tables in text.split('\n').map(str::to_owned) {
             write(&mut log.file, &TablesLine { tables })?;
         }
+        let state = state.clone();
+        write(&mut log.file, &StateLine { state })?;
         Ok(log)
     }
 
@@ -89,6 +101,8 @@ pub(super) struct Logged {
     pub(super) commands: Recorded,
     /// The tables with which the session began, if they are in it.
     pub(super) tables: Option<Tables>,
+    /// What was known of the machine then.
+    pub(super) state: MachineState,
 }
 
 /// A log of commands that cannot be used.
@@ -143,6 +157,7 @@ pub(super) fn read(path: &Path) -> Result<Logged, BadCommands> {
     let mut file = BufReader::new(ShortLines::new(file));
     let mut accepted: Vec<Accepted> = Vec::new();
     let mut tables: Vec<String> = Vec::new();
+    let mut state = MachineState::default();
     let mut text = String::new();
     for line in 1.. {
         text.clear();
@@ -156,6 +171,10 @@ pub(super) fn read(path: &Path) -> Result<Logged, BadCommands> {
         }
         if let Ok(TablesLine { tables: line }) = serde_json::from_str(&text) {
             tables.push(line);
+            continue;
+        }
+        if let Ok(StateLine { state: known }) = serde_json::from_str(&text) {
+            state = known;
             continue;
         }
         let command: Accepted =
@@ -183,5 +202,6 @@ pub(super) fn read(path: &Path) -> Result<Logged, BadCommands> {
     Ok(Logged {
         commands: Recorded::new(accepted),
         tables,
+        state,
     })
 }

@@ -49,6 +49,7 @@ mod replay;
 mod run;
 mod scan;
 mod sdo;
+mod state_keeper;
 mod switches;
 mod tool;
 mod validate;

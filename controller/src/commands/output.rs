@@ -2,6 +2,7 @@
 //! when it is written.
 
 use super::writers::Writers;
+use crate::machine::MachineState;
 use crate::observe::record::Report;
 use crate::observe::summary::Summary;
 use crate::observe::trace::Sink;
@@ -87,12 +88,13 @@ impl Claims {
         }
     }
 
-    /// For a machine: its file is not to be written over, nor are the tables, be they there or to be
+    /// For a machine: its file is not to be written over, nor are the tables and its state, be they there or to be
     /// made.
     pub(super) fn of_machine(machine: &Path) -> Self {
         Self::default()
             .reads("the machine file", machine)
             .reads("the tables", &Tables::beside(machine))
+            .reads("the machine's state", &MachineState::beside(machine))
     }
 
     /// For a program on a machine: nor are the program and the files beside it that it can call.

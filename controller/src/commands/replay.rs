@@ -70,13 +70,17 @@ impl Args {
     fn replay(&self) -> Result<Exit, Box<dyn Error>> {
         let mut machine = Machine::load(&self.machine)?;
         self.ports.apply(&mut machine)?;
-        let layout = Arc::new(Layout::new(&machine)?);
         let recorded = self.commands.as_deref().map(command_log::read);
         let recorded = recorded.transpose()?;
         let operators = recorded
             .as_ref()
             .map_or(Operators::Unknown, |_| Operators::Recorded);
-        let command_log::Logged { commands, tables } = recorded.unwrap_or_default();
+        let command_log::Logged {
+            commands,
+            tables,
+            state,
+        } = recorded.unwrap_or_default();
+        let layout = Arc::new(Layout::new(&machine)?.recalling(&machine, &state));
         let programs = match tables {
             Some(tables) => Programs::with_tables(&machine, tables),
             None => Programs::new(&machine, &self.machine)?,

@@ -8,10 +8,11 @@ use super::output::{Claims, Output, Results, Target};
 use super::ports::PortChoice;
 use super::progress::{Console, Messages, Screen};
 use super::real_time::{Buses, RealTimeArgs, Written, attend, lockstep, record_faults};
+use super::state_keeper::StateKeeper;
 use super::switches::Switches;
 use super::{Exit, bad_input, report, told};
 use crate::control::{End, Event as MachineEvent, Layout};
-use crate::machine::Machine;
+use crate::machine::{Machine, MachineState};
 use crate::observe::Observers;
 use crate::observe::summary::Summary;
 use crate::observe::timing::Stage;
@@ -72,6 +73,7 @@ impl Args {
         let prepared = self.prepare();
         let Prepared {
             machine,
+            state,
             layout,
             program,
             extent,
@@ -86,6 +88,7 @@ impl Args {
         let run = Run {
             args: &self,
             machine,
+            state,
             layout,
             extent,
             claims,
@@ -102,6 +105,7 @@ impl Args {
 /// All that a run needs.
 struct Prepared {
     machine: Machine,
+    state: MachineState,
     layout: Arc<Layout>,
     program: Program,
     extent: Extent,
@@ -116,7 +120,8 @@ impl Args {
     fn prepare(&self) -> Result<Prepared, Box<dyn Error>> {
         let mut machine = Machine::load(&self.machine)?;
         self.ports.apply(&mut machine)?;
-        let layout = Arc::new(Layout::new(&machine)?);
+        let state = MachineState::load(&MachineState::beside(&self.machine))?;
+        let layout = Arc::new(Layout::new(&machine)?.recalling(&machine, &state));
         let programs = Programs::new(&machine, &self.machine)?;
         let program = self.switches.program(&programs, &self.program)?;
         let extent = program.check(machine.rest())?;
@@ -133,6 +138,7 @@ impl Args {
         let buses = self.real_time.open(&machine, logs)?;
         Ok(Prepared {
             machine,
+            state,
             layout,
             program,
             extent,
@@ -163,6 +169,7 @@ struct NotConfirmed;
 struct Run<'a> {
     args: &'a Args,
     machine: Machine,
+    state: MachineState,
     layout: Arc<Layout>,
     extent: Extent,
     claims: Claims,
@@ -209,9 +216,13 @@ impl Run<'_> {
         );
         let commands = commands.map(|file| {
             let file = Box::new(written.writers.begin(file)?);
-            CommandLog::begin(&mut session, file, &Tables::beside(&self.args.machine))
+            let tables = Tables::beside(&self.args.machine);
+            CommandLog::begin(&mut session, file, &tables, &self.state)
         });
         let commands = commands.transpose()?;
+        let file = MachineState::beside(&self.args.machine);
+        let state = std::mem::take(&mut self.state);
+        let keeper = StateKeeper::start(&mut session, &self.machine, state, file)?;
         (self.args.switches).set(&session.operator("command line"))?;
         let screen = Screen {
             events: session.subscribe(),
@@ -225,7 +236,7 @@ impl Run<'_> {
         fallbacks(&self.machine).for_each(|line| messages.tell(line));
         let keys = listen(&mut session, &messages)?;
         attend(&mut session, commands)?;
-        let concluded = self.conclude(session, written, &messages, lockstep);
+        let concluded = self.conclude(session, (written, keeper), &messages, lockstep);
         let exit = concluded.unwrap_or_else(|error| {
             messages.tell(told(&*error));
             Exit::Stopped
@@ -239,7 +250,7 @@ impl Run<'_> {
     fn conclude(
         self,
         session: Session<RealTime>,
-        mut written: Written,
+        (mut written, keeper): (Written, StateKeeper),
         messages: &Messages,
         lockstep: bool,
     ) -> Result<Exit, Box<dyn Error>> {
@@ -276,6 +287,7 @@ impl Run<'_> {
             messages.conclude(stream, text);
         }
         problems.extend(written.finish());
+        problems.extend(keeper.finish().err().map(Into::into));
         for problem in &problems {
             messages.tell(told(&**problem));
         }

@@ -10,7 +10,7 @@ use super::switches::Switches;
 use super::{Exit, report};
 use crate::control::fault::Names;
 use crate::control::{Event as MachineEvent, Layout};
-use crate::machine::Machine;
+use crate::machine::{Machine, MachineState};
 use crate::observe::Observers;
 use crate::observe::summary::Summary;
 use crate::program::bounds::TimeBounds;
@@ -106,7 +106,8 @@ impl Args {
     /// Reads and checks everything, and opens the files, before anything else.
     fn prepare(&self) -> Result<Prepared, Box<dyn Error>> {
         let machine = Machine::load_with(&self.machine, &self.settings)?;
-        let layout = Arc::new(Layout::new(&machine)?);
+        let state = MachineState::simulated(&machine);
+        let layout = Arc::new(Layout::new(&machine)?.recalling(&machine, &state));
         let programs = if let Some(file) = &self.tables {
             let text = fs::read_to_string(file);
             let text = text.map_err(|why| format!("cannot read {}: {why}", file.display()))?;
@@ -172,7 +173,8 @@ impl Args {
         let commands = commands.map(|file| {
             let beside = Tables::beside(&self.machine);
             let tables = self.tables.as_ref().unwrap_or(&beside);
-            CommandLog::begin(&mut session, Box::new(file.begin()?), tables)
+            let state = MachineState::simulated(&machine);
+            CommandLog::begin(&mut session, Box::new(file.begin()?), tables, &state)
         });
         let mut commands = commands.transpose()?;
         self.switches.set(&session.operator("command line"))?;

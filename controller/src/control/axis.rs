@@ -2,11 +2,11 @@
 
 use super::SIDES_ENABLE;
 use super::fault::{AwaitedState, AxisCause, AxisIndex, DeviceIndex, Fault};
-use super::homing::Edge;
+use super::homing::{Edge, NotRecalled};
 use super::layout::{self, Layout};
 use super::node::DeviceNode;
 use super::setpoint_guard::SetpointGuard;
-use crate::machine::{HomingMethod, Square};
+use crate::machine::{HomingMethod, Kept, Square};
 use syncline_drives::model::{Increments, Setpoint};
 use syncline_trajectory::limits::Limits;
 use syncline_trajectory::profile::{Profile, State};
@@ -73,6 +73,8 @@ pub(super) struct AxisControl {
     sides: Vec<Side>,
     /// Its positions are machine positions.
     referenced: bool,
+    /// It was looked whether a reference from before holds.
+    recalled: bool,
     /// Its drives can be sent on with the plan; otherwise it stays.
     moves_on: bool,
     /// The plan by cycle, newest at `cycle % HISTORY`.
@@ -134,6 +136,7 @@ impl AxisControl {
             index,
             sides: spec.drives.iter().map(side).collect(),
             referenced: spec.homing.is_absolute(),
+            recalled: false,
             spec,
             moves_on: false,
             planned: [Planned::default(); HISTORY],
@@ -164,7 +167,50 @@ impl AxisControl {
     /// Whether one of its drives may not count any more as it did when it was referenced.
     pub(super) fn has_lost_count(&self, nodes: &[DeviceNode]) -> bool {
         let mut drives = self.spec.drives.iter();
-        !self.spec.homing.is_absolute() && drives.any(|&drive| nodes[drive].has_lost_count())
+        let counts_on = self.spec.homing.is_absolute() || self.keeps_reference();
+        !counts_on && drives.any(|&drive| nodes[drive].has_lost_count())
+    }
+
+    /// Whether its reference holds when it is switched on again.
+    pub(super) fn keeps_reference(&self) -> bool {
+        self.spec.homing.moved_limit.is_some()
+    }
+
+    /// Takes up the reference that it had when the machine was on last; how far it has moved since, mm. `None`
+    /// where there is nothing to take up.
+    ///
+    /// # Errors
+    /// It does not hold any more.
+    pub(super) fn recall(&mut self, nodes: &mut [DeviceNode]) -> Option<Result<f64, NotRecalled>> {
+        let limit = self.spec.homing.moved_limit?;
+        if std::mem::replace(&mut self.recalled, true) || self.referenced {
+            return None;
+        }
+        let kept = match &self.spec.kept {
+            Ok(kept) => kept,
+            Err(why) => return Some(Err(NotRecalled::NotKept(*why))),
+        };
+        let mut moved = 0.0_f64;
+        for (&drive, kept) in self.spec.drives.iter().zip(kept) {
+            let node = &mut nodes[drive];
+            let by = node.recall(kept).get().abs() as f64 * node.scaling().resolution();
+            moved = moved.max(by);
+        }
+        self.referenced = moved <= limit;
+        Some(match self.referenced {
+            true => Ok(moved),
+            false => Err(NotRecalled::Moved(moved)),
+        })
+    }
+
+    /// What is to be kept of its drives, once it was looked what was kept before.
+    pub(super) fn kept(
+        &self,
+        nodes: &[DeviceNode],
+    ) -> impl Iterator<Item = (DeviceIndex, Option<Kept>)> {
+        let kept = |&drive: &DeviceIndex| (drive, self.referenced.then(|| nodes[drive].kept()));
+        let keeps = self.keeps_reference() && self.recalled;
+        self.spec.drives.iter().filter(move |_| keeps).map(kept)
     }
 
     /// Without a reference, counts from where each side stands. A drive beside the encoder of the position

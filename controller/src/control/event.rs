@@ -2,12 +2,13 @@
 
 use super::fault::{AxisIndex, BusIndex, DeviceIndex, Fault, Names};
 use super::functions::Switch;
-use super::homing::HomingFailure;
+use super::homing::{HomingFailure, NotRecalled};
 use super::inputs::InputIndex;
 use super::job::Outcome;
 use super::layout::AxisSpec;
 use super::state::State;
 use crate::bus::BusFault;
+use crate::machine::Kept;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::time::Duration;
@@ -109,6 +110,27 @@ pub enum Event {
         axis: AxisIndex,
         /// How far the second stands beyond the first, mm.
         apart: f64,
+    },
+    /// The reference that an axis had when the machine was on last still holds.
+    Recalled {
+        /// Which axis.
+        axis: AxisIndex,
+        /// How far it has moved since, mm.
+        moved: f64,
+    },
+    /// An axis whose reference was to be kept has none.
+    NotRecalled {
+        /// Which axis.
+        axis: AxisIndex,
+        /// Why.
+        why: NotRecalled,
+    },
+    /// What is to be kept of a drive for when the machine is switched on again; `None`: nothing any more.
+    Kept {
+        /// Which drive.
+        device: DeviceIndex,
+        /// Its reference.
+        kept: Option<Kept>,
     },
     /// A drive of an axis may have lost its count: its positions are no machine positions any more.
     Unreferenced {
@@ -396,6 +418,8 @@ impl Event {
             | Self::Referenced { axis, .. }
             | Self::Askew { axis, .. }
             | Self::Unreferenced { axis }
+            | Self::Recalled { axis, .. }
+            | Self::NotRecalled { axis, .. }
             | Self::HomingFailed { axis, .. } => return self.describe_axis(names.axis(axis)),
             Self::MissedTPdo { device } => format!("{}: T_PDO missing in one cycle", who(device)),
             Self::LateSetpoint { bus, cycle } => format!(
@@ -432,7 +456,7 @@ impl Event {
                 format!("feed hold ended, still at rest in line {line}: {reason}")
             }
             Self::Retracing => "retracing: going back along the path".to_owned(),
-            Self::JobOver { .. } | Self::State(_) => return None,
+            Self::JobOver { .. } | Self::State(_) | Self::Kept { .. } => return None,
             Self::Interrupted => "interrupted: stopping on the path".to_owned(),
             Self::Fault(fault) => format!("FAULT: {}", fault.describe(names)),
         })
@@ -459,6 +483,10 @@ impl Event {
             Self::Unreferenced { .. } => {
                 format!("axis {name} is not referenced any more, as its drive was gone: home it")
             }
+            Self::Recalled { moved, .. } => format!(
+                "axis {name} is referenced as it was before, and has moved by {moved:.4} {unit} since"
+            ),
+            Self::NotRecalled { why, .. } => why.describe(axis),
             Self::HomingFailed { failure, .. } => failure.describe(axis),
             _ => return None,
         })

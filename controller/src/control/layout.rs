@@ -3,7 +3,9 @@
 use super::fault::{AxisIndex, BusCause, BusIndex, DeviceIndex, Names};
 use super::inputs::InputIndex;
 use crate::budget::{BusBudget, DoesNotFit, MachineBudget};
-use crate::machine::{self, AxisLimits, Homing, HomingPolicy, Machine, Seat};
+use crate::machine::{
+    self, AxisLimits, Homing, HomingPolicy, Kept, Machine, MachineState, NotKept, Seat,
+};
 use syncline_canopen::time::Duration;
 use syncline_canopen::{CanId, CobId, Frame, NodeId};
 use syncline_drives::model::{Device, Direction, Increments, Scaling};
@@ -122,6 +124,8 @@ pub struct AxisSpec {
     pub limits: AxisLimits,
     /// How it comes to know where it is.
     pub homing: Homing,
+    /// The references of its drives from when the machine was on last.
+    pub kept: Result<Vec<Kept>, NotKept>,
 }
 
 /// What says where an axis is, beside its drives.
@@ -214,6 +218,7 @@ impl Layout {
                     }),
                     limits: axis.limits,
                     homing: axis.homing.clone(),
+                    kept: Err(NotKept::Unknown),
                 })
                 .collect(),
             buses,
@@ -228,6 +233,15 @@ impl Layout {
 }
 
 impl Layout {
+    /// Takes up what is known of the machine from when it was on last.
+    #[must_use]
+    pub fn recalling(mut self, machine: &Machine, state: &MachineState) -> Self {
+        for (spec, axis) in self.axes.iter_mut().zip(&machine.axes) {
+            spec.kept = state.of_axis(machine, axis);
+        }
+        self
+    }
+
     /// The R_PDOs of a bus by their identifiers, each as device and place among its R_PDOs: the
     /// order in which a burst leaves.
     pub(super) fn burst(&self, bus: &BusSpec) -> Vec<(DeviceIndex, usize)> {

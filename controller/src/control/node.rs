@@ -10,6 +10,7 @@ use super::homing::Edge;
 use super::layout::{self, Layout};
 use super::sdo_sequence::{SdoSequence, Step};
 use crate::bus::FrameBuf;
+use crate::machine::Kept;
 use std::sync::Arc;
 use syncline_canopen::emcy::{self, Emergency};
 use syncline_canopen::{CanId, CobId, Frame, Instant, Transmit, heartbeat, nmt};
@@ -251,6 +252,24 @@ impl DeviceNode {
     /// The machine position of its setpoint, mm.
     pub(super) fn setpoint_mm(&self) -> f64 {
         self.scaling().to_mm(self.setpoint.position - self.origin)
+    }
+
+    /// Takes up where it counted when the machine was on last: how far it has moved since, increments.
+    pub(super) fn recall(&mut self, kept: &Kept) -> Increments {
+        let range = self.device.feedback().and_then(|feedback| feedback.range());
+        if let Some(range) = range {
+            self.actual = unwrapped(self.actual, range, kept.position);
+        }
+        self.origin = kept.origin;
+        self.actual - kept.position
+    }
+
+    /// What is to be kept of it.
+    pub(super) fn kept(&self) -> Kept {
+        Kept {
+            origin: self.origin,
+            position: self.actual,
+        }
     }
 
     /// Whether it may count otherwise than when its count was last known.

@@ -63,6 +63,7 @@ impl<const N: usize> Controller<N> {
             Phase::Lock => {
                 let locked = self.sequences_done();
                 if locked {
+                    self.recall_references();
                     for axis in &self.axes {
                         axis.count_from_here(&mut self.nodes)?;
                         axis.locate(&self.nodes)?;
@@ -172,6 +173,7 @@ impl<const N: usize> Controller<N> {
             Phase::Disabled => {
                 self.frozen = false;
                 self.set_power(PowerCommand::Disable);
+                self.keep_references();
             }
             Phase::Disable => self.set_power(PowerCommand::Disable),
             Phase::ReadyToSwitchOn | Phase::ShutDown => {
@@ -212,7 +214,10 @@ impl<const N: usize> Controller<N> {
                 self.frozen = false;
                 self.quick_stop(|_, _| true);
             }
-            Phase::Release => self.ask_release(),
+            Phase::Release => {
+                self.keep_references();
+                self.ask_release();
+            }
             Phase::PreOperational => self.send_nmt(nmt::Command::EnterPreOperational, out),
             Phase::Done => self.sync_on = false,
         }

@@ -34,6 +34,9 @@ pub struct Homing {
     pub jog_distance: f64,
     /// How a gantry is taken square; `None` of an axis with one drive.
     pub square: Option<Square>,
+    /// The encoders of an axis that is homed keep counting without power: its reference holds when it is switched on
+    /// again and has moved by no more than this since, mm.
+    pub moved_limit: Option<f64>,
 }
 
 /// How the two sides of a gantry are brought to where they belong.
@@ -99,6 +102,7 @@ impl Default for Homing {
             jog_speed: f64::INFINITY,
             jog_distance: f64::INFINITY,
             square: None,
+            moved_limit: None,
         }
     }
 }
@@ -108,6 +112,12 @@ impl Homing {
     #[must_use]
     pub fn is_absolute(&self) -> bool {
         self.method == HomingMethod::Encoder
+    }
+
+    /// Whether an operator has to say where the axis stands.
+    #[must_use]
+    pub fn is_by_hand(&self) -> bool {
+        matches!(self.method, HomingMethod::SetHere { .. })
     }
 
     /// Where the axis stands once it is homed, if that is stated.
@@ -146,6 +156,8 @@ const ALLOWED: &str = "a table [axis.homing]; see docs/homing.md";
 const KINDS: [&str; 3] = ["encoder", "set_here", "switch"];
 /// Of a jog without a reference, mm or degrees.
 const JOG_DISTANCE: f64 = 10.0;
+/// How far an axis may move without power, mm or degrees.
+const MOVED: f64 = 1.0;
 
 /// The key of an axis with those limits, of a gantry where those have a skew.
 pub(super) fn read(
@@ -194,6 +206,17 @@ pub(super) fn read(
             0.001..=1e6,
             position,
         );
+        let absolute = table.flag_or(log, "absolute", false);
+        let given = table.span_of("moved_limit");
+        let moved = number_or(log, &mut table, "moved_limit", MOVED, 0.0..=1e6, position);
+        homing.moved_limit = absolute.then_some(moved);
+        if let (Some(span), false) = (given, absolute) {
+            log.report(
+                span,
+                format!("{}: `moved_limit` where no reference is kept", table.title),
+                "allowed: with `absolute = true`, for encoders that count without power",
+            );
+        }
         refuse_drive_limits(log, axis);
     }
     if let Some(skew) = limits.skew {
@@ -404,7 +427,7 @@ pub(super) fn join(
             );
         }
     }
-    let by_hand = |axis: &&Axis| matches!(axis.homing.method, HomingMethod::SetHere { .. });
+    let by_hand = |axis: &&Axis| axis.homing.is_by_hand() && axis.homing.moved_limit.is_none();
     if policy.get_ref().at_start
         && let Some(axis) = axes.iter().find(by_hand)
     {

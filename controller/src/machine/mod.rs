@@ -13,6 +13,7 @@ mod shaper;
 mod signals;
 mod simulation;
 mod spindle;
+mod state_file;
 mod validation;
 
 pub use encoder::{Encoder, Feedback};
@@ -22,6 +23,7 @@ pub use node::{Node, Seat};
 pub use signals::{AnalogOutput, AnalogSource, Input, InputMeaning, Output, OutputSwitch};
 pub use simulation::{Carriage, FeedAxis, Gantry, Simulation};
 pub use spindle::{SpinUp, Spindle};
+pub use state_file::{Kept, MachineState, NotKept, StateError};
 pub use validation::Validation;
 
 use std::{

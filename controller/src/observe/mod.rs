@@ -160,7 +160,9 @@ impl Observers {
             Event::LateSetpoint { .. } => {
                 self.late_setpoint.get_or_insert(now);
             }
-            Event::Referenced { axis, .. } => self.axes[*axis].count_anew(true),
+            Event::Referenced { axis, .. } | Event::Recalled { axis, .. } => {
+                self.axes[*axis].count_anew(true);
+            }
             Event::Unreferenced { axis } => self.axes[*axis].count_anew(false),
             _ => {}
         }

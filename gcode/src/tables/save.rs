@@ -11,8 +11,9 @@ use crate::axes::{Axis, Point};
 use std::collections::BTreeMap;
 use std::fmt;
 use std::fs::{self, File};
-use std::io::{self, Write};
+use std::io;
 use std::path::{Path, PathBuf};
+use syncline_strict_toml::replace::{beside, create, folder, replace};
 use toml_edit::{ArrayOfTables, DocumentMut, InlineTable, Item, Table, TableLike, Value};
 
 /// The head of a file that was not there.
@@ -54,45 +55,11 @@ fn real(file: &Path) -> PathBuf {
     target.flatten().unwrap_or_else(|| file.to_owned())
 }
 
-/// Where the file is written that is to replace a tables file.
-fn beside(file: &Path) -> PathBuf {
-    file.with_extension("toml.new")
-}
-
-fn folder(file: &Path) -> &Path {
-    match file.parent() {
-        Some(folder) if !folder.as_os_str().is_empty() => folder,
-        _ => Path::new("."),
-    }
-}
-
 /// Keeps other runs out of the folder's tables until the value goes.
 fn lock(file: &Path) -> io::Result<File> {
     let folder = File::open(folder(file))?;
     folder.lock()?;
     Ok(folder)
-}
-
-/// Makes a new file in place of one that a power cut has left, or of a link to anywhere.
-fn create(new: &Path) -> io::Result<File> {
-    match fs::remove_file(new) {
-        Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error),
-        _ => {}
-    }
-    File::create_new(new)
-}
-
-fn replace(file: &Path, text: &str) -> io::Result<()> {
-    let new = beside(file);
-    let mut writer = create(&new)?;
-    if let Ok(old) = fs::metadata(file) {
-        writer.set_permissions(old.permissions())?;
-    }
-    writer.write_all(text.as_bytes())?;
-    writer.sync_all()?;
-    fs::rename(&new, file)?;
-    // The rename itself is on disk only when the folder is.
-    File::open(folder(file))?.sync_all()
 }
 
 /// What a value belongs to.

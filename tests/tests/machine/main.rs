@@ -26,6 +26,7 @@ mod programs;
 mod properties;
 mod reactions;
 mod recorder;
+mod references;
 mod replayed;
 mod results;
 mod run;

@@ -10,9 +10,10 @@ use super::log_files::LogFiles;
 use super::output::Claims;
 use super::ports::PortChoice;
 use super::real_time::{self, Buses, RealTimeArgs, Written};
+use super::state_keeper::StateKeeper;
 use super::{Exit, bad_input, report, told};
 use crate::control::{End, Layout, State};
-use crate::machine::Machine;
+use crate::machine::{Machine, MachineState};
 use crate::observe::Observers;
 use crate::program::Programs;
 use crate::run::real_time::RealTime;
@@ -73,7 +74,8 @@ impl Args {
     fn switch_on(&self) -> Result<Attended, Box<dyn Error>> {
         let mut machine = Machine::load(&self.machine)?;
         self.ports.apply(&mut machine)?;
-        let layout = Arc::new(Layout::new(&machine)?);
+        let state = MachineState::load(&MachineState::beside(&self.machine))?;
+        let layout = Arc::new(Layout::new(&machine)?.recalling(&machine, &state));
         let tables = Tables::beside(&self.machine);
         Tables::probe(&tables)?;
         let programs = Programs::new(&machine, &self.machine)?.keep_tables(tables.clone());
@@ -94,10 +96,14 @@ impl Args {
         real_time::record_faults(&mut session, &self.machine, &machine, &layout);
         let commands = commands.map(|file| {
             let file = Box::new(written.writers.begin(file)?);
-            CommandLog::begin(&mut session, file, &tables)
+            CommandLog::begin(&mut session, file, &tables, &state)
         });
+        let commands = commands.transpose()?;
+        let file = MachineState::beside(&self.machine);
+        let keeper = StateKeeper::start(&mut session, &machine, state, file)?;
         Ok(Attended {
-            commands: commands.transpose()?,
+            keeper,
+            commands,
             written,
             session,
             machine,
@@ -109,6 +115,7 @@ impl Args {
     fn attend(&self, attended: Attended) -> Result<Exit, Box<dyn Error>> {
         let Attended {
             mut session,
+            keeper,
             commands,
             written,
             machine,
@@ -130,7 +137,8 @@ impl Args {
         // Where it panicked, that is written.
         let _ = telling.join();
         let end = ended?.controller.end();
-        let problems = written.finish();
+        let mut problems = written.finish();
+        problems.extend(keeper.finish().err().map(Into::into));
         problems.iter().for_each(|problem| report(&**problem));
         Ok(match end {
             Some(End::SwitchedOff) if problems.is_empty() => Exit::Finished,
@@ -142,6 +150,7 @@ impl Args {
 /// A machine that is switched on.
 struct Attended {
     session: Session<RealTime>,
+    keeper: StateKeeper,
     commands: Option<CommandLog>,
     written: Written,
     machine: Machine,

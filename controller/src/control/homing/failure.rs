@@ -1,7 +1,7 @@
 //! Why an axis was not homed.
 
 use super::super::layout::AxisSpec;
-use crate::machine::HomingMethod;
+use crate::machine::{HomingMethod, NotKept};
 
 /// Why a homing failed. The axes came to rest; this one is not referenced.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -35,6 +35,32 @@ pub enum HomingFailure {
     Shared,
     /// The rapid override is 0.
     NoSpeed,
+}
+
+/// Why an axis that keeps its reference is not referenced when it is switched on.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum NotRecalled {
+    /// None was kept.
+    NotKept(NotKept),
+    /// It has moved by so much without power, mm.
+    Moved(f64),
+}
+
+impl NotRecalled {
+    /// Why, and what to do next, in words.
+    pub(in crate::control) fn describe(self, axis: &AxisSpec) -> String {
+        let AxisSpec { name, unit, .. } = axis;
+        let why = match self {
+            Self::NotKept(NotKept::Unknown) => "nothing is known of it from before".to_owned(),
+            Self::NotKept(NotKept::OtherCounts { .. }) => {
+                "its drives, their scaling, direction or `zero` are not those of before".to_owned()
+            }
+            Self::Moved(by) => {
+                format!("it has moved by {by:.3} {unit} while it was off, more than `moved_limit`")
+            }
+        };
+        format!("axis {name} is not referenced: {why}: home it")
+    }
 }
 
 /// Sides and their drives by their places.

@@ -20,11 +20,11 @@
 mod failure;
 mod switch;
 
-pub use failure::HomingFailure;
+pub use failure::{HomingFailure, NotRecalled};
 pub(super) use switch::Edge;
 
 use super::fault::{AxisCause, AxisIndex, Fault};
-use super::{Controller, Event, Phase, Refusal};
+use super::{Controller, Event, Phase, Refusal, event_sink};
 use crate::machine::HomingMethod;
 use std::sync::Arc;
 use switch::{Motion, Progress, Search, Seen};
@@ -122,12 +122,11 @@ impl<const N: usize> Controller<N> {
         let mut wanted = 0;
         for (index, axis) in self.layout.axes.iter().enumerate() {
             let named = coordinates[axis.coordinate];
-            let by_hand = matches!(axis.homing.method, HomingMethod::SetHere { .. });
             let is_gantry = axis.drives.len() == 2;
             if named && axis.homing.is_absolute() && !is_gantry {
                 return Err(Refusal::Absolute(axis.coordinate));
             }
-            let searches = !axis.homing.is_absolute() && !by_hand;
+            let searches = !axis.homing.is_absolute() && !axis.homing.is_by_hand();
             if named || all && (searches || self.axes[index].askew(self.cycle).is_some()) {
                 wanted |= 1 << index;
             }
@@ -151,6 +150,10 @@ impl<const N: usize> Controller<N> {
         let policy = self.layout.homing;
         let missing = (0..self.axes.len()).filter(|&axis| self.needs_homing(axis));
         if policy.at_start {
+            let by_hand = |axis: &AxisIndex| self.layout.axes[*axis].homing.is_by_hand();
+            if let Some(axis) = missing.clone().find(by_hand) {
+                return Err(Fault::Unreferenced(axis));
+            }
             let missing = missing.fold(0, |set, axis| set | 1 << axis);
             if missing != 0 {
                 self.homing.begin(missing);
@@ -167,6 +170,27 @@ impl<const N: usize> Controller<N> {
             }
         }
         Ok(())
+    }
+
+    /// Once it is seen where the drives stand: takes up the references that were kept when the machine was on last.
+    pub(super) fn recall_references(&mut self) {
+        for index in 0..self.axes.len() {
+            match self.axes[index].recall(&mut self.nodes) {
+                Some(Ok(moved)) => self.tell(Event::Recalled { axis: index, moved }),
+                Some(Err(why)) => self.tell(Event::NotRecalled { axis: index, why }),
+                None => {}
+            }
+        }
+    }
+
+    /// Tells what is to be kept of the drives for when the machine is switched on again.
+    pub(super) fn keep_references(&mut self) {
+        for axis in &self.axes {
+            let mut tell = event_sink(&mut self.events);
+            for (device, kept) in axis.kept(&self.nodes) {
+                tell(Event::Kept { device, kept });
+            }
+        }
     }
 
     /// Forgets where an axis is whose drive may have lost its count.
@@ -418,6 +442,7 @@ impl<const N: usize> Controller<N> {
         }
         self.planned.position = position;
         self.rest_here();
+        self.keep_references();
         Ok(())
     }
 

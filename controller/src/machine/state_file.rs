@@ -1,0 +1,203 @@
+//! The machine's state file, `machine.state.json` beside `machine.toml`: what holds from one day to the next because
+//! encoders keep counting without power.
+//!
+//! Of each drive whose axis keeps its reference ([`Homing::moved_limit`](super::Homing::moved_limit)) it has the
+//! origin that a homing found, where the drive stood when its axis came to rest last, and what would make
+//! its counts mean something else: model, scaling and zero. It is the machine's own, replaced as a whole, and
+//! not to be edited: whoever wants an axis homed again homes it.
+
+use super::{Axis, Drive, Machine};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::{fs, io};
+use syncline_drives::model::Increments;
+use syncline_strict_toml::replace::replace;
+use thiserror::Error;
+
+/// What is known of a machine from when it was on last.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MachineState {
+    /// By the names of the drives.
+    drives: BTreeMap<String, DriveState>,
+}
+
+/// What is known of a drive.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct DriveState {
+    counts: Counts,
+    /// See [`Kept::origin`].
+    origin: i64,
+    /// See [`Kept::position`].
+    position: i64,
+}
+
+/// What the counts of a drive mean.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Counts {
+    model: String,
+    /// mm, negative where it counts down.
+    travel_per_revolution: f64,
+    increments_per_revolution: u32,
+    zero: i64,
+}
+
+/// The reference of a drive that counts without power, as the drive counts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Kept {
+    /// Its count at machine position 0, beyond the `zero` of the machine file.
+    pub origin: Increments,
+    /// Where it stood last.
+    pub position: Increments,
+}
+
+/// Why an axis has no reference from before.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum NotKept {
+    /// None is known.
+    Unknown,
+    /// The counts of one of its drives meant something else.
+    OtherCounts {
+        /// Its index in [`Machine::drives`].
+        drive: usize,
+    },
+}
+
+/// A state file that cannot be used.
+#[derive(Debug, Error)]
+pub enum StateError {
+    /// It cannot be read.
+    #[error("cannot read the machine's state, {}", file.display())]
+    Read {
+        /// Which file.
+        file: PathBuf,
+        /// Why.
+        source: io::Error,
+    },
+    /// It is none as the controller writes it.
+    #[error("{} is not the machine's state as it was written: remove it, and home the axes", file.display())]
+    Broken {
+        /// Which file.
+        file: PathBuf,
+        /// What is wrong with it.
+        source: serde_json::Error,
+    },
+    /// It cannot be written.
+    #[error("cannot write the machine's state, {}: its axes have to be homed when it is switched on again", file.display())]
+    Write {
+        /// Which file.
+        file: PathBuf,
+        /// Why.
+        source: io::Error,
+    },
+}
+
+impl Counts {
+    fn of(drive: &Drive) -> Self {
+        let scaling = &drive.scaling;
+        let travel = scaling.travel_per_revolution();
+        Self {
+            model: drive.model.name.to_owned(),
+            travel_per_revolution: travel,
+            increments_per_revolution: (travel.abs() / scaling.resolution()).round() as u32,
+            zero: scaling.zero().get(),
+        }
+    }
+}
+
+impl MachineState {
+    /// Where the state of a machine file is: `portal.toml` has `portal.state.json`.
+    #[must_use]
+    pub fn beside(machine: &Path) -> PathBuf {
+        machine.with_extension("state.json")
+    }
+
+    /// Reads a state file; nothing is known where there is none.
+    ///
+    /// # Errors
+    /// It cannot be read, or is none.
+    pub fn load(file: &Path) -> Result<Self, StateError> {
+        match fs::read_to_string(file) {
+            Ok(text) => serde_json::from_str(&text).map_err(|source| StateError::Broken {
+                file: file.to_owned(),
+                source,
+            }),
+            Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(Self::default()),
+            Err(source) => Err(StateError::Read {
+                file: file.to_owned(),
+                source,
+            }),
+        }
+    }
+
+    /// Replaces a state file as a whole.
+    ///
+    /// # Errors
+    /// It cannot be written; then it is as it was.
+    pub fn save(&self, file: &Path) -> Result<(), StateError> {
+        let text = serde_json::to_string_pretty(self).map_err(io::Error::from);
+        let written = text.and_then(|text| replace(file, &(text + "\n")));
+        written.map_err(|source| StateError::Write {
+            file: file.to_owned(),
+            source,
+        })
+    }
+
+    /// Of a simulated machine whose encoders have kept counting: each axis stands where it is said to.
+    #[must_use]
+    pub fn simulated(machine: &Machine) -> Self {
+        let mut state = Self::default();
+        for axis in machine
+            .axes
+            .iter()
+            .filter(|axis| axis.homing.moved_limit.is_some())
+        {
+            for (side, &drive) in axis.drives.iter().enumerate() {
+                let drive = &machine.drives[drive];
+                let position = drive.scaling.to_increments(axis.stands(side)).ok();
+                let kept = position.map(|position| Kept {
+                    origin: Increments::ZERO,
+                    position,
+                });
+                state.keep(drive, kept);
+            }
+        }
+        state
+    }
+
+    /// Keeps the reference of a drive, or forgets what there was.
+    pub fn keep(&mut self, drive: &Drive, kept: Option<Kept>) {
+        let Some(Kept { origin, position }) = kept else {
+            self.drives.remove(&drive.name);
+            return;
+        };
+        let state = DriveState {
+            counts: Counts::of(drive),
+            origin: origin.get(),
+            position: position.get(),
+        };
+        self.drives.insert(drive.name.clone(), state);
+    }
+
+    /// The references of an axis' drives, in their order.
+    ///
+    /// # Errors
+    /// One of them is not known, or none of these drives.
+    pub fn of_axis(&self, machine: &Machine, axis: &Axis) -> Result<Vec<Kept>, NotKept> {
+        let kept = |&drive: &usize| {
+            let known = &machine.drives[drive];
+            let state = self.drives.get(&known.name).ok_or(NotKept::Unknown)?;
+            if state.counts != Counts::of(known) {
+                return Err(NotKept::OtherCounts { drive });
+            }
+            Ok(Kept {
+                origin: Increments::new(state.origin),
+                position: Increments::new(state.position),
+            })
+        };
+        axis.drives.iter().map(kept).collect()
+    }
+}
