@@ -33,6 +33,9 @@ pub struct BusBudget {
     /// By how much SYNC may come late for the clocks of all its drives to follow it, if any has one that
     /// does.
     pub sync_tolerance: Option<Duration>,
+    /// One of its devices is asked by SDO while axes move, so that a frame more than the PDOs has to fit every
+    /// cycle.
+    pub is_polled: bool,
     /// The least cycle that fits and that all its drives take.
     pub smallest_cycle: Option<Duration>,
 }
@@ -93,6 +96,15 @@ pub enum DoesNotFit {
         /// … and not longer may it be.
         tolerance: Duration,
     },
+    /// A device is polled while axes move, and its answer may be in the way of the setpoints.
+    #[error(
+        "bus {bus}: a device on it is polled by SDO while axes move, and there is no room for its answer \
+         beside the setpoints of a cycle; take a longer cycle, a higher bit rate or a bus of its own for it"
+    )]
+    Polls {
+        /// As the machine file names it.
+        bus: String,
+    },
     /// The machine file's `setpoint_offset_us` leaves too little time before it or behind it.
     #[error(
         "bus {bus}: setpoint_offset_us = {offset}: T_PDOs may arrive until {earliest}, and the \
@@ -132,6 +144,19 @@ impl MachineBudget {
         }
     }
 
+    /// By which part of a cycle the setpoints of a bus arrive before the SYNC that they are for, once the burst
+    /// has left.
+    #[must_use]
+    pub fn early(&self, bus: usize, cycle: Duration) -> f64 {
+        let Budget {
+            r_pdo_bits,
+            bit_rate,
+            ..
+        } = self.buses[bus].budget;
+        let arrive = self.setpoint_offset + bit_time(r_pdo_bits, bit_rate);
+        1.0 - arrive.as_secs_f64() / cycle.as_secs_f64()
+    }
+
     /// The start-up check.
     ///
     /// # Errors
@@ -144,6 +169,10 @@ impl MachineBudget {
                     arithmetic: bus.budget.to_string(),
                     advice: bus.advice(),
                 });
+            }
+            if bus.is_polled && !bus.budget.outlasts_emcy {
+                let bus = bus.bus.clone();
+                return Err(DoesNotFit::Polls { bus });
             }
             let earliest = bus.budget.t_pdos_in.min(bus.budget.setpoint_offset);
             let allowed = earliest..=bus.budget.latest_offset;
@@ -219,6 +248,8 @@ impl BusBudget {
             .map(Duration::from_millis)
             .filter(taken_by_all)
             .filter(is_on_time);
+        let is_polled =
+            (devices.clone()).any(|device| matches!(device.spec().monitoring, Monitoring::Poll(_)));
         let answers = devices.map(|device| device.spec().sdo_response);
         let transfers = budget.sdo_transfers(answers.max().unwrap_or_default());
         // One at a time of each node.
@@ -228,6 +259,7 @@ impl BusBudget {
             bus: machine.buses[bus].name.clone(),
             load: budget.load + sdo,
             sdo_per_cycle,
+            is_polled,
             sync_tolerance,
             verdict: budget.verdict,
             budget,

@@ -1,11 +1,11 @@
 //! One axis in the cycle: planned position to increments, actual position back, following error.
 
-use super::SIDES_ENABLE;
 use super::fault::{AwaitedState, AxisCause, AxisIndex, DeviceIndex, Fault};
 use super::homing::{Edge, NotRecalled};
 use super::layout::{self, Layout};
 use super::node::DeviceNode;
 use super::setpoint_guard::SetpointGuard;
+use super::{SIDES_ENABLE, STILL};
 use crate::machine::{HomingMethod, Kept, Square};
 use syncline_drives::model::{Increments, Setpoint};
 use syncline_trajectory::limits::Limits;
@@ -659,7 +659,14 @@ impl AxisControl {
         let encoder = &nodes[encoder];
         let drives = self.spec.drives.iter().map(|&drive| &nodes[drive]);
         // Positions of different SYNCs say nothing about each other.
-        if drives.clone().any(|drive| drive.age() != encoder.age()) {
+        let rests =
+            |node: &DeviceNode| f64::from(node.still()) * self.period >= STILL.as_secs_f64();
+        let at_once = |drive: &DeviceNode| match drive.answers_sync() {
+            true => drive.age() == encoder.age(),
+            // Of one that is polled, what it says at rest.
+            false => rests(drive) && rests(encoder),
+        };
+        if !drives.clone().all(at_once) {
             return Ok(());
         }
         let count = drives.len() as f64;

@@ -192,6 +192,12 @@ pub enum DeviceCause {
     /// Its heartbeat stayed away.
     #[error("heartbeat lost: check cabling and supply")]
     HeartbeatLost,
+    /// It has no heartbeat, and did not answer the requests that are sent instead.
+    #[error("no answer to the polls of {object} any more: check cabling and supply")]
+    PollUnanswered {
+        /// The object that is read.
+        object: Address,
+    },
     /// No heartbeat has carried an NMT state since it was to start.
     #[error(
         "no heartbeat that tells its NMT state, expected Operational: check cabling, bus load and \

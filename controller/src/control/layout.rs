@@ -163,11 +163,21 @@ impl Layout {
         let devices: Vec<Device> = (0..machine.nodes().count())
             .map(|index| machine.device(index))
             .collect();
-        let latencies = devices.iter().filter_map(Device::drive);
-        let lag = latencies.map(|drive| drive.latency()).fold(0.0, f64::max);
-        let nowhere = Scaling::new(1, 1.0, Direction::Positive, Increments::ZERO);
-        let devices: Vec<DeviceSpec> = (machine.nodes().zip(devices))
+        let latencies: Vec<Option<f64>> = (machine.nodes().zip(&devices))
             .map(|(node, device)| {
+                let early = budget.early(node.bus, machine.cycle);
+                device
+                    .drive()
+                    .map(|drive| match drive.spec().latches_at_sync {
+                        true => drive.latency(),
+                        false => drive.latency() - early,
+                    })
+            })
+            .collect();
+        let lag = latencies.iter().flatten().copied().fold(0.0, f64::max);
+        let nowhere = Scaling::new(1, 1.0, Direction::Positive, Increments::ZERO);
+        let devices: Vec<DeviceSpec> = (machine.nodes().zip(devices).zip(latencies))
+            .map(|((node, device), latency)| {
                 let seat = node
                     .seat
                     .map(|Seat { axis, scaling }| (&machine.axes[axis], *scaling));
@@ -177,7 +187,7 @@ impl Layout {
                 DeviceSpec {
                     name: node.name.to_owned(),
                     bus: node.bus,
-                    delay: device.drive().map_or(0.0, |drive| lag - drive.latency()),
+                    delay: latency.map_or(0.0, |latency| lag - latency),
                     device,
                     scaling,
                     heartbeat_timeout: machine.controller.heartbeat_timeout,

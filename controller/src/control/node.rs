@@ -13,11 +13,16 @@ use crate::bus::FrameBuf;
 use crate::machine::Kept;
 use std::sync::Arc;
 use syncline_canopen::emcy::{self, Emergency};
+use syncline_canopen::time::Duration;
 use syncline_canopen::{CanId, CobId, Frame, Instant, Transmit, heartbeat, nmt};
 use syncline_drives::model::{
     Capture, Device, DriveStatus, Dynamics, Increments, Monitoring, OutOfRange, PowerCommand,
     PowerState, Scaling, Setpoint, unwrapped,
 };
+
+/// From one poll of a device to the next. Short against [`STILL`](super::STILL), so that what moves is not
+/// taken to rest.
+const POLL: Duration = Duration::from_millis(20);
 
 /// A device in the cycle: what it last told, and what it is told next.
 #[derive(Clone, Debug)]
@@ -31,6 +36,10 @@ pub(super) struct DeviceNode {
     replies: FrameBuf,
 
     heartbeat: heartbeat::Consumer,
+    /// It is polled, where that is how it shows that it is there; when it last answered, and when it is asked next.
+    polls: bool,
+    polled: Option<Instant>,
+    poll_due: Instant,
     /// A boot-up message has come since it was last waited for.
     booted: bool,
 
@@ -83,6 +92,9 @@ impl DeviceNode {
             device: drive.device.clone(),
             replies: FrameBuf::default(),
             heartbeat: heartbeat::Consumer::new(spec.node, drive.heartbeat_timeout),
+            polls: false,
+            polled: None,
+            poll_due: Instant::ZERO,
             booted: false,
             t_pdos: (spec.t_pdos.iter())
                 .map(|pdo| (pdo.cob_id.into(), pdo.bytes.into()))
@@ -136,6 +148,13 @@ impl DeviceNode {
         }
         self.replies.clear();
         self.sequence.poll(now, tx, events)?;
+        if let Monitoring::Poll(position) = self.monitoring()
+            && self.polls
+            && now >= self.poll_due
+        {
+            self.poll_due = now + POLL;
+            self.sequence.poll_object(position);
+        }
         let sends = may_send && self.sequence.wants_to_send();
         if sends {
             self.sequence.advance(now, tx);
@@ -169,6 +188,10 @@ impl DeviceNode {
             }
             self.sequence
                 .receive(at, frame, &mut self.replies, events)?;
+            if let Some(position) = self.sequence.take_polled() {
+                self.polled = Some(at);
+                self.actual = Increments::from(position as i32);
+            }
         } else if is(CobId::emcy(node)) {
             let Some(emergency) = Emergency::decode(frame.data()) else {
                 return Ok(());
@@ -303,7 +326,10 @@ impl DeviceNode {
 
     /// Whether every T_PDO has come at all.
     pub(super) fn is_sampled(&self) -> bool {
-        self.are_all(self.come)
+        match self.monitoring() {
+            Monitoring::Poll(_) => self.polled.is_some(),
+            Monitoring::Heartbeat | Monitoring::TPdos => self.are_all(self.come),
+        }
     }
 
     pub(super) fn status(&self) -> &DriveStatus {
@@ -331,6 +357,8 @@ impl DeviceNode {
         self.booted = false;
         self.resetting = true;
         self.heartbeat.forget();
+        self.polls = false;
+        self.polled = None;
         self.come = 0;
     }
 
@@ -354,7 +382,7 @@ impl DeviceNode {
     pub(super) fn is_operational(&self) -> bool {
         match self.monitoring() {
             Monitoring::Heartbeat => self.heartbeat.state() == Some(nmt::State::Operational),
-            Monitoring::TPdos => self.is_sampled(),
+            Monitoring::TPdos | Monitoring::Poll(_) => self.is_sampled(),
         }
     }
 
@@ -424,15 +452,22 @@ impl DeviceNode {
             let misses = self.misses;
             return Err(self.fault(DeviceCause::MissingTPdo { misses }));
         }
-        if self.monitoring() == Monitoring::TPdos {
-            Ok(())
-        } else if !self.heartbeat.is_alive(now) {
-            self.lost_count = true;
-            Err(self.fault(DeviceCause::HeartbeatLost))
-        } else if !self.is_operational() {
-            Err(self.did_not_start())
-        } else {
-            Ok(())
+        match self.monitoring() {
+            Monitoring::TPdos => Ok(()),
+            Monitoring::Poll(object) => {
+                let timeout = self.spec().heartbeat_timeout;
+                if self.polled.is_none_or(|last| now > last + timeout) {
+                    self.lost_count = true;
+                    return Err(self.fault(DeviceCause::PollUnanswered { object }));
+                }
+                Ok(())
+            }
+            Monitoring::Heartbeat if !self.heartbeat.is_alive(now) => {
+                self.lost_count = true;
+                Err(self.fault(DeviceCause::HeartbeatLost))
+            }
+            Monitoring::Heartbeat if !self.is_operational() => Err(self.did_not_start()),
+            Monitoring::Heartbeat => Ok(()),
         }
     }
 
@@ -451,8 +486,10 @@ impl DeviceNode {
         let missing = DeviceCause::MissingTPdo {
             misses: self.misses,
         };
-        if self.monitoring() == Monitoring::TPdos {
-            return self.fault(missing);
+        match self.monitoring() {
+            Monitoring::Heartbeat => {}
+            Monitoring::TPdos => return self.fault(missing),
+            Monitoring::Poll(object) => return self.fault(DeviceCause::PollUnanswered { object }),
         }
         self.fault(match self.heartbeat.state() {
             None => DeviceCause::NoNmtState,
@@ -648,6 +685,16 @@ impl DeviceNode {
             .extend(identity.chain(ensured).chain(writes).chain(read_back));
     }
 
+    /// From now on it is polled, if it shows by that that it is there.
+    pub(super) fn begin_polls(&mut self) {
+        self.polls = true;
+    }
+
+    /// Whether its position is one of the last SYNC.
+    pub(super) fn answers_sync(&self) -> bool {
+        self.device.spec().answers_sync
+    }
+
     /// The steps until the drive's clock follows SYNC; none for one without a clock that does.
     pub(super) fn ask_lock(&mut self) {
         let lock = self.device.spec().clock_lock;
@@ -682,6 +729,7 @@ impl DeviceNode {
 
     /// The steps that take the set-up's cyclic part back.
     pub(super) fn ask_release(&mut self) {
+        self.polls = false;
         self.sequence.clear();
         if self.sequence.has_identified() {
             let release = self

@@ -168,7 +168,10 @@ impl<const N: usize> Controller<N> {
                 self.send_nmt(nmt::Command::ResetCommunication, out);
             }
             Phase::SetUp => self.ask(DeviceNode::ask_set_up),
-            Phase::Start => self.sync_on = true,
+            Phase::Start => {
+                self.sync_on = true;
+                self.ask(DeviceNode::begin_polls);
+            }
             Phase::Lock => self.ask(DeviceNode::ask_lock),
             Phase::Disabled => {
                 self.frozen = false;

@@ -228,6 +228,7 @@ impl DeviceCause {
             Self::SdoTimeout { .. }
             | Self::TwoNodes
             | Self::HeartbeatLost
+            | Self::PollUnanswered { .. }
             | Self::NoNmtState
             | Self::NmtState { .. }
             | Self::Rebooted

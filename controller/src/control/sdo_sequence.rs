@@ -67,13 +67,15 @@ pub(super) enum Step {
     Captured(&'static Capture),
     /// Reads where an edge was captured.
     CapturedAt(&'static Capture),
+    /// Reads an object of a device that is asked all the time; whoever waits for an answer knows how long.
+    Poll(Address),
 }
 
 impl Step {
     fn address(&self) -> Address {
         match self {
             Self::Survey(survey) | Self::AwaitDisabled(survey) => survey.address,
-            Self::History(address) | Self::AwaitAnswer(address) => *address,
+            Self::History(address) | Self::AwaitAnswer(address) | Self::Poll(address) => *address,
             Self::Identity(identity) => identity.address,
             Self::Write(write)
             | Self::Ensure(write)
@@ -116,6 +118,8 @@ pub(super) struct SdoSequence {
     stale: bool,
     /// Where the edge was that was asked for last, if one was captured.
     captured: Option<Increments>,
+    /// What the last [`Step::Poll`] read.
+    polled: Option<u32>,
 }
 
 /// The longest object that a sequence reads, in bytes.
@@ -134,6 +138,7 @@ impl SdoSequence {
             identified: false,
             stale: false,
             captured: None,
+            polled: None,
         }
     }
 
@@ -160,9 +165,24 @@ impl SdoSequence {
         self.stale = self.client.is_busy();
     }
 
-    /// Whether nothing is left to do.
+    /// Whether nothing is left to do but to poll.
     pub(super) fn is_done(&self) -> bool {
-        self.steps.is_empty() && !self.client.is_busy()
+        match self.steps.front() {
+            Some(step) => matches!(step, Step::Poll(_)) && self.steps.len() == 1,
+            None => !self.client.is_busy(),
+        }
+    }
+
+    /// Polls an object once, unless there is something else to do.
+    pub(super) fn poll_object(&mut self, address: Address) {
+        if self.steps.is_empty() && !self.client.is_busy() {
+            self.steps.push_back(Step::Poll(address));
+        }
+    }
+
+    /// What was polled since the last call.
+    pub(super) fn take_polled(&mut self) -> Option<u32> {
+        self.polled.take()
     }
 
     /// Whether the next call of [`SdoSequence::advance`] sends a request.
@@ -239,6 +259,7 @@ impl SdoSequence {
         match failure.reason {
             // Whoever waits for it knows how long.
             Reason::TimedOut if matches!(step, Step::AwaitAnswer(_)) => self.tries = 0,
+            Reason::TimedOut if matches!(step, Step::Poll(_)) => self.next(),
             Reason::Refused(_) | Reason::GivenUp(_) if matches!(step, Step::AwaitAnswer(_)) => {
                 self.next();
             }
@@ -362,6 +383,10 @@ impl SdoSequence {
             Step::Identity(_) => {
                 self.next();
                 self.identified = !matches!(self.steps.front(), Some(Step::Identity(_)));
+            }
+            Step::Poll(_) => {
+                self.polled = Some(value);
+                self.next();
             }
             Step::AwaitAnswer(_)
             | Step::Write(_)

@@ -1,9 +1,9 @@
 //! Whether a drive can do what its axis, the cycle and its bus ask of it: what the model says of
 //! itself, held against the machine file.
 
-use super::AxisLimits;
+use super::{AxisLimits, Machine};
 use std::ops::Range;
-use syncline_drives::model::{Ability, Increments, Model, Scaling};
+use syncline_drives::model::{Ability, Increments, Model, Monitoring, Scaling, Setpoints};
 use syncline_strict_toml::{Log, Table};
 
 /// A key of an axis that asks its drives for an ability.
@@ -136,6 +136,40 @@ impl Pairing<'_> {
                     limit * counts,
                     self.unit
                 ),
+            );
+        }
+    }
+}
+
+/// Whether each drive that is sent velocities has what its axis's loop needs: a position at every SYNC, and
+/// something that stops it where the controller dies. `places` are where the file names the drives.
+pub(super) fn check_loops(log: &mut Log<'_>, machine: &Machine, places: &[Range<usize>]) {
+    for ((index, drive), place) in machine.drives.iter().enumerate().zip(places) {
+        let axis = &machine.axes[drive.axis];
+        let device = machine.device(index);
+        let (spec, who) = (device.spec(), &drive.name);
+        let (name, title) = (axis.name(), drive.model.title);
+        if !drive.model.is_sent(Setpoints::Velocities) {
+            continue;
+        }
+        if !spec.answers_sync && !axis.feedback.is_some_and(|it| it.closes_loop) {
+            log.report(
+                place.clone(),
+                format!(
+                    "axis \"{name}\": drive \"{who}\" ({title}) is sent velocities, and does not tell \
+                     its position at every SYNC"
+                ),
+                "name an [[encoder]] as the axis's `feedback`, with `position_loop = \"encoder\"`",
+            );
+        }
+        if matches!(spec.monitoring, Monitoring::Poll(_)) && !axis.hardware_stops {
+            log.report(
+                place.clone(),
+                format!(
+                    "axis \"{name}\": drive \"{who}\" ({title}) is sent velocities, and goes on with the \
+                     last one where the controller dies"
+                ),
+                "have the enable chain stop it, and say so: `unsupervised_stop = \"hardware\"`",
             );
         }
     }

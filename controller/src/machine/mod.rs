@@ -176,6 +176,9 @@ pub struct Axis {
     pub homing: Homing,
     /// What says where it is, beside its drives.
     pub feedback: Option<Feedback>,
+    /// `unsupervised_stop = "hardware"`: hardware stops its drive where the controller dies and the drive
+    /// does not notice.
+    pub hardware_stops: bool,
     /// What its drives move when they are simulated; `None`: what each drive's model has.
     pub simulation: Option<Simulation>,
 }
@@ -353,6 +356,7 @@ impl Machine {
             node: node.id,
             cycle: self.cycle,
             velocity: 0.0,
+            acceleration: 0.0,
             heartbeat: Heartbeat {
                 controller: self.controller.node,
                 producer: self.controller.heartbeat,
@@ -398,6 +402,9 @@ impl Machine {
         let scaling = &drive.scaling;
         Settings {
             velocity: scaling.to_increments_per_second(axis.limits.velocity).abs(),
+            acceleration: scaling
+                .to_increments_per_second(axis.limits.acceleration)
+                .abs(),
             following_error_limit: axis
                 .drive_following_error
                 .then(|| scaling.magnitude(axis.limits.following_error)),

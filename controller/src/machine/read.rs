@@ -159,6 +159,7 @@ impl Tables {
         let mut bus_of = bus_of?;
         let io_buses = bus_of.split_off(bus_of.len() - self.io_nodes.len());
         let mut places = bus_of.into_iter().zip(axis_of?);
+        let named: Vec<_> = (self.drives.iter().map(|it| it.node.name.span())).collect();
         let drives: Vec<_> = self
             .drives
             .into_iter()
@@ -235,6 +236,7 @@ impl Tables {
             assumptions: self.assumptions,
         };
         encoder::check(log, &machine, &stated);
+        fits::check_loops(log, &machine, &named);
         Some(machine)
     }
 
@@ -531,6 +533,7 @@ struct AxisTable {
     asked: Vec<Asked>,
     homing: Option<HomingTable>,
     feedback: Option<FeedbackTable>,
+    hardware_stops: bool,
     simulation: Option<Simulation>,
 }
 
@@ -609,6 +612,8 @@ impl AxisTable {
         let limits = limits();
         let homing = homing::read(log, &mut table, &limits.unwrap_or_default(), rotary);
         let feedback = FeedbackTable::read(log, &mut table, position);
+        let stops = ["hardware"].into_iter();
+        let hardware_stops = table.choice_if(log, "unsupervised_stop", stops).is_some();
         let simulation = simulation::read(log, &mut table, rotary, pair);
         if let (Some(pitch), true) = (&pitch, log.is_empty())
             && !(pitch.get_ref() / gear).is_normal()
@@ -632,6 +637,7 @@ impl AxisTable {
             asked,
             homing,
             feedback,
+            hardware_stops,
             simulation,
         })
     }
@@ -660,6 +666,7 @@ impl AxisTable {
                 difference: table.difference,
                 closes_loop: table.closes_loop.is_some(),
             }),
+            hardware_stops: self.hardware_stops,
             simulation: self.simulation,
         };
         (axis, self.homing)

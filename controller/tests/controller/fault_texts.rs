@@ -148,6 +148,10 @@ texts! {
     "node 3 (Y, LXM32M): no heartbeat that tells its NMT state, expected Operational: check \
      cabling, bus load and for a master that guards it";
 
+    Fault::Device(_, DeviceCause::PollUnanswered { .. }),
+    Fault::Device(2, DeviceCause::PollUnanswered { object: Address::new(0x6064, 0) }),
+    "node 3 (Y, LXM32M): no answer to the polls of 6064h:0 any more: check cabling and supply";
+
     Fault::Device(_, DeviceCause::NmtState { .. }),
     Fault::Device(2, DeviceCause::NmtState { state: nmt::State::PreOperational }),
     "node 3 (Y, LXM32M): NMT state is PreOperational, expected Operational: check for another NMT \

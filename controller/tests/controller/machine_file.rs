@@ -3,6 +3,7 @@
 use std::f64::consts::TAU;
 use std::path::Path;
 use std::time::Duration;
+use syncline_controller::budget::{DoesNotFit, MachineBudget};
 use syncline_controller::machine::{
     AnalogSource, HomingMethod, InputMeaning, Machine, OutputSwitch,
 };
@@ -862,6 +863,48 @@ fn an_encoder_closes_no_loop_that_a_drive_closes() {
         .join("\n\n")
     );
     assert!(machine.is_ok_and(|it| it.axes[2].feedback.is_some_and(|it| it.closes_loop)));
+}
+
+/// A drive that takes no part in SYNC and does not notice a controller that dies has to have both made up for.
+#[test]
+fn a_stepper_is_sent_velocities_only_where_something_stops_it() {
+    let parsed = |changes: &[(&str, &str)]| {
+        let mut text = portal_with("[[axis]]\nname = \"Z\"\n", ENCODER);
+        let last = "difference_limit = 0.2\n";
+        let more = "position_loop = \"encoder\"\nunsupervised_stop = \"hardware\"\n";
+        text = text.replacen(last, &format!("{last}{more}"), 1);
+        let drive = "node = 4\nmodel = \"lxm32m\"\nzero = 5_000_000";
+        let stepper = "node = 4\nmodel = \"tsp10\"";
+        let own = "drive_following_error = true\ndrive_soft_limits = true\n";
+        for (from, to) in [(drive, stepper), (own, "")].iter().chain(changes) {
+            assert!(text.contains(from), "{from}");
+            text = text.replace(from, to);
+        }
+        parse(&text)
+    };
+    let refused = |changes: &[(&str, &str)]| {
+        let told = parsed(changes).unwrap_err().diagnostics.into_iter();
+        let told: Vec<_> = told
+            .map(|it| format!("{}: {}", it.problem, it.help))
+            .collect();
+        told.join("\n")
+    };
+    insta::assert_snapshot!(
+        [
+            refused(&[("unsupervised_stop = \"hardware\"\n", "")]),
+            refused(&[("position_loop = \"encoder\"\n", "")]),
+            refused(&[("\"hardware\"", "\"software\"")]),
+        ]
+        .join("\n\n")
+    );
+    // Beside four drives at 1 Mbit/s the answers to its polls need a longer cycle.
+    let fits = |machine: Result<Machine, Invalid>| MachineBudget::of(&machine.unwrap()).check();
+    assert_eq!(
+        fits(parsed(&[("cycle_us = 2000", "cycle_us = 4000")])),
+        Ok(())
+    );
+    let bus = "portal".to_owned();
+    assert_eq!(fits(parsed(&[])), Err(DoesNotFit::Polls { bus }));
 }
 
 /// What is told of the portal with this table, each with its line's text.

@@ -26,6 +26,7 @@ mod object;
 mod profile;
 mod scaling;
 mod tlc5xx;
+mod tsp10;
 mod twk_crn;
 
 pub use capture::{Capture, CaptureInput};
@@ -54,6 +55,7 @@ pub static MODELS: &[&Model] = &[
     &twk_crn::TWK_CRN,
     &tlc5xx::TLC5XX,
     &cia401::CIA401,
+    &tsp10::TSP10,
 ];
 
 /// A kind of device: everything that is known before one is made.
@@ -287,6 +289,8 @@ pub struct Settings {
     pub cycle: Duration,
     /// Greatest velocity that the plan has for its axis, increments/s.
     pub velocity: f64,
+    /// Greatest acceleration that it has, increments/s².
+    pub acceleration: f64,
     /// Connection monitoring both ways.
     pub heartbeat: Heartbeat,
     /// Following error at which the drive itself faults; `None` leaves the drive's own. Asked of
@@ -315,6 +319,7 @@ impl Settings {
             node,
             cycle,
             velocity: 0.0,
+            acceleration: 0.0,
             heartbeat: Heartbeat {
                 controller: NodeId::new(127).expect("a node id"),
                 producer: Duration::from_millis(100),

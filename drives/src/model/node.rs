@@ -58,6 +58,8 @@ pub struct NodeSpec {
     pub answers_sync: bool,
     /// The PDOs that the controller sends to the device in every cycle.
     pub r_pdos: Vec<Pdo>,
+    /// What they bring takes effect at the next SYNC; otherwise as it arrives.
+    pub latches_at_sync: bool,
     /// Longest time from the end of SYNC until the T_PDOs stand in the device's transmit queue.
     pub t_pdo_response: Duration,
     /// Longest time from the end of an SDO request until its answer stands in the device's
@@ -91,6 +93,7 @@ impl NodeSpec {
             t_pdos: Vec::new(),
             answers_sync: true,
             r_pdos: Vec::new(),
+            latches_at_sync: true,
             t_pdo_response: settings.assumed.time(&T_PDO_RESPONSE),
             sdo_response: settings.assumed.time(&SDO_RESPONSE),
         }
@@ -134,6 +137,9 @@ pub enum Monitoring {
     Heartbeat,
     /// Its T_PDOs alone, which it sends in Operational only.
     TPdos,
+    /// Its answers to SDO requests for its position, 32 bits signed, that are sent all the time. Such a
+    /// device notices nothing when the controller dies.
+    Poll(Address),
 }
 
 /// An object to poll after SYNC has started, until the device's clock follows it.

@@ -33,6 +33,7 @@ mod run;
 mod shaper;
 mod signals;
 mod splines;
+mod stepper;
 mod stops;
 mod switched;
 mod validate;

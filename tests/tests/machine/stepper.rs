@@ -1,0 +1,146 @@
+//! An axis on a stepper that takes no part in SYNC: Z of the portal on a TSP10-CBE, sent velocities, with a
+//! TWK CRN on its screw that closes the loop.
+
+use proptest::prelude::*;
+use syncline_controller::control::fault::AxisCause;
+use syncline_controller::control::{End, Fault, Row};
+use syncline_controller::machine::COORDINATES;
+use syncline_drives::twin::tsp10::Twin;
+use syncline_drives::twin::{Config, Disturbance, ErrorClass};
+use syncline_tests::rig::Rig;
+
+/// Places of the drive and of the encoder among the devices.
+const DRIVE: usize = 3;
+const SCREW: usize = 4;
+
+const Z: usize = 2;
+
+const LXM32M: &str = "bus = \"portal\"\nnode = 4\nmodel = \"lxm32m\"\nzero = 5_000_000";
+const TSP10: &str = "bus = \"portal\"\nnode = 4\nmodel = \"tsp10\"\nsdo = [[\"6075:0\", 5000]]";
+
+const ENCODER: &str = "[[encoder]]\nname = \"screw\"\nbus = \"portal\"\nnode = 5\n\
+    model = \"twk_crn\"\npitch = 10.0\nzero = 10_000\n\n[[axis]]\nname = \"X\"";
+
+/// What a motor of this size can: 8 turns a second.
+const FAST: &str = "max_velocity = 500.0\nmax_acceleration = 4000.0\nmax_jerk = 80_000.0";
+const SLOW: &str = "max_velocity = 80.0\nmax_acceleration = 800.0\nmax_jerk = 20_000.0\n\
+    feedback = \"screw\"\ndifference_limit = 0.1\nposition_loop = \"encoder\"\n\
+    unsupervised_stop = \"hardware\"";
+
+const SUPERVISED: &str = "soft_limits = [-300.0, 0.0]\nfollowing_error_limit = 1.0\n\
+    standstill_window = 0.05\ndrive_following_error = true\ndrive_soft_limits = true";
+const UNSUPERVISED: &str = "soft_limits = [-300.0, 0.0]\nfollowing_error_limit = 1.0\n\
+    standstill_window = 0.05";
+
+/// A circle of 20 mm in X and Z, and lines of all three.
+const PROGRAM: &str = "G21 G90 G94 G61 G18\nG1 X40 Z-40 F3000\nG2 X40 Z-40 I20\n\
+    G1 X100 Y80 Z-10\nG1 Z-60 F4800\nG1 Z-5\nM2\n";
+
+/// How far the axis may be from its plan at the most, mm.
+const MOST: f64 = 0.05;
+
+/// By how much motor and screw differ at rest without a loss, mm.
+const MARGIN: f64 = 0.02;
+
+fn portal_with(program: &str, configure: impl Fn(usize, &mut Config)) -> Rig {
+    let changes = [
+        ("cycle_us = 2000", "cycle_us = 4000"),
+        (LXM32M, TSP10),
+        ("[[axis]]\nname = \"X\"", ENCODER),
+        (FAST, SLOW),
+        (SUPERVISED, UNSUPERVISED),
+    ];
+    Rig::new("portal", &changes, program, configure)
+}
+
+fn portal(program: &str) -> Rig {
+    portal_with(program, |_, _| ())
+}
+
+fn peak(rows: &[Row<COORDINATES>], axis: usize) -> f64 {
+    let errors = rows.iter().map(|row| row.axes[axis].following_error.abs());
+    errors.fold(0.0, f64::max)
+}
+
+#[test]
+fn it_follows_a_program_beside_drives_that_latch_at_sync() {
+    let mut rig = portal(PROGRAM);
+    assert_eq!(rig.finish(), End::Finished, "{:?}", rig.events);
+    let [x, z] = [0, Z].map(|axis| peak(&rig.rows, axis));
+    println!("x {x} z {z}");
+    assert!(x < 0.03 && z < MOST, "{x}, {z}");
+    rig.trace().assert_within_limits();
+    assert!(rig.ends_at_rest());
+    assert!(rig.twin_as::<Twin>(DRIVE).lost_steps().abs() < 50.0);
+}
+
+#[test]
+fn each_loss_has_its_own_message() {
+    let cases: [(usize, Disturbance, &str); 4] = [
+        (
+            DRIVE,
+            Disturbance::Mute(true),
+            "no answer to the polls of 6064h:0",
+        ),
+        (
+            DRIVE,
+            Disturbance::Fault(ErrorClass::StopAndSwitchOff),
+            "drive fault, statusword",
+        ),
+        (DRIVE, Disturbance::Mains(false), "drive fault, statusword"),
+        (
+            SCREW,
+            Disturbance::Mute(true),
+            "no T_PDO in 2 cycles in a row",
+        ),
+    ];
+    for (device, disturbance, text) in cases {
+        let mut rig = portal(PROGRAM);
+        rig.run_to_row(200);
+        rig.twin(device).disturb(disturbance);
+        let fault = rig.finish_with_fault().describe(&*rig.layout);
+        assert!(fault.contains(text), "{disturbance:?}: {fault}");
+    }
+}
+
+// --- it loses steps ---
+
+/// Down, a rest, and up again.
+const RESTS: &str = "G21 G90 G94 G61\nG1 Z-40 F1200\nG4 P0.3\nG1 Z-5\nG4 P0.3\nM2\n";
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 8, ..ProptestConfig::default() })]
+
+    /// What the screw slips against the motor, either way and at any time, is as a loss of steps: the axis makes up
+    /// for it in motion, and where it is more than the limit it is found at the next rest.
+    #[test]
+    fn lost_steps_are_made_up_for_and_found_at_the_next_rest(
+        row in 5..450usize, size in 0.0..0.02f64, backward: bool,
+    ) {
+        let turns = if backward { -size } else { size };
+        let mut rig = portal(RESTS);
+        rig.run_to_row(row);
+        rig.slip(0, turns);
+        let end = rig.finish();
+        prop_assert!(peak(&rig.rows, Z) <= 10.0 * size + MOST);
+        if size * 10.0 > 0.1 + MARGIN {
+            let found = matches!(end, End::Fault(Fault::Axis(Z, AxisCause::FeedbackDifference { .. })));
+            prop_assert!(found, "{:?}", end);
+        } else if size * 10.0 < 0.1 - MARGIN {
+            prop_assert_eq!(end, End::Finished);
+        }
+    }
+
+    /// There and back, at every feed.
+    #[test]
+    fn it_stays_within_its_bound(to in 5.0..290.0f64, feed in 60.0..4800.0f64, share in 0.0..0.9f64) {
+        let program = format!(
+            "G21 G90 G94 G61\nG1 Z-{to:.3} F{feed:.0}\nG1 Z-{:.3}\nM2\n",
+            share * to
+        );
+        let mut rig = portal(&program);
+        prop_assert_eq!(rig.finish(), End::Finished);
+        let error = peak(&rig.rows, Z);
+        prop_assert!(error <= MOST, "{} mm", error);
+    }
+}
