@@ -98,8 +98,8 @@ pub enum DoesNotFit {
     },
     /// A device is polled while axes move, and its answer may be in the way of the setpoints.
     #[error(
-        "bus {bus}: a device on it is polled by SDO while axes move, and there is no room for its answer \
-         beside the setpoints of a cycle; take a longer cycle, a higher bit rate or a bus of its own for it"
+        "bus {bus}: a device on it is polled by SDO while axes move, and there is no room in a cycle for \
+         request and answer beside the setpoints; take a longer cycle, a higher bit rate or a bus of its own for it"
     )]
     Polls {
         /// As the machine file names it.
@@ -170,10 +170,6 @@ impl MachineBudget {
                     advice: bus.advice(),
                 });
             }
-            if bus.is_polled && !bus.budget.outlasts_emcy {
-                let bus = bus.bus.clone();
-                return Err(DoesNotFit::Polls { bus });
-            }
             let earliest = bus.budget.t_pdos_in.min(bus.budget.setpoint_offset);
             let allowed = earliest..=bus.budget.latest_offset;
             if !allowed.contains(&self.setpoint_offset) {
@@ -183,6 +179,13 @@ impl MachineBudget {
                     earliest: *allowed.start(),
                     latest: *allowed.end(),
                 });
+            }
+            let request_out = bus.budget.request_out(self.setpoint_offset);
+            // The request leaves in the cycle's rest, and its answer is in the way like an EMCY.
+            let holds_polls = bus.budget.outlasts_emcy && request_out <= bus.budget.cycle;
+            if bus.is_polled && !holds_polls {
+                let bus = bus.bus.clone();
+                return Err(DoesNotFit::Polls { bus });
             }
             if let Some(tolerance) = bus.sync_tolerance
                 && requests_delay_sync(&bus.budget, self.setpoint_offset, tolerance)

@@ -317,7 +317,7 @@ mod tests {
             told(&mut drive, PowerCommand::Run, -1.4),
             [15, 0, 0xFF, 0xFF, 0xFF, 0xFF]
         );
-        assert_eq!(told(&mut drive, PowerCommand::QuickStop, 9.0)[0], 2);
+        assert_eq!(told(&mut drive, PowerCommand::QuickStop, 9.0)[0], 0x0B);
         assert!(says(&mut drive, 0x0218).power.is_fault());
     }
 

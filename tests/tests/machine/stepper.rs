@@ -36,8 +36,12 @@ const UNSUPERVISED: &str = "soft_limits = [-300.0, 0.0]\nfollowing_error_limit =
 const PROGRAM: &str = "G21 G90 G94 G61 G18\nG1 X40 Z-40 F3000\nG2 X40 Z-40 I20\n\
     G1 X100 Y80 Z-10\nG1 Z-60 F4800\nG1 Z-5\nM2\n";
 
-/// How far the axis may be from its plan at the most, mm.
-const MOST: f64 = 0.05;
+/// How far the axis may be from its plan at the most on its way to and from a velocity, mm: by what is not
+/// known of the instant at which a velocity takes effect, a part of the burst, of its
+/// ramp and of its profile's step, and by a few increments and the rotor's angle under load.
+fn bound(velocity: f64) -> f64 {
+    0.5e-3 * velocity + 0.01
+}
 
 /// By how much motor and screw differ at rest without a loss, mm.
 const MARGIN: f64 = 0.02;
@@ -67,8 +71,10 @@ fn it_follows_a_program_beside_drives_that_latch_at_sync() {
     let mut rig = portal(PROGRAM);
     assert_eq!(rig.finish(), End::Finished, "{:?}", rig.events);
     let [x, z] = [0, Z].map(|axis| peak(&rig.rows, axis));
-    println!("x {x} z {z}");
-    assert!(x < 0.03 && z < MOST, "{x}, {z}");
+    assert!(
+        x < 0.03 && z <= bound(80.0) && z >= bound(80.0) / 5.0,
+        "{x}, {z}"
+    );
     rig.trace().assert_within_limits();
     assert!(rig.ends_at_rest());
     assert!(rig.twin_as::<Twin>(DRIVE).lost_steps().abs() < 50.0);
@@ -122,7 +128,7 @@ proptest! {
         rig.run_to_row(row);
         rig.slip(0, turns);
         let end = rig.finish();
-        prop_assert!(peak(&rig.rows, Z) <= 10.0 * size + MOST);
+        prop_assert!(peak(&rig.rows, Z) <= 10.0 * size + bound(20.0));
         if size * 10.0 > 0.1 + MARGIN {
             let found = matches!(end, End::Fault(Fault::Axis(Z, AxisCause::FeedbackDifference { .. })));
             prop_assert!(found, "{:?}", end);
@@ -141,6 +147,6 @@ proptest! {
         let mut rig = portal(&program);
         prop_assert_eq!(rig.finish(), End::Finished);
         let error = peak(&rig.rows, Z);
-        prop_assert!(error <= MOST, "{} mm", error);
+        prop_assert!(error <= bound(feed / 60.0), "{} mm", error);
     }
 }
