@@ -38,6 +38,7 @@ pub(super) static TSP10: Model = Model {
     inputs: &[],
     outputs: &[],
     analog_outputs: &[],
+    captures: &[],
     make: Make::Drive(Setpoints::Velocities, |settings| {
         Box::new(Tsp10::new(settings))
     }),
@@ -89,10 +90,9 @@ struct Tsp10 {
 impl Tsp10 {
     fn new(settings: &Settings) -> Self {
         let assumed = &settings.assumed;
-        let micros = |assumption| Duration::from_micros(assumed.value(assumption).into());
         let cycle = settings.cycle.as_secs_f64();
         // The half of what its ramp takes.
-        let delay = micros(&VELOCITY_DELAY).as_secs_f64() + cycle / STEEPER / 2.0;
+        let delay = assumed.time(&VELOCITY_DELAY).as_secs_f64() + cycle / STEEPER / 2.0;
         let spec = NodeSpec::new(&TSP10, settings, setup(settings), cia402::is_command);
         Self {
             spec: NodeSpec {
@@ -106,8 +106,8 @@ impl Tsp10 {
                 answers_sync: false,
                 r_pdos: vec![communication::r_pdo(2, settings.node, 6)],
                 latches_at_sync: false,
-                t_pdo_response: micros(&T_PDO_RESPONSE),
-                sdo_response: micros(&SDO_RESPONSE),
+                t_pdo_response: assumed.time(&T_PDO_RESPONSE),
+                sdo_response: assumed.time(&SDO_RESPONSE),
                 ..spec
             },
             latency: 1.0 + delay / cycle,
