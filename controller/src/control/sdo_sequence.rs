@@ -339,20 +339,7 @@ impl SdoSequence {
                     found: value,
                 }));
             }
-            Step::Ensure(write) => {
-                let is_so =
-                    (self.layout.devices[device].device.spec()).agrees(&write, reading.bytes());
-                self.next();
-                if !is_so {
-                    events(Event::Rewritten {
-                        device,
-                        object,
-                        found: value,
-                        value: write.data.bits(),
-                    });
-                    self.steps.push_front(Step::Write(write));
-                }
-            }
+            Step::Ensure(write) => self.ensure(write, reading, events),
             Step::ReadBack(write)
                 if !(self.layout.devices[device].device.spec()).agrees(&write, reading.bytes()) =>
             {
@@ -407,6 +394,22 @@ impl SdoSequence {
             }
             Step::CapturedAt(_) => self.captured = Some((value as i32).into()),
             _ => {}
+        }
+    }
+
+    /// Writes an object next if it reads otherwise.
+    fn ensure(&mut self, write: Write, reading: &Reading, events: &mut impl FnMut(Event)) {
+        let spec = self.layout.devices[self.device].device.spec();
+        let is_so = spec.agrees(&write, reading.bytes());
+        self.next();
+        if !is_so {
+            events(Event::Rewritten {
+                device: self.device,
+                object: write.address,
+                found: reading.number(),
+                value: write.data.bits(),
+            });
+            self.steps.push_front(Step::Write(write));
         }
     }
 
