@@ -197,6 +197,8 @@ pub(super) fn name(command: &Command) -> &'static str {
         Command::FeedOverride(_) => "feed override",
         Command::RapidOverride(_) => "rapid override",
         Command::Jog(_) => "jog",
+        Command::RenewJog(_) => "renew jog",
+        Command::EndJog(_) => "end jog",
         Command::JogStep(_) => "jog step",
         Command::GoTo(_) => "go to",
         Command::Load(_) => "load",

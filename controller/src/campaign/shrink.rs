@@ -133,7 +133,9 @@ fn names(deed: &Deed, letter: char) -> bool {
         Command::Mdi(lines) => lines.contains(letter),
         Command::Jog(
             Jog::Step { axis, .. } | Jog::By { axis, .. } | Jog::Continuous { axis, .. },
-        ) => axis.letter() == letter,
+        )
+        | Command::RenewJog(axis)
+        | Command::EndJog(axis) => axis.letter() == letter,
         _ => false,
     }
 }

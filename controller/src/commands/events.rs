@@ -14,7 +14,7 @@ use syncline_gcode::Axis;
 /// An event's name, what its value has to be, if it has one, and the command that they make.
 type Event = (&'static str, &'static str, fn(&str) -> Option<Command>);
 
-const EVENTS: [Event; 24] = [
+const EVENTS: [Event; 26] = [
     (
         "feed_override",
         "0 or a value from 0.1 to 200 (%)",
@@ -39,6 +39,10 @@ const EVENTS: [Event; 24] = [
         "an axis and a distance as `X+1.5`, or its sign as `X-`; then as `F600` mm/min (A, B, C: °/min), at will",
         |value| jog(value).map(Command::Jog),
     ),
+    ("renew_jog", AXIS, |value| {
+        axis(value).map(Command::RenewJog)
+    }),
+    ("end_jog", AXIS, |value| axis(value).map(Command::EndJog)),
     ("jog_to", POSITIONS, |value| {
         positions(value).map(|to| Command::Jog(Jog::To(to)))
     }),
@@ -117,6 +121,7 @@ fn known(event: &str) -> Result<Event, String> {
     })
 }
 
+const AXIS: &str = "an axis as `X`";
 const POSITIONS: &str = "axes and their positions as `X10 Y-2.5`";
 
 /// Events of files of old, and what each is called now.
@@ -140,6 +145,12 @@ fn percent(value: &str, most: f64) -> Option<Override> {
     let percent = value.parse().ok();
     let percent = percent.filter(|it: &f64| *it == 0.0 || (LEAST..=most).contains(it));
     percent.map(Override::To)
+}
+
+/// `X`
+fn axis(value: &str) -> Option<Axis> {
+    let (letter, rest) = word(value)?;
+    Axis::from_letter(letter).filter(|_| rest.is_empty())
 }
 
 /// A letter and what follows it.

@@ -1,7 +1,8 @@
 //! Keys on the terminal while a program runs: each is a command to the session.
 
 use crate::session::{
-    Command, Direction, Jog, NotTaken, Operator, Override, StepChange, SwitchChange,
+    Command, Direction, Jog, NotTaken, Operator, Override, Status, StatusView, StepChange,
+    SwitchChange,
 };
 use rustix::io::{Errno, read};
 use rustix::process::getpgrp;
@@ -52,6 +53,15 @@ pub(super) fn command_of_sequence(sequence: &[u8]) -> Option<Command> {
         _ => return None,
     };
     Some(Command::Jog(Jog::Step { axis, direction }))
+}
+
+/// Whether a key's command is wanted as things are. A key that is held repeats itself: of an axis that still
+/// moves no step is, as the steps would pile up and be run after the key was released.
+pub(super) fn is_wanted(command: &Command, status: &Status) -> bool {
+    match command {
+        Command::Jog(Jog::Step { axis, .. }) => status.velocity[axis.index()] == 0.0,
+        _ => true,
+    }
 }
 
 /// Takes apart what a terminal sends.
@@ -113,7 +123,7 @@ impl Keys {
     ///
     /// # Errors
     /// The terminal cannot be set.
-    pub(super) fn listen(operator: Operator) -> io::Result<Option<Self>> {
+    pub(super) fn listen(operator: Operator, view: StatusView) -> io::Result<Option<Self>> {
         let input = stdin();
         // In the background the terminal is somebody else's.
         if !isatty(&input) || tcgetpgrp(&input).ok() != Some(getpgrp()) {
@@ -127,7 +137,7 @@ impl Keys {
         modes.special_codes[SpecialCodeIndex::VMIN] = 0;
         modes.special_codes[SpecialCodeIndex::VTIME] = 1;
         tcsetattr(&input, OptionalActions::Now, &modes)?;
-        thread::spawn(move || hand_over(&operator));
+        thread::spawn(move || hand_over(&operator, &view));
         Ok(Some(Self { before }))
     }
 }
@@ -140,7 +150,7 @@ impl Drop for Keys {
 }
 
 /// Commands what is typed until the session is over.
-fn hand_over(operator: &Operator) {
+fn hand_over(operator: &Operator, view: &StatusView) {
     let mut bytes = [0; 16];
     let mut decoder = Decoder::default();
     loop {
@@ -155,6 +165,9 @@ fn hand_over(operator: &Operator) {
             return;
         }
         for command in decoder.commands(&bytes[..count]) {
+            if !is_wanted(&command, &view.get()) {
+                continue;
+            }
             while let Err(reason) = operator.command(command.clone()) {
                 match reason {
                     NotTaken::Busy => thread::sleep(Duration::from_millis(1)),

@@ -350,7 +350,7 @@ fn listen(
         // Where the session is over there is nothing to stop.
         let _ = signals.command(Command::Stop);
     })?;
-    let keys = Keys::listen(session.operator("keys"))?;
+    let keys = Keys::listen(session.operator("keys"), session.view())?;
     if keys.is_some() {
         messages.tell(keys::HELP.to_owned());
     } else {

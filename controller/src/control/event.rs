@@ -5,6 +5,7 @@ use super::functions::Switch;
 use super::homing::{HomingFailure, NotRecalled};
 use super::inputs::InputIndex;
 use super::job::Outcome;
+use super::jogs::HOLD_TO_RUN;
 use super::layout::AxisSpec;
 use super::state::State;
 use crate::bus::BusFault;
@@ -143,6 +144,11 @@ pub enum Event {
         axis: AxisIndex,
         /// Why.
         failure: HomingFailure,
+    },
+    /// A continuous jog was not renewed in time: the axis comes to rest.
+    JogNotRenewed {
+        /// Which axis.
+        axis: AxisIndex,
     },
     /// A device's T_PDO did not come in time.
     MissedTPdo {
@@ -420,6 +426,7 @@ impl Event {
             | Self::Unreferenced { axis }
             | Self::Recalled { axis, .. }
             | Self::NotRecalled { axis, .. }
+            | Self::JogNotRenewed { axis }
             | Self::HomingFailed { axis, .. } => return self.describe_axis(names.axis(axis)),
             Self::MissedTPdo { device } => format!("{}: T_PDO missing in one cycle", who(device)),
             Self::LateSetpoint { bus, cycle } => format!(
@@ -487,6 +494,10 @@ impl Event {
                 "axis {name} is referenced as it was before, and has moved by {moved:.4} {unit} since"
             ),
             Self::NotRecalled { why, .. } => why.describe(axis),
+            Self::JogNotRenewed { .. } => format!(
+                "axis {name} stops: its jog was not renewed for {} ms",
+                HOLD_TO_RUN.as_millis()
+            ),
             Self::HomingFailed { failure, .. } => failure.describe(axis),
             _ => return None,
         })

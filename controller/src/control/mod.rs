@@ -16,6 +16,7 @@
 //! - [`functions`]: what M-codes switch, at their place on the path
 //! - `homing`: how axes come to know where they are
 //! - `inputs`: the machine's inputs that mean something
+//! - `jogs`: how far, how fast and how long axes are jogged
 //! - `node`, `sdo_sequence`: a drive over its bus; what it is asked by SDO
 //! - [`state`]: what operators may ask for, and when
 //! - [`job`]: what the machine works on, one after the other
@@ -30,6 +31,7 @@ pub mod functions;
 mod homing;
 mod inputs;
 pub mod job;
+mod jogs;
 pub mod layout;
 mod node;
 mod order;
@@ -50,6 +52,7 @@ pub use functions::{MachineFunctions, Switch};
 pub use homing::{HomingFailure, NotRecalled};
 pub use inputs::{InputIndex, InputWait};
 pub use job::{Job, JobKind, Outcome};
+pub use jogs::HOLD_TO_RUN;
 pub use layout::Layout;
 pub use order::{Order, Refusal};
 pub use reaction::{Cause, Clearing, Reaction};
@@ -254,6 +257,8 @@ pub struct Controller<const N: usize> {
     over: Option<(u64, Outcome)>,
 
     executor: Executor<N>,
+    /// By coordinate: in which cycle its continuous jog ends unless it is renewed.
+    jogs_until: [u64; N],
     shaping: Shaping<N>,
     /// The plan, shaped, at the setpoint that the next SYNC latches.
     planned: Setpoint<N>,
@@ -328,6 +333,7 @@ impl<const N: usize> Controller<N> {
             planned: executor.setpoint(),
             shaping: Shaping::new(&layout.shaper, period, executor.setpoint()),
             executor,
+            jogs_until: [0; N],
             mode_cycle: None,
             frozen: false,
             left_out: false,
@@ -453,6 +459,7 @@ impl<const N: usize> Controller<N> {
             self.fail(fault);
         }
         self.supervise(due);
+        self.end_lost_jogs();
         if let Err(fault) = self.step(out) {
             self.fail(fault);
         }

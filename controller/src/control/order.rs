@@ -1,12 +1,11 @@
 //! What the session, or the program's feeder, orders.
 
-use super::state::{NotNow, Request, State};
-use super::{Controller, Event, Goal, Job, Phase};
+use super::state::{NotNow, Request};
+use super::{Controller, Event, Goal, Job};
 use crate::machine::COORDINATES;
 use std::mem::take;
 use syncline_gcode::Axis as Letter;
-use syncline_trajectory::limits::{Limits, PositionLimits};
-use syncline_trajectory::path::{Jog, JogError, Overrides, Travel};
+use syncline_trajectory::path::{Jog, JogError, Overrides};
 
 /// An order to the controller; it is obeyed in the next cycle.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -29,6 +28,11 @@ pub enum Order<const N: usize = COORDINATES> {
     Retrace,
     /// Moves axes while the path rests: held, at a pause, or without a job.
     Jog(Jog<N>),
+    /// Renews the continuous jog of the axis with this coordinate; of one that rests or moves otherwise
+    /// changes nothing.
+    RenewJog(usize),
+    /// Ends the continuous jog of the axis with this coordinate, as [`Order::RenewJog`] renews it.
+    EndJog(usize),
     /// Part of the programmed feeds, 0…2.
     FeedOverride(f64),
     /// Part of the rapids' speed, 0…1.
@@ -91,8 +95,9 @@ impl<const N: usize> Order<N> {
             Self::FeedOverride(_)
             | Self::RapidOverride(_)
             | Self::SingleBlock(_)
-            | Self::OptionalStop(_) => Request::Set,
-            Self::Interrupt => Request::Stop,
+            | Self::OptionalStop(_)
+            | Self::RenewJog(_) => Request::Set,
+            Self::Interrupt | Self::EndJog(_) => Request::Stop,
             Self::Enable => Request::Enable,
             Self::Disable => Request::Disable,
             Self::Reset => Request::Reset,
@@ -142,6 +147,8 @@ impl<const N: usize> Controller<N> {
                 self.executor.retrace();
             }
             Order::Jog(jog) => self.jog(jog, state).map_err(Refusal::Jog)?,
+            Order::RenewJog(axis) => self.renew_jog(axis),
+            Order::EndJog(axis) => self.executor.end_jog(axis),
             Order::FeedOverride(feed) => {
                 let overrides = self.executor.overrides();
                 (self.executor).set_overrides(Overrides { feed, ..overrides });
@@ -202,51 +209,6 @@ impl<const N: usize> Controller<N> {
             Order::ToggleFeedHold => self.executor.is_held(),
             _ => false,
         }
-    }
-
-    /// What the axes may do beside the path, and how far each may go.
-    pub(super) fn travel(&self) -> [Option<Travel>; N] {
-        let mut travel = [None; N];
-        for (axis, control) in self.layout.axes.iter().zip(&self.axes) {
-            let limits = &axis.limits;
-            let here = self.planned.position[axis.coordinate];
-            let far = axis.homing.jog_distance;
-            let (min, max) = match control.is_referenced() {
-                true => limits.position,
-                false => (here - far, here + far),
-            };
-            travel[axis.coordinate] = Some(Travel {
-                limits: Limits::symmetric(limits.velocity, limits.acceleration, limits.jerk),
-                bounds: PositionLimits { min, max },
-            });
-        }
-        travel
-    }
-
-    /// Moves axes inside their soft limits.
-    fn jog(&mut self, jog: Jog<N>, state: State) -> Result<(), JogError> {
-        if self.phase != Phase::Program {
-            return Err(JogError::Moving);
-        }
-        let mut travel = self.travel();
-        for (axis, control) in self.layout.axes.iter().zip(&self.axes) {
-            if let Some(Travel { limits, .. }) = &mut travel[axis.coordinate]
-                && !control.is_referenced()
-            {
-                limits.v_max = limits.v_max.min(axis.homing.jog_speed);
-                limits.v_min = -limits.v_max;
-            }
-        }
-        if state != State::Ready {
-            return self.executor.jog(jog, &travel);
-        }
-        // Without a job there is no path to leave: it is held where it ended.
-        self.executor.feed_hold();
-        let taken = self.executor.jog(jog, &travel);
-        if taken.is_err() {
-            self.rest_here();
-        }
-        taken
     }
 }
 

@@ -120,6 +120,15 @@ impl Homing {
         matches!(self.method, HomingMethod::SetHere { .. })
     }
 
+    /// The highest speed of the axis' jogs, mm/s.
+    #[must_use]
+    pub fn fastest_jog(&self, limits: &AxisLimits, referenced: bool) -> f64 {
+        match referenced {
+            true => limits.velocity,
+            false => limits.velocity.min(self.jog_speed),
+        }
+    }
+
     /// Where the axis stands once it is homed, if that is stated.
     #[must_use]
     pub fn final_position(&self) -> Option<f64> {

@@ -216,6 +216,18 @@ impl AxisLimits {
         let at_rest = self.following_error_at_rest;
         at_rest + (self.following_error - at_rest) * part
     }
+
+    /// How far the axis goes from a steady speed, mm/s, until it rests, mm: it slows down as it speeds up,
+    /// on average at half of that speed.
+    #[must_use]
+    pub fn stopping_distance(&self, speed: f64) -> f64 {
+        let (a, j) = (self.acceleration, self.jerk);
+        let time = match speed * j < a * a {
+            true => 2.0 * (speed / j).sqrt(),
+            false => speed / a + a / j,
+        };
+        speed * time / 2.0
+    }
 }
 
 /// A machine file that cannot be used.
@@ -257,6 +269,12 @@ impl Axis {
     #[must_use]
     pub fn units(&self) -> [&'static str; 4] {
         self.letter.units()
+    }
+
+    /// The highest speed of its jogs, mm/s.
+    #[must_use]
+    pub fn fastest_jog(&self, referenced: bool) -> f64 {
+        self.homing.fastest_jog(&self.limits, referenced)
     }
 
     /// Where its homing ends, mm; where that is not stated, the machine position nearest to zero that

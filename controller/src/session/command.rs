@@ -32,6 +32,12 @@ pub enum Command {
     RapidOverride(Override),
     /// Moves axes while the path rests: without a job, at a feed hold, or at a program stop.
     Jog(Jog),
+    /// Renews the continuous jog of an axis that the same source began, as it has to within
+    /// [`HOLD_TO_RUN`](crate::control::HOLD_TO_RUN); where there is none nothing changes.
+    RenewJog(#[serde(with = "letter")] Axis),
+    /// Ends the continuous jog of an axis, whoever began it, as when a key is released; where there is none
+    /// nothing changes.
+    EndJog(#[serde(with = "letter")] Axis),
     /// Changes by how much [`Jog::Step`] moves.
     JogStep(StepChange),
     /// Goes to a position in work coordinates, mm and degrees by letter, on a straight line and as
@@ -118,7 +124,7 @@ pub enum Jog {
         /// How fast.
         speed: Option<f64>,
     },
-    /// On and on, to the end of the travel or to the next feed hold.
+    /// On and on for as long as it is renewed ([`Command::RenewJog`]), to the end of the travel at most.
     Continuous {
         /// Which axis.
         #[serde(with = "letter")]
@@ -243,6 +249,8 @@ mod tests {
                 }),
                 r#"{"jog":{"continuous":{"axis":"X","direction":"negative","speed":null}}}"#,
             ),
+            (Command::RenewJog(Axis::X), r#"{"renew_jog":"X"}"#),
+            (Command::EndJog(Axis::Z), r#"{"end_jog":"Z"}"#),
             (
                 Command::Jog(Jog::To(to)),
                 r#"{"jog":{"to":[null,20.0,null,null,null,null,null,null,null]}}"#,

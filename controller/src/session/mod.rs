@@ -73,6 +73,8 @@ struct Desk {
     job: Job,
     /// Those of a machine that stays on.
     jobs: Option<Jobs>,
+    /// By letter: who began its last continuous jog.
+    joggers: [Option<Arc<str>>; COORDINATES],
     faults: Vec<Fault>,
     observers: Observers,
     recorder: Option<FlightRecorder>,
@@ -145,6 +147,7 @@ impl<T: Timeline> Session<T> {
                 status,
                 job: Job::new(moves),
                 jobs,
+                joggers: Default::default(),
                 faults: Vec::new(),
                 observers,
                 recorder: None,
@@ -251,7 +254,7 @@ enum Asked {
 impl Desk {
     /// Hands over what a command asks for, or tells why it is refused.
     fn hand_over(&mut self, issued: Issued, timeline: &mut impl Timeline) {
-        match self.ask(&issued.command) {
+        match self.ask(&issued) {
             Ok(Asked::Own) => {
                 self.keep(issued, What::Own);
             }
@@ -272,23 +275,41 @@ impl Desk {
     }
 
     /// What a command comes to in the state that the machine is in.
-    fn ask(&mut self, command: &Command) -> Result<Asked, Refusal> {
+    fn ask(&mut self, issued: &Issued) -> Result<Asked, Refusal> {
+        let Issued { command, source } = issued;
         let state = self.status.state;
-        let allowed = |request| match state.allows(request) {
-            true => Ok(()),
-            false => Err(control::Refusal::from(NotNow { request, state })),
-        };
-        let begins = match command {
-            Command::CycleStart => state == State::Ready,
+        // The cycle asks the table about all others, as their orders take effect.
+        let asks = match command {
+            Command::CycleStart if state == State::Ready => Some(Request::Begin),
             Command::Run { .. }
             | Command::Mdi(_)
             | Command::SetWorkOffset(_)
-            | Command::SetToolLength(_) => true,
-            _ => false,
+            | Command::SetToolLength(_) => Some(Request::Begin),
+            Command::Load(_)
+            | Command::JogStep(_)
+            | Command::RenewJog(_)
+            | Command::FeedOverride(_)
+            | Command::RapidOverride(_)
+            | Command::SingleBlock(_)
+            | Command::OptionalStop(_) => Some(Request::Set),
+            _ => None,
         };
-        if begins {
-            allowed(Request::Begin)?;
+        if let Some(request) = asks
+            && !state.allows(request)
+        {
+            return Err(control::Refusal::from(NotNow { request, state }).into());
         }
+        match command {
+            Command::Jog(Jog::Continuous { axis, .. }) => {
+                self.joggers[axis.index()] = Some(Arc::clone(source));
+            }
+            // It would prolong what somebody else, who may be lost, began.
+            Command::RenewJog(axis) if self.joggers[axis.index()].as_ref() != Some(source) => {
+                return Ok(Asked::Own);
+            }
+            _ => {}
+        }
+        let begins = asks == Some(Request::Begin);
         let Some(jobs) = &mut self.jobs else {
             let order = self.settings.order(command);
             return Ok(order.map_or(Asked::Own, Asked::Order));
@@ -298,7 +319,6 @@ impl Desk {
         }
         match command {
             Command::Load(file) => {
-                allowed(Request::Set)?;
                 jobs.load(file)?;
                 self.show_programs();
                 Ok(Asked::Own)

@@ -99,6 +99,8 @@ impl Settings {
                 Order::OptionalStop(self.optional_stop)
             }
             Command::Jog(jog) => jog.order(self.jog_step),
+            Command::RenewJog(axis) => Order::RenewJog(axis.index()),
+            Command::EndJog(axis) => Order::EndJog(axis.index()),
             Command::JogStep(change) => {
                 self.jog_step = change.of(self.jog_step);
                 return None;

@@ -10,7 +10,7 @@ use std::thread;
 use std::time::Duration;
 use syncline_controller::control::{NotNow, Refusal as OrderRefusal, State};
 use syncline_controller::session::{
-    self, Command, Direction, Jog, Override, Refusal, SwitchChange,
+    self, Command, Direction, Jog, Override, Refusal, StepChange, SwitchChange,
 };
 use syncline_drives::twin::{Disturbance, ErrorClass};
 use syncline_gcode::{Axis, Tables};
@@ -216,6 +216,40 @@ fn a_day_at_the_machine_is_the_same_twice() {
     assert_eq!(day(), day());
 }
 
+#[test]
+fn a_machine_that_is_off_takes_no_command() {
+    let mut rig = ready();
+    let file = rig.folder.file("part.ngc", "M2\n");
+    go(&mut rig, Command::SwitchOff);
+    while rig.step() {}
+    assert_eq!((state(&rig), rig.refused.len()), (State::Off, 0));
+    let settings = rig.session.status().settings;
+    let commands = [
+        Command::JogStep(StepChange::Greater),
+        Command::RenewJog(Axis::X),
+        Command::EndJog(Axis::X),
+        Command::FeedOverride(Override::To(40.0)),
+        Command::RapidOverride(Override::To(40.0)),
+        Command::SingleBlock(SwitchChange::Toggle),
+        Command::OptionalStop(SwitchChange::Toggle),
+        Command::Load(file),
+        Command::Run { from_line: None },
+        Command::Jog(Jog::Step {
+            axis: Axis::X,
+            direction: Direction::Positive,
+        }),
+        Command::Stop,
+        Command::Reset,
+        Command::SwitchOff,
+    ];
+    for (count, command) in (1..).zip(commands) {
+        rig.command(command);
+        rig.step();
+        assert_eq!(rig.refused.len(), count, "{:?}", rig.refused);
+    }
+    assert_eq!(rig.session.status().settings, settings);
+}
+
 /// Each time it is frozen anew, a little beside where it was; and while SYNC is off no cycle is full.
 #[test]
 fn a_machine_that_is_enabled_again_is_judged_from_where_it_stands() {
@@ -319,6 +353,60 @@ fn keys_on_a_terminal_are_a_day_too() {
     terminal.press(b"]\x1B[6~");
     until(&mut terminal, b":set_offset Z0\r", Axis::Z, -10.0);
     terminal.press(b"??:switch_off\r");
+    let _ = terminal.end();
+}
+
+/// On a terminal that tells when a key is released: the answer to whether it does, and an arrow to the
+/// right that is pressed, repeated and released.
+#[test]
+fn a_key_that_is_held_jogs_until_it_is_released() {
+    const TELLS: &[u8] = b"\x1B[?0u\x1B[?62c";
+    const PRESSED: &[u8] = b"\x1B[1;1:1C";
+    const REPEATED: &[u8] = b"\x1B[1;1:2C";
+    const RELEASED: &[u8] = b"\x1B[1;1:3C";
+    let folder = Folder::new();
+    let machine = folder.machine("portal");
+    let command = syncline();
+    let mut terminal = Terminal::run(&format!(
+        "stty rows 24 cols 80; {} console {}",
+        command.get_program().to_string_lossy(),
+        machine.display()
+    ));
+    terminal.wait_for("\x1B[?u");
+    terminal.press(TELLS);
+    terminal.wait_for("held on and on");
+    // Where it rests: offsets are refused before.
+    let rests = |terminal: &mut Terminal| {
+        let before = offset_of(&machine, Axis::X);
+        for _ in 0..300 {
+            terminal.press(b":set_offset X0\r");
+            thread::sleep(Duration::from_millis(100));
+            let offset = offset_of(&machine, Axis::X);
+            if offset.is_some() && offset != before {
+                return offset.unwrap_or_default();
+            }
+        }
+        panic!("X stays at {before:?}");
+    };
+    let begin = rests(&mut terminal);
+    let held = |terminal: &mut Terminal| {
+        // What was typed in vain is over by then.
+        thread::sleep(Duration::from_secs(1));
+        terminal.press(PRESSED);
+        for _ in 0..10 {
+            thread::sleep(Duration::from_millis(30));
+            terminal.press(REPEATED);
+        }
+    };
+    held(&mut terminal);
+    terminal.press(RELEASED);
+    let there = rests(&mut terminal);
+    assert!(there > begin + 20.0, "{begin} {there}");
+    // The terminal is lost: nobody hears that the key is released, and no repetition comes.
+    held(&mut terminal);
+    let lost = rests(&mut terminal);
+    assert!(lost > there + 20.0 && lost < 1400.0, "{there} {lost}");
+    terminal.press(b":switch_off\r");
     let _ = terminal.end();
 }
 

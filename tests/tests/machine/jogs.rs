@@ -1,9 +1,18 @@
 //! A person moves single axes while the program is held, and goes on: away from the path and back to
 //! it, by the trace inside every limit.
 
+use super::day::{go, ready_with, settle, state};
+use proptest::prelude::*;
+use proptest::sample::select;
 use serde_json::Value;
 use std::path::Path;
-use syncline_controller::control::{End, Event, NotNow, Order, Request, State};
+use syncline_controller::control::{
+    End, Event, HOLD_TO_RUN, NotNow, Order, Refusal as OrderRefusal, Request, State,
+};
+use syncline_controller::session::{
+    self, Accepted, Command, Direction, Jog as SessionJog, Override, Refusal, StepChange,
+};
+use syncline_gcode::Axis;
 use syncline_tests::command::{Folder, ended, syncline};
 use syncline_tests::rig::{Rig, example};
 use syncline_tests::terminal::Terminal;
@@ -110,8 +119,13 @@ fn a_jog_while_the_machine_moves_is_refused_and_changes_nothing() {
 
 #[test]
 fn a_soft_limit_ends_a_long_jog_and_nothing_leads_beyond() {
-    let events = "1,feed_hold,\n2,jog,X+\n2,jog,Z+500\n6,jog_to,Y1000.001\n6,jog,A+1\n7,resume,\n";
-    let (code, json, trace, errors) = validate(PROGRAM, events);
+    let renewed: String = (1..30)
+        .map(|time| format!("{:.2},renew_jog,X\n", 2.0 + 0.13 * f64::from(time)))
+        .collect();
+    let events = format!(
+        "1,feed_hold,\n2,jog,X+\n2,jog,Z+500\n{renewed}6,jog_to,Y1000.001\n6,jog,A+1\n7,resume,\n"
+    );
+    let (code, json, trace, errors) = validate(PROGRAM, &events);
     assert_eq!(
         (code, &json["verdict"]),
         (0, &Value::from("pass")),
@@ -174,7 +188,7 @@ fn the_end_is_orderly_in_mid_jog_too() {
 fn a_jog_is_told_as_a_hold_that_lasts() {
     let mut rig = held_rig();
     rig.controller().obey(Order::Jog(UP)).unwrap();
-    run_for(&mut rig, 100);
+    run_for(&mut rig, 60);
     assert!(!rig.events.contains(&Event::Resumed), "{:?}", rig.events);
     // Space, and in mid-return once more.
     rig.controller().obey(Order::ToggleFeedHold).unwrap();
@@ -212,10 +226,12 @@ fn arrows_and_page_keys() {
     let mut terminal = Terminal::run(&line);
     terminal.wait_for("press Enter");
     // X + 1, then Y + 10 twice, Z - 10; then it goes back by itself.
-    terminal.press(b"\x1B[C]\x1B[A\x1B[A\x1B[6~");
+    terminal.press(b"\x1B[C]\x1B[A");
     terminal.wait_for("held on the path");
-    std::thread::sleep(std::time::Duration::from_millis(700));
-    terminal.press(b"\n");
+    for step in [b"\x1B[A".as_slice(), b"\x1B[6~", b"\n"] {
+        std::thread::sleep(std::time::Duration::from_millis(700));
+        terminal.press(step);
+    }
     terminal.wait_for("program finished");
     let _ = terminal.end();
     let trace = Trace::read(&example("portal"), &folder.read("trace.csv"));
@@ -227,4 +243,233 @@ fn arrows_and_page_keys() {
     assert!(away.is_some() && away < on, "{away:?} {on:?}");
     let back = (away.unwrap()..on.unwrap()).find(|row| near(set(*row), [20.0, 0.0, 0.0]));
     assert!(back.is_some());
+}
+
+/// A jog that goes on for as long as it is renewed, at the axis' greatest speed.
+fn on(axis: Axis, direction: Direction) -> Command {
+    Command::Jog(SessionJog::Continuous {
+        axis,
+        direction,
+        speed: None,
+    })
+}
+
+/// The same, and so many cycles further.
+fn wait(rig: &mut Rig, cycles: usize) {
+    (0..2 * cycles).for_each(|_| {
+        rig.step();
+    });
+}
+
+#[test]
+fn a_jog_goes_on_for_as_long_as_it_is_renewed() {
+    let mut rig = ready_with(&[]);
+    rig.command(on(Axis::X, Direction::Positive));
+    for _ in 0..6 {
+        wait(&mut rig, 75);
+        assert_eq!(state(&rig), State::Jogging);
+        rig.command(Command::RenewJog(Axis::X));
+    }
+    // Released: it stops at once, and no renewal that comes late sets it in motion again.
+    wait(&mut rig, 75);
+    let from = rig.session.status().setpoint[0];
+    rig.command(Command::EndJog(Axis::X));
+    settle(&mut rig);
+    let there = rig.session.status().setpoint;
+    let limits = rig.layout.axes[0].limits;
+    let stop = limits.stopping_distance(limits.velocity);
+    let cycle = limits.velocity * rig.layout.cycle.as_secs_f64();
+    let gone = there[0] - from;
+    assert!(
+        from > 300.0 && (gone - stop).abs() < 2.0 * cycle,
+        "{gone}, not {stop}"
+    );
+    go(&mut rig, Command::RenewJog(Axis::X));
+    assert_eq!(rig.session.status().setpoint, there);
+    assert!(
+        !(rig.events.iter()).any(|event| matches!(event, Event::JogNotRenewed { .. })),
+        "{:?}",
+        rig.events
+    );
+    // Lost: it stops after its time.
+    rig.command(on(Axis::X, Direction::Negative));
+    settle(&mut rig);
+    assert!(rig.events.contains(&Event::JogNotRenewed { axis: 0 }));
+    let gone = there[0] - rig.session.status().setpoint[0];
+    let most = limits.velocity * 0.2 + stop;
+    assert!(gone > 0.0 && gone < most, "{gone} of {most}");
+    assert_eq!(rig.refused, []);
+}
+
+/// Who takes over an axis is not kept moving by who had it before.
+#[test]
+fn nobody_renews_what_somebody_else_began() {
+    let mut rig = ready_with(&[]);
+    let [lost, other] = ["lost", "other"].map(|name| rig.session.operator(name));
+    other.command(on(Axis::X, Direction::Negative)).unwrap();
+    wait(&mut rig, 10);
+    lost.command(on(Axis::X, Direction::Positive)).unwrap();
+    for _ in 0..10 {
+        wait(&mut rig, 50);
+        other.command(Command::RenewJog(Axis::X)).unwrap();
+    }
+    wait(&mut rig, 1);
+    assert_eq!(state(&rig), State::Ready, "{:?}", rig.events);
+    assert!(rig.events.contains(&Event::JogNotRenewed { axis: 0 }));
+    // What it stops is its own business or not.
+    lost.command(on(Axis::X, Direction::Positive)).unwrap();
+    wait(&mut rig, 10);
+    other.command(Command::EndJog(Axis::X)).unwrap();
+    settle(&mut rig);
+    let jogs = rig.events.iter();
+    let jogs = jogs.filter(|event| matches!(event, Event::JogNotRenewed { .. }));
+    assert_eq!(jogs.count(), 1);
+}
+
+/// What two operators do who jog on and on, and nothing else that moves an axis.
+fn jogging() -> impl Strategy<Value = (usize, Command)> {
+    let axis = || select(&[Axis::X, Axis::Y, Axis::Z][..]);
+    let direction = select(&[Direction::Positive, Direction::Negative][..]);
+    let speed = prop::option::of(1.0..1000.0);
+    let jog = (axis(), direction, speed).prop_map(|(axis, direction, speed)| {
+        Command::Jog(SessionJog::Continuous {
+            axis,
+            direction,
+            speed,
+        })
+    });
+    let command = prop_oneof![
+        6 => jog,
+        8 => axis().prop_map(Command::RenewJog),
+        2 => axis().prop_map(Command::EndJog),
+        1 => select(&[0.0, 3.0, 50.0, 100.0][..])
+            .prop_map(|percent| Command::RapidOverride(Override::To(percent))),
+        2 => select(vec![
+            Command::FeedHold,
+            Command::ToggleFeedHold,
+            Command::JogStep(StepChange::Greater),
+            Command::FeedOverride(Override::To(0.0)),
+            Command::FeedOverride(Override::To(200.0)),
+            Command::Mdi("M3 S7".to_owned()),
+            Command::CycleStart,
+            Command::Stop,
+            Command::Disable,
+            Command::Enable,
+        ]),
+    ];
+    (0..2_usize, command)
+}
+
+/// Rows by which an axis rests at the latest, from when its time is over: it may be speeding up as it
+/// begins to stop.
+fn rows_to_rest(rig: &Rig, axis: usize) -> u64 {
+    let limits = &rig.layout.axes[axis].limits;
+    let (v, a, j) = (limits.velocity, limits.acceleration, limits.jerk);
+    let cycle = rig.layout.cycle.as_secs_f64();
+    ((HOLD_TO_RUN.as_secs_f64() + v / a + 2.0 * a / j) / cycle) as u64 + 3
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 10, ..ProptestConfig::default() })]
+
+    /// Whatever operators do and whoever of them is lost: no axis moves by a jog later than its time and its
+    /// stop after the last command that may let it.
+    #[test]
+    fn no_jog_outlasts_who_holds_it(
+        deeds in prop::collection::vec((jogging(), 1..160_usize), 1..24),
+    ) {
+        let mut rig = ready_with(&[]);
+        let operators = ["one", "other"].map(|name| rig.session.operator(name));
+        let told = rig.session.subscribe();
+        // By axis: whose the jog is, and the last row before it was renewed.
+        let mut held: [(String, u64); 3] = Default::default();
+        let mut last = rig.session.status().setpoint;
+        let most = [0, 1, 2].map(|axis| rows_to_rest(&rig, axis));
+        let mut row = 0;
+        let lost = ((0, Command::RenewJog(Axis::X)), 500);
+        for ((operator, command), cycles) in deeds.into_iter().chain([lost]) {
+            operators[operator].command(command).unwrap();
+            for _ in 0..2 * cycles {
+                let rows = rig.rows.len();
+                rig.step();
+                for event in told.events() {
+                    let session::Event::Accepted(Accepted { source, command, .. }) = event else {
+                        continue;
+                    };
+                    match command {
+                        Command::Jog(SessionJog::Continuous { axis, .. }) => {
+                            held[axis.index()] = (source, row);
+                        }
+                        Command::RenewJog(axis) if held[axis.index()].0 == source => {
+                            held[axis.index()].1 = row;
+                        }
+                        _ => {}
+                    }
+                }
+                if rig.rows.len() == rows {
+                    continue;
+                }
+                row += 1;
+                let now = rig.rows[rows].plan.position;
+                for axis in 0..3 {
+                    let rests = (now[axis] - last[axis]).abs() < 1e-9;
+                    // Where the drives were disabled meanwhile it stands a little beside.
+                    let enabled = rig.rows[rows].plan.velocity[axis] != 0.0;
+                    prop_assert!(
+                        rests || !enabled || row <= held[axis].1 + most[axis],
+                        "axis {} in row {}, held until {}", axis, row, held[axis].1
+                    );
+                }
+                last = now;
+            }
+        }
+        rig.trace().assert_within_limits();
+    }
+
+    /// Away from the path in a pause, offsets and typed lines are refused and move nothing; once the path is
+    /// resumed it is gone along as without them.
+    #[test]
+    fn what_is_jogged_in_a_pause_moves_by_nothing_else(
+        to in 10.0..200.0_f64,
+        commands in prop::collection::vec(0..4_usize, 1..6),
+    ) {
+        let mut rig = ready_with(&[]);
+        let file = rig.folder.file("part.ngc", PROGRAM);
+        rig.command(Command::Load(file));
+        rig.command(Command::Run { from_line: None });
+        rig.run_until(|rig| rig.session.status().setpoint[0] > to);
+        go(&mut rig, Command::FeedHold);
+        let held = rig.session.status().setpoint;
+        go(&mut rig, Command::Jog(SessionJog::By { axis: Axis::Z, distance: -30.0, speed: None }));
+        rig.command(on(Axis::Y, Direction::Positive));
+        wait(&mut rig, 300);
+        let away = rig.session.status().setpoint;
+        prop_assert!(away[1] > held[1] + 1.0 && (away[2] - held[2] + 30.0).abs() < 1e-6);
+        let here = [Some(0.0), Some(0.0), None, None, None, None, None, None, None];
+        let asked = commands.len();
+        for command in commands {
+            let command = [
+                Command::SetWorkOffset(here),
+                Command::Mdi("G0 X0 Y0".to_owned()),
+                Command::SetToolLength(here),
+                Command::Run { from_line: Some(3) },
+            ][command]
+                .clone();
+            rig.command(command);
+            wait(&mut rig, 50);
+            prop_assert_eq!(rig.session.status().setpoint, away);
+        }
+        prop_assert_eq!(rig.refused.len(), asked);
+        for refused in &rig.refused {
+            let refused = matches!(
+                refused.reason,
+                Refusal::Machine(OrderRefusal::NotNow(NotNow { request: Request::Begin, state: State::Held }))
+            );
+            prop_assert!(refused);
+        }
+        rig.command(Command::Resume);
+        rig.run_until(|rig| rig.session.status().setpoint == held);
+        settle(&mut rig);
+        prop_assert_eq!(state(&rig), State::Ready);
+    }
 }

@@ -103,7 +103,7 @@ fn at_work(when: When) -> Rig {
             direction: Direction::Positive,
             speed: Some(100.0),
         }));
-        steps(&mut rig, 100);
+        steps(&mut rig, 50);
     }
     if let When::Runs(_) | When::Held | When::Stops(_) = when {
         let file = rig.folder.file("part.ngc", PROGRAM);

@@ -50,8 +50,11 @@ fn switch() -> impl Strategy<Value = SwitchChange> {
     ]
 }
 
+fn axis() -> impl Strategy<Value = Axis> {
+    prop::sample::select(vec![Axis::X, Axis::Y, Axis::Z])
+}
+
 fn jog() -> impl Strategy<Value = Jog> {
-    let axis = || prop::sample::select(vec![Axis::X, Axis::Y, Axis::Z]);
     let direction = || prop::sample::select(vec![Direction::Positive, Direction::Negative]);
     let speed = || prop::option::of(1.0..200.0_f64);
     let places = || {
@@ -97,6 +100,8 @@ fn command() -> impl Strategy<Value = Command> {
         2 => number(200.0).prop_map(Command::FeedOverride),
         1 => number(100.0).prop_map(Command::RapidOverride),
         3 => jog().prop_map(Command::Jog),
+        1 => axis().prop_map(Command::RenewJog),
+        1 => axis().prop_map(Command::EndJog),
         1 => step.prop_map(Command::JogStep),
     ]
 }

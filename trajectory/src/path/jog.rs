@@ -383,6 +383,19 @@ impl<const N: usize> Jogging<N> {
         }
     }
 
+    /// Whether an axis goes on and on, until an order or its soft limit stops it.
+    pub(super) fn is_continuous(&self, axis: usize) -> bool {
+        let motion = self.motions.get(axis);
+        motion.is_some_and(|motion| matches!(motion.aim, Aim::Limit(_)))
+    }
+
+    /// Brings an axis that goes on and on to rest as fast as it can; any other does what it did.
+    pub(super) fn end_continuous(&mut self, axis: usize) {
+        if self.is_continuous(axis) {
+            self.motions[axis].aim(Aim::Anywhere, f64::INFINITY);
+        }
+    }
+
     /// Comes to rest as fast as the axes can: on their line, or each on its own.
     pub(super) fn hold(&mut self) {
         self.next_line = None;

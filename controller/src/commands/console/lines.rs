@@ -2,11 +2,11 @@
 
 use super::super::events;
 use super::told;
-use crate::control::{Event as MachineEvent, Layout, State};
+use crate::control::{Event as MachineEvent, HOLD_TO_RUN, Layout, State};
 use crate::machine::Machine;
 use crate::run::Timeline;
 use crate::session::{
-    Command, Event, NotTaken, Operator, Session, Status, StatusView, Subscription,
+    Command, Event, Jog, NotTaken, Operator, Session, Status, StatusView, Subscription,
 };
 use crossbeam::channel::{self, Receiver, RecvTimeoutError};
 use std::collections::VecDeque;
@@ -14,6 +14,7 @@ use std::io;
 use std::sync::Arc;
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
+use syncline_gcode::Axis;
 
 /// Who the lines come from, in the log.
 const NAME: &str = "lines";
@@ -290,7 +291,26 @@ impl Teller {
             Event::Message { line, text } => Some(format!("line {line}: {text}")),
             Event::Recorded(files) => Some(files.to_string()),
             Event::Problem(error) => Some(told(&**error)),
-            Event::Accepted(_) => None,
+            Event::Accepted(accepted) => match accepted.command {
+                Command::Jog(Jog::Continuous { axis, speed, .. }) => self.stopping(axis, speed),
+                _ => None,
+            },
         }
+    }
+
+    /// How an axis stops that is jogged on and on, with this speed at most.
+    fn stopping(&self, letter: Axis, speed: Option<f64>) -> Option<String> {
+        let mut axes = self.machine.axes.iter();
+        let axis = axes.find(|axis| axis.letter == letter)?;
+        let status = self.view.get();
+        let fastest = axis.fastest_jog(status.referenced[letter.index()]);
+        let rapid = status.settings.rapid_override / 100.0;
+        let speed = speed.unwrap_or(fastest).min(fastest * rapid);
+        let [unit, ..] = axis.units();
+        Some(format!(
+            "jog {letter}: stops in {:.3} {unit}, {} ms after the last `renew_jog {letter}`",
+            axis.limits.stopping_distance(speed),
+            HOLD_TO_RUN.as_millis()
+        ))
     }
 }

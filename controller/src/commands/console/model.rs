@@ -1,7 +1,7 @@
 //! What the console's screen shows, and how events change it.
 
-use super::view::Axes;
 use crate::control::{Event as MachineEvent, Layout, State};
+use crate::machine::Axis;
 use crate::session::{Event, Status};
 use std::collections::VecDeque;
 use std::fs::File;
@@ -16,7 +16,7 @@ const LONGEST: u64 = 64 << 20;
 /// See the module.
 #[derive(Default)]
 pub(super) struct Model {
-    pub(super) axes: Axes,
+    pub(super) axes: Vec<Axis>,
     pub(super) status: Status,
     /// What happened, the newest last.
     pub(super) messages: VecDeque<String>,
@@ -28,6 +28,8 @@ pub(super) struct Model {
     pub(super) elapsed: f64,
     /// Of the tool, along its path, mm/s or °/s.
     pub(super) speed: f64,
+    /// The terminal tells when a key is released: axes can be jogged for as long as one is held.
+    pub(super) releases: bool,
     /// Also what happens in every run.
     pub(super) verbose: bool,
     /// The file that `text` is of.
@@ -40,7 +42,7 @@ pub(super) struct Model {
 
 impl Model {
     /// Of a machine with these axes, before anything is known of it.
-    pub(super) fn new(axes: Axes, verbose: bool) -> Self {
+    pub(super) fn new(axes: Vec<Axis>, verbose: bool) -> Self {
         Self {
             axes,
             verbose,
@@ -94,6 +96,14 @@ impl Model {
             Event::Problem(error) => self.tell(super::told(&**error)),
             Event::Accepted(_) | Event::State(_) => {}
         }
+    }
+
+    /// How far an axis goes, mm, from when the key is released that jogs it until it rests.
+    pub(super) fn stopping_distance(&self, axis: &Axis) -> f64 {
+        let referenced = self.status.referenced[axis.letter.index()];
+        let part = self.status.settings.rapid_override / 100.0;
+        let speed = axis.fastest_jog(referenced) * part;
+        axis.limits.stopping_distance(speed)
     }
 
     /// What stopped the machine, the first cause on top, and what is not completed.

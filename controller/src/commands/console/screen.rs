@@ -1,5 +1,13 @@
 //! The console on a terminal: a thread that draws, and one that hears keys. So a terminal that takes
 //! nothing is in the way of no key.
+//!
+//! # Keys that are held
+//!
+//! An arrow that is pressed jogs by a step. Where it is held, and the terminal tells keys that repeat and that
+//! are released from those that are pressed (kitty's keyboard protocol, for which it is asked), the axis goes
+//! on from the first repetition until the key is released. Each repetition renews the jog, and nothing else
+//! does: this side of a connection that hangs cannot know that the key is still held. A terminal that is lost
+//! thus stops the axis by [`HOLD_TO_RUN`](crate::control::HOLD_TO_RUN). Any other terminal has steps only.
 
 use super::super::{events, keys};
 use super::model::Model;
@@ -7,11 +15,14 @@ use super::view;
 use crate::control::Layout;
 use crate::machine::{COORDINATES, Machine};
 use crate::run::Timeline;
-use crate::session::{Command, NotTaken, Operator, Session, StatusView, Subscription};
+use crate::session::{Command, Jog, NotTaken, Operator, Session, StatusView, Subscription};
 use crossbeam::channel::{self, Receiver, Sender};
+use ratatui::DefaultTerminal;
 use ratatui::crossterm::event::{
-    self, Event as Input, KeyCode, KeyEvent, KeyEventKind, KeyModifiers,
+    self, Event as Input, KeyCode, KeyEvent, KeyEventKind, KeyModifiers, KeyboardEnhancementFlags,
+    PopKeyboardEnhancementFlags, PushKeyboardEnhancementFlags,
 };
+use ratatui::crossterm::{execute, terminal};
 use std::io;
 use std::sync::Arc;
 use std::thread::{self, JoinHandle};
@@ -22,6 +33,8 @@ const REDRAW: Duration = Duration::from_millis(50);
 
 /// What a key does to the screen.
 enum Screen {
+    /// Whether the terminal tells when a key is released: with that drawing begins.
+    Releases(bool),
     /// What is typed behind `:`; `None` once it is done.
     Prompt(Option<String>),
     /// The keys are shown, or no longer.
@@ -44,14 +57,15 @@ pub(super) fn listen(
         view: session.view(),
         tell,
         prompt: None,
+        held: Vec::new(),
     };
-    let axes = machine.axes.iter().map(|axis| axis.letter);
-    let model = Model::new(axes.collect(), verbose);
+    let model = Model::new(machine.axes.clone(), verbose);
     let (events, view) = (session.subscribe(), session.view());
+    let terminal = ratatui::try_init()?;
     let spawn = |name: &str| thread::Builder::new().name(name.into());
     spawn("keys").spawn(move || keyboard.hear())?;
     spawn("console").spawn(move || {
-        if let Err(error) = draw_all(model, &events, &view, &told, &layout) {
+        if let Err(error) = draw_all(terminal, model, &events, &view, &told, &layout) {
             eprintln!("error: cannot draw: {error}");
         }
     })
@@ -59,14 +73,18 @@ pub(super) fn listen(
 
 /// Draws until the session is over.
 fn draw_all(
+    mut terminal: DefaultTerminal,
     mut model: Model,
     events: &Subscription,
     view: &StatusView,
     told: &Receiver<Screen>,
     layout: &Layout,
 ) -> io::Result<()> {
-    let mut terminal = ratatui::try_init()?;
     let mut drawn = Ok(());
+    // Until then the terminal is being asked, and what is drawn would come in between.
+    if let Ok(Screen::Releases(releases)) = told.recv() {
+        model.releases = releases;
+    }
     while let Ok(event) = events.wait(REDRAW) {
         if let Some(event) = event {
             model.happened(&event, layout);
@@ -78,12 +96,17 @@ fn draw_all(
         for change in told.try_iter() {
             match change {
                 Screen::Prompt(text) => model.prompt = text,
+                Screen::Releases(releases) => model.releases = releases,
                 Screen::Help => model.help = !model.help,
                 Screen::Tell(text) => model.tell(text),
             }
         }
         model.take(view.get());
         drawn = drawn.and(terminal.draw(|frame| view::draw(frame, &model)).map(|_| ()));
+    }
+    if model.releases {
+        // It is left anyway.
+        let _ = execute!(io::stdout(), PopKeyboardEnhancementFlags);
     }
     ratatui::restore();
     // What was told last would be gone with the screen.
@@ -101,14 +124,17 @@ struct Keyboard {
     tell: Sender<Screen>,
     /// What is typed behind `:`.
     prompt: Option<String>,
+    /// Keys that jog for as long as they are held.
+    held: Vec<KeyCode>,
 }
 
 impl Keyboard {
     /// Until the session, or the terminal, is gone.
     fn hear(mut self) {
+        self.show(Screen::Releases(ask_for_releases()));
         loop {
             let pressed = match event::read() {
-                Ok(Input::Key(key)) if key.kind != KeyEventKind::Release => self.press(key),
+                Ok(Input::Key(key)) => self.take(key),
                 Ok(_) => Ok(()),
                 Err(_) => {
                     // Nobody can be heard any more.
@@ -119,6 +145,32 @@ impl Keyboard {
             if pressed == Err(NotTaken::Over) {
                 return;
             }
+        }
+    }
+
+    /// A key is pressed, repeats itself or is released.
+    fn take(&mut self, key: KeyEvent) -> Result<(), NotTaken> {
+        let step = command(key.code).filter(|_| self.prompt.is_none());
+        match (step, key.kind) {
+            (Some(Command::Jog(Jog::Step { axis, direction })), KeyEventKind::Repeat) => {
+                if self.held.contains(&key.code) {
+                    return self.command(Command::RenewJog(axis));
+                }
+                self.held.push(key.code);
+                self.command(Command::Jog(Jog::Continuous {
+                    axis,
+                    direction,
+                    speed: None,
+                }))
+            }
+            (Some(Command::Jog(Jog::Step { axis, .. })), KeyEventKind::Release)
+                if self.held.contains(&key.code) =>
+            {
+                self.held.retain(|held| *held != key.code);
+                self.command(Command::EndJog(axis))
+            }
+            (_, KeyEventKind::Release) => Ok(()),
+            _ => self.press(key),
         }
     }
 
@@ -135,7 +187,11 @@ impl Keyboard {
         match key.code {
             KeyCode::Char(':') => self.type_on(String::new()),
             KeyCode::Char('?') => self.show(Screen::Help),
-            code => return command(code).map_or(Ok(()), |command| self.command(command)),
+            code => {
+                let wanted = |it: &Command| keys::is_wanted(it, &self.view.get());
+                let command = command(code).filter(wanted);
+                return command.map_or(Ok(()), |command| self.command(command));
+            }
         }
         Ok(())
     }
@@ -196,6 +252,14 @@ impl Keyboard {
             taken => taken,
         }
     }
+}
+
+/// Has the terminal tell when a key is released; whether it does.
+fn ask_for_releases() -> bool {
+    let flags = KeyboardEnhancementFlags::DISAMBIGUATE_ESCAPE_CODES
+        | KeyboardEnhancementFlags::REPORT_EVENT_TYPES;
+    matches!(terminal::supports_keyboard_enhancement(), Ok(true))
+        && execute!(io::stdout(), PushKeyboardEnhancementFlags(flags)).is_ok()
 }
 
 /// What a key commands.

@@ -12,7 +12,7 @@ use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::{Color, Modifier, Style};
 use ratatui::text::{Line, Span};
 use ratatui::widgets::{Block, Borders, Clear, Paragraph, Wrap};
-use syncline_gcode::{Axis, Turning};
+use syncline_gcode::Turning;
 
 /// Columns of the positions: axis, work, machine, to go.
 const POSITIONS: u16 = 44;
@@ -31,8 +31,8 @@ const KEYS: [(&str, &str); 17] = [
     ("s", "single block on and off"),
     ("o", "optional stop on and off"),
     ("b", "retrace to the beginning of the block"),
-    ("arrows", "jog X and Y by the step"),
-    ("page keys", "jog Z by the step"),
+    ("arrows", "jog X and Y by the step; held, on and on if `jog` says so"),
+    ("page keys", "jog Z in the same way"),
     ("[ ]", "jog step smaller, greater"),
     ("q", "stop what moves; the job is over"),
     ("e d", "enable, disable the drives"),
@@ -121,25 +121,29 @@ fn position_rows(model: &Model) -> Vec<Line<'static>> {
         target,
         setpoint,
         referenced,
+        off_path,
         ..
     } = &model.status;
     let work = model.status.work_position();
+    // Without a move of a program ahead it matters how far a jog goes on.
+    let jogs = matches!(model.status.state, State::Ready | State::Jogging) || *off_path;
+    let distance = if jogs { "stops in" } else { "to go" };
     let mut rows = vec![Line::raw(format!(
-        " {:>14}{:>14}{:>12}",
-        "work", "machine", "to go"
+        " {:>14}{:>14}{distance:>12}",
+        "work", "machine"
     ))];
     for axis in &model.axes {
-        let at = axis.index();
-        let unit = if axis.is_linear() { "" } else { "°" };
+        let at = axis.letter.index();
+        let unit = if axis.letter.is_linear() { "" } else { "°" };
+        let distance = match jogs {
+            true => model.stopping_distance(axis),
+            false => target[at] - setpoint[at],
+        };
         // Where nobody knows where it is, its positions count from where it was switched on.
         let mark = if referenced[at] { ' ' } else { '?' };
         rows.push(Line::from(vec![
-            bold(format!(" {axis}{mark}{:>12.3}", work[at])),
-            Span::raw(format!(
-                "{:>14.3}{:>12.3}{unit}",
-                actual[at],
-                target[at] - setpoint[at]
-            )),
+            bold(format!(" {}{mark}{:>12.3}", axis.name(), work[at])),
+            Span::raw(format!("{:>14.3}{distance:>12.3}{unit}", actual[at])),
         ]));
     }
     rows
@@ -167,6 +171,10 @@ fn value_rows(model: &Model) -> Vec<Line<'static>> {
         (false, true) => "flood",
         (true, true) => "mist, flood",
     };
+    let held = match model.releases {
+        true => ", held on and on",
+        false => ", steps only",
+    };
     let row = |name: &str, value: String| Line::raw(format!("{name:<11}{value}"));
     vec![
         row("feed", format!("{programmed}  of the program")),
@@ -187,7 +195,7 @@ fn value_rows(model: &Model) -> Vec<Line<'static>> {
         ),
         row("tool", format!("T{} {}", status.tool, status.tool_name)),
         row("spindle", format!("{turning}, coolant {coolant}")),
-        row("jog step", format!("{} mm", settings.jog_step)),
+        row("jog", format!("by {} mm{held}", settings.jog_step)),
         row("block", format!("single {}", on(settings.single_block))),
         row("M1", format!("stops {}", on(settings.optional_stop))),
     ]
@@ -276,12 +284,10 @@ fn draw_keys(frame: &mut Frame) {
     frame.render_widget(keys, centred);
 }
 
-/// The letters of the axes, in their order.
-pub(super) type Axes = Vec<Axis>;
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::machine::Machine;
     use crate::session::{Settings, Stopped};
     use ratatui::Terminal;
     use ratatui::backend::TestBackend;
@@ -312,7 +318,8 @@ mod tests {
         status.target[0] -= 87.654;
         status.spindle.speed = 12000.0;
         status.spindle.turning = Turning::Clockwise;
-        let mut model = Model::new(vec![Axis::X, Axis::Y, Axis::Z], false);
+        let portal = "../examples/portal/machine.toml".as_ref();
+        let mut model = Model::new(Machine::load(portal).unwrap().axes, false);
         model.status = status;
         (model.speed, model.elapsed) = (89.9, 83.4);
         model.take_text("G21 G90\nT2 M6\nG1 X1000 F6000\nY500\nM2\n");
@@ -339,6 +346,16 @@ mod tests {
     #[test]
     fn a_large_one_shows_the_program_too() {
         insta::assert_snapshot!(drawn(&model(), 160, 50));
+    }
+
+    #[test]
+    fn a_jog_shows_how_far_it_goes_on() {
+        let mut model = model();
+        model.status.state = State::Jogging;
+        model.status.off_path = true;
+        model.status.settings.rapid_override = 50.0;
+        model.releases = true;
+        insta::assert_snapshot!(drawn(&model, 80, 24));
     }
 
     #[test]

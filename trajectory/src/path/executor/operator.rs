@@ -256,6 +256,20 @@ impl<const N: usize> Executor<N> {
         Ok(())
     }
 
+    /// Whether an axis is jogged on and on ([`Jog::Continuous`]), and no order has stopped it.
+    pub fn is_jogged_on(&self, axis: usize) -> bool {
+        let jogging = self.activity.jogging();
+        jogging.is_some_and(|axes| axes.is_continuous(axis))
+    }
+
+    /// Brings an axis to rest that is jogged on and on, whatever the rapid override; any other does what it
+    /// did.
+    pub fn end_jog(&mut self, axis: usize) {
+        if let Activity::Jogging { axes, .. } = &mut self.activity {
+            axes.end_continuous(axis);
+        }
+    }
+
     /// Jogging has moved the axes off the path, and they are not back yet.
     pub fn is_off_path(&self) -> bool {
         self.activity.jogging().is_some()
