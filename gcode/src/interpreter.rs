@@ -156,6 +156,12 @@ impl Interpreter {
         self.state.at
     }
 
+    /// What comes next, as far as it is known: behind [`start_at_line`](Self::start_at_line) all that sets up
+    /// the line.
+    pub fn pending(&self) -> impl Iterator<Item = &Action> {
+        self.pending.iter().map(|command| &command.action)
+    }
+
     /// Offsets, reference points and tools as the program left them so far. The caller saves them
     /// when the program has run.
     pub fn tables(&self) -> &Tables {

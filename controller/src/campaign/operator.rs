@@ -108,7 +108,7 @@ struct Drawing<'a> {
 type Draw = fn(&mut Drawing<'_>) -> Command;
 
 /// Every kind of command, and how often it comes.
-const KINDS: [(u32, Draw); 25] = [
+const KINDS: [(u32, Draw); 23] = [
     (4, |_| Command::CycleStart),
     (4, |_| Command::FeedHold),
     (4, |_| Command::Resume),
@@ -119,8 +119,6 @@ const KINDS: [(u32, Draw); 25] = [
     (4, |it| Command::FeedOverride(it.change(220.0))),
     (3, |it| Command::RapidOverride(it.change(110.0))),
     (8, |it| Command::Jog(it.jog())),
-    (3, |it| Command::RenewJog(it.axis().1)),
-    (1, |it| Command::EndJog(it.axis().1)),
     (1, |it| Command::JogStep(it.step())),
     (2, |it| Command::GoTo(it.positions())),
     (2, |it| Command::Load(it.program())),

@@ -235,6 +235,8 @@ pub enum Pause {
     ProgramStop,
     /// M1.
     OptionalStop,
+    /// It begins at this line, in the middle.
+    Beginning,
     /// M6 with this tool.
     ToolChange(u32),
     /// M66: the input with this number did not come in time.
@@ -315,6 +317,7 @@ impl fmt::Display for Pause {
         match self {
             Self::ProgramStop => f.write_str("program stop (M0)"),
             Self::OptionalStop => f.write_str("optional stop (M1)"),
+            Self::Beginning => f.write_str("the program begins here once it is confirmed"),
             Self::NoInput(number) => write!(f, "input P{number} did not come in time (M66)"),
             Self::NotAtSpeed => f.write_str("the spindle did not reach its speed in time"),
             Self::ToolChange(0) => f.write_str("tool change (M6): remove the tool"),

@@ -87,7 +87,7 @@ impl Program {
             exact: self.tolerances.exact * self.scale.tolerance,
             blend: self.tolerances.blend * self.scale.tolerance,
         };
-        Ok(Feeder {
+        let mut feeder = Feeder {
             tables: self.setup.tables.clone(),
             interpreter: self.interpret(start)?,
             source: MoveSource { at: start },
@@ -112,7 +112,18 @@ impl Program {
             upcoming,
             tag: 0,
             ended: false,
-        })
+        };
+        if self.waits
+            && let Some(found) = self.found(&feeder.interpreter)
+        {
+            let line = found.line;
+            feeder.tell(line, found.to_string());
+            feeder.stop_then(StopPoint::Pause {
+                reason: Pause::Beginning,
+                line,
+            });
+        }
+        Ok(feeder)
     }
 }
 

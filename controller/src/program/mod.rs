@@ -78,6 +78,8 @@ pub struct Program {
     scale: Scale,
     /// Begin there instead of at the beginning.
     from_line: Option<u32>,
+    /// Where it begins in the middle it waits for cycle start first.
+    waits: bool,
     /// Not interpreted as a whole before it runs.
     stream: bool,
 }
@@ -255,6 +257,7 @@ impl Programs {
             settling: self.settling,
             scale: Scale::default(),
             from_line: None,
+            waits: false,
             stream: false,
         }
     }
@@ -321,6 +324,14 @@ impl Program {
         self
     }
 
+    /// Has the program tell what the line finds that it begins at, and wait for cycle start before it moves or
+    /// switches anything.
+    #[must_use]
+    pub fn wait_at_the_line(mut self) -> Self {
+        self.waits = true;
+        self
+    }
+
     /// Whether the program is read as it runs: it may be endless, and [`check`](Self::check) only
     /// opens it.
     #[must_use]
@@ -341,16 +352,19 @@ impl Program {
     /// # Errors
     /// The first block that cannot be run, or no such line.
     pub fn beginning(&self, start: Position) -> Result<Option<Beginning>, ProgramError> {
-        let Some(line) = self.from_line else {
-            return Ok(None);
-        };
-        let interpreter = self.interpret(start)?;
-        Ok(Some(Beginning {
-            line,
+        let interpreter = self.from_line.map(|_| self.interpret(start)).transpose()?;
+        Ok(interpreter.and_then(|interpreter| self.found(&interpreter)))
+    }
+
+    /// What the line to begin at finds, of an interpreter that stands there.
+    fn found(&self, interpreter: &Interpreter) -> Option<Beginning> {
+        Some(Beginning {
+            line: self.from_line?,
             modes: interpreter.modes().clone(),
             axes: self.setup.axes,
             position: interpreter.position(),
-        }))
+            switched: interpreter.pending().filter_map(switched).collect(),
+        })
     }
 
     /// Interprets the whole program from `start` without moving anything.
@@ -446,6 +460,18 @@ pub struct Beginning {
     modes: gcode::Modes,
     axes: AxisSet,
     position: gcode::Point,
+    /// What is switched on the way there, in its order.
+    switched: Vec<&'static str>,
+}
+
+/// What a command switches that leads to the line to begin at.
+fn switched(action: &Action) -> Option<&'static str> {
+    Some(match action {
+        Action::Stop(gcode::Stop::ToolChange { .. }) => "the tool",
+        Action::Spindle(_) => "the spindle",
+        Action::Coolant(_) => "the coolant",
+        _ => return None,
+    })
 }
 
 impl fmt::Display for Beginning {
@@ -454,7 +480,11 @@ impl fmt::Display for Beginning {
         for axis in self.axes.iter() {
             write!(f, " {axis}{:.3}", self.position[axis])?;
         }
-        f.write_str(" in machine coordinates")
+        f.write_str(" in machine coordinates")?;
+        match &self.switched[..] {
+            [] => f.write_str("; nothing is switched on the way there"),
+            switched => write!(f, "; switched on the way there: {}", switched.join(", ")),
+        }
     }
 }
 

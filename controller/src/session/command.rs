@@ -47,7 +47,8 @@ pub enum Command {
     Load(PathBuf),
     /// Runs the program that is loaded.
     Run {
-        /// Begin at this line instead of the first, in the state that it finds there.
+        /// Begin at this line instead of the first, in the state that it finds there, which is told and
+        /// waits for cycle start.
         from_line: Option<u32>,
     },
     /// Executes lines as they would stand in a program.

@@ -117,7 +117,8 @@ impl Jobs {
 
     fn run(&self, from_line: Option<u32>) -> Result<Program, Refusal> {
         let file = self.loaded.as_ref().ok_or(Refusal::NoProgram)?;
-        Ok(self.programs.file(file).from_line(from_line))
+        let program = self.programs.file(file).from_line(from_line);
+        Ok(program.wait_at_the_line())
     }
 
     fn words(&self, positions: &[Option<f64>; COORDINATES]) -> Result<String, Refusal> {

@@ -8,12 +8,12 @@ use std::path::Path;
 use std::process::Stdio;
 use std::thread;
 use std::time::Duration;
-use syncline_controller::control::{NotNow, Refusal as OrderRefusal, State};
+use syncline_controller::control::{self, NotNow, Refusal as OrderRefusal, State};
 use syncline_controller::session::{
     self, Command, Direction, Jog, Override, Refusal, StepChange, SwitchChange,
 };
 use syncline_drives::twin::{Disturbance, ErrorClass};
-use syncline_gcode::{Axis, Tables};
+use syncline_gcode::{Axis, Tables, Turning};
 use syncline_tests::command::{Folder, ended, syncline};
 use syncline_tests::rig::Rig;
 use syncline_tests::terminal::Terminal;
@@ -250,6 +250,59 @@ fn a_machine_that_is_off_takes_no_command() {
     assert_eq!(rig.session.status().settings, settings);
 }
 
+/// What is told, and confirmed by cycle start before anything moves or is switched.
+#[test]
+fn a_program_that_begins_at_a_line_waits_for_cycle_start() {
+    let mut rig = ready();
+    rig.goes_on = false;
+    let text = "G1 X20 F6000\nM3 S500\nM8\nX40\nX60 Y10\nM2\n";
+    let file = rig.folder.file("part.ngc", text);
+    rig.command(Command::Load(file));
+    let here = rig.session.status().setpoint;
+    go(&mut rig, Command::Run { from_line: Some(5) });
+    assert_eq!(state(&rig), State::Held);
+    let (line, told) = &rig.messages[0];
+    assert_eq!(*line, 5);
+    for part in [
+        "line 5 begins with G1 G17 G21 G40 G49 G54 G90 ",
+        " F6000 S500 M3 M8, at X40.000 Y",
+        "; switched on the way there: the spindle, the coolant",
+    ] {
+        assert!(told.contains(part), "{part}: {told}");
+    }
+    let paused = control::Event::Paused {
+        line: 5,
+        reason: control::Pause::Beginning,
+    };
+    assert!(rig.events.contains(&paused), "{:?}", rig.events);
+    assert_eq!(rig.session.status().setpoint, here);
+    assert_eq!(rig.session.status().spindle.turning, Turning::Off);
+    // Also what is jogged before comes back first.
+    go(
+        &mut rig,
+        Command::Jog(Jog::Step {
+            axis: Axis::Y,
+            direction: Direction::Positive,
+        }),
+    );
+    let begun = rig.rows.len();
+    go(&mut rig, Command::CycleStart);
+    assert_eq!(state(&rig), State::Ready, "{:?}", rig.events);
+    let rows = &rig.rows[begun..];
+    let cut = rows.iter().position(|row| row.plan.position[1] > 5.0);
+    let cut = &rows[cut.expect("line 5 leads there")];
+    assert_eq!(cut.functions.spindle.turning, Turning::Clockwise);
+    assert!(cut.functions.coolant.flood);
+    // A stop gives it up, and nothing was switched.
+    go(&mut rig, Command::Run { from_line: Some(5) });
+    let there = rig.session.status().setpoint;
+    go(&mut rig, Command::Stop);
+    assert_eq!(state(&rig), State::Ready);
+    assert_eq!(rig.session.status().setpoint, there);
+    assert_eq!(rig.session.status().spindle.turning, Turning::Off);
+    assert_eq!(rig.refused, []);
+}
+
 /// Each time it is frozen anew, a little beside where it was; and while SYNC is off no cycle is full.
 #[test]
 fn a_machine_that_is_enabled_again_is_judged_from_where_it_stands() {
@@ -374,12 +427,12 @@ fn a_key_that_is_held_jogs_until_it_is_released() {
     ));
     terminal.wait_for("\x1B[?u");
     terminal.press(TELLS);
-    terminal.wait_for("held on and on");
+    terminal.wait_for("\x1B[>3u");
     // Where it rests: offsets are refused before.
     let rests = |terminal: &mut Terminal| {
         let before = offset_of(&machine, Axis::X);
         for _ in 0..300 {
-            terminal.press(b":set_offset X0\r");
+            terminal.press(b":set_offset X-7\r");
             thread::sleep(Duration::from_millis(100));
             let offset = offset_of(&machine, Axis::X);
             if offset.is_some() && offset != before {

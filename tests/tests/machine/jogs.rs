@@ -370,7 +370,7 @@ fn rows_to_rest(rig: &Rig, axis: usize) -> u64 {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 10, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 6, ..ProptestConfig::default() })]
 
     /// Whatever operators do and whoever of them is lost: no axis moves by a jog later than its time and its
     /// stop after the last command that may let it.

@@ -31,7 +31,10 @@ const KEYS: [(&str, &str); 17] = [
     ("s", "single block on and off"),
     ("o", "optional stop on and off"),
     ("b", "retrace to the beginning of the block"),
-    ("arrows", "jog X and Y by the step; held, on and on if `jog` says so"),
+    (
+        "arrows",
+        "jog X and Y by the step; held, on and on if `jog` says so",
+    ),
     ("page keys", "jog Z in the same way"),
     ("[ ]", "jog step smaller, greater"),
     ("q", "stop what moves; the job is over"),
