@@ -314,6 +314,13 @@ pub struct PathState {
     pub acceleration: f64,
 }
 
+impl<const N: usize> PathSegment<N> {
+    /// Path distance of its end from the start of the section, mm.
+    pub fn end(&self) -> f64 {
+        self.start + self.curve.length()
+    }
+}
+
 /// A curve in its place along the section.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PathSegment<const N: usize> {

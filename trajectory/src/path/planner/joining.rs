@@ -1,17 +1,14 @@
 //! Joins moves to sections: fits curves to short segments, rounds corners, and rests where it can do
 //! neither.
 
-use super::{NOTHING, PathError, Pending, PlanItem, Planner, Section, asked_speed};
-use std::collections::VecDeque;
+use super::NOTHING;
 
 use crate::limits::PositionLimits;
 use crate::path::blend::{Blend, blend, needed_part, passing_time};
 use crate::path::bounds::crawling_time;
 use crate::path::segment_fitting::{MoveEnd, Part, ShortSegments};
-use crate::path::{Curve, Limits, Move, Overrides, PathSegment};
+use crate::path::{Curve, Limits, Move, PathSegment};
 
-/// Gaps up to this are rounding of the caller's, mm.
-const GAP: f64 = 1e-6;
 /// Tangents, and curvatures by the mm or as parts of the greater, that differ by no more are equal.
 const SMOOTH: f64 = 1e-10;
 /// Parts of the tolerance that a rounding is tried with, so that it stays between the positions
@@ -29,38 +26,102 @@ const ROOM: f64 = 1.1;
 /// No rounding is made so small that it would be passed in less time, s: that does not show.
 const SHORTEST_PASSAGE: f64 = 1e-3;
 
-impl<const N: usize> Planner<N> {
+/// What moves are joined to, piece by piece.
+#[derive(Debug, Clone)]
+pub(super) struct Joiner<const N: usize> {
+    pub(super) limits: Limits<N>,
+    /// Positions that curves of its own stay between.
+    pub(super) bounds: [PositionLimits; N],
+    /// Short segments that may go on.
+    pub(super) short_segments: Option<ShortSegments<N>>,
+    pub(super) pending: Option<Pending<N>>,
+    /// How far that strays from what was programmed, mm.
+    deviation: f64,
+    /// Waypoints so far.
+    pub(super) waypoints: u32,
+    /// What moves became, and nobody has taken yet.
+    pub(super) laid: Vec<Laid<N>>,
+}
+
+/// The last move, until what comes next tells how it is left.
+#[derive(Debug, Clone)]
+pub(super) struct Pending<const N: usize> {
+    pub(super) motion: Move<N>,
+    /// Where on it the moves end that became one with it.
+    ends: Vec<MoveEnd>,
+    /// How much of its start a blend took, mm.
+    pub(super) taken: f64,
+    /// Waypoints before it.
+    waypoints: u32,
+}
+
+/// A piece of the path.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) enum Laid<const N: usize> {
+    /// A curve.
+    Curve(LaidCurve<N>),
+    /// Moves that end on the last so many mm, and where on those.
+    Ends(f64, Vec<MoveEnd>),
+    /// The path stops.
+    Rest,
+}
+
+/// A curve of the path.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct LaidCurve<const N: usize> {
+    pub(super) curve: Curve<N>,
+    /// Programmed, mm/s.
+    pub(super) feed: f64,
+    pub(super) tag: u32,
+    /// Waypoints before it.
+    pub(super) waypoints: u32,
+    /// Other moves that end on it before the one with the tag.
+    pub(super) ends: Vec<MoveEnd>,
+}
+
+impl<const N: usize> From<&LaidCurve<N>> for PathSegment<N> {
+    /// As programmed, at the beginning of a section.
+    fn from(laid: &LaidCurve<N>) -> Self {
+        PathSegment {
+            start: 0.0,
+            curve: laid.curve,
+            feed: laid.feed,
+            speed: laid.feed,
+            tag: laid.tag,
+            waypoints: laid.waypoints,
+        }
+    }
+}
+
+impl<const N: usize> Joiner<N> {
+    pub(super) fn new(limits: Limits<N>) -> Self {
+        Joiner {
+            limits,
+            bounds: [PositionLimits {
+                min: f64::NEG_INFINITY,
+                max: f64::INFINITY,
+            }; N],
+            short_segments: None,
+            pending: None,
+            deviation: 0.0,
+            waypoints: 0,
+            laid: Vec::new(),
+        }
+    }
+
     /// The path rests where what was joined so far ends.
     pub(super) fn rest_here(&mut self) {
         self.lay_pending(0.0);
-        self.stop_here();
+        self.laid.push(Laid::Rest);
     }
 
-    /// The path stops where it is.
-    fn stop_here(&mut self) {
-        if let Some(PlanItem::Section(section)) = self.items.back_mut() {
-            section.closed = true;
-        }
-    }
-
-    pub(super) fn push_move(&mut self, motion: Move<N>) -> Result<(), PathError> {
-        let feed = motion.feed.speed();
-        if feed.is_nan() || feed <= 0.0 {
-            return Err(PathError::Feed(feed));
-        }
-        let start = motion.curve.start();
-        let gap = (0..N)
-            .map(|i| (start[i] - self.position[i]).abs())
-            .fold(0.0, f64::max);
-        if gap.is_nan() || gap > GAP {
-            return Err(PathError::Gap(gap));
-        }
-        self.position = motion.curve.end();
+    /// Goes on with a move that begins where the last one ended.
+    pub(super) fn push(&mut self, motion: Move<N>) {
         if let Some(segments) = &mut self.short_segments
             && segments.extend(&motion)
         {
             self.join_parts(false);
-            return Ok(());
+            return;
         }
         self.join_short_segments();
         self.short_segments = ShortSegments::begin(&motion);
@@ -72,7 +133,6 @@ impl<const N: usize> Planner<N> {
                 goes_on: false,
             });
         }
-        Ok(())
     }
 
     /// Joins the short segments that were gathered.
@@ -238,12 +298,8 @@ impl<const N: usize> Planner<N> {
             at: half + end.at * half / cut,
             ..*end
         });
-        let start = self.length - length;
         let told = [middle].into_iter().chain(behind);
-        self.move_ends.extend(told.map(|end| MoveEnd {
-            at: start + end.at,
-            ..end
-        }));
+        self.laid.push(Laid::Ends(length, told.collect()));
     }
 
     /// Lays the rounding between a move and one that is programmed with `feed`. Both give up the same length for
@@ -268,41 +324,14 @@ impl<const N: usize> Planner<N> {
         self.lay(halves[1], feed, tag, waypoints, &[]);
     }
 
-    /// The section goes on with `curve`, on which other moves end before that with the tag; if there is
-    /// none, one begins.
     fn lay(&mut self, curve: Curve<N>, feed: f64, tag: u32, waypoints: u32, ends: &[MoveEnd]) {
-        if !matches!(self.items.back(), Some(PlanItem::Section(section)) if !section.closed) {
-            self.items.push_back(PlanItem::Section(Section {
-                path_segments: Vec::new(),
-                ends: VecDeque::new(),
-                origin: self.length,
-                length: 0.0,
-                closed: false,
-            }));
-        }
-        let mut path_segment = PathSegment {
-            start: 0.0,
+        self.laid.push(Laid::Curve(LaidCurve {
             curve,
             feed,
-            speed: feed,
             tag,
             waypoints,
-        };
-        self.placed = waypoints;
-        if self.overrides != Overrides::default() {
-            path_segment.speed = asked_speed(&path_segment, self.overrides, &self.limits);
-        }
-        if let Some(PlanItem::Section(section)) = self.items.back_mut() {
-            let (origin, from) = (section.origin, section.length);
-            let told = ends.iter().map(|end| MoveEnd {
-                at: origin + from + end.at,
-                ..*end
-            });
-            self.move_ends.extend(told);
-            section.push(path_segment, ends);
-            self.length = section.origin + section.length;
-            self.kept += 1;
-        }
+            ends: ends.to_vec(),
+        }));
     }
 }
 

@@ -21,11 +21,13 @@
 //!
 //! - `joining`: moves become sections: short segments are [fitted](super::segment_fitting), corners
 //!   [blended](super::blend),
+//! - `alternatives`: what they become within lesser tolerances, too, and which of it is passed the soonest,
 //! - `section`: path without a stop, and how far a window on it may go,
 //! - `windows`: one window: how it is solved, what of it is final, and what bounds the work,
 //! - `answer`: plans that the executor asks for from a state of its own: after an override, a hold, for a single block, to
 //!   retrace, and to rest.
 
+mod alternatives;
 mod answer;
 mod joining;
 mod section;
@@ -39,10 +41,12 @@ use thiserror::Error;
 
 use super::brake::MOST_SEGMENTS;
 use super::plan::Plan;
-use super::segment_fitting::{MoveEnd, ShortSegments};
+use super::segment_fitting::MoveEnd;
 use super::window::{Effort, MOST_CELLS, MOST_WORK, TOO_MANY_CELLS, Window};
-use super::{Command, JerkSegment, Limits, Move, Overrides, PathItem, PathSegment, PathState};
+use super::{Command, JerkSegment, Limits, Overrides, PathItem, PathSegment, PathState};
 use crate::limits::PositionLimits;
+use alternatives::Alternatives;
+use joining::{Joiner, Laid, LaidCurve};
 use section::Section;
 
 /// Why an item cannot be planned.
@@ -59,6 +63,8 @@ pub enum PathError {
     Dwell(f64),
 }
 
+/// Gaps up to this are rounding of the caller's, mm.
+const GAP: f64 = 1e-6;
 /// A part of a curve this small (as a part of it) or of a section (in mm) is rounding.
 const NOTHING: f64 = 1e-9;
 /// Jerk segments of the last plan that are followed before a window, at most.
@@ -72,25 +78,21 @@ pub(super) const MOST_AT_ONCE: usize = MOST_FOLLOWED + MOST_SEGMENTS + TOO_MANY_
 #[derive(Debug, Clone)]
 pub struct Planner<const N: usize> {
     limits: Limits<N>,
-    /// Positions that curves of its own stay between.
-    bounds: [PositionLimits; N],
     /// Time that is planned beyond what is final, and in all, s of travel at the programmed feed.
     lookahead: f64,
     horizon: f64,
     position: [f64; N],
-    /// Short segments that may go on.
-    short_segments: Option<ShortSegments<N>>,
-    pending: Option<Pending<N>>,
-    /// How far that strays from what was programmed, mm.
-    deviation: f64,
+    /// What moves become within their tolerances.
+    joiner: Joiner<N>,
+    /// What they become within lesser ones, from where that is not the same.
+    alternatives: Alternatives<N>,
     /// What was planned lately, is under way, and is to be planned.
     items: VecDeque<PlanItem<N>>,
     /// Number of the first of them.
     first: u64,
     /// How many path segments they hold.
     kept: usize,
-    /// Waypoints so far, and how many of them have their place in `items`.
-    waypoints: u32,
+    /// How many waypoints have their place in `items`.
     placed: u32,
     /// Path length of all sections.
     length: f64,
@@ -122,18 +124,6 @@ enum PlanItem<const N: usize> {
     Mark(u32),
     /// At rest; how many waypoints there are up to here.
     Waypoint(u32),
-}
-
-/// The last move, until what comes next tells how it is left.
-#[derive(Debug, Clone)]
-struct Pending<const N: usize> {
-    motion: Move<N>,
-    /// Where on it the moves end that became one with it.
-    ends: Vec<MoveEnd>,
-    /// How much of its start a blend took, mm.
-    taken: f64,
-    /// Waypoints before it.
-    waypoints: u32,
 }
 
 /// A retrace along a section.
@@ -220,20 +210,14 @@ impl<const N: usize> Planner<N> {
         let lookahead = LOOKAHEAD * stop;
         Planner {
             limits,
-            bounds: [PositionLimits {
-                min: f64::NEG_INFINITY,
-                max: f64::INFINITY,
-            }; N],
             lookahead,
             horizon: lookahead + lookahead.max(LEAST_TRAVEL),
             position,
-            short_segments: None,
-            pending: None,
-            deviation: 0.0,
+            joiner: Joiner::new(limits),
+            alternatives: Alternatives::default(),
             items: VecDeque::new(),
             first: 0,
             kept: 0,
-            waypoints: 0,
             placed: 0,
             length: 0.0,
             move_ends: VecDeque::new(),
@@ -254,7 +238,7 @@ impl<const N: usize> Planner<N> {
     /// would, the path follows what is programmed and stops if need be. The moves themselves are the
     /// caller's to check.
     pub fn keep_within(&mut self, bounds: [PositionLimits; N]) {
-        self.bounds = bounds;
+        self.joiner.bounds = bounds;
     }
 
     /// Takes the next item.
@@ -270,7 +254,21 @@ impl<const N: usize> Planner<N> {
                 self.close();
                 self.items.push_back(PlanItem::Dwell { duration, tag });
             }
-            PathItem::Move(motion) => self.push_move(motion)?,
+            PathItem::Move(motion) => {
+                let feed = motion.feed.speed();
+                if feed.is_nan() || feed <= 0.0 {
+                    return Err(PathError::Feed(feed));
+                }
+                let start = motion.curve.start();
+                let gap = (0..N)
+                    .map(|i| (start[i] - self.position[i]).abs())
+                    .fold(0.0, f64::max);
+                if gap.is_nan() || gap > GAP {
+                    return Err(PathError::Gap(gap));
+                }
+                self.position = motion.curve.end();
+                self.push_move(motion);
+            }
         }
         Ok(())
     }
@@ -285,9 +283,12 @@ impl<const N: usize> Planner<N> {
     /// counts in [`Executor::waypoints`](super::Executor::waypoints) once the path has come to it. Moves
     /// before and behind it do not become one.
     pub fn waypoint(&mut self) {
-        self.join_short_segments();
-        self.waypoints += 1;
-        if self.pending.is_none() {
+        self.for_each_joiner(|joiner| {
+            joiner.join_short_segments();
+            joiner.waypoints += 1;
+        });
+        self.take_laid();
+        if self.joiner.pending.is_none() {
             self.place_waypoints();
         }
     }
@@ -303,7 +304,7 @@ impl<const N: usize> Planner<N> {
 
     /// What planning took so far.
     pub fn effort(&self) -> Effort {
-        self.window.effort()
+        self.window.effort() + self.alternatives.effort()
     }
 
     /// No further item comes for now: whatever was taken is planned to rest.
@@ -322,16 +323,67 @@ impl<const N: usize> Planner<N> {
     }
 
     fn close(&mut self) {
-        self.join_short_segments();
-        self.rest_here();
+        self.for_each_joiner(|joiner| {
+            joiner.join_short_segments();
+            joiner.rest_here();
+        });
+        self.take_laid();
         self.place_waypoints();
+    }
+
+    /// The section goes on with what the moves became; if there is none, one begins.
+    fn lay(&mut self, laid: Laid<N>) {
+        match laid {
+            Laid::Curve(curve) => self.lay_curve(curve),
+            Laid::Ends(length, ends) => {
+                let start = self.length - length;
+                self.tell_move_ends(start, &ends);
+            }
+            Laid::Rest => {
+                if let Some(PlanItem::Section(section)) = self.items.back_mut() {
+                    section.closed = true;
+                }
+            }
+        }
+    }
+
+    fn lay_curve(&mut self, laid: LaidCurve<N>) {
+        if !matches!(self.items.back(), Some(PlanItem::Section(section)) if !section.closed) {
+            self.items.push_back(PlanItem::Section(Section {
+                path_segments: Vec::new(),
+                ends: VecDeque::new(),
+                origin: self.length,
+                length: 0.0,
+                closed: false,
+            }));
+        }
+        self.tell_move_ends(self.length, &laid.ends);
+        self.placed = laid.waypoints;
+        let mut path_segment = PathSegment::from(&laid);
+        if self.overrides != Overrides::default() {
+            path_segment.speed = asked_speed(&path_segment, self.overrides, &self.limits);
+        }
+        if let Some(PlanItem::Section(section)) = self.items.back_mut() {
+            section.push(path_segment, &laid.ends);
+            self.length = section.origin + section.length;
+            self.kept += 1;
+        }
+    }
+
+    /// Moves that end at these distances from a place of the path.
+    fn tell_move_ends(&mut self, from: f64, ends: &[MoveEnd]) {
+        self.move_ends.extend(ends.iter().map(|end| MoveEnd {
+            at: from + end.at,
+            ..*end
+        }));
     }
 
     /// Waypoints behind which no move came are passed at rest.
     fn place_waypoints(&mut self) {
-        if self.placed < self.waypoints {
-            self.placed = self.waypoints;
-            self.items.push_back(PlanItem::Waypoint(self.waypoints));
+        let waypoints = self.joiner.waypoints;
+        if self.placed < waypoints {
+            self.placed = waypoints;
+            self.items.push_back(PlanItem::Waypoint(waypoints));
         }
     }
 

@@ -4,7 +4,7 @@ use std::mem::take;
 
 use super::windows::CREDIT;
 use super::*;
-use crate::path::{Curve, Executor, Feed, PathControlMode, Plane, curve::ArcDefinition};
+use crate::path::{Curve, Executor, Feed, Move, PathControlMode, Plane, curve::ArcDefinition};
 
 const LIMITS: Limits<3> = Limits {
     velocity: [500.0, 400.0, 200.0],

@@ -21,6 +21,7 @@
 mod grid;
 
 use std::iter::repeat;
+use std::ops::Add;
 
 use grid::Stretch;
 
@@ -150,6 +151,21 @@ pub struct Effort {
     pub work: usize,
     /// Stretches for which none was found.
     pub unsolved: usize,
+}
+
+impl Add for Effort {
+    type Output = Self;
+
+    fn add(self, other: Self) -> Self {
+        Effort {
+            stretches: self.stretches + other.stretches,
+            cells: self.cells + other.cells,
+            solves: self.solves + other.solves,
+            steps: self.steps + other.steps,
+            work: self.work + other.work,
+            unsolved: self.unsolved + other.unsolved,
+        }
+    }
 }
 
 impl<const N: usize> Default for Window<N> {
