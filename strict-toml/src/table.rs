@@ -56,6 +56,20 @@ impl<'a, 'i> Table<'a, 'i> {
         value
     }
 
+    /// What `read` makes of a key that may be left out.
+    fn optional<T>(
+        &mut self,
+        key: &'static str,
+        read: impl FnOnce(&mut Self) -> Option<T>,
+    ) -> Option<T> {
+        if self.entries.contains_key(key) {
+            read(self)
+        } else {
+            self.known.push(key);
+            None
+        }
+    }
+
     fn wrong(
         &self,
         log: &mut Log<'_>,
@@ -96,12 +110,7 @@ impl<'a, 'i> Table<'a, 'i> {
         allowed: &str,
         accept: impl Fn(&str) -> bool,
     ) -> Found<String> {
-        if self.entries.contains_key(key) {
-            self.text(log, key, allowed, accept)
-        } else {
-            self.known.push(key);
-            None
-        }
+        self.optional(key, |table| table.text(log, key, allowed, accept))
     }
 
     /// A required name: one of `names`.
@@ -134,12 +143,7 @@ impl<'a, 'i> Table<'a, 'i> {
         key: &'static str,
         names: impl Iterator<Item = &'n str> + Clone,
     ) -> Found<String> {
-        if self.entries.contains_key(key) {
-            self.choice(log, key, names)
-        } else {
-            self.known.push(key);
-            None
-        }
+        self.optional(key, |table| table.choice(log, key, names))
     }
 
     /// One of `names`, or `default`.
@@ -150,13 +154,8 @@ impl<'a, 'i> Table<'a, 'i> {
         default: &str,
         names: impl Iterator<Item = &'n str> + Clone,
     ) -> String {
-        if self.entries.contains_key(key) {
-            self.choice(log, key, names)
-                .map_or_else(|| default.into(), Spanned::into_inner)
-        } else {
-            self.known.push(key);
-            default.into()
-        }
+        self.choice_if(log, key, names)
+            .map_or_else(|| default.into(), Spanned::into_inner)
     }
 
     /// A text, or `default`.
@@ -258,12 +257,7 @@ impl<'a, 'i> Table<'a, 'i> {
         range: RangeInclusive<i64>,
         unit: &str,
     ) -> Found<i64> {
-        if self.entries.contains_key(key) {
-            self.integer(log, key, range, unit)
-        } else {
-            self.known.push(key);
-            None
-        }
+        self.optional(key, |table| table.integer(log, key, range, unit))
     }
 
     /// A required number that `accept` takes.
@@ -292,12 +286,7 @@ impl<'a, 'i> Table<'a, 'i> {
         allowed: &str,
         accept: impl Fn(f64) -> bool,
     ) -> Found<f64> {
-        if self.entries.contains_key(key) {
-            self.number(log, key, allowed, accept)
-        } else {
-            self.known.push(key);
-            None
-        }
+        self.optional(key, |table| table.number(log, key, allowed, accept))
     }
 
     /// A required number above zero.
@@ -367,12 +356,7 @@ impl<'a, 'i> Table<'a, 'i> {
         key: &'static str,
         allowed: &str,
     ) -> Found<(f64, f64)> {
-        if self.entries.contains_key(key) {
-            self.interval(log, key, allowed)
-        } else {
-            self.known.push(key);
-            None
-        }
+        self.optional(key, |table| table.interval(log, key, allowed))
     }
 
     /// A list of pairs of numbers that `accept` takes, each first one above that of the pair before,
@@ -384,12 +368,7 @@ impl<'a, 'i> Table<'a, 'i> {
         allowed: &str,
         accept: impl Fn(f64, f64) -> bool,
     ) -> Found<Vec<(f64, f64)>> {
-        if self.entries.contains_key(key) {
-            self.points(log, key, allowed, accept)
-        } else {
-            self.known.push(key);
-            None
-        }
+        self.optional(key, |table| table.points(log, key, allowed, accept))
     }
 
     /// The same, required.

@@ -187,12 +187,7 @@ fn device_type(io: &IoSettings) -> Identity {
     ];
     let used =
         (used.iter().enumerate()).fold(0, |bits, (kind, used)| bits | u32::from(*used) << kind);
-    Identity {
-        address: Address::new(0x1000, 0),
-        name: "device type",
-        mask: 0xFFFF | used << 16,
-        value: 0x0191 | used << 16,
-    }
+    Identity::new(0x1000, 0, "device type", 0x0191 | used << 16).in_bits(0xFFFF | used << 16)
 }
 
 /// Turns a PDO off, maps objects of so many bits into it and turns it on. `behind` is written before it is on.

@@ -92,21 +92,16 @@ const FOLLOWING_ERROR: u16 = Statusword::BIT_13;
 
 /// What tells a drive that does as this file says.
 fn identity(encoder_increments: u32) -> Vec<Identity> {
-    let reads = |index, sub, name, mask, value| Identity {
-        address: Address::new(index, sub),
-        name,
-        mask,
-        value,
-    };
-    let (mode, counts) = (SUPPORTS_THE_MODE, encoder_increments);
+    let reads = Identity::new;
+    let mode = SUPPORTS_THE_MODE;
     vec![
         // What stands above CiA 402 tells a servo from other drives.
-        reads(0x1000, 0, "device type", 0xFFFF, 402),
-        reads(0x6502, 0, "supported drive modes", mode, mode),
-        reads(0x608F, 1, "encoder increments", u32::MAX, counts),
-        reads(0x608F, 2, "motor revolutions", u32::MAX, 1),
-        reads(0x6091, 1, "gear ratio, motor shaft", u32::MAX, 1),
-        reads(0x6091, 2, "gear ratio, driving shaft", u32::MAX, 1),
+        reads(0x1000, 0, "device type", 402).in_bits(0xFFFF),
+        reads(0x6502, 0, "supported drive modes", mode).in_bits(mode),
+        reads(0x608F, 1, "encoder increments", encoder_increments),
+        reads(0x608F, 2, "motor revolutions", 1),
+        reads(0x6091, 1, "gear ratio, motor shaft", 1),
+        reads(0x6091, 2, "gear ratio, driving shaft", 1),
     ]
 }
 
@@ -256,11 +251,11 @@ impl Drive for Cia402Csp {
     }
 
     fn status(&mut self, _: usize, data: &[u8]) -> Option<DriveStatus> {
-        cia402::status(data, FOLLOWING_ERROR)
+        cia402::status(data, Some(FOLLOWING_ERROR))
     }
 
     fn encode(&mut self, command: PowerCommand, setpoint: Setpoint, frames: &mut [Frame]) {
-        let data = cia402::command(command, 0, setpoint);
+        let data = cia402::to_position(cia402::controlword(command, 0), setpoint.position);
         frames[0] = Frame::new(self.spec.r_pdos[0].cob_id, &data);
     }
 }

@@ -82,18 +82,8 @@ const FREE: u16 = 1;
 const START_MODE: u16 = Controlword::MODE_4;
 
 const IDENTITY: [Identity; 2] = [
-    Identity {
-        address: Address::new(0x1000, 0),
-        name: "device type",
-        mask: u32::MAX,
-        value: 0x0042_0192, // (2947-2973)
-    },
-    Identity {
-        address: Address::new(0x1018, 1),
-        name: "vendor id",
-        mask: u32::MAX,
-        value: 0x0800_005A, // (3348-3354)
-    },
+    Identity::new(0x1000, 0, "device type", 0x0042_0192), // (2947-2973)
+    Identity::new(0x1018, 1, "vendor id", 0x0800_005A),   // (3348-3354)
 ];
 
 /// Statusword bit 13, `x_err`: counts only in Operation Enabled, as the manual's own examples show it
@@ -315,11 +305,12 @@ impl Drive for Lxm32m {
     }
 
     fn status(&mut self, _: usize, data: &[u8]) -> Option<DriveStatus> {
-        cia402::status(data, X_ERR)
+        cia402::status(data, Some(X_ERR))
     }
 
     fn encode(&mut self, command: PowerCommand, setpoint: Setpoint, frames: &mut [Frame]) {
-        let [c0, c1, p0, p1, p2, p3] = cia402::command(command, START_MODE, setpoint);
+        let controlword = cia402::controlword(command, START_MODE);
+        let [c0, c1, p0, p1, p2, p3] = cia402::to_position(controlword, setpoint.position);
         let [o0, o1] = self.outputs.to_le_bytes();
         let data = [c0, c1, p0, p1, p2, p3, o0, o1];
         let r_pdo = &self.spec.r_pdos[0];

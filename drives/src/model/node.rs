@@ -130,6 +130,23 @@ pub struct Identity {
     pub value: u32,
 }
 
+impl Identity {
+    /// An object all of whose bits count.
+    pub(super) const fn new(index: u16, sub: u8, name: &'static str, value: u32) -> Self {
+        Self {
+            address: Address::new(index, sub),
+            name,
+            mask: u32::MAX,
+            value,
+        }
+    }
+
+    /// The same where these bits alone count.
+    pub(super) const fn in_bits(self, mask: u32) -> Self {
+        Self { mask, ..self }
+    }
+}
+
 /// By what a device shows that it is there and Operational.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Monitoring {

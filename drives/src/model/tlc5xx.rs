@@ -151,12 +151,7 @@ impl Tlc5xx {
 /// What tells that it is this controller, and that a unit of its positions is an increment as it counts
 /// without inversion. All of it is stored in the drive, so that it has to be so before.
 fn identity() -> Vec<Identity> {
-    let reads = |index, sub, name, value| Identity {
-        address: Address::new(index, sub),
-        name,
-        mask: u32::MAX,
-        value,
-    };
+    let reads = Identity::new;
     vec![
         reads(0x1000, 0, "device type", 0x0002_0192),
         reads(0x1018, 1, "vendor", 0x0100_002E),
@@ -275,7 +270,7 @@ impl Drive for Tlc5xx {
 
     /// Of a fault bit 3 alone is certain (D-20); bit 12 says in this mode that it stands.
     fn status(&mut self, _: usize, data: &[u8]) -> Option<DriveStatus> {
-        let status = cia402::status(data, 0)?;
+        let status = cia402::status(data, None)?;
         let statusword = Statusword(status.word.value.bits() as u16);
         let power = match status.power {
             _ if statusword.has(1 << 3) => PowerState::Fault,
@@ -285,23 +280,14 @@ impl Drive for Tlc5xx {
         Some(DriveStatus {
             power,
             mode_runs: power == PowerState::Enabled,
-            error: false,
             remote: self.remote > 1 || set == (self.remote == 1),
             ..status
         })
     }
 
     fn encode(&mut self, command: PowerCommand, setpoint: Setpoint, frames: &mut [Frame]) {
-        let velocity = match command {
-            PowerCommand::Run => setpoint.velocity * self.units,
-            _ => 0.0,
-        };
-        // A float becomes the nearest integer that there is.
-        let velocity = Increments::from(velocity.round() as i32);
-        let told = Setpoint::at(velocity);
-        frames[0] = Frame::new(
-            self.spec.r_pdos[0].cob_id,
-            &cia402::command(command, 0, told),
-        );
+        let controlword = cia402::controlword(command, 0);
+        let data = cia402::at_velocity(controlword, command, setpoint.velocity * self.units);
+        frames[0] = Frame::new(self.spec.r_pdos[0].cob_id, &data);
     }
 }

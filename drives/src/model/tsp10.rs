@@ -123,12 +123,7 @@ impl Tsp10 {
 
 /// What tells that it is this controller.
 fn identity() -> Vec<Identity> {
-    let reads = |index, sub, name, value| Identity {
-        address: Address::new(index, sub),
-        name,
-        mask: u32::MAX,
-        value,
-    };
+    let reads = Identity::new;
     vec![
         reads(0x1000, 0, "device type", 0x0004_0192), // (207)
         reads(0x1018, 1, "vendor", 0x0041_4853),      // (285)
@@ -211,11 +206,10 @@ impl Drive for Tsp10 {
 
     /// Bits 9 and 12 are named and not explained (645-657): they say nothing.
     fn status(&mut self, _: usize, data: &[u8]) -> Option<DriveStatus> {
-        let status = cia402::status(data, 0)?;
+        let status = cia402::status(data, None)?;
         self.state = Statusword(status.word.value.bits() as u16).state();
         Some(DriveStatus {
             mode_runs: status.power == PowerState::Enabled,
-            error: false,
             remote: true,
             ..status
         })
@@ -223,17 +217,13 @@ impl Drive for Tsp10 {
 
     /// From Ready To Switch On there is no way to Operation Enabled in one (141-167).
     fn encode(&mut self, command: PowerCommand, setpoint: Setpoint, frames: &mut [Frame]) {
-        let velocity = match command {
-            PowerCommand::Run => setpoint.velocity,
-            _ => 0.0,
+        let controlword = match (command, self.state) {
+            (PowerCommand::Enable | PowerCommand::Run, Some(State::ReadyToSwitchOn)) => {
+                Controlword::SWITCH_ON
+            }
+            _ => cia402::controlword(command, 0),
         };
-        // A float becomes the nearest integer that there is.
-        let told = Setpoint::at(Increments::from(velocity.round() as i32));
-        let mut data = cia402::command(command, 0, told);
-        let enables = matches!(command, PowerCommand::Enable | PowerCommand::Run);
-        if enables && self.state == Some(State::ReadyToSwitchOn) {
-            [data[0], data[1]] = Controlword::SWITCH_ON.0.to_le_bytes();
-        }
+        let data = cia402::at_velocity(controlword, command, setpoint.velocity);
         frames[0] = Frame::new(self.spec.r_pdos[0].cob_id, &data);
     }
 }

@@ -143,19 +143,15 @@ impl TwkCrn {
 
 /// What tells that it is this encoder with this disc, and that it takes SYNC.
 fn identity(steps_per_turn: u32) -> Vec<Identity> {
-    let reads = |index, name, mask, value| Identity {
-        address: Address::new(index, 0),
-        name,
-        mask,
-        value,
-    };
+    let reads = Identity::new;
+    let turns = dictionary::TWK_CRN_TURNS.into();
     vec![
         // A multiturn encoder of profile 406 (crn S22).
-        reads(0x1000, "device type", u32::MAX, 0x0002_0196),
-        reads(0x6501, "steps per turn", u32::MAX, steps_per_turn),
-        reads(0x6502, "turns", 0xFFFF, dictionary::TWK_CRN_TURNS.into()),
+        reads(0x1000, 0, "device type", 0x0002_0196),
+        reads(0x6501, 0, "steps per turn", steps_per_turn),
+        reads(0x6502, 0, "turns", turns).in_bits(0xFFFF),
         // Would count after store and reset only (crn S44): it has to be so.
-        reads(0x1005, "COB-ID SYNC", 0x8000_07FF, 0x8000_0080),
+        reads(0x1005, 0, "COB-ID SYNC", 0x8000_0080).in_bits(0x8000_07FF),
     ]
 }
 

@@ -378,17 +378,21 @@ fn lines_of_text_are_a_day_too() {
     assert!((offset - 10.0).abs() < 0.01, "{offset}");
 }
 
+/// A console on a terminal of 80 columns and 24 rows.
+fn console_on_a_terminal(machine: &Path) -> Terminal {
+    Terminal::run(&format!(
+        "stty rows 24 cols 80; {} console {}",
+        syncline().get_program().to_string_lossy(),
+        machine.display()
+    ))
+}
+
 /// The same by keys on a terminal.
 #[test]
 fn keys_on_a_terminal_are_a_day_too() {
     let folder = Folder::new();
     let machine = folder.machine("portal");
-    let command = syncline();
-    let mut terminal = Terminal::run(&format!(
-        "stty rows 24 cols 80; {} console {}",
-        command.get_program().to_string_lossy(),
-        machine.display()
-    ));
+    let mut terminal = console_on_a_terminal(&machine);
     // Refused until the machine is ready.
     let until = |terminal: &mut Terminal, keys: &[u8], axis: Axis, offset: f64| {
         for _ in 0..300 {
@@ -419,12 +423,7 @@ fn a_key_that_is_held_jogs_until_it_is_released() {
     const RELEASED: &[u8] = b"\x1B[1;1:3C";
     let folder = Folder::new();
     let machine = folder.machine("portal");
-    let command = syncline();
-    let mut terminal = Terminal::run(&format!(
-        "stty rows 24 cols 80; {} console {}",
-        command.get_program().to_string_lossy(),
-        machine.display()
-    ));
+    let mut terminal = console_on_a_terminal(&machine);
     terminal.wait_for("\x1B[?u");
     terminal.press(TELLS);
     terminal.wait_for("\x1B[>3u");

@@ -4,7 +4,7 @@
 
 use crate::model::{
     Address, Assumption, Capture, CaptureInput, Data, DriveStatus, Increments, ModeDisplay,
-    PowerCommand, PowerState, Sample, Setpoint, Settings, StatusWord, Survey, Write,
+    PowerCommand, PowerState, Sample, Settings, StatusWord, Survey, Write,
 };
 use syncline_canopen::cia402::{Controlword, State, Statusword};
 
@@ -97,17 +97,35 @@ pub(in crate::model) fn limits(settings: &Settings) -> Vec<Write> {
     limits
 }
 
-/// An R_PDO of controlword and position. `start` are the bits that start the mode on top of Enable
+/// The controlword of a command. `start` are the bits that start the mode on top of Enable
 /// Operation; none for a mode that runs as soon as the drive is enabled.
-pub(in crate::model) fn command(command: PowerCommand, start: u16, setpoint: Setpoint) -> [u8; 6] {
-    let controlword = match command {
+pub(in crate::model) const fn controlword(command: PowerCommand, start: u16) -> Controlword {
+    match command {
         PowerCommand::Disable => Controlword::DISABLE_VOLTAGE,
         PowerCommand::Prepare => Controlword::SHUTDOWN,
         PowerCommand::Enable => Controlword::ENABLE_OPERATION,
         PowerCommand::Run => Controlword::ENABLE_OPERATION.with(start),
         PowerCommand::QuickStop => Controlword::QUICK_STOP,
+    }
+}
+
+/// An R_PDO of controlword and position.
+pub(in crate::model) fn to_position(controlword: Controlword, position: Increments) -> [u8; 6] {
+    image(controlword.0, position)
+}
+
+/// An R_PDO of controlword and velocity, in units of the drive: the nearest that there is, and none
+/// unless it is told to run.
+pub(in crate::model) fn at_velocity(
+    controlword: Controlword,
+    command: PowerCommand,
+    velocity: f64,
+) -> [u8; 6] {
+    let velocity = match command {
+        PowerCommand::Run => velocity.round() as i32,
+        _ => 0,
     };
-    image(controlword.0, setpoint.position)
+    image(controlword.0, velocity.into())
 }
 
 /// The T_PDO of statusword and position of a drive that follows its setpoints, at `position`.
@@ -117,10 +135,10 @@ pub(in crate::model) fn in_motion(position: Increments) -> [u8; 6] {
     image(operation_enabled | following, position)
 }
 
-fn image(word: u16, position: Increments) -> [u8; 6] {
+fn image(word: u16, value: Increments) -> [u8; 6] {
     let [w0, w1] = word.to_le_bytes();
-    let [p0, p1, p2, p3] = position.saturating_i32().to_le_bytes();
-    [w0, w1, p0, p1, p2, p3]
+    let [v0, v1, v2, v3] = value.saturating_i32().to_le_bytes();
+    [w0, w1, v0, v1, v2, v3]
 }
 
 /// The position that a T_PDO brings behind the statusword.
@@ -134,15 +152,15 @@ pub(in crate::model) fn sample(data: &[u8]) -> Option<Sample> {
 }
 
 /// What a T_PDO says that begins with the statusword. In Operation Enabled `error` is the bit of an
-/// error that has to be dealt with; in other states the bit may be set without meaning any.
-pub(in crate::model) fn status(data: &[u8], error: u16) -> Option<DriveStatus> {
+/// error that has to be dealt with, if there is one; in other states it may be set without meaning any.
+pub(in crate::model) fn status(data: &[u8], error: Option<u16>) -> Option<DriveStatus> {
     let &[s0, s1, ..] = data else {
         return None;
     };
     let statusword = Statusword(u16::from_le_bytes([s0, s1]));
     let status = said(statusword);
     Some(DriveStatus {
-        error: status.power == PowerState::Enabled && statusword.has(error),
+        error: status.power == PowerState::Enabled && error.is_some_and(|bit| statusword.has(bit)),
         ..status
     })
 }
