@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use std::fmt::Write as _;
 use std::path::Path;
 use std::time::Duration;
-use syncline_drives::model::{MODELS, Setpoints};
+use syncline_drives::model::{Address, Assumed, MODELS, Model, Setpoints};
 
 /// Letters of axes, in the order in which a small machine has them.
 const LETTERS: [char; 9] = ['X', 'Y', 'Z', 'A', 'B', 'C', 'U', 'V', 'W'];
@@ -18,11 +18,9 @@ const CYCLES: [u32; 8] = [1000, 2000, 2000, 3000, 4000, 5000, 10_000, 20_000];
 /// Bit rates that are drawn, bit/s: slower buses hold no cycle of two drives.
 const BIT_RATES: [u32; 3] = [1_000_000, 500_000, 250_000];
 
-/// The model that brakes with a ramp of its own in a quick stop, 6085h in increments/s². As it leaves the
-/// factory that is steeper than many a motor can follow, so who sets up a machine writes what the axis takes.
-const RAMPED: &str = "cia402_csp";
-/// What its encoder counts in a revolution.
-const RAMPED_INCREMENTS: f64 = 1_048_576.0;
+/// CiA 402's quick stop ramp, increments/s². As a drive leaves the factory it may be steeper than many a motor
+/// can follow, so who sets up a machine writes what the axis takes, where the controller does not.
+const QUICK_STOP_RAMP: Address = Address::new(0x6085, 0);
 
 /// Draws of a machine until one fits its buses; then the simplest one is taken.
 const DRAWS: usize = 40;
@@ -227,8 +225,7 @@ impl MachineSpec {
         let mut wired = self.clone();
         let (mut inputs, mut outputs) = (Meanings::of(INPUTS), Meanings::of(OUTPUTS));
         for drive in wired.axes.iter_mut().flat_map(|axis| &mut axis.drives) {
-            let model = MODELS.iter().find(|model| model.name == drive.model);
-            let Some(model) = model else { continue };
+            let Some(model) = drive.model() else { continue };
             for (table, signals, meanings) in [
                 ("input", model.inputs, &mut inputs),
                 ("output", model.outputs, &mut outputs),
@@ -334,6 +331,24 @@ impl Meanings {
     }
 }
 
+impl DeviceSpec {
+    fn model(&self) -> Option<&'static Model> {
+        MODELS
+            .iter()
+            .find(|model| model.name == self.model)
+            .copied()
+    }
+
+    /// What it counts in a revolution, if it has a quick stop ramp for a user to set.
+    fn ramped(&self) -> Option<f64> {
+        let model = self.model()?;
+        let mut entries = model.dictionary.iter();
+        let has_ramp = entries.any(|entry| entry.address == QUICK_STOP_RAMP);
+        let is_users = has_ramp && !(model.reserved)(QUICK_STOP_RAMP);
+        is_users.then(|| (model.increments_per_revolution)(&Assumed::default()).into())
+    }
+}
+
 impl AxisSpec {
     /// An axis whose drives have these buses and models.
     ///
@@ -411,8 +426,8 @@ impl AxisSpec {
                 drive.model,
                 drive.zero
             );
-            if drive.model == RAMPED {
-                let ramp = self.acceleration / self.travel * RAMPED_INCREMENTS;
+            if let Some(increments) = drive.ramped() {
+                let ramp = self.acceleration / self.travel * increments;
                 let _ = writeln!(text, "sdo = [[\"6085:0\", {}]]", ramp.ceil());
             }
             for wire in &drive.wires {

@@ -222,10 +222,7 @@ impl DeviceNode {
         if let Some(feedback) = self.device.feedback()
             && let Some(sample) = feedback.sample(t_pdo, data)
         {
-            self.actual = match feedback.range() {
-                Some(range) => unwrapped(sample.position, range, self.actual),
-                None => sample.position,
-            };
+            self.actual = unwrapped(sample.position, feedback.range(), self.actual);
         }
         if let Some(io) = self.device.io()
             && let Some(signals) = io.signals(t_pdo, data)
@@ -280,9 +277,7 @@ impl DeviceNode {
     /// Takes up where it counted when the machine was on last: how far it has moved since, increments.
     pub(super) fn recall(&mut self, kept: &Kept) -> Increments {
         let range = self.device.feedback().and_then(|feedback| feedback.range());
-        if let Some(range) = range {
-            self.actual = unwrapped(self.actual, range, kept.position);
-        }
+        self.actual = unwrapped(self.actual, range, kept.position);
         self.origin = kept.origin;
         self.actual - kept.position
     }

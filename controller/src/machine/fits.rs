@@ -1,9 +1,10 @@
 //! Whether a drive can do what its axis, the cycle and its bus ask of it: what the model says of
 //! itself, held against the machine file.
 
-use super::{AxisLimits, Machine};
+use super::{Axis, AxisLimits, Drive, Machine};
 use std::ops::Range;
-use syncline_drives::model::{Ability, Increments, Model, Monitoring, Scaling, Setpoints};
+use std::time::Duration;
+use syncline_drives::model::{self, Ability, Increments, Model, Monitoring, Scaling, Setpoints};
 use syncline_strict_toml::{Log, Table};
 
 /// A key of an axis that asks its drives for an ability.
@@ -175,6 +176,49 @@ pub(super) fn check_loops(log: &mut Log<'_>, machine: &Machine, places: &[Range<
     }
 }
 
+/// Cycles from a setpoint to the next one at the most: two in a row may be missed before the machine stops.
+const CYCLES_APART: f64 = 3.0;
+
+/// Whether each drive whose setpoint begins anew behind some value can tell from it which way to go.
+pub(super) fn check_setpoints(log: &mut Log<'_>, machine: &Machine, places: &[Range<usize>]) {
+    for ((index, drive), place) in machine.drives.iter().enumerate().zip(places) {
+        let device = machine.device(index);
+        let Some(range) = device.drive().and_then(model::Drive::setpoint_range) else {
+            continue;
+        };
+        let (axis, drive) = (&machine.axes[drive.axis], (drive, range));
+        if let Some([problem, help]) = ambiguous(axis, drive, machine.cycle) {
+            log.report(place.clone(), problem, help);
+        }
+    }
+}
+
+/// What is wrong with a drive whose setpoint has so many values, if it is: half of them have to be more than
+/// what it moves from one setpoint to the next, and an increment by rounding.
+fn ambiguous(
+    axis: &Axis,
+    (drive, range): (&Drive, Increments),
+    cycle: Duration,
+) -> Option<[String; 2]> {
+    let time = CYCLES_APART * cycle.as_secs_f64();
+    let most = (range.get() as f64 / 2.0 - 1.0) * drive.scaling.resolution() / time;
+    if axis.limits.velocity < most {
+        return None;
+    }
+    let (name, velocity, [_, unit, ..]) = (axis.name(), axis.limits.velocity, axis.units());
+    Some([
+        format!(
+            "axis \"{name}\": with `max_velocity` {velocity} drive \"{}\" ({}), whose setpoints begin anew \
+             after {range} increments, cannot tell which way it is to go where setpoints are missed",
+            drive.name, drive.model.title
+        ),
+        format!(
+            "allowed: `max_velocity` below {most:.3} {unit} (half of {range} increments in {CYCLES_APART} \
+             cycles), or a shorter `cycle_us`"
+        ),
+    ])
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -262,6 +306,37 @@ mod tests {
             told(up_to(327.68), short),
             ["axis \"X\": `soft_limits` [-327.68, 327.68] are beyond what drive \"X1\" can count"]
         );
+    }
+
+    /// Of the portal's Z, which counts 13,107.2 increments a millimetre.
+    #[test]
+    fn a_setpoint_tells_which_way_to_go() {
+        let file = concat!(
+            env!("CARGO_MANIFEST_DIR"),
+            "/../examples/portal/machine.toml"
+        );
+        let machine = Machine::load(file.as_ref()).unwrap();
+        let (mut axis, drive) = (machine.axes[2].clone(), &machine.drives[3]);
+        let mut told = |velocity, range| {
+            axis.limits.velocity = velocity;
+            ambiguous(&axis, (drive, Increments::new(range)), machine.cycle)
+        };
+        // 32,767 increments in 6 ms.
+        assert_eq!(told(416.6, 65_536), None);
+        assert_eq!(
+            told(416.7, 65_536),
+            Some([
+                "axis \"Z\": with `max_velocity` 416.7 drive \"Z\" (LXM32M), whose setpoints begin anew after \
+                 65536 increments, cannot tell which way it is to go where setpoints are missed"
+                    .to_owned(),
+                "allowed: `max_velocity` below 416.654 mm/s (half of 65536 increments in 3 cycles), or a \
+                 shorter `cycle_us`"
+                    .to_owned(),
+            ])
+        );
+        assert_eq!(told(208.0, 32_768), None);
+        assert!(told(209.0, 32_768).is_some());
+        assert!(told(1e-6, 2).is_some());
     }
 
     #[test]

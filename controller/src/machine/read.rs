@@ -237,6 +237,7 @@ impl Tables {
         };
         encoder::check(log, &machine, &stated);
         fits::check_loops(log, &machine, &named);
+        fits::check_setpoints(log, &machine, &named);
         Some(machine)
     }
 

@@ -14,15 +14,20 @@
 //!   what it was. From there a setpoint that is more than half an increment off is wrong: by another
 //!   rounding, a cycle, a scale, a sign, an axis or a side.
 //!
+//! A setpoint that holds the low bits of a position alone ([`Drive::setpoint_range`]) goes on from the one
+//! before, as the drive takes it; the first one is the nearest to the plan, as nothing else tells.
+//!
 //! With the third leg, what the first says of the plan holds for what was sent, to half an increment; and
 //! the second holds without it.
+//!
+//! [`Drive::setpoint_range`]: syncline_drives::model::Drive::setpoint_range
 
 use super::differences::{Differences, Uncertainty};
 use super::record::{Place, Violation};
 use super::sent::SentSetpoints;
 use crate::control::Row;
 use crate::machine::{Axis, AxisLimits, COORDINATES, Machine};
-use syncline_drives::model::{Direction, Increments, Setpoints};
+use syncline_drives::model::{self, Direction, Increments, Setpoints, unwrapped};
 
 /// A plan may exceed a limit by this part of it: rounding.
 const ROUNDING: f64 = 1e-9;
@@ -126,6 +131,10 @@ struct Side {
     increment: f64,
     /// What the drive counts at machine position 0.
     zero: f64,
+    /// After how many increments its setpoint begins anew, if it does.
+    range: Option<Increments>,
+    /// What it latched last, all of it.
+    count: Increments,
     /// Its count less the plan's, increments, once it is known.
     offset: Option<f64>,
     /// The cycle of the last row; where cycles were left out, the setpoint may have been frozen anew.
@@ -140,10 +149,13 @@ impl Side {
             Direction::Positive => scaling.resolution(),
             Direction::Negative => -scaling.resolution(),
         };
+        let device = machine.device(drive);
         Self {
             drive,
             increment,
             zero: (-scaling.to_mm(Increments::ZERO) / increment).round(),
+            range: device.drive().and_then(model::Drive::setpoint_range),
+            count: Increments::ZERO,
             offset: None,
             cycle: 0,
             differences: Differences::new(machine.cycle.as_secs_f64(), Uncertainty::Increments),
@@ -155,17 +167,20 @@ impl Side {
     fn latch(
         &mut self,
         cycle: u64,
-        count: i64,
+        count: Increments,
         planned: f64,
         (min, max): (f64, f64),
     ) -> [f64; SENT] {
         let Self {
             increment, zero, ..
         } = *self;
-        let (count, planned) = (count as f64, planned / increment);
+        let planned = planned / increment;
         if cycle != self.cycle + 1 {
             self.offset = None;
+            self.count = Increments::new((zero + planned.round()) as i64);
         }
+        self.count = unwrapped(count, self.range, self.count);
+        let count = self.count.get() as f64;
         self.cycle = cycle;
         let offset = *(self.offset).get_or_insert(count - zero - planned.round());
         let [velocity, acceleration, jerk] =

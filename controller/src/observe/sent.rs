@@ -11,8 +11,8 @@
 //!    lost, repeated, late or somebody else's is thereby judged as the drive takes it.
 //! 3. *Which row of the run it belongs to* the number of the SYNC says ([`Row::sync`]).
 //!
-//! Units stay the drive's: increments, as the frame has them. What becomes of them is told in
-//! `differences` and [`limits`](super::limits).
+//! Units stay the drive's: increments, as the frame has them, be they a whole position or its low bits. What
+//! becomes of them is told in `differences` and [`limits`](super::limits).
 //!
 //! [`Row::sync`]: crate::control::Row::sync
 //! [`Drive::position_objects`]: syncline_drives::model::Drive::position_objects
@@ -21,9 +21,9 @@ use super::mapping::{Heard, PdoMappings};
 use crate::machine::Machine;
 use crossbeam::channel::{self, Receiver, Sender};
 use std::collections::VecDeque;
-use syncline_canopen::dictionary::Entry;
+use syncline_canopen::dictionary::{DataType, Entry};
 use syncline_canopen::{Address, CanId, CobId, Frame};
-use syncline_drives::model;
+use syncline_drives::model::{self, Increments};
 
 /// A setpoint that a drive has latched.
 #[derive(Clone, Copy, Debug)]
@@ -31,8 +31,8 @@ struct Latched {
     drive: usize,
     /// The number of the SYNC on its bus, from 1.
     sync: u64,
-    /// As the frame had it, increments.
-    position: i32,
+    /// As the frame had it.
+    position: Increments,
 }
 
 /// Hears the frames of a machine's buses, and tells what drives latch.
@@ -52,10 +52,42 @@ struct Bus {
 #[derive(Debug)]
 struct Node {
     drive: usize,
-    /// The objects that are a position to go to.
-    positions: &'static [Address],
+    positions: PositionObjects,
     /// The setpoint that came last.
-    position: Option<i32>,
+    position: Option<Increments>,
+}
+
+/// The objects of a drive's R_PDOs that are a position to go to, each with its type.
+#[derive(Debug)]
+pub(crate) struct PositionObjects(Vec<(Address, DataType)>);
+
+impl PositionObjects {
+    /// Of a machine's drive.
+    pub(crate) fn of(machine: &Machine, drive: usize) -> Self {
+        let device = machine.device(drive);
+        let positions = (device.drive()).map_or(&[][..], model::Drive::position_objects);
+        Self::new(positions, machine.drives[drive].model.dictionary)
+    }
+
+    /// Those that a dictionary does not have are numbers with a sign.
+    fn new(positions: &[Address], dictionary: &[Entry]) -> Self {
+        let data_type = |address| {
+            let entry = dictionary.iter().find(|entry| entry.address == address);
+            entry.map_or(DataType::I32, |entry| entry.data_type)
+        };
+        let typed = (positions.iter()).map(|&address| (address, data_type(address)));
+        Self(typed.collect())
+    }
+
+    /// The position in an object, which is named as a mapping does, by index, subindex and bits; `None` if it is
+    /// none to go to.
+    pub(crate) fn read(&self, object: u32, value: u32) -> Option<Increments> {
+        let [bits, sub, low, high] = object.to_le_bytes();
+        let address = Address::new(u16::from_le_bytes([low, high]), sub);
+        let (_, data_type) = self.0.iter().find(|(own, _)| *own == address)?;
+        let position = data_type.extend(value.into(), bits.into());
+        Some(Increments::new(position))
+    }
 }
 
 impl Bus {
@@ -76,7 +108,7 @@ impl Bus {
 }
 
 impl Node {
-    fn new(drive: usize, positions: &'static [Address]) -> Self {
+    fn new(drive: usize, positions: PositionObjects) -> Self {
         Self {
             drive,
             positions,
@@ -84,13 +116,10 @@ impl Node {
         }
     }
 
-    /// Takes an object of one of its PDOs, named as a mapping does: index, subindex, bits.
+    /// Takes an object of one of its PDOs, named as a mapping does.
     fn take(&mut self, object: u32, value: u32) {
-        let [bits, sub, low, high] = object.to_le_bytes();
-        let address = Address::new(u16::from_le_bytes([low, high]), sub);
-        if self.positions.contains(&address) {
-            let unused = 32_u32.saturating_sub(bits.into());
-            self.position = Some((value << unused).cast_signed() >> unused);
+        if let Some(position) = self.positions.read(object, value) {
+            self.position = Some(position);
         }
     }
 }
@@ -101,11 +130,7 @@ impl Hearing {
         let drives = machine.drives.iter().enumerate();
         let on = |bus| drives.clone().filter(move |(_, drive)| drive.bus == bus);
         let node = |(index, drive): (usize, &crate::machine::Drive)| {
-            let device = machine.device(index);
-            let positions = device
-                .drive()
-                .map_or(&[][..], model::Drive::position_objects);
-            let node = Node::new(index, positions);
+            let node = Node::new(index, PositionObjects::of(machine, index));
             (node, drive.node.get().into(), drive.model.dictionary)
         };
         let buses = (0..machine.buses.len()).map(|bus| Bus::new(on(bus).map(node)));
@@ -150,7 +175,7 @@ impl Hearing {
 pub struct SentSetpoints {
     told: Receiver<Latched>,
     /// By drive: of SYNCs that were not asked for yet.
-    drives: Vec<VecDeque<(u64, i32)>>,
+    drives: Vec<VecDeque<(u64, Increments)>>,
 }
 
 impl SentSetpoints {
@@ -168,9 +193,9 @@ impl SentSetpoints {
 
     /// What a drive latched at a SYNC that was [gone on to](Self::go_on_to), increments; `None` if it
     /// had been sent no setpoint, or there was no such SYNC on its bus.
-    pub(super) fn latched(&self, drive: usize, sync: u64) -> Option<i64> {
+    pub(super) fn latched(&self, drive: usize, sync: u64) -> Option<Increments> {
         let (of, position) = self.drives[drive].front()?;
-        (*of == sync).then_some((*position).into())
+        (*of == sync).then_some(*position)
     }
 }
 
@@ -185,7 +210,8 @@ mod tests {
     fn hearing() -> (Hearing, SentSetpoints) {
         let (tell, told) = channel::unbounded();
         static POSITIONS: [Address; 2] = [Address::new(0x60C1, 1), Address::new(0x607A, 0)];
-        let buses = vec![Bus::new([(Node::new(0, &POSITIONS), NODE, &[][..])])];
+        let positions = PositionObjects::new(&POSITIONS, &[]);
+        let buses = vec![Bus::new([(Node::new(0, positions), NODE, &[][..])])];
         let sent = SentSetpoints {
             told,
             drives: vec![VecDeque::new()],
@@ -209,7 +235,8 @@ mod tests {
             ro(0x1600, 2, "second", U32).default(0x2001_0010),
         ]);
         let (mut ears, mut sent) = hearing();
-        ears.buses = vec![Bus::new([(Node::new(0, &TARGET), NODE, &DICTIONARY[..])])];
+        let positions = PositionObjects::new(&TARGET, &DICTIONARY);
+        ears.buses = vec![Bus::new([(Node::new(0, positions), NODE, &DICTIONARY[..])])];
         for reset in [false, true] {
             if reset {
                 ears.hear(0, &frame(0x000, &[0x82, 0]));
@@ -217,8 +244,26 @@ mod tests {
             ears.hear(0, &frame(0x200 + NODE, &[0x81, 0xFE, 0xFF]));
             ears.hear(0, &frame(0x080, &[]));
             let sync = 1 + u64::from(reset);
-            sent.go_on_to(sync);
-            assert_eq!(sent.latched(0, sync), Some(-2));
+            assert_eq!(at(&mut sent, sync), Some(-2));
+        }
+    }
+
+    #[test]
+    fn a_position_has_the_sign_that_its_type_has() {
+        static DICTIONARY: [Entry; 2] = table([
+            rw(0x2001, 0, "a signed one", DataType::I16),
+            rw(0x2001, 1, "an unsigned one", DataType::U16),
+        ]);
+        let addresses = [0, 1, 2].map(|sub| Address::new(0x2001, sub));
+        let positions = PositionObjects::new(&addresses, &DICTIONARY);
+        for (object, expected) in [
+            (0x2001_0010, Some(-2)),
+            (0x2001_0110, Some(0xFFFE)),
+            (0x2001_0210, Some(-2)),
+            (0x2001_0310, None),
+        ] {
+            let read = positions.read(object, 0xFFFE).map(Increments::get);
+            assert_eq!(read, expected, "{object:08X}");
         }
     }
 
@@ -244,7 +289,7 @@ mod tests {
 
     fn at(sent: &mut SentSetpoints, sync: u64) -> Option<i64> {
         sent.go_on_to(sync);
-        sent.latched(0, sync)
+        sent.latched(0, sync).map(Increments::get)
     }
 
     #[test]

@@ -66,6 +66,14 @@ pub trait Drive: Feedback {
         &cia402::POSITIONS
     }
 
+    /// After so many increments the position in its R_PDOs begins anew, where they hold the low bits of
+    /// a position alone, or its place in a turn; above zero. `None`: they hold all of it. Of all positions
+    /// that read so the drive goes to the one nearest to the setpoint before, see
+    /// [`unwrapped`](super::unwrapped): a machine in which that may be the wrong one is refused.
+    fn setpoint_range(&self) -> Option<Increments> {
+        None
+    }
+
     /// Its R_PDOs of this cycle, one each in `frames`. What [`Drive::check`] refuses goes to the end
     /// of the range.
     fn encode(&mut self, command: PowerCommand, setpoint: Setpoint, frames: &mut [Frame]);

@@ -28,10 +28,12 @@ pub struct Sample {
 
 /// The position behind a `reading` that begins anew after each `range`: of all that read so, the one
 /// nearest to `known`, where the device was shortly before. It is the right one as long as the device
-/// has moved by less than half its range since.
+/// has moved by less than half its range since. Without a range it is the reading.
 #[must_use]
-pub fn unwrapped(reading: Increments, range: Increments, known: Increments) -> Increments {
-    let range = range.get();
+pub fn unwrapped(reading: Increments, range: Option<Increments>, known: Increments) -> Increments {
+    let Some(range) = range.map(Increments::get) else {
+        return reading;
+    };
     let ahead = (reading - known).get().rem_euclid(range);
     let back = ahead - range;
     known + Increments::new(if ahead <= -back { ahead } else { back })
@@ -46,7 +48,7 @@ mod tests {
     fn a_turn_over_goes_on_in_both_directions() {
         let at = |reading, known| {
             let [reading, range, known] = [reading, 8192, known].map(Increments::new);
-            unwrapped(reading, range, known).get()
+            unwrapped(reading, Some(range), known).get()
         };
         assert_eq!(at(5, 8190), 8197);
         assert_eq!(at(8190, 5), -2);
@@ -67,7 +69,7 @@ mod tests {
                 // Less than half, either way.
                 there += (step * ((range - 1) / 2) as f64) as i64;
                 let reading = Increments::new(there.rem_euclid(range));
-                known = unwrapped(reading, Increments::new(range), Increments::new(known)).get();
+                known = unwrapped(reading, Some(Increments::new(range)), Increments::new(known)).get();
                 prop_assert_eq!(known, there);
             }
         }

@@ -5,6 +5,7 @@ use super::{Checker, Found, Scene};
 use crate::control::State;
 use crate::machine::Machine;
 use syncline_canopen::Instant;
+use syncline_drives::model::Increments;
 
 const NAME: &str = "motion";
 
@@ -22,7 +23,7 @@ pub(super) struct Motion {
     /// By drive: since when its power stage is off.
     off: Vec<Option<Instant>>,
     /// By drive: since when its setpoint is the same, or it follows none.
-    rests: Vec<(Option<i32>, Instant)>,
+    rests: Vec<(Option<Increments>, Instant)>,
 }
 
 impl Motion {

@@ -6,15 +6,12 @@ use super::super::stage::Woken;
 use crate::control::{self, Phase, State};
 use crate::machine::Machine;
 use crate::observe::mapping::{Heard, PdoMappings};
+use crate::observe::sent::PositionObjects;
 use crate::session::Event;
-use syncline_canopen::cia402::{self, Statusword};
-use syncline_canopen::{CanId, CobId, Instant};
+use syncline_canopen::{CanId, CobId, Frame, Instant};
 use syncline_drives::bus::Transmission;
-use syncline_drives::model::Increments;
+use syncline_drives::model::{self, Device, DriveStatus, Increments, PowerState, unwrapped};
 use syncline_drives::twin::Observation;
-
-/// Positions to go to by CiA 402, as a mapping names them.
-const POSITIONS: [u32; 2] = [0x60C1_0120, 0x607A_0020];
 
 /// Controlword and statusword, as a mapping names them.
 const CONTROLWORD: u32 = 0x6040_0010;
@@ -58,12 +55,14 @@ pub struct DriveScene {
     pub controlword: Option<u16>,
     /// The last that it sent.
     pub statusword: Option<u16>,
-    /// The last that it was sent, increments.
-    pub setpoint: Option<i32>,
+    /// What it said of itself by its last T_PDO that says so, as its model reads it.
+    pub status: Option<DriveStatus>,
+    /// The last that it was sent, as the frame had it.
+    pub setpoint: Option<Increments>,
     /// R_PDOs with a setpoint since the last SYNC.
     pub came: u32,
-    /// What it latched at the last SYNC.
-    pub latched: Option<i32>,
+    /// What it latched at the last SYNC, all of the position.
+    pub latched: Option<Increments>,
     /// R_PDOs with a setpoint that came between the last two SYNCs.
     pub latched_of: u32,
     /// It was enabled and in its mode, as it said, when it latched.
@@ -76,7 +75,37 @@ pub struct DriveScene {
 struct BusScene {
     mappings: PdoMappings,
     drives: Vec<usize>,
+    /// By place in `drives`: how its PDOs are read.
+    readers: Vec<Reader>,
     first_sync: Option<Instant>,
+}
+
+/// What a drive's model says of its PDOs.
+#[derive(Debug)]
+struct Reader {
+    device: Device,
+    positions: PositionObjects,
+}
+
+impl Reader {
+    fn new(machine: &Machine, drive: usize) -> Self {
+        Self {
+            device: machine.device(drive),
+            positions: PositionObjects::of(machine, drive),
+        }
+    }
+
+    /// After how many increments its setpoint begins anew, if it does.
+    fn range(&self) -> Option<Increments> {
+        self.device.drive().and_then(model::Drive::setpoint_range)
+    }
+
+    /// What a frame says of the drive, if it is one of its T_PDOs that say something.
+    fn status(&mut self, frame: &Frame) -> Option<DriveStatus> {
+        let mut t_pdos = self.device.spec().t_pdos.iter();
+        let t_pdo = t_pdos.position(|it| CanId::from(it.cob_id) == frame.id())?;
+        self.device.drive_mut()?.status(t_pdo, frame.data())
+    }
 }
 
 impl DriveScene {
@@ -84,12 +113,19 @@ impl DriveScene {
     /// silent said last is no more than that.
     #[must_use]
     pub fn follows(&self) -> bool {
-        if self.controlword.is_none_or(|word| word & 0x0F != 0x0F) {
-            return false;
-        }
-        let word = Statusword(self.statusword.unwrap_or_default());
-        word.state() == Some(cia402::State::OperationEnabled) && word.has(Statusword::MODE_12)
+        let told = self.controlword.is_none_or(|word| word & 0x0F == 0x0F);
+        let says = |status: DriveStatus| status.power == PowerState::Enabled && status.mode_runs;
+        told && self.status.is_some_and(says)
     }
+}
+
+/// What a drive would count where its shaft is.
+fn count(machine: &Machine, drive: usize, plant: &Observation) -> Increments {
+    let spec = &machine.drives[drive];
+    let revolution = machine.axes[spec.axis].mm_per_revolution;
+    // The range of increments is wide enough: positions come from a simulation.
+    let increments = plant.position * revolution / spec.scaling.resolution();
+    Increments::new(increments.round() as i64)
 }
 
 impl<'a> Scene<'a> {
@@ -106,6 +142,9 @@ impl<'a> Scene<'a> {
                 .map(|drive| (drive.node.get().into(), drive.model.dictionary));
             BusScene {
                 mappings: PdoMappings::new(ids),
+                readers: (drives.iter())
+                    .map(|drive| Reader::new(machine, *drive))
+                    .collect(),
                 drives,
                 first_sync: None,
             }
@@ -163,20 +202,15 @@ impl<'a> Scene<'a> {
 
     /// Where a drive would be at so many increments, mm.
     #[must_use]
-    pub fn mm(&self, drive: usize, increments: i32) -> f64 {
-        let scaling = &self.machine.drives[drive].scaling;
-        scaling.to_mm(Increments::new(increments.into()))
+    pub fn mm(&self, drive: usize, increments: Increments) -> f64 {
+        self.machine.drives[drive].scaling.to_mm(increments)
     }
 
     /// Where a drive's shaft is, mm.
     #[must_use]
     pub fn actual(&self, drive: usize) -> Option<f64> {
-        let position = self.plants.get(drive)?.position;
-        let scaling = &self.machine.drives[drive].scaling;
-        // The range of increments is wide enough: positions come from a simulation.
-        let revolution = self.machine.axes[self.machine.drives[drive].axis].mm_per_revolution;
-        let increments = position * revolution / scaling.resolution();
-        Some(scaling.to_mm(Increments::new(increments.round() as i64)))
+        let count = count(self.machine, drive, self.plants.get(drive)?);
+        Some(self.mm(drive, count))
     }
 
     /// Whether anything happened from outside in the last `seconds`, or lasts.
@@ -199,6 +233,7 @@ impl<'a> Scene<'a> {
         let BusScene {
             mappings,
             drives,
+            readers,
             first_sync,
         } = &mut self.buses[bus];
         let is_sync = sent.frame.id() == CanId::from(CobId::SYNC);
@@ -211,28 +246,38 @@ impl<'a> Scene<'a> {
             let blocked = 2 * 135_000_000_000 / u64::from(self.machine.buses[bus].bitrate);
             let on_time = passed.abs_diff(number * cycle) <= cycle / 20 + blocked;
             self.syncs[bus] = on_time.then_some(number);
-            for &drive in &*drives {
-                let drive = &mut self.drives[drive];
+            for (&index, reader) in drives.iter().zip(&*readers) {
+                let drive = &mut self.drives[index];
                 let follows = drive.follows();
                 let followed = std::mem::replace(&mut drive.in_effect, follows);
-                let before = std::mem::replace(&mut drive.latched, drive.setpoint);
+                let before = drive.latched;
+                let plant = self.plants.get(index);
+                let known = before.or_else(|| plant.map(|it| count(self.machine, index, it)));
+                let known = known.unwrap_or_default();
+                drive.latched = (drive.setpoint).map(|it| unwrapped(it, reader.range(), known));
                 drive.moves = followed && drive.in_effect && drive.latched != before;
                 drive.latched_of = std::mem::take(&mut drive.came);
             }
         }
         let scenes = &mut self.drives;
+        for (&drive, reader) in drives.iter().zip(&mut *readers) {
+            if let Some(status) = reader.status(&sent.frame) {
+                scenes[drive].status = Some(status);
+            }
+        }
         mappings.hear(&sent.frame, &mut |node, heard| {
             let drive = &mut scenes[drives[node]];
             match heard {
                 Heard::Reset => *drive = DriveScene::default(),
-                Heard::Object { object, value } if POSITIONS.contains(&object) => {
-                    drive.setpoint = Some(value.cast_signed());
-                    drive.came += 1;
-                }
                 Heard::Object { object, value } => match object {
                     CONTROLWORD => drive.controlword = Some(value as u16),
                     STATUSWORD => drive.statusword = Some(value as u16),
-                    _ => {}
+                    _ => {
+                        if let Some(setpoint) = readers[node].positions.read(object, value) {
+                            drive.setpoint = Some(setpoint);
+                            drive.came += 1;
+                        }
+                    }
                 },
             }
         });

@@ -12,6 +12,7 @@ use crate::control;
 use crate::machine::Machine;
 use crate::session::{Command, Event};
 use syncline_canopen::Instant;
+use syncline_drives::model::Increments;
 
 const NAME: &str = "stops";
 
@@ -33,7 +34,7 @@ pub(super) struct Stops {
     /// How long they took.
     pub(super) times: StopTimes,
     /// By drive: what it latched last.
-    latched: Vec<Option<i32>>,
+    latched: Vec<Option<Increments>>,
 }
 
 /// From a cause to the last setpoint that changed, in cycles, by the cause.
