@@ -15,6 +15,9 @@ mod udp;
 pub mod url;
 pub mod wire;
 
+#[cfg(fuzzing)]
+pub use self::{socketcand::fuzz as fuzz_socketcand, udp::fuzz as fuzz_datagram};
+
 use crate::bus::{Burst, BusFault, Received};
 use crate::machine::Machine;
 use sim::{SimPort, Simulated};

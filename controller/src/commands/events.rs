@@ -338,6 +338,21 @@ impl Events {
     }
 }
 
+/// Any file of events: its commands can be told to a session, or its first mistake to a person.
+#[cfg(fuzzing)]
+pub fn fuzz(text: &str) {
+    match Events::parse(Path::new("events.csv"), text) {
+        Ok(mut events) => {
+            while let Some((time, _)) = events.left() {
+                let command = events.due(time).expect("it is due at its time");
+                let _ = serde_json::to_string(&command).expect("a log can keep it");
+                events.pass();
+            }
+        }
+        Err(error) => assert!(error.to_string().starts_with("events.csv:")),
+    }
+}
+
 /// The fields of a line, each with its column from 0.
 fn fields(line: &str) -> Vec<(usize, &str)> {
     let mut at = 0;

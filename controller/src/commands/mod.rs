@@ -55,6 +55,9 @@ mod tool;
 mod validate;
 mod writers;
 
+#[cfg(fuzzing)]
+pub use self::{events::fuzz as fuzz_events, plan::fuzz as fuzz_cases};
+
 use crate::realtime;
 use clap::{Parser, Subcommand};
 use std::borrow::Cow;

@@ -5,7 +5,7 @@ use super::output::{Claims, NoOutput};
 use super::{Exit, report};
 use std::fmt::Write as _;
 use std::fs::File;
-use std::io;
+use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
 use syncline_trajectory::limits::{Limits, PositionLimits};
 use syncline_trajectory::profile::{Profile, State};
@@ -73,30 +73,60 @@ impl Args {
 
     /// Whether every row is ok.
     fn answer(&self) -> Result<bool, PlanFileError> {
-        let read = |e| PlanFileError::Read(self.cases.clone(), e);
+        let file = File::open(&self.cases);
+        let file = file.map_err(|error| PlanFileError::Read(self.cases.clone(), error.into()))?;
+        let cases = Cases::begin(file, &self.cases)?;
+        let out = self.out.as_deref().unwrap_or(Path::new("-"));
+        let mut claims = Claims::default().reads("CASES", &self.cases);
+        let target = claims.target("--out", out)?;
+        cases.answer(self.segments, target.begin()?)
+    }
+}
+
+/// Problems whose columns are known.
+struct Cases<'a, R> {
+    file: &'a Path,
+    reader: csv::Reader<ShortLines<R>>,
+    columns: Columns,
+}
+
+impl<'a, R: Read> Cases<'a, R> {
+    /// Reads the first line of what `file` names.
+    fn begin(source: R, file: &'a Path) -> Result<Self, PlanFileError> {
         let mut reader = csv::ReaderBuilder::new()
             .flexible(true)
             .trim(csv::Trim::All)
             .comment(Some(b'#'))
-            .from_reader(ShortLines::new(
-                File::open(&self.cases).map_err(|error| read(error.into()))?,
-            ));
-        let columns = Columns::new(reader.byte_headers().map_err(read)?, &self.cases)?;
-        let out = self.out.as_deref().unwrap_or(Path::new("-"));
-        let mut claims = Claims::default().reads("CASES", &self.cases);
-        let target = claims.target("--out", out)?;
-        let mut writer = csv::Writer::from_writer(target.begin()?);
+            .from_reader(ShortLines::new(source));
+        let header = reader.byte_headers();
+        let header = header.map_err(|error| PlanFileError::Read(file.to_owned(), error))?;
+        let columns = Columns::new(header, file)?;
+        Ok(Self {
+            file,
+            reader,
+            columns,
+        })
+    }
+
+    /// Writes an answer to each row; whether all are ok.
+    fn answer(self, with_segments: bool, out: impl Write) -> Result<bool, PlanFileError> {
+        let Self {
+            file,
+            reader,
+            columns,
+        } = self;
+        let mut writer = csv::Writer::from_writer(out);
         let write = |error: csv::Error| PlanFileError::Write(error.into());
         let mut header: Vec<String> = ["id", "status", "duration", "end_error", "limit_excess"]
             .map(String::from)
             .into();
-        if self.segments {
+        if with_segments {
             header.extend((0..columns.axes.len()).map(|i| format!("seg_{i}")));
         }
         writer.write_record(&header).map_err(write)?;
         let mut all_ok = true;
-        for record in reader.byte_records() {
-            let record = record.map_err(read)?;
+        for record in reader.into_byte_records() {
+            let record = record.map_err(|error| PlanFileError::Read(file.to_owned(), error))?;
             let row = Row::read(&columns, &record);
             let answer = row.and_then(|row| row.plan());
             all_ok &= answer.is_ok();
@@ -114,7 +144,7 @@ impl Args {
                     fields.extend([const { String::new() }; 3]);
                 }
             }
-            if self.segments {
+            if with_segments {
                 for i in 0..columns.axes.len() {
                     let profile = answer.as_ref().ok().and_then(|a| a.profiles[i].as_ref());
                     fields.push(profile.map(segments).unwrap_or_default());
@@ -124,6 +154,14 @@ impl Args {
         }
         writer.flush()?;
         Ok(all_ok)
+    }
+}
+
+/// Any file of problems: every row is answered.
+#[cfg(fuzzing)]
+pub fn fuzz(text: &[u8]) {
+    if let Ok(cases) = Cases::begin(text, Path::new("cases.csv")) {
+        let _ = cases.answer(true, io::sink());
     }
 }
 

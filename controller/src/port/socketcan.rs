@@ -663,9 +663,11 @@ fn send_all(socket: &CanSocket, frames: &[Frame]) -> io::Result<usize> {
         return Ok(0);
     }
     // SAFETY: all three are plain data for which all zeroes is valid.
-    let mut raw: [can_frame; BURST_CAPACITY] = unsafe { zeroed() };
-    let mut vectors: [iovec; BURST_CAPACITY] = unsafe { zeroed() };
-    let mut headers: [mmsghdr; BURST_CAPACITY] = unsafe { zeroed() };
+    let (mut raw, mut vectors, mut headers): (
+        [can_frame; BURST_CAPACITY],
+        [iovec; BURST_CAPACITY],
+        [mmsghdr; BURST_CAPACITY],
+    ) = unsafe { zeroed() };
     for (index, frame) in frames[..count].iter().enumerate() {
         raw[index] = to_raw(frame);
         vectors[index] = iovec {

@@ -123,6 +123,35 @@ impl Messages {
     }
 }
 
+/// Any stream, in pieces of any length: little of it is kept, and what is a frame is the same frame when it
+/// is sent on.
+#[cfg(fuzzing)]
+pub fn fuzz<'a>(pieces: impl Iterator<Item = &'a [u8]>) {
+    fn inside(message: &str) -> impl Iterator<Item = &str> {
+        let words = message.trim_matches(['<', '>']).split_ascii_whitespace();
+        words.skip(1)
+    }
+    let mut messages = Messages::default();
+    for piece in pieces {
+        messages.push(piece, |message| {
+            let time = Duration::from_secs(1);
+            if let Some(frame) = parse_frame(inside(message)) {
+                let again = frame_message(&frame, time);
+                assert_eq!(parse_frame(inside(&again)), Some(frame), "{again}");
+            }
+            if let Some(frame) = parse_send(inside(message)) {
+                let again = send_message(&frame);
+                assert_eq!(parse_send(inside(&again)), Some(frame), "{again}");
+            }
+        });
+        assert!(
+            messages.text.len() <= LONGEST,
+            "{} bytes",
+            messages.text.len()
+        );
+    }
+}
+
 /// Connects to a socketcand server and opens one of its buses in raw mode.
 ///
 /// # Errors

@@ -90,6 +90,15 @@ fn decode(bytes: &[u8]) -> Option<Frame> {
     }
 }
 
+/// Any datagram: what is a frame is the same frame when it is sent on.
+#[cfg(fuzzing)]
+pub fn fuzz(datagram: &[u8]) {
+    if let Some(frame) = decode(datagram) {
+        let again = encode(&frame).ok().as_deref().and_then(decode);
+        assert_eq!(again, Some(frame));
+    }
+}
+
 /// A multicast group on one network interface of this host.
 pub(super) struct Group {
     name: String,

@@ -24,5 +24,6 @@ mod stalled_peers;
 mod states;
 mod switched_on;
 mod tools;
+mod unsafe_code;
 mod walks;
 mod wireshark;
