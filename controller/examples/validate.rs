@@ -3,30 +3,14 @@
 
 use std::error::Error;
 use std::path::Path;
-use std::sync::Arc;
-use syncline_controller::control::Layout;
-use syncline_controller::machine::Machine;
-use syncline_controller::observe::Observers;
-use syncline_controller::program::Program;
-use syncline_controller::run::Progress;
-use syncline_controller::run::virtual_time::VirtualMachine;
-use syncline_controller::session::Session;
+use syncline_controller::validate::Inputs;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples/xyz");
-    let (file, part) = (folder.join("machine.toml"), folder.join("rosette.ngc"));
 
-    let machine = Machine::load(&file)?;
-    let layout = Arc::new(Layout::new(&machine)?);
-    let program = Program::new(&part, &machine, &file)?;
-    let (timeline, moves) = VirtualMachine::new(&machine, Arc::clone(&layout), program, 0)?;
-    let sent = timeline.frames().listen(&machine);
-    let observers = Observers::new(&machine, Some(sent), None, false);
-    let mut session = Session::new(&layout, timeline, moves, observers);
-    while session.advance() != Progress::Ended {}
-    let (mut timeline, observers) = session.end();
-    let frames = Some(timeline.frames().result());
-    let (summary, _) = observers.finish(&machine, &layout, timeline.controller(), frames)?;
+    let inputs = Inputs::read(&folder.join("machine.toml"), &[], None)?;
+    let program = inputs.programs.file(&folder.join("rosette.ngc"));
+    let (summary, _) = inputs.validate(program, 0, false, |_| true)?;
 
     print!("{summary}");
     assert_eq!(summary.verdict, "pass");

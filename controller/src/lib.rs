@@ -12,6 +12,7 @@
 //! - [`port`]: one CAN bus as the cycle uses it
 //! - [`session`]: the machine as an operator has it: commands in, status and events out
 //! - [`run`]: the controller in virtual and in real time
+//! - [`validate`](mod@validate): a program on simulated drives, judged
 //! - [`observe`]: what only watches: limits, deviation, statistics, trace
 //! - [`doctor`]: what the host has that helps or hurts a cycle
 //! - [`realtime`]: what the cycle thread asks of the kernel, and what it got
@@ -41,3 +42,4 @@ pub mod realtime;
 pub mod report;
 pub mod run;
 pub mod session;
+pub mod validate;

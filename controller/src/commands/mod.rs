@@ -240,7 +240,13 @@ pub fn report(error: &(dyn std::error::Error + 'static)) {
 
 /// An error with everything that caused it, as it is told.
 fn told(error: &(dyn std::error::Error + 'static)) -> String {
-    let mut text = format!("error: {error}");
+    format!("error: {}", with_causes(error))
+}
+
+/// An error with everything that caused it, on one line as far as these are.
+#[must_use]
+pub fn with_causes(error: &(dyn std::error::Error + 'static)) -> String {
+    let mut text = error.to_string();
     let mut cause = error.source();
     while let Some(error) = cause {
         text += &format!(": {error}");

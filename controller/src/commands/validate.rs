@@ -14,12 +14,12 @@ use crate::machine::{Machine, MachineState};
 use crate::observe::Observers;
 use crate::observe::summary::Summary;
 use crate::program::bounds::TimeBounds;
-use crate::program::{Extent, Program, Programs};
+use crate::program::{Extent, Program};
 use crate::run::Progress;
 use crate::run::virtual_time::VirtualMachine;
 use crate::session::{Command, Event, NotTaken, Operator, Session, Status};
+use crate::validate::Inputs;
 use std::error::Error;
-use std::fs;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
@@ -105,16 +105,12 @@ impl Args {
 
     /// Reads and checks everything, and opens the files, before anything else.
     fn prepare(&self) -> Result<Prepared, Box<dyn Error>> {
-        let machine = Machine::load_with(&self.machine, &self.settings)?;
-        let state = MachineState::simulated(&machine);
-        let layout = Arc::new(Layout::new(&machine)?.recalling(&machine, &state));
-        let programs = if let Some(file) = &self.tables {
-            let text = fs::read_to_string(file);
-            let text = text.map_err(|why| format!("cannot read {}: {why}", file.display()))?;
-            Programs::with_tables(&machine, Tables::parse(file, &text)?)
-        } else {
-            Programs::new(&machine, &self.machine)?
-        };
+        let tables = self.tables.as_deref();
+        let Inputs {
+            machine,
+            layout,
+            programs,
+        } = Inputs::read(&self.machine, &self.settings, tables)?;
         let program = self.switches.program(&programs, &self.program)?;
         let extent = program.check(machine.rest())?;
         let mut claims = Claims::of_run(&self.machine, &self.program);

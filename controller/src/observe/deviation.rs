@@ -66,20 +66,21 @@ impl Deviation {
         }
     }
 
-    /// Takes what is seen at one SYNC.
+    /// Takes what is seen at one SYNC; how far setpoint and tool are from the program's moves, mm, unless the axes
+    /// are off the path.
     pub(super) fn observe(
         &mut self,
         observed: &Observed,
         time: f64,
         violations: &mut Vec<Violation>,
-    ) {
+    ) -> Option<[f64; 2]> {
         let Observed {
             row, actual, line, ..
         } = observed;
         let plan = &row.plan;
         let Some(motion) = observed.tags.and(observed.moves.motion(plan.tag)) else {
             self.trail.clear();
-            return;
+            return None;
         };
         let foot = nearest(observed, &plan.position);
         let deviation = foot.as_ref().map_or(f64::INFINITY, |foot| foot.away);
@@ -109,6 +110,7 @@ impl Deviation {
         (self.contour).look(violations, at, tool, allowed, |_| {
             violation("contour_error", tool, allowed)
         });
+        Some([deviation, tool])
     }
 
     /// Ends violations that go on.

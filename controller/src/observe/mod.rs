@@ -179,7 +179,7 @@ impl Observers {
         let counted = counted_speed(&row.plan.velocity);
         self.travel.observe(observed, counted);
         self.switched.observe(row, time);
-        self.deviation.observe(observed, time, &mut self.violations);
+        let off_path = self.deviation.observe(observed, time, &mut self.violations);
         if let Some(sent) = &mut self.sent {
             sent.go_on_to(row.sync);
         }
@@ -189,7 +189,7 @@ impl Observers {
         }
         if let Some(report) = &mut self.report {
             let coordinates = self.axes.iter().map(|axis| axis.coordinate);
-            report.push(time, line, row, counted, coordinates);
+            report.push(time, line, row, counted, off_path, coordinates);
         }
         if let Some(trace) = &mut self.trace {
             trace.push(time, observed);

@@ -34,6 +34,11 @@ pub struct Report {
     pub turning: Vec<f64>,
     /// Whether the tool moved at a programmed feed in each cycle, not in rapid or at rest.
     pub cutting: Vec<bool>,
+    /// How far the setpoint was from the programmed geometry in each cycle, mm; not a number while the axes are
+    /// off the path.
+    pub deviation: Vec<f64>,
+    /// The same of the actual position, mm.
+    pub contour_error: Vec<f64>,
     /// In the machine's order. X, Y and Z make the tool path.
     pub axes: Vec<AxisReport>,
     /// Distributions of times: cycle time, wake-up latency, SYNC jitter.
@@ -139,13 +144,14 @@ impl Report {
     }
 
     /// Appends a row: its time, the program's line, the speed as F counts it and whether that is
-    /// of a turn; `coordinates` are those of the axes.
+    /// of a turn, how far setpoint and tool are off the path; `coordinates` are those of the axes.
     pub(super) fn push(
         &mut self,
         time: f64,
         line: u32,
         row: &Row<COORDINATES>,
         (speed, turns): (f64, bool),
+        off_path: Option<[f64; 2]>,
         coordinates: impl Iterator<Item = usize>,
     ) {
         self.time.push(time);
@@ -154,6 +160,9 @@ impl Report {
         self.turning.push(if turns { speed } else { 0.0 });
         let feed = row.plan.feed;
         self.cutting.push(feed > 0.0 && feed.is_finite());
+        let [deviation, contour_error] = off_path.unwrap_or([f64::NAN; 2]);
+        self.deviation.push(deviation);
+        self.contour_error.push(contour_error);
         for (axis, at) in self.axes.iter_mut().zip(coordinates) {
             axis.set.push(row.axes[at].set);
             axis.act.push(row.axes[at].act);

@@ -1,0 +1,128 @@
+//! A validation without a terminal: the controller on simulated drives in virtual time, for whoever calls it.
+//!
+//! ```
+#![doc = include_str!("../examples/validate.rs")]
+//! ```
+
+use crate::control::{Event as MachineEvent, Layout};
+use crate::machine::{Machine, MachineState};
+use crate::observe::Observers;
+use crate::observe::record::Report;
+use crate::observe::summary::Summary;
+use crate::port::PortError;
+use crate::program::{Program, ProgramError, Programs};
+use crate::run::virtual_time::VirtualMachine;
+use crate::run::{Progress, RunError};
+use crate::session::{Command, Event, NotTaken, Session, Status};
+use std::error::Error;
+use std::fs;
+use std::io;
+use std::path::Path;
+use std::sync::Arc;
+use syncline_gcode::Tables;
+
+/// What programs are validated on.
+pub struct Inputs {
+    /// The machine.
+    pub machine: Machine,
+    /// The same as the controller has it, with its axes referenced as a simulated machine's are.
+    pub layout: Arc<Layout>,
+    /// Its programs, with its tables.
+    pub programs: Programs,
+}
+
+/// Why a validation came to no result.
+#[derive(Debug, thiserror::Error)]
+pub enum NotValidated {
+    /// A bus cannot be simulated.
+    #[error(transparent)]
+    Port(#[from] PortError),
+    /// A block of the program cannot be run.
+    #[error(transparent)]
+    Program(#[from] ProgramError),
+    /// The program could not go on.
+    #[error(transparent)]
+    Run(Arc<RunError>),
+    /// The session does not take its own commands.
+    #[error(transparent)]
+    NotTaken(#[from] NotTaken),
+    /// A trace could not be written.
+    #[error(transparent)]
+    Io(#[from] io::Error),
+}
+
+impl Inputs {
+    /// Reads a machine file with other values of keys, each as [`Machine::load_with`] takes it, and tables of
+    /// work offsets and tools: those of a file, or the ones beside the machine file.
+    ///
+    /// # Errors
+    /// Any of it cannot be read or used, or the machine's frames do not fit its cycle.
+    pub fn read(
+        machine_file: &Path,
+        settings: &[String],
+        tables: Option<&Path>,
+    ) -> Result<Self, Box<dyn Error>> {
+        let machine = Machine::load_with(machine_file, settings)?;
+        let state = MachineState::simulated(&machine);
+        let layout = Arc::new(Layout::new(&machine)?.recalling(&machine, &state));
+        let programs = match tables {
+            Some(file) => {
+                let text = fs::read_to_string(file);
+                let text = text.map_err(|why| format!("cannot read {}: {why}", file.display()))?;
+                Programs::with_tables(&machine, Tables::parse(file, &text)?)
+            }
+            None => Programs::new(&machine, machine_file)?,
+        };
+        Ok(Self {
+            machine,
+            layout,
+            programs,
+        })
+    }
+
+    /// Runs a program, from the same seed always with the same frames, and judges it. Program stops (M0, M1,
+    /// M6) go on at once. With `rows` there is a [`Report`] with what was in every cycle. `goes_on` is asked at
+    /// every wake-up; once it says no the machine is stopped as an operator stops it.
+    ///
+    /// # Errors
+    /// There is no result.
+    pub fn validate(
+        &self,
+        program: Program,
+        seed: u64,
+        rows: bool,
+        mut goes_on: impl FnMut(&Status) -> bool,
+    ) -> Result<(Summary, Option<Report>), NotValidated> {
+        let extent = program.check(self.machine.rest())?;
+        let layout = &self.layout;
+        let (timeline, moves) =
+            VirtualMachine::new(&self.machine, Arc::clone(layout), program, seed)?;
+        let sent = timeline.frames().listen(&self.machine);
+        let observers =
+            Observers::new(&self.machine, Some(sent), None, rows).of_program(Some(extent));
+        let mut session = Session::new(layout, timeline, moves, observers);
+        let (told, nobody) = (session.subscribe(), session.operator("validate"));
+        let (mut stopped, mut problem) = (false, None);
+        while session.advance() != Progress::Ended {
+            for event in told.events() {
+                match event {
+                    Event::Machine(MachineEvent::Paused { .. }) => {
+                        nobody.command(Command::CycleStart)?;
+                    }
+                    Event::Problem(error) => problem = problem.or(Some(error)),
+                    _ => {}
+                }
+            }
+            if !stopped && !goes_on(session.status()) {
+                nobody.command(Command::Stop)?;
+                stopped = true;
+            }
+        }
+        if let Some(error) = problem {
+            return Err(NotValidated::Run(error));
+        }
+        let (mut timeline, observers) = session.end();
+        let frames = Some(timeline.frames().result());
+        Ok(observers.finish(&self.machine, layout, timeline.controller(), frames)?)
+    }
+}
