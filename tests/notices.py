@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 """Writes THIRD-PARTY.txt: what the `syncline` program contains of others' work, with the notices that
-its licences ask for. With --check it only says whether the file is up to date.
+its licences ask for. With --check it only says whether the file is up to date. With --of-the-wheel it writes
+python/THIRD-PARTY.txt, which the Python package takes with it and which is made whenever that is built.
 
 A licence's text stands once, with every library that has the very same one: most differ in their
 copyright lines, which have to be kept.
@@ -13,21 +14,23 @@ import subprocess
 import sys
 
 ROOT = pathlib.Path(__file__).parent.parent
-FILE = ROOT / "THIRD-PARTY.txt"
-PROGRAM = "syncline-controller"
+# Folder, package, and what it is called.
+PROGRAM = (ROOT, "syncline-controller", "program")
+WHEEL = (ROOT / "python", "syncline-python", "Python package")
 TARGET = "x86_64-unknown-linux-gnu"
 # Of several licences to choose from, the first of these is taken.
 CHOICE = ["MIT", "Apache-2.0", "BSD-3-Clause", "BSD-2-Clause", "Zlib", "ISC", "Unicode-3.0"]
 NOTICES = re.compile(r"^(licen[cs]e|copying|copyright|notice|unlicense)", re.IGNORECASE)
 
 
-def contained():
-    """The packages that are linked into the program, by name."""
-    command = ["cargo", "metadata", "--format-version", "1", "--locked", "--filter-platform", TARGET]
-    metadata = json.loads(subprocess.check_output(command, cwd=ROOT))
+def contained(folder, own):
+    """The packages that are linked into one of ours, by name."""
+    locked = ["--locked"] if folder == ROOT else []
+    command = ["cargo", "metadata", "--format-version", "1", *locked, "--filter-platform", TARGET]
+    metadata = json.loads(subprocess.check_output(command, cwd=folder))
     packages = {package["id"]: package for package in metadata["packages"]}
     nodes = {node["id"]: node for node in metadata["resolve"]["nodes"]}
-    waiting = [i for i, package in packages.items() if package["name"] == PROGRAM]
+    waiting = [i for i, package in packages.items() if package["name"] == own]
     found = set()
     while waiting:
         here = waiting.pop()
@@ -56,11 +59,11 @@ def notices(package):
     return [path.read_text(errors="replace").replace("\r\n", "\n").strip() for path in chosen]
 
 
-def document():
-    packages = contained()
+def document(folder, own, kind):
+    packages = contained(folder, own)
     by_text = {}
     lines = [
-        "The program `syncline` contains the work of others, named here with their licences and the",
+        f"The {kind} `syncline` contains the work of others, named here with their licences and the",
         "notices that these ask for. Written by tests/notices.py.",
         "",
     ]
@@ -80,10 +83,11 @@ def document():
 
 
 def main():
-    text = document()
+    of = WHEEL if "--of-the-wheel" in sys.argv[1:] else PROGRAM
+    file, text = of[0] / "THIRD-PARTY.txt", document(*of)
     if "--check" not in sys.argv[1:]:
-        FILE.write_text(text)
-    elif not FILE.exists() or FILE.read_text() != text:
+        file.write_text(text)
+    elif not file.exists() or file.read_text() != text:
         sys.exit("THIRD-PARTY.txt is not up to date: run tests/notices.py")
 
 
