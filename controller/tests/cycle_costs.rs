@@ -10,7 +10,7 @@
 use libc::{c_int, c_long, pid_t};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::{BTreeMap, HashSet, VecDeque};
 use std::fs::File;
 use std::hint::black_box;
 use std::os::unix::fs::FileExt;
@@ -94,10 +94,12 @@ impl Plant {
     }
 }
 
+/// Axes of the machines but for those that are watched step by step.
+const AXES: usize = 3;
 /// Cycles that run on one staging of the plan.
 const CHUNK: usize = 500;
 
-/// A machine of three axes in motion.
+/// A machine in motion.
 struct Warm {
     machine: Driver<9, Box<dyn Port + Send>>,
     shuttle: Shuttle<9>,
@@ -107,31 +109,42 @@ struct Warm {
 }
 
 impl Warm {
-    fn new(warm_up: usize) -> Self {
-        let shape = Shape::on_fewest_buses(3, Duration::from_millis(2)).unwrap();
+    fn new(axes: usize) -> Self {
+        let shape = Shape::on_fewest_buses(axes, Duration::from_millis(2)).unwrap();
         let mut warm = Self {
             machine: ready_machine(&shape),
-            shuttle: Shuttle::new(3),
+            shuttle: Shuttle::new(axes),
             staged: VecDeque::new(),
             fresh: vec![0; 4 << 20],
         };
-        warm.run(warm_up, Plant::Nothing, |_| ());
+        warm.run(4 * CHUNK, Plant::Nothing, |_| ());
         warm
+    }
+
+    fn stage(&mut self) {
+        while self.staged.len() < 4096 {
+            self.staged.push_back(self.shuttle.instruction());
+        }
+    }
+
+    fn hand_over(&mut self) {
+        while self.machine.controller.room() > 0
+            && let Some(instruction) = self.staged.pop_front()
+        {
+            self.machine.controller.accept(instruction);
+        }
     }
 
     /// Runs whole chunks of cycles; `watch` is told when the cycle runs and when the planner does.
     fn run(&mut self, cycles: usize, plant: Plant, mut watch: impl FnMut(bool)) {
         for chunk in 0..cycles.div_ceil(CHUNK) {
-            while self.staged.len() < 4096 {
-                self.staged.push_back(self.shuttle.instruction());
-            }
+            // Full to begin with, so that a cycle is handed no more than the one before has used up.
+            self.stage();
+            self.hand_over();
+            self.stage();
             watch(true);
             for wake in 0..2 * CHUNK.min(cycles) {
-                while self.machine.controller.room() > 0
-                    && let Some(instruction) = self.staged.pop_front()
-                {
-                    self.machine.controller.accept(instruction);
-                }
+                self.hand_over();
                 let next = self.machine.controller.next_wake();
                 let now = next.map_or(Instant::ZERO, Wake::at);
                 self.machine.step(now).unwrap();
@@ -148,7 +161,7 @@ impl Warm {
 #[test]
 fn no_allocation_and_no_first_touch_in_100_000_cycles() {
     let _alone = ONE_AT_A_TIME.lock();
-    let mut warm = Warm::new(4 * CHUNK);
+    let mut warm = Warm::new(AXES);
     let mut costs = |cycles, plant| {
         let (mut before, mut sum) = ((0, 0), (0, 0));
         warm.run(cycles, plant, |running| {
@@ -182,8 +195,8 @@ fn no_lock_is_taken_in_100_000_cycles() {
     assert!(watch(Plant::Lock, 1_000, Watch::CompareExchanges) >= 1);
 }
 
-/// Exchanges too, as a spin lock takes them. Single steps are slow: a few cycles, each of the same
-/// code.
+/// Exchanges too, as a spin lock takes them. Single steps are slow: a few cycles of one axis, whose code is
+/// that of more.
 #[test]
 fn no_lock_is_taken_in_any_way() {
     let _alone = ONE_AT_A_TIME.lock();
@@ -281,10 +294,10 @@ fn mark() {
 /// The watched program: a mark where the cycle begins to run and where the planner does. It runs
 /// in place of the test harness, which would put it into a thread of its own.
 extern "C" fn watched() {
-    let [Ok(plant), Ok(cycles)] = ["PLANT", "CYCLES"].map(std::env::var) else {
+    let [Ok(plant), Ok(axes), Ok(cycles)] = ["PLANT", "AXES", "CYCLES"].map(std::env::var) else {
         return;
     };
-    let mut warm = Warm::new(4 * CHUNK);
+    let mut warm = Warm::new(axes.parse().unwrap());
     warm.run(cycles.parse().unwrap(), Plant::by_name(&plant), |_| mark());
     std::process::exit(0);
 }
@@ -293,11 +306,14 @@ extern "C" fn watched() {
 #[unsafe(link_section = ".init_array")]
 static BEFORE_MAIN: extern "C" fn() = watched;
 
-/// Runs [`watched`] under trace and counts what was asked for while its cycle runs.
+/// Runs [`watched`] under trace and counts what was asked for while its cycle runs, step by step no more than
+/// one of it.
 fn watch(plant: Plant, cycles: usize, what: Watch) -> u64 {
+    let axes = if what == Watch::Locks { 1 } else { AXES };
     let mut command = Command::new(std::env::current_exe().unwrap());
     command
         .env("PLANT", format!("{plant:?}"))
+        .env("AXES", axes.to_string())
         .env("CYCLES", cycles.to_string())
         .stdout(std::process::Stdio::null());
     // SAFETY: the child only asks to be traced; ptrace is a bare system call.
@@ -309,12 +325,14 @@ fn watch(plant: Plant, cycles: usize, what: Watch) -> u64 {
     }
     // Only the thread that started the child may trace it; `wait` below waits for its end.
     #[allow(clippy::zombie_processes)]
-    let child = command.spawn().unwrap();
+    let mut child = command.spawn().unwrap();
     let pid = child.id() as pid_t;
     let mut count = 0;
     let mut marks = 0;
     let mut entering = true;
     let mut breakpoints = None;
+    // Where instructions are that take no lock and call no system.
+    let mut harmless = HashSet::new();
     assert!(
         libc::WIFSTOPPED(wait(pid)),
         "stopped at its first instruction"
@@ -339,6 +357,9 @@ fn watch(plant: Plant, cycles: usize, what: Watch) -> u64 {
             return count;
         }
         assert!(libc::WIFSTOPPED(status), "{status:x}");
+        if stepping && harmless.contains(&instruction_pointer(pid)) {
+            continue;
+        }
         let registers = registers(pid);
         if libc::WSTOPSIG(status) == libc::SIGTRAP | 0x80 {
             if entering {
@@ -360,14 +381,19 @@ fn watch(plant: Plant, cycles: usize, what: Watch) -> u64 {
             }
         } else if stepping {
             let next = code(pid, registers.rip);
-            if next.starts_with(&[0x0F, 0x05]) && registers.rax as c_long == MARK {
+            let calls = next.starts_with(&[0x0F, 0x05]);
+            if calls && registers.rax as c_long == MARK {
                 // The closing mark, seen as a step: go on to its exit by system calls.
                 marks += 1;
                 trace(libc::PTRACE_SINGLESTEP, pid, 0);
                 wait(pid);
                 entering = true;
             } else if takes_lock(&next) {
-                count += 1;
+                child.kill().unwrap();
+                child.wait().unwrap();
+                return 1;
+            } else if !calls {
+                harmless.insert(registers.rip);
             }
         }
     }
@@ -395,6 +421,14 @@ fn registers(pid: pid_t) -> libc::user_regs_struct {
         assert_eq!(result, 0);
         registers
     }
+}
+
+/// Where the next instruction is.
+fn instruction_pointer(pid: pid_t) -> u64 {
+    let place = std::mem::offset_of!(libc::user_regs_struct, rip);
+    // SAFETY: reads a register of the child through the kernel.
+    let word = unsafe { libc::ptrace(libc::PTRACE_PEEKUSER, pid, place, 0_usize) };
+    word.cast_unsigned()
 }
 
 /// The instruction at an address, as far as it matters.
