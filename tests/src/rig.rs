@@ -467,11 +467,11 @@ impl Rig {
             .collect();
         let planned = |row: &&Row<COORDINATES>| {
             let mut axes = places.iter().map(|&at| row.axes[at]);
-            axes.any(|axis| !axis.quick_stopped)
+            axes.any(|axis| !axis.by_itself)
         };
         let rows: Vec<_> = self.rows.iter().filter(planned).collect();
         for (trace, &at) in axes.iter_mut().zip(&places) {
-            let set = |row: &&Row<COORDINATES>| match row.axes[at].quick_stopped {
+            let set = |row: &&Row<COORDINATES>| match row.axes[at].by_itself {
                 true => row.plan.position[at],
                 false => row.axes[at].set,
             };

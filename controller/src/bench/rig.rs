@@ -260,6 +260,7 @@ impl Shape {
                     coordinate: axis,
                     unit: "mm",
                     drives: vec![axis],
+                    point_to_point: false,
                     feedback: None,
                     limits: AxisLimits {
                         position: (-1.0, STROKE + 1.0),

@@ -6,7 +6,7 @@ use super::layout::{self, Layout};
 use super::node::DeviceNode;
 use super::setpoint_guard::SetpointGuard;
 use super::{SIDES_ENABLE, STILL};
-use crate::machine::{HomingMethod, Kept, Square};
+use crate::machine::{AxisLimits, HomingMethod, Kept, Square};
 use syncline_drives::model::{Increments, Setpoint};
 use syncline_trajectory::limits::Limits;
 use syncline_trajectory::profile::{Profile, State};
@@ -81,12 +81,23 @@ pub(super) struct AxisControl {
     planned: [Planned; HISTORY],
     /// See [`Layout::lag`].
     lag: f64,
+    /// If it goes point to point.
+    point_to_point: Option<Place>,
     /// How what the sides are apart goes to zero.
     squaring: Option<Squaring>,
     /// For so many cycles one of its sides has been enabled, and the other has not.
     half_enabled: u32,
     /// Of a cycle, s.
     period: f64,
+}
+
+/// Where an axis is that goes point to point.
+#[derive(Clone, Copy, Debug, Default)]
+struct Place {
+    /// Where it rests, or where its drive says that it is, mm.
+    at: f64,
+    /// Where its drive goes.
+    target: Option<Increments>,
 }
 
 /// A motion of an axis' sides against each other.
@@ -118,9 +129,9 @@ pub struct AxisSample {
     /// Of a gantry: how far the second side was planned beyond the first, where that is being taken
     /// out, mm.
     pub apart: f64,
-    /// Its drives were quick-stopped: they come to rest by themselves and follow no setpoint; the one here is the
-    /// actual position.
-    pub quick_stopped: bool,
+    /// Its drives were quick-stopped and come to rest by themselves, or go to a target by themselves: they follow no
+    /// setpoint; the one here is the actual position.
+    pub by_itself: bool,
 }
 
 impl AxisControl {
@@ -136,6 +147,7 @@ impl AxisControl {
             index,
             sides: spec.drives.iter().map(side).collect(),
             referenced: spec.homing.is_absolute(),
+            point_to_point: spec.point_to_point.then(Place::default),
             recalled: false,
             spec,
             moves_on: false,
@@ -279,12 +291,7 @@ impl AxisControl {
             2 => (f64::midpoint(at(0), at(1)), at(1) - at(0)),
             _ => (at(0), 0.0),
         };
-        self.planned = [Planned {
-            position,
-            velocity: 0.0,
-            apart,
-        }; HISTORY];
-        self.squaring = None;
+        self.rest(position, apart);
         position
     }
 
@@ -350,12 +357,77 @@ impl AxisControl {
             let node = &nodes[drive];
             side.offset = node.setpoint.position - node.increments(position)?;
         }
+        self.rest(position, 0.0);
+        Ok(())
+    }
+
+    /// Is planned to rest there, and goes nowhere.
+    pub(super) fn rest(&mut self, position: f64, apart: f64) {
         self.planned = [Planned {
             position,
-            ..Planned::default()
+            velocity: 0.0,
+            apart,
         }; HISTORY];
         self.squaring = None;
+        if let Some(place) = &mut self.point_to_point {
+            *place = Place {
+                at: position,
+                target: None,
+            };
+        }
+    }
+
+    // --- point to point ---
+
+    /// Its drive, of an axis with one.
+    pub(super) fn drive(&self) -> DeviceIndex {
+        self.spec.drives[0]
+    }
+
+    pub(super) fn limits(&self) -> &AxisLimits {
+        &self.spec.limits
+    }
+
+    /// Where it is planned to be now, beside the path, if it goes point to point; mm.
+    pub(super) fn beside(&self) -> Option<f64> {
+        self.point_to_point.map(|place| place.at)
+    }
+
+    /// Whether its drive goes to a target, or rests on the way there.
+    pub(super) fn goes(&self) -> bool {
+        self.point_to_point
+            .is_some_and(|place| place.target.is_some())
+    }
+
+    /// Sends its drive there with the next setpoints, mm.
+    pub(super) fn go_to(&mut self, mm: f64, nodes: &[DeviceNode]) -> Result<(), Fault> {
+        let there = nodes[self.drive()].setpoint_at(mm, self.sides[0].offset)?;
+        if let Some(place) = &mut self.point_to_point {
+            place.target = Some(there.position);
+        }
         Ok(())
+    }
+
+    /// Its drive goes by itself: it is where that says at SYNC `cycle`.
+    pub(super) fn follow(&mut self, cycle: u64, nodes: &[DeviceNode]) {
+        let at = self.actual(cycle, 0, nodes);
+        if let Some(place) = self
+            .point_to_point
+            .as_mut()
+            .filter(|it| it.target.is_some())
+        {
+            place.at = at;
+        }
+    }
+
+    /// The fault of an axis whose drive goes to a target and has not stood there for so many cycles.
+    pub(super) fn is_away(&self, cycles: u32, nodes: &[DeviceNode]) -> Option<Fault> {
+        let target = self.point_to_point?.target?;
+        let node = &nodes[self.drive()];
+        let away = target - node.actual();
+        let there = away.get().abs() <= node.standstill_window().get() && node.still() >= cycles;
+        let distance = away.get().abs() as f64 * node.scaling().resolution();
+        (!there).then_some(Fault::Axis(self.index, AxisCause::NotThere { distance }))
     }
 
     // --- where it stands ---
@@ -455,6 +527,16 @@ impl AxisControl {
     ) -> Result<(), Fault> {
         self.moves_on = false;
         if self.is_quick_stopped(nodes) {
+            return Ok(());
+        }
+        if let Some(place) = self.point_to_point {
+            let setpoint = nodes[self.drive()].setpoint;
+            self.sides[0].next = place.target.map_or(setpoint, Setpoint::at);
+            self.planned[cycle as usize % HISTORY] = Planned {
+                position: place.at,
+                ..Planned::default()
+            };
+            self.moves_on = true;
             return Ok(());
         }
         self.planned[cycle as usize % HISTORY] = Planned {
@@ -576,10 +658,10 @@ impl AxisControl {
     pub(super) fn sample(&self, cycle: u64, nodes: &[DeviceNode]) -> AxisSample {
         let mut worst = AxisSample {
             apart: self.apart(cycle),
-            quick_stopped: self.is_quick_stopped(nodes),
+            by_itself: self.is_quick_stopped(nodes) || self.goes(),
             ..AxisSample::default()
         };
-        if worst.quick_stopped {
+        if worst.by_itself {
             worst.act = nodes[self.telling(0)].actual_mm();
             worst.set = worst.act;
             return worst;
@@ -613,6 +695,10 @@ impl AxisControl {
         let limits = &self.spec.limits;
         for (side, &drive) in self.sides.iter_mut().zip(&self.spec.drives) {
             let node = &nodes[encoder.unwrap_or(drive)];
+            // What is polled may have moved for longer than a cycle.
+            if !node.answers_sync() {
+                continue;
+            }
             if node.age() > 0 {
                 side.seen = side.seen.map(|(seen, ago)| (seen, ago.saturating_add(1)));
             } else if let Some((seen, ago)) = side.seen.replace((node.actual(), 1)) {
@@ -690,6 +776,9 @@ impl AxisControl {
         nodes: &[DeviceNode],
     ) -> Result<(), Fault> {
         let axis = self.index;
+        if self.goes() {
+            return Ok(());
+        }
         let allowed = self.spec.limits.following_error_at(self.speed(cycle));
         if sample.following_error.abs() > allowed {
             let error = sample.following_error;

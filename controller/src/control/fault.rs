@@ -265,6 +265,11 @@ pub enum AxisCause {
         /// How much: by mm and s; of a position, how far beyond its range.
         value: f64,
     },
+    /// Its drive was sent to a target and did not get there in time.
+    NotThere {
+        /// How far it is from there, mm.
+        distance: f64,
+    },
     /// Its encoder and its drives disagree about where it is.
     FeedbackDifference {
         /// The encoder's position minus the drives', mm.
@@ -384,7 +389,9 @@ impl Fault {
                 quantity, value, ..
             } => return Some((value, quantity.limit(limits), quantity.unit(unit))),
             AxisCause::Skew { difference } => (difference, limits.skew?),
-            AxisCause::Standstill { distance } => (distance, limits.standstill),
+            AxisCause::Standstill { distance } | AxisCause::NotThere { distance } => {
+                (distance, limits.standstill)
+            }
             AxisCause::FeedbackDifference { difference } => {
                 (difference.abs(), names.axis(axis).feedback?.difference)
             }
@@ -459,6 +466,11 @@ impl AxisCause {
             Self::Standstill { distance } => format!(
                 "axis {name} left its frozen position by {distance:.4} {unit}, allowed {} {unit}: \
                  check its brake, its loop and `standstill_window`",
+                limits.standstill
+            ),
+            Self::NotThere { distance } => format!(
+                "axis {name}: its drive did not get to where it was sent and is {distance:.4} {unit} away, allowed \
+                 {} {unit}: look for what blocks it, and check the drive's units and its current",
                 limits.standstill
             ),
             Self::FeedbackDifference { difference } => format!(

@@ -15,10 +15,11 @@ use syncline_trajectory::path::{Jog, JogError, Travel};
 pub const HOLD_TO_RUN: Duration = Duration::from_millis(200);
 
 impl<const N: usize> Controller<N> {
-    /// What the axes may do beside the path, and how far each may go.
+    /// What the axes may do off the path that can follow one, and how far each may go.
     pub(super) fn travel(&self) -> [Option<Travel>; N] {
         let mut travel = [None; N];
-        for (axis, control) in self.layout.axes.iter().zip(&self.axes) {
+        let axes = self.layout.axes.iter().zip(&self.axes);
+        for (axis, control) in axes.filter(|(axis, _)| !axis.point_to_point) {
             let limits = &axis.limits;
             let here = self.planned.position[axis.coordinate];
             let far = axis.homing.jog_distance;

@@ -4,7 +4,7 @@ use super::fault::{AxisIndex, BusCause, BusIndex, DeviceIndex, Names};
 use super::inputs::InputIndex;
 use crate::budget::{BusBudget, DoesNotFit, MachineBudget};
 use crate::machine::{
-    self, AxisLimits, Homing, HomingPolicy, Kept, Machine, MachineState, NotKept, Seat,
+    self, AxisLimits, Homing, HomingPolicy, Kept, Machine, MachineState, Motion, NotKept, Seat,
 };
 use syncline_canopen::time::Duration;
 use syncline_canopen::{CanId, CobId, Frame, NodeId};
@@ -120,6 +120,8 @@ pub struct AxisSpec {
     pub drives: Vec<DeviceIndex>,
     /// What says where it is, beside them.
     pub feedback: Option<AxisFeedback>,
+    /// It goes point to point, by profiles of its drive's own.
+    pub point_to_point: bool,
     /// What it may do, and what is a fault.
     pub limits: AxisLimits,
     /// How it comes to know where it is.
@@ -166,8 +168,11 @@ impl Layout {
         let latencies: Vec<Option<f64>> = (machine.nodes().zip(&devices))
             .map(|(node, device)| {
                 let early = budget.early(node.bus, machine.cycle);
+                // Who goes by a profile of its own keeps nobody waiting.
+                let follows = |seat: Seat<'_>| machine.axes[seat.axis].motion == Motion::Path;
                 device
                     .drive()
+                    .filter(|_| node.seat.is_some_and(follows))
                     .map(|drive| match drive.spec().latches_at_sync {
                         true => drive.latency(),
                         false => drive.latency() - early,
@@ -221,6 +226,7 @@ impl Layout {
                     coordinate: axis.letter.index(),
                     unit: axis.units()[0],
                     drives: axis.drives.clone(),
+                    point_to_point: axis.motion == Motion::PointToPoint,
                     feedback: axis.feedback.map(|feedback| AxisFeedback {
                         encoder: machine.drives.len() + feedback.encoder,
                         difference: feedback.difference,

@@ -20,6 +20,7 @@
 //! - `node`, `sdo_sequence`: a drive over its bus; what it is asked by SDO
 //! - [`state`]: what operators may ask for, and when
 //! - [`job`]: what the machine works on, one after the other
+//! - `point_to_point`: axes that go to targets beside the path
 //! - `axis`: planned position to increments, following error
 //! - [`reaction`], `supervision`: what is done about what happens, the table and its execution
 //! - `setpoint_guard`: the last look at a setpoint before it is sent
@@ -36,6 +37,7 @@ pub mod layout;
 mod node;
 mod order;
 mod phases;
+mod point_to_point;
 pub mod reaction;
 mod sdo_sequence;
 mod setpoint_guard;
@@ -55,6 +57,7 @@ pub use job::{Job, JobKind, Outcome};
 pub use jogs::HOLD_TO_RUN;
 pub use layout::Layout;
 pub use order::{Order, Refusal};
+pub use point_to_point::PointToPoint;
 pub use reaction::{Cause, Clearing, Reaction};
 pub use setpoint_guard::Quantity;
 pub use state::{NotNow, Request, State};
@@ -138,7 +141,7 @@ pub enum Instruction<const N: usize> {
 
 /// What happens at a mark of the plan. The path rests there until that is done, so that no
 /// replacement of the plan, whenever it comes, leaves it out.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub enum StopPoint {
     /// Rest with drives enabled until an operator goes on.
     Pause {
@@ -159,6 +162,8 @@ pub enum StopPoint {
         /// Program line.
         line: u32,
     },
+    /// The path goes on once axes beside it are where they go.
+    PointToPoint(PointToPoint),
     /// What comes next in the program cannot be run: a fault.
     Broken,
 }
@@ -273,6 +278,8 @@ pub struct Controller<const N: usize> {
     /// The last mark of the plan; there is never another one behind it before it is passed.
     stop_point: Option<(u32, StopPoint)>,
     homing: Homing,
+    /// The move that the path waits for.
+    positioning: Option<point_to_point::Progress>,
     switches: Switches,
     inputs: Inputs,
     /// While the path rests at an M66.
@@ -341,6 +348,7 @@ impl<const N: usize> Controller<N> {
             in_position: 0,
             stop_point: None,
             homing: Homing::new(layout.axes.iter().map(|axis| axis.drives.len())),
+            positioning: None,
             switches: Switches::new(),
             inputs: Inputs::new(&layout.inputs, layout.cycle),
             awaited: None,
@@ -643,6 +651,11 @@ impl<const N: usize> Controller<N> {
         if (Phase::Program..=Phase::Stop).contains(&self.phase) {
             let planned = self.executor.advance();
             self.planned = self.shaping.shape(planned, self.executor.waypoints());
+            for axis in &self.axes {
+                if let Some(place) = axis.beside() {
+                    self.planned.position[axis.coordinate()] = place;
+                }
+            }
             self.switch();
         }
     }

@@ -702,6 +702,16 @@ impl DeviceNode {
         self.sequence.extend(mode.map(Step::Mode));
     }
 
+    /// The steps that tell the drive the profile by which it goes to its next target, mm/s and mm/s².
+    pub(super) fn ask_profile(&mut self, velocity: f64, acceleration: f64) {
+        let [velocity, acceleration] =
+            [velocity, acceleration].map(|it| self.scaling().to_increments_per_second(it).abs());
+        let drive = self.device.drive();
+        let profile = drive.and_then(|drive| drive.profile(velocity, acceleration));
+        self.sequence
+            .extend(profile.into_iter().flatten().map(Step::Write));
+    }
+
     /// The steps that let the drive capture the next edge of an input.
     pub(super) fn arm_capture(&mut self, capture: &Capture) {
         self.sequence.extend(capture.arm.map(Step::Write));

@@ -74,6 +74,9 @@ pub enum Refusal {
     /// The axis with this coordinate knows where it is.
     #[error("axis {} has an absolute encoder: there is nothing to home", letter(*.0))]
     Absolute(usize),
+    /// The axis with this coordinate follows no path.
+    #[error("axis {} goes point to point and cannot be jogged: type a line that moves it", letter(*.0))]
+    PointToPoint(usize),
     /// No axis has this coordinate.
     #[error("the machine has no axis {}", letter(*.0))]
     NoSuchAxis(usize),
@@ -184,6 +187,14 @@ impl<const N: usize> Controller<N> {
             Order::Jog(Jog::Continuous { axis, .. } | Jog::Step { axis, .. }) => *axis == at,
             _ => needs(at),
         };
+        let jogs = |at: usize| match order {
+            Order::Jog(Jog::Continuous { axis, .. } | Jog::Step { axis, .. }) => *axis == at,
+            _ => needs(at) && matches!(order, Order::Jog(_)),
+        };
+        let mut beside = self.axes.iter().filter(|axis| axis.beside().is_some());
+        if let Some(axis) = beside.find(|axis| jogs(axis.coordinate())) {
+            return Err(Refusal::PointToPoint(axis.coordinate()));
+        }
         let mut askew = self.axes.iter();
         let askew = askew.find(|it| it.askew(self.cycle).is_some() && moves(it.coordinate()));
         if let Some(axis) = askew {

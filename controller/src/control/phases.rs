@@ -106,9 +106,11 @@ impl<const N: usize> Controller<N> {
                 let waited = self.timed_out(self.layout.state_timeout);
                 let squares = self.axes.iter().any(|axis| axis.squares(self.cycle));
                 let stopped = waited || self.quick_stops_rest();
-                let rests = self.path_rests() && !squares && stopped;
+                let rests =
+                    self.path_rests() && !squares && stopped && (waited || self.goers_rest());
                 let over = rests && (settled || waited || self.is_faulty());
-                if over && self.goal == Goal::Ready {
+                // What is left of a target goes with the power.
+                if over && self.goal == Goal::Ready && !self.has_goers() {
                     self.rest_after(Outcome::Stopped);
                     self.enter(Phase::Program, out);
                 } else if over {
@@ -211,6 +213,8 @@ impl<const N: usize> Controller<N> {
                     axis.stop_squaring(self.cycle + 1);
                 }
                 self.stop_path();
+                self.positioning = None;
+                self.let_go(false);
             }
             Phase::QuickStop => {
                 self.homing.abort();
@@ -330,6 +334,7 @@ impl<const N: usize> Controller<N> {
                 _ => Event::Resumed,
             });
         }
+        self.let_go(!self.executor.is_held());
         if !matches!(self.reached(), Some(StopPoint::AwaitInput { .. })) {
             self.awaited = None;
         }
@@ -352,6 +357,11 @@ impl<const N: usize> Controller<N> {
                 self.await_input(wait, line);
             }
             Some(StopPoint::AwaitInput { .. }) => {}
+            Some(StopPoint::PointToPoint(motion)) => {
+                if let Err(fault) = self.step_point_to_point(&motion) {
+                    self.fail(fault);
+                }
+            }
             Some(StopPoint::End) if self.stays_on => self.rest_after(Outcome::Finished),
             Some(StopPoint::Broken) if self.stays_on => self.rest_after(Outcome::Broken),
             Some(StopPoint::End) => self.go_to(Goal::Off(End::Finished)),
@@ -400,6 +410,7 @@ impl<const N: usize> Controller<N> {
     /// Freezes every drive's setpoint where it stands; the plan starts there.
     fn freeze(&mut self) -> Result<(), Fault> {
         self.ask(DeviceNode::hold);
+        self.positioning = None;
         let mut position = [0.0; N];
         for index in 0..self.axes.len() {
             let axis = &mut self.axes[index];
@@ -523,7 +534,7 @@ impl<const N: usize> Controller<N> {
         !self.faults.is_empty()
     }
 
-    fn sequences_done(&self) -> bool {
+    pub(super) fn sequences_done(&self) -> bool {
         let mut devices = (0..self.nodes.len()).filter(|&device| self.is_in_reach(device));
         devices.all(|device| self.nodes[device].is_sequence_done())
     }

@@ -169,7 +169,9 @@ impl Fault {
                 }
                 AxisCause::Skew { .. } => Cause::Skew,
                 AxisCause::FeedbackDifference { .. } => Cause::Feedback,
-                AxisCause::FollowingError { .. } => Cause::FollowingError,
+                AxisCause::FollowingError { .. } | AxisCause::NotThere { .. } => {
+                    Cause::FollowingError
+                }
                 AxisCause::Jump { .. } => Cause::Jump,
                 AxisCause::SetpointGuard { .. } => Cause::SetpointGuard,
             },

@@ -1,7 +1,7 @@
 //! Whether a drive can do what its axis, the cycle and its bus ask of it: what the model says of
 //! itself, held against the machine file.
 
-use super::{Axis, AxisLimits, Drive, Machine};
+use super::{Axis, AxisLimits, Drive, HomingMethod, Machine, Motion};
 use std::ops::Range;
 use std::time::Duration;
 use syncline_drives::model::{self, Ability, Increments, Model, Monitoring, Scaling, Setpoints};
@@ -142,6 +142,77 @@ impl Pairing<'_> {
     }
 }
 
+/// `motion` of an axis, and where the file says it.
+pub(super) fn motion(
+    log: &mut Log<'_>,
+    table: &mut Table<'_, '_>,
+) -> Option<(Motion, Range<usize>)> {
+    let motions = ["path", "point_to_point"].into_iter();
+    let motion = table.choice_if(log, "motion", motions)?;
+    let goes = match motion.get_ref().as_str() {
+        "path" => Motion::Path,
+        _ => Motion::PointToPoint,
+    };
+    Some((goes, motion.span()))
+}
+
+/// Whether the drives of axes that go point to point can, and nothing is asked of these axes that needs a path;
+/// `motions` is what the file says of each axis, `places` where it names the drives. Where it says nothing, a drive that
+/// would go on without the controller is sent velocities only if something stops it, and a loop is closed about it.
+pub(super) fn settle_motions(
+    log: &mut Log<'_>,
+    machine: &mut Machine,
+    motions: &[Option<(Motion, Range<usize>)>],
+    places: &[Range<usize>],
+) {
+    for (index, stated) in motions.iter().enumerate() {
+        let axis = &machine.axes[index];
+        let drive = axis.drives[0];
+        let goes_on = matches!(machine.device(drive).spec().monitoring, Monitoring::Poll(_));
+        let closes_loop = axis.feedback.is_some_and(|it| it.closes_loop);
+        let can = |drive: usize| {
+            let abilities = machine.drives[drive].model.abilities;
+            abilities.contains(&Ability::PointToPoint)
+        };
+        let by_default = can(drive) && goes_on && !axis.hardware_stops && !closes_loop;
+        let point_to_point = match stated {
+            Some((motion, _)) => *motion == Motion::PointToPoint,
+            None => by_default,
+        };
+        if !point_to_point {
+            continue;
+        }
+        let cannot = axis.drives.iter().find(|&&drive| !can(drive));
+        let problem = if let Some(&drive) = cannot {
+            let drive = &machine.drives[drive];
+            format!(
+                "which drive \"{}\" ({}) cannot",
+                drive.name, drive.model.title
+            )
+        } else if axis.drives.len() > 1 {
+            "which would rack a gantry pair".to_owned()
+        } else if closes_loop {
+            "and its drive closes the position loop itself then, not `position_loop`".to_owned()
+        } else if matches!(axis.homing.method, HomingMethod::Switch(_)) {
+            "and no path leads it to a switch".to_owned()
+        } else {
+            machine.axes[index].motion = Motion::PointToPoint;
+            continue;
+        };
+        let span = stated
+            .as_ref()
+            .map_or_else(|| places[drive].clone(), |(_, span)| span.clone());
+        log.report(
+            span,
+            format!(
+                "axis \"{}\": `motion = \"point_to_point\"`, {problem}",
+                axis.name()
+            ),
+            "leave the key out where the drive follows a path; otherwise see docs/machine-file.md",
+        );
+    }
+}
+
 /// Whether each drive that is sent velocities has what its axis's loop needs: a position at every SYNC, and
 /// something that stops it where the controller dies. `places` are where the file names the drives.
 pub(super) fn check_loops(log: &mut Log<'_>, machine: &Machine, places: &[Range<usize>]) {
@@ -150,7 +221,7 @@ pub(super) fn check_loops(log: &mut Log<'_>, machine: &Machine, places: &[Range<
         let device = machine.device(index);
         let (spec, who) = (device.spec(), &drive.name);
         let (name, title) = (axis.name(), drive.model.title);
-        if !drive.model.is_sent(Setpoints::Velocities) {
+        if !drive.model.is_sent(Setpoints::Velocities) || axis.motion == Motion::PointToPoint {
             continue;
         }
         if !spec.answers_sync && !axis.feedback.is_some_and(|it| it.closes_loop) {

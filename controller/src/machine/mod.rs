@@ -176,11 +176,22 @@ pub struct Axis {
     pub homing: Homing,
     /// What says where it is, beside its drives.
     pub feedback: Option<Feedback>,
+    /// How its drives bring it to where it is sent.
+    pub motion: Motion,
     /// `unsupervised_stop = "hardware"`: hardware stops its drive where the controller dies and the drive
     /// does not notice.
     pub hardware_stops: bool,
     /// What its drives move when they are simulated; `None`: what each drive's model has.
     pub simulation: Option<Simulation>,
+}
+
+/// `motion`: how an axis gets to where a program sends it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Motion {
+    /// Along the path, setpoint by setpoint.
+    Path,
+    /// From rest to rest by a profile of its drive's own, while the path waits.
+    PointToPoint,
 }
 
 /// The limits of an axis, as the machine file has them. Of A, B and C every mm is a degree.
@@ -297,6 +308,17 @@ impl Axis {
 }
 
 impl Machine {
+    /// By coordinate: whether its axis goes point to point.
+    #[must_use]
+    pub fn point_to_point(&self) -> [bool; COORDINATES] {
+        let goes = |axis: &&Axis| axis.motion == Motion::PointToPoint;
+        let mut point_to_point = [false; COORDINATES];
+        for axis in self.axes.iter().filter(goes) {
+            point_to_point[axis.letter.index()] = true;
+        }
+        point_to_point
+    }
+
     /// Where the axes stand before the first program: where programs are checked from.
     #[must_use]
     pub fn rest(&self) -> Position {
@@ -382,6 +404,7 @@ impl Machine {
             },
             following_error_limit: None,
             soft_limits: None,
+            point_to_point: false,
             io: self.io_settings(index),
             objects: node.objects.to_vec(),
             assumed: self.assumed(node.model),
@@ -429,6 +452,7 @@ impl Machine {
             soft_limits: axis
                 .drive_soft_limits
                 .then(|| drive_soft_limits(&axis.limits, scaling)),
+            point_to_point: axis.motion == Motion::PointToPoint,
             ..common
         }
     }

@@ -11,7 +11,7 @@ use super::shaper::ShaperTable;
 use super::signals::{SignalTables, Signals, Wiring};
 use super::simulation::{self, Simulation};
 use super::{
-    Axis, AxisLimits, Bus, Controller, Drive, Feedback, Homing, HomingPolicy, Machine,
+    Axis, AxisLimits, Bus, Controller, Drive, Feedback, Homing, HomingPolicy, Machine, Motion,
     PathTolerances, Spindle, Validation, assumed, spindle, validation,
 };
 use std::{collections::BTreeMap, ops::Range, time::Duration};
@@ -179,6 +179,7 @@ impl Tables {
             .collect();
         let io_nodes = self.io_nodes.into_iter().zip(io_buses);
         let io_nodes: Vec<_> = io_nodes.map(|(io, bus)| io.join(bus)).collect();
+        let motions: Vec<_> = self.axes.iter().map(|axis| axis.motion.clone()).collect();
         let (mut axes, homings): (Vec<_>, Vec<_>) = self
             .axes
             .into_iter()
@@ -215,7 +216,7 @@ impl Tables {
         } = signals;
         let wired = (&inputs[..], &places[..]);
         homing::join(log, (&mut axes, &drives), homings, wired, &self.homing);
-        let machine = Machine {
+        let mut machine = Machine {
             name: self.name,
             cycle,
             controller,
@@ -235,6 +236,7 @@ impl Tables {
             analog_outputs,
             assumptions: self.assumptions,
         };
+        fits::settle_motions(log, &mut machine, &motions, &named);
         encoder::check(log, &machine, &stated);
         fits::check_loops(log, &machine, &named);
         fits::check_setpoints(log, &machine, &named);
@@ -535,6 +537,8 @@ struct AxisTable {
     homing: Option<HomingTable>,
     feedback: Option<FeedbackTable>,
     hardware_stops: bool,
+    /// And where the file says so.
+    motion: Option<(Motion, Range<usize>)>,
     simulation: Option<Simulation>,
 }
 
@@ -615,6 +619,7 @@ impl AxisTable {
         let feedback = FeedbackTable::read(log, &mut table, position);
         let stops = ["hardware"].into_iter();
         let hardware_stops = table.choice_if(log, "unsupervised_stop", stops).is_some();
+        let motion = fits::motion(log, &mut table);
         let simulation = simulation::read(log, &mut table, rotary, pair);
         if let (Some(pitch), true) = (&pitch, log.is_empty())
             && !(pitch.get_ref() / gear).is_normal()
@@ -639,6 +644,7 @@ impl AxisTable {
             homing,
             feedback,
             hardware_stops,
+            motion,
             simulation,
         })
     }
@@ -668,6 +674,7 @@ impl AxisTable {
                 closes_loop: table.closes_loop.is_some(),
             }),
             hardware_stops: self.hardware_stops,
+            motion: Motion::Path,
             simulation: self.simulation,
         };
         (axis, self.homing)

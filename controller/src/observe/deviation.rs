@@ -36,6 +36,8 @@ pub(super) struct Deviation {
     /// Of the actual position from the path of the setpoints, mm: the drives' part of it.
     drives: Greatest,
     trail: Trail,
+    /// By coordinate: whether its axis goes point to point, beside the path.
+    beside: [bool; COORDINATES],
     watch: Watch,
     /// What of the contour error `[validation]` allows, mm.
     tolerance: f64,
@@ -60,6 +62,7 @@ impl Deviation {
             tool: Greatest::default(),
             drives: Greatest::default(),
             trail: Trail::new(machine.cycle.as_secs_f64()),
+            beside: machine.point_to_point(),
             watch: Watch::default(),
             tolerance: machine.validation.contour_error,
             contour: Watch::default(),
@@ -82,9 +85,16 @@ impl Deviation {
             self.trail.clear();
             return None;
         };
-        let foot = nearest(observed, &plan.position);
+        let on_path = |mut at: Position| {
+            for coordinate in (0..COORDINATES).filter(|&at| self.beside[at]) {
+                at[coordinate] = motion.curve.start()[coordinate];
+            }
+            at
+        };
+        let (position, actual) = (on_path(plan.position), &on_path(*actual));
+        let foot = nearest(observed, &position);
         let deviation = foot.as_ref().map_or(f64::INFINITY, |foot| foot.away);
-        (self.trail).push(row.cycle, plan.position, plan.velocity, actual);
+        (self.trail).push(row.cycle, position, plan.velocity, actual);
         let reach = self.trail.reach() + CORNER * deviation;
         let tool = foot.map_or(f64::INFINITY, |foot| {
             from_stretch(observed.moves, &foot, reach, actual)

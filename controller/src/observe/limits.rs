@@ -274,7 +274,7 @@ impl AxisWatches {
         violations: &mut Vec<Violation>,
     ) {
         let at = self.coordinate;
-        if row.axes[at].quick_stopped {
+        if row.axes[at].by_itself {
             // It follows nothing that could be held against a limit.
             return;
         }

@@ -40,10 +40,10 @@ impl Cycles {
     /// Takes the cycle before a row; whether the path moved at the one before, too.
     fn observe(&mut self, observed: &Observed, moved: bool) {
         let plan = &observed.row.plan;
-        let quick_stop = observed.row.axes.iter().any(|axis| axis.quick_stopped);
-        let count = if plan.off_path && !quick_stop {
+        let by_itself = observed.row.axes.iter().any(|axis| axis.by_itself);
+        let count = if plan.off_path && !by_itself {
             &mut self.jogs
-        } else if plan.speed > 0.0 || moved {
+        } else if plan.speed > 0.0 || moved || (by_itself && !plan.off_path) {
             &mut self.motion
         } else if observed.waits {
             &mut self.waits

@@ -90,7 +90,7 @@ impl Program {
         let mut feeder = Feeder {
             tables: self.setup.tables.clone(),
             interpreter: self.interpret(start)?,
-            source: MoveSource { at: start },
+            source: MoveSource::new(start, self.point_to_point),
             planner,
             path_control_mode: path_control_mode(
                 self.setup.memory.modes().path_mode,
@@ -164,13 +164,19 @@ impl Feeder {
 
     fn take(&mut self, command: &gcode::Command) -> Result<(), ProgramError> {
         let line = command.span.line;
+        let beside = self.source.point_to_point(&command.action, self.scale.feed);
+        let beside = beside.map_err(|mixed| mixed.at(place(&self.interpreter, command.span)))?;
         let curves = self.source.curves(command);
         let curves = curves.map_err(|source| ProgramError::Curve {
             place: place(&self.interpreter, command.span),
             source,
         })?;
         if !curves.is_empty() {
-            return self.take_curves(curves, command);
+            self.take_curves(curves, command)?;
+        }
+        if let Some(beside) = beside {
+            self.switch_with_motion();
+            self.stop_then(StopPoint::PointToPoint(beside));
         }
         match &command.action {
             Action::Dwell { seconds } => self.rest(*seconds + self.settling, command.span)?,
@@ -241,9 +247,7 @@ impl Feeder {
         if feed.is_some() && take(&mut self.spins_up) {
             self.await_spindle(command.span)?;
         }
-        for (line, switch) in take(&mut self.with_motion) {
-            self.switch(line, switch);
-        }
+        self.switch_with_motion();
         let length: f64 = curves.iter().map(Curve::length).sum();
         let last = curves.len() - 1;
         for (index, curve) in curves.into_iter().enumerate() {
@@ -308,6 +312,13 @@ impl Feeder {
         self.since_stop += 1;
         self.switches.push_back((line, switch));
         self.planner.waypoint();
+    }
+
+    /// What waited for the next motion.
+    fn switch_with_motion(&mut self) {
+        for (line, switch) in take(&mut self.with_motion) {
+            self.switch(line, switch);
+        }
     }
 
     /// What the operator is told once the path has come here. The cycle only counts messages.

@@ -22,7 +22,7 @@ pub use moves::{Moves, ProgramMove, Upcoming};
 
 use crate::machine::{COORDINATES, InputMeaning, Machine, PathTolerances, Position, SpinUp};
 use feed::counted_length;
-use moves::MoveSource;
+use moves::{Mixed, MoveSource};
 use std::fmt;
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
@@ -37,6 +37,8 @@ use syncline_trajectory::path::{CurveError, Limits, PathError};
 pub struct Programs {
     setup: gcode::Setup,
     limits: Limits<COORDINATES>,
+    /// By coordinate: whether its axis goes point to point.
+    point_to_point: [bool; COORDINATES],
     tolerances: PathTolerances,
     spindle: SpinUp,
     /// By how much the axes come to rest later than the path, s.
@@ -70,6 +72,8 @@ pub struct Program {
     source: Source,
     setup: gcode::Setup,
     limits: Limits<COORDINATES>,
+    /// By coordinate: whether its axis goes point to point.
+    point_to_point: [bool; COORDINATES],
     tolerances: PathTolerances,
     keeps: Option<PathBuf>,
     spindle: SpinUp,
@@ -158,6 +162,16 @@ pub enum ProgramError {
         /// Why.
         source: CurveError,
     },
+    /// A move along a path takes along an axis that follows none.
+    #[error(
+        "{place}: this move goes along a path, and axis {axis} goes point to point: move it in a block of its own"
+    )]
+    Mixed {
+        /// File, line and column.
+        place: String,
+        /// The axis.
+        axis: gcode::Axis,
+    },
     /// A move cannot be planned.
     #[error("{place}: this move cannot be planned")]
     Plan {
@@ -166,6 +180,15 @@ pub enum ProgramError {
         /// Why.
         source: PathError,
     },
+}
+
+impl Mixed {
+    fn at(self, place: String) -> ProgramError {
+        ProgramError::Mixed {
+            place,
+            axis: self.0,
+        }
+    }
 }
 
 impl Programs {
@@ -210,6 +233,7 @@ impl Programs {
         Self {
             setup,
             limits,
+            point_to_point: machine.point_to_point(),
             tolerances: machine.path,
             spindle: SpinUp::of(machine),
             settling: machine.shaper.settling(machine.cycle.as_secs_f64()),
@@ -251,6 +275,7 @@ impl Programs {
             source,
             setup,
             limits: self.limits,
+            point_to_point: self.point_to_point,
             tolerances: self.tolerances,
             keeps: self.keeps.clone(),
             spindle: self.spindle,
@@ -379,7 +404,7 @@ impl Program {
                 ..Extent::default()
             });
         }
-        let mut source = MoveSource { at: start };
+        let mut source = MoveSource::new(start, self.point_to_point);
         let mut extent = Extent::default();
         let mut mistakes = Mistakes::default();
         while let Some(command) = interpreter.next() {
@@ -401,6 +426,8 @@ impl Program {
             {
                 extent.arc_deviation = (arc.deviation, command.span.line);
             }
+            let beside = source.point_to_point(&command.action, 1.0);
+            beside.map_err(|mixed| mixed.at(place(&interpreter, command.span)))?;
             let curves = source.curves(&command);
             let curves = curves.map_err(|source| ProgramError::Curve {
                 place: place(&interpreter, command.span),

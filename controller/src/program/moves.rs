@@ -1,5 +1,7 @@
 //! The moves of a program: made from its commands, and kept for who follows the machine along them.
 
+use super::feed::{feed, path_speed};
+use crate::control::PointToPoint;
 use crate::machine::{COORDINATES, Position};
 use crossbeam::channel::{self, Receiver, Sender};
 use std::collections::VecDeque;
@@ -25,12 +27,81 @@ pub struct ProgramMove {
     pub end: Option<f64>,
 }
 
-/// Turns motion commands into curves.
+/// Turns motion commands into curves, and into moves of the axes that go point to point: these the path does not
+/// know, it stays where they were at its beginning.
 pub(super) struct MoveSource {
-    pub(super) at: Position,
+    /// Of the path.
+    at: Position,
+    /// By coordinate: whether its axis goes point to point.
+    point_to_point: [bool; COORDINATES],
+    /// Where these axes are.
+    places: Position,
+}
+
+/// A move along a path that takes along an axis that goes point to point: the axis.
+pub(super) struct Mixed(pub(super) gcode::Axis);
+
+/// Where a command goes.
+fn destination(action: &Action) -> Option<Position> {
+    match action {
+        Action::Rapid { to } | Action::Feed { to, .. } => Some(to.0),
+        Action::Arc { arc, .. } => Some(arc.to.0),
+        Action::Spline { spline, .. } => Some(spline.to.0),
+        _ => None,
+    }
 }
 
 impl MoveSource {
+    pub(super) fn new(start: Position, point_to_point: [bool; COORDINATES]) -> Self {
+        Self {
+            at: start,
+            point_to_point,
+            places: start,
+        }
+    }
+
+    /// A place as the path knows it.
+    fn on_path(&self, mut to: Position) -> Position {
+        for coordinate in (0..COORDINATES).filter(|&at| self.point_to_point[at]) {
+            to[coordinate] = self.at[coordinate];
+        }
+        to
+    }
+
+    /// Where a command sends axes point to point, behind its curves; at the part `scale` of its feed.
+    ///
+    /// # Errors
+    /// A feed that goes along a path besides.
+    pub(super) fn point_to_point(
+        &mut self,
+        action: &Action,
+        scale: f64,
+    ) -> Result<Option<PointToPoint>, Mixed> {
+        let Some(to) = destination(action) else {
+            return Ok(None);
+        };
+        let mut targets = [None; COORDINATES];
+        let mut places = self.places;
+        for at in (0..COORDINATES).filter(|&at| self.point_to_point[at]) {
+            if to[at] != places[at] {
+                (targets[at], places[at]) = (Some(to[at]), to[at]);
+            }
+        }
+        let Some(first) = targets.iter().position(Option::is_some) else {
+            return Ok(None);
+        };
+        if !matches!(action, Action::Rapid { .. }) && self.on_path(to) != self.at {
+            return Err(Mixed(gcode::Axis::ALL[first]));
+        }
+        let line = Curve::line(self.places, places).ok();
+        let speed = line.zip(feed(action)).map(|(line, feed)| match feed {
+            gcode::Feed::Rate(rate) => scale * path_speed(&line, rate),
+            gcode::Feed::Duration(seconds) => scale * line.length() / seconds,
+        });
+        self.places = places;
+        Ok(Some(PointToPoint { targets, speed }))
+    }
+
     /// The curves that a command asks for: none, or none as it has no length, or the parts of a spline.
     pub(super) fn curves(
         &mut self,
@@ -39,12 +110,12 @@ impl MoveSource {
         let one = |curve: Result<_, _>| curve.map(|curve| vec![curve]);
         let (curves, to) = match &command.action {
             Action::Rapid { to } | Action::Feed { to, .. } => {
-                (one(Curve::line(self.at, to.0)), to.0)
+                (one(Curve::line(self.at, self.on_path(to.0))), to.0)
             }
             Action::Arc { arc, .. } => {
                 let definition = ArcDefinition {
                     start: self.at,
-                    end: arc.to.0,
+                    end: self.on_path(arc.to.0),
                     plane: match arc.plane {
                         gcode::Plane::Xy => Plane::Xy,
                         gcode::Plane::Zx => Plane::Zx,
@@ -68,7 +139,7 @@ impl MoveSource {
         };
         match curves {
             Ok(curves) => {
-                self.at = to;
+                self.at = self.on_path(to);
                 Ok(curves)
             }
             Err(CurveError::NoLength) => Ok(Vec::new()),

@@ -197,6 +197,11 @@ texts! {
     "axis Y: following error 2.5000 mm, allowed 2 mm: look for a blocked axis, a weak loop or too \
      high limits";
 
+    Fault::Axis(_, AxisCause::NotThere { .. }),
+    Fault::Axis(1, AxisCause::NotThere { distance: 12.25 }),
+    "axis Y: its drive did not get to where it was sent and is 12.2500 mm away, allowed 0.05 mm: look \
+     for what blocks it, and check the drive's units and its current";
+
     Fault::Axis(_, AxisCause::FeedbackDifference { .. }),
     Fault::Axis(2, AxisCause::FeedbackDifference { difference: -0.35 }),
     "axis Z: its encoder is -0.3500 mm from where its drive says that it is, allowed 0.2 mm: look \

@@ -5,7 +5,7 @@ use std::path::Path;
 use std::time::Duration;
 use syncline_controller::budget::{DoesNotFit, MachineBudget};
 use syncline_controller::machine::{
-    AnalogSource, HomingMethod, InputMeaning, Machine, OutputSwitch,
+    AnalogSource, HomingMethod, InputMeaning, Machine, Motion, OutputSwitch,
 };
 use syncline_drives::model::{Increments, MODELS};
 use syncline_strict_toml::{Diagnostic, Invalid};
@@ -863,6 +863,45 @@ fn an_encoder_closes_no_loop_that_a_drive_closes() {
         .join("\n\n")
     );
     assert!(machine.is_ok_and(|it| it.axes[2].feedback.is_some_and(|it| it.closes_loop)));
+}
+
+/// Which axes may go point to point, and which do where the file does not say.
+#[test]
+fn axes_go_point_to_point_where_their_drives_can() {
+    let z = |model: &str, more: &str| {
+        let drive = "node = 4\nmodel = \"lxm32m\"\nzero = 5_000_000";
+        let text = portal_with(drive, &format!("node = 4\nmodel = \"{model}\""));
+        let own = "drive_following_error = true\ndrive_soft_limits = true\n";
+        let (before, after) = text.rsplit_once(own).unwrap();
+        parse(&format!("{before}{more}\n{after}"))
+    };
+    let motion = |model, more| z(model, more).unwrap().axes[2].motion;
+    let stated = "motion = \"point_to_point\"";
+    assert_eq!(motion("tsp10", ""), Motion::PointToPoint);
+    assert_eq!(motion("tlc5xx", ""), Motion::Path);
+    assert_eq!(motion("tlc5xx", stated), Motion::PointToPoint);
+    assert_eq!(motion("lxm32m", ""), Motion::Path);
+    let refused = |told: Result<Machine, Invalid>| {
+        let told = told.unwrap_err().diagnostics.into_iter();
+        let told: Vec<_> = told
+            .map(|it| format!("{}: {}", it.problem, it.help))
+            .collect();
+        told.join("\n")
+    };
+    let homing = "[axis.homing]\nkind = \"switch\"\nswitches = [\"home Z\"]\ndirection = \"positive\"\n\
+        speed = 30.0\nslow_speed = 1.0\nback_off = 3.0\nposition = 3.0\n[[input]]\nname = \"home Z\"\n\
+        drive = \"X1\"\nsignal = \"DI0\"\nfunction = \"home\"";
+    let told = [
+        refused(z("lxm32m", stated)),
+        refused(z("tsp10", "motion = \"path\"")),
+        refused(z("tlc5xx", &format!("{stated}\n{homing}"))),
+        refused(parse(&portal_with(
+            "skew_limit = 0.5\n",
+            &format!("skew_limit = 0.5\n{stated}\n"),
+        ))),
+        refused(z("tlc5xx", "motion = \"fast\"")),
+    ];
+    insta::assert_snapshot!(told.join("\n\n"));
 }
 
 /// A drive that takes no part in SYNC and does not notice a controller that dies has to have both made up for.

@@ -36,6 +36,16 @@ pub trait Drive: Feedback {
         None
     }
 
+    /// The writes after which it goes to the next target at that velocity, increments/s, and with ramps of that
+    /// acceleration, increments/s², or as little less as its units allow; `None` unless its axis goes
+    /// [point to point](super::Settings::point_to_point). Then a setpoint is a target: the drive sets off when it
+    /// changes under [`PowerCommand::Run`], rests on its way under [`PowerCommand::Enable`], and goes on
+    /// under [`PowerCommand::Run`].
+    fn profile(&self, velocity: f64, acceleration: f64) -> Option<[Write; 3]> {
+        let _ = (velocity, acceleration);
+        None
+    }
+
     /// Its digital inputs and outputs, if its PDOs carry them.
     fn io(&self) -> Option<&dyn Io> {
         None

@@ -196,6 +196,8 @@ pub enum Ability {
     FollowingErrorLimit,
     /// It faults beyond positions of its own, [`Settings::soft_limits`].
     SoftLimits,
+    /// It goes to targets by a profile of its own, [`Settings::point_to_point`].
+    PointToPoint,
 }
 
 /// The model that measurements are made with where none is named, so that they can be compared.
@@ -299,6 +301,9 @@ pub struct Settings {
     /// Positions beyond which the drive itself faults; `None` leaves the drive's own. Asked of those
     /// with [`Ability::SoftLimits`] only.
     pub soft_limits: Option<(Increments, Increments)>,
+    /// Its axis goes point to point: the drive is sent targets, to which it goes by a profile of its own
+    /// ([`Drive::profile`]). Asked of those with [`Ability::PointToPoint`] only.
+    pub point_to_point: bool,
     /// What is used of its inputs and outputs.
     pub io: IoSettings,
     /// Written after the standard set-up, in this order.
@@ -327,6 +332,7 @@ impl Settings {
             },
             following_error_limit: None,
             soft_limits: None,
+            point_to_point: false,
             io: IoSettings::default(),
             objects: Vec::new(),
             assumed: Assumed::default(),

@@ -6,19 +6,25 @@
 //! R_PDO3 brings controlword and velocity (60FFh), T_PDO2 statusword and position (6064h), both at every
 //! SYNC.
 //!
+//! Or its axis goes point to point: R_PDO2 brings controlword and target (607Ah) at every SYNC, and the drive
+//! goes there in profile position by its own profile (6081h, 6083h, 6084h). Targets are relative to the one
+//! before, as absolute ones need a reference point in the drive (3151-3155).
+//!
 //! A velocity is in user units, which are made as fine as the greatest velocity (607Fh, 12 000 units at
 //! most, 15575) leaves room for. That a unit is 1 r/min while the factor 6094h is 1 stands nowhere
 //! (D-53): it is inferred from an example, and so an [`Assumption`] with a name.
 
-use super::profile::{cia402, communication};
+use super::profile::cia402::{self, Targets};
+use super::profile::communication;
 use super::{
-    Address, Assumption, Data, Drive, DriveStatus, Dynamics, Feedback, Identity, Increments, Make,
-    ModeDisplay, Model, NodeSpec, PowerCommand, PowerState, RemoteNode, Sample, Setpoint,
-    Setpoints, Settings, Survey, Write,
+    Ability, Address, Assumption, Data, Drive, DriveStatus, Dynamics, Feedback, Identity,
+    Increments, Make, ModeDisplay, Model, NodeSpec, PowerCommand, PowerState, RemoteNode, Sample,
+    Setpoint, Setpoints, Settings, Survey, Write,
 };
 use crate::dictionary;
 use core::time::Duration;
-use syncline_canopen::{CobId, Frame, cia402::Statusword, pdo::CobIdWord};
+use syncline_canopen::cia402::{Controlword, Statusword};
+use syncline_canopen::{CobId, Frame, pdo::CobIdWord};
 
 /// The controller.
 pub(super) static TLC5XX: Model = Model {
@@ -30,12 +36,13 @@ pub(super) static TLC5XX: Model = Model {
     // Of a motor with a Sincoder (4982).
     increments_per_revolution: |_| INCREMENTS,
     positions: Increments::MIN..=Increments::MAX,
-    abilities: &[],
+    abilities: &[Ability::PointToPoint],
     assumptions: &[
         UNITS_PER_RPM,
         VELOCITY_DELAY,
         POSITION_LAG,
         REMOTE,
+        ABSOLUTE,
         T_PDO_RESPONSE,
         SDO_RESPONSE,
     ],
@@ -81,6 +88,13 @@ const REMOTE: Assumption = Assumption {
     meaning: "level of statusword bit 9 while the fieldbus has control (D-04); 2: it says nothing",
 };
 
+const ABSOLUTE: Assumption = Assumption {
+    name: "absolute_bit",
+    default: 1,
+    allowed: 0..=1,
+    meaning: "level of controlword bit 6 at which a target is absolute (D-02)",
+};
+
 const T_PDO_RESPONSE: Assumption = Assumption {
     default: 600,
     ..communication::T_PDO_RESPONSE
@@ -91,6 +105,7 @@ const SDO_RESPONSE: Assumption = Assumption {
     ..communication::SDO_RESPONSE
 };
 
+const PROFILE_POSITION: i8 = 1;
 const PROFILE_VELOCITY: i8 = 3;
 
 /// Most units of 607Fh (15575).
@@ -102,6 +117,9 @@ const RESERVE: f64 = 1.2;
 /// The steepest ramp, r/(min·s) (15651, 15680): the drive follows the plan, it makes none.
 const RAMP: u32 = 2_000_000;
 
+/// The flattest ramp, r/(min·s) (15651, 15680).
+const LEAST_RAMP: u32 = 60;
+
 /// One drive.
 #[derive(Clone, Debug)]
 struct Tlc5xx {
@@ -111,6 +129,10 @@ struct Tlc5xx {
     latency: f64,
     dynamics: Dynamics,
     remote: u32,
+    /// Where it is sent, if its axis goes point to point.
+    targets: Option<Targets>,
+    /// Bit 6 of the controlword for a target relative to the one before.
+    relative: u16,
 }
 
 impl Tlc5xx {
@@ -125,13 +147,14 @@ impl Tlc5xx {
         let cycle = settings.cycle.as_secs_f64();
         let delay = assumed.time(&VELOCITY_DELAY).as_secs_f64();
         let lag = assumed.time(&POSITION_LAG).as_secs_f64();
+        let (r_pdo, _) = setpoints(settings);
         Self {
             spec: NodeSpec {
                 identity: identity(),
                 history: cia402::HISTORY.to_vec(),
                 tells_boot_up: false,
                 t_pdos: vec![communication::t_pdo(2, settings.node, 6)],
-                r_pdos: vec![communication::r_pdo(3, settings.node, 6)],
+                r_pdos: vec![communication::r_pdo(r_pdo, settings.node, 6)],
                 t_pdo_response: assumed.time(&T_PDO_RESPONSE),
                 sdo_response: assumed.time(&SDO_RESPONSE),
                 ..spec
@@ -144,7 +167,28 @@ impl Tlc5xx {
                 gain: Dynamics::gain(lag + delay + 1.5 * cycle),
             },
             remote: assumed.value(&REMOTE),
+            targets: settings.point_to_point.then(Targets::default),
+            relative: match assumed.value(&ABSOLUTE) {
+                0 => Controlword::MODE_6,
+                _ => 0,
+            },
         }
+    }
+}
+
+/// The R_PDO that brings its setpoints, and the object that they are.
+fn setpoints(settings: &Settings) -> (u8, u32) {
+    match settings.point_to_point {
+        true => (2, 0x607A_0020),
+        false => (3, 0x60FF_0020),
+    }
+}
+
+/// The operating mode for an axis that goes point to point or not.
+const fn mode(point_to_point: bool) -> i8 {
+    match point_to_point {
+        true => PROFILE_POSITION,
+        false => PROFILE_VELOCITY,
     }
 }
 
@@ -174,15 +218,17 @@ fn setup(settings: &Settings, finer: u32) -> Vec<Write> {
     }
     setup.push(w(0x6040, 0, Data::u16(0)));
     setup.push(w(0x6040, 0, Data::u16(0x80))); // Fault Reset
-    setup.push(w(0x6060, 0, Data::u8(PROFILE_VELOCITY as u8)));
+    setup.push(w(0x6060, 0, Data::u8(mode(settings.point_to_point) as u8)));
     setup.push(w(0x6094, 1, Data::i32(1)));
     setup.push(w(0x6094, 2, Data::i32(finer as i32)));
     setup.push(w(0x607F, 0, Data::u32(MOST_UNITS as u32)));
     setup.push(w(0x6083, 0, Data::u32(RAMP)));
     setup.push(w(0x6084, 0, Data::u32(RAMP)));
     setup.extend(&settings.objects);
+    let (r_pdo, setpoint) = setpoints(settings);
+    let parameters = 0x13FF + u16::from(r_pdo);
     for (index, mapped) in [
-        (0x1602, [0x6040_0010, 0x60FF_0020]),
+        (0x200 + parameters, [0x6040_0010, setpoint]),
         (0x1A01, [0x6041_0010, 0x6064_0020]),
     ] {
         setup.push(w(index, 0, Data::u8(0)));
@@ -190,11 +236,11 @@ fn setup(settings: &Settings, finer: u32) -> Vec<Write> {
         setup.push(w(index, 2, Data::u32(mapped[1])));
         setup.push(w(index, 0, Data::u8(2)));
     }
-    setup.push(w(0x1402, 2, Data::u8(1))); // at every SYNC
+    setup.push(w(parameters, 2, Data::u8(1))); // at every SYNC
     setup.push(w(0x1801, 2, Data::u8(1)));
-    let receive = CobIdWord::valid(CobId::r_pdo(3, node)).0;
+    let receive = CobIdWord::valid(CobId::r_pdo(r_pdo, node)).0;
     let transmit = CobIdWord::valid(CobId::t_pdo(2, node)).0;
-    setup.push(w(0x1402, 1, Data::u32(receive)));
+    setup.push(w(parameters, 1, Data::u32(receive)));
     setup.push(w(0x1801, 1, Data::u32(transmit)));
     setup.push(w(0x100C, 0, Data::u16(0)));
     setup.extend(communication::heartbeats(&settings.heartbeat));
@@ -215,7 +261,9 @@ fn reserved(Address { index, .. }: Address) -> bool {
                 | 0x2045
                 | 0x6040
                 | 0x6060
+                | 0x607A
                 | 0x607F
+                | 0x6081
                 | 0x6083
                 | 0x6084
                 | 0x6093
@@ -252,10 +300,10 @@ impl Drive for Tlc5xx {
     }
 
     fn mode(&self) -> Option<ModeDisplay> {
-        Some(cia402::shows(PROFILE_VELOCITY))
+        Some(cia402::shows(mode(self.targets.is_some())))
     }
 
-    /// It turns as it is told as soon as it is enabled.
+    /// It does as it is told as soon as it is enabled.
     fn ends_mode(&self) -> bool {
         false
     }
@@ -265,13 +313,28 @@ impl Drive for Tlc5xx {
     }
 
     fn dynamics(&self) -> Option<Dynamics> {
-        Some(self.dynamics)
+        self.targets.is_none().then_some(self.dynamics)
     }
 
-    /// Of a fault bit 3 alone is certain (D-20); bit 12 says in this mode that it stands.
+    fn profile(&self, velocity: f64, acceleration: f64) -> Option<[Write; 3]> {
+        self.targets.as_ref()?;
+        let velocity = (velocity * self.units).clamp(1.0, MOST_UNITS) as u32;
+        let ramp = (acceleration * 60.0 / f64::from(INCREMENTS)) as u32;
+        let ramp = Data::u32(ramp.clamp(LEAST_RAMP, RAMP));
+        Some([
+            Write::new(0x6081, 0, Data::u32(velocity)),
+            Write::new(0x6083, 0, ramp),
+            Write::new(0x6084, 0, ramp),
+        ])
+    }
+
+    /// Of a fault bit 3 alone is certain (D-20); bit 12 says in profile velocity that it stands.
     fn status(&mut self, _: usize, data: &[u8]) -> Option<DriveStatus> {
         let status = cia402::status(data, None)?;
         let statusword = Statusword(status.word.value.bits() as u16);
+        if let Some(targets) = &mut self.targets {
+            targets.status(statusword);
+        }
         let power = match status.power {
             _ if statusword.has(1 << 3) => PowerState::Fault,
             power => power,
@@ -286,8 +349,18 @@ impl Drive for Tlc5xx {
     }
 
     fn encode(&mut self, command: PowerCommand, setpoint: Setpoint, frames: &mut [Frame]) {
-        let controlword = cia402::controlword(command, 0);
-        let data = cia402::at_velocity(controlword, command, setpoint.velocity * self.units);
+        let data = if let Some(targets) = &mut self.targets {
+            let (start, [to, from]) = targets.send(command, setpoint.position, false);
+            let relative = match start {
+                Controlword::MODE_4 => self.relative,
+                _ => 0,
+            };
+            let controlword = cia402::controlword(command, 0).with(start | relative);
+            cia402::to_position(controlword, to - from)
+        } else {
+            let controlword = cia402::controlword(command, 0);
+            cia402::at_velocity(controlword, command, setpoint.velocity * self.units)
+        };
         frames[0] = Frame::new(self.spec.r_pdos[0].cob_id, &data);
     }
 }

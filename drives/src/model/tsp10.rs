@@ -1,7 +1,8 @@
 //! The stepper controller TSP10-CBE. Numbers in parentheses in comments are lines of the fieldbus
 //! appendix's text.
 //!
-//! It has no cyclic mode and no part in SYNC: it is sent velocities, which take effect as they arrive
+//! It has no cyclic mode and no part in SYNC. Its axis goes point to point: it is sent targets (R_PDO1), to which
+//! it goes by its own profile. Or it is sent velocities, which take effect as they arrive
 //! (R_PDO2), and the controller closes the position loop. Its PDOs cannot be changed, and what sends a
 //! T_PDO stands nowhere: so it is taken to tell its state when that changes, and its position when it is
 //! asked. That is too seldom for a loop: an encoder on the axis closes it.
@@ -9,11 +10,12 @@
 //! It has neither heartbeat nor guarding. That it is there shows in its answers; that the controller is
 //! not, nothing shows it, and it goes on with its last velocity.
 
-use super::profile::{cia402, communication};
+use super::profile::cia402::{self, Targets};
+use super::profile::communication;
 use super::{
-    Address, Assumption, Data, Drive, DriveStatus, Dynamics, Feedback, Identity, Increments, Make,
-    ModeDisplay, Model, Monitoring, NodeSpec, PowerCommand, PowerState, RemoteNode, Sample,
-    Setpoint, Setpoints, Settings, Survey, Write,
+    Ability, Address, Assumption, Data, Drive, DriveStatus, Dynamics, Feedback, Identity,
+    Increments, Make, ModeDisplay, Model, Monitoring, NodeSpec, PowerCommand, PowerState,
+    RemoteNode, Sample, Setpoint, Setpoints, Settings, Survey, Write,
 };
 use crate::dictionary;
 use core::time::Duration;
@@ -31,7 +33,7 @@ pub(super) static TSP10: Model = Model {
     cycles: Duration::from_millis(1)..=Duration::from_millis(20),
     increments_per_revolution: |assumed| assumed.value(&STEPS),
     positions: Increments::MIN..=Increments::MAX,
-    abilities: &[],
+    abilities: &[Ability::PointToPoint],
     assumptions: &[STEPS, VELOCITY_DELAY, T_PDO_RESPONSE, SDO_RESPONSE],
     dictionary: &dictionary::TSP10,
     reserved,
@@ -68,6 +70,7 @@ const SDO_RESPONSE: Assumption = Assumption {
     ..communication::SDO_RESPONSE
 };
 
+const PROFILE_POSITION: i8 = 1;
 const PROFILE_VELOCITY: i8 = 3;
 
 /// How much steeper than the plan its ramps are: what it is sent has taken a quarter of a cycle at the most
@@ -85,6 +88,8 @@ struct Tsp10 {
     dynamics: Dynamics,
     /// What its statusword last told.
     state: Option<State>,
+    /// Where it is sent, if its axis goes point to point.
+    targets: Option<Targets>,
 }
 
 impl Tsp10 {
@@ -93,6 +98,10 @@ impl Tsp10 {
         let cycle = settings.cycle.as_secs_f64();
         // The half of what its ramp takes.
         let delay = assumed.time(&VELOCITY_DELAY).as_secs_f64() + cycle / STEEPER / 2.0;
+        let r_pdo = match settings.point_to_point {
+            true => 1,
+            false => 2,
+        };
         let spec = NodeSpec::new(&TSP10, settings, setup(settings), cia402::is_command);
         Self {
             spec: NodeSpec {
@@ -104,7 +113,7 @@ impl Tsp10 {
                     .map(|number| communication::t_pdo(number, settings.node, 6))
                     .to_vec(),
                 answers_sync: false,
-                r_pdos: vec![communication::r_pdo(2, settings.node, 6)],
+                r_pdos: vec![communication::r_pdo(r_pdo, settings.node, 6)],
                 latches_at_sync: false,
                 t_pdo_response: assumed.time(&T_PDO_RESPONSE),
                 sdo_response: assumed.time(&SDO_RESPONSE),
@@ -117,6 +126,7 @@ impl Tsp10 {
                 gain: Dynamics::gain(delay + 1.5 * cycle),
             },
             state: None,
+            targets: settings.point_to_point.then(Targets::default),
         }
     }
 }
@@ -145,17 +155,25 @@ fn setup(settings: &Settings) -> Vec<Write> {
         w(0x6083, 0, Data::u32(ramp(STEEPER))),
         w(0x6084, 0, Data::u32(ramp(STEEPER))),
         w(0x6085, 0, Data::u32(ramp(1.0))),
-        w(0x6060, 0, Data::u8(PROFILE_VELOCITY as u8)),
+        w(0x6060, 0, Data::u8(mode(settings.point_to_point) as u8)),
     ];
     setup.extend(&settings.objects);
     setup
+}
+
+/// The operating mode for an axis that goes point to point or not.
+const fn mode(point_to_point: bool) -> i8 {
+    match point_to_point {
+        true => PROFILE_POSITION,
+        false => PROFILE_VELOCITY,
+    }
 }
 
 /// Words of the state machine, mode, units and ramps are the controller's.
 fn reserved(Address { index, .. }: Address) -> bool {
     matches!(
         index,
-        0x1000..=0x1FFF | 0x2002 | 0x6040 | 0x6060 | 0x607A | 0x6083..=0x6085 | 0x6092 | 0x60FF
+        0x1000..=0x1FFF | 0x2002 | 0x6040 | 0x6060 | 0x607A | 0x6081..=0x6085 | 0x6092 | 0x60FF
     )
 }
 
@@ -188,10 +206,10 @@ impl Drive for Tsp10 {
     }
 
     fn mode(&self) -> Option<ModeDisplay> {
-        Some(cia402::shows(PROFILE_VELOCITY))
+        Some(cia402::shows(mode(self.targets.is_some())))
     }
 
-    /// It turns as it is told as soon as it is enabled.
+    /// It does as it is told as soon as it is enabled.
     fn ends_mode(&self) -> bool {
         false
     }
@@ -201,13 +219,28 @@ impl Drive for Tsp10 {
     }
 
     fn dynamics(&self) -> Option<Dynamics> {
-        Some(self.dynamics)
+        self.targets.is_none().then_some(self.dynamics)
     }
 
-    /// Bits 9 and 12 are named and not explained (645-657): they say nothing.
+    fn profile(&self, velocity: f64, acceleration: f64) -> Option<[Write; 3]> {
+        self.targets.as_ref()?;
+        let ramp = Data::u32(acceleration.max(LEAST_RAMP) as u32);
+        Some([
+            Write::new(0x6081, 0, Data::u32(velocity.max(1.0) as u32)),
+            Write::new(0x6083, 0, ramp),
+            Write::new(0x6084, 0, ramp),
+        ])
+    }
+
+    /// Bits 9 and 12 are named and not explained (645-657): the first says nothing, the second is the handshake's
+    /// of CiA 402.
     fn status(&mut self, _: usize, data: &[u8]) -> Option<DriveStatus> {
         let status = cia402::status(data, None)?;
-        self.state = Statusword(status.word.value.bits() as u16).state();
+        let statusword = Statusword(status.word.value.bits() as u16);
+        self.state = statusword.state();
+        if let Some(targets) = &mut self.targets {
+            targets.status(statusword);
+        }
         Some(DriveStatus {
             mode_runs: status.power == PowerState::Enabled,
             remote: true,
@@ -223,7 +256,13 @@ impl Drive for Tsp10 {
             }
             _ => cia402::controlword(command, 0),
         };
-        let data = cia402::at_velocity(controlword, command, setpoint.velocity);
+        let data = if let Some(targets) = &mut self.targets {
+            // Whether it goes on after a halt stands nowhere: it is sent there again.
+            let (start, [to, _]) = targets.send(command, setpoint.position, true);
+            cia402::to_position(controlword.with(start), to)
+        } else {
+            cia402::at_velocity(controlword, command, setpoint.velocity)
+        };
         frames[0] = Frame::new(self.spec.r_pdos[0].cob_id, &data);
     }
 }
@@ -309,6 +348,42 @@ mod tests {
         );
         assert_eq!(told(&mut drive, PowerCommand::QuickStop, 9.0)[0], 0x0B);
         assert!(says(&mut drive, 0x0218).power.is_fault());
+    }
+
+    #[test]
+    fn point_to_point_it_is_sent_targets_and_a_profile() {
+        let velocities = drive(&[]);
+        assert_eq!(velocities.profile(800.0, 9000.0), None);
+        let mut drive = Tsp10::new(&Settings {
+            point_to_point: true,
+            ..Settings::new(NodeId::new(4).unwrap(), Duration::from_millis(2))
+        });
+        assert!(
+            drive
+                .spec
+                .setup
+                .contains(&Write::new(0x6060, 0, Data::u8(1)))
+        );
+        let profile = drive.profile(800.7, 5.0).unwrap();
+        let shown = profile.map(|it| format!("{} = {}", it.address, it.data));
+        assert_eq!(
+            shown,
+            [
+                "6081h:0 = 00000320h",
+                "6083h:0 = 00000017h",
+                "6084h:0 = 00000017h"
+            ]
+        );
+        says(&mut drive, 0x0237);
+        let mut sent = |position| {
+            let mut frames = [Frame::new(drive.spec.r_pdos[0].cob_id, &[])];
+            let setpoint = Setpoint::at(Increments::new(position));
+            drive.encode(PowerCommand::Run, setpoint, &mut frames);
+            assert_eq!(frames[0].id(), syncline_canopen::CanId::Standard(0x204));
+            frames[0].data().to_vec()
+        };
+        assert_eq!(sent(7), [0x0F, 0, 7, 0, 0, 0]);
+        assert_eq!(sent(-2), [0x1F, 0, 0xFE, 0xFF, 0xFF, 0xFF]);
     }
 
     #[test]

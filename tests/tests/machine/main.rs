@@ -23,6 +23,7 @@ mod low_bits;
 mod messages;
 mod operator;
 mod pages;
+mod point_to_point;
 mod programs;
 mod properties;
 mod reactions;

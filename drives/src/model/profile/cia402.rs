@@ -135,6 +135,65 @@ pub(in crate::model) fn in_motion(position: Increments) -> [u8; 6] {
     image(operation_enabled | following, position)
 }
 
+/// Where a drive in Profile Position is sent, and the handshake by which it is: bit 4 rises with a new target,
+/// and falls when bit 12 of the statusword has said that the drive took it; the next one waits until bit 12
+/// has fallen too.
+///
+/// Halt (bit 8) waits until a target that is on its way was taken: by what comes later nobody could tell whether
+/// the drive saw bit 4 rise before it halted.
+#[derive(Clone, Debug, Default)]
+pub(in crate::model) struct Targets {
+    /// Where it was sent last, and from where, since it was enabled.
+    last: Option<[Increments; 2]>,
+    /// Bit 4 is set.
+    asks: bool,
+    /// Bit 12, as the drive last said.
+    taken: bool,
+    /// It has rested on its way since the last target.
+    halted: bool,
+}
+
+impl Targets {
+    /// Takes what the drive says.
+    pub(in crate::model) fn status(&mut self, statusword: Statusword) {
+        self.taken = statusword.has(Statusword::MODE_12);
+        self.asks &= !self.taken;
+    }
+
+    /// The controlword's bits on top of `command`, and where the drive was sent last and from where. With
+    /// `anew` a target is sent once more after a halt, to a drive that may forget it then.
+    pub(in crate::model) fn send(
+        &mut self,
+        command: PowerCommand,
+        target: Increments,
+        anew: bool,
+    ) -> (u16, [Increments; 2]) {
+        let runs = command == PowerCommand::Run;
+        if !runs && command != PowerCommand::Enable {
+            *self = Self {
+                taken: self.taken,
+                ..Self::default()
+            };
+            return (0, [target; 2]);
+        }
+        // Where it stands when it is enabled it was sent already.
+        let [last, from] = *self.last.get_or_insert([target; 2]);
+        let new = target != last || anew && self.halted;
+        if runs && new && !self.asks && !self.taken {
+            (self.asks, self.halted) = (true, false);
+            self.last = Some([target, last]);
+            return (Controlword::MODE_4, [target, last]);
+        }
+        let bits = match (self.asks, runs) {
+            (true, _) => Controlword::MODE_4,
+            (false, true) => 0,
+            (false, false) => Controlword::HALT,
+        };
+        self.halted |= bits == Controlword::HALT && last != from;
+        (bits, [last, from])
+    }
+}
+
 fn image(word: u16, value: Increments) -> [u8; 6] {
     let [w0, w1] = word.to_le_bytes();
     let [v0, v1, v2, v3] = value.saturating_i32().to_le_bytes();
@@ -198,5 +257,87 @@ impl From<Statusword> for StatusWord {
             value: Data::u16(statusword.0),
             meaning: statusword.state().map_or("no state", State::name),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// A drive that sees what is sent it as its line lets it, and says so later.
+    #[derive(Default)]
+    struct Drive {
+        asked: bool,
+        starts: Vec<i64>,
+    }
+
+    impl Drive {
+        fn sees(&mut self, bits: u16, target: Increments) -> Statusword {
+            let asks = bits & Controlword::MODE_4 != 0;
+            if asks && !self.asked {
+                assert_eq!(bits & Controlword::HALT, 0, "nothing starts while it halts");
+                self.starts.push(target.get());
+            }
+            self.asked = asks;
+            Statusword(if asks { Statusword::MODE_12 } else { 0 })
+        }
+    }
+
+    proptest! {
+        /// Whatever is commanded, and whichever frames either side loses, each target starts once, in order, or is
+        /// overtaken by the next one; and where it stands as it is enabled it is not sent.
+        #[test]
+        fn each_target_starts_once(
+            steps in prop::collection::vec((0..4i32, any::<bool>(), any::<bool>(), any::<bool>()), 1..80),
+        ) {
+            let (mut targets, mut drive) = (Targets::default(), Drive::default());
+            let mut wanted = vec![0];
+            for (target, runs, sees, says) in steps {
+                let target = i64::from(target);
+                let command = if runs { PowerCommand::Run } else { PowerCommand::Enable };
+                if *wanted.last().unwrap() != target {
+                    wanted.push(target);
+                }
+                if wanted.len() == 2 && drive.starts.is_empty() {
+                    // The first one that it is enabled with.
+                    targets.send(PowerCommand::Enable, Increments::new(0), false);
+                }
+                let (bits, [to, _]) = targets.send(command, Increments::new(target), false);
+                if sees {
+                    let said = drive.sees(bits, to);
+                    if says {
+                        targets.status(said);
+                    }
+                }
+            }
+            let mut left = wanted.iter();
+            for start in &drive.starts {
+                prop_assert!(left.any(|it| it == start), "{:?} of {:?}", drive.starts, wanted);
+            }
+        }
+    }
+
+    #[test]
+    fn a_halt_waits_for_the_handshake_and_power_off_forgets_the_target() {
+        use PowerCommand::{Disable, Enable, Run};
+        let mut targets = Targets::default();
+        let send = |targets: &mut Targets, command, to| {
+            let (bits, [to, from]) = targets.send(command, Increments::new(to), true);
+            (bits, to.get(), from.get())
+        };
+        let taken = Statusword(Statusword::MODE_12);
+        assert_eq!(send(&mut targets, Enable, 5), (Controlword::HALT, 5, 5));
+        assert_eq!(send(&mut targets, Run, 5), (0, 5, 5));
+        assert_eq!(send(&mut targets, Run, 9), (Controlword::MODE_4, 9, 5));
+        assert_eq!(send(&mut targets, Enable, 9), (Controlword::MODE_4, 9, 5));
+        targets.status(taken);
+        assert_eq!(send(&mut targets, Enable, 9), (Controlword::HALT, 9, 5));
+        // Anew, once bit 12 has fallen.
+        assert_eq!(send(&mut targets, Run, 9), (0, 9, 5));
+        targets.status(Statusword(0));
+        assert_eq!(send(&mut targets, Run, 9), (Controlword::MODE_4, 9, 9));
+        assert_eq!(send(&mut targets, Disable, 9), (0, 9, 9));
+        assert_eq!(send(&mut targets, Run, 2), (0, 2, 2));
     }
 }

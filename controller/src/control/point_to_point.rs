@@ -1,0 +1,188 @@
+//! Moves of axes that go point to point: their drives take no setpoints along a path, but a target, to which they go
+//! by profiles of their own while the path rests.
+//!
+//! *Straight.* Several axes in one move share a time law, s from 0 to 1 with trapezoidal velocity: axis i is at
+//! p + d s, where d is how far it goes. Its drive is told the velocity V d and the ramps A d, with V the least of
+//! v/d over the axes and A the least of a/d, so that no axis exceeds its limits, and all get there at once.
+//! The profiles are told by SDO while the axes rest; the targets then go out in one burst, so that what latches at
+//! SYNC sets off at one SYNC, and what does not sets off as its frame arrives. What is left is what the drives'
+//! units round (`Drive::profile`), the time between these starts, and each drive's own lag: see
+//! `docs/point-to-point.md`.
+//!
+//! *On its own.* While a drive goes, its axis is where it says, and has no setpoint to be held against; what tells
+//! that something is wrong is that it is not there, at rest and within `standstill_window`, in twice the
+//! time that it needs and `state_timeout_ms`.
+//!
+//! *Held and stopped.* A feed hold halts the drives (`PowerCommand::Enable`), which go on with their target
+//! afterwards. What stops a job halts them too, and then switches them off: a target lives in the drive, and
+//! a drive that is merely told to run again would go there. Overrides count as a move begins; at 0 it waits.
+
+use super::axis::AxisControl;
+use super::{Controller, Fault};
+use crate::machine::COORDINATES;
+use syncline_canopen::time::Duration;
+use syncline_drives::model::PowerCommand;
+
+/// Where axes go point to point.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PointToPoint {
+    /// By coordinate, mm; none for an axis that stays.
+    pub targets: [Option<f64>; COORDINATES],
+    /// How fast they go along the line there, mm/s; none: as fast as they can.
+    pub speed: Option<f64>,
+}
+
+/// How far the move is that the path waits for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Progress {
+    /// The drives are told their profiles, with which they take so many cycles at the most.
+    Telling { most: u64 },
+    /// They go, and have so many cycles left.
+    Going { left: u64 },
+}
+
+/// How all axes of a move get from 0 to 1.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct TimeLaw {
+    /// 1/s
+    velocity: f64,
+    /// 1/s²
+    acceleration: f64,
+}
+
+impl TimeLaw {
+    /// From rest to rest, s.
+    fn duration(self) -> f64 {
+        match self.velocity * self.velocity < self.acceleration {
+            true => 1.0 / self.velocity + self.velocity / self.acceleration,
+            false => 2.0 / self.acceleration.sqrt(),
+        }
+    }
+}
+
+/// How far an axis has to go, mm.
+fn distance(axis: &AxisControl, target: f64) -> f64 {
+    axis.beside().map_or(0.0, |at| (target - at).abs())
+}
+
+impl<const N: usize> Controller<N> {
+    /// Goes on with the move that the path waits for, and passes on once the axes are there. While the path is held it
+    /// is not called.
+    ///
+    /// # Errors
+    /// A target is beyond what its drive counts; an axis is not there in time.
+    pub(super) fn step_point_to_point(&mut self, motion: &PointToPoint) -> Result<(), Fault> {
+        match self.positioning {
+            None => match self.time_law(motion) {
+                Some(law) if law.velocity > 0.0 => self.tell_profiles(motion, law),
+                Some(_) => {}
+                None => self.executor.pass(),
+            },
+            Some(Progress::Telling { .. }) if !self.sequences_done() => {}
+            Some(Progress::Telling { most }) => {
+                for axis in &mut self.axes {
+                    if let Some(target) = motion.targets[axis.coordinate()] {
+                        axis.go_to(target, &self.nodes)?;
+                    }
+                }
+                self.positioning = Some(Progress::Going { left: most });
+            }
+            Some(Progress::Going { left }) => {
+                let cycles = self.still_cycles();
+                let mut goers = self.axes.iter();
+                let late = goers.find_map(|axis| axis.is_away(cycles, &self.nodes));
+                self.positioning = Some(Progress::Going {
+                    left: left.saturating_sub(1),
+                });
+                match late {
+                    None => self.arrive(motion),
+                    Some(fault) if left == 0 => return Err(fault),
+                    Some(_) => {}
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// How the axes of a move get there together at the overrides of now; `None` if all are there.
+    fn time_law(&self, motion: &PointToPoint) -> Option<TimeLaw> {
+        let (mut law, mut square) = (None::<TimeLaw>, 0.0);
+        for axis in &self.axes {
+            let Some(target) = motion.targets[axis.coordinate()] else {
+                continue;
+            };
+            let distance = distance(axis, target);
+            if distance == 0.0 {
+                continue;
+            }
+            square += distance * distance;
+            let limits = axis.limits();
+            let [velocity, acceleration] =
+                [limits.velocity, limits.acceleration].map(|limit| limit / distance);
+            law = Some(law.map_or(
+                TimeLaw {
+                    velocity,
+                    acceleration,
+                },
+                |law| TimeLaw {
+                    velocity: law.velocity.min(velocity),
+                    acceleration: law.acceleration.min(acceleration),
+                },
+            ));
+        }
+        let overrides = self.executor.overrides();
+        law.map(|law| TimeLaw {
+            velocity: match motion.speed {
+                Some(speed) => law.velocity.min(overrides.feed * speed / square.sqrt()),
+                None => law.velocity * overrides.rapid,
+            },
+            ..law
+        })
+    }
+
+    fn tell_profiles(&mut self, motion: &PointToPoint, law: TimeLaw) {
+        for axis in &self.axes {
+            if let Some(target) = motion.targets[axis.coordinate()] {
+                let distance = distance(axis, target);
+                let node = &mut self.nodes[axis.drive()];
+                node.ask_profile(law.velocity * distance, law.acceleration * distance);
+            }
+        }
+        let needs = Duration::from_secs_f64(2.0 * law.duration()) + self.layout.state_timeout;
+        let most = needs.as_nanos().div_ceil(self.layout.cycle.as_nanos()) as u64;
+        self.positioning = Some(Progress::Telling { most });
+    }
+
+    fn arrive(&mut self, motion: &PointToPoint) {
+        for axis in &mut self.axes {
+            if let Some(target) = motion.targets[axis.coordinate()] {
+                axis.rest(target, 0.0);
+            }
+        }
+        self.positioning = None;
+        self.executor.pass();
+    }
+
+    /// Has the drives that go to targets rest on their way, or go on.
+    pub(super) fn let_go(&mut self, on: bool) {
+        let power = match on {
+            true => PowerCommand::Run,
+            false => PowerCommand::Enable,
+        };
+        for axis in self.axes.iter().filter(|axis| axis.goes()) {
+            self.nodes[axis.drive()].power = power;
+        }
+    }
+
+    /// Whether a drive has a target that it has not come to.
+    pub(super) fn has_goers(&self) -> bool {
+        self.axes.iter().any(|axis| axis.goes())
+    }
+
+    /// Whether all that go to targets stand still.
+    pub(super) fn goers_rest(&self) -> bool {
+        let cycles = self.still_cycles();
+        let mut goers = self.axes.iter().filter(|axis| axis.goes());
+        goers.all(|axis| self.nodes[axis.drive()].still() >= cycles)
+    }
+}

@@ -1,0 +1,422 @@
+//! Axes that go point to point beside the portal: U and V on two TLC53x, W on a TSP10-CBE.
+
+use super::day::{go, settle, state};
+use proptest::prelude::*;
+use syncline_canopen::CobId;
+use syncline_controller::control::fault::AxisCause;
+use syncline_controller::control::{End, Fault, Refusal as OrderRefusal, Row, State};
+use syncline_controller::machine::COORDINATES;
+use syncline_controller::session::{Command, Direction, Jog, Override, Refusal};
+use syncline_drives::twin::Disturbance;
+use syncline_drives::twin::tsp10::Twin as Stepper;
+use syncline_gcode::Axis;
+use syncline_tests::rig::Rig;
+
+const X: usize = 0;
+const U: usize = 6;
+const V: usize = 7;
+const W: usize = 8;
+
+/// Of the drive of U among the devices.
+const DRIVE: usize = 4;
+
+const TABLES: &str = r#"
+[[drive]]
+name = "U"
+bus = "portal"
+node = 5
+model = "tlc5xx"
+
+[[drive]]
+name = "V"
+bus = "portal"
+node = 6
+model = "tlc5xx"
+direction = "negative"
+
+[[drive]]
+name = "W"
+bus = "portal"
+node = 7
+model = "tsp10"
+sdo = [["6075:0", 5000]]
+
+[[axis]]
+name = "U"
+drives = ["U"]
+motion = "point_to_point"
+pitch = 20.0
+max_velocity = 400.0
+max_acceleration = 4000.0
+max_jerk = 1e6
+soft_limits = [-300.0, 300.0]
+following_error_limit = 1.0
+standstill_window = 0.05
+
+[[axis]]
+name = "V"
+drives = ["V"]
+motion = "point_to_point"
+pitch = 10.0
+max_velocity = 200.0
+max_acceleration = 2000.0
+max_jerk = 1e6
+soft_limits = [-300.0, 300.0]
+following_error_limit = 1.0
+standstill_window = 0.05
+
+[[axis]]
+name = "W"
+drives = ["W"]
+pitch = 10.0
+max_velocity = 80.0
+max_acceleration = 800.0
+max_jerk = 1e6
+soft_limits = [-300.0, 300.0]
+following_error_limit = 1.0
+standstill_window = 0.05
+
+[[axis]]
+name = "X"
+"#;
+
+const WINDOW: f64 = 0.05;
+
+const CHANGES: [(&str, &str); 2] = [
+    ("cycle_us = 2000", "cycle_us = 4000"),
+    ("[[axis]]\nname = \"X\"\n", TABLES),
+];
+
+fn portal(program: &str) -> Rig {
+    Rig::new("portal", &CHANGES, program, |_, _| ())
+}
+
+/// A machine that stays on, with these lines at work.
+fn at_work(lines: &str) -> Rig {
+    let mut rig = Rig::staying_on("portal", &CHANGES, |_, _| ());
+    settle(&mut rig);
+    assert_eq!(state(&rig), State::Ready, "{:?}", rig.events);
+    rig.command(Command::Mdi(lines.to_owned()));
+    rig
+}
+
+fn act(row: &Row<COORDINATES>, axis: usize) -> f64 {
+    row.axes[axis].act
+}
+
+/// Where the axes are at last.
+fn ends(rig: &Rig, axis: usize) -> f64 {
+    act(rig.rows.last().unwrap(), axis)
+}
+
+/// By how much an axis moves in all of these rows.
+fn travel(rows: &[Row<COORDINATES>], axis: usize) -> f64 {
+    let at = || rows.iter().map(|row| act(row, axis));
+    at().fold(f64::MIN, f64::max) - at().fold(f64::MAX, f64::min)
+}
+
+#[test]
+fn the_path_waits_while_they_go() {
+    let mut rig = portal("G21 G90 G94 G64\nG1 X50 F6000\nG0 U60 V-20 W5\nG1 X0\nG0 U0 V0 W0\nM2\n");
+    assert_eq!(rig.finish(), End::Finished, "{:?}", rig.events);
+    let goes = |row: &Row<COORDINATES>| {
+        [U, V, W]
+            .map(|axis| row.axes[axis].by_itself)
+            .contains(&true)
+    };
+    let beside: Vec<_> = rig.rows.iter().filter(|row| goes(row)).copied().collect();
+    assert!(travel(&beside, U) > 59.0 && travel(&beside, V) > 19.0 && travel(&beside, W) > 4.9);
+    assert!(beside.iter().all(|row| row.plan.speed == 0.0));
+    let away = rig.rows.iter().filter(|row| act(row, U) > 59.9);
+    assert!(away.clone().all(|row| act(row, W) > 4.9) && away.count() > 0);
+    for axis in [U, V, W] {
+        assert!(ends(&rig, axis).abs() <= WINDOW, "{}", ends(&rig, axis));
+    }
+}
+
+#[test]
+fn what_they_do_passes_validation() {
+    let rig = portal("G21 G90 G94 G64\nG1 X50 F6000\nG0 U60 V-20 W5\nG1 X0\nG1 W0 F600\nM2\n");
+    let summary = rig.judge();
+    assert!(summary.violations.is_empty(), "{:?}", summary.violations);
+}
+
+#[test]
+fn a_path_that_takes_one_along_is_refused() {
+    for block in ["G1 X10 U10 F600", "G2 X10 U5 I5 F600"] {
+        let mut rig = at_work(&format!("G21 G90 {block}"));
+        settle(&mut rig);
+        let told = rig.problems.join("\n");
+        assert!(told.contains("axis U goes point to point"), "{told}");
+    }
+    // A rapid of both goes along the path first.
+    let mut rig = portal("G21 G90 G0 X20 U10\nM2\n");
+    assert_eq!(rig.finish(), End::Finished, "{:?}", rig.events);
+    let early = rig.rows.iter().filter(|row| act(row, X) < 19.0);
+    assert!(early.into_iter().all(|row| act(row, U).abs() < WINDOW));
+    assert!((ends(&rig, U) - 10.0).abs() <= WINDOW);
+}
+
+#[test]
+fn no_jog_moves_one() {
+    let mut rig = at_work("G4 P0");
+    settle(&mut rig);
+    let axis = Axis::ALL[U];
+    go(
+        &mut rig,
+        Command::Jog(Jog::Continuous {
+            axis,
+            direction: Direction::Positive,
+            speed: None,
+        }),
+    );
+    let refused: Vec<_> = rig.refused.iter().map(|it| it.reason.clone()).collect();
+    let expected = Refusal::Machine(OrderRefusal::PointToPoint(U));
+    assert_eq!(refused, [expected]);
+}
+
+/// Rests on the way, with the drive halted, and goes on to the same target.
+#[test]
+fn a_feed_hold_rests_them_and_resume_goes_on() {
+    let mut rig = at_work("G0 U200 W30");
+    rig.run_until(|rig| rig.rows.last().is_some_and(|row| act(row, U) > 40.0));
+    rig.command(Command::FeedHold);
+    for _ in 0..400 {
+        rig.step();
+    }
+    assert_eq!(state(&rig), State::Held);
+    let held = rig.rows.len();
+    for _ in 0..400 {
+        rig.step();
+    }
+    for axis in [U, W] {
+        assert!(travel(&rig.rows[held..], axis) < 0.02);
+    }
+    assert!((45.0..190.0).contains(&ends(&rig, U)), "{}", ends(&rig, U));
+    go(&mut rig, Command::Resume);
+    assert_eq!(state(&rig), State::Ready);
+    assert!((ends(&rig, U) - 200.0).abs() <= WINDOW && (ends(&rig, W) - 30.0).abs() <= WINDOW);
+}
+
+/// What is left of the target is forgotten with the power, and the next job begins where it stands.
+#[test]
+fn a_stop_ends_the_move() {
+    let mut rig = at_work("G0 U200 W30");
+    rig.run_until(|rig| rig.rows.last().is_some_and(|row| act(row, U) > 40.0));
+    rig.command(Command::Stop);
+    settle(&mut rig);
+    assert_eq!(state(&rig), State::Ready, "{:?}", rig.events);
+    let stopped = [U, W].map(|axis| ends(&rig, axis));
+    assert!((45.0..190.0).contains(&stopped[0]), "{stopped:?}");
+    let rests = rig.rows.len();
+    go(&mut rig, Command::Mdi("G4 P2".to_owned()));
+    for axis in [U, W] {
+        assert!(travel(&rig.rows[rests..], axis) < 0.02);
+    }
+    go(&mut rig, Command::Mdi("G90 G0 U-10".to_owned()));
+    assert!((ends(&rig, U) + 10.0).abs() <= WINDOW, "{}", ends(&rig, U));
+    assert!((ends(&rig, W) - stopped[1]).abs() < 0.02);
+}
+
+/// A stop between the profiles and the targets: the next move has a profile of its own.
+#[test]
+fn a_stop_before_it_sets_off_forgets_the_profile() {
+    let mut rig = at_work("G90 G0 U200");
+    let requests = CobId::r_sdo(rig.machine.drives[DRIVE].node);
+    let told = rig.sent(requests).len();
+    rig.run_until(|rig| rig.sent(requests).len() > told);
+    rig.command(Command::Stop);
+    settle(&mut rig);
+    assert!(ends(&rig, U).abs() <= WINDOW, "{}", ends(&rig, U));
+    let from = rig.rows.len();
+    go(&mut rig, Command::Mdi("G94 G1 U10 F600".to_owned()));
+    let slow = rig.rows[from..].iter().filter(|row| row.axes[U].by_itself);
+    assert!(slow.count() > 200 && (ends(&rig, U) - 10.0).abs() <= WINDOW);
+}
+
+#[test]
+fn overrides_count_as_a_move_begins() {
+    let mut rig = at_work("G4 P0");
+    settle(&mut rig);
+    let took = |rig: &mut Rig, line: &str| {
+        let from = rig.rows.len();
+        go(rig, Command::Mdi(line.to_owned()));
+        rig.rows[from..]
+            .iter()
+            .filter(|row| row.axes[U].by_itself)
+            .count()
+    };
+    let fast = took(&mut rig, "G90 G0 U100");
+    rig.command(Command::RapidOverride(Override::To(25.0)));
+    let slow = took(&mut rig, "G90 G0 U0");
+    assert!(slow > 2 * fast, "{fast}, {slow}");
+    rig.command(Command::RapidOverride(Override::To(0.0)));
+    rig.command(Command::Mdi("G90 G0 U100".to_owned()));
+    for _ in 0..400 {
+        rig.step();
+    }
+    assert!(ends(&rig, U).abs() <= WINDOW);
+    go(&mut rig, Command::RapidOverride(Override::To(100.0)));
+    assert!((ends(&rig, U) - 100.0).abs() <= WINDOW);
+}
+
+#[test]
+fn one_that_does_not_get_there_is_told() {
+    let mut rig = portal("G21 G90\nG0 W100\nM2\n");
+    rig.run_until(|rig| rig.rows.last().is_some_and(|row| act(row, W) > 20.0));
+    // DE5 is the stop switch, of which the drive tells nothing by its state.
+    rig.twin_as::<Stepper>(DRIVE + 2).set_inputs(1 << 4);
+    let fault = rig.finish_with_fault();
+    assert!(
+        matches!(fault, Fault::Axis(_, AxisCause::NotThere { .. })),
+        "{fault:?}"
+    );
+    let text = fault.describe(&*rig.layout);
+    assert!(
+        text.starts_with("axis W: its drive did not get to where it was sent"),
+        "{text}"
+    );
+}
+
+#[test]
+fn each_loss_has_its_own_message() {
+    let cases = [
+        (
+            DRIVE,
+            Disturbance::Mute(true),
+            "no T_PDO in 2 cycles in a row",
+        ),
+        (
+            DRIVE,
+            Disturbance::Remote(false),
+            "not under fieldbus control",
+        ),
+        (DRIVE, Disturbance::Mains(false), "EMCY"),
+        (
+            DRIVE + 2,
+            Disturbance::Mute(true),
+            "no answer to the polls of 6064h:0",
+        ),
+        (
+            DRIVE + 2,
+            Disturbance::Mains(false),
+            "drive fault, statusword",
+        ),
+    ];
+    for (device, disturbance, text) in cases {
+        let mut rig = portal("G21 G90\nG0 U200 W100\nM2\n");
+        rig.run_until(|rig| rig.rows.last().is_some_and(|row| act(row, U) > 40.0));
+        rig.twin(device).disturb(disturbance);
+        let fault = rig.finish_with_fault().describe(&*rig.layout);
+        assert!(fault.contains(text), "{disturbance:?}: {fault}");
+    }
+}
+
+/// How far a line of U and V to (u, v) may be beside the straight one on its way, mm: by what the units of velocity
+/// and ramps round, as each adds up over the way, by the lag of the drives as it differs, and by increments.
+fn straightness(u: f64, v: f64) -> f64 {
+    // Quarters of 1 r/min and whole r/(min·s).
+    let (u, v) = (u.abs(), v.abs());
+    let [units_u, units_v] = [MOST_UNITS_U, MOST_UNITS_V];
+    let share = |distance: f64, pitch: f64, units: f64, [velocity, ramp]: [f64; 2]| {
+        let of_velocity = pitch / 60.0 / units / velocity.min((distance * ramp).sqrt());
+        let of_ramp = pitch / 60.0 / ramp;
+        distance * (of_velocity + of_ramp)
+    };
+    let velocity = (400.0 / u).min(200.0 / v);
+    let ramp = (4000.0 / u).min(2000.0 / v);
+    share(u, 20.0, units_u, [velocity * u, ramp * u])
+        + share(v, 10.0, units_v, [velocity * v, ramp * v])
+        + 0.02
+}
+
+/// Units of a velocity for 1 r/min: as many as leave U its 1200 r/min and V too, and a fifth more.
+const MOST_UNITS_U: f64 = 8.0;
+const MOST_UNITS_V: f64 = 8.0;
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 6, ..ProptestConfig::default() })]
+
+    /// U and V set off at one SYNC and keep to the straight line.
+    #[test]
+    fn a_line_of_two_stays_straight(u in 5.0..250.0f64, v in 5.0..250.0f64, back: bool) {
+        let (u, v) = (u, if back { -v } else { v });
+        let mut rig = portal(&format!("G21 G90\nG0 U{u:.3} V{v:.3}\nM2\n"));
+        prop_assert_eq!(rig.finish(), End::Finished);
+        let length = f64::hypot(u, v);
+        let off = |row: &Row<COORDINATES>| (act(row, U) * v - act(row, V) * u).abs() / length;
+        let worst = rig.rows.iter().map(off).fold(0.0, f64::max);
+        prop_assert!(worst <= straightness(u, v), "{} mm, bound {}", worst, straightness(u, v));
+        prop_assert!((ends(&rig, U) - u).abs() <= WINDOW && (ends(&rig, V) - v).abs() <= WINDOW);
+    }
+
+    /// Whatever they are sent to, in whatever order, with holds between: they end at the last target, one move after
+    /// the other, and rest while held.
+    #[test]
+    fn moves_end_at_their_targets_in_order(
+        moves in prop::collection::vec((0..3usize, -120..120i32, prop::option::of(600.0..9000.0f64)), 1..5),
+        holds in prop::collection::vec((1..400u32, 1..200u32), 0..3),
+    ) {
+        let mut program = "G21 G90 G94\n".to_owned();
+        for (axis, to, feed) in &moves {
+            let letter = ["U", "V", "W"][*axis];
+            let to = f64::from(*to) / if *axis == 2 { 8.0 } else { 1.0 };
+            program += &match feed {
+                Some(feed) => format!("G1 {letter}{to:.3} F{feed:.0}\n"),
+                None => format!("G0 {letter}{to:.3}\n"),
+            };
+        }
+        let mut rig = at_work(&program);
+        for (before, held) in holds {
+            for _ in 0..before {
+                rig.step();
+            }
+            rig.command(Command::FeedHold);
+            for _ in 0..300 {
+                rig.step();
+            }
+            let rests = rig.rows.len();
+            for _ in 0..held {
+                rig.step();
+            }
+            for axis in [U, V, W] {
+                prop_assert!(travel(&rig.rows[rests..], axis) < 0.03);
+            }
+            rig.command(Command::Resume);
+        }
+        settle(&mut rig);
+        prop_assert_eq!(state(&rig), State::Ready, "{:?}", rig.events);
+        let mut last = [0.0; 3];
+        for (axis, to, _) in &moves {
+            last[*axis] = f64::from(*to) / if *axis == 2 { 8.0 } else { 1.0 };
+        }
+        for (axis, to) in [U, V, W].into_iter().zip(last) {
+            prop_assert!((ends(&rig, axis) - to).abs() <= WINDOW, "{}: {} for {}", axis, ends(&rig, axis), to);
+        }
+        for row in &rig.rows {
+            let goers = [U, V, W].iter().filter(|&&axis| row.axes[axis].by_itself).count();
+            prop_assert!(goers <= 1);
+        }
+    }
+
+    /// A stop at any time: from then on nothing moves until something is commanded.
+    #[test]
+    fn nothing_moves_after_a_stop(wait in 1..600u32, to in 20..250i32) {
+        let mut rig = at_work(&format!("G90 G0 U{to} V-{to} W{}", to / 10));
+        for _ in 0..wait {
+            rig.step();
+        }
+        rig.command(Command::Stop);
+        settle(&mut rig);
+        prop_assert_eq!(state(&rig), State::Ready, "{:?}", rig.events);
+        let rests = rig.rows.len();
+        go(&mut rig, Command::Mdi("G4 P1".to_owned()));
+        for axis in [U, V, W] {
+            prop_assert!(travel(&rig.rows[rests..], axis) < 0.03);
+        }
+        go(&mut rig, Command::Mdi("G90 G0 U5 V5 W5".to_owned()));
+        for axis in [U, V, W] {
+            prop_assert!((ends(&rig, axis) - 5.0).abs() <= WINDOW);
+        }
+    }
+}
