@@ -21,6 +21,7 @@ mod judge;
 mod lines;
 mod low_bits;
 mod messages;
+mod mixed;
 mod operator;
 mod pages;
 mod point_to_point;

@@ -1,0 +1,85 @@
+//! The machine of drives of several kinds, `examples/mixed`: its program runs, and how far each kind takes the tool off
+//! the path.
+
+use serde_json::Value;
+use syncline_tests::command::{Folder, ended, machine_with, syncline};
+
+/// All of the path on LXM32M, with the limits as they are.
+const PURE: [(&str, &str); 3] = [
+    (
+        "node = 3\nmodel = \"tlc5xx\"\nzero = 50_266",
+        "node = 3\nmodel = \"lxm32m\"\nzero = 402_131",
+    ),
+    (
+        "node = 4\nmodel = \"tsp10\"\nsdo = [[\"6075:0\", 5000]]",
+        "node = 4\nmodel = \"lxm32m\"",
+    ),
+    (
+        "position_loop = \"encoder\"\nunsupervised_stop = \"hardware\"\n",
+        "",
+    ),
+];
+
+/// The lag of the TLC53x is not known to the controller.
+const UNLED: (&str, &str) = (
+    "[spindle]",
+    "[model.tlc5xx]\nposition_lag_us = 0\n[spindle]",
+);
+
+/// The example's program, or `program`, on the machine with these changes.
+fn validate(changes: &[(&str, &str)], program: Option<&str>) -> Value {
+    let folder = Folder::new();
+    let machine = folder.file("machine.toml", &machine_with("mixed", changes));
+    let example = syncline_tests::command::root().join("examples/mixed/parts.ngc");
+    let program = program.map_or(example, |text| folder.file("program.ngc", text));
+    let json = folder.path("result.json");
+    let output = syncline()
+        .arg("validate")
+        .args([&machine, &program])
+        .arg("--json")
+        .arg(&json)
+        .output()
+        .unwrap();
+    let (_, printed, told) = ended(&output);
+    let result = serde_json::from_str(&folder.read("result.json"));
+    result.unwrap_or_else(|_| panic!("{printed}{told}"))
+}
+
+fn contour_error(result: &Value) -> f64 {
+    let error = result.pointer("/path/max_contour_error_mm");
+    error.and_then(Value::as_f64).expect("it was measured")
+}
+
+fn following_error(result: &Value, axis: &str) -> f64 {
+    let axes = result["axes"].as_array().expect("a list");
+    let axis = axes.iter().find(|it| it["name"] == axis).expect("its axis");
+    axis["max_following_error_mm"].as_f64().expect("a number")
+}
+
+#[test]
+fn its_program_passes_and_each_axis_is_within_its_own_bound() {
+    let mixed = validate(&[], None);
+    assert_eq!(mixed["verdict"], "pass", "{mixed:#}");
+    let pure = validate(&PURE, None);
+    assert_eq!(pure["verdict"], "pass", "{pure:#}");
+    let errors = ["X", "Y", "Z"].map(|axis| [&mixed, &pure].map(|it| following_error(it, axis)));
+    println!(
+        "contour {} {}, axes {errors:?}",
+        contour_error(&mixed),
+        contour_error(&pure)
+    );
+    let [[x, _], [y, _], [z, _]] = errors;
+    // As `velocity` and `stepper` have them.
+    assert!(x < 0.03 && y <= 0.1 && z <= 0.05, "{errors:?}");
+    assert!(contour_error(&mixed) <= x.hypot(y).hypot(z) + 0.001);
+}
+
+#[test]
+fn a_lag_that_is_not_led_shows_on_its_circle() {
+    let circle =
+        "G21 G90 G94 G61\nG0 X220 Y200\nG1 F6000\nG3 X220 Y200 I-20\nG3 X220 Y200 I-20\nM2\n";
+    let [led, unled] = [&[][..], &[UNLED]].map(|changes| validate(changes, Some(circle)));
+    let [led, unled] = [led, unled].map(|result| contour_error(&result));
+    println!("{led} {unled}");
+    assert!(unled >= 5.0 * led, "{led}, {unled}");
+}
