@@ -224,6 +224,7 @@ impl Shape {
             t_pdo_misses: 2,
             stop_together: false,
             shaper: Shaper::none(),
+            retraction: None,
             lag: self.device(0).drive().map_or(0.0, |drive| drive.latency()),
             buses: budgets
                 .into_iter()

@@ -9,13 +9,15 @@ use super::jogs::HOLD_TO_RUN;
 use super::layout::AxisSpec;
 use super::state::State;
 use crate::bus::BusFault;
-use crate::machine::Kept;
+use crate::machine::{COORDINATES, Kept};
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::time::Duration;
 use syncline_canopen::emcy::Emergency;
 use syncline_canopen::sdo::AbortCode;
 use syncline_drives::model::{Address, StatusWord};
+use syncline_gcode::Axis as Letter;
+use syncline_trajectory::path::Leg;
 
 /// Something worth a line in the log.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -204,6 +206,8 @@ pub enum Event {
     Held,
     /// The operator went on.
     Resumed,
+    /// Axes rest off the path: the next leg of the way back, which an operator has to begin.
+    NextLeg(Leg<COORDINATES>),
     /// A feed hold ended at a program stop, which still waits for an operator.
     StillPaused {
         /// Program line.
@@ -461,6 +465,7 @@ impl Event {
             Self::Switched { .. } => return None,
             Self::Paused { line, reason } => format!("line {line}: {reason}"),
             Self::Held => "feed hold: held on the path".to_owned(),
+            Self::NextLeg(leg) => describe_leg(&leg),
             Self::Resumed => "going on".to_owned(),
             Self::StillPaused { line, reason } => {
                 format!("feed hold ended, still at rest in line {line}: {reason}")
@@ -505,6 +510,22 @@ impl Event {
             _ => return None,
         })
     }
+}
+
+/// Where the next leg of the way back leads, machine coordinates.
+fn describe_leg(leg: &Leg<COORDINATES>) -> String {
+    let to = (Letter::ALL.iter().zip(leg.to))
+        .filter_map(|(axis, to)| Some(format!("{} to {:.3}", axis.letter(), to?)));
+    let to = to.collect::<Vec<_>>().join(", ");
+    let speed = match leg.speed.is_finite() {
+        true => format!(" at {:.0} mm/min", leg.speed * 60.0),
+        false => String::new(),
+    };
+    let then = match leg.last {
+        true => ", where the path goes on",
+        false => "",
+    };
+    format!("way back: cycle start takes {to}{speed} in machine coordinates{then}")
 }
 
 fn level(on: bool) -> &'static str {

@@ -9,6 +9,7 @@ use crate::machine::{
 use syncline_canopen::time::Duration;
 use syncline_canopen::{CanId, CobId, Frame, NodeId};
 use syncline_drives::model::{Device, Direction, Increments, Scaling};
+use syncline_trajectory::path::Retraction;
 use syncline_trajectory::shaper::Shaper;
 
 /// Buses, devices, axes and times.
@@ -50,6 +51,8 @@ pub struct Layout {
     pub axes: Vec<AxisSpec>,
     /// What setpoints go through on their way from the path to the drives.
     pub shaper: Shaper,
+    /// How the axes go back to a path that they were jogged off; `None`: on a straight line.
+    pub retraction: Option<Retraction>,
     /// What holds for the homing of all axes.
     pub homing: HomingPolicy,
     /// Inputs, in the order of the machine file.
@@ -240,6 +243,7 @@ impl Layout {
             buses,
             devices,
             shaper: machine.shaper.clone(),
+            retraction: machine.retraction,
             homing: machine.homing,
             inputs: machine.inputs.clone(),
             outputs: machine.outputs.clone(),

@@ -78,7 +78,7 @@ use std::sync::Arc;
 use syncline_canopen::response_time::{bit_time, worst_case_bits};
 use syncline_canopen::time::Duration;
 use syncline_canopen::{CobId, Frame, Instant, Transmit, nmt};
-use syncline_trajectory::path::{Command as PathCommand, Executor, Setpoint, Shaping};
+use syncline_trajectory::path::{Command as PathCommand, Executor, Leg, Setpoint, Shaping};
 
 /// Events that wait to be fetched at most; more are dropped, newest first.
 const EVENT_CAPACITY: usize = 1024;
@@ -293,6 +293,8 @@ pub struct Controller<const N: usize> {
     unplanned: u64,
     /// At rest until an operator goes on.
     held: bool,
+    /// The leg of the way back to the path that was told last, while it is next.
+    told_leg: Option<Leg<N>>,
     /// As told.
     told_state: State,
     /// As told.
@@ -309,7 +311,8 @@ impl<const N: usize> Controller<N> {
     pub fn new(layout: Arc<Layout>, start: Instant) -> Self {
         assert!(layout.axes.iter().all(|axis| axis.coordinate < N));
         let period = layout.cycle.as_secs_f64();
-        let executor = Executor::new([0.0; N], period);
+        let mut executor = Executor::new([0.0; N], period);
+        executor.set_retraction(layout.retraction);
         Self {
             nodes: (0..layout.devices.len())
                 .map(|drive| DeviceNode::new(drive, &layout))
@@ -357,6 +360,7 @@ impl<const N: usize> Controller<N> {
             begun: false,
             unplanned: 0,
             held: false,
+            told_leg: None,
             told_state: State::Starting,
             late_plans: 0,
             layout,

@@ -11,6 +11,7 @@ use crate::machine::InputMeaning;
 use syncline_canopen::time::Duration;
 use syncline_canopen::{Transmit, nmt};
 use syncline_drives::model::PowerCommand;
+use syncline_trajectory::path::Leg;
 
 impl<const N: usize> Controller<N> {
     /// Does what the phase has to do in this cycle, and goes on to the next one when it is
@@ -324,6 +325,17 @@ impl<const N: usize> Controller<N> {
         // Jogs are no going on.
         let settled = self.planned.speed == 0.0 && self.shaping.is_settled();
         let rests = self.executor.is_held() && (settled || self.planned.off_path);
+        let leg = self.executor.next_leg();
+        if leg != self.told_leg {
+            self.told_leg = leg;
+            if let Some(leg) = leg {
+                self.tell(Event::NextLeg(Leg {
+                    to: std::array::from_fn(|axis| leg.to.get(axis).copied().flatten()),
+                    speed: leg.speed,
+                    last: leg.last,
+                }));
+            }
+        }
         if rests != self.held {
             self.held = rests;
             let pause = self.reached().filter(|_| self.pause_told);

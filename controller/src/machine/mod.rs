@@ -9,6 +9,7 @@ mod homing;
 mod io_node;
 mod node;
 mod read;
+mod retraction;
 mod shaper;
 mod signals;
 mod simulation;
@@ -37,6 +38,7 @@ use syncline_drives::model::{
 };
 use syncline_gcode as gcode;
 use syncline_strict_toml::{Invalid, SetError};
+use syncline_trajectory::path::Retraction;
 use syncline_trajectory::shaper::Shaper;
 use thiserror::Error;
 
@@ -69,6 +71,8 @@ pub struct Machine {
     pub homing: HomingPolicy,
     /// What its setpoints go through on their way from the path to the drives.
     pub shaper: Shaper,
+    /// How its axes go back to a path that they were jogged off; `None`: on a straight line.
+    pub retraction: Option<Retraction>,
     /// What a run has to keep to pass.
     pub validation: Validation,
     /// In the order of the file.

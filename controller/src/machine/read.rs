@@ -7,6 +7,7 @@ use super::fits::{self, Asked, Pairing};
 use super::homing::{self, HomingTable};
 use super::io_node::IoTable;
 use super::node::{self, NodeTable, node_id};
+use super::retraction::RetractionTable;
 use super::shaper::ShaperTable;
 use super::signals::{SignalTables, Signals, Wiring};
 use super::simulation::{self, Simulation};
@@ -59,6 +60,7 @@ struct Tables {
     spindle: Option<Spindle>,
     homing: Spanned<HomingPolicy>,
     shaper: Option<ShaperTable>,
+    retraction: Option<RetractionTable>,
     validation: Validation,
     signals: SignalTables,
     assumptions: Vec<(&'static Model, Assumed)>,
@@ -78,6 +80,7 @@ impl Tables {
         let spindle = file.table(log, "spindle", false);
         let homing = file.table(log, "homing", false);
         let shaper = file.table(log, "shaper", false);
+        let retraction = file.table(log, "retraction", false);
         let validation = file.table(log, "validation", false);
         let signals = SignalTables::read(log, &mut file);
         let model = file.table(log, "model", false);
@@ -109,6 +112,7 @@ impl Tables {
         let homing = homing.unwrap_or_else(|| Table::new("homing", 0..0, &empty));
         let homing = homing::policy(log, homing);
         let shaper = shaper.and_then(|table| ShaperTable::read(log, table));
+        let retraction = retraction.and_then(|table| RetractionTable::read(log, table));
         let validation = validation.map(|table| validation::read(log, table));
         let assumptions = model.map_or(Vec::new(), |table| assumptions(log, table));
         let (name, cycle) = machine?;
@@ -126,6 +130,7 @@ impl Tables {
             spindle,
             homing,
             shaper,
+            retraction,
             validation: validation.unwrap_or_default(),
             signals: signals?,
             assumptions,
@@ -202,6 +207,8 @@ impl Tables {
         for axis in &axes {
             simulation::check(log, axis, &axes);
         }
+        let retraction = self.retraction.as_ref();
+        let retraction = retraction.and_then(|table| table.join(log, &axes));
         let places = self.signals.inputs();
         let wiring = Wiring {
             drives: &drives,
@@ -230,6 +237,7 @@ impl Tables {
             spindle: self.spindle,
             homing: self.homing.into_inner(),
             shaper: shaper.unwrap_or_else(Shaper::none),
+            retraction,
             validation: self.validation,
             inputs,
             outputs,

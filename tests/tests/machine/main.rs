@@ -42,4 +42,5 @@ mod switched;
 mod validate;
 mod validation;
 mod velocity;
+mod way_back;
 mod wired;

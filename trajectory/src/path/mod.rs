@@ -55,7 +55,7 @@ pub mod window;
 
 pub use curve::{Arc, Curve, CurveError, Derivatives, Line, Plane, Poly};
 pub use executor::{Executor, Setpoint};
-pub use jog::{Jog, JogError, Travel};
+pub use jog::{Jog, JogError, Leg, Retraction, Travel};
 pub use planner::{PathError, Planner};
 pub use shaping::Shaping;
 

@@ -4,7 +4,7 @@ use proptest::prelude::*;
 use syncline_trajectory::limits::{Limits as AxisLimits, PositionLimits};
 use syncline_trajectory::path::{
     Curve, Executor, Feed, Jog, JogError, Limits, Move, Overrides, PathControlMode, PathItem,
-    Planner, Setpoint, Travel,
+    Planner, Retraction, Setpoint, Travel,
 };
 use syncline_trajectory::profile::State;
 use syncline_trajectory::state_to_state::{Axis, plan};
@@ -610,5 +610,131 @@ proptest! {
         to in ENDS[0].0..ENDS[0].1,
     ) {
         assert_fastest(velocity, after, to);
+    }
+}
+
+/// What an operator does on the way back to the path.
+#[derive(Debug, Clone, Copy)]
+enum OnTheWay {
+    Jog(Jog<3>),
+    GoOn,
+    Hold,
+    Rapid(f64),
+}
+
+fn on_the_way() -> impl Strategy<Value = OnTheWay> {
+    let at = |axis: usize| prop::option::weighted(0.7, ENDS[axis].0..=ENDS[axis].1);
+    let places = (at(0), at(1), at(2)).prop_map(|(x, y, z)| [x, y, z]);
+    let jog = prop_oneof![
+        (0..3_usize, -20.0..20.0_f64).prop_map(|(axis, distance)| step(axis, distance)),
+        places.clone().prop_map(Jog::To),
+        places.prop_map(Jog::Line),
+    ];
+    prop_oneof![
+        3 => jog.prop_map(OnTheWay::Jog),
+        5 => Just(OnTheWay::GoOn),
+        1 => Just(OnTheWay::Hold),
+        1 => prop_oneof![Just(1.0), 0.05..1.0_f64].prop_map(OnTheWay::Rapid),
+    ]
+}
+
+/// The setpoints of a leg go sideways at the clearance or above it, and down no faster than they may, over
+/// the place where the path was left.
+fn assert_legs(rows: &[Setpoint<3>], left: &[f64; 3], retraction: &Retraction) {
+    let clear = retraction.clearance.max(left[2]);
+    for pair in rows.windows(2) {
+        let [a, b] = [&pair[0], &pair[1]];
+        let sideways = a.position[..2] != b.position[..2];
+        let height = a.position[2].min(b.position[2]);
+        assert!(!sideways || height >= clear - 1e-9, "{pair:?}");
+        let down = b.position[2] < a.position[2] - 1e-12;
+        if down {
+            assert_eq!(b.position[..2], left[..2], "{pair:?}");
+            assert!(b.velocity[2] >= -retraction.approach * (1.0 + 1e-9));
+        }
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(100) })]
+
+    #[test]
+    fn the_way_back_lifts_off_goes_over_and_comes_down(
+        held_at in 0.0..160.0_f64,
+        clearance in -10.0..5.0_f64,
+        approach in 1.0..50.0_f64,
+        first in (0..3_usize, -20.0..20.0_f64),
+        acts in prop::collection::vec((on_the_way(), 1..400_usize), 0..8),
+    ) {
+        let mut machine = Machine::on_a_path();
+        let retraction = Retraction { axis: 2, clearance, approach };
+        machine.executor.set_retraction(Some(retraction));
+        machine.until(|now| now.distance >= held_at.min(159.0));
+        machine.executor.feed_hold();
+        machine.until(|now| now.speed == 0.0);
+        let left = machine.now().position;
+        machine.jog(step(first.0, first.1)).unwrap();
+        for (act, cycles) in acts {
+            let begun = machine.rows.len();
+            let on_path = !machine.executor.is_off_path();
+            match act {
+                // What rests on the path again has been left for good.
+                _ if on_path => break,
+                OnTheWay::Jog(jog) => machine.jog(jog).unwrap(),
+                // The leg that was shown is the one that comes.
+                OnTheWay::GoOn => {
+                    let shown = machine.executor.next_leg();
+                    machine.executor.resume();
+                    for _ in 0..cycles {
+                        machine.cycles(1);
+                        if machine.executor.next_leg().is_some() || !machine.now().off_path {
+                            break;
+                        }
+                    }
+                    let leads_on = shown.filter(|_| machine.executor.is_held());
+                    if let Some(leg) = leads_on.filter(|_| machine.executor.is_off_path()) {
+                        prop_assert!(!leg.last);
+                        for axis in 0..3 {
+                            let to = leg.to[axis].unwrap_or(machine.rows[begun - 1].position[axis]);
+                            prop_assert_eq!(machine.now().position[axis], to);
+                        }
+                    }
+                    if shown.is_some() {
+                        let off = machine.rows[begun - 1..].iter().take_while(|row| row.off_path);
+                        assert_legs(&off.copied().collect::<Vec<_>>(), &left, &retraction);
+                    }
+                }
+                OnTheWay::Hold => machine.executor.feed_hold(),
+                OnTheWay::Rapid(rapid) => machine.executor.set_overrides(Overrides {
+                    rapid,
+                    ..Overrides::default()
+                }),
+            }
+            machine.cycles(cycles);
+        }
+        // From wherever that led to, three legs lead back at most.
+        machine.executor.feed_hold();
+        machine.until(|now| now.speed == 0.0);
+        for legs in 0.. {
+            machine.cycles(3);
+            let shown = machine.executor.next_leg();
+prop_assert!(shown.is_none() || legs < 3);
+            let aside = machine.executor.is_off_path() && machine.now().position != left;
+            prop_assert_eq!(shown.is_some(), aside, "{:?}", shown);
+            let begun = machine.rows.len();
+            machine.executor.resume();
+            if shown.is_none() {
+                break;
+            }
+            machine.cycles(3);
+            machine.until(|now| now.speed == 0.0 || !now.off_path);
+            machine.cycles(3);
+            let off = machine.rows[begun - 1..].iter().take_while(|row| row.off_path);
+            assert_legs(&off.copied().collect::<Vec<_>>(), &left, &retraction);
+        }
+        machine.end();
+        prop_assert_eq!(machine.now().position, [100.0, 60.0, 0.0]);
+        // What G61 allows at the corner.
+        prop_assert!(machine.off_the_path() < 0.002, "{}", machine.off_the_path());
     }
 }

@@ -8,7 +8,7 @@
 //! | stopping | another order of these | stopping for that, or on at once where it moves that way |
 //! | holding | resume, retrace | following, retracing |
 //! | any of them, at rest | jog | jogging, for as long as orders come |
-//! | jogging | resume, retrace | jogging back to the path, then following, retracing |
+//! | jogging | resume, retrace | jogging back to the path, then following, retracing; with a retraction by one leg of the way, then jogging again |
 //! | any | stop | stopping, then ended; off the path they end where they stop |
 //!
 //! What is at rest already does not stop, and what stops is in motion: with the last of it `Stopping` gives

@@ -31,6 +31,7 @@ use std::collections::VecDeque;
 use std::iter::repeat_n;
 
 use super::brake::Search;
+use super::jog::Retraction;
 use super::planner::MOST_AT_ONCE;
 use super::{Command, Curve, JerkSegment, Limits, Overrides, PathSegment};
 use activity::{Activity, Next, StopSearch};
@@ -215,6 +216,7 @@ pub struct Executor<const N: usize> {
     place: Place<N>,
     overrides: Overrides,
     single_block: bool,
+    retraction: Option<Retraction>,
     activity: Activity<N>,
     /// For the shortest stop; apart, for it is large.
     search: Box<Search<N>>,
@@ -292,12 +294,13 @@ impl<const N: usize> Executor<N> {
             place: Place::before_the_path(position),
             overrides: Overrides::default(),
             single_block: false,
+            retraction: None,
             activity: Activity::Following,
             search: Box::default(),
         }
     }
 
-    /// Forgets the plan and rests in `position`, its cycle number zero; overrides and single block stay
+    /// Forgets the plan and rests in `position`, its cycle number zero; overrides, single block and retraction stay
     /// as they are. Allocates nothing.
     pub fn restart(&mut self, position: [f64; N]) {
         self.path_segments.clear();

@@ -5,7 +5,7 @@
 use super::activity::{Activity, Next, StopSearch};
 use super::{Executor, Setpoint, Step, part};
 use crate::path::Overrides;
-use crate::path::jog::{Jog, JogError, Jogging, Travel};
+use crate::path::jog::{Jog, JogError, Jogging, Leg, Retraction, Travel};
 use crate::profile::State;
 
 impl<const N: usize> Executor<N> {
@@ -275,12 +275,30 @@ impl<const N: usize> Executor<N> {
         self.activity.jogging().is_some()
     }
 
+    /// From now on axes that were jogged go back to the path with that, leg by leg: they rest after each for
+    /// [`resume`](Self::resume) or [`retrace`](Self::retrace), and behind the last the path goes on. `None`: on a
+    /// straight line, at once.
+    ///
+    /// # Panics
+    /// There is no such axis.
+    pub fn set_retraction(&mut self, retraction: Option<Retraction>) {
+        assert!(retraction.is_none_or(|it| it.axis < N));
+        self.retraction = retraction;
+    }
+
+    /// The next leg of the way back to the path, which somebody has to begin.
+    pub fn next_leg(&self) -> Option<Leg<N>> {
+        let rests = |axes: &&Jogging<N>| self.activity.holds() && axes.rests();
+        let axes = self.activity.jogging().filter(rests)?;
+        axes.next_leg(self.retraction.as_ref()?)
+    }
+
     /// The axes go back to the path, for that.
     fn return_to_path(&mut self, then: Next) {
         if let Activity::Jogging { axes, next } = &mut self.activity {
             // They may be on their way for something else already.
             if *next == Next::Hold {
-                axes.go_home();
+                axes.go_home(self.retraction);
             }
             *next = then;
         }
@@ -292,15 +310,17 @@ impl<const N: usize> Executor<N> {
         self.committed == 0 && jogging.is_none_or(Jogging::rests)
     }
 
-    /// Goes on with what the axes came back for.
+    /// Goes on with what the axes came back for, or rests behind a leg of the way there.
     pub(super) fn come_back(&mut self) {
-        if let Activity::Jogging { axes, next } = &self.activity
-            && self.activity.returns()
-            && axes.is_home()
+        if let Activity::Jogging { axes, next } = &mut self.activity
+            && matches!(next, Next::Follow | Next::Retrace { .. })
+            && axes.rests()
         {
-            let next = *next;
-            self.activity = Activity::Holding;
-            self.turn_to(next);
+            let then = std::mem::replace(next, Next::Hold);
+            if axes.is_home() {
+                self.activity = Activity::Holding;
+                self.turn_to(then);
+            }
         }
     }
 }

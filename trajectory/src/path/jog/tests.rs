@@ -1,0 +1,175 @@
+use super::*;
+use crate::state_to_state::Target;
+use crate::verify;
+use proptest::prelude::*;
+
+const PERIOD: f64 = 0.002;
+/// The last coordinate has no axis.
+const N: usize = 4;
+const HOME: [f64; N] = [10.0, -3.0, 0.0, 1.0];
+
+fn travel(v: f64, a: f64, j: f64, min: f64, max: f64) -> Option<Travel> {
+    let limits = Limits::symmetric(v, a, j);
+    let bounds = PositionLimits { min, max };
+    Some(Travel { limits, bounds })
+}
+
+/// The second axis begins outside of its travel.
+fn machine() -> [Option<Travel>; N] {
+    [
+        travel(500.0, 5_000.0, 80_000.0, -20.0, 60.0),
+        travel(300.0, 2_000.0, 50_000.0, -2.5, 40.0),
+        travel(100.0, 3_000.0, 40_000.0, -5.0, 0.5),
+        None,
+    ]
+}
+
+#[derive(Debug, Clone, Copy)]
+enum Act {
+    Order(Jog<N>),
+    Hold,
+    GoHome,
+    Rapid(f64),
+}
+
+fn act() -> impl Strategy<Value = Act> {
+    let axis = || 0..3_usize;
+    let speed = || prop_oneof![Just(f64::INFINITY), 1.0..600.0_f64];
+    let place = |axis: usize, share: f64| {
+        let bounds = machine()[axis].map(|travel| travel.bounds);
+        bounds.map(|b| b.min + share * (b.max - b.min))
+    };
+    let places = || {
+        prop::array::uniform4(prop::option::weighted(0.7, 0.0..=1.0_f64)).prop_map(move |shares| {
+            std::array::from_fn(|axis| shares[axis].and_then(|share| place(axis, share)))
+        })
+    };
+    let continuous = (axis(), 1.0..600.0_f64, any::<bool>());
+    let order = prop_oneof![
+        3 => continuous.prop_map(|(axis, speed, up)| Jog::Continuous {
+            axis,
+            velocity: if up { speed } else { -speed },
+        }),
+        3 => (axis(), -20.0..20.0_f64, speed())
+            .prop_map(|(axis, distance, speed)| Jog::Step { axis, distance, speed }),
+        2 => places().prop_map(Jog::To),
+        2 => places().prop_map(Jog::Line),
+    ];
+    prop_oneof![
+        8 => order.prop_map(Act::Order),
+        1 => Just(Act::Hold),
+        1 => Just(Act::GoHome),
+        2 => prop_oneof![Just(0.0), Just(1.0), 0.05..1.0_f64].prop_map(Act::Rapid),
+    ]
+}
+
+/// Goes on by one cycle; certifies, between the samples too, every plan that begins.
+fn advance(axes: &mut Jogging<N>, rapid: f64) -> Result<(), TestCaseError> {
+    let before: [State; N] = std::array::from_fn(|axis| axes.motions[axis].at(axes.clock).state);
+    axes.advance(rapid);
+    for axis in 0..N {
+        let Motion {
+            plan,
+            began,
+            aim,
+            due,
+            ..
+        } = axes.motions[axis];
+        let now = axes.motions[axis].at(axes.clock).state;
+        let Some(Travel { limits, bounds }) = axes.travel[axis] else {
+            prop_assert_eq!(now, State::at_rest(HOME[axis]));
+            continue;
+        };
+        if began + 1 == axes.clock.cycle {
+            // An axis on a line follows the line's motion, whose sample is rounded in another place.
+            let (start, before) = (plan.start(), before[axis]);
+            let jump = [start.p - before.p, start.v - before.v, start.a - before.a];
+            let small = [1e-11, 1e-6, 1e-1]
+                .into_iter()
+                .zip(jump)
+                .all(|(most, by)| by.abs() <= most);
+            prop_assert!(
+                start == before || axes.line.is_some() && small,
+                "jumps by {jump:?}"
+            );
+            let target = match aim {
+                Aim::At(position) | Aim::Limit(position) if due == Due::No => {
+                    Target::State(State::at_rest(position))
+                }
+                _ => Target::Velocity { v: 0.0, a: 0.0 },
+            };
+            let problem = Axis {
+                start,
+                target,
+                limits,
+                bounds: None,
+            };
+            let certificate = verify::axis(&plan, &problem);
+            // Relative to the path travelled, which may be of next to no length.
+            let arrives = certificate.end_error * certificate.path <= 1e-9;
+            prop_assert!(
+                arrives && certificate.limit_excess <= 1e-11,
+                "{certificate:?} {problem:?} {plan:?}"
+            );
+            let range = plan.extrema().position;
+            prop_assert!(range.min >= bounds.min - 3e-9 && range.max <= bounds.max + 3e-9);
+        }
+        prop_assert!(
+            now.p >= bounds.min - 3e-9 && now.p <= bounds.max + 3e-9,
+            "{now:?} {:?}",
+            axes.motions[axis]
+        );
+    }
+    Ok(())
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(200) })]
+
+    #[test]
+    fn whatever_is_ordered_whenever_every_plan_rests_inside_limits_and_travel(
+        acts in prop::collection::vec((0..120_u32, act()), 1..25),
+    ) {
+        let mut axes = Jogging::new(HOME, PERIOD, &machine());
+        let mut rapid = 1.0;
+        for (wait, act) in acts {
+            match act {
+                Act::Order(jog) => {
+                    let taken = axes.order(jog, rapid);
+                    prop_assert!(taken.is_ok() || rapid == 0.0, "{taken:?}");
+                }
+                Act::Hold => axes.hold(),
+                Act::GoHome => axes.go_home(None),
+                Act::Rapid(part) => {
+                    rapid = part;
+                    axes.change_speed();
+                }
+            }
+            for _ in 0..wait {
+                advance(&mut axes, rapid)?;
+            }
+        }
+        if rapid == 0.0 {
+            rapid = 1.0;
+            axes.change_speed();
+        }
+        for home in [false, true] {
+            if home {
+                axes.go_home(None);
+            }
+            let begun = axes.clock.cycle;
+            while !axes.rests() {
+                prop_assert!(axes.clock.cycle < begun + 20_000, "never rests");
+                advance(&mut axes, rapid)?;
+            }
+            for (motion, axis) in axes.motions.iter().zip(0..) {
+                if let Aim::At(position) | Aim::Limit(position) = motion.aim {
+                    prop_assert_eq!(axes.motions[axis].at(axes.clock).state, State::at_rest(position));
+                }
+            }
+        }
+        prop_assert!(axes.is_home());
+        let there: [State; N] = std::array::from_fn(|axis| axes.motions[axis].at(axes.clock).state);
+        prop_assert_eq!(there, HOME.map(State::at_rest));
+    }
+}
