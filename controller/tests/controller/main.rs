@@ -7,6 +7,7 @@ mod check;
 mod eds;
 mod examples;
 mod fault_texts;
+mod killed;
 mod lost_bus;
 mod machine_file;
 mod outputs;

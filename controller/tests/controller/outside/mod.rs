@@ -154,9 +154,14 @@ impl Drives {
         address.rsplit_once(':').unwrap().1
     }
 
+    /// Sends their process a signal.
+    pub(crate) fn signal(&self, name: &str) {
+        runs("kill", &[name, &self.child.id().to_string()]).unwrap();
+    }
+
     /// Stops them as a service manager does; they end well.
     pub(crate) fn stop(mut self) {
-        runs("kill", &["-TERM", &self.child.id().to_string()]).unwrap();
+        self.signal("-TERM");
         assert!(self.child.wait().unwrap().success());
     }
 }
