@@ -176,6 +176,26 @@ impl Output {
             Output::User { .. } => false,
         }
     }
+
+    /// The same without waiting for the next motion.
+    pub(crate) fn at_once(mut self) -> Self {
+        if let Output::Digital { with_motion, .. } | Output::Analog { with_motion, .. } = &mut self
+        {
+            *with_motion = false;
+        }
+        self
+    }
+
+    /// Whether another code switches the same output; one of the user's switches none.
+    pub(crate) fn is_of_same_output(&self, other: &Output) -> bool {
+        match (self, other) {
+            (Output::Digital { number, .. }, Output::Digital { number: other, .. })
+            | (Output::Analog { number, .. }, Output::Analog { number: other, .. }) => {
+                number == other
+            }
+            _ => false,
+        }
+    }
 }
 
 impl fmt::Display for Output {

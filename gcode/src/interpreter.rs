@@ -17,6 +17,7 @@ use super::flow::{At, Control};
 use super::lexer::Columns;
 use super::memory::Memory;
 use super::modal::Modes;
+use super::outputs::PassedOutputs;
 use super::source::{Input, Lines, MAX_LINE, Read1};
 use super::tables::Tables;
 
@@ -212,8 +213,8 @@ impl Interpreter {
     /// Begins in the middle: executes the program up to a line without handing out its commands.
     /// After this [`Interpreter::modes`] and [`Interpreter::position`] show what the line starts
     /// from, for the operator to confirm, and the next commands set it up: tool, spindle, coolant,
-    /// path mode, and the way to the position, last along the axis across the plane when that goes
-    /// down. In a loop or subroutine the line counts where it is met first.
+    /// outputs, path mode, and the way to the position, last along the axis across the plane when that
+    /// goes down; codes of the user's are not repeated. In a loop or subroutine the line counts where it is met first.
     ///
     /// # Errors
     /// A block before the line is refused, or the program ends before it.
@@ -224,6 +225,7 @@ impl Interpreter {
 
     fn skip_to(&mut self, line: u32) -> Result<(), Refusal> {
         let start = self.state.at;
+        let mut outputs = PassedOutputs::new(start);
         loop {
             let next = self.files[self.current].lines.place().line;
             let passed = next > line && self.in_main_program();
@@ -231,7 +233,9 @@ impl Interpreter {
                 break;
             }
             self.step()?;
-            self.pending.clear();
+            for command in self.pending.drain(..) {
+                outputs.pass(&command.action);
+            }
             self.idle = 0;
             if self.ended {
                 return Err(Refusal::new(
@@ -252,7 +256,7 @@ impl Interpreter {
                 Fault::BeginNurbs { line },
             ));
         }
-        self.state.resume(start, &mut self.actions)?;
+        self.state.resume(start, outputs, &mut self.actions)?;
         let span = Span {
             file: 0,
             line,

@@ -8,7 +8,8 @@
 //! Its values are computed (`expression`, `parameters`, `system`), its words sorted into their
 //! modal groups (`words`, `modal`) and executed (`execute`, `saved`, `switches`, `offsets`, `coordinates`,
 //! `motion`, `arc`, `spline`, `rational`, `cycles`); O-words lead on to other blocks (`flow`). Under G41 and G42 the contour becomes the way
-//! of the tool's centre (`compensation`). [`Interpreter`] hands out the
+//! of the tool's centre (`compensation`). Where a program begins in the middle, outputs are what its first
+//! part makes of them (`outputs`). [`Interpreter`] hands out the
 //! [`Command`]s that come of it, one block at a time. What a program may not do is refused with an
 //! [`Error`] that shows the place, the block, what is wrong and what to do.
 #![forbid(unsafe_code)]
@@ -31,6 +32,7 @@ mod messages;
 mod modal;
 mod motion;
 mod offsets;
+mod outputs;
 mod parameters;
 mod parser;
 mod rational;

@@ -12,6 +12,7 @@ use super::error::{Fault, Refusal};
 use super::execute::{Compensated, State};
 use super::lexer::Columns;
 use super::modal::{Code, Group, Motion};
+use super::outputs::PassedOutputs;
 use super::words::{Words, out_of_range};
 
 /// Arcs beyond this radius are a mistake, or lines. mm.
@@ -168,10 +169,11 @@ impl State {
         Ok(())
     }
 
-    /// Commands that bring a machine at `start` into this state.
+    /// Commands that bring a machine at `start` into this state, with its outputs.
     pub(crate) fn resume(
         &mut self,
         start: Point,
+        outputs: PassedOutputs,
         commands: &mut VecDeque<Action>,
     ) -> Result<(), Refusal> {
         let initial = self.setup.memory.modes.clone();
@@ -189,6 +191,7 @@ impl State {
         if modes.coolant != initial.coolant {
             commands.push_back(Action::Coolant(modes.coolant));
         }
+        commands.extend(outputs.switched.into_iter().map(Action::Output));
         if modes.path_mode != initial.path_mode {
             commands.push_back(Action::PathMode(modes.path_mode));
         }
@@ -212,6 +215,7 @@ impl State {
                 self.go(action, &Words::default(), columns, commands)?;
             }
         }
+        commands.extend(outputs.await_motion.into_iter().map(Action::Output));
         Ok(())
     }
 

@@ -488,15 +488,16 @@ pub struct Beginning {
     axes: AxisSet,
     position: gcode::Point,
     /// What is switched on the way there, in its order.
-    switched: Vec<&'static str>,
+    switched: Vec<String>,
 }
 
 /// What a command switches that leads to the line to begin at.
-fn switched(action: &Action) -> Option<&'static str> {
+fn switched(action: &Action) -> Option<String> {
     Some(match action {
-        Action::Stop(gcode::Stop::ToolChange { .. }) => "the tool",
-        Action::Spindle(_) => "the spindle",
-        Action::Coolant(_) => "the coolant",
+        Action::Stop(gcode::Stop::ToolChange { .. }) => "the tool".to_owned(),
+        Action::Spindle(_) => "the spindle".to_owned(),
+        Action::Coolant(_) => "the coolant".to_owned(),
+        Action::Output(output) => output.to_string(),
         _ => return None,
     })
 }

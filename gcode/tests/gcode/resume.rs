@@ -1,6 +1,8 @@
 //! Beginning in the middle of a program.
 
-use syncline_gcode::{Action, Command, Interpreter, Point, Setup};
+use proptest::prelude::*;
+use proptest::sample::select;
+use syncline_gcode::{Action, Command, Interpreter, Output, Point, Setup};
 
 use super::listing::{show_all, xyz};
 
@@ -95,5 +97,84 @@ fn what_follows_is_the_rest_of_the_program() {
             };
             assert_eq!(to, position, "line {line}");
         }
+    }
+}
+
+/// What a machine has switched.
+#[derive(Clone, Debug, Default, PartialEq)]
+struct Switched {
+    digital: [bool; 3],
+    analog: [f64; 2],
+    with_motion: Vec<Output>,
+    at: Point,
+}
+
+impl Switched {
+    fn obey(&mut self, action: &Action) {
+        let set = |it: &mut Self, output: &Output| match *output {
+            Output::Digital { number, on, .. } => it.digital[usize::from(number)] = on,
+            Output::Analog { number, value, .. } => it.analog[usize::from(number)] = value,
+            Output::User { .. } => {}
+        };
+        match action {
+            Action::Output(output) if output.is_with_motion() => self.with_motion.push(*output),
+            Action::Output(output) => set(self, output),
+            Action::Rapid { to } | Action::Feed { to, .. } if *to != self.at => {
+                self.at = *to;
+                for output in std::mem::take(&mut self.with_motion) {
+                    set(self, &output);
+                }
+            }
+            _ => {}
+        }
+    }
+
+    /// After each command behind the message.
+    fn behind_message(program: Interpreter) -> Vec<([bool; 3], [f64; 2])> {
+        let (mut switched, mut met, mut behind) = (Self::default(), false, Vec::new());
+        for command in program {
+            let action = command.expect("a right program").action;
+            switched.obey(&action);
+            met |= matches!(action, Action::Message(_));
+            if met {
+                behind.push((switched.digital, switched.analog));
+            }
+        }
+        behind
+    }
+}
+
+fn blocks() -> impl Strategy<Value = Vec<String>> {
+    let output = prop_oneof![
+        (62..=65, 0..3).prop_map(|(code, number)| format!("M{code} P{number}")),
+        (67..=68, 0..2, -9..9).prop_map(|(code, number, to)| format!("M{code} E{number} Q{to}")),
+    ];
+    // Also moves to where the machine is already, with which nothing is switched.
+    let other = select(
+        &[
+            "G1 X1 F600",
+            "X2",
+            "G0 X0",
+            "G0 Z1 Y2",
+            "G4 P1",
+            "M100 P1",
+            "M3 S7",
+        ][..],
+    );
+    let block = prop_oneof![3 => output, 2 => other.prop_map(str::to_owned)];
+    prop::collection::vec(block, 1..40)
+}
+
+proptest! {
+    /// Outputs are, at the line and behind it, what they are in a whole run, also those that wait for a motion.
+    #[test]
+    fn outputs_are_what_a_whole_run_makes_of_them(mut blocks in blocks(), part in 0.0..1.0_f64) {
+        let line = (part * blocks.len() as f64) as usize;
+        blocks.insert(line, "(MSG, here)".to_owned());
+        let text = "G1 F600\n".to_owned() + &blocks.join("\n");
+        let program = || Interpreter::from_text("part.ngc", text.as_str(), xyz());
+        let mut begun = program();
+        begun.start_at_line(line as u32 + 2).expect("a line of the program");
+        prop_assert_eq!(Switched::behind_message(begun), Switched::behind_message(program()));
     }
 }
