@@ -231,7 +231,7 @@ fn announce(wire: &dyn Wire, bus: &Hosted) {
     };
     let drives = bus.names.join(", ");
     // Nobody reading any more is fine.
-    let _ = writeln!(io::stdout(), "{}: {drives}{reach}", wire.name());
+    let _ = writeln!(io::stdout(), "{} carries {drives}{reach}", wire.name());
 }
 
 /// Sends beacons and tells what buses have to say, until `stop` is set.

@@ -9,7 +9,7 @@ use syncline_canopen::dictionary::{Entry, ro, rw, table};
 
 /// The table, in ascending order.
 #[rustfmt::skip]
-pub static CIA401: [Entry; 178] = table([
+pub static CIA401: &[Entry] = &table([
     // 1xxxh: communication profile (CiA 301).
     // Profile 401 with digital inputs and outputs, analog inputs and outputs.
     ro(0x1000, 0, "Device type", U32).default(0x000F_0191),

@@ -9,7 +9,7 @@ use syncline_canopen::dictionary::{Entry, ro, rw, table};
 
 /// The table, in ascending order.
 #[rustfmt::skip]
-pub static CIA402_CSP: [Entry; 159] = table([
+pub static CIA402_CSP: &[Entry] = &table([
     // 1xxxh: communication profile (CiA 301).
     ro(0x1000, 0, "Device type", U32).default(0x0002_0192),
     ro(0x1001, 0, "Error register", U8).t_pdo(),

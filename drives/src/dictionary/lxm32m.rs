@@ -14,7 +14,7 @@ use syncline_canopen::dictionary::{Entry, ro, rw, table};
 
 /// The table, in ascending order.
 #[rustfmt::skip]
-pub static LXM32M: [Entry; 848] = table(keep_settings([
+pub static LXM32M: &[Entry] = &table(keep_settings([
     // 1xxxh: communication profile. Nothing here is stored (lxm32m 2945-4524).
     ro(0x1000, 0, "Device type", U32).default(0x0042_0192),                                          // 2947-2973
     ro(0x1001, 0, "Error register", U8),                                                             // 2975-3008

@@ -9,9 +9,9 @@ use syncline_canopen::dictionary::DataType::{I8, I16, I32, Text, U8, U16, U32};
 use syncline_canopen::dictionary::{Entry, ro, rw, table, wo};
 
 /// The whole table, a row for each object that answers.
-pub static TLC5XX: [Entry; ROWS] = table(expanded());
+pub static TLC5XX: &[Entry] = &table(expanded());
 
-const ROWS: usize = 342 + ARRAYS + MAPPINGS;
+const ROWS: usize = PRINTED.len() + ARRAYS + MAPPINGS;
 
 /// Entries of arrays besides the one printed of each: five of 40 records, eight of 64 list places,
 /// 20 errors.
@@ -51,7 +51,7 @@ const fn expanded() -> [Entry; ROWS] {
 
 /// The entries as the manual prints them.
 #[rustfmt::skip]
-pub static PRINTED: [Entry; 342] = [
+pub static PRINTED: &[Entry] = &[
     // 1xxxh: communication profile (6793-9133).
     ro(0x1000, 0, "device type", U32).default(0x0002_0192).persistent(), // 6094, 6793
     ro(0x1001, 0, "error register", U8), // 6139, 6814

@@ -9,7 +9,7 @@ use syncline_canopen::dictionary::{Entry, constant, ro, rw, table};
 
 /// The table, in ascending order.
 #[rustfmt::skip]
-pub static TSP10: [Entry; 77] = table([
+pub static TSP10: &[Entry] = &table([
     // 1xxxh: communication profile.
     constant(0x1000, 0, "Device type", U32).default(0x0004_0192), // 201
     ro(0x1001, 0, "Error register", U8), // 213

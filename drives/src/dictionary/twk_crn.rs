@@ -11,10 +11,10 @@ use syncline_canopen::dictionary::{Entry, constant, ro, rw, table};
 pub const TWK_CRN_TURNS: u16 = 0x1000;
 
 /// The table with 4096 steps per turn.
-pub static TWK_CRN_4096: [Entry; 64] = crn(0x1000);
+pub static TWK_CRN_4096: &[Entry] = &crn(0x1000);
 
 /// The table with 8192 steps per turn.
-pub static TWK_CRN_8192: [Entry; 64] = crn(0x2000);
+pub static TWK_CRN_8192: &[Entry] = &crn(0x2000);
 
 #[rustfmt::skip]
 const fn crn(steps: i64) -> [Entry; 64] {

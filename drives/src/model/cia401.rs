@@ -36,7 +36,7 @@ pub(super) static CIA401: Model = Model {
         T_PDO_RESPONSE,
         SDO_RESPONSE,
     ],
-    dictionary: &dictionary::CIA401,
+    dictionary: dictionary::CIA401,
     reserved,
     inputs: &INPUTS,
     outputs: &OUTPUTS,

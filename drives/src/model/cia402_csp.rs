@@ -43,7 +43,7 @@ pub(super) static CIA402_CSP: Model = Model {
         T_PDO_RESPONSE,
         SDO_RESPONSE,
     ],
-    dictionary: &dictionary::CIA402_CSP,
+    dictionary: dictionary::CIA402_CSP,
     reserved,
     inputs: &[],
     outputs: &[],

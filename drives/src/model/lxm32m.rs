@@ -37,7 +37,7 @@ pub(super) static LXM32M: Model = Model {
         T_PDO_RESPONSE,
         SDO_RESPONSE,
     ],
-    dictionary: &dictionary::LXM32M,
+    dictionary: dictionary::LXM32M,
     reserved,
     inputs: &INPUTS,
     outputs: &OUTPUTS,

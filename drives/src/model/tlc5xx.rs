@@ -46,7 +46,7 @@ pub(super) static TLC5XX: Model = Model {
         T_PDO_RESPONSE,
         SDO_RESPONSE,
     ],
-    dictionary: &dictionary::TLC5XX,
+    dictionary: dictionary::TLC5XX,
     reserved,
     inputs: &[],
     outputs: &[],

@@ -35,7 +35,7 @@ pub(super) static TSP10: Model = Model {
     positions: Increments::MIN..=Increments::MAX,
     abilities: &[Ability::PointToPoint],
     assumptions: &[STEPS, VELOCITY_DELAY, T_PDO_RESPONSE, SDO_RESPONSE],
-    dictionary: &dictionary::TSP10,
+    dictionary: dictionary::TSP10,
     reserved,
     inputs: &[],
     outputs: &[],

@@ -37,7 +37,7 @@ pub(super) static TWK_CRN: Model = Model {
         T_PDO_RESPONSE,
         SDO_RESPONSE,
     ],
-    dictionary: &dictionary::TWK_CRN_8192,
+    dictionary: dictionary::TWK_CRN_8192,
     reserved,
     positions: Increments::MIN..=Increments::MAX,
     abilities: &[],

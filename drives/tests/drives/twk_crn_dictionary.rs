@@ -96,7 +96,7 @@ fn every_row_answers_as_the_manual_lists_it() {
 /// What the bus does not tell: signs, and which rows may be mapped (the mapping is read only).
 #[test]
 fn signs_and_mappability() {
-    for table in [&TWK_CRN_4096, &TWK_CRN_8192] {
+    for table in [TWK_CRN_4096, TWK_CRN_8192] {
         assert_eq!(table.len(), rows().len());
         for (entry, row) in table.iter().zip(rows()) {
             let address = entry.address;

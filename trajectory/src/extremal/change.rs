@@ -34,28 +34,56 @@ pub(crate) fn fastest_change(v0: f64, a0: f64, vf: f64, af: f64, limits: &Limits
         (-limits.j_min, limits.j_max, -limits.a_min)
     };
     let (m, n) = (1.0 / j_up, 1.0 / j_down);
-    let k = 0.5 * (m + n);
-    let base = a0.max(af);
-    let extra = to_gain / k;
-    let root = (base * base + extra).sqrt();
-    let mut above = if base > 0.0 {
-        extra / (base + root)
-    } else {
-        root - base
-    };
-    let mut hold = 0.0;
-    if base + above > top {
-        above = (top - base).max(0.0);
-        hold = (to_gain - k * above * (above + 2.0 * base)).max(0.0) / top;
-    }
-    let (up, down) = if a0 >= af {
-        (above, above + (a0 - af))
-    } else {
-        (above + (af - a0), above)
-    };
+    let Rise { up, hold, down, .. } = Rise::new([a0, af], 0.5 * (m + n), to_gain, top);
     Change {
         t: [up * m, hold, down * n],
         j: [s * j_up, 0.0, -s * j_down],
+    }
+}
+
+/// A rise of the acceleration above both of its ends, which gains velocity.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Rise {
+    /// By how much the acceleration goes up.
+    pub(super) up: f64,
+    /// How long it stays, s.
+    pub(super) hold: f64,
+    /// By how much it goes down.
+    pub(super) down: f64,
+    /// The greatest.
+    pub(super) peak: f64,
+}
+
+impl Rise {
+    /// From one acceleration to another, at most to `top` on the way. `to_gain` is the velocity that is gained
+    /// besides what a ramp from one to the other does, `k` half the sum of the inverse jerks up and down.
+    #[inline]
+    pub(super) fn new([a0, af]: [f64; 2], k: f64, to_gain: f64, top: f64) -> Self {
+        let base = a0.max(af);
+        let extra = to_gain / k;
+        let root = (base * base + extra).sqrt();
+        let mut above = if base > 0.0 {
+            extra / (base + root)
+        } else {
+            root - base
+        };
+        let (mut hold, mut peak) = (0.0, base + above);
+        if peak > top {
+            above = (top - base).max(0.0);
+            hold = (to_gain - k * above * (above + 2.0 * base)).max(0.0) / top;
+            peak = top;
+        }
+        let (up, down) = if a0 >= af {
+            (above, above + (a0 - af))
+        } else {
+            (above + (af - a0), above)
+        };
+        Self {
+            up,
+            hold,
+            down,
+            peak,
+        }
     }
 }
 

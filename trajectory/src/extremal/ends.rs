@@ -1,5 +1,6 @@
 //! The plans at which regions of the curve begin and end, each in closed form.
 
+use super::change::Rise;
 use super::regions::Crossing;
 use super::{NormalisedProblem, Plan};
 
@@ -95,29 +96,15 @@ impl NormalisedProblem {
         let NormalisedProblem {
             a0, af, k, to_gain, ..
         } = *self;
-        let base = a0.max(af);
-        let extra = to_gain / k;
-        let root = (base * base + extra).sqrt();
-        let mut above = if base > 0.0 {
-            extra / (base + root)
-        } else {
-            root - base
-        };
-        let mut t2 = 0.0;
-        let mut a1 = base + above;
-        if a1 > self.upper {
-            above = (self.upper - base).max(0.0);
-            t2 = (to_gain - k * above * (above + 2.0 * base)).max(0.0) / self.upper;
-            a1 = self.upper;
-        }
-        let (up, down) = if a0 >= af {
-            (above, above + (a0 - af))
-        } else {
-            (above + (af - a0), above)
-        };
+        let Rise {
+            up,
+            hold,
+            down,
+            peak,
+        } = Rise::new([a0, af], k, to_gain, self.upper);
         Plan {
-            t: [up * self.m, t2, down * self.n, 0.0, 0.0, 0.0, 0.0],
-            a1,
+            t: [up * self.m, hold, down * self.n, 0.0, 0.0, 0.0, 0.0],
+            a1: peak,
             a2: af,
         }
     }

@@ -145,7 +145,7 @@ impl Drives {
 
     /// The bus' URL.
     pub(crate) fn url(&self) -> &str {
-        self.announced.split(": ").next().unwrap()
+        self.announced.split(' ').next().unwrap()
     }
 
     /// The port number in it.

@@ -43,7 +43,7 @@ pub(super) static KIND: Kind = Kind {
     bitrates: &[
         10_000, 20_000, 50_000, 125_000, 250_000, 500_000, 800_000, 1_000_000,
     ],
-    dictionary: &CIA401,
+    dictionary: CIA401,
     make: |config| Box::new(Twin::new(config.into())),
 };
 
@@ -95,7 +95,7 @@ impl Device<Module> {
     /// A node that has just been powered on, at the origin of time; nothing is wired to its inputs.
     #[must_use]
     pub fn new(config: TwinConfig) -> Self {
-        let module = Module::new(Dictionary::new(&CIA401, config.node));
+        let module = Module::new(Dictionary::new(CIA401, config.node));
         let options = Options {
             boot_time: config.boot_time,
             ..Options::default()

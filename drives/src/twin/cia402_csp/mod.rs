@@ -48,7 +48,7 @@ pub(super) static KIND: Kind = Kind {
     bitrates: &[
         10_000, 20_000, 50_000, 125_000, 250_000, 500_000, 800_000, 1_000_000,
     ],
-    dictionary: &CIA402_CSP,
+    dictionary: CIA402_CSP,
     make: |config| Box::new(Twin::new(config.into())),
 };
 
@@ -149,7 +149,7 @@ impl Device<Drive> {
     #[must_use]
     pub fn new(config: TwinConfig) -> Self {
         let stream = |purpose| Random::of_node(config.seed, config.node, purpose);
-        let objects = Dictionary::new(&CIA402_CSP, config.node);
+        let objects = Dictionary::new(CIA402_CSP, config.node);
         let options = Options {
             boot_time: config.boot_time,
             ..Options::default()

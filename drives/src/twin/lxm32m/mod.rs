@@ -77,7 +77,7 @@ pub(super) static KIND: Kind = Kind {
     name: "lxm32m",
     title: "LXM32M",
     bitrates: &[50_000, 125_000, 250_000, 500_000, 1_000_000], // (1266, 1279)
-    dictionary: &LXM32M,
+    dictionary: LXM32M,
     make: |config| Box::new(Twin::new(config.into())),
 };
 
@@ -209,7 +209,7 @@ impl Device<Drive> {
     #[must_use]
     pub fn new(config: TwinConfig) -> Self {
         let stream = |purpose| Random::of_node(config.seed, config.node, purpose);
-        let objects = Dictionary::new(&LXM32M, config.node).refusing(config.policies.refusals);
+        let objects = Dictionary::new(LXM32M, config.node).refusing(config.policies.refusals);
         let options = Options {
             parameters: ParameterRules::Lenient {
                 // Bit 31 and the identifier (lxm32m 3528-3536, D-05).

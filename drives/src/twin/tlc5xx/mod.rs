@@ -62,7 +62,7 @@ pub(super) static KIND: Kind = Kind {
     name: "tlc5xx",
     title: "Twin Line TLC53x",
     bitrates: &[100_000, 125_000, 250_000, 500_000, 1_000_000],
-    dictionary: &TLC5XX,
+    dictionary: TLC5XX,
     make: |config| Box::new(Twin::with_can_open(config.into())),
 };
 
@@ -175,7 +175,7 @@ impl Device<Drive> {
 
     fn with_can_open(config: TwinConfig) -> Self {
         let stream = |purpose| Random::of_node(config.seed, config.node, purpose);
-        let objects = Dictionary::new(&TLC5XX, config.node);
+        let objects = Dictionary::new(TLC5XX, config.node);
         let options = Options {
             parameters: ParameterRules::Lenient {
                 // Bit 31 and the function code (7659-7681).

@@ -40,7 +40,7 @@ pub(super) static KIND: Kind = Kind {
     bitrates: &[
         50_000, 100_000, 125_000, 250_000, 500_000, 800_000, 1_000_000,
     ],
-    dictionary: &TSP10,
+    dictionary: TSP10,
     make: |config| Box::new(Twin::new(config.into())),
 };
 
@@ -116,7 +116,7 @@ impl Device<Drive> {
     #[must_use]
     pub fn new(config: TwinConfig) -> Self {
         let stream = |purpose| Random::of_node(config.seed, config.node, purpose);
-        let objects = Dictionary::new(&TSP10, config.node);
+        let objects = Dictionary::new(TSP10, config.node);
         let options = Options {
             dummy_mapping: false,
             block_transfer: false,

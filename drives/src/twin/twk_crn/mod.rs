@@ -54,7 +54,7 @@ pub(super) static KIND: Kind = Kind {
     name: "twk_crn",
     title: "TWK CRN",
     bitrates: &BIT_RATES,
-    dictionary: &TWK_CRN_8192,
+    dictionary: TWK_CRN_8192,
     make: |config| Box::new(Twin::new(config.into())),
 };
 
@@ -165,8 +165,8 @@ impl Device<Encoder> {
     #[must_use]
     pub fn new(config: TwinConfig) -> Self {
         let table = match config.resolution {
-            Resolution::Steps4096 => &TWK_CRN_4096,
-            Resolution::Steps8192 => &TWK_CRN_8192,
+            Resolution::Steps4096 => TWK_CRN_4096,
+            Resolution::Steps8192 => TWK_CRN_8192,
         };
         let objects = Dictionary::new(table, config.node);
         let policies = config.policies;
