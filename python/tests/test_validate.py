@@ -155,7 +155,7 @@ def test_the_gil_is_free_while_it_runs():
     ends.set()
     counter.join()
     # Where the GIL is held the thread counts once or twice.
-    assert took > 0.2 and advanced > 100 * took, (took, advanced)
+    assert advanced > 3 + 50 * took, (took, advanced)
 
 
 def test_two_run_at_once_and_alike(rosette):
