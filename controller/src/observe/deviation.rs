@@ -87,7 +87,7 @@ impl Deviation {
         };
         let on_path = |mut at: Position| {
             for coordinate in (0..COORDINATES).filter(|&at| self.beside[at]) {
-                at[coordinate] = motion.curve.start()[coordinate];
+                at[coordinate] = motion.curve().start()[coordinate];
             }
             at
         };
@@ -152,13 +152,13 @@ fn nearest(observed: &Observed, point: &Position) -> Option<Foot> {
     let mut farther = 0;
     // Where this stretch passes into the next one it may be near to any move of that.
     for tag in (first..=last).rev().chain(last + 1..) {
-        let Some(ProgramMove { curve, .. }) = observed.moves.motion(tag) else {
+        let Some(curve) = observed.moves.motion(tag).map(ProgramMove::curve) else {
             if tag > last {
                 break;
             }
             continue;
         };
-        let (away, along) = foot(curve, point, &(0.0..curve.length()));
+        let (away, along) = foot(&curve, point, &(0.0..curve.length()));
         let nearer = nearest.as_ref().is_none_or(|nearest| away < nearest.away);
         // Counted among those only that are ahead.
         farther = if nearer || tag <= last {
@@ -179,12 +179,12 @@ fn nearest(observed: &Observed, point: &Position) -> Option<Foot> {
 /// Distance of a point from the program's moves up to `reach` on either side of a foot, mm: what crosses
 /// there from elsewhere does not count.
 fn from_stretch(moves: &Moves, from: &Foot, reach: f64, point: &Position) -> f64 {
-    let Some(ProgramMove { curve, .. }) = moves.motion(from.tag) else {
+    let Some(curve) = moves.motion(from.tag).map(ProgramMove::curve) else {
         return f64::INFINITY;
     };
     let length = curve.length();
     let (before, behind) = (from.along - reach, from.along + reach);
-    let (mut nearest, _) = foot(curve, point, &(before.max(0.0)..behind.min(length)));
+    let (mut nearest, _) = foot(&curve, point, &(before.max(0.0)..behind.min(length)));
     let mut look = |curve: &Curve<COORDINATES>, range: Range<f64>| {
         // Nothing of a line is nearer than its start by more than its end is from there.
         let start = curve.start();
@@ -196,19 +196,20 @@ fn from_stretch(moves: &Moves, from: &Foot, reach: f64, point: &Position) -> f64
     };
     let (mut tag, mut left) = (from.tag, -before);
     while left > 0.0
-        && let Some(ProgramMove { curve, .. }) =
-            tag.checked_sub(1).and_then(|tag| moves.motion(tag))
+        && let Some(motion) = tag.checked_sub(1).and_then(|tag| moves.motion(tag))
     {
+        let curve = motion.curve();
         let length = curve.length();
-        look(curve, (length - left).max(0.0)..length);
+        look(&curve, (length - left).max(0.0)..length);
         (tag, left) = (tag - 1, left - length);
     }
     let (mut tag, mut left) = (from.tag, behind - length);
     while left > 0.0
-        && let Some(ProgramMove { curve, .. }) = moves.motion(tag + 1)
+        && let Some(motion) = moves.motion(tag + 1)
     {
+        let curve = motion.curve();
         let length = curve.length();
-        look(curve, 0.0..left.min(length));
+        look(&curve, 0.0..left.min(length));
         (tag, left) = (tag + 1, left - length);
     }
     nearest

@@ -275,12 +275,12 @@ impl Feeder {
                 tag: self.tag,
             });
             self.tag += 1;
-            self.upcoming.tell(Step::Move(ProgramMove {
-                line: command.span.line,
+            let tolerance = mode.tolerance().max(ON_THE_PATH);
+            (self.upcoming).tell(Step::Move(ProgramMove::new(
+                command.span.line,
                 curve,
-                tolerance: mode.tolerance().max(ON_THE_PATH),
-                end: None,
-            }));
+                tolerance,
+            )));
             self.push(command.span, item)?;
         }
         Ok(())

@@ -8,7 +8,7 @@ use std::collections::VecDeque;
 use syncline_gcode::{self as gcode, Action};
 use syncline_trajectory::path::curve::ArcDefinition;
 use syncline_trajectory::path::segment_fitting::MoveEnd;
-use syncline_trajectory::path::{Curve, CurveError, Plane};
+use syncline_trajectory::path::{Curve, CurveError, Line, Plane};
 
 /// Rounding of a setpoint on a curve, mm.
 pub(super) const ON_THE_PATH: f64 = 1e-9;
@@ -18,13 +18,46 @@ pub(super) const ON_THE_PATH: f64 = 1e-9;
 pub struct ProgramMove {
     /// Program line.
     pub line: u32,
-    /// Its geometry, machine coordinates.
-    pub curve: Curve<COORDINATES>,
+    shape: Shape,
     /// How far the path may leave it, mm.
     pub tolerance: f64,
     /// Where it ends along the path, mm from the beginning, if that is in the midst of a curve: of one that
     /// stands for many moves, or of a rounding.
     pub end: Option<f64>,
+}
+
+/// What a move keeps of its curve. Micro-lines come by the hundred thousand before the first of them is passed, so that
+/// a line takes the room of a line, not that of the largest curve.
+#[derive(Clone, Debug)]
+#[allow(clippy::large_enum_variant)] // most are lines
+enum Shape {
+    Line(Line<COORDINATES>),
+    Bent(Box<Curve<COORDINATES>>),
+}
+
+impl ProgramMove {
+    /// Of a block in this line, along `curve`, which the path may leave by `tolerance` mm.
+    pub(super) fn new(line: u32, curve: Curve<COORDINATES>, tolerance: f64) -> Self {
+        let shape = match curve {
+            Curve::Line(line) => Shape::Line(line),
+            Curve::Arc(_) | Curve::Poly(_) => Shape::Bent(Box::new(curve)),
+        };
+        Self {
+            line,
+            shape,
+            tolerance,
+            end: None,
+        }
+    }
+
+    /// Its geometry, machine coordinates.
+    #[must_use]
+    pub fn curve(&self) -> Curve<COORDINATES> {
+        match &self.shape {
+            Shape::Line(line) => Curve::Line(*line),
+            Shape::Bent(curve) => **curve,
+        }
+    }
 }
 
 /// Turns motion commands into curves, and into moves of the axes that go point to point: these the path does not
@@ -238,6 +271,70 @@ impl Moves {
     pub fn passed(&mut self, tag: u32) {
         while self.first < tag && self.moves.pop_front().is_some() {
             self.first += 1;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn line(number: u32) -> ProgramMove {
+        let at = |x: u32| {
+            let mut point = Position::default();
+            point[0] = f64::from(x) * 1e-3;
+            point
+        };
+        let curve = Curve::line(at(number), at(number + 1));
+        ProgramMove::new(number, curve.unwrap(), ON_THE_PATH)
+    }
+
+    /// On its way and kept, a line takes hardly more room than its points and its direction do.
+    #[test]
+    fn a_line_takes_the_room_of_a_line() {
+        let bare = size_of::<Line<COORDINATES>>();
+        for kept in [size_of::<Step>(), size_of::<ProgramMove>()] {
+            assert!(kept <= bare + 64, "{kept} bytes for a line of {bare}");
+        }
+    }
+
+    /// Of moves that are told and passed one by one no more are kept than lie between.
+    #[test]
+    fn what_is_passed_takes_no_room() {
+        let (upcoming, mut moves) = Moves::new();
+        for number in 0..20_000_u32 {
+            upcoming.tell(Step::Move(line(number)));
+            moves.take_up();
+            moves.passed(number.saturating_sub(100));
+            let kept = moves.motion(number).map(|motion| motion.line);
+            assert_eq!(kept, Some(number));
+        }
+        assert_eq!(moves.moves.len(), 101);
+        assert!(moves.moves.capacity() <= 256, "{}", moves.moves.capacity());
+    }
+
+    /// A move gives back the curve that it was made of.
+    #[test]
+    fn the_curve_of_a_move_is_kept_to_the_bit() {
+        let (a, mut b) = (Position::default(), Position::default());
+        b[..4].copy_from_slice(&[1.0 / 3.0, 0.7, -2.0, 11.0]);
+        let arc = ArcDefinition {
+            start: a,
+            end: b,
+            plane: Plane::Xy,
+            centre: (b[0] / 2.0, b[1] / 2.0),
+            clockwise: true,
+            turns: 0,
+        };
+        let spline = Curve::spline([0.0, 1.0, 2.0, 3.0, 4.0, 5.0].map(|x| {
+            let mut point = a;
+            (point[0], point[1]) = (x, x * x);
+            point
+        }));
+        let mut curves = vec![Curve::line(a, b).unwrap(), Curve::arc(arc).unwrap()];
+        curves.extend(spline.unwrap());
+        for curve in curves {
+            assert_eq!(ProgramMove::new(1, curve, ON_THE_PATH).curve(), curve);
         }
     }
 }

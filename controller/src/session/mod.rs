@@ -519,7 +519,7 @@ impl Desk {
         }
         let motion = self.job.moves.motion(row.plan.tag);
         let ahead = motion.filter(|_| row.plan.busy && !row.plan.off_path);
-        let target = ahead.map_or(row.plan.position, |motion| motion.curve.end());
+        let target = ahead.map_or(row.plan.position, |motion| motion.curve().end());
         self.status = Status {
             time: Some(time),
             target,
