@@ -27,6 +27,9 @@ pub struct AxisTrace {
     pub act: Vec<f64>,
     /// Greatest velocity, acceleration and jerk allowed, by mm and s.
     pub limits: [f64; 3],
+    /// Its drive goes point to point by itself: where it was measured stands for setpoints, and no limit is
+    /// judged by that.
+    pub by_itself: bool,
     /// It is referenced by a homing, after which the same place has another position.
     pub homes: bool,
 }
@@ -95,6 +98,7 @@ pub fn axes(machine: &Machine) -> Vec<AxisTrace> {
             axis.limits.acceleration,
             axis.limits.jerk,
         ],
+        by_itself: machine.point_to_point()[axis.letter.index()],
         homes: axis.homing.method != HomingMethod::Encoder,
     });
     axes.collect()
@@ -178,7 +182,7 @@ impl Trace {
 
     /// Hands out every difference with what is allowed for it.
     fn differences<'a>(&'a self, mut look: impl FnMut(Excess<'a>, f64)) {
-        for axis in &self.axes {
+        for axis in self.axes.iter().filter(|axis| !axis.by_itself) {
             for (begin, set) in axis.by_reference(self.cycle) {
                 let (Some(&first), Some(&last)) = (set.first(), set.last()) else {
                     continue;
@@ -280,6 +284,7 @@ mod tests {
                 act: set.clone(),
                 set,
                 limits: [20.0, 100.0, jerk],
+                by_itself: false,
                 homes: false,
             }],
         }
