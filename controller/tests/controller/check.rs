@@ -3,6 +3,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
+use syncline_controller::machine::Machine;
 
 fn root() -> &'static Path {
     Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/.."))
@@ -53,11 +54,16 @@ fn every_example_is_good() {
         assert_eq!(output.status.code(), Some(0));
         let told = text(&output.stdout);
         let io = told.lines().filter(|line| line.starts_with("io "));
-        let of_io = io
-            .clone()
-            .all(|line| line.contains("outputs are safe 125 ms after"));
-        assert!(of_io, "{told}");
-        assert_eq!(told.lines().count() - io.count(), 2);
+        let machine = Machine::load(file.as_ref()).unwrap();
+        let safe = machine.controller.heartbeat_timeout.as_millis();
+        let safe = format!("outputs are safe {safe} ms after");
+        assert!(io.clone().all(|line| line.contains(&safe)), "{told}");
+        assert_eq!(io.clone().count(), machine.io_nodes.len(), "{told}");
+        assert_eq!(
+            told.lines().count() - io.count(),
+            1 + machine.buses.len(),
+            "{told}"
+        );
     }
 }
 
