@@ -655,11 +655,7 @@ impl<const N: usize> Controller<N> {
         if (Phase::Program..=Phase::Stop).contains(&self.phase) {
             let planned = self.executor.advance();
             self.planned = self.shaping.shape(planned, self.executor.waypoints());
-            for axis in &self.axes {
-                if let Some(place) = axis.beside() {
-                    self.planned.position[axis.coordinate()] = place;
-                }
-            }
+            self.place_beside();
             self.switch();
         }
     }

@@ -187,10 +187,7 @@ impl<const N: usize> Controller<N> {
             Order::Jog(Jog::Continuous { axis, .. } | Jog::Step { axis, .. }) => *axis == at,
             _ => needs(at),
         };
-        let jogs = |at: usize| match order {
-            Order::Jog(Jog::Continuous { axis, .. } | Jog::Step { axis, .. }) => *axis == at,
-            _ => needs(at) && matches!(order, Order::Jog(_)),
-        };
+        let jogs = |at: usize| matches!(order, Order::Jog(_)) && moves(at);
         let mut beside = self.axes.iter().filter(|axis| axis.beside().is_some());
         if let Some(axis) = beside.find(|axis| jogs(axis.coordinate())) {
             return Err(Refusal::PointToPoint(axis.coordinate()));

@@ -163,6 +163,15 @@ impl<const N: usize> Controller<N> {
         self.executor.pass();
     }
 
+    /// The path knows nothing of axes that go point to point: in the plan they are where they are.
+    pub(super) fn place_beside(&mut self) {
+        for axis in &self.axes {
+            if let Some(place) = axis.beside() {
+                self.planned.position[axis.coordinate()] = place;
+            }
+        }
+    }
+
     /// Has the drives that go to targets rest on their way, or go on.
     pub(super) fn let_go(&mut self, on: bool) {
         let power = match on {

@@ -72,14 +72,12 @@ impl<const N: usize> Controller<N> {
         for axis in &mut self.axes {
             axis.follow(self.cycle, &self.nodes);
         }
+        self.place_beside();
         let mut samples = [AxisSample::default(); N];
         let mut in_position = self.path_rests();
         for axis in &self.axes {
             let sample = axis.sample(self.cycle, &self.nodes);
             in_position &= axis.is_in_position(&sample);
-            if let Some(place) = axis.beside() {
-                self.planned.position[axis.coordinate()] = place;
-            }
             samples[axis.coordinate()] = sample;
         }
         self.in_position = if in_position { self.in_position + 1 } else { 0 };
