@@ -8,7 +8,7 @@ use std::path::Path;
 use std::process::Stdio;
 use std::thread;
 use std::time::Duration;
-use syncline_controller::control::{self, NotNow, Refusal as OrderRefusal, State};
+use syncline_controller::control::{self, NotNow, Refusal as OrderRefusal, State, Switch};
 use syncline_controller::session::{
     self, Command, Direction, Jog, Override, Refusal, StepChange, SwitchChange,
 };
@@ -301,6 +301,60 @@ fn a_program_that_begins_at_a_line_waits_for_cycle_start() {
     assert_eq!(rig.session.status().setpoint, there);
     assert_eq!(rig.session.status().spindle.turning, Turning::Off);
     assert_eq!(rig.refused, []);
+}
+
+/// Moves and switches of a program.
+const BLOCKS: [&str; 12] = [
+    "X10",
+    "X20",
+    "X30",
+    "M64 P1",
+    "M65 P1",
+    "M62 P1",
+    "M63 P1",
+    "M62 P9",
+    "M68 E1 Q2.5",
+    "M67 E1 Q-4",
+    "M3 S500",
+    "M8",
+];
+
+proptest! {
+    #![proptest_config(ProptestConfig { max_shrink_iters: 30, ..ProptestConfig::with_cases(6) })]
+
+    /// What is switched on the way to the line that a program begins at is told before, and is there what it is
+    /// in a whole run.
+    #[test]
+    fn a_line_begins_with_what_a_whole_run_has_switched(
+        blocks in prop::collection::vec(select(&BLOCKS[..]), 0..16),
+    ) {
+        let mut rig = ready();
+        rig.goes_on = true;
+        let text = format!("G1 X5 F6000\n{}X200\nM2\n", blocks.join("\n") + "\n");
+        let line = text.lines().position(|line| line == "X200").map(|place| place as u32 + 1);
+        let file = rig.folder.file("part.ngc", &text);
+        rig.command(Command::Load(file));
+        let [whole, begun] = [None, line].map(|from_line| {
+            let switched = rig.switches.len();
+            rig.command(Command::Run { from_line });
+            rig.run_until(|rig| at(rig, Axis::X) < 100.0);
+            rig.run_until(|rig| at(rig, Axis::X) > 150.0);
+            let functions = rig.rows.last().expect("it moves").functions;
+            let switched = rig.switches[switched..].to_vec();
+            settle(&mut rig);
+            (functions, switched)
+        });
+        let (_, told) = rig.messages.last().expect("what the line finds");
+        for switch in begun.1 {
+            if let Switch::Output(output) = switch {
+                prop_assert!(told.contains(&output.to_string()), "{output}: {told}");
+            }
+        }
+        let (whole, begun) = (whole.0, begun.0);
+        prop_assert_eq!((begun.digital, begun.analog), (whole.digital, whole.analog));
+        prop_assert_eq!(begun.spindle.turning, whole.spindle.turning);
+        prop_assert_eq!(begun.coolant, whole.coolant);
+    }
 }
 
 /// Each time it is frozen anew, a little beside where it was; and while SYNC is off no cycle is full.
