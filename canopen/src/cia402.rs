@@ -114,6 +114,13 @@ impl Statusword {
     /// Bit 15; on the LXM32M ref_ok: the zero point is valid (lxm32m 1351).
     pub const BIT_15: u16 = 1 << 15;
 
+    /// The word with the bits of a state, and besides those whose flag is set.
+    #[must_use]
+    pub fn of(state: u16, flags: &[(bool, u16)]) -> Self {
+        let set = flags.iter().filter(|(set, _)| *set);
+        Self(set.fold(state, |word, (_, bit)| word | bit))
+    }
+
     /// The state, or `None` for bits that mean no state.
     #[must_use]
     pub fn state(self) -> Option<State> {

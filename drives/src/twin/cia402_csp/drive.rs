@@ -2,30 +2,22 @@
 
 use super::fault::DriveError;
 use super::policy::Policies;
-use super::settings::Settings;
+use super::settings::{SWITCH_OFF, Settings};
 use super::{MODE, TwinConfig};
-use crate::twin::device::Disturbance;
+use crate::twin::device::{Disturbance, ErrorClass};
 use crate::twin::node::Firmware;
-use crate::twin::servo::cascade::{POSITION_STEP_NS, Reference};
+use crate::twin::servo::cascade::{POSITION_STEP, Reference};
 use crate::twin::servo::clock::Clock;
 use crate::twin::servo::encoder::Encoder;
 use crate::twin::servo::firmware::{Servo, ServoFirmware};
+use crate::twin::servo::lasting::Lasting;
 use crate::twin::servo::loops::Loops;
-use crate::twin::servo::power_stage::PowerStage;
 use crate::twin::servo::ramp::Ramp;
 use crate::twin::servo::shaft::Shaft;
 use syncline_canopen::cia402::{State, Statusword};
 use syncline_canopen::dictionary::Dictionary;
 use syncline_canopen::time::Duration;
 use syncline_canopen::{Address, Instant};
-
-const POSITION_STEP: f64 = POSITION_STEP_NS as f64 * 1e-9;
-
-/// Time constant of the measured velocity, s.
-const VELOCITY_FILTER: f64 = 5e-3;
-
-/// Speed below which the motor counts as standing, rev/s (10 rpm).
-const STANDSTILL: f64 = 1.0 / 6.0;
 
 /// What the position reference does.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -82,19 +74,13 @@ pub struct Drive {
     pub(super) warning: bool,
     pub(super) servo: Servo<DriveError>,
 
-    /// It brakes by itself: quick stop or fault reaction.
-    pub(super) braking: bool,
     /// Whether the node is in NMT Operational.
     pub(super) is_operational: bool,
 
-    /// Measured, increments/s.
-    velocity: f64,
-    last_encoder: i64,
     pub(super) reference: Ramp,
     pub(super) motion: Motion,
-    /// Since when the following error has been too large, and the position within its window.
-    too_far_since: Option<Instant>,
-    in_window_since: Option<Instant>,
+    too_far: Lasting,
+    in_window: Lasting,
     following_error: bool,
     target_reached: bool,
 }
@@ -114,17 +100,19 @@ impl Drive {
         let mut drive = Self {
             settings: Settings::of(&objects),
             objects,
+            servo: Servo::new(
+                loops,
+                State::NotReadyToSwitchOn,
+                config.policies.enable_time,
+                config.policies.emcy_on_reset,
+            ),
             policies: config.policies,
             warning: false,
-            servo: Servo::new(loops, State::NotReadyToSwitchOn),
-            braking: false,
             is_operational: false,
-            velocity: 0.0,
-            last_encoder: encoder,
             reference: Ramp::at(encoder as f64),
             motion: Motion::Hold,
-            too_far_since: None,
-            in_window_since: None,
+            too_far: Lasting::default(),
+            in_window: Lasting::default(),
             following_error: false,
             target_reached: false,
         };
@@ -144,13 +132,6 @@ impl Drive {
                 }
             }
             Motion::Follow(segment) => self.reference = segment.at(self.servo.now),
-        }
-    }
-
-    /// Lets the reference come to rest with the quick stop ramp.
-    pub(super) fn brake(&mut self) {
-        if self.motion != Motion::Hold {
-            self.motion = Motion::Stop(self.settings.quick_stop_deceleration);
         }
     }
 
@@ -178,13 +159,8 @@ impl Drive {
     // ---- monitoring ----
 
     fn monitor(&mut self) {
-        let power_stage = self.servo.loops.torque_source.power_stage();
-        if power_stage.is_some_and(PowerStage::has_overvoltage) {
-            self.raise(DriveError::OVERVOLTAGE);
-            return;
-        }
-        if self.braking && self.is_at_rest() {
-            self.end_braking();
+        if self.servo.braking && self.is_at_rest() {
+            self.stopped();
         } else if self.misses_sync() {
             self.raise(DriveError::SYNC_LOST);
         }
@@ -197,22 +173,13 @@ impl Drive {
         } = self.settings;
         let deviation = (self.reference.position - self.servo.loops.encoder as f64).abs();
         let too_far = following_error.is_some_and(|limit| deviation > limit);
-        self.following_error = lasts(
-            &mut self.too_far_since,
-            self.servo.now,
-            too_far,
-            following_error_time,
-        );
-        if self.following_error && self.policies.following_error_is_fault && !self.braking {
+        let now = self.servo.now;
+        self.following_error = self.too_far.for_time(following_error_time, now, too_far);
+        if self.following_error && self.policies.following_error_is_fault && !self.servo.braking {
             self.raise(DriveError::FOLLOWING_ERROR);
         }
         let is_in = window.is_some_and(|window| deviation <= window);
-        self.target_reached = lasts(
-            &mut self.in_window_since,
-            self.servo.now,
-            is_in,
-            window_time,
-        );
+        self.target_reached = self.in_window.for_time(window_time, now, is_in);
     }
 
     /// Whether more SYNCs are overdue than may be missing: each by half a period.
@@ -227,8 +194,7 @@ impl Drive {
     }
 
     fn is_at_rest(&self) -> bool {
-        let standstill = STANDSTILL * self.servo.loops.increments_per_revolution;
-        self.motion == Motion::Hold && self.velocity.abs() < standstill
+        self.motion == Motion::Hold && self.servo.stands()
     }
 
     // ---- objects ----
@@ -264,7 +230,7 @@ impl Drive {
             (0x6041, self.statusword().0.into()),
             (0x6061, self.settings.mode),
             (0x6064, position),
-            (0x606C, libm::round(self.velocity) as i64),
+            (0x606C, libm::round(self.servo.velocity.velocity()) as i64),
             (0x6077, libm::round(torque) as i64),
             (0x60F4, deviation),
         ] {
@@ -293,8 +259,7 @@ impl Drive {
                 Statusword::BIT_13,
             ),
         ];
-        let bits = flags.iter().filter(|(set, _)| *set).map(|(_, bit)| bit);
-        Statusword(bits.fold(self.servo.state.bits(), |word, bit| word | bit))
+        Statusword::of(self.servo.state.bits(), &flags)
     }
 }
 
@@ -325,9 +290,6 @@ impl ServoFirmware for Drive {
     }
 
     fn position_step(&mut self, _: u32) {
-        let moved = (self.servo.loops.encoder - self.last_encoder) as f64 / POSITION_STEP;
-        self.last_encoder = self.servo.loops.encoder;
-        self.velocity += (moved - self.velocity) * (POSITION_STEP / VELOCITY_FILTER);
         self.change_state();
         if self.is_powered() {
             self.move_reference();
@@ -335,21 +297,42 @@ impl ServoFirmware for Drive {
         } else {
             self.reference = Ramp::at(self.servo.loops.encoder as f64);
         }
-        let limit = self.servo.loops.torque_source.torque_limit();
-        self.servo.loops.position_step(self.loop_reference(), limit);
     }
 
     /// The reference is where the motor is.
     fn switched_on(&mut self) {
         self.reference = Ramp::at(self.servo.loops.encoder as f64);
         self.motion = Motion::Hold;
-        self.too_far_since = None;
+        self.too_far = Lasting::default();
         self.following_error = false;
     }
 
     fn switched_off(&mut self) {
         self.motion = Motion::Hold;
-        self.braking = false;
+    }
+
+    /// Lets the reference come to rest with the quick stop ramp.
+    fn brake(&mut self) {
+        if self.motion != Motion::Hold {
+            self.motion = Motion::Stop(self.settings.quick_stop_deceleration);
+        }
+    }
+
+    /// The profile has one fault reaction, 605Eh.
+    fn reaction(&self, class: ErrorClass) -> ErrorClass {
+        if class > ErrorClass::StopAndSwitchOff || self.settings.fault_reaction == SWITCH_OFF {
+            ErrorClass::SwitchOff
+        } else {
+            ErrorClass::StopAndSwitchOff
+        }
+    }
+
+    fn warned(&mut self, _: DriveError) {
+        self.warning = true;
+    }
+
+    fn forget_warnings(&mut self) {
+        self.warning = false;
     }
 
     fn forget_own(&mut self) {
@@ -358,21 +341,10 @@ impl ServoFirmware for Drive {
 
     fn disturb_own(&mut self, disturbance: Disturbance) {
         match disturbance {
-            Disturbance::Fault(class) => self.raise(DriveError {
-                class,
-                ..DriveError::FOLLOWING_ERROR
-            }),
-            Disturbance::EnableTime(time) => self.policies.enable_time = time,
             Disturbance::Remote(remote) => self.servo.remote = remote,
             Disturbance::Vendor(id) => self.preset(Address::new(0x1018, 1), id.into()),
             // It has no inputs.
             _ => {}
         }
     }
-}
-
-/// Whether something that is so now has been so for `time`; `since` keeps when it began.
-fn lasts(since: &mut Option<Instant>, now: Instant, is_so: bool, time: Duration) -> bool {
-    *since = is_so.then(|| since.unwrap_or(now));
-    since.is_some_and(|since| now.saturating_since(since) >= time)
 }

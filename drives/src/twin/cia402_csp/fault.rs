@@ -31,10 +31,6 @@ impl DriveError {
         code::LIFE_GUARD_OR_HEARTBEAT,
         register::COMMUNICATION,
     );
-    /// The DC link lost its voltage with the power stage on.
-    pub const UNDERVOLTAGE: Self = Self::new(ErrorClass::SwitchOff, 0x3220, register::VOLTAGE);
-    /// Braking brought more into the DC link than its resistor takes.
-    pub const OVERVOLTAGE: Self = Self::new(ErrorClass::SwitchOff, 0x3210, register::VOLTAGE);
 
     const fn new(class: ErrorClass, code: u16, register: u8) -> Self {
         Self {
@@ -46,6 +42,16 @@ impl DriveError {
 }
 
 impl ServoError for DriveError {
+    const UNDERVOLTAGE: Self = Self::new(ErrorClass::SwitchOff, 0x3220, register::VOLTAGE);
+    const OVERVOLTAGE: Self = Self::new(ErrorClass::SwitchOff, 0x3210, register::VOLTAGE);
+
+    fn of(class: ErrorClass) -> Self {
+        Self {
+            class,
+            ..Self::FOLLOWING_ERROR
+        }
+    }
+
     fn class(&self) -> ErrorClass {
         self.class
     }

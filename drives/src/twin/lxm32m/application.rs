@@ -4,6 +4,7 @@ use super::drive::Drive;
 use super::fault::DriveError;
 use crate::twin::node::Firmware;
 use crate::twin::servo::errors::ServoError;
+use crate::twin::servo::firmware::ServoFirmware;
 use syncline_canopen::dictionary::{Dictionary, Row};
 use syncline_canopen::emcy::{self, Emergency};
 use syncline_canopen::node::{Application, CommunicationError, Origin};

@@ -14,13 +14,13 @@ use super::{Identity, TwinConfig};
 use crate::twin::device::Disturbance;
 use crate::twin::node::Firmware;
 use crate::twin::servo::cascade::{
-    Cascade, Gains, POSITION_STEP_NS, Reference, SPEED_STEP_NS, SPEED_STEPS,
+    Cascade, Gains, POSITION_STEP, Reference, SPEED_STEP_NS, SPEED_STEPS,
 };
 use crate::twin::servo::clock::Clock;
 use crate::twin::servo::encoder::Encoder;
 use crate::twin::servo::firmware::{Servo, ServoFirmware};
+use crate::twin::servo::lasting::Lasting;
 use crate::twin::servo::loops::Loops;
-use crate::twin::servo::power_stage::PowerStage;
 use crate::twin::servo::ramp::Ramp;
 use crate::twin::servo::shaft::Shaft;
 use syncline_canopen::Instant;
@@ -28,15 +28,11 @@ use syncline_canopen::cia402::{Controlword, State, Statusword};
 use syncline_canopen::dictionary::{Dictionary, Row};
 use syncline_canopen::time::Duration;
 
-/// Nominal seconds per step of the speed loop and of the position loop.
+/// Nominal seconds per step of the speed loop.
 const SPEED_STEP: f64 = SPEED_STEP_NS as f64 * 1e-9;
-pub(super) const POSITION_STEP: f64 = POSITION_STEP_NS as f64 * 1e-9;
 
-/// Position steps over which 606Ch averages: 8 ms.
-const VELOCITY_WINDOW: usize = 32;
-
-/// Speed below which the motor counts as standing, increments/s (10 rpm).
-pub(super) const STANDSTILL: f64 = INCREMENTS_PER_REVOLUTION / 6.0;
+/// Least time that statusword bit 7 stays (lxm32m 1319).
+const WARNING_TIME: Duration = Duration::from_millis(100);
 
 /// A drive without its bus.
 pub struct Drive {
@@ -49,7 +45,6 @@ pub struct Drive {
     pub(super) pulses: Pulses,
     pub(super) captures: Captures,
 
-    pub(super) quick_stopping: bool,
     pub(super) warning_until: Instant,
 
     pub(super) sync: Synchronisation,
@@ -57,9 +52,6 @@ pub struct Drive {
     pub(super) own_gains: Gains,
     /// Encoder reading at user position 0.
     pub(super) zero: i64,
-    recent: [i64; VELOCITY_WINDOW],
-    recent_place: usize,
-    velocity: f64,
     pub(super) ramp: Ramp,
     /// Velocity of the ramp when the cycle began, and its mean acceleration since the one before:
     /// setpoints that are joined by straight lines have no other.
@@ -79,7 +71,7 @@ pub struct Drive {
     pub(super) bit_12: bool,
     pub(super) target_reached: bool,
     /// Since when the target has been reached without a break.
-    settling_since: Option<Instant>,
+    settling: Lasting,
     /// Greatest deviation by load since the power stage went on, increments.
     pub(super) peak_deviation: f64,
     pub(super) x_err: bool,
@@ -119,19 +111,20 @@ impl Drive {
             rows: Rows::new(&objects),
             parameter_sets: ParameterSet::both(&objects),
             objects,
+            servo: Servo::new(
+                loops,
+                State::SwitchOnDisabled,
+                policies.enable_time,
+                policies.emcy_on_reset,
+            ),
             policies,
-            servo: Servo::new(loops, State::SwitchOnDisabled),
             switches,
             pulses: Pulses::default(),
             captures: Captures::default(),
-            quick_stopping: false,
             warning_until: Instant::ZERO,
             sync: Synchronisation::new(),
             own_gains,
             zero: 0,
-            recent: [encoder; VELOCITY_WINDOW],
-            recent_place: 0,
-            velocity: 0.0,
             ramp: Ramp::at(encoder as f64),
             cycle_velocity: 0.0,
             acceleration: 0.0,
@@ -145,7 +138,7 @@ impl Drive {
             sequence: Sequence::default(),
             bit_12: false,
             target_reached: false,
-            settling_since: None,
+            settling: Lasting::default(),
             peak_deviation: 0.0,
             x_err: false,
             x_end: true,
@@ -160,24 +153,6 @@ impl Drive {
     }
 
     // ---- time ----
-
-    /// Most torque that the present movement may take, N·m: 3011h:D in a Quick Stop, 3011h:E in a
-    /// Halt, 0 as `Gains` say; and what the power stage allows.
-    fn torque_limit(&self) -> f64 {
-        let row = if self.quick_stopping {
-            Some(self.rows.quick_stop_current)
-        } else if self.servo.controlword.has(Controlword::HALT) {
-            Some(self.rows.halt_current)
-        } else {
-            None
-        };
-        let limit = row.map_or(0, |row| self.objects.get(row));
-        let limit = match limit {
-            0 => f64::INFINITY,
-            _ => self.torque_of_current(limit),
-        };
-        limit.min(self.servo.loops.torque_source.torque_limit())
-    }
 
     fn move_reference(&mut self, step: u32) {
         let ramp = &mut self.ramp;
@@ -217,11 +192,6 @@ impl Drive {
     }
 
     fn monitor(&mut self) {
-        let power_stage = self.servo.loops.torque_source.power_stage();
-        if power_stage.is_some_and(PowerStage::has_overvoltage) {
-            self.raise(DriveError::OVERVOLTAGE);
-            return;
-        }
         if let Some(error) = self.limit_hit().or_else(|| self.deviation_error()) {
             let before = self.servo.state;
             self.raise(error);
@@ -230,10 +200,9 @@ impl Drive {
             }
         }
         let at_rest = self.is_at_rest();
-        if self.quick_stopping && at_rest {
-            self.quick_stopping = false;
-            if self.servo.state == State::FaultReactionActive {
-                self.enter(State::Fault);
+        if self.servo.braking && at_rest {
+            self.end_braking();
+            if self.servo.state == State::Fault {
                 return;
             }
             self.target_reached = true;
@@ -247,7 +216,7 @@ impl Drive {
 
     /// Whether reference and motor stand.
     pub(super) fn is_at_rest(&self) -> bool {
-        self.motion == Motion::Hold && self.actual_velocity().abs() < STANDSTILL
+        self.motion == Motion::Hold && self.servo.stands()
     }
 
     /// Reference minus actual position, increments.
@@ -263,13 +232,8 @@ impl Drive {
 
     /// Whether a target has been reached for the milliseconds of a row.
     pub(super) fn settled(&mut self, reached: bool, time: Row) -> bool {
-        if !reached {
-            self.settling_since = None;
-            return false;
-        }
         let time = Duration::from_millis(self.objects.get(time) as u64);
-        let since = *self.settling_since.get_or_insert(self.servo.now);
-        self.servo.now.saturating_since(since) >= time
+        self.settling.for_time(time, self.servo.now, reached)
     }
 
     /// The part of the deviation that a load causes, increments: a position loop with less than
@@ -321,7 +285,7 @@ impl Drive {
         self.motion = motion;
         self.x_end = false;
         self.target_reached = false;
-        self.settling_since = None;
+        self.settling = Lasting::default();
         self.status_event = true;
     }
 
@@ -453,17 +417,12 @@ impl Drive {
             (self.x_end, Statusword::BIT_14),
             (self.ref_ok, Statusword::BIT_15),
         ];
-        flags
-            .iter()
-            .filter(|(set, _)| *set)
-            .fold(Statusword(self.servo.state.bits()), |word, (_, bit)| {
-                Statusword(word.0 | bit)
-            })
+        Statusword::of(self.servo.state.bits(), &flags)
     }
 
     /// Increments/s, averaged over the window.
     pub(super) fn actual_velocity(&self) -> f64 {
-        self.velocity
+        self.servo.velocity.velocity()
     }
 }
 
@@ -493,13 +452,6 @@ impl ServoFirmware for Drive {
     }
 
     fn position_step(&mut self, step: u32) {
-        let oldest = core::mem::replace(
-            &mut self.recent[self.recent_place],
-            self.servo.loops.encoder,
-        );
-        let moved = (self.servo.loops.encoder - oldest) as f64;
-        self.velocity = moved / (POSITION_STEP * VELOCITY_WINDOW as f64);
-        self.recent_place = (self.recent_place + 1) % VELOCITY_WINDOW;
         self.pulses.advance(POSITION_STEP);
         if step == self.servo.loops.clock.steps() / 2 / SPEED_STEPS * SPEED_STEPS {
             let verdict = self.sync.on_mid_cycle(&self.policies);
@@ -519,8 +471,24 @@ impl ServoFirmware for Drive {
             self.acceleration = (self.ramp.velocity - self.cycle_velocity) / cycle;
             self.cycle_velocity = self.ramp.velocity;
         }
-        let (reference, limit) = (self.loop_reference(), self.torque_limit());
-        self.servo.loops.position_step(reference, limit);
+    }
+
+    /// Most torque that the present movement may take, N·m: 3011h:D in a Quick Stop, 3011h:E in a
+    /// Halt, 0 as `Gains` say; and what the power stage allows.
+    fn torque_limit(&self) -> f64 {
+        let row = if self.servo.braking {
+            Some(self.rows.quick_stop_current)
+        } else if self.servo.controlword.has(Controlword::HALT) {
+            Some(self.rows.halt_current)
+        } else {
+            None
+        };
+        let limit = row.map_or(0, |row| self.objects.get(row));
+        let limit = match limit {
+            0 => f64::INFINITY,
+            _ => self.torque_of_current(limit),
+        };
+        limit.min(self.servo.loops.torque_source.torque_limit())
     }
 
     fn end_cycle(&mut self) {
@@ -538,17 +506,38 @@ impl ServoFirmware for Drive {
     fn switched_off(&mut self) {
         self.end_mode();
         self.motion = Motion::Hold;
-        self.quick_stopping = false;
         self.x_end = true;
+    }
+
+    fn brake(&mut self) {
+        self.stop_quickly();
+    }
+
+    fn warned(&mut self, warning: DriveError) {
+        let rows = self.rows;
+        self.objects.set(rows.last_warning, warning.number.into());
+        self.objects.set(rows.warnings_active, 1);
+        self.objects.set(rows.warnings_latched, 1);
+        self.warning_until = self.servo.now + WARNING_TIME;
+    }
+
+    fn failed(&mut self, error: DriveError) {
+        self.objects.set(self.rows.last_error, error.number.into());
+        self.remember(error.number.into(), error.class as i64);
+        self.x_err = true;
+    }
+
+    fn forget_warnings(&mut self) {
+        self.warning_until = self.servo.now;
+        self.objects.set(self.rows.warnings_active, 0);
+    }
+
+    fn error_reset(&mut self) {
+        self.x_err = false;
     }
 
     fn disturb_own(&mut self, disturbance: Disturbance) {
         match disturbance {
-            Disturbance::Fault(class) => self.raise(DriveError {
-                class,
-                ..DriveError::FOLLOWING_ERROR
-            }),
-            Disturbance::EnableTime(time) => self.policies.enable_time = time,
             // While another access channel has it, parameters can be read and written, commands
             // are not executed (lxm32m 1327).
             Disturbance::Remote(remote) => self.servo.remote = remote,

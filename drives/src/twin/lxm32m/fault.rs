@@ -69,20 +69,6 @@ impl DriveError {
     pub const FOLLOWING_ERROR: Self =
         Self::new(ErrorClass::SwitchOff, 0xA320, 0x8611, register::PROFILE);
 
-    /// The DC bus lost its voltage with the power stage on.
-    pub const UNDERVOLTAGE: Self = Self::new(
-        ErrorClass::SwitchOff,
-        0x3206,
-        0x3120,
-        register::MANUFACTURER,
-    );
-    /// Braking brought more into the DC bus than its resistor takes.
-    pub const OVERVOLTAGE: Self = Self::new(
-        ErrorClass::SwitchOff,
-        0x3207,
-        0x3110,
-        register::MANUFACTURER,
-    );
     /// A limit switch was reached.
     pub const LIMIT_SWITCH: Self =
         Self::new(ErrorClass::QuickStop, 0xA302, 0x1000, register::PROFILE);
@@ -122,6 +108,26 @@ impl DriveError {
 }
 
 impl ServoError for DriveError {
+    const UNDERVOLTAGE: Self = Self::new(
+        ErrorClass::SwitchOff,
+        0x3206,
+        0x3120,
+        register::MANUFACTURER,
+    );
+    const OVERVOLTAGE: Self = Self::new(
+        ErrorClass::SwitchOff,
+        0x3207,
+        0x3110,
+        register::MANUFACTURER,
+    );
+
+    fn of(class: ErrorClass) -> Self {
+        Self {
+            class,
+            ..Self::FOLLOWING_ERROR
+        }
+    }
+
     fn class(&self) -> ErrorClass {
         self.class
     }

@@ -1,9 +1,10 @@
 //! Ends of the range of movement: limit switches and positions (lxm32m 375-388, 1563, 1634, 2242,
 //! 2243, 2253, 2287, 2919). What the manual prints of them are names: values are assumptions.
 
-use super::drive::{Drive, POSITION_STEP, STANDSTILL};
+use super::drive::Drive;
 use super::fault::DriveError;
 use super::motion::Motion;
+use crate::twin::servo::cascade::POSITION_STEP;
 
 /// 3006h:47 `MON_SWLimMode`: to rest at the limit; anything else, from the limit on.
 const STANDSTILL_AT_LIMIT: i64 = 1;
@@ -16,7 +17,7 @@ const NEGATIVE: i64 = 2;
 impl Drive {
     /// An end of the range in the direction of movement. Homing may run onto the switches.
     pub(super) fn limit_hit(&self) -> Option<DriveError> {
-        if self.homing.is_active() || self.quick_stopping {
+        if self.homing.is_active() || self.servo.braking {
             return None;
         }
         let velocity = self.direction();
@@ -32,7 +33,7 @@ impl Drive {
     fn direction(&self) -> f64 {
         let velocity = self.ramp.velocity;
         match self.motion {
-            Motion::Torque(_) if velocity.abs() < STANDSTILL => 0.0,
+            Motion::Torque(_) if self.servo.stands() => 0.0,
             _ => velocity,
         }
     }

@@ -61,6 +61,7 @@ use super::random::Random;
 use super::servo::cascade::Gains;
 use super::servo::clock::Clock;
 use super::servo::encoder::{Encoder, EncoderErrors};
+use super::servo::firmware::ServoFirmware;
 use super::servo::power_stage::TorqueSource;
 use super::servo::shaft::Plant;
 use crate::dictionary::LXM32M;

@@ -21,6 +21,9 @@ pub const SPEED_STEPS: u32 = 4;
 /// Nominal time between two steps of the position loop, nanoseconds.
 pub const POSITION_STEP_NS: u64 = 250_000;
 
+/// The same, s.
+pub const POSITION_STEP: f64 = POSITION_STEP_NS as f64 * 1e-9;
+
 /// Nominal time between two steps of the speed loop, nanoseconds.
 pub const SPEED_STEP_NS: u64 = POSITION_STEP_NS / SPEED_STEPS as u64;
 
@@ -252,8 +255,7 @@ impl Cascade {
             Reference::Off | Reference::Torque(_) => 0.0,
         };
         if let Some(shape) = gains.overshoot_suppression {
-            let step = POSITION_STEP_NS as f64 * 1e-9;
-            speed = self.delayed.next(speed, shape, step);
+            speed = self.delayed.next(speed, shape, POSITION_STEP);
         }
         if gains.friction_compensation != 0.0 {
             let share = (speed / gains.friction_speed).clamp(-1.0, 1.0);

@@ -9,6 +9,15 @@ const EMCY_CAPACITY: usize = 32;
 
 /// An error as the drives of a maker tell it.
 pub trait ServoError: Copy {
+    /// The DC bus lost its voltage with the power stage on.
+    const UNDERVOLTAGE: Self;
+
+    /// Braking brought more into the DC bus than its resistor takes.
+    const OVERVOLTAGE: Self;
+
+    /// One of a class, whichever.
+    fn of(class: ErrorClass) -> Self;
+
     /// How the drive reacts to it.
     fn class(&self) -> ErrorClass;
 

@@ -1,14 +1,25 @@
 //! What the firmware of all servo drives here has, and what it answers its node.
+//!
+//! With it comes the state machine of CiA 402: the way on and off, quick stop, errors by their class and
+//! their reset. What makers do each in their own way are the required methods of [`ServoFirmware`] and those
+//! that do nothing unless a drive says so.
 
 use super::cascade::{Reference, SPEED_STEPS};
 use super::errors::{Errors, ServoError};
 use super::loops::Loops;
+use super::power_stage::PowerStage;
 use super::shaft::Shaft;
-use crate::twin::device::Disturbance;
+use super::velocity::VelocityMeter;
+use crate::twin::cia402::commanded;
+use crate::twin::device::{Disturbance, ErrorClass};
 use crate::twin::node::{Firmware, Tampering};
 use syncline_canopen::Instant;
-use syncline_canopen::cia402::{Controlword, State};
+use syncline_canopen::cia402::{Command, Controlword, State};
 use syncline_canopen::node::Application;
+use syncline_canopen::time::Duration;
+
+/// The part of a turn per second below which the motor counts as standing (10 r/min).
+const STANDSTILL: f64 = 1.0 / 6.0;
 
 /// What every servo drive has, whoever made it; `E` are the errors of its maker.
 pub struct Servo<E> {
@@ -20,6 +31,12 @@ pub struct Servo<E> {
     pub state_since: Instant,
     /// When the power stage is on that is being switched on.
     pub enable_at: Option<Instant>,
+    /// From the command to enable until then.
+    pub enable_time: Duration,
+    /// It brakes by itself: quick stop or fault reaction.
+    pub braking: bool,
+    /// Whether an EMCY tells that an error has been reset.
+    pub tells_reset: bool,
     /// The last one.
     pub controlword: Controlword,
     /// Whether the power stage has its supply.
@@ -32,6 +49,8 @@ pub struct Servo<E> {
     pub errors: Errors<E>,
     /// Its loops, with the shaft that they turn.
     pub loops: Loops,
+    /// How fast that turns, as measured.
+    pub velocity: VelocityMeter,
     /// The objects do not show the present condition yet.
     pub stale: bool,
     /// What has been changed about its objects.
@@ -41,8 +60,12 @@ pub struct Servo<E> {
 impl<E: ServoError> Servo<E> {
     /// One that has just been switched on, in the state that it shows first.
     #[must_use]
-    pub fn new(loops: Loops, state: State) -> Self {
+    pub fn new(loops: Loops, state: State, enable_time: Duration, tells_reset: bool) -> Self {
         Self {
+            enable_time,
+            braking: false,
+            tells_reset,
+            velocity: VelocityMeter::at(loops.encoder),
             now: Instant::ZERO,
             state,
             state_since: Instant::ZERO,
@@ -56,6 +79,16 @@ impl<E: ServoError> Servo<E> {
             stale: true,
             tampering: Tampering::default(),
         }
+    }
+
+    /// Whether the motor stands, as measured.
+    #[must_use]
+    pub fn stands(&self) -> bool {
+        self.velocity.velocity().abs() < STANDSTILL * self.loops.increments_per_revolution
+    }
+
+    fn is_stopped_by_error(&self) -> bool {
+        matches!(self.state, State::FaultReactionActive | State::Fault)
     }
 }
 
@@ -74,9 +107,14 @@ pub trait ServoFirmware: Application {
     /// What its loops follow.
     fn loop_reference(&self) -> Reference;
 
-    /// Runs its position loop and what runs as often: state machine, profiles, monitoring. `step` counts
-    /// the steps of the speed loop since the cycle began.
+    /// Runs what runs as often as its position loop, and before it: state machine, profiles, monitoring.
+    /// `step` counts the steps of the speed loop since the cycle began.
     fn position_step(&mut self, step: u32);
+
+    /// The torque that its loops may ask for, Nm.
+    fn torque_limit(&self) -> f64 {
+        self.servo().loops.torque_source.torque_limit()
+    }
 
     /// The last step of a cycle is done.
     fn end_cycle(&mut self) {}
@@ -86,6 +124,26 @@ pub trait ServoFirmware: Application {
 
     /// The power stage has gone off.
     fn switched_off(&mut self);
+
+    /// Brakes with the quick stop ramp; what moves by command is over.
+    fn brake(&mut self);
+
+    /// How it reacts to an error of a class.
+    fn reaction(&self, class: ErrorClass) -> ErrorClass {
+        class
+    }
+
+    /// A warning has been raised.
+    fn warned(&mut self, warning: Self::Error);
+
+    /// An error stops it: what a maker has besides to show that.
+    fn failed(&mut self, _: Self::Error) {}
+
+    /// Warnings are to be forgotten.
+    fn forget_warnings(&mut self) {}
+
+    /// An error has been reset.
+    fn error_reset(&mut self) {}
 
     /// The control supply is gone: what not every servo drive has is forgotten as well.
     fn forget_own(&mut self) {}
@@ -99,7 +157,10 @@ pub trait ServoFirmware: Application {
         if step % SPEED_STEPS == 0 {
             let servo = self.servo_mut();
             servo.now = servo.loops.clock.step_end();
+            servo.velocity.take(servo.loops.encoder);
             self.position_step(step);
+            let (reference, limit) = (self.loop_reference(), self.torque_limit());
+            self.servo_mut().loops.position_step(reference, limit);
         }
         let reference = self.loop_reference();
         if self.servo_mut().loops.speed_step(reference) {
@@ -121,8 +182,120 @@ pub trait ServoFirmware: Application {
                 servo.loops.cascade.reset();
                 self.switched_on();
             }
-            (true, false) => self.switched_off(),
+            (true, false) => {
+                servo.braking = false;
+                self.switched_off();
+            }
             _ => {}
+        }
+    }
+
+    /// The changes that need no command: the power stage is on (T4), or its supply fails.
+    fn watch_power(&mut self) {
+        let servo = self.servo();
+        if servo.state.is_powered() {
+            let power_stage = servo.loops.torque_source.power_stage();
+            if !servo.has_mains {
+                self.raise(Self::Error::UNDERVOLTAGE);
+            } else if power_stage.is_some_and(PowerStage::has_overvoltage) {
+                self.raise(Self::Error::OVERVOLTAGE);
+            }
+        } else if servo.state == State::SwitchedOn
+            && servo.enable_at.is_some_and(|at| servo.now >= at)
+        {
+            self.enter(State::OperationEnabled);
+        }
+    }
+
+    /// Takes a controlword, whose rising bit 7 resets an error. Gives the word before, or `None` while an
+    /// error stops the drive, so that it follows no command.
+    fn take(&mut self, word: Controlword) -> Option<Controlword> {
+        let previous = core::mem::replace(&mut self.servo_mut().controlword, word);
+        if word.resets_fault(previous) {
+            self.reset_error();
+        }
+        (!self.servo().is_stopped_by_error()).then_some(previous)
+    }
+
+    /// Follows a command, where it means something. Without a supply the power stage is not switched on.
+    fn follow(&mut self, command: Command) {
+        let servo = self.servo();
+        let Some(to) = commanded(servo.state, command) else {
+            return;
+        };
+        match (servo.state, to) {
+            (_, State::QuickStopActive) => self.quick_stop(),
+            (State::QuickStopActive, State::OperationEnabled) => {
+                if servo.errors.active().is_none() {
+                    self.enter(to);
+                    self.servo_mut().braking = false;
+                }
+            }
+            (_, State::OperationEnabled) => {
+                self.enter(State::SwitchedOn);
+                let servo = self.servo_mut();
+                if servo.has_mains {
+                    let enabled = servo.now + servo.enable_time;
+                    servo.enable_at.get_or_insert(enabled);
+                }
+            }
+            _ => self.enter(to),
+        }
+    }
+
+    /// T11.
+    fn quick_stop(&mut self) {
+        self.enter(State::QuickStopActive);
+        self.servo_mut().braking = true;
+        self.brake();
+    }
+
+    /// What brakes by itself has come to rest (T14).
+    fn end_braking(&mut self) {
+        self.servo_mut().braking = false;
+        if self.servo().state == State::FaultReactionActive {
+            self.enter(State::Fault);
+        }
+    }
+
+    /// Raises an error and reacts as its class says (T13). The first one is the one to tell, unless a worse
+    /// one follows.
+    fn raise(&mut self, error: Self::Error) {
+        if error.class() == ErrorClass::Warning {
+            self.warned(error);
+            return;
+        }
+        let servo = self.servo_mut();
+        if servo.errors.active_class() >= Some(error.class()) {
+            return;
+        }
+        servo.errors.begin(error);
+        self.failed(error);
+        let is_powered = self.servo().state.is_powered();
+        match self.reaction(error.class()) {
+            ErrorClass::QuickStop if is_powered => self.quick_stop(),
+            ErrorClass::StopAndSwitchOff if is_powered => {
+                self.enter(State::FaultReactionActive);
+                self.servo_mut().braking = true;
+                self.brake();
+            }
+            _ => self.enter(State::Fault),
+        }
+    }
+
+    /// Resets warnings, and the error whose cause is gone (T15).
+    fn reset_error(&mut self) {
+        self.forget_warnings();
+        let servo = self.servo_mut();
+        let is_in_vain = servo.cause_persists || servo.state == State::FaultReactionActive;
+        match servo.errors.active_class() {
+            None | Some(ErrorClass::Fatal) => return,
+            Some(_) if is_in_vain => return,
+            Some(_) => servo.errors.reset(servo.tells_reset),
+        }
+        self.error_reset();
+        if self.servo().state == State::Fault {
+            self.enter(State::SwitchOnDisabled);
         }
     }
 }
@@ -172,6 +345,8 @@ impl<D: ServoFirmware> Firmware for D {
                 servo.controlword = Controlword::ENABLE_OPERATION;
                 self.enter(State::OperationEnabled);
             }
+            Disturbance::Fault(class) => self.raise(D::Error::of(class)),
+            Disturbance::EnableTime(time) => servo.enable_time = time,
             own => self.disturb_own(own),
         }
     }

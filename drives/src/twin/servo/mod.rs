@@ -3,11 +3,12 @@
 //! - [`cascade`]: position loop, speed loop, torque limit; [`filter`]: its filters
 //! - [`power_stage`]: current loop, voltage and DC bus, overload
 //! - [`clock`]: what paces them: the drive's own oscillator, free or locked to SYNC
-//! - [`encoder`], [`shaft`]: what the loops read, and what they move
+//! - [`encoder`], [`shaft`]: what the loops read, and what they move; [`velocity`]: what is measured of it
 //! - [`motor`]: generic sets of figures
 //! - [`ramp`]: the drive's own profile generator
 //! - [`errors`]: what is wrong, and how it is told
-//! - [`firmware`]: what stands between them and the node
+//! - [`firmware`]: what stands between them and the node, with the state machine of CiA 402;
+//!   [`lasting`]: the time that something has to be so
 //!
 //! [`loops`] puts them together in the order of one step of its speed loop: the cascade turns the
 //! last reading into a torque, the power stage makes of it what current and voltage allow, the shaft moves
@@ -19,8 +20,10 @@ pub mod encoder;
 pub mod errors;
 pub mod filter;
 pub mod firmware;
+pub mod lasting;
 pub mod loops;
 pub mod motor;
 pub mod power_stage;
 pub mod ramp;
 pub mod shaft;
+pub mod velocity;

@@ -9,27 +9,20 @@ use super::settings::{INCREMENTS_PER_REVOLUTION, RPM, Settings};
 use super::signals::{Captures, Inputs, Switches};
 use crate::twin::device::Disturbance;
 use crate::twin::node::Firmware;
-use crate::twin::servo::cascade::{POSITION_STEP_NS, Reference};
+use crate::twin::servo::cascade::{POSITION_STEP, Reference};
 use crate::twin::servo::clock::Clock;
 use crate::twin::servo::encoder::Encoder;
 use crate::twin::servo::firmware::{Servo, ServoFirmware};
+use crate::twin::servo::lasting::Lasting;
 use crate::twin::servo::loops::Loops;
-use crate::twin::servo::power_stage::PowerStage;
 use crate::twin::servo::ramp::Ramp;
 use crate::twin::servo::shaft::Shaft;
+use crate::twin::servo::velocity::VelocityMeter;
 use std::collections::VecDeque;
 use syncline_canopen::cia402::State;
 use syncline_canopen::dictionary::Dictionary;
 use syncline_canopen::time::Duration;
 use syncline_canopen::{Address, Instant, nmt};
-
-pub(super) const POSITION_STEP: f64 = POSITION_STEP_NS as f64 * 1e-9;
-
-/// Position steps over which the measured velocity is averaged: 8 ms.
-const VELOCITY_WINDOW: usize = 32;
-
-/// Speed below which the motor counts as standing, increments/s (10 r/min).
-const STANDSTILL: f64 = 10.0 * RPM;
 
 /// A drive without its bus.
 pub struct Drive {
@@ -41,16 +34,10 @@ pub struct Drive {
     pub(super) servo: Servo<DriveError>,
     pub(super) nmt_state: nmt::State,
 
-    /// It brakes by itself: quick stop or fault reaction.
-    pub(super) braking: bool,
-
     /// Encoder reading at user position 0.
     pub(super) zero: i64,
     /// Whether a reference point has been defined.
     pub(super) is_referenced: bool,
-    recent: [i64; VELOCITY_WINDOW],
-    recent_place: usize,
-    velocity: f64,
     pub(super) ramp: Ramp,
     pub(super) motion: Motion,
     /// Greatest following error, increments (2013h).
@@ -80,7 +67,7 @@ pub struct Drive {
 
     pub(super) setpoint_acknowledged: bool,
     pub(super) target_reached: bool,
-    settling_since: Option<Instant>,
+    settling: Lasting,
     pub(super) following_error: bool,
     pub(super) movement_failed: bool,
 }
@@ -102,14 +89,15 @@ impl Drive {
             objects,
             policies: config.policies,
             error_memory: VecDeque::new(),
-            servo: Servo::new(loops, State::NotReadyToSwitchOn),
+            servo: Servo::new(
+                loops,
+                State::NotReadyToSwitchOn,
+                config.policies.enable_time,
+                config.policies.emcy_on_reset,
+            ),
             nmt_state: nmt::State::Initialising,
-            braking: false,
             zero: 0,
             is_referenced: false,
-            recent: [encoder; VELOCITY_WINDOW],
-            recent_place: 0,
-            velocity: 0.0,
             ramp: Ramp::at(encoder as f64),
             motion: Motion::Hold,
             peak_error: 0.0,
@@ -130,7 +118,7 @@ impl Drive {
             pulse_frequency: 0.0,
             setpoint_acknowledged: false,
             target_reached: false,
-            settling_since: None,
+            settling: Lasting::default(),
             following_error: false,
             movement_failed: false,
         }
@@ -141,7 +129,7 @@ impl Drive {
     /// The direction of rotation has changed (5141): where it is counts the other way.
     pub(super) fn turn_round(&mut self) {
         self.servo.loops.turn_to(self.settings.direction);
-        self.recent = [self.servo.loops.encoder; VELOCITY_WINDOW];
+        self.servo.velocity = VelocityMeter::at(self.servo.loops.encoder);
         self.ramp = Ramp::at(self.servo.loops.encoder as f64);
     }
 
@@ -172,19 +160,11 @@ impl Drive {
     // ---- monitoring ----
 
     fn monitor(&mut self) {
-        let power_stage = self.servo.loops.torque_source.power_stage();
-        if power_stage.is_some_and(PowerStage::has_overvoltage) {
-            self.raise(DriveError::OVERVOLTAGE);
-            return;
-        }
         let deviation = (self.ramp.position - self.servo.loops.encoder as f64).abs() - self.lag();
         self.peak_error = self.peak_error.max(deviation);
-        if self.braking {
+        if self.servo.braking {
             if self.is_at_rest() {
-                self.braking = false;
-                if self.servo.state == State::FaultReactionActive {
-                    self.enter(State::Fault);
-                }
+                self.end_braking();
             }
             return;
         }
@@ -207,24 +187,20 @@ impl Drive {
 
     /// Whether reference and motor stand.
     pub(super) fn is_at_rest(&self) -> bool {
-        self.motion == Motion::Hold && self.velocity.abs() < STANDSTILL
+        self.motion == Motion::Hold && self.servo.stands()
     }
 
     /// Increments/s, averaged.
     pub(super) fn actual_velocity(&self) -> f64 {
-        self.velocity
+        self.servo.velocity.velocity()
     }
 
     /// Whether the motor has been within the standstill window of its reference for its time.
     pub(super) fn has_settled(&mut self) -> bool {
         let deviation = (self.ramp.position - self.servo.loops.encoder as f64).abs();
-        if !self.is_at_rest() || deviation > self.settings.window {
-            self.settling_since = None;
-            return false;
-        }
-        let since = *self.settling_since.get_or_insert(self.servo.now);
+        let is_there = self.is_at_rest() && deviation <= self.settings.window;
         let time = Duration::from_millis(self.settings.window_ms);
-        self.servo.now.saturating_since(since) >= time
+        self.settling.for_time(time, self.servo.now, is_there)
     }
 
     // ---- movement ----
@@ -235,7 +211,7 @@ impl Drive {
         self.begun |= 1 << self.movement as u8;
         self.target_reached = false;
         self.movement_failed = false;
-        self.settling_since = None;
+        self.settling = Lasting::default();
     }
 
     /// Brings the motor to rest with a deceleration in increments/s².
@@ -306,7 +282,7 @@ impl Drive {
             (0x2072, encoder as i64),
             (0x2073, error),
             (0x2074, rpm(self.ramp.velocity)),
-            (0x2075, rpm(self.velocity)),
+            (0x2075, rpm(self.actual_velocity())),
             (0x2076, current),
             (0x2077, current),
             (0x2078, within),
@@ -323,8 +299,8 @@ impl Drive {
             (0x6061, self.mode as i64),
             (0x6063, encoder as i64),
             (0x6064, position),
-            (0x6069, libm::round(self.velocity) as i64),
-            (0x606C, user_velocity(self.velocity)),
+            (0x6069, libm::round(self.actual_velocity()) as i64),
+            (0x606C, user_velocity(self.actual_velocity())),
             (0x60F4, libm::round(error as f64 / settings.position) as i64),
             (0x60FD, self.input_image().into()),
         ];
@@ -359,13 +335,6 @@ impl ServoFirmware for Drive {
     }
 
     fn position_step(&mut self, _: u32) {
-        let oldest = core::mem::replace(
-            &mut self.recent[self.recent_place],
-            self.servo.loops.encoder,
-        );
-        self.recent_place = (self.recent_place + 1) % VELOCITY_WINDOW;
-        let moved = (self.servo.loops.encoder - oldest) as f64;
-        self.velocity = moved / (POSITION_STEP * VELOCITY_WINDOW as f64);
         self.change_state();
         self.watch_captures();
         if self.is_powered() {
@@ -376,8 +345,6 @@ impl ServoFirmware for Drive {
             self.change_mode();
             self.ramp = Ramp::at(self.servo.loops.encoder as f64);
         }
-        let limit = self.servo.loops.torque_source.torque_limit();
-        self.servo.loops.position_step(self.loop_reference(), limit);
     }
 
     fn switched_on(&mut self) {
@@ -389,7 +356,27 @@ impl ServoFirmware for Drive {
     fn switched_off(&mut self) {
         self.end_movement();
         self.motion = Motion::Hold;
-        self.braking = false;
+    }
+
+    /// The movement is over.
+    fn brake(&mut self) {
+        self.end_movement();
+        self.stop(self.settings.quick_stop);
+    }
+
+    fn warned(&mut self, warning: DriveError) {
+        self.servo.errors.tell(warning);
+        self.show_error(warning);
+    }
+
+    fn failed(&mut self, error: DriveError) {
+        self.show_error(error);
+        self.movement_failed = true;
+    }
+
+    fn error_reset(&mut self) {
+        self.movement_failed = false;
+        self.latched_signals = 0;
     }
 
     fn forget_own(&mut self) {
@@ -398,11 +385,6 @@ impl ServoFirmware for Drive {
 
     fn disturb_own(&mut self, disturbance: Disturbance) {
         match disturbance {
-            Disturbance::Fault(class) => self.raise(DriveError {
-                class,
-                ..DriveError::FOLLOWING_ERROR
-            }),
-            Disturbance::EnableTime(time) => self.policies.enable_time = time,
             Disturbance::Remote(remote) => self.take_control(remote),
             Disturbance::Vendor(id) => self.preset(Address::new(0x1018, 1), id.into()),
             // Its inputs are set by [`Twin::set_inputs`].

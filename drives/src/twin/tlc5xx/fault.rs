@@ -37,10 +37,6 @@ impl DriveError {
         Self::new(ErrorClass::QuickStop, 0xFF02, register::MANUFACTURER);
     /// Homing did not find what it searched for, or cannot be done.
     pub const HOMING_FAILED: Self = Self::new(ErrorClass::QuickStop, 0xFF03, register::PROFILE);
-    /// The power supply is gone while the power stage is on.
-    pub const UNDERVOLTAGE: Self = Self::new(ErrorClass::SwitchOff, 0x3120, register::VOLTAGE);
-    /// Braking brought more into the DC bus than its resistor takes.
-    pub const OVERVOLTAGE: Self = Self::new(ErrorClass::SwitchOff, 0x3210, register::VOLTAGE);
 
     const fn new(class: ErrorClass, code: u16, register: u8) -> Self {
         Self {
@@ -63,6 +59,16 @@ impl DriveError {
 }
 
 impl ServoError for DriveError {
+    const UNDERVOLTAGE: Self = Self::new(ErrorClass::SwitchOff, 0x3120, register::VOLTAGE);
+    const OVERVOLTAGE: Self = Self::new(ErrorClass::SwitchOff, 0x3210, register::VOLTAGE);
+
+    fn of(class: ErrorClass) -> Self {
+        Self {
+            class,
+            ..Self::FOLLOWING_ERROR
+        }
+    }
+
     fn class(&self) -> ErrorClass {
         self.class
     }

@@ -3,6 +3,7 @@
 use super::drive::Drive;
 use super::fault::DriveError;
 use super::settings::INCREMENTS_PER_REVOLUTION;
+use crate::twin::servo::firmware::ServoFirmware;
 use core::ops::Range;
 
 /// Bits of 2046h, 2047h, 2048h and of the states of the modes (10276, 12251).

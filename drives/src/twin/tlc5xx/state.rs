@@ -3,9 +3,6 @@
 use super::drive::Drive;
 use super::fault::DriveError;
 use super::policy::{Bit9, FaultBits};
-use crate::twin::ErrorClass;
-use crate::twin::cia402::commanded;
-use crate::twin::node::Firmware;
 use crate::twin::servo::firmware::ServoFirmware;
 use syncline_canopen::cia402::{Command, Controlword, State, Statusword};
 
@@ -20,25 +17,15 @@ impl Drive {
             State::ReadyToSwitchOn | State::SwitchedOn if !self.servo.has_mains => {
                 self.enter(State::SwitchOnDisabled);
             }
-            state if state.is_powered() && !self.servo.has_mains => {
-                self.raise(DriveError::UNDERVOLTAGE);
-            }
-            State::SwitchedOn if self.servo.enable_at.is_some_and(|at| self.servo.now >= at) => {
-                self.enter(State::OperationEnabled);
-            }
-            _ => {}
+            _ => self.watch_power(),
         }
     }
 
     /// A controlword (2709-2728). From 4 to 6 in one word, as the examples do (3493).
     pub(super) fn command(&mut self, word: Controlword) {
-        let previous = core::mem::replace(&mut self.servo.controlword, word);
-        if word.resets_fault(previous) {
-            self.reset_fault();
-        }
-        if matches!(self.servo.state, State::FaultReactionActive | State::Fault) {
+        let Some(previous) = self.take(word) else {
             return;
-        }
+        };
         if let Some(command) = word.command() {
             self.transit(command);
         }
@@ -48,7 +35,7 @@ impl Drive {
     /// 2040h of the manufacturer's modes (10028-10040): a bit is a command by itself.
     pub(super) fn command_manufacturer(&mut self, bits: i64) {
         if bits & 1 << 3 != 0 {
-            self.reset_fault();
+            self.reset_error();
         }
         if matches!(self.servo.state, State::FaultReactionActive | State::Fault) {
             return;
@@ -65,40 +52,11 @@ impl Drive {
         }
     }
 
+    /// Without DC bus voltage state 3 is not left.
     fn transit(&mut self, command: Command) {
-        let to = match (command, self.servo.state) {
-            (Command::Shutdown, State::SwitchOnDisabled) if !self.servo.has_mains => return,
-            (Command::EnableOperation, State::QuickStopActive)
-                if self.servo.errors.active().is_some() =>
-            {
-                return;
-            }
-            (command, state) => commanded(state, command),
-        };
-        match (self.servo.state, to) {
-            (_, None) => {}
-            (_, Some(State::QuickStopActive)) => {
-                self.enter(State::QuickStopActive);
-                self.quick_stop();
-            }
-            (State::QuickStopActive, Some(State::OperationEnabled)) => {
-                self.enter(State::OperationEnabled);
-                self.braking = false;
-            }
-            (_, Some(State::OperationEnabled)) => {
-                self.enter(State::SwitchedOn);
-                let enabled = self.servo.now + self.policies.enable_time;
-                self.servo.enable_at.get_or_insert(enabled);
-            }
-            (_, Some(to)) => self.enter(to),
+        if self.servo.state != State::SwitchOnDisabled || self.servo.has_mains {
+            self.follow(command);
         }
-    }
-
-    /// Brakes with the quick stop ramp; the movement is over.
-    pub(super) fn quick_stop(&mut self) {
-        self.end_movement();
-        self.braking = true;
-        self.stop(self.settings.quick_stop);
     }
 
     /// A local unit takes control, or the fieldbus has it (again): free access is granted unless
@@ -108,60 +66,13 @@ impl Drive {
         self.servo.remote = remote || is_reserved;
     }
 
-    /// Raises an error and reacts as its class says.
-    pub(super) fn raise(&mut self, error: DriveError) {
-        if error.class == ErrorClass::Warning {
-            self.servo.errors.tell(error);
-            self.show_error(error);
-            return;
-        }
-        // The first error is the one to tell, unless a worse one follows.
-        if self.servo.errors.active_class() >= Some(error.class) {
-            return;
-        }
-        self.servo.errors.begin(error);
-        self.show_error(error);
-        let is_powered = self.is_powered();
-        match error.class {
-            ErrorClass::QuickStop if is_powered => {
-                self.enter(State::QuickStopActive);
-                self.quick_stop();
-            }
-            ErrorClass::StopAndSwitchOff if is_powered => {
-                self.enter(State::FaultReactionActive);
-                self.quick_stop();
-            }
-            _ => self.enter(State::Fault),
-        }
-        self.movement_failed = true;
-    }
-
     /// 603Fh and 2400h, whose order the manual does not state: the newest first.
-    fn show_error(&mut self, error: DriveError) {
+    pub(super) fn show_error(&mut self, error: DriveError) {
         self.error_memory.truncate(ERROR_MEMORY - 1);
         self.error_memory.push_front(error.code);
         self.objects.put(0x603F, 0, error.code.into());
         for (place, &code) in self.error_memory.iter().enumerate() {
             self.objects.put(0x2400, place as u8 + 1, code.into());
-        }
-    }
-
-    /// T15, and out of a quick stop that an error made.
-    fn reset_fault(&mut self) {
-        let Some(class) = self.servo.errors.active_class() else {
-            return;
-        };
-        if class == ErrorClass::Fatal
-            || self.servo.cause_persists
-            || self.servo.state == State::FaultReactionActive
-        {
-            return;
-        }
-        self.servo.errors.reset(self.policies.emcy_on_reset);
-        self.movement_failed = false;
-        self.latched_signals = 0;
-        if self.servo.state == State::Fault {
-            self.enter(State::SwitchOnDisabled);
         }
     }
 
@@ -193,8 +104,7 @@ impl Drive {
             (bit_12, Statusword::MODE_12),
             (bit_13, Statusword::BIT_13),
         ];
-        let flags = flags.iter().filter(|(set, _)| *set);
-        Statusword(flags.fold(state, |word, (_, bit)| word | bit))
+        Statusword::of(state, &flags)
     }
 
     /// 2041h (2877-2903).

@@ -386,8 +386,7 @@ impl Drive {
             (bit_12, Statusword::MODE_12),
             (bit_13, Statusword::BIT_13),
         ];
-        let flags = flags.iter().filter(|(set, _)| *set);
-        Statusword(flags.fold(state, |word, (_, bit)| word | bit))
+        Statusword::of(state, &flags)
     }
 
     /// Actual position and velocity: the rotor's where 608Fh:1 says that there is an encoder, the

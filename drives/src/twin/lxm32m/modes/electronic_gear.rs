@@ -1,8 +1,9 @@
 //! Electronic Gear (lxm32m 1449-1481): the motor follows the pulse source.
 
 use super::Mode;
-use crate::twin::lxm32m::drive::{Drive, POSITION_STEP};
+use crate::twin::lxm32m::drive::Drive;
 use crate::twin::lxm32m::motion::Motion;
+use crate::twin::servo::cascade::POSITION_STEP;
 use crate::twin::servo::ramp::Ramp;
 
 /// 301Bh:12 `GEARreference` (lxm32m 1461).

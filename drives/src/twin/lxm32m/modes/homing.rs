@@ -5,6 +5,7 @@ use crate::twin::lxm32m::fault::DriveError;
 use crate::twin::lxm32m::motion::Motion;
 use crate::twin::lxm32m::switches::Switch;
 use crate::twin::lxm32m::units::INCREMENTS_PER_REVOLUTION;
+use crate::twin::servo::firmware::ServoFirmware;
 use syncline_canopen::dictionary::Row;
 
 /// How a method finds its reference point.

@@ -1,13 +1,14 @@
 //! Interpolated Position (lxm32m 1596-1660): one setpoint a SYNC cycle.
 
 use super::Mode;
-use crate::twin::lxm32m::drive::{Drive, POSITION_STEP};
+use crate::twin::lxm32m::drive::Drive;
 use crate::twin::lxm32m::fault::DriveError;
 use crate::twin::lxm32m::motion::Motion;
 use crate::twin::lxm32m::policy::SetpointGap;
 use crate::twin::lxm32m::synchronisation::SyncStatus;
 use crate::twin::lxm32m::units::INCREMENTS_PER_REVOLUTION;
-use crate::twin::servo::cascade::{POSITION_STEP_NS, SPEED_STEPS};
+use crate::twin::servo::cascade::{POSITION_STEP, POSITION_STEP_NS, SPEED_STEPS};
+use crate::twin::servo::firmware::ServoFirmware;
 use syncline_canopen::Instant;
 use syncline_canopen::cia402::{Controlword, State};
 use syncline_canopen::node::Origin;

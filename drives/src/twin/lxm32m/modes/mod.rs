@@ -144,7 +144,7 @@ impl Drive {
             return;
         }
         if self.is_powered() && !self.is_at_rest() {
-            if !self.quick_stopping {
+            if !self.servo.braking {
                 self.end_mode();
                 self.stop(self.profile_deceleration());
             }

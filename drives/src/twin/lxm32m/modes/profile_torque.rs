@@ -1,9 +1,10 @@
 //! Profile Torque (lxm32m 1483-1515).
 
 use super::Mode;
-use crate::twin::lxm32m::drive::{Drive, POSITION_STEP};
+use crate::twin::lxm32m::drive::Drive;
 use crate::twin::lxm32m::motion::Motion;
 use crate::twin::lxm32m::units::INCREMENTS_PER_REVOLUTION;
+use crate::twin::servo::cascade::POSITION_STEP;
 
 impl Drive {
     /// 6071h was written, in 0.1 % of the continuous stall torque.

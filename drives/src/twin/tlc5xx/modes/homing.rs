@@ -5,6 +5,7 @@
 //! search for REF that meets a limit switch turns round once, an assumption.
 
 use super::Movement;
+use crate::twin::servo::firmware::ServoFirmware;
 use crate::twin::tlc5xx::drive::Drive;
 use crate::twin::tlc5xx::fault::DriveError;
 use crate::twin::tlc5xx::motion::Motion;

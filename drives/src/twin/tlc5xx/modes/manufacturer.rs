@@ -1,8 +1,9 @@
 //! The manufacturer's modes (3006-3025): their starting objects and what they show.
 
 use super::{Homing, Mode, Movement};
+use crate::twin::servo::cascade::POSITION_STEP;
 use crate::twin::servo::ramp::Limits;
-use crate::twin::tlc5xx::drive::{Drive, POSITION_STEP};
+use crate::twin::tlc5xx::drive::Drive;
 use crate::twin::tlc5xx::motion::Motion;
 use crate::twin::tlc5xx::settings::{RPM, Settings};
 use syncline_canopen::node::Origin;

@@ -2,6 +2,7 @@
 //! that are like them.
 
 use super::{Mode, Movement};
+use crate::twin::servo::firmware::ServoFirmware;
 use crate::twin::servo::ramp::Limits;
 use crate::twin::tlc5xx::drive::Drive;
 use crate::twin::tlc5xx::fault::DriveError;
