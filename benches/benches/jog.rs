@@ -45,7 +45,14 @@ fn main() {
         let plans = if apart { N.div_ceil(PLANS) } else { 1 };
         for _ in 0..5_000 {
             let to = std::array::from_fn(|_| Some(200.0 * (2.0 * next() - 1.0)));
-            let jog = if apart { Jog::To(to) } else { Jog::Line(to) };
+            let jog = if apart {
+                Jog::To(to)
+            } else {
+                Jog::Line {
+                    to,
+                    speed: f64::INFINITY,
+                }
+            };
             let begin = thread_time();
             plan.jog(jog, &[Some(travel); N])
                 .expect("inside its travel");

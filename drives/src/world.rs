@@ -32,12 +32,17 @@
 //! # Ok::<(), &str>(())
 //! ```
 
+mod probe;
+
 use crate::bus::{Band, BitRate, Node, Received, SimBus, Transmission};
 use crate::mechanics::{Load, Mechanics, Motion};
 use crate::twin::SimulatedDevice;
 use crate::twin::servo::shaft::Shaft;
+use probe::Probing;
 use syncline_canopen::time::Duration;
 use syncline_canopen::{Frame, Instant, NodeId, Transmit};
+
+pub use probe::{FittedProbe, ProbeDrive, ProbeWire};
 
 /// Between two points of the grid on which coupled shafts move: a nominal step of a speed loop.
 pub const GRID: Duration = Duration::from_nanos(62_500);
@@ -161,6 +166,14 @@ impl World {
         }
     }
 
+    /// Fits a probe that touches work pieces, before time passes.
+    ///
+    /// # Panics
+    /// If a device that moves it has no shaft: once time passes.
+    pub fn fit_probe(&mut self, probe: FittedProbe) {
+        self.couplings.probes.push(Probing::new(probe));
+    }
+
     /// The device with this node id on a bus, by that bus' place in the order in which they were added.
     #[must_use]
     pub fn find(&self, bus: usize, node: NodeId) -> Option<DeviceId> {
@@ -262,10 +275,8 @@ impl Hosted {
         places: &[usize],
         watched: &[usize],
     ) {
-        let devices = |places: &[usize]| -> Vec<DeviceId> {
-            let places = places.iter();
-            places.map(|&place| DeviceId { bus: 0, place }).collect()
-        };
+        let devices =
+            |places: &[usize]| -> Vec<DeviceId> { places.iter().copied().map(Self::at).collect() };
         let coupling = Coupling::new(Box::new(mechanics), &devices(places), &devices(watched));
         self.couplings.add(coupling, &mut self.devices[..]);
     }
@@ -275,8 +286,22 @@ impl Hosted {
     /// # Panics
     /// If one of them has no shaft.
     pub fn follow(&mut self, follower: usize, leader: usize, ratio: f64) {
-        let [follower, leader] = [follower, leader].map(|place| DeviceId { bus: 0, place });
+        let [follower, leader] = [follower, leader].map(Self::at);
         (self.couplings).follow(follower, leader, ratio, &mut self.devices[..]);
+    }
+
+    /// Fits a probe that touches work pieces, as [`World::fit_probe`] does.
+    ///
+    /// # Panics
+    /// If a device that moves it has no shaft: once time passes.
+    pub fn fit_probe(&mut self, probe: FittedProbe) {
+        self.couplings.probes.push(Probing::new(probe));
+    }
+
+    /// The device at a place among those that it was made of.
+    #[must_use]
+    pub fn at(place: usize) -> DeviceId {
+        DeviceId { bus: 0, place }
     }
 
     /// Lets all that is due until `now` happen, each at its own instant.
@@ -334,6 +359,7 @@ struct Couplings {
     next: Instant,
     couplings: Vec<Coupling>,
     followers: Vec<Follower>,
+    probes: Vec<Probing>,
 }
 
 /// A shaft that another one turns.
@@ -366,11 +392,12 @@ impl Couplings {
             next: Instant::ZERO + step,
             couplings: Vec::new(),
             followers: Vec::new(),
+            probes: Vec::new(),
         }
     }
 
     fn is_empty(&self) -> bool {
-        self.couplings.is_empty() && self.followers.is_empty()
+        self.couplings.is_empty() && self.followers.is_empty() && self.probes.is_empty()
     }
 
     /// The next point of the grid, if anything moves on it.
@@ -421,6 +448,9 @@ impl Couplings {
             }
             for follower in &self.followers {
                 follower.step(self.next, devices);
+            }
+            for probe in &mut self.probes {
+                probe.step(self.next, devices);
             }
             self.next += self.step;
         }

@@ -57,6 +57,16 @@ pub enum Action {
         /// How fast.
         feed: Feed,
     },
+    /// Straight towards a point at a feed until the probe's contact changes (G38.2 … G38.5). The program goes on
+    /// once it is known what came of it.
+    Probe {
+        /// Where to at most.
+        to: Point,
+        /// How fast.
+        feed: Feed,
+        /// What is looked for.
+        probe: Probe,
+    },
     /// Rest for a time (G4), s.
     Dwell {
         /// How long, s; may be zero.
@@ -92,6 +102,15 @@ pub enum Feed {
     Rate(f64),
     /// G93: the whole move takes this time, s.
     Duration(f64),
+}
+
+/// What a probing looks for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Probe {
+    /// The loss of contact (G38.4, G38.5), not contact (G38.2, G38.3).
+    pub away: bool,
+    /// Not to find it is an error (G38.2, G38.4).
+    pub required: bool,
 }
 
 /// Why a program stops in the middle.

@@ -166,8 +166,6 @@ pub enum Fault {
          does not come"
     )]
     InputResult,
-    #[error("there is no probe, and no result of one: remove #{0}")]
-    ProbeResult(usize),
     #[error("parameter {0} cannot be set: it shows the machine's state")]
     ParameterReadOnly(String),
     #[error("no result: a division by zero, or a value that the function is not defined for")]
@@ -299,6 +297,25 @@ pub enum Fault {
         least: f64,
         greatest: f64,
     },
+
+    // Probing.
+    #[error("{code} needs a probe: give an [[input]] of the machine file `function = \"probe\"`")]
+    NoProbe { code: Code },
+    #[error("{code} has no axis words: write where the probing ends at the latest")]
+    ProbeNowhere { code: Code },
+    #[error("{code} ends where it begins: write a place at least 0.254 mm (0.01 inch) away")]
+    ProbeTooShort { code: Code },
+    #[error("{code} does not turn {axis}: move it there before")]
+    ProbeTurns { code: Code, axis: Axis },
+    #[error("{code} is not possible under G93: write G94 and a feed per minute")]
+    ProbeInverseTime { code: Code },
+    #[error("{code} is not possible while G41 or G42 is on: write G40 and a line before")]
+    ProbeCompensated { code: Code },
+    #[error(
+        "line {line} is behind a probing, and what that would find is not known: begin where the probing is, \
+         or before"
+    )]
+    BeginProbed { line: u32 },
 
     // Splines.
     #[error("{code} is a curve in X and Y: write G17 before")]

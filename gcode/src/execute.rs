@@ -345,10 +345,8 @@ impl State {
 impl Scope for State {
     fn numbered(&self, index: f64) -> Result<f64, Fault> {
         let index = parameters::index(index)?;
-        match index {
-            5061..=5070 => return Err(Fault::ProbeResult(index)),
-            5399 => return Err(Fault::InputResult),
-            _ => {}
+        if index == 5399 {
+            return Err(Fault::InputResult);
         }
         Ok(self
             .system(index)

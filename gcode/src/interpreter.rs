@@ -18,13 +18,15 @@ use super::lexer::Columns;
 use super::memory::Memory;
 use super::modal::Modes;
 use super::outputs::PassedOutputs;
+use super::probe::Probed;
 use super::source::{Input, Lines, MAX_LINE, Read1};
 use super::tables::Tables;
 
 /// Interprets a program block by block: an iterator of its commands, with memory for one block.
 ///
 /// The last command is [`Action::End`]; an error is the last item, and nothing of its block was
-/// handed out before it.
+/// handed out before it. Behind [`Action::Probe`] nothing comes before it is known what came of that
+/// ([`probed`](Self::probed)).
 pub struct Interpreter {
     /// The program, then the files of subroutines that it called.
     pub(super) files: Vec<ProgramFile>,
@@ -59,6 +61,8 @@ pub struct Interpreter {
     pub(super) words_seen: bool,
     /// Whether the program began with `%`.
     percent: bool,
+    /// A probing was handed out, and it is not known what came of it.
+    awaits_probe: bool,
     /// M2, or what is as good.
     program_ended: bool,
     ended: bool,
@@ -129,6 +133,7 @@ impl Interpreter {
             started: false,
             words_seen: false,
             percent: false,
+            awaits_probe: false,
             program_ended: false,
             ended: false,
         }
@@ -161,6 +166,18 @@ impl Interpreter {
     /// the line.
     pub fn pending(&self) -> impl Iterator<Item = &Action> {
         self.pending.iter().map(|command| &command.action)
+    }
+
+    /// Whether a probing was handed out, and it is not known what came of it.
+    pub fn awaits_probe(&self) -> bool {
+        self.awaits_probe
+    }
+
+    /// Goes on behind a probing that was handed out.
+    pub fn probed(&mut self, probed: Probed) {
+        self.awaits_probe = false;
+        self.state.probed(probed);
+        (self.settled_at, self.idle_at) = (probed.at, probed.at);
     }
 
     /// Offsets, reference points and tools as the program left them so far. The caller saves them
@@ -233,6 +250,12 @@ impl Interpreter {
                 break;
             }
             self.step()?;
+            if (self.pending()).any(|action| matches!(action, Action::Probe { .. })) {
+                return Err(Refusal::new(
+                    self.block.columns(),
+                    Fault::BeginProbed { line },
+                ));
+            }
             for command in self.pending.drain(..) {
                 outputs.pass(&command.action);
             }
@@ -397,7 +420,9 @@ impl Interpreter {
         }
         for action in self.actions.drain(..) {
             match &action {
-                Action::Rapid { to } | Action::Feed { to, .. } => self.settled_at = *to,
+                Action::Rapid { to } | Action::Feed { to, .. } | Action::Probe { to, .. } => {
+                    self.settled_at = *to;
+                }
                 Action::Arc { arc, .. } => self.settled_at = arc.to,
                 Action::Spline { spline, .. } => self.settled_at = spline.to,
                 _ => {}
@@ -460,6 +485,9 @@ impl Iterator for Interpreter {
     type Item = Result<Command, Error>;
 
     fn next(&mut self) -> Option<Self::Item> {
+        if self.awaits_probe {
+            return None;
+        }
         if let Err(refusal) = self.advance() {
             return Some(Err(self.error(refusal)));
         }
@@ -468,6 +496,10 @@ impl Iterator for Interpreter {
             Action::Rapid { to } | Action::Feed { to, .. } => (*to, *to != self.idle_at),
             Action::Arc { arc, .. } => (arc.to, true),
             Action::Spline { spline, .. } => (spline.to, true),
+            Action::Probe { .. } => {
+                self.awaits_probe = true;
+                (self.idle_at, true)
+            }
             Action::Dwell { .. } | Action::Stop(_) => (self.idle_at, true),
             _ => (self.idle_at, false),
         };

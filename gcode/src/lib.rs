@@ -35,6 +35,7 @@ mod offsets;
 mod outputs;
 mod parameters;
 mod parser;
+mod probe;
 mod rational;
 mod saved;
 mod source;
@@ -48,7 +49,7 @@ pub use arc::{Arc, Direction, Plane, RADIUS_RATIO, RADIUS_TOLERANCE};
 pub use axes::{Axis, AxisSet, Point};
 pub use command::{
     ANALOG_OUTPUTS, Action, Command, Coolant, DIGITAL_INPUTS, DIGITAL_OUTPUTS, Feed, InputWait,
-    Output, PathMode, Span, Spindle, Stop, Turning, Until,
+    Output, PathMode, Probe, Span, Spindle, Stop, Turning, Until,
 };
 pub use coordinates::WorkCoordinates;
 pub use cycles::Cycle;
@@ -57,6 +58,7 @@ pub use interpreter::Interpreter;
 pub use lexer::Columns;
 pub use memory::Memory;
 pub use modal::{Code, Modes, Motion, ProgrammedFeed};
+pub use probe::Probed;
 pub use source::{Input, MAX_LINE};
 pub use spline::Spline;
 pub use tables::{Tables, TablesError, Tool};
@@ -86,6 +88,8 @@ pub struct Setup {
     pub typed: bool,
     /// Digital inputs that M66 can wait for: bit 0 is P0.
     pub inputs: u64,
+    /// Whether there is a probe for G38.2 to G38.5.
+    pub has_probe: bool,
     /// Least and greatest S beside 0, 1/min.
     pub spindle_speeds: Option<(f64, f64)>,
     /// Skip blocks that begin with `/`.
@@ -111,6 +115,7 @@ impl Setup {
             memory: Memory::default(),
             typed: false,
             inputs: 0,
+            has_probe: false,
             spindle_speeds: None,
             block_delete: false,
             max_blocks: Some(MAX_BLOCKS),

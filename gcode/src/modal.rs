@@ -3,7 +3,7 @@
 use std::fmt;
 
 use super::arc::{Direction, Plane};
-use super::command::{Coolant, PathMode, Spindle, Turning};
+use super::command::{Coolant, PathMode, Probe, Spindle, Turning};
 use super::cycles::Cycle;
 
 /// A G- or M-code, in tenths: G91.1 is `Code::G(911)`.
@@ -131,7 +131,7 @@ impl Code {
         use Standing::{Refused, Supported, Unknown};
         match self {
             Code::G(tenths) => match tenths {
-                0 | 10 | 20 | 30 | 50..=53 => Supported(Group::Motion),
+                0 | 10 | 20 | 30 | 50..=53 | 382..=385 => Supported(Group::Motion),
                 730 | 800..=830 | 850 | 860 | 890 if tenths % 10 == 0 => Supported(Group::Motion),
                 870 | 880 => Refused("write the moves out"),
                 980 | 990 => Supported(Group::CycleReturn),
@@ -144,7 +144,6 @@ impl Code {
                 171 | 181 | 191 => Refused("planes of U V W have no arcs: use G17, G18 or G19"),
                 200 | 210 => Supported(Group::Units),
                 330 | 331 | 740 | 760 | 840 => Refused(NO_THREAD),
-                382..=385 => Refused("the controller has no probe input"),
                 400 | 410 | 411 | 420 | 421 => Supported(Group::CutterCompensation),
                 430..=432 | 490 => Supported(Group::ToolLength),
                 500 | 510 => Refused(NO_SCALING),
@@ -199,6 +198,8 @@ pub enum Motion {
     Quadratic,
     /// G5.2, until G5.3.
     Nurbs,
+    /// G38.2 … G38.5
+    Probe(Probe),
     /// G73, G81 …
     Cycle(Cycle),
 }
@@ -215,6 +216,9 @@ impl Motion {
             Motion::Cubic => 50,
             Motion::Quadratic => 51,
             Motion::Nurbs => 52,
+            Motion::Probe(Probe { away, required }) => {
+                382 + 2 * u16::from(away) + u16::from(!required)
+            }
             Motion::Cycle(cycle) => cycle.tenths(),
         })
     }

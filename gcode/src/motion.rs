@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 use super::arc::{Arc, Direction, Plane};
 use super::axes::{Axis, COORDINATE_LIMIT, Point};
 use super::block::Block;
-use super::command::{Action, Feed, Stop};
+use super::command::{Action, Feed, Probe, Stop};
 use super::coordinates::sum;
 use super::cycles::Cycle;
 use super::error::{Fault, Refusal};
@@ -39,6 +39,10 @@ impl State {
                 Code::G(50) => Motion::Cubic,
                 Code::G(51) => Motion::Quadratic,
                 Code::G(52) => Motion::Nurbs,
+                Code::G(tenths @ 382..=385) => Motion::Probe(Probe {
+                    away: tenths >= 384,
+                    required: tenths % 2 == 0,
+                }),
                 code => Cycle::of(code.number()).map_or(Motion::None, Motion::Cycle),
             };
         }
@@ -78,6 +82,9 @@ impl State {
                 Motion::Cycle(_) if explicit.is_some() => {
                     Err(Refusal::new(motion_columns, Fault::CycleNowhere { code }))
                 }
+                Motion::Probe(_) if explicit.is_some() => {
+                    Err(Refusal::new(motion_columns, Fault::ProbeNowhere { code }))
+                }
                 _ => Ok(()),
             };
         }
@@ -88,6 +95,9 @@ impl State {
         }
         if let Motion::Cycle(cycle) = motion {
             return self.cycle(cycle, words, motion_columns, commands);
+        }
+        if let Motion::Probe(probe) = motion {
+            return self.probe(probe, words, motion_columns, commands);
         }
         if let Motion::Cubic | Motion::Quadratic | Motion::Nurbs = motion {
             return self.spline(motion, words, motion_columns, commands);
@@ -160,7 +170,9 @@ impl State {
             self.compensated = Compensated::Off;
         }
         match &action {
-            Action::Rapid { to } | Action::Feed { to, .. } => self.at = *to,
+            Action::Rapid { to } | Action::Feed { to, .. } | Action::Probe { to, .. } => {
+                self.at = *to;
+            }
             Action::Arc { arc, .. } => self.at = arc.to,
             Action::Spline { spline, .. } => self.at = spline.to,
             _ => {}
@@ -436,7 +448,9 @@ impl State {
     /// Refuses a motion that leaves the soft limits anywhere.
     pub(crate) fn within_limits(&self, from: &Point, action: &Action) -> Result<(), (Axis, Fault)> {
         for axis in self.setup.axes.iter() {
-            if let Action::Rapid { to } | Action::Feed { to, .. } = action {
+            if let Action::Rapid { to } | Action::Feed { to, .. } | Action::Probe { to, .. } =
+                action
+            {
                 in_range(axis, to[axis]).map_err(|fault| (axis, fault))?;
             }
             let Some((least, greatest)) = self.setup.limits[axis.index()] else {
@@ -445,7 +459,9 @@ impl State {
             let (low, high) = match action {
                 Action::Arc { arc, .. } => arc.extent(axis),
                 Action::Spline { spline, .. } => spline.extent(axis),
-                Action::Rapid { to } | Action::Feed { to, .. } => (to[axis], to[axis]),
+                Action::Rapid { to } | Action::Feed { to, .. } | Action::Probe { to, .. } => {
+                    (to[axis], to[axis])
+                }
                 _ => continue,
             };
             // An axis that rests may stand outside: that is for the caller to judge.

@@ -61,6 +61,13 @@ impl Parameters {
         }
     }
 
+    /// Sets a parameter that programs only read.
+    pub(crate) fn show(&mut self, index: usize, value: f64) {
+        if let Some(parameter) = self.numbered.get_mut(index) {
+            *parameter = value;
+        }
+    }
+
     /// A named parameter: global if its name begins with `_`.
     pub(crate) fn named(&self, name: &str) -> Option<f64> {
         match name {

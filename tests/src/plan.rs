@@ -65,7 +65,9 @@ impl Plan {
             let command = match instruction {
                 Instruction::Plan(command) => command,
                 Instruction::Mark { item, mark, .. } => Command::Mark { item, mark },
-                Instruction::Switch { .. } => continue,
+                Instruction::Switch { .. } | Instruction::Probe(_) | Instruction::Probed(_) => {
+                    continue;
+                }
             };
             match command {
                 Command::Section { .. } => {

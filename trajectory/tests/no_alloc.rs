@@ -72,7 +72,10 @@ fn jogs_allocate_nothing() {
                 speed: 20.0,
             },
             Jog::To([Some(-90.0), None, Some(90.0)]),
-            Jog::Line([Some(20.0), Some(20.0), Some(20.0)]),
+            Jog::Line {
+                to: [Some(20.0), Some(20.0), Some(20.0)],
+                speed: f64::INFINITY,
+            },
         ] {
             executor.jog(jog, &[Some(travel); 3]).unwrap();
             for _ in 0..100 {

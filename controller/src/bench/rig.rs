@@ -3,7 +3,7 @@
 
 use crate::budget::DoesNotFit;
 use crate::control::{Instruction, Layout, layout};
-use crate::machine::{AxisLimits, Homing, HomingPolicy, NotKept};
+use crate::machine::{AxisLimits, Homing, HomingPolicy, NotKept, Probing};
 use crate::port::sim::{self, SimPort};
 use crate::port::{Port, Ports};
 use crate::run::driver::Driver;
@@ -225,6 +225,8 @@ impl Shape {
             stop_together: false,
             shaper: Shaper::none(),
             retraction: None,
+            probing: Probing::default(),
+            probe_captures: vec![None; self.axes],
             lag: self.device(0).drive().map_or(0.0, |drive| drive.latency()),
             buses: budgets
                 .into_iter()

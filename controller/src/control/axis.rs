@@ -635,6 +635,40 @@ impl AxisControl {
         }
     }
 
+    /// Where it is, mm: of a gantry in the middle of its sides.
+    pub(super) fn place(&self, nodes: &[DeviceNode]) -> f64 {
+        let sides = (0..self.sides.len()).map(|side| nodes[self.telling(side)].actual_mm());
+        sides.sum::<f64>() / self.sides.len() as f64
+    }
+
+    /// The least change of its place that its drives tell, mm.
+    pub(super) fn resolution(&self, nodes: &[DeviceNode]) -> f64 {
+        let sides = (0..self.sides.len()).map(|side| nodes[self.telling(side)].scaling());
+        sides
+            .map(|scaling| scaling.resolution())
+            .fold(0.0, f64::max)
+    }
+
+    /// Where it was as all its drives captured the contact of a probe, passed at `speed`, mm/s, and by how much that
+    /// may be off, mm.
+    pub(super) fn captured(
+        &self,
+        speed: f64,
+        layout: &Layout,
+        nodes: &[DeviceNode],
+    ) -> Option<(f64, f64)> {
+        let (mut sum, mut uncertainty) = (0.0, 0.0_f64);
+        for &drive in &self.spec.drives {
+            layout.probe_captures[drive]?;
+            let node = &nodes[drive];
+            let edge = node.captured(speed)?;
+            sum += node.scaling().to_mm(edge.at - node.origin);
+            let off = edge.uncertainty.get() as f64 * node.scaling().resolution();
+            uncertainty = uncertainty.max(off);
+        }
+        Some((sum / self.spec.drives.len() as f64, uncertainty))
+    }
+
     /// Where a side is in the plan's frame, mm; `cycle` is that of the last SYNC.
     fn actual(&self, cycle: u64, side: usize, nodes: &[DeviceNode]) -> f64 {
         if let Some(encoder) = self.loop_encoder() {

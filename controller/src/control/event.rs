@@ -1,12 +1,13 @@
 //! What the controller has to tell, as plain numbers; the text is made outside of the cycle.
 
-use super::fault::{AxisIndex, BusIndex, DeviceIndex, Fault, Names};
+use super::fault::{AxisIndex, BusIndex, DeviceIndex, Fault, Names, TOUCHED};
 use super::functions::Switch;
 use super::homing::{HomingFailure, NotRecalled};
 use super::inputs::InputIndex;
 use super::job::Outcome;
 use super::jogs::HOLD_TO_RUN;
 use super::layout::AxisSpec;
+use super::probing::{KnownBy, ProbeFailure};
 use super::state::State;
 use crate::bus::BusFault;
 use crate::machine::{COORDINATES, Kept};
@@ -147,6 +148,22 @@ pub enum Event {
         /// Why.
         failure: HomingFailure,
     },
+    /// A probing has ended.
+    Probed {
+        /// Program line.
+        line: u32,
+        /// By how much the place of the contact may be off, mm, and by what it is known; `None`: there was none.
+        found: Option<(f64, KnownBy)>,
+    },
+    /// A probing failed; the job is over.
+    ProbingFailed {
+        /// Program line.
+        line: u32,
+        /// Why.
+        failure: ProbeFailure,
+    },
+    /// The probe touched something while the axes moved for something else; they come to rest.
+    Touched,
     /// A continuous jog was not renewed in time: the axis comes to rest.
     JogNotRenewed {
         /// Which axis.
@@ -435,6 +452,15 @@ impl Event {
             | Self::NotRecalled { axis, .. }
             | Self::JogNotRenewed { axis }
             | Self::HomingFailed { axis, .. } => return self.describe_axis(names.axis(axis)),
+            Self::Probed { line, found } => match found {
+                Some((off, by)) => format!("line {line}: contact, known to {off:.4} mm {by}"),
+                None => format!("line {line}: no contact"),
+            },
+            Self::ProbingFailed { line, failure } => {
+                let failure = failure.describe(|axis| names.axis(axis).name.clone());
+                format!("line {line}: {failure}")
+            }
+            Self::Touched => TOUCHED.to_owned(),
             Self::MissedTPdo { device } => format!("{}: T_PDO missing in one cycle", who(device)),
             Self::LateSetpoint { bus, cycle } => format!(
                 "bus {}: the setpoints of cycle {cycle} missed their SYNC",

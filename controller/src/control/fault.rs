@@ -6,6 +6,7 @@ use super::NO_PLAN;
 use super::homing::HomingFailure;
 use super::inputs::InputIndex;
 use super::layout::AxisSpec;
+use super::probing::ProbeFailure;
 use super::setpoint_guard::Quantity;
 use std::fmt;
 use syncline_canopen::NodeId;
@@ -21,6 +22,10 @@ pub type DeviceIndex = usize;
 pub type AxisIndex = usize;
 /// A bus by its place in the machine file.
 pub type BusIndex = usize;
+
+/// The probe touched something that nobody probed.
+pub(super) const TOUCHED: &str = "the probe touched something while nobody probed: move away, and look at probe, \
+                                  program and work";
 
 /// What stopped the machine. It stays stopped until a person starts it again.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -47,6 +52,15 @@ pub enum Fault {
     Unreferenced(AxisIndex),
     /// An axis could not be homed before the program.
     Homing(AxisIndex, HomingFailure),
+    /// The program could not probe.
+    Probing {
+        /// Program line.
+        line: u32,
+        /// Why.
+        failure: ProbeFailure,
+    },
+    /// The probe touched something while the axes moved for something else.
+    Touched,
     /// The path rested in mid-program, nobody held it, and nothing more of its plan came.
     NoPlan,
 }
@@ -435,6 +449,11 @@ impl Fault {
                 names.axis(axis).name
             ),
             Self::Homing(axis, failure) => failure.describe(names.axis(axis)),
+            Self::Probing { line, failure } => {
+                let failure = failure.describe(|axis| names.axis(axis).name.clone());
+                format!("line {line}: {failure}")
+            }
+            Self::Touched => TOUCHED.to_owned(),
             Self::NoPlan => format!(
                 "the path rests in mid-program, nobody holds it, and no plan came for {} s: this is \
                  a defect of syncline, please report it with the machine, the program and what was \

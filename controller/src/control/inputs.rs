@@ -115,14 +115,15 @@ impl<const N: usize> Controller<N> {
         let state = self.state();
         match meaning {
             InputMeaning::FeedHold | InputMeaning::Door if state.allows(Request::FeedHold) => {
-                self.executor.feed_hold();
+                self.hold_path();
             }
+            InputMeaning::Probe => self.touched(),
             InputMeaning::CycleStart
                 if state.allows(Request::GoOn) && self.open_door().is_none() =>
             {
                 self.go_on();
-                if self.executor.is_held() && !self.executor.wants_speed() {
-                    self.executor.resume();
+                if self.is_path_held() && !self.executor.wants_speed() {
+                    self.resume_path();
                 }
             }
             _ => {}

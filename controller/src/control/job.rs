@@ -84,6 +84,7 @@ impl<const N: usize> Controller<N> {
         self.job = Some(job);
         self.begun = false;
         self.stop_point = None;
+        self.probing.abort();
         self.pause_told = false;
         self.unplanned = 0;
         self.switches.begin();
@@ -127,6 +128,9 @@ impl<const N: usize> Controller<N> {
     /// How many more instructions are taken now.
     #[must_use]
     pub fn room(&self) -> usize {
+        if self.takes_plan() && self.probing.awaits_plan() {
+            return 1;
+        }
         // While held, nothing: the plan will be replaced.
         let held = self.executor.leads_to_hold()
             || (self.executor.awaits_replacement() && self.executor.replan_request().is_none());
@@ -137,10 +141,10 @@ impl<const N: usize> Controller<N> {
         }
     }
 
-    /// While it stops: the way to rest, and nothing beyond. A homing comes before the job.
+    /// While it stops: the way to rest, and nothing beyond. A homing comes before the job, and a probing has no plan.
     fn takes_plan(&self) -> bool {
-        let homes = self.homing.is_active();
-        self.job.is_some() && !homes && matches!(self.phase, Phase::Program | Phase::Stop)
+        let elsewhere = self.homing.is_active() || self.probing.is_active();
+        self.job.is_some() && !elsewhere && matches!(self.phase, Phase::Program | Phase::Stop)
     }
 
     /// As [`Job::waits_for_input`], for the one job that a machine is switched on for.
@@ -156,6 +160,13 @@ impl<const N: usize> Controller<N> {
             return false;
         }
         self.begun = true;
+        if let Instruction::Probed(number) = instruction {
+            self.probing.begin_plan(number);
+            return true;
+        }
+        if self.probing.awaits_plan() {
+            return true;
+        }
         match instruction {
             Instruction::Plan(command) => self.executor.accept(command),
             Instruction::Mark { item, mark, stop } => {
@@ -166,6 +177,11 @@ impl<const N: usize> Controller<N> {
                 self.executor.accept(PathCommand::Mark { item, mark })
             }
             Instruction::Switch { line, switch } => self.switches.push(line, switch),
+            Instruction::Probe(next) => {
+                self.probing.take(next);
+                true
+            }
+            Instruction::Probed(_) => true,
         }
     }
 
@@ -179,7 +195,7 @@ impl<const N: usize> Controller<N> {
     /// [`Feeder::replan`](crate::program::Feeder::replan).
     #[must_use]
     pub fn replan_request(&self) -> Option<ReplanRequest> {
-        self.takes_plan()
+        (self.takes_plan() && !self.probing.awaits_plan())
             .then(|| self.executor.replan_request())
             .flatten()
     }

@@ -4,7 +4,8 @@ use super::fault::{AxisIndex, BusCause, BusIndex, DeviceIndex, Names};
 use super::inputs::InputIndex;
 use crate::budget::{BusBudget, DoesNotFit, MachineBudget};
 use crate::machine::{
-    self, AxisLimits, Homing, HomingPolicy, Kept, Machine, MachineState, Motion, NotKept, Seat,
+    self, AxisLimits, Homing, HomingPolicy, Kept, Machine, MachineState, Motion, NotKept,
+    ProbeCaptures, Probing, Seat,
 };
 use syncline_canopen::time::Duration;
 use syncline_canopen::{CanId, CobId, Frame, NodeId};
@@ -55,6 +56,10 @@ pub struct Layout {
     pub retraction: Option<Retraction>,
     /// What holds for the homing of all axes.
     pub homing: HomingPolicy,
+    /// What holds for probing.
+    pub probing: Probing,
+    /// By device, how it captures where the probe touches, if it does.
+    pub probe_captures: Vec<Option<ProbeCaptures>>,
     /// Inputs, in the order of the machine file.
     pub inputs: Vec<machine::Input>,
     /// Outputs, in the order of the machine file.
@@ -245,6 +250,13 @@ impl Layout {
             shaper: machine.shaper.clone(),
             retraction: machine.retraction,
             homing: machine.homing,
+            probing: machine.probing,
+            probe_captures: (0..machine.nodes().count())
+                .map(|device| {
+                    let captures = ProbeCaptures::new(device, &machine.drives, &machine.inputs);
+                    captures.filter(|_| machine.probing.latch)
+                })
+                .collect(),
             inputs: machine.inputs.clone(),
             outputs: machine.outputs.clone(),
             analog_outputs: machine.analog_outputs.clone(),

@@ -16,6 +16,7 @@
 //! - [`functions`]: what M-codes switch, at their place on the path
 //! - `homing`: how axes come to know where they are
 //! - `inputs`: the machine's inputs that mean something
+//! - `probing`: towards what a probe touches, and where that was
 //! - `jogs`: how far, how fast and how long axes are jogged
 //! - `node`, `sdo_sequence`: a drive over its bus; what it is asked by SDO
 //! - [`state`]: what operators may ask for, and when
@@ -38,6 +39,7 @@ mod node;
 mod order;
 mod phases;
 mod point_to_point;
+mod probing;
 pub mod reaction;
 mod sdo_sequence;
 mod setpoint_guard;
@@ -58,6 +60,7 @@ pub use jogs::HOLD_TO_RUN;
 pub use layout::Layout;
 pub use order::{Order, Refusal};
 pub use point_to_point::PointToPoint;
+pub use probing::{KnownBy, ProbeFailure, ProbeMove, Probed};
 pub use reaction::{Cause, Clearing, Reaction};
 pub use setpoint_guard::Quantity;
 pub use state::{NotNow, Request, State};
@@ -70,6 +73,7 @@ use functions::Switches;
 use homing::Homing;
 use inputs::{Awaited, Inputs};
 use node::DeviceNode;
+use probing::Probing;
 use setpoint_misses::SetpointMisses;
 use std::collections::VecDeque;
 use std::hint::black_box;
@@ -130,6 +134,10 @@ pub enum Instruction<const N: usize> {
         /// What happens once the path rests there.
         stop: StopPoint,
     },
+    /// What the next [`StopPoint::Probe`] asks for; it comes before the plan leads there.
+    Probe(ProbeMove<N>),
+    /// The plan behind the probing with this number begins; what came before it is of no use any more.
+    Probed(u32),
     /// What is switched at the next waypoint of the plan; it comes before the plan leads there.
     Switch {
         /// Its line.
@@ -164,6 +172,11 @@ pub enum StopPoint {
     },
     /// The path goes on once axes beside it are where they go.
     PointToPoint(PointToPoint),
+    /// The program probes, and goes on with what is found.
+    Probe {
+        /// Program line.
+        line: u32,
+    },
     /// What comes next in the program cannot be run: a fault.
     Broken,
 }
@@ -280,6 +293,7 @@ pub struct Controller<const N: usize> {
     homing: Homing,
     /// The move that the path waits for.
     positioning: Option<point_to_point::Progress>,
+    probing: Probing<N>,
     switches: Switches,
     inputs: Inputs,
     /// While the path rests at an M66.
@@ -352,6 +366,7 @@ impl<const N: usize> Controller<N> {
             stop_point: None,
             homing: Homing::new(layout.axes.iter().map(|axis| axis.drives.len())),
             positioning: None,
+            probing: Probing::new(),
             switches: Switches::new(),
             inputs: Inputs::new(&layout.inputs, layout.cycle),
             awaited: None,

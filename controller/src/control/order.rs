@@ -80,6 +80,9 @@ pub enum Refusal {
     /// No axis has this coordinate.
     #[error("the machine has no axis {}", letter(*.0))]
     NoSuchAxis(usize),
+    /// It would lead away from a probing.
+    #[error("not while the program probes: resume, or stop")]
+    Probing,
     /// No axis is homed unless it is named.
     #[error("nothing is to be homed but what an operator homes by hand: name the axes")]
     NothingToHome,
@@ -129,19 +132,20 @@ impl<const N: usize> Controller<N> {
         match order {
             Order::Begin(job) => self.begin(job),
             Order::CycleStart => self.go_on(),
-            Order::FeedHold => self.executor.feed_hold(),
-            Order::Resume => self.executor.resume(),
+            Order::FeedHold => self.hold_path(),
+            Order::Resume => self.resume_path(),
             Order::ToggleFeedHold => {
                 // Without a job there is no path to go back to: what is jogged stops.
-                let held = self.job.is_some() && self.executor.is_held();
+                let held = self.job.is_some() && self.is_path_held();
                 if held && !self.executor.wants_speed() {
-                    self.executor.resume();
+                    self.resume_path();
                 } else {
-                    self.executor.feed_hold();
+                    self.hold_path();
                 }
             }
             Order::SingleBlock(on) => self.executor.set_single_block(on),
             Order::OptionalStop(on) => self.optional_stop = on,
+            Order::Retrace if self.probing.is_active() => return Err(Refusal::Probing),
             Order::Retrace => {
                 // A pause that is told comes again when the path has come back to it.
                 if take(&mut self.pause_told) {
@@ -149,16 +153,19 @@ impl<const N: usize> Controller<N> {
                 }
                 self.executor.retrace();
             }
+            Order::Jog(_) if self.probing.is_active() => return Err(Refusal::Probing),
             Order::Jog(jog) => self.jog(jog, state).map_err(Refusal::Jog)?,
             Order::RenewJog(axis) => self.renew_jog(axis),
             Order::EndJog(axis) => self.executor.end_jog(axis),
             Order::FeedOverride(feed) => {
                 let overrides = self.executor.overrides();
                 (self.executor).set_overrides(Overrides { feed, ..overrides });
+                self.change_probing_speed();
             }
             Order::RapidOverride(rapid) => {
                 let overrides = self.executor.overrides();
                 (self.executor).set_overrides(Overrides { rapid, ..overrides });
+                self.change_probing_speed();
             }
             Order::Interrupt => self.interrupt(),
             Order::Abandon(number) => {
@@ -179,7 +186,7 @@ impl<const N: usize> Controller<N> {
     fn check_references(&self, order: &Order<N>) -> Result<(), Refusal> {
         let needs = |at: usize| match order {
             Order::Begin(_) => !self.layout.homing.unreferenced_jobs,
-            Order::Jog(Jog::To(positions) | Jog::Line(positions)) => positions[at].is_some(),
+            Order::Jog(Jog::To(to) | Jog::Line { to, .. }) => to[at].is_some(),
             _ => false,
         };
         let moves = |at: usize| match order {
@@ -214,7 +221,7 @@ impl<const N: usize> Controller<N> {
             | Order::Retrace
             | Order::Home(_)
             | Order::Jog(_) => true,
-            Order::ToggleFeedHold => self.executor.is_held(),
+            Order::ToggleFeedHold => self.is_path_held(),
             _ => false,
         }
     }

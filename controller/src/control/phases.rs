@@ -210,6 +210,7 @@ impl<const N: usize> Controller<N> {
             }
             Phase::Stop => {
                 self.homing.abort();
+                self.probing.abort();
                 for axis in &mut self.axes {
                     axis.stop_squaring(self.cycle + 1);
                 }
@@ -219,6 +220,7 @@ impl<const N: usize> Controller<N> {
             }
             Phase::QuickStop => {
                 self.homing.abort();
+                self.probing.abort();
                 self.frozen = false;
                 self.quick_stop(|_, _| true);
             }
@@ -315,6 +317,9 @@ impl<const N: usize> Controller<N> {
         if self.homing.is_active() {
             return self.step_homing();
         }
+        if self.probing.is_active() {
+            return self.step_probing();
+        }
         if self.job.is_none() {
             let rests = self.executor.is_at_rest() && self.shaping.is_settled();
             if self.executor.is_off_path() && rests {
@@ -374,6 +379,7 @@ impl<const N: usize> Controller<N> {
                     self.fail(fault);
                 }
             }
+            Some(StopPoint::Probe { line }) => self.begin_probing(line),
             Some(StopPoint::End) if self.stays_on => self.rest_after(Outcome::Finished),
             Some(StopPoint::Broken) if self.stays_on => self.rest_after(Outcome::Broken),
             Some(StopPoint::End) => self.go_to(Goal::Off(End::Finished)),

@@ -50,6 +50,8 @@ pub enum Cause {
     Stop,
     /// A block cannot be run.
     Program,
+    /// A probing fails, or the probe touches something else.
+    Probing,
     /// An axis is not referenced where it has to be, or cannot be homed.
     Unreferenced,
     /// No plan came for long.
@@ -100,11 +102,12 @@ pub struct Rule {
 }
 
 /// The table, in the order of [`Cause`].
-pub const RULES: [Rule; 22] = [
+pub const RULES: [Rule; 23] = [
     rule(Cause::FeedHold, Reaction::FeedHold, Clearing::GoOn),
     rule(Cause::Door, Reaction::FeedHold, Clearing::GoOn),
     rule(Cause::Stop, Reaction::StopOnPath, Clearing::Nobody),
     rule(Cause::Program, Reaction::StopOnPath, Clearing::Nobody),
+    rule(Cause::Probing, Reaction::StopOnPath, Clearing::Nobody),
     rule(Cause::Unreferenced, Reaction::StopOnPath, Clearing::Reset),
     rule(Cause::NoPlan, Reaction::StopOnPath, Clearing::Reset),
     rule(Cause::LateWakeUp, Reaction::StopOnPath, Clearing::Reset),
@@ -184,6 +187,7 @@ impl Fault {
             Self::LateWakeUp { .. } => Cause::LateWakeUp,
             Self::Program => Cause::Program,
             Self::Unreferenced(_) | Self::Homing(..) => Cause::Unreferenced,
+            Self::Probing { .. } | Self::Touched => Cause::Probing,
             Self::NotEnabled { .. } => Cause::EnableLost,
             Self::NoPlan => Cause::NoPlan,
         }
@@ -249,6 +253,7 @@ impl fmt::Display for Cause {
             Self::Door => "a door is opened",
             Self::Stop => "stop, by an operator",
             Self::Program => "a block of the program cannot be run",
+            Self::Probing => "a probing without contact, or with contact already; contact while nobody probes",
             Self::Unreferenced => "an axis not referenced that has to be, or that cannot be homed",
             Self::NoPlan => "the path waits for its plan for 30 s",
             Self::LateWakeUp => "late wake-up of a cycle that is to be strict",

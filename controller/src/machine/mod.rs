@@ -8,6 +8,7 @@ mod fits;
 mod homing;
 mod io_node;
 mod node;
+mod probing;
 mod read;
 mod retraction;
 mod shaper;
@@ -21,6 +22,7 @@ pub use encoder::{Encoder, Feedback};
 pub use homing::{Homing, HomingMethod, HomingPolicy, Square, SwitchSearch};
 pub use io_node::IoNode;
 pub use node::{Node, Seat};
+pub use probing::{ProbeCaptures, Probing};
 pub use signals::{AnalogOutput, AnalogSource, Input, InputMeaning, Output, OutputSwitch};
 pub use simulation::{Carriage, FeedAxis, Gantry, Simulation};
 pub use spindle::{SpinUp, Spindle};
@@ -33,6 +35,7 @@ use std::{
     time::Duration,
 };
 use syncline_canopen::NodeId;
+use syncline_drives::mechanics::touch_probe::TouchProbe;
 use syncline_drives::model::{
     Assumed, Device, Direction, Heartbeat, Increments, IoSettings, Model, Scaling, Settings, Write,
 };
@@ -69,6 +72,10 @@ pub struct Machine {
     pub spindle: Option<Spindle>,
     /// What holds for the homing of all axes.
     pub homing: HomingPolicy,
+    /// What holds for probing.
+    pub probing: Probing,
+    /// What a simulated probe touches, if there is anything.
+    pub workpieces: Option<TouchProbe>,
     /// What its setpoints go through on their way from the path to the drives.
     pub shaper: Shaper,
     /// How its axes go back to a path that they were jogged off; `None`: on a straight line.

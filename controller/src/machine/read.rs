@@ -7,15 +7,17 @@ use super::fits::{self, Asked, Pairing};
 use super::homing::{self, HomingTable};
 use super::io_node::IoTable;
 use super::node::{self, NodeTable, node_id};
+use super::probing;
 use super::retraction::RetractionTable;
 use super::shaper::ShaperTable;
 use super::signals::{SignalTables, Signals, Wiring};
 use super::simulation::{self, Simulation};
 use super::{
     Axis, AxisLimits, Bus, Controller, Drive, Feedback, Homing, HomingPolicy, Machine, Motion,
-    PathTolerances, Spindle, Validation, assumed, spindle, validation,
+    PathTolerances, Probing, Spindle, Validation, assumed, spindle, validation,
 };
 use std::{collections::BTreeMap, ops::Range, time::Duration};
+use syncline_drives::mechanics::touch_probe::TouchProbe;
 use syncline_drives::model::{Ability, Assumed, Direction, Increments, MODELS, Model, Scaling};
 use syncline_gcode as gcode;
 use syncline_strict_toml::{Diagnostic, Log, Table, nearest, one_of};
@@ -59,6 +61,8 @@ struct Tables {
     axes: Vec<AxisTable>,
     spindle: Option<Spindle>,
     homing: Spanned<HomingPolicy>,
+    probing: Probing,
+    workpieces: Option<TouchProbe>,
     shaper: Option<ShaperTable>,
     retraction: Option<RetractionTable>,
     validation: Validation,
@@ -79,6 +83,8 @@ impl Tables {
         let axes = file.tables(log, "axis");
         let spindle = file.table(log, "spindle", false);
         let homing = file.table(log, "homing", false);
+        let probing = file.table(log, "probing", false);
+        let simulation = file.table(log, "simulation", false);
         let shaper = file.table(log, "shaper", false);
         let retraction = file.table(log, "retraction", false);
         let validation = file.table(log, "validation", false);
@@ -111,6 +117,8 @@ impl Tables {
         let spindle = spindle.and_then(|table| spindle::read(log, table));
         let homing = homing.unwrap_or_else(|| Table::new("homing", 0..0, &empty));
         let homing = homing::policy(log, homing);
+        let probing = probing.map(|table| probing::read(log, table));
+        let workpieces = simulation.and_then(|table| probing::simulated(log, table));
         let shaper = shaper.and_then(|table| ShaperTable::read(log, table));
         let retraction = retraction.and_then(|table| RetractionTable::read(log, table));
         let validation = validation.map(|table| validation::read(log, table));
@@ -129,6 +137,8 @@ impl Tables {
             axes: axes.into_iter().collect::<Option<_>>()?,
             spindle,
             homing,
+            probing: probing.unwrap_or_default(),
+            workpieces,
             shaper,
             retraction,
             validation: validation.unwrap_or_default(),
@@ -236,6 +246,8 @@ impl Tables {
             axes,
             spindle: self.spindle,
             homing: self.homing.into_inner(),
+            probing: self.probing,
+            workpieces: self.workpieces,
             shaper: shaper.unwrap_or_else(Shaper::none),
             retraction,
             validation: self.validation,

@@ -46,6 +46,8 @@ pub enum InputMeaning {
     AtSpeed,
     /// It is on about the place of an axis that is homed by it.
     Home,
+    /// It is on while the probe touches something.
+    Probe,
 }
 
 /// A digital output of a drive or of an I/O node, and what the machine uses it for.
@@ -116,13 +118,14 @@ pub enum AnalogSource {
 }
 
 /// What inputs mean besides their numbers, by their names in the file.
-const MEANINGS: [(&str, InputMeaning); 6] = [
+const MEANINGS: [(&str, InputMeaning); 7] = [
     ("enable", InputMeaning::Enable),
     ("feed_hold", InputMeaning::FeedHold),
     ("cycle_start", InputMeaning::CycleStart),
     ("door", InputMeaning::Door),
     ("at_speed", InputMeaning::AtSpeed),
     ("home", InputMeaning::Home),
+    ("probe", InputMeaning::Probe),
 ];
 
 /// What switches outputs besides their numbers.
@@ -246,6 +249,15 @@ impl Wire {
     }
 }
 
+/// What the place of an input's edge matters of.
+fn edge_of(meaning: Option<InputMeaning>) -> Option<&'static str> {
+    match meaning? {
+        InputMeaning::Home => Some("home switch"),
+        InputMeaning::Probe => Some("probe"),
+        _ => None,
+    }
+}
+
 /// What a table says that a signal is for: by `number`, or as one of `meanings`.
 fn purpose<T: Copy>(
     log: &mut Log<'_>,
@@ -299,10 +311,11 @@ impl InputTable {
         let numbers = (DIGITAL_INPUTS, InputMeaning::Program as fn(u8) -> _, "M66");
         let meaning = purpose(log, &mut table, numbers, &MEANINGS);
         let debounce = table.integer_or(log, "debounce_ms", 0, 0..=MOST_DEBOUNCE, " (ms)");
-        if let (Some(InputMeaning::Home), true) = (meaning, debounce > 0) {
+        let edge = edge_of(meaning).filter(|_| debounce > 0);
+        if let Some(edge) = edge {
             log.report(
                 table.span_of("debounce_ms").unwrap_or_default(),
-                format!("{}: `debounce_ms` of a home switch", table.title),
+                format!("{}: `debounce_ms` of a {edge}", table.title),
                 "leave it out: each cycle's level counts, so that the place of the edge is known",
             );
         }
@@ -579,10 +592,10 @@ fn join_inputs(log: &mut Log<'_>, tables: Vec<InputTable>, wiring: Wiring<'_>) -
         let mut io_nodes = wiring.io_nodes.iter();
         let by_event =
             wire.of_io && io_nodes.any(|io| io.name == *wire.device.get_ref() && io.by_event);
-        if meaning == InputMeaning::Home && by_event {
+        if let Some(edge) = edge_of(Some(meaning)).filter(|_| by_event) {
             log.report(
                 wire.device.span(),
-                format!("{}: a home switch of an I/O node whose inputs come by event", wire.title),
+                format!("{}: a {edge} of an I/O node whose inputs come by event", wire.title),
                 "allowed: an I/O node with `inputs = \"sync\"`, so that the place of the edge is known",
             );
         }

@@ -2,14 +2,17 @@
 
 use super::{Port, PortError};
 use crate::bus::{Burst, Received};
-use crate::machine::{Axis, FeedAxis, Gantry, Machine, Seat, Simulation};
+use crate::machine::{Axis, FeedAxis, Gantry, InputMeaning, Machine, Seat, Simulation};
 use syncline_canopen::{Frame, NodeId};
 use syncline_drives::bus::{Band, BitRate};
 use syncline_drives::mechanics::rigid::Rigid;
 use syncline_drives::mechanics::rigid_beam::{RigidBeam, Side};
-use syncline_drives::model::{Direction, Model};
+use syncline_drives::model::{Direction, Increments, Model};
 use syncline_drives::twin::{self, Config, Kind, Sensor, SimulatedDevice};
-use syncline_drives::world::{BusId, DeviceId, Hosted, Observer, World};
+use syncline_drives::world::{
+    BusId, DeviceId, FittedProbe, Hosted, Observer, ProbeDrive, ProbeWire, World,
+};
+use syncline_gcode as gcode;
 
 /// The controller's side of a simulated bus: what is to be sent there, and what came from there.
 ///
@@ -141,6 +144,9 @@ impl Simulated {
                 _ => return Err(shaft.split(machine)),
             }
         }
+        if let Some(probe) = fitted_probe(machine, |device| devices[device])? {
+            world.fit_probe(probe);
+        }
         Ok(Self {
             world,
             buses,
@@ -197,6 +203,9 @@ pub fn hosted(
             _ => return Err(shaft.split(machine)),
         }
     }
+    if let Some(probe) = fitted_probe(machine, |device| place(device).map(Hosted::at))? {
+        hosted.fit_probe(probe);
+    }
     Ok(hosted)
 }
 
@@ -234,6 +243,68 @@ pub fn config(machine: &Machine, index: usize, seed: u64) -> Config {
         sensors: sensors(machine, index, turns),
         ..config
     }
+}
+
+/// The probe of a machine with work pieces that it may touch, by where each of its devices is in a world.
+///
+/// # Errors
+/// Some are in it, others are not.
+fn fitted_probe(
+    machine: &Machine,
+    device: impl Fn(usize) -> Option<DeviceId>,
+) -> Result<Option<FittedProbe>, PortError> {
+    let Some(probe) = &machine.workpieces else {
+        return Ok(None);
+    };
+    let moving = |letter: gcode::Axis| machine.axes.iter().find(|axis| axis.letter == letter);
+    let axes = [gcode::Axis::X, gcode::Axis::Y, gcode::Axis::Z].map(moving);
+    let probes = machine
+        .inputs
+        .iter()
+        .filter(|input| input.meaning == InputMeaning::Probe);
+    let drives = axes.iter().flatten().flat_map(|axis| axis.drives.clone());
+    let concerned: Vec<usize> = drives
+        .chain(probes.clone().map(|input| input.node))
+        .collect();
+    let here = concerned
+        .iter()
+        .filter(|&&index| device(index).is_some())
+        .count();
+    if here == 0 {
+        return Ok(None);
+    }
+    if here < concerned.len() {
+        return Err(PortError {
+            bus: machine.buses[machine.node(concerned[0]).bus].name.clone(),
+            what: "the work pieces of [simulation] are touched by what is not simulated by one clock: let all \
+                   buses be \"sim\", put all devices on one bus, or take the work pieces out"
+                .to_owned(),
+        });
+    }
+    let drives = |axis: Option<&Axis>| {
+        let drives = axis.iter().flat_map(|axis| &axis.drives);
+        let drives = drives.filter_map(|&drive| {
+            let scaling = &machine.drives[drive].scaling;
+            Some(ProbeDrive {
+                device: device(drive)?,
+                zero: scaling.to_mm(Increments::ZERO),
+                travel: scaling.travel_per_revolution(),
+            })
+        });
+        drives.collect()
+    };
+    let wires = probes.filter_map(|input| {
+        Some(ProbeWire {
+            device: device(input.node)?,
+            input: input.signal as u8,
+            inverted: input.active_low,
+        })
+    });
+    Ok(Some(FittedProbe {
+        probe: probe.clone(),
+        axes: axes.map(drives),
+        wires: wires.collect(),
+    }))
 }
 
 /// The switches along the axis of a drive that are wired to it, their places in `turns` of its shaft.

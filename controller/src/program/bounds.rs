@@ -150,7 +150,10 @@ impl Program {
                     | PathCommand::Waypoint { .. },
                 )
                 | Instruction::Mark { .. } => durations.push(0.0),
-                Instruction::Plan(_) | Instruction::Switch { .. } => {}
+                Instruction::Plan(_)
+                | Instruction::Switch { .. }
+                | Instruction::Probe(_)
+                | Instruction::Probed(_) => {}
             }
         }
         Ok(durations.iter().sum())

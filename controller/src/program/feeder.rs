@@ -4,7 +4,7 @@ use super::feed::{feed, path_speed};
 use super::moves::{MoveSource, ON_THE_PATH, ProgramMove, Step, Upcoming};
 use super::{Left, Program, ProgramError, Scale, place};
 use crate::control::functions::SWITCHES;
-use crate::control::{InputWait, Instruction, Pause, StopPoint, Switch};
+use crate::control::{InputWait, Instruction, Pause, ProbeMove, Probed, StopPoint, Switch};
 use crate::machine::{COORDINATES, InputMeaning, PathTolerances, Position, SpinUp};
 use std::collections::VecDeque;
 use std::mem::take;
@@ -12,7 +12,8 @@ use std::path::{Path, PathBuf};
 use syncline_gcode::{self as gcode, Action, Interpreter, PathMode, Tables, TablesError};
 use syncline_trajectory::limits::PositionLimits;
 use syncline_trajectory::path::{
-    Command as PathCommand, Curve, Feed, Move, PathControlMode, PathItem, Planner, ReplanRequest,
+    Command as PathCommand, Curve, Feed, Limits, Move, PathControlMode, PathItem, Planner,
+    ReplanRequest,
 };
 
 /// By less a direction, of length 1, does not change in a corner.
@@ -28,6 +29,12 @@ pub struct Feeder {
     tables: Tables,
     source: MoveSource,
     planner: Planner<COORDINATES>,
+    limits: Limits<COORDINATES>,
+    bounds: [PositionLimits; COORDINATES],
+    /// Probings so far.
+    probings: u32,
+    /// What tells the cycle of the next one, or that the plan goes on behind the last one.
+    probing: Option<Instruction<COORDINATES>>,
     path_control_mode: PathControlMode,
     tolerances: PathTolerances,
     scale: Scale,
@@ -71,6 +78,17 @@ fn path_control_mode(mode: PathMode, tolerances: PathTolerances, scale: f64) -> 
     }
 }
 
+/// A planner at the beginning of a path.
+fn planner(
+    limits: Limits<COORDINATES>,
+    bounds: [PositionLimits; COORDINATES],
+    start: Position,
+) -> Planner<COORDINATES> {
+    let mut planner = Planner::new(limits, start);
+    planner.keep_within(bounds);
+    planner
+}
+
 impl Program {
     /// Starts the program from `start`; its moves and switches go to `upcoming` before they come in
     /// an instruction.
@@ -78,11 +96,10 @@ impl Program {
     /// # Errors
     /// The file cannot be read.
     pub fn feeder(&self, start: Position, upcoming: Upcoming) -> Result<Feeder, ProgramError> {
-        let mut planner = Planner::new(self.limits, start);
-        planner.keep_within(self.setup.limits.map(|limits| {
+        let bounds = self.setup.limits.map(|limits| {
             let (min, max) = limits.unwrap_or((f64::NEG_INFINITY, f64::INFINITY));
             PositionLimits { min, max }
-        }));
+        });
         let tolerances = PathTolerances {
             exact: self.tolerances.exact * self.scale.tolerance,
             blend: self.tolerances.blend * self.scale.tolerance,
@@ -91,7 +108,11 @@ impl Program {
             tables: self.setup.tables.clone(),
             interpreter: self.interpret(start)?,
             source: MoveSource::new(start, self.point_to_point),
-            planner,
+            planner: planner(self.limits, bounds, start),
+            limits: self.limits,
+            bounds,
+            probings: 0,
+            probing: None,
             path_control_mode: path_control_mode(
                 self.setup.memory.modes().path_mode,
                 tolerances,
@@ -128,7 +149,8 @@ impl Program {
 }
 
 impl Feeder {
-    /// The next instruction; after [`StopPoint::End`] or [`StopPoint::Broken`] none.
+    /// The next instruction; after [`StopPoint::End`] or [`StopPoint::Broken`] none, and behind a probing none before
+    /// it is known what came of it ([`Feeder::probed`]).
     ///
     /// # Errors
     /// The block that cannot be run. What was programmed before it still comes, and then
@@ -139,13 +161,16 @@ impl Feeder {
             if let Some((line, switch)) = self.switches.pop_front() {
                 return Ok(Some(Instruction::Switch { line, switch }));
             }
+            if let Some(probing) = self.probing.take() {
+                return Ok(Some(probing));
+            }
             while let Some(end) = self.planner.move_end() {
                 self.upcoming.tell(Step::End(end));
             }
             if let Some(command) = self.planner.pop() {
                 return Ok(Some(self.instruction(command)));
             }
-            if self.ended {
+            if self.ended || self.interpreter.awaits_probe() {
                 return Ok(None);
             }
             let Some(command) = self.interpreter.next() else {
@@ -204,6 +229,7 @@ impl Feeder {
                 };
                 self.stop_then(StopPoint::AwaitInput { wait, line });
             }
+            Action::Probe { to, feed, probe } => self.take_probe(to.0, *feed, *probe, line),
             Action::Message(text) => self.tell(line, text.clone()),
             Action::ToolLoaded(tool) => self.switch(line, Switch::Tool(*tool)),
             Action::Spindle(spindle) => {
@@ -235,6 +261,45 @@ impl Feeder {
         }
         self.ended |= command.action == Action::End;
         Ok(())
+    }
+
+    /// Comes to rest, and has the cycle probe from there.
+    fn take_probe(&mut self, to: Position, feed: gcode::Feed, probe: gcode::Probe, line: u32) {
+        for (line, switch) in take(&mut self.with_motion) {
+            self.switch(line, switch);
+        }
+        let speed = match (feed, Curve::line(self.source.at, to)) {
+            (gcode::Feed::Rate(rate), Ok(curve)) => self.scale.feed * path_speed(&curve, rate),
+            (gcode::Feed::Rate(rate), Err(_)) => rate,
+            (gcode::Feed::Duration(seconds), _) => seconds.recip(),
+        };
+        self.probings += 1;
+        self.probing = Some(Instruction::Probe(ProbeMove {
+            number: self.probings,
+            to,
+            speed,
+            probe,
+        }));
+        self.stop_then(StopPoint::Probe { line });
+    }
+
+    /// Goes on behind a probing from where the machine rests, once it is known what came of it; a result that was
+    /// taken, or is of another one, changes nothing.
+    pub fn probed(&mut self, probed: &Probed<COORDINATES>) {
+        if !self.interpreter.awaits_probe() || probed.number != self.probings {
+            return;
+        }
+        self.interpreter.probed(gcode::Probed {
+            contact: probed.contact.map(gcode::Point),
+            at: gcode::Point(probed.at),
+        });
+        self.source.at = probed.at;
+        self.planner = planner(self.limits, self.bounds, probed.at);
+        self.first_mark += self.marks.len() as u32;
+        self.marks.clear();
+        self.since_stop = 0;
+        self.leaves = None;
+        self.probing = Some(Instruction::Probed(probed.number));
     }
 
     /// Goes along the curves of one motion, from each to the next without a stop.

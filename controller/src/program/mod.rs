@@ -229,6 +229,7 @@ impl Programs {
                 setup.inputs |= 1 << number;
             }
         }
+        setup.has_probe = (machine.inputs.iter()).any(|it| it.meaning == InputMeaning::Probe);
         setup.tables = tables;
         Self {
             setup,
@@ -447,7 +448,9 @@ impl Program {
             return Err(ProgramError::Blocks(mistakes));
         }
         extent.blocks = interpreter.executed();
-        extent.sets_tables = *interpreter.tables() != self.setup.tables;
+        // Behind a probing nothing is known before it has been there.
+        let changed = *interpreter.tables() != self.setup.tables;
+        extent.sets_tables = changed || interpreter.awaits_probe();
         Ok(extent)
     }
 

@@ -2,7 +2,7 @@
 //! the way of what an operator does and of what the cycle reports.
 
 use super::{RunError, Work};
-use crate::control::{Instruction, Outcome};
+use crate::control::{Instruction, Outcome, Probed};
 use crate::machine::{COORDINATES, Position};
 use crate::program::{Feeder, Left, ProgramError};
 use crossbeam::channel::{self, Receiver, Sender};
@@ -20,6 +20,8 @@ const POLL: Duration = Duration::from_millis(1);
 pub enum PlanRequest {
     /// The job with this number begins, and the machine stands there.
     Begin(u64, Position),
+    /// This came of the program's probing.
+    Probed(Probed<COORDINATES>),
     /// The path has to be planned anew from there.
     Replan(ReplanRequest),
     /// The job with this number is over.
@@ -148,6 +150,12 @@ impl Planner {
                     PlanRequest::Begin(number, start) => {
                         latest = None;
                         planned = self.begin(number, start);
+                    }
+                    PlanRequest::Probed(probed) => {
+                        latest = None;
+                        if let Some(planned) = &mut planned {
+                            planned.feeder.probed(&probed);
+                        }
                     }
                     // Where one came while another was answered, that is out of date.
                     PlanRequest::Replan(request) => latest = Some(request),

@@ -160,6 +160,8 @@ pub struct Cycle {
     /// The last job that it was told to be over.
     told_over: Option<(u64, Outcome)>,
     asked: Option<ReplanRequest>,
+    /// The number of the last probing that it was told of.
+    told_probed: Option<u32>,
     /// How much longer a simulated machine waits for the next instruction.
     plan_patience: Duration,
     /// How much longer it waits for its way to rest.
@@ -200,6 +202,7 @@ impl Cycle {
             asked_to_begin: None,
             told_over: None,
             asked: None,
+            told_probed: None,
             plan_patience: PLAN_PATIENCE,
             patience: PATIENCE,
             report_patience: REPORT_PATIENCE,
@@ -395,6 +398,15 @@ impl Cycle {
         {
             let begun = self.requests.push(PlanRequest::Begin(number, start));
             self.asked_to_begin = job.filter(|_| begun.is_ok()).or(self.asked_to_begin);
+            self.asked = None;
+            self.told_probed = None;
+        }
+        let probed = self.driver.controller.probed();
+        if let Some(probed) = probed.filter(|it| Some(it.number) != self.told_probed) {
+            if self.requests.push(PlanRequest::Probed(*probed)).is_err() {
+                return;
+            }
+            self.told_probed = Some(probed.number);
             self.asked = None;
         }
         let wanted = self.driver.controller.replan_request();

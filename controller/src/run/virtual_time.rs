@@ -148,6 +148,9 @@ impl<P: Port> VirtualMachine<P> {
         let Some(feeder) = self.planning.feeder() else {
             return Ok(());
         };
+        if let Some(probed) = controller.probed() {
+            feeder.probed(probed);
+        }
         if let Some(request) = controller.replan_request() {
             feeder.replan(&request);
         }

@@ -189,7 +189,10 @@ impl Jog {
                 velocity: direction.of(speed.unwrap_or(f64::INFINITY)),
             },
             Self::To(positions) => path::Jog::To(positions),
-            Self::Line(positions) => path::Jog::Line(positions),
+            Self::Line(positions) => path::Jog::Line {
+                to: positions,
+                speed: f64::INFINITY,
+            },
         })
     }
 }

@@ -44,6 +44,11 @@ impl Job {
         self.over = true;
     }
 
+    /// The program goes on behind a probing, from where that ended: on none of its moves so far.
+    pub(super) fn probed(&mut self) {
+        self.moves.passed(self.last[0] + 1);
+    }
+
     /// Follows the setpoint along the program.
     pub(super) fn follow(&mut self, row: &Row<COORDINATES>) {
         self.moves.take_up();

@@ -454,6 +454,7 @@ impl Desk {
                     control::Event::Phase(phase) => self.status.phase = phase,
                     control::Event::Fault(fault) => self.stopped_by(fault),
                     control::Event::JobOver { .. } => self.job.end(),
+                    control::Event::Probed { .. } => self.job.probed(),
                     control::Event::Referenced { axis, .. }
                     | control::Event::Recalled { axis, .. } => self.show_reference(axis, true),
                     control::Event::Unreferenced { axis } | control::Event::Askew { axis, .. } => {

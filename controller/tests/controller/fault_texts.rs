@@ -5,9 +5,10 @@ use syncline_canopen::emcy::Emergency;
 use syncline_canopen::sdo::AbortCode;
 use syncline_canopen::{Address, NodeId, nmt};
 use syncline_controller::control::fault::{AwaitedState, AxisCause, BusCause, DeviceCause};
-use syncline_controller::control::{Fault, HomingFailure, Layout, Quantity};
+use syncline_controller::control::{Fault, HomingFailure, Layout, ProbeFailure, Quantity};
 use syncline_controller::machine::Machine;
 use syncline_drives::model::{Data, NotFollowing, StatusWord};
+use syncline_trajectory::path::JogError;
 
 const OBJECT: Address = Address::new(0x60C2, 1);
 const SWITCHED_ON: StatusWord = StatusWord {
@@ -246,6 +247,33 @@ texts! {
 
     Fault::Homing(..), Fault::Homing(1, HomingFailure::NoSignal),
     "axis Y is not homed";
+
+    Fault::Probing { failure: ProbeFailure::Closed, .. }, Fault::Probing { line: 7, failure: ProbeFailure::Closed },
+    "line 7: there is contact before the probing: move away first, and check `active_low`";
+
+    Fault::Probing { failure: ProbeFailure::Open, .. }, Fault::Probing { line: 7, failure: ProbeFailure::Open },
+    "line 7: there is no contact that could be lost: check the probe's wiring and `active_low`";
+
+    Fault::Probing { failure: ProbeFailure::NoContact, .. }, Fault::Probing { line: 7, failure: ProbeFailure::NoContact },
+    "line 7: no contact came on the whole way: check where the work is, and the probe's wiring; G38.3 goes on without one";
+
+    Fault::Probing { failure: ProbeFailure::Stuck, .. }, Fault::Probing { line: 7, failure: ProbeFailure::Stuck },
+    "line 7: the contact stayed on the whole way: check whether the probe sticks; G38.5 goes on with it";
+
+    Fault::Probing { failure: ProbeFailure::NoSignal, .. }, Fault::Probing { line: 7, failure: ProbeFailure::NoSignal },
+    "line 7: the probe's level is not known: check the device that it is wired to";
+
+    Fault::Probing { failure: ProbeFailure::TooFast { .. }, .. }, Fault::Probing { line: 7, failure: ProbeFailure::TooFast { overtravel: 3.25, allowed: 2.0 } },
+    "line 7: the axes would go on for 3.250 mm behind the contact, 2 mm are allowed: lower F, or raise `overtravel` in [probing] if the probe bears it";
+
+    Fault::Probing { failure: ProbeFailure::OtherEdge { .. }, .. }, Fault::Probing { line: 7, failure: ProbeFailure::OtherEdge { axis: 1 } },
+    "line 7: a drive of axis Y captured another place than the one where the contact came: check whether the probe bounces, and which input it is wired to, or set `latch = false` in [probing]";
+
+    Fault::Probing { failure: ProbeFailure::Refused(_), .. }, Fault::Probing { line: 7, failure: ProbeFailure::Refused(JogError::NoSpeed) },
+    "line 7: the speed or the rapid override is 0: raise it, or correct where the probing leads";
+
+    Fault::Touched, Fault::Touched,
+    "the probe touched something while nobody probed: move away, and look at probe, program and work";
 
     Fault::NoPlan, Fault::NoPlan,
     "the path rests in mid-program, nobody holds it, and no plan came for 30 s: this is a defect of \

@@ -703,6 +703,7 @@ fn the_reference_is_complete() {
         .collect();
     let mut text =
         PORTAL.to_owned() + "\n[axis.simulation]\ntransmission = \"belt\"\n[path]\n[validation]\n";
+    text += "[probing]\n[simulation]\n";
     text += "[[encoder]]\nname = \"screw\"\nbus = \"portal\"\nnode = 5\nmodel = \"twk_crn\"\npitch = 10.0\n";
     text += "[[io]]\nname = \"cabinet\"\nbus = \"portal\"\nnode = 6\nmodel = \"cia401\"\n";
     for model in &models {
@@ -713,6 +714,8 @@ fn the_reference_is_complete() {
         ("controller", "[controller]"),
         ("path", "[path]"),
         ("validation", "[validation]"),
+        ("probing", "[probing]"),
+        ("simulation", "[simulation]"),
         ("bus", "[[bus]]"),
         ("drive", "[[drive]]"),
         ("encoder", "[[encoder]]"),

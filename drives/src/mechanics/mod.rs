@@ -26,6 +26,7 @@ pub mod mode;
 pub mod reactions;
 pub mod rigid;
 pub mod rigid_beam;
+pub mod touch_probe;
 
 /// What acts on a shaft during a step.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -31,6 +31,10 @@ pub trait SimulatedDevice: Node + Any + Send {
     /// Interferes with it.
     fn disturb(&mut self, disturbance: Disturbance);
 
+    /// A digital input of it is on or off from now on, as something touches where its shaft was at `place`,
+    /// revolutions.
+    fn touch(&mut self, input: u8, on: bool, place: f64);
+
     /// The shaft that its motor turns, if it has a motor.
     fn shaft_mut(&mut self) -> Option<&mut Shaft>;
 

@@ -10,6 +10,7 @@ mod memory;
 mod motion;
 mod offsets;
 mod polar;
+mod probing;
 mod refusals;
 mod resume;
 mod saved;

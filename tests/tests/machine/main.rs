@@ -25,6 +25,7 @@ mod mixed;
 mod operator;
 mod pages;
 mod point_to_point;
+mod probing;
 mod programs;
 mod properties;
 mod reactions;

@@ -194,22 +194,23 @@ fn recorded(rig: &Rig) -> (Vec<Logged>, Vec<ReplayBus>) {
     (log.collect(), vec![bus])
 }
 
-/// Goes through a session once more, with the machine as it was when that began; its own commands.
-fn again(rig: &mut Rig, stays_on: bool, accepted: &[Accepted]) -> Vec<Accepted> {
+/// Goes through a session once more, of one program or of a machine that stayed on, with the machine as it was when that
+/// began; its own commands.
+pub(crate) fn again(rig: &mut Rig, program: Option<&str>, accepted: &[Accepted]) -> Vec<Accepted> {
     let folder = Folder::new();
     let machine = &rig.machine;
     let programs = Programs::new(machine, &folder.path("machine.toml")).unwrap();
     let (log, buses) = recorded(rig);
     let layout = Arc::clone(&rig.layout);
     let observers = Observers::new(machine, None, None, false);
-    let session = if stays_on {
-        let replay = Replay::staying_on(layout, buses, log).unwrap();
-        Session::staying_on(&rig.layout, replay, programs, observers)
-    } else {
-        let program = programs.file(&folder.file("program.ngc", PROGRAM));
+    let session = if let Some(text) = program {
+        let program = programs.file(&folder.file("program.ngc", text));
         let operators = Operators::Recorded;
         let (replay, moves) = Replay::new(layout, buses, operators, program, log).unwrap();
         Session::new(&rig.layout, replay, moves, observers)
+    } else {
+        let replay = Replay::staying_on(layout, buses, log).unwrap();
+        Session::staying_on(&rig.layout, replay, programs, observers)
     };
     let (outcome, heard) = gone_through(session, accepted);
     assert_eq!(outcome.difference, None, "{accepted:?}");
@@ -247,7 +248,7 @@ proptest! {
         let first = [(before, Command::OptionalStop(SwitchChange::Toggle))];
         let commands: Vec<_> = first.into_iter().chain(commands).collect();
         let (mut rig, accepted) = acted(&commands, stops);
-        prop_assert_eq!(again(&mut rig, false, &accepted), accepted);
+        prop_assert_eq!(again(&mut rig, Some(PROGRAM), &accepted), accepted);
     }
 
     /// Jobs one after the other, with what each leaves to the next, jogs, drives that are disabled and
@@ -260,6 +261,6 @@ proptest! {
         let first = [(Deed::Command(Command::Load("0.ngc".into())), before)];
         let deeds: Vec<_> = first.into_iter().chain(deeds).collect();
         let (mut rig, accepted) = day_of(&deeds);
-        prop_assert_eq!(again(&mut rig, true, &accepted), accepted);
+        prop_assert_eq!(again(&mut rig, None, &accepted), accepted);
     }
 }

@@ -68,7 +68,12 @@ pub enum Jog<const N: usize> {
     /// To these positions, mm, each axis as fast as it can.
     To([Option<f64>; N]),
     /// To these positions, mm, on a straight line. Axes that move otherwise come to rest first.
-    Line([Option<f64>; N]),
+    Line {
+        /// Where to.
+        to: [Option<f64>; N],
+        /// The highest along the line, mm/s; may be infinite.
+        speed: f64,
+    },
 }
 
 /// Why an order is refused.
@@ -367,21 +372,25 @@ impl<const N: usize> Jogging<N> {
                 self.leave_line();
                 self.motions[axis].aim(Aim::At(to), speed);
             }
-            Jog::To(positions) | Jog::Line(positions) => {
-                for (axis, position) in positions.iter().enumerate() {
+            Jog::To(to) | Jog::Line { to, .. } => {
+                let along = match jog {
+                    Jog::Line { speed, .. } => Some(speed),
+                    _ => None,
+                };
+                for (axis, position) in to.iter().enumerate() {
                     let Some(position) = *position else { continue };
                     let travel = travel(axis)?;
-                    check(position, f64::INFINITY)?;
+                    check(position, along.unwrap_or(f64::INFINITY))?;
                     if !travel.contains(position) {
                         return Err(JogError::OutsideTravel(axis));
                     }
                 }
-                if matches!(jog, Jog::Line(_)) {
+                if let Some(speed) = along {
                     self.back_by = None;
-                    self.next_line = NextLine::to(positions, f64::INFINITY);
+                    self.next_line = NextLine::to(to, speed);
                 } else {
                     self.leave_line();
-                    for (motion, position) in self.motions.iter_mut().zip(positions) {
+                    for (motion, position) in self.motions.iter_mut().zip(to) {
                         if let Some(position) = position {
                             motion.aim(Aim::At(position), f64::INFINITY);
                         }

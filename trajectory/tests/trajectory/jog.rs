@@ -238,7 +238,10 @@ fn a_jog_is_refused_while_the_path_moves_and_where_it_cannot_be() {
             JogError::NoSpeed,
         ),
         (
-            Jog::Line([None, None, Some(6.0)]),
+            Jog::Line {
+                to: [None, None, Some(6.0)],
+                speed: f64::INFINITY,
+            },
             JogError::OutsideTravel(2),
         ),
         (
@@ -302,7 +305,13 @@ fn the_rapid_override_holds_for_what_is_under_way() {
             .executor
             .set_overrides(Overrides { feed: 1.0, rapid });
     };
-    for jog in [Jog::Line(to.map(Some)), Jog::To(to.map(Some))] {
+    for jog in [
+        Jog::Line {
+            to: to.map(Some),
+            speed: f64::INFINITY,
+        },
+        Jog::To(to.map(Some)),
+    ] {
         let mut machine = Machine::at_rest(from);
         machine.jog(jog).unwrap();
         machine.cycles(100);
@@ -328,7 +337,7 @@ fn the_rapid_override_holds_for_what_is_under_way() {
             (part[0] - part[1]).abs().max((part[0] - part[2]).abs())
         };
         let off = machine.rows.iter().map(off_the_line).fold(0.0, f64::max);
-        assert!((off < 1e-9) == matches!(jog, Jog::Line(_)), "{off}");
+        assert!((off < 1e-9) == matches!(jog, Jog::Line { .. }), "{off}");
     }
 }
 
@@ -352,7 +361,12 @@ fn a_new_speed_about_the_end_of_a_stop_keeps_the_jerk() {
         for k in 2..30 {
             for before in 0..3 {
                 let mut machine = Machine::at_rest(from);
-                machine.jog(Jog::Line(to.map(Some))).unwrap();
+                machine
+                    .jog(Jog::Line {
+                        to: to.map(Some),
+                        speed: f64::INFINITY,
+                    })
+                    .unwrap();
                 machine.cycles(k);
                 rapid(&mut machine, 0.0);
                 machine.cycles(3 * k - before);
@@ -483,7 +497,10 @@ fn a_stop_away_from_the_path_ends_there() {
     machine.executor.feed_hold();
     machine.until(|now| now.speed == 0.0);
     machine
-        .jog(Jog::Line([Some(0.0), Some(50.0), Some(-20.0)]))
+        .jog(Jog::Line {
+            to: [Some(0.0), Some(50.0), Some(-20.0)],
+            speed: f64::INFINITY,
+        })
         .unwrap();
     machine.cycles(100);
     let at = *machine.now();
@@ -506,7 +523,12 @@ fn a_stop_away_from_the_path_ends_there() {
 fn assert_a_line_stays_a_line(to: [f64; 3], changes: &[(usize, f64)]) {
     let from = [20.0, -30.0, 1.0];
     let mut machine = Machine::at_rest(from);
-    machine.jog(Jog::Line(to.map(Some))).unwrap();
+    machine
+        .jog(Jog::Line {
+            to: to.map(Some),
+            speed: f64::INFINITY,
+        })
+        .unwrap();
     for &(cycles, rapid) in changes {
         machine.cycles(cycles);
         machine

@@ -124,6 +124,7 @@ impl Recording {
             Waits::ForPlan(cycles) | Waits::ForOperator(cycles) => *cycles -= 1,
             Waits::No => {}
         }
+        self.tell_probed(state);
         if self.log.is_simulated() {
             self.replan(state);
         }
@@ -148,6 +149,15 @@ impl Recording {
             && feeder.replan(&request)
         {
             self.tape.cut(state.instruction);
+        }
+    }
+
+    /// Tells the program what came of its probing.
+    fn tell_probed(&mut self, state: &State) {
+        if let Some(feeder) = self.planning.feeder()
+            && let Some(probed) = state.controller.probed()
+        {
+            feeder.probed(probed);
         }
     }
 

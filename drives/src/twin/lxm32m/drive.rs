@@ -547,4 +547,9 @@ impl ServoFirmware for Drive {
             _ => {}
         }
     }
+
+    fn touch_own(&mut self, input: u8, on: bool, place: f64) {
+        self.switches.sense(input, on);
+        self.captures.touch(input, place);
+    }
 }

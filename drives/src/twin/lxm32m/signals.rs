@@ -45,6 +45,17 @@ pub(super) struct Captures {
     levels: [Option<bool>; CAPTURES],
     /// Where the shaft was, revolutions.
     position: f64,
+    /// Where it was as something touched that is not along the axis.
+    touched: [Option<f64>; CAPTURES],
+}
+
+impl Captures {
+    /// The next edge of an input is where the shaft was then.
+    pub(super) fn touch(&mut self, input: u8, place: f64) {
+        if let Some(touched) = self.touched.get_mut(usize::from(input)) {
+            *touched = Some(place);
+        }
+    }
 }
 
 impl Drive {
@@ -62,7 +73,8 @@ impl Drive {
                     .switches
                     .edges(input)
                     .find(|edge| turned.contains(edge));
-                let edge = edge.unwrap_or(position);
+                let touched = self.captures.touched[input].take();
+                let edge = edge.or(touched).unwrap_or(position);
                 let increments = libm::round(edge * INCREMENTS_PER_REVOLUTION) as i64;
                 let captured = self.user_position(increments - self.zero);
                 self.probe(input, level, captured);

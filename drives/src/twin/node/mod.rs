@@ -59,6 +59,12 @@ pub trait Firmware: Application {
     /// Interferes with what is behind the node and the shaft; what it does not have is left alone.
     fn disturb(&mut self, disturbance: Disturbance);
 
+    /// A digital input of it is on or off from now on, as something touches where its shaft was at `place`,
+    /// revolutions, which matters to what captures positions alone.
+    fn touch(&mut self, input: u8, on: bool, _place: f64) {
+        self.disturb(Disturbance::Input(input, on));
+    }
+
     /// Whether the node takes a frame from the bus.
     fn hears(&self, _: &Frame) -> bool {
         true
@@ -236,6 +242,10 @@ impl<F: Firmware + Send + 'static> SimulatedDevice for Device<F> {
             }
             other => self.firmware.disturb(other),
         }
+    }
+
+    fn touch(&mut self, input: u8, on: bool, place: f64) {
+        self.firmware.touch(input, on, place);
     }
 
     fn shaft_mut(&mut self) -> Option<&mut Shaft> {

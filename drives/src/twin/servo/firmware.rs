@@ -151,6 +151,11 @@ pub trait ServoFirmware: Application {
     /// Interferes with what not every servo drive has, or not in the same way.
     fn disturb_own(&mut self, disturbance: Disturbance);
 
+    /// As [`Firmware::touch`].
+    fn touch_own(&mut self, input: u8, on: bool, _place: f64) {
+        self.disturb_own(Disturbance::Input(input, on));
+    }
+
     /// Runs the next step of the speed loop.
     fn step(&mut self) {
         let (step, _) = self.servo().loops.clock.step();
@@ -349,5 +354,9 @@ impl<D: ServoFirmware> Firmware for D {
             Disturbance::EnableTime(time) => servo.enable_time = time,
             own => self.disturb_own(own),
         }
+    }
+
+    fn touch(&mut self, input: u8, on: bool, place: f64) {
+        self.touch_own(input, on, place);
     }
 }

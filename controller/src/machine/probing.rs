@@ -1,0 +1,161 @@
+//! `[probing]`: what holds for G38.2 to G38.5, and `[simulation]`: what a simulated probe touches.
+
+use super::simulation::number_or;
+use super::{Drive, Input, InputMeaning};
+use std::ops::RangeInclusive;
+use syncline_drives::mechanics::touch_probe::{Solid, TouchProbe};
+use syncline_drives::model::Capture;
+use syncline_strict_toml::{Log, Table};
+
+/// `[probing]`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Probing {
+    /// How far the axes may go on behind a contact, mm.
+    pub overtravel: f64,
+    /// Whether drives that can are to capture where it was.
+    pub latch: bool,
+}
+
+impl Default for Probing {
+    fn default() -> Self {
+        Self {
+            overtravel: 2.0,
+            latch: true,
+        }
+    }
+}
+
+/// How a drive captures where a probe touches, and where it no longer does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ProbeCaptures {
+    touches: &'static Capture,
+    leaves: &'static Capture,
+}
+
+impl ProbeCaptures {
+    /// Of a drive that a probe is wired to, if a capture of it sees that.
+    #[must_use]
+    pub fn new(drive: usize, drives: &[Drive], inputs: &[Input]) -> Option<Self> {
+        let mut wired = inputs.iter().filter(|input| input.node == drive);
+        let probe = wired.find(|input| input.meaning == InputMeaning::Probe)?;
+        let model = drives.get(drive)?.model;
+        Some(Self {
+            touches: model.capture(probe.signal, !probe.active_low)?,
+            leaves: model.capture(probe.signal, probe.active_low)?,
+        })
+    }
+
+    /// That of a contact that is lost if `away`, otherwise of one that comes.
+    #[must_use]
+    pub fn of(&self, away: bool) -> &'static Capture {
+        match away {
+            true => self.leaves,
+            false => self.touches,
+        }
+    }
+}
+
+/// `[probing]` of a machine file.
+pub(super) fn read(log: &mut Log<'_>, mut table: Table<'_, '_>) -> Probing {
+    let Probing { overtravel, latch } = Probing::default();
+    let probing = Probing {
+        overtravel: number_or(
+            log,
+            &mut table,
+            "overtravel",
+            overtravel,
+            0.001..=1e3,
+            "(mm)",
+        ),
+        latch: table.flag_or(log, "latch", latch),
+    };
+    table.finish(log);
+    probing
+}
+
+/// A place of a work piece, mm.
+const PLACE: RangeInclusive<f64> = -1e7..=1e7;
+/// Which way out of a plane is.
+const FACINGS: [(&str, [f64; 3]); 6] = [
+    ("+X", [1.0, 0.0, 0.0]),
+    ("-X", [-1.0, 0.0, 0.0]),
+    ("+Y", [0.0, 1.0, 0.0]),
+    ("-Y", [0.0, -1.0, 0.0]),
+    ("+Z", [0.0, 0.0, 1.0]),
+    ("-Z", [0.0, 0.0, -1.0]),
+];
+
+/// `[simulation]` of a machine file.
+pub(super) fn simulated(log: &mut Log<'_>, mut table: Table<'_, '_>) -> Option<TouchProbe> {
+    let ball = number_or(
+        log,
+        &mut table,
+        "ball",
+        0.0,
+        0.0..=100.0,
+        "(mm, its diameter)",
+    );
+    let pieces = table.tables_if(log, "workpiece", "name");
+    table.finish(log);
+    let solids: Vec<_> = (pieces.into_iter().map(|piece| solid(log, piece))).collect();
+    Some(TouchProbe {
+        radius: 0.5 * ball,
+        solids: solids.into_iter().collect::<Option<_>>()?,
+    })
+}
+
+/// A `[[simulation.workpiece]]`.
+fn solid(log: &mut Log<'_>, mut table: Table<'_, '_>) -> Option<Solid> {
+    table.text(log, "name", "a name", |name| !name.is_empty());
+    let shape = table.choice(log, "shape", ["plane", "box", "cylinder"].into_iter());
+    let allowed = "[least, greatest] machine position (mm), the first below the second";
+    let solid = match shape.as_ref().map(|shape| shape.get_ref().as_str()) {
+        Some("plane") => {
+            let names = FACINGS.iter().map(|(name, _)| *name);
+            let facing = table.choice(log, "facing", names);
+            let at = number(log, &mut table, "at", PLACE);
+            let named = facing.and_then(|facing| {
+                let mut known = FACINGS.iter();
+                known.find(|(name, _)| name == facing.get_ref())
+            });
+            named.zip(at).map(|((_, normal), at)| Solid::Plane {
+                at: normal.map(|out| out.abs() * at),
+                normal: *normal,
+            })
+        }
+        Some("box") => {
+            let sides = ["x", "y", "z"].map(|key| table.interval(log, key, allowed));
+            let [x, y, z] = sides.map(|side| side.map(|side| side.into_inner()));
+            x.zip(y).zip(z).map(|((x, y), z)| Solid::Box {
+                from: [x.0, y.0, z.0],
+                to: [x.1, y.1, z.1],
+            })
+        }
+        Some(_) => {
+            let [x, y] = ["x", "y"].map(|key| number(log, &mut table, key, PLACE));
+            let diameter = number(log, &mut table, "diameter", 0.001..=1e6);
+            let z = table.interval(log, "z", allowed);
+            let z = z.map(|z| z.into_inner());
+            let known = x.zip(y).zip(diameter).zip(z);
+            known.map(|(((x, y), diameter), (low, high))| Solid::Cylinder {
+                foot: [x, y, low],
+                radius: 0.5 * diameter,
+                height: high - low,
+            })
+        }
+        None => None,
+    };
+    table.finish(log);
+    solid
+}
+
+fn number(
+    log: &mut Log<'_>,
+    table: &mut Table<'_, '_>,
+    key: &'static str,
+    range: RangeInclusive<f64>,
+) -> Option<f64> {
+    let allowed = format!("a number from {} to {} (mm)", range.start(), range.end());
+    let found = table.number(log, key, &allowed, |number| range.contains(&number));
+    found.map(|number| *number.get_ref())
+}

@@ -1,0 +1,597 @@
+//! Probing: simulated work pieces touched by programs, by each way in which a contact is known, and what fails.
+
+use super::replayed::again;
+use proptest::prelude::*;
+use syncline_controller::control::{End, Event, Fault, KnownBy, ProbeFailure, State};
+use syncline_controller::machine::Position;
+use syncline_controller::session::{Command, Direction, Jog, Override};
+use syncline_drives::mechanics::touch_probe::{Place, TouchProbe};
+use syncline_drives::twin::Disturbance;
+use syncline_gcode::Axis;
+use syncline_tests::command::{Folder, ended, machine_with, syncline};
+use syncline_tests::rig::Rig;
+
+/// Where the example machine gets its probe and its work pieces.
+const HERE: &str = "[model.lxm32m]";
+
+/// A box of 40 × 30 mm with its corner at X0 Y0 and its top at Z-20, and beside it a cylinder of 50 mm; a ball of 4 mm.
+const PIECES: &str = r#"
+[simulation]
+ball = 4.0
+
+[[simulation.workpiece]]
+name = "box"
+shape = "box"
+x = [0.0, 40.0]
+y = [0.0, 30.0]
+z = [-60.0, -20.0]
+
+[[simulation.workpiece]]
+name = "cylinder"
+shape = "cylinder"
+x = 120.0
+y = 60.0
+z = [-60.0, -20.0]
+diameter = 50.0
+"#;
+
+/// The probe at inputs of these drives.
+fn wired(drives: &[&str]) -> String {
+    let wired = drives.iter().map(|drive| {
+        format!(
+            "[[input]]\nname = \"probe at {drive}\"\ndrive = \"{drive}\"\nsignal = \"DI0\"\nfunction = \"probe\"\n"
+        )
+    });
+    wired.collect()
+}
+
+const ALL: [&str; 3] = ["left-right", "front-back", "up-down"];
+
+/// What a machine adds to the example.
+fn with(extra: &str) -> String {
+    format!("{extra}\n{PIECES}\n{HERE}")
+}
+
+/// A contact that a run came to.
+#[derive(Clone, Copy, Debug)]
+struct Contact {
+    at: Position,
+    uncertainty: f64,
+    by: KnownBy,
+}
+
+/// Runs to the end; every contact on the way, and how far the probe went behind each before the next motion.
+fn contacts(rig: &mut Rig) -> Vec<Contact> {
+    let mut found = Vec::new();
+    let mut seen = 0;
+    loop {
+        let goes_on = rig.step();
+        for event in rig.events[seen..].to_vec() {
+            if let Event::Probed {
+                found: Some((uncertainty, by)),
+                ..
+            } = event
+            {
+                let probed = *rig.controller().probed().expect("there was contact");
+                found.push(Contact {
+                    at: probed.contact.expect("there was contact"),
+                    uncertainty,
+                    by,
+                });
+            }
+        }
+        seen = rig.events.len();
+        if !goes_on {
+            return found;
+        }
+    }
+}
+
+fn probe(rig: &Rig) -> TouchProbe {
+    rig.machine.workpieces.clone().expect("it has work pieces")
+}
+
+/// Around the box, from above, and about the cylinder.
+const AROUND: &str = "\
+G21 G90 G94
+G0 X-10 Y15 Z-15
+G0 Z-30
+G38.2 X10 F300
+#1 = #5061
+G0 X-10
+G0 Y-10
+G0 X20
+G38.2 Y10 F300
+#2 = #5062
+G0 Y-10
+G0 X55
+G0 Y15
+G38.3 X30 F300
+#3 = #5061
+G0 X55
+G0 Y45
+G0 X20
+G38.2 Y20
+#4 = #5062
+G0 Y45
+G0 Z0
+G0 Y15
+G38.2 Z-30 F200
+#5 = #5063
+G38.4 Z0 F50
+G0 Z0
+(PRINT, the box is [#3 - #1 - 4] by [#4 - #2 - 4])
+G0 X85 Y60
+G0 Z-30
+G38.2 X120 F300
+G0 X85 Y25
+G38.2 X120 Y60 F300
+G0 X85 Y25
+G0 Z0
+M2
+";
+
+/// Increments of the example's drives, mm: the coarsest.
+const INCREMENT: f64 = 20.0 / 1.5 / 131_072.0;
+
+/// The three of a place that a probe has.
+fn tip(at: &Position) -> Place {
+    [at[0], at[1], at[2]]
+}
+
+#[test]
+fn a_box_and_a_cylinder_are_found() {
+    use KnownBy::{Captured, Inferred, Sampled};
+    let only_x = [
+        Captured, Sampled, Inferred, Sampled, Sampled, Sampled, Captured, Inferred,
+    ];
+    let ways = [
+        (true, &ALL[..], [Captured; 8]),
+        (false, &ALL[..], [Sampled; 8]),
+        (true, &ALL[..1], only_x),
+    ];
+    for (latch, drives, by) in ways {
+        let mut extra = wired(drives);
+        if !latch {
+            extra += "[probing]\nlatch = false\n";
+        }
+        let mut rig = Rig::new("xyz", &[(HERE, &with(&extra))], AROUND, |_, _| ());
+        let found = contacts(&mut rig);
+        assert_eq!(rig.problems, [""; 0], "{:?}", rig.events);
+        assert_eq!(rig.end(), Some(End::Finished), "{:?}", rig.events);
+        let known: Vec<KnownBy> = found.iter().map(|contact| contact.by).collect();
+        let sampled = |by: &[KnownBy]| by.iter().map(|by| *by == Sampled).collect::<Vec<_>>();
+        assert_eq!(sampled(&known), sampled(&by), "{found:?}");
+        let probe = probe(&rig);
+        for contact in &found {
+            let off = probe.clearance(tip(&contact.at)).abs();
+            // Two axes of the last one move.
+            assert!(off <= 1.5 * contact.uncertainty, "{off} {contact:?}");
+            if contact.by == Captured {
+                assert!(off <= 2.0 * INCREMENT, "{off} {contact:?}");
+            }
+        }
+        // The program goes on with what it found.
+        let (_, told) = &rig.messages[0];
+        let numbers: Vec<f64> = told
+            .split(['[', ']', ' '])
+            .filter_map(|it| it.parse().ok())
+            .collect();
+        let (across, along) = (numbers[0] - numbers[1] - 4.0, numbers[3] - numbers[4] - 4.0);
+        let most = 2.0 * found.iter().map(|it| it.uncertainty).fold(0.0, f64::max);
+        assert!(
+            (across - 40.0).abs() <= most && (along - 30.0).abs() <= most,
+            "{told}"
+        );
+    }
+}
+
+/// The example with its probe at every drive.
+fn rig(program: &str) -> Rig {
+    Rig::new("xyz", &[(HERE, &with(&wired(&ALL)))], program, |_, _| ())
+}
+
+/// The same, staying on.
+fn staying_on() -> Rig {
+    let mut rig = Rig::staying_on("xyz", &[(HERE, &with(&wired(&ALL)))], |_, _| ());
+    settle(&mut rig);
+    rig
+}
+
+fn state(rig: &Rig) -> State {
+    rig.session.status().state
+}
+
+/// Goes on until the machine rests and waits for an operator.
+fn settle(rig: &mut Rig) {
+    let mut since = 0;
+    while since < 6 && rig.step() {
+        let rests = matches!(state(rig), State::Ready | State::Held | State::Faulted);
+        since = if rests { since + 1 } else { 0 };
+    }
+}
+
+fn go(rig: &mut Rig, command: Command) {
+    rig.command(command);
+    settle(rig);
+}
+
+fn failure(rig: &mut Rig) -> ProbeFailure {
+    match rig.finish_with_fault() {
+        Fault::Probing { failure, .. } => failure,
+        other => panic!("{other:?}"),
+    }
+}
+
+#[test]
+fn what_fails_is_told_by_name() {
+    let before = "G21 G90 G94\nG0 X-10 Y15 Z-15\nG0 Z-30\n";
+    let program = |block: &str| format!("{before}{block}\nM2\n");
+    assert_eq!(
+        failure(&mut rig(&program("G38.2 X-5 F300"))),
+        ProbeFailure::NoContact
+    );
+    assert_eq!(
+        failure(&mut rig(&program("G38.4 X-5 F300"))),
+        ProbeFailure::Open
+    );
+    let touched = program("G38.2 X5 F300\nG38.2 X-5");
+    assert_eq!(failure(&mut rig(&touched)), ProbeFailure::Closed);
+    let stuck = program("G38.2 X5 F300\nG38.4 X-2.5 F50");
+    let mut probed = rig(&stuck);
+    probed.run_until(|rig| (rig.events.iter()).any(|it| matches!(it, Event::Probed { .. })));
+    for drive in 0..3 {
+        probed.twin(drive).disturb(Disturbance::Input(0, true));
+    }
+    probed.run_until(|rig| !rig.controller().faults().is_empty() || rig.end().is_some());
+    // The world lets it go, as it knows nothing of the stuck contact; then a contact at another drive stays.
+    let mut stays = rig(&stuck);
+    stays.run_until(|rig| (rig.events.iter()).any(|it| matches!(it, Event::Probed { .. })));
+    stays.run_until(|rig| {
+        rig.twin(1).disturb(Disturbance::Input(0, true));
+        rig.end().is_some()
+    });
+    assert!(
+        matches!(
+            stays.end(),
+            Some(End::Fault(Fault::Probing {
+                failure: ProbeFailure::Stuck,
+                ..
+            }))
+        ),
+        "{:?}",
+        stays.end()
+    );
+    let fast = failure(&mut rig(&program("G38.2 X5 F20000")));
+    assert!(
+        matches!(fast, ProbeFailure::TooFast { overtravel, allowed } if overtravel > allowed),
+        "{fast:?}"
+    );
+    // G38.3 and G38.5 go on.
+    let goes_on = program("G38.3 X-5 F300\n(PRINT, #5070 #5061)");
+    let mut rig = rig(&goes_on);
+    assert_eq!(rig.finish(), End::Finished);
+    assert_eq!(rig.messages, [(5, "0 -5".to_owned())]);
+}
+
+#[test]
+fn contact_that_nobody_looks_for_stops() {
+    let into = "G21 G90\nG0 X-10 Y15 Z-15\nG0 Z-30\nG0 X20\nM2\n";
+    let mut one = rig(into);
+    assert_eq!(one.finish_with_fault(), Fault::Touched);
+    let mut rig = staying_on();
+    go(&mut rig, Command::Mdi("G0 X-10 Y15 Z-15\nG0 Z-30".into()));
+    for motion in [
+        Command::Mdi("G1 X20 F2000".into()),
+        Command::Jog(Jog::Continuous {
+            axis: Axis::X,
+            direction: Direction::Positive,
+            speed: Some(30.0),
+        }),
+    ] {
+        let told = rig.events.len();
+        rig.command(motion);
+        rig.run_until(|rig| {
+            assert_ne!(state(rig), State::Faulted, "{:?}", rig.session.faults());
+            rig.events[told..].contains(&Event::Touched)
+        });
+        settle(&mut rig);
+        assert_eq!(state(&rig), State::Ready, "{:?}", rig.events);
+        let x = rig.session.status().setpoint[0];
+        assert!((-2.0..1.5).contains(&x), "{x}");
+        // Away from there is no contact that comes.
+        go(&mut rig, Command::Mdi("G0 X-5".into()));
+        assert_eq!(rig.session.status().setpoint[0], -5.0);
+    }
+    // A typed line probes as a program does.
+    go(
+        &mut rig,
+        Command::Mdi("G38.2 X5 F300\n(PRINT, #5070 #5061)".into()),
+    );
+    assert_eq!(rig.messages.len(), 1, "{:?}", rig.events);
+    assert!(
+        rig.messages[0].1.starts_with("1 -2.000"),
+        "{:?}",
+        rig.messages
+    );
+    go(&mut rig, Command::Mdi("G38.2 X5".into()));
+    let failed = |event: &Event| {
+        matches!(
+            event,
+            Event::ProbingFailed {
+                failure: ProbeFailure::Closed,
+                ..
+            }
+        )
+    };
+    assert!(rig.events.iter().any(failed), "{:?}", rig.events);
+    assert_eq!(state(&rig), State::Ready);
+}
+
+#[test]
+fn an_operator_holds_a_probing_and_has_it_go_on() {
+    let program = "G21 G90 G94\nG0 X-10 Y15 Z-15\nG0 Z-30\nG38.2 X5 F300\nG0 X-10\nM2\n";
+    let mut rig = rig(program);
+    let below = |x: f64| {
+        move |rig: &mut Rig| {
+            rig.rows
+                .last()
+                .is_some_and(|row| row.plan.position[0] > x && row.plan.position[2] == -30.0)
+        }
+    };
+    rig.run_until(below(-8.0));
+    rig.command(Command::FeedHold);
+    rig.run_until(|rig| state(rig) == State::Held);
+    let held = rig.rows.last().unwrap().plan.position[0];
+    assert!((-8.0..-7.0).contains(&held), "{held}");
+    rig.command(Command::Retrace);
+    for _ in 0..200 {
+        rig.step();
+    }
+    assert_eq!(rig.refused.len(), 1);
+    assert_eq!(rig.rows.last().unwrap().plan.position[0], held);
+    rig.command(Command::Resume);
+    rig.run_until(below(-6.0));
+    // The feed override slows it down, to rest, and lets it go on.
+    rig.command(Command::FeedOverride(Override::To(0.0)));
+    for _ in 0..400 {
+        rig.step();
+    }
+    assert_eq!(rig.rows.last().unwrap().plan.velocity[0], 0.0);
+    rig.command(Command::FeedOverride(Override::To(150.0)));
+    for _ in 0..100 {
+        rig.step();
+    }
+    assert!((rig.rows.last().unwrap().plan.velocity[0] - 5.0).abs() < 1e-9);
+    let found = contacts(&mut rig);
+    assert!((found[0].at[0] + 2.0).abs() < 2.0 * INCREMENT, "{found:?}");
+    assert_eq!(rig.end(), Some(End::Finished));
+    let at = rig.rows.last().unwrap().plan.position[0];
+    assert_eq!(at, -10.0);
+}
+
+#[test]
+fn a_run_with_probings_is_judged_and_replayed() {
+    let mut rig = rig(AROUND);
+    assert_eq!(rig.finish(), End::Finished);
+    assert_eq!(again(&mut rig, Some(AROUND), &[]), []);
+    let summary = self::rig(AROUND).judge();
+    assert_eq!(summary.verdict, "pass", "{:?}", summary.violations);
+}
+
+/// As a user has it: in a thread of its own, beside that of the planner, and in virtual time.
+#[test]
+fn commands_probe() {
+    let folder = Folder::new();
+    let machine = folder.file(
+        "machine.toml",
+        &machine_with("xyz", &[(HERE, &with(&wired(&ALL)))]),
+    );
+    let text = "G21 G90 G94\nG0 X-6 Y15 Z-15\nG0 Z-30\nG38.2 X10 F300\nG0 X[#5061 - 4]\nM2\n";
+    let program = folder.file("touch.ngc", text);
+    let log = folder.path("run.log").display().to_string();
+    for (verb, arguments) in [
+        ("run", &["--candump", &log][..]),
+        ("validate", &[]),
+        ("check", &[]),
+    ] {
+        let output = syncline()
+            .arg(verb)
+            .arg(&machine)
+            .arg(&program)
+            .args(arguments)
+            .output();
+        let output = output.unwrap();
+        let (code, printed, told) = ended(&output);
+        assert_eq!(code, 0, "{verb}: {printed}{told}");
+        let probes = verb != "run" || told.contains("line 4: contact, known to 0.0002 mm");
+        assert!(probes, "{verb}: {printed}{told}");
+    }
+    let output = syncline()
+        .arg("replay")
+        .arg(&log)
+        .arg(&machine)
+        .arg(&program)
+        .output();
+    let output = output.unwrap();
+    let (code, printed, told) = ended(&output);
+    assert_eq!(code, 0, "{printed}{told}");
+}
+
+/// A work piece, a way to it and how it is wired.
+#[derive(Clone, Debug)]
+struct Case {
+    piece: String,
+    ball: f64,
+    /// Where it begins, outside of the piece, and a place inside of it.
+    from: Place,
+    inside: Place,
+    /// The part of the way there that is programmed.
+    part: f64,
+    /// mm/min
+    feed: f64,
+    required: bool,
+    latch: bool,
+    drives: [bool; 3],
+    seed: u64,
+}
+
+fn piece() -> impl Strategy<Value = (String, Place)> {
+    let middle = (
+        -60.0..60.0_f64,
+        -60.0..60.0_f64,
+        5.0..40.0_f64,
+        5.0..40.0_f64,
+    );
+    prop_oneof![
+        middle.clone().prop_map(|(x, y, w, d)| {
+            let text = format!(
+                "shape = \"box\"\nx = [{:.3}, {:.3}]\ny = [{:.3}, {:.3}]\nz = [-80.0, -30.0]",
+                x - w, x + w, y - d, y + d
+            );
+            (text, [x, y, -45.0])
+        }),
+        middle.clone().prop_map(|(x, y, r, _)| {
+            let text = format!(
+                "shape = \"cylinder\"\nx = {x:.3}\ny = {y:.3}\ndiameter = {:.3}\nz = [-80.0, -30.0]",
+                2.0 * r
+            );
+            (text, [x, y, -45.0])
+        }),
+        middle.prop_map(|(x, y, ..)| {
+            ("shape = \"plane\"\nfacing = \"+Z\"\nat = -30.0".to_owned(), [x, y, -45.0])
+        }),
+    ]
+}
+
+fn case() -> impl Strategy<Value = Case> {
+    let way = (
+        0.0..std::f64::consts::TAU,
+        -1.0..1.0_f64,
+        60.0..110.0_f64,
+        0.02..1.0_f64,
+    );
+    let how = (
+        any::<bool>(),
+        prop::bool::weighted(0.8),
+        any::<[bool; 3]>(),
+        any::<u64>(),
+    );
+    let kinds = (prop::sample::select(vec![0.0, 2.0, 6.0]), 20.0..2500.0_f64);
+    (piece(), way, kinds, how).prop_map(|((piece, inside), way, (ball, feed), how)| {
+        let (angle, up, far, part) = way;
+        let flat = (1.0 - up * up).sqrt();
+        let out = [flat * angle.cos(), flat * angle.sin(), up.abs()];
+        let from = [0, 1, 2].map(|axis: usize| inside[axis] + far * out[axis]);
+        let (required, latch, mut drives, seed) = how;
+        if drives == [false; 3] {
+            drives[0] = true;
+        }
+        Case {
+            piece,
+            ball,
+            from,
+            inside,
+            part,
+            feed,
+            required,
+            latch,
+            drives,
+            seed,
+        }
+    })
+}
+
+impl Case {
+    fn rig(&self) -> Rig {
+        let wired_at = ALL.iter().zip(self.drives).filter(|(_, wired)| *wired);
+        let drives: Vec<&str> = wired_at.map(|(drive, _)| *drive).collect();
+        let machine = format!(
+            "{}\n[probing]\nlatch = {}\n[simulation]\nball = {}\n[[simulation.workpiece]]\nname = \"it\"\n{}\n{HERE}",
+            wired(&drives),
+            self.latch,
+            self.ball,
+            self.piece
+        );
+        let [x, y, z] = self.from;
+        let to = [0, 1, 2]
+            .map(|axis: usize| self.from[axis] + self.part * (self.inside[axis] - self.from[axis]));
+        let code = if self.required { "G38.2" } else { "G38.3" };
+        let program = format!(
+            "G21 G90 G94\nG0 Z20\nG0 X{x} Y{y}\nG0 Z{z}\n{code} X{} Y{} Z{} F{}\nM2\n",
+            to[0], to[1], to[2], self.feed
+        );
+        let seed = self.seed;
+        Rig::new(
+            "xyz",
+            &[(HERE, &machine)],
+            &program,
+            move |drive, config| {
+                config.seed = seed.wrapping_add(drive as u64);
+            },
+        )
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 24, ..ProptestConfig::default() })]
+
+    #[test]
+    fn a_contact_is_where_it_is_said_to_be_or_told_to_be_missing(case in case()) {
+        let mut rig = case.rig();
+        let probe = probe(&rig);
+        // It begins above all, and comes down beside the piece.
+        let [x, y, z] = case.from;
+        prop_assume!((-150.0..=20.0).contains(&z) && x.abs() < 200.0 && y.abs() < 190.0);
+        let above = (0..=100).map(|step| z + (20.0 - z) * f64::from(step) / 100.0);
+        prop_assume!(above.map(|z| probe.clearance([x, y, z])).fold(f64::INFINITY, f64::min) > 1.0);
+        let found = contacts(&mut rig);
+        let end = rig.end();
+        if let Some(End::Fault(Fault::Probing { failure: ProbeFailure::TooFast { .. }, .. })) = end {
+            prop_assert!(case.feed > 1000.0 && found.is_empty());
+            return Ok(());
+        }
+        // Where the line meets the piece.
+        let whole = probe.crossing(case.from, case.inside);
+        let length = [0, 1, 2].map(|axis: usize| (case.inside[axis] - case.from[axis]).powi(2)).iter().sum::<f64>().sqrt();
+        let margin = (whole - case.part) * length;
+        if margin.abs() < 0.2 {
+            // The axes are off the line by what they lag.
+            return Ok(());
+        }
+        if margin > 0.0 {
+            prop_assert_eq!(found.len(), 0);
+            match end {
+                Some(End::Fault(Fault::Probing { failure: ProbeFailure::NoContact, .. })) => prop_assert!(case.required),
+                end => prop_assert!(!case.required && end == Some(End::Finished), "{end:?}"),
+            }
+            return Ok(());
+        }
+        prop_assert_eq!(end, Some(End::Finished), "{:?}", rig.events);
+        let contact = found[0];
+        // Of each axis, so of a place as far as three of them are off.
+        let off = probe.clearance(tip(&contact.at)).abs();
+        prop_assert!(off <= 3.0_f64.sqrt() * contact.uncertainty, "{off} {contact:?}");
+        // No further than the bound, nor beyond what was programmed.
+        let deepest = rig.rows.iter().map(|row| tip(&row.plan.position));
+        let gone = deepest.map(|at| {
+            let from_start = [0, 1, 2].map(|axis: usize| (at[axis] - case.from[axis]).powi(2));
+            from_start.iter().sum::<f64>().sqrt()
+        });
+        let last = gone.last().unwrap_or_default();
+        prop_assert!(last <= whole * length + 2.0, "{last} {}", whole * length);
+        prop_assert!(last <= case.part * length + 1e-6);
+        if !case.latch {
+            prop_assert_eq!(contact.by, KnownBy::Sampled);
+        } else if case.drives == [true; 3] {
+            prop_assert_eq!(contact.by, KnownBy::Captured);
+        }
+        // Once more, and it is the same.
+        if case.seed % 8 == 0 {
+            let mut again = case.rig();
+            again.finish();
+            let frames = |rig: &mut Rig| rig.session.timeline().frames().result().0;
+            prop_assert_eq!(frames(&mut rig), frames(&mut again));
+        }
+    }
+}
