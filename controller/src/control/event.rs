@@ -1,6 +1,6 @@
 //! What the controller has to tell, as plain numbers; the text is made outside of the cycle.
 
-use super::fault::{AxisIndex, BusIndex, DeviceIndex, Fault, Names, TOUCHED};
+use super::fault::{AxisIndex, BusIndex, DeviceIndex, Fault, Names};
 use super::functions::Switch;
 use super::homing::{HomingFailure, NotRecalled};
 use super::inputs::InputIndex;
@@ -452,15 +452,9 @@ impl Event {
             | Self::NotRecalled { axis, .. }
             | Self::JogNotRenewed { axis }
             | Self::HomingFailed { axis, .. } => return self.describe_axis(names.axis(axis)),
-            Self::Probed { line, found } => match found {
-                Some((off, by)) => format!("line {line}: contact, known to {off:.4} mm {by}"),
-                None => format!("line {line}: no contact"),
-            },
-            Self::ProbingFailed { line, failure } => {
-                let failure = failure.describe(|axis| names.axis(axis).name.clone());
-                format!("line {line}: {failure}")
+            Self::Probed { .. } | Self::ProbingFailed { .. } | Self::Touched => {
+                return self.describe_probing(names);
             }
-            Self::Touched => TOUCHED.to_owned(),
             Self::MissedTPdo { device } => format!("{}: T_PDO missing in one cycle", who(device)),
             Self::LateSetpoint { bus, cycle } => format!(
                 "bus {}: the setpoints of cycle {cycle} missed their SYNC",
@@ -500,6 +494,21 @@ impl Event {
             Self::JobOver { .. } | Self::State(_) | Self::Kept { .. } => return None,
             Self::Interrupted => "interrupted: stopping on the path".to_owned(),
             Self::Fault(fault) => format!("FAULT: {}", fault.describe(names)),
+        })
+    }
+
+    /// What came of a probing, or of none.
+    fn describe_probing(&self, names: &impl Names) -> Option<String> {
+        Some(match *self {
+            Self::Probed { line, found } => match found {
+                Some((off, by)) => format!("line {line}: contact, known to {off:.4} mm {by}"),
+                None => format!("line {line}: no contact"),
+            },
+            Self::ProbingFailed { line, failure } => {
+                Fault::Probing { line, failure }.describe(names)
+            }
+            Self::Touched => Fault::Touched.describe(names),
+            _ => return None,
         })
     }
 

@@ -23,10 +23,6 @@ pub type AxisIndex = usize;
 /// A bus by its place in the machine file.
 pub type BusIndex = usize;
 
-/// The probe touched something that nobody probed.
-pub(super) const TOUCHED: &str = "the probe touched something while nobody probed: move away, and look at probe, \
-                                  program and work";
-
 /// What stopped the machine. It stays stopped until a person starts it again.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Fault {
@@ -453,7 +449,11 @@ impl Fault {
                 let failure = failure.describe(|axis| names.axis(axis).name.clone());
                 format!("line {line}: {failure}")
             }
-            Self::Touched => TOUCHED.to_owned(),
+            Self::Touched => {
+                "the probe touched something while nobody probed: move away, and look at \
+                              probe, program and work"
+                    .to_owned()
+            }
             Self::NoPlan => format!(
                 "the path rests in mid-program, nobody holds it, and no plan came for {} s: this is \
                  a defect of syncline, please report it with the machine, the program and what was \

@@ -23,6 +23,7 @@
 //! travels; every axis follows it by its share, so that they stay on the line whatever becomes of the
 //! speed. A line begins in motion only where the axes move along it already.
 
+mod order;
 mod stopping;
 #[cfg(test)]
 mod tests;
@@ -30,10 +31,13 @@ mod way_back;
 
 pub use way_back::{Leg, Retraction};
 
+pub use order::{Jog, JogError};
+
 use super::Setpoint;
 use crate::limits::{Limits, PositionLimits};
 use crate::profile::{Profile, State};
 use crate::state_to_state::{self, Axis};
+use order::check;
 
 /// Where an axis may be, and how it may move.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -42,58 +46,6 @@ pub struct Travel {
     pub limits: Limits,
     /// The soft limits, mm, finite.
     pub bounds: PositionLimits,
-}
-
-/// An order to single axes, in machine coordinates. As fast as the axes' limits and the rapid
-/// override allow.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Jog<const N: usize> {
-    /// On and on, to the soft limit if no other order comes.
-    Continuous {
-        /// Which one.
-        axis: usize,
-        /// mm/s; its sign is the direction.
-        velocity: f64,
-    },
-    /// By a distance: from the position that the last order leads the axis to, so that steps add up,
-    /// or from where it can come to rest soonest. A soft limit ends it.
-    Step {
-        /// Which one.
-        axis: usize,
-        /// mm
-        distance: f64,
-        /// The highest, mm/s; may be infinite.
-        speed: f64,
-    },
-    /// To these positions, mm, each axis as fast as it can.
-    To([Option<f64>; N]),
-    /// To these positions, mm, on a straight line. Axes that move otherwise come to rest first.
-    Line {
-        /// Where to.
-        to: [Option<f64>; N],
-        /// The highest along the line, mm/s; may be infinite.
-        speed: f64,
-    },
-}
-
-/// Why an order is refused.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum JogError {
-    /// The path has to rest.
-    #[error("the path is not at rest")]
-    Moving,
-    /// There is no such axis.
-    #[error("there is no axis {0}")]
-    NoAxis(usize),
-    /// A position is outside of the axis' soft limits.
-    #[error("the position is outside of the soft limits of axis {0}")]
-    OutsideTravel(usize),
-    /// A position, a distance or a speed is not a number.
-    #[error("a position, distance or speed is not a number")]
-    NotANumber,
-    /// The speed, or the rapid override, is 0.
-    #[error("the speed or the rapid override is 0")]
-    NoSpeed,
 }
 
 /// Where an axis is to come to rest.
