@@ -2,6 +2,7 @@
 
 use super::replayed::again;
 use proptest::prelude::*;
+use std::process::Stdio;
 use syncline_controller::control::{End, Event, Fault, KnownBy, ProbeFailure, State};
 use syncline_controller::machine::Position;
 use syncline_controller::session::{Command, Direction, Jog, Override};
@@ -396,6 +397,7 @@ fn commands_probe() {
         ("check", &[]),
     ] {
         let output = syncline()
+            .stdin(Stdio::null())
             .arg(verb)
             .arg(&machine)
             .arg(&program)
