@@ -229,7 +229,9 @@ impl Feeder {
                 };
                 self.stop_then(StopPoint::AwaitInput { wait, line });
             }
-            Action::Probe { to, feed, probe } => self.take_probe(to.0, *feed, *probe, line),
+            Action::Probe { to, feed, probe } => {
+                self.take_probe(to.0, *feed, *probe, command.span)?;
+            }
             Action::Message(text) => self.tell(line, text.clone()),
             Action::ToolLoaded(tool) => self.switch(line, Switch::Tool(*tool)),
             Action::Spindle(spindle) => {
@@ -264,23 +266,34 @@ impl Feeder {
     }
 
     /// Comes to rest, and has the cycle probe from there.
-    fn take_probe(&mut self, to: Position, feed: gcode::Feed, probe: gcode::Probe, line: u32) {
+    fn take_probe(
+        &mut self,
+        to: Position,
+        feed: gcode::Feed,
+        probe: gcode::Probe,
+        span: gcode::Span,
+    ) -> Result<(), ProgramError> {
         for (line, switch) in take(&mut self.with_motion) {
             self.switch(line, switch);
         }
-        let speed = match (feed, Curve::line(self.source.at, to)) {
-            (gcode::Feed::Rate(rate), Ok(curve)) => self.scale.feed * path_speed(&curve, rate),
-            (gcode::Feed::Rate(rate), Err(_)) => rate,
-            (gcode::Feed::Duration(seconds), _) => seconds.recip(),
+        let line_there = self.source.line(to).map_err(|source| ProgramError::Curve {
+            place: place(&self.interpreter, span),
+            source,
+        })?;
+        let speed = match feed {
+            gcode::Feed::Rate(rate) => path_speed(&line_there, rate),
+            gcode::Feed::Duration(seconds) => line_there.length() / seconds,
         };
         self.probings += 1;
         self.probing = Some(Instruction::Probe(ProbeMove {
             number: self.probings,
-            to,
-            speed,
+            to: line_there.end(),
+            speed: self.scale.feed * speed,
             probe,
         }));
+        let line = span.line;
         self.stop_then(StopPoint::Probe { line });
+        Ok(())
     }
 
     /// Goes on behind a probing from where the machine rests, once it is known what came of it; a result that was
@@ -289,11 +302,9 @@ impl Feeder {
         if !self.interpreter.awaits_probe() || probed.number != self.probings {
             return;
         }
-        self.interpreter.probed(gcode::Probed {
-            contact: probed.contact.map(gcode::Point),
-            at: gcode::Point(probed.at),
-        });
-        self.source.at = probed.at;
+        let at = gcode::Point(self.source.go_on_from(probed.at));
+        let contact = probed.contact.map(gcode::Point);
+        self.interpreter.probed(gcode::Probed { contact, at });
         self.planner = planner(self.limits, self.bounds, probed.at);
         self.first_mark += self.marks.len() as u32;
         self.marks.clear();

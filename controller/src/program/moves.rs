@@ -77,7 +77,7 @@ pub(super) struct Mixed(pub(super) gcode::Axis);
 /// Where a command goes.
 fn destination(action: &Action) -> Option<Position> {
     match action {
-        Action::Rapid { to } | Action::Feed { to, .. } => Some(to.0),
+        Action::Rapid { to } | Action::Feed { to, .. } | Action::Probe { to, .. } => Some(to.0),
         Action::Arc { arc, .. } => Some(arc.to.0),
         Action::Spline { spline, .. } => Some(spline.to.0),
         _ => None,
@@ -123,7 +123,13 @@ impl MoveSource {
         let Some(first) = targets.iter().position(Option::is_some) else {
             return Ok(None);
         };
-        if !matches!(action, Action::Rapid { .. }) && self.on_path(to) != self.at {
+        let along = match action {
+            Action::Rapid { .. } => false,
+            // A probe is looked for along a path only.
+            Action::Probe { .. } => true,
+            _ => self.on_path(to) != self.at,
+        };
+        if along {
             return Err(Mixed(gcode::Axis::ALL[first]));
         }
         let line = Curve::line(self.places, places).ok();
@@ -133,6 +139,18 @@ impl MoveSource {
         });
         self.places = places;
         Ok(Some(PointToPoint { targets, speed }))
+    }
+
+    /// The line of a probing.
+    pub(super) fn line(&self, to: Position) -> Result<Curve<COORDINATES>, CurveError> {
+        Curve::line(self.at, self.on_path(to))
+    }
+
+    /// The path goes on from there; where all axes are then.
+    pub(super) fn go_on_from(&mut self, at: Position) -> Position {
+        self.at = at;
+        let beside = self.point_to_point;
+        std::array::from_fn(|of| if beside[of] { self.places[of] } else { at[of] })
     }
 
     /// The curves that a command asks for: none, or none as it has no length, or the parts of a spline.

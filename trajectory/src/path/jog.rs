@@ -37,7 +37,6 @@ use super::Setpoint;
 use crate::limits::{Limits, PositionLimits};
 use crate::profile::{Profile, State};
 use crate::state_to_state::{self, Axis};
-use order::check;
 
 /// Where an axis may be, and how it may move.
 #[derive(Clone, Copy, Debug, PartialEq)]

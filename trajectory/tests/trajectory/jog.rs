@@ -650,7 +650,10 @@ fn on_the_way() -> impl Strategy<Value = OnTheWay> {
     let jog = prop_oneof![
         (0..3_usize, -20.0..20.0_f64).prop_map(|(axis, distance)| step(axis, distance)),
         places.clone().prop_map(Jog::To),
-        places.prop_map(Jog::Line),
+        places.prop_map(|to| Jog::Line {
+            to,
+            speed: f64::INFINITY,
+        }),
     ];
     prop_oneof![
         3 => jog.prop_map(OnTheWay::Jog),

@@ -51,14 +51,3 @@ pub enum JogError {
     #[error("the speed or the rapid override is 0")]
     NoSpeed,
 }
-
-/// Whether an order has numbers, and a speed.
-pub(super) fn check(number: f64, speed: f64, rapid: f64) -> Result<(), JogError> {
-    if !number.is_finite() || speed.is_nan() {
-        Err(JogError::NotANumber)
-    } else if speed.min(rapid) > 0.0 {
-        Ok(())
-    } else {
-        Err(JogError::NoSpeed)
-    }
-}

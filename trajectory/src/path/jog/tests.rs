@@ -53,7 +53,7 @@ fn act() -> impl Strategy<Value = Act> {
         3 => (axis(), -20.0..20.0_f64, speed())
             .prop_map(|(axis, distance, speed)| Jog::Step { axis, distance, speed }),
         2 => places().prop_map(Jog::To),
-        2 => places().prop_map(Jog::Line),
+        2 => (places(), speed()).prop_map(|(to, speed)| Jog::Line { to, speed }),
     ];
     prop_oneof![
         8 => order.prop_map(Act::Order),
