@@ -67,7 +67,8 @@ fn contacts(rig: &mut Rig) -> Vec<Contact> {
     let mut seen = 0;
     loop {
         let goes_on = rig.step();
-        for event in rig.events[seen..].to_vec() {
+        let told: Vec<Event> = rig.events[seen..].into();
+        for event in told {
             if let Event::Probed {
                 found: Some((uncertainty, by)),
                 ..
@@ -576,11 +577,11 @@ proptest! {
         prop_assert!(off <= 3.0_f64.sqrt() * contact.uncertainty, "{off} {contact:?}");
         // No further than the bound, nor beyond what was programmed.
         let deepest = rig.rows.iter().map(|row| tip(&row.plan.position));
-        let gone = deepest.map(|at| {
+        let mut gone = deepest.map(|at| {
             let from_start = [0, 1, 2].map(|axis: usize| (at[axis] - case.from[axis]).powi(2));
             from_start.iter().sum::<f64>().sqrt()
         });
-        let last = gone.last().unwrap_or_default();
+        let last = gone.next_back().unwrap_or_default();
         prop_assert!(last <= whole * length + 2.0, "{last} {}", whole * length);
         prop_assert!(last <= case.part * length + 1e-6);
         if !case.latch {
