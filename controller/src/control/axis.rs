@@ -649,6 +649,11 @@ impl AxisControl {
             .fold(0.0, f64::max)
     }
 
+    /// Standing still is moving less than this, mm.
+    pub(super) fn standstill(&self) -> f64 {
+        self.spec.limits.standstill
+    }
+
     /// Where it was as all its drives captured the contact of a probe, passed at `speed`, mm/s, and by how much that
     /// may be off, mm.
     pub(super) fn captured(

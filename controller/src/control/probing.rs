@@ -497,16 +497,20 @@ impl<const N: usize> Controller<N> {
         let captured = |axis: &AxisControl| axis.captured(speed, &self.layout, &self.nodes);
         let mut moment: Option<Moment> = None;
         for (index, axis) in self.axes.iter().enumerate() {
-            if let Some(found) = captured(axis).map(|(position, uncertainty)| Found {
+            let Some((position, uncertainty)) = captured(axis) else {
+                continue;
+            };
+            let found = Found {
                 position,
                 uncertainty,
-            }) && let Some(known) = self
-                .moment(axis.coordinate(), found, axis.resolution(&self.nodes))
-                .map_err(|()| ProbeFailure::OtherEdge { axis: index })?
-                && moment.is_none_or(|best| known.uncertainty < best.uncertainty)
-            {
-                moment = Some(known);
+            };
+            if !self.is_near_samples(axis, found) {
+                return Err(ProbeFailure::OtherEdge { axis: index });
             }
+            let known = self.moment(axis.coordinate(), found, axis.resolution(&self.nodes));
+            let better =
+                |known: &Moment| moment.is_none_or(|best| known.uncertainty < best.uncertainty);
+            moment = known.filter(better).or(moment);
         }
         let mut by = KnownBy::Captured;
         for axis in &self.axes {
@@ -531,30 +535,33 @@ impl<const N: usize> Controller<N> {
         Ok((contact, uncertainty, by))
     }
 
-    /// In which part of which interval a captured position lies; `None` of an axis that rests.
-    ///
-    /// # Errors
-    /// In none, although the axis moves.
-    fn moment(&self, at: usize, found: Found, resolution: f64) -> Result<Option<Moment>, ()> {
+    /// In which part of which interval a captured position lies; `None` of an axis that rests, or moves so slowly that
+    /// its samples do not tell.
+    fn moment(&self, at: usize, found: Found, resolution: f64) -> Option<Moment> {
         let off = found.uncertainty + resolution;
-        let mut moves = false;
-        for (back, (before, now)) in self.probing.intervals(at).enumerate() {
+        let intervals = self.probing.intervals(at).enumerate();
+        intervals.into_iter().find_map(|(back, (before, now))| {
             let step = now - before;
-            if step.abs() <= 4.0 * off {
-                continue;
-            }
-            moves = true;
             let part = (found.position - before) / step;
             let uncertainty = off / step.abs();
-            if (-uncertainty..=1.0 + uncertainty).contains(&part) {
-                return Ok(Some(Moment {
-                    back,
-                    part,
-                    uncertainty,
-                }));
-            }
-        }
-        if moves { Err(()) } else { Ok(None) }
+            let inside = (-uncertainty..=1.0 + uncertainty).contains(&part);
+            (inside && step.abs() > 4.0 * off).then_some(Moment {
+                back,
+                part,
+                uncertainty,
+            })
+        })
+    }
+
+    /// Whether a captured position may be one of where an axis was as the samples were taken.
+    fn is_near_samples(&self, axis: &AxisControl, found: Found) -> bool {
+        let kept = &self.probing.samples[KEPT - self.probing.count..];
+        let places = kept.iter().map(|sample| sample.position[axis.coordinate()]);
+        let (least, most) = places.fold((f64::INFINITY, f64::NEG_INFINITY), |(least, most), at| {
+            (least.min(at), most.max(at))
+        });
+        let window = axis.standstill() + found.uncertainty;
+        (least - window..=most + window).contains(&found.position)
     }
 
     /// Where an axis was at a moment.

@@ -536,6 +536,31 @@ impl Case {
     }
 }
 
+/// What an axis captures that hardly moves lies between none of its samples, and tells no instant.
+#[test]
+fn an_axis_that_hardly_moves_is_no_other_edge() {
+    let case = Case {
+        piece: "shape = \"plane\"\nfacing = \"+Z\"\nat = -30.0".to_owned(),
+        ball: 0.0,
+        from: [-23.652379541441242, -32.86093220308962, -7.137694523565109],
+        inside: [45.29724627321733, -34.289711569956694, -45.0],
+        part: 0.7863640323607872,
+        feed: 1461.9813573385009,
+        required: false,
+        latch: true,
+        drives: [false, true, false],
+        seed: 1412443464539988734,
+    };
+    let mut rig = case.rig();
+    let found = contacts(&mut rig);
+    assert_eq!(rig.end(), Some(End::Finished), "{:?}", rig.events);
+    let off = probe(&rig).clearance(tip(&found[0].at)).abs();
+    assert!(
+        off <= 3.0_f64.sqrt() * found[0].uncertainty,
+        "{off} {found:?}"
+    );
+}
+
 proptest! {
     #![proptest_config(ProptestConfig { cases: 24, ..ProptestConfig::default() })]
 
