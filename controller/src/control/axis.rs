@@ -247,7 +247,7 @@ impl AxisControl {
     }
 
     /// What tells where a side is.
-    fn telling(&self, side: usize) -> DeviceIndex {
+    pub(super) fn telling(&self, side: usize) -> DeviceIndex {
         self.loop_encoder().unwrap_or(self.spec.drives[side])
     }
 
@@ -633,45 +633,6 @@ impl AxisControl {
             0.0 => at(whole),
             part => at(whole + 1).towards(at(whole), 1.0 - part),
         }
-    }
-
-    /// Where it is, mm: of a gantry in the middle of its sides.
-    pub(super) fn place(&self, nodes: &[DeviceNode]) -> f64 {
-        let sides = (0..self.sides.len()).map(|side| nodes[self.telling(side)].actual_mm());
-        sides.sum::<f64>() / self.sides.len() as f64
-    }
-
-    /// The least change of its place that its drives tell, mm.
-    pub(super) fn resolution(&self, nodes: &[DeviceNode]) -> f64 {
-        let sides = (0..self.sides.len()).map(|side| nodes[self.telling(side)].scaling());
-        sides
-            .map(|scaling| scaling.resolution())
-            .fold(0.0, f64::max)
-    }
-
-    /// Standing still is moving less than this, mm.
-    pub(super) fn standstill(&self) -> f64 {
-        self.spec.limits.standstill
-    }
-
-    /// Where it was as all its drives captured the contact of a probe, passed at `speed`, mm/s, and by how much that
-    /// may be off, mm.
-    pub(super) fn captured(
-        &self,
-        speed: f64,
-        layout: &Layout,
-        nodes: &[DeviceNode],
-    ) -> Option<(f64, f64)> {
-        let (mut sum, mut uncertainty) = (0.0, 0.0_f64);
-        for &drive in &self.spec.drives {
-            layout.probe_captures[drive]?;
-            let node = &nodes[drive];
-            let edge = node.captured(speed)?;
-            sum += node.scaling().to_mm(edge.at - node.origin);
-            let off = edge.uncertainty.get() as f64 * node.scaling().resolution();
-            uncertainty = uncertainty.max(off);
-        }
-        Some((sum / self.spec.drives.len() as f64, uncertainty))
     }
 
     /// Where a side is in the plan's frame, mm; `cycle` is that of the last SYNC.

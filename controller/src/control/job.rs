@@ -203,7 +203,7 @@ impl<const N: usize> Controller<N> {
     /// An operator ends a pause; what was jogged meanwhile goes back first. With a retraction that is leg by leg,
     /// each at an operator's word, also while held.
     pub fn go_on(&mut self) {
-        let beside = self.job.is_some() && self.executor.is_off_path();
+        let beside = self.job.is_some() && self.executor.is_off_path() && !self.probing.is_active();
         let ends_there = self.executor.next_leg().is_some_and(|leg| leg.last) && self.pause_told;
         if beside && self.layout.retraction.is_some() && !ends_there {
             return self.executor.resume();

@@ -22,16 +22,20 @@
 //!   they move in the time by which that instant may be off, and by how much their motion bends between samples.
 //! - Without any, all are taken in the middle, and off by half of what they move in a cycle.
 
-use super::axis::AxisControl;
+mod contact;
+mod failure;
+
+pub use contact::KnownBy;
+pub use failure::ProbeFailure;
+
+use super::node::DeviceNode;
 use super::{Controller, Event, Fault, Phase};
 use crate::machine::InputMeaning;
-use std::fmt;
-use std::sync::Arc;
+use contact::{Contact, Samples};
+use syncline_drives::model::Capture;
 use syncline_gcode::Probe;
-use syncline_trajectory::path::{Jog, JogError};
+use syncline_trajectory::path::Jog;
 
-/// Samples that are kept: an input's filter may delay the level by less.
-const KEPT: usize = 16;
 /// So near to where it was to lead, mm, a motion has come there.
 const REACHED: f64 = 1e-6;
 /// Cycles from the last sample without contact until the setpoints begin to slow down, at most.
@@ -61,94 +65,6 @@ pub struct Probed<const N: usize> {
     pub at: [f64; N],
 }
 
-/// By what the place of a contact is known.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum KnownBy {
-    /// Every axis that moved has it from its drives.
-    Captured,
-    /// Some have; the others follow from the instant that this gives.
-    Inferred,
-    /// The samples before and behind it.
-    Sampled,
-}
-
-impl fmt::Display for KnownBy {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Captured => "by what the drives captured",
-            Self::Inferred => "by what some drives captured",
-            Self::Sampled => "by samples",
-        })
-    }
-}
-
-/// Why a probing failed. The axes came to rest.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum ProbeFailure {
-    /// There was contact before it began.
-    Closed,
-    /// There was no contact to be lost.
-    Open,
-    /// No contact came on the whole way.
-    NoContact,
-    /// The contact stayed on the whole way.
-    Stuck,
-    /// The probe's level is not known.
-    NoSignal,
-    /// It would go on too far behind the contact.
-    TooFast {
-        /// How far, mm.
-        overtravel: f64,
-        /// How far it may, mm.
-        allowed: f64,
-    },
-    /// A drive captured another edge than the one that the samples saw.
-    OtherEdge {
-        /// Its axis.
-        axis: usize,
-    },
-    /// The motion is refused.
-    Refused(JogError),
-}
-
-impl ProbeFailure {
-    /// What happened, and what to do next; `axis` names the one of [`ProbeFailure::OtherEdge`].
-    pub(super) fn describe(self, axis: impl Fn(usize) -> String) -> String {
-        match self {
-            Self::Closed => "there is contact before the probing: move away first, and check \
-                             `active_low`"
-                .into(),
-            Self::Open => "there is no contact that could be lost: check the probe's wiring and \
-                           `active_low`"
-                .into(),
-            Self::NoContact => {
-                "no contact came on the whole way: check where the work is, and the \
-                                probe's wiring; G38.3 goes on without one"
-                    .into()
-            }
-            Self::Stuck => "the contact stayed on the whole way: check whether the probe sticks; \
-                            G38.5 goes on with it"
-                .into(),
-            Self::NoSignal => {
-                "the probe's level is not known: check the device that it is wired to".into()
-            }
-            Self::TooFast {
-                overtravel,
-                allowed,
-            } => format!(
-                "the axes would go on for {overtravel:.3} mm behind the contact, {allowed} mm are \
-                 allowed: lower F, or raise `overtravel` in [probing] if the probe bears it"
-            ),
-            Self::OtherEdge { axis: of } => format!(
-                "a drive of axis {} captured another place than the one where the contact came: check \
-                 whether the probe bounces, and which input it is wired to, or set `latch = false` in [probing]",
-                axis(of)
-            ),
-            Self::Refused(why) => format!("{why}: raise it, or correct where the probing leads"),
-        }
-    }
-}
-
 /// Where a probing is.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum Stage {
@@ -167,13 +83,6 @@ enum Stage {
     Replanning,
 }
 
-/// What was seen at a SYNC.
-#[derive(Clone, Copy, Debug)]
-struct Sample<const N: usize> {
-    /// Actual positions, mm.
-    position: [f64; N],
-}
-
 /// A probing.
 #[derive(Clone, Debug)]
 pub(super) struct Probing<const N: usize> {
@@ -182,9 +91,9 @@ pub(super) struct Probing<const N: usize> {
     next: Option<ProbeMove<N>>,
     /// An operator holds it.
     paused: bool,
-    /// The samples up to the contact, the newest last, and how many there are.
-    samples: [Sample<N>; KEPT],
-    count: usize,
+    /// Where it begins, mm.
+    from: [f64; N],
+    samples: Samples<N>,
     probed: Option<Probed<N>>,
 }
 
@@ -195,8 +104,8 @@ impl<const N: usize> Probing<N> {
             line: 0,
             next: None,
             paused: false,
-            samples: [Sample { position: [0.0; N] }; KEPT],
-            count: 0,
+            from: [0.0; N],
+            samples: Samples::none(),
             probed: None,
         }
     }
@@ -228,38 +137,6 @@ impl<const N: usize> Probing<N> {
             self.stage = Stage::Idle;
         }
     }
-
-    fn keep(&mut self, sample: Sample<N>) {
-        self.samples.rotate_left(1);
-        self.samples[KEPT - 1] = sample;
-        self.count = (self.count + 1).min(KEPT);
-    }
-
-    /// The pairs of samples in a row of an axis, the newest first.
-    fn intervals(&self, at: usize) -> impl Iterator<Item = (f64, f64)> + '_ {
-        let kept = &self.samples[KEPT - self.count..];
-        let pairs = kept.windows(2).rev();
-        pairs.map(move |pair| (pair[0].position[at], pair[1].position[at]))
-    }
-}
-
-/// Where an axis was at the contact.
-#[derive(Clone, Copy, Debug)]
-struct Found {
-    /// mm
-    position: f64,
-    /// By how much it may be off, mm.
-    uncertainty: f64,
-}
-
-/// When between two samples the contact was.
-#[derive(Clone, Copy, Debug)]
-struct Moment {
-    /// How many intervals before the newest.
-    back: usize,
-    /// The part of the interval before it, and by how much that may be off.
-    part: f64,
-    uncertainty: f64,
 }
 
 impl<const N: usize> Controller<N> {
@@ -321,15 +198,20 @@ impl<const N: usize> Controller<N> {
         if let Err(failure) = begun {
             return self.probing_failed(failure);
         }
-        let layout = Arc::clone(&self.layout);
-        for (node, captures) in self.nodes.iter_mut().zip(&layout.probe_captures) {
+        self.tell_captures(next.probe, DeviceNode::arm_capture);
+        self.probing.paused = false;
+        self.probing.from = self.planned.position;
+        self.probing.samples = Samples::none();
+        self.probing.stage = Stage::Arming;
+    }
+
+    /// Has every drive that captures what the probing looks for do `what` about it.
+    fn tell_captures(&mut self, probe: Probe, what: fn(&mut DeviceNode, &'static Capture)) {
+        for (node, captures) in self.nodes.iter_mut().zip(&self.layout.probe_captures) {
             if let Some(captures) = captures {
-                node.arm_capture(captures.of(next.probe.away));
+                what(node, captures.of(probe.away));
             }
         }
-        self.probing.paused = false;
-        self.probing.count = 0;
-        self.probing.stage = Stage::Arming;
     }
 
     /// Whether the axes come to rest near enough behind the contact.
@@ -362,28 +244,25 @@ impl<const N: usize> Controller<N> {
 
     /// Goes on with a probing by a cycle.
     pub(super) fn step_probing(&mut self) {
+        let Some(next) = self.probing.next else {
+            return;
+        };
         let answered = self.nodes.iter().all(|node| node.is_sequence_done());
         let rests = self.executor.is_at_rest() && self.shaping.is_settled();
         match self.probing.stage {
             Stage::Idle | Stage::Replanning => {}
             Stage::Arming if answered => {
                 self.probing.stage = Stage::Moving;
-                self.move_on();
+                self.move_on(&next);
             }
             Stage::Arming => {}
-            Stage::Moving => self.look_for_contact(rests),
+            Stage::Moving => self.look_for_contact(&next, rests),
             Stage::Stopping if rests && self.is_settled() => {
                 self.probing.stage = Stage::Reading;
-                let layout = Arc::clone(&self.layout);
-                let away = self.probing.next.is_some_and(|next| next.probe.away);
-                for (node, captures) in self.nodes.iter_mut().zip(&layout.probe_captures) {
-                    if let Some(captures) = captures {
-                        node.ask_captured(captures.of(away));
-                    }
-                }
+                self.tell_captures(next.probe, DeviceNode::ask_captured);
             }
-            Stage::Reading if answered => match self.contact() {
-                Ok(contact) => self.end_probing(Some(contact)),
+            Stage::Reading if answered => match self.contact(&next) {
+                Ok(contact) => self.end_probing(&next, Some(contact)),
                 Err(failure) => self.probing_failed(failure),
             },
             Stage::Stopping | Stage::Reading => {}
@@ -396,10 +275,7 @@ impl<const N: usize> Controller<N> {
 
     /// Lets the axes go on, as fast as the program and the feed override have it, but no faster than
     /// the program.
-    fn move_on(&mut self) {
-        let Some(next) = self.probing.next else {
-            return;
-        };
+    fn move_on(&mut self, next: &ProbeMove<N>) {
         let overrides = self.executor.overrides();
         let speed = next.speed * overrides.feed.min(1.0);
         if self.probing.paused || speed.min(overrides.rapid) == 0.0 {
@@ -419,10 +295,7 @@ impl<const N: usize> Controller<N> {
     }
 
     /// Looks whether there is contact.
-    fn look_for_contact(&mut self, rests: bool) {
-        let Some(next) = self.probing.next else {
-            return;
-        };
+    fn look_for_contact(&mut self, next: &ProbeMove<N>, rests: bool) {
         let Some(touches) = self.touches() else {
             return self.probing_failed(ProbeFailure::NoSignal);
         };
@@ -431,11 +304,7 @@ impl<const N: usize> Controller<N> {
             .iter()
             .all(|node| node.age() == 0 || !node.answers_sync());
         if fresh {
-            let mut position = self.planned.position;
-            for axis in &self.axes {
-                position[axis.coordinate()] = axis.place(&self.nodes);
-            }
-            self.probing.keep(Sample { position });
+            self.sample_places();
         }
         if fresh && touches != next.probe.away {
             self.executor.feed_hold();
@@ -450,7 +319,7 @@ impl<const N: usize> Controller<N> {
         let far = missing.map(|of| (next.to[of] - at[of]).abs());
         let there = far.fold(0.0, f64::max) < REACHED;
         if rests && there && self.is_settled() {
-            self.end_probing(None);
+            self.end_probing(next, None);
         } else if rests && self.probing.paused && !std::mem::replace(&mut self.held, true) {
             self.tell(Event::Held);
         }
@@ -482,119 +351,17 @@ impl<const N: usize> Controller<N> {
         }
     }
 
-    /// The motion goes on with the overrides as they are now.
+    /// A probing goes on with the overrides as they are now.
     pub(super) fn change_probing_speed(&mut self) {
-        if self.probing.stage == Stage::Moving {
-            self.move_on();
+        let next = self.probing.next;
+        if let Some(next) = next.filter(|_| self.probing.stage == Stage::Moving) {
+            self.move_on(&next);
         }
-    }
-
-    /// Where the contact was, by how much that may be off, and by what it is known.
-    fn contact(&self) -> Result<([f64; N], f64, KnownBy), ProbeFailure> {
-        let speed = self.probing.next.map_or(0.0, |next| next.speed);
-        let mut contact = self.planned.position;
-        let mut uncertainty = 0.0_f64;
-        let captured = |axis: &AxisControl| axis.captured(speed, &self.layout, &self.nodes);
-        let mut moment: Option<Moment> = None;
-        for (index, axis) in self.axes.iter().enumerate() {
-            let Some((position, uncertainty)) = captured(axis) else {
-                continue;
-            };
-            let found = Found {
-                position,
-                uncertainty,
-            };
-            if !self.is_near_samples(axis, found) {
-                return Err(ProbeFailure::OtherEdge { axis: index });
-            }
-            let known = self.moment(axis.coordinate(), found, axis.resolution(&self.nodes));
-            let better =
-                |known: &Moment| moment.is_none_or(|best| known.uncertainty < best.uncertainty);
-            moment = known.filter(better).or(moment);
-        }
-        let mut by = KnownBy::Captured;
-        for axis in &self.axes {
-            let at = axis.coordinate();
-            let resolution = axis.resolution(&self.nodes);
-            let moved = self.probing.intervals(at).next();
-            let moved = moved.is_some_and(|(before, now)| (now - before).abs() > 2.0 * resolution);
-            let (position, off) = match (captured(axis), moment) {
-                (Some(found), _) => found,
-                (None, Some(moment)) => {
-                    by = if moved { KnownBy::Inferred } else { by };
-                    self.inferred(at, moment, resolution)
-                }
-                (None, None) => {
-                    by = KnownBy::Sampled;
-                    self.sampled(at, resolution)
-                }
-            };
-            contact[at] = position;
-            uncertainty = uncertainty.max(off);
-        }
-        Ok((contact, uncertainty, by))
-    }
-
-    /// In which part of which interval a captured position lies; `None` of an axis that rests, or moves so slowly that
-    /// its samples do not tell.
-    fn moment(&self, at: usize, found: Found, resolution: f64) -> Option<Moment> {
-        let off = found.uncertainty + resolution;
-        let intervals = self.probing.intervals(at).enumerate();
-        intervals.into_iter().find_map(|(back, (before, now))| {
-            let step = now - before;
-            let part = (found.position - before) / step;
-            let uncertainty = off / step.abs();
-            let inside = (-uncertainty..=1.0 + uncertainty).contains(&part);
-            (inside && step.abs() > 4.0 * off).then_some(Moment {
-                back,
-                part,
-                uncertainty,
-            })
-        })
-    }
-
-    /// Whether a captured position may be one of where an axis was as the samples were taken.
-    fn is_near_samples(&self, axis: &AxisControl, found: Found) -> bool {
-        let kept = &self.probing.samples[KEPT - self.probing.count..];
-        let places = kept.iter().map(|sample| sample.position[axis.coordinate()]);
-        let (least, most) = places.fold((f64::INFINITY, f64::NEG_INFINITY), |(least, most), at| {
-            (least.min(at), most.max(at))
-        });
-        let window = axis.standstill() + found.uncertainty;
-        (least - window..=most + window).contains(&found.position)
-    }
-
-    /// Where an axis was at a moment.
-    fn inferred(&self, at: usize, moment: Moment, resolution: f64) -> (f64, f64) {
-        let mut intervals = self.probing.intervals(at).skip(moment.back);
-        let Some((before, now)) = intervals.next() else {
-            return self.sampled(at, resolution);
-        };
-        let step = now - before;
-        // The middle of a parabola is off its chord by an eighth of the change of its steps.
-        let earlier = intervals
-            .next()
-            .map_or(0.0, |(first, second)| second - first);
-        let bend = 0.125 * (step - earlier).abs();
-        let off = step.abs() * moment.uncertainty + bend + 2.0 * resolution;
-        (before + moment.part * step, off)
-    }
-
-    /// Where an axis was between the last two samples.
-    fn sampled(&self, at: usize, resolution: f64) -> (f64, f64) {
-        let last = self.probing.intervals(at).next();
-        let here = self.probing.samples[KEPT - 1].position[at];
-        let (before, now) = last.unwrap_or((here, here));
-        let off = 0.5 * (now - before).abs() + resolution;
-        (f64::midpoint(before, now), off)
     }
 
     /// The axes rest, and the program goes on with what was found.
-    fn end_probing(&mut self, found: Option<([f64; N], f64, KnownBy)>) {
-        let Some(next) = self.probing.next else {
-            return;
-        };
-        if found.is_none() && next.probe.required {
+    fn end_probing(&mut self, next: &ProbeMove<N>, contact: Option<Contact<N>>) {
+        if contact.is_none() && next.probe.required {
             return self.probing_failed(match next.probe.away {
                 true => ProbeFailure::Stuck,
                 false => ProbeFailure::NoContact,
@@ -602,12 +369,12 @@ impl<const N: usize> Controller<N> {
         }
         self.tell(Event::Probed {
             line: self.probing.line,
-            found: found.map(|(_, uncertainty, by)| (uncertainty, by)),
+            found: contact.map(|contact| (contact.uncertainty, contact.by)),
         });
         self.probing.abort();
         self.probing.probed = Some(Probed {
             number: next.number,
-            contact: found.map(|(contact, ..)| contact),
+            contact: contact.map(|contact| contact.at),
             at: self.planned.position,
         });
         self.probing.stage = Stage::Replanning;
