@@ -555,6 +555,23 @@ impl Case {
     }
 }
 
+/// A bounce between two samples that count: the drive captures it, and the contact comes later.
+#[test]
+fn an_edge_that_no_sample_saw_is_another_one() {
+    let mut rig = rig("G21 G90 G94\nG0 X-10 Y15 Z-15\nG0 Z-30\nG38.2 X5 F300\nM2\n");
+    rig.run_until(|rig| {
+        let row = rig.rows.last();
+        row.is_some_and(|row| row.plan.position[0] > -8.0 && row.plan.position[2] == -30.0)
+    });
+    rig.twin(1).disturb(Disturbance::LoseTPdos(1));
+    rig.twin(0).disturb(Disturbance::Input(0, true));
+    rig.step();
+    rig.twin(0).disturb(Disturbance::Input(0, false));
+    assert_eq!(failure(&mut rig), ProbeFailure::OtherEdge { axis: 0 });
+    let at = rig.rows.last().unwrap().plan.position[0];
+    assert!((-2.0..-1.0).contains(&at), "{at}");
+}
+
 /// What an axis captures that hardly moves lies between none of its samples, and tells no instant.
 #[test]
 fn an_axis_that_hardly_moves_is_no_other_edge() {
