@@ -5,7 +5,7 @@ use proptest::prelude::*;
 use std::process::Stdio;
 use syncline_controller::control::{End, Event, Fault, KnownBy, ProbeFailure, State};
 use syncline_controller::machine::Position;
-use syncline_controller::session::{Command, Direction, Jog, Override};
+use syncline_controller::session::{Command, Jog, Override};
 use syncline_drives::mechanics::touch_probe::{Place, TouchProbe};
 use syncline_drives::twin::Disturbance;
 use syncline_gcode::Axis;
@@ -291,9 +291,9 @@ fn contact_that_nobody_looks_for_stops() {
     go(&mut rig, Command::Mdi("G0 X-10 Y15 Z-15\nG0 Z-30".into()));
     for motion in [
         Command::Mdi("G1 X20 F2000".into()),
-        Command::Jog(Jog::Continuous {
+        Command::Jog(Jog::By {
             axis: Axis::X,
-            direction: Direction::Positive,
+            distance: 25.0,
             speed: Some(30.0),
         }),
     ] {
@@ -567,7 +567,7 @@ fn an_edge_that_no_sample_saw_is_another_one() {
     rig.twin(0).disturb(Disturbance::Input(0, true));
     rig.step();
     rig.twin(0).disturb(Disturbance::Input(0, false));
-    assert_eq!(failure(&mut rig), ProbeFailure::OtherEdge { axis: 0 });
+    assert_eq!(failure(&mut rig), ProbeFailure::OtherEdge { axis: 1 });
     let at = rig.rows.last().unwrap().plan.position[0];
     assert!((-2.0..-1.0).contains(&at), "{at}");
 }
