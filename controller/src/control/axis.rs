@@ -616,7 +616,7 @@ impl AxisControl {
         });
         let planned = (there - before) / self.period;
         let error = if nodes[self.telling(side)].is_fresh() {
-            self.following_error(cycle - 1, side, nodes)
+            self.due(cycle - 1, side, nodes) - self.actual(cycle - 1, side, nodes)
         } else {
             0.0
         };
@@ -645,12 +645,10 @@ impl AxisControl {
         act - OUTWARDS[side] * self.apart(cycle)
     }
 
-    /// Where a side should have been at the SYNC of its last sample, less where it was, mm; `cycle` is that
-    /// of the last SYNC.
-    fn following_error(&self, cycle: u64, side: usize, nodes: &[DeviceNode]) -> f64 {
+    /// Where a side should have been at the SYNC of its last sample, mm; `cycle` is that of the last SYNC.
+    fn due(&self, cycle: u64, side: usize, nodes: &[DeviceNode]) -> f64 {
         let age = nodes[self.telling(side)].age();
-        let planned = self.planned(cycle, self.lag + f64::from(age));
-        planned.position - self.actual(cycle, side, nodes)
+        self.planned(cycle, self.lag + f64::from(age)).position
     }
 
     /// What the axis did at SYNC `cycle`, which has just been answered by its T_PDOs. A drive whose
@@ -667,10 +665,11 @@ impl AxisControl {
             return worst;
         }
         for (side, &drive) in self.spec.drives.iter().enumerate() {
-            let following_error = self.following_error(cycle, side, nodes);
+            let act = self.actual(cycle, side, nodes);
+            let following_error = self.due(cycle, side, nodes) - act;
             if side == 0 || following_error.abs() > worst.following_error.abs() {
                 worst.set = self.planned(cycle, nodes[drive].delay()).position;
-                worst.act = self.actual(cycle, side, nodes);
+                worst.act = act;
                 worst.following_error = following_error;
             }
         }
@@ -760,10 +759,8 @@ impl AxisControl {
         let difference = encoder.actual_mm() - mean;
         if difference.abs() > allowed {
             let axis = self.index;
-            return Err(Fault::Axis(
-                axis,
-                AxisCause::FeedbackDifference { difference },
-            ));
+            let cause = AxisCause::FeedbackDifference { difference };
+            return Err(Fault::Axis(axis, cause));
         }
         Ok(())
     }
@@ -779,13 +776,15 @@ impl AxisControl {
         if self.goes() {
             return Ok(());
         }
-        let allowed = self.spec.limits.following_error_at(self.speed(cycle));
-        if sample.following_error.abs() > allowed {
-            let error = sample.following_error;
-            return Err(Fault::Axis(
-                axis,
-                AxisCause::FollowingError { error, allowed },
-            ));
+        let error = sample.following_error;
+        // The speed is looked for only where it matters: at rest the least is allowed.
+        let allowed = |speed| self.spec.limits.following_error_at(speed);
+        if error.abs() > allowed(0.0) {
+            let allowed = allowed(self.speed(cycle));
+            if error.abs() > allowed {
+                let cause = AxisCause::FollowingError { error, allowed };
+                return Err(Fault::Axis(axis, cause));
+            }
         }
         if let [one, other] = self.spec.drives[..] {
             let (one, other) = (&nodes[one], &nodes[other]);

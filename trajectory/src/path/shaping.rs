@@ -90,7 +90,7 @@ impl<const N: usize> Shaping<N> {
             waypoints,
         };
         self.count += 1;
-        if self.bypassed {
+        if self.bypassed || length == 1 {
             return setpoint;
         }
         let moving = !self.is_settled();
