@@ -636,7 +636,7 @@ impl AxisControl {
     }
 
     /// Where a side is in the plan's frame, mm; `cycle` is that of the last SYNC.
-    fn actual(&self, cycle: u64, side: usize, nodes: &[DeviceNode]) -> f64 {
+    pub(super) fn actual(&self, cycle: u64, side: usize, nodes: &[DeviceNode]) -> f64 {
         if let Some(encoder) = self.loop_encoder() {
             return nodes[encoder].actual_mm();
         }
@@ -646,7 +646,7 @@ impl AxisControl {
     }
 
     /// Where a side should have been at the SYNC of its last sample, mm; `cycle` is that of the last SYNC.
-    fn due(&self, cycle: u64, side: usize, nodes: &[DeviceNode]) -> f64 {
+    pub(super) fn due(&self, cycle: u64, side: usize, nodes: &[DeviceNode]) -> f64 {
         let age = nodes[self.telling(side)].age();
         self.planned(cycle, self.lag + f64::from(age)).position
     }

@@ -117,6 +117,7 @@ impl<const N: usize> Controller<N> {
         self.faults.push(fault);
         self.tell(Event::Fault(fault));
         if is_first {
+            self.explain_search(&fault);
             let goes_off = !self.stays_on || self.end().is_some();
             self.goal = match goes_off {
                 true => Goal::Off(super::End::Fault(fault)),

@@ -296,6 +296,28 @@ fn every_failure_of_a_homing_has_its_text() {
              `active_low`",
         ),
         (
+            HomingFailure::NeverOff,
+            "its switch was on as the search began, and 1800 mm against negative direction it still \
+             is: check whether it is stuck, `active_low`, and whether it is at the other end, by \
+             `direction`",
+        ),
+        (
+            HomingFailure::BlockedBefore,
+            "it did not follow in negative direction, and no switch had come on: check what is in \
+             its way, the switch and its wiring, and whether it is at that end, by `direction`",
+        ),
+        (
+            HomingFailure::BlockedOnSwitch,
+            "its switch was on as the search began, and against negative direction it did not \
+             follow: check what is in its way, `active_low`, and whether the switch is at the \
+             other end, by `direction`",
+        ),
+        (
+            HomingFailure::SideJammed { side: 0 },
+            "its first side did not follow as the other one did: check whether it is jammed, its \
+             motor and its brake",
+        ),
+        (
             HomingFailure::Lost,
             "its switch came on at speed, and not again within 5 mm of there: check whether it is \
              loose, or too narrow for `speed`",

@@ -259,10 +259,10 @@ fn a_switch_that_stays_on_is_told() {
         rig.step();
     }
     go(&mut rig, home(Axis::Y));
-    assert_eq!(failure(&rig), Some(HomingFailure::StaysOn));
+    assert_eq!(failure(&rig), Some(HomingFailure::NeverOff));
     let mut rig = switched_on(&[(Y_SWITCH, &y_switch("active_low = true"))]);
     go(&mut rig, home(Axis::Y));
-    assert_eq!(failure(&rig), Some(HomingFailure::StaysOn));
+    assert_eq!(failure(&rig), Some(HomingFailure::NeverOff));
     let mut rig = switched_on(&[]);
     disturbed(&mut rig, Axis::Y, 60.0, &[(Y, Disturbance::Input(0, true))]);
     assert_eq!(failure(&rig), Some(HomingFailure::StaysOn));
@@ -299,12 +299,132 @@ fn each_side_of_a_gantry_needs_its_switch() {
         let mut rig = switched_on(&[]);
         disturbed(&mut rig, Axis::X, 50.0, &[(side, Disturbance::Block(true))]);
         assert_eq!(state(&rig), State::Faulted);
+        assert_eq!(failure(&rig), Some(HomingFailure::SideJammed { side }));
         let fault = rig.session.faults()[0];
         assert!(matches!(fault, Fault::Axis(0, _)), "{fault:?}");
         assert!(!is_referenced(&rig, Axis::X));
         let apart = truth(&mut rig, X1) - truth(&mut rig, X2);
         assert!(apart.abs() < 5.0, "{apart}");
     }
+}
+
+/// An axis, or a side of one, that something stops on its way to its switch, or off it.
+#[derive(Clone, Debug)]
+struct Blocked {
+    axis: Axis,
+    /// By side; of Y the first one.
+    sides: [bool; 2],
+    /// It stands on its switch.
+    on: bool,
+    /// How far its edge is from where it stands, mm, and the part of that where it is stopped.
+    distance: f64,
+    part: f64,
+    seed: u64,
+}
+
+fn blocked() -> impl Strategy<Value = Blocked> {
+    let sides = prop::sample::select(vec![[true, false], [false, true], [true, true]]);
+    let way = (any::<bool>(), 5.0..50.0_f64, 0.0..0.95_f64);
+    (any::<bool>(), sides, way, 0..1000u64).prop_map(
+        |(gantry, sides, (on, distance, part), seed)| Blocked {
+            axis: if gantry { Axis::X } else { Axis::Y },
+            sides: if gantry { sides } else { [true, false] },
+            on,
+            distance,
+            part,
+            seed,
+        },
+    )
+}
+
+impl Blocked {
+    fn expected(&self) -> HomingFailure {
+        match self.sides {
+            [true, false] if self.axis == Axis::X => HomingFailure::SideJammed { side: 0 },
+            [false, true] => HomingFailure::SideJammed { side: 1 },
+            _ if self.on => HomingFailure::BlockedOnSwitch,
+            _ => HomingFailure::BlockedBefore,
+        }
+    }
+
+    /// Homes it, and has it stopped on the way.
+    fn play(&self) -> Rig {
+        let start = -4.0
+            + if self.on {
+                -self.distance
+            } else {
+                self.distance
+            };
+        let start = format!("start = {start:?}");
+        let (was, drives) = match self.axis {
+            Axis::X => ("start = 180.0", [X1, X2]),
+            _ => ("start = 95.0", [Y, Y]),
+        };
+        let seed = self.seed;
+        let mut rig = Rig::staying_on("router", &[(was, &start)], |drive, config| {
+            config.seed = seed + drive as u64;
+        });
+        settle(&mut rig);
+        let from = rig.session.status().setpoint[self.axis.index()];
+        rig.command(home(self.axis));
+        rig.run_until(|rig| {
+            let here = rig.session.status().setpoint[self.axis.index()];
+            (here - from).abs() > self.part * self.distance
+        });
+        for (drive, _) in drives.iter().zip(self.sides).filter(|(_, stops)| *stops) {
+            rig.twin(*drive).disturb(Disturbance::Block(true));
+        }
+        settle(&mut rig);
+        rig
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 16, ..ProptestConfig::default() })]
+
+    /// What stops an axis while it searches is told by what it may be, and as the fault that it is.
+    #[test]
+    fn what_stops_a_search_is_told(case in blocked()) {
+        let mut rig = case.play();
+        prop_assert_eq!(state(&rig), State::Faulted, "{:?}", rig.events);
+        prop_assert_eq!(failure(&rig), Some(case.expected()));
+        let fault = rig.session.faults()[0];
+        prop_assert!(matches!(fault, Fault::Axis(..)), "{:?}", fault);
+        prop_assert!(!is_referenced(&rig, case.axis));
+        // Freed and reset, it homes.
+        for drive in [X1, X2, Y] {
+            rig.twin(drive).disturb(Disturbance::Block(false));
+        }
+        go(&mut rig, Command::Reset);
+        go(&mut rig, home(case.axis));
+        prop_assert!(is_referenced(&rig, case.axis), "{:?}", rig.events);
+    }
+}
+
+#[test]
+fn what_stops_an_axis_behind_its_search_is_the_fault_alone() {
+    let mut rig = switched_on(&[]);
+    rig.command(home(Axis::Y));
+    // It has found its switch, and goes back.
+    let mut least = f64::INFINITY;
+    rig.run_until(|rig| {
+        let here = rig.session.status().setpoint[Axis::Y.index()];
+        least = least.min(here);
+        here > least + 0.5
+    });
+    rig.twin(Y).disturb(Disturbance::Block(true));
+    settle(&mut rig);
+    assert_eq!(state(&rig), State::Faulted);
+    assert_eq!(failure(&rig), None);
+    // A side that is jammed in a line that is typed in has nothing to do with the homing before.
+    let mut rig = switched_on(&[]);
+    go(&mut rig, ALL);
+    rig.command(Command::Mdi("G1 X100 F6000".to_owned()));
+    rig.run_until(|rig| rig.session.status().setpoint[Axis::X.index()] > 50.0);
+    rig.twin(X1).disturb(Disturbance::Block(true));
+    settle(&mut rig);
+    assert_eq!(state(&rig), State::Faulted);
+    assert_eq!(failure(&rig), None);
 }
 
 #[test]

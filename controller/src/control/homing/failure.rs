@@ -8,8 +8,19 @@ use crate::machine::{HomingMethod, NotKept};
 pub enum HomingFailure {
     /// The switch did not come on within the distance.
     NotFound,
-    /// The switch did not go off.
+    /// The switch did not go off in front of its edge.
     StaysOn,
+    /// The switch was on as the search began, and did not go off over the whole distance.
+    NeverOff,
+    /// The axis did not follow on its way to the switch.
+    BlockedBefore,
+    /// The axis did not follow on its way off the switch on which it had stood.
+    BlockedOnSwitch,
+    /// Of a gantry, one side did not follow as the other one did.
+    SideJammed {
+        /// Its place among the axis' drives.
+        side: usize,
+    },
     /// Passed slowly, the switch did not come on where it had at speed.
     Lost,
     /// Of a gantry, the switch of one side did not come on where the other one's did.
@@ -87,6 +98,23 @@ impl HomingFailure {
             Self::StaysOn => format!(
                 "its switch stays on, {back_off} {unit} and more in front of its edge: check whether \
                  it is stuck, and `active_low`"
+            ),
+            Self::NeverOff => format!(
+                "its switch was on as the search began, and {far} {unit} against {side} direction it still is: check \
+                 whether it is stuck, `active_low`, and whether it is at the other end, by `direction`"
+            ),
+            Self::BlockedBefore => format!(
+                "it did not follow in {side} direction, and no switch had come on: check what is in its way, the \
+                 switch and its wiring, and whether it is at that end, by `direction`"
+            ),
+            Self::BlockedOnSwitch => format!(
+                "its switch was on as the search began, and against {side} direction it did not follow: check what \
+                 is in its way, `active_low`, and whether the switch is at the other end, by `direction`"
+            ),
+            Self::SideJammed { side } => format!(
+                "its {} side did not follow as the other one did: check whether it is jammed, its motor and its \
+                 brake",
+                ORDINALS[side]
             ),
             Self::Lost => format!(
                 "its switch came on at speed, and not again within {back_off} {unit} of there: check \

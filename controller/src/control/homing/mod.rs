@@ -37,6 +37,9 @@ type AxisSet = u32;
 /// So near to where it is to come to rest, mm, an axis is there.
 const REACHED: f64 = 1e-6;
 
+/// A side of a gantry that lags so many times as far as the other one is jammed.
+const JAMMED: f64 = 2.0;
+
 /// Where a homing is.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum Stage {
@@ -218,6 +221,33 @@ impl<const N: usize> Controller<N> {
         };
         if let Err((axis, failure)) = outcome {
             self.homing_failed(axis, failure);
+        }
+    }
+
+    /// Tells what an axis that does not follow while it searches may have met. The fault that this is stops it.
+    pub(super) fn explain_search(&mut self, fault: &Fault) {
+        let Fault::Axis(axis, AxisCause::FollowingError { .. } | AxisCause::Skew { .. }) = *fault
+        else {
+            return;
+        };
+        let searches = has(self.homing.group & !self.homing.found, axis);
+        if self.homing.stage != Stage::Searching || !searches {
+            return;
+        }
+        let (of, cycle, nodes) = (&self.axes[axis], self.cycle, &self.nodes);
+        let lag = |side| (of.due(cycle, side, nodes) - of.actual(cycle, side, nodes)).abs();
+        let jammed = match self.layout.axes[axis].drives.len() {
+            2 => [[0, 1], [1, 0]]
+                .into_iter()
+                .find(|&[side, other]| lag(side) > JAMMED * lag(other)),
+            _ => None,
+        };
+        let failure = match jammed {
+            Some([side, _]) => Some(HomingFailure::SideJammed { side }),
+            None => self.homing.searches[axis].blocked(),
+        };
+        if let Some(failure) = failure {
+            self.tell(Event::HomingFailed { axis, failure });
         }
     }
 

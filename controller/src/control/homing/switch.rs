@@ -173,7 +173,7 @@ impl Search {
             Step::Begin if any => self.enter(Step::Leave, Motion::Run(-towards * how.speed)),
             Step::Begin => self.enter(Step::Search, Motion::Run(towards * how.speed)),
             Step::Leave if !any => self.overrun(seen),
-            Step::Leave if ended => return Err(HomingFailure::StaysOn),
+            Step::Leave if ended => return Err(HomingFailure::NeverOff),
             Step::Search if any => self.overrun(seen),
             Step::Search if ended => return Err(HomingFailure::NotFound),
             Step::Overrun if ended => {
@@ -217,6 +217,15 @@ impl Search {
         self.step = step;
         self.since = 0;
         progress
+    }
+
+    /// Why its axis may not have followed, if the switch has to do with it.
+    pub(super) fn blocked(&self) -> Option<HomingFailure> {
+        match self.step {
+            Step::Search => Some(HomingFailure::BlockedBefore),
+            Step::Leave => Some(HomingFailure::BlockedOnSwitch),
+            _ => None,
+        }
     }
 
     /// Whether it rests until no axis of the group moves.
