@@ -3,6 +3,7 @@
 use super::switches::Switches;
 use super::{Exit, report};
 use crate::budget::MachineBudget;
+use crate::control::Layout;
 use crate::machine::Machine;
 use crate::program::{CappedFeeds, Extent, Programs};
 use std::error::Error;
@@ -44,10 +45,9 @@ impl Args {
 
     fn check(&self) -> Result<(), Box<dyn Error>> {
         let machine = Machine::load(&self.machine)?;
-        let budget = MachineBudget::of(&machine);
-        budget.check()?;
+        let layout = Layout::new(&machine)?;
         Tables::load(&Tables::beside(&self.machine))?;
-        describe(&machine, &budget);
+        describe(&machine, &layout);
         if let Some(program) = &self.program {
             let extent = self.check_program(&machine, program)?;
             let turned = match extent.turned {
@@ -89,7 +89,7 @@ impl Args {
     }
 }
 
-fn describe(machine: &Machine, budget: &MachineBudget) {
+fn describe(machine: &Machine, layout: &Layout) {
     let axes: Vec<String> = machine
         .axes
         .iter()
@@ -102,7 +102,7 @@ fn describe(machine: &Machine, budget: &MachineBudget) {
         })
         .collect();
     println!("machine {}: {}", machine.name, axes.join(", "));
-    for bus in &budget.buses {
+    for bus in &MachineBudget::of(machine).buses {
         println!(
             "bus {}: {} kbit/s, cycle {} µs, taken {:.0} % in the worst case",
             bus.bus,
@@ -111,24 +111,7 @@ fn describe(machine: &Machine, budget: &MachineBudget) {
             bus.budget.demand.as_secs_f64() / bus.budget.cycle.as_secs_f64() * 100.0
         );
     }
-    fallbacks(machine).for_each(|line| println!("{line}"));
-}
-
-/// What becomes of the outputs of each I/O node that no longer hears the controller.
-pub(super) fn fallbacks(machine: &Machine) -> impl Iterator<Item = String> {
-    let first = machine.drives.len() + machine.encoders.len();
-    let has_outputs = move |index: usize| {
-        let mut digital = machine.outputs.iter().map(|output| output.node);
-        let mut analog = machine.analog_outputs.iter().map(|output| output.node);
-        digital.any(|node| node == index) || analog.any(|node| node == index)
-    };
-    let io_nodes = machine.io_nodes.iter().enumerate();
-    let with_outputs = io_nodes.filter(move |(place, _)| has_outputs(first + place));
-    with_outputs.map(|(_, io)| {
-        format!(
-            "io {}: outputs are safe {} ms after the last heartbeat that it hears of the controller, by its own error mode",
-            io.name,
-            machine.controller.heartbeat_timeout.as_millis()
-        )
-    })
+    for device in 0..layout.devices.len() {
+        println!("{}", layout.supervision(device));
+    }
 }

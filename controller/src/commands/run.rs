@@ -1,6 +1,5 @@
 //! `syncline run`: a program on a machine, in real time.
 
-use super::check::fallbacks;
 use super::command_log::{CommandFile, CommandLog};
 use super::keys::{self, Keys};
 use super::log_files::LogFiles;
@@ -233,7 +232,9 @@ impl Run<'_> {
             verbose: self.args.verbose,
         };
         let console = Console::start(screen, messages.clone(), waiting)?;
-        fallbacks(&self.machine).for_each(|line| messages.tell(line));
+        for device in 0..self.layout.devices.len() {
+            messages.tell(self.layout.supervision(device));
+        }
         let keys = listen(&mut session, &messages)?;
         attend(&mut session, commands)?;
         let concluded = self.conclude(session, (written, keeper), &messages, lockstep);

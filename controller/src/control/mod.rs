@@ -35,6 +35,7 @@ mod inputs;
 pub mod job;
 mod jogs;
 pub mod layout;
+pub mod loss;
 mod node;
 mod order;
 mod phases;

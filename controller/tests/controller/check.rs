@@ -53,14 +53,22 @@ fn every_example_is_good() {
         let output = check(&[file]);
         assert_eq!(output.status.code(), Some(0));
         let told = text(&output.stdout);
-        let io = told.lines().filter(|line| line.starts_with("io "));
         let machine = Machine::load(file.as_ref()).unwrap();
-        let safe = machine.controller.heartbeat_timeout.as_millis();
-        let safe = format!("outputs are safe {safe} ms after");
-        assert!(io.clone().all(|line| line.contains(&safe)), "{told}");
-        assert_eq!(io.clone().count(), machine.io_nodes.len(), "{told}");
+        let timeout = machine.controller.heartbeat_timeout.as_millis();
+        let devices: Vec<&str> = (told.lines())
+            .filter(|line| line.contains("its loss shows by"))
+            .collect();
+        for (node, line) in machine.nodes().zip(&devices) {
+            assert!(line.contains(&format!("({}, ", node.name)), "{told}");
+        }
+        assert_eq!(devices.len(), machine.nodes().count(), "{told}");
+        let safe = format!("outputs are safe {timeout} ms after");
+        let io = devices.iter().filter(|line| line.contains(&safe));
+        assert_eq!(io.count(), machine.io_nodes.len(), "{told}");
+        let encoders = devices.iter().filter(|line| line.contains("moves nothing"));
+        assert_eq!(encoders.count(), machine.encoders.len(), "{told}");
         assert_eq!(
-            told.lines().count() - io.count(),
+            told.lines().count() - devices.len(),
             1 + machine.buses.len(),
             "{told}"
         );

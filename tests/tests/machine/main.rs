@@ -19,6 +19,7 @@ mod io_nodes;
 mod jogs;
 mod judge;
 mod lines;
+mod losses;
 mod low_bits;
 mod messages;
 mod mixed;

@@ -1,0 +1,130 @@
+//! By what the controller notices that a device is gone, and in what time; and what that device does when the controller
+//! is. Nothing here is looked at in the cycle: it is told at start-up, and tests hold the machine against it.
+
+use super::fault::{DeviceIndex, Names};
+use super::layout::{AxisSpec, DeviceSpec, Layout};
+use std::fmt;
+use syncline_canopen::time::Duration;
+use syncline_drives::model::{Address, Device, Monitoring};
+
+/// What stays away when a device is gone.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Sign {
+    /// Its T_PDOs.
+    TPdos,
+    /// Its heartbeat.
+    Heartbeat,
+    /// Its answers to the requests for this object.
+    Answers(Address),
+}
+
+/// How it shows that a device is gone.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Notice {
+    /// By what.
+    pub sign: Sign,
+    /// The longest time from the loss until it is a fault. Setpoints that react to it leave in the same cycle.
+    pub within: Duration,
+}
+
+impl fmt::Display for Notice {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.sign {
+            Sign::TPdos => write!(f, "missing T_PDOs")?,
+            Sign::Heartbeat => write!(f, "a missing heartbeat")?,
+            Sign::Answers(object) => write!(f, "requests for {object} without an answer")?,
+        }
+        write!(f, " within {}", Millis(self.within))
+    }
+}
+
+/// A time as people read it.
+struct Millis(Duration);
+
+impl fmt::Display for Millis {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} ms", self.0.as_secs_f64() * 1e3)
+    }
+}
+
+impl Layout {
+    /// The longest time from a fault that a device has and tells, by its state or an EMCY, until the controller sees it:
+    /// what happens behind the sample of one SYNC is told at the next one and looked at in that cycle. The time that the
+    /// device itself takes to find its fault comes on top.
+    #[must_use]
+    pub fn tells_within(&self) -> Duration {
+        self.cycle * 2
+    }
+
+    /// By what it shows that a device is gone, the quickest first.
+    pub fn notices(&self, device: DeviceIndex) -> impl Iterator<Item = Notice> {
+        let device = &self.devices[device];
+        let spec = device.device.spec();
+        // What was lost just behind its answer to a SYNC is missed from the next one on, each time within the cycle.
+        let t_pdos = Notice {
+            sign: Sign::TPdos,
+            within: self.cycle * (self.t_pdo_misses + 1),
+        };
+        let after = |sign| Notice {
+            sign,
+            within: device.heartbeat_timeout + self.cycle,
+        };
+        let other = match spec.monitoring {
+            Monitoring::TPdos => None,
+            Monitoring::Heartbeat => Some(after(Sign::Heartbeat)),
+            Monitoring::Poll(object) => Some(after(Sign::Answers(object))),
+        };
+        let t_pdos = spec.answers_sync.then_some(t_pdos);
+        t_pdos.into_iter().chain(other)
+    }
+
+    /// How a device is supervised and what it does without the controller, as it is told at start-up.
+    #[must_use]
+    pub fn supervision(&self, device: DeviceIndex) -> String {
+        let notices: Vec<String> = self.notices(device).map(|it| it.to_string()).collect();
+        format!(
+            "{}: what it tells counts within {}; its loss shows by {}; {}",
+            self.who(device),
+            Millis(self.tells_within()),
+            notices.join(" or "),
+            self.left_alone(device),
+        )
+    }
+
+    /// What a device does when the controller dies.
+    fn left_alone(&self, index: DeviceIndex) -> String {
+        let DeviceSpec {
+            device,
+            heartbeat_timeout,
+            ..
+        } = &self.devices[index];
+        let timeout = Millis(*heartbeat_timeout);
+        let hears = device.spec().monitoring == Monitoring::Heartbeat;
+        match device {
+            Device::Drive(_) if hears => {
+                format!("it stops by itself {timeout} after the last heartbeat that it hears of the controller")
+            }
+            Device::Drive(_) if self.axis_of(index).is_some_and(|it| it.point_to_point) => {
+                "a dead controller it does not notice, goes on to its target and rests there".into()
+            }
+            Device::Drive(_) => {
+                "a dead controller it does not notice, and goes on with its last velocity until the enable chain stops it".into()
+            }
+            Device::Io(_) if self.switches(index) => format!(
+                "its outputs are safe {timeout} after the last heartbeat that it hears of the controller, by its own error mode"
+            ),
+            Device::Io(_) | Device::Encoder(_) => "it moves nothing".into(),
+        }
+    }
+
+    fn axis_of(&self, drive: DeviceIndex) -> Option<&AxisSpec> {
+        self.axes.iter().find(|axis| axis.drives.contains(&drive))
+    }
+
+    /// Whether the machine has an output at an I/O node.
+    fn switches(&self, node: DeviceIndex) -> bool {
+        let mut digital = self.outputs.iter().map(|output| output.node);
+        let mut analog = self.analog_outputs.iter().map(|output| output.node);
+        digital.any(|it| it == node) || analog.any(|it| it == node)
+    }
+}
