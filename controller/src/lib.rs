@@ -42,4 +42,5 @@ pub mod realtime;
 pub mod report;
 pub mod run;
 pub mod session;
+pub mod sweep;
 pub mod validate;

@@ -2,6 +2,7 @@
 
 use super::log_files::LogFiles;
 use super::output::{Claims, Output, Results, Target};
+use super::shard::Shard;
 use super::{Exit, report};
 use crate::campaign::explore::{Explorer, Sightings};
 use crate::campaign::{self, Case, Coverage, Outcome, Seen, Violation, Wanted, shrink};
@@ -72,13 +73,6 @@ pub(super) struct Args {
 #[derive(Clone, Debug)]
 struct Seeds(Range<u64>);
 
-/// A part of a range.
-#[derive(Clone, Copy, Debug)]
-struct Shard {
-    part: u64,
-    parts: u64,
-}
-
 impl FromStr for Seeds {
     type Err = &'static str;
 
@@ -90,23 +84,6 @@ impl FromStr for Seeds {
             return Err("there is no seed in it");
         }
         Ok(Self(seeds))
-    }
-}
-
-impl FromStr for Shard {
-    type Err = &'static str;
-
-    fn from_str(text: &str) -> Result<Self, Self::Err> {
-        let (part, parts) = text.split_once('/').ok_or("write I/N")?;
-        let number = |text: &str| text.parse().map_err(|_| "write whole numbers");
-        let shard = Self {
-            part: number(part)?,
-            parts: number(parts)?,
-        };
-        if shard.part >= shard.parts {
-            return Err("I is from 0 to N - 1");
-        }
-        Ok(shard)
     }
 }
 
@@ -264,7 +241,7 @@ impl Args {
 
     /// Does something with each seed that is this process's, on so many threads as are asked for.
     fn each(&self, seeds: &Range<u64>, play: impl Fn(u64) + Sync) {
-        let Shard { part, parts } = self.shard.unwrap_or(Shard { part: 0, parts: 1 });
+        let Shard { part, parts } = self.shard.unwrap_or_default();
         let began = Instant::now();
         let time = self
             .minutes

@@ -36,6 +36,7 @@ mod events;
 mod input;
 mod keys;
 mod log_files;
+mod merge;
 mod monitor;
 mod nmt;
 mod output;
@@ -49,7 +50,9 @@ mod replay;
 mod run;
 mod scan;
 mod sdo;
+mod shard;
 mod state_keeper;
+mod sweep;
 mod switches;
 mod tool;
 mod validate;
@@ -82,6 +85,8 @@ enum Command {
     Check(check::Args),
     Run(run::Args),
     Validate(validate::Args),
+    Sweep(sweep::Args),
+    Merge(merge::Args),
     Console(console::Args),
     Bench(bench::Args),
     Campaign(campaign::Args),
@@ -120,6 +125,8 @@ impl Command {
             Command::Check(args) => args.execute(),
             Command::Run(args) => args.execute(),
             Command::Validate(args) => args.execute(),
+            Command::Sweep(args) => args.execute(),
+            Command::Merge(args) => args.execute(),
             Command::Console(args) => args.execute(),
             Command::Bench(args) => args.execute(),
             Command::Campaign(args) => args.execute(),

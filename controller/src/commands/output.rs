@@ -31,6 +31,17 @@ pub(super) enum NoOutput {
     },
 }
 
+/// The files beside a program that it can call.
+pub(super) fn callable(program: &Path) -> Vec<PathBuf> {
+    let folder = program.parent().filter(|it| !it.as_os_str().is_empty());
+    // A folder that cannot be read holds nothing that can be called.
+    let beside = fs::read_dir(folder.unwrap_or(Path::new("."))).into_iter();
+    let beside = beside.flatten().flatten().map(|entry| entry.path());
+    beside
+        .filter(|it| it.extension().is_some_and(|it| it == "ngc"))
+        .collect()
+}
+
 /// What the files of a command are for: none may be written over by another.
 #[derive(Default)]
 pub(super) struct Claims {
@@ -99,14 +110,9 @@ impl Claims {
 
     /// For a program on a machine: nor are the program and the files beside it that it can call.
     pub(super) fn of_run(machine: &Path, program: &Path) -> Self {
-        let folder = program.parent().filter(|it| !it.as_os_str().is_empty());
-        // A folder that cannot be read holds nothing that can be called.
-        let beside = fs::read_dir(folder.unwrap_or(Path::new("."))).into_iter();
-        let beside = beside.flatten().flatten().map(|entry| entry.path());
-        let callable = beside.filter(|it| it.extension().is_some_and(|it| it == "ngc"));
         let claims = Self::of_machine(machine).reads("the program", program);
-        callable.fold(claims, |claims, file| {
-            claims.reads("a program that can be called", &file)
+        callable(program).iter().fold(claims, |claims, file| {
+            claims.reads("a program that can be called", file)
         })
     }
 

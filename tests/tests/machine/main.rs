@@ -40,6 +40,7 @@ mod signals;
 mod splines;
 mod stepper;
 mod stops;
+mod sweep;
 mod switched;
 mod validate;
 mod validation;

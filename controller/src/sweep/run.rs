@@ -1,0 +1,187 @@
+//! One run: a validation, and what of it stands in the sweep's table.
+
+use super::Plan;
+use super::result::{CAUSE, INVALID, LINE, RUN, SEED, SET, VERDICT};
+use crate::machine::{Machine, MachineError};
+use crate::observe::summary::{AxisSummary, DriveSummary, GantrySummary, Summary};
+use crate::validate::Inputs;
+use std::error::Error;
+use std::iter;
+use std::path::PathBuf;
+
+/// A number of a summary's part, and its name there.
+type Named<T> = (&'static str, fn(&T) -> f64);
+
+const OF_RUN: [Named<Summary>; 5] = [
+    ("times.motion_s", |run| run.times.motion_s),
+    ("duration_s", |run| run.duration_s),
+    ("path.max_contour_error_mm", |run| {
+        run.path.max_contour_error_mm
+    }),
+    ("path.max_deviation_mm", |run| run.path.max_deviation_mm),
+    ("path.max_drive_deviation_mm", |run| {
+        run.path.max_drive_deviation_mm
+    }),
+];
+const OF_AXIS: [Named<AxisSummary>; 3] = [
+    ("max_following_error_mm", |axis| axis.max_following_error_mm),
+    ("rms_following_error_mm", |axis| axis.rms_following_error_mm),
+    ("max_velocity", |axis| axis.max_velocity),
+];
+const OF_DRIVE: [Named<DriveSummary>; 3] = [
+    ("max_torque", |drive| drive.max_torque),
+    ("torque_reserve", |drive| drive.torque_reserve),
+    ("rms_torque", |drive| drive.rms_torque),
+];
+const OF_GANTRY: [Named<GantrySummary>; 1] = [("max_skew_mm", |gantry| gantry.max_skew_mm)];
+
+/// Where a column's number is in a summary: of which axis, drive or gantry, by name.
+#[derive(Clone, Debug)]
+enum Number {
+    Run(fn(&Summary) -> f64),
+    Axis(String, fn(&AxisSummary) -> f64),
+    Drive(String, fn(&DriveSummary) -> f64),
+    Gantry(String, fn(&GantrySummary) -> f64),
+}
+
+impl Number {
+    /// `None` where the machine of a run has nothing of that name.
+    fn of(&self, summary: &Summary) -> Option<f64> {
+        match self {
+            Self::Run(number) => Some(number(summary)),
+            Self::Axis(name, number) => summary.axes.iter().find(|it| it.name == *name).map(number),
+            Self::Drive(name, number) => summary
+                .drives
+                .iter()
+                .find(|it| it.name == *name)
+                .map(number),
+            Self::Gantry(name, number) => summary
+                .gantries
+                .iter()
+                .find(|it| it.axis == name)
+                .map(number),
+        }
+    }
+}
+
+/// What all runs of a sweep have in common.
+#[derive(Clone, Debug)]
+pub struct Runs {
+    machine: PathBuf,
+    program: PathBuf,
+    plan: Plan,
+    numbers: Vec<(String, Number)>,
+}
+
+impl Runs {
+    /// Of a program on a machine, by a plan.
+    ///
+    /// # Errors
+    /// The machine file is wrong; also with the first value of one of the keys, the others as the file has them.
+    pub fn new(machine: PathBuf, program: PathBuf, plan: Plan) -> Result<Self, MachineError> {
+        for sample in plan.samples() {
+            Machine::load_with(&machine, &[sample])?;
+        }
+        let named = Machine::load(&machine)?;
+        let mut numbers: Vec<(String, Number)> = OF_RUN
+            .map(|(number, of)| (number.to_owned(), Number::Run(of)))
+            .into();
+        for axis in &named.axes {
+            let name = axis.letter.to_string();
+            numbers.extend(OF_AXIS.map(|(number, of)| {
+                (
+                    format!("axis.{name}.{number}"),
+                    Number::Axis(name.clone(), of),
+                )
+            }));
+        }
+        for drive in &named.drives {
+            let name = &drive.name;
+            numbers.extend(OF_DRIVE.map(|(number, of)| {
+                (
+                    format!("drive.{name}.{number}"),
+                    Number::Drive(name.clone(), of),
+                )
+            }));
+        }
+        for axis in named.axes.iter().filter(|axis| axis.drives.len() > 1) {
+            let name = axis.letter.to_string();
+            numbers.extend(OF_GANTRY.map(|(number, of)| {
+                (
+                    format!("gantry.{name}.{number}"),
+                    Number::Gantry(name.clone(), of),
+                )
+            }));
+        }
+        Ok(Self {
+            machine,
+            program,
+            plan,
+            numbers,
+        })
+    }
+
+    /// Which values each run has.
+    #[must_use]
+    pub fn plan(&self) -> &Plan {
+        &self.plan
+    }
+
+    /// The head of the table.
+    #[must_use]
+    pub fn columns(&self) -> Vec<String> {
+        let keys = self.plan.keys().map(|key| format!("{SET}{key}"));
+        let numbers = self.numbers.iter().map(|(name, _)| name.clone());
+        let before = [RUN, SEED].map(str::to_owned).into_iter().chain(keys);
+        let verdict = [VERDICT, CAUSE, LINE].map(str::to_owned);
+        let frames = iter::once("frames_sha256".to_owned());
+        before.chain(verdict).chain(numbers).chain(frames).collect()
+    }
+
+    /// Makes a run; its row of the table. What came to no result with these values is `invalid`.
+    #[must_use]
+    pub fn row(&self, run: u64) -> Vec<String> {
+        let mut row = vec![run.to_string(), self.plan.seed(run).to_string()];
+        row.extend(self.plan.values(run));
+        match self.validate(run) {
+            Ok(summary) => {
+                let first = summary.violations.first();
+                row.push(summary.verdict.to_owned());
+                row.push(cause(&summary));
+                row.push(first.map_or_else(String::new, |it| it.line.to_string()));
+                let number = |of: &Number| {
+                    of.of(&summary)
+                        .map_or_else(String::new, |it| it.to_string())
+                };
+                row.extend(self.numbers.iter().map(|(_, of)| number(of)));
+                row.push(summary.frames_sha256.unwrap_or_default());
+            }
+            Err(error) => {
+                let why = error.to_string();
+                row.push(INVALID.to_owned());
+                row.push(why.lines().next().unwrap_or_default().to_owned());
+                row.resize(self.columns().len(), String::new());
+            }
+        }
+        row
+    }
+
+    fn validate(&self, run: u64) -> Result<Summary, Box<dyn Error>> {
+        let inputs = Inputs::read(&self.machine, &self.plan.settings(run), None)?;
+        let program = inputs.programs.file(&self.program);
+        let seed = self.plan.seed(run);
+        Ok(inputs.validate(program, seed, false, |_| true)?.0)
+    }
+}
+
+/// Why a run did not pass: what was wrong first.
+fn cause(summary: &Summary) -> String {
+    match summary.violations.first() {
+        Some(violation) => match &violation.axis {
+            Some(axis) => format!("{} of axis {axis}", violation.what),
+            None => violation.what.clone(),
+        },
+        None if summary.verdict == "pass" => String::new(),
+        None => summary.outcome.clone(),
+    }
+}
