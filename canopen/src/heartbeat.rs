@@ -102,7 +102,8 @@ pub enum Event {
 pub struct Consumer {
     node: NodeId,
     time: Duration,
-    state: Option<State>,
+    /// What it said last.
+    byte: Option<u8>,
     heard: Option<Instant>,
     expires: Option<Instant>,
 }
@@ -114,7 +115,7 @@ impl Consumer {
         Self {
             node,
             time,
-            state: None,
+            byte: None,
             heard: None,
             expires: None,
         }
@@ -130,7 +131,17 @@ impl Consumer {
     /// first message, after a missed heartbeat, and after a byte that is no state.
     #[must_use]
     pub const fn state(&self) -> Option<State> {
-        self.state
+        match self.byte {
+            Some(byte) => State::from_byte(byte),
+            None => None,
+        }
+    }
+
+    /// The byte last heard, whether or not it is a [`State`]; `None` before the first message and after
+    /// a missed heartbeat.
+    #[must_use]
+    pub const fn byte(&self) -> Option<u8> {
+        self.byte
     }
 
     /// When [`Self::poll`] wants to be called.
@@ -141,7 +152,7 @@ impl Consumer {
 
     /// Forgets what was heard, as before the node is reset.
     pub const fn forget(&mut self) {
-        self.state = None;
+        self.byte = None;
         self.heard = None;
         self.expires = None;
     }
@@ -158,8 +169,8 @@ impl Consumer {
             return None;
         }
         self.heard = Some(now);
-        let before = core::mem::replace(&mut self.state, State::from_byte(byte));
-        match self.state? {
+        let before = self.byte.replace(byte);
+        match State::from_byte(byte)? {
             State::Initialising => {
                 // A boot-up message is not a heartbeat: watching starts with the first of those.
                 self.expires = None;
@@ -167,7 +178,7 @@ impl Consumer {
             }
             state => {
                 self.expires = Some(now + self.time);
-                (before != Some(state)).then_some(Event::State(state))
+                (before != Some(byte)).then_some(Event::State(state))
             }
         }
     }
@@ -176,7 +187,7 @@ impl Consumer {
     pub fn poll(&mut self, now: Instant) -> bool {
         let missing = self.expires.is_some_and(|expires| now >= expires);
         if missing {
-            self.state = None;
+            self.byte = None;
             self.expires = None;
         }
         missing

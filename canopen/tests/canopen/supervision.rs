@@ -73,8 +73,10 @@ fn a_look_at_a_node_allows_it_the_whole_time() {
         (consumer.state(), consumer.deadline()),
         (None, Some(at(55)))
     );
+    assert_eq!(consumer.byte(), Some(0x85));
     assert!(consumer.is_alive(at(65)) && !consumer.is_alive(at(66)));
     consumer.forget();
+    assert_eq!(consumer.byte(), None);
     assert!(!consumer.is_alive(at(41)) && consumer.deadline().is_none());
 }
 

@@ -107,6 +107,17 @@ pub enum DeviceCause {
         /// Its reason.
         code: AbortCode,
     },
+    /// It answered an SDO request with what is no answer to it.
+    #[error(
+        "SDO {object} answered wrongly, {code}: check for another master or tool that talks to it, and \
+         the device's firmware"
+    )]
+    WrongAnswer {
+        /// The object.
+        object: Address,
+        /// What was wrong with it, which the device was told.
+        code: AbortCode,
+    },
     /// It did not answer an SDO request, retries included.
     #[error("no answer to SDO {object}: check that the device is on the bus")]
     SdoTimeout {
@@ -210,10 +221,18 @@ pub enum DeviceCause {
     },
     /// No heartbeat has carried an NMT state since it was to start.
     #[error(
-        "no heartbeat that tells its NMT state, expected Operational: check cabling, bus load and \
-         for a master that guards it"
+        "no heartbeat that tells its NMT state, expected Operational: check cabling and bus load"
     )]
     NoNmtState,
+    /// Its heartbeat carries a number that is no NMT state.
+    #[error(
+        "heartbeat says {byte:02X}h, which is no NMT state, expected 05h, Operational: check for a master \
+         that guards it, which sets the highest bit, and the device's firmware"
+    )]
+    UnknownNmtState {
+        /// The number.
+        byte: u8,
+    },
     /// Its heartbeat carries another NMT state than Operational.
     #[error(
         "NMT state is {state:?}, expected Operational: check for another NMT master and for \

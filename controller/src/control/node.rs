@@ -486,10 +486,11 @@ impl DeviceNode {
             Monitoring::TPdos => return self.fault(missing),
             Monitoring::Poll(object) => return self.fault(DeviceCause::PollUnanswered { object }),
         }
-        self.fault(match self.heartbeat.state() {
-            None => DeviceCause::NoNmtState,
-            Some(nmt::State::Operational) => missing,
-            Some(state) => DeviceCause::NmtState { state },
+        self.fault(match (self.heartbeat.state(), self.heartbeat.byte()) {
+            (Some(nmt::State::Operational), _) => missing,
+            (Some(state), _) => DeviceCause::NmtState { state },
+            (None, Some(byte)) => DeviceCause::UnknownNmtState { byte },
+            (None, None) => DeviceCause::NoNmtState,
         })
     }
 

@@ -225,6 +225,7 @@ impl DeviceCause {
             | Self::WrongIdentity { .. }
             | Self::WriteAborted { .. }
             | Self::ReadAborted { .. }
+            | Self::WrongAnswer { .. }
             | Self::ReadBack { .. }
             | Self::StaysEnabled { .. }
             | Self::NoSyncLock { .. }
@@ -236,6 +237,7 @@ impl DeviceCause {
             | Self::HeartbeatLost
             | Self::PollUnanswered { .. }
             | Self::NoNmtState
+            | Self::UnknownNmtState { .. }
             | Self::NmtState { .. }
             | Self::Rebooted
             | Self::MissingTPdo { .. } => Cause::Silent,

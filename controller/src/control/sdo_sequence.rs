@@ -271,13 +271,14 @@ impl SdoSequence {
             Reason::TimedOut => return Err(fault(DeviceCause::SdoTimeout { object })),
             Reason::Refused(code) | Reason::GivenUp(code) => {
                 if !step.may_fail() && !matches!(step, Step::ReadBack(_)) {
-                    return Err(fault(match step.write() {
-                        Some(write) => DeviceCause::WriteAborted {
+                    return Err(fault(match (failure.reason, step.write()) {
+                        (Reason::GivenUp(code), _) => DeviceCause::WrongAnswer { object, code },
+                        (_, Some(write)) => DeviceCause::WriteAborted {
                             object,
                             value: write.data.bits(),
                             code,
                         },
-                        None => DeviceCause::ReadAborted { object, code },
+                        (_, None) => DeviceCause::ReadAborted { object, code },
                     }));
                 }
                 events(Event::Refused {

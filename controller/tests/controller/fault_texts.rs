@@ -81,6 +81,11 @@ texts! {
     "node 3 (Y, LXM32M): SDO read 60C2h:1 aborted 0609 0030h \"invalid value for parameter\": \
      check that the device is the model of the machine file";
 
+    Fault::Device(_, DeviceCause::WrongAnswer { .. }),
+    Fault::Device(2, DeviceCause::WrongAnswer { object: OBJECT, code: AbortCode::ToggleBit }),
+    "node 3 (Y, LXM32M): SDO 60C2h:1 answered wrongly, 0503 0000h \"toggle bit not alternated\": \
+     check for another master or tool that talks to it, and the device's firmware";
+
     Fault::Device(_, DeviceCause::SdoTimeout { .. }),
     Fault::Device(2, DeviceCause::SdoTimeout { object: OBJECT }),
     "node 3 (Y, LXM32M): no answer to SDO 60C2h:1: check that the device is on the bus";
@@ -147,7 +152,12 @@ texts! {
 
     Fault::Device(_, DeviceCause::NoNmtState), Fault::Device(2, DeviceCause::NoNmtState),
     "node 3 (Y, LXM32M): no heartbeat that tells its NMT state, expected Operational: check \
-     cabling, bus load and for a master that guards it";
+     cabling and bus load";
+
+    Fault::Device(_, DeviceCause::UnknownNmtState { .. }),
+    Fault::Device(2, DeviceCause::UnknownNmtState { byte: 0x85 }),
+    "node 3 (Y, LXM32M): heartbeat says 85h, which is no NMT state, expected 05h, Operational: check \
+     for a master that guards it, which sets the highest bit, and the device's firmware";
 
     Fault::Device(_, DeviceCause::PollUnanswered { .. }),
     Fault::Device(2, DeviceCause::PollUnanswered { object: Address::new(0x6064, 0) }),

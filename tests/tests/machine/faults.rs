@@ -622,6 +622,31 @@ fn a_set_up_write_that_is_refused() {
 }
 
 #[test]
+fn an_answer_that_breaks_the_protocol() {
+    // The device begins an answer in segments, and the one that comes has the wrong toggle bit, or two
+    // of four bytes.
+    let segments: [([u8; 8], AbortCode); 2] = [
+        ([0x17, 0x5A, 0, 0, 8, 0, 0, 0], AbortCode::ToggleBit),
+        ([0x0B, 0x5A, 0, 0, 0, 0, 0, 0], AbortCode::LengthMismatch),
+    ];
+    for (segment, code) in segments {
+        let fault = fault_in_bring_up(as_configured, |rig| {
+            rig.bus().doctor = Some(Box::new(move |it| {
+                let answers = CobId::t_sdo(node(Y));
+                if is(it, answers, &[0x43, 0x18, 0x10, 1]) {
+                    doctored(it, |data| *data = [0x41, 0x18, 0x10, 1, 4, 0, 0, 0].into())
+                } else {
+                    !is(it, answers, &[0x80]) || doctored(it, |data| *data = segment.into())
+                }
+            }));
+        });
+        let object = Address::new(0x1018, 1);
+        let expected = DeviceCause::WrongAnswer { object, code };
+        assert_eq!(fault, Fault::Device(Y, expected));
+    }
+}
+
+#[test]
 fn a_set_up_value_that_reads_back_as_another() {
     let fault = fault_in_bring_up(as_configured, |rig| {
         rig.bus().doctor = Some(Box::new(|it| {

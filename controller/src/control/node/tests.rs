@@ -128,13 +128,13 @@ fn a_heartbeat_tells_the_state() {
             "a toggle bit, as in an answer to guarding: alive, its state unknown",
             &[Says(0, &[5]), Says(100_000, &[0x85])],
             400_000,
-            fault(DeviceCause::NoNmtState),
+            fault(DeviceCause::UnknownNmtState { byte: 0x85 }),
         ),
         (
             "a byte that is no state: alive, its state unknown",
             &[Says(0, &[5]), Says(100_000, &[0x42])],
             400_000,
-            fault(DeviceCause::NoNmtState),
+            fault(DeviceCause::UnknownNmtState { byte: 0x42 }),
         ),
     ]);
 }
