@@ -1,20 +1,29 @@
 //! A person at a terminal of their own: a shell command, the keys and what stands there.
 
+use crate::screen::Screen;
 use std::fs::File;
 use std::io::{Read, Write};
+use std::mem::take;
 use std::os::fd::AsFd;
 use std::process::{Child, ChildStdin, Command, Stdio};
 use std::sync::mpsc::{self, Receiver};
 use std::thread;
+use std::time::{Duration, Instant};
+
+/// How long a person waits for something to come to stand on the screen.
+const PATIENCE: Duration = Duration::from_secs(30);
 
 /// A shell command that runs on a terminal.
 pub struct Terminal {
     child: Child,
-    keys: ChildStdin,
+    /// `None` once nobody types any more.
+    keys: Option<ChildStdin>,
     /// What comes to stand there, read at once: a terminal whose other end is full takes no keys.
     told: Receiver<Vec<u8>>,
     /// What was told and not waited for.
     unread: Vec<u8>,
+    /// What all of it has made of a terminal of 80 columns and 24 rows.
+    screen: Screen,
 }
 
 impl Terminal {
@@ -30,7 +39,7 @@ impl Terminal {
             .stdout(Stdio::piped())
             .spawn()
             .expect("script runs");
-        let keys = child.stdin.take().expect("piped");
+        let keys = child.stdin.take();
         let mut output = child.stdout.take().expect("piped");
         let (tell, told) = mpsc::channel();
         thread::spawn(move || {
@@ -46,6 +55,7 @@ impl Terminal {
             keys,
             told,
             unread,
+            screen: Screen::new(80, 24),
         }
     }
 
@@ -54,7 +64,8 @@ impl Terminal {
     /// # Panics
     /// If nobody reads it any more.
     pub fn press(&mut self, keys: &[u8]) {
-        self.keys.write_all(keys).expect("somebody listens");
+        let to = self.keys.as_mut().expect("piped");
+        to.write_all(keys).expect("somebody listens");
     }
 
     /// The keyboard, for another thread that types.
@@ -63,7 +74,8 @@ impl Terminal {
     /// If there are too many open files.
     #[must_use]
     pub fn keyboard(&self) -> File {
-        let keys = self.keys.as_fd().try_clone_to_owned();
+        let keys = self.keys.as_ref().expect("piped");
+        let keys = keys.as_fd().try_clone_to_owned();
         keys.expect("a file more").into()
     }
 
@@ -92,8 +104,33 @@ impl Terminal {
                 let told = self.unread.drain(..place + part.len());
                 return String::from_utf8_lossy(&told.collect::<Vec<_>>()).into_owned();
             }
-            self.unread.extend(self.told.recv().expect(part));
+            let more = self.told.recv().expect(part);
+            self.take(&more);
         }
+    }
+
+    /// Waits until the screen is so; what stands there then, row by row.
+    ///
+    /// # Panics
+    /// If it does not become so.
+    pub fn wait_until(&mut self, is_so: impl Fn(&str) -> bool) -> String {
+        let end = Instant::now() + PATIENCE;
+        loop {
+            let text = self.screen.text();
+            if is_so(&text) {
+                return text;
+            }
+            let left = end.saturating_duration_since(Instant::now());
+            match self.told.recv_timeout(left) {
+                Ok(more) => self.take(&more),
+                Err(_) => panic!("in vain:\n{text}"),
+            }
+        }
+    }
+
+    fn take(&mut self, more: &[u8]) {
+        self.screen.take(more);
+        self.unread.extend(more);
     }
 
     /// Waits for the command's end, without a word; what it still told.
@@ -102,12 +139,21 @@ impl Terminal {
     /// If it does not end with 0.
     #[must_use]
     pub fn end(mut self) -> Vec<String> {
-        drop(self.keys);
-        let mut rest = self.unread;
+        self.keys = None;
+        let mut rest = take(&mut self.unread);
         rest.extend(self.told.iter().flatten());
         let status = self.child.wait().expect("it was started");
         assert!(status.success(), "{status}");
         let rest = String::from_utf8_lossy(&rest);
         rest.lines().map(str::to_owned).collect()
+    }
+}
+
+impl Drop for Terminal {
+    /// What runs there ends with its terminal, also where a test fails.
+    fn drop(&mut self) {
+        // It may have ended.
+        let _ = self.child.kill();
+        let _ = self.child.wait();
     }
 }

@@ -462,13 +462,8 @@ impl Desk {
                     }
                     _ => {}
                 }
-                if let control::Event::Switched {
-                    line,
-                    switch: Switch::Message,
-                } = event
-                    && let Some(text) = self.job.moves.next_message()
-                {
-                    self.outlets.tell(&Event::Message { line, text });
+                if let control::Event::Switched { line, switch } = event {
+                    self.show_switched(line, switch);
                 }
                 self.status.waits = event.rests().unwrap_or(self.status.waits);
                 self.outlets.tell(&Event::Machine(event));
@@ -525,8 +520,6 @@ impl Desk {
             time: Some(time),
             target,
             tool: row.functions.tool,
-            spindle: row.functions.spindle,
-            coolant: row.functions.coolant,
             feed: Some(row.plan.feed).filter(|feed| feed.is_finite()),
             line: self.job.line,
             setpoint: row.plan.position,
@@ -536,6 +529,21 @@ impl Desk {
             off_path: row.plan.off_path,
             ..std::mem::take(&mut self.status)
         };
+    }
+
+    /// Shows what is switched, also where no row follows: a quick stop switches off behind the last one.
+    fn show_switched(&mut self, line: u32, switch: Switch) {
+        match switch {
+            Switch::Spindle(spindle) => self.status.spindle = spindle,
+            Switch::Coolant(coolant) => self.status.coolant = coolant,
+            Switch::Message => {
+                if let Some(text) = self.job.moves.next_message() {
+                    self.outlets.tell(&Event::Message { line, text });
+                }
+            }
+            // Its name comes with it.
+            Switch::Tool(_) | Switch::Output(_) => {}
+        }
     }
 
     /// Shows whether the positions of an axis are machine positions.

@@ -1,5 +1,5 @@
-//! A working day at the machine, in virtual time: it is switched on, runs one job after the other, is
-//! stopped by a fault and brought back, and is switched off.
+//! A machine that stays on: what it takes in each state, programs that begin at a line, whatever is asked for and
+//! happens; and days at a console, by lines and by keys.
 
 use proptest::prelude::*;
 use proptest::sample::select;
@@ -17,11 +17,6 @@ use syncline_gcode::{Axis, Tables, Turning};
 use syncline_tests::command::{Folder, ended, syncline};
 use syncline_tests::rig::Rig;
 use syncline_tests::terminal::Terminal;
-
-/// What the bus has carried, by its digest.
-fn frames_of(rig: &mut Rig) -> String {
-    rig.session.timeline().frames().result().0
-}
 
 /// A portal that is ready for the first job of the day.
 fn ready() -> Rig {
@@ -61,7 +56,7 @@ pub(super) fn mdi(rig: &mut Rig, lines: &str) {
     go(rig, Command::Mdi(lines.to_owned()));
 }
 
-fn positions<const N: usize>(axes: [(Axis, f64); N]) -> [Option<f64>; 9] {
+pub(super) fn positions<const N: usize>(axes: [(Axis, f64); N]) -> [Option<f64>; 9] {
     let mut positions = [None; 9];
     for (axis, position) in axes {
         positions[axis.index()] = Some(position);
@@ -69,151 +64,24 @@ fn positions<const N: usize>(axes: [(Axis, f64); N]) -> [Option<f64>; 9] {
     positions
 }
 
-fn at(rig: &Rig, axis: Axis) -> f64 {
+pub(super) fn at(rig: &Rig, axis: Axis) -> f64 {
     rig.session.status().setpoint[axis.index()]
 }
 
 /// Where an axis is in work coordinates.
-fn work(rig: &Rig, axis: Axis) -> f64 {
+pub(super) fn work(rig: &Rig, axis: Axis) -> f64 {
     at(rig, axis) - rig.session.status().offset[axis.index()]
-}
-
-fn assert_near(found: f64, expected: f64) {
-    assert!((found - expected).abs() < 1e-6, "{found}, not {expected}");
 }
 
 /// Every motion was inside the limits. While the drives were disabled there was none of the
 /// controller's.
-fn assert_moves_within_limits(rig: &mut Rig) {
+pub(super) fn assert_moves_within_limits(rig: &mut Rig) {
     let rows = std::mem::take(&mut rig.rows);
     for enabled in rows.chunk_by(|one, next| next.cycle == one.cycle + 1) {
         rig.rows = enabled.to_vec();
         rig.trace().assert_within_limits();
     }
     rig.rows = rows;
-}
-
-/// A whole day; what it put on the bus, by its digest.
-fn day() -> String {
-    let mut rig = ready();
-    let step = |axis, direction| Command::Jog(Jog::Step { axis, direction });
-
-    // Touch off: jog to the corner of the workpiece, set the offset there.
-    rig.command(Command::Jog(Jog::To(positions([
-        (Axis::X, 300.0),
-        (Axis::Y, 200.0),
-    ]))));
-    rig.step();
-    rig.step();
-    rig.step();
-    assert_eq!(state(&rig), State::Jogging);
-    settle(&mut rig);
-    go(&mut rig, step(Axis::X, Direction::Positive));
-    assert_near(at(&rig, Axis::X), 301.0);
-    go(
-        &mut rig,
-        Command::SetWorkOffset(positions([(Axis::X, 0.0), (Axis::Y, 5.0)])),
-    );
-    assert_near(work(&rig, Axis::X), 0.0);
-    assert_near(work(&rig, Axis::Y), 5.0);
-    let tables = Tables::load(&Tables::beside(&rig.folder.path("machine.toml"))).unwrap();
-    assert_near(tables.work_offsets[0][Axis::X], 301.0);
-
-    // A tool, and its length.
-    rig.goes_on = true;
-    mdi(&mut rig, "T1 M6");
-    assert_eq!(rig.session.status().tool, 1, "{:?}", rig.problems);
-    go(
-        &mut rig,
-        Command::SetToolLength(positions([(Axis::Z, 10.0)])),
-    );
-    assert_near(work(&rig, Axis::Z), 10.0);
-
-    // Lines typed in: modes live from one to the next.
-    mdi(&mut rig, "G91 G1 X10 F6000 S500 M3");
-    mdi(&mut rig, "X5");
-    assert_near(work(&rig, Axis::X), 15.0);
-    assert_eq!(rig.session.status().spindle.speed, 500.0);
-    go(
-        &mut rig,
-        Command::GoTo(positions([(Axis::X, 0.0), (Axis::Y, 0.0)])),
-    );
-    assert_near(at(&rig, Axis::X), 301.0);
-    assert_near(work(&rig, Axis::Y), 0.0);
-
-    // A program, held and jogged in the middle; its end resets what M2 resets.
-    let file = rig
-        .folder
-        .file("part.ngc", "G90 G1 X60 F6000\nY40\nX0 Y0\nM2\n");
-    rig.command(Command::Load(file));
-    rig.command(Command::CycleStart);
-    rig.run_until(|rig| state(rig) == State::Running && work(rig, Axis::X) > 20.0);
-    go(&mut rig, Command::FeedHold);
-    assert_eq!(state(&rig), State::Held);
-    let held = at(&rig, Axis::X);
-    go(&mut rig, step(Axis::Z, Direction::Negative));
-    rig.command(Command::FeedOverride(Override::To(150.0)));
-    go(&mut rig, Command::Resume);
-    assert_eq!(state(&rig), State::Ready, "{:?}", rig.refused);
-    assert!(held > 321.0);
-    assert_near(work(&rig, Axis::X), 0.0);
-    assert!(
-        rig.session
-            .status()
-            .modes
-            .starts_with("G1 G17 G21 G40 G43 G54 G90 "),
-        "{}",
-        rig.session.status().modes
-    );
-    assert!(rig.session.status().modes.contains(" M5 "));
-
-    // A fault in the middle of the next run.
-    rig.command(Command::Run { from_line: None });
-    rig.run_until(|rig| state(rig) == State::Running && work(rig, Axis::X) > 20.0);
-    rig.twin(2)
-        .disturb(Disturbance::Fault(ErrorClass::StopAndSwitchOff));
-    settle(&mut rig);
-    assert_eq!(state(&rig), State::Faulted);
-    assert_eq!(rig.session.faults().len(), 1);
-    let stopped = rig.session.status().stopped.clone().expect("the list");
-    assert!(
-        stopped.faults[0].starts_with("node 3 (Y, LXM32M): EMCY"),
-        "{stopped:?}"
-    );
-    assert_eq!(stopped.line, Some(1));
-    let last = rig.rows.last().expect("it ran");
-    for axis in [Axis::X, Axis::Y, Axis::Z].map(Axis::index) {
-        assert_near(stopped.position[axis], last.axes[axis].act);
-    }
-    go(&mut rig, Command::Mdi("G0 X0".to_owned()));
-    assert_eq!(rig.refused.len(), 1);
-    go(&mut rig, Command::Reset);
-    assert_eq!(state(&rig), State::Ready, "{:?}", rig.events);
-    assert!(rig.session.faults().is_empty());
-    assert_eq!(rig.session.status().stopped, None);
-    go(
-        &mut rig,
-        Command::GoTo(positions([(Axis::X, 0.0), (Axis::Y, 0.0)])),
-    );
-    go(&mut rig, Command::Run { from_line: None });
-    assert_eq!(state(&rig), State::Ready);
-
-    // Drives off for a while, then the end of the day.
-    go(&mut rig, Command::Disable);
-    assert_eq!(state(&rig), State::Disabled);
-    go(&mut rig, Command::Enable);
-    assert_eq!(state(&rig), State::Ready);
-    mdi(&mut rig, "G53 G0 Z0");
-    go(&mut rig, Command::SwitchOff);
-    assert_eq!(state(&rig), State::Off);
-    assert_eq!(rig.problems, [""; 0]);
-    assert_moves_within_limits(&mut rig);
-    frames_of(&mut rig)
-}
-
-#[test]
-fn a_day_at_the_machine_is_the_same_twice() {
-    assert_eq!(day(), day());
 }
 
 #[test]
@@ -382,7 +250,7 @@ fn a_machine_that_is_enabled_again_is_judged_from_where_it_stands() {
 }
 
 /// The work offset that the tables beside a machine's file have, once they have it.
-fn offset_of(machine: &Path, axis: Axis) -> Option<f64> {
+pub(super) fn offset_of(machine: &Path, axis: Axis) -> Option<f64> {
     let tables = Tables::load(&Tables::beside(machine)).ok()?;
     Some(tables.work_offsets[0][axis])
 }
@@ -433,38 +301,12 @@ fn lines_of_text_are_a_day_too() {
 }
 
 /// A console on a terminal of 80 columns and 24 rows.
-fn console_on_a_terminal(machine: &Path) -> Terminal {
+pub(super) fn console_on_a_terminal(machine: &Path, options: &str) -> Terminal {
     Terminal::run(&format!(
-        "stty rows 24 cols 80; {} console {}",
+        "stty rows 24 cols 80; {} console {} {options}",
         syncline().get_program().to_string_lossy(),
         machine.display()
     ))
-}
-
-/// The same by keys on a terminal.
-#[test]
-fn keys_on_a_terminal_are_a_day_too() {
-    let folder = Folder::new();
-    let machine = folder.machine("portal");
-    let mut terminal = console_on_a_terminal(&machine);
-    // Refused until the machine is ready.
-    let until = |terminal: &mut Terminal, keys: &[u8], axis: Axis, offset: f64| {
-        for _ in 0..300 {
-            terminal.press(keys);
-            thread::sleep(Duration::from_millis(100));
-            // The encoder's noise is in where the machine stands.
-            if offset_of(&machine, axis).is_some_and(|it| (it - offset).abs() < 0.01) {
-                return;
-            }
-        }
-        panic!("{axis} never is {offset}: {:?}", offset_of(&machine, axis));
-    };
-    until(&mut terminal, b":set_offset X-7\r", Axis::X, 7.0);
-    // By 10 mm, the next greater step.
-    terminal.press(b"]\x1B[6~");
-    until(&mut terminal, b":set_offset Z0\r", Axis::Z, -10.0);
-    terminal.press(b"??:switch_off\r");
-    let _ = terminal.end();
 }
 
 /// On a terminal that tells when a key is released: the answer to whether it does, and an arrow to the
@@ -477,7 +319,7 @@ fn a_key_that_is_held_jogs_until_it_is_released() {
     const RELEASED: &[u8] = b"\x1B[1;1:3C";
     let folder = Folder::new();
     let machine = folder.machine("portal");
-    let mut terminal = console_on_a_terminal(&machine);
+    let mut terminal = console_on_a_terminal(&machine, "");
     terminal.wait_for("\x1B[?u");
     terminal.press(TELLS);
     terminal.wait_for("\x1B[>3u");

@@ -51,7 +51,7 @@ fn go(rig: &mut Rig, command: Command) {
 }
 
 /// Where a drive really is, mm: simulated drives count as the machine file says.
-fn truth(rig: &mut Rig, drive: usize) -> f64 {
+pub(super) fn truth(rig: &mut Rig, drive: usize) -> f64 {
     let turns = rig.twin(drive).observe().position;
     let scaling = rig.machine.drives[drive].scaling;
     scaling.to_mm(Increments::new((turns * 131_072.0).round() as i64))

@@ -46,4 +46,5 @@ mod validate;
 mod validation;
 mod velocity;
 mod way_back;
+mod whole_day;
 mod wired;
