@@ -10,8 +10,8 @@ use std::sync::mpsc::{self, Receiver};
 use std::thread;
 use std::time::{Duration, Instant};
 
-/// How long a person waits for something to come to stand on the screen.
-const PATIENCE: Duration = Duration::from_secs(30);
+/// How long a person waits for something to come to stand on the screen: also of a host that is busy.
+const PATIENCE: Duration = Duration::from_secs(300);
 
 /// A shell command that runs on a terminal.
 pub struct Terminal {
