@@ -2,6 +2,7 @@
 //! portal on a TLC53x that is sent velocities, Z on a TSP10-CBE with a TWK CRN on its screw, U and W point to point on
 //! a TLC53x and a TSP10-CBE.
 
+use super::{point_to_point, stepper, velocity};
 use proptest::prelude::*;
 use std::ops::Range;
 use syncline_canopen::time::Duration;
@@ -9,92 +10,21 @@ use syncline_canopen::{CanId, CobId};
 use syncline_controller::control::End;
 use syncline_controller::control::fault::Names;
 use syncline_controller::control::loss::Sign;
-use syncline_drives::twin::{Disturbance, ErrorClass};
+use syncline_drives::twin::{Config, Disturbance, ErrorClass};
 use syncline_tests::rig::Rig;
 
 // Among the devices.
 const Y: usize = 2;
 const Z: usize = 3;
 const U: usize = 4;
-const W: usize = 5;
-const SCREW: usize = 6;
+const W: usize = 6;
+const SCREW: usize = 7;
 
-const TABLES: &str = r#"
-[[drive]]
-name = "U"
-bus = "portal"
-node = 6
-model = "tlc5xx"
-
-[[drive]]
-name = "W"
-bus = "portal"
-node = 7
-model = "tsp10"
-sdo = [["6075:0", 5000]]
-
-[[encoder]]
-name = "screw"
-bus = "portal"
-node = 5
-model = "twk_crn"
-pitch = 10.0
-zero = 10_000
-
-[[axis]]
-name = "U"
-drives = ["U"]
-motion = "point_to_point"
-pitch = 20.0
-max_velocity = 400.0
-max_acceleration = 4000.0
-max_jerk = 1e6
-soft_limits = [-300.0, 300.0]
-following_error_limit = 1.0
-standstill_window = 0.05
-
-[[axis]]
-name = "W"
-drives = ["W"]
-pitch = 10.0
-max_velocity = 80.0
-max_acceleration = 800.0
-max_jerk = 1e6
-soft_limits = [-300.0, 300.0]
-following_error_limit = 1.0
-standstill_window = 0.05
-
-[[axis]]
-name = "X"
-"#;
-
-const CHANGES: [(&str, &str); 7] = [
-    ("cycle_us = 2000", "cycle_us = 4000"),
-    (
-        "node = 3\nmodel = \"lxm32m\"\nzero = 402_131",
-        "node = 3\nmodel = \"tlc5xx\"\nzero = 50_266",
-    ),
-    (
-        "node = 4\nmodel = \"lxm32m\"\nzero = 5_000_000",
-        "node = 4\nmodel = \"tsp10\"\nsdo = [[\"6075:0\", 5000]]",
-    ),
-    ("[[axis]]\nname = \"X\"\n", TABLES),
-    (
-        "following_error_limit = 2.0\nstandstill_window = 0.05\n\
-         drive_following_error = true\ndrive_soft_limits = true\n\n[[axis]]\nname = \"Z\"",
-        "following_error_limit = 2.0\nstandstill_window = 0.05\n\n[[axis]]\nname = \"Z\"",
-    ),
-    (
-        "max_velocity = 500.0\nmax_acceleration = 4000.0\nmax_jerk = 80_000.0",
-        "max_velocity = 80.0\nmax_acceleration = 800.0\nmax_jerk = 20_000.0\nfeedback = \"screw\"\n\
-         difference_limit = 0.1\nposition_loop = \"encoder\"\nunsupervised_stop = \"hardware\"",
-    ),
-    (
-        "soft_limits = [-300.0, 0.0]\nfollowing_error_limit = 1.0\nstandstill_window = 0.05\n\
-         drive_following_error = true\ndrive_soft_limits = true",
-        "soft_limits = [-300.0, 0.0]\nfollowing_error_limit = 1.0\nstandstill_window = 0.05",
-    ),
-];
+/// U makes room for the encoder.
+const MOVED: (&str, &str) = (
+    "node = 5\nmodel = \"tlc5xx\"",
+    "node = 8\nmodel = \"tlc5xx\"",
+);
 
 /// Path and single axes by turns.
 const PROGRAM: &str = "G21 G90 G94 G61 G18\nG1 X40 Y30 Z-40 F3000\nG0 U80 W6\nG2 X40 Z-40 I20\nG0 U0 W2\n\
@@ -103,8 +33,18 @@ const PROGRAM: &str = "G21 G90 G94 G61 G18\nG1 X40 Y30 Z-40 F3000\nG0 U80 W6\nG2
 /// Rows of it; a loss is before that.
 const ROWS: usize = 1500;
 
+fn machine_with(program: &str, configure: impl Fn(usize, &mut Config)) -> Rig {
+    let changes = [
+        &point_to_point::CHANGES[..],
+        &[MOVED],
+        &velocity::CHANGES,
+        &stepper::CHANGES,
+    ];
+    Rig::new("portal", &changes.concat(), program, configure)
+}
+
 fn machine() -> Rig {
-    Rig::new("portal", &CHANGES, PROGRAM, |_, _| ())
+    machine_with(PROGRAM, |_, _| ())
 }
 
 /// What happens to a device.
@@ -275,12 +215,7 @@ fn without_the_controller_each_drive_does_what_start_up_tells() {
         let end = rig.session.timeline().now() + SECOND;
         rig.session.timeline().world().advance_to(end);
     };
-    let mut rig = Rig::new(
-        "portal",
-        &CHANGES,
-        "G21 G90\nG1 Y300 Z-250 F3000\nM2\n",
-        |_, _| (),
-    );
+    let mut rig = machine_with("G21 G90\nG1 Y300 Z-250 F3000\nM2\n", |_, _| ());
     rig.run_to_row(200);
     let before = [Y, Z].map(|device| velocity(&mut rig, device));
     assert!(before.iter().all(|it| it.abs() > 0.5), "{before:?}");
@@ -296,7 +231,7 @@ fn without_the_controller_each_drive_does_what_start_up_tells() {
     assert!(told(&rig, Y).contains(&stops), "{}", told(&rig, Y));
     assert!(told(&rig, Z).contains("goes on with its last velocity until the enable chain"));
 
-    let mut rig = Rig::new("portal", &CHANGES, "G21 G90\nG0 W50\nM2\n", |_, _| ());
+    let mut rig = machine_with("G21 G90\nG0 W50\nM2\n", |_, _| ());
     rig.run_until(|rig| rig.rows.last().is_some_and(|row| row.axes[8].act > 5.0));
     die(&mut rig);
     let there = rig.twin(W).observe();
@@ -312,7 +247,7 @@ fn without_the_controller_each_drive_does_what_start_up_tells() {
 /// Machines whose devices differ by their noise, their clocks and the times that they take to answer.
 fn clean(seeds: Range<u64>) {
     for seed in seeds {
-        let mut rig = Rig::new("portal", &CHANGES, PROGRAM, |device, config| {
+        let mut rig = machine_with(PROGRAM, |device, config| {
             config.seed = 1000 * seed + device as u64;
         });
         let end = rig.finish();

@@ -82,7 +82,8 @@ name = "X"
 
 const WINDOW: f64 = 0.05;
 
-const CHANGES: [(&str, &str); 2] = [
+/// The portal with them.
+pub(super) const CHANGES: [(&str, &str); 2] = [
     ("cycle_us = 2000", "cycle_us = 4000"),
     ("[[axis]]\nname = \"X\"\n", TABLES),
 ];

@@ -32,6 +32,14 @@ const SUPERVISED: &str = "soft_limits = [-300.0, 0.0]\nfollowing_error_limit = 1
 const UNSUPERVISED: &str = "soft_limits = [-300.0, 0.0]\nfollowing_error_limit = 1.0\n\
     standstill_window = 0.05";
 
+/// Z of the portal on the stepper, with the encoder.
+pub(super) const CHANGES: [(&str, &str); 4] = [
+    (LXM32M, TSP10),
+    ("[[axis]]\nname = \"X\"", ENCODER),
+    (FAST, SLOW),
+    (SUPERVISED, UNSUPERVISED),
+];
+
 /// A circle of 20 mm in X and Z, and lines of all three.
 const PROGRAM: &str = "G21 G90 G94 G61 G18\nG1 X40 Z-40 F3000\nG2 X40 Z-40 I20\n\
     G1 X100 Y80 Z-10\nG1 Z-60 F4800\nG1 Z-5\nM2\n";
@@ -47,13 +55,7 @@ fn bound(velocity: f64) -> f64 {
 const MARGIN: f64 = 0.02;
 
 fn portal_with(program: &str, configure: impl Fn(usize, &mut Config)) -> Rig {
-    let changes = [
-        ("cycle_us = 2000", "cycle_us = 4000"),
-        (LXM32M, TSP10),
-        ("[[axis]]\nname = \"X\"", ENCODER),
-        (FAST, SLOW),
-        (SUPERVISED, UNSUPERVISED),
-    ];
+    let changes = [&[("cycle_us = 2000", "cycle_us = 4000")], &CHANGES[..]].concat();
     Rig::new("portal", &changes, program, configure)
 }
 

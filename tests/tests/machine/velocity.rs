@@ -21,6 +21,9 @@ const SUPERVISED: &str = "following_error_limit = 2.0\nstandstill_window = 0.05\
 const UNSUPERVISED: &str =
     "following_error_limit = 2.0\nstandstill_window = 0.05\n\n[[axis]]\nname = \"Z\"";
 
+/// Y of the portal on the drive.
+pub(super) const CHANGES: [(&str, &str); 2] = [(LXM32M, TLC53X), (SUPERVISED, UNSUPERVISED)];
+
 /// Two circles of 20 mm at 100 mm/s.
 const CIRCLES: &str = "G21 G90 G94 G61\nG0 X300 Y300\nG1 X320 Y300 F6000\n\
     G3 X320 Y300 I-20\nG3 X320 Y300 I-20\nM2\n";
@@ -44,7 +47,7 @@ fn portal_with(
     program: &str,
     configure: impl Fn(usize, &mut Config),
 ) -> Rig {
-    let mut replacements = vec![(LXM32M, TLC53X), (SUPERVISED, UNSUPERVISED)];
+    let mut replacements = CHANGES.to_vec();
     replacements.extend(more);
     Rig::new("portal", &replacements, program, configure)
 }
