@@ -358,6 +358,35 @@ fn a_key_that_is_held_jogs_until_it_is_released() {
     let _ = terminal.end();
 }
 
+/// A machine that is held has nothing to wait for once nobody is there any more.
+#[test]
+fn a_console_whose_terminal_is_lost_switches_off() {
+    let folder = Folder::new();
+    let machine = folder.machine("portal");
+    let ended = machine.with_file_name("ended");
+    // The shell outlives its terminal.
+    let mut terminal = Terminal::run(&format!(
+        "trap '' HUP; stty rows 24 cols 80; {} console {}; echo $? > {}",
+        syncline().get_program().to_string_lossy(),
+        machine.display(),
+        ended.display(),
+    ));
+    terminal.wait_until(|screen| screen.contains("READY"));
+    terminal.press(b":mdi G91 G1 X100 F300\r");
+    terminal.wait_until(|screen| screen.contains("MDI"));
+    terminal.press(b" ");
+    terminal.wait_until(|screen| screen.contains("HELD"));
+    drop(terminal);
+    let code = (0..300).find_map(|_| {
+        thread::sleep(Duration::from_millis(100));
+        std::fs::read_to_string(&ended)
+            .ok()
+            .filter(|code| !code.is_empty())
+    });
+    // Off, but for what could not be written any more.
+    assert_eq!(code.as_deref(), Some("1\n"));
+}
+
 /// The states that may follow one.
 fn successors(state: State) -> &'static [State] {
     use State::{

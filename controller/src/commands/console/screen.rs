@@ -8,6 +8,10 @@
 //! on from the first repetition until the key is released. Each repetition renews the jog, and nothing else
 //! does: this side of a connection that hangs cannot know that the key is still held. A terminal that is lost
 //! thus stops the axis by [`HOLD_TO_RUN`](crate::control::HOLD_TO_RUN). Any other terminal has steps only.
+//!
+//! # A terminal that is lost
+//!
+//! Nobody is there any more: the machine comes to rest and is switched off, in whatever state it is.
 
 use super::super::{events, keys};
 use super::model::Model;
@@ -23,6 +27,8 @@ use ratatui::crossterm::event::{
     PopKeyboardEnhancementFlags, PushKeyboardEnhancementFlags,
 };
 use ratatui::crossterm::{execute, terminal};
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::io::Errno;
 use std::io;
 use std::sync::Arc;
 use std::thread::{self, JoinHandle};
@@ -30,6 +36,9 @@ use std::time::Duration;
 
 /// How often the screen is drawn.
 const REDRAW: Duration = Duration::from_millis(50);
+
+/// How often it is looked whether the terminal is still there.
+const LOOK: Duration = Duration::from_millis(50);
 
 /// What a key does to the screen.
 enum Screen {
@@ -108,7 +117,11 @@ fn draw_all(
         // It is left anyway.
         let _ = execute!(io::stdout(), PopKeyboardEnhancementFlags);
     }
-    ratatui::restore();
+    let _ = ratatui::try_restore();
+    if drawn.is_err() {
+        // Dropped, it would say that its cursor cannot be shown, and panic because it cannot say so.
+        std::mem::forget(terminal);
+    }
     // What was told last would be gone with the screen.
     let last = model.messages.iter().rev().take(1).cloned();
     for text in model.faults().into_iter().chain(last) {
@@ -132,18 +145,27 @@ impl Keyboard {
     /// Until the session, or the terminal, is gone.
     fn hear(mut self) {
         self.show(Screen::Releases(ask_for_releases()));
+        if self.hear_keys().is_ok() {
+            return;
+        }
+        while self.operator.command(Command::SwitchOff) == Err(NotTaken::Busy) {
+            thread::sleep(LOOK);
+        }
+    }
+
+    /// Until the session is over.
+    ///
+    /// # Errors
+    /// The terminal is gone.
+    fn hear_keys(&mut self) -> io::Result<()> {
         loop {
-            let pressed = match event::read() {
-                Ok(Input::Key(key)) => self.take(key),
-                Ok(_) => Ok(()),
-                Err(_) => {
-                    // Nobody can be heard any more.
-                    let _ = self.command(Command::SwitchOff);
-                    return;
+            wait_for_input()?;
+            while event::poll(Duration::ZERO)? {
+                if let Input::Key(key) = event::read()?
+                    && self.take(key) == Err(NotTaken::Over)
+                {
+                    return Ok(());
                 }
-            };
-            if pressed == Err(NotTaken::Over) {
-                return;
             }
         }
     }
@@ -251,6 +273,29 @@ impl Keyboard {
             }
             taken => taken,
         }
+    }
+}
+
+/// Waits for something to read, for a while. Crossterm, which reads it, would go on reading without end from a
+/// terminal that is gone.
+///
+/// # Errors
+/// It is gone.
+fn wait_for_input() -> io::Result<()> {
+    let keyboard = io::stdin();
+    let mut waiting = [PollFd::new(&keyboard, PollFlags::IN)];
+    let time = Timespec {
+        tv_sec: 0,
+        tv_nsec: LOOK.subsec_nanos().into(),
+    };
+    match poll(&mut waiting, Some(&time)) {
+        Ok(_) | Err(Errno::INTR) => {}
+        Err(error) => return Err(error.into()),
+    }
+    let gone = PollFlags::HUP | PollFlags::ERR | PollFlags::NVAL;
+    match waiting[0].revents().intersects(gone) {
+        true => Err(io::ErrorKind::UnexpectedEof.into()),
+        false => Ok(()),
     }
 }
 
