@@ -40,13 +40,21 @@ pub fn create(new: &Path) -> io::Result<File> {
 /// It cannot be written; then the file is as it was.
 pub fn replace(file: &Path, text: &str) -> io::Result<()> {
     let new = beside(file);
-    let mut writer = create(&new)?;
+    let writer = create(&new)?;
     if let Ok(old) = fs::metadata(file) {
         writer.set_permissions(old.permissions())?;
     }
-    writer.write_all(text.as_bytes())?;
+    put_in_place(file, &new, writer, text.as_bytes())
+}
+
+/// Writes what is to stand in a file into a `new` one beside it, and puts that in its place.
+///
+/// # Errors
+/// It cannot be written; then the file is as it was.
+pub fn put_in_place(file: &Path, new: &Path, mut writer: File, text: &[u8]) -> io::Result<()> {
+    writer.write_all(text)?;
     writer.sync_all()?;
-    fs::rename(&new, file)?;
+    fs::rename(new, file)?;
     // The rename itself is on disk only when the folder is.
     File::open(folder(file))?.sync_all()
 }

@@ -1,16 +1,16 @@
 //! One axis in the cycle: planned position to increments, actual position back, following error.
 
+mod squaring;
+
 use super::fault::{AwaitedState, AxisCause, AxisIndex, DeviceIndex, Fault};
 use super::homing::{Edge, NotRecalled};
 use super::layout::{self, Layout};
 use super::node::DeviceNode;
 use super::setpoint_guard::SetpointGuard;
 use super::{SIDES_ENABLE, STILL};
-use crate::machine::{AxisLimits, HomingMethod, Kept, Square};
+use crate::machine::{AxisLimits, HomingMethod, Kept};
+use squaring::Squaring;
 use syncline_drives::model::{Increments, Setpoint};
-use syncline_trajectory::limits::Limits;
-use syncline_trajectory::profile::{Profile, State};
-use syncline_trajectory::state_to_state::{self, Axis as Motion};
 
 /// Setpoints that are kept to look back by the drives' latency.
 const HISTORY: usize = 16;
@@ -19,9 +19,6 @@ const JUMP: f64 = 1.5;
 
 /// Which way a side goes as the sides come apart.
 const OUTWARDS: [f64; 2] = [-0.5, 0.5];
-
-/// The part of the axis' limits of acceleration and jerk with which its sides move against each other.
-const GENTLE: f64 = 0.1;
 
 /// The plan of an axis at one SYNC.
 #[derive(Clone, Copy, Debug, Default)]
@@ -98,23 +95,6 @@ struct Place {
     at: f64,
     /// Where its drive goes.
     target: Option<Increments>,
-}
-
-/// A motion of an axis' sides against each other.
-#[derive(Clone, Copy, Debug)]
-struct Squaring {
-    plan: Profile,
-    /// The cycle in which it began …
-    began: u64,
-    /// … and how much later than its SYNC, s, as the motion before came to the plan's first state then.
-    later: f64,
-}
-
-impl Squaring {
-    /// How long it has been under way at SYNC `cycle`, s.
-    fn since(&self, cycle: u64, period: f64) -> f64 {
-        cycle.saturating_sub(self.began) as f64 * period - self.later
-    }
 }
 
 /// What an axis did at one SYNC.
@@ -293,60 +273,6 @@ impl AxisControl {
         };
         self.rest(position, apart);
         position
-    }
-
-    // --- its sides against each other ---
-
-    /// Whether its sides are planned further apart than they may be.
-    pub(super) fn askew(&self, cycle: u64) -> Option<f64> {
-        let apart = self.apart(cycle);
-        self.skewed(apart.abs()).then_some(apart)
-    }
-
-    fn square_limits(&self) -> Option<(Square, Limits)> {
-        let square = self.spec.homing.square?;
-        let limits = &self.spec.limits;
-        let (acceleration, jerk) = (GENTLE * limits.acceleration, GENTLE * limits.jerk);
-        Some((square, Limits::symmetric(square.speed, acceleration, jerk)))
-    }
-
-    /// From the setpoint that SYNC `cycle` latches on its sides move to where they belong, each by half
-    /// of the way, and the middle between them stays. How far they are apart, mm.
-    pub(super) fn square(&mut self, cycle: u64) -> f64 {
-        let apart = self.apart(cycle - 1);
-        if let Some((_, limits)) = self.square_limits()
-            && apart != 0.0
-        {
-            let (from, to) = (State::at_rest(apart), State::at_rest(0.0));
-            let plan = state_to_state::plan(&Motion::new(from, to, limits), 0.0);
-            self.squaring = plan.ok().map(|plan| Squaring {
-                plan,
-                began: cycle - 1,
-                later: 0.0,
-            });
-        }
-        apart
-    }
-
-    /// Its sides come to rest against each other.
-    pub(super) fn stop_squaring(&mut self, cycle: u64) {
-        if let (Some(squaring), Some((_, limits))) = (&self.squaring, self.square_limits()) {
-            let began = cycle - 1;
-            let (now, later) = squaring.plan.sample(squaring.since(began, self.period));
-            let stop = state_to_state::plan(&Motion::to_velocity(now, 0.0, limits), 0.0);
-            self.squaring = stop.ok().map(|plan| Squaring { plan, began, later });
-        }
-    }
-
-    /// Whether its sides move against each other at SYNC `cycle`.
-    pub(super) fn squares(&self, cycle: u64) -> bool {
-        let under_way = |it: &Squaring| it.since(cycle, self.period) < it.plan.duration();
-        self.squaring.as_ref().is_some_and(under_way)
-    }
-
-    /// How far its sides are planned apart at SYNC `cycle`, one of the newest.
-    fn apart(&self, cycle: u64) -> f64 {
-        self.planned(cycle, 0.0).apart
     }
 
     // --- its setpoints ---
@@ -543,7 +469,7 @@ impl AxisControl {
             position: positions[self.spec.coordinate],
             velocity: velocities[self.spec.coordinate],
             apart: match &self.squaring {
-                Some(squaring) => squaring.plan.at(squaring.since(cycle, self.period)).p,
+                Some(squaring) => squaring.apart(cycle, self.period),
                 None => self.apart(cycle - 1),
             },
         };
@@ -616,7 +542,7 @@ impl AxisControl {
         });
         let planned = (there - before) / self.period;
         let error = if nodes[self.telling(side)].is_fresh() {
-            self.due(cycle - 1, side, nodes) - self.actual(cycle - 1, side, nodes)
+            self.following_error(cycle - 1, side, nodes)
         } else {
             0.0
         };
@@ -636,7 +562,7 @@ impl AxisControl {
     }
 
     /// Where a side is in the plan's frame, mm; `cycle` is that of the last SYNC.
-    pub(super) fn actual(&self, cycle: u64, side: usize, nodes: &[DeviceNode]) -> f64 {
+    fn actual(&self, cycle: u64, side: usize, nodes: &[DeviceNode]) -> f64 {
         if let Some(encoder) = self.loop_encoder() {
             return nodes[encoder].actual_mm();
         }
@@ -646,9 +572,14 @@ impl AxisControl {
     }
 
     /// Where a side should have been at the SYNC of its last sample, mm; `cycle` is that of the last SYNC.
-    pub(super) fn due(&self, cycle: u64, side: usize, nodes: &[DeviceNode]) -> f64 {
+    fn due(&self, cycle: u64, side: usize, nodes: &[DeviceNode]) -> f64 {
         let age = nodes[self.telling(side)].age();
         self.planned(cycle, self.lag + f64::from(age)).position
+    }
+
+    /// By how much a side was behind that, mm.
+    pub(super) fn following_error(&self, cycle: u64, side: usize, nodes: &[DeviceNode]) -> f64 {
+        self.due(cycle, side, nodes) - self.actual(cycle, side, nodes)
     }
 
     /// What the axis did at SYNC `cycle`, which has just been answered by its T_PDOs. A drive whose

@@ -4,9 +4,10 @@
 //! until it is homed: then it is *referenced*, and its positions are machine positions.
 
 use super::signals::{Input, InputMeaning};
-use super::simulation::number_or;
+
+use super::simulation::{number, number_or};
 use super::{Axis, AxisLimits, Drive};
-use std::ops::{Range, RangeInclusive};
+use std::ops::Range;
 use std::time::Duration;
 use syncline_drives::model::Capture;
 use syncline_strict_toml::{Log, Table, nearest, one_of};
@@ -341,18 +342,6 @@ fn search(
         position: edge?,
         final_position,
     })
-}
-
-fn number(
-    log: &mut Log<'_>,
-    table: &mut Table<'_, '_>,
-    key: &'static str,
-    range: RangeInclusive<f64>,
-    unit: &str,
-) -> Option<f64> {
-    let allowed = format!("a number from {} to {} {unit}", range.start(), range.end());
-    let found = table.number(log, key, &allowed, |number| range.contains(&number));
-    found.map(Spanned::into_inner)
 }
 
 /// A place inside the soft limits.

@@ -243,13 +243,18 @@ impl AxisLimits {
     /// on average at half of that speed.
     #[must_use]
     pub fn stopping_distance(&self, speed: f64) -> f64 {
-        let (a, j) = (self.acceleration, self.jerk);
-        let time = match speed * j < a * a {
-            true => 2.0 * (speed / j).sqrt(),
-            false => speed / a + a / j,
-        };
-        speed * time / 2.0
+        stopping_distance(speed, self.acceleration, self.jerk)
     }
+}
+
+/// The way from a steady speed, mm/s, to rest within an acceleration, mm/s², and a jerk, mm/s³: mm.
+#[must_use]
+pub fn stopping_distance(speed: f64, acceleration: f64, jerk: f64) -> f64 {
+    let time = match speed * jerk < acceleration * acceleration {
+        true => 2.0 * (speed / jerk).sqrt(),
+        false => speed / acceleration + acceleration / jerk,
+    };
+    speed * time / 2.0
 }
 
 /// A machine file that cannot be used.

@@ -1,6 +1,6 @@
 //! `[probing]`: what holds for G38.2 to G38.5, and `[simulation]`: what a simulated probe touches.
 
-use super::simulation::number_or;
+use super::simulation::{number, number_or};
 use super::{Drive, Input, InputMeaning};
 use std::ops::RangeInclusive;
 use syncline_drives::mechanics::touch_probe::{Solid, TouchProbe};
@@ -113,7 +113,7 @@ fn solid(log: &mut Log<'_>, mut table: Table<'_, '_>) -> Option<Solid> {
         Some("plane") => {
             let names = FACINGS.iter().map(|(name, _)| *name);
             let facing = table.choice(log, "facing", names);
-            let at = number(log, &mut table, "at", PLACE);
+            let at = number(log, &mut table, "at", PLACE, "(mm)");
             let named = facing.and_then(|facing| {
                 let mut known = FACINGS.iter();
                 known.find(|(name, _)| name == facing.get_ref())
@@ -132,8 +132,8 @@ fn solid(log: &mut Log<'_>, mut table: Table<'_, '_>) -> Option<Solid> {
             })
         }
         Some(_) => {
-            let [x, y] = ["x", "y"].map(|key| number(log, &mut table, key, PLACE));
-            let diameter = number(log, &mut table, "diameter", 0.001..=1e6);
+            let [x, y] = ["x", "y"].map(|key| number(log, &mut table, key, PLACE, "(mm)"));
+            let diameter = number(log, &mut table, "diameter", 0.001..=1e6, "(mm)");
             let z = table.interval(log, "z", allowed);
             let z = z.map(|z| z.into_inner());
             let known = x.zip(y).zip(diameter).zip(z);
@@ -147,15 +147,4 @@ fn solid(log: &mut Log<'_>, mut table: Table<'_, '_>) -> Option<Solid> {
     };
     table.finish(log);
     solid
-}
-
-fn number(
-    log: &mut Log<'_>,
-    table: &mut Table<'_, '_>,
-    key: &'static str,
-    range: RangeInclusive<f64>,
-) -> Option<f64> {
-    let allowed = format!("a number from {} to {} (mm)", range.start(), range.end());
-    let found = table.number(log, key, &allowed, |number| range.contains(&number));
-    found.map(|number| *number.get_ref())
 }

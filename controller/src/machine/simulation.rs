@@ -349,6 +349,19 @@ pub(super) fn check(log: &mut Log<'_>, axis: &Axis, axes: &[Axis]) {
     }
 }
 
+/// A number that has to be there.
+pub(super) fn number(
+    log: &mut Log<'_>,
+    table: &mut Table<'_, '_>,
+    key: &'static str,
+    range: RangeInclusive<f64>,
+    unit: &str,
+) -> Option<f64> {
+    let allowed = format!("a number from {} to {} {unit}", range.start(), range.end());
+    let found = table.number(log, key, &allowed, |number| range.contains(&number));
+    found.map(|number| *number.get_ref())
+}
+
 /// A number in a range, or its default.
 pub(super) fn number_or(
     log: &mut Log<'_>,

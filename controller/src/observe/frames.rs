@@ -131,7 +131,7 @@ impl FrameLog {
     pub fn sha256(&mut self) -> String {
         self.digest_before(Instant::from_nanos(u64::MAX), Duration::ZERO);
         let digest = self.digest.clone().finalize();
-        digest.iter().map(|byte| format!("{byte:02x}")).collect()
+        hexadecimal(&digest)
     }
 
     /// Per bus: bits of the busiest interval from SYNC to SYNC, by the bits of a cycle. On a full bus that is
@@ -209,4 +209,10 @@ impl SharedFrames {
     fn lock(&self) -> MutexGuard<'_, FrameLog> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
+}
+
+/// Bytes as they are told, two digits each.
+#[must_use]
+pub fn hexadecimal(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }

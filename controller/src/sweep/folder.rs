@@ -2,12 +2,14 @@
 //! from the moment that it has its name.
 
 use super::result::Table;
+use crate::observe::frames::hexadecimal;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use std::fs::{self, File};
-use std::io::{self, Write};
+use std::io;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
+use syncline_strict_toml::replace::put_in_place;
 
 /// Why a sweep's files cannot be used.
 #[derive(Debug, thiserror::Error)]
@@ -124,8 +126,7 @@ pub fn sha256(texts: impl IntoIterator<Item = Vec<u8>>) -> String {
         digest.update((text.len() as u64).to_le_bytes());
         digest.update(text);
     }
-    let bytes = digest.finalize();
-    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+    hexadecimal(&digest.finalize())
 }
 
 /// A folder with parts of a sweep.
@@ -291,11 +292,8 @@ impl Folder {
 
 /// Writes a file that is there only once it is whole.
 fn put(file: &Path, text: &[u8]) -> Result<(), SweepError> {
-    let written = create_beside(file).and_then(|(unfinished, mut it)| {
-        it.write_all(text)?;
-        it.sync_all()?;
-        fs::rename(unfinished, file)
-    });
+    let written =
+        create_beside(file).and_then(|(new, writer)| put_in_place(file, &new, writer, text));
     written.map_err(|source| SweepError::Write {
         file: file.to_owned(),
         source,

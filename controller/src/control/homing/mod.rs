@@ -235,7 +235,7 @@ impl<const N: usize> Controller<N> {
             return;
         }
         let (of, cycle, nodes) = (&self.axes[axis], self.cycle, &self.nodes);
-        let lag = |side| (of.due(cycle, side, nodes) - of.actual(cycle, side, nodes)).abs();
+        let lag = |side| of.following_error(cycle, side, nodes).abs();
         let jammed = match self.layout.axes[axis].drives.len() {
             2 => [[0, 1], [1, 0]]
                 .into_iter()

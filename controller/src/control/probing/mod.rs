@@ -30,7 +30,7 @@ pub use failure::ProbeFailure;
 
 use super::node::DeviceNode;
 use super::{Controller, Event, Fault, Phase};
-use crate::machine::InputMeaning;
+use crate::machine::{InputMeaning, stopping_distance};
 use contact::{Contact, Samples};
 use syncline_drives::model::Capture;
 use syncline_gcode::Probe;
@@ -225,11 +225,7 @@ impl<const N: usize> Controller<N> {
             acceleration = acceleration.min(axis.limits.acceleration / share);
             jerk = jerk.min(axis.limits.jerk / share);
         }
-        // The acceleration is reached, or not.
-        let stop = match speed * jerk >= acceleration * acceleration {
-            true => 0.5 * speed * (speed / acceleration + acceleration / jerk),
-            false => speed * (speed / jerk).sqrt(),
-        };
+        let stop = stopping_distance(speed, acceleration, jerk);
         let cycles = REACTION + self.layout.lag;
         let overtravel = stop + speed * cycles * self.layout.cycle.as_secs_f64();
         let allowed = self.layout.probing.overtravel;

@@ -336,7 +336,7 @@ impl ServoFirmware for Drive {
     }
 
     fn forget_own(&mut self) {
-        self.warning = false;
+        self.forget_warnings();
     }
 
     fn disturb_own(&mut self, disturbance: Disturbance) {

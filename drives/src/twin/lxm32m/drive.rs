@@ -7,6 +7,7 @@ use super::parameter_sets::ParameterSet;
 use super::policy::Policies;
 use super::rows::Rows;
 use super::signals::Captures;
+use super::state::BY_PROFILE_AND_STAY;
 use super::switches::{Pulses, Switches};
 use super::synchronisation::{Synchronisation, Verdict};
 use super::units::INCREMENTS_PER_REVOLUTION;
@@ -509,8 +510,14 @@ impl ServoFirmware for Drive {
         self.x_end = true;
     }
 
+    /// As [`BY_PROFILE_AND_STAY`] or otherwise says; the mode is ended.
     fn brake(&mut self) {
-        self.stop_quickly();
+        self.x_err = true;
+        self.end_mode();
+        match self.objects.get(self.rows.quick_stop_option) {
+            BY_PROFILE_AND_STAY => self.stop(self.profile_deceleration()),
+            _ => self.stop(self.quick_stop_deceleration()),
+        }
     }
 
     fn warned(&mut self, warning: DriveError) {

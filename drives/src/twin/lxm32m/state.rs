@@ -8,7 +8,7 @@ use syncline_canopen::time::Duration;
 
 /// 3006h:18 `LIM_QStopReact`, which takes the place of 605Ah (lxm32m 2256), coded as that is: with
 /// the profile's deceleration, to stay in state 7. Anything else: with the quick stop ramp.
-const BY_PROFILE_AND_STAY: i64 = 5;
+pub(super) const BY_PROFILE_AND_STAY: i64 = 5;
 
 /// Time in state 3 before the automatic change to 4.
 const SELF_TEST: Duration = Duration::from_millis(1);
@@ -66,16 +66,6 @@ impl Drive {
             }
         }
         self.mode_command(previous, origin);
-    }
-
-    /// Brakes as [`BY_PROFILE_AND_STAY`] or otherwise says; the mode is ended.
-    pub(super) fn stop_quickly(&mut self) {
-        self.x_err = true;
-        self.end_mode();
-        match self.objects.get(self.rows.quick_stop_option) {
-            BY_PROFILE_AND_STAY => self.stop(self.profile_deceleration()),
-            _ => self.stop(self.quick_stop_deceleration()),
-        }
     }
 
     /// 3006h:12 in increments/s².

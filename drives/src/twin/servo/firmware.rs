@@ -250,7 +250,12 @@ pub trait ServoFirmware: Application {
 
     /// T11.
     fn quick_stop(&mut self) {
-        self.enter(State::QuickStopActive);
+        self.brake_in(State::QuickStopActive);
+    }
+
+    /// Enters a state in which it brakes by itself.
+    fn brake_in(&mut self, state: State) {
+        self.enter(state);
         self.servo_mut().braking = true;
         self.brake();
     }
@@ -279,11 +284,7 @@ pub trait ServoFirmware: Application {
         let is_powered = self.servo().state.is_powered();
         match self.reaction(error.class()) {
             ErrorClass::QuickStop if is_powered => self.quick_stop(),
-            ErrorClass::StopAndSwitchOff if is_powered => {
-                self.enter(State::FaultReactionActive);
-                self.servo_mut().braking = true;
-                self.brake();
-            }
+            ErrorClass::StopAndSwitchOff if is_powered => self.brake_in(State::FaultReactionActive),
             _ => self.enter(State::Fault),
         }
     }
