@@ -22,6 +22,11 @@ const SMOOTH: f64 = 0.02;
 /// Marks that can come up again when the path is planned anew: more than the planner keeps.
 const MOST_MARKS: usize = 2 * Planner::<COORDINATES>::KEPT;
 
+/// Where so many commits lie before the machine, and more moves than that besides, the program is not read on. Commits
+/// are what the motion needs, whatever lies in them; the moves are what it costs to wait longer than that.
+const COMMITS_AHEAD: usize = 4;
+const MOVES_AHEAD: u32 = 16_384;
+
 /// A running program: hands out one [`Instruction`] after the other.
 pub struct Feeder {
     interpreter: Interpreter,
@@ -58,6 +63,9 @@ pub struct Feeder {
     upcoming: Upcoming,
     /// Of the next move.
     tag: u32,
+    /// Of the last path segment that was handed out, and of the last before each of the last commits, the oldest first.
+    handed_out: u32,
+    committed: VecDeque<u32>,
     ended: bool,
 }
 
@@ -132,6 +140,8 @@ impl Program {
             with_motion: Vec::new(),
             upcoming,
             tag: 0,
+            handed_out: 0,
+            committed: VecDeque::with_capacity(COMMITS_AHEAD + 1),
             ended: false,
         };
         if self.waits
@@ -149,8 +159,8 @@ impl Program {
 }
 
 impl Feeder {
-    /// The next instruction; after [`StopPoint::End`] or [`StopPoint::Broken`] none, and behind a probing none before
-    /// it is known what came of it ([`Feeder::probed`]).
+    /// The next instruction; after [`StopPoint::End`] or [`StopPoint::Broken`] none, behind a probing none before
+    /// it is known what came of it ([`Feeder::probed`]), and none for now where enough lies before the machine.
     ///
     /// # Errors
     /// The block that cannot be run. What was programmed before it still comes, and then
@@ -168,9 +178,10 @@ impl Feeder {
                 self.upcoming.tell(Step::End(end));
             }
             if let Some(command) = self.planner.pop() {
+                self.count(&command);
                 return Ok(Some(self.instruction(command)));
             }
-            if self.ended || self.interpreter.awaits_probe() {
+            if self.ended || self.interpreter.awaits_probe() || self.is_far_ahead() {
                 return Ok(None);
             }
             let Some(command) = self.interpreter.next() else {
@@ -185,6 +196,28 @@ impl Feeder {
                 return Err(error);
             }
         }
+    }
+
+    fn count(&mut self, command: &PathCommand<COORDINATES>) {
+        match command {
+            PathCommand::PathSegment(segment) => self.handed_out = segment.tag,
+            PathCommand::Commit => {
+                if self.committed.len() == COMMITS_AHEAD {
+                    self.committed.pop_front();
+                }
+                self.committed.push_back(self.handed_out);
+            }
+            _ => {}
+        }
+    }
+
+    /// Whether the machine has so much before it that the program need not be read on: a program's moves are kept
+    /// from when they are read until they are passed.
+    fn is_far_ahead(&self) -> bool {
+        let (Some(first), Some(&oldest)) = (self.upcoming.first(), self.committed.front()) else {
+            return false;
+        };
+        self.committed.len() == COMMITS_AHEAD && oldest > first + MOVES_AHEAD
     }
 
     fn take(&mut self, command: &gcode::Command) -> Result<(), ProgramError> {
@@ -308,6 +341,7 @@ impl Feeder {
         self.planner = planner(self.limits, self.bounds, probed.at);
         self.first_mark += self.marks.len() as u32;
         self.marks.clear();
+        self.committed.clear();
         self.since_stop = 0;
         self.leaves = None;
         self.probing = Some(Instruction::Probed(probed.number));
@@ -468,7 +502,11 @@ impl Feeder {
     /// Plans the rest of the program anew where the executor wants that; the instructions of the
     /// new plan come next. A request that was answered is passed over; false then.
     pub fn replan(&mut self, request: &ReplanRequest) -> bool {
-        self.planner.replan(request)
+        let answered = self.planner.replan(request);
+        if answered {
+            self.committed.clear();
+        }
+        answered
     }
 
     /// What the program has left, once it has finished; what it changed in the tables is written

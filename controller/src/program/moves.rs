@@ -5,6 +5,8 @@ use crate::control::PointToPoint;
 use crate::machine::{COORDINATES, Position};
 use crossbeam::channel::{self, Receiver, Sender};
 use std::collections::VecDeque;
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::{Arc, Weak};
 use syncline_gcode::{self as gcode, Action};
 use syncline_trajectory::path::curve::ArcDefinition;
 use syncline_trajectory::path::segment_fitting::MoveEnd;
@@ -200,7 +202,11 @@ impl MoveSource {
 }
 
 /// Takes the moves that come up in a program; [`Moves`] has them.
-pub struct Upcoming(Sender<Step>);
+pub struct Upcoming {
+    steps: Sender<Step>,
+    /// As [`Moves`] has it, as long as there is one.
+    first: Weak<AtomicU32>,
+}
 
 /// What becomes known of a program.
 #[allow(clippy::large_enum_variant)] // most are moves
@@ -213,7 +219,12 @@ pub(super) enum Step {
 impl Upcoming {
     pub(super) fn tell(&self, step: Step) {
         // Nobody following is fine.
-        let _ = self.0.send(step);
+        let _ = self.steps.send(step);
+    }
+
+    /// The tag of the first move that is not forgotten, if somebody follows the machine along the moves.
+    pub(super) fn first(&self) -> Option<u32> {
+        Some(self.first.upgrade()?.load(Ordering::Relaxed))
     }
 }
 
@@ -222,7 +233,7 @@ pub struct Moves {
     coming: Receiver<Step>,
     moves: VecDeque<ProgramMove>,
     /// Tag of the first of `moves`.
-    first: u32,
+    first: Arc<AtomicU32>,
     /// Those that were not told, in the program's order.
     messages: VecDeque<String>,
 }
@@ -231,24 +242,34 @@ impl Moves {
     /// None yet, and what takes them.
     #[must_use]
     pub fn new() -> (Upcoming, Self) {
-        let (sender, coming) = channel::unbounded();
+        let (steps, coming) = channel::unbounded();
+        let first = Arc::new(AtomicU32::new(0));
+        let upcoming = Upcoming {
+            steps,
+            first: Arc::downgrade(&first),
+        };
         let moves = Self {
             coming,
             moves: VecDeque::new(),
-            first: 0,
+            first,
             messages: VecDeque::new(),
         };
-        (Upcoming(sender), moves)
+        (upcoming, moves)
+    }
+
+    fn first(&self) -> u32 {
+        self.first.load(Ordering::Relaxed)
     }
 
     /// Takes up what has come.
     pub fn take_up(&mut self) {
+        let first = self.first();
         for step in self.coming.try_iter() {
             match step {
                 Step::Move(motion) => self.moves.push_back(motion),
                 Step::Message(text) => self.messages.push_back(text),
                 Step::End(MoveEnd { tag, at }) => {
-                    let index = tag.checked_sub(self.first).map(|index| index as usize);
+                    let index = tag.checked_sub(first).map(|index| index as usize);
                     if let Some(motion) = index.and_then(|index| self.moves.get_mut(index)) {
                         motion.end = Some(at);
                     }
@@ -282,14 +303,16 @@ impl Moves {
     /// The move behind a setpoint's tag, unless it was forgotten.
     #[must_use]
     pub fn motion(&self, tag: u32) -> Option<&ProgramMove> {
-        self.moves.get(tag.checked_sub(self.first)? as usize)
+        self.moves.get(tag.checked_sub(self.first())? as usize)
     }
 
     /// Forgets the moves before `tag`.
     pub fn passed(&mut self, tag: u32) {
-        while self.first < tag && self.moves.pop_front().is_some() {
-            self.first += 1;
+        let mut first = self.first();
+        while first < tag && self.moves.pop_front().is_some() {
+            first += 1;
         }
+        self.first.store(first, Ordering::Relaxed);
     }
 }
 

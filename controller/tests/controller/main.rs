@@ -18,6 +18,7 @@ mod python_canopen;
 mod python_canopen_csp;
 mod python_canopen_twins;
 mod reactions;
+mod read_ahead;
 mod replay;
 mod report;
 mod sizes;
