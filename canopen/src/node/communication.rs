@@ -413,19 +413,25 @@ impl Communication {
 
     /// The word that writing `new` over `old` makes of a COB-ID.
     fn cob_id_word(&self, index: u16, old: i64, new: i64) -> Result<i64, AbortCode> {
+        // Bit 31 says "not in use" of everything but SYNC.
+        let switchable = index != 0x1005;
+        let in_use = |word: CobIdWord| !switchable || word.is_valid();
         match self.options.parameters {
             ParameterRules::Lenient { pdo, sync_and_emcy } => {
                 let writable = match index {
                     0x1005 | 0x100E | 0x1014 => sync_and_emcy,
                     _ => pdo,
                 };
-                Ok(old & !i64::from(writable) | new & i64::from(writable))
+                let value = old & !i64::from(writable) | new & i64::from(writable);
+                let word = CobIdWord(value as u32);
+                // Of those that are restricted, 100Eh has its own.
+                if index != 0x100E && in_use(word) && is_restricted(word) {
+                    return Err(AbortCode::InvalidValue);
+                }
+                Ok(value)
             }
             ParameterRules::Standard => {
-                // Bit 31 says "not in use" of everything but SYNC.
-                let switchable = index != 0x1005;
                 let (before, after) = (CobIdWord(old as u32), CobIdWord(new as u32));
-                let in_use = |word: CobIdWord| !switchable || word.is_valid();
                 let moved = before.can_id() != after.can_id();
                 let tidy = after.cob_id().is_none() || after.0 & 0x1FFF_F800 == 0;
                 if !tidy

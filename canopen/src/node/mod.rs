@@ -187,11 +187,11 @@ impl Application for Dictionary {
     }
 }
 
-/// How strictly PDO, SYNC and EMCY parameters may be changed.
+/// How strictly PDO, SYNC and EMCY parameters may be changed. An identifier that CiA 301 restricts is
+/// never taken into use.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ParameterRules {
-    /// CiA 301: identifier, inhibit time and mapping only while the PDO is switched off, no
-    /// restricted identifier.
+    /// CiA 301: identifier, inhibit time and mapping only while the PDO is switched off.
     Standard,
     /// At any time; the other bits of a COB-ID word keep their value without complaint.
     Lenient {

@@ -588,8 +588,9 @@ fn lenient_parameters() {
         bench.set(index, sub, value);
     }
     assert_eq!(bench.device.objects.value(0x1401, 1), Some(0x301));
-    bench.set(0x1014, 0, 0x101);
-    assert_eq!(bench.device.objects.value(0x1014, 0), Some(0x101));
+    bench.set(0x1014, 0, 0x501);
+    assert_eq!(bench.device.objects.value(0x1014, 0), Some(0x501));
+    assert_eq!(bench.write(0x1014, 0, 0x101), 0x0609_0030, "restricted");
     bench.set(0x1014, 0, 0x85);
     assert_eq!(bench.device.objects.value(0x1014, 0), Some(0x81));
     bench.send("000#0101");

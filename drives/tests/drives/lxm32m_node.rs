@@ -414,14 +414,14 @@ fn with_ds402_compatible_3_to_4_takes_a_shutdown() {
 fn a_second_sdo_server_can_be_opened() {
     let mut bench = Bench::one();
     bench
-        .write(1, 0x1201, 1, &0x0000_0640u32.to_le_bytes())
+        .write(1, 0x1201, 1, &0x0000_06A0u32.to_le_bytes())
         .unwrap();
     bench
-        .write(1, 0x1201, 2, &0x0000_05C0u32.to_le_bytes())
+        .write(1, 0x1201, 2, &0x0000_0690u32.to_le_bytes())
         .unwrap();
     let from = bench.log.len();
-    bench.send(0x640, &[0x40, 0x00, 0x10, 0, 0, 0, 0, 0]);
-    let answer = bench.expect(from, 0x5C0, ms(10)).expect("an answer");
+    bench.send(0x6A0, &[0x40, 0x00, 0x10, 0, 0, 0, 0, 0]);
+    let answer = bench.expect(from, 0x690, ms(10)).expect("an answer");
     assert_eq!(answer.data(), [0x43, 0x00, 0x10, 0, 0x92, 0x01, 0x42, 0x00]);
 }
 
