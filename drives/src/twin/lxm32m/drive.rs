@@ -46,6 +46,8 @@ pub struct Drive {
     pub(super) pulses: Pulses,
     pub(super) captures: Captures,
 
+    /// A message of class 0 has come since the last step of the position loop.
+    warned: bool,
     pub(super) warning_until: Instant,
 
     pub(super) sync: Synchronisation,
@@ -62,6 +64,8 @@ pub struct Drive {
 
     /// The active mode; 6060h may ask for another until the motor stands.
     pub(super) mode: Mode,
+    /// The mode that is asked for, once the object has been written that starts its movement.
+    pub(super) start_waits: Option<Mode>,
     pub(super) interpolation: Interpolation,
     pub(super) position: ProfilePosition,
     pub(super) jog: Jog,
@@ -122,6 +126,7 @@ impl Drive {
             switches,
             pulses: Pulses::default(),
             captures: Captures::default(),
+            warned: false,
             warning_until: Instant::ZERO,
             sync: Synchronisation::new(),
             own_gains,
@@ -131,6 +136,7 @@ impl Drive {
             acceleration: 0.0,
             motion: Motion::Hold,
             mode: Mode::None,
+            start_waits: None,
             interpolation: Interpolation::default(),
             position: ProfilePosition::default(),
             jog: Jog::default(),
@@ -267,6 +273,20 @@ impl Drive {
         } else {
             None
         }
+    }
+
+    /// A message of class 0 is withdrawn with its cause.
+    fn withdraw_warning(&mut self) {
+        let warned = core::mem::take(&mut self.warned);
+        if !warned && !self.servo.cause_persists {
+            self.objects.set(self.rows.warnings_active, 0);
+        }
+    }
+
+    /// Bit 7: for as long as 301Ch:B has a message, and 100 ms at least (lxm32m 1319).
+    fn shows_warning(&self) -> bool {
+        let active = self.objects.get(self.rows.warnings_active) != 0;
+        active || self.servo.now < self.warning_until
     }
 
     pub(super) fn judge_sync(&mut self, verdict: Verdict) {
@@ -406,7 +426,7 @@ impl Drive {
     pub(super) fn statusword(&self) -> Statusword {
         let flags = [
             (self.servo.has_mains, Statusword::VOLTAGE_ENABLED),
-            (self.servo.now < self.warning_until, Statusword::WARNING),
+            (self.shows_warning(), Statusword::WARNING),
             (
                 self.servo.controlword.has(Controlword::HALT),
                 Statusword::HALT,
@@ -467,6 +487,7 @@ impl ServoFirmware for Drive {
         } else {
             self.ramp = Ramp::at(self.servo.loops.encoder as f64);
         }
+        self.withdraw_warning();
         if step == 0 {
             let cycle = f64::from(self.servo.loops.clock.steps()) * SPEED_STEP;
             self.acceleration = (self.ramp.velocity - self.cycle_velocity) / cycle;
@@ -525,6 +546,7 @@ impl ServoFirmware for Drive {
         self.objects.set(rows.last_warning, warning.number.into());
         self.objects.set(rows.warnings_active, 1);
         self.objects.set(rows.warnings_latched, 1);
+        self.warned = true;
         self.warning_until = self.servo.now + WARNING_TIME;
     }
 

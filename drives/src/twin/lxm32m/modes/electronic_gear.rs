@@ -34,7 +34,7 @@ impl Gear {
 impl Drive {
     /// 301Bh:12 was written.
     pub(super) fn set_gear(&mut self) {
-        if self.mode != Mode::ElectronicGear || !self.may_move() {
+        if !self.starts(Mode::ElectronicGear) {
             return;
         }
         match self.objects.get(self.rows.gear_reference) {

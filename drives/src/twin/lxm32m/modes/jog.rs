@@ -31,7 +31,7 @@ impl Jog {
 impl Drive {
     /// 301Bh:9 was written: bits 0, 1 direction, bit 2 fast. Both directions at once stop (D-51).
     pub(super) fn set_jog(&mut self) {
-        if self.mode != Mode::Jog || !self.may_move() {
+        if !self.starts(Mode::Jog) {
             return;
         }
         let (direction, limits) = self.jog_command();

@@ -65,6 +65,16 @@ impl Mode {
 const HALT_BY_QUICK_STOP_RAMP: i64 = 2;
 
 impl Drive {
+    /// Whether an object that starts movements of a mode, and has just been written, does so now. While
+    /// the mode before still moves, its value is kept until this one takes over.
+    fn starts(&mut self, mode: Mode) -> bool {
+        let awaited = self.mode != mode && self.objects.get(self.rows.mode) == mode as i64;
+        if awaited {
+            self.start_waits = Some(mode);
+        }
+        self.mode == mode && self.may_move()
+    }
+
     /// Whether movements may be commanded.
     fn may_move(&self) -> bool {
         self.servo.state == State::OperationEnabled
@@ -134,7 +144,9 @@ impl Drive {
         if let Some(number) = self.sequence.abort() {
             self.objects.set(self.rows.sequence_aborted, number);
         }
-        self.objects.set(self.rows.gear_reference, 0);
+        if self.mode == Mode::ElectronicGear {
+            self.objects.set(self.rows.gear_reference, 0);
+        }
     }
 
     /// Another mode was asked for: it takes over at standstill; what moves is stopped.
@@ -152,6 +164,16 @@ impl Drive {
         }
         self.end_mode();
         self.mode = wanted;
+        if self.start_waits.take() != Some(wanted) {
+            return;
+        }
+        match wanted {
+            Mode::ProfileVelocity => self.set_velocity(),
+            Mode::ProfileTorque => self.set_torque(),
+            Mode::Jog => self.set_jog(),
+            Mode::ElectronicGear => self.set_gear(),
+            _ => {}
+        }
     }
 
     // ---- objects ----

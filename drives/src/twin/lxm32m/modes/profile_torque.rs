@@ -10,7 +10,7 @@ impl Drive {
     /// 6071h was written, in 0.1 % of the continuous stall torque.
     pub(super) fn set_torque(&mut self) {
         let moving = matches!(self.motion, Motion::Torque(_));
-        if self.mode != Mode::ProfileTorque || !self.may_move() {
+        if !self.starts(Mode::ProfileTorque) {
             return;
         }
         if !moving && self.objects.get(self.rows.torque_target) != 0 {

@@ -7,7 +7,7 @@ use crate::twin::lxm32m::motion::Motion;
 impl Drive {
     /// 60FFh was written. A target of 0 ends a movement and starts none (lxm32m 1795).
     pub(super) fn set_velocity(&mut self) {
-        if self.mode != Mode::ProfileVelocity || !self.may_move() {
+        if !self.starts(Mode::ProfileVelocity) {
             return;
         }
         let target = self.objects.get(self.rows.velocity_target);
