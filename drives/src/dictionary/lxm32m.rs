@@ -198,7 +198,7 @@ pub static LXM32M: &[Entry] = &table(keep_settings([
     rw(0x3005, 0x39, "DplParChCheckDataTyp", U16).inferred(),                                        // 2234  Drive Profile Lexium: data type check on write access
     rw(0x3005, 0x3A, "ErrorResp_QuasiAbs", U16).inferred(),                                          // 2235  Error response: quasi-absolute position error
     rw(0x3005, 0x3B, "ErrorResp_PDifEncM", U16).inferred(),                                          // 2236  Error response: deviation motor encoder / machine encoder too large
-    rw(0x3005, 0x3C, "ErrorResp_v_dif", U16).inferred(),                                             // 2237  Error response: excessive load-dependent velocity deviation
+    rw(0x3005, 0x3C, "ErrorResp_v_dif", U16).assumed(3).inferred(),                                  // 2237  Error response: excessive load-dependent velocity deviation
     rw(0x3005, 0x3D, "MON_DCbusVdcThresh", U16).inferred(),                                          // 2238  DC bus overvoltage monitoring threshold
     rw(0x3005, 0x3E, "CommutCntCred", I16).inferred(),                                               // 2239  Value for raised threshold of commutation monitoring
     rw(0x3006, 0x01, "RAMP_v_sym", U16).r_pdo().inferred(),                                          // 2240  Velocity profile: acceleration and deceleration together
@@ -241,9 +241,9 @@ pub static LXM32M: &[Entry] = &table(keep_settings([
     rw(0x3006, 0x3B, "MOD_AbsDirection", U16).inferred(),                                            // 2279  Direction of absolute movement with modulo
     rw(0x3006, 0x3C, "MOD_AbsMultiRng", U16).inferred(),                                             // 2280  Multiple ranges for absolute movement with modulo
     rw(0x3006, 0x3D, "CompParSyncMot", U16).inferred(),                                              // 1630  written by the interpolated position set-up, not listed
-    rw(0x3006, 0x3E, "MON_p_dif_load_usr", I32).inferred(),                                          // 2281  Maximum load-dependent position deviation
+    rw(0x3006, 0x3E, "MON_p_dif_load_usr", I32).assumed(16384).inferred(),                           // 2281  Maximum load-dependent position deviation
     rw(0x3006, 0x3F, "MON_p_DiffWin_usr", I32).inferred(),                                           // 2282  Position deviation monitoring window
-    rw(0x3006, 0x40, "MON_p_win_usr", I32).inferred(),                                               // 2283  Standstill window: permitted control deviation
+    rw(0x3006, 0x40, "MON_p_win_usr", I32).assumed(16).inferred(),                                   // 2283  Standstill window: permitted control deviation
     rw(0x3006, 0x41, "BLSH_Mode", U16).inferred(),                                                   // 2284  Backlash compensation: processing mode
     rw(0x3006, 0x42, "BLSH_Position", I32).inferred(),                                               // 2285  Backlash compensation: position value
     rw(0x3006, 0x44, "BLSH_Time", U16).inferred(),                                                   // 2286  Backlash compensation: processing time

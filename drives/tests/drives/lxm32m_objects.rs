@@ -1,9 +1,10 @@
 //! What follows from single objects of the drive, each by its place in the manual.
 
-use crate::common::lxm32m::drive;
-use crate::common::{X_END, ms, rpm, set, status, wait_for};
-use syncline_canopen::cia402::Statusword;
+use crate::common::lxm32m::{Bench, drive, enabled};
+use crate::common::{X_END, id, ms, rpm, set, status, wait_for};
+use syncline_canopen::cia402::{State, Statusword};
 use syncline_canopen::sdo::AbortCode;
+use syncline_drives::twin::lxm32m::{Switches, TwinConfig};
 use syncline_drives::twin::{Disturbance, ErrorClass, SimulatedDevice};
 
 /// usr_p in a revolution.
@@ -98,4 +99,118 @@ fn restricted_identifiers_are_refused() {
         }
     }
     assert_eq!(bench.write(1, 0x1005, 0, &0u32.to_le_bytes()), invalid);
+}
+
+fn bit_11(bench: &mut Bench) -> bool {
+    status(bench) & Statusword::INTERNAL_LIMIT != 0
+}
+
+/// Statusword bit 11 tells what 301Bh:1E chooses (1335), digital outputs tell the same (2257-2261, 2300).
+#[test]
+fn windows_are_told_by_bit_11_and_by_outputs() {
+    let outputs = |bench: &mut Bench| bench.number(1, 0x3008, 0x10) & 1;
+    // Which window, which output, which object, a value that takes in a run at 60 rpm and one that does not.
+    for (chosen, output, sub, wide, narrow) in [
+        (1, 8, 0x1C, 300, 1),
+        (2, 7, 0x1B, 70, 50),
+        (3, 5, 0x3F, REVOLUTION, 20),
+        (4, 6, 0x1A, 70, 0),
+    ] {
+        let mut bench = drive(3);
+        set(&mut bench, 0x3007, 0x09, output);
+        set(&mut bench, 0x60FF, 0, 60);
+        bench.wait(ms(1000));
+        set(&mut bench, 0x3006, sub, wide);
+        bench.wait(ms(1));
+        assert!(!bit_11(&mut bench), "nothing is chosen");
+        set(&mut bench, 0x301B, 0x1E, chosen);
+        assert!(bit_11(&mut bench), "{chosen} within");
+        assert_eq!(outputs(&mut bench), 1);
+        set(&mut bench, 0x3006, sub, narrow);
+        // The noise of a current or a velocity may be within for an instant.
+        set(&mut bench, 0x3006, 0x1D, 20);
+        bench.wait(ms(100));
+        assert!(!bit_11(&mut bench), "{chosen} beyond");
+        assert_eq!(outputs(&mut bench), 0);
+        // Within it is for the time of 3006h:1D before it is told.
+        set(&mut bench, 0x3006, 0x1D, 200);
+        set(&mut bench, 0x3006, sub, wide);
+        bench.wait(ms(190));
+        assert!(!bit_11(&mut bench), "{chosen} not yet");
+        bench.wait(ms(20));
+        assert!(bit_11(&mut bench), "{chosen} long enough");
+    }
+    let mut bench = drive(1);
+    let invalid = Err(AbortCode::InvalidValue.code());
+    assert_eq!(bench.write(1, 0x301B, 0x1E, &[10, 0]), invalid);
+}
+
+/// A channel of the position register, and a limit switch, at bit 11 (2486).
+#[test]
+fn bit_11_tells_positions_and_switches() {
+    let mut bench = enabled(
+        TwinConfig {
+            switches: Switches {
+                positive_limit: Some(0.5),
+                ..Switches::default()
+            },
+            ..TwinConfig::new(id(1))
+        },
+        1,
+    );
+    set(&mut bench, 0x300B, 3, 1);
+    set(&mut bench, 0x300B, 0x0A, REVOLUTION / 4);
+    let mut told = |target: i32, chosen: i32| {
+        set(&mut bench, 0x301B, 0x1E, chosen);
+        set(&mut bench, 0x607A, 0, target);
+        bench.controlword(1, 0x000F);
+        bench.controlword(1, 0x001F);
+        bench.wait(ms(2000));
+        bit_11(&mut bench)
+    };
+    assert_eq!((told(0, 6), told(REVOLUTION / 3, 6)), (false, true));
+    assert_eq!((told(0, 9), told(REVOLUTION, 9)), (false, true));
+}
+
+/// What has two objects has one value (2257, 2281-2283, 2909, 2910).
+#[test]
+fn a_window_is_the_same_in_both_of_its_objects() {
+    let mut bench = drive(1);
+    for (index, sub, user) in [(0x6065, 0, 0x3E), (0x6067, 0, 0x40)] {
+        assert_eq!(bench.number(1, index, sub), bench.number(1, 0x3006, user));
+        set(&mut bench, index, sub, 321);
+        assert_eq!(bench.number(1, 0x3006, user), 321);
+        set(&mut bench, 0x3006, user, 123);
+        assert_eq!(bench.number(1, index, sub), 123);
+    }
+    set(&mut bench, 0x3006, 0x19, 5000);
+    assert_eq!(bench.read_i32(1, 0x3006, 0x3F), REVOLUTION / 2);
+    set(&mut bench, 0x3006, 0x3F, REVOLUTION / 4);
+    assert_eq!(bench.number(1, 0x3006, 0x19), 2500);
+}
+
+/// A velocity that stays behind is an error of the class that 3005h:3C says (2237, 2288, 2292, 2293).
+#[test]
+fn a_velocity_that_stays_behind_is_an_error() {
+    for (response, state) in [
+        (0, State::OperationEnabled),
+        (1, State::QuickStopActive),
+        (3, State::Fault),
+    ] {
+        let mut bench = drive(3);
+        set(&mut bench, 0x6065, 0, 100 * REVOLUTION);
+        set(&mut bench, 0x3006, 0x4B, 100);
+        set(&mut bench, 0x3006, 0x4C, 50);
+        set(&mut bench, 0x3005, 0x3C, response);
+        set(&mut bench, 0x60FF, 0, 150);
+        bench.wait(ms(1000));
+        assert_eq!(bench.twin().state(), State::OperationEnabled);
+        bench.twin().shaft_mut().unwrap().block(true);
+        bench.wait(ms(40));
+        assert!((100..=150).contains(&bench.read_i32(1, 0x301E, 0x2C)));
+        assert_eq!(bench.twin().state(), State::OperationEnabled, "not yet");
+        bench.wait(ms(40));
+        assert_eq!(bench.twin().state(), state);
+        assert_eq!(status(&mut bench) & Statusword::WARNING != 0, response == 0);
+    }
 }

@@ -11,6 +11,7 @@ use super::state::BY_PROFILE_AND_STAY;
 use super::switches::{Pulses, Switches};
 use super::synchronisation::{Synchronisation, Verdict};
 use super::units::INCREMENTS_PER_REVOLUTION;
+use super::windows::Windows;
 use super::{Identity, TwinConfig};
 use crate::twin::device::Disturbance;
 use crate::twin::node::Firmware;
@@ -77,6 +78,7 @@ pub struct Drive {
     pub(super) target_reached: bool,
     /// Since when the target has been reached without a break.
     settling: Lasting,
+    pub(super) windows: Windows,
     /// Greatest deviation by load since the power stage went on, increments.
     pub(super) peak_deviation: f64,
     pub(super) x_err: bool,
@@ -146,6 +148,7 @@ impl Drive {
             bit_12: false,
             target_reached: false,
             settling: Lasting::default(),
+            windows: Windows::default(),
             peak_deviation: 0.0,
             x_err: false,
             x_end: true,
@@ -199,7 +202,8 @@ impl Drive {
     }
 
     fn monitor(&mut self) {
-        if let Some(error) = self.limit_hit().or_else(|| self.deviation_error()) {
+        let error = self.limit_hit().or_else(|| self.deviation_error());
+        if let Some(error) = error.or_else(|| self.velocity_error()) {
             let before = self.servo.state;
             self.raise(error);
             if self.servo.state != before {
@@ -219,6 +223,11 @@ impl Drive {
             self.x_end = true;
             self.target_reached |= self.servo.controlword.has(Controlword::HALT);
         }
+    }
+
+    /// Whether there is no reference but a torque.
+    pub(super) fn is_torque_controlled(&self) -> bool {
+        matches!(self.motion, Motion::Torque(_))
     }
 
     /// Whether reference and motor stand.
@@ -246,7 +255,7 @@ impl Drive {
     /// The part of the deviation that a load causes, increments: a position loop with less than
     /// full feed-forward may lag as it does at constant velocity.
     fn load_deviation(&self) -> f64 {
-        if matches!(self.motion, Motion::Torque(_)) {
+        if self.is_torque_controlled() {
             return 0.0;
         }
         let gains = self.servo.loops.cascade.gains();
@@ -300,7 +309,7 @@ impl Drive {
     /// A movement begins: x_end falls (lxm32m 1347), and the statusword is told even if another
     /// movement was under way (the Jog example, lxm32m 1762).
     pub(super) fn begin(&mut self, motion: Motion) {
-        if matches!(self.motion, Motion::Torque(_)) && !matches!(motion, Motion::Torque(_)) {
+        if self.is_torque_controlled() && !matches!(motion, Motion::Torque(_)) {
             self.servo.loops.cascade.reset();
         }
         self.motion = motion;
@@ -312,7 +321,7 @@ impl Drive {
 
     /// Brings the motor to rest with a deceleration in increments/s².
     pub(super) fn stop(&mut self, deceleration: f64) {
-        if matches!(self.motion, Motion::Torque(_)) {
+        if self.is_torque_controlled() {
             self.servo.loops.cascade.reset();
         }
         if self.motion != Motion::Hold {
@@ -374,6 +383,10 @@ impl Drive {
                 rows.load_deviation_peak,
                 self.user_position(self.peak_deviation as i64),
             ),
+            (
+                rows.velocity_deviation,
+                self.user_velocity(self.velocity_deviation()),
+            ),
             (rows.velocity, user_velocity),
             (rows.velocity_reference, ramp_velocity),
             (rows.loop_velocity_reference, ramp_velocity),
@@ -433,6 +446,7 @@ impl Drive {
             ),
             (self.servo.remote, Statusword::REMOTE),
             (self.target_reached, Statusword::TARGET_REACHED),
+            (self.is_at_internal_limit(), Statusword::INTERNAL_LIMIT),
             (self.bit_12, Statusword::MODE_12),
             (self.x_err, Statusword::BIT_13),
             (self.x_end, Statusword::BIT_14),
@@ -487,6 +501,7 @@ impl ServoFirmware for Drive {
         } else {
             self.ramp = Ramp::at(self.servo.loops.encoder as f64);
         }
+        self.watch_windows();
         self.withdraw_warning();
         if step == 0 {
             let cycle = f64::from(self.servo.loops.clock.steps()) * SPEED_STEP;

@@ -78,6 +78,9 @@ impl DriveError {
     /// Following error above 3006h:29 percent of 6065h.
     pub const FOLLOWING_WARNING: Self =
         Self::new(ErrorClass::Warning, 0xA321, 0x8611, register::PROFILE);
+    /// Velocity away from its reference by more than 3006h:4B.
+    pub const VELOCITY_DEVIATION: Self =
+        Self::new(ErrorClass::SwitchOff, 0xA322, 0x8400, register::PROFILE);
     /// Homing did not find what it searched for, or cannot be done.
     pub const HOMING_FAILED: Self =
         Self::new(ErrorClass::QuickStop, 0xA30F, 0x1000, register::PROFILE);

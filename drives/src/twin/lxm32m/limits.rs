@@ -47,7 +47,7 @@ impl Drive {
     }
 
     /// The negative and the positive switch, as far as 3006h:11 leaves them on.
-    fn limit_switches(&self) -> (bool, bool) {
+    pub(super) fn limit_switches(&self) -> (bool, bool) {
         let off = self.objects.get(self.rows.hardware_limits_off);
         let position = self.servo.loops.shaft.position();
         (

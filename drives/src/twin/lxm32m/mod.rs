@@ -48,6 +48,7 @@ mod state;
 mod switches;
 mod synchronisation;
 mod units;
+mod windows;
 
 pub use fault::DriveError;
 pub use policy::{Policies, SetpointGap};

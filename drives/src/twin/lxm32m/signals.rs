@@ -228,9 +228,8 @@ impl Drive {
         ]
     }
 
-    /// Brings what shows signals up to date; `position` in usr_p.
-    pub(super) fn publish_signals(&mut self, position: i64) {
-        let rows = self.rows;
+    /// Whether the criterion of each channel of the position register is met at `position` in usr_p.
+    pub(super) fn registers(&self, position: i64) -> [bool; 4] {
         let met = |[start, mode, a, b]: [Row; 4]| {
             let [start, mode, a, b] = [start, mode, a, b].map(|row| self.objects.get(row));
             let within = (a..=b).contains(&position);
@@ -242,9 +241,14 @@ impl Drive {
                     _ => !within,
                 }
         };
+        self.position_registers().map(met)
+    }
+
+    /// Brings what shows signals up to date; `position` in usr_p.
+    pub(super) fn publish_signals(&mut self, position: i64) {
+        let rows = self.rows;
         let bit = |(place, on): (i64, bool)| i64::from(on) << place;
-        let registers = self.position_registers().map(met);
-        let registers = (0..).zip(registers).map(bit).sum();
+        let registers = (0..).zip(self.registers(position)).map(bit).sum();
         let (inputs, outputs) = (self.inputs(), self.outputs());
         let inputs = (0..).zip(inputs).map(bit).sum();
         let outputs = (0..).zip(outputs).map(bit).sum();
@@ -287,7 +291,7 @@ impl Drive {
                         && self.servo.state != State::NotReadyToSwitchOn
                 }
                 OUTPUT_ACTIVE => self.is_powered(),
-                _ => false,
+                function => self.tells_window(function),
             }
         })
     }

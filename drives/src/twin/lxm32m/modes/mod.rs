@@ -223,6 +223,9 @@ impl Drive {
         if row == rows.probe_function {
             Self::check_probe_function(value)?;
         }
+        if row == rows.internal_limit && !Self::is_internal_limit(value) {
+            return Err(AbortCode::InvalidValue);
+        }
         if row == rows.period_value && !self.policies.periods.contains(&value) {
             return Err(AbortCode::InvalidValue);
         }
@@ -277,6 +280,7 @@ impl Drive {
             self.data_set_written(row);
             self.parameter_written(row);
             self.signal_written(row);
+            self.window_written(row);
         }
     }
 }
