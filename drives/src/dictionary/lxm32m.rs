@@ -446,8 +446,8 @@ pub static LXM32M: &[Entry] = &table(keep_settings([
     ro(0x301B, 0x27, "_DPL_motionStat", U16).t_pdo().inferred(),                                     // 2493  Drive Profile Lexium: motionStat
     ro(0x301B, 0x28, "_DPL_driveInput", U16).t_pdo().inferred(),                                     // 2494  Drive Profile Lexium: driveInput
     rw(0x301B, 0x35, "DPL_intLim", U16).inferred(),                                                  // 2495  Meaning of bit 9 of _DPL_motionStat and _actionStatus
-    rw(0x301B, 0x38, "PTtq_reference", U16).r_pdo().inferred(),                                      // 2496  Profile Torque reference source (parameter / analog input / PTI interface, 1489-1494)
-    rw(0x301B, 0x39, "PVv_reference", U16).r_pdo().inferred(),                                       // 2497  Profile Velocity reference source (parameter / analog input, 1523-1531)
+    rw(0x301B, 0x38, "PTtq_reference", U16).assumed(1).r_pdo().inferred(),                           // 2496  Profile Torque reference source (parameter / analog input / PTI interface, 1489-1494)
+    rw(0x301B, 0x39, "PVv_reference", U16).assumed(1).r_pdo().inferred(),                            // 2497  Profile Velocity reference source (parameter / analog input, 1523-1531)
     ro(0x301C, 0x04, "_actionStatus", U16).t_pdo().inferred(),                                       // 2498  Action word
     ro(0x301C, 0x06, "_InvalidParam", U16).t_pdo().inferred(),                                       // 2499  Modbus address of the parameter that holds an invalid value
     ro(0x301C, 0x07, "_SigActive", U32).t_pdo().inferred(),                                          // 2500  State of monitoring signals

@@ -12,6 +12,7 @@ mod lxm32m_loops;
 mod lxm32m_modes;
 mod lxm32m_node;
 mod lxm32m_objects;
+mod lxm32m_options;
 mod lxm32m_random_frames;
 mod lxm32m_signals;
 mod registry;

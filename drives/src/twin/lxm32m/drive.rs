@@ -7,7 +7,7 @@ use super::parameter_sets::ParameterSet;
 use super::policy::Policies;
 use super::rows::Rows;
 use super::signals::Captures;
-use super::state::BY_PROFILE_AND_STAY;
+use super::state::{BY_PROFILE_AND_STAY, SwitchingOff};
 use super::switches::{Pulses, Switches};
 use super::synchronisation::{Synchronisation, Verdict};
 use super::units::INCREMENTS_PER_REVOLUTION;
@@ -79,6 +79,7 @@ pub struct Drive {
     /// Since when the target has been reached without a break.
     settling: Lasting,
     pub(super) windows: Windows,
+    pub(super) switching_off: Option<SwitchingOff>,
     /// Greatest deviation by load since the power stage went on, increments.
     pub(super) peak_deviation: f64,
     pub(super) x_err: bool,
@@ -149,6 +150,7 @@ impl Drive {
             target_reached: false,
             settling: Lasting::default(),
             windows: Windows::default(),
+            switching_off: None,
             peak_deviation: 0.0,
             x_err: false,
             x_end: true,
@@ -492,6 +494,7 @@ impl ServoFirmware for Drive {
             let verdict = self.sync.on_mid_cycle(&self.policies);
             self.judge_sync(verdict);
         }
+        self.finish_switching_off();
         self.change_state();
         self.watch_captures();
         if self.is_powered() {
@@ -541,6 +544,7 @@ impl ServoFirmware for Drive {
     }
 
     fn switched_off(&mut self) {
+        self.switching_off = None;
         self.end_mode();
         self.motion = Motion::Hold;
         self.x_end = true;
@@ -549,6 +553,7 @@ impl ServoFirmware for Drive {
     /// As [`BY_PROFILE_AND_STAY`] or otherwise says; the mode is ended.
     fn brake(&mut self) {
         self.x_err = true;
+        self.switching_off = None;
         self.end_mode();
         match self.objects.get(self.rows.quick_stop_option) {
             BY_PROFILE_AND_STAY => self.stop(self.profile_deceleration()),

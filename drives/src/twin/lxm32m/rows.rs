@@ -58,6 +58,14 @@ rows! {
     software_limits = 0x3006:0x03;
     limit_at_enabling = 0x3006:0x06;
     hardware_limits_off = 0x3006:0x11;
+    brake_release_time = 0x3005:0x07;
+    brake_apply_time = 0x3005:0x08;
+    ramp_symmetric = 0x3006:0x01;
+    velocity_ramp_enabled = 0x3006:0x2B;
+    torque_source = 0x301B:0x38;
+    velocity_source = 0x301B:0x39;
+    shutdown_option = 0x605B:0;
+    position_option = 0x60F2:0;
     deviation_window = 0x3006:0x19;
     velocity_deviation_window = 0x3006:0x1A;
     velocity_threshold = 0x3006:0x1B;

@@ -1,8 +1,11 @@
 //! The CiA 402 state machine (lxm32m 1295-1393) and what errors do to it.
 
 use super::drive::Drive;
+use crate::twin::cia402::commanded;
 use crate::twin::servo::firmware::ServoFirmware;
+use syncline_canopen::Instant;
 use syncline_canopen::cia402::{Command, Controlword, State};
+use syncline_canopen::dictionary::Row;
 use syncline_canopen::node::Origin;
 use syncline_canopen::time::Duration;
 
@@ -13,7 +16,68 @@ pub(super) const BY_PROFILE_AND_STAY: i64 = 5;
 /// Time in state 3 before the automatic change to 4.
 const SELF_TEST: Duration = Duration::from_millis(1);
 
+/// 605Bh as CiA 402 has it: what moves is braked with 6084h before the power stage goes off (lxm32m 2903).
+/// Anything else: it goes off at once.
+const BRAKE_BEFORE: i64 = 1;
+
+/// A command that switches the power stage off waits for the motor to stand and the brake to close.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct SwitchingOff {
+    command: Command,
+    /// When the brake is closed.
+    closed_at: Option<Instant>,
+}
+
 impl Drive {
+    /// Whether a command has to wait that switches the power stage off: for braking, or at rest for the time
+    /// that the holding brake takes to close (lxm32m 2205). The last command counts.
+    fn postpones(&mut self, command: Command) -> bool {
+        if self.switching_off.is_some_and(|it| it.command == command) {
+            return true;
+        }
+        self.switching_off = None;
+        let to = commanded(self.servo.state, command);
+        if !self.servo.state.is_powered() || to.is_none_or(State::is_powered) {
+            return false;
+        }
+        if self.is_at_rest() {
+            if self.objects.get(self.rows.brake_apply_time) <= 0 {
+                return false;
+            }
+        } else {
+            if self.objects.get(self.rows.shutdown_option) != BRAKE_BEFORE {
+                return false;
+            }
+            if !self.servo.braking {
+                self.end_mode();
+                self.stop(self.profile_deceleration());
+            }
+        }
+        self.switching_off = Some(SwitchingOff {
+            command,
+            closed_at: None,
+        });
+        true
+    }
+
+    /// Switches off what has waited for long enough.
+    pub(super) fn finish_switching_off(&mut self) {
+        let at_rest = self.is_at_rest();
+        let closing = self.brake_time(self.rows.brake_apply_time);
+        if at_rest && let Some(off) = &mut self.switching_off {
+            let closed_at = *off.closed_at.get_or_insert(self.servo.now + closing);
+            let command = off.command;
+            if self.servo.now >= closed_at {
+                self.follow(command);
+            }
+        }
+    }
+
+    /// What a row adds to the time of the holding brake, which itself takes none; ms.
+    fn brake_time(&self, row: Row) -> Duration {
+        Duration::from_millis(self.objects.get(row).max(0) as u64)
+    }
+
     /// The changes that need no command.
     pub(super) fn change_state(&mut self) {
         match self.servo.state {
@@ -58,8 +122,14 @@ impl Drive {
             // Without DC bus voltage state 3 is not left (lxm32m 1315).
             (Command::Shutdown, State::SwitchOnDisabled) if !self.servo.has_mains => {}
             (Command::SwitchOn, State::SwitchedOn) => self.servo.enable_at = None,
+            (command, _) if self.postpones(command) => {}
             (command, before) => {
+                let waits = self.servo.enable_at.is_some();
                 self.follow(command);
+                let release = self.brake_time(self.rows.brake_release_time);
+                if let Some(enable_at) = self.servo.enable_at.as_mut().filter(|_| !waits) {
+                    *enable_at += release;
+                }
                 if before == State::QuickStopActive && self.servo.state == State::OperationEnabled {
                     self.x_err = false;
                 }

@@ -20,6 +20,7 @@ pub(super) use motion_sequence::Sequence;
 pub(super) use profile_position::ProfilePosition;
 
 use super::drive::Drive;
+use super::motion::Motion;
 use super::synchronisation;
 use super::units::INCREMENTS_PER_REVOLUTION;
 use crate::twin::node::Firmware;
@@ -64,7 +65,22 @@ impl Mode {
 /// 605Dh as CiA 402 has it: with the quick stop ramp. Anything else: with 6084h.
 const HALT_BY_QUICK_STOP_RAMP: i64 = 2;
 
+/// A value of 3006h:1 in usr_a.
+const RAMP_UNIT: i64 = 10;
+
+/// 301Bh:38 and :39: the target comes from the parameter (lxm32m 1487, 1521). From another source none
+/// comes here.
+const BY_PARAMETER: i64 = 1;
+
 impl Drive {
+    /// The target in a row, as far as the row of its source says so.
+    fn target_by(&self, source: Row, target: Row) -> i64 {
+        match self.objects.get(source) {
+            BY_PARAMETER => self.objects.get(target),
+            _ => 0,
+        }
+    }
+
     /// Whether an object that starts movements of a mode, and has just been written, does so now. While
     /// the mode before still moves, its value is kept until this one takes over.
     fn starts(&mut self, mode: Mode) -> bool {
@@ -78,6 +94,7 @@ impl Drive {
     /// Whether movements may be commanded.
     fn may_move(&self) -> bool {
         self.servo.state == State::OperationEnabled
+            && self.switching_off.is_none()
             && !self.servo.controlword.has(Controlword::HALT)
     }
 
@@ -223,6 +240,9 @@ impl Drive {
         if row == rows.probe_function {
             Self::check_probe_function(value)?;
         }
+        if row == rows.position_option && !(0..=profile_position::FROM_ACTUAL).contains(&value) {
+            return Err(AbortCode::InvalidValue);
+        }
         if row == rows.internal_limit && !Self::is_internal_limit(value) {
             return Err(AbortCode::InvalidValue);
         }
@@ -249,6 +269,14 @@ impl Drive {
             self.set_velocity();
         } else if row == rows.torque_target {
             self.set_torque();
+        } else if row == rows.velocity_source {
+            if matches!(self.motion, Motion::Velocity(..)) {
+                self.set_velocity();
+            }
+        } else if row == rows.ramp_symmetric {
+            for ramp in [rows.profile_acceleration, rows.profile_deceleration] {
+                self.objects.set(ramp, RAMP_UNIT * value);
+            }
         } else if row == rows.jog_activate {
             self.set_jog();
         } else if row == rows.gear_reference {

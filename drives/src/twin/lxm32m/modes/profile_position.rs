@@ -5,6 +5,10 @@ use crate::twin::lxm32m::motion::Motion;
 use crate::twin::servo::ramp::Limits;
 use syncline_canopen::cia402::Controlword;
 
+/// 60F2h as CiA 402 has it: what a relative target counts from. 0: the target before.
+const FROM_REFERENCE: i64 = 1;
+pub(super) const FROM_ACTUAL: i64 = 2;
+
 /// A target with the values that were taken over with it (lxm32m 1576).
 #[derive(Clone, Copy, Debug)]
 struct Target {
@@ -41,12 +45,14 @@ impl Drive {
             return;
         }
         let mut position = self.objects.get(self.rows.position_target);
-        let base = match (absolute, self.position) {
-            (true, _) => self.zero as f64,
-            (false, waiting) => waiting
-                .next
-                .or(waiting.active)
-                .map_or(self.ramp.position, |target| target.position),
+        let base = match self.objects.get(self.rows.position_option) {
+            _ if absolute => self.zero as f64,
+            FROM_REFERENCE => self.ramp.position,
+            FROM_ACTUAL => self.servo.loops.encoder as f64,
+            _ => {
+                let before = self.position.next.or(self.position.active);
+                before.map_or(self.ramp.position, |target| target.position)
+            }
         };
         position = position.clamp(i32::MIN.into(), i32::MAX.into());
         let target = Target {

@@ -13,7 +13,7 @@ impl Drive {
         if !self.starts(Mode::ProfileTorque) {
             return;
         }
-        if !moving && self.objects.get(self.rows.torque_target) != 0 {
+        if !moving && self.torque_target() != 0.0 {
             self.begin(Motion::Torque(0.0));
         }
     }
@@ -49,7 +49,8 @@ impl Drive {
     }
 
     fn torque_target(&self) -> f64 {
-        self.torque_of(self.objects.get(self.rows.torque_target))
+        let rows = &self.rows;
+        self.torque_of(self.target_by(rows.torque_source, rows.torque_target))
     }
 
     /// 0.1 % of the continuous stall torque as N·m.

@@ -10,8 +10,13 @@ impl Drive {
         if !self.starts(Mode::ProfileVelocity) {
             return;
         }
-        let target = self.objects.get(self.rows.velocity_target);
-        let limits = self.profile_limits(target.saturating_abs());
+        let rows = &self.rows;
+        let target = self.target_by(rows.velocity_source, rows.velocity_target);
+        let mut limits = self.profile_limits(target.saturating_abs());
+        if self.objects.get(rows.velocity_ramp_enabled) == 0 {
+            limits.acceleration = f64::INFINITY;
+            limits.deceleration = f64::INFINITY;
+        }
         let velocity = limits.velocity.copysign(target as f64);
         match self.motion {
             Motion::Velocity(same, _) if same == velocity => {}
