@@ -9,6 +9,7 @@ mod lxm32m_dictionary;
 mod lxm32m_golden_vectors;
 mod lxm32m_interpolation;
 mod lxm32m_loops;
+mod lxm32m_measured;
 mod lxm32m_modes;
 mod lxm32m_node;
 mod lxm32m_objects;

@@ -131,6 +131,8 @@ impl Drive {
         ] {
             objects.put(index, sub, value.into());
         }
+        self.publish_figures();
+        let (objects, identity) = (&mut self.objects, &self.identity);
         for (index, text) in [
             (0x1008, &identity.name),
             (0x1009, &identity.hardware),

@@ -352,6 +352,8 @@ impl Drive {
         let position = self.user_position(encoder);
         let user_reference = self.user_position(reference);
         let deviation = user_reference.saturating_sub(position);
+        let load_deviation = self.user_position(self.load_deviation() as i64);
+        let peak_deviation = self.user_position(self.peak_deviation as i64);
         let (user_velocity, speed) = (self.user_velocity(velocity), libm::round(rpm) as i64);
         let ramp_speed = self.ramp.velocity * 60.0 / INCREMENTS_PER_REVOLUTION;
         let ramp_velocity = self.user_velocity(self.ramp.velocity);
@@ -377,14 +379,10 @@ impl Drive {
             (rows.reference, user_reference),
             (rows.position_deviation, deviation),
             (rows.position_deviation_user, deviation),
-            (
-                rows.load_deviation,
-                self.user_position(self.load_deviation() as i64),
-            ),
-            (
-                rows.load_deviation_peak,
-                self.user_position(self.peak_deviation as i64),
-            ),
+            (rows.load_deviation, load_deviation),
+            (rows.load_deviation_user, load_deviation),
+            (rows.load_deviation_peak, peak_deviation),
+            (rows.load_deviation_peak_user, peak_deviation),
             (
                 rows.velocity_deviation,
                 self.user_velocity(self.velocity_deviation()),
@@ -412,29 +410,8 @@ impl Drive {
         for (row, value) in shown {
             self.objects.set(row, value);
         }
-        self.publish_power_stage();
+        self.publish_measured();
         self.publish_signals(position);
-    }
-
-    /// DC bus in 0.1 V, I²t of power stage and motor in percent with their peaks: units assumed.
-    fn publish_power_stage(&mut self) {
-        let Some(stage) = self.servo.loops.torque_source.power_stage() else {
-            return;
-        };
-        let rows = self.rows;
-        let percent = stage
-            .overloads()
-            .map(|level| libm::round(100.0 * level) as i64);
-        let voltage = libm::round(10.0 * stage.voltage()) as i64;
-        self.objects.set(rows.bus_voltage, voltage);
-        for (value, [now, peak]) in percent.into_iter().zip([
-            [rows.motor_overload, rows.motor_overload_peak],
-            [rows.drive_overload, rows.drive_overload_peak],
-        ]) {
-            self.objects.set(now, value);
-            let peak_before = self.objects.get(peak);
-            self.objects.set(peak, value.max(peak_before));
-        }
     }
 
     /// 6041h (lxm32m 1301-1351).

@@ -38,6 +38,7 @@ mod application;
 mod drive;
 mod fault;
 mod limits;
+mod measured;
 mod modes;
 mod motion;
 mod parameter_sets;

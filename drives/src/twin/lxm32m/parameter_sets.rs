@@ -20,7 +20,7 @@ const TIME: f64 = 1e-5;
 const POSITION_GAIN: f64 = 0.1;
 const SHARE: f64 = 1e-3;
 const FREQUENCY: f64 = 0.1;
-const CURRENT: f64 = 0.01;
+pub(super) const CURRENT: f64 = 0.01;
 const SPEED_GAIN: f64 = 1e-4;
 const RPM: f64 = 1.0 / 60.0;
 

@@ -120,6 +120,8 @@ pub struct PowerStage {
     braked: f64,
     /// A.
     current: f64,
+    /// At a phase, V, effective.
+    applied: f64,
     of_motor: Overload,
     of_drive: Overload,
     is_limited: bool,
@@ -132,6 +134,9 @@ pub struct PowerStage {
 }
 
 impl PowerStage {
+    /// What it stands forever, of the motor's continuous current: an assumption.
+    pub const CONTINUOUS_SHARE: f64 = 1.5;
+
     /// A power stage that fits the motor, its supply charged.
     #[must_use]
     pub fn new(motor: Motor, bus: DcBus) -> Self {
@@ -141,9 +146,10 @@ impl PowerStage {
             is_braking: false,
             braked: 0.0,
             current: 0.0,
+            applied: 0.0,
             of_motor: Overload::new(continuous, motor.thermal_time),
             // It is made for the motor's peak for a few seconds.
-            of_drive: Overload::new(1.5 * continuous, 4.0),
+            of_drive: Overload::new(Self::CONTINUOUS_SHARE * continuous, 4.0),
             is_limited: false,
             h: 0.0,
             fades: 0.0,
@@ -166,6 +172,36 @@ impl PowerStage {
     #[must_use]
     pub fn is_voltage_limited(&self) -> bool {
         self.is_limited
+    }
+
+    /// The motor at it.
+    #[must_use]
+    pub fn motor(&self) -> &Motor {
+        &self.motor
+    }
+
+    /// Its supply.
+    #[must_use]
+    pub fn bus(&self) -> &DcBus {
+        &self.bus
+    }
+
+    /// Through the motor, A, effective.
+    #[must_use]
+    pub fn current(&self) -> f64 {
+        self.current
+    }
+
+    /// At a phase of the motor, V, effective.
+    #[must_use]
+    pub fn phase_voltage(&self) -> f64 {
+        self.applied
+    }
+
+    /// What the DC bus gives a phase at most, V: effective, of a sinusoidal one.
+    #[must_use]
+    pub fn phase_voltage_most(&self) -> f64 {
+        self.voltage / 6.0_f64.sqrt()
     }
 
     /// Of the DC bus, V.
@@ -215,10 +251,10 @@ impl PowerStage {
         let target = before + self.closes * (wanted / torque_constant - before);
         let induced = torque_constant / 3.0 * velocity * TAU;
         let asked = (target - self.fades * before) / self.admittance + induced;
-        // What a bus of that voltage makes of a phase's effective value, sinusoidally.
-        let most = self.voltage / 6.0_f64.sqrt();
+        let most = self.phase_voltage_most();
         let voltage = asked.clamp(-most, most);
         self.is_limited = voltage != asked;
+        self.applied = voltage;
         self.current = match self.is_limited {
             true => self.fades * before + self.admittance * (voltage - induced),
             false => target,
@@ -245,6 +281,7 @@ impl PowerStage {
     /// The power stage is off: no current.
     pub fn off(&mut self, h: f64) {
         self.current = 0.0;
+        self.applied = 0.0;
         self.is_limited = false;
         self.of_motor.heat(0.0, h);
         self.of_drive.heat(0.0, h);

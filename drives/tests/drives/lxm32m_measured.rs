@@ -1,0 +1,110 @@
+//! What the drive tells of its motor and power stage, against what is true of them.
+
+use crate::common::id;
+use crate::common::lxm32m::{Bench, drive, enabled};
+use crate::common::{ms, set};
+use proptest::prelude::*;
+use syncline_drives::mechanics::drive_train::DriveTrain;
+use syncline_drives::twin::lxm32m::TwinConfig;
+use syncline_drives::twin::servo::motor::{MOTORS, Motor};
+use syncline_drives::twin::{Axis, Config, SimulatedDevice};
+
+fn signed(bench: &mut Bench, index: u16, sub: u8) -> f64 {
+    let bytes = bench.read(1, index, sub).unwrap();
+    match *bytes {
+        [low, high] => i16::from_le_bytes([low, high]).into(),
+        _ => i32::from_le_bytes(bytes.try_into().unwrap()).into(),
+    }
+}
+
+/// One with this motor and its power stage, in Profile Torque.
+fn with(motor: Motor) -> Bench {
+    let config = Config {
+        axis: Some(Axis {
+            motor,
+            train: DriveTrain::default(),
+        }),
+        ..Config::new(id(1))
+    };
+    enabled(TwinConfig::from(&config), 4)
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(12))]
+
+    /// 100 % of the target torque is _M_M_0 (1492, 2392); current, load and torque that are told belong
+    /// together, whatever the motor.
+    #[test]
+    fn figures_and_measured_values_are_those_of_the_motor(
+        which in 0..MOTORS.len(),
+        tenths in -1400i32..1400,
+    ) {
+        let motor = MOTORS[which];
+        let mut bench = with(motor);
+        bench.twin().shaft_mut().unwrap().block(true);
+        set(&mut bench, 0x6071, 0, tenths);
+        bench.wait(ms(20));
+        let share = f64::from(tenths) / 1000.0;
+        let stall = f64::from(bench.number(1, 0x300D, 0x16)) * 0.01;
+        prop_assert!((stall - motor.continuous_torque).abs() < 0.006);
+        let torque = bench.twin().observe().torque;
+        // The torque's ripple and cogging besides.
+        prop_assert!((torque - share * stall).abs() <= 0.02 * stall + 0.006, "{torque}");
+        let amperes = share * motor.continuous_torque / motor.torque_constant;
+        for (sub, expected) in [(1, amperes), (3, amperes.abs()), (0x10, amperes)] {
+            let current = 0.01 * signed(&mut bench, 0x301E, sub);
+            prop_assert!((current - expected).abs() < 0.0151, "301Eh:{sub:X} {current} {expected}");
+        }
+        let load = signed(&mut bench, 0x301C, 0x1A);
+        prop_assert!((load - 100.0 * share.abs()).abs() <= 1.0, "{load} %");
+        prop_assert!((signed(&mut bench, 0x301C, 0x17) - load / 1.5).abs() <= 1.0);
+        // At rest the voltage is that on the winding.
+        let voltage = 0.1 * signed(&mut bench, 0x301E, 4);
+        prop_assert!((voltage - amperes * motor.resistance).abs() < 0.3, "{voltage}");
+        prop_assert_eq!(bench.number(1, 0x300D, 0x0D), (200.0 * motor.resistance).round() as u32);
+        prop_assert_eq!(bench.number(1, 0x300D, 0x0C), (motor.rotor_inertia * 1e7).round() as u32);
+        let most = motor.peak_torque / motor.torque_constant;
+        for (index, sub) in [(0x300D, 6), (0x3010, 2), (0x301C, 0x27), (0x301C, 0x28)] {
+            prop_assert_eq!(bench.number(1, index, sub), (100.0 * most).round() as u32);
+        }
+    }
+}
+
+/// Temperatures follow I²t (2511-2513, 2517-2522); power is torque times speed (2508).
+#[test]
+fn a_loaded_motor_grows_warm_and_a_turning_one_gives_power() {
+    let mut bench = with(Motor::default());
+    let read = |bench: &mut Bench, sub| signed(bench, 0x301C, sub);
+    assert_eq!(
+        [0x10, 0x11, 0x12].map(|sub| read(&mut bench, sub)),
+        [25.0; 3]
+    );
+    set(&mut bench, 0x6071, 0, 300);
+    bench.wait(ms(50));
+    let seen = bench.twin().observe();
+    let power = seen.torque * seen.velocity * std::f64::consts::TAU;
+    assert!(power > 5.0 && (read(&mut bench, 0x0D) - power).abs() < 0.2 * power);
+    bench.twin().shaft_mut().unwrap().block(true);
+    set(&mut bench, 0x6071, 0, 2000);
+    bench.wait(ms(8000));
+    let overload = read(&mut bench, 0x19);
+    assert!(overload > 50.0);
+    let warm = 25.0 + 1.05 * overload;
+    assert!((read(&mut bench, 0x11) - warm).abs() <= 1.5);
+    assert!(read(&mut bench, 0x10) > 80.0);
+    assert_eq!(read(&mut bench, 0x12), 25.0);
+}
+
+/// The limits that hold now (2529-2531), of current and velocity.
+#[test]
+fn limits_that_hold_are_told() {
+    let mut bench = drive(3);
+    set(&mut bench, 0x3011, 0x0C, 100);
+    set(&mut bench, 0x3011, 0x10, 321);
+    assert_eq!(bench.number(1, 0x301C, 0x28), 100);
+    assert_eq!(bench.number(1, 0x301C, 0x29), 321);
+    // 1 A at 0.8 N·m/A, of 1.4 N·m.
+    assert_eq!(bench.number(1, 0x301C, 0x1E), 571);
+    assert_eq!(bench.number(1, 0x301C, 0x27), 525);
+    assert_eq!(bench.number(1, 0x300D, 0x16), 140);
+}
