@@ -1,11 +1,13 @@
 //! Options of the drive that change how it moves and how it is switched off, each by its place in the manual.
 
-use crate::common::lxm32m::{Bench, drive};
-use crate::common::{TARGET_REACHED, X_END, ms, rpm, set, wait_for};
+use crate::common::lxm32m::{Bench, drive, enabled};
+use crate::common::{TARGET_REACHED, X_END, id, ms, rpm, set, wait_for};
 use proptest::prelude::*;
 use syncline_canopen::cia402::State;
+use syncline_canopen::nmt::Command;
 use syncline_canopen::sdo::AbortCode;
 use syncline_drives::twin::SimulatedDevice;
+use syncline_drives::twin::lxm32m::{Switches, TwinConfig};
 
 /// usr_p in a revolution.
 const REVOLUTION: i32 = 16_384;
@@ -165,4 +167,47 @@ fn the_holding_brake_takes_its_time_to_open_and_to_close() {
         bench.wait(ms(60));
         assert_eq!(bench.twin().state(), State::OperationEnabled);
     }
+}
+
+/// 3006h:C turns the direction of movement (2246) from the start after it was stored: position, velocity,
+/// torque, and what is captured.
+#[test]
+fn the_direction_of_movement_can_be_turned() {
+    let mut bench = enabled(
+        TwinConfig {
+            initial_position: 131_072 * 3,
+            switches: Switches {
+                captures: [Some(1.0..2.5), None],
+                ..Switches::default()
+            },
+            ..TwinConfig::new(id(1))
+        },
+        3,
+    );
+    set(&mut bench, 0x3006, 0x0C, 1);
+    assert!((bench.read_i32(1, 0x6064, 0) - 3 * REVOLUTION).abs() < 20);
+    bench.controlword(1, 0x0006);
+    set(&mut bench, 0x3004, 1, 1);
+    bench.nmt(Command::ResetNode, 1);
+    bench.wait(ms(50));
+    assert!((bench.read_i32(1, 0x6064, 0) + 3 * REVOLUTION).abs() < 20);
+    assert_eq!(bench.read_i32(1, 0x606C, 0), 0);
+    set(&mut bench, 0x6060, 0, 3);
+    set(&mut bench, 0x300A, 2, 1);
+    set(&mut bench, 0x300A, 4, 1);
+    bench.controlword(1, 0x000F);
+    set(&mut bench, 0x6083, 0, 6000);
+    set(&mut bench, 0x60FF, 0, 120);
+    bench.wait(ms(10));
+    let signed = |bench: &mut Bench, index| {
+        let bytes = bench.read(1, index, 0).unwrap();
+        i16::from_le_bytes(bytes.try_into().unwrap())
+    };
+    assert!(signed(&mut bench, 0x6077) > 100, "it speeds up");
+    bench.wait(ms(500));
+    assert!((rpm(&mut bench) + 120.0).abs() < 3.0, "{}", rpm(&mut bench));
+    assert!((115..=125).contains(&bench.read_i32(1, 0x606C, 0)));
+    assert!(bench.twin().observe().position < 2.5);
+    let captured = bench.read_i32(1, 0x300A, 6);
+    assert!((captured + 5 * REVOLUTION / 2).abs() <= 1, "{captured}");
 }

@@ -348,7 +348,7 @@ impl Drive {
         let velocity = self.actual_velocity();
         let rpm = velocity * 60.0 / INCREMENTS_PER_REVOLUTION;
         let torque =
-            self.servo.loops.torque() / self.servo.loops.cascade.gains().continuous_torque * 1000.0;
+            self.torque_of_motor() / self.servo.loops.cascade.gains().continuous_torque * 1000.0;
         let position = self.user_position(encoder);
         let user_reference = self.user_position(reference);
         let deviation = user_reference.saturating_sub(position);

@@ -92,15 +92,22 @@ impl Drive {
         }
     }
 
+    /// Torque of the motor in the direction of movement, N·m.
+    pub(super) fn torque_of_motor(&self) -> f64 {
+        self.servo.loops.torque() * self.servo.loops.direction()
+    }
+
     /// Brings up to date what is measured, and the limits that hold.
     pub(super) fn publish_measured(&mut self) {
         let rows = self.rows;
         let gains = self.servo.loops.cascade.gains();
         let [constant, continuous] = [gains.torque_constant, gains.continuous_torque];
-        let torque = self.servo.loops.torque();
+        let torque = self.torque_of_motor();
+        let direction = self.servo.loops.direction();
         let wanted = self.servo.loops.cascade.torque() / constant;
         let limit = self.torque_limit().min(gains.torque_limit);
-        let current = self.stage().map_or(torque / constant, PowerStage::current);
+        let of_stage = |stage: &PowerStage| direction * stage.current();
+        let current = self.stage().map_or(torque / constant, of_stage);
         let load = current.abs() * constant / continuous;
         let speed = self.actual_velocity() / INCREMENTS_PER_REVOLUTION;
         let most = gains.speed_limit * INCREMENTS_PER_REVOLUTION;
@@ -148,7 +155,10 @@ impl Drive {
         let Some(stage) = self.stage() else {
             return;
         };
-        let (bus, applied) = (stage.voltage(), stage.phase_voltage());
+        let (bus, applied) = (
+            stage.voltage(),
+            self.servo.loops.direction() * stage.phase_voltage(),
+        );
         let most = stage.phase_voltage_most();
         for (row, value, unit) in [
             (rows.bus_voltage, bus, VOLTAGE),

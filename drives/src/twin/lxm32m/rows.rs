@@ -66,6 +66,7 @@ rows! {
     velocity_source = 0x301B:0x39;
     shutdown_option = 0x605B:0;
     position_option = 0x60F2:0;
+    direction_inverted = 0x3006:0x0C;
     deviation_window = 0x3006:0x19;
     velocity_deviation_window = 0x3006:0x1A;
     velocity_threshold = 0x3006:0x1B;

@@ -75,6 +75,7 @@ impl Drive {
                     .find(|edge| turned.contains(edge));
                 let touched = self.captures.touched[input].take();
                 let edge = edge.or(touched).unwrap_or(position);
+                let edge = edge * self.servo.loops.direction();
                 let increments = libm::round(edge * INCREMENTS_PER_REVOLUTION) as i64;
                 let captured = self.user_position(increments - self.zero);
                 self.probe(input, level, captured);

@@ -3,6 +3,7 @@
 use super::drive::Drive;
 use crate::twin::cia402::commanded;
 use crate::twin::servo::firmware::ServoFirmware;
+use crate::twin::servo::velocity::VelocityMeter;
 use syncline_canopen::Instant;
 use syncline_canopen::cia402::{Command, Controlword, State};
 use syncline_canopen::dictionary::Row;
@@ -150,6 +151,7 @@ impl Drive {
             self.enter(State::SwitchOnDisabled);
             self.x_err = false;
         }
+        self.turn_as_stored();
         self.servo.controlword = Controlword(0);
         self.zero = 0;
         self.ref_ok = false;
@@ -157,6 +159,18 @@ impl Drive {
         self.sync.stop(&mut self.servo.loops.clock, self.servo.now);
         self.select_at_power_up();
         self.written(self.rows.velocity_limit, Origin::Sdo);
+    }
+
+    /// 3006h:C turns the direction of movement (lxm32m 2246), from the start on; the switches stay where they
+    /// are wired.
+    fn turn_as_stored(&mut self) {
+        let is_turned = self.objects.get(self.rows.direction_inverted) != 0;
+        let direction = if is_turned { -1.0 } else { 1.0 };
+        let servo = &mut self.servo;
+        if direction != servo.loops.direction() && !servo.state.is_powered() {
+            servo.loops.turn_to(direction);
+            servo.velocity = VelocityMeter::at(servo.loops.encoder);
+        }
     }
 
     /// Enters an error in the error memory, whose newest entry alone can be read here: how the

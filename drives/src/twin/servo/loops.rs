@@ -60,6 +60,12 @@ impl Loops {
         self.torque
     }
 
+    /// 1, or -1 where the loops see the motor turn the other way.
+    #[must_use]
+    pub fn direction(&self) -> f64 {
+        self.direction
+    }
+
     /// What the encoder reads `ahead` seconds after the last step.
     pub fn read(&mut self, ahead: f64) -> i64 {
         let reading = self.sensor.read(&self.shaft, ahead);
