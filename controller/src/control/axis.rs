@@ -10,7 +10,7 @@ use super::setpoint_guard::SetpointGuard;
 use super::{SIDES_ENABLE, STILL};
 use crate::machine::{AxisLimits, HomingMethod, Kept};
 use squaring::Squaring;
-use syncline_drives::model::{Increments, Setpoint};
+use syncline_drives::model::{Increments, PowerCommand, Setpoint};
 
 /// Setpoints that are kept to look back by the drives' latency.
 const HISTORY: usize = 16;
@@ -95,6 +95,12 @@ struct Place {
     at: f64,
     /// Where its drive goes.
     target: Option<Increments>,
+    /// Cycles in which it comes to rest from there, with its ramp, at the most.
+    halts_in: u64,
+    /// Cycles in a row in which the drive has not acknowledged what it was sent.
+    unacknowledged: u64,
+    /// Cycles in a row in which it has gone on although it was told to halt.
+    unhalted: u64,
 }
 
 /// What an axis did at one SYNC.
@@ -298,7 +304,7 @@ impl AxisControl {
         if let Some(place) = &mut self.point_to_point {
             *place = Place {
                 at: position,
-                target: None,
+                ..Place::default()
             };
         }
     }
@@ -325,13 +331,57 @@ impl AxisControl {
             .is_some_and(|place| place.target.is_some())
     }
 
-    /// Sends its drive there with the next setpoints, mm.
-    pub(super) fn go_to(&mut self, mm: f64, nodes: &[DeviceNode]) -> Result<(), Fault> {
+    /// Sends its drive there with the next setpoints, mm; on the way it halts in so many cycles at the most.
+    pub(super) fn go_to(
+        &mut self,
+        mm: f64,
+        halts_in: u64,
+        nodes: &[DeviceNode],
+    ) -> Result<(), Fault> {
         let there = nodes[self.drive()].setpoint_at(mm, self.sides[0].offset)?;
         if let Some(place) = &mut self.point_to_point {
             place.target = Some(there.position);
+            place.halts_in = halts_in;
         }
         Ok(())
+    }
+
+    /// Looks whether its drive does as it was told: that it acknowledges a target within `patience` cycles, and comes to
+    /// rest, which takes `still` cycles to see, within as many behind its ramp where it is to halt.
+    pub(super) fn watch_goer(
+        &mut self,
+        patience: u64,
+        still: u32,
+        nodes: &[DeviceNode],
+    ) -> Result<(), Fault> {
+        let node = &nodes[self.drive()];
+        let Some(place) = self
+            .point_to_point
+            .as_mut()
+            .filter(|it| it.target.is_some())
+        else {
+            return Ok(());
+        };
+        let goes_on = node.power == PowerCommand::Enable && node.still() < still;
+        for (cycles, counts) in [
+            (&mut place.unacknowledged, node.owes_acknowledgement()),
+            (&mut place.unhalted, goes_on),
+        ] {
+            *cycles = if counts { *cycles + 1 } else { 0 };
+        }
+        let time = |cycles: u64| cycles as f64 * self.period;
+        let cause = if place.unacknowledged > patience {
+            AxisCause::NotAcknowledged {
+                time: time(place.unacknowledged),
+            }
+        } else if place.unhalted > patience + place.halts_in {
+            AxisCause::NotHalted {
+                time: time(place.unhalted),
+            }
+        } else {
+            return Ok(());
+        };
+        Err(Fault::Axis(self.index, cause))
     }
 
     /// Its drive goes by itself: it is where that says at SYNC `cycle`.

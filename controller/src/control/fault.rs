@@ -299,6 +299,16 @@ pub enum AxisCause {
         /// How far it is from there, mm.
         distance: f64,
     },
+    /// Its drive was sent to a target and did not acknowledge it.
+    NotAcknowledged {
+        /// For how long, s.
+        time: f64,
+    },
+    /// Its drive was told to halt on its way to a target and did not come to rest.
+    NotHalted {
+        /// For how long, s.
+        time: f64,
+    },
     /// Its encoder and its drives disagree about where it is.
     FeedbackDifference {
         /// The encoder's position minus the drives', mm.
@@ -421,6 +431,7 @@ impl Fault {
             AxisCause::Standstill { distance } | AxisCause::NotThere { distance } => {
                 (distance, limits.standstill)
             }
+            AxisCause::NotAcknowledged { .. } | AxisCause::NotHalted { .. } => return None,
             AxisCause::FeedbackDifference { difference } => {
                 (difference.abs(), names.axis(axis).feedback?.difference)
             }
@@ -510,6 +521,14 @@ impl AxisCause {
                 "axis {name}: its drive did not get to where it was sent and is {distance:.4} {unit} away, allowed \
                  {} {unit}: look for what blocks it, and check the drive's units and its current",
                 limits.standstill
+            ),
+            Self::NotAcknowledged { time } => format!(
+                "axis {name}: its drive has not acknowledged where it was sent for {time:.2} s: check its \
+                 operating mode, and that its R_PDOs reach it"
+            ),
+            Self::NotHalted { time } => format!(
+                "axis {name}: its drive was told to halt and has not come to rest for {time:.2} s: check its ramps, \
+                 and that its R_PDOs reach it"
             ),
             Self::FeedbackDifference { difference } => format!(
                 "axis {name}: its encoder is {difference:.4} {unit} from where its drive says that it \

@@ -713,6 +713,12 @@ impl DeviceNode {
             .extend(profile.into_iter().flatten().map(Step::Write));
     }
 
+    /// Whether it has still to acknowledge a target.
+    pub(super) fn owes_acknowledgement(&self) -> bool {
+        let drive = self.device.drive();
+        drive.is_some_and(|drive| drive.owes_acknowledgement())
+    }
+
     /// The steps that let the drive capture the next edge of an input.
     pub(super) fn arm_capture(&mut self, capture: &Capture) {
         self.sequence.extend(capture.arm.map(Step::Write));

@@ -107,8 +107,8 @@ impl<const N: usize> Controller<N> {
                 let waited = self.timed_out(self.layout.state_timeout);
                 let squares = self.axes.iter().any(|axis| axis.squares(self.cycle));
                 let stopped = waited || self.quick_stops_rest();
-                let rests =
-                    self.path_rests() && !squares && stopped && (waited || self.goers_rest());
+                // One that never rests is a fault in time, and quick-stopped by that.
+                let rests = self.path_rests() && !squares && stopped && self.goers_rest();
                 let over = rests && (settled || waited || self.is_faulty());
                 // What is left of a target goes with the power.
                 if over && self.goal == Goal::Ready && !self.has_goers() {
@@ -418,8 +418,8 @@ impl<const N: usize> Controller<N> {
     fn watch_plan(&mut self) -> Result<(), Fault> {
         let waits = self.begun && self.phase == Phase::Program && self.executor.wants_plan();
         self.unplanned = if waits { self.unplanned + 1 } else { 0 };
-        let most = NO_PLAN.as_nanos().div_ceil(self.layout.cycle.as_nanos()) as u64;
-        if self.unplanned > most && !self.job.is_some_and(|job| job.waits_for_input) {
+        if self.unplanned > self.cycles(NO_PLAN) && !self.job.is_some_and(|job| job.waits_for_input)
+        {
             return Err(Fault::NoPlan);
         }
         Ok(())
@@ -540,8 +540,12 @@ impl<const N: usize> Controller<N> {
 
     /// [`STILL`] in cycles.
     pub(super) fn still_cycles(&self) -> u32 {
-        let cycles = STILL.as_nanos().div_ceil(self.layout.cycle.as_nanos());
-        STILL_CYCLES.max(cycles as u32)
+        STILL_CYCLES.max(self.cycles(STILL) as u32)
+    }
+
+    /// So long in cycles, rounded up.
+    pub(super) fn cycles(&self, time: Duration) -> u64 {
+        time.as_nanos().div_ceil(self.layout.cycle.as_nanos()) as u64
     }
 
     fn timed_out(&self, limit: Duration) -> bool {

@@ -11,7 +11,8 @@
 //!
 //! *On its own.* While a drive goes, its axis is where it says, and has no setpoint to be held against; what tells
 //! that something is wrong is that it is not there, at rest and within `standstill_window`, in twice the
-//! time that it needs and `state_timeout_ms`.
+//! time that it needs and `state_timeout_ms`; that it does not acknowledge its target within `state_timeout_ms`;
+//! that it does not rest in twice the time of its ramp and `state_timeout_ms` where it is to halt.
 //!
 //! *Held and stopped.* A feed hold halts the drives (`PowerCommand::Enable`), which go on with their target
 //! afterwards. What stops a job halts them too, and then switches them off: a target lives in the drive, and
@@ -35,8 +36,8 @@ pub struct PointToPoint {
 /// How far the move is that the path waits for.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Progress {
-    /// The drives are told their profiles, with which they take so many cycles at the most.
-    Telling { most: u64 },
+    /// The drives are told their profiles, with which they take so many cycles at the most, and halt on their way in so many.
+    Telling { most: u64, halts_in: u64 },
     /// They go, and have so many cycles left.
     Going { left: u64 },
 }
@@ -51,6 +52,11 @@ struct TimeLaw {
 }
 
 impl TimeLaw {
+    /// From the greatest velocity to rest, s.
+    fn braking(self) -> f64 {
+        (self.velocity / self.acceleration).min(1.0 / self.acceleration.sqrt())
+    }
+
     /// From rest to rest, s.
     fn duration(self) -> f64 {
         match self.velocity * self.velocity < self.acceleration {
@@ -79,10 +85,10 @@ impl<const N: usize> Controller<N> {
                 None => self.executor.pass(),
             },
             Some(Progress::Telling { .. }) if !self.sequences_done() => {}
-            Some(Progress::Telling { most }) => {
+            Some(Progress::Telling { most, halts_in }) => {
                 for axis in &mut self.axes {
                     if let Some(target) = motion.targets[axis.coordinate()] {
-                        axis.go_to(target, &self.nodes)?;
+                        axis.go_to(target, halts_in, &self.nodes)?;
                     }
                 }
                 self.positioning = Some(Progress::Going { left: most });
@@ -148,9 +154,11 @@ impl<const N: usize> Controller<N> {
                 node.ask_profile(law.velocity * distance, law.acceleration * distance);
             }
         }
-        let needs = Duration::from_secs_f64(2.0 * law.duration()) + self.layout.state_timeout;
-        let most = needs.as_nanos().div_ceil(self.layout.cycle.as_nanos()) as u64;
-        self.positioning = Some(Progress::Telling { most });
+        let twice = |seconds: f64| Duration::from_secs_f64(2.0 * seconds);
+        self.positioning = Some(Progress::Telling {
+            most: self.cycles(twice(law.duration()) + self.layout.state_timeout),
+            halts_in: self.cycles(twice(law.braking())),
+        });
     }
 
     fn arrive(&mut self, motion: &PointToPoint) {
@@ -188,10 +196,13 @@ impl<const N: usize> Controller<N> {
         self.axes.iter().any(|axis| axis.goes())
     }
 
-    /// Whether all that go to targets stand still.
+    /// Whether all that go to targets, and are not quick-stopped, stand still.
     pub(super) fn goers_rest(&self) -> bool {
         let cycles = self.still_cycles();
         let mut goers = self.axes.iter().filter(|axis| axis.goes());
-        goers.all(|axis| self.nodes[axis.drive()].still() >= cycles)
+        goers.all(|axis| {
+            let node = &self.nodes[axis.drive()];
+            node.is_quick_stopped() || node.still() >= cycles
+        })
     }
 }

@@ -172,9 +172,10 @@ impl Fault {
                 }
                 AxisCause::Skew { .. } => Cause::Skew,
                 AxisCause::FeedbackDifference { .. } => Cause::Feedback,
-                AxisCause::FollowingError { .. } | AxisCause::NotThere { .. } => {
-                    Cause::FollowingError
-                }
+                AxisCause::FollowingError { .. }
+                | AxisCause::NotThere { .. }
+                | AxisCause::NotAcknowledged { .. }
+                | AxisCause::NotHalted { .. } => Cause::FollowingError,
                 AxisCause::Jump { .. } => Cause::Jump,
                 AxisCause::SetpointGuard { .. } => Cause::SetpointGuard,
             },

@@ -47,6 +47,8 @@ impl<const N: usize> Controller<N> {
     }
 
     fn check_axis(&mut self, axis: usize, phase: Phase) -> Result<(), Fault> {
+        let patience = self.cycles(self.layout.state_timeout);
+        let still = self.still_cycles();
         let Self { nodes, .. } = self;
         let axis = &mut self.axes[axis];
         if axis.is_quick_stopped(nodes) {
@@ -59,6 +61,7 @@ impl<const N: usize> Controller<N> {
         let Some(row) = &self.row else {
             return Ok(());
         };
+        axis.watch_goer(patience, still, nodes)?;
         axis.check_jumps(nodes)?;
         axis.check_motion(self.cycle, &row.axes[axis.coordinate()], nodes)?;
         axis.check_feedback(nodes)

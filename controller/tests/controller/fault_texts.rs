@@ -213,6 +213,16 @@ texts! {
     "axis Y: its drive did not get to where it was sent and is 12.2500 mm away, allowed 0.05 mm: look \
      for what blocks it, and check the drive's units and its current";
 
+    Fault::Axis(_, AxisCause::NotAcknowledged { .. }),
+    Fault::Axis(1, AxisCause::NotAcknowledged { time: 2.004 }),
+    "axis Y: its drive has not acknowledged where it was sent for 2.00 s: check its operating \
+     mode, and that its R_PDOs reach it";
+
+    Fault::Axis(_, AxisCause::NotHalted { .. }),
+    Fault::Axis(1, AxisCause::NotHalted { time: 2.25 }),
+    "axis Y: its drive was told to halt and has not come to rest for 2.25 s: check its ramps, \
+     and that its R_PDOs reach it";
+
     Fault::Axis(_, AxisCause::FeedbackDifference { .. }),
     Fault::Axis(2, AxisCause::FeedbackDifference { difference: -0.35 }),
     "axis Z: its encoder is -0.3500 mm from where its drive says that it is, allowed 0.2 mm: look \

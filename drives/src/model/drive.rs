@@ -46,6 +46,11 @@ pub trait Drive: Feedback {
         None
     }
 
+    /// Whether it has still to acknowledge the target that it was sent last, or that it is ready for the next one.
+    fn owes_acknowledgement(&self) -> bool {
+        false
+    }
+
     /// Its digital inputs and outputs, if its PDOs carry them.
     fn io(&self) -> Option<&dyn Io> {
         None

@@ -328,6 +328,10 @@ impl Drive for Tlc5xx {
         ])
     }
 
+    fn owes_acknowledgement(&self) -> bool {
+        self.targets.as_ref().is_some_and(Targets::waits)
+    }
+
     /// Of a fault bit 3 alone is certain (D-20); bit 12 says in profile velocity that it stands.
     fn status(&mut self, _: usize, data: &[u8]) -> Option<DriveStatus> {
         let status = cia402::status(data, None)?;

@@ -232,6 +232,10 @@ impl Drive for Tsp10 {
         ])
     }
 
+    fn owes_acknowledgement(&self) -> bool {
+        self.targets.as_ref().is_some_and(Targets::waits)
+    }
+
     /// Bits 9 and 12 are named and not explained (645-657): the first says nothing, the second is the handshake's
     /// of CiA 402.
     fn status(&mut self, _: usize, data: &[u8]) -> Option<DriveStatus> {

@@ -68,6 +68,8 @@ pub enum Disturbance {
     LoseTorque(bool),
     /// Whether nothing that it sends reaches the bus.
     Mute(bool),
+    /// Whether no R_PDO reaches it.
+    Deaf(bool),
     /// The next so many T_PDOs are lost.
     LoseTPdos(u32),
     /// The control supply fails and returns: the device starts anew.

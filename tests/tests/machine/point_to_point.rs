@@ -4,7 +4,7 @@ use super::day::{go, settle, state};
 use proptest::prelude::*;
 use syncline_canopen::CobId;
 use syncline_controller::control::fault::AxisCause;
-use syncline_controller::control::{End, Fault, Refusal as OrderRefusal, Row, State};
+use syncline_controller::control::{End, Event, Fault, Refusal as OrderRefusal, Row, State};
 use syncline_controller::machine::COORDINATES;
 use syncline_controller::session::{Command, Direction, Jog, Override, Refusal};
 use syncline_drives::twin::Disturbance;
@@ -279,6 +279,64 @@ fn one_that_does_not_get_there_is_told() {
     );
 }
 
+/// How long it takes from now until there is a fault, s, and which.
+fn until_fault(rig: &mut Rig) -> (f64, String) {
+    let from = rig.controller().cycle();
+    let fault_of = |rig: &Rig| {
+        let mut events = rig.events.iter();
+        events.find_map(|event| match event {
+            Event::Fault(fault) => Some(fault.describe(&*rig.layout)),
+            _ => None,
+        })
+    };
+    rig.run_until(|rig| fault_of(rig).is_some());
+    let cycles = rig.controller().cycle() - from;
+    (cycles as f64 * PERIOD, fault_of(rig).unwrap_or_default())
+}
+
+/// The machine's cycle, and its `state_timeout_ms`, s.
+const PERIOD: f64 = 4e-3;
+const PATIENCE: f64 = 2.0;
+
+/// A drive that does not hear of its target is found by that it does not acknowledge it.
+#[test]
+fn one_that_never_acknowledges_its_target_is_told() {
+    for (axis, device) in [("U", DRIVE), ("W", DRIVE + 2)] {
+        let mut rig = at_work("G4 P0");
+        settle(&mut rig);
+        rig.twin(device).disturb(Disturbance::Deaf(true));
+        rig.command(Command::Mdi(format!("G90 G0 {axis}200")));
+        let (after, text) = until_fault(&mut rig);
+        let expected =
+            format!("axis {axis}: its drive has not acknowledged where it was sent for 2.0");
+        assert!(text.starts_with(&expected), "{text}");
+        assert!((PATIENCE..PATIENCE + 0.1).contains(&after), "{after} s");
+        settle(&mut rig);
+        assert_eq!(state(&rig), State::Faulted);
+    }
+}
+
+/// A drive that goes on while the machine is held, or its job is stopped, is found once it has had the time to halt.
+#[test]
+fn one_that_never_halts_is_told() {
+    for (axis, device) in [("U", DRIVE), ("W", DRIVE + 2)] {
+        for how in [Command::FeedHold, Command::Stop] {
+            let mut rig = at_work(&format!("G94 G1 {axis}200 F1200"));
+            let index = if axis == "U" { U } else { W };
+            rig.run_until(|rig| rig.rows.last().is_some_and(|row| act(row, index) > 20.0));
+            rig.twin(device).disturb(Disturbance::Deaf(true));
+            rig.command(how.clone());
+            let (after, text) = until_fault(&mut rig);
+            let expected =
+                format!("axis {axis}: its drive was told to halt and has not come to rest for 2.");
+            assert!(text.starts_with(&expected), "{text}");
+            assert!((PATIENCE..PATIENCE + 0.2).contains(&after), "{after} s");
+            settle(&mut rig);
+            assert_eq!(state(&rig), State::Faulted);
+        }
+    }
+}
+
 #[test]
 fn each_loss_has_its_own_message() {
     let cases = [
@@ -398,6 +456,29 @@ proptest! {
             let goers = [U, V, W].iter().filter(|&&axis| row.axes[axis].by_itself).count();
             prop_assert!(goers <= 1);
         }
+    }
+
+    /// A drive that is cut off from its R_PDOs at any time of a long move, and held then: there is a fault within the
+    /// time that it has for both. It never goes on for longer.
+    #[test]
+    fn one_that_is_cut_off_does_not_go_on_for_long(wait in 0..400u32, slow: bool, cut in 0..3u32) {
+        let (axis, device) = if slow { ("W", DRIVE + 2) } else { ("U", DRIVE) };
+        let mut rig = at_work(&format!("G94 G1 {axis}200 F1200"));
+        for _ in 0..wait {
+            rig.step();
+        }
+        rig.twin(device).disturb(Disturbance::Deaf(true));
+        for _ in 0..cut {
+            rig.step();
+        }
+        rig.command(Command::FeedHold);
+        let until = rig.controller().cycle() + ((PATIENCE + 0.5) / PERIOD) as u64;
+        rig.run_until(|rig| rig.controller().cycle() >= until);
+        let index = if slow { W } else { U };
+        let told = rig.events.iter().any(|it| matches!(it, Event::Fault(_)));
+        // Nobody has sent it yet.
+        let rests = ends(&rig, index).abs() <= WINDOW && state(&rig) == State::Held;
+        prop_assert!(told || rests, "{:?}", rig.events);
     }
 
     /// A stop at any time: from then on nothing moves until something is commanded.

@@ -151,6 +151,8 @@ pub(in crate::model) struct Targets {
     taken: bool,
     /// It has rested on its way since the last target.
     halted: bool,
+    /// Bit 12 has to fall before the next target can be sent.
+    blocked: bool,
 }
 
 impl Targets {
@@ -158,6 +160,11 @@ impl Targets {
     pub(in crate::model) fn status(&mut self, statusword: Statusword) {
         self.taken = statusword.has(Statusword::MODE_12);
         self.asks &= !self.taken;
+    }
+
+    /// Whether the handshake waits for the drive: for bit 12 to rise with the last target, or to fall before the next.
+    pub(in crate::model) fn waits(&self) -> bool {
+        self.asks || self.blocked
     }
 
     /// The controlword's bits on top of `command`, and where the drive was sent last and from where. With
@@ -179,6 +186,7 @@ impl Targets {
         // Where it stands when it is enabled it was sent already.
         let [last, from] = *self.last.get_or_insert([target; 2]);
         let new = target != last || anew && self.halted;
+        self.blocked = runs && new && self.taken;
         if runs && new && !self.asks && !self.taken {
             (self.asks, self.halted) = (true, false);
             self.last = Some([target, last]);

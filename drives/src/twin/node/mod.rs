@@ -22,7 +22,7 @@ use syncline_canopen::dictionary::Dictionary;
 use syncline_canopen::node::{Application, Node, Options};
 use syncline_canopen::pdo::TransmissionType;
 use syncline_canopen::time::Duration;
-use syncline_canopen::{Frame, Instant, NodeId, Transmit, nmt};
+use syncline_canopen::{CobId, Frame, Instant, NodeId, Transmit, nmt};
 
 /// How often a device looks after its state without being addressed.
 const TASK: Duration = Duration::from_millis(1);
@@ -108,6 +108,7 @@ pub struct Device<F> {
     next_task: Instant,
     power_cycle: bool,
     lost_t_pdos: u32,
+    is_deaf: bool,
 }
 
 impl<F: Firmware> Device<F> {
@@ -132,7 +133,14 @@ impl<F: Firmware> Device<F> {
             next_task: Instant::ZERO,
             power_cycle: false,
             lost_t_pdos: 0,
+            is_deaf: false,
         }
+    }
+
+    /// Whether a frame is lost on its way to the device.
+    fn misses(&self, frame: &Frame) -> bool {
+        let r_pdo = |number| frame.id() == CobId::r_pdo(number, self.node.id()).into();
+        self.is_deaf && (1..=4).any(r_pdo)
     }
 
     /// Lets the loops run up to `now`, where power may have failed meanwhile.
@@ -175,7 +183,7 @@ fn is_synchronous(objects: &Dictionary, t_pdo: u16) -> bool {
 
 impl<F: Firmware> bus::Node for Device<F> {
     fn on_frame(&mut self, now: Instant, frame: &Frame, tx: &mut dyn Transmit) {
-        if !self.firmware.hears(frame) {
+        if !self.firmware.hears(frame) || self.misses(frame) {
             return self.firmware.run_until(now);
         }
         self.advance(now);
@@ -228,6 +236,7 @@ impl<F: Firmware + Send + 'static> SimulatedDevice for Device<F> {
     fn disturb(&mut self, disturbance: Disturbance) {
         match disturbance {
             Disturbance::Mute(muted) => self.outbox.mute(muted),
+            Disturbance::Deaf(deaf) => self.is_deaf = deaf,
             Disturbance::LoseTPdos(count) => self.lost_t_pdos = count,
             Disturbance::Reset => self.power_cycle = true,
             Disturbance::Block(blocked) => {
