@@ -114,6 +114,7 @@ impl Args {
 struct Device {
     name: &'static str,
     title: &'static str,
+    maker: Option<&'static str>,
     bitrates: &'static [u32],
     dictionary: &'static [Entry],
 }
@@ -123,6 +124,7 @@ impl From<&'static Model> for Device {
         Self {
             name: model.name,
             title: model.title,
+            maker: model.maker,
             bitrates: model.bitrates,
             dictionary: model.dictionary,
         }
@@ -134,6 +136,7 @@ impl From<&'static Kind> for Device {
         Self {
             name: twin.name,
             title: twin.title,
+            maker: Model::by_name(twin.name).and_then(|model| model.maker),
             bitrates: twin.bitrates,
             dictionary: twin.dictionary,
         }
@@ -161,8 +164,7 @@ fn data_sheet(device: &Device) -> Eds {
         pair("ModificationDate", &date),
         pair("ModifiedBy", author),
     ];
-    let vendor = eds.device_info("VendorNumber").and_then(vendor_name);
-    let vendor = vendor.map(|name| pair("VendorName", name));
+    let vendor = device.maker.map(|maker| pair("VendorName", maker));
     eds.device.splice(0..0, vendor);
     let place = eds
         .device
@@ -176,14 +178,6 @@ fn data_sheet(device: &Device) -> Eds {
         eds.device.push(pair(&key, if takes { "1" } else { "0" }));
     }
     eds
-}
-
-/// Who has a vendor number (1018h:1), as far as built-in models need it.
-fn vendor_name(number: &str) -> Option<&'static str> {
-    match number {
-        "0x0800005A" => Some("Schneider Electric"),
-        _ => None,
-    }
 }
 
 /// An instant in UTC as CiA 306 writes it: month, day and year, and the time on a clock of 12 hours.

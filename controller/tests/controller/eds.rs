@@ -96,6 +96,26 @@ fn data_sheet_of_a_model() {
     assert_eq!(objects(&of_machine), objects(&text));
 }
 
+/// Whoever makes a device is named, also where it has no vendor number; of a profile nobody does.
+#[test]
+fn data_sheets_name_the_maker() {
+    for (model, maker) in [
+        ("tlc5xx", Some("SIG Positec / Berger Lahr")),
+        ("tsp10", Some("AHS Antriebstechnik GmbH")),
+        ("twk_crn", Some("TWK Elektronik")),
+        ("cia401", None),
+        ("cia402_csp", None),
+    ] {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_syncline"));
+        let output = command
+            .args(["eds", "--node", &format!("1:{model}")])
+            .output();
+        let text = String::from_utf8(output.expect("runs").stdout).expect("UTF-8");
+        let sheet = Eds::parse(&text).expect("an EDS");
+        assert_eq!(sheet.device_info("VendorName"), maker, "{model}");
+    }
+}
+
 /// What cannot be written is told.
 #[test]
 fn a_full_disk_is_an_error() {

@@ -21,6 +21,7 @@ use syncline_canopen::{CobId, Frame, pdo::CobIdWord};
 pub(super) static CIA401: Model = Model {
     name: "cia401",
     title: "CiA 401",
+    maker: None,
     bitrates: &[
         10_000, 20_000, 50_000, 125_000, 250_000, 500_000, 800_000, 1_000_000,
     ],

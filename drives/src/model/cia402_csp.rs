@@ -26,6 +26,7 @@ use syncline_canopen::{CobId, Frame, cia402::Statusword, pdo::CobIdWord};
 pub(super) static CIA402_CSP: Model = Model {
     name: "cia402_csp",
     title: "CiA 402 CSP",
+    maker: None,
     bitrates: &[
         10_000, 20_000, 50_000, 125_000, 250_000, 500_000, 800_000, 1_000_000,
     ],

@@ -24,6 +24,7 @@ use syncline_canopen::{
 pub(super) static LXM32M: Model = Model {
     name: "lxm32m",
     title: "LXM32M",
+    maker: Some("Schneider Electric"),
     bitrates: &[50_000, 125_000, 250_000, 500_000, 1_000_000], // (1266, 1279)
     cycle_step: Duration::from_millis(1),
     cycles: Duration::from_millis(1)..=Duration::from_millis(20),

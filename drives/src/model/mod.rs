@@ -65,6 +65,8 @@ pub struct Model {
     pub name: &'static str,
     /// As its maker writes it: `LXM32M`.
     pub title: &'static str,
+    /// Who makes it; `None`: whoever follows the profile.
+    pub maker: Option<&'static str>,
     /// Bit rates in bit/s, ascending.
     pub bitrates: &'static [u32],
     /// The cycle is a whole multiple of this …

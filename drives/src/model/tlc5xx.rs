@@ -30,6 +30,7 @@ use syncline_canopen::{CobId, Frame, pdo::CobIdWord};
 pub(super) static TLC5XX: Model = Model {
     name: "tlc5xx",
     title: "Twin Line TLC53x",
+    maker: Some("SIG Positec / Berger Lahr"),
     bitrates: &[100_000, 125_000, 250_000, 500_000, 1_000_000],
     cycle_step: Duration::from_millis(1),
     cycles: Duration::from_millis(1)..=Duration::from_millis(20),

@@ -26,6 +26,7 @@ use syncline_canopen::cia402::{Controlword, State, Statusword};
 pub(super) static TSP10: Model = Model {
     name: "tsp10",
     title: "TSP10-CBE",
+    maker: Some("AHS Antriebstechnik GmbH"),
     bitrates: &[
         50_000, 100_000, 125_000, 250_000, 500_000, 800_000, 1_000_000,
     ], // (116-127)

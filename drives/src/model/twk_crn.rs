@@ -24,6 +24,7 @@ use syncline_canopen::{CobId, Frame, pdo::CobIdWord};
 pub(super) static TWK_CRN: Model = Model {
     name: "twk_crn",
     title: "TWK CRN",
+    maker: Some("TWK Elektronik"),
     // Crn S35, S15, S26.
     bitrates: &[20_000, 125_000, 500_000, 1_000_000],
     // It follows any SYNC that its answer fits between.
