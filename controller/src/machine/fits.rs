@@ -247,6 +247,37 @@ pub(super) fn check_loops(log: &mut Log<'_>, machine: &Machine, places: &[Range<
     }
 }
 
+/// Whether each axis whose drive begins to count as it is switched on learns where it is from something else: of one that
+/// follows a path the encoder of its loop tells it.
+pub(super) fn check_counts(log: &mut Log<'_>, machine: &Machine, places: &[Range<usize>]) {
+    for ((index, drive), place) in machine.drives.iter().enumerate().zip(places) {
+        let axis = &machine.axes[drive.axis];
+        let device = machine.device(index);
+        let feedback = device.feedback();
+        let counts_on = feedback.is_none_or(model::Feedback::counts_without_power);
+        let is_told = match axis.homing.method {
+            HomingMethod::Encoder => axis.feedback.is_some(),
+            HomingMethod::SetHere { .. } | HomingMethod::Switch(_) => {
+                axis.homing.moved_limit.is_none()
+            }
+        };
+        if counts_on || is_told || axis.motion == Motion::Path {
+            continue;
+        }
+        log.report(
+            place.clone(),
+            format!(
+                "axis \"{}\": drive \"{}\" ({}) counts from where it is switched on, and nothing tells where that is",
+                axis.name(),
+                drive.name,
+                drive.model.title
+            ),
+            "home it after each power-on: [axis.homing] with `kind = \"set_here\"` and without `absolute`; or name an \
+             [[encoder]] as the axis's `feedback`",
+        );
+    }
+}
+
 /// Cycles from a setpoint to the next one at the most: two in a row may be missed before the machine stops.
 const CYCLES_APART: f64 = 3.0;
 

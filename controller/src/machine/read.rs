@@ -259,6 +259,7 @@ impl Tables {
         fits::settle_motions(log, &mut machine, &motions, &named);
         encoder::check(log, &machine, &stated);
         fits::check_loops(log, &machine, &named);
+        fits::check_counts(log, &machine, &named);
         fits::check_setpoints(log, &machine, &named);
         Some(machine)
     }

@@ -880,7 +880,8 @@ fn axes_go_point_to_point_where_their_drives_can() {
     };
     let motion = |model, more| z(model, more).unwrap().axes[2].motion;
     let stated = "motion = \"point_to_point\"";
-    assert_eq!(motion("tsp10", ""), Motion::PointToPoint);
+    let by_hand = "[axis.homing]\nkind = \"set_here\"";
+    assert_eq!(motion("tsp10", by_hand), Motion::PointToPoint);
     assert_eq!(motion("tlc5xx", ""), Motion::Path);
     assert_eq!(motion("tlc5xx", stated), Motion::PointToPoint);
     assert_eq!(motion("lxm32m", ""), Motion::Path);
@@ -905,6 +906,40 @@ fn axes_go_point_to_point_where_their_drives_can() {
         refused(z("tlc5xx", "motion = \"fast\"")),
     ];
     insta::assert_snapshot!(told.join("\n\n"));
+}
+
+/// A stepper counts from where it is switched on: nothing would tell where its axis is.
+#[test]
+fn a_stepper_that_goes_point_to_point_is_homed_after_each_power_on_or_has_an_encoder() {
+    let z = |encoder: bool, homing: &str| {
+        let own = "drive_following_error = true\ndrive_soft_limits = true\n";
+        let axis = "[[axis]]\nname = \"Z\"\n";
+        let text = portal_with(axis, if encoder { ENCODER } else { axis });
+        let drive = "node = 4\nmodel = \"lxm32m\"\nzero = 5_000_000";
+        let text = text.replace(drive, "node = 4\nmodel = \"tsp10\"");
+        let (before, after) = text.rsplit_once(own).unwrap();
+        parse(&format!("{before}{homing}{after}"))
+    };
+    let by_hand = "[axis.homing]\nkind = \"set_here\"\n";
+    let motion = z(false, by_hand).unwrap().axes[2].motion;
+    assert_eq!(motion, Motion::PointToPoint);
+    assert!(z(true, "").is_ok());
+    let kept = format!("{by_hand}absolute = true\n");
+    for homing in ["", "[axis.homing]\nkind = \"encoder\"\n", &kept] {
+        let told = z(false, homing).unwrap_err().diagnostics;
+        let told: Vec<_> = told
+            .iter()
+            .map(|it| format!("{}: {}", it.problem, it.help))
+            .collect();
+        assert_eq!(
+            told,
+            [
+                "axis \"Z\": drive \"Z\" (TSP10-CBE) counts from where it is switched on, and nothing tells where that \
+                 is: home it after each power-on: [axis.homing] with `kind = \"set_here\"` and without `absolute`; or name \
+                 an [[encoder]] as the axis's `feedback`"
+            ]
+        );
+    }
 }
 
 /// A drive that takes no part in SYNC and does not notice a controller that dies has to have both made up for.

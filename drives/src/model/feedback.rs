@@ -15,6 +15,12 @@ pub trait Feedback: RemoteNode {
         None
     }
 
+    /// Whether it counts on from where it stood without supply. Otherwise its position says nothing of the
+    /// machine's until something tells where it stands.
+    fn counts_without_power(&self) -> bool {
+        true
+    }
+
     /// Its T_PDOs in motion, at `position`: what the bus typically carries.
     fn in_motion(&self, position: Increments) -> Vec<Frame>;
 }

@@ -191,6 +191,11 @@ impl Feedback for Tsp10 {
         (t_pdo == 0).then(|| cia402::sample(data)).flatten()
     }
 
+    /// A stepper's count begins at 0.
+    fn counts_without_power(&self) -> bool {
+        false
+    }
+
     /// While it moves as it is told its statusword does not change.
     fn in_motion(&self, _: Increments) -> Vec<Frame> {
         Vec::new()

@@ -76,6 +76,12 @@ soft_limits = [-300.0, 300.0]
 following_error_limit = 1.0
 standstill_window = 0.05
 
+[axis.homing]
+kind = "set_here"
+
+[homing]
+unreferenced_jobs = true
+
 [[axis]]
 name = "X"
 "#;
