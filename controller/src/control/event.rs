@@ -16,7 +16,7 @@ use std::fmt;
 use std::time::Duration;
 use syncline_canopen::emcy::Emergency;
 use syncline_canopen::sdo::AbortCode;
-use syncline_drives::model::{Address, StatusWord};
+use syncline_drives::model::{Address, PowerState, StatusWord};
 use syncline_gcode::Axis as Letter;
 use syncline_trajectory::path::Leg;
 
@@ -198,12 +198,33 @@ pub enum Event {
     /// A part of the plan came too late: the plan before is followed, to rest if need be, until
     /// there is a new one.
     LatePlan,
-    /// An input of the machine changed.
+    /// A drive's power stage changed its state.
+    Power {
+        /// Which device.
+        device: DeviceIndex,
+        /// Its new state.
+        power: PowerState,
+    },
+    /// An input of the machine changed, or was on when it was first seen.
     Input {
         /// Which one.
         input: InputIndex,
         /// Whether it is on now.
         on: bool,
+    },
+    /// An output of the machine was switched, by a program or to its safe state.
+    Output {
+        /// Its place in the machine file.
+        output: usize,
+        /// Whether it is on now.
+        on: bool,
+    },
+    /// An analog output of the machine puts out another value.
+    AnalogOutput {
+        /// Its place in the machine file.
+        output: usize,
+        /// The value, in the unit of its full scale.
+        value: f64,
     },
     /// An M-code was executed.
     Switched {
@@ -353,7 +374,13 @@ impl Event {
     pub fn is_routine(&self) -> bool {
         matches!(
             self,
-            Self::Phase(_) | Self::Frozen { .. } | Self::JobOver { .. } | Self::State(_)
+            Self::Phase(_)
+                | Self::Frozen { .. }
+                | Self::JobOver { .. }
+                | Self::State(_)
+                | Self::Power { .. }
+                | Self::Output { .. }
+                | Self::AnalogOutput { .. }
         )
     }
 
@@ -476,6 +503,13 @@ impl Event {
                 .to_owned(),
             Self::Input { input, on } => {
                 format!("input \"{}\" {}", names.input(input), level(on))
+            }
+            Self::Power { device, power } => format!("{}: power stage {power}", who(device)),
+            Self::Output { output, on } => {
+                format!("output \"{}\" {}", names.output(output), level(on))
+            }
+            Self::AnalogOutput { output, value } => {
+                format!("output \"{}\" at {value}", names.analog_output(output))
             }
             Self::Switched {
                 line,

@@ -253,6 +253,21 @@ pub enum DeviceCause {
     },
 }
 
+impl DeviceCause {
+    /// Whether the device is not heard any more: what it said before need not be true of it.
+    pub(super) fn is_silence(&self) -> bool {
+        matches!(
+            self,
+            Self::NoBootUp
+                | Self::NoAnswer
+                | Self::HeartbeatLost
+                | Self::PollUnanswered { .. }
+                | Self::NoNmtState
+                | Self::MissingTPdo { .. }
+        )
+    }
+}
+
 /// What an axis did.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum AxisCause {
@@ -397,6 +412,10 @@ pub trait Names {
 
     /// The name of an input of the machine.
     fn input(&self, input: InputIndex) -> &str;
+    /// The name of an output of the machine.
+    fn output(&self, output: usize) -> &str;
+    /// The name of an analog output of the machine.
+    fn analog_output(&self, output: usize) -> &str;
     /// What the bytes that its maker adds to a device's EMCY say, if anything.
     fn vendor_error(&self, device: DeviceIndex, bytes: [u8; 5]) -> Option<String>;
 

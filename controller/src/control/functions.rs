@@ -10,6 +10,7 @@
 //! program, and from the cycle on in which a stop begins, for whatever reason, they have their safe
 //! values.
 
+use super::Layout;
 use super::{Controller, Event, Phase};
 use crate::machine::{AnalogSource, OutputSwitch};
 use std::collections::VecDeque;
@@ -107,10 +108,14 @@ pub(super) struct Switches {
     /// How many were executed.
     executed: u32,
     waiting: VecDeque<(u32, Switch)>,
+    /// By output of the machine, as told; `None` before the first.
+    outputs: Vec<Option<bool>>,
+    /// Likewise by analog output.
+    analog_outputs: Vec<Option<f64>>,
 }
 
 impl Switches {
-    pub(super) fn new() -> Self {
+    pub(super) fn new(layout: &Layout) -> Self {
         // Written to once, so that the cycle is never the first to touch a page of it.
         let mut waiting = VecDeque::from(vec![(0, Switch::Tool(0)); SWITCHES]);
         waiting.clear();
@@ -119,6 +124,8 @@ impl Switches {
             safe: false,
             executed: 0,
             waiting,
+            outputs: vec![None; layout.outputs.len()],
+            analog_outputs: vec![None; layout.analog_outputs.len()],
         }
     }
 
@@ -202,20 +209,27 @@ impl<const N: usize> Controller<N> {
     pub(super) fn set_outputs(&mut self) {
         let layout = Arc::clone(&self.layout);
         let is_safe = self.phase != Phase::Program || self.switches.safe;
-        let switched = &self.switches.functions;
-        for output in &layout.outputs {
+        let switched = self.switches.functions;
+        for (index, output) in layout.outputs.iter().enumerate() {
             let on = match is_safe {
                 true => output.safe,
                 false => switched.is_on(output.switch),
             };
             self.nodes[output.node].set_output(output.signal, on != output.active_low);
+            if self.switches.outputs[index].replace(on) != Some(on) {
+                self.tell(Event::Output { output: index, on });
+            }
         }
-        for output in &layout.analog_outputs {
+        for (index, output) in layout.analog_outputs.iter().enumerate() {
             let value = match is_safe {
                 true => output.safe,
                 false => switched.value(output.source),
             };
             self.nodes[output.node].set_analog_output(output.place, output.scaled(value));
+            if self.switches.analog_outputs[index].replace(value) != Some(value) {
+                let output = index;
+                self.tell(Event::AnalogOutput { output, value });
+            }
         }
     }
 }

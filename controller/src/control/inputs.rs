@@ -29,17 +29,31 @@ struct Debounced {
     most: u32,
 }
 
+/// What the level of a cycle tells.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Change {
+    /// It is on, and was never seen before.
+    Seen,
+    /// It came on.
+    On,
+    /// It went off.
+    Off,
+}
+
 impl Debounced {
-    /// Takes the level of a cycle; the new one if it changed.
-    fn take(&mut self, level: bool) -> Option<bool> {
-        let before = *self.level.get_or_insert(level);
+    /// Takes the level of a cycle; the new one if it counts and was not known before.
+    fn take(&mut self, level: bool) -> Option<Change> {
+        let Some(before) = self.level else {
+            self.level = Some(level);
+            return level.then_some(Change::Seen);
+        };
         self.other = if level == before { 0 } else { self.other + 1 };
         if self.other <= self.most {
             return None;
         }
         self.other = 0;
         self.level = Some(level);
-        Some(level)
+        Some(if level { Change::On } else { Change::Off })
     }
 }
 
@@ -91,9 +105,10 @@ impl<const N: usize> Controller<N> {
         for (index, input) in layout.inputs.iter().enumerate() {
             let level = self.nodes[input.node].signal(input.signal);
             let level = level.map(|level| level != input.active_low);
-            if let Some(on) = level.and_then(|level| self.inputs.0[index].take(level)) {
+            if let Some(change) = level.and_then(|level| self.inputs.0[index].take(level)) {
+                let on = change != Change::Off;
                 self.tell(Event::Input { input: index, on });
-                if on {
+                if change == Change::On {
                     self.input_came_on(input.meaning);
                 }
             }
@@ -170,7 +185,7 @@ mod tests {
     use super::*;
 
     /// Levels of cycles, one a character, and in which of them a change counts.
-    fn changes(debounce: u32, levels: &str) -> Vec<(usize, bool)> {
+    fn changes(debounce: u32, levels: &str) -> Vec<(usize, Change)> {
         let mut input = Debounced {
             most: debounce,
             ..Debounced::default()
@@ -183,13 +198,16 @@ mod tests {
 
     #[test]
     fn what_is_on_at_first_is_no_change() {
-        assert_eq!(changes(0, "111"), []);
-        assert_eq!(changes(0, "1101"), [(2, false), (3, true)]);
+        use Change::{Off, On, Seen};
+        assert_eq!(changes(0, "111"), [(0, Seen)]);
+        assert_eq!(changes(0, "000"), []);
+        assert_eq!(changes(0, "1101"), [(0, Seen), (2, Off), (3, On)]);
     }
 
     #[test]
     fn a_level_counts_once_it_has_stayed() {
-        assert_eq!(changes(2, "0110110111"), [(9, true)]);
-        assert_eq!(changes(2, "0111100010000"), [(3, true), (7, false)]);
+        use Change::{Off, On};
+        assert_eq!(changes(2, "0110110111"), [(9, On)]);
+        assert_eq!(changes(2, "0111100010000"), [(3, On), (7, Off)]);
     }
 }

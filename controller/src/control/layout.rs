@@ -330,6 +330,14 @@ impl Names for Layout {
         &self.inputs[input].name
     }
 
+    fn output(&self, output: usize) -> &str {
+        &self.outputs[output].name
+    }
+
+    fn analog_output(&self, output: usize) -> &str {
+        &self.analog_outputs[output].name
+    }
+
     fn vendor_error(&self, device: DeviceIndex, bytes: [u8; 5]) -> Option<String> {
         self.devices[device].device.vendor_error(bytes)
     }

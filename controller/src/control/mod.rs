@@ -368,7 +368,7 @@ impl<const N: usize> Controller<N> {
             homing: Homing::new(layout.axes.iter().map(|axis| axis.drives.len())),
             positioning: None,
             probing: Probing::new(),
-            switches: Switches::new(),
+            switches: Switches::new(&layout),
             inputs: Inputs::new(&layout.inputs, layout.cycle),
             awaited: None,
             pause_told: false,

@@ -71,6 +71,8 @@ pub(super) struct DeviceNode {
     still: u32,
     still_at: Increments,
 
+    /// The state of its power stage, as told.
+    told_power: Option<PowerState>,
     /// What is wanted of its power stage; [`Self::power_command`] is what it is told.
     pub(super) power: PowerCommand,
     /// It was told to come to rest by itself: until it is brought up anew it follows no setpoints, and is only
@@ -114,6 +116,7 @@ impl DeviceNode {
             was_twice: false,
             still: 0,
             still_at: Increments::ZERO,
+            told_power: None,
             power: PowerCommand::Disable,
             quick_stopped: false,
             setpoint: Setpoint::default(),
@@ -217,6 +220,7 @@ impl DeviceNode {
             if status.warning && !self.status.warning {
                 events(Event::Warning { device: self.index });
             }
+            self.see_power(status.power, events);
             self.status = status;
         }
         if let Some(feedback) = self.device.feedback()
@@ -238,6 +242,15 @@ impl DeviceNode {
                 });
                 changed &= changed - 1;
             }
+        }
+    }
+
+    /// Tells the state of its power stage if that is another one.
+    pub(super) fn see_power(&mut self, power: PowerState, events: &mut impl FnMut(Event)) {
+        let is_new = self.told_power.replace(power) != Some(power);
+        if is_new && self.device.drive().is_some() {
+            let device = self.index;
+            events(Event::Power { device, power });
         }
     }
 
@@ -344,6 +357,7 @@ impl DeviceNode {
         (self.twice, self.was_twice) = (false, false);
         self.still = 0;
         self.quick_stopped = false;
+        self.told_power = None;
         self.power = PowerCommand::Disable;
     }
 

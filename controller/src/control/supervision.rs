@@ -9,6 +9,7 @@ use super::axis::AxisSample;
 use super::node::DeviceNode;
 use super::{Controller, Event, Fault, Goal, MOST_FAULTS, Phase, Reaction, Row, event_sink};
 use syncline_canopen::Instant;
+use syncline_drives::model::PowerState;
 
 impl<const N: usize> Controller<N> {
     /// Looks at drives and axes.
@@ -119,6 +120,12 @@ impl<const N: usize> Controller<N> {
         let is_first = !self.is_faulty();
         self.faults.push(fault);
         self.tell(Event::Fault(fault));
+        if let Fault::Device(device, cause) = fault
+            && cause.is_silence()
+        {
+            let mut events = event_sink(&mut self.events);
+            self.nodes[device].see_power(PowerState::Unknown, &mut events);
+        }
         if is_first {
             self.explain_search(&fault);
             let goes_off = !self.stays_on || self.end().is_some();

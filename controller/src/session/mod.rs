@@ -47,6 +47,7 @@ use jobs::{Begin, Jobs};
 use std::collections::VecDeque;
 use std::path::Path;
 use std::sync::Arc;
+use syncline_drives::model::PowerState;
 
 /// A machine, its job, its operators and all who watch, on a [`Timeline`].
 pub struct Session<T> {
@@ -133,6 +134,12 @@ impl<T: Timeline> Session<T> {
         for axis in &layout.axes {
             status.referenced[axis.coordinate] = axis.homing.is_absolute();
         }
+        // What is no drive comes behind them.
+        let drives = (layout.devices.iter()).filter(|device| device.device.drive().is_some());
+        status.drives = vec![PowerState::Unknown; drives.count()];
+        status.inputs = vec![false; layout.inputs.len()];
+        status.outputs = vec![false; layout.outputs.len()];
+        status.analog_outputs = vec![0.0; layout.analog_outputs.len()];
         Self {
             timeline,
             inlet: Inlet::default(),
@@ -459,6 +466,12 @@ impl Desk {
                     | control::Event::Recalled { axis, .. } => self.show_reference(axis, true),
                     control::Event::Unreferenced { axis } | control::Event::Askew { axis, .. } => {
                         self.show_reference(axis, false)
+                    }
+                    control::Event::Power { device, power } => self.status.drives[device] = power,
+                    control::Event::Input { input, on } => self.status.inputs[input] = on,
+                    control::Event::Output { output, on } => self.status.outputs[output] = on,
+                    control::Event::AnalogOutput { output, value } => {
+                        self.status.analog_outputs[output] = value;
                     }
                     _ => {}
                 }

@@ -6,6 +6,7 @@ use crate::machine::COORDINATES;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
+use syncline_drives::model::PowerState;
 use syncline_gcode::{Coolant, Point, Spindle, WorkCoordinates};
 
 /// A machine and its job at one instant. Arrays are by letter, X Y Z A B C U V W, in machine
@@ -54,6 +55,14 @@ pub struct Status {
     pub modes: String,
     /// The program that is loaded.
     pub program: Option<PathBuf>,
+    /// What the power stages of the drives do, as the drives told last, in the order of the machine file.
+    pub drives: Vec<PowerState>,
+    /// Which inputs of the machine are on, in the order of the machine file.
+    pub inputs: Vec<bool>,
+    /// Likewise of its outputs.
+    pub outputs: Vec<bool>,
+    /// What its analog outputs put out, in the unit of their full scale.
+    pub analog_outputs: Vec<f64>,
     /// What operators have set.
     pub settings: Settings,
     /// What stopped the machine, until it is reset.
@@ -96,6 +105,10 @@ impl Default for Status {
             rotation: 0.0,
             modes: String::new(),
             program: None,
+            drives: Vec::new(),
+            inputs: Vec::new(),
+            outputs: Vec::new(),
+            analog_outputs: Vec::new(),
             settings: Settings::default(),
             stopped: None,
         }

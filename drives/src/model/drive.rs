@@ -3,6 +3,7 @@
 use super::profile::cia402;
 use super::{Address, Data, Feedback, Increments, Io, OutOfRange, Write};
 use core::fmt;
+use serde::{Deserialize, Serialize};
 use syncline_canopen::Frame;
 
 /// A device that takes a setpoint every cycle, latched at SYNC: a position, or a velocity.
@@ -156,7 +157,8 @@ pub enum PowerCommand {
 }
 
 /// How far a drive is from following setpoints.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum PowerState {
     /// Off.
     #[default]
@@ -189,6 +191,20 @@ impl PowerState {
     #[must_use]
     pub const fn is_fault(self) -> bool {
         matches!(self, Self::FaultReaction | Self::Fault)
+    }
+}
+
+impl fmt::Display for PowerState {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(match self {
+            Self::Off => "off",
+            Self::Ready => "ready",
+            Self::Enabled => "enabled",
+            Self::QuickStop => "quick stop",
+            Self::FaultReaction => "fault reaction",
+            Self::Fault => "fault",
+            Self::Unknown => "unknown",
+        })
     }
 }
 

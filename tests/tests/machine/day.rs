@@ -8,10 +8,13 @@ use std::path::Path;
 use std::process::Stdio;
 use std::thread;
 use std::time::Duration;
+use syncline_canopen::{CanId, CobId};
 use syncline_controller::control::{self, NotNow, Refusal as OrderRefusal, State, Switch};
 use syncline_controller::session::{
     self, Command, Direction, Jog, Override, Refusal, StepChange, SwitchChange,
 };
+use syncline_drives::bus::Transmission;
+use syncline_drives::model::PowerState;
 use syncline_drives::twin::{Disturbance, ErrorClass};
 use syncline_gcode::{Axis, Tables, Turning};
 use syncline_tests::command::{Folder, ended, syncline};
@@ -502,11 +505,44 @@ pub(super) fn deed() -> impl Strategy<Value = Deed> {
     ]
 }
 
+/// What a drive's last two T_PDO2s on the bus say of its power stage, since the last one may not have been looked at;
+/// of one that is silent now nothing is known.
+fn last_told(rig: &mut Rig, drive: usize) -> Vec<PowerState> {
+    let id = CanId::from(CobId::t_pdo(2, rig.machine.drives[drive].node));
+    let now = rig.session.timeline().now();
+    let frames = rig.frames();
+    let told = frames
+        .iter()
+        .rev()
+        .filter(|it| it.frame.id() == id && it.end <= now);
+    let told: Vec<_> = told.take(2).collect();
+    let heard = |it: &&Transmission| now < it.end + rig.machine.cycle * 2;
+    let silent = !told.first().is_some_and(heard);
+    let states = told.iter().map(|it| power_state(it.frame.data()[0]));
+    states
+        .chain(silent.then_some(PowerState::Unknown))
+        .collect()
+}
+
+/// The state in the low byte of a statusword (CiA 402-2, table of the state coding).
+fn power_state(low: u8) -> PowerState {
+    match (low & 0x4F, low & 0x6F) {
+        (0x00 | 0x40, _) => PowerState::Off,
+        (_, 0x21 | 0x23) => PowerState::Ready,
+        (_, 0x27) => PowerState::Enabled,
+        (_, 0x07) => PowerState::QuickStop,
+        (0x0F, _) => PowerState::FaultReaction,
+        (0x08, _) => PowerState::Fault,
+        _ => PowerState::Unknown,
+    }
+}
+
 proptest! {
     #![proptest_config(ProptestConfig { cases: 48, ..ProptestConfig::default() })]
 
     /// Whatever is asked for and whatever happens, in whatever state: only legal transitions, every
-    /// command answered, nothing moves that was not asked to, and the machine goes off in the end.
+    /// command answered, every drive shown as it told last, nothing moves that was not asked to, and the machine
+    /// goes off in the end.
     #[test]
     fn the_session_is_always_in_a_state_and_always_answers(
         deeds in prop::collection::vec((deed(), 1..900usize), 1..16),
@@ -528,6 +564,11 @@ proptest! {
                 }
             }
             answered += told.events().filter(|it| matches!(it, session::Event::Accepted(_) | session::Event::Refused(_))).count();
+            for drive in 0..rig.machine.drives.len() {
+                let shown = rig.session.status().drives[drive];
+                let told = last_told(&mut rig, drive);
+                prop_assert!(told.contains(&shown), "drive {}: {} shown, {:?} told", drive, shown, told);
+            }
         }
         prop_assert_eq!(answered, asked);
         go(&mut rig, Command::SwitchOff);

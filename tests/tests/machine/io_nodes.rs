@@ -375,6 +375,24 @@ fn put_out(state: &mut State, step: Step) {
     }
 }
 
+/// The state of the outputs as the session shows it.
+fn shown_outputs(rig: &Rig) -> State {
+    let status = rig.session.status();
+    let mut state = (0, [0; 3]);
+    put_out(&mut state, Step::Digital(1, status.outputs[0], true));
+    put_out(&mut state, Step::Digital(2, status.outputs[1], true));
+    let analog = rig
+        .machine
+        .analog_outputs
+        .iter()
+        .zip(&status.analog_outputs);
+    let analog: Vec<_> = analog
+        .map(|(output, &value)| output.scaled(value))
+        .collect();
+    (state.1[0], state.1[2]) = (analog[0], analog[1]);
+    state
+}
+
 /// A state behind the others, `since` the last one of them began; since when the last of all has been then. What
 /// stands at one place comes with one setpoint, and what does not change anything does not show.
 fn follow(states: &mut Vec<(State, Option<f64>)>, state: State, since: Option<f64>) -> Option<f64> {
@@ -400,12 +418,18 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 24, ..ProptestConfig::default() })]
 
     /// Whatever a program switches, and wherever: every state comes, in order, and lasts as long as the program dwells
-    /// in it, to one cycle.
+    /// in it, to one cycle; and whoever looks is shown the same.
     #[test]
     fn outputs_come_in_program_order_with_the_dwells_between_them(steps in prop::collection::vec(step(), 0..16)) {
         let (program, expected) = programmed(&steps);
         let mut rig = wired(&program);
-        prop_assert_eq!(rig.finish(), End::Finished, "{}{:?}", program, rig.events);
+        // Before the first cycle that sends any they are shown as off.
+        let mut shown = vec![shown_outputs(&rig)];
+        while rig.step() {
+            shown.push(shown_outputs(&rig));
+        }
+        prop_assert_eq!(rig.end(), Some(End::Finished), "{}{:?}", program, rig.events);
+        shown.dedup();
         let sent = sent(&rig);
         let states: Vec<State> = sent.iter().map(|(_, digital, analog)| (*digital, *analog)).collect();
         let safe = (SAFE.0, [SAFE.1[0], SAFE.1[1], SAFE.1[2]]);
@@ -413,6 +437,7 @@ proptest! {
         let mut all = [&[safe][..], &wanted, &[safe]].concat();
         all.dedup();
         prop_assert_eq!(&states, &all, "{}", program);
+        prop_assert_eq!(&shown[1..], &all, "{}", program);
         let cycle = rig.machine.cycle.as_secs_f64();
         // The first one is that before the program.
         for (place, (_, since)) in expected.iter().enumerate() {

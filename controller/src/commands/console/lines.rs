@@ -1,6 +1,7 @@
 //! The console as lines of text: commands in, what happens out. It works without a terminal.
 
 use super::super::events;
+use super::signals::Signals;
 use super::told;
 use crate::control::{Event as MachineEvent, HOLD_TO_RUN, Layout, State};
 use crate::machine::Machine;
@@ -30,7 +31,7 @@ const WAIT: &str = "wait";
 const HELP: &str = "\
 commands, a line each; one that begins something waits until what is under way is over:
   ?                  this list
-  status             state, positions, offset, tool and modes
+  status             state, positions, offset, tool and modes; drives, inputs and outputs
   faults             what stopped the machine, where, and what may be done
   wait               the lines behind it, but for stop and feed_hold, wait until the machine rests";
 
@@ -133,7 +134,7 @@ impl Reader {
         match line {
             "" | WAIT => {}
             "?" => self.help(),
-            "status" => println!("{}", shown(&self.view.get(), &self.machine)),
+            "status" => println!("{}", explained(&self.view.get(), &self.machine)),
             "faults" => println!("{}", listed(&self.view.get(), &self.machine)),
             _ => match parsed(line) {
                 Ok(command) => return self.command(command),
@@ -231,6 +232,15 @@ fn shown(status: &Status, machine: &Machine) -> String {
         status.tool,
         status.modes
     )
+}
+
+/// The same with what the drives do and what is on.
+fn explained(status: &Status, machine: &Machine) -> String {
+    let mut text = shown(status, machine);
+    for (name, what) in Signals::of(machine).rows(status) {
+        text += &format!("\n{name}: {what}");
+    }
+    text
 }
 
 /// What stopped the machine, the first cause on top, where it stands and what may be done.

@@ -3,6 +3,7 @@
 mod lines;
 mod model;
 mod screen;
+mod signals;
 mod view;
 
 use super::command_log::{CommandFile, CommandLog};

@@ -1,7 +1,8 @@
 //! What the console's screen shows, and how events change it.
 
+use super::signals::Signals;
 use crate::control::{Event as MachineEvent, Layout, State};
-use crate::machine::Axis;
+use crate::machine::{Axis, Machine};
 use crate::session::{Event, Status};
 use std::collections::VecDeque;
 use std::fs::File;
@@ -17,6 +18,7 @@ const LONGEST: u64 = 64 << 20;
 #[derive(Default)]
 pub(super) struct Model {
     pub(super) axes: Vec<Axis>,
+    pub(super) signals: Signals,
     pub(super) status: Status,
     /// What happened, the newest last.
     pub(super) messages: VecDeque<String>,
@@ -41,10 +43,11 @@ pub(super) struct Model {
 }
 
 impl Model {
-    /// Of a machine with these axes, before anything is known of it.
-    pub(super) fn new(axes: Vec<Axis>, verbose: bool) -> Self {
+    /// Of a machine before anything is known of it.
+    pub(super) fn new(machine: &Machine, verbose: bool) -> Self {
         Self {
-            axes,
+            axes: machine.axes.clone(),
+            signals: Signals::of(machine),
             verbose,
             ..Self::default()
         }

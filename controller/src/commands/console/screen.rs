@@ -68,7 +68,7 @@ pub(super) fn listen(
         prompt: None,
         held: Vec::new(),
     };
-    let model = Model::new(machine.axes.clone(), verbose);
+    let model = Model::new(machine, verbose);
     let (events, view) = (session.subscribe(), session.view());
     let terminal = ratatui::try_init()?;
     let spawn = |name: &str| thread::Builder::new().name(name.into());

@@ -4,6 +4,7 @@
 //! place from 80 columns and 24 rows on; more room shows more of the program and of the messages.
 
 use super::model::Model;
+use super::signals::DRIVES;
 use crate::control::State;
 use crate::program::counted_speed;
 use crate::session::Status;
@@ -52,9 +53,11 @@ const KEYS: [(&str, &str); 17] = [
 /// Draws all of it.
 pub(super) fn draw(frame: &mut Frame, model: &Model) {
     let axes = model.axes.len() as u16;
-    let [head, body, codes, block, rest, foot] = Layout::vertical([
+    let signals = signal_rows(model, frame.area().width);
+    let [head, body, wired, codes, block, rest, foot] = Layout::vertical([
         Constraint::Length(1),
         Constraint::Length((axes + 2).max(8)),
+        Constraint::Length(signals.len() as u16),
         Constraint::Length(2),
         Constraint::Length(1),
         Constraint::Min(3),
@@ -66,6 +69,7 @@ pub(super) fn draw(frame: &mut Frame, model: &Model) {
     frame.render_widget(header(model, head.width), head);
     frame.render_widget(Paragraph::new(position_rows(model)), positions);
     frame.render_widget(Paragraph::new(value_rows(model)), values);
+    frame.render_widget(Paragraph::new(signals), wired);
     let modes = Paragraph::new(model.status.modes.as_str()).wrap(Wrap { trim: true });
     frame.render_widget(modes, codes);
     frame.render_widget(current_block(model), block);
@@ -204,6 +208,29 @@ fn value_rows(model: &Model) -> Vec<Line<'static>> {
     ]
 }
 
+/// What the drives do and what is on, a row each.
+fn signal_rows(model: &Model, width: u16) -> Vec<Line<'static>> {
+    let status = &model.status;
+    let failed = status.drives.iter().any(|power| power.is_fault());
+    let rows = model.signals.rows(status).into_iter().map(|(name, text)| {
+        let row = Line::raw(shortened(&format!(" {name:<9}{text}"), width.into()));
+        match name == DRIVES && failed {
+            true => row.style(Style::new().fg(Color::Red)),
+            false => row,
+        }
+    });
+    rows.collect()
+}
+
+/// A text that ends within so many columns.
+fn shortened(text: &str, width: usize) -> String {
+    if text.chars().count() <= width {
+        return text.to_owned();
+    }
+    let kept = text.chars().take(width.saturating_sub(1));
+    kept.chain(['…']).collect()
+}
+
 /// The program's line with its text.
 fn current_block(model: &Model) -> Line<'static> {
     let line = model.status.line;
@@ -294,6 +321,7 @@ mod tests {
     use crate::session::{Settings, Stopped};
     use ratatui::Terminal;
     use ratatui::backend::TestBackend;
+    use syncline_drives::model::PowerState;
 
     /// A portal in the midst of a program.
     fn model() -> Model {
@@ -322,7 +350,8 @@ mod tests {
         status.spindle.speed = 12000.0;
         status.spindle.turning = Turning::Clockwise;
         let portal = "../examples/portal/machine.toml".as_ref();
-        let mut model = Model::new(Machine::load(portal).unwrap().axes, false);
+        let mut model = Model::new(&Machine::load(portal).unwrap(), false);
+        status.drives = vec![PowerState::Enabled; model.signals.drives.len()];
         model.status = status;
         (model.speed, model.elapsed) = (89.9, 83.4);
         model.take_text("G21 G90\nT2 M6\nG1 X1000 F6000\nY500\nM2\n");
@@ -359,6 +388,30 @@ mod tests {
         model.status.settings.rapid_override = 50.0;
         model.releases = true;
         insta::assert_snapshot!(drawn(&model, 80, 24));
+    }
+
+    #[test]
+    fn what_is_wired_is_shown_by_name() {
+        let mut model = model();
+        model.signals.inputs = ["door", "clamped", "probe"].map(str::to_owned).into();
+        model.signals.outputs = ["coolant", "clamp"].map(str::to_owned).into();
+        model.signals.analog_outputs = ["laser"].map(str::to_owned).into();
+        model.status.inputs = vec![false, true, false];
+        model.status.outputs = vec![true, false];
+        model.status.analog_outputs = vec![37.5];
+        model.status.drives[1] = PowerState::Fault;
+        insta::assert_snapshot!(drawn(&model, 80, 24));
+    }
+
+    #[test]
+    fn many_signals_end_with_the_screen() {
+        let mut model = model();
+        model.signals.inputs = (0..40).map(|number| format!("input {number}")).collect();
+        model.status.inputs = vec![true; 40];
+        let screen = drawn(&model, 80, 24);
+        let row = screen.lines().find(|row| row.contains("inputs")).unwrap();
+        assert!(row.ends_with("…\""), "{row}");
+        assert!(row.contains(" inputs   input 0, input 1, "), "{row}");
     }
 
     #[test]

@@ -1,0 +1,85 @@
+//! What the drives do and which inputs and outputs are on, in words, for a person at the machine.
+
+use crate::machine::Machine;
+use crate::session::Status;
+use syncline_drives::model::PowerState;
+
+/// What the row of the drives is called.
+pub(super) const DRIVES: &str = "drives";
+
+/// States of power stages, those first that somebody has to look after.
+const BY_URGENCY: [PowerState; 7] = [
+    PowerState::Fault,
+    PowerState::FaultReaction,
+    PowerState::Unknown,
+    PowerState::QuickStop,
+    PowerState::Off,
+    PowerState::Ready,
+    PowerState::Enabled,
+];
+
+/// The names of drives, inputs and outputs, in the order of the machine file.
+#[derive(Default)]
+pub(super) struct Signals {
+    pub(super) drives: Vec<String>,
+    pub(super) inputs: Vec<String>,
+    pub(super) outputs: Vec<String>,
+    pub(super) analog_outputs: Vec<String>,
+}
+
+impl Signals {
+    pub(super) fn of(machine: &Machine) -> Self {
+        let analog_outputs = &machine.analog_outputs;
+        Self {
+            drives: machine.drives.iter().map(|it| it.name.clone()).collect(),
+            inputs: machine.inputs.iter().map(|it| it.name.clone()).collect(),
+            outputs: machine.outputs.iter().map(|it| it.name.clone()).collect(),
+            analog_outputs: analog_outputs.iter().map(|it| it.name.clone()).collect(),
+        }
+    }
+
+    /// The drives' states, the inputs that are on, and the outputs that are on or put out something: a name
+    /// and what is to be told, for what the machine has.
+    pub(super) fn rows(&self, status: &Status) -> Vec<(&'static str, String)> {
+        let mut rows = vec![(DRIVES, self.drives_in_words(&status.drives))];
+        if !self.inputs.is_empty() {
+            rows.push(("inputs", listed(on(&self.inputs, &status.inputs).collect())));
+        }
+        if !self.outputs.is_empty() || !self.analog_outputs.is_empty() {
+            let analog = self.analog_outputs.iter().zip(&status.analog_outputs);
+            let analog = analog.filter(|(_, value)| **value != 0.0);
+            let analog = analog.map(|(name, value)| format!("{name} {value}"));
+            let outputs = on(&self.outputs, &status.outputs).chain(analog);
+            rows.push(("outputs", listed(outputs.collect())));
+        }
+        rows
+    }
+
+    /// Which drives are in which state, the most urgent first: `Y fault, X1 X2 enabled`.
+    fn drives_in_words(&self, states: &[PowerState]) -> String {
+        let groups = BY_URGENCY.iter().filter_map(|power| {
+            let drives = self.drives.iter().zip(states);
+            let names = drives.filter_map(|(name, state)| (state == power).then_some(&**name));
+            let names: Vec<_> = names.collect();
+            match names.len() {
+                0 => None,
+                count if count == self.drives.len() && count > 1 => Some(format!("all {power}")),
+                _ => Some(format!("{} {power}", names.join(" "))),
+            }
+        });
+        groups.collect::<Vec<_>>().join(", ")
+    }
+}
+
+/// The names of those that are on.
+fn on(names: &[String], levels: &[bool]) -> impl Iterator<Item = String> {
+    let names = names.iter().zip(levels);
+    names.filter_map(|(name, &on)| on.then(|| name.clone()))
+}
+
+fn listed(names: Vec<String>) -> String {
+    match names.is_empty() {
+        true => "none on".to_owned(),
+        false => names.join(", "),
+    }
+}
