@@ -504,7 +504,6 @@ impl Event {
             Self::Input { input, on } => {
                 format!("input \"{}\" {}", names.input(input), level(on))
             }
-            Self::Power { device, power } => format!("{}: power stage {power}", who(device)),
             Self::Output { output, on } => {
                 format!("output \"{}\" {}", names.output(output), level(on))
             }
@@ -515,8 +514,8 @@ impl Event {
                 line,
                 switch: Switch::Output(output),
             } => format!("line {line}: {output}"),
-            // The trace has it.
-            Self::Switched { .. } => return None,
+            // The trace has it; the phases tell of power stages, and faults do.
+            Self::Switched { .. } | Self::Power { .. } => return None,
             Self::Paused { line, reason } => format!("line {line}: {reason}"),
             Self::Held => "feed hold: held on the path".to_owned(),
             Self::NextLeg(leg) => describe_leg(&leg),

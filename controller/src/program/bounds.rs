@@ -16,12 +16,10 @@
 //! helps alone: a feed that an axis' velocity just allows. The tolerance, by which corners are as fast as they are, is
 //! not in that law; its `e` counts as that of a velocity, and the whole is brought back to 1.
 
-use super::{Moves, Program, ProgramError};
-use crate::control::Instruction;
+use super::{Program, ProgramError};
 use crate::machine::{Machine, Position};
 use serde::Serialize;
 use syncline_gcode as gcode;
-use syncline_trajectory::path::Command as PathCommand;
 
 /// By what part a bound is raised.
 pub const STEP: f64 = 0.05;
@@ -133,30 +131,7 @@ impl Program {
     /// # Errors
     /// A block cannot be run.
     pub fn motion_time(&self, start: Position) -> Result<f64, ProgramError> {
-        let mut feeder = self.feeder(start, Moves::new().0)?;
-        // Of each step, as the planner counts them.
-        let mut durations = Vec::new();
-        while let Some(instruction) = feeder.next_instruction()? {
-            match instruction {
-                Instruction::Plan(PathCommand::ReplaceTail(step)) => {
-                    durations.truncate(step as usize);
-                }
-                Instruction::Plan(PathCommand::JerkSegment(segment)) => {
-                    durations.push(segment.duration);
-                }
-                Instruction::Plan(
-                    PathCommand::Section { .. }
-                    | PathCommand::Dwell { .. }
-                    | PathCommand::Waypoint { .. },
-                )
-                | Instruction::Mark { .. } => durations.push(0.0),
-                Instruction::Plan(_)
-                | Instruction::Switch { .. }
-                | Instruction::Probe(_)
-                | Instruction::Probed(_) => {}
-            }
-        }
-        Ok(durations.iter().sum())
+        Ok(self.timetable(start)?.motion())
     }
 
     /// What bounds its time on a machine.

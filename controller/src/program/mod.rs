@@ -14,11 +14,13 @@ mod feed;
 mod feeder;
 mod mistakes;
 mod moves;
+mod timetable;
 
 pub use feed::{counted_speed, moved};
 pub use feeder::Feeder;
 pub use mistakes::{Mistake, Mistakes};
 pub use moves::{Moves, ProgramMove, Upcoming};
+pub use timetable::Timetable;
 
 use crate::machine::{COORDINATES, InputMeaning, Machine, PathTolerances, Position, SpinUp};
 use feed::counted_length;

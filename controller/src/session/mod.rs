@@ -26,6 +26,7 @@ mod command;
 mod job;
 mod jobs;
 mod recorded;
+mod remaining;
 mod settings;
 mod status;
 
@@ -44,6 +45,7 @@ use crate::run::{CycleReport, Progress, RunError, Timeline};
 use channel::{Inlet, Issued, Outlets};
 use job::Job;
 use jobs::{Begin, Jobs};
+use remaining::Remaining;
 use std::collections::VecDeque;
 use std::path::Path;
 use std::sync::Arc;
@@ -79,6 +81,8 @@ struct Desk {
     faults: Vec<Fault>,
     observers: Observers,
     recorder: Option<FlightRecorder>,
+    /// How long programs still take, if somebody wants to know.
+    remaining: Option<Remaining>,
     /// For the words of faults.
     layout: Arc<Layout>,
     /// Coordinates that have an axis.
@@ -158,6 +162,7 @@ impl<T: Timeline> Session<T> {
                 faults: Vec::new(),
                 observers,
                 recorder: None,
+                remaining: None,
                 coordinates: layout.axes.iter().map(|axis| axis.coordinate).collect(),
                 layout: Arc::clone(layout),
             },
@@ -217,6 +222,12 @@ impl<T: Timeline> Session<T> {
         progress
     }
 
+    /// Has the status tell how long the program at work still takes, from the next job on. That takes a thread which
+    /// plans the program once more.
+    pub fn tell_remaining(&mut self) {
+        self.desk.remaining = Some(Remaining::default());
+    }
+
     /// Has what leads to a fault written, from now on.
     pub fn record_faults(&mut self, recorder: FlightRecorder) {
         self.desk.recorder = Some(recorder);
@@ -272,6 +283,9 @@ impl Desk {
             Ok(Asked::Begin(begin)) => {
                 let Begin { work, order, moves } = *begin;
                 let what = What::Begin(work.number, moves);
+                if let Some(remaining) = &mut self.remaining {
+                    remaining.begin(&work.program, self.status.setpoint);
+                }
                 timeline.prepare(work);
                 let number = self.keep(issued, what);
                 timeline.order(number, order);
@@ -435,6 +449,7 @@ impl Desk {
                     self.first += 1;
                     if let (What::Begin(job, _), Some(jobs)) = (what, &mut self.jobs) {
                         jobs.refused(job);
+                        self.forget_remaining();
                     }
                     self.refuse(issued, refusal.into());
                 }
@@ -460,7 +475,10 @@ impl Desk {
                 match event {
                     control::Event::Phase(phase) => self.status.phase = phase,
                     control::Event::Fault(fault) => self.stopped_by(fault),
-                    control::Event::JobOver { .. } => self.job.end(),
+                    control::Event::JobOver { .. } => {
+                        self.job.end();
+                        self.forget_remaining();
+                    }
                     control::Event::Probed { .. } => self.job.probed(),
                     control::Event::Referenced { axis, .. }
                     | control::Event::Recalled { axis, .. } => self.show_reference(axis, true),
@@ -529,7 +547,10 @@ impl Desk {
         let motion = self.job.moves.motion(row.plan.tag);
         let ahead = motion.filter(|_| row.plan.busy && !row.plan.off_path);
         let target = ahead.map_or(row.plan.position, |motion| motion.curve().end());
+        let remaining = (self.remaining.as_mut())
+            .and_then(|remaining| remaining.at(row.plan.distance, &self.settings));
         self.status = Status {
+            remaining,
             time: Some(time),
             target,
             tool: row.functions.tool,
@@ -556,6 +577,14 @@ impl Desk {
             }
             // Its name comes with it.
             Switch::Tool(_) | Switch::Output(_) => {}
+        }
+    }
+
+    /// No program is at work any more.
+    fn forget_remaining(&mut self) {
+        self.status.remaining = None;
+        if let Some(remaining) = &mut self.remaining {
+            remaining.end();
         }
     }
 

@@ -21,6 +21,9 @@ pub struct Status {
     pub phase: Phase,
     /// Since the program could begin, s; `None` before.
     pub time: Option<f64>,
+    /// How long the program still takes, with these overrides and without stops for an operator, s; `None` where
+    /// that is not known, not asked for, or an override has it stand still.
+    pub remaining: Option<f64>,
     /// The program's line.
     pub line: u32,
     /// Setpoints, mm and degrees.
@@ -88,6 +91,7 @@ impl Default for Status {
             referenced: [true; COORDINATES],
             phase: Phase::Survey,
             time: None,
+            remaining: None,
             line: 0,
             setpoint: [0.0; COORDINATES],
             actual: [0.0; COORDINATES],

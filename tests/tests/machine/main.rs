@@ -32,6 +32,7 @@ mod properties;
 mod reactions;
 mod recorder;
 mod references;
+mod remaining;
 mod replayed;
 mod results;
 mod run;

@@ -195,7 +195,7 @@ fn a_box_and_a_cylinder_are_found() {
 }
 
 /// The example with its probe at every drive.
-fn rig(program: &str) -> Rig {
+pub(super) fn rig(program: &str) -> Rig {
     Rig::new("xyz", &[(HERE, &with(&wired(&ALL)))], program, |_, _| ())
 }
 

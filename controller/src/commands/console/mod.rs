@@ -94,6 +94,7 @@ impl Args {
         })?;
         let observers = Observers::new(&machine, None, None, false);
         let mut session = Session::staying_on(&layout, timeline, programs, observers);
+        session.tell_remaining();
         real_time::record_faults(&mut session, &self.machine, &machine, &layout);
         let commands = commands.map(|file| {
             let file = Box::new(written.writers.begin(file)?);

@@ -112,13 +112,26 @@ fn header(model: &Model, width: u16) -> Line<'static> {
             || "no program".to_owned(),
             |name| name.to_string_lossy().into_owned(),
         );
-    let time = format!("{:.1} s", model.elapsed);
+    let remaining = model.status.remaining.map(in_words);
+    let remaining = remaining.map_or_else(String::new, |left| format!(", {left} left"));
+    let time = format!("{}{remaining}", in_words(model.elapsed));
     let used = name.chars().count() + program.chars().count() + time.chars().count() + 2;
     let gap = usize::from(width).saturating_sub(used);
     Line::from(vec![
         Span::styled(name, style),
         Span::raw(format!("  {program}{:gap$}{time}", "")),
     ])
+}
+
+/// A time: `83.4 s`, `12:05 min`, `1:03:20 h`.
+fn in_words(seconds: f64) -> String {
+    let whole = seconds.max(0.0) as u64;
+    let (hours, minutes, rest) = (whole / 3600, whole / 60 % 60, whole % 60);
+    match hours {
+        0 if whole < 100 => format!("{seconds:.1} s"),
+        0 => format!("{minutes}:{rest:02} min"),
+        _ => format!("{hours}:{minutes:02}:{rest:02} h"),
+    }
 }
 
 /// Where each axis is.
@@ -330,6 +343,7 @@ mod tests {
             line: 3,
             time: Some(12.5),
             feed: Some(100.0),
+            remaining: Some(4261.5),
             tool: 2,
             tool_name: "end mill 6 mm".to_owned(),
             program: Some("/parts/plate.ngc".into()),

@@ -270,6 +270,9 @@ impl<const N: usize> Clone for Executor<N> {
 }
 
 impl<const N: usize> Executor<N> {
+    /// Steps of a plan that it holds at most: those before them are not replaced any more.
+    pub const MOST_STEPS: usize = CAPACITY + RESERVE;
+
     /// At rest in `position`, with a cycle of `period` s and room for whatever a planner commits.
     pub fn new(position: [f64; N], period: f64) -> Self {
         Executor {
