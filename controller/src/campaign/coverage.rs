@@ -212,6 +212,7 @@ pub(super) fn name(command: &Command) -> &'static str {
         Command::Reset => "reset",
         Command::SwitchOff => "switch off",
         Command::Home(_) => "home",
+        Command::Output { .. } => "output",
     }
 }
 

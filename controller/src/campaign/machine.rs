@@ -120,6 +120,19 @@ impl Wire {
 }
 
 impl MachineSpec {
+    /// What its outputs are called.
+    pub(super) fn outputs(&self) -> Vec<String> {
+        let drives = self.axes.iter().flat_map(|axis| {
+            let drives = axis.drives.iter().enumerate();
+            drives.map(|(side, drive)| (axis.drive_name(side), drive))
+        });
+        let outputs = drives.flat_map(|(name, drive)| {
+            let outputs = drive.wires.iter().filter(|wire| wire.table == "output");
+            outputs.map(move |wire| format!("{name} {}", wire.signal))
+        });
+        outputs.collect()
+    }
+
     /// A random machine that fits its buses.
     pub(super) fn draw(dice: &mut Dice) -> Self {
         for _ in 0..DRAWS {
@@ -408,8 +421,13 @@ impl AxisSpec {
         digits(0.25 * self.travel)
     }
 
+    /// What the machine file calls one of its drives.
+    fn drive_name(&self, side: usize) -> String {
+        format!("{}{}", self.letter, side + 1)
+    }
+
     fn write(&self, text: &mut String) {
-        let name = |side: usize| format!("{}{}", self.letter, side + 1);
+        let name = |side: usize| self.drive_name(side);
         for (side, drive) in self.drives.iter().enumerate() {
             let direction = if drive.negative {
                 "negative"

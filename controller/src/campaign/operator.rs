@@ -108,7 +108,7 @@ struct Drawing<'a> {
 type Draw = fn(&mut Drawing<'_>) -> Command;
 
 /// Every kind of command, and how often it comes.
-const KINDS: [(u32, Draw); 23] = [
+const KINDS: [(u32, Draw); 26] = [
     (4, |_| Command::CycleStart),
     (4, |_| Command::FeedHold),
     (4, |_| Command::Resume),
@@ -119,6 +119,8 @@ const KINDS: [(u32, Draw); 23] = [
     (4, |it| Command::FeedOverride(it.change(220.0))),
     (3, |it| Command::RapidOverride(it.change(110.0))),
     (8, |it| Command::Jog(it.jog())),
+    (4, |it| Command::RenewJog(it.axis().1)),
+    (1, |it| Command::EndJog(it.axis().1)),
     (1, |it| Command::JogStep(it.step())),
     (2, |it| Command::GoTo(it.positions())),
     (2, |it| Command::Load(it.program())),
@@ -135,6 +137,7 @@ const KINDS: [(u32, Draw); 23] = [
     (2, |_| Command::Enable),
     (2, |_| Command::Disable),
     (2, |_| Command::Reset),
+    (2, |it| it.output()),
     (1, |_| Command::SwitchOff),
 ];
 
@@ -145,6 +148,17 @@ impl Drawing<'_> {
             1 => SwitchChange::To(false),
             _ => SwitchChange::Toggle,
         }
+    }
+
+    /// An output of the machine; now and then one that it does not have.
+    fn output(&mut self) -> Command {
+        let names = self.machine.outputs();
+        let name = match names.is_empty() || self.dice.chance(0.05) {
+            true => "none".to_owned(),
+            false => self.dice.pick(&names).clone(),
+        };
+        let on = self.dice.chance(0.5);
+        Command::Output { name, on }
     }
 
     fn change(&mut self, most: f64) -> Override {

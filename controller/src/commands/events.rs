@@ -14,7 +14,7 @@ use syncline_gcode::Axis;
 /// An event's name, what its value has to be, if it has one, and the command that they make.
 type Event = (&'static str, &'static str, fn(&str) -> Option<Command>);
 
-const EVENTS: [Event; 26] = [
+const EVENTS: [Event; 27] = [
     (
         "feed_override",
         "0 or a value from 0.1 to 200 (%)",
@@ -81,6 +81,11 @@ const EVENTS: [Event; 26] = [
     ("home", "nothing, or axes as `X Y`", |value| {
         letters(value).map(Command::Home)
     }),
+    (
+        "output",
+        "the name of an output, then `on` or `off`",
+        output,
+    ),
     ("enable", "", |_| Some(Command::Enable)),
     ("disable", "", |_| Some(Command::Disable)),
     ("reset", "", |_| Some(Command::Reset)),
@@ -138,6 +143,16 @@ fn switch(value: &str) -> Option<SwitchChange> {
         "off" => Some(SwitchChange::To(false)),
         _ => None,
     }
+}
+
+/// `clamp on`; names may have spaces.
+fn output(value: &str) -> Option<Command> {
+    let (name, on) = value.rsplit_once(char::is_whitespace)?;
+    let SwitchChange::To(on) = switch(on)? else {
+        return None;
+    };
+    let name = name.trim_end().to_owned();
+    (!name.is_empty()).then_some(Command::Output { name, on })
 }
 
 /// So many percent.

@@ -9,9 +9,12 @@
 //! Outputs of the machine that are wired to drives and I/O nodes follow with the setpoint of the same SYNC. Before the
 //! program, and from the cycle on in which a stop begins, for whatever reason, they have their safe
 //! values.
+//!
+//! An operator may switch outputs by hand where the machine rests. In a hold the program's own state is back before
+//! the path goes on; without a job what was switched by hand is what the next job begins with.
 
 use super::Layout;
-use super::{Controller, Event, Phase};
+use super::{Controller, Event, Phase, Request, event_sink};
 use crate::machine::{AnalogSource, OutputSwitch};
 use std::collections::VecDeque;
 use std::fmt;
@@ -69,6 +72,19 @@ impl MachineFunctions {
         }
     }
 
+    /// Switches an output; the spindle's only the program does.
+    fn put(&mut self, switch: OutputSwitch, on: bool) {
+        match switch {
+            OutputSwitch::Program(number) => {
+                let bit = 1 << number;
+                self.digital = self.digital & !bit | if on { bit } else { 0 };
+            }
+            OutputSwitch::Mist => self.coolant.mist = on,
+            OutputSwitch::Flood => self.coolant.flood = on,
+            OutputSwitch::Spindle | OutputSwitch::SpindleReverse => {}
+        }
+    }
+
     /// What an analog output puts out.
     fn value(&self, source: AnalogSource) -> f64 {
         match source {
@@ -88,8 +104,7 @@ impl MachineFunctions {
             Switch::Coolant(coolant) => self.coolant = coolant,
             Switch::Tool(tool) => self.tool = tool,
             Switch::Output(Output::Digital { number, on, .. }) => {
-                let bit = 1 << number;
-                self.digital = self.digital & !bit | if on { bit } else { 0 };
+                self.put(OutputSwitch::Program(number), on);
             }
             Switch::Output(Output::Analog { number, value, .. }) => {
                 self.analog[usize::from(number)] = value;
@@ -108,6 +123,8 @@ pub(super) struct Switches {
     /// How many were executed.
     executed: u32,
     waiting: VecDeque<(u32, Switch)>,
+    /// By output of the machine: what it was switched to by hand.
+    by_hand: Vec<Option<bool>>,
     /// By output of the machine, as told; `None` before the first.
     outputs: Vec<Option<bool>>,
     /// Likewise by analog output.
@@ -124,6 +141,7 @@ impl Switches {
             safe: false,
             executed: 0,
             waiting,
+            by_hand: vec![None; layout.outputs.len()],
             outputs: vec![None; layout.outputs.len()],
             analog_outputs: vec![None; layout.analog_outputs.len()],
         }
@@ -135,9 +153,24 @@ impl Switches {
         self.waiting.clear();
     }
 
-    /// A job begins: from now on outputs are what M-codes make of them.
-    pub(super) fn begin(&mut self) {
+    /// A job begins: from now on outputs are what M-codes make of them, and what they were switched to by hand
+    /// before.
+    pub(super) fn begin(&mut self, layout: &Layout, mut tell: impl FnMut(Switch)) {
         self.safe = false;
+        let coolant = self.functions.coolant;
+        for (output, by_hand) in layout.outputs.iter().zip(&mut self.by_hand) {
+            if let Some(on) = by_hand.take() {
+                self.functions.put(output.switch, on);
+            }
+        }
+        if self.functions.coolant != coolant {
+            tell(Switch::Coolant(self.functions.coolant));
+        }
+    }
+
+    /// Switches an output by hand.
+    pub(super) fn by_hand(&mut self, output: usize, on: bool) {
+        self.by_hand[output] = Some(on);
     }
 
     /// Switches off what a program leaves on, and a job that is stopped: spindle, coolant and outputs.
@@ -205,15 +238,33 @@ impl<const N: usize> Controller<N> {
         }
     }
 
+    /// Switches off what is left on, as at the end of a job.
+    pub(super) fn switch_off_outputs(&mut self) {
+        let Self {
+            switches, events, ..
+        } = self;
+        let mut tell = event_sink(events);
+        let line = switches.functions.line;
+        switches.stop(|switch| tell(Event::Switched { line, switch }));
+    }
+
     /// Sets the outputs of devices for the next SYNC.
     pub(super) fn set_outputs(&mut self) {
         let layout = Arc::clone(&self.layout);
         let is_safe = self.phase != Phase::Program || self.switches.safe;
         let switched = self.switches.functions;
+        // Typed lines may have left something on, which the next enabling is not to switch on again.
+        if self.stays_on && self.phase != Phase::Program && !self.switches.safe {
+            self.switch_off_outputs();
+        }
+        if !self.state().allows(Request::Switch) {
+            self.switches.by_hand.fill(None);
+        }
         for (index, output) in layout.outputs.iter().enumerate() {
-            let on = match is_safe {
-                true => output.safe,
-                false => switched.is_on(output.switch),
+            let on = match self.switches.by_hand[index] {
+                Some(on) => on,
+                None if is_safe => output.safe,
+                None => switched.is_on(output.switch),
             };
             self.nodes[output.node].set_output(output.signal, on != output.active_low);
             if self.switches.outputs[index].replace(on) != Some(on) {

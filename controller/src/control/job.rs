@@ -87,7 +87,11 @@ impl<const N: usize> Controller<N> {
         self.probing.abort();
         self.pause_told = false;
         self.unplanned = 0;
-        self.switches.begin();
+        let mut events = event_sink(&mut self.events);
+        let line = self.switches.functions.line;
+        let told = |switch| events(Event::Switched { line, switch });
+        self.switches.begin(&self.layout, told);
+        drop(events);
         self.rest_here();
     }
 
@@ -252,12 +256,7 @@ impl<const N: usize> Controller<N> {
             // Typed lines that are wrong were not begun, and stop nothing.
             let ends = job.kind == JobKind::Program || outcome == Outcome::Stopped;
             if ends && self.stays_on {
-                let Self {
-                    switches, events, ..
-                } = self;
-                let mut tell = event_sink(events);
-                let line = switches.functions.line;
-                switches.stop(|switch| tell(Event::Switched { line, switch }));
+                self.switch_off_outputs();
             }
             self.over = Some((job.number, outcome));
             self.tell(Event::JobOver {

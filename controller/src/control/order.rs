@@ -49,6 +49,13 @@ pub enum Order<const N: usize = COORDINATES> {
     Home([bool; N]),
     /// Brings the drives back after a fault: found, set up and enabled anew, without a motion.
     Reset,
+    /// Switches an output of the machine by hand.
+    Switch {
+        /// Its place in the machine file.
+        output: usize,
+        /// Whether it is on then.
+        on: bool,
+    },
     /// Switches the machine off, once what moves has come to rest.
     SwitchOff,
 }
@@ -108,6 +115,7 @@ impl<const N: usize> Order<N> {
             Self::Disable => Request::Disable,
             Self::Reset => Request::Reset,
             Self::SwitchOff => Request::SwitchOff,
+            Self::Switch { .. } => Request::Switch,
             Self::Abandon(_) => return None,
         })
     }
@@ -178,6 +186,7 @@ impl<const N: usize> Controller<N> {
             Order::Home(coordinates) => self.home(coordinates)?,
             Order::Reset => self.reset(),
             Order::SwitchOff => self.switch_off(),
+            Order::Switch { output, on } => self.switches.by_hand(output, on),
         }
         Ok(())
     }

@@ -443,7 +443,10 @@ impl<const N: usize> Controller<N> {
             });
         }
         self.executor.restart(position);
-        self.switches.begin();
+        if self.job.is_some() {
+            // Nothing can have been switched by hand before.
+            self.switches.begin(&self.layout, |_| ());
+        }
         self.plan_from_rest();
         self.frozen = true;
         Ok(())

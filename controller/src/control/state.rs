@@ -58,6 +58,8 @@ pub enum Request {
     Reset,
     /// Switch the machine off.
     SwitchOff,
+    /// Switch an output by hand.
+    Switch,
     /// Change a setting.
     Set,
 }
@@ -84,7 +86,7 @@ impl State {
         use State::{Disabled, Faulted, Held, Homing, Jogging, Mdi, Off, Ready, Running, Starting};
         match request {
             Request::Begin | Request::Home => matches!(self, Ready),
-            Request::Jog => matches!(self, Ready | Jogging | Held),
+            Request::Jog | Request::Switch => matches!(self, Ready | Jogging | Held),
             Request::FeedHold => matches!(self, Jogging | Mdi | Running | Held),
             Request::GoOn => matches!(self, Mdi | Running | Held),
             Request::Enable => matches!(self, Disabled),
@@ -119,7 +121,7 @@ impl State {
 
 impl Request {
     /// All of them.
-    pub const ALL: [Self; 11] = [
+    pub const ALL: [Self; 12] = [
         Self::Begin,
         Self::Home,
         Self::Jog,
@@ -130,6 +132,7 @@ impl Request {
         Self::Disable,
         Self::Reset,
         Self::SwitchOff,
+        Self::Switch,
         Self::Set,
     ];
 }
@@ -165,6 +168,7 @@ impl fmt::Display for Request {
             Self::Disable => "disable",
             Self::Reset => "reset",
             Self::SwitchOff => "switch off",
+            Self::Switch => "switch outputs by hand",
             Self::Set => "set",
         })
     }

@@ -69,6 +69,14 @@ pub enum Command {
     Home([bool; COORDINATES]),
     /// Brings the drives back after a fault, without a motion.
     Reset,
+    /// Switches an output of the machine by hand, where the machine rests. In a hold the program's own state is back
+    /// before the path goes on; without a job the next one begins with it.
+    Output {
+        /// As the machine file names it.
+        name: String,
+        /// Whether it is on then.
+        on: bool,
+    },
     /// Switches the machine off, once what moves has come to rest.
     SwitchOff,
 }
@@ -96,11 +104,30 @@ pub enum Refusal {
     /// Positions are numbers.
     #[error("there is a number that is none")]
     NotANumber,
+    /// No output is called so.
+    #[error("the machine has no output \"{name}\"; {}", listed(.outputs))]
+    NoSuchOutput {
+        /// The name.
+        name: String,
+        /// Those of the machine.
+        outputs: Vec<String>,
+    },
+    /// The spindle has a state of its own, which a typed line changes.
+    #[error("output \"{0}\" is the spindle's: type M3, M4 or M5 for it")]
+    OutputOfSpindle(String),
     /// There is no tool whose length could be set.
     #[error(
         "no tool is in the spindle: load one with T and M6, or say which one is there by M61 Q"
     )]
     NoTool,
+}
+
+/// The outputs that there are, for who named another one.
+fn listed(outputs: &[String]) -> String {
+    match outputs.is_empty() {
+        true => "it has none: [[output]] names them".to_owned(),
+        false => format!("allowed: {}", outputs.join(", ")),
+    }
 }
 
 /// A move beside the path. Speeds are in mm/s or °/s; without one, the axis' greatest.
@@ -252,6 +279,13 @@ mod tests {
                     speed: None,
                 }),
                 r#"{"jog":{"continuous":{"axis":"X","direction":"negative","speed":null}}}"#,
+            ),
+            (
+                Command::Output {
+                    name: "clamp".to_owned(),
+                    on: true,
+                },
+                r#"{"output":{"name":"clamp","on":true}}"#,
             ),
             (Command::RenewJog(Axis::X), r#"{"renew_jog":"X"}"#),
             (Command::EndJog(Axis::Z), r#"{"end_jog":"Z"}"#),

@@ -37,7 +37,7 @@ pub use settings::{LEAST, MOST_FEED, MOST_RAPID, Override, Settings, StepChange,
 pub use status::{Status, StatusView, Stopped};
 
 use crate::control::{self, Fault, Layout, NotNow, Order, Request, Row, State, Switch};
-use crate::machine::COORDINATES;
+use crate::machine::{COORDINATES, OutputSwitch};
 use crate::observe::flight_recorder::FlightRecorder;
 use crate::observe::{Observed, Observers};
 use crate::program::{Moves, Programs};
@@ -330,6 +330,10 @@ impl Desk {
             }
             _ => {}
         }
+        if let Command::Output { name, on } = command {
+            let (output, on) = (self.output(name)?, *on);
+            return Ok(Asked::Order(Order::Switch { output, on }));
+        }
         let begins = asks == Some(Request::Begin);
         let Some(jobs) = &mut self.jobs else {
             let order = self.settings.order(command);
@@ -353,6 +357,23 @@ impl Desk {
                 let order = self.settings.order(command);
                 Ok(order.map_or(Asked::Own, Asked::Order))
             }
+        }
+    }
+
+    /// The place of an output that may be switched by hand.
+    fn output(&self, name: &str) -> Result<usize, Refusal> {
+        let outputs = &self.layout.outputs;
+        let Some(place) = outputs.iter().position(|output| output.name == name) else {
+            return Err(Refusal::NoSuchOutput {
+                name: name.to_owned(),
+                outputs: outputs.iter().map(|output| output.name.clone()).collect(),
+            });
+        };
+        match outputs[place].switch {
+            OutputSwitch::Spindle | OutputSwitch::SpindleReverse => {
+                Err(Refusal::OutputOfSpindle(name.to_owned()))
+            }
+            OutputSwitch::Program(_) | OutputSwitch::Mist | OutputSwitch::Flood => Ok(place),
         }
     }
 

@@ -111,11 +111,12 @@ impl Settings {
             Command::Home(axes) => Order::Home(axes),
             Command::Reset => Order::Reset,
             Command::SwitchOff => Order::SwitchOff,
-            // Jobs are the session's.
+            // Jobs and names are the session's.
             Command::Load(_)
             | Command::Run { .. }
             | Command::Mdi(_)
             | Command::GoTo(_)
+            | Command::Output { .. }
             | Command::SetWorkOffset(_)
             | Command::SetToolLength(_) => return None,
         })

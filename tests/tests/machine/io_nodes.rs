@@ -1,13 +1,18 @@
 //! An I/O node by CiA 401 beside the portal's drives: its outputs, its inputs, and what is done without it.
 
 use proptest::prelude::*;
+use proptest::sample::select;
 use std::time::Duration;
 use syncline_canopen::{CobId, Instant, NodeId};
 use syncline_controller::control::fault::DeviceCause;
-use syncline_controller::control::{End, Event, Fault, Phase};
+use syncline_controller::control::{End, Event, Fault, Phase, State as MachineState};
+use syncline_controller::session::{self, Command, Jog};
 use syncline_drives::twin::cia401::Twin;
 use syncline_drives::twin::{Disturbance, ErrorClass};
+use syncline_gcode::{Axis, Turning};
 use syncline_tests::rig::Rig;
+
+use super::day::{go, settle, state};
 
 /// The node's place behind the drives of the machine file.
 const IO: usize = 4;
@@ -447,4 +452,183 @@ proptest! {
             }
         }
     }
+}
+
+/// The portal with such a node, staying on, and a spindle's output besides.
+fn staying_on() -> Rig {
+    const TURNS: &str = "\n[[output]]\nname = \"turns\"\nio = \"cabinet\"\nsignal = \"DO3\"\nfunction = \"spindle\"\n\n[machine]\n";
+    let wired = WIRED.replace("[machine]\n", TURNS.trim_start());
+    let mut rig = Rig::staying_on("portal", &[("[machine]\n", &wired)], |_, _| ());
+    set(&mut rig, ENABLE, true);
+    settle(&mut rig);
+    rig
+}
+
+fn output(name: &str, on: bool) -> Command {
+    let name = name.to_owned();
+    Command::Output { name, on }
+}
+
+/// Digital outputs, a few cycles later.
+fn digital_after(rig: &mut Rig, command: Command) -> u16 {
+    rig.command(command);
+    (0..12).for_each(|_| assert!(rig.step()));
+    outputs(rig).0
+}
+
+#[test]
+fn outputs_are_switched_by_hand_where_the_machine_rests() {
+    let mut rig = staying_on();
+    let (valve, clamp_is_off) = (0x0002, 0x0200);
+    assert_eq!(outputs(&mut rig).0, SAFE.0);
+    // The others keep their safe values.
+    assert_eq!(digital_after(&mut rig, output("valve", true)), valve);
+    let text = "G91 G1 X20 F600\nM65 P1\nG1 X-20\nM2\n";
+    let file = rig.folder.file("part.ngc", text);
+    rig.command(Command::Load(file));
+    // A program begins with what was switched by hand, and switches it as it likes.
+    let run = Command::Run { from_line: None };
+    assert_eq!(digital_after(&mut rig, run), valve | clamp_is_off);
+    assert_eq!(
+        digital_after(&mut rig, output("valve", false)),
+        valve | clamp_is_off
+    );
+    let refused = rig.refused.pop().unwrap().reason.to_string();
+    assert!(
+        refused.starts_with("no switch outputs by hand while the machine is running"),
+        "{refused}"
+    );
+    rig.command(Command::FeedHold);
+    rig.run_until(|rig| state(rig) == MachineState::Held);
+    assert_eq!(digital_after(&mut rig, output("clamp", true)), valve);
+    assert_eq!(
+        digital_after(&mut rig, output("valve", false)),
+        0,
+        "{:?}",
+        rig.refused
+    );
+    // Going on it is what the program made of it.
+    let on = digital_after(&mut rig, Command::Resume);
+    assert_eq!(on, valve | clamp_is_off);
+    rig.run_until(|rig| rig.session.status().line == 3);
+    assert_eq!(outputs(&mut rig).0, clamp_is_off);
+    settle(&mut rig);
+    assert_eq!(outputs(&mut rig).0, SAFE.0);
+    digital_after(&mut rig, output("valve", true));
+    assert_eq!(digital_after(&mut rig, Command::Disable), SAFE.0);
+    go(&mut rig, Command::Enable);
+    assert_eq!(outputs(&mut rig).0, SAFE.0);
+    for (name, why) in [
+        ("turns", "output \"turns\" is the spindle's"),
+        ("door", "no output \"door\"; allowed: valve, clamp, turns"),
+    ] {
+        assert_eq!(digital_after(&mut rig, output(name, true)), SAFE.0);
+        let refused = rig.refused.pop().unwrap().reason.to_string();
+        assert!(refused.contains(why), "{refused}");
+    }
+}
+
+/// What an operator does.
+fn deed() -> impl Strategy<Value = Command> {
+    let hand = (select(vec!["valve", "clamp"]), any::<bool>());
+    let jog = Command::Jog(Jog::By {
+        axis: Axis::X,
+        distance: 5.0,
+        speed: None,
+    });
+    let others = vec![
+        Command::Run { from_line: None },
+        Command::Run { from_line: None },
+        Command::FeedHold,
+        Command::FeedHold,
+        Command::Resume,
+        Command::CycleStart,
+        jog,
+        Command::Stop,
+        Command::Disable,
+        Command::Enable,
+        Command::Mdi("M64 P1".to_owned()),
+        Command::Mdi("M65 P2\nG4 P0.1".to_owned()),
+    ];
+    prop_oneof![1 => hand.prop_map(|(name, on)| output(name, on)), 1 => select(others)]
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 24, ..ProptestConfig::default() })]
+
+    /// Whatever is done and whenever: where the machine rests what was switched by hand stays, everywhere else
+    /// outputs are the program's, or safe.
+    #[test]
+    fn by_hand_nothing_is_switched_but_where_the_machine_rests(
+        deeds in prop::collection::vec((deed(), 1..400usize), 1..24),
+    ) {
+        let mut rig = staying_on();
+        rig.goes_on = false;
+        let text = "G91 G1 X20 F3000\nM64 P1\nG1 X-20\nM64 P2\nM0\nM65 P1\nG1 X10\nG1 X-10\nM65 P2\nG4 P0.3\nM2\n";
+        let file = rig.folder.file("part.ngc", text);
+        rig.command(Command::Load(file));
+        let told = rig.session.subscribe();
+        let mut before_row = (MachineState::Ready, Vec::new(), rig.rows.len());
+        // By output: what it was switched to by hand since the machine has rested.
+        let mut by_hand = [None; 2];
+        for (deed, wait) in deeds {
+            rig.command(deed);
+            for _ in 0..wait {
+                let before = state(&rig);
+                rig.step();
+                let now = state(&rig);
+                let rests = matches!(now, MachineState::Ready | MachineState::Jogging | MachineState::Held);
+                if !rests {
+                    by_hand = [None; 2];
+                }
+                for event in told.events() {
+                    if let session::Event::Accepted(it) = event
+                        && let Command::Output { name, on } = it.command
+                    {
+                        by_hand[usize::from(name == "clamp")] = Some(on);
+                    }
+                }
+                // What happens within a cycle shows at its end.
+                if before != now {
+                    continue;
+                }
+                let shown = &rig.session.status().outputs;
+                match now {
+                    MachineState::Ready | MachineState::Jogging | MachineState::Held => {
+                        for (output, on) in by_hand.iter().enumerate() {
+                            prop_assert!(on.is_none_or(|on| on == shown[output]), "{:?}, {:?}", by_hand, shown);
+                        }
+                    }
+                    MachineState::Running | MachineState::Mdi => {
+                        // A row has what was switched before it.
+                        let (was, shown, rows) = &before_row;
+                        if *was == now && rig.rows.len() > *rows {
+                            let functions = rig.rows[*rows].functions;
+                            let programmed = [1, 2].map(|number| functions.digital >> number & 1 != 0);
+                            prop_assert_eq!(&shown[..2], &programmed);
+                        }
+                    }
+                    MachineState::Disabled | MachineState::Faulted => {
+                        prop_assert_eq!(&shown[..2], &[false, true]);
+                    }
+                    _ => {}
+                }
+                before_row = (now, rig.session.status().outputs.clone(), rig.rows.len());
+            }
+        }
+    }
+}
+
+/// Enabling switches nothing on that typed lines left on before the drives were disabled.
+#[test]
+fn enabling_switches_nothing_on() {
+    let mut rig = staying_on();
+    go(&mut rig, Command::Mdi("M64 P1\nM3 S12000".to_owned()));
+    assert_eq!(outputs(&mut rig).0 & 0x000A, 0x000A);
+    go(&mut rig, Command::Disable);
+    assert_eq!(outputs(&mut rig), SAFE);
+    assert_eq!(rig.session.status().spindle.turning, Turning::Off);
+    go(&mut rig, Command::Enable);
+    assert_eq!(state(&rig), MachineState::Ready);
+    assert_eq!(outputs(&mut rig), SAFE);
 }
