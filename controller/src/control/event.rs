@@ -462,14 +462,6 @@ impl Event {
                 names.vendor_part(device, &emergency)
             ),
             Self::Warning { device } => format!("{}: warning pending", who(device)),
-            Self::Signal { device, signal, on } => {
-                format!(
-                    "{}: {} {}",
-                    who(device),
-                    names.signal(device, signal),
-                    level(on)
-                )
-            }
             Self::ErrorReset { device } => format!("{}: error reset", who(device)),
             Self::Frozen { axis, .. }
             | Self::Referenced { axis, .. }
@@ -501,15 +493,10 @@ impl Event {
             Self::LatePlan => "the plan came late, so the path slows down: this host is slow for \
                                the program"
                 .to_owned(),
-            Self::Input { input, on } => {
-                format!("input \"{}\" {}", names.input(input), level(on))
-            }
-            Self::Output { output, on } => {
-                format!("output \"{}\" {}", names.output(output), level(on))
-            }
-            Self::AnalogOutput { output, value } => {
-                format!("output \"{}\" at {value}", names.analog_output(output))
-            }
+            Self::Signal { .. }
+            | Self::Input { .. }
+            | Self::Output { .. }
+            | Self::AnalogOutput { .. } => return self.describe_signal(names),
             Self::Switched {
                 line,
                 switch: Switch::Output(output),
@@ -543,6 +530,24 @@ impl Event {
             Self::Touched => Fault::Touched.describe(names),
             _ => return None,
         })
+    }
+
+    /// The same of what concerns an input or an output.
+    fn describe_signal(&self, names: &impl Names) -> Option<String> {
+        let (what, on) = match *self {
+            Self::Signal { device, signal, on } => {
+                let (who, signal) = (names.who(device), names.signal(device, signal));
+                (format!("{who}: {signal}"), on)
+            }
+            Self::Input { input, on } => (format!("input \"{}\"", names.input(input)), on),
+            Self::Output { output, on } => (format!("output \"{}\"", names.output(output)), on),
+            Self::AnalogOutput { output, value } => {
+                let name = names.analog_output(output);
+                return Some(format!("output \"{name}\" at {value}"));
+            }
+            _ => return None,
+        };
+        Some(format!("{what} {}", level(on)))
     }
 
     /// What happened to an axis.

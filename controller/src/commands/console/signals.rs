@@ -74,7 +74,7 @@ impl Signals {
 /// The names of those that are on.
 fn on(names: &[String], levels: &[bool]) -> impl Iterator<Item = String> {
     let names = names.iter().zip(levels);
-    names.filter_map(|(name, &on)| on.then(|| name.clone()))
+    names.filter(|(_, on)| **on).map(|(name, _)| name.clone())
 }
 
 fn listed(names: Vec<String>) -> String {
