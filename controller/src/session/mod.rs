@@ -14,6 +14,7 @@
 //! - [`Event`], [`Status`]: what happens and how things are, to any number of subscribers
 //! - `jobs`: programs and typed lines of a machine that stays on, one after the other
 //! - `job`: the program that runs: where on its moves the setpoint is
+//! - `remaining`: how long it still takes
 //!
 //! Whoever calls [`Session::advance`] lends the session its thread, and nothing in there waits: not
 //! for a subscriber, not for an operator, not for the planner of a machine in real time. So a
