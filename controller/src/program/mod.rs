@@ -462,6 +462,14 @@ impl Program {
         self.setup.abandoned.load(Ordering::Relaxed)
     }
 
+    /// The same program for somebody else, who may abandon it alone.
+    #[must_use]
+    pub fn apart(&self) -> Self {
+        let mut apart = self.clone();
+        apart.setup.abandoned = Arc::default();
+        apart
+    }
+
     /// Nobody wants the program any more: whoever reads it, in whatever thread, goes no further
     /// than the end of a block.
     pub fn abandon(&self) {

@@ -16,6 +16,10 @@ const STRETCH: f64 = 0.1;
 const MOST_STRETCHES: usize = 1 << 16;
 /// Steps of the plan that may still be replaced.
 const REPLACEABLE: usize = Executor::<COORDINATES>::MOST_STEPS;
+/// A step during which the speed changes is cut into so many parts at most.
+const MOST_PARTS: f64 = 1000.0;
+/// Instructions that are walked at most: a program may never end. So many are some million blocks.
+const MOST_INSTRUCTIONS: usize = 1 << 28;
 /// By so much the setpoint may be off the place where it rests, mm.
 const SAME_PLACE: f64 = 1e-6;
 
@@ -55,7 +59,7 @@ pub struct Timetable {
     ends: Vec<(f64, Times)>,
     /// The stretch that has not ended.
     open: (f64, Times),
-    /// Of a stretch at least, s.
+    /// Of a stretch at most, unless a single step takes longer, s.
     stretch: f64,
     /// Of all that was walked so far.
     total: Times,
@@ -71,7 +75,10 @@ impl Program {
         let mut feeder = self.feeder(start, Moves::new().0)?;
         let mut walk = Walk::default();
         walk.table.stretch = STRETCH;
-        while let Some(instruction) = feeder.next_instruction()? {
+        for _ in 0..MOST_INSTRUCTIONS {
+            let Some(instruction) = feeder.next_instruction()? else {
+                break;
+            };
             walk.take(&instruction);
         }
         Ok(walk.finish())
@@ -85,7 +92,8 @@ impl Timetable {
         self.total.feed + self.total.rapid
     }
 
-    /// Whether it goes to the end of the program: behind a probing nothing is known before the machine has probed.
+    /// Whether it goes to the end of the program: behind a probing nothing is known before the machine has probed, and
+    /// some programs have none.
     #[must_use]
     pub fn is_whole(&self) -> bool {
         self.is_whole
@@ -265,7 +273,7 @@ impl Walk {
                 // While the speed changes, places between two are not where they would be at an even one.
                 let parts = match (segment.acceleration, segment.jerk) {
                     (0.0, 0.0) => 1.0,
-                    _ => (segment.duration / STRETCH).ceil().max(1.0),
+                    _ => (segment.duration / STRETCH).ceil().clamp(1.0, MOST_PARTS),
                 };
                 let time = segment.duration / parts;
                 for part in 1..=parts as u32 {

@@ -14,7 +14,8 @@ const LOWEST_PRIORITY: i32 = 19;
 /// See the module.
 #[derive(Default)]
 pub(super) struct Remaining {
-    walked: Option<Receiver<Timetable>>,
+    /// The program that is being walked.
+    walked: Option<(Program, Receiver<Timetable>)>,
     table: Option<Timetable>,
 }
 
@@ -26,7 +27,8 @@ impl Remaining {
             return;
         }
         let (tell, walked) = channel::bounded(1);
-        let program = program.clone();
+        let program = program.apart();
+        let own = program.clone();
         let thread = thread::Builder::new().name("timetable".into());
         let spawned = thread.spawn(move || {
             // With another one it is only sooner done.
@@ -37,17 +39,21 @@ impl Remaining {
             }
         });
         // Without a thread nobody is told anything.
-        self.walked = spawned.is_ok().then_some(walked);
+        self.walked = spawned.is_ok().then_some((own, walked));
     }
 
     /// The job is over.
     pub(super) fn end(&mut self) {
-        (self.walked, self.table) = (None, None);
+        self.table = None;
+        if let Some((program, _)) = self.walked.take() {
+            program.abandon();
+        }
     }
 
     /// How long the program takes from a place on its path, s, as far as that is known.
     pub(super) fn at(&mut self, distance: f64, settings: &Settings) -> Option<f64> {
-        if let Some(table) = self.walked.as_ref().and_then(|it| it.try_recv().ok()) {
+        let walked = self.walked.as_ref();
+        if let Some(table) = walked.and_then(|(_, walked)| walked.try_recv().ok()) {
             self.walked = None;
             self.table = Some(table).filter(Timetable::is_whole);
         }

@@ -130,6 +130,25 @@ fn overrides_change_what_is_left() {
     assert!((dwell.unwrap() - 2.0).abs() < 0.2, "{dwell:?}");
 }
 
+/// Whoever walks it goes no further once the job is over.
+#[test]
+fn a_program_without_end_is_not_walked_for_ever() {
+    let rig = Rig::portal("M2\n");
+    let text = "G21 G91 F3000\no1 while [1]\nG1 X5\nG1 X-5\no1 endwhile\nM2\n";
+    let programs = Programs::new(&rig.machine, Path::new("none.toml")).unwrap();
+    let program = programs.text("case", text.as_bytes());
+    let apart = program.apart();
+    let start = rig.machine.rest();
+    let walker = {
+        let apart = apart.clone();
+        thread::spawn(move || apart.timetable(start))
+    };
+    thread::sleep(Duration::from_millis(50));
+    apart.abandon();
+    assert!(walker.join().unwrap().is_err());
+    assert!(!program.is_abandoned());
+}
+
 #[test]
 fn nobody_knows_how_long_a_probing_takes() {
     let program = "G21 G91 F600\nG1 X5\nG38.3 X1 F100\nM2\n";
