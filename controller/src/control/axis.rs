@@ -166,7 +166,9 @@ impl AxisControl {
     pub(super) fn has_lost_count(&self, nodes: &[DeviceNode]) -> bool {
         let mut drives = self.spec.drives.iter();
         let counts_on = self.spec.homing.is_absolute() || self.keeps_reference();
-        !counts_on && drives.any(|&drive| nodes[drive].has_lost_count())
+        let by_drive = matches!(self.spec.homing.method, HomingMethod::Drive(_));
+        let is_lost = |node: &DeviceNode| node.has_lost_count() || by_drive && node.is_not_home();
+        !counts_on && drives.any(|&drive| is_lost(&nodes[drive]))
     }
 
     /// Whether its reference holds when it is switched on again.
@@ -248,6 +250,7 @@ impl AxisControl {
             HomingMethod::Encoder => 0.0,
             HomingMethod::SetHere { position } => *position,
             HomingMethod::Switch(search) => search.position,
+            HomingMethod::Drive(homing) => homing.position,
         };
         let mut uncertainty = 0.0_f64;
         let squareness = self.spec.homing.square.map_or(0.0, |it| it.squareness);
@@ -311,7 +314,7 @@ impl AxisControl {
 
     // --- point to point ---
 
-    /// Its drive, of an axis with one.
+    /// Its drive, the first one of two.
     pub(super) fn drive(&self) -> DeviceIndex {
         self.spec.drives[0]
     }
@@ -453,14 +456,19 @@ impl AxisControl {
         (self.spec.limits.skew).is_some_and(|allowed| difference > allowed)
     }
 
-    /// Freezes the axis where its drives' setpoints are; the plan starts from the returned
-    /// machine position in mm.
-    pub(super) fn freeze(&mut self, nodes: &[DeviceNode]) -> Result<f64, Fault> {
-        let position = self.locate(nodes)?;
+    /// What its drives were sent and said before is no longer held against what comes.
+    pub(super) fn forget_motion(&mut self) {
         for side in &mut self.sides {
             side.guard.forget();
             side.seen = None;
         }
+    }
+
+    /// Freezes the axis where its drives' setpoints are; the plan starts from the returned
+    /// machine position in mm.
+    pub(super) fn freeze(&mut self, nodes: &[DeviceNode]) -> Result<f64, Fault> {
+        let position = self.locate(nodes)?;
+        self.forget_motion();
         let side = |side: usize| nodes[self.spec.drives[side]].actual_mm();
         if self.sides.len() == 2 && self.skewed((side(1) - side(0)).abs()) {
             return Ok(self.reseat(nodes));
@@ -502,7 +510,7 @@ impl AxisControl {
         nodes: &[DeviceNode],
     ) -> Result<(), Fault> {
         self.moves_on = false;
-        if self.is_quick_stopped(nodes) {
+        if self.is_quick_stopped(nodes) || self.homes(nodes) {
             return Ok(());
         }
         if let Some(place) = self.point_to_point {
@@ -553,10 +561,12 @@ impl AxisControl {
     pub(super) fn hand_over(&mut self, cycle: u64, move_on: bool, nodes: &mut [DeviceNode]) {
         if !(self.moves_on && move_on) {
             self.repeat(cycle - 1, 1);
-            let quick_stopped = self.is_quick_stopped(nodes);
+            let (quick_stopped, homes) = (self.is_quick_stopped(nodes), self.homes(nodes));
             for (side, &drive) in self.spec.drives.iter().enumerate() {
                 if quick_stopped {
                     nodes[drive].hold();
+                } else if homes {
+                    nodes[drive].go_along();
                 } else {
                     nodes[drive].setpoint.velocity = self.velocity(cycle, side, nodes);
                 }
@@ -573,6 +583,11 @@ impl AxisControl {
     pub(super) fn is_quick_stopped(&self, nodes: &[DeviceNode]) -> bool {
         let mut drives = self.spec.drives.iter();
         drives.any(|&drive| nodes[drive].is_quick_stopped())
+    }
+
+    /// Whether its drive homes by itself.
+    pub(super) fn homes(&self, nodes: &[DeviceNode]) -> bool {
+        nodes[self.drive()].homes()
     }
 
     /// How fast a side is sent to where it has to be: 0 for a drive that is sent positions.
@@ -637,7 +652,7 @@ impl AxisControl {
     pub(super) fn sample(&self, cycle: u64, nodes: &[DeviceNode]) -> AxisSample {
         let mut worst = AxisSample {
             apart: self.apart(cycle),
-            by_itself: self.is_quick_stopped(nodes) || self.goes(),
+            by_itself: self.is_quick_stopped(nodes) || self.goes() || self.homes(nodes),
             ..AxisSample::default()
         };
         if worst.by_itself {
@@ -671,6 +686,9 @@ impl AxisControl {
     /// Looks at the actual positions of a cycle: what changed by more than the axis can move is none of it.
     pub(super) fn check_jumps(&mut self, nodes: &[DeviceNode]) -> Result<(), Fault> {
         let mut outcome = Ok(());
+        if self.homes(nodes) {
+            return outcome;
+        }
         let encoder = self.loop_encoder();
         let limits = &self.spec.limits;
         for (side, &drive) in self.sides.iter_mut().zip(&self.spec.drives) {
@@ -754,7 +772,7 @@ impl AxisControl {
         nodes: &[DeviceNode],
     ) -> Result<(), Fault> {
         let axis = self.index;
-        if self.goes() {
+        if sample.by_itself {
             return Ok(());
         }
         let error = sample.following_error;

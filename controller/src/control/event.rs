@@ -2,7 +2,7 @@
 
 use super::fault::{AxisIndex, BusIndex, DeviceIndex, Fault, Names};
 use super::functions::Switch;
-use super::homing::{HomingFailure, NotRecalled};
+use super::homing::{HomingFailure, LostReference, NotRecalled};
 use super::inputs::InputIndex;
 use super::job::Outcome;
 use super::jogs::HOLD_TO_RUN;
@@ -136,10 +136,12 @@ pub enum Event {
         /// Its reference.
         kept: Option<Kept>,
     },
-    /// A drive of an axis may have lost its count: its positions are no machine positions any more.
+    /// The positions of an axis are no machine positions any more.
     Unreferenced {
         /// Which axis.
         axis: AxisIndex,
+        /// Why.
+        why: LostReference,
     },
     /// An axis was not homed; what moved comes to rest.
     HomingFailed {
@@ -466,7 +468,7 @@ impl Event {
             Self::Frozen { axis, .. }
             | Self::Referenced { axis, .. }
             | Self::Askew { axis, .. }
-            | Self::Unreferenced { axis }
+            | Self::Unreferenced { axis, .. }
             | Self::Recalled { axis, .. }
             | Self::NotRecalled { axis, .. }
             | Self::JogNotRenewed { axis }
@@ -568,8 +570,12 @@ impl Event {
                 "axis {name}: its sides are {:.3} {unit} apart: home it to take it square",
                 apart.abs()
             ),
-            Self::Unreferenced { .. } => {
-                format!("axis {name} is not referenced any more, as its drive was gone: home it")
+            Self::Unreferenced { why, .. } => {
+                let why = match why {
+                    LostReference::DriveGone => "as its drive was gone: home it",
+                    LostReference::Homes => "while its drive homes",
+                };
+                format!("axis {name} is not referenced any more, {why}")
             }
             Self::Recalled { moved, .. } => format!(
                 "axis {name} is referenced as it was before, and has moved by {moved:.4} {unit} since"

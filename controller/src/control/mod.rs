@@ -54,7 +54,7 @@ pub use axis::AxisSample;
 pub use event::{Event, Pause, Phase};
 pub use fault::Fault;
 pub use functions::{MachineFunctions, Switch};
-pub use homing::{HomingFailure, NotRecalled};
+pub use homing::{HomingFailure, LostReference, NotRecalled};
 pub use inputs::{InputIndex, InputWait};
 pub use job::{Job, JobKind, Outcome};
 pub use jogs::HOLD_TO_RUN;

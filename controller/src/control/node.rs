@@ -78,6 +78,8 @@ pub(super) struct DeviceNode {
     /// It was told to come to rest by itself: until it is brought up anew it follows no setpoints, and is only
     /// switched off.
     quick_stopped: bool,
+    /// It homes by itself, or has not come back from there to the mode in which it follows setpoints.
+    homes: bool,
     pub(super) setpoint: Setpoint,
     /// Its R_PDOs, as last encoded.
     r_pdos: Vec<Frame>,
@@ -119,6 +121,7 @@ impl DeviceNode {
             told_power: None,
             power: PowerCommand::Disable,
             quick_stopped: false,
+            homes: false,
             setpoint: Setpoint::default(),
             r_pdos: (spec.r_pdos.iter())
                 .map(|pdo| Frame::new(pdo.cob_id, &[]))
@@ -356,7 +359,7 @@ impl DeviceNode {
         self.misses = 0;
         (self.twice, self.was_twice) = (false, false);
         self.still = 0;
-        self.quick_stopped = false;
+        (self.quick_stopped, self.homes) = (false, false);
         self.told_power = None;
         self.power = PowerCommand::Disable;
     }
@@ -412,7 +415,7 @@ impl DeviceNode {
             AwaitedState::Ready => power == PowerState::Ready,
             AwaitedState::Enabled => power == PowerState::Enabled,
             AwaitedState::ModeStarted => mode_runs,
-            AwaitedState::ModeEnded => !mode_runs || !drive.ends_mode(),
+            AwaitedState::ModeEnded => self.homes || !mode_runs || !drive.ends_mode(),
         }
     }
 
@@ -525,7 +528,7 @@ impl DeviceNode {
         }
         let word = self.status.word;
         self.status
-            .follows(in_mode)
+            .follows(in_mode && !self.homes)
             .map_err(|why| self.fault(DeviceCause::NotFollowing { word, why }))
     }
 
@@ -553,9 +556,8 @@ impl DeviceNode {
         let quick_stops = self.status.power == PowerState::QuickStop;
         match self.power {
             PowerCommand::Prepare if self.quick_stopped || quick_stops => PowerCommand::Disable,
-            PowerCommand::Enable | PowerCommand::Run if self.quick_stopped => {
-                PowerCommand::QuickStop
-            }
+            PowerCommand::Disable | PowerCommand::Prepare => self.power,
+            _ if self.quick_stopped => PowerCommand::QuickStop,
             power => power,
         }
     }
@@ -770,5 +772,6 @@ impl DeviceNode {
     }
 }
 
+mod homing;
 #[cfg(test)]
 mod tests;

@@ -76,7 +76,7 @@ impl<const N: usize> Controller<N> {
                 self.await_all(AwaitedState::Disabled, Phase::ReadyToSwitchOn, out)?;
             }
             Phase::Disabled => {}
-            Phase::ReadyToSwitchOn => {
+            Phase::ReadyToSwitchOn if self.sequences_done() => {
                 self.await_all(AwaitedState::Ready, Phase::OperationEnabled, out)?;
             }
             Phase::OperationEnabled => {
@@ -184,6 +184,9 @@ impl<const N: usize> Controller<N> {
             Phase::Disable => self.set_power(PowerCommand::Disable),
             Phase::ReadyToSwitchOn | Phase::ShutDown => {
                 self.set_power(PowerCommand::Prepare);
+                if phase == Phase::ReadyToSwitchOn {
+                    self.return_from_homing();
+                }
             }
             Phase::OperationEnabled => {
                 self.ask(DeviceNode::forget_standstill);
@@ -209,7 +212,7 @@ impl<const N: usize> Controller<N> {
                 }
             }
             Phase::Stop => {
-                self.homing.abort();
+                self.abort_homing();
                 self.probing.abort();
                 for axis in &mut self.axes {
                     axis.stop_squaring(self.cycle + 1);

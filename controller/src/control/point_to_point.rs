@@ -171,10 +171,14 @@ impl<const N: usize> Controller<N> {
         self.executor.pass();
     }
 
-    /// The path knows nothing of axes that go point to point: in the plan they are where they are.
+    /// The path knows nothing of axes that go point to point, or home by themselves: in the plan they are where they are.
     pub(super) fn place_beside(&mut self) {
         for axis in &self.axes {
-            if let Some(place) = axis.beside() {
+            let place = match axis.homes(&self.nodes) {
+                true => Some(self.nodes[axis.drive()].actual_mm()),
+                false => axis.beside(),
+            };
+            if let Some(place) = place {
                 self.planned.position[axis.coordinate()] = place;
             }
         }
@@ -191,15 +195,17 @@ impl<const N: usize> Controller<N> {
         }
     }
 
-    /// Whether a drive has a target that it has not come to.
+    /// Whether a drive has a target that it has not come to, or homes by itself.
     pub(super) fn has_goers(&self) -> bool {
-        self.axes.iter().any(|axis| axis.goes())
+        let mut axes = self.axes.iter();
+        axes.any(|axis| axis.goes() || axis.homes(&self.nodes))
     }
 
-    /// Whether all that go to targets, and are not quick-stopped, stand still.
+    /// Whether all that go to targets or home by themselves, and are not quick-stopped, stand still.
     pub(super) fn goers_rest(&self) -> bool {
         let cycles = self.still_cycles();
-        let mut goers = self.axes.iter().filter(|axis| axis.goes());
+        let goes = |axis: &&AxisControl| axis.goes() || axis.homes(&self.nodes);
+        let mut goers = self.axes.iter().filter(goes);
         goers.all(|axis| {
             let node = &self.nodes[axis.drive()];
             node.is_quick_stopped() || node.still() >= cycles

@@ -64,7 +64,31 @@ pub enum HomingMethod {
     },
     /// The controller searches a switch.
     Switch(SwitchSearch),
+    /// Its drive homes by itself.
+    Drive(DriveHoming),
 }
+
+/// A homing that a drive makes by itself.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DriveHoming {
+    /// Which one, of its model's [`homing_methods`](syncline_drives::model::Model::homing_methods).
+    pub method: u8,
+    /// Of the search, mm/s.
+    pub speed: f64,
+    /// Over the edge that counts, mm/s.
+    pub slow_speed: f64,
+    /// How far from where it begins the axis goes at most, mm.
+    pub max_distance: f64,
+    /// How long it takes at most.
+    pub max_time: Duration,
+    /// Machine position of the drive's reference point, mm.
+    pub position: f64,
+    /// Where the axis goes once it is referenced, mm.
+    pub final_position: f64,
+}
+
+/// The method of CiA 402 that takes the place where the drive stands.
+const SET_HERE: u8 = 35;
 
 /// A search for a switch.
 #[derive(Clone, Debug, PartialEq)]
@@ -118,7 +142,21 @@ impl Homing {
     /// Whether an operator has to say where the axis stands.
     #[must_use]
     pub fn is_by_hand(&self) -> bool {
-        matches!(self.method, HomingMethod::SetHere { .. })
+        match &self.method {
+            HomingMethod::SetHere { .. } => true,
+            HomingMethod::Drive(own) => own.method == SET_HERE,
+            HomingMethod::Encoder | HomingMethod::Switch(_) => false,
+        }
+    }
+
+    /// Where the axis goes once its place is found, and how fast; mm and mm/s.
+    #[must_use]
+    pub fn final_move(&self) -> Option<(f64, f64)> {
+        match &self.method {
+            HomingMethod::Encoder | HomingMethod::SetHere { .. } => None,
+            HomingMethod::Switch(search) => Some((search.final_position, search.speed)),
+            HomingMethod::Drive(own) => Some((own.final_position, own.speed)),
+        }
     }
 
     /// The highest speed of the axis' jogs, mm/s.
@@ -134,9 +172,8 @@ impl Homing {
     #[must_use]
     pub fn final_position(&self) -> Option<f64> {
         match &self.method {
-            HomingMethod::Encoder => None,
             HomingMethod::SetHere { position } => Some(*position),
-            HomingMethod::Switch(search) => Some(search.final_position),
+            _ => self.final_move().map(|(there, _)| there),
         }
     }
 }
@@ -159,11 +196,13 @@ pub(super) struct HomingTable {
     switches: Option<Spanned<Vec<Spanned<String>>>>,
     /// Whether the drives are to capture the switches' edges, if the file says so.
     latch: Option<Spanned<bool>>,
+    /// Where the file says by which method its drive homes by itself.
+    own: Option<Range<usize>>,
 }
 
 /// What a `homing` looks like.
 const ALLOWED: &str = "a table [axis.homing]; see docs/homing.md";
-const KINDS: [&str; 3] = ["encoder", "set_here", "switch"];
+const KINDS: [&str; 4] = ["encoder", "set_here", "switch", "drive"];
 /// Of a jog without a reference, mm or degrees.
 const JOG_DISTANCE: f64 = 10.0;
 /// How far an axis may move without power, mm or degrees.
@@ -186,6 +225,7 @@ pub(super) fn read(
     };
     let mut switches = None;
     let mut latch = None;
+    let mut own = None;
     let mut jog_speed = limits.velocity / 10.0;
     let method = match kind.as_ref().map(|kind| kind.get_ref().as_str()) {
         Some("set_here") => Some(HomingMethod::SetHere {
@@ -200,6 +240,12 @@ pub(super) fn read(
             let search = search(log, &mut table, limits, [position, speed]);
             jog_speed = search.as_ref().map_or(jog_speed, |search| search.speed);
             search.map(HomingMethod::Switch)
+        }
+        Some("drive") => {
+            own = table.span_of("method");
+            let homing = drive_homing(log, &mut table, limits, [position, speed]);
+            jog_speed = homing.as_ref().map_or(jog_speed, |homing| homing.speed);
+            homing.map(HomingMethod::Drive)
         }
         _ => Some(HomingMethod::Encoder),
     };
@@ -216,7 +262,8 @@ pub(super) fn read(
             0.001..=1e6,
             position,
         );
-        let absolute = table.flag_or(log, "absolute", false);
+        // The zero that a drive has found by itself is its own affair, also whether it keeps it.
+        let absolute = own.is_none() && table.flag_or(log, "absolute", false);
         let given = table.span_of("moved_limit");
         let moved = number_or(log, &mut table, "moved_limit", MOVED, 0.0..=1e6, position);
         homing.moved_limit = absolute.then_some(moved);
@@ -240,6 +287,7 @@ pub(super) fn read(
         },
         switches,
         latch,
+        own,
     })
 }
 
@@ -301,12 +349,82 @@ fn search(
     [position, speed]: [&str; 2],
 ) -> Option<SwitchSearch> {
     let direction = table.choice(log, "direction", ["positive", "negative"].into_iter());
+    let back_off = number(log, table, "back_off", 0.001..=1e6, position);
+    let bounds = bounds(log, table, limits, [position, speed]);
+    let Bounds {
+        speed,
+        slow_speed,
+        max_distance,
+        max_time,
+        position,
+        final_position,
+    } = bounds?;
+    Some(SwitchSearch {
+        inputs: Vec::new(),
+        captures: Vec::new(),
+        is_shared: false,
+        direction: match direction?.get_ref().as_str() {
+            "negative" => -1.0,
+            _ => 1.0,
+        },
+        speed,
+        slow_speed,
+        back_off: back_off?,
+        max_distance,
+        max_time,
+        position,
+        final_position,
+    })
+}
+
+/// The keys of a homing that a drive makes by itself.
+fn drive_homing(
+    log: &mut Log<'_>,
+    table: &mut Table<'_, '_>,
+    limits: &AxisLimits,
+    units: [&str; 2],
+) -> Option<DriveHoming> {
+    let method = table.integer(log, "method", 1..=SET_HERE.into(), "");
+    let Bounds {
+        speed,
+        slow_speed,
+        max_distance,
+        max_time,
+        position,
+        final_position,
+    } = bounds(log, table, limits, units)?;
+    Some(DriveHoming {
+        method: *method?.get_ref() as u8,
+        speed,
+        slow_speed,
+        max_distance,
+        max_time,
+        position,
+        final_position,
+    })
+}
+
+/// What every search has.
+struct Bounds {
+    speed: f64,
+    slow_speed: f64,
+    max_distance: f64,
+    max_time: Duration,
+    position: f64,
+    final_position: f64,
+}
+
+fn bounds(
+    log: &mut Log<'_>,
+    table: &mut Table<'_, '_>,
+    limits: &AxisLimits,
+    [position, speed]: [&str; 2],
+) -> Option<Bounds> {
     let (least, most) = limits.position;
     let fast = 0.001..=limits.velocity;
     let search_speed = number(log, table, "speed", fast, speed);
     let slow = 0.001..=search_speed.unwrap_or(limits.velocity);
     let slow_speed = number(log, table, "slow_speed", slow, speed);
-    let back_off = number(log, table, "back_off", 0.001..=1e6, position);
     let travel = most - least;
     let max_distance = number_or(
         log,
@@ -317,29 +435,21 @@ fn search(
         position,
     );
     let max_time = table.millis_or(log, "max_time_ms", 120_000, 3_600_000);
-    let edge = number(log, table, "position", -1e7..=1e7, position);
+    let found = number(log, table, "position", -1e7..=1e7, position);
     let final_position = place(
         log,
         table,
         "final_position",
-        edge.unwrap_or_default().clamp(least, most),
+        found.unwrap_or_default().clamp(least, most),
         limits,
         position,
     );
-    Some(SwitchSearch {
-        inputs: Vec::new(),
-        captures: Vec::new(),
-        is_shared: false,
-        direction: match direction?.get_ref().as_str() {
-            "negative" => -1.0,
-            _ => 1.0,
-        },
+    Some(Bounds {
         speed: search_speed?,
         slow_speed: slow_speed?,
-        back_off: back_off?,
         max_distance,
         max_time,
-        position: edge?,
+        position: found?,
         final_position,
     })
 }
@@ -373,11 +483,15 @@ pub(super) fn join(
             mut homing,
             switches,
             latch,
+            own,
         }) = table
         else {
             continue;
         };
         let name = axes[index].name();
+        if let (HomingMethod::Drive(homing), Some(place)) = (&homing.method, own) {
+            check_method(log, &axes[index], drives, homing.method, place);
+        }
         if let (HomingMethod::Switch(search), Some(switches)) = (&mut homing.method, switches) {
             let sides = axes[index].drives.len();
             if switches.get_ref().len() != sides {
@@ -437,6 +551,32 @@ pub(super) fn join(
             ),
             "leave `at_start` out, or give the axis another `kind`",
         );
+    }
+}
+
+/// Whether the one drive of an axis homes by itself by that method.
+fn check_method(log: &mut Log<'_>, axis: &Axis, drives: &[Drive], method: u8, place: Range<usize>) {
+    let name = axis.name();
+    let [drive] = axis.drives[..] else {
+        let help = "home a gantry with `kind = \"switch\"`, which takes it square, too";
+        let problem =
+            format!("axis \"{name}\": homing: the sides of a gantry do not home by themselves");
+        return log.report(place, problem, help);
+    };
+    let Drive {
+        name: who, model, ..
+    } = &drives[drive];
+    let methods = model.homing_methods;
+    if !methods.contains(&method) {
+        let help = match methods {
+            [] => "home it with `kind = \"switch\"` or `kind = \"set_here\"`".to_owned(),
+            _ => format!("allowed: one of {methods:?}"),
+        };
+        let problem = format!(
+            "axis \"{name}\": homing: drive \"{who}\" ({}) does not home by method {method}",
+            model.title
+        );
+        log.report(place, problem, help);
     }
 }
 

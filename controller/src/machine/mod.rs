@@ -19,12 +19,12 @@ mod state_file;
 mod validation;
 
 pub use encoder::{Encoder, Feedback};
-pub use homing::{Homing, HomingMethod, HomingPolicy, Square, SwitchSearch};
+pub use homing::{DriveHoming, Homing, HomingMethod, HomingPolicy, Square, SwitchSearch};
 pub use io_node::IoNode;
 pub use node::{Node, Seat};
 pub use probing::{ProbeCaptures, Probing};
 pub use signals::{AnalogOutput, AnalogSource, Input, InputMeaning, Output, OutputSwitch};
-pub use simulation::{Carriage, FeedAxis, Gantry, Simulation};
+pub use simulation::{Carriage, FeedAxis, Gantry, HomeSwitches, Simulation};
 pub use spindle::{SpinUp, Spindle};
 pub use state_file::{Kept, MachineState, NotKept, StateError};
 pub use validation::Validation;

@@ -31,6 +31,17 @@ pub struct Simulation {
     pub start: Option<f64>,
     /// By how much the second side of a gantry stands further then, mm.
     pub skew: f64,
+    /// The switches by which its drives home by themselves.
+    pub switches: HomeSwitches,
+}
+
+/// Switches along an axis that are wired to inputs of its drives which those know for what they are.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct HomeSwitches {
+    /// The reference switch is on from here to there, mm.
+    pub reference: Option<(f64, f64)>,
+    /// Limit switches are on below the first of these places and above the second, mm.
+    pub limits: Option<(f64, f64)>,
 }
 
 impl Simulation {
@@ -259,8 +270,19 @@ pub(super) fn read(
     } else {
         0.0
     };
+    let allowed = format!("[from, to] {position}, the first below the second");
+    let mut range = |key| {
+        table
+            .interval_if(log, key, &allowed)
+            .map(Spanned::into_inner)
+    };
+    let switches = HomeSwitches {
+        reference: range("reference_switch"),
+        limits: range("limit_switches"),
+    };
     table.finish(log);
     Some(Simulation {
+        switches,
         start: start.map(Spanned::into_inner),
         skew,
         axis: feed_axis,

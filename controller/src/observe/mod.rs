@@ -163,7 +163,7 @@ impl Observers {
             Event::Referenced { axis, .. } | Event::Recalled { axis, .. } => {
                 self.axes[*axis].count_anew(true);
             }
-            Event::Unreferenced { axis } => self.axes[*axis].count_anew(false),
+            Event::Unreferenced { axis, .. } => self.axes[*axis].count_anew(false),
             _ => {}
         }
     }

@@ -235,12 +235,18 @@ pub fn config(machine: &Machine, index: usize, seed: u64) -> Config {
     if !node.model.is_drive() {
         return config;
     }
+    let range = |(from, to): (f64, f64)| {
+        let (from, to) = (turns(from), turns(to));
+        from.min(to)..from.max(to)
+    };
     let simulation = axis.simulation.as_ref();
     let own = simulation.and_then(Simulation::driven);
     Config {
         axis: own.map(|it| at_shaft(machine, index, &it)),
         encoder: simulation.and_then(|it| it.encoder),
         sensors: sensors(machine, index, turns),
+        reference_switch: simulation.and_then(|it| it.switches.reference.map(range)),
+        limit_switches: simulation.and_then(|it| it.switches.limits.map(range)),
         ..config
     }
 }

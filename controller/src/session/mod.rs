@@ -504,9 +504,8 @@ impl Desk {
                     control::Event::Probed { .. } => self.job.probed(),
                     control::Event::Referenced { axis, .. }
                     | control::Event::Recalled { axis, .. } => self.show_reference(axis, true),
-                    control::Event::Unreferenced { axis } | control::Event::Askew { axis, .. } => {
-                        self.show_reference(axis, false)
-                    }
+                    control::Event::Unreferenced { axis, .. }
+                    | control::Event::Askew { axis, .. } => self.show_reference(axis, false),
                     control::Event::Power { device, power } => self.status.drives[device] = power,
                     control::Event::Input { input, on } => self.status.inputs[input] = on,
                     control::Event::Output { output, on } => self.status.outputs[output] = on,

@@ -360,6 +360,16 @@ fn every_failure_of_a_homing_has_its_text() {
             "its switch is on already, and another axis has the same one: move the axes off it",
         ),
         (HomingFailure::NoSpeed, "the rapid override is 0: raise it"),
+        (
+            HomingFailure::NotHome,
+            "its drive did not find its place by itself: check the switches wired to the drive, the functions of its \
+             inputs, and `method`",
+        ),
+        (
+            HomingFailure::TooFar,
+            "its drive went more than 1800 mm from where it began: check the switches wired to the drive, `method` and \
+             `max_distance`",
+        ),
     ] {
         let told = Fault::Homing(0, failure).describe(&router);
         assert_eq!(told, format!("axis X is not homed: {text}"));

@@ -43,6 +43,7 @@ pub(super) static CIA401: Model = Model {
     outputs: &OUTPUTS,
     analog_outputs: &["AO0", "AO1", "AO2", "AO3"],
     captures: &[],
+    homing_methods: &[],
     make: Make::Io(|settings| Box::new(Cia401::new(settings))),
 };
 

@@ -50,6 +50,7 @@ pub(super) static CIA402_CSP: Model = Model {
     outputs: &[],
     analog_outputs: &[],
     captures: &[],
+    homing_methods: &[],
     make: Make::Drive(Setpoints::Positions, |settings| {
         Box::new(Cia402Csp::new(settings))
     }),

@@ -47,6 +47,14 @@ pub trait Drive: Feedback {
         None
     }
 
+    /// How it is told to home by itself by one of [`Model::homing_methods`](super::Model::homing_methods), as fast as
+    /// that to its switch and as slowly over the edge, increments/s, or as near to that as its units allow. `None` if it
+    /// cannot. Under [`PowerCommand::Home`] it sets off.
+    fn homing(&self, method: u8, speeds: [f64; 2]) -> Option<OwnHoming> {
+        let _ = (method, speeds);
+        None
+    }
+
     /// Whether it has still to acknowledge the target that it was sent last, or that it is ready for the next one.
     fn owes_acknowledgement(&self) -> bool {
         false
@@ -151,6 +159,10 @@ pub enum PowerCommand {
     Enable,
     /// Power on, and follow the setpoints in the operating mode.
     Run,
+    /// Power on, and home by itself, in the operating mode that is for that.
+    Home,
+    /// Power on, and come to rest on the way there.
+    Halt,
     /// Come to rest by the drive's own quick stop ramp, whatever the setpoints are; power stays on unless
     /// the drive is set up to switch it off at rest.
     QuickStop,
@@ -221,6 +233,10 @@ pub struct DriveStatus {
     pub warning: bool,
     /// An error is pending that has to be dealt with, although the power stage is on.
     pub error: bool,
+    /// In the mode in which it homes by itself it has come to rest, at home or not.
+    pub homing_over: bool,
+    /// It has been homed by itself, and counts from there since.
+    pub is_homed: bool,
     /// The word that it said this by.
     pub word: StatusWord,
 }
@@ -264,6 +280,8 @@ impl DriveStatus {
             remote: true,
             warning: false,
             error: false,
+            homing_over: false,
+            is_homed: false,
             word,
         }
     }
@@ -332,6 +350,17 @@ pub struct Survey {
     pub status: fn(u32) -> DriveStatus,
     /// Switches the power stage off.
     pub disable: Write,
+}
+
+/// How a drive homes by itself: it searches for its switch or its index pulse, and counts from there.
+#[derive(Clone, Copy, Debug)]
+pub struct OwnHoming {
+    /// Select the method and its speeds, and the operating mode last; where it ends there it counts zero.
+    pub begin: [Write; 6],
+    /// What then runs.
+    pub mode: ModeDisplay,
+    /// Selects the mode again in which it follows setpoints.
+    pub end: Write,
 }
 
 /// The object that says which operating mode runs, and what it must say.

@@ -7,8 +7,8 @@ use super::profile::cia402::{self, INTERPOLATION_DELAY};
 use super::profile::communication::{self, SDO_RESPONSE, T_PDO_RESPONSE};
 use super::{
     Ability, Address, Assumption, CaptureInput, ClockLock, Data, Drive, DriveStatus, Feedback,
-    Identity, Increments, Io, Make, ModeDisplay, Model, NodeSpec, PowerCommand, RemoteNode, Sample,
-    Setpoint, Setpoints, Settings, Survey, Write,
+    Identity, Increments, Io, Make, ModeDisplay, Model, NodeSpec, OwnHoming, PowerCommand,
+    RemoteNode, Sample, Setpoint, Setpoints, Settings, Survey, Write,
 };
 use crate::dictionary;
 use core::time::Duration;
@@ -28,13 +28,14 @@ pub(super) static LXM32M: Model = Model {
     bitrates: &[50_000, 125_000, 250_000, 500_000, 1_000_000], // (1266, 1279)
     cycle_step: Duration::from_millis(1),
     cycles: Duration::from_millis(1)..=Duration::from_millis(20),
-    increments_per_revolution: |_| 131_072, // (1602)
+    increments_per_revolution: |_| REVOLUTION,
     positions: Increments::MIN..=Increments::MAX,
     abilities: &[Ability::FollowingErrorLimit, Ability::SoftLimits],
     assumptions: &[
         INTERPOLATION_DELAY,
         SYNC_LOCKED,
         CAPTURE_JITTER,
+        SPEED_UNITS,
         T_PDO_RESPONSE,
         SDO_RESPONSE,
     ],
@@ -44,6 +45,7 @@ pub(super) static LXM32M: Model = Model {
     outputs: &OUTPUTS,
     analog_outputs: &[],
     captures: &CAPTURES,
+    homing_methods: &HOMING_METHODS,
     make: Make::Drive(Setpoints::Positions, |settings| {
         Box::new(Lxm32m::new(settings))
     }),
@@ -61,7 +63,25 @@ const SYNC_LOCKED: Assumption = Assumption {
 /// a quarter of a millisecond.
 const SYNC_TOLERANCE: Duration = Duration::from_micros(250);
 
+/// The scaling of usr_v, in which 6099h is told speeds, the manual at hand does not have.
+const SPEED_UNITS: Assumption = Assumption {
+    name: "speed_units",
+    default: 1,
+    allowed: 1..=10_000,
+    meaning: "usr_v that are a revolution a minute, in which a homing of its own is told its speeds",
+};
+
+const HOMING: i8 = 6;
 const INTERPOLATED_POSITION: i8 = 7;
+
+/// `HMmethod` (1676): to a limit switch or the reference switch, with the index pulse or without; to the index pulse;
+/// where it stands.
+const HOMING_METHODS: [u8; 23] = [
+    1, 2, 7, 8, 9, 10, 11, 12, 13, 14, 17, 18, 23, 24, 25, 26, 27, 28, 29, 30, 33, 34, 35,
+];
+
+/// Increments of the motor in a revolution (1602).
+const REVOLUTION: u32 = 131_072;
 
 /// `_IO_act` (3008h:1) shows the physical state of inputs and outputs (2303); which bit is which it
 /// does not say. Assumed: bits 0…7 are inputs, bits 8…15 outputs, from the first one on.
@@ -90,6 +110,10 @@ const IDENTITY: [Identity; 2] = [
 /// Statusword bit 13, `x_err`: counts only in Operation Enabled, as the manual's own examples show it
 /// set at rest in state 4 (1343, 1755).
 const X_ERR: u16 = Statusword::BIT_13;
+/// The movement of a mode is over, whatever came of it (1347).
+const X_END: u16 = Statusword::BIT_14;
+/// The zero point is valid (1351).
+const REF_OK: u16 = Statusword::BIT_15;
 
 /// Bytes of a PDO that carries signals behind word and position.
 const WITH_SIGNALS: u8 = 8;
@@ -99,6 +123,7 @@ const WITH_SIGNALS: u8 = 8;
 struct Lxm32m {
     spec: NodeSpec,
     interpolation_delay: u32,
+    speed_units: u32,
     outputs: u16,
 }
 
@@ -145,6 +170,7 @@ impl Lxm32m {
                 ..NodeSpec::new(&LXM32M, settings, setup, cia402::is_command)
             },
             interpolation_delay: settings.assumed.value(&INTERPOLATION_DELAY),
+            speed_units: settings.assumed.value(&SPEED_UNITS),
             outputs: 0,
         }
     }
@@ -194,8 +220,8 @@ fn standard_setup(node: NodeId, cycle: Duration) -> [Write; 30] {
         w(0x1A01, 1, Data::u32(0x6041_0010)),
         w(0x1A01, 2, Data::u32(0x6064_0020)),
         w(0x1A01, 0, Data::u8(2)),
-        w(0x3006, 0x07, Data::u32(131_072)), // position scaling: denominator …
-        w(0x3006, 0x08, Data::u32(1)),       // … and numerator
+        w(0x3006, 0x07, Data::u32(REVOLUTION)), // position scaling: denominator …
+        w(0x3006, 0x08, Data::u32(1)),          // … and numerator
         w(0x6060, 0, Data::u8(INTERPOLATED_POSITION as u8)),
         w(0x3006, 0x3D, Data::u16(1)), // "for compatibility" (1630)
         w(0x60C2, 1, Data::u8(cycle_ms)),
@@ -297,6 +323,28 @@ impl Drive for Lxm32m {
         self.interpolation_delay.into()
     }
 
+    /// In the order of the manual's example (1820-1829). Position 0 is at the reference point (3028h:B, 2615; of method
+    /// 35 301Bh:16, 2481).
+    fn homing(&self, method: u8, speeds: [f64; 2]) -> Option<OwnHoming> {
+        let [search, slow] = speeds.map(|speed| {
+            let rpm = 60.0 * speed / f64::from(REVOLUTION);
+            let units = (rpm * f64::from(self.speed_units)).round();
+            Data::u32(units.max(1.0) as u32)
+        });
+        Some(OwnHoming {
+            begin: [
+                Write::new(0x6099, 1, search),
+                Write::new(0x6099, 2, slow),
+                Write::new(0x3028, 0x0B, Data::i32(0)),
+                Write::new(0x301B, 0x16, Data::i32(0)),
+                Write::new(0x6098, 0, Data::u8(method)),
+                Write::new(0x6060, 0, Data::u8(HOMING as u8)),
+            ],
+            mode: cia402::shows(HOMING),
+            end: Write::new(0x6060, 0, Data::u8(INTERPOLATED_POSITION as u8)),
+        })
+    }
+
     fn io(&self) -> Option<&dyn Io> {
         (self.tells_signals() || self.sets_outputs()).then_some(self)
     }
@@ -306,7 +354,15 @@ impl Drive for Lxm32m {
     }
 
     fn status(&mut self, _: usize, data: &[u8]) -> Option<DriveStatus> {
-        cia402::status(data, Some(X_ERR))
+        let &[s0, s1, ..] = data else {
+            return None;
+        };
+        let statusword = Statusword(u16::from_le_bytes([s0, s1]));
+        Some(DriveStatus {
+            homing_over: statusword.has(X_END),
+            is_homed: statusword.has(REF_OK),
+            ..cia402::status(data, Some(X_ERR))?
+        })
     }
 
     fn encode(&mut self, command: PowerCommand, setpoint: Setpoint, frames: &mut [Frame]) {
@@ -455,6 +511,8 @@ mod tests {
             (PowerCommand::Enable, -2, "301#0F00FEFFFFFF"),
             (PowerCommand::Run, -2, "301#1F00FEFFFFFF"),
             (PowerCommand::QuickStop, -2, "301#0B00FEFFFFFF"),
+            (PowerCommand::Home, -2, "301#1F00FEFFFFFF"),
+            (PowerCommand::Halt, -2, "301#0F01FEFFFFFF"),
             (PowerCommand::Run, 1 << 31, "301#1F00FFFFFF7F"),
         ] {
             drive.encode(command, at(position), &mut frames);
@@ -470,6 +528,42 @@ mod tests {
         let sample = drive.sample(0, &data).unwrap();
         assert_eq!(sample.position, Increments::new(131_072));
         assert_eq!(drive.sample(0, &[0x37, 0x12, 0, 0, 0]), None);
+    }
+
+    /// The manual's example (1820-1830).
+    #[test]
+    fn it_homes_by_itself_as_the_manual_does() {
+        let mut drive = Lxm32m::new(&settings(1, 2));
+        let rpm = |rpm: f64| rpm * 131_072.0 / 60.0;
+        let homing = drive.homing(17, [rpm(100.0), rpm(10.0)]).unwrap();
+        let written = homing.begin.map(|write| {
+            let Address { index, sub } = write.address;
+            (index, sub, write.data.bits())
+        });
+        let expected = [
+            (0x6099, 1, 100),
+            (0x6099, 2, 10),
+            (0x3028, 0x0B, 0),
+            (0x301B, 0x16, 0),
+            (0x6098, 0, 17),
+            (0x6060, 0, 6),
+        ];
+        assert_eq!(written, expected);
+        assert_eq!(homing.mode.mode, 6);
+        assert_eq!(homing.end, Write::new(0x6060, 0, Data::u8(7)));
+        let says = |drive: &mut Lxm32m, word: u16| {
+            let [low, high] = word.to_le_bytes();
+            let status = drive.status(0, &[low, high, 0, 0, 0, 0]).unwrap();
+            (status.homing_over, status.mode_runs, status.is_homed)
+        };
+        assert_eq!(says(&mut drive, 0x0237), (false, false, false));
+        assert_eq!(says(&mut drive, 0xD637), (true, true, true));
+        // Never no speed at all.
+        let slow = drive.homing(17, [0.1, 0.0]).unwrap();
+        assert_eq!(
+            slow.begin[..2].iter().map(|it| it.data.bits()).max(),
+            Some(1)
+        );
     }
 
     #[test]

@@ -31,8 +31,8 @@ mod twk_crn;
 
 pub use capture::{Capture, CaptureInput};
 pub use drive::{
-    Drive, DriveStatus, Dynamics, ModeDisplay, NotFollowing, PowerCommand, PowerState, Setpoint,
-    StatusWord, Survey,
+    Drive, DriveStatus, Dynamics, ModeDisplay, NotFollowing, OwnHoming, PowerCommand, PowerState,
+    Setpoint, StatusWord, Survey,
 };
 pub use feedback::{Feedback, Sample, unwrapped};
 pub use io::{Io, IoNode, IoSettings};
@@ -95,6 +95,8 @@ pub struct Model {
     pub analog_outputs: &'static [&'static str],
     /// Those of its digital inputs at whose edges it keeps its position.
     pub captures: &'static [CaptureInput],
+    /// The methods by which it homes by itself, see [`Drive::homing`], as its manual numbers them.
+    pub homing_methods: &'static [u8],
     /// Makes the device.
     pub make: Make,
 }

@@ -53,6 +53,7 @@ pub(super) static TLC5XX: Model = Model {
     outputs: &[],
     analog_outputs: &[],
     captures: &[],
+    homing_methods: &[],
     make: Make::Drive(Setpoints::Velocities, |settings| {
         Box::new(Tlc5xx::new(settings))
     }),

@@ -42,6 +42,7 @@ pub(super) static TSP10: Model = Model {
     outputs: &[],
     analog_outputs: &[],
     captures: &[],
+    homing_methods: &[],
     make: Make::Drive(Setpoints::Velocities, |settings| {
         Box::new(Tsp10::new(settings))
     }),

@@ -46,6 +46,7 @@ pub(super) static TWK_CRN: Model = Model {
     outputs: &[],
     analog_outputs: &[],
     captures: &[],
+    homing_methods: &[],
     make: Make::Encoder(|settings| Arc::new(TwkCrn::new(settings))),
 };
 

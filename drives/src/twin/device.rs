@@ -160,6 +160,10 @@ pub struct Config {
     pub encoder: Option<EncoderErrors>,
     /// The switches along its axis, of a device that has digital inputs.
     pub sensors: Vec<Sensor>,
+    /// Its reference switch is on within, revolutions from the encoder's zero, of a device that homes by itself.
+    pub reference_switch: Option<Range<f64>>,
+    /// Its limit switches are on outside of this, likewise.
+    pub limit_switches: Option<Range<f64>>,
     /// What is known of the real device where its manual is silent, by the names that its model has
     /// for it, such as a resolution; a twin takes what it is made of.
     pub assumed: Vec<(&'static str, u32)>,
@@ -180,6 +184,8 @@ impl Config {
             axis: None,
             encoder: None,
             sensors: Vec::new(),
+            reference_switch: None,
+            limit_switches: None,
             assumed: Vec::new(),
         }
     }

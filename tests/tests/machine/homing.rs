@@ -10,25 +10,25 @@ use syncline_drives::twin::Disturbance;
 use syncline_gcode::Axis;
 use syncline_tests::rig::Rig;
 
-const ALL: Command = Command::Home([false; 9]);
+pub(super) const ALL: Command = Command::Home([false; 9]);
 
 /// Drives of the router.
 const X1: usize = 0;
 const X2: usize = 1;
-const Y: usize = 2;
+pub(super) const Y: usize = 2;
 
-fn home(axis: Axis) -> Command {
+pub(super) fn home(axis: Axis) -> Command {
     let mut letters = [false; 9];
     letters[axis.index()] = true;
     Command::Home(letters)
 }
 
-fn state(rig: &Rig) -> State {
+pub(super) fn state(rig: &Rig) -> State {
     rig.session.status().state
 }
 
 /// The router, switched on and not homed.
-fn switched_on(replacements: &[(&str, &str)]) -> Rig {
+pub(super) fn switched_on(replacements: &[(&str, &str)]) -> Rig {
     let mut rig = Rig::staying_on("router", replacements, |_, _| ());
     settle(&mut rig);
     assert_eq!(state(&rig), State::Ready, "{:?}", rig.events);
@@ -36,7 +36,7 @@ fn switched_on(replacements: &[(&str, &str)]) -> Rig {
 }
 
 /// Goes on until the machine rests and waits for an operator, or is off.
-fn settle(rig: &mut Rig) {
+pub(super) fn settle(rig: &mut Rig) {
     use State::{Disabled, Faulted, Held, Off, Ready};
     let mut since = 0;
     while since < 6 && rig.step() {
@@ -45,7 +45,7 @@ fn settle(rig: &mut Rig) {
     }
 }
 
-fn go(rig: &mut Rig, command: Command) {
+pub(super) fn go(rig: &mut Rig, command: Command) {
     rig.command(command);
     settle(rig);
 }
@@ -58,7 +58,7 @@ pub(super) fn truth(rig: &mut Rig, drive: usize) -> f64 {
 }
 
 /// How far the drives of an axis are from where the session shows it, mm.
-fn errors(rig: &mut Rig, axis: Axis) -> Vec<f64> {
+pub(super) fn errors(rig: &mut Rig, axis: Axis) -> Vec<f64> {
     // As long as the loops take to come to rest.
     for _ in 0..200 {
         rig.step();
@@ -70,12 +70,12 @@ fn errors(rig: &mut Rig, axis: Axis) -> Vec<f64> {
     errors.collect()
 }
 
-fn is_referenced(rig: &Rig, axis: Axis) -> bool {
+pub(super) fn is_referenced(rig: &Rig, axis: Axis) -> bool {
     rig.session.status().referenced[axis.index()]
 }
 
 /// Why the last homing failed, if it did.
-fn failure(rig: &Rig) -> Option<HomingFailure> {
+pub(super) fn failure(rig: &Rig) -> Option<HomingFailure> {
     let failed = |event: &Event| match event {
         Event::HomingFailed { failure, .. } => Some(*failure),
         _ => None,

@@ -24,6 +24,7 @@ mod low_bits;
 mod messages;
 mod mixed;
 mod operator;
+mod own_homing;
 mod pages;
 mod point_to_point;
 mod probing;

@@ -46,6 +46,19 @@ pub enum HomingFailure {
     Shared,
     /// The rapid override is 0.
     NoSpeed,
+    /// The drive, which homes by itself, did not find its place.
+    NotHome,
+    /// The drive, which homes by itself, went further than it may.
+    TooFar,
+}
+
+/// Why an axis is not referenced any more.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LostReference {
+    /// Its drive was gone, and may count otherwise.
+    DriveGone,
+    /// Its drive homes by itself, and counts anew.
+    Homes,
 }
 
 /// Why an axis that keeps its reference is not referenced when it is switched on.
@@ -81,15 +94,18 @@ impl HomingFailure {
     /// What happened, and what to do next, in words.
     pub(in crate::control) fn describe(self, axis: &AxisSpec) -> String {
         let AxisSpec { name, unit, .. } = axis;
-        let HomingMethod::Switch(search) = &axis.homing.method else {
-            return format!("axis {name} is not homed");
+        let (direction, far, back_off, most) = match &axis.homing.method {
+            HomingMethod::Switch(it) => (it.direction, it.max_distance, it.back_off, it.max_time),
+            HomingMethod::Drive(it) => (0.0, it.max_distance, 0.0, it.max_time),
+            HomingMethod::Encoder | HomingMethod::SetHere { .. } => {
+                return format!("axis {name} is not homed");
+            }
         };
-        let side = if search.direction > 0.0 {
+        let side = if direction > 0.0 {
             "positive"
         } else {
             "negative"
         };
-        let (far, back_off) = (search.max_distance, search.back_off);
         let why = match self {
             Self::NotFound => format!(
                 "no switch came on within {far} {unit} in {side} direction: check the switch and its \
@@ -137,7 +153,7 @@ impl HomingFailure {
             ),
             Self::TooLong => format!(
                 "it took longer than {} s: check `max_time_ms` and the rapid override",
-                search.max_time.as_secs_f64()
+                most.as_secs_f64()
             ),
             Self::NoSignal => {
                 "its switch tells no level: check the drive that it is wired to".into()
@@ -147,6 +163,13 @@ impl HomingFailure {
                     .into()
             }
             Self::NoSpeed => "the rapid override is 0: raise it".into(),
+            Self::NotHome => "its drive did not find its place by itself: check the switches wired to the drive, the \
+                 functions of its inputs, and `method`"
+                .into(),
+            Self::TooFar => format!(
+                "its drive went more than {far} {unit} from where it began: check the switches wired to the drive, \
+                 `method` and `max_distance`"
+            ),
         };
         format!("axis {name} is not homed: {why}")
     }

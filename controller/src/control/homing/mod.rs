@@ -17,15 +17,17 @@
 //! A failure is told with its cause, the axes come to rest, and what was not homed yet stays
 //! unreferenced.
 
+mod by_drive;
 mod failure;
 mod switch;
 
-pub use failure::{HomingFailure, NotRecalled};
+pub use failure::{HomingFailure, LostReference, NotRecalled};
 pub(super) use switch::Edge;
 
-use super::fault::{AxisCause, AxisIndex, Fault};
+use super::fault::{AxisCause, AxisIndex, DeviceCause, Fault};
 use super::{Controller, Event, Phase, Refusal, event_sink};
 use crate::machine::HomingMethod;
+use by_drive::ByDrive;
 use std::sync::Arc;
 use switch::{Motion, Progress, Search, Seen};
 use syncline_trajectory::limits::{Limits, PositionLimits};
@@ -70,6 +72,8 @@ pub(super) struct Homing {
     began: u64,
     /// By axis.
     searches: Vec<Search>,
+    /// By axis, where its drive does that by itself.
+    by_drive: Vec<ByDrive>,
     /// Axes of the group that have been found.
     found: AxisSet,
 }
@@ -77,12 +81,14 @@ pub(super) struct Homing {
 impl Homing {
     /// Of a machine with so many drives to each axis.
     pub(super) fn new(sides: impl Iterator<Item = usize>) -> Self {
+        let searches: Vec<_> = sides.map(Search::new).collect();
         Self {
             stage: Stage::Idle,
             left: 0,
             group: 0,
             began: 0,
-            searches: sides.map(Search::new).collect(),
+            by_drive: vec![ByDrive::default(); searches.len()],
+            searches,
             found: 0,
         }
     }
@@ -95,6 +101,11 @@ impl Homing {
     /// Ends it where it is.
     pub(super) fn abort(&mut self) {
         self.stage = Stage::Idle;
+    }
+
+    /// Whether an axis of the group does not move, and waits until no other one does.
+    fn is_quiet(&self, axis: AxisIndex) -> bool {
+        has(self.found, axis) || self.searches[axis].waits() || self.by_drive[axis].waits()
     }
 
     fn begin(&mut self, axes: AxisSet) {
@@ -202,7 +213,8 @@ impl<const N: usize> Controller<N> {
             let axis = &mut self.axes[index];
             if axis.is_referenced() && axis.has_lost_count(&self.nodes) {
                 axis.forget_reference();
-                self.tell(Event::Unreferenced { axis: index });
+                let why = LostReference::DriveGone;
+                self.tell(Event::Unreferenced { axis: index, why });
             }
         }
     }
@@ -226,6 +238,15 @@ impl<const N: usize> Controller<N> {
 
     /// Tells what an axis that does not follow while it searches may have met. The fault that this is stops it.
     pub(super) fn explain_search(&mut self, fault: &Fault) {
+        if let Fault::Device(
+            drive,
+            DeviceCause::Emergency { .. }
+            | DeviceCause::Reported { .. }
+            | DeviceCause::NotFollowing { .. },
+        ) = *fault
+        {
+            return self.explain_homing(drive);
+        }
         let Fault::Axis(axis, AxisCause::FollowingError { .. } | AxisCause::Skew { .. }) = *fault
         else {
             return;
@@ -247,6 +268,18 @@ impl<const N: usize> Controller<N> {
             None => self.homing.searches[axis].blocked(),
         };
         if let Some(failure) = failure {
+            self.tell(Event::HomingFailed { axis, failure });
+        }
+    }
+
+    /// Tells that a drive did not get home by itself. The fault that this is stops it.
+    fn explain_homing(&mut self, drive: usize) {
+        let homing = &self.homing;
+        let at_work = |axis: &AxisIndex| has(homing.group, *axis) && homing.by_drive[*axis].moves();
+        let own = |axis: &AxisIndex| self.layout.axes[*axis].drives.contains(&drive);
+        let axis = (0..self.axes.len()).find(|axis| own(axis) && at_work(axis));
+        if let Some(axis) = axis.filter(|_| homing.stage == Stage::Searching) {
+            let failure = HomingFailure::NotHome;
             self.tell(Event::HomingFailed { axis, failure });
         }
     }
@@ -281,6 +314,7 @@ impl<const N: usize> Controller<N> {
         self.homing.stage = Stage::Searching;
         for axis in (0..layout.axes.len()).filter(|&axis| has(group, axis)) {
             self.homing.searches[axis] = Search::new(layout.axes[axis].drives.len());
+            self.homing.by_drive[axis] = ByDrive::default();
             self.check_switches(axis)
                 .map_err(|failure| (axis, failure))?;
         }
@@ -317,19 +351,30 @@ impl<const N: usize> Controller<N> {
         let layout = Arc::clone(&self.layout);
         let elapsed = self.layout.cycle * (self.cycle - self.homing.began) as u32;
         let at_work = (0..layout.axes.len()).filter(|&axis| has(self.homing.group, axis));
-        let quiet = (at_work.clone())
-            .all(|axis| has(self.homing.found, axis) || self.homing.searches[axis].waits());
+        let quiet = at_work.clone().all(|axis| self.homing.is_quiet(axis));
         let mut drives = at_work.flat_map(|axis| &layout.axes[axis].drives);
         let answered = drives.all(|&drive| self.nodes[drive].is_sequence_done());
         for (index, axis) in layout.axes.iter().enumerate() {
             if !has(self.homing.group & !self.homing.found, index) {
                 continue;
             }
-            let HomingMethod::Switch(how) = &axis.homing.method else {
-                self.homing.found |= 1 << index;
-                continue;
-            };
             let failed = |failure| (index, failure);
+            let how = match &axis.homing.method {
+                HomingMethod::Switch(how) => how,
+                HomingMethod::Drive(how) => {
+                    let over = self.home_by_drive(index, how, (quiet, answered));
+                    if over.map_err(failed)? {
+                        self.homing.found |= 1 << index;
+                    } else if elapsed > how.max_time && !self.homing.is_quiet(index) {
+                        return Err(failed(HomingFailure::TooLong));
+                    }
+                    continue;
+                }
+                HomingMethod::Encoder | HomingMethod::SetHere { .. } => {
+                    self.homing.found |= 1 << index;
+                    continue;
+                }
+            };
             let on = self.switch_levels(&how.inputs);
             let on = on.ok_or(failed(HomingFailure::NoSignal))?;
             let seen = Seen {
@@ -431,6 +476,8 @@ impl<const N: usize> Controller<N> {
                 HomingMethod::Switch(how) if self.homing.stage == Stage::Searching => {
                     (here - how.max_distance, here + how.max_distance)
                 }
+                // It moves by itself.
+                HomingMethod::Drive(_) if self.homing.stage == Stage::Searching => continue,
                 _ => limits.position,
             };
             travel[axis.coordinate] = Some(Travel {
@@ -456,11 +503,19 @@ impl<const N: usize> Controller<N> {
             if !has(self.homing.group, index) {
                 continue;
             }
-            let edges = self.homing.searches[index].edges();
             let axis = &mut self.axes[index];
-            let uncertainty = match self.layout.axes[index].homing.is_absolute() {
-                true => None,
-                false => Some(axis.reference(edges, &mut self.nodes)?),
+            let uncertainty = match &self.layout.axes[index].homing.method {
+                HomingMethod::Encoder => None,
+                HomingMethod::Drive(_) => {
+                    axis.reference([Some(by_drive::ZERO), None], &mut self.nodes)?;
+                    axis.forget_motion();
+                    self.nodes[axis.drive()].end_homing();
+                    None
+                }
+                HomingMethod::SetHere { .. } | HomingMethod::Switch(_) => {
+                    let edges = self.homing.searches[index].edges();
+                    Some(axis.reference(edges, &mut self.nodes)?)
+                }
             };
             position[axis.coordinate()] = axis.reseat(&self.nodes);
             let apart = axis.square(self.cycle + 1);
@@ -492,14 +547,14 @@ impl<const N: usize> Controller<N> {
         let layout = Arc::clone(&self.layout);
         let mut there = true;
         for (index, axis) in layout.axes.iter().enumerate() {
-            if let HomingMethod::Switch(how) = &axis.homing.method
+            if let Some((place, speed)) = axis.homing.final_move()
                 && has(self.homing.group, index)
             {
-                let away = self.planned.position[axis.coordinate] - how.final_position;
+                let away = self.planned.position[axis.coordinate] - place;
                 there &= self.planned.velocity[axis.coordinate] == 0.0 && away.abs() < REACHED;
                 there &= self.shaping.has_settled(axis.coordinate);
                 if !ordered {
-                    let motion = Motion::To(how.final_position, how.speed);
+                    let motion = Motion::To(place, speed);
                     let moved = self.move_axis(index, motion);
                     moved.map_err(|failure| (index, failure))?;
                 }

@@ -105,6 +105,8 @@ pub(in crate::model) const fn controlword(command: PowerCommand, start: u16) -> 
         PowerCommand::Prepare => Controlword::SHUTDOWN,
         PowerCommand::Enable => Controlword::ENABLE_OPERATION,
         PowerCommand::Run => Controlword::ENABLE_OPERATION.with(start),
+        PowerCommand::Home => Controlword::ENABLE_OPERATION.with(Controlword::MODE_4),
+        PowerCommand::Halt => Controlword::ENABLE_OPERATION.with(Controlword::HALT),
         PowerCommand::QuickStop => Controlword::QUICK_STOP,
     }
 }

@@ -157,6 +157,9 @@ impl From<&Config> for TwinConfig {
             initial_position: (config.position * INCREMENTS_PER_REVOLUTION) as i64,
             switches: Switches {
                 along: config.sensors.clone(),
+                reference: config.reference_switch.clone(),
+                negative_limit: config.limit_switches.as_ref().map(|it| it.start),
+                positive_limit: config.limit_switches.as_ref().map(|it| it.end),
                 ..own.switches
             },
             policies: match config.tolerant {

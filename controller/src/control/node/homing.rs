@@ -1,0 +1,63 @@
+//! A drive that homes by itself: it leaves the mode in which it follows setpoints, and comes back to it.
+
+use super::{DeviceNode, Step};
+use crate::machine::DriveHoming;
+use syncline_drives::model::{OwnHoming, PowerCommand};
+
+impl DeviceNode {
+    /// Whether it homes by itself, or has not come back from there.
+    pub(in crate::control) fn homes(&self) -> bool {
+        self.homes
+    }
+
+    /// It follows no setpoints from now on: it holds its position, or moves as it likes.
+    pub(in crate::control) fn begin_homing(&mut self) {
+        self.homes = true;
+        self.power = PowerCommand::Enable;
+    }
+
+    /// It follows setpoints again.
+    pub(in crate::control) fn end_homing(&mut self) {
+        self.homes = false;
+    }
+
+    /// Has it come to rest where it is.
+    pub(in crate::control) fn halt_homing(&mut self) {
+        if self.homes && !self.quick_stopped {
+            self.power = PowerCommand::Halt;
+        }
+    }
+
+    /// Whether it does not count any more from where it found its place by itself.
+    pub(in crate::control) fn is_not_home(&self) -> bool {
+        self.is_sampled() && !self.status.is_homed
+    }
+
+    /// Its setpoint goes along with where it is, up to the first one that it is to follow again.
+    pub(in crate::control) fn go_along(&mut self) {
+        if self.power != PowerCommand::Run {
+            self.hold();
+        }
+    }
+
+    fn own_homing(&self, how: &DriveHoming) -> Option<OwnHoming> {
+        let speeds = [how.speed, how.slow_speed];
+        let speeds = speeds.map(|speed| self.scaling().to_increments_per_second(speed).abs());
+        self.device.drive()?.homing(how.method, speeds)
+    }
+
+    /// The steps to the mode in which it homes by itself.
+    pub(in crate::control) fn ask_homing(&mut self, how: &DriveHoming) {
+        if let Some(homing) = self.own_homing(how) {
+            self.sequence.extend(homing.begin.map(Step::Write));
+            self.sequence.extend([Step::Mode(homing.mode)]);
+        }
+    }
+
+    /// The steps back from there.
+    pub(in crate::control) fn ask_mode_back(&mut self, how: &DriveHoming) {
+        let homing = self.own_homing(how);
+        self.sequence.extend(homing.map(|it| Step::Write(it.end)));
+        self.ask_mode();
+    }
+}
