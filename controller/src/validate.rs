@@ -4,6 +4,8 @@
 #![doc = include_str!("../examples/validate.rs")]
 //! ```
 
+pub mod cause;
+
 use crate::control::{Event as MachineEvent, Layout};
 use crate::machine::{Machine, MachineState};
 use crate::observe::Observers;

@@ -19,6 +19,7 @@ use crate::run::Progress;
 use crate::run::virtual_time::VirtualMachine;
 use crate::session::{Command, Event, NotTaken, Operator, Session, Status};
 use crate::validate::Inputs;
+use crate::validate::cause::Again;
 use std::error::Error;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -158,6 +159,8 @@ impl Args {
             commands,
             logs,
         } = prepared;
+        // Events and what is read once cannot be had again.
+        let again = (self.events.is_none() && !program.streams()).then(|| program.clone());
         let (timeline, moves) =
             VirtualMachine::new(&machine, Arc::clone(&layout), program, self.seed)?;
         logs.record_virtual(&machine, timeline.frames())?;
@@ -233,12 +236,30 @@ impl Args {
         let logged = timeline.frames().finish_log();
         let frames = Some(timeline.frames().result());
         let controller = timeline.controller();
-        let (summary, rows) = observers.finish(&machine, &layout, controller, frames)?;
+        let (mut summary, mut rows) = observers.finish(&machine, &layout, controller, frames)?;
+        if let Some(program) = &again {
+            summary.cause = self.again(program).cause(&machine, &summary)?;
+        }
+        if let (Some(cause), Some(rows)) = (&summary.cause, &mut rows) {
+            rows.facts
+                .insert(0, ("cause".to_owned(), cause.to_string()));
+        }
         let title = format!("validated in virtual time, seed {}", self.seed);
         results.write(&summary, rows, &self.program, title, Target::begin)?;
         claims.tell(&summary.to_string());
         logged?;
         Ok(summary)
+    }
+
+    /// The same validation, of the program that was read.
+    fn again<'a>(&'a self, program: &'a Program) -> Again<'a> {
+        Again {
+            file: &self.machine,
+            settings: &self.settings,
+            tables: self.tables.as_deref(),
+            program,
+            seed: self.seed,
+        }
     }
 
     /// The line of an event that is worth one.

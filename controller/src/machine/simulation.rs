@@ -161,6 +161,20 @@ const fn transmission(name: &'static str, stiffness: f64, damping: f64, play: f6
     }
 }
 
+/// How stiff a transmission is, as the machine file has it: N/µm of a linear axis, N·m/rad of a rotary one.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Stiffness {
+    /// Its kind.
+    pub name: &'static str,
+    /// Its own.
+    pub stiffness: f64,
+    /// What its kind has where nothing is said.
+    pub usual: f64,
+}
+
+/// N/m.
+const N_PER_MICROMETRE: f64 = 1e6;
+
 /// What does not give way.
 const STIFF: &str = "stiff";
 
@@ -183,6 +197,25 @@ impl FeedAxis {
     #[must_use]
     pub fn motor(&self) -> Motor {
         self.motor
+    }
+
+    /// What it moves, kg, where the file says so.
+    #[must_use]
+    pub fn load(&self) -> Option<f64> {
+        self.load
+    }
+
+    /// What gives way between motor and load, if something does; of a linear axis or a rotary one.
+    #[must_use]
+    pub fn stiffness(&self, linear: bool) -> Option<Stiffness> {
+        let own = self.elasticity?;
+        let kind = TRANSMISSIONS.iter().find(|it| it.name == own.name)?;
+        let unit = if linear { N_PER_MICROMETRE } else { 1.0 };
+        Some(Stiffness {
+            name: own.name,
+            stiffness: own.stiffness / unit,
+            usual: kind.stiffness / unit,
+        })
     }
 
     /// What a motor feels of it at its shaft, through a drive whose scaling that is, on a rotary axis
@@ -473,7 +506,7 @@ fn load(log: &mut Log<'_>, table: &mut Table<'_, '_>, rotary: bool, axis: &mut F
     if let Some(kind) = TRANSMISSIONS.iter().find(|it| it.name == name) {
         let mut number =
             |key, default, range, unit| number_or(log, table, key, default, range, unit);
-        let scale = if rotary { 1.0 } else { 1e6 };
+        let scale = if rotary { 1.0 } else { N_PER_MICROMETRE };
         axis.elasticity = Some(Transmission {
             stiffness: scale * number("stiffness", kind.stiffness / scale, 1e-3..=1e9, stiffness),
             damping: number("damping", kind.damping, 0.0..=1.0, "(damping ratio)"),

@@ -33,9 +33,10 @@ pub mod trace;
 mod trail;
 pub mod travel;
 
+use crate::control::fault::Fault;
 use crate::control::layout::Layout;
 use crate::control::{Controller, End, Event, Row};
-use crate::machine::{COORDINATES, Machine, Position};
+use crate::machine::{Axis, COORDINATES, Machine, Position};
 use crate::program::bounds::TimeBounds;
 use crate::program::{Extent, Moves, counted_speed};
 use deviation::Deviation;
@@ -275,7 +276,15 @@ impl Observers {
     }
 
     /// Where a run that did not come to its end stopped.
-    fn stopped(&self, machine: &Machine) -> Stopped {
+    fn stopped(&self, machine: &Machine, end: Option<End>) -> Stopped {
+        let blamed = match end {
+            Some(End::Fault(Fault::Axis(axis, _))) => machine.axes.get(axis),
+            Some(End::Fault(Fault::Device(device, _))) => {
+                let drive = machine.drives.get(device);
+                drive.map(|drive| &machine.axes[drive.axis])
+            }
+            _ => None,
+        };
         let position = machine.axes.iter();
         let position = position.map(|axis| (axis.name(), self.position[axis.letter.index()]));
         let left = self.extent.map(|extent| {
@@ -285,6 +294,7 @@ impl Observers {
         });
         Stopped {
             line: self.line,
+            axis: blamed.map(Axis::name),
             position: position.collect(),
             left_mm: left.map(|[length, _]| length),
             left_deg: left.map_or(0.0, |[_, turned]| turned),
@@ -318,11 +328,12 @@ impl Observers {
             verdict,
             outcome: (controller.end())
                 .map_or_else(|| "not ended".to_owned(), |end| end.describe(layout)),
-            stopped: (!finished).then(|| self.stopped(machine)),
+            stopped: (!finished).then(|| self.stopped(machine, controller.end())),
             duration_s: (self.travel.motion)
                 .map_or(0.0, |(first, last)| self.seconds(last - first)),
             times: self.times(),
             time_bounds: self.time_bounds.take(),
+            cause: None,
             cycles: self.cycles,
             late_setpoints: controller.late_setpoints(),
             frames_sha256: digest,

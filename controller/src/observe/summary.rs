@@ -18,6 +18,9 @@ pub struct Summary {
     /// Where it stopped, if it did not come to its end.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub stopped: Option<Stopped>,
+    /// Why an axis did not follow, where that was looked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub cause: Option<Cause>,
     /// From the first to the last motion, with all that is between, s.
     pub duration_s: f64,
     /// What the time went into, all of it.
@@ -57,6 +60,9 @@ pub struct Summary {
 pub struct Stopped {
     /// The line of the block at work.
     pub line: u32,
+    /// The axis whose fault it was, or a drive of it had.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub axis: Option<&'static str>,
     /// The setpoint of each axis, machine coordinates, mm or degrees.
     pub position: BTreeMap<&'static str, f64>,
     /// What is left of the program, as F counts it, mm; nothing where it was not read before.
@@ -65,6 +71,23 @@ pub struct Stopped {
     /// What is left where A, B and C turn alone, degrees.
     #[serde(skip_serializing_if = "is_zero")]
     pub left_deg: f64,
+}
+
+/// Why an axis did not follow: what alone lets it.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Cause {
+    /// `gains`, `motor`, `transmission` or `load`; `several` where none of them alone helps.
+    pub what: &'static str,
+    /// The axis.
+    pub axis: String,
+    /// What there is, in words with its figures.
+    pub now: String,
+    /// Values of keys of the machine file with which it follows, as `--set` takes them.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub follows_with: Vec<String>,
+    /// Greatest torque of a drive of the axis then, N·m.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub max_torque_then: Option<f64>,
 }
 
 /// What the time of a run went into, s. A cycle in which a move begins or ends is motion.
@@ -245,6 +268,9 @@ impl fmt::Display for Summary {
         if let Some(stopped) = &self.stopped {
             writeln!(f, "stopped            {stopped}")?;
         }
+        if let Some(cause) = &self.cause {
+            writeln!(f, "cause              {cause}")?;
+        }
         writeln!(f, "motion time        {:.3} s", self.times.motion_s)?;
         for bound in self.time_bounds.iter().flat_map(|it| &it.bounds) {
             writeln!(f, "bound by           {bound}")?;
@@ -340,6 +366,23 @@ impl fmt::Display for BoundShare {
         }
         let step = 100.0 * STEP;
         write!(f, "; {step} % more of it save {:.3} s", self.saves_s)
+    }
+}
+
+/// As a person reads it.
+impl fmt::Display for Cause {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self {
+            what, axis, now, ..
+        } = self;
+        write!(f, "{what} of axis {axis}: {now}")?;
+        if !self.follows_with.is_empty() {
+            write!(f, "; it follows with {}", self.follows_with.join(" "))?;
+        }
+        match self.max_torque_then {
+            Some(torque) => write!(f, ", torque then at most {torque:.2} N·m"),
+            None => Ok(()),
+        }
     }
 }
 

@@ -5,6 +5,7 @@ mod bad_input;
 mod beam;
 mod bounds;
 mod bring_up;
+mod causes;
 mod cia402_csp;
 mod consoles;
 mod corpus;
