@@ -7,7 +7,7 @@ use syncline_canopen::cia402::{self, Statusword};
 use syncline_canopen::{CanId, CobId, Frame, Instant};
 use syncline_controller::campaign::stage::{self, Played};
 use syncline_controller::campaign::{self, Case, Checkers, Seen, Wanted};
-use syncline_controller::control::fault::{BusCause, Fault};
+use syncline_controller::control::fault::{AxisCause, BusCause, DeviceCause, Fault};
 use syncline_controller::control::{self, State};
 use syncline_controller::machine::Machine;
 use syncline_controller::session::{Accepted, Command, Event};
@@ -51,8 +51,62 @@ static RECORDED: LazyLock<Vec<Recorded>> = LazyLock::new(|| {
             });
         }
     }
+    recorded.push(switching());
     recorded
 });
+
+/// A program that switches an output of a drive, on and off, at once and with motions, and leaves it on.
+fn switching() -> Recorded {
+    let number = |case: &Case| {
+        let drives = case.machine.axes.iter().flat_map(|axis| &axis.drives);
+        let mut wires = drives.flat_map(|drive| &drive.wires);
+        let number = |meaning: &str| meaning.strip_prefix("number = ")?.parse::<u8>().ok();
+        wires.find_map(|wire| number(&wire.meaning).filter(|_| wire.table == "output"))
+    };
+    let mut cases = (0..).map(Case::of);
+    let small = cases.find(|case| case.machine.axes.len() < 3 && number(case).is_some());
+    let mut case = small.unwrap();
+    let number = number(&case).unwrap();
+    let axis = &case.machine.axes[0];
+    let [least, most] = axis.soft_limits;
+    let rest = 0.0_f64.clamp(least, most);
+    let way = if rest + 3.0 * axis.travel > most {
+        -axis.travel
+    } else {
+        axis.travel
+    };
+    let line = |turns: f64| format!("G1 {}{}", axis.letter, rest + turns * way);
+    let switch = |code: u8| format!("M{code} P{number}");
+    case.programs = vec![vec![
+        format!("F{}", 30.0 * axis.velocity),
+        line(1.0),
+        switch(64),
+        "G4 P0.1".to_owned(),
+        switch(65),
+        line(2.0),
+        switch(62),
+        line(3.0),
+        switch(63),
+        line(1.0),
+        switch(64),
+        line(3.0),
+        "M2".to_owned(),
+    ]];
+    case.deeds.clear();
+    case.troubles.clear();
+    case.patience = Some(10);
+    case.cycles = 4_000_000 / case.machine.cycle_us;
+    let machine = case.machine.machine().unwrap();
+    let mut seen = Vec::new();
+    let mut record = |it| seen.push(it);
+    let played = stage::play(&case, &machine, Wanted::default(), &mut record).unwrap();
+    Recorded {
+        case,
+        machine,
+        seen,
+        played,
+    }
+}
 
 /// What becomes of something that was seen.
 type Change = fn(&Recorded, &mut Planting, &Seen) -> Vec<Seen>;
@@ -82,6 +136,8 @@ struct Planting {
     ready: u32,
     done: u32,
     setpoint: Option<i32>,
+    /// In all of the recording.
+    outputs: Vec<u8>,
 }
 
 impl Planting {
@@ -131,6 +187,89 @@ fn with_setpoint(seen: &Seen, setpoint: i32) -> Seen {
     framed(*bus, sent, Frame::new(sent.frame.id(), &data))
 }
 
+/// The same frame with another control- or statusword.
+fn with_word(seen: &Seen, word: u8) -> Seen {
+    let Seen::Frame { bus, sent } = seen else {
+        return seen.clone();
+    };
+    let mut data = sent.frame.data().to_vec();
+    data[0] = word;
+    framed(*bus, sent, Frame::new(sent.frame.id(), &data))
+}
+
+/// Whether it is the T_PDO of the drive whose setpoints [`setpoint`] tells.
+fn is_statusword(recorded: &Recorded, seen: &Seen) -> bool {
+    let mut drives = recorded.machine.drives.iter();
+    let first = drives.find(|drive| drive.model.name == "lxm32m");
+    matches!((seen, first), (Seen::Frame { bus, sent }, Some(first))
+        if sent.frame.id() == CanId::from(CobId::t_pdo(2, first.node)) && *bus == first.bus)
+}
+
+/// A fault in mid-motion, and from then on another controlword.
+fn told_while_it_moves(
+    recorded: &Recorded,
+    planting: &mut Planting,
+    seen: &Seen,
+    fault: Fault,
+    word: u8,
+) -> Vec<Seen> {
+    let Some(at) = setpoint(recorded, seen) else {
+        return vec![seen.clone()];
+    };
+    let before = planting.setpoint.replace(at);
+    if planting.done > 0 {
+        return vec![with_word(seen, word)];
+    }
+    let moves = before.is_some_and(|before| before.abs_diff(at) > 100);
+    if moves && planting.once() {
+        return vec![seen.clone(), event(control::Event::Fault(fault))];
+    }
+    vec![seen.clone()]
+}
+
+/// Of the drive whose setpoints [`setpoint`] tells, or of another axis's.
+fn fault_of(recorded: &Recorded, own: bool, cause: DeviceCause) -> Option<Fault> {
+    let drives = &recorded.machine.drives;
+    let first = drives.iter().position(|it| it.model.name == "lxm32m")?;
+    let other = drives.iter().position(|it| it.axis != drives[first].axis);
+    Some(Fault::Device(if own { first } else { other? }, cause))
+}
+
+/// The outputs in an LXM32M's frame, of the first drive that has some.
+fn outputs(recorded: &Recorded, seen: &Seen) -> Option<u8> {
+    let Seen::Frame { bus, sent } = seen else {
+        return None;
+    };
+    let drive = &recorded.machine.drives[recorded.machine.outputs.first()?.node];
+    let own = sent.frame.id() == CanId::from(CobId::r_pdo(2, drive.node)) && *bus == drive.bus;
+    sent.frame.data().get(6).filter(|_| own).copied()
+}
+
+fn with_outputs(seen: &Seen, outputs: u8) -> Seen {
+    let Seen::Frame { bus, sent } = seen else {
+        return seen.clone();
+    };
+    let mut data = sent.frame.data().to_vec();
+    data[6] = outputs;
+    framed(*bus, sent, Frame::new(sent.frame.id(), &data))
+}
+
+/// The outputs as they are so many frames later, or before.
+fn shifted(recorded: &Recorded, planting: &mut Planting, seen: &Seen, frames: isize) -> Vec<Seen> {
+    if planting.outputs.is_empty() {
+        let all = recorded.seen.iter();
+        planting.outputs = all.filter_map(|seen| outputs(recorded, seen)).collect();
+    }
+    if outputs(recorded, seen).is_none() {
+        return vec![seen.clone()];
+    }
+    let place = planting.done as isize + frames;
+    planting.done += 1;
+    let last = planting.outputs.len() as isize - 1;
+    let shifted = planting.outputs[place.clamp(0, last) as usize];
+    vec![with_outputs(seen, shifted)]
+}
+
 fn framed(bus: usize, sent: &Transmission, frame: Frame) -> Seen {
     Seen::Frame {
         bus,
@@ -167,7 +306,7 @@ fn commanded(seen: &Seen, data: [u8; 2]) -> Vec<Seen> {
 }
 
 /// Defects by the checker that has to find each.
-const DEFECTS: [(&str, &str, Change); 42] = [
+const DEFECTS: [(&str, &str, Change); 56] = [
     (
         "setpoints",
         "one setpoint a tenth of a revolution off",
@@ -505,6 +644,79 @@ const DEFECTS: [(&str, &str, Change); 42] = [
         },
     ),
     (
+        "reactions",
+        "a drive with a fault that is told to go on",
+        |it, planting, seen| match fault_of(it, true, DeviceCause::HeartbeatLost) {
+            Some(fault) => told_while_it_moves(it, planting, seen, fault, 0x1F),
+            None => vec![seen.clone()],
+        },
+    ),
+    (
+        "reactions",
+        "a drive that is switched off in motion where it is to rest on the path",
+        |it, planting, seen| told_while_it_moves(it, planting, seen, Fault::NoPlan, 0x06),
+    ),
+    (
+        "reactions",
+        "a drive that is switched off where it is to make a quick stop",
+        |it, planting, seen| {
+            let fault = Fault::Axis(0, AxisCause::Skew { difference: 1.0 });
+            told_while_it_moves(it, planting, seen, fault, 0x06)
+        },
+    ),
+    (
+        "reactions",
+        "a statusword that nobody minds",
+        |it, planting, seen| match is_statusword(it, seen) && planting.running > 100 {
+            true => vec![with_word(seen, 0x08)],
+            false => vec![seen.clone()],
+        },
+    ),
+    (
+        "reactions",
+        "a drive that falls silent, and nobody minds",
+        |it, planting, seen| match is_statusword(it, seen) && planting.running > 100 {
+            true => Vec::new(),
+            false => vec![seen.clone()],
+        },
+    ),
+    (
+        "reactions",
+        "the same told of a drive in other words",
+        |it, planting, seen| {
+            let mut all = vec![seen.clone()];
+            if planting.once() {
+                for cause in [DeviceCause::HeartbeatLost, DeviceCause::NoNmtState] {
+                    let fault = fault_of(it, true, cause);
+                    all.extend(fault.map(|fault| event(control::Event::Fault(fault))));
+                }
+            }
+            all
+        },
+    ),
+    (
+        "reactions",
+        "a fault of another drive than the one that showed it",
+        |it, planting, seen| {
+            if planting.running <= 100 {
+                return vec![seen.clone()];
+            }
+            if is_statusword(it, seen) {
+                return vec![with_word(seen, 0x08)];
+            }
+            let mut all = vec![seen.clone()];
+            let fault = fault_of(it, false, DeviceCause::HeartbeatLost);
+            if let (Seen::Woken(_), Some(fault)) = (seen, fault)
+                && planting.running > 101
+                && planting.done == 0
+            {
+                planting.done = 1;
+                all.insert(0, event(control::Event::Fault(fault)));
+            }
+            all
+        },
+    ),
+    (
         "answers",
         "a command that is not told to be accepted",
         |_, _, seen| match seen {
@@ -536,6 +748,71 @@ const DEFECTS: [(&str, &str, Change); 42] = [
         |_, _, seen| match seen {
             Seen::Told(Event::State(State::Off)) => vec![seen.clone(), accepted(Command::Enable)],
             _ => vec![seen.clone()],
+        },
+    ),
+    (
+        "outputs",
+        "an output that is switched twice",
+        |it, planting, seen| match outputs(it, seen) {
+            Some(now) if planting.running > 100 && planting.done < 5 => {
+                planting.done += 1;
+                vec![with_outputs(seen, !now)]
+            }
+            _ => vec![seen.clone()],
+        },
+    ),
+    (
+        "outputs",
+        "outputs that are switched early",
+        |it, planting, seen| shifted(it, planting, seen, 8),
+    ),
+    (
+        "outputs",
+        "outputs that are switched late",
+        |it, planting, seen| shifted(it, planting, seen, -8),
+    ),
+    (
+        "outputs",
+        "an output that is switched off never",
+        |it, planting, seen| match outputs(it, seen) {
+            Some(now) => {
+                planting.done |= u32::from(now);
+                vec![with_outputs(seen, planting.done as u8)]
+            }
+            None => vec![seen.clone()],
+        },
+    ),
+    (
+        "outputs",
+        "outputs that nobody switches",
+        |it, _, seen| match outputs(it, seen) {
+            Some(_) => vec![with_outputs(seen, 0)],
+            None => vec![seen.clone()],
+        },
+    ),
+    (
+        "outputs",
+        "outputs that stay on where a fault stops the machine",
+        |it, planting, seen| {
+            let mut all = vec![seen.clone()];
+            if outputs(it, seen).is_some_and(|on| on != 0) && planting.once() {
+                all.push(event(control::Event::Fault(Fault::NoPlan)));
+            }
+            all
+        },
+    ),
+    (
+        "outputs",
+        "outputs that a program leaves on",
+        |it, planting, seen| match outputs(it, seen) {
+            Some(_) if planting.state == Some(State::Ready) && planting.running > 0 => {
+                vec![with_outputs(seen, planting.done as u8)]
+            }
+            Some(now) => {
+                planting.done |= u32::from(now);
+                vec![seen.clone()]
+            }
+            None => vec![seen.clone()],
         },
     ),
     (

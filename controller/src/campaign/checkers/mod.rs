@@ -9,7 +9,9 @@
 //! - `stops`: at rest in time after every cause, and no motion until a person acted
 //! - `transitions`: what may follow what, of states, NMT commands and controlwords
 //! - `alarms`: every fault told once, in time, with the right subject; none where nothing is wrong
+//! - `reactions`: what is done about each fault, in time, and which is told first
 //! - `answers`: every command is accepted or refused in time
+//! - `outputs`: switched in the program's order and at their place, safe after every stop
 //! - `bus`: SYNC on time, all setpoints or none, no bus fuller than full
 //! - `ending`: virtual time goes on, the machine goes off, and the observers agree
 
@@ -18,7 +20,10 @@ mod answers;
 mod bus;
 mod ending;
 mod motion;
+mod outputs;
+mod reactions;
 mod scene;
+mod script;
 mod setpoints;
 mod stops;
 mod transitions;
@@ -123,7 +128,9 @@ pub struct Checkers<'a> {
     stops: stops::Stops,
     transitions: transitions::Transitions,
     alarms: alarms::Alarms,
+    reactions: reactions::Reactions,
     answers: answers::Answers,
+    outputs: outputs::Outputs,
     bus: bus::Bus,
     ending: ending::Ending,
     /// What they found.
@@ -134,17 +141,20 @@ impl<'a> Checkers<'a> {
     /// For a case with its machine.
     #[must_use]
     pub fn new(case: &'a Case, machine: &'a Machine) -> Self {
+        let scene = Scene::new(case, machine);
         Self {
             setpoints: setpoints::Setpoints::new(machine),
             motion: motion::Motion::new(machine),
             stops: stops::Stops::new(machine),
             transitions: transitions::Transitions::default(),
             alarms: alarms::Alarms::default(),
+            reactions: reactions::Reactions::new(machine),
             answers: answers::Answers::default(),
+            outputs: outputs::Outputs::new(&scene),
             bus: bus::Bus::new(machine),
             ending: ending::Ending::default(),
             found: Found::default(),
-            scene: Scene::new(case, machine),
+            scene,
         }
     }
 
@@ -201,18 +211,22 @@ impl<'a> Checkers<'a> {
             stops,
             transitions,
             alarms,
+            reactions,
             answers,
+            outputs,
             bus,
             ending,
             found,
         } = self;
-        let all: [&mut dyn Checker; 8] = [
+        let all: [&mut dyn Checker; 10] = [
             setpoints,
             motion,
             stops,
             transitions,
             alarms,
+            reactions,
             answers,
+            outputs,
             bus,
             ending,
         ];

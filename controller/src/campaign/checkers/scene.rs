@@ -45,6 +45,10 @@ pub struct Scene<'a> {
     pub interferences: Vec<(Instant, Interference)>,
     /// A fault was told, and no reset since.
     pub faulted: bool,
+    /// Which drive told its status by the last frame.
+    pub told_status: Option<usize>,
+    /// Which drive was sent a controlword by it.
+    pub told_controlword: Option<(usize, u16)>,
     buses: Vec<BusScene>,
 }
 
@@ -164,6 +168,8 @@ impl<'a> Scene<'a> {
             syncs: vec![None; machine.buses.len()],
             interferences: Vec::new(),
             faulted: false,
+            told_status: None,
+            told_controlword: None,
             buses: (0..machine.buses.len()).map(bus).collect(),
         }
     }
@@ -260,17 +266,23 @@ impl<'a> Scene<'a> {
             }
         }
         let scenes = &mut self.drives;
+        (self.told_status, self.told_controlword) = (None, None);
         for (&drive, reader) in drives.iter().zip(&mut *readers) {
             if let Some(status) = reader.status(&sent.frame) {
                 scenes[drive].status = Some(status);
+                self.told_status = Some(drive);
             }
         }
+        let controlword = &mut self.told_controlword;
         mappings.hear(&sent.frame, &mut |node, heard| {
             let drive = &mut scenes[drives[node]];
             match heard {
                 Heard::Reset => *drive = DriveScene::default(),
                 Heard::Object { object, value } => match object {
-                    CONTROLWORD => drive.controlword = Some(value as u16),
+                    CONTROLWORD => {
+                        drive.controlword = Some(value as u16);
+                        *controlword = Some((drives[node], value as u16));
+                    }
                     STATUSWORD => drive.statusword = Some(value as u16),
                     _ => {
                         if let Some(setpoint) = readers[node].positions.read(object, value) {

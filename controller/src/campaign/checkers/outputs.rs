@@ -1,0 +1,571 @@
+//! Outputs are switched in the program's order and at their place, and have their safe values after every stop and
+//! where nothing is at work: from what R_PDOs carry and what the program says.
+//!
+//! Which states of a program the outputs may be in is kept as a set, as several may look alike. From one of them it
+//! goes on to a later one that looks as the outputs do, over such alone as are too short to be seen.
+
+use super::super::interference::{Interference, ToDrive};
+use super::script::{Reading, Script, Switched};
+use super::{Checker, Found, Scene};
+use crate::control::{self, Outcome, State};
+use crate::machine::{AnalogSource, Machine, OutputSwitch};
+use crate::observe::mapping::{Heard, PdoMappings};
+use crate::session::{Accepted, Command, Event};
+use std::collections::VecDeque;
+use syncline_canopen::Instant;
+use syncline_drives::bus::Transmission;
+
+const NAME: &str = "outputs";
+
+/// A state that lasts for less may not be seen, cycles.
+const SHORT: f64 = 3.0;
+/// How much earlier than by the program's dwells and ways a state may end, cycles.
+const EARLY: f64 = 2.0;
+/// How many cycles' ways the setpoints may be off the place of a code.
+const OFF: f64 = 2.0;
+/// R_PDOs until outputs are safe: that of the cycle that finds the cause, and the next one.
+const UNTIL_SAFE: u32 = 1;
+/// The same where bursts were lost or late.
+const UNTIL_SAFE_LATE: u32 = 4;
+/// What is switched by hand shows, and no longer does, within so many cycles.
+const BY_HAND: f64 = 4.0;
+
+/// See the module.
+pub(super) struct Outputs {
+    outputs: Vec<Output>,
+    ears: Vec<Ears>,
+    /// Outputs that are judged together.
+    groups: Vec<Vec<usize>>,
+    /// The program that is loaded.
+    loaded: Option<usize>,
+    /// What is left switched where no job is; `None`: not known.
+    left: Option<Switched>,
+    /// Work offsets were set, or tool lengths.
+    shifted: bool,
+    job: Option<Job>,
+    /// Outputs are to be safe.
+    to_be_safe: bool,
+    /// By axis: where its setpoints were at the last SYNCs, mm.
+    ways: Vec<VecDeque<f64>>,
+}
+
+/// An output of the machine.
+struct Output {
+    name: String,
+    what: What,
+    safe: i32,
+    /// As the last R_PDO had it, and as it was at the last SYNC.
+    came: Option<i32>,
+    latched: Option<i32>,
+    /// R_PDOs since it is to be safe.
+    unsafe_for: u32,
+    /// It was switched by hand.
+    by_hand: Option<bool>,
+    /// What it is by hand may show until then.
+    is_by_hand: Option<Instant>,
+}
+
+/// What an output puts out.
+enum What {
+    Digital {
+        active_low: bool,
+        switch: OutputSwitch,
+    },
+    Analog {
+        full_scale: f64,
+        source: AnalogSource,
+    },
+}
+
+/// The nodes of a bus that have outputs.
+struct Ears {
+    mappings: PdoMappings,
+    /// By place there: which outputs, each with the number that its device has for it.
+    outputs: Vec<Vec<(usize, usize)>>,
+}
+
+/// A job at work.
+struct Job {
+    is_program: bool,
+    script: Script,
+    /// By group: the states that it may be in, each with when it came there.
+    at: Vec<Vec<(usize, Instant)>>,
+    /// What showed before it began may still show.
+    begun: Vec<bool>,
+}
+
+impl What {
+    /// What it puts out where so much is switched.
+    fn value(&self, switched: &Switched) -> i32 {
+        match self {
+            Self::Digital { active_low, switch } => {
+                let on = match *switch {
+                    OutputSwitch::Program(number) => switched.digital >> number & 1 != 0,
+                    OutputSwitch::Spindle => switched.turns.is_some(),
+                    OutputSwitch::SpindleReverse => switched.turns == Some(true),
+                    OutputSwitch::Mist => switched.coolant[0],
+                    OutputSwitch::Flood => switched.coolant[1],
+                };
+                (on != *active_low).into()
+            }
+            Self::Analog { full_scale, source } => {
+                let value = match *source {
+                    AnalogSource::Program(number) => switched.analog[usize::from(number)],
+                    AnalogSource::SpindleSpeed if switched.turns.is_none() => 0.0,
+                    AnalogSource::SpindleSpeed => switched.speed,
+                };
+                scaled(value, *full_scale)
+            }
+        }
+    }
+
+    /// What an object of an R_PDO says of the output with this number, if it has it.
+    fn read(&self, object: u32, value: u32, number: usize) -> Option<i32> {
+        let [bits, sub, low, high] = object.to_le_bytes();
+        match (u16::from_le_bytes([low, high]), self) {
+            // An LXM32M's IO_DQ_set.
+            (0x3008, Self::Digital { .. }) if sub == 0x11 => Some((value >> number & 1) as i32),
+            // CiA 401, by bytes and by words.
+            (0x6200 | 0x6300, Self::Digital { .. }) => {
+                let first = usize::from(bits) * usize::from(sub.checked_sub(1)?);
+                let place = number.checked_sub(first)?;
+                (place < bits.into()).then_some((value >> place & 1) as i32)
+            }
+            (0x6411, Self::Analog { .. }) if usize::from(sub) == number + 1 => {
+                Some((value as i16).into())
+            }
+            _ => None,
+        }
+    }
+}
+
+/// 16 bits of an analog output.
+fn scaled(value: f64, full_scale: f64) -> i32 {
+    i32::from((value / full_scale * f64::from(i16::MAX)).round() as i16)
+}
+
+impl Outputs {
+    pub(super) fn new(scene: &Scene<'_>) -> Self {
+        let machine = scene.machine;
+        let (outputs, wired) = wired(machine);
+        let ears = (0..machine.buses.len()).map(|bus| {
+            let nodes = machine.nodes().enumerate();
+            let own = |device: &usize| wired.iter().any(|(of, _)| of == device);
+            let nodes = nodes.filter(|(device, node)| node.bus == bus && own(device));
+            let nodes: Vec<_> = nodes.collect();
+            let outputs_of = |device: usize| {
+                let wired = wired.iter().enumerate();
+                let wired = wired.filter(move |(_, (of, _))| *of == device);
+                wired
+                    .map(|(output, (_, number))| (output, *number))
+                    .collect()
+            };
+            let ids = nodes
+                .iter()
+                .map(|(_, node)| (node.id.get().into(), node.model.dictionary));
+            Ears {
+                mappings: PdoMappings::new(ids),
+                outputs: (nodes.iter().map(|(device, _)| outputs_of(*device))).collect(),
+            }
+        });
+        // Where something goes wrong with buses, devices may have another cycle's outputs than others.
+        let mut devices: Vec<usize> = wired.iter().map(|(device, _)| *device).collect();
+        devices.dedup();
+        let groups = match scene.case.is_untroubled() && !outputs.is_empty() {
+            true => vec![(0..outputs.len()).collect()],
+            false => {
+                let group = |device: usize| {
+                    let own = wired.iter().enumerate();
+                    let own = own.filter(move |(_, (of, _))| *of == device);
+                    own.map(|(output, _)| output).collect()
+                };
+                devices.iter().map(|device| group(*device)).collect()
+            }
+        };
+        Self {
+            ears: ears.collect(),
+            outputs,
+            groups,
+            loaded: None,
+            left: Some(Switched::default()),
+            shifted: false,
+            job: None,
+            to_be_safe: true,
+            ways: vec![VecDeque::new(); machine.axes.len()],
+        }
+    }
+
+    /// A job begins.
+    fn begin(&mut self, scene: &Scene<'_>, lines: Option<&[String]>, is_program: bool) {
+        self.to_be_safe = false;
+        if let Some(left) = &mut self.left {
+            for output in &mut self.outputs {
+                let Some(on) = output.by_hand.take() else {
+                    continue;
+                };
+                match output.what {
+                    What::Digital { switch, .. } => match switch {
+                        OutputSwitch::Program(number) => left.put(number, on),
+                        OutputSwitch::Mist => left.coolant[0] = on,
+                        OutputSwitch::Flood => left.coolant[1] = on,
+                        OutputSwitch::Spindle | OutputSwitch::SpindleReverse => {}
+                    },
+                    What::Analog { .. } => {}
+                }
+            }
+        }
+        let script = lines.zip(self.left).map(|(lines, left)| {
+            let reading = Reading {
+                axes: &scene.case.machine.axes,
+                tolerances: scene.case.machine.tolerances,
+                is_program,
+                is_placed: is_program && !self.shifted,
+            };
+            Script::read(lines, &reading, left)
+        });
+        self.job = Some(Job {
+            is_program,
+            script: script.unwrap_or_else(Script::unknown),
+            at: vec![vec![(0, scene.now)]; self.groups.len()],
+            begun: vec![false; self.groups.len()],
+        });
+    }
+
+    fn accepted(&mut self, scene: &Scene<'_>, it: &Accepted) {
+        let program = |loaded: Option<usize>| {
+            let programs = &scene.case.programs;
+            loaded
+                .and_then(|number| programs.get(number))
+                .map(Vec::as_slice)
+        };
+        match &it.command {
+            Command::Load(file) => {
+                let stem = file.file_stem().and_then(|stem| stem.to_str());
+                self.loaded = stem.and_then(|stem| stem.parse().ok());
+            }
+            Command::Run { from_line: None } => self.begin(scene, program(self.loaded), true),
+            Command::Run { .. } => self.begin(scene, None, true),
+            Command::CycleStart if self.job.is_none() => {
+                self.begin(scene, program(self.loaded), true);
+            }
+            Command::Mdi(text) => {
+                let lines: Vec<String> = text.lines().map(str::to_owned).collect();
+                self.begin(scene, Some(&lines), false);
+            }
+            Command::SetWorkOffset(_) | Command::SetToolLength(_) => {
+                self.shifted = true;
+                self.begin(scene, Some(&[]), false);
+            }
+            Command::Output { name, on } => {
+                let mut outputs = self.outputs.iter_mut();
+                if let Some(output) = outputs.find(|output| output.name == *name) {
+                    output.by_hand = Some(*on);
+                    output.is_by_hand = Some(scene.now);
+                }
+            }
+            _ => {}
+        }
+    }
+
+    /// Nothing is at work any longer.
+    fn stop(&mut self) {
+        if !self.to_be_safe {
+            self.to_be_safe = true;
+            self.outputs.iter_mut().for_each(|it| it.unsafe_for = 0);
+        }
+        self.left = Some(Switched::default());
+        self.job = None;
+    }
+
+    /// A job is over.
+    fn over(&mut self, scene: &Scene<'_>, outcome: Outcome, found: &mut Found) {
+        let Some(job) = self.job.take() else {
+            return;
+        };
+        let cycle = scene.period();
+        let last = job.script.steps.len().saturating_sub(1);
+        let is_through = |&(at, _): &(usize, Instant)| {
+            let behind = &job.script.steps[at..];
+            at == last || behind[1..].iter().all(|step| step.lasts < SHORT * cycle)
+        };
+        let is_judged = outcome == Outcome::Finished && is_calm(scene) && !job.script.is_open;
+        for (group, at) in job.at.iter().enumerate() {
+            let looks = |from: usize| {
+                let behind = &job.script.steps[from..];
+                let first = &job.script.steps[from].state;
+                behind.iter().all(|step| {
+                    let same = |output: &usize| {
+                        let what = &self.outputs[*output].what;
+                        what.value(&step.state) == what.value(first)
+                    };
+                    self.groups[group].iter().all(same)
+                })
+            };
+            if is_judged && !at.iter().any(|it| is_through(it) || looks(it.0)) {
+                found.violate(NAME, scene, "an output that was never switched", || {
+                    format!("the program ended; its outputs came to state {at:?} of {last}")
+                });
+            }
+        }
+        let is_known = outcome == Outcome::Finished && !job.script.is_open;
+        let last = job.script.steps.last().filter(|_| is_known);
+        self.left = last.map(|step| step.state);
+    }
+
+    /// Where setpoints are at the last SYNC, and how far they went at most in a cycle lately, by axis.
+    fn setpoints(&mut self, scene: &Scene<'_>) {
+        for (axis, ways) in scene.machine.axes.iter().zip(&mut self.ways) {
+            let drive = axis.drives[0];
+            if let Some(at) = scene.drives[drive].latched {
+                ways.push_back(scene.mm(drive, at));
+            }
+            if ways.len() > 4 {
+                ways.pop_front();
+            }
+        }
+    }
+
+    /// Whether setpoints are where a step begins.
+    fn is_at(&self, scene: &Scene<'_>, place: &[Option<f64>], tolerance: f64) -> bool {
+        let axes = scene.machine.axes.iter().zip(place).zip(&self.ways);
+        let mut axes = axes.filter_map(|((axis, place), ways)| Some((axis, (*place)?, ways)));
+        axes.all(|(axis, place, ways)| {
+            let steps = ways.iter().zip(ways.iter().skip(1));
+            let most = steps
+                .map(|(from, to)| (to - from).abs())
+                .fold(0.0, f64::max);
+            let resolution = scene.machine.drives[axis.drives[0]].scaling.resolution();
+            let allowed = tolerance + OFF * (most + resolution);
+            ways.back().is_none_or(|at| (at - place).abs() <= allowed)
+        })
+    }
+
+    /// Goes on in the program as the outputs of a group do.
+    fn go_on(&self, scene: &Scene<'_>, job: &Job, group: usize) -> Option<Vec<(usize, Instant)>> {
+        let looks = |state: &Switched| {
+            self.groups[group].iter().all(|output| {
+                let output = &self.outputs[*output];
+                let value = output.what.value(state);
+                output.is_by_hand.is_some() || output.latched.is_none_or(|it| it == value)
+            })
+        };
+        let (cycle, calm) = (scene.period(), is_calm(scene));
+        let steps = &job.script.steps;
+        let mut reached: Vec<(usize, Instant)> = Vec::new();
+        for &(from, since) in &job.at[group] {
+            let stays = looks(&steps[from].state);
+            let over = scene.since(since) + EARLY * cycle >= steps[from].lasts;
+            for (to, step) in steps.iter().enumerate().skip(from) {
+                let passes = steps[from + 1..].iter().take(to.saturating_sub(from + 1));
+                let mut passes = passes.map(|step| step.lasts < SHORT * cycle);
+                if calm && to > from && !(over && passes.all(|short| short)) {
+                    break;
+                }
+                let shows = to > from && !stays;
+                let at = !(calm && shows) || self.is_at(scene, &step.place, step.tolerance);
+                let known = reached.iter().any(|(it, _)| *it == to);
+                if looks(&step.state) && at && !known {
+                    let since = if to == from { since } else { scene.now };
+                    reached.push((to, since));
+                }
+            }
+        }
+        (!reached.is_empty()).then_some(reached)
+    }
+
+    /// Outputs of a job at work.
+    fn at_work(&mut self, scene: &Scene<'_>, found: &mut Found) {
+        let Some(mut job) = self.job.take() else {
+            return;
+        };
+        let last = job.script.steps.len().checked_sub(1);
+        for group in 0..self.groups.len() {
+            let through = last.is_none_or(|last| job.at[group].iter().any(|(at, _)| *at == last));
+            if job.script.is_open && through {
+                continue;
+            }
+            let reached = self.go_on(scene, &job, group);
+            let is_before =
+                !job.begun[group] && scene.since(job.at[group][0].1) < SHORT * scene.period();
+            match reached {
+                Some(reached) => {
+                    job.begun[group] = true;
+                    job.at[group] = reached;
+                }
+                None if is_before => {}
+                None => {
+                    let what = "an output out of the program's order, place or time";
+                    found.violate(NAME, scene, what, || self.describe(&job, group));
+                    job.script = Script::unknown();
+                }
+            }
+        }
+        self.job = Some(job);
+    }
+
+    fn describe(&self, job: &Job, group: usize) -> String {
+        let own = self.groups[group].iter().map(|it| &self.outputs[*it]);
+        let own: Vec<_> = own.map(|it| (&it.name, it.latched)).collect();
+        let at = &job.at[group];
+        let steps = at.first().map(|(first, _)| {
+            let steps = &job.script.steps[*first..];
+            &steps[..steps.len().min(3)]
+        });
+        let ways: Vec<_> = self.ways.iter().map(VecDeque::back).collect();
+        format!("{own:?}; setpoints {ways:?}; states {at:?} from {steps:?}")
+    }
+
+    /// An R_PDO came with an output that is to be safe.
+    fn is_safe(&mut self, scene: &Scene<'_>, output: usize, found: &mut Found) {
+        let late = !is_calm(scene);
+        let it = &mut self.outputs[output];
+        if !self.to_be_safe || it.is_by_hand.is_some() {
+            return;
+        }
+        it.unsafe_for += 1;
+        let until = if late { UNTIL_SAFE_LATE } else { UNTIL_SAFE };
+        if it.unsafe_for > until && it.came != Some(it.safe) {
+            found.violate(NAME, scene, "an output that is not safe", || {
+                let (name, came, since) = (&it.name, it.came, it.unsafe_for);
+                let state = scene.state;
+                format!(
+                    "{name}: {came:?}, {since} R_PDOs after what makes it safe, machine {state}"
+                )
+            });
+        }
+    }
+
+    /// Whether outputs may be switched by hand in this state.
+    fn state(&mut self, scene: &Scene<'_>, state: State) {
+        match state {
+            State::Stopping | State::Faulted | State::Disabled | State::Starting | State::Off => {
+                self.stop();
+            }
+            _ => {}
+        }
+        // A job takes over what was switched by hand before it.
+        let begins = self.job.is_none() && matches!(state, State::Running | State::Mdi);
+        if !begins && !matches!(state, State::Ready | State::Jogging | State::Held) {
+            for output in &mut self.outputs {
+                output.by_hand = None;
+            }
+        }
+        for output in &mut self.outputs {
+            if output.by_hand.is_some() {
+                output.is_by_hand = Some(scene.now);
+            }
+        }
+    }
+}
+
+/// Outputs of a machine, and of which device with which number there each is.
+fn wired(machine: &Machine) -> (Vec<Output>, Vec<(usize, usize)>) {
+    let output = |name: &str, what, safe| Output {
+        name: name.to_owned(),
+        what,
+        safe,
+        came: None,
+        latched: None,
+        unsafe_for: 0,
+        by_hand: None,
+        is_by_hand: None,
+    };
+    let digital = machine.outputs.iter().map(|it| {
+        let what = What::Digital {
+            active_low: it.active_low,
+            switch: it.switch,
+        };
+        let safe = it.safe != it.active_low;
+        (output(&it.name, what, safe.into()), (it.node, it.signal))
+    });
+    let analog = machine.analog_outputs.iter().map(|it| {
+        let what = What::Analog {
+            full_scale: it.full_scale,
+            source: it.source,
+        };
+        let safe = scaled(it.safe, it.full_scale);
+        (output(&it.name, what, safe), (it.node, it.place))
+    });
+    let mut all: Vec<_> = digital.chain(analog).collect();
+    all.sort_by_key(|(_, wired)| *wired);
+    all.into_iter().unzip()
+}
+
+/// Nothing has happened that changes when bursts leave.
+fn is_calm(scene: &Scene<'_>) -> bool {
+    let mut all = scene.interferences.iter();
+    all.all(|(_, what)| {
+        matches!(
+            what,
+            Interference::StarvePlanner(_) | Interference::Drive(_, ToDrive::Input(..))
+        )
+    })
+}
+
+impl Checker for Outputs {
+    fn sync(&mut self, _: &Scene<'_>, bus: usize, _: &mut Found) {
+        for &(output, _) in self.ears[bus].outputs.iter().flatten() {
+            self.outputs[output].latched = self.outputs[output].came;
+        }
+    }
+
+    fn frame(&mut self, scene: &Scene<'_>, bus: usize, sent: &Transmission, found: &mut Found) {
+        if self.outputs.is_empty() {
+            return;
+        }
+        let Ears { mappings, outputs } = &mut self.ears[bus];
+        let mut came = Vec::new();
+        mappings.hear(&sent.frame, &mut |node, heard| match heard {
+            Heard::Reset => {
+                for (output, _) in &outputs[node] {
+                    self.outputs[*output].came = None;
+                }
+            }
+            Heard::Object { object, value } => {
+                for (output, number) in &outputs[node] {
+                    let it = &mut self.outputs[*output];
+                    if let Some(value) = it.what.read(object, value, *number) {
+                        it.came = Some(value);
+                        came.push(*output);
+                    }
+                }
+            }
+        });
+        for output in came {
+            self.is_safe(scene, output, found);
+        }
+    }
+
+    fn told(&mut self, scene: &Scene<'_>, event: &Event, found: &mut Found) {
+        match event {
+            Event::Accepted(it) => self.accepted(scene, it),
+            Event::State(state) => self.state(scene, *state),
+            Event::Machine(control::Event::Fault(_)) => self.stop(),
+            Event::Machine(control::Event::JobOver { outcome, .. }) => {
+                let is_program = self.job.as_ref().is_some_and(|job| job.is_program);
+                self.over(scene, *outcome, found);
+                if is_program || *outcome == Outcome::Stopped {
+                    self.stop();
+                }
+            }
+            _ => {}
+        }
+    }
+
+    fn woken(&mut self, scene: &Scene<'_>, found: &mut Found) {
+        if self.outputs.is_empty() {
+            return;
+        }
+        let shows = BY_HAND * scene.period();
+        for output in &mut self.outputs {
+            if output.by_hand.is_some() {
+                output.is_by_hand = Some(scene.now);
+            }
+            output.is_by_hand = output
+                .is_by_hand
+                .filter(|since| scene.since(*since) < shows);
+        }
+        self.setpoints(scene);
+        self.at_work(scene, found);
+    }
+}

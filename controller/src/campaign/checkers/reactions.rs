@@ -1,0 +1,362 @@
+//! What is done about each fault is what `docs/supervision.md` states, commanded in time, and each is told once, the
+//! one that showed first first: from controlwords, statuswords and what the session told.
+//!
+//! The table is this checker's own copy of the page. A reaction is looked for in the controlwords: a quick stop is
+//! 000Bh, and a drive that comes to rest on the path is told to follow until its setpoints rest.
+
+use super::super::interference::{Interference, ToDrive};
+use super::{Checker, Found, Scene};
+use crate::control::fault::{AxisCause, BusCause, DeviceCause};
+use crate::control::{self, Fault, State};
+use crate::machine::Machine;
+use crate::session::{Command, Event};
+use syncline_canopen::Instant;
+use syncline_drives::bus::Transmission;
+use syncline_drives::model::PowerState;
+
+const NAME: &str = "reactions";
+
+/// Low bits of a controlword: it follows setpoints, and it makes a quick stop (CiA 402).
+const FOLLOWS: u16 = 0x0F;
+const QUICK_STOP: u16 = 0x0B;
+
+/// R_PDOs from where a cause shows, or is told, until its reaction is commanded.
+const IN_TIME: u32 = 2;
+/// SYNCs without an answer beyond those that are allowed until something is done.
+const SILENT: u32 = 3;
+
+/// A column of the table.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Reaction {
+    Disable,
+    OnPath,
+    QuickStopAxis,
+    QuickStopAll,
+}
+
+/// A row of the table: what it is called here, and what is done.
+type Row = (&'static str, Reaction);
+
+/// Whom a fault concerns.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Subject {
+    Device(usize),
+    Axis(usize),
+    Bus(usize),
+    Machine,
+}
+
+/// The table.
+fn row(fault: &Fault) -> (Subject, Row) {
+    use Reaction::{Disable, OnPath, QuickStopAll, QuickStopAxis};
+    match fault {
+        Fault::Device(device, cause) => {
+            let row = match cause {
+                DeviceCause::Emergency { .. } | DeviceCause::Reported { .. } => {
+                    ("an error of a drive", QuickStopAxis)
+                }
+                DeviceCause::NotFollowing { .. } => ("a drive no longer enabled", QuickStopAxis),
+                DeviceCause::PositionRange => ("beyond what a drive can count", QuickStopAxis),
+                DeviceCause::SdoTimeout { .. }
+                | DeviceCause::TwoNodes
+                | DeviceCause::HeartbeatLost
+                | DeviceCause::PollUnanswered { .. }
+                | DeviceCause::NoNmtState
+                | DeviceCause::UnknownNmtState { .. }
+                | DeviceCause::NmtState { .. }
+                | DeviceCause::Rebooted
+                | DeviceCause::MissingTPdo { .. } => ("a device that is silent", QuickStopAxis),
+                _ => ("a drive that does not come up or go off", Disable),
+            };
+            (Subject::Device(*device), row)
+        }
+        Fault::Axis(axis, cause) => {
+            let row = match cause {
+                AxisCause::Skew { .. } => ("skew", QuickStopAll),
+                AxisCause::SetpointGuard { .. } => ("a setpoint beyond limits", QuickStopAll),
+                AxisCause::FeedbackDifference { .. } => ("an encoder that disagrees", OnPath),
+                AxisCause::Jump { .. } => ("a jump", QuickStopAxis),
+                AxisCause::OutsideSoftLimits { .. } | AxisCause::Standstill { .. } => {
+                    ("an axis not where it should be", Disable)
+                }
+                _ => ("following error", QuickStopAxis),
+            };
+            (Subject::Axis(*axis), row)
+        }
+        Fault::Bus(bus, cause) => {
+            let row = match cause {
+                BusCause::Failed => ("a bus that is lost", QuickStopAxis),
+                BusCause::ErrorPassive => ("error passive", OnPath),
+                BusCause::LateSetpoints { .. } | BusCause::TornBurst => ("late setpoints", OnPath),
+                _ => ("a second controller", OnPath),
+            };
+            (Subject::Bus(*bus), row)
+        }
+        Fault::NotEnabled { .. } => (Subject::Machine, ("external enable off", QuickStopAll)),
+        Fault::LateWakeUp { .. } => (Subject::Machine, ("late wake-up", OnPath)),
+        Fault::NoPlan => (Subject::Machine, ("no plan", OnPath)),
+        Fault::Program => (Subject::Machine, ("program", OnPath)),
+        Fault::Unreferenced(_) | Fault::Homing(..) => (Subject::Machine, ("unreferenced", OnPath)),
+        Fault::Probing { .. } | Fault::Touched => (Subject::Machine, ("probing", OnPath)),
+    }
+}
+
+/// What is looked for in the controlwords of a drive.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Awaited {
+    /// It follows until its setpoints rest.
+    RestsFirst,
+    /// It no longer follows.
+    Leaves,
+    /// It makes a quick stop before anything else.
+    QuickStop,
+}
+
+/// See the module.
+pub(super) struct Reactions {
+    drives: Vec<Watched>,
+    /// Faults since the machine was reset.
+    told: Vec<(Subject, Row)>,
+    /// The machine's state at the last wake-up.
+    state: State,
+}
+
+/// A drive.
+#[derive(Clone, Debug, Default)]
+struct Watched {
+    awaited: Option<(Awaited, &'static str)>,
+    /// R_PDOs since.
+    frames: u32,
+    /// It said that it follows, when it was heard last.
+    followed: bool,
+    /// Since when something shows, and how many R_PDOs it was sent since while nothing was done.
+    shows: Option<(Instant, u32)>,
+    /// SYNCs without a T_PDO.
+    silent: u32,
+}
+
+/// Axes may move, and every drive follows its setpoints.
+fn is_up(state: State) -> bool {
+    use State::{Held, Homing, Jogging, Mdi, Ready, Running};
+    matches!(state, Ready | Homing | Jogging | Mdi | Running | Held)
+}
+
+/// Nothing has happened to buses or to the host.
+fn is_calm(scene: &Scene<'_>) -> bool {
+    let mut all = scene.interferences.iter();
+    all.all(|(_, what)| {
+        matches!(
+            what,
+            Interference::Drive(..) | Interference::StarvePlanner(_)
+        )
+    })
+}
+
+impl Reactions {
+    pub(super) fn new(machine: &Machine) -> Self {
+        Self {
+            drives: vec![Watched::default(); machine.drives.len()],
+            told: Vec::new(),
+            state: State::Starting,
+        }
+    }
+
+    fn fault(&mut self, scene: &Scene<'_>, fault: &Fault, found: &mut Found) {
+        let (subject, row) = row(fault);
+        if self.told.contains(&(subject, row)) {
+            found.violate(NAME, scene, "a fault is told again", || {
+                format!("{fault:?}, after {:?}", self.told)
+            });
+        }
+        let is_first = self.told.is_empty();
+        self.told.push((subject, row));
+        if is_first {
+            self.is_first(scene, fault, subject, found);
+        }
+        if !is_up(self.state) {
+            return;
+        }
+        let machine = scene.machine;
+        let concerns = |drive: usize| match subject {
+            Subject::Device(device) => device == drive,
+            Subject::Axis(axis) => machine.drives[drive].axis == axis,
+            Subject::Bus(bus) => machine.drives[drive].bus == bus,
+            Subject::Machine => false,
+        };
+        let (name, reaction) = row;
+        let paired = |drive: usize| machine.axes[machine.drives[drive].axis].drives.len() > 1;
+        let all = match reaction {
+            Reaction::QuickStopAll => true,
+            Reaction::QuickStopAxis => {
+                let mut drives = 0..self.drives.len();
+                machine.controller.stop_together || drives.any(|it| concerns(it) && paired(it))
+            }
+            Reaction::OnPath | Reaction::Disable => false,
+        };
+        for (drive, watched) in self.drives.iter_mut().enumerate() {
+            let quick = all || reaction == Reaction::QuickStopAxis && concerns(drive);
+            let told = scene.drives[drive].controlword;
+            let awaited = match (quick, told.map(|word| word & FOLLOWS)) {
+                (_, Some(word)) if word != FOLLOWS => continue,
+                (true, _) if scene.drives[drive].follows() => Awaited::QuickStop,
+                (true, _) => Awaited::Leaves,
+                (false, _) if reaction == Reaction::Disable => continue,
+                (false, _) => Awaited::RestsFirst,
+            };
+            let known = watched
+                .awaited
+                .is_some_and(|(known, _)| known != Awaited::RestsFirst);
+            if !known {
+                watched.awaited = Some((awaited, name));
+                watched.frames = 0;
+            }
+        }
+    }
+
+    /// What showed first is told first.
+    fn is_first(&self, scene: &Scene<'_>, fault: &Fault, subject: Subject, found: &mut Found) {
+        let since = |drive: usize| self.drives[drive].shows.map(|(since, _)| since);
+        let drives = 0..self.drives.len();
+        let first = drives
+            .filter_map(|drive| Some((since(drive)?, drive)))
+            .min();
+        let told = match subject {
+            Subject::Device(device) if device < self.drives.len() => Some(device),
+            Subject::Axis(axis) => scene.machine.axes[axis].drives.first().copied(),
+            _ => None,
+        };
+        let (Some((first, drive)), Some(told), true) = (first, told, is_calm(scene)) else {
+            return;
+        };
+        let same = scene.machine.drives[drive].axis == scene.machine.drives[told].axis;
+        let later = since(told).is_none_or(|since| {
+            let apart = since.saturating_since(first).as_nanos();
+            apart > scene.machine.cycle.as_nanos()
+        });
+        if !same && later {
+            found.violate(NAME, scene, "another fault is told first", || {
+                let name = &scene.machine.drives[drive].name;
+                format!(
+                    "{fault:?}; drive {name} showed something {} s before",
+                    scene.since(first)
+                )
+            });
+        }
+    }
+
+    /// A controlword came.
+    fn commanded(&mut self, scene: &Scene<'_>, drive: usize, word: u16, found: &mut Found) {
+        let watched = &mut self.drives[drive];
+        let name = &scene.machine.drives[drive].name;
+        let follows = word & FOLLOWS == FOLLOWS;
+        if let Some((since, frames)) = &mut watched.shows {
+            *frames += 1;
+            let (since, frames) = (*since, *frames);
+            if !follows || !is_up(self.state) {
+                watched.shows = None;
+            } else if frames >= IN_TIME && is_calm(scene) {
+                watched.shows = None;
+                found.violate(
+                    NAME,
+                    scene,
+                    "nothing is done in time about what shows",
+                    || format!("drive {name}, {} s after it showed", scene.since(since)),
+                );
+            }
+        }
+        let Some((awaited, fault)) = watched.awaited else {
+            return;
+        };
+        watched.frames += 1;
+        let frames = watched.frames;
+        let wrong = match awaited {
+            Awaited::RestsFirst if !follows && scene.drives[drive].moves => {
+                Some("a drive is taken off the path while it moves")
+            }
+            Awaited::QuickStop if !follows && word & FOLLOWS != QUICK_STOP => {
+                Some("another reaction than the quick stop")
+            }
+            Awaited::Leaves | Awaited::QuickStop if follows && frames >= IN_TIME => {
+                Some("a reaction that is not commanded in time")
+            }
+            _ => None,
+        };
+        if !follows || wrong.is_some() {
+            watched.awaited = None;
+        }
+        if let Some(what) = wrong.filter(|_| is_calm(scene)) {
+            found.violate(NAME, scene, what, || {
+                format!("drive {name} is told {word:04X}h, {frames} R_PDOs after: {fault}")
+            });
+        }
+    }
+
+    /// A T_PDO came with what a drive says of itself.
+    fn heard(&mut self, scene: &Scene<'_>, drive: usize) {
+        let watched = &mut self.drives[drive];
+        watched.silent = 0;
+        let says = scene.drives[drive]
+            .status
+            .is_some_and(|status| status.power == PowerState::Enabled && status.mode_runs);
+        let told = scene.drives[drive].controlword;
+        let is_to = told.is_some_and(|word| word & FOLLOWS == FOLLOWS);
+        if watched.followed && !says && is_to && is_up(self.state) {
+            watched.shows.get_or_insert((scene.now, 0));
+        }
+        watched.followed = says;
+    }
+}
+
+impl Checker for Reactions {
+    fn sync(&mut self, scene: &Scene<'_>, bus: usize, found: &mut Found) {
+        let allowed = scene.case.machine.t_pdo_misses + SILENT;
+        for &drive in scene.drives_of(bus) {
+            let watched = &mut self.drives[drive];
+            let told = scene.drives[drive].controlword;
+            let is_to = told.is_some_and(|word| word & FOLLOWS == FOLLOWS);
+            watched.silent += 1;
+            if !is_to || !is_up(self.state) {
+                watched.silent = 0;
+            } else if watched.silent > allowed && is_calm(scene) {
+                watched.silent = 0;
+                found.violate(NAME, scene, "nothing is done about a silent drive", || {
+                    scene.machine.drives[drive].name.clone()
+                });
+            }
+        }
+    }
+
+    fn frame(&mut self, scene: &Scene<'_>, _: usize, _: &Transmission, found: &mut Found) {
+        if let Some(drive) = scene.told_status {
+            self.heard(scene, drive);
+        }
+        if let Some((drive, word)) = scene.told_controlword {
+            self.commanded(scene, drive, word, found);
+        }
+    }
+
+    fn interfered(&mut self, _: &Scene<'_>, what: &Interference, _: &mut Found) {
+        if let Interference::Drive(drive, ToDrive::Reset) = what
+            && let Some(watched) = self.drives.get_mut(*drive)
+        {
+            watched.followed = false;
+        }
+    }
+
+    fn told(&mut self, scene: &Scene<'_>, event: &Event, found: &mut Found) {
+        match event {
+            Event::Machine(control::Event::Fault(fault)) => self.fault(scene, fault, found),
+            Event::Accepted(it) if matches!(it.command, Command::Reset | Command::Enable) => {
+                if it.command == Command::Reset {
+                    self.told.clear();
+                }
+                self.drives.fill(Watched::default());
+            }
+            _ => {}
+        }
+    }
+
+    fn woken(&mut self, scene: &Scene<'_>, _: &mut Found) {
+        self.state = scene.state;
+    }
+}
