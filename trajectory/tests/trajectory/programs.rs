@@ -1,6 +1,6 @@
 //! Programs by chance, and what planning them takes.
 
-use std::f64::consts::TAU;
+use std::f64::consts::{PI, TAU};
 
 use syncline_trajectory::path::{
     Command, Curve, Feed, JerkSegment, Limits, Move, PathControlMode, PathItem, Plane, Planner,
@@ -19,14 +19,14 @@ pub(crate) struct Cost {
 
 /// Curves that follow one another.
 #[derive(Debug, Clone)]
-pub(crate) struct Program {
-    pub(crate) limits: Limits<3>,
-    pub(crate) curves: Vec<(Curve<3>, Feed)>,
+pub(crate) struct Program<const N: usize = 3> {
+    pub(crate) limits: Limits<N>,
+    pub(crate) curves: Vec<(Curve<N>, Feed)>,
 }
 
-impl Program {
+impl<const N: usize> Program<N> {
     /// Lines through points.
-    pub(crate) fn polyline(limits: Limits<3>, points: &[[f64; 3]], feed: Feed) -> Self {
+    pub(crate) fn polyline(limits: Limits<N>, points: &[[f64; N]], feed: Feed) -> Self {
         let lines = points.windows(2);
         let lines = lines.filter_map(|ends| Curve::line(ends[0], ends[1]).ok());
         Program {
@@ -35,11 +35,11 @@ impl Program {
         }
     }
 
-    pub(crate) fn start(&self) -> [f64; 3] {
+    pub(crate) fn start(&self) -> [f64; N] {
         self.curves[0].0.start()
     }
 
-    pub(crate) fn items(&self, mode: PathControlMode) -> Vec<PathItem<3>> {
+    pub(crate) fn items(&self, mode: PathControlMode) -> Vec<PathItem<N>> {
         let motion = |(&(curve, feed), tag)| Move {
             curve,
             feed,
@@ -59,7 +59,7 @@ impl Program {
         let mut planner = Planner::new(self.limits, self.start());
         let mut cost = Cost::default();
         let mut steps: Vec<f64> = Vec::new();
-        let mut drain = |planner: &mut Planner<3>| {
+        let mut drain = |planner: &mut Planner<N>| {
             loop {
                 let before = planner.effort().work;
                 let Some(command) = planner.pop() else { break };
@@ -85,35 +85,43 @@ impl Program {
 }
 
 /// A place that a program has come to.
-struct Pen {
-    at: [f64; 3],
+struct Pen<const N: usize> {
+    at: [f64; N],
     heading: f64,
-    curves: Vec<(Curve<3>, Feed)>,
+    /// How far the axes beyond the third turn on every curve.
+    swing: f64,
+    curves: Vec<(Curve<N>, Feed)>,
 }
 
-impl Pen {
+impl<const N: usize> Pen<N> {
     fn new() -> Self {
         Pen {
-            at: [0.0; 3],
+            at: [0.0; N],
             heading: 0.0,
+            swing: 0.0,
             curves: Vec::new(),
         }
     }
 
     /// Draws a curve if there is one.
-    fn draw(&mut self, curve: Option<Curve<3>>, feed: Feed) {
+    fn draw(&mut self, curve: Option<Curve<N>>, feed: Feed) {
         if let Some(curve) = curve {
             self.at = curve.end();
             self.curves.push((curve, feed));
         }
     }
 
+    /// So far from here.
+    fn away(&self, x: f64, y: f64, z: f64) -> [f64; N] {
+        let by = [x, y, z];
+        std::array::from_fn(|i| self.at[i] + by.get(i).copied().unwrap_or(self.swing))
+    }
+
     /// Turns, then goes straight on.
     fn line(&mut self, turn: f64, length: f64, rise: f64, feed: Feed) {
         self.heading += turn;
         let (sin, cos) = self.heading.sin_cos();
-        let [x, y, z] = self.at;
-        let end = [x + length * cos, y + length * sin, z + rise];
+        let end = self.away(length * cos, length * sin, rise);
         self.draw(Curve::line(self.at, end).ok(), feed);
     }
 
@@ -122,9 +130,9 @@ impl Pen {
         let (sin, cos) = self.heading.sin_cos();
         self.heading += angle * radius.signum();
         let (sin1, cos1) = self.heading.sin_cos();
-        let [x, y, z] = self.at;
-        let centre = (x - radius * sin, y + radius * cos);
-        let end = [centre.0 + radius * sin1, centre.1 - radius * cos1, z + rise];
+        let centre = (self.at[0] - radius * sin, self.at[1] + radius * cos);
+        let mut end = self.away(0.0, 0.0, rise);
+        (end[0], end[1]) = (centre.0 + radius * sin1, centre.1 - radius * cos1);
         let arc = Curve::arc(ArcDefinition {
             start: self.at,
             end,
@@ -166,9 +174,9 @@ impl Draw {
     }
 
     /// Limits of axes that differ from each other by up to so many decades.
-    fn limits(&mut self, decades: f64) -> Limits<3> {
+    fn limits<const N: usize>(&mut self, decades: f64) -> Limits<N> {
         let spread = 10_f64.powf(0.5 * decades);
-        let mut about = |value: f64| [(); 3].map(|()| self.log(value / spread, value * spread));
+        let mut about = |value: f64| [(); N].map(|()| self.log(value / spread, value * spread));
         Limits {
             velocity: about(100.0),
             acceleration: about(1_000.0),
@@ -246,8 +254,69 @@ impl Draw {
         Program { limits, curves }
     }
 
+    /// Whatever a program may hold: lines and arcs of any length and turn, kinks, turns back, helices, runs of short
+    /// segments, zigzags, a rotary axis beside them and alone, feeds over decades and rapids beside them, axes whose
+    /// limits differ by decades.
+    pub(crate) fn anything(&mut self) -> Program<4> {
+        let decades = 4.0 * self.unit() * self.unit();
+        let limits = self.limits(decades);
+        let size = self.log(0.02, 50.0);
+        let rotary = self.unit() < 0.4;
+        let steady = self.unit();
+        let mut pen = Pen::new();
+        let mut feed = Feed::Rapid;
+        for piece in 0..2 + (self.unit() * 10.0) as usize {
+            if piece == 0 || self.unit() > steady {
+                feed = match self.unit() {
+                    0.0..0.25 => Feed::Rapid,
+                    _ => Feed::Rate(self.log(0.2, 500.0)),
+                };
+            }
+            pen.swing = match self.unit() {
+                0.0..0.6 if rotary => self.sign() * self.log(1e-3, 90.0),
+                _ => 0.0,
+            };
+            let length = size * self.log(0.01, 10.0);
+            let rise = match self.unit() {
+                0.0..0.5 => 0.0,
+                _ => length * self.uniform(-0.5, 0.5),
+            };
+            let turn = self.sign() * PI * self.unit();
+            match self.unit() {
+                0.0..0.3 => pen.line(turn, length, rise, feed),
+                0.3..0.5 => pen.line(self.sign() * self.log(1e-5, PI), length, rise, feed),
+                0.5..0.55 => pen.line(PI, length, 0.0, feed),
+                0.55..0.6 => pen.line(0.0, 0.0, 0.0, feed),
+                0.6..0.75 => {
+                    pen.heading += if self.unit() < 0.5 { turn } else { 0.0 };
+                    let angle = self.log(0.05, 12.0);
+                    pen.arc(self.sign() * length / angle, angle, rise, feed);
+                }
+                0.75..0.9 => self.run(&mut pen, size, feed),
+                _ => self.zigzag(&mut pen, size, feed),
+            }
+        }
+        let curves = pen.curves;
+        Program { limits, curves }
+    }
+
+    /// Short segments along a bend that changes now and then.
+    fn run<const N: usize>(&mut self, pen: &mut Pen<N>, size: f64, feed: Feed) {
+        let count = self.log(3.0, 40.0);
+        pen.swing /= count;
+        let steady = self.unit();
+        let [mut turn, mut length] = [0.0; 2];
+        for segment in 0..count as u32 {
+            if segment == 0 || self.unit() > steady {
+                turn = self.sign() * self.log(1e-4, 1.0);
+                length = size * self.log(1e-3, 0.3);
+            }
+            pen.line(turn, length, 0.0, feed);
+        }
+    }
+
     /// Short lines to and fro.
-    fn zigzag(&mut self, pen: &mut Pen, size: f64, feed: Feed) {
+    fn zigzag<const N: usize>(&mut self, pen: &mut Pen<N>, size: f64, feed: Feed) {
         let length = size * self.log(1e-4, 1e-2);
         let turn = self.uniform(0.1, 2.6);
         pen.heading -= 0.5 * turn;

@@ -19,10 +19,10 @@ const LADDER: [PathControlMode; 8] = [
 ];
 
 /// By what part motion takes longer in a mode than in any before it, at most.
-fn growth(program: &Program, name: &str) -> f64 {
+fn growth<const N: usize>(program: &Program<N>, modes: &[PathControlMode], name: &str) -> f64 {
     let mut least = f64::INFINITY;
     let mut worst = 0.0_f64;
-    for mode in LADDER {
+    for &mode in modes {
         let time = program.cost(mode).time;
         let longer = time / least - 1.0;
         if longer > TOLERANCE {
@@ -41,13 +41,32 @@ fn growth_of(seed: u64) -> f64 {
         3 => draw.short_segments().0,
         _ => draw.contour(),
     };
-    growth(&program, &format!("seed {seed}"))
+    growth(&program, &LADDER, &format!("seed {seed}"))
+}
+
+/// Of a program of any kind, under tolerances of any size.
+fn growth_of_anything(seed: u64) -> f64 {
+    let mut draw = Draw::of(seed);
+    let program = draw.anything();
+    let mut tolerances = [(); 4].map(|()| draw.log(1e-3, 10.0));
+    tolerances.sort_by(f64::total_cmp);
+    let merges = draw.unit() < 0.2;
+    let rounded = tolerances.map(|tolerance| match merges {
+        true => PathControlMode::Merge {
+            tolerance,
+            within: 0.5 * tolerance,
+        },
+        false => PathControlMode::Blend(tolerance),
+    });
+    let mut modes = vec![PathControlMode::Stop, PathControlMode::Exact(0.001)];
+    modes.extend(rounded);
+    growth(&program, &modes, &format!("seed {seed}"))
 }
 
 #[test]
 fn motion_takes_hardly_longer_with_more_tolerance() {
     for seed in 10..22 {
-        let growth = growth(&Draw::of(seed).contour(), &format!("seed {seed}"));
+        let growth = growth(&Draw::of(seed).contour(), &LADDER, &format!("seed {seed}"));
         assert!(growth < 0.01, "seed {seed}: {growth} longer");
     }
 }
@@ -72,16 +91,28 @@ fn more_tolerance_takes_the_sooner_of_two_shapes() {
     }
 }
 
-/// As long as is wanted: `CASES=1000`, from `SEED=0` on.
-#[test]
-#[ignore = "a measurement"]
-fn how_motion_time_goes_with_the_tolerance() {
-    let mut growths: Vec<f64> = campaign().map(growth_of).collect();
+/// How much longer programs take with more tolerance, and how many do not.
+fn tell(growth: fn(u64) -> f64) {
+    let mut growths: Vec<f64> = campaign().map(growth).collect();
     growths.sort_by(f64::total_cmp);
     let at = |part: f64| growths[((growths.len() - 1) as f64 * part) as usize];
     println!("{:?}", [0.5, 0.9, 0.99, 0.999, 1.0].map(at));
     let kept = growths.iter().filter(|growth| **growth <= TOLERANCE);
     println!("{} of {}", kept.count(), growths.len());
+}
+
+/// As long as is wanted: `CASES=1000`, from `SEED=0` on.
+#[test]
+#[ignore = "a measurement"]
+fn how_motion_time_goes_with_the_tolerance() {
+    tell(growth_of);
+}
+
+/// The same for programs of any kind.
+#[test]
+#[ignore = "a measurement"]
+fn how_motion_time_of_anything_goes_with_the_tolerance() {
+    tell(growth_of_anything);
 }
 
 const PLAIN: Limits<3> = Limits {
@@ -102,7 +133,7 @@ fn a_rapid_is_no_slower_for_a_slow_move_before_it() {
             limits,
             curves: curves.clone(),
         };
-        let growth = growth(&program, "a kink");
+        let growth = growth(&program, &LADDER, "a kink");
         assert!(growth <= TOLERANCE, "{growth} longer");
         // The other way round.
         curves.reverse();
