@@ -3,6 +3,7 @@
 
 use super::fault::{DeviceIndex, Names};
 use super::layout::{AxisSpec, DeviceSpec, Layout};
+use super::polls::{CONTRADICTIONS, POLL, STATE_POLL};
 use std::fmt;
 use syncline_canopen::time::Duration;
 use syncline_drives::model::{Address, Device, Monitoring};
@@ -16,6 +17,8 @@ pub enum Sign {
     Heartbeat,
     /// Its answers to the requests for this object.
     Answers(Address),
+    /// Its state, which it is asked for there: it has begun anew, and told nobody.
+    State(Address),
 }
 
 /// How it shows that a device is gone.
@@ -33,6 +36,7 @@ impl fmt::Display for Notice {
             Sign::TPdos => write!(f, "missing T_PDOs")?,
             Sign::Heartbeat => write!(f, "a missing heartbeat")?,
             Sign::Answers(object) => write!(f, "requests for {object} without an answer")?,
+            Sign::State(object) => write!(f, "another state in {object}, where it begins anew,")?,
         }
         write!(f, " within {}", Millis(self.within))
     }
@@ -74,8 +78,15 @@ impl Layout {
             Monitoring::Heartbeat => Some(after(Sign::Heartbeat)),
             Monitoring::Poll(object) => Some(after(Sign::Answers(object))),
         };
+        let survey = device.device.drive().and_then(|drive| drive.survey());
+        let state = survey.filter(|_| matches!(spec.monitoring, Monitoring::Poll(_)));
+        // The request under way when it went is given up first; each other one may wait for one of its position.
+        let state = state.map(|survey| Notice {
+            sign: Sign::State(survey.address),
+            within: self.sdo_timeout + (STATE_POLL + POLL) * CONTRADICTIONS + self.cycle,
+        });
         let t_pdos = spec.answers_sync.then_some(t_pdos);
-        t_pdos.into_iter().chain(other)
+        t_pdos.into_iter().chain(other).chain(state)
     }
 
     /// How a device is supervised and what it does without the controller, as it is told at start-up.

@@ -40,6 +40,7 @@ mod node;
 mod order;
 mod phases;
 mod point_to_point;
+mod polls;
 mod probing;
 pub mod reaction;
 mod sdo_sequence;

@@ -8,21 +8,17 @@ use super::event::Event;
 use super::fault::{AwaitedState, DeviceCause, DeviceIndex, Fault};
 use super::homing::Edge;
 use super::layout::{self, Layout};
+use super::polls::Polls;
 use super::sdo_sequence::{SdoSequence, Step};
 use crate::bus::FrameBuf;
 use crate::machine::Kept;
 use std::sync::Arc;
 use syncline_canopen::emcy::{self, Emergency};
-use syncline_canopen::time::Duration;
 use syncline_canopen::{CanId, CobId, Frame, Instant, Transmit, heartbeat, nmt};
 use syncline_drives::model::{
     Capture, Device, DriveStatus, Dynamics, Increments, Monitoring, OutOfRange, PowerCommand,
-    PowerState, Scaling, Setpoint, unwrapped,
+    PowerState, Scaling, Setpoint, Survey, unwrapped,
 };
-
-/// From one poll of a device to the next. Short against [`STILL`](super::STILL), so that what moves is not
-/// taken to rest.
-const POLL: Duration = Duration::from_millis(20);
 
 /// A device in the cycle: what it last told, and what it is told next.
 #[derive(Clone, Debug)]
@@ -36,10 +32,9 @@ pub(super) struct DeviceNode {
     replies: FrameBuf,
 
     heartbeat: heartbeat::Consumer,
-    /// It is polled, where that is how it shows that it is there; when it last answered, and when it is asked next.
-    polls: bool,
+    /// Where that is how it shows that it is there, and when it last answered.
+    polls: Polls,
     polled: Option<Instant>,
-    poll_due: Instant,
     /// A boot-up message has come since it was last waited for.
     booted: bool,
 
@@ -96,9 +91,8 @@ impl DeviceNode {
             device: drive.device.clone(),
             replies: FrameBuf::default(),
             heartbeat: heartbeat::Consumer::new(spec.node, drive.heartbeat_timeout),
-            polls: false,
+            polls: Polls::NONE,
             polled: None,
-            poll_due: Instant::ZERO,
             booted: false,
             t_pdos: (spec.t_pdos.iter())
                 .map(|pdo| (pdo.cob_id.into(), pdo.bytes.into()))
@@ -154,12 +148,9 @@ impl DeviceNode {
         }
         self.replies.clear();
         self.sequence.poll(now, tx, events)?;
-        if let Monitoring::Poll(position) = self.monitoring()
-            && self.polls
-            && now >= self.poll_due
-        {
-            self.poll_due = now + POLL;
-            self.sequence.poll_object(position);
+        if let Monitoring::Poll(position) = self.monitoring() {
+            let state = self.survey().map(|survey| survey.address);
+            self.polls.ask(now, (position, state), &mut self.sequence);
         }
         let sends = may_send && self.sequence.wants_to_send();
         if sends {
@@ -194,9 +185,14 @@ impl DeviceNode {
             }
             self.sequence
                 .receive(at, frame, &mut self.replies, events)?;
-            if let Some(position) = self.sequence.take_polled() {
+            if let Some((object, value)) = self.sequence.take_polled() {
                 self.polled = Some(at);
-                self.actual = Increments::from(position as i32);
+                match self.survey() {
+                    Some(survey) if survey.address == object => {
+                        self.take_state((survey.status)(value));
+                    }
+                    _ => self.actual = Increments::from(value as i32),
+                }
             }
         } else if is(CobId::emcy(node)) {
             let Some(emergency) = Emergency::decode(frame.data()) else {
@@ -215,9 +211,25 @@ impl DeviceNode {
         Ok(())
     }
 
+    /// Takes what a drive says of its state when it is asked.
+    fn take_state(&mut self, said: DriveStatus) {
+        if self.polls.believes(said.power != self.status.power) {
+            self.status = DriveStatus {
+                power: said.power,
+                word: said.word,
+                ..self.status
+            };
+        }
+    }
+
+    fn survey(&self) -> Option<Survey> {
+        self.device.drive().and_then(|drive| drive.survey())
+    }
+
     /// Takes what a T_PDO says.
     fn take(&mut self, t_pdo: usize, data: &[u8], events: &mut impl FnMut(Event)) {
         self.come |= 1 << t_pdo;
+        self.polls.told();
         let drive = self.device.drive_mut();
         if let Some(status) = drive.and_then(|drive| drive.status(t_pdo, data)) {
             if status.warning && !self.status.warning {
@@ -369,7 +381,7 @@ impl DeviceNode {
         self.booted = false;
         self.resetting = true;
         self.heartbeat.forget();
-        self.polls = false;
+        self.polls = Polls::NONE;
         self.polled = None;
         self.come = 0;
     }
@@ -671,7 +683,7 @@ impl DeviceNode {
 
     /// The steps from a drive in an unknown state to one that may be reset.
     pub(super) fn ask_survey(&mut self) {
-        let survey = self.device.drive().and_then(|drive| drive.survey());
+        let survey = self.survey();
         let history = self
             .device
             .spec()
@@ -699,7 +711,7 @@ impl DeviceNode {
 
     /// From now on it is polled, if it shows by that that it is there.
     pub(super) fn begin_polls(&mut self) {
-        self.polls = true;
+        self.polls.begin();
     }
 
     /// Whether its position is one of the last SYNC.
@@ -757,7 +769,7 @@ impl DeviceNode {
 
     /// The steps that take the set-up's cyclic part back.
     pub(super) fn ask_release(&mut self) {
-        self.polls = false;
+        self.polls = Polls::NONE;
         self.sequence.clear();
         if self.sequence.has_identified() {
             let release = self

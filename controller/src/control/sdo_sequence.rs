@@ -118,8 +118,8 @@ pub(super) struct SdoSequence {
     stale: bool,
     /// Where the edge was that was asked for last, if one was captured.
     captured: Option<Increments>,
-    /// What the last [`Step::Poll`] read.
-    polled: Option<u32>,
+    /// What the last [`Step::Poll`] read, and where.
+    polled: Option<(Address, u32)>,
 }
 
 /// The longest object that a sequence reads, in bytes.
@@ -173,15 +173,17 @@ impl SdoSequence {
         }
     }
 
-    /// Polls an object once, unless there is something else to do.
-    pub(super) fn poll_object(&mut self, address: Address) {
-        if self.steps.is_empty() && !self.client.is_busy() {
+    /// Polls an object once, unless there is something else to do; whether it does.
+    pub(super) fn poll_object(&mut self, address: Address) -> bool {
+        let is_free = self.steps.is_empty() && !self.client.is_busy();
+        if is_free {
             self.steps.push_back(Step::Poll(address));
         }
+        is_free
     }
 
     /// What was polled since the last call.
-    pub(super) fn take_polled(&mut self) -> Option<u32> {
+    pub(super) fn take_polled(&mut self) -> Option<(Address, u32)> {
         self.polled.take()
     }
 
@@ -373,7 +375,7 @@ impl SdoSequence {
                 self.identified = !matches!(self.steps.front(), Some(Step::Identity(_)));
             }
             Step::Poll(_) => {
-                self.polled = Some(value);
+                self.polled = Some((object, value));
                 self.next();
             }
             Step::AwaitAnswer(_)

@@ -33,14 +33,19 @@ const PROGRAM: &str = "G21 G90 G94 G61 G18\nG1 X40 Y30 Z-40 F3000\nG0 U80 W6\nG2
 /// Rows of it; a loss is before that.
 const ROWS: usize = 1500;
 
-fn machine_with(program: &str, configure: impl Fn(usize, &mut Config)) -> Rig {
+fn machine_of(more: &[(&str, &str)], program: &str, configure: impl Fn(usize, &mut Config)) -> Rig {
     let changes = [
         &point_to_point::CHANGES[..],
         &[MOVED],
         &velocity::CHANGES,
         &stepper::CHANGES,
+        more,
     ];
     Rig::new("portal", &changes.concat(), program, configure)
+}
+
+fn machine_with(program: &str, configure: impl Fn(usize, &mut Config)) -> Rig {
+    machine_of(&[], program, configure)
 }
 
 fn machine() -> Rig {
@@ -199,6 +204,40 @@ proptest! {
         case in 0..LOSSES.len(), row in 1..ROWS, wake_ups in 0..3usize,
     ) {
         check(row, wake_ups, LOSSES[case]);
+    }
+}
+
+/// A TSP10-CBE that stands and begins anew without telling is found by its state in the time that start-up tells.
+fn begins_anew_at_rest(cycle: &str, wake_ups: usize) {
+    let cycle = [("cycle_us = 4000", cycle)];
+    let mut rig = machine_of(&cycle, "G21 G90\nG4 P5\nM2\n", |_, _| ());
+    rig.run_to_row(50);
+    for _ in 0..wake_ups {
+        rig.step();
+    }
+    // What it would tell does not arrive.
+    happen(&mut rig, W, Loss::Heartbeat);
+    let (fault, after) = lost(&mut rig, W, Loss::Control);
+    let state = By::Sign(|sign| matches!(sign, Sign::State(_)));
+    println!("{fault}, {after:?}");
+    assert!(fault.contains("power stage off, statusword"), "{fault}");
+    assert!(after <= stated(&rig, W, state), "{after:?}");
+    assert!(matches!(rig.finish(), End::Fault(_)));
+}
+
+/// Also where a cycle is as long as it is from one request for its position to the next.
+#[test]
+fn one_that_begins_anew_at_rest_is_found_by_its_state() {
+    begins_anew_at_rest("cycle_us = 4000", 0);
+    begins_anew_at_rest("cycle_us = 20000", 0);
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 6, ..ProptestConfig::default() })]
+
+    #[test]
+    fn one_that_begins_anew_at_rest_is_found_whenever_it_does(wake_ups in 0..300usize) {
+        begins_anew_at_rest("cycle_us = 4000", wake_ups);
     }
 }
 

@@ -1,0 +1,79 @@
+//! When a device is asked for what others tell by themselves: its position, and, if it is a drive, its state.
+//!
+//! One that begins anew may tell nobody, and then counts on from 0 with its power stage off. So its state is asked for
+//! besides, at rest too. Its T_PDO may tell of a change while such an answer is on its way: it takes several in a row to
+//! be believed against that.
+
+use super::sdo_sequence::SdoSequence;
+use syncline_canopen::Instant;
+use syncline_canopen::time::Duration;
+use syncline_drives::model::Address;
+
+/// From one poll of a position to the next. Short against [`STILL`](super::STILL), so that what moves is not
+/// taken to rest.
+pub(super) const POLL: Duration = Duration::from_millis(20);
+
+/// From one poll of a state to the next, which goes before one of the position.
+pub(super) const STATE_POLL: Duration = Duration::from_millis(50);
+
+/// So many answers in a row have to contradict the state that was told last.
+pub(super) const CONTRADICTIONS: u32 = 2;
+
+/// When a device is asked next, and what it answered.
+#[derive(Clone, Debug)]
+pub(super) struct Polls {
+    /// It is asked.
+    on: bool,
+    position_due: Instant,
+    state_due: Instant,
+    /// Answers in a row that contradict the state that it told last.
+    contradictions: u32,
+}
+
+impl Polls {
+    /// None before they begin.
+    pub(super) const NONE: Self = Self {
+        on: false,
+        position_due: Instant::ZERO,
+        state_due: Instant::ZERO,
+        contradictions: 0,
+    };
+
+    pub(super) fn begin(&mut self) {
+        self.on = true;
+    }
+
+    /// Asks for the object that is due, if there is nothing else to ask for.
+    pub(super) fn ask(
+        &mut self,
+        now: Instant,
+        (position, state): (Address, Option<Address>),
+        sequence: &mut SdoSequence,
+    ) {
+        if !self.on {
+            return;
+        }
+        // The state first: where a cycle is as long as POLL, a position is due in each.
+        if let Some(state) = state.filter(|_| now >= self.state_due) {
+            if sequence.poll_object(state) {
+                self.state_due = now + STATE_POLL;
+            }
+        } else if now >= self.position_due && sequence.poll_object(position) {
+            self.position_due = now + POLL;
+        }
+    }
+
+    /// Whether an answer is to be believed that contradicts what was told, or does not.
+    pub(super) fn believes(&mut self, contradicts: bool) -> bool {
+        self.contradictions = match contradicts {
+            true => self.contradictions + 1,
+            false => 0,
+        };
+        self.contradictions >= CONTRADICTIONS
+    }
+
+    /// It has told its state by itself.
+    pub(super) fn told(&mut self) {
+        self.contradictions = 0;
+    }
+}
