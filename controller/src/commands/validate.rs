@@ -12,6 +12,7 @@ use crate::control::fault::Names;
 use crate::control::{Event as MachineEvent, Layout};
 use crate::machine::{Machine, MachineState};
 use crate::observe::Observers;
+use crate::observe::record::Report;
 use crate::observe::summary::Summary;
 use crate::program::bounds::TimeBounds;
 use crate::program::{Extent, Program};
@@ -238,11 +239,7 @@ impl Args {
         let controller = timeline.controller();
         let (mut summary, mut rows) = observers.finish(&machine, &layout, controller, frames)?;
         if let Some(program) = &again {
-            summary.cause = self.again(program).cause(&machine, &summary)?;
-        }
-        if let (Some(cause), Some(rows)) = (&summary.cause, &mut rows) {
-            rows.facts
-                .insert(0, ("cause".to_owned(), cause.to_string()));
+            self.look_for_cause(program, &machine, &mut summary, rows.as_mut())?;
         }
         let title = format!("validated in virtual time, seed {}", self.seed);
         results.write(&summary, rows, &self.program, title, Target::begin)?;
@@ -251,15 +248,27 @@ impl Args {
         Ok(summary)
     }
 
-    /// The same validation, of the program that was read.
-    fn again<'a>(&'a self, program: &'a Program) -> Again<'a> {
-        Again {
+    /// Adds to a result why an axis did not follow, by making the validation again.
+    fn look_for_cause(
+        &self,
+        program: &Program,
+        machine: &Machine,
+        summary: &mut Summary,
+        report: Option<&mut Report>,
+    ) -> Result<(), Box<dyn Error>> {
+        let again = Again {
             file: &self.machine,
             settings: &self.settings,
             tables: self.tables.as_deref(),
             program,
             seed: self.seed,
+        };
+        summary.cause = again.cause(machine, summary)?;
+        if let (Some(cause), Some(report)) = (&summary.cause, report) {
+            let fact = ("cause".to_owned(), cause.to_string());
+            report.facts.insert(0, fact);
         }
+        Ok(())
     }
 
     /// The line of an event that is worth one.
