@@ -213,6 +213,7 @@ pub(super) fn name(command: &Command) -> &'static str {
         Command::SwitchOff => "switch off",
         Command::Home(_) => "home",
         Command::Output { .. } => "output",
+        Command::UserCodeEnded { .. } => "user code ended",
     }
 }
 

@@ -55,6 +55,7 @@ mod state_keeper;
 mod sweep;
 mod switches;
 mod tool;
+mod user_codes;
 mod validate;
 mod writers;
 

@@ -147,6 +147,9 @@ impl Args {
         let told = session.subscribe();
         if self.commands.is_none() {
             self.switches.set(&session.operator("command line"))?;
+        } else {
+            // How those ended is among the commands.
+            session.await_user_codes();
         }
         let mut progress = Progress::More;
         while progress != Progress::Ended {

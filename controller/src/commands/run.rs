@@ -9,6 +9,7 @@ use super::progress::{Console, Messages, Screen};
 use super::real_time::{Buses, RealTimeArgs, Written, attend, lockstep, record_faults};
 use super::state_keeper::StateKeeper;
 use super::switches::Switches;
+use super::user_codes::UserCodes;
 use super::{Exit, bad_input, report, told};
 use crate::control::{End, Event as MachineEvent, Layout};
 use crate::machine::{Machine, MachineState};
@@ -222,6 +223,7 @@ impl Run<'_> {
         let file = MachineState::beside(&self.args.machine);
         let state = std::mem::take(&mut self.state);
         let keeper = StateKeeper::start(&mut session, &self.machine, state, file)?;
+        let user_codes = UserCodes::start(&mut session, &self.machine)?;
         (self.args.switches).set(&session.operator("command line"))?;
         let screen = Screen {
             events: session.subscribe(),
@@ -238,6 +240,7 @@ impl Run<'_> {
         let keys = listen(&mut session, &messages)?;
         attend(&mut session, commands)?;
         let concluded = self.conclude(session, (written, keeper), &messages, lockstep);
+        user_codes.finish();
         let exit = concluded.unwrap_or_else(|error| {
             messages.tell(told(&*error));
             Exit::Stopped

@@ -9,6 +9,7 @@ use super::jogs::HOLD_TO_RUN;
 use super::layout::AxisSpec;
 use super::probing::{KnownBy, ProbeFailure};
 use super::state::State;
+use super::user_codes::UserCall;
 use crate::bus::BusFault;
 use crate::machine::{COORDINATES, Kept};
 use serde::{Deserialize, Serialize};
@@ -135,6 +136,15 @@ pub enum Event {
         device: DeviceIndex,
         /// Its reference.
         kept: Option<Kept>,
+    },
+    /// The path has come to an M-code of the user's that runs a command, and rests until it is told how that ended.
+    UserCode {
+        /// Counts such codes, from 1.
+        number: u32,
+        /// The code.
+        call: UserCall,
+        /// Program line.
+        line: u32,
     },
     /// The positions of an axis are no machine positions any more.
     Unreferenced {
@@ -287,6 +297,8 @@ pub enum Pause {
     NoInput(u8),
     /// The spindle did not reach its speed in time.
     NotAtSpeed,
+    /// The command of this M-code of the user's failed, or took too long.
+    UserCode(u16),
 }
 
 /// Where the machine is between power-up and the end.
@@ -364,6 +376,12 @@ impl fmt::Display for Pause {
             Self::Beginning => f.write_str("the program begins here once it is confirmed"),
             Self::NoInput(number) => write!(f, "input P{number} did not come in time (M66)"),
             Self::NotAtSpeed => f.write_str("the spindle did not reach its speed in time"),
+            Self::UserCode(code) => {
+                write!(
+                    f,
+                    "the command of M{code} failed or took too long; cycle start goes on without it"
+                )
+            }
             Self::ToolChange(0) => f.write_str("tool change (M6): remove the tool"),
             Self::ToolChange(tool) => write!(f, "tool change (M6): load tool {tool}"),
         }
@@ -506,6 +524,9 @@ impl Event {
             // The trace has it; the phases tell of power stages, and faults do.
             Self::Switched { .. } | Self::Power { .. } => return None,
             Self::Paused { line, reason } => format!("line {line}: {reason}"),
+            Self::UserCode { call, line, .. } => {
+                format!("line {line}: M{}: running its command", call.code)
+            }
             Self::Held => "feed hold: held on the path".to_owned(),
             Self::NextLeg(leg) => describe_leg(&leg),
             Self::Resumed => "going on".to_owned(),

@@ -50,6 +50,7 @@ pub mod state;
 mod supervision;
 #[cfg(test)]
 mod tests;
+mod user_codes;
 
 pub use axis::AxisSample;
 pub use event::{Event, Pause, Phase};
@@ -66,6 +67,7 @@ pub use probing::{KnownBy, ProbeFailure, ProbeMove, Probed};
 pub use reaction::{Cause, Clearing, Reaction};
 pub use setpoint_guard::Quantity;
 pub use state::{NotNow, Request, State};
+pub use user_codes::UserCall;
 
 use crate::bus::{Burst, Outbox, Received};
 use crate::bus::{BusFault, Severity};
@@ -85,6 +87,7 @@ use syncline_canopen::response_time::{bit_time, worst_case_bits};
 use syncline_canopen::time::Duration;
 use syncline_canopen::{CobId, Frame, Instant, Transmit, nmt};
 use syncline_trajectory::path::{Command as PathCommand, Executor, Leg, Setpoint, Shaping};
+use user_codes::UserCalls;
 
 /// Events that wait to be fetched at most; more are dropped, newest first.
 const EVENT_CAPACITY: usize = 1024;
@@ -174,6 +177,15 @@ pub enum StopPoint {
     },
     /// The path goes on once axes beside it are where they go.
     PointToPoint(PointToPoint),
+    /// The path goes on once the command of an M-code of the user's has ended.
+    UserCode {
+        /// The code.
+        call: UserCall,
+        /// How long its command may take.
+        within: Duration,
+        /// Program line.
+        line: u32,
+    },
     /// The program probes, and goes on with what is found.
     Probe {
         /// Program line.
@@ -300,6 +312,7 @@ pub struct Controller<const N: usize> {
     inputs: Inputs,
     /// While the path rests at an M66.
     awaited: Option<Awaited>,
+    calls: UserCalls,
     pause_told: bool,
     /// M1 is a stop.
     optional_stop: bool,
@@ -372,6 +385,7 @@ impl<const N: usize> Controller<N> {
             switches: Switches::new(&layout),
             inputs: Inputs::new(&layout.inputs, layout.cycle),
             awaited: None,
+            calls: UserCalls::default(),
             pause_told: false,
             optional_stop: false,
             begun: false,

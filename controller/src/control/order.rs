@@ -41,6 +41,13 @@ pub enum Order<const N: usize = COORDINATES> {
     Interrupt,
     /// The job with this number cannot go on.
     Abandon(u64),
+    /// The command of an M-code of the user's has ended.
+    UserCodeEnded {
+        /// As in [`Event::UserCode`].
+        number: u32,
+        /// Whether it has ended well.
+        ok: bool,
+    },
     /// Enables the drives.
     Enable,
     /// Disables the drives, once what moves has come to rest.
@@ -96,7 +103,7 @@ pub enum Refusal {
 }
 
 impl<const N: usize> Order<N> {
-    /// What it asks of the machine's state; `None` for what the program's feeder orders.
+    /// What it asks of the machine's state; `None` for what no operator orders.
     #[must_use]
     pub fn request(&self) -> Option<Request> {
         Some(match self {
@@ -116,7 +123,7 @@ impl<const N: usize> Order<N> {
             Self::Reset => Request::Reset,
             Self::SwitchOff => Request::SwitchOff,
             Self::Switch { .. } => Request::Switch,
-            Self::Abandon(_) => return None,
+            Self::Abandon(_) | Self::UserCodeEnded { .. } => return None,
         })
     }
 }
@@ -181,6 +188,7 @@ impl<const N: usize> Controller<N> {
                     self.abandon();
                 }
             }
+            Order::UserCodeEnded { number, ok } => self.calls.end(number, ok),
             Order::Enable => self.enable(),
             Order::Disable => self.go_to(Goal::Disabled),
             Order::Home(coordinates) => self.home(coordinates)?,

@@ -358,6 +358,9 @@ impl<const N: usize> Controller<N> {
         if !matches!(self.reached(), Some(StopPoint::AwaitInput { .. })) {
             self.awaited = None;
         }
+        if !matches!(self.reached(), Some(StopPoint::UserCode { .. })) {
+            self.calls.close();
+        }
         if !self.path_rests() || self.switches.lag(self.executor.waypoints()) {
             return;
         }
@@ -376,7 +379,10 @@ impl<const N: usize> Controller<N> {
             Some(StopPoint::AwaitInput { wait, line }) if !self.pause_told => {
                 self.await_input(wait, line);
             }
-            Some(StopPoint::AwaitInput { .. }) => {}
+            Some(StopPoint::UserCode { call, within, line }) if !self.pause_told => {
+                self.await_user_code(call, within, line);
+            }
+            Some(StopPoint::AwaitInput { .. } | StopPoint::UserCode { .. }) => {}
             Some(StopPoint::PointToPoint(motion)) => {
                 if let Err(fault) = self.step_point_to_point(&motion) {
                     self.fail(fault);

@@ -16,6 +16,7 @@ mod signals;
 mod simulation;
 mod spindle;
 mod state_file;
+mod user_code;
 mod validation;
 
 pub use encoder::{Encoder, Feedback};
@@ -27,6 +28,7 @@ pub use signals::{AnalogOutput, AnalogSource, Input, InputMeaning, Output, Outpu
 pub use simulation::{Carriage, FeedAxis, Gantry, HomeSwitches, Simulation};
 pub use spindle::{SpinUp, Spindle};
 pub use state_file::{Kept, MachineState, NotKept, StateError};
+pub use user_code::UserCode;
 pub use validation::Validation;
 
 use std::{
@@ -88,6 +90,8 @@ pub struct Machine {
     pub outputs: Vec<Output>,
     /// In the order of the file.
     pub analog_outputs: Vec<AnalogOutput>,
+    /// In the order of the file, each code once.
+    pub user_codes: Vec<UserCode>,
     assumptions: Vec<(&'static Model, Assumed)>,
 }
 

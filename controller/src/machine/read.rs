@@ -12,6 +12,7 @@ use super::retraction::RetractionTable;
 use super::shaper::ShaperTable;
 use super::signals::{SignalTables, Signals, Wiring};
 use super::simulation::{self, Simulation};
+use super::user_code::UserCodeTable;
 use super::{
     Axis, AxisLimits, Bus, Controller, Drive, Feedback, Homing, HomingPolicy, Machine, Motion,
     PathTolerances, Probing, Spindle, Validation, assumed, spindle, validation,
@@ -67,6 +68,7 @@ struct Tables {
     retraction: Option<RetractionTable>,
     validation: Validation,
     signals: SignalTables,
+    user_codes: Vec<UserCodeTable>,
     assumptions: Vec<(&'static Model, Assumed)>,
 }
 
@@ -89,6 +91,7 @@ impl Tables {
         let retraction = file.table(log, "retraction", false);
         let validation = file.table(log, "validation", false);
         let signals = SignalTables::read(log, &mut file);
+        let user_codes = file.tables_if(log, "user_code", "code");
         let model = file.table(log, "model", false);
         file.finish(log);
 
@@ -122,6 +125,8 @@ impl Tables {
         let shaper = shaper.and_then(|table| ShaperTable::read(log, table));
         let retraction = retraction.and_then(|table| RetractionTable::read(log, table));
         let validation = validation.map(|table| validation::read(log, table));
+        let user_codes = user_codes.into_iter();
+        let user_codes: Vec<_> = user_codes.map(|t| UserCodeTable::read(log, t)).collect();
         let assumptions = model.map_or(Vec::new(), |table| assumptions(log, table));
         let (name, cycle) = machine?;
         Some(Self {
@@ -143,6 +148,7 @@ impl Tables {
             retraction,
             validation: validation.unwrap_or_default(),
             signals: signals?,
+            user_codes: user_codes.into_iter().collect::<Option<_>>()?,
             assumptions,
         })
     }
@@ -254,6 +260,7 @@ impl Tables {
             inputs,
             outputs,
             analog_outputs,
+            user_codes: UserCodeTable::join(log, self.user_codes),
             assumptions: self.assumptions,
         };
         fits::settle_motions(log, &mut machine, &motions, &named);

@@ -2,13 +2,16 @@
 
 use super::feed::{feed, path_speed};
 use super::moves::{MoveSource, ON_THE_PATH, ProgramMove, Step, Upcoming};
-use super::{Left, Program, ProgramError, Scale, place};
+use super::{Left, Program, ProgramError, Scale, UserCodes, place};
 use crate::control::functions::SWITCHES;
-use crate::control::{InputWait, Instruction, Pause, ProbeMove, Probed, StopPoint, Switch};
+use crate::control::{
+    InputWait, Instruction, Pause, ProbeMove, Probed, StopPoint, Switch, UserCall,
+};
 use crate::machine::{COORDINATES, InputMeaning, PathTolerances, Position, SpinUp};
 use std::collections::VecDeque;
 use std::mem::take;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use syncline_gcode::{self as gcode, Action, Interpreter, PathMode, Tables, TablesError};
 use syncline_trajectory::limits::PositionLimits;
 use syncline_trajectory::path::{
@@ -54,6 +57,7 @@ pub struct Feeder {
     /// The spindle's speed has changed since the last cut.
     spins_up: bool,
     spindle: SpinUp,
+    user_codes: UserCodes,
     /// By how much the axes come to rest later than the path, s.
     settling: f64,
     /// The direction in which the last move ended, and how it is left; none where the path rests for long.
@@ -135,6 +139,7 @@ impl Program {
             since_stop: 0,
             spins_up: false,
             spindle: self.spindle,
+            user_codes: Arc::clone(&self.user_codes),
             settling: self.settling,
             leaves: None,
             with_motion: Vec::new(),
@@ -275,7 +280,10 @@ impl Feeder {
             Action::Output(output) if output.is_with_motion() => {
                 self.with_motion.push((line, Switch::Output(*output)));
             }
-            Action::Output(output) => self.switch(line, Switch::Output(*output)),
+            Action::Output(output) => {
+                self.switch(line, Switch::Output(*output));
+                self.run_user_code(*output, line);
+            }
             Action::PathMode(mode) => {
                 self.path_control_mode =
                     path_control_mode(*mode, self.tolerances, self.scale.tolerance);
@@ -411,6 +419,18 @@ impl Feeder {
                 self.stop_then(StopPoint::AwaitInput { wait, line });
                 Ok(())
             }
+        }
+    }
+
+    /// Where the machine has a command for an M-code of the user's the path rests until that has ended.
+    fn run_user_code(&mut self, output: gcode::Output, line: u32) {
+        let gcode::Output::User { code, p, q } = output else {
+            return;
+        };
+        let known = self.user_codes.iter().find(|(known, _)| *known == code);
+        if let Some(&(_, within)) = known {
+            let call = UserCall { code, p, q };
+            self.stop_then(StopPoint::UserCode { call, within, line });
         }
     }
 

@@ -30,6 +30,7 @@ use std::io::Cursor;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
+use std::time::Duration;
 use syncline_gcode::{self as gcode, Action, AxisSet, Interpreter, Tables, TablesError};
 use syncline_trajectory::path::{CurveError, Limits, PathError};
 
@@ -43,10 +44,19 @@ pub struct Programs {
     point_to_point: [bool; COORDINATES],
     tolerances: PathTolerances,
     spindle: SpinUp,
+    user_codes: UserCodes,
     /// By how much the axes come to rest later than the path, s.
     settling: f64,
     /// Where what a program changes in the tables is written at its end.
     keeps: Option<PathBuf>,
+}
+
+/// The M-codes of the user's that run a command, and how long that may take.
+type UserCodes = Arc<[(u16, Duration)]>;
+
+fn user_codes(machine: &Machine) -> UserCodes {
+    let codes = machine.user_codes.iter();
+    codes.map(|it| (it.code, it.within)).collect()
 }
 
 /// What a program leaves to the next one.
@@ -79,6 +89,7 @@ pub struct Program {
     tolerances: PathTolerances,
     keeps: Option<PathBuf>,
     spindle: SpinUp,
+    user_codes: UserCodes,
     /// By how much the axes come to rest later than the path, s.
     settling: f64,
     scale: Scale,
@@ -239,6 +250,7 @@ impl Programs {
             point_to_point: machine.point_to_point(),
             tolerances: machine.path,
             spindle: SpinUp::of(machine),
+            user_codes: user_codes(machine),
             settling: machine.shaper.settling(machine.cycle.as_secs_f64()),
             keeps: None,
         }
@@ -282,6 +294,7 @@ impl Programs {
             tolerances: self.tolerances,
             keeps: self.keeps.clone(),
             spindle: self.spindle,
+            user_codes: Arc::clone(&self.user_codes),
             settling: self.settling,
             scale: Scale::default(),
             from_line: None,

@@ -77,6 +77,14 @@ pub enum Command {
         /// Whether it is on then.
         on: bool,
     },
+    /// The command that an M-code of the user's runs has ended; of another call than the one that the program waits
+    /// for it changes nothing.
+    UserCodeEnded {
+        /// As [`Event::UserCode`](control::Event::UserCode) has it.
+        number: u32,
+        /// What was wrong with it, if anything was, for the operator.
+        failure: Option<String>,
+    },
     /// Switches the machine off, once what moves has come to rest.
     SwitchOff,
 }

@@ -82,6 +82,10 @@ struct Desk {
     faults: Vec<Fault>,
     observers: Observers,
     recorder: Option<FlightRecorder>,
+    /// Whether the session itself says that the command of each M-code of the user's has ended well, in the next cycle.
+    passes_user_codes: bool,
+    /// The call of which it has still to say so.
+    user_call: Option<u32>,
     /// How long programs still take, if somebody wants to know.
     remaining: Option<Remaining>,
     /// For the words of faults.
@@ -163,6 +167,8 @@ impl<T: Timeline> Session<T> {
                 faults: Vec::new(),
                 observers,
                 recorder: None,
+                passes_user_codes: true,
+                user_call: None,
                 remaining: None,
                 coordinates: layout.axes.iter().map(|axis| axis.coordinate).collect(),
                 layout: Arc::clone(layout),
@@ -204,6 +210,14 @@ impl<T: Timeline> Session<T> {
         for issued in inlet.commands() {
             desk.hand_over(issued, timeline);
         }
+        if let Some(number) = desk.user_call.take() {
+            let source = "simulation".into();
+            let command = Command::UserCodeEnded {
+                number,
+                failure: None,
+            };
+            desk.hand_over(Issued { source, command }, timeline);
+        }
         desk.accept_own();
         let mut has_row = false;
         let progress = timeline.advance(&mut |report| {
@@ -227,6 +241,12 @@ impl<T: Timeline> Session<T> {
     /// plans the program once more.
     pub fn tell_remaining(&mut self) {
         self.desk.remaining = Some(Remaining::default());
+    }
+
+    /// Somebody else runs the commands of M-codes of the user's from now on, and says how they end
+    /// ([`Command::UserCodeEnded`]). Otherwise nothing is run, and all end well.
+    pub fn await_user_codes(&mut self) {
+        self.desk.passes_user_codes = false;
     }
 
     /// Has what leads to a fault written, from now on.
@@ -334,6 +354,14 @@ impl Desk {
         if let Command::Output { name, on } = command {
             let (output, on) = (self.output(name)?, *on);
             return Ok(Asked::Order(Order::Switch { output, on }));
+        }
+        if let Command::UserCodeEnded {
+            failure: Some(text),
+            ..
+        } = command
+        {
+            let (line, text) = (self.job.line, text.clone());
+            self.outlets.tell(&Event::Message { line, text });
         }
         let begins = asks == Some(Request::Begin);
         let Some(jobs) = &mut self.jobs else {
@@ -502,6 +530,9 @@ impl Desk {
                         self.forget_remaining();
                     }
                     control::Event::Probed { .. } => self.job.probed(),
+                    control::Event::UserCode { number, .. } if self.passes_user_codes => {
+                        self.user_call = Some(number);
+                    }
                     control::Event::Referenced { axis, .. }
                     | control::Event::Recalled { axis, .. } => self.show_reference(axis, true),
                     control::Event::Unreferenced { axis, .. }

@@ -111,6 +111,13 @@ impl Settings {
             Command::Home(axes) => Order::Home(axes),
             Command::Reset => Order::Reset,
             Command::SwitchOff => Order::SwitchOff,
+            Command::UserCodeEnded {
+                number,
+                ref failure,
+            } => Order::UserCodeEnded {
+                number,
+                ok: failure.is_none(),
+            },
             // Jobs and names are the session's.
             Command::Load(_)
             | Command::Run { .. }

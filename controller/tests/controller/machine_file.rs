@@ -706,6 +706,7 @@ fn the_reference_is_complete() {
     text += "[probing]\n[simulation]\n";
     text += "[[encoder]]\nname = \"screw\"\nbus = \"portal\"\nnode = 5\nmodel = \"twk_crn\"\npitch = 10.0\n";
     text += "[[io]]\nname = \"cabinet\"\nbus = \"portal\"\nnode = 6\nmodel = \"cia401\"\n";
+    text += "[[user_code]]\ncode = 100\ncommand = [\"/bin/true\"]\n";
     for model in &models {
         text += &format!("[{model}]\n");
     }
@@ -720,6 +721,7 @@ fn the_reference_is_complete() {
         ("drive", "[[drive]]"),
         ("encoder", "[[encoder]]"),
         ("io", "[[io]]"),
+        ("user_code", "[[user_code]]"),
         ("axis", "[[axis]]"),
         ("axis.simulation", "[axis.simulation]"),
     ]
@@ -744,6 +746,35 @@ fn the_reference_is_complete() {
             allowed.insert(1, "method".to_owned());
         }
         assert_eq!(documented(table), allowed, "[{table}]");
+    }
+}
+
+#[test]
+fn user_codes_are_each_one_command_by_its_path() {
+    let with = |tables: &str| parse(&format!("{PORTAL}\n{tables}"));
+    let one = "[[user_code]]\ncode = 101\ncommand = [\"/bin/a\", \"b\"]\ntimeout_ms = 50\n";
+    let machine = with(one).unwrap();
+    let code = &machine.user_codes[0];
+    assert_eq!((code.code, code.within.as_millis()), (101, 50));
+    assert_eq!(code.command, ["/bin/a", "b"]);
+    for (tables, told) in [
+        (
+            format!("{one}{one}"),
+            "there is another one with `code = 101`",
+        ),
+        (one.replace("101", "99"), "a whole number 100…199"),
+        (one.replace("/bin/a", "a"), "`command` begins with \"a\""),
+        (
+            one.replace("[\"/bin/a\", \"b\"]", "[]"),
+            "the path absolute",
+        ),
+        (
+            one.replace("timeout_ms = 50", "timeout_ms = 0"),
+            "`timeout_ms`",
+        ),
+    ] {
+        let error = with(&tables).unwrap_err().to_string();
+        assert!(error.contains(told), "{told}: {error}");
     }
 }
 

@@ -45,6 +45,7 @@ mod stepper;
 mod stops;
 mod sweep;
 mod switched;
+mod user_codes;
 mod validate;
 mod validation;
 mod velocity;

@@ -286,6 +286,41 @@ fn an_input_that_does_not_come_in_time_is_the_operators() {
     assert_eq!(rig.finish(), End::Finished);
 }
 
+/// Each wait has its own time, and its own edge, whatever came of the one before.
+#[test]
+fn waits_in_a_row_are_each_for_themselves() {
+    let mut rig = wired("G21 G90 F6000\nG1 X10\nM66 P5 L3 Q0.5\nM66 P5 L3 Q0.5\nG1 X20\nM2\n");
+    let pauses = |rig: &Rig| {
+        let told = |event: &&Event| {
+            matches!(
+                event,
+                Event::Paused {
+                    reason: Pause::NoInput(5),
+                    ..
+                }
+            )
+        };
+        rig.events.iter().filter(told).count()
+    };
+    rig.run_until(|rig| pauses(rig) == 1);
+    let first = rig.rows.len();
+    rig.command(Command::CycleStart);
+    rig.run_until(|rig| pauses(rig) == 2);
+    let waited = rig.rows.len() - first;
+    assert!((248..=260).contains(&waited), "{waited} cycles");
+    rig.command(Command::CycleStart);
+    assert_eq!(rig.finish(), End::Finished);
+    // One edge is for one wait.
+    let mut rig = wired("G21 G90 F6000\nG1 X10\nM66 P5 L1 Q0.5\nM66 P5 L1 Q0.5\nG1 X20\nM2\n");
+    rig.run_until(|rig| speed(rig) > 0.0);
+    rig.run_until(|rig| speed(rig) == 0.0);
+    goes_on_after(&mut rig, 100);
+    set(&mut rig, PART, true);
+    rig.run_until(|rig| pauses(rig) == 1);
+    rig.command(Command::CycleStart);
+    assert_eq!(rig.finish(), End::Finished);
+}
+
 // --- the spindle ---
 
 const AT_SPEED: &str = r#"

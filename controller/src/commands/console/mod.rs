@@ -12,6 +12,7 @@ use super::output::Claims;
 use super::ports::PortChoice;
 use super::real_time::{self, Buses, RealTimeArgs, Written};
 use super::state_keeper::StateKeeper;
+use super::user_codes::UserCodes;
 use super::{Exit, bad_input, report, told};
 use crate::control::{End, Layout, State};
 use crate::machine::{Machine, MachineState};
@@ -103,8 +104,10 @@ impl Args {
         let commands = commands.transpose()?;
         let file = MachineState::beside(&self.machine);
         let keeper = StateKeeper::start(&mut session, &machine, state, file)?;
+        let user_codes = UserCodes::start(&mut session, &machine)?;
         Ok(Attended {
             keeper,
+            user_codes,
             commands,
             written,
             session,
@@ -118,6 +121,7 @@ impl Args {
         let Attended {
             mut session,
             keeper,
+            user_codes,
             commands,
             written,
             machine,
@@ -138,6 +142,7 @@ impl Args {
         let ended = timeline.end();
         // Where it panicked, that is written.
         let _ = telling.join();
+        user_codes.finish();
         let end = ended?.controller.end();
         let mut problems = written.finish();
         problems.extend(keeper.finish().err().map(Into::into));
@@ -153,6 +158,7 @@ impl Args {
 struct Attended {
     session: Session<RealTime>,
     keeper: StateKeeper,
+    user_codes: UserCodes,
     commands: Option<CommandLog>,
     written: Written,
     machine: Machine,
