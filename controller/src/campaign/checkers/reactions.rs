@@ -133,6 +133,8 @@ struct Watched {
     shows: Option<(Instant, u32)>,
     /// SYNCs without a T_PDO.
     silent: u32,
+    /// It was taken off the path while it moved, for a fault: right if another one is told in the same wake-up.
+    left: Option<&'static str>,
 }
 
 /// Axes may move, and every drive follows its setpoints.
@@ -173,9 +175,6 @@ impl Reactions {
         if is_first {
             self.is_first(scene, fault, subject, found);
         }
-        if !is_up(self.state) {
-            return;
-        }
         let machine = scene.machine;
         let concerns = |drive: usize| match subject {
             Subject::Device(device) => device == drive,
@@ -195,6 +194,13 @@ impl Reactions {
         };
         for (drive, watched) in self.drives.iter_mut().enumerate() {
             let quick = all || reaction == Reaction::QuickStopAxis && concerns(drive);
+            if quick {
+                watched.left = None;
+                (watched.awaited).take_if(|(awaited, _)| *awaited == Awaited::RestsFirst);
+            }
+            if !is_up(self.state) {
+                continue;
+            }
             let told = scene.drives[drive].controlword;
             let awaited = match (quick, told.map(|word| word & FOLLOWS)) {
                 (_, Some(word)) if word != FOLLOWS => continue,
@@ -271,7 +277,8 @@ impl Reactions {
         let frames = watched.frames;
         let wrong = match awaited {
             Awaited::RestsFirst if !follows && scene.drives[drive].moves => {
-                Some("a drive is taken off the path while it moves")
+                watched.left = Some(fault);
+                None
             }
             Awaited::QuickStop if !follows && word & FOLLOWS != QUICK_STOP => {
                 Some("another reaction than the quick stop")
@@ -356,7 +363,16 @@ impl Checker for Reactions {
         }
     }
 
-    fn woken(&mut self, scene: &Scene<'_>, _: &mut Found) {
+    fn woken(&mut self, scene: &Scene<'_>, found: &mut Found) {
+        for (drive, watched) in self.drives.iter_mut().enumerate() {
+            if let Some(fault) = watched.left.take().filter(|_| is_calm(scene)) {
+                let what = "a drive is taken off the path while it moves";
+                let name = &scene.machine.drives[drive].name;
+                found.violate(NAME, scene, what, || {
+                    format!("drive {name}, after: {fault}")
+                });
+            }
+        }
         self.state = scene.state;
     }
 }
