@@ -84,6 +84,7 @@ impl<const N: usize> Controller<N> {
         self.job = Some(job);
         self.begun = false;
         self.stop_point = None;
+        self.calls.restart();
         self.probing.abort();
         self.pause_told = false;
         self.unplanned = 0;

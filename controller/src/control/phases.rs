@@ -358,9 +358,6 @@ impl<const N: usize> Controller<N> {
         if !matches!(self.reached(), Some(StopPoint::AwaitInput { .. })) {
             self.awaited = None;
         }
-        if !matches!(self.reached(), Some(StopPoint::UserCode { .. })) {
-            self.calls.close();
-        }
         if !self.path_rests() || self.switches.lag(self.executor.waypoints()) {
             return;
         }

@@ -3,6 +3,7 @@
 //! The cycle runs nothing. It tells that the path has come to such a code ([`Event::UserCode`]), and counts how long
 //! nobody says how that ended ([`Order::UserCodeEnded`](super::Order::UserCodeEnded)). A command that fails, or takes
 //! longer than it may, is a pause: an operator goes on, or stops. What is said of a call that is over changes nothing.
+//! Where the path is gone back over and on again the code is not run twice: what came of it counts as it did.
 
 use super::{Controller, Event, Pause};
 use syncline_canopen::time::Duration;
@@ -23,13 +24,15 @@ pub struct UserCall {
 pub(super) struct UserCalls {
     /// How many there were: the number of the last one.
     number: u32,
-    /// The one that the path rests for.
-    open: Option<Open>,
+    /// The last one of the job at work.
+    last: Option<Call>,
 }
 
-/// A call whose end is awaited.
+/// A call.
 #[derive(Clone, Copy, Debug)]
-struct Open {
+struct Call {
+    /// The mark of the plan that it stands at.
+    mark: u32,
     /// The cycle in which it began.
     since: u64,
     /// Whether the command has ended well, once it has ended.
@@ -37,15 +40,15 @@ struct Open {
 }
 
 impl UserCalls {
-    /// The path rests for none.
-    pub(super) fn close(&mut self) {
-        self.open = None;
+    /// Another job begins.
+    pub(super) fn restart(&mut self) {
+        self.last = None;
     }
 
     /// Takes what came of the call with that number.
     pub(super) fn end(&mut self, number: u32, ok: bool) {
-        if let Some(open) = self.open.as_mut().filter(|_| number == self.number) {
-            open.ended.get_or_insert(ok);
+        if let Some(last) = self.last.as_mut().filter(|_| number == self.number) {
+            last.ended.get_or_insert(ok);
         }
     }
 }
@@ -53,17 +56,23 @@ impl UserCalls {
 impl<const N: usize> Controller<N> {
     /// The path rests until the command of the code has ended, which may take so long.
     pub(super) fn await_user_code(&mut self, call: UserCall, within: Duration, line: u32) {
-        let Some(open) = self.calls.open else {
+        let Some((mark, _)) = self.stop_point else {
+            return;
+        };
+        // Marks count up along the program.
+        let Some(last) = self.calls.last.filter(|last| last.mark >= mark) else {
             self.calls.number += 1;
-            self.calls.open = Some(Open {
+            self.calls.last = Some(Call {
+                mark,
                 since: self.cycle,
                 ended: None,
             });
             let number = self.calls.number;
             return self.tell(Event::UserCode { number, call, line });
         };
-        let waited = self.layout.cycle * (self.cycle - open.since) as u32;
-        match open.ended {
+        let waited = self.layout.cycle * (self.cycle - last.since) as u32;
+        match last.ended {
+            _ if mark < last.mark => self.executor.pass(),
             Some(true) => self.executor.pass(),
             None if waited < within => {}
             Some(false) | None => {
