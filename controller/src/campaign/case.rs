@@ -77,6 +77,7 @@ impl Case {
     pub fn of(seed: u64) -> Self {
         let mut machine = MachineSpec::draw(&mut Dice::new(seed, 0));
         machine.wire(&mut Dice::new(seed, 5));
+        machine.equip(&mut Dice::new(seed, 9));
         let dice = &mut Dice::new(seed, 1);
         let programs = (0..dice.whole(1..=3)).map(|_| program::draw(dice, &machine));
         let programs = programs.chain(program::special(&mut Dice::new(seed, 6), &machine));

@@ -23,11 +23,11 @@ pub struct Trouble {
     pub what: Interference,
 }
 
-/// What happens. Drives and buses by their places in the machine file.
+/// What happens. Buses by their places in the machine file, and so drives and behind them I/O nodes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Interference {
-    /// A drive.
+    /// A drive or an I/O node.
     Drive(usize, ToDrive),
     /// A bus.
     Bus(usize, ToBus),
@@ -294,7 +294,7 @@ pub(super) fn of_kind(dice: &mut Dice, machine: &MachineSpec, kind: &str) -> Opt
 
 fn any(dice: &mut Dice, machine: &MachineSpec) -> Interference {
     match dice.weighted(&[6, 6, 2, 1]) {
-        0 => Interference::Drive(dice.below(machine.drives()), to_drive(dice)),
+        0 => Interference::Drive(dice.below(machine.nodes().count()), to_drive(dice)),
         1 => Interference::Bus(dice.below(machine.buses.len()), to_bus(dice, machine)),
         2 => {
             // A tenth of a cycle to fifty of them.
@@ -333,7 +333,7 @@ fn to_bus(dice: &mut Dice, machine: &MachineSpec) -> ToBus {
             let mut data = [0; 8];
             data.fill_with(|| dice.whole(0..=255) as u8);
             // Sometimes it looks like a drive's.
-            let node = nodes(machine)[dice.below(machine.drives())];
+            let node = nodes(machine)[dice.below(machine.nodes().count())];
             let function = *dice.pick(&[0x080, 0x180, 0x280, 0x580, 0x700, 0x000, 0x480]);
             ToBus::Intruder(function + u16::from(node), data, count)
         }
@@ -351,7 +351,7 @@ fn to_bus(dice: &mut Dice, machine: &MachineSpec) -> ToBus {
                 Change::Duplicate,
                 Change::Corrupt(dice.whole(0..=63) as u8),
             ];
-            let node = nodes(machine)[dice.below(machine.drives())];
+            let node = nodes(machine)[dice.below(machine.nodes().count())];
             ToBus::Incoming(Tampering {
                 traffic: *dice.pick(&traffic),
                 node: if dice.chance(0.8) { node } else { 0 },
@@ -408,10 +408,9 @@ pub(super) fn switch_inputs(
     troubles.sort_by_key(|trouble| trouble.at);
 }
 
-/// The node ids of the drives.
+/// The node ids of the devices.
 fn nodes(machine: &MachineSpec) -> Vec<u8> {
-    let drives = machine.axes.iter().flat_map(|axis| &axis.drives);
-    drives.map(|drive| drive.node).collect()
+    machine.nodes().map(|(_, node)| node).collect()
 }
 
 /// The controller's port to a simulated bus that is interfered with.

@@ -38,6 +38,24 @@ pub struct MachineSpec {
     pub buses: Vec<u32>,
     /// The axes.
     pub axes: Vec<AxisSpec>,
+    /// I/O nodes.
+    #[serde(default)]
+    pub io_nodes: Vec<IoSpec>,
+}
+
+/// An I/O node by CiA 401.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct IoSpec {
+    /// Its place among the buses.
+    pub bus: usize,
+    /// Its node id.
+    pub node: u8,
+    /// It tells its inputs when they change, not at every SYNC.
+    pub by_event: bool,
+    /// It has its digital signals by words, not by bytes: all nodes of a machine alike.
+    pub words: bool,
+    /// What is wired to its inputs and outputs.
+    pub wires: Vec<Wire>,
 }
 
 /// An axis of one drive, or a gantry of two.
@@ -117,6 +135,96 @@ impl Wire {
     pub(super) fn is_enable(&self) -> bool {
         self.meaning == ENABLE
     }
+
+    /// Of a device that the key names.
+    fn write(&self, key: &str, device: &str, text: &mut String) {
+        let Self {
+            table,
+            signal,
+            meaning,
+            ..
+        } = self;
+        let _ = write!(
+            text,
+            "\n[[{table}]]\nname = \"{device} {signal}\"\n{key} = \"{device}\"\n\
+             signal = \"{signal}\"\n{meaning}\n"
+        );
+    }
+}
+
+impl IoSpec {
+    /// A node whose signals have numbers of their own: those of drives are lower.
+    fn draw(dice: &mut Dice, bus: usize, words: bool, place: u8) -> Self {
+        let first = 32 + 16 * place;
+        let mut wires = Vec::new();
+        for (table, name, chance) in [("input", "DI", 0.2), ("output", "DO", 0.3)] {
+            for signal in 0..16 {
+                if dice.chance(chance) {
+                    let active_low = ["", "\nactive_low = true"][usize::from(dice.chance(0.3))];
+                    wires.push(Wire {
+                        table: table.to_owned(),
+                        place: signal,
+                        signal: format!("{name}{signal}"),
+                        meaning: match (table, dice.chance(0.2)) {
+                            ("output", true) => {
+                                format!("{NUMBER}{}{active_low}\nsafe = \"on\"", first + signal)
+                            }
+                            _ => format!("{NUMBER}{}{active_low}", first + signal),
+                        },
+                    });
+                }
+            }
+        }
+        for signal in 0..2 {
+            if dice.chance(0.4) {
+                let scale = *dice.pick(&[1.0, 5.0, 10.0]);
+                let safe = *dice.pick(&[0.0, 0.0, -0.5, 1.0]);
+                wires.push(Wire {
+                    table: "output".to_owned(),
+                    place: signal,
+                    signal: format!("AO{signal}"),
+                    meaning: format!(
+                        "{NUMBER}{}\nfull_scale = {scale:?}\nsafe = {safe:?}",
+                        2 * place + signal
+                    ),
+                });
+            }
+        }
+        if wires.is_empty() {
+            wires.push(Wire {
+                table: "output".to_owned(),
+                place: 0,
+                signal: "DO0".to_owned(),
+                meaning: format!("{NUMBER}{first}"),
+            });
+        }
+        Self {
+            bus,
+            node: dice.whole(1..=126) as u8,
+            by_event: dice.chance(0.3),
+            words,
+            wires,
+        }
+    }
+
+    /// What the machine file calls it.
+    fn name(place: usize) -> String {
+        format!("io{place}")
+    }
+
+    fn write(&self, place: usize, text: &mut String) {
+        let name = Self::name(place);
+        let inputs = if self.by_event { "event" } else { "sync" };
+        let _ = write!(
+            text,
+            "\n[[io]]\nname = \"{name}\"\nbus = \"bus{}\"\nnode = {}\nmodel = \"cia401\"\n\
+             inputs = \"{inputs}\"\n",
+            self.bus, self.node
+        );
+        for wire in &self.wires {
+            wire.write("io", &name, text);
+        }
+    }
 }
 
 impl MachineSpec {
@@ -126,8 +234,11 @@ impl MachineSpec {
             let drives = axis.drives.iter().enumerate();
             drives.map(|(side, drive)| (axis.drive_name(side), drive))
         });
-        let outputs = drives.flat_map(|(name, drive)| {
-            let outputs = drive.wires.iter().filter(|wire| wire.table == "output");
+        let drives = drives.map(|(name, drive)| (name, &drive.wires));
+        let io_nodes = self.io_nodes.iter().enumerate();
+        let io_nodes = io_nodes.map(|(place, io)| (IoSpec::name(place), &io.wires));
+        let outputs = drives.chain(io_nodes).flat_map(|(name, wires)| {
+            let outputs = wires.iter().filter(|wire| wire.table == "output");
             outputs.map(move |wire| format!("{name} {}", wire.signal))
         });
         outputs.collect()
@@ -152,6 +263,7 @@ impl MachineSpec {
                 4000,
                 &mut vec![(0, MODELS[0].name)],
             )],
+            io_nodes: Vec::new(),
         }
     }
 
@@ -199,6 +311,7 @@ impl MachineSpec {
             tolerances: [dice.decades(-4, -1), dice.decades(-3, 0)],
             buses,
             axes,
+            io_nodes: Vec::new(),
         };
         spec.number(dice);
         spec
@@ -222,6 +335,9 @@ impl MachineSpec {
             let drives = || self.axes.iter().flat_map(|axis| &axis.drives);
             if self.buses.len() > 1 && !drives().any(|drive| drive.bus == bus) {
                 self.buses.remove(bus);
+                for io in self.io_nodes.iter_mut().filter(|io| io.bus >= bus) {
+                    io.bus = io.bus.saturating_sub(1);
+                }
                 let drives = self.axes.iter_mut().flat_map(|axis| &mut axis.drives);
                 for drive in drives.filter(|drive| drive.bus > bus) {
                     drive.bus -= 1;
@@ -260,18 +376,53 @@ impl MachineSpec {
         }
     }
 
-    /// What is wired, and to which drive.
+    /// Gives some machines an I/O node or two, where the buses have room for what they carry then.
+    pub(super) fn equip(&mut self, dice: &mut Dice) {
+        if !dice.chance(0.3) {
+            return;
+        }
+        let mut equipped = self.clone();
+        let words = dice.chance(0.3);
+        for place in 0..dice.whole(1..=2) {
+            let bus = dice.below(self.buses.len());
+            let io = IoSpec::draw(dice, bus, words, place as u8);
+            equipped.io_nodes.push(io);
+        }
+        let mut used: Vec<_> = self.nodes().collect();
+        for io in &mut equipped.io_nodes {
+            while used.contains(&(io.bus, io.node)) {
+                io.node = dice.whole(1..=126) as u8;
+            }
+            used.push((io.bus, io.node));
+        }
+        if equipped.fits() {
+            *self = equipped;
+        }
+    }
+
+    /// The bus and the node id of every device, in the order of the machine.
+    pub(super) fn nodes(&self) -> impl Iterator<Item = (usize, u8)> {
+        let drives = self.axes.iter().flat_map(|axis| &axis.drives);
+        let drives = drives.map(|drive| (drive.bus, drive.node));
+        drives.chain(self.io_nodes.iter().map(|io| (io.bus, io.node)))
+    }
+
+    /// What is wired, and to which device.
     pub(super) fn wires(&self) -> impl Iterator<Item = (usize, &Wire)> {
         let drives = self.axes.iter().flat_map(|axis| &axis.drives);
-        drives
-            .enumerate()
-            .flat_map(|(place, drive)| drive.wires.iter().map(move |wire| (place, wire)))
+        let wires = drives.map(|drive| &drive.wires);
+        let wires = wires.chain(self.io_nodes.iter().map(|io| &io.wires));
+        (wires.enumerate()).flat_map(|(place, wires)| wires.iter().map(move |wire| (place, wire)))
     }
 
     /// The numbers by which programs know what is wired in a table.
     pub(super) fn numbers(&self, table: &str) -> Vec<u8> {
         let wires = self.wires().filter(|(_, wire)| wire.table == table);
-        let number = |(_, wire): (usize, &Wire)| wire.meaning.strip_prefix(NUMBER)?.parse().ok();
+        let wires = wires.filter(|(_, wire)| !wire.signal.starts_with("AO"));
+        let number = |(_, wire): (usize, &Wire)| {
+            let number = wire.meaning.strip_prefix(NUMBER)?;
+            number.lines().next()?.parse().ok()
+        };
         wires.filter_map(number).collect()
     }
 
@@ -312,6 +463,12 @@ impl MachineSpec {
         }
         for axis in &self.axes {
             axis.write(&mut text);
+        }
+        for (place, io) in self.io_nodes.iter().enumerate() {
+            io.write(place, &mut text);
+        }
+        if self.io_nodes.iter().any(|io| io.words) {
+            text.push_str("\n[model.cia401]\ndigital_words = 1\n");
         }
         text
     }
@@ -449,13 +606,7 @@ impl AxisSpec {
                 let _ = writeln!(text, "sdo = [[\"6085:0\", {}]]", ramp.ceil());
             }
             for wire in &drive.wires {
-                let (drive, signal) = (name(side), &wire.signal);
-                let _ = write!(
-                    text,
-                    "\n[[{}]]\nname = \"{drive} {signal}\"\ndrive = \"{drive}\"\n\
-                     signal = \"{signal}\"\n{}\n",
-                    wire.table, wire.meaning
-                );
+                wire.write("drive", &name(side), text);
             }
         }
         let names: Vec<String> = (0..self.drives.len())
@@ -527,6 +678,7 @@ mod tests {
         for seed in 0..300 {
             let mut spec = MachineSpec::draw(&mut Dice::new(seed, 0));
             spec.wire(&mut Dice::new(seed, 5));
+            spec.equip(&mut Dice::new(seed, 9));
             wires += spec.wires().count();
             spec.machine()
                 .unwrap_or_else(|wrong| panic!("{seed}: {wrong}"));
@@ -539,6 +691,7 @@ mod tests {
         for seed in 0..60 {
             let mut spec = MachineSpec::draw(&mut Dice::new(seed, 0));
             spec.wire(&mut Dice::new(seed, 5));
+            spec.equip(&mut Dice::new(seed, 9));
             while spec.axes.len() > 1 {
                 spec.axes.remove(seed as usize % spec.axes.len());
                 spec.leave_out_unused_buses();

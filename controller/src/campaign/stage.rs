@@ -137,7 +137,7 @@ struct Stage<'a> {
     attendant: Option<(Attendant, Operator)>,
     told: Subscription,
     frames: Frames,
-    /// By drive of the machine.
+    /// By device of the machine, the drives first.
     twins: Vec<DeviceId>,
     /// What came last, so that buffers are used again.
     carried: Vec<(usize, Transmission)>,
@@ -276,7 +276,8 @@ impl<'a> Stage<'a> {
         let timeline = self.session.timeline();
         let now = timeline.now();
         let world = timeline.world();
-        let plants = self.twins.iter().map(|twin| world.device(*twin).observe());
+        let drives = self.twins.iter().take(self.case.machine.drives());
+        let plants = drives.map(|twin| world.device(*twin).observe());
         let plants = plants.collect();
         let controller = timeline.controller();
         Woken {

@@ -27,12 +27,16 @@ fn suspects(scene: &Scene<'_>) -> Option<Vec<usize>> {
     let mut suspects = Vec::new();
     for (_, what) in &scene.interferences {
         match *what {
-            Interference::Drive(drive, _) => {
+            Interference::Drive(device, _) => match scene.machine.drives.get(device) {
                 // What moves one side of a gantry moves the other.
-                let axis = scene.machine.drives.get(drive)?.axis;
-                suspects.extend(&scene.machine.axes[axis].drives);
+                Some(drive) => suspects.extend(&scene.machine.axes[drive.axis].drives),
+                None => suspects.push(device),
+            },
+            Interference::Bus(bus, _) => {
+                let nodes = scene.machine.nodes().enumerate();
+                let own = nodes.filter(|(_, node)| node.bus == bus);
+                suspects.extend(own.map(|(device, _)| device));
             }
-            Interference::Bus(bus, _) => suspects.extend(scene.drives_of(bus)),
             Interference::StarvePlanner(_) => {}
             // All drives miss a SYNC that comes late.
             Interference::Late(_) => return None,

@@ -90,8 +90,10 @@ struct Job {
     script: Script,
     /// By group: the states that it may be in, each with when it came there.
     at: Vec<Vec<(usize, Instant)>>,
-    /// What showed before it began may still show.
+    /// By group: the outputs have shown what the job makes of them. What they showed before may still show for a while.
     begun: Vec<bool>,
+    /// By output: what it showed as the job began.
+    before: Vec<Option<i32>>,
 }
 
 impl What {
@@ -228,6 +230,7 @@ impl Outputs {
             script: script.unwrap_or_else(Script::unknown),
             at: vec![vec![(0, scene.now)]; self.groups.len()],
             begun: vec![false; self.groups.len()],
+            before: self.outputs.iter().map(|it| it.latched).collect(),
         });
     }
 
@@ -384,10 +387,14 @@ impl Outputs {
             if job.script.is_open && through {
                 continue;
             }
-            let reached = self.go_on(scene, &job, group);
             let is_before =
                 !job.begun[group] && scene.since(job.at[group][0].1) < SHORT * scene.period();
-            match reached {
+            let same = |output: &usize| self.outputs[*output].latched == job.before[*output];
+            // It may look like a state that the program comes to later.
+            if is_before && self.groups[group].iter().all(same) {
+                continue;
+            }
+            match self.go_on(scene, &job, group) {
                 Some(reached) => {
                     job.begun[group] = true;
                     job.at[group] = reached;

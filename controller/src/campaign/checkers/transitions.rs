@@ -102,7 +102,8 @@ impl Transitions {
             nmt::Command::ResetCommunication as u8,
             nmt::Command::Stop as u8,
         ];
-        let Some(drive) = scene.drive_with(bus, node) else {
+        let mut nodes = scene.machine.nodes();
+        let Some(device) = nodes.position(|it| it.bus == bus && it.id.get() == node) else {
             found.violate(NAME, scene, "an NMT command to a stranger", || {
                 format!("command {command:02X}h to node {node} on bus {bus}")
             });
@@ -110,7 +111,7 @@ impl Transitions {
         };
         let powered = scene
             .plants
-            .get(drive)
+            .get(device)
             .is_some_and(|plant| plant.is_powered);
         if resets.contains(&command) && powered && !scene.is_disturbed(f64::INFINITY) {
             found.violate(
@@ -118,7 +119,7 @@ impl Transitions {
                 scene,
                 "a drive is reset with its power stage on",
                 || {
-                    let name = &scene.machine.drives[drive].name;
+                    let name = &scene.machine.drives[device].name;
                     format!("drive {name}: command {command:02X}h")
                 },
             );
