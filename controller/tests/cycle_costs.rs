@@ -15,15 +15,22 @@ use std::fs::File;
 use std::hint::black_box;
 use std::os::unix::fs::FileExt;
 use std::os::unix::process::CommandExt;
+use std::path::Path;
 use std::process::Command;
-use std::sync::Mutex;
+use std::sync::{Arc, Mutex};
 use syncline_canopen::Instant;
 use syncline_canopen::time::Duration;
 use syncline_controller::bench::rig::{Shape, Shuttle, ready_machine};
-use syncline_controller::control::{Instruction, Wake};
+use syncline_controller::control::Layout as MachineLayout;
+use syncline_controller::control::{Instruction, PointToPoint, StopPoint, Wake};
+use syncline_controller::machine::{COORDINATES, Machine};
 use syncline_controller::port::Port;
+use syncline_controller::port::sim::{SimPort, Simulated};
 use syncline_controller::realtime;
 use syncline_controller::run::driver::Driver;
+use syncline_trajectory::path::{
+    Command as PathCommand, Curve, Feed, Limits, Move, PathControlMode, PathItem, Planner,
+};
 
 /// Counts what each thread allocates.
 struct Counting;
@@ -99,21 +106,40 @@ const AXES: usize = 3;
 /// Cycles that run on one staging of the plan.
 const CHUNK: usize = 500;
 
+type Machinery = Driver<COORDINATES, Box<dyn Port + Send>>;
+
 /// A machine in motion.
 struct Warm {
-    machine: Driver<9, Box<dyn Port + Send>>,
-    shuttle: Shuttle<9>,
+    machine: Machinery,
+    /// The next instruction of a plan that does not end.
+    plan: Box<dyn FnMut() -> Instruction<COORDINATES>>,
     /// Instructions that a planner has ready for the cycle.
-    staged: VecDeque<Instruction<9>>,
+    staged: VecDeque<Instruction<COORDINATES>>,
     fresh: Vec<u8>,
 }
 
 impl Warm {
     fn new(axes: usize) -> Self {
         let shape = Shape::on_fewest_buses(axes, Duration::from_millis(2)).unwrap();
+        let mut shuttle = Shuttle::new(axes);
+        Self::of(
+            ready_machine(&shape),
+            Box::new(move || shuttle.instruction()),
+        )
+    }
+
+    /// The example of devices of several kinds: axes that are sent positions and velocities, loops closed by an encoder and by
+    /// a drive, polls, and one that goes point to point.
+    fn mixed() -> Self {
+        let (machine, start) = mixed_machine();
+        let mut plan = MixedPlan::new(start);
+        Self::of(machine, Box::new(move || plan.instruction()))
+    }
+
+    fn of(machine: Machinery, plan: Box<dyn FnMut() -> Instruction<COORDINATES>>) -> Self {
         let mut warm = Self {
-            machine: ready_machine(&shape),
-            shuttle: Shuttle::new(axes),
+            machine,
+            plan,
             staged: VecDeque::new(),
             fresh: vec![0; 4 << 20],
         };
@@ -123,7 +149,7 @@ impl Warm {
 
     fn stage(&mut self) {
         while self.staged.len() < 4096 {
-            self.staged.push_back(self.shuttle.instruction());
+            self.staged.push_back((self.plan)());
         }
     }
 
@@ -158,25 +184,120 @@ impl Warm {
     }
 }
 
+/// `examples/mixed` in simulation, ready for its plan, and where that starts.
+fn mixed_machine() -> (Machinery, [f64; COORDINATES]) {
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples/mixed/machine.toml");
+    let machine = Machine::load(&file).unwrap();
+    let unobserved = machine
+        .buses
+        .iter()
+        .map(|_| Some(Box::new(|_: &_| ()) as _));
+    let simulated = Simulated::new(&machine, 0, unobserved, |_, _| ()).unwrap();
+    let ports = (simulated.buses.iter().flatten())
+        .map(|&bus| Box::new(SimPort::new(bus)) as Box<dyn Port + Send>)
+        .collect();
+    let layout = Arc::new(MachineLayout::new(&machine).unwrap());
+    let mut driver = Driver::new(layout, simulated.world, ports, Instant::ZERO);
+    for _ in 0..20_000 {
+        if let Some(start) = driver.controller.ready() {
+            return (driver, start);
+        }
+        let wake = driver.controller.next_wake().unwrap();
+        driver.step(wake.at()).unwrap();
+    }
+    panic!("no bring-up: {:?}", driver.controller.end());
+}
+
+/// Axes of the path to and fro, and at each end the feeder.
+struct MixedPlan {
+    planner: Planner<COORDINATES>,
+    ends: [[f64; COORDINATES]; 2],
+    moves: u32,
+}
+
+impl MixedPlan {
+    const FEEDER: usize = 6;
+
+    fn new(start: [f64; COORDINATES]) -> Self {
+        let limits = Limits {
+            velocity: [40.0; COORDINATES],
+            acceleration: [400.0; COORDINATES],
+            jerk: [10_000.0; COORDINATES],
+        };
+        let mut end = start;
+        for (axis, way) in [50.0, 40.0, -30.0].into_iter().enumerate() {
+            end[axis] += way;
+        }
+        Self {
+            planner: Planner::new(limits, start),
+            ends: [start, end],
+            moves: 0,
+        }
+    }
+
+    fn instruction(&mut self) -> Instruction<COORDINATES> {
+        loop {
+            match self.planner.pop() {
+                Some(PathCommand::Mark { item, mark }) => {
+                    let mut targets = [None; COORDINATES];
+                    targets[Self::FEEDER] = Some(if mark % 2 == 0 { 5.0 } else { 0.0 });
+                    let feeds = PointToPoint {
+                        targets,
+                        speed: None,
+                    };
+                    let stop = StopPoint::PointToPoint(feeds);
+                    return Instruction::Mark { item, mark, stop };
+                }
+                Some(command) => return Instruction::Plan(command),
+                None => self.push(),
+            }
+        }
+    }
+
+    fn push(&mut self) {
+        let [from, to] = [self.moves, self.moves + 1].map(|end| self.ends[end as usize % 2]);
+        let item = PathItem::Move(Move {
+            curve: Curve::line(from, to).unwrap(),
+            feed: Feed::Rapid,
+            mode: PathControlMode::Stop,
+            tag: 1,
+        });
+        self.planner.push(item).unwrap();
+        self.planner.mark(self.moves);
+        self.moves += 1;
+    }
+}
+
 #[test]
 fn no_allocation_and_no_first_touch_in_100_000_cycles() {
     let _alone = ONE_AT_A_TIME.lock();
     let mut warm = Warm::new(AXES);
-    let mut costs = |cycles, plant| {
-        let (mut before, mut sum) = ((0, 0), (0, 0));
-        warm.run(cycles, plant, |running| {
-            let now = (ALLOCATIONS.get(), realtime::usage().page_faults);
-            if running {
-                before = now;
-            } else {
-                sum = (sum.0 + now.0 - before.0, sum.1 + now.1 - before.1);
-            }
-        });
-        sum
-    };
-    assert_eq!(costs(100_000, Plant::Nothing), (0, 0));
-    assert_eq!(costs(CHUNK, Plant::Allocation).0, 1);
-    assert_eq!(costs(CHUNK, Plant::FirstTouch).1, 1);
+    assert_eq!(costs(&mut warm, 100_000, Plant::Nothing), (0, 0));
+    assert_eq!(costs(&mut warm, CHUNK, Plant::Allocation).0, 1);
+    assert_eq!(costs(&mut warm, CHUNK, Plant::FirstTouch).1, 1);
+}
+
+#[test]
+fn no_allocation_and_no_first_touch_with_devices_of_several_kinds() {
+    let _alone = ONE_AT_A_TIME.lock();
+    let mut warm = Warm::mixed();
+    assert_eq!(costs(&mut warm, 20_000, Plant::Nothing), (0, 0));
+    assert_eq!(costs(&mut warm, CHUNK, Plant::Allocation).0, 1);
+    assert_eq!(costs(&mut warm, CHUNK, Plant::FirstTouch).1, 1);
+}
+
+/// Allocations and first touches of pages while the cycle runs.
+fn costs(warm: &mut Warm, cycles: usize, plant: Plant) -> (u64, u64) {
+    let (mut before, mut sum) = ((0, 0), (0, 0));
+    warm.run(cycles, plant, |running| {
+        let now = (ALLOCATIONS.get(), realtime::usage().page_faults);
+        if running {
+            before = now;
+        } else {
+            sum = (sum.0 + now.0 - before.0, sum.1 + now.1 - before.1);
+        }
+    });
+    sum
 }
 
 #[test]
