@@ -1,7 +1,8 @@
 //! By what the controller notices that a device is gone, and in what time; and what that device does when the controller
 //! is. Nothing here is looked at in the cycle: it is told at start-up, and tests hold the machine against it.
 
-use super::fault::{DeviceIndex, Names};
+use super::STILL;
+use super::fault::{AxisIndex, DeviceIndex, Names};
 use super::layout::{AxisSpec, DeviceSpec, Layout};
 use super::polls::{CONTRADICTIONS, POLL, STATE_POLL};
 use std::fmt;
@@ -40,6 +41,15 @@ impl fmt::Display for Notice {
         }
         write!(f, " within {}", Millis(self.within))
     }
+}
+
+/// When an axis's encoder is held against its drives.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Compared {
+    /// At every SYNC.
+    AtSync,
+    /// Where both rest, each within its standstill window: the drive has no position of a SYNC.
+    AtRest,
 }
 
 /// A time as people read it.
@@ -89,16 +99,61 @@ impl Layout {
         t_pdos.into_iter().chain(other).chain(state)
     }
 
+    /// When an axis's encoder is held against its drives, and the longest time from where both are further apart than is
+    /// allowed, and rest if they have to, until that is a fault: lost steps, a coupling that slips or is broken.
+    #[must_use]
+    pub fn comparison(&self, axis: AxisIndex) -> Option<(Compared, Duration)> {
+        let axis = &self.axes[axis];
+        axis.feedback?;
+        let drives = axis
+            .drives
+            .iter()
+            .map(|&drive| self.devices[drive].device.spec());
+        let polled = drives.filter(|spec| !spec.answers_sync);
+        let response = polled.map(|spec| spec.sdo_response).max();
+        Some(
+            response.map_or((Compared::AtSync, self.tells_within()), |response| {
+                // The last position from before the rest is replaced by one that waited for an answer and has its own;
+                // both requests wait for their turn in a cycle. What is left of the way then may take it out of the
+                // standstill window around that one, once, so that its time of standing still begins anew.
+                let heard = POLL + (response + self.cycle) * 2;
+                (Compared::AtRest, heard + (STILL + self.cycle) * 2)
+            }),
+        )
+    }
+
+    /// By when an encoder finds that the drives of its axis are elsewhere.
+    fn compares(&self, encoder: DeviceIndex) -> Option<String> {
+        let watched = |axis: &AxisIndex| {
+            (self.axes[*axis].feedback).is_some_and(|feedback| feedback.encoder == encoder)
+        };
+        let index = (0..self.axes.len()).find(watched)?;
+        let axis = &self.axes[index];
+        let (compared, within) = self.comparison(index)?;
+        let at_rest = match compared {
+            Compared::AtSync => "",
+            Compared::AtRest => ", once both rest,",
+        };
+        Some(format!(
+            "; a difference to the drives of axis {} above {} {} counts{at_rest} within {}",
+            axis.name,
+            axis.feedback?.difference,
+            axis.unit,
+            Millis(within)
+        ))
+    }
+
     /// How a device is supervised and what it does without the controller, as it is told at start-up.
     #[must_use]
     pub fn supervision(&self, device: DeviceIndex) -> String {
         let notices: Vec<String> = self.notices(device).map(|it| it.to_string()).collect();
         format!(
-            "{}: what it tells counts within {}; its loss shows by {}; {}",
+            "{}: what it tells counts within {}; its loss shows by {}; {}{}",
             self.who(device),
             Millis(self.tells_within()),
             notices.join(" or "),
             self.left_alone(device),
+            self.compares(device).unwrap_or_default(),
         )
     }
 

@@ -7,9 +7,9 @@ use proptest::prelude::*;
 use std::ops::Range;
 use syncline_canopen::time::Duration;
 use syncline_canopen::{CanId, CobId};
-use syncline_controller::control::End;
-use syncline_controller::control::fault::Names;
-use syncline_controller::control::loss::Sign;
+use syncline_controller::control::fault::{AxisCause, Names};
+use syncline_controller::control::loss::{Compared, Sign};
+use syncline_controller::control::{End, Fault};
 use syncline_drives::twin::{Config, Disturbance, ErrorClass};
 use syncline_tests::rig::Rig;
 
@@ -238,6 +238,90 @@ proptest! {
     #[test]
     fn one_that_begins_anew_at_rest_is_found_whenever_it_does(wake_ups in 0..300usize) {
         begins_anew_at_rest("cycle_us = 4000", wake_ups);
+    }
+}
+
+// --- steps are lost ---
+
+/// The place of Z among the coordinates. The encoder on its screw is allowed to be 0.1 mm from its drive.
+const Z_COORDINATE: usize = 2;
+/// By how much both differ without a loss, mm.
+const MARGIN: f64 = 0.02;
+
+fn axis_z(rig: &Rig) -> usize {
+    let mut axes = rig.layout.axes.iter();
+    axes.position(|axis| axis.name == "Z").expect("it has one")
+}
+
+/// What the screw slips against the motor is as a loss of steps; how long it takes until that is a fault.
+fn slips(rig: &mut Rig, mm: f64) -> Duration {
+    let z = axis_z(rig);
+    let before = rig.session.timeline().now();
+    rig.slip(0, mm / 10.0);
+    rig.run_until(|rig| !rig.controller().faults().is_empty());
+    match rig.controller().faults()[0] {
+        Fault::Axis(axis, AxisCause::FeedbackDifference { difference }) if axis == z => {
+            assert!((difference - mm).abs() < MARGIN, "{difference}, {mm}");
+        }
+        other => panic!("another fault: {other:?}"),
+    }
+    rig.session.timeline().now().saturating_since(before)
+}
+
+/// The drive tells its position at SYNC, and the axis moves or rests.
+fn found_at_sync(row: usize, wake_ups: usize, mm: f64) {
+    const WATCHED: (&str, &str) = (
+        "max_jerk = 80_000.0",
+        "max_jerk = 80_000.0\nfeedback = \"screw\"\ndifference_limit = 0.1",
+    );
+    let program = "G21 G90 G94 G61\nG1 Z-40 X20 F6000\nG4 P0.2\nG1 Z-5 X0\nG4 P1\nM2\n";
+    let encoder = stepper::CHANGES[1];
+    let mut rig = Rig::new("portal", &[encoder, WATCHED], program, |_, _| ());
+    rig.run_to_row(row);
+    for _ in 0..wake_ups {
+        rig.step();
+    }
+    let (compared, within) = rig.layout.comparison(axis_z(&rig)).unwrap();
+    assert_eq!(compared, Compared::AtSync);
+    let after = slips(&mut rig, mm);
+    println!("at SYNC: {mm} mm at row {row}: {after:?} of {within:?}");
+    assert!(after <= within, "{mm} mm at row {row}: {after:?}");
+}
+
+/// The drive is asked for its position, and the loop makes up for the loss before both rest again.
+fn found_at_rest(row: usize, mm: f64) {
+    let mut rig = machine_of(&[], "G21 G90\nG4 P5\nM2\n", |_, _| ());
+    rig.run_to_row(row);
+    let (compared, within) = rig.layout.comparison(axis_z(&rig)).unwrap();
+    assert_eq!(compared, Compared::AtRest);
+    let after = slips(&mut rig, mm);
+    // The axis is where it was within its `standstill_window`.
+    let act: Vec<f64> = rig
+        .rows
+        .iter()
+        .map(|row| row.axes[Z_COORDINATE].act)
+        .collect();
+    let rests = |position: &&f64| (**position - act[act.len() - 1]).abs() <= 0.05;
+    let rested = rig.layout.cycle * act.iter().rev().take_while(rests).count() as u32;
+    let rested = rested.min(after);
+    println!("at rest: {mm} mm at row {row}: {after:?}, rested {rested:?} of {within:?}");
+    assert!(
+        rested <= within,
+        "{mm} mm at row {row}: {rested:?} of {within:?}"
+    );
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 8, ..ProptestConfig::default() })]
+
+    #[test]
+    fn lost_steps_are_found_in_the_time_that_start_up_tells(
+        row in 5..600usize, wake_ups in 0..3usize, mm in 0.13..0.9f64, backward: bool,
+    ) {
+        let mm = if backward { -mm } else { mm };
+        found_at_sync(row, wake_ups, mm);
+        // More at once is a jump, and found at the next SYNC.
+        found_at_rest(row, mm.clamp(-0.5, 0.5));
     }
 }
 
