@@ -125,6 +125,9 @@ impl Inputs {
         }
         let (mut timeline, observers) = session.end();
         let frames = Some(timeline.frames().result());
-        Ok(observers.finish(&self.machine, layout, timeline.controller(), frames)?)
+        let controller = timeline.controller();
+        let (mut summary, report) = observers.finish(&self.machine, layout, controller, frames)?;
+        summary.seed = Some(seed);
+        Ok((summary, report))
     }
 }

@@ -238,9 +238,7 @@ impl Args {
         let frames = Some(timeline.frames().result());
         let controller = timeline.controller();
         let (mut summary, mut rows) = observers.finish(&machine, &layout, controller, frames)?;
-        if let Some(program) = &again {
-            self.look_for_cause(program, &machine, &mut summary, rows.as_mut())?;
-        }
+        self.complete(&mut summary, &machine, again.as_ref(), rows.as_mut())?;
         let title = format!("validated in virtual time, seed {}", self.seed);
         results.write(&summary, rows, &self.program, title, Target::begin)?;
         claims.tell(&summary.to_string());
@@ -248,14 +246,19 @@ impl Args {
         Ok(summary)
     }
 
-    /// Adds to a result why an axis did not follow, by making the validation again.
-    fn look_for_cause(
+    /// Adds to a result its seed and, of a program that can be had again, why an axis did not follow, by making
+    /// the validation again.
+    fn complete(
         &self,
-        program: &Program,
-        machine: &Machine,
         summary: &mut Summary,
+        machine: &Machine,
+        program: Option<&Program>,
         report: Option<&mut Report>,
     ) -> Result<(), Box<dyn Error>> {
+        summary.seed = Some(self.seed);
+        let Some(program) = program else {
+            return Ok(());
+        };
         let again = Again {
             file: &self.machine,
             settings: &self.settings,

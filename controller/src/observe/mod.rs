@@ -9,6 +9,7 @@
 //! - `trail`: the path of the setpoints, which the drives are to follow
 //! - `drives`: torque and speed of simulated drives, skew and torque fight of gantries
 //! - [`travel`]: how far the tool has come along the program, and for how long it moved
+//! - [`operations`]: what the time of motion went into, by tool and by operation
 //! - [`trace`]: every row as CSV
 //! - [`record`]: every row for a report, and what must not be
 //! - [`switched`]: what M-codes switched, and when
@@ -24,6 +25,7 @@ pub mod flight_recorder;
 pub mod frames;
 pub mod limits;
 pub(crate) mod mapping;
+pub mod operations;
 pub mod record;
 pub mod sent;
 pub mod summary;
@@ -42,6 +44,7 @@ use crate::program::{Extent, Moves, counted_speed};
 use deviation::Deviation;
 use drives::Drives;
 use limits::AxisWatches;
+use operations::Operations;
 use record::{Place, Report, Violation};
 use sent::SentSetpoints;
 use std::io;
@@ -91,6 +94,7 @@ pub struct Observers {
     drives: Drives,
     /// What the buses carried, where all of them can be heard.
     sent: Option<SentSetpoints>,
+    operations: Operations,
     switched: Switched,
     violations: Vec<Violation>,
     trace: Option<Trace>,
@@ -126,6 +130,7 @@ impl Observers {
                 .map(|axis| AxisWatches::new(machine, axis))
                 .collect(),
             sent,
+            operations: Operations::default(),
             switched: Switched::default(),
             violations: Vec::new(),
             trace: trace.map(|file| Trace::begin(file, machine)),
@@ -178,7 +183,10 @@ impl Observers {
         self.line = line;
         self.position = row.plan.position;
         let counted = counted_speed(&row.plan.velocity);
+        let moved = self.travel.cycles.motion;
         self.travel.observe(observed, counted);
+        let moved = self.travel.cycles.motion - moved;
+        self.operations.observe(row, time, line, moved);
         self.switched.observe(row, time);
         let off_path = self.deviation.observe(observed, time, &mut self.violations);
         if let Some(sent) = &mut self.sent {
@@ -221,7 +229,7 @@ impl Observers {
 
     /// The nearest number of seconds to so many cycles.
     fn seconds(&self, cycles: u64) -> f64 {
-        (u128::from(cycles) * self.cycle.as_nanos()) as f64 / 1e9
+        seconds(self.cycle, cycles)
     }
 
     /// What the time went into.
@@ -324,6 +332,9 @@ impl Observers {
         };
         let finished = matches!(controller.end(), Some(End::Finished | End::SwitchedOff));
         let (drives, gantries) = self.drives.summaries();
+        let cycle = self.cycle;
+        let seconds = |cycles| seconds(cycle, cycles);
+        let (operations, tools) = std::mem::take(&mut self.operations).times(seconds);
         let summary = Summary {
             verdict,
             outcome: (controller.end())
@@ -334,6 +345,7 @@ impl Observers {
             times: self.times(),
             time_bounds: self.time_bounds.take(),
             cause: None,
+            seed: None,
             cycles: self.cycles,
             late_setpoints: controller.late_setpoints(),
             frames_sha256: digest,
@@ -347,6 +359,8 @@ impl Observers {
             axes: self.axes.iter().map(AxisSummary::new).collect(),
             drives,
             gantries,
+            operations,
+            tools,
             switched: self.switched.states,
             violations: self.violations,
         };
@@ -355,4 +369,9 @@ impl Observers {
         }
         Ok((summary, self.report))
     }
+}
+
+/// The nearest number of seconds to so many cycles.
+fn seconds(cycle: Duration, cycles: u64) -> f64 {
+    (u128::from(cycles) * cycle.as_nanos()) as f64 / 1e9
 }

@@ -215,6 +215,13 @@ impl Report {
         for gantry in &summary.gantries {
             fact(&format!("gantry {}", gantry.axis), gantry.to_string());
         }
+        for tool in &summary.tools {
+            fact(&format!("tool {}", tool.tool), tool.to_string());
+        }
+        for operation in &summary.operations {
+            let from = format!("operation from line {}", operation.line);
+            fact(&from, operation.to_string());
+        }
         for bus in &summary.bus {
             fact(
                 &format!("busiest cycle, {}", bus.name),

@@ -1,6 +1,7 @@
 //! The result of a run, for programs (`--json`) and for people.
 
 use super::limits::AxisWatches;
+use super::operations::{Operation, ToolTime};
 use super::record::{Place, Violation};
 use super::switched::SwitchedState;
 use crate::program::bounds::{BoundShare, STEP, TimeBounds};
@@ -18,6 +19,9 @@ pub struct Summary {
     /// Where it stopped, if it did not come to its end.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub stopped: Option<Stopped>,
+    /// The seed of a simulated run.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub seed: Option<u64>,
     /// Why an axis did not follow, where that was looked for.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub cause: Option<Cause>,
@@ -48,6 +52,12 @@ pub struct Summary {
     /// The axes with two drives, where those are simulated.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub gantries: Vec<GantrySummary>,
+    /// The time of motion with each tool and each speed of the spindle, in order, where there is either.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub operations: Vec<Operation>,
+    /// The time of motion with each tool, where there is one or a spindle.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub tools: Vec<ToolTime>,
     /// What M-codes switched, in order.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub switched: Vec<SwitchedState>,
@@ -207,6 +217,8 @@ pub struct AxisSummary {
     pub acceleration_limit: f64,
     /// mm/s³
     pub jerk_limit: f64,
+    /// Following error at which the run is stopped, mm.
+    pub following_error_limit_mm: f64,
     /// Greatest absolute following error, mm.
     pub max_following_error_mm: f64,
     /// Where that was.
@@ -323,6 +335,12 @@ impl fmt::Display for Summary {
         }
         for gantry in &self.gantries {
             writeln!(f, "gantry {:<11} {gantry}", gantry.axis)?;
+        }
+        for tool in &self.tools {
+            writeln!(f, "tool {:<13} {tool}", tool.tool)?;
+        }
+        for operation in &self.operations {
+            writeln!(f, "operation          line {}: {operation}", operation.line)?;
         }
         for violation in &self.violations {
             write!(f, "VIOLATION          {}", violation.what)?;
@@ -466,6 +484,7 @@ impl AxisSummary {
             velocity_limit: axis.limits.velocity,
             acceleration_limit: axis.limits.acceleration,
             jerk_limit: axis.limits.jerk,
+            following_error_limit_mm: axis.limits.following_error,
             max_following_error_mm: max_following,
             max_following_error_at: axis.following_at(),
             rms_following_error_mm: rms_following,

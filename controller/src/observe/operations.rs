@@ -1,0 +1,144 @@
+//! What the time of motion went into, by tool and by operation.
+//!
+//! An operation is what the program does with one tool at one speed and direction of the spindle: it begins where
+//! either of them is changed. Every cycle of motion belongs to one, so that they add up to the time of motion.
+
+use super::switched::turning;
+use crate::control::Row;
+use crate::machine::COORDINATES;
+use serde::Serialize;
+use std::collections::BTreeMap;
+use std::fmt;
+
+/// Motion with one tool at one speed of the spindle.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Operation {
+    /// The tool in the spindle; 0 where none was loaded.
+    pub tool: u32,
+    /// 1/min, negative for M4.
+    pub spindle: f64,
+    /// The line at work when it first moved.
+    pub line: u32,
+    /// When that was, s.
+    pub time_s: f64,
+    /// Motion, s.
+    pub motion_s: f64,
+    /// What of that was at a programmed feed, not in rapid, s.
+    pub feed_s: f64,
+}
+
+/// Motion with one tool, all its operations together.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ToolTime {
+    /// The tool in the spindle; 0 where none was loaded.
+    pub tool: u32,
+    /// Motion, s.
+    pub motion_s: f64,
+    /// What of that was at a programmed feed, not in rapid, s.
+    pub feed_s: f64,
+}
+
+/// The operations of a run so far, with their cycles of motion, and what of those was at a programmed feed.
+#[derive(Debug, Default)]
+pub(super) struct Operations {
+    /// Tool and spindle at the last row.
+    with: (u32, f64),
+    all: Vec<(Operation, [u64; 2])>,
+}
+
+impl Operations {
+    /// Takes a row, before which the path moved for so many cycles.
+    pub(super) fn observe(&mut self, row: &Row<COORDINATES>, time: f64, line: u32, moved: u64) {
+        let now = (row.functions.tool, turning(row.functions.spindle));
+        let before = std::mem::replace(&mut self.with, now);
+        // What is switched where the path comes to rest is not what it came there with.
+        let rests = row.plan.speed == 0.0;
+        let (tool, spindle) = if rests { before } else { now };
+        if moved == 0 {
+            return;
+        }
+        let goes_on = |(it, _): &(Operation, _)| it.tool == tool && it.spindle == spindle;
+        if !self.all.last().is_some_and(goes_on) {
+            let begun = Operation {
+                tool,
+                spindle,
+                line,
+                time_s: time,
+                motion_s: 0.0,
+                feed_s: 0.0,
+            };
+            self.all.push((begun, [0; 2]));
+        }
+        if let Some((_, cycles)) = self.all.last_mut() {
+            let feed = row.plan.feed;
+            cycles[0] += moved;
+            cycles[1] += if feed > 0.0 && feed.is_finite() {
+                moved
+            } else {
+                0
+            };
+        }
+    }
+
+    /// By operation in their order, and by tool; nothing of a program that has neither tool nor spindle.
+    pub(super) fn times(self, seconds: impl Fn(u64) -> f64) -> (Vec<Operation>, Vec<ToolTime>) {
+        let mut uses = self.all.iter();
+        if !uses.any(|(it, _)| it.tool != 0 || it.spindle != 0.0) {
+            return Default::default();
+        }
+        let mut tools: BTreeMap<u32, [u64; 2]> = BTreeMap::new();
+        for (it, cycles) in &self.all {
+            let sums = tools.entry(it.tool).or_default();
+            for (sum, cycles) in sums.iter_mut().zip(cycles) {
+                *sum += cycles;
+            }
+        }
+        let tools = tools.into_iter().map(|(tool, cycles)| {
+            let [motion_s, feed_s] = cycles.map(&seconds);
+            ToolTime {
+                tool,
+                motion_s,
+                feed_s,
+            }
+        });
+        let operations = self.all.iter().map(|(it, cycles)| {
+            let [motion_s, feed_s] = cycles.map(&seconds);
+            Operation {
+                motion_s,
+                feed_s,
+                ..it.clone()
+            }
+        });
+        (operations.collect(), tools.collect())
+    }
+}
+
+/// As a person reads it, but for the tool.
+impl fmt::Display for ToolTime {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self {
+            motion_s, feed_s, ..
+        } = self;
+        write!(
+            f,
+            "{motion_s:.3} s of motion, {feed_s:.3} s of it at a feed"
+        )
+    }
+}
+
+/// As a person reads it, but for the line.
+impl fmt::Display for Operation {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self {
+            tool,
+            spindle,
+            motion_s,
+            feed_s,
+            ..
+        } = self;
+        write!(
+            f,
+            "tool {tool}, spindle {spindle} 1/min: {motion_s:.3} s of motion, {feed_s:.3} s of it at a feed"
+        )
+    }
+}
