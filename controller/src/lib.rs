@@ -13,6 +13,7 @@
 //! - [`session`]: the machine as an operator has it: commands in, status and events out
 //! - [`run`]: the controller in virtual and in real time
 //! - [`validate`](mod@validate): a program on simulated drives, judged
+//! - [`compare`]: two motions side by side
 //! - [`observe`]: what only watches: limits, deviation, statistics, trace
 //! - [`doctor`]: what the host has that helps or hurts a cycle
 //! - [`realtime`]: what the cycle thread asks of the kernel, and what it got
@@ -31,6 +32,7 @@ pub mod bus;
 pub mod bus_log;
 pub mod campaign;
 pub mod commands;
+pub mod compare;
 pub mod control;
 pub mod doctor;
 pub mod drive_host;

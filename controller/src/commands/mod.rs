@@ -28,6 +28,7 @@ mod budget;
 mod campaign;
 mod check;
 mod command_log;
+mod compare;
 mod console;
 mod doctor;
 mod drives;
@@ -88,6 +89,7 @@ enum Command {
     Validate(validate::Args),
     Sweep(sweep::Args),
     Merge(merge::Args),
+    Compare(compare::Args),
     Console(console::Args),
     Bench(bench::Args),
     Campaign(campaign::Args),
@@ -128,6 +130,7 @@ impl Command {
             Command::Validate(args) => args.execute(),
             Command::Sweep(args) => args.execute(),
             Command::Merge(args) => args.execute(),
+            Command::Compare(args) => args.execute(),
             Command::Console(args) => args.execute(),
             Command::Bench(args) => args.execute(),
             Command::Campaign(args) => args.execute(),

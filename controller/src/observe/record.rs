@@ -57,15 +57,15 @@ pub struct Place {
 
 /// The greatest of values, and where it was.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Greatest {
+pub(crate) struct Greatest {
     /// 0 where all are.
-    pub(super) value: f64,
-    pub(super) at: Place,
+    pub(crate) value: f64,
+    pub(crate) at: Place,
 }
 
 impl Greatest {
     /// Takes a value.
-    pub(super) fn look(&mut self, value: f64, at: Place) {
+    pub(crate) fn look(&mut self, value: f64, at: Place) {
         if value > self.value {
             *self = Self { value, at };
         }

@@ -4,6 +4,7 @@ mod arrows;
 mod bench;
 mod campaign;
 mod check;
+mod compare;
 mod eds;
 mod examples;
 mod fault_texts;

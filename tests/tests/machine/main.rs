@@ -7,6 +7,7 @@ mod bounds;
 mod bring_up;
 mod causes;
 mod cia402_csp;
+mod compare;
 mod consoles;
 mod corpus;
 mod day;

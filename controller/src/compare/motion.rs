@@ -1,0 +1,200 @@
+//! A motion to be compared: what a validation did, or what a trace has recorded.
+
+use crate::observe::record::Report;
+use std::path::{Path, PathBuf};
+
+/// A place of a motion: setpoints that stood still count once.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Station {
+    /// When it was come to, s.
+    pub(super) arrived: f64,
+    /// When it was left, s.
+    pub(super) left: f64,
+    /// Of the program; 0 where none.
+    pub(super) line: u32,
+    /// Setpoint of each axis, mm or degrees.
+    pub(super) set: Vec<f64>,
+    /// Actual position when it was left, mm or degrees.
+    pub(super) act: Vec<f64>,
+    /// Length of the setpoints' path up to here, all axes together.
+    pub(super) along: f64,
+}
+
+/// A motion, place by place.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Motion {
+    /// What it is of.
+    pub name: String,
+    /// Names of its axes.
+    pub axes: Vec<String>,
+    pub(super) stations: Vec<Station>,
+}
+
+/// Why a trace is none.
+#[derive(Debug, thiserror::Error)]
+pub enum NotATrace {
+    /// It is no CSV, or cannot be read.
+    #[error("cannot read {} as a trace, as --trace writes it", file.display())]
+    Read {
+        /// The file.
+        file: PathBuf,
+        /// Why.
+        source: csv::Error,
+    },
+    /// It lacks a column.
+    #[error(
+        "{}: no column `{column}`: a trace, as --trace writes it, has t_s, line, and of each axis NAME_set and NAME_act",
+        file.display()
+    )]
+    Column {
+        /// The file.
+        file: PathBuf,
+        /// What is missing.
+        column: String,
+    },
+    /// A field is not what its column says.
+    #[error("{}, row {row}: `{field}` is no number", file.display())]
+    Number {
+        /// The file.
+        file: PathBuf,
+        /// Counted from 1, without the header.
+        row: usize,
+        /// What stands there.
+        field: String,
+    },
+    /// Nothing moves in it.
+    #[error("{name} has no motion to compare: its setpoints never change")]
+    Still {
+        /// What it is of.
+        name: String,
+    },
+}
+
+impl Motion {
+    /// Of a validation, whose rows were kept.
+    ///
+    /// # Errors
+    /// Nothing moved.
+    pub fn of(name: String, report: &Report) -> Result<Self, NotATrace> {
+        let axes = report.axes.iter().map(|axis| axis.name.clone());
+        let mut motion = Self::new(name, axes.collect());
+        for (row, (&time, &line)) in report.time.iter().zip(&report.line).enumerate() {
+            let set = report.axes.iter().map(|axis| axis.set[row]).collect();
+            let act = report.axes.iter().map(|axis| axis.act[row]).collect();
+            motion.push(time, line, set, act);
+        }
+        motion.moving()
+    }
+
+    /// Of a trace, as `run` and `validate` write it.
+    ///
+    /// # Errors
+    /// It is none, or nothing moves in it.
+    pub fn read(file: &Path) -> Result<Self, NotATrace> {
+        let read = |source| NotATrace::Read {
+            file: file.to_owned(),
+            source,
+        };
+        let mut reader = csv::Reader::from_path(file).map_err(read)?;
+        let header = reader.headers().map_err(read)?.clone();
+        let place = |column: String| {
+            let found = header.iter().position(|name| name == column);
+            let file = file.to_owned();
+            found.ok_or(NotATrace::Column { file, column })
+        };
+        let axes = header.iter().filter_map(|name| name.strip_suffix("_set"));
+        let axes: Vec<String> = axes.map(str::to_owned).collect();
+        let (time, line) = (place("t_s".to_owned())?, place("line".to_owned())?);
+        let places = |of: &str| -> Result<Vec<usize>, NotATrace> {
+            let columns = axes.iter().map(|axis| place(format!("{axis}_{of}")));
+            columns.collect()
+        };
+        let (set, act) = (places("set")?, places("act")?);
+        let mut motion = Self::new(file.display().to_string(), axes);
+        for (row, record) in reader.records().enumerate() {
+            let record = record.map_err(read)?;
+            let number = |at: usize| {
+                let field = record.get(at).unwrap_or_default();
+                let number = field.parse().ok().filter(|it: &f64| it.is_finite());
+                number.ok_or_else(|| NotATrace::Number {
+                    file: file.to_owned(),
+                    row: row + 1,
+                    field: field.to_owned(),
+                })
+            };
+            let numbers = |places: &[usize]| -> Result<Vec<f64>, NotATrace> {
+                places.iter().map(|&at| number(at)).collect()
+            };
+            let line = number(line)? as u32;
+            motion.push(number(time)?, line, numbers(&set)?, numbers(&act)?);
+        }
+        motion.moving()
+    }
+
+    pub(super) fn new(name: String, axes: Vec<String>) -> Self {
+        Self {
+            name,
+            axes,
+            stations: Vec::new(),
+        }
+    }
+
+    /// Appends a row.
+    pub(super) fn push(&mut self, time: f64, line: u32, set: Vec<f64>, act: Vec<f64>) {
+        let along = match self.stations.last_mut() {
+            Some(last) if last.set == set => {
+                (last.left, last.act) = (time, act);
+                return;
+            }
+            Some(last) => last.along + apart(&last.set, &set),
+            None => 0.0,
+        };
+        self.stations.push(Station {
+            arrived: time,
+            left: time,
+            line,
+            set,
+            act,
+            along,
+        });
+    }
+
+    fn moving(self) -> Result<Self, NotATrace> {
+        let name = self.name.clone();
+        (self.stations.len() > 1)
+            .then_some(self)
+            .ok_or(NotATrace::Still { name })
+    }
+
+    /// The same with these axes only, in this order, as far as it has them.
+    pub(super) fn with_axes(&self, names: &[String]) -> Self {
+        let places = names
+            .iter()
+            .filter_map(|name| self.axes.iter().position(|own| own == name));
+        let places: Vec<usize> = places.collect();
+        let of = |values: &[f64]| places.iter().map(|&at| values[at]).collect();
+        let mut motion = Self::new(self.name.clone(), names.to_vec());
+        for it in &self.stations {
+            motion.push(it.arrived, it.line, of(&it.set), of(&it.act));
+            if let Some(last) = motion.stations.last_mut() {
+                (last.left, last.act) = (it.left, of(&it.act));
+            }
+        }
+        motion
+    }
+
+    /// When the motion is done with a place, s: left it, or in the end come to it.
+    pub(super) fn time(&self, station: usize) -> f64 {
+        let it = &self.stations[station];
+        match station + 1 < self.stations.len() {
+            true => it.left,
+            false => it.arrived,
+        }
+    }
+}
+
+/// Distance of two positions.
+pub(super) fn apart(one: &[f64], other: &[f64]) -> f64 {
+    let squares = one.iter().zip(other).map(|(a, b)| (a - b) * (a - b));
+    squares.sum::<f64>().sqrt()
+}
