@@ -14,6 +14,7 @@
 //! - [`run`]: the controller in virtual and in real time
 //! - [`validate`](mod@validate): a program on simulated drives, judged
 //! - [`compare`]: two motions side by side
+//! - [`recording`]: numbers over time from a file
 //! - [`observe`]: what only watches: limits, deviation, statistics, trace
 //! - [`doctor`]: what the host has that helps or hurts a cycle
 //! - [`realtime`]: what the cycle thread asks of the kernel, and what it got
@@ -41,6 +42,7 @@ pub mod observe;
 pub mod port;
 pub mod program;
 pub mod realtime;
+pub mod recording;
 pub mod report;
 pub mod run;
 pub mod session;

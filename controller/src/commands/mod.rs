@@ -56,6 +56,7 @@ mod state_keeper;
 mod sweep;
 mod switches;
 mod tool;
+mod trajectory;
 mod user_codes;
 mod validate;
 mod writers;

@@ -324,6 +324,11 @@ pub(super) struct Results {
 }
 
 impl Output {
+    /// Where the result goes as JSON.
+    pub(super) fn json(&self) -> &Option<PathBuf> {
+        &self.json
+    }
+
     /// Opens the files.
     pub(super) fn open(&self, claims: &mut Claims) -> Result<Results, NoOutput> {
         Ok(Results {

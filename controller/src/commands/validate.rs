@@ -7,6 +7,7 @@ use super::output::{Claims, Output, Results, Target};
 use super::progress;
 use super::repeats::{self, Repeats};
 use super::switches::Switches;
+use super::trajectory::Trajectory;
 use super::{Exit, report};
 use crate::control::fault::Names;
 use crate::control::{Event as MachineEvent, Layout};
@@ -22,7 +23,7 @@ use crate::session::{Command, Event, NotTaken, Operator, Session, Status};
 use crate::validate::Inputs;
 use crate::validate::cause::Again;
 use std::error::Error;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 use syncline_gcode::Tables;
@@ -41,7 +42,10 @@ pub(super) struct Args {
     /// Machine file (TOML).
     machine: PathBuf,
     /// Part program (RS-274/NGC).
-    program: PathBuf,
+    #[arg(required_unless_present = "trajectory")]
+    program: Option<PathBuf>,
+    #[command(flatten)]
+    trajectory: Trajectory,
     #[command(flatten)]
     output: Output,
     #[command(flatten)]
@@ -91,6 +95,10 @@ struct Prepared {
 
 impl Args {
     pub(super) fn execute(self) -> Exit {
+        if self.trajectory.is_given() {
+            let judged = (self.trajectory).judge(&self.machine, &self.settings, self.output.json());
+            return judged.unwrap_or_else(|error| super::bad_input(&*error));
+        }
         let prepared = match self.prepare() {
             Ok(prepared) => prepared,
             Err(error) => return super::bad_input(&*error),
@@ -105,6 +113,11 @@ impl Args {
         }
     }
 
+    /// The program, which is there unless a trajectory is.
+    fn program(&self) -> &Path {
+        self.program.as_deref().unwrap_or(Path::new(""))
+    }
+
     /// Reads and checks everything, and opens the files, before anything else.
     fn prepare(&self) -> Result<Prepared, Box<dyn Error>> {
         let tables = self.tables.as_deref();
@@ -113,9 +126,9 @@ impl Args {
             layout,
             programs,
         } = Inputs::read(&self.machine, &self.settings, tables)?;
-        let program = self.switches.program(&programs, &self.program)?;
+        let program = self.switches.program(&programs, self.program())?;
         let extent = program.check(machine.rest())?;
-        let mut claims = Claims::of_run(&self.machine, &self.program);
+        let mut claims = Claims::of_run(&self.machine, self.program());
         if let Some(file) = &self.tables {
             claims = claims.reads("--tables", file);
         }
@@ -240,7 +253,7 @@ impl Args {
         let (mut summary, mut rows) = observers.finish(&machine, &layout, controller, frames)?;
         self.complete(&mut summary, &machine, again.as_ref(), rows.as_mut())?;
         let title = format!("validated in virtual time, seed {}", self.seed);
-        results.write(&summary, rows, &self.program, title, Target::begin)?;
+        results.write(&summary, rows, self.program(), title, Target::begin)?;
         claims.tell(&summary.to_string());
         logged?;
         Ok(summary)

@@ -1,7 +1,8 @@
 //! A motion to be compared: what a validation did, or what a trace has recorded.
 
 use crate::observe::record::Report;
-use std::path::{Path, PathBuf};
+use crate::recording::{NotRecorded, Recording};
+use std::path::Path;
 
 /// A place of a motion: setpoints that stood still count once.
 #[derive(Clone, Debug, PartialEq)]
@@ -30,38 +31,12 @@ pub struct Motion {
     pub(super) stations: Vec<Station>,
 }
 
-/// Why a trace is none.
+/// Why a motion cannot be compared.
 #[derive(Debug, thiserror::Error)]
 pub enum NotATrace {
-    /// It is no CSV, or cannot be read.
-    #[error("cannot read {} as a trace, as --trace writes it", file.display())]
-    Read {
-        /// The file.
-        file: PathBuf,
-        /// Why.
-        source: csv::Error,
-    },
-    /// It lacks a column.
-    #[error(
-        "{}: no column `{column}`: a trace, as --trace writes it, has t_s, line, and of each axis NAME_set and NAME_act",
-        file.display()
-    )]
-    Column {
-        /// The file.
-        file: PathBuf,
-        /// What is missing.
-        column: String,
-    },
-    /// A field is not what its column says.
-    #[error("{}, row {row}: `{field}` is no number", file.display())]
-    Number {
-        /// The file.
-        file: PathBuf,
-        /// Counted from 1, without the header.
-        row: usize,
-        /// What stands there.
-        field: String,
-    },
+    /// The file is no trace, as `--trace` writes it.
+    #[error(transparent)]
+    Recording(#[from] NotRecorded),
     /// Nothing moves in it.
     #[error("{name} has no motion to compare: its setpoints never change")]
     Still {
@@ -91,42 +66,19 @@ impl Motion {
     /// # Errors
     /// It is none, or nothing moves in it.
     pub fn read(file: &Path) -> Result<Self, NotATrace> {
-        let read = |source| NotATrace::Read {
-            file: file.to_owned(),
-            source,
-        };
-        let mut reader = csv::Reader::from_path(file).map_err(read)?;
-        let header = reader.headers().map_err(read)?.clone();
-        let place = |column: String| {
-            let found = header.iter().position(|name| name == column);
-            let file = file.to_owned();
-            found.ok_or(NotATrace::Column { file, column })
-        };
-        let axes = header.iter().filter_map(|name| name.strip_suffix("_set"));
+        let recording = Recording::read(file, None)?;
+        let axes = recording.names().filter_map(|it| it.strip_suffix("_set"));
         let axes: Vec<String> = axes.map(str::to_owned).collect();
-        let (time, line) = (place("t_s".to_owned())?, place("line".to_owned())?);
-        let places = |of: &str| -> Result<Vec<usize>, NotATrace> {
-            let columns = axes.iter().map(|axis| place(format!("{axis}_{of}")));
-            columns.collect()
+        let (time, line) = (recording.column("t_s")?, recording.column("line")?);
+        let columns = |of: &str| -> Result<Vec<&[f64]>, NotRecorded> {
+            let names = axes.iter().map(|axis| format!("{axis}_{of}"));
+            names.map(|name| recording.column(&name)).collect()
         };
-        let (set, act) = (places("set")?, places("act")?);
-        let mut motion = Self::new(file.display().to_string(), axes);
-        for (row, record) in reader.records().enumerate() {
-            let record = record.map_err(read)?;
-            let number = |at: usize| {
-                let field = record.get(at).unwrap_or_default();
-                let number = field.parse().ok().filter(|it: &f64| it.is_finite());
-                number.ok_or_else(|| NotATrace::Number {
-                    file: file.to_owned(),
-                    row: row + 1,
-                    field: field.to_owned(),
-                })
-            };
-            let numbers = |places: &[usize]| -> Result<Vec<f64>, NotATrace> {
-                places.iter().map(|&at| number(at)).collect()
-            };
-            let line = number(line)? as u32;
-            motion.push(number(time)?, line, numbers(&set)?, numbers(&act)?);
+        let (set, act) = (columns("set")?, columns("act")?);
+        let mut motion = Self::new(file.display().to_string(), axes.clone());
+        for (row, (&time, &line)) in time.iter().zip(line).enumerate() {
+            let of = |columns: &[&[f64]]| columns.iter().map(|column| column[row]).collect();
+            motion.push(time, line as u32, of(&set), of(&act));
         }
         motion.moving()
     }

@@ -45,7 +45,7 @@
 use std::collections::VecDeque;
 
 /// Setpoints from one to the next of which differences are taken.
-const STRIDES: [usize; 7] = [1, 2, 4, 8, 16, 32, 64];
+pub(super) const STRIDES: [usize; 7] = [1, 2, 4, 8, 16, 32, 64];
 /// Positions that are kept: for the third difference at the longest stride.
 const KEPT: usize = 3 * STRIDES[STRIDES.len() - 1] + 1;
 
@@ -78,6 +78,36 @@ pub(super) enum Uncertainty {
     Increments,
     /// As numbers are rounded.
     Numbers,
+    /// By so much, and as numbers are rounded.
+    Within(f64),
+}
+
+/// A difference of positions.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Difference {
+    /// Its magnitude.
+    size: f64,
+    /// By how much that may be off.
+    off: f64,
+    /// What makes a mean of it: hⁿ.
+    time: f64,
+}
+
+impl Difference {
+    /// The magnitude of the mean.
+    pub(super) fn mean(self) -> f64 {
+        self.size / self.time
+    }
+
+    /// By how much that may be off.
+    pub(super) fn off(self) -> f64 {
+        self.off / self.time
+    }
+
+    /// What magnitude the derivative has certainly reached.
+    fn certain(self) -> f64 {
+        (self.size - self.off) / self.time
+    }
 }
 
 impl Differences {
@@ -95,6 +125,22 @@ impl Differences {
     /// certainly been reached lately. Before the first one, and where cycles were left out, it is taken to
     /// have rested.
     pub(super) fn push(&mut self, cycle: u64, position: f64) -> [f64; 3] {
+        self.take(cycle, position);
+        let strides = match self.uncertainty {
+            Uncertainty::Increments | Uncertainty::Within(_) => &STRIDES[..],
+            Uncertainty::Numbers => &STRIDES[..1],
+        };
+        let mut reached = [0.0_f64; 3];
+        for &stride in strides {
+            for (reached, difference) in reached.iter_mut().zip(self.at_stride(stride)) {
+                *reached = reached.max(difference.certain() * (1.0 - JOINTS));
+            }
+        }
+        reached
+    }
+
+    /// Takes the position of a cycle, as [`push`](Self::push) does.
+    pub(super) fn take(&mut self, cycle: u64, position: f64) {
         if self.positions.is_empty() || cycle != self.cycle + 1 {
             self.positions.clear();
             self.positions.resize(KEPT, position);
@@ -102,26 +148,27 @@ impl Differences {
         self.positions.truncate(KEPT - 1);
         self.positions.push_front(position);
         self.cycle = cycle;
-        let (off, strides) = match self.uncertainty {
-            Uncertainty::Increments => (HALF, &STRIDES[..]),
-            Uncertainty::Numbers => {
-                let greatest = position.abs();
-                (ROUNDINGS * (greatest.next_up() - greatest), &STRIDES[..1])
-            }
+    }
+
+    /// The differences of the first three orders up to the newest position, over a stride of [`STRIDES`]; at
+    /// least one position was taken.
+    pub(super) fn at_stride(&self, stride: usize) -> [Difference; 3] {
+        let [a, b, c, d] = [0, 1, 2, 3].map(|k| self.positions[k * stride]);
+        let rounding = ROUNDINGS * (a.abs().next_up() - a.abs());
+        let (mut time, mut off) = match self.uncertainty {
+            Uncertainty::Increments => (1.0, HALF),
+            Uncertainty::Numbers => (1.0, rounding),
+            Uncertainty::Within(off) => (1.0, off + rounding),
         };
-        let mut reached = [0.0_f64; 3];
-        for &stride in strides {
-            let [a, b, c, d] = [0, 1, 2, 3].map(|k| self.positions[k * stride]);
-            let differences = [a - b, a - 2.0 * b + c, a - 3.0 * (b - c) - d];
-            let (mut time, mut off) = (1.0, off);
-            for (reached, difference) in reached.iter_mut().zip(differences) {
-                time *= stride as f64 * self.period;
-                off *= 2.0;
-                let certain = (difference.abs() - off) / time;
-                *reached = reached.max(certain * (1.0 - JOINTS));
+        [a - b, a - 2.0 * b + c, a - 3.0 * (b - c) - d].map(|difference| {
+            time *= stride as f64 * self.period;
+            off *= 2.0;
+            Difference {
+                size: difference.abs(),
+                off,
+                time,
             }
-        }
-        reached
+        })
     }
 }
 

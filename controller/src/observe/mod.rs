@@ -11,6 +11,7 @@
 //! - [`travel`]: how far the tool has come along the program, and for how long it moved
 //! - [`operations`]: what the time of motion went into, by tool and by operation
 //! - [`trace`]: every row as CSV
+//! - [`sampled`]: motion that is known by samples alone, against limits
 //! - [`record`]: every row for a report, and what must not be
 //! - [`switched`]: what M-codes switched, and when
 //! - [`summary`]: the result
@@ -27,6 +28,7 @@ pub mod limits;
 pub(crate) mod mapping;
 pub mod operations;
 pub mod record;
+pub mod sampled;
 pub mod sent;
 pub mod summary;
 pub mod switched;

@@ -27,6 +27,7 @@ mod stalled_peers;
 mod states;
 mod switched_on;
 mod tools;
+mod trajectory;
 mod unsafe_code;
 mod walks;
 mod wireshark;

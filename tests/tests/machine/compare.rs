@@ -187,7 +187,7 @@ fn what_cannot_be_compared_is_said() {
         ),
         (
             file("short.csv", "t_s,line,X_set,X_act\n0,1,1\n"),
-            "cannot read",
+            "3 fields, not 4",
         ),
         (
             file("still.csv", "t_s,line,X_set,X_act\n0,1,1,1\n"),

@@ -48,6 +48,7 @@ mod stops;
 mod sweep;
 mod switched;
 mod told_numbers;
+mod trajectory;
 mod user_codes;
 mod validate;
 mod validation;
