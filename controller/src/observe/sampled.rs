@@ -71,7 +71,7 @@ pub struct Judged {
     pub unit: &'static str,
     /// The window of that mean, s from the first sample.
     pub window_s: [f64; 2],
-    /// Whatever is above the limit for as long as this is known, s; `None` where nothing is.
+    /// An excess that lasts as long as this, s, is excluded; `None` where not even the longest stride excludes one.
     pub kept_from_s: Option<f64>,
 }
 
