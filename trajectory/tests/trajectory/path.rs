@@ -793,6 +793,47 @@ fn single_block_rests_at_the_end_of_every_block() {
     assert_eq!(rows.last().unwrap().position, [0.0, 20.0, 0.0]);
 }
 
+/// Whoever switches single block off at a rest has not asked to go on yet: no override does, which ends a rest
+/// for want of speed.
+#[test]
+fn a_rest_of_single_block_waits_for_a_resume_though_it_is_off() {
+    let line = |to: f64, tag| {
+        PathItem::Move(Move {
+            curve: Curve::line([to - 20.0, 0.0, 0.0], [to, 0.0, 0.0]).unwrap(),
+            feed: Feed::Rate(100.0),
+            mode: PathControlMode::Blend(0.1),
+            tag,
+        })
+    };
+    for change in [0.0, 0.5, 1.5] {
+        let (mut held, mut rested) = (0, None);
+        let rows = act(&[line(20.0, 0), line(40.0, 1)], [0.0; 3], |executor| {
+            if rested.is_none() {
+                executor.set_single_block(true);
+            }
+            held = if executor.is_held() { held + 1 } else { 0 };
+            let feed = |feed| Overrides { feed, rapid: 1.0 };
+            match held {
+                20 => {
+                    rested = Some(executor.setpoint().position);
+                    executor.set_single_block(false);
+                }
+                40 => executor.set_overrides(feed(change)),
+                60 => executor.set_overrides(feed(1.0)),
+                500 => executor.resume(),
+                _ => {}
+            }
+            if (1..=500).contains(&held) && rested.is_some() {
+                assert_eq!(Some(executor.setpoint().position), rested);
+            }
+            true
+        });
+        assert!(rested.is_some_and(|it| it[0] < 21.0), "{rested:?}");
+        assert_eq!(rows.last().unwrap().position, [40.0, 0.0, 0.0]);
+        assert!(rows.len() > 500, "it went on by itself");
+    }
+}
+
 #[test]
 fn steps_back_and_forwards_again() {
     let corners = [

@@ -160,6 +160,9 @@ impl<const N: usize> Executor<N> {
         );
         if follows && !self.rests_at_hold() {
             self.request_replacement();
+        } else if follows && !on {
+            // It rests because that was asked for, and goes on when it is asked for.
+            self.activity = Activity::Holding;
         }
     }
 
