@@ -5,7 +5,7 @@
 //! an open door forbids it forbids by its level, and so does an enable that is off.
 
 use super::fault::Fault;
-use super::{Controller, Event, Goal, Phase, Request};
+use super::{Controller, Event, Goal, HomingFailure, Phase, Request, State};
 use crate::machine::{Input, InputMeaning};
 use std::sync::Arc;
 use std::time::Duration;
@@ -131,6 +131,12 @@ impl<const N: usize> Controller<N> {
         match meaning {
             InputMeaning::FeedHold | InputMeaning::Door if state.allows(Request::FeedHold) => {
                 self.hold_path();
+            }
+            InputMeaning::FeedHold if state == State::Homing => {
+                self.interrupt_homing(HomingFailure::FeedHold);
+            }
+            InputMeaning::Door if state == State::Homing => {
+                self.interrupt_homing(HomingFailure::DoorOpen);
             }
             InputMeaning::Probe => self.touched(),
             InputMeaning::CycleStart

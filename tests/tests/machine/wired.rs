@@ -1,10 +1,12 @@
 //! A machine's inputs and outputs on its drives: what they do to a run, and when.
 
+use super::homing::{self, state, switched_on};
 use proptest::prelude::*;
 use syncline_canopen::CobId;
-use syncline_controller::control::{End, Event, Fault, Pause, Phase, Switch};
+use syncline_controller::control::{End, Event, Fault, HomingFailure, Pause, Phase, State, Switch};
 use syncline_controller::session::Command;
 use syncline_drives::twin::{Disturbance, ErrorClass};
+use syncline_gcode::Axis;
 use syncline_tests::rig::Rig;
 
 /// Outputs on the drive Y, node 3, and inputs on the drive Z, the fourth.
@@ -244,6 +246,76 @@ fn nothing_goes_on_while_a_door_is_open() {
     goes_on_after(&mut rig, 10);
     rig.command(Command::Resume);
     assert_eq!(rig.finish(), End::Finished);
+}
+
+/// A door and an input for feed hold on the router, whose axes are homed.
+const HOMED: (&str, &str) = (
+    "[[bus]]\nname = \"main\"",
+    "[[input]]\nname = \"door\"\ndrive = \"Z\"\nsignal = \"DI2\"\nfunction = \"door\"\n\n\
+     [[input]]\nname = \"hold\"\ndrive = \"Z\"\nsignal = \"DI3\"\nfunction = \"feed_hold\"\n\n\
+     [[bus]]\nname = \"main\"",
+);
+const HOLD_OF_HOMED: u8 = 3;
+
+#[test]
+fn a_run_that_homes_does_not_begin_while_a_door_is_open() {
+    let program = "G0 X20 Y30 Z-5\nM2\n";
+    let mut rig = Rig::new("router", &[HOMED], program, |_, _| ());
+    rig.twin(INPUTS).disturb(Disturbance::Input(DOOR, true));
+    assert!(matches!(
+        rig.finish_with_fault(),
+        Fault::Homing(_, HomingFailure::DoorOpen)
+    ));
+    assert!(rig.rows.iter().all(|row| row.plan.velocity == [0.0; 9]));
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 12, ..ProptestConfig::default() })]
+
+    /// A homing does not wait and go on: it ends at rest, nothing moves while the door is open, and a second one finds
+    /// its place.
+    #[test]
+    fn a_door_or_a_hold_ends_a_homing(after in 0..2500usize, door: bool, at_start: bool) {
+        let (input, failure) = match door {
+            true => (DOOR, HomingFailure::DoorOpen),
+            false => (HOLD_OF_HOMED, HomingFailure::FeedHold),
+        };
+        let program = "G0 X20 Y30 Z-5\nM2\n";
+        let mut rig = match at_start {
+            true => Rig::new("router", &[HOMED], program, |_, _| ()),
+            false => switched_on(&[HOMED]),
+        };
+        if !at_start {
+            rig.command(homing::ALL);
+        }
+        rig.run_until(|rig| state(rig) == State::Homing);
+        for _ in 0..after {
+            rig.step();
+        }
+        prop_assume!(state(&rig) == State::Homing);
+        rig.twin(INPUTS).disturb(Disturbance::Input(input, true));
+        rig.run_until(|rig| rig.events.iter().any(|it| matches!(it, Event::HomingFailed { .. })));
+        prop_assert_eq!(homing::failure(&rig), Some(failure));
+        if at_start {
+            prop_assert!(matches!(rig.finish_with_fault(), Fault::Homing(_, it) if it == failure));
+            prop_assert!(rig.ends_at_rest());
+            return Ok(());
+        }
+        homing::settle(&mut rig);
+        prop_assert_eq!(state(&rig), State::Ready);
+        homing::go(&mut rig, homing::ALL);
+        prop_assert_eq!(rig.refused.len(), usize::from(door));
+        rig.twin(INPUTS).disturb(Disturbance::Input(input, false));
+        for _ in 0..20 {
+            rig.step();
+        }
+        homing::go(&mut rig, homing::ALL);
+        for axis in [Axis::X, Axis::Y, Axis::Z] {
+            prop_assert!(homing::is_referenced(&rig, axis), "{:?}", rig.events);
+            let errors = homing::errors(&mut rig, axis);
+            prop_assert!(errors.iter().all(|error| error.abs() < 0.01), "{:?}", errors);
+        }
+    }
 }
 
 /// When the part comes, in cycles, and how the program goes on.

@@ -46,6 +46,10 @@ pub enum HomingFailure {
     Shared,
     /// The rapid override is 0.
     NoSpeed,
+    /// A door is open, or was opened.
+    DoorOpen,
+    /// The input for feed hold came on.
+    FeedHold,
     /// The drive, which homes by itself, did not find its place.
     NotHome,
     /// The drive, which homes by itself, went further than it may.
@@ -163,6 +167,8 @@ impl HomingFailure {
                     .into()
             }
             Self::NoSpeed => "the rapid override is 0: raise it".into(),
+            Self::DoorOpen => "a door is open: close it".into(),
+            Self::FeedHold => "the input for feed hold came on".into(),
             Self::NotHome => "its drive did not find its place by itself: check the switches wired to the drive, the \
                  functions of its inputs, and `method`"
                 .into(),

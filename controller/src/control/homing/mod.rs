@@ -168,6 +168,15 @@ impl<const N: usize> Controller<N> {
             if let Some(axis) = missing.clone().find(by_hand) {
                 return Err(Fault::Unreferenced(axis));
             }
+            if let Some(axis) = missing
+                .clone()
+                .next()
+                .filter(|_| self.open_door().is_some())
+            {
+                let failure = HomingFailure::DoorOpen;
+                self.tell(Event::HomingFailed { axis, failure });
+                return Err(Fault::Homing(axis, failure));
+            }
             let missing = missing.fold(0, |set, axis| set | 1 << axis);
             if missing != 0 {
                 self.homing.begin(missing);
@@ -281,6 +290,14 @@ impl<const N: usize> Controller<N> {
         if let Some(axis) = axis.filter(|_| homing.stage == Stage::Searching) {
             let failure = HomingFailure::NotHome;
             self.tell(Event::HomingFailed { axis, failure });
+        }
+    }
+
+    /// A homing does not wait and go on, as a path does in a feed hold: it ends, and what moves comes to rest.
+    pub(super) fn interrupt_homing(&mut self, failure: HomingFailure) {
+        let all = self.homing.group | self.homing.left;
+        if let Some(axis) = (0..self.axes.len()).find(|&axis| has(all, axis)) {
+            self.homing_failed(axis, failure);
         }
     }
 
