@@ -354,7 +354,10 @@ impl<const N: usize> Controller<N> {
                 _ => Event::Resumed,
             });
         }
-        self.let_go(!self.executor.is_held());
+        // The path may be held, or on its way back from where it was retraced or jogged to.
+        let waits_here = self.path_rests() && !self.executor.is_off_path();
+        let is_theirs = matches!(self.reached(), Some(StopPoint::PointToPoint(_)));
+        self.let_go(waits_here && is_theirs && !self.executor.is_held());
         if !matches!(self.reached(), Some(StopPoint::AwaitInput { .. })) {
             self.awaited = None;
         }

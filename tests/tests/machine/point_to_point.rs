@@ -487,6 +487,44 @@ proptest! {
         prop_assert!(told || rests, "{:?}", rig.events);
     }
 
+    /// Gone back along the path, or jogged off it, while it goes: it waits until the path is back where it began.
+    #[test]
+    fn none_goes_on_before_the_path_is_back(
+        wait in 1..140usize, jogs: bool, retraction: bool, to in 20..250i32,
+    ) {
+        let with = ("[machine]", "[retraction]\naxis = \"Z\"\nclearance = -20.0\napproach_speed = 10.0\n\n[machine]");
+        let changes = [&CHANGES[..], &[with][..usize::from(retraction)]].concat();
+        let mut rig = Rig::staying_on("portal", &changes, |_, _| ());
+        settle(&mut rig);
+        rig.command(Command::Mdi(format!("G21 G90 G94 G64\nG1 X50 Z-50 F6000\nG0 U{to}\nG1 X0")));
+        let away = |rig: &Rig| (ends(rig, X) - 50.0).abs() > 4.0 * WINDOW;
+        rig.run_until(|rig| ends(rig, U) > 0.5);
+        for _ in 0..wait {
+            rig.step();
+        }
+        // As long as its drive brakes.
+        let begins = rig.rows.len() + 60;
+        if jogs {
+            rig.command(Command::FeedHold);
+            settle(&mut rig);
+            prop_assume!(state(&rig) == State::Held && !away(&rig));
+            rig.command(Command::Jog(Jog::By { axis: Axis::X, distance: 20.0, speed: None }));
+        } else {
+            rig.command(Command::Retrace);
+        }
+        settle(&mut rig);
+        prop_assume!(state(&rig) == State::Held && away(&rig));
+        for _ in 0..6 {
+            rig.command(Command::Resume);
+            settle(&mut rig);
+        }
+        prop_assert_eq!(state(&rig), State::Ready, "{:?}", rig.events);
+        prop_assert!((ends(&rig, U) - f64::from(to)).abs() <= WINDOW && ends(&rig, X).abs() <= WINDOW);
+        let back = rig.rows[begins..].iter().position(|row| (act(row, X) - 50.0).abs() <= WINDOW);
+        let back = begins + back.expect("it comes back");
+        prop_assert!(travel(&rig.rows[begins..back], U) < 0.03, "{}", travel(&rig.rows[begins..back], U));
+    }
+
     /// A stop at any time: from then on nothing moves until something is commanded.
     #[test]
     fn nothing_moves_after_a_stop(wait in 1..600u32, to in 20..250i32) {
