@@ -75,6 +75,8 @@ pub(super) struct DeviceNode {
     quick_stopped: bool,
     /// It homes by itself, or has not come back from there to the mode in which it follows setpoints.
     homes: bool,
+    /// Cycles in a row that it was told to halt on its way home, and moved.
+    unhalted: u64,
     pub(super) setpoint: Setpoint,
     /// Its R_PDOs, as last encoded.
     r_pdos: Vec<Frame>,
@@ -116,6 +118,7 @@ impl DeviceNode {
             power: PowerCommand::Disable,
             quick_stopped: false,
             homes: false,
+            unhalted: 0,
             setpoint: Setpoint::default(),
             r_pdos: (spec.r_pdos.iter())
                 .map(|pdo| Frame::new(pdo.cob_id, &[]))

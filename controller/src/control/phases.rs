@@ -192,7 +192,7 @@ impl<const N: usize> Controller<N> {
                 self.ask(DeviceNode::forget_standstill);
                 self.set_power(PowerCommand::Enable);
             }
-            Phase::ModeEnd => self.set_power(PowerCommand::Enable),
+            Phase::ModeEnd => self.ask(DeviceNode::end_mode),
             Phase::ModeStart => {
                 if let Err(fault) = self.freeze() {
                     return self.fail(fault);

@@ -6,6 +6,7 @@
 //! of it than to come to rest.
 
 use super::axis::AxisSample;
+use super::fault::AxisCause;
 use super::node::DeviceNode;
 use super::{Controller, Event, Fault, Goal, MOST_FAULTS, Phase, Reaction, Row, event_sink};
 use syncline_canopen::Instant;
@@ -51,7 +52,8 @@ impl<const N: usize> Controller<N> {
         let patience = self.cycles(self.layout.state_timeout);
         let still = self.still_cycles();
         let Self { nodes, .. } = self;
-        let axis = &mut self.axes[axis];
+        let index = axis;
+        let axis = &mut self.axes[index];
         if axis.is_quick_stopped(nodes) {
             return Ok(());
         }
@@ -63,6 +65,11 @@ impl<const N: usize> Controller<N> {
             return Ok(());
         };
         axis.watch_goer(patience, still, nodes)?;
+        let unhalted = nodes[axis.drive()].watch_halt(still);
+        if unhalted > patience {
+            let time = self.layout.cycle.as_secs_f64() * unhalted as f64;
+            return Err(Fault::Axis(index, AxisCause::NotHalted { time }));
+        }
         axis.check_jumps(nodes)?;
         axis.check_motion(self.cycle, &row.axes[axis.coordinate()], nodes)?;
         axis.check_feedback(nodes)

@@ -2,7 +2,8 @@
 
 use super::homing::{ALL, Y, errors, failure, go, home, is_referenced, settle, state, truth};
 use proptest::prelude::*;
-use syncline_controller::control::{Event, HomingFailure, LostReference, Phase, State};
+use syncline_controller::control::fault::AxisCause;
+use syncline_controller::control::{Event, Fault, HomingFailure, LostReference, Phase, State};
 use syncline_controller::session::{Command, Jog};
 use syncline_drives::twin::{Disturbance, ErrorClass};
 use syncline_gcode::Axis;
@@ -293,6 +294,42 @@ fn one_that_goes_too_far_is_halted() {
     let went = from - truth(&mut rig, Y);
     // Beyond it only as far as it takes the drive to come to rest, with the ramp that 6084h has by default.
     assert!((60.0..80.0).contains(&went), "{went}");
+}
+
+/// A drive that is told to halt is told nothing else before it is switched off: what would move on lives in it.
+#[test]
+fn a_halt_holds_until_the_drive_is_off() {
+    for command in [Command::Stop, Command::Disable, Command::SwitchOff] {
+        let mut rig = rig(&usual(), 0);
+        rig.command(home(Axis::Y));
+        on_its_way(&mut rig);
+        let told = rig.commands(Y).len();
+        go(&mut rig, command);
+        let words = rig.commands(Y).into_iter().skip(told).map(|it| it.1);
+        let (enabled, halt) = (0x000F, 0x0100);
+        let words: Vec<u16> = words.skip_while(|word| word & halt == 0).collect();
+        let mut powered = words.iter().take_while(|word| *word & enabled == enabled);
+        assert!(powered.all(|word| word & halt != 0), "{words:04X?}");
+        assert!(words.contains(&0x0006), "{words:04X?}");
+    }
+}
+
+#[test]
+fn one_that_does_not_halt_is_a_fault() {
+    let mut rig = rig(&usual(), 0);
+    rig.command(home(Axis::Y));
+    on_its_way(&mut rig);
+    rig.twin(Y).disturb(Disturbance::Deaf(true));
+    let asked = rig.session.timeline().now();
+    rig.command(Command::Stop);
+    rig.run_until(|rig| rig.events.iter().any(|it| matches!(it, Event::Fault(_))));
+    let within = rig.session.timeline().now().saturating_since(asked);
+    assert!(within.as_secs_f64() < 2.2, "{within:?}");
+    let fault = rig.session.faults()[0];
+    assert!(
+        matches!(fault, Fault::Axis(1, AxisCause::NotHalted { .. })),
+        "{fault:?}"
+    );
 }
 
 #[test]

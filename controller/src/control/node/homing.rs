@@ -28,6 +28,21 @@ impl DeviceNode {
         }
     }
 
+    /// Ends the mode in which it follows setpoints. What was halted on its way home stays so until it is off: it might go
+    /// on.
+    pub(in crate::control) fn end_mode(&mut self) {
+        if self.power != PowerCommand::Halt {
+            self.power = PowerCommand::Enable;
+        }
+    }
+
+    /// For how many cycles it has moved since it was told to halt, where it stands still after so many cycles at one place.
+    pub(in crate::control) fn watch_halt(&mut self, still: u32) -> u64 {
+        let moves = self.power == PowerCommand::Halt && self.still < still;
+        self.unhalted = if moves { self.unhalted + 1 } else { 0 };
+        self.unhalted
+    }
+
     /// Whether it does not count any more from where it found its place by itself.
     pub(in crate::control) fn is_not_home(&self) -> bool {
         self.is_sampled() && !self.status.is_homed
