@@ -345,6 +345,62 @@ fn an_operator_holds_a_probing_and_has_it_go_on() {
     }
 }
 
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 16, ..ProptestConfig::default() })]
+
+    /// Whenever a hold comes, also behind the contact, and although the probe is touched by hand meanwhile: nothing sets
+    /// off before a resume.
+    #[test]
+    fn a_hold_outlasts_the_probing(wake_ups in 0..1800usize, by_hand: bool, door: bool) {
+        let door_of = "[[input]]\nname = \"door\"\ndrive = \"up-down\"\nsignal = \"DI2\"\nfunction = \"door\"\n";
+        let program = "G21 G90 G94\nG0 X-10 Y15 Z-15\nG0 Z-30\nG38.2 X5 F300\nG0 X-10\nM2\n";
+        // An input without a capture, as nothing but the probe's ball makes a simulated drive capture.
+        let extra = with(&(wired(&ALL).replace("DI0", "DI3") + door_of));
+        let mut rig = Rig::new("xyz", &[(HERE, &extra)], program, |_, _| ());
+        let at = |rig: &Rig| rig.rows.last().map(|row| row.plan.position);
+        rig.run_until(|rig| at(rig).is_some_and(|at| at[2] == -30.0 && at[0] > -9.99));
+        for _ in 0..wake_ups {
+            rig.step();
+        }
+        prop_assume!(state(&rig) == State::Running);
+        if door {
+            rig.twin(2).disturb(Disturbance::Input(2, true));
+        } else {
+            rig.command(Command::FeedHold);
+        }
+        for _ in 0..400 {
+            rig.step();
+        }
+        prop_assume!(rig.end().is_none());
+        prop_assert_eq!(state(&rig), State::Held);
+        let held = at(&rig).unwrap()[0];
+        for on in [true, false] {
+            for drive in 0..3 {
+                rig.twin(drive).disturb(Disturbance::Input(3, on && by_hand));
+            }
+            for _ in 0..300 {
+                rig.step();
+            }
+            let moved = (at(&rig).unwrap()[0] - held).abs();
+            prop_assert!(moved < 1e-9 && state(&rig) == State::Held, "{:?}", rig.session.faults());
+        }
+        rig.twin(2).disturb(Disturbance::Input(2, false));
+        for _ in 0..20 {
+            rig.step();
+        }
+        rig.command(Command::Resume);
+        prop_assert_eq!(rig.finish(), End::Finished);
+        prop_assert_eq!(at(&rig).map(|at| at[0]), Some(-10.0));
+        prop_assert_eq!(contacts_told(&rig), 1);
+    }
+}
+
+/// How many contacts were told.
+fn contacts_told(rig: &Rig) -> usize {
+    let probed = |event: &&Event| matches!(event, Event::Probed { found: Some(_), .. });
+    rig.events.iter().filter(probed).count()
+}
+
 /// A probing that is held rests where it is, whatever else brings a path back; it goes on when that is asked for.
 fn hold_and_go_on(extra: &str) {
     let program = "G21 G90 G94\nG0 X-10 Y15 Z-15\nG0 Z-30\nG38.2 X5 F300\nG0 X-10\nM2\n";

@@ -305,9 +305,6 @@ impl<const N: usize> Controller<N> {
         if fresh && touches != next.probe.away {
             self.executor.feed_hold();
             self.probing.stage = Stage::Stopping;
-            if std::mem::take(&mut self.held) {
-                self.tell(Event::Resumed);
-            }
             return;
         }
         let at = &self.planned.position;
@@ -367,6 +364,7 @@ impl<const N: usize> Controller<N> {
             line: self.probing.line,
             found: contact.map(|contact| (contact.uncertainty, contact.by)),
         });
+        let paused = self.probing.paused;
         self.probing.abort();
         self.probing.probed = Some(Probed {
             number: next.number,
@@ -376,6 +374,9 @@ impl<const N: usize> Controller<N> {
         self.probing.stage = Stage::Replanning;
         self.stop_point = None;
         self.rest_here();
+        if paused {
+            self.executor.feed_hold();
+        }
     }
 
     fn probing_failed(&mut self, failure: ProbeFailure) {
