@@ -595,6 +595,7 @@ impl Event {
                 let why = match why {
                     LostReference::DriveGone => "as its drive was gone: home it",
                     LostReference::Homes => "while its drive homes",
+                    LostReference::CutOff => "as its homing was cut off: home it",
                 };
                 format!("axis {name} is not referenced any more, {why}")
             }

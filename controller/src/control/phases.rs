@@ -222,7 +222,7 @@ impl<const N: usize> Controller<N> {
                 self.let_go(false);
             }
             Phase::QuickStop => {
-                self.homing.abort();
+                self.cut_homing_off();
                 self.probing.abort();
                 self.frozen = false;
                 self.quick_stop(|_, _| true);

@@ -455,6 +455,45 @@ fn a_stop_leaves_the_axis_unreferenced() {
     assert!(is_referenced(&rig, Axis::X));
 }
 
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 16, ..ProptestConfig::default() })]
+
+    /// Cut off at any instant, also where the axes are homed once more, beyond their soft limits too: that is no fault,
+    /// and the axes are moved and homed as before.
+    #[test]
+    fn a_homing_that_is_cut_off_is_no_fault(
+        wake_ups in 0..6000usize, once_more: bool, disables: bool, back: bool,
+    ) {
+        let mut rig = switched_on(&[]);
+        if once_more {
+            go(&mut rig, ALL);
+        }
+        rig.command(ALL);
+        for _ in 0..wake_ups {
+            rig.step();
+        }
+        prop_assume!(state(&rig) == State::Homing);
+        go(&mut rig, if disables { Command::Disable } else { Command::Stop });
+        if disables {
+            prop_assert_eq!(state(&rig), State::Disabled);
+            go(&mut rig, Command::Enable);
+        }
+        let distance = if back { -1.0 } else { 1.0 };
+        for axis in [Axis::X, Axis::Y, Axis::Z] {
+            if !is_referenced(&rig, axis) {
+                go(&mut rig, Command::Jog(Jog::By { axis, distance, speed: None }));
+            }
+        }
+        prop_assert_eq!(rig.session.faults(), []);
+        go(&mut rig, ALL);
+        for axis in [Axis::X, Axis::Y, Axis::Z] {
+            prop_assert!(is_referenced(&rig, axis), "{:?}", rig.events);
+            let errors = errors(&mut rig, axis);
+            prop_assert!(errors.iter().all(|error| error.abs() < 0.01), "{:?}", errors);
+        }
+    }
+}
+
 #[test]
 fn one_switch_of_two_axes_says_nothing_while_it_is_on() {
     let shared = [

@@ -147,7 +147,7 @@ impl<const N: usize> Controller<N> {
 
     /// Ends a homing where it is: drives that home by themselves come to rest.
     pub(in crate::control) fn abort_homing(&mut self) {
-        self.homing.abort();
+        self.cut_homing_off();
         self.nodes.iter_mut().for_each(DeviceNode::halt_homing);
     }
 

@@ -63,6 +63,8 @@ pub enum LostReference {
     DriveGone,
     /// Its drive homes by itself, and counts anew.
     Homes,
+    /// Its homing was cut off.
+    CutOff,
 }
 
 /// Why an axis that keeps its reference is not referenced when it is switched on.

@@ -98,11 +98,6 @@ impl Homing {
         self.stage != Stage::Idle
     }
 
-    /// Ends it where it is.
-    pub(super) fn abort(&mut self) {
-        self.stage = Stage::Idle;
-    }
-
     /// Whether an axis of the group does not move, and waits until no other one does.
     fn is_quiet(&self, axis: AxisIndex) -> bool {
         has(self.found, axis) || self.searches[axis].waits() || self.by_drive[axis].waits()
@@ -293,6 +288,23 @@ impl<const N: usize> Controller<N> {
         }
     }
 
+    /// Ends a homing where it is. What was on its way is not referenced, nor if it had been before: its switch may be where
+    /// no soft limit lets it be.
+    pub(super) fn cut_homing_off(&mut self) {
+        let under_way = !matches!(self.homing.stage, Stage::Idle | Stage::Next);
+        self.homing.stage = Stage::Idle;
+        for index in 0..self.axes.len() {
+            let axis = &mut self.axes[index];
+            let method = &self.layout.axes[index].homing.method;
+            let searches = matches!(method, HomingMethod::Switch(_) | HomingMethod::Drive(_));
+            if under_way && searches && has(self.homing.group, index) && axis.is_referenced() {
+                axis.forget_reference();
+                let why = LostReference::CutOff;
+                self.tell(Event::Unreferenced { axis: index, why });
+            }
+        }
+    }
+
     /// A homing does not wait and go on, as a path does in a feed hold: it ends, and what moves comes to rest.
     pub(super) fn interrupt_homing(&mut self, failure: HomingFailure) {
         let all = self.homing.group | self.homing.left;
@@ -303,7 +315,7 @@ impl<const N: usize> Controller<N> {
 
     /// What did not find its place stays unreferenced.
     fn homing_failed(&mut self, axis: AxisIndex, failure: HomingFailure) {
-        self.homing.abort();
+        self.cut_homing_off();
         self.tell(Event::HomingFailed { axis, failure });
         if self.stays_on {
             self.enter(Phase::Stop, &mut []);
@@ -318,7 +330,7 @@ impl<const N: usize> Controller<N> {
         let left = (0..layout.axes.len()).filter(|&axis| has(self.homing.left, axis));
         let order = |axis: AxisIndex| layout.axes[axis].homing.order;
         let Some(lowest) = left.clone().map(order).min() else {
-            self.homing.abort();
+            self.homing.stage = Stage::Idle;
             self.rest_here();
             return Ok(());
         };
