@@ -242,6 +242,11 @@ impl AxisWatches {
         }
     }
 
+    /// From the next row on its positions are no machine positions. They count on, and it may be in motion.
+    pub(super) fn forget_reference(&mut self) {
+        self.referenced = false;
+    }
+
     /// Of its positions.
     pub(super) fn unit(&self) -> &'static str {
         self.units[0]

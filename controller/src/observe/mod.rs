@@ -39,7 +39,7 @@ pub mod travel;
 
 use crate::control::fault::Fault;
 use crate::control::layout::Layout;
-use crate::control::{Controller, End, Event, Row};
+use crate::control::{Controller, End, Event, LostReference, Row};
 use crate::machine::{Axis, COORDINATES, Machine, Position};
 use crate::program::bounds::TimeBounds;
 use crate::program::{Extent, Moves, counted_speed};
@@ -171,6 +171,10 @@ impl Observers {
             Event::Referenced { axis, .. } | Event::Recalled { axis, .. } => {
                 self.axes[*axis].count_anew(true);
             }
+            Event::Unreferenced {
+                axis,
+                why: LostReference::CutOff,
+            } => self.axes[*axis].forget_reference(),
             Event::Unreferenced { axis, .. } => self.axes[*axis].count_anew(false),
             _ => {}
         }
