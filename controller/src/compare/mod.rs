@@ -1,7 +1,7 @@
 //! Two motions along about the same path, place by place: where the one takes longer, where its tool is elsewhere,
 //! and where its axes follow otherwise.
 //!
-//! The one is followed through the other's path ([`alignment`]), so that it does not matter when either was
+//! The one is followed through the other's path (`alignment`), so that it does not matter when either was
 //! where. Of a recorded run and the simulation of its program, the difference of following errors is what the model of
 //! the machine is wrong by.
 

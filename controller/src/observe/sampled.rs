@@ -1,7 +1,7 @@
 //! Motion that is known by samples alone, against the limits of a machine.
 //!
 //! Nothing of a plan is known, so what can be said are means: of the velocity over a step, of the
-//! acceleration over two, of the jerk over three, and over as many steps at longer [strides](super::differences).
+//! acceleration over two, of the jerk over three, and over as many steps at longer strides.
 //! Positions are known to ±u only, and so are these means. What follows is certain:
 //!
 //! - a mean that is above its limit by more than its uncertainty was *exceeded* in that window: no motion inside the limits has
