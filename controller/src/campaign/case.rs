@@ -78,6 +78,7 @@ impl Case {
         let mut machine = MachineSpec::draw(&mut Dice::new(seed, 0));
         machine.wire(&mut Dice::new(seed, 5));
         machine.equip(&mut Dice::new(seed, 9));
+        machine.home(&mut Dice::new(seed, 10));
         let dice = &mut Dice::new(seed, 1);
         let programs = (0..dice.whole(1..=3)).map(|_| program::draw(dice, &machine));
         let programs = programs.chain(program::special(&mut Dice::new(seed, 6), &machine));
@@ -102,16 +103,18 @@ impl Case {
     }
 
     /// Whether nothing goes wrong, so that nothing may be told to be wrong. An input that is switched is
-    /// nothing wrong, unless the drives may not be enabled then.
+    /// nothing wrong, unless the drives may not be enabled then, or an axis is homed by it.
     #[must_use]
     pub fn is_untroubled(&self) -> bool {
-        let is_enable = |drive, place| {
+        let misleads = |drive, place| {
             let mut inputs = self.machine.wires();
-            inputs.any(|(of, wire)| (of, wire.place) == (drive, place) && wire.is_enable())
+            inputs.any(|(of, wire)| {
+                (of, wire.place) == (drive, place) && (wire.is_enable() || wire.is_home())
+            })
         };
         let disturbs = |trouble: &Trouble| match trouble.what {
             Interference::StarvePlanner(_) => false,
-            Interference::Drive(drive, ToDrive::Input(place, _)) => is_enable(drive, place),
+            Interference::Drive(drive, ToDrive::Input(place, _)) => misleads(drive, place),
             _ => true,
         };
         !self.troubles.iter().any(disturbs)

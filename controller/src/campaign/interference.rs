@@ -393,7 +393,8 @@ pub(super) fn switch_inputs(
     troubles: &mut Vec<Trouble>,
 ) {
     for (drive, wire) in machine.wires().filter(|(_, wire)| wire.table == "input") {
-        if !dice.chance(if wire.is_enable() { 0.2 } else { 0.7 }) {
+        let seldom = wire.is_enable() || wire.is_home();
+        if !dice.chance(if seldom { 0.2 } else { 0.7 }) {
             continue;
         }
         for _ in 0..dice.whole(1..=3) {

@@ -79,6 +79,9 @@ pub struct AxisSpec {
     pub drives: Vec<DeviceSpec>,
     /// What the file says of what its drives move: the inside of `simulation`.
     pub simulation: Option<String>,
+    /// How it is homed: the inside of `homing`. Its encoders are absolute if there is none.
+    #[serde(default)]
+    pub homing: Option<String>,
 }
 
 /// A drive.
@@ -122,6 +125,9 @@ const INPUTS: [&str; 4] = [
 ];
 const ENABLE: &str = "function = \"enable\"\nactive_low = true";
 
+/// What an input means by which an axis is homed.
+const HOME: &str = "function = \"home\"";
+
 /// The same of outputs.
 const OUTPUTS: [&str; 4] = [
     "function = \"spindle\"",
@@ -131,6 +137,11 @@ const OUTPUTS: [&str; 4] = [
 ];
 
 impl Wire {
+    /// Whether it is the switch by which an axis is homed.
+    pub(super) fn is_home(&self) -> bool {
+        self.meaning.starts_with(HOME)
+    }
+
     /// Whether the drives may be enabled while it is on alone.
     pub(super) fn is_enable(&self) -> bool {
         self.meaning == ENABLE
@@ -400,6 +411,22 @@ impl MachineSpec {
         }
     }
 
+    /// Has some machines home axes of one drive: where they are set, or by a switch that is searched.
+    pub(super) fn home(&mut self, dice: &mut Dice) {
+        if !dice.chance(0.25) {
+            return;
+        }
+        let mut homed = self.clone();
+        for axis in homed.axes.iter_mut().filter(|axis| axis.drives.len() == 1) {
+            if dice.chance(0.6) {
+                axis.home(dice);
+            }
+        }
+        if homed.fits() {
+            *self = homed;
+        }
+    }
+
     /// The bus and the node id of every device, in the order of the machine.
     pub(super) fn nodes(&self) -> impl Iterator<Item = (usize, u8)> {
         let drives = self.axes.iter().flat_map(|axis| &axis.drives);
@@ -563,6 +590,7 @@ impl AxisSpec {
             soft_limits: [digits(least * travel), digits((least + span) * travel)],
             supervised: dice.chance(0.5),
             simulation: dice.chance(0.15).then(|| Self::simulation(dice)),
+            homing: None,
         }
     }
 
@@ -570,6 +598,59 @@ impl AxisSpec {
     fn simulation(dice: &mut Dice) -> String {
         let motor = dice.pick(&["generic-3", "generic-6", "generic-12"]);
         format!("motor = \"{motor}\"")
+    }
+
+    /// Has it be homed: where it is set, or, if its drive has an input to spare, by a switch.
+    fn home(&mut self, dice: &mut Dice) {
+        let [least, most] = self.soft_limits;
+        let inside = digits(dice.between(least, most)).clamp(least, most);
+        // Two revolutions: ten millimetres are a thousand of some motors.
+        let order = dice.whole(1..=2);
+        let jogs = format!(
+            "order = {order}\njog_distance = {}",
+            digits(2.0 * self.travel)
+        );
+        let name = self.drive_name(0);
+        let drive = &mut self.drives[0];
+        let inputs = drive.model().map_or(&[][..], |model| model.inputs);
+        let used = |place: usize| {
+            let mut inputs = drive.wires.iter().filter(|wire| wire.table == "input");
+            inputs.any(|wire| usize::from(wire.place) == place)
+        };
+        let spare: Vec<usize> = (0..inputs.len()).filter(|place| !used(*place)).collect();
+        if spare.is_empty() || dice.chance(0.3) {
+            self.homing = Some(format!("kind = \"set_here\"\nposition = {inside}\n{jogs}"));
+            return;
+        }
+        let place = *dice.pick(&spare);
+        let (direction, end, away) = match dice.chance(0.5) {
+            true => ("positive", most, -1.0),
+            false => ("negative", least, 1.0),
+        };
+        let edge = digits(end - away * self.travel * dice.between(-0.5, 2.0));
+        let start = digits(edge + away * self.travel * dice.between(-1.0, 8.0));
+        let active_low = ["", "\nactive_low = true"][usize::from(dice.chance(0.3))];
+        // On to the end of the travel.
+        let beyond = digits(edge - away * 1000.0 * self.travel);
+        let [from, to] = [edge.min(beyond), edge.max(beyond)];
+        drive.wires.push(Wire {
+            table: "input".to_owned(),
+            place: place as u8,
+            signal: inputs[place].to_owned(),
+            meaning: format!("{HOME}{active_low}\nsimulated = [{from}, {to}]"),
+        });
+        let speed = digits(self.velocity * dice.between(0.1, 0.9));
+        let slow_speed = digits(speed * dice.between(0.02, 0.3));
+        let latch = ["", "\nlatch = false"][usize::from(dice.chance(0.3))];
+        self.homing = Some(format!(
+            "kind = \"switch\"\nswitches = [\"{name} {}\"]\ndirection = \"{direction}\"\n\
+             speed = {speed}\nslow_speed = {slow_speed}\nback_off = {}\nposition = {edge}\n\
+             final_position = {inside}\n{jogs}{latch}",
+            inputs[place],
+            digits(self.travel * dice.between(0.05, 1.0)),
+        ));
+        let before = self.simulation.take().map_or(String::new(), |it| it + ", ");
+        self.simulation = Some(format!("{before}start = {start}"));
     }
 
     /// Following error that is a fault, mm.
@@ -622,7 +703,7 @@ impl AxisSpec {
             "\n[[axis]]\nname = \"{}\"\ndrives = [{}]\npitch = {pitch}\ngear = {gear}\n\
              max_velocity = {}\nmax_acceleration = {}\nmax_jerk = {}\nsoft_limits = [{least}, {most}]\n\
              following_error_limit = {following_error}\nstandstill_window = {}\n\
-             drive_following_error = {supervised}\ndrive_soft_limits = {supervised}\n",
+             drive_following_error = {supervised}\n",
             self.letter,
             names.join(", "),
             self.velocity,
@@ -631,11 +712,18 @@ impl AxisSpec {
             digits(0.02 * self.travel),
             supervised = self.supervised,
         );
+        // The drives of an axis that is homed do not know its machine positions.
+        if self.homing.is_none() {
+            let _ = writeln!(text, "drive_soft_limits = {}", self.supervised);
+        }
         if self.drives.len() == 2 {
             let _ = writeln!(text, "skew_limit = {}", digits(0.1 * self.travel));
         }
         if let Some(inside) = &self.simulation {
             let _ = writeln!(text, "simulation = {{ {inside} }}");
+        }
+        if let Some(inside) = &self.homing {
+            let _ = writeln!(text, "\n[axis.homing]\n{inside}");
         }
     }
 }
@@ -674,16 +762,22 @@ mod tests {
 
     #[test]
     fn whatever_is_wired_is_good() {
-        let mut wires = 0;
+        let (mut wires, mut homed, mut switches) = (0, 0, 0);
         for seed in 0..300 {
             let mut spec = MachineSpec::draw(&mut Dice::new(seed, 0));
             spec.wire(&mut Dice::new(seed, 5));
             spec.equip(&mut Dice::new(seed, 9));
+            spec.home(&mut Dice::new(seed, 10));
             wires += spec.wires().count();
+            homed += spec.axes.iter().filter(|it| it.homing.is_some()).count();
+            switches += spec.wires().filter(|(_, wire)| wire.is_home()).count();
             spec.machine()
                 .unwrap_or_else(|wrong| panic!("{seed}: {wrong}"));
         }
-        assert!(wires > 300, "{wires}");
+        assert!(
+            wires > 300 && homed > 100 && switches > 50,
+            "{wires} {homed} {switches}"
+        );
     }
 
     #[test]
@@ -692,6 +786,7 @@ mod tests {
             let mut spec = MachineSpec::draw(&mut Dice::new(seed, 0));
             spec.wire(&mut Dice::new(seed, 5));
             spec.equip(&mut Dice::new(seed, 9));
+            spec.home(&mut Dice::new(seed, 10));
             while spec.axes.len() > 1 {
                 spec.axes.remove(seed as usize % spec.axes.len());
                 spec.leave_out_unused_buses();

@@ -281,6 +281,8 @@ impl Drawing<'_> {
 pub(super) struct Attendant {
     patience: u32,
     programs: usize,
+    /// Which axes are homed.
+    homed: [bool; COORDINATES],
     /// Wake-ups in the present state.
     since: u32,
     state: State,
@@ -290,10 +292,15 @@ pub(super) struct Attendant {
 
 impl Attendant {
     /// Who waits for so many wake-ups.
-    pub(super) fn new(patience: u32, programs: usize) -> Self {
+    pub(super) fn new(patience: u32, machine: &MachineSpec, programs: usize) -> Self {
+        let mut homed = [false; COORDINATES];
+        for (axis, letter) in machine.axes.iter().zip(letters(machine)) {
+            homed[letter.index()] = axis.homing.is_some();
+        }
         Self {
             patience,
             programs,
+            homed,
             since: 0,
             state: State::Off,
             count: 0,
@@ -301,7 +308,11 @@ impl Attendant {
     }
 
     /// What there is to do in the state of a wake-up.
-    pub(super) fn attend(&mut self, state: State) -> Vec<Command> {
+    pub(super) fn attend(
+        &mut self,
+        state: State,
+        referenced: &[bool; COORDINATES],
+    ) -> Vec<Command> {
         self.since = if state == self.state {
             self.since + 1
         } else {
@@ -314,6 +325,10 @@ impl Attendant {
         self.since = 0;
         self.count += 1;
         match state {
+            State::Ready if referenced.contains(&false) => vec![
+                Command::RapidOverride(Override::To(100.0)),
+                Command::Home(self.homed),
+            ],
             State::Ready => {
                 let program = format!("{}.ngc", self.count % self.programs.max(1));
                 vec![

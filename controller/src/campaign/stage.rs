@@ -27,6 +27,7 @@ use syncline_canopen::time::Duration;
 use syncline_drives::bus::Transmission;
 use syncline_drives::twin::Observation;
 use syncline_drives::world::{DeviceId, Observer};
+use syncline_gcode::Axis;
 
 /// A machine that is not ready after so long is switched off, and so is one that comes up and down.
 const NOT_READY: Duration = Duration::from_secs(20);
@@ -67,6 +68,8 @@ pub struct Woken {
     pub phase: Phase,
     /// By drive: what is true of it.
     pub plants: Vec<Observation>,
+    /// By axis: where operators are shown that it is, mm.
+    pub shown: Vec<f64>,
 }
 
 /// What is left of a case that was played to its end.
@@ -221,7 +224,7 @@ impl<'a> Stage<'a> {
         let mut session = Session::staying_on(layout, timeline, programs, observers);
         let told = session.subscribe();
         let attendant = case.patience.map(|patience| {
-            let attendant = Attendant::new(patience, case.programs.len());
+            let attendant = Attendant::new(patience, &case.machine, case.programs.len());
             (attendant, session.operator("attendant"))
         });
         Ok(Self {
@@ -272,7 +275,11 @@ impl<'a> Stage<'a> {
     }
 
     fn look(&mut self) -> Woken {
-        let state = self.session.status().state;
+        let status = self.session.status();
+        let axes = self.case.machine.axes.iter();
+        let letters = axes.filter_map(|axis| Axis::from_letter(axis.letter));
+        let shown = letters.map(|letter| status.actual[letter.index()]);
+        let (state, shown) = (status.state, shown.collect());
         let timeline = self.session.timeline();
         let now = timeline.now();
         let world = timeline.world();
@@ -286,12 +293,14 @@ impl<'a> Stage<'a> {
             state,
             phase: controller.phase(),
             plants,
+            shown,
         }
     }
 
     /// What operators command before the next wake-up.
     fn command(&mut self, see: &mut dyn FnMut(Seen)) {
-        let state = self.session.status().state;
+        let status = self.session.status();
+        let (state, referenced) = (status.state, status.referenced);
         if self.switched_off {
             return;
         }
@@ -307,7 +316,7 @@ impl<'a> Stage<'a> {
             self.issue(deed.operator, deed.command.clone(), see);
         }
         if let Some((attendant, _)) = &mut self.attendant {
-            for command in attendant.attend(state) {
+            for command in attendant.attend(state, &referenced) {
                 self.issue(usize::MAX, command, see);
             }
         }

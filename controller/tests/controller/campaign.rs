@@ -23,16 +23,17 @@ struct Recorded {
     played: Played,
 }
 
-/// Quiet cases in which a program runs, among them one with a gantry.
+/// Quiet cases in which a program runs, among them one with a gantry; none that homes first, for which there is less time.
 static RECORDED: LazyLock<Vec<Recorded>> = LazyLock::new(|| {
     let quiet = (0..)
         .map(Case::of)
-        .filter(|case| case.is_untroubled() && case.patience.is_some() && case.cycles < 1200);
+        .filter(|case| case.is_untroubled() && case.patience.is_some() && case.cycles < 1200)
+        .filter(|case| case.machine.axes.iter().all(|axis| axis.homing.is_none()));
     let mut recorded: Vec<Recorded> = Vec::new();
     for case in quiet {
         let has_gantry = |case: &Case| case.machine.drives() > case.machine.axes.len();
         let missing = !recorded.iter().any(|it| has_gantry(&it.case));
-        if recorded.len() >= 3 && !(missing && has_gantry(&case)) {
+        if recorded.len() >= 5 && !(missing && has_gantry(&case)) {
             if missing {
                 continue;
             }
@@ -42,7 +43,7 @@ static RECORDED: LazyLock<Vec<Recorded>> = LazyLock::new(|| {
         let mut seen = Vec::new();
         let mut record = |it| seen.push(it);
         let played = stage::play(&case, &machine, Wanted::default(), &mut record).unwrap();
-        if played.summary.times.motion_s > 0.5 {
+        if played.summary.times.motion_s > 1.5 {
             recorded.push(Recorded {
                 case,
                 machine,
@@ -240,7 +241,10 @@ fn outputs(recorded: &Recorded, seen: &Seen) -> Option<u8> {
     let Seen::Frame { bus, sent } = seen else {
         return None;
     };
-    let drive = &recorded.machine.drives[recorded.machine.outputs.first()?.node];
+    let drive = recorded
+        .machine
+        .drives
+        .get(recorded.machine.outputs.first()?.node)?;
     let own = sent.frame.id() == CanId::from(CobId::r_pdo(2, drive.node)) && *bus == drive.bus;
     sent.frame.data().get(6).filter(|_| own).copied()
 }
@@ -306,7 +310,7 @@ fn commanded(seen: &Seen, data: [u8; 2]) -> Vec<Seen> {
 }
 
 /// Defects by the checker that has to find each.
-const DEFECTS: [(&str, &str, Change); 56] = [
+const DEFECTS: [(&str, &str, Change); 57] = [
     (
         "setpoints",
         "one setpoint a tenth of a revolution off",
@@ -437,6 +441,18 @@ const DEFECTS: [(&str, &str, Change); 56] = [
             Some(at) if planting.state == Some(State::Ready) => {
                 planting.done += 1;
                 vec![with_setpoint(seen, at + planting.done as i32)]
+            }
+            _ => vec![seen.clone()],
+        },
+    ),
+    (
+        "motion",
+        "an axis that is shown elsewhere than it is",
+        |_, _, seen| match seen {
+            Seen::Woken(woken) => {
+                let mut woken = woken.clone();
+                woken.shown.iter_mut().for_each(|shown| *shown += 1.0);
+                vec![Seen::Woken(woken)]
             }
             _ => vec![seen.clone()],
         },

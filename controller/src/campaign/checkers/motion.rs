@@ -2,8 +2,9 @@
 //! no drive can misreport.
 
 use super::{Checker, Found, Scene};
-use crate::control::State;
+use crate::control::{Phase, State};
 use crate::machine::Machine;
+use std::collections::VecDeque;
 use syncline_canopen::Instant;
 use syncline_drives::model::Increments;
 
@@ -18,12 +19,19 @@ const SETTLES: f64 = 1.0;
 /// After something happened from outside an axis may move as it was made to, for so long, s.
 const DISTURBED: f64 = 4.0;
 
+/// What operators are shown was true within so many wake-ups.
+const SHOWN_AFTER: usize = 8;
+/// Increments by which both may differ: rounding, and the encoder's noise.
+const NOISE: f64 = 200.0;
+
 /// See the module.
 pub(super) struct Motion {
     /// By drive: since when its power stage is off.
     off: Vec<Option<Instant>>,
     /// By drive: since when its setpoint is the same, or it follows none.
     rests: Vec<(Option<Increments>, Instant)>,
+    /// By axis: where it was at the last wake-ups, the newest first, mm.
+    is: Vec<VecDeque<f64>>,
 }
 
 impl Motion {
@@ -31,6 +39,7 @@ impl Motion {
         Self {
             off: vec![Some(Instant::ZERO); machine.drives.len()],
             rests: vec![(None, Instant::ZERO); machine.drives.len()],
+            is: vec![VecDeque::new(); machine.axes.len()],
         }
     }
 
@@ -111,6 +120,40 @@ impl Motion {
         }
     }
 
+    /// Where nothing is wrong operators are shown where an axis is, or was a little while ago.
+    fn shown(&mut self, scene: &Scene<'_>, found: &mut Found) {
+        let follows = matches!(scene.phase, Phase::Program | Phase::Stop);
+        for (index, axis) in scene.machine.axes.iter().enumerate() {
+            let sides: Option<Vec<f64>> = axis.drives.iter().map(|it| scene.actual(*it)).collect();
+            let is = &mut self.is[index];
+            let Some(sides) = sides.filter(|_| scene.is_placed(index) && follows) else {
+                is.clear();
+                continue;
+            };
+            is.truncate(SHOWN_AFTER - 1);
+            is.push_front(sides.iter().sum::<f64>() / sides.len() as f64);
+            if is.len() < SHOWN_AFTER || !scene.case.is_untroubled() {
+                continue;
+            }
+            let least = is.iter().copied().fold(f64::INFINITY, f64::min);
+            let most = is.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+            // Between wake-ups it may have been further.
+            let steps = is.iter().zip(is.iter().skip(1));
+            let between = steps
+                .map(|(one, other)| (one - other).abs())
+                .fold(0.0, f64::max);
+            let resolution = scene.machine.drives[axis.drives[0]].scaling.resolution();
+            let allowed = scene.uncertainty[index] + NOISE * resolution + between;
+            let shown = scene.shown[index];
+            if shown < least - allowed || shown > most + allowed {
+                found.violate(NAME, scene, "a position that is shown is another", || {
+                    let name = axis.name();
+                    format!("axis {name}: {shown} mm is shown, {least} to {most} is true, allowed {allowed} off")
+                });
+            }
+        }
+    }
+
     fn together(&self, scene: &Scene<'_>, found: &mut Found) {
         for axis in &scene.machine.axes {
             let ([one, other], Some(limit)) = (&axis.drives[..], axis.limits.skew) else {
@@ -139,5 +182,6 @@ impl Checker for Motion {
             self.follows(scene, drive, found);
         }
         self.together(scene, found);
+        self.shown(scene, found);
     }
 }

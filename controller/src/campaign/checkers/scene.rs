@@ -4,7 +4,7 @@ use super::super::case::Case;
 use super::super::interference::{Interference, ToBus, ToDrive};
 use super::super::stage::Woken;
 use crate::control::{self, Phase, State};
-use crate::machine::Machine;
+use crate::machine::{HomingMethod, Machine};
 use crate::observe::mapping::{Heard, PdoMappings};
 use crate::observe::sent::PositionObjects;
 use crate::session::Event;
@@ -41,6 +41,15 @@ pub struct Scene<'a> {
     /// By bus: the cycle of the last SYNC, counted from the first one by their times; `None` for one that was
     /// too far off to belong to any.
     pub syncs: Vec<Option<u64>>,
+    /// By axis: its positions are machine positions, as was told.
+    pub referenced: Vec<bool>,
+    /// By axis: what machine positions are more than what the machine file makes of counts, mm. Only an operator who sets
+    /// an axis where it stands makes that different from 0: all else finds what is true of the simulated machine.
+    pub set_off: Vec<f64>,
+    /// By axis: by how much those may be off, as was told, mm.
+    pub uncertainty: Vec<f64>,
+    /// By axis: where operators are shown that it is, mm.
+    pub shown: Vec<f64>,
     /// What happened from outside, and when.
     pub interferences: Vec<(Instant, Interference)>,
     /// A fault was told, and no reset since.
@@ -166,6 +175,14 @@ impl<'a> Scene<'a> {
                 .collect(),
             plants: Vec::new(),
             syncs: vec![None; machine.buses.len()],
+            referenced: machine
+                .axes
+                .iter()
+                .map(|axis| axis.homing.is_absolute())
+                .collect(),
+            set_off: vec![0.0; machine.axes.len()],
+            uncertainty: vec![0.0; machine.axes.len()],
+            shown: Vec::new(),
             interferences: Vec::new(),
             faulted: false,
             told_status: None,
@@ -209,7 +226,22 @@ impl<'a> Scene<'a> {
     /// Where a drive would be at so many increments, mm.
     #[must_use]
     pub fn mm(&self, drive: usize, increments: Increments) -> f64 {
-        self.machine.drives[drive].scaling.to_mm(increments)
+        let spec = &self.machine.drives[drive];
+        spec.scaling.to_mm(increments) + self.set_off[spec.axis]
+    }
+
+    /// Whether an axis goes by machine positions, and nobody has switched an input by which it is homed.
+    #[must_use]
+    pub fn is_placed(&self, axis: usize) -> bool {
+        let home = |drive: usize, place: u8| {
+            let mut wires = self.case.machine.wires();
+            wires.any(|(of, wire)| (of, wire.place) == (drive, place) && wire.is_home())
+        };
+        let mut misled = self.interferences.iter().map(|(_, what)| match *what {
+            Interference::Drive(drive, ToDrive::Input(place, _)) => home(drive, place),
+            _ => false,
+        });
+        self.referenced[axis] && self.state != State::Homing && !misled.any(|it| it)
     }
 
     /// Where a drive's shaft is, mm.
@@ -306,6 +338,21 @@ impl<'a> Scene<'a> {
                 self.state = *state;
                 self.state_since = self.now;
             }
+            Event::Machine(control::Event::Referenced {
+                axis, uncertainty, ..
+            }) => {
+                self.referenced[*axis] = true;
+                self.uncertainty[*axis] = uncertainty.unwrap_or(0.0);
+                let spec = &self.machine.axes[*axis];
+                if let HomingMethod::SetHere { position } = spec.homing.method
+                    && let Some(actual) = self.actual(spec.drives[0])
+                {
+                    self.set_off[*axis] += position - actual;
+                }
+            }
+            Event::Machine(control::Event::Unreferenced { axis, .. }) => {
+                self.referenced[*axis] = false;
+            }
             Event::Machine(control::Event::Fault(_)) => self.faulted = true,
             Event::Accepted(it) if it.command == crate::session::Command::Reset => {
                 self.faulted = false;
@@ -319,5 +366,6 @@ impl<'a> Scene<'a> {
         self.cycle = woken.cycle;
         self.phase = woken.phase;
         self.plants.clone_from(&woken.plants);
+        self.shown.clone_from(&woken.shown);
     }
 }

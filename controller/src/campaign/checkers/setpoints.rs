@@ -9,6 +9,7 @@
 use super::{Checker, Found, Scene};
 use crate::machine::{AxisLimits, Machine};
 use std::collections::VecDeque;
+use syncline_drives::model::Increments;
 
 const NAME: &str = "setpoints";
 
@@ -46,9 +47,12 @@ impl Setpoints {
             return;
         };
         let increment = spec.scaling.resolution();
-        let position = scene.mm(drive, latched);
         let limits = &axis.limits;
-        outside(scene, drive, position, limits, increment, found);
+        if scene.is_placed(spec.axis) {
+            outside(scene, drive, latched, limits, increment, found);
+        }
+        // An axis that is set where it stands does not move by that.
+        let position = spec.scaling.to_mm(latched);
         if it.latched_of != 1 {
             // Nothing new came, or more than one: what it stands for is not certain.
             positions.clear();
@@ -103,11 +107,12 @@ fn difference(positions: &VecDeque<f64>, stride: usize, order: usize) -> Option<
 fn outside(
     scene: &Scene<'_>,
     drive: usize,
-    position: f64,
+    latched: Increments,
     limits: &AxisLimits,
     increment: f64,
     found: &mut Found,
 ) {
+    let position = scene.mm(drive, latched);
     let (least, most) = limits.position;
     let beyond = (least - position).max(position - most);
     let allowed = limits.standstill + limits.skew.unwrap_or(0.0) + increment;
