@@ -32,16 +32,19 @@
 //! # Ok::<(), &str>(())
 //! ```
 
+mod enable_chain;
 mod probe;
 
 use crate::bus::{Band, BitRate, Node, Received, SimBus, Transmission};
 use crate::mechanics::{Load, Mechanics, Motion};
 use crate::twin::SimulatedDevice;
 use crate::twin::servo::shaft::Shaft;
+use enable_chain::Chain;
 use probe::Probing;
 use syncline_canopen::time::Duration;
 use syncline_canopen::{Frame, Instant, NodeId, Transmit};
 
+pub use enable_chain::EnableChain;
 pub use probe::{FittedProbe, ProbeDrive, ProbeWire};
 
 /// Between two points of the grid on which coupled shafts move: a nominal step of a speed loop.
@@ -174,6 +177,12 @@ impl World {
         self.couplings.probes.push(Probing::new(probe));
     }
 
+    /// Feeds power stages through a contactor that a device closes, before time passes. It is looked at at each point of the
+    /// world's grid.
+    pub fn feed_through(&mut self, chain: EnableChain) {
+        self.couplings.chains.push(Chain::new(chain));
+    }
+
     /// The device with this node id on a bus, by that bus' place in the order in which they were added.
     #[must_use]
     pub fn find(&self, bus: usize, node: NodeId) -> Option<DeviceId> {
@@ -298,6 +307,11 @@ impl Hosted {
         self.couplings.probes.push(Probing::new(probe));
     }
 
+    /// Feeds power stages through a contactor, as [`World::feed_through`] does.
+    pub fn feed_through(&mut self, chain: EnableChain) {
+        self.couplings.chains.push(Chain::new(chain));
+    }
+
     /// The device at a place among those that it was made of.
     #[must_use]
     pub fn at(place: usize) -> DeviceId {
@@ -352,7 +366,7 @@ impl Devices for [Box<dyn SimulatedDevice>] {
     }
 }
 
-/// All mechanics that couple shafts, and the grid on which they move.
+/// All that couples devices beside the bus, and the grid on which it is looked at.
 struct Couplings {
     step: Duration,
     /// The next point of the grid.
@@ -360,6 +374,7 @@ struct Couplings {
     couplings: Vec<Coupling>,
     followers: Vec<Follower>,
     probes: Vec<Probing>,
+    chains: Vec<Chain>,
 }
 
 /// A shaft that another one turns.
@@ -393,11 +408,15 @@ impl Couplings {
             couplings: Vec::new(),
             followers: Vec::new(),
             probes: Vec::new(),
+            chains: Vec::new(),
         }
     }
 
     fn is_empty(&self) -> bool {
-        self.couplings.is_empty() && self.followers.is_empty() && self.probes.is_empty()
+        self.couplings.is_empty()
+            && self.followers.is_empty()
+            && self.probes.is_empty()
+            && self.chains.is_empty()
     }
 
     /// The next point of the grid, if anything moves on it.
@@ -451,6 +470,9 @@ impl Couplings {
             }
             for probe in &mut self.probes {
                 probe.step(self.next, devices);
+            }
+            for chain in &mut self.chains {
+                chain.step(self.next, devices);
             }
             self.next += self.step;
         }

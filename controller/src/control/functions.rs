@@ -10,6 +10,9 @@
 //! program, and from the cycle on in which a stop begins, for whatever reason, they have their safe
 //! values.
 //!
+//! An output that closes the enable chain is no program's: it is on from where drives are to be made ready to switch on
+//! until their power stages are to be off.
+//!
 //! An operator may switch outputs by hand where the machine rests. In a hold the program's own state is back before
 //! the path goes on; without a job what was switched by hand is what the next job begins with.
 
@@ -69,6 +72,7 @@ impl MachineFunctions {
             OutputSwitch::SpindleReverse => self.spindle.turning == Turning::Counterclockwise,
             OutputSwitch::Mist => self.coolant.mist,
             OutputSwitch::Flood => self.coolant.flood,
+            OutputSwitch::EnableChain => false,
         }
     }
 
@@ -81,7 +85,7 @@ impl MachineFunctions {
             }
             OutputSwitch::Mist => self.coolant.mist = on,
             OutputSwitch::Flood => self.coolant.flood = on,
-            OutputSwitch::Spindle | OutputSwitch::SpindleReverse => {}
+            OutputSwitch::Spindle | OutputSwitch::SpindleReverse | OutputSwitch::EnableChain => {}
         }
     }
 
@@ -248,6 +252,11 @@ impl<const N: usize> Controller<N> {
         switches.stop(|switch| tell(Event::Switched { line, switch }));
     }
 
+    /// Whether drives are enabled, or on their way there or back.
+    fn needs_power(&self) -> bool {
+        (Phase::ReadyToSwitchOn..=Phase::ShutDown).contains(&self.phase)
+    }
+
     /// Sets the outputs of devices for the next SYNC.
     pub(super) fn set_outputs(&mut self) {
         let layout = Arc::clone(&self.layout);
@@ -262,6 +271,7 @@ impl<const N: usize> Controller<N> {
         }
         for (index, output) in layout.outputs.iter().enumerate() {
             let on = match self.switches.by_hand[index] {
+                _ if output.switch == OutputSwitch::EnableChain => self.needs_power(),
                 Some(on) => on,
                 None if is_safe => output.safe,
                 None => switched.is_on(output.switch),

@@ -5,6 +5,7 @@ use super::STILL;
 use super::fault::{AxisIndex, DeviceIndex, Names};
 use super::layout::{AxisSpec, DeviceSpec, Layout};
 use super::polls::{CONTRADICTIONS, POLL, STATE_POLL};
+use crate::machine::OutputSwitch;
 use std::fmt;
 use syncline_canopen::time::Duration;
 use syncline_drives::model::{Address, Device, Monitoring};
@@ -168,19 +169,35 @@ impl Layout {
         let hears = device.spec().monitoring == Monitoring::Heartbeat;
         match device {
             Device::Drive(_) if hears => {
-                format!("it stops by itself {timeout} after the last heartbeat that it hears of the controller")
+                format!(
+                    "it stops by itself {timeout} after the last heartbeat that it hears of the controller"
+                )
             }
             Device::Drive(_) if self.axis_of(index).is_some_and(|it| it.point_to_point) => {
                 "a dead controller it does not notice, goes on to its target and rests there".into()
             }
-            Device::Drive(_) => {
-                "a dead controller it does not notice, and goes on with its last velocity until the enable chain stops it".into()
-            }
+            Device::Drive(_) => format!(
+                "a dead controller it does not notice, and goes on with its last velocity until {}",
+                self.chain_opens()
+            ),
             Device::Io(_) if self.switches(index) => format!(
                 "its outputs are safe {timeout} after the last heartbeat that it hears of the controller, by its own error mode"
             ),
             Device::Io(_) | Device::Encoder(_) => "it moves nothing".into(),
         }
+    }
+
+    /// How the enable chain opens when the controller dies.
+    fn chain_opens(&self) -> String {
+        let mut outputs = self.outputs.iter();
+        let chain = outputs.find(|output| output.switch == OutputSwitch::EnableChain);
+        chain.map_or("something else stops it".into(), |chain| {
+            let timeout = Millis(self.devices[chain.node].heartbeat_timeout);
+            let who = self.who(chain.node);
+            format!(
+                "the enable chain opens: by {who}, {timeout} after the last heartbeat that it hears"
+            )
+        })
     }
 
     fn axis_of(&self, drive: DeviceIndex) -> Option<&AxisSpec> {

@@ -234,15 +234,22 @@ pub(super) fn check_loops(log: &mut Log<'_>, machine: &Machine, places: &[Range<
                 "name an [[encoder]] as the axis's `feedback`, with `position_loop = \"encoder\"`",
             );
         }
-        if matches!(spec.monitoring, Monitoring::Poll(_)) && !axis.hardware_stops {
-            log.report(
-                place.clone(),
-                format!(
-                    "axis \"{name}\": drive \"{who}\" ({title}) is sent velocities, and goes on with the \
-                     last one where the controller dies"
-                ),
-                "have the enable chain stop it, and say so: `unsupervised_stop = \"hardware\"`",
-            );
+        if !matches!(spec.monitoring, Monitoring::Poll(_)) {
+            continue;
+        }
+        let unstopped = format!(
+            "axis \"{name}\": drive \"{who}\" ({title}) is sent velocities, and goes on with the last one \
+             where the controller dies"
+        );
+        if !axis.hardware_stops {
+            let help =
+                "have the enable chain stop it, and say so: `unsupervised_stop = \"hardware\"`";
+            log.report(place.clone(), unstopped, help);
+        } else if machine.enable_chain().is_none() {
+            let problem = format!("{unstopped}, and no output opens the enable chain");
+            let help = "add an [[output]] of an [[io]] with `function = \"enable_chain\"`, and let its contactor \
+                        cut the drive's power";
+            log.report(place.clone(), problem, help);
         }
     }
 }

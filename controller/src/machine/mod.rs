@@ -193,8 +193,8 @@ pub struct Axis {
     pub feedback: Option<Feedback>,
     /// How its drives bring it to where it is sent.
     pub motion: Motion,
-    /// `unsupervised_stop = "hardware"`: hardware stops its drive where the controller dies and the drive
-    /// does not notice.
+    /// `unsupervised_stop = "hardware"`: the enable chain stops its drives where the controller dies and they
+    /// do not notice.
     pub hardware_stops: bool,
     /// What its drives move when they are simulated; `None`: what each drive's model has.
     pub simulation: Option<Simulation>,
@@ -406,6 +406,13 @@ impl Machine {
     #[must_use]
     pub fn node(&self, index: usize) -> Node<'_> {
         self.nodes().nth(index).expect("an index of a device")
+    }
+
+    /// The output that closes the enable chain.
+    #[must_use]
+    pub fn enable_chain(&self) -> Option<&Output> {
+        let mut outputs = self.outputs.iter();
+        outputs.find(|output| output.switch == OutputSwitch::EnableChain)
     }
 
     /// What the controller needs to know of the [device](Self::nodes) with that index.

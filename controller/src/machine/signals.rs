@@ -80,6 +80,8 @@ pub enum OutputSwitch {
     Mist,
     /// M8
     Flood,
+    /// No program: it is on while drives are enabled or on their way there, and closes the chain that lets them have power.
+    EnableChain,
 }
 
 /// An analog output of an I/O node, and what the machine uses it for.
@@ -129,11 +131,12 @@ const MEANINGS: [(&str, InputMeaning); 7] = [
 ];
 
 /// What switches outputs besides their numbers.
-const SWITCHES: [(&str, OutputSwitch); 4] = [
+const SWITCHES: [(&str, OutputSwitch); 5] = [
     ("spindle", OutputSwitch::Spindle),
     ("spindle_reverse", OutputSwitch::SpindleReverse),
     ("mist", OutputSwitch::Mist),
     ("flood", OutputSwitch::Flood),
+    ("enable_chain", OutputSwitch::EnableChain),
 ];
 
 /// What analog outputs put out besides.
@@ -389,6 +392,13 @@ impl OutputPurpose {
         );
         let switch = purpose(log, table, numbers, &SWITCHES);
         let safe = table.choice_or(log, "safe", "off", ["off", "on"].into_iter());
+        if switch == Some(OutputSwitch::EnableChain) && safe == "on" {
+            log.report(
+                table.span_of("safe").unwrap_or_default(),
+                format!("{}: `safe = \"on\"` of the enable chain", table.title),
+                "leave it out: without the controller the chain has to open",
+            );
+        }
         Some(Self::Digital {
             active_low,
             safe: safe == "on",
@@ -474,6 +484,7 @@ impl SignalTables {
             );
         }
         unique(log, "output", self.outputs.iter().map(|it| &it.wire.name));
+        check_enable_chain(log, &self.outputs);
         let inputs = join_inputs(log, self.inputs, wiring);
         let mut signals = Signals {
             inputs,
@@ -525,6 +536,27 @@ impl SignalTables {
             }
         }
         signals
+    }
+}
+
+/// Whether the enable chain hangs on one output, of a device that opens it by itself where the controller dies.
+fn check_enable_chain(log: &mut Log<'_>, outputs: &[OutputTable]) {
+    let is_chain = |it: &&OutputTable| matches!(it.used_for, OutputPurpose::Digital { switch, .. } if switch == OutputSwitch::EnableChain);
+    for (number, OutputTable { wire, .. }) in outputs.iter().filter(is_chain).enumerate() {
+        if !wire.of_io {
+            log.report(
+                wire.device.span(),
+                format!("{}: the enable chain hangs on a drive", wire.title),
+                "name an I/O node, as `io`: it opens the chain by itself where the controller dies",
+            );
+        }
+        if number > 0 {
+            log.report(
+                wire.name.span(),
+                format!("{}: a second enable chain", wire.title),
+                "let one output open all contactors",
+            );
+        }
     }
 }
 

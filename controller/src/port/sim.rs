@@ -10,7 +10,7 @@ use syncline_drives::mechanics::rigid_beam::{RigidBeam, Side};
 use syncline_drives::model::{Direction, Increments, Model};
 use syncline_drives::twin::{self, Config, Kind, Sensor, SimulatedDevice};
 use syncline_drives::world::{
-    BusId, DeviceId, FittedProbe, Hosted, Observer, ProbeDrive, ProbeWire, World,
+    BusId, DeviceId, EnableChain, FittedProbe, Hosted, Observer, ProbeDrive, ProbeWire, World,
 };
 use syncline_gcode as gcode;
 
@@ -147,6 +147,9 @@ impl Simulated {
         if let Some(probe) = fitted_probe(machine, |device| devices[device])? {
             world.fit_probe(probe);
         }
+        if let Some(chain) = enable_chain(machine, |device| devices[device]) {
+            world.feed_through(chain);
+        }
         Ok(Self {
             world,
             buses,
@@ -205,6 +208,9 @@ pub fn hosted(
     }
     if let Some(probe) = fitted_probe(machine, |device| place(device).map(Hosted::at))? {
         hosted.fit_probe(probe);
+    }
+    if let Some(chain) = enable_chain(machine, |device| place(device).map(Hosted::at)) {
+        hosted.feed_through(chain);
     }
     Ok(hosted)
 }
@@ -311,6 +317,23 @@ fn fitted_probe(
         axes: axes.map(drives),
         wires: wires.collect(),
     }))
+}
+
+/// The enable chain of a machine with the drives that it has to stop, by where each of its devices is in a world. What
+/// is elsewhere it does not feed.
+fn enable_chain(
+    machine: &Machine,
+    device: impl Fn(usize) -> Option<DeviceId>,
+) -> Option<EnableChain> {
+    let output = machine.enable_chain()?;
+    let stopped = machine.axes.iter().filter(|axis| axis.hardware_stops);
+    let drives = stopped.flat_map(|axis| &axis.drives);
+    Some(EnableChain {
+        device: device(output.node)?,
+        output: output.signal as u8,
+        inverted: output.active_low,
+        feeds: drives.filter_map(|&drive| device(drive)).collect(),
+    })
 }
 
 /// The switches along the axis of a drive that are wired to it, their places in `turns` of its shaft.

@@ -123,6 +123,9 @@ pub enum Refusal {
     /// The spindle has a state of its own, which a typed line changes.
     #[error("output \"{0}\" is the spindle's: type M3, M4 or M5 for it")]
     OutputOfSpindle(String),
+    /// The enable chain is closed while drives are enabled, by nobody's hand.
+    #[error("output \"{0}\" is the enable chain: it is on while the drives are enabled")]
+    OutputOfEnableChain(String),
     /// There is no tool whose length could be set.
     #[error(
         "no tool is in the spindle: load one with T and M6, or say which one is there by M61 Q"

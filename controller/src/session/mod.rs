@@ -402,6 +402,7 @@ impl Desk {
             OutputSwitch::Spindle | OutputSwitch::SpindleReverse => {
                 Err(Refusal::OutputOfSpindle(name.to_owned()))
             }
+            OutputSwitch::EnableChain => Err(Refusal::OutputOfEnableChain(name.to_owned())),
             OutputSwitch::Program(_) | OutputSwitch::Mist | OutputSwitch::Flood => Ok(place),
         }
     }

@@ -977,6 +977,27 @@ fn a_stepper_that_goes_point_to_point_is_homed_after_each_power_on_or_has_an_enc
     }
 }
 
+/// An I/O node that opens the enable chain.
+const CHAIN: &str = r#"[[io]]
+name = "cabinet"
+bus = "portal"
+node = 9
+model = "cia401"
+
+[[output]]
+name = "drives on"
+io = "cabinet"
+signal = "DO3"
+function = "enable_chain"
+"#;
+
+const CHAIN_AGAIN: &str = r#"[[output]]
+name = "contactor"
+io = "cabinet"
+signal = "DO4"
+function = "enable_chain"
+"#;
+
 /// A drive that takes no part in SYNC and does not notice a controller that dies has to have both made up for.
 #[test]
 fn a_stepper_is_sent_velocities_only_where_something_stops_it() {
@@ -986,9 +1007,9 @@ fn a_stepper_is_sent_velocities_only_where_something_stops_it() {
         let more = "position_loop = \"encoder\"\nunsupervised_stop = \"hardware\"\n";
         text = text.replacen(last, &format!("{last}{more}"), 1);
         let drive = "node = 4\nmodel = \"lxm32m\"\nzero = 5_000_000";
-        let stepper = "node = 4\nmodel = \"tsp10\"";
+        let stepper = format!("node = 4\nmodel = \"tsp10\"\n\n{CHAIN}");
         let own = "drive_following_error = true\ndrive_soft_limits = true\n";
-        for (from, to) in [(drive, stepper), (own, "")].iter().chain(changes) {
+        for (from, to) in [(drive, &*stepper), (own, "")].iter().chain(changes) {
             assert!(text.contains(from), "{from}");
             text = text.replace(from, to);
         }
@@ -1006,6 +1027,17 @@ fn a_stepper_is_sent_velocities_only_where_something_stops_it() {
             refused(&[("unsupervised_stop = \"hardware\"\n", "")]),
             refused(&[("position_loop = \"encoder\"\n", "")]),
             refused(&[("\"hardware\"", "\"software\"")]),
+            refused(&[(CHAIN, "")]),
+            refused(&[("function = \"enable_chain\"", "function = \"flood\"")]),
+            refused(&[(
+                "io = \"cabinet\"\nsignal = \"DO3\"",
+                "drive = \"Y\"\nsignal = \"DQ0\""
+            )]),
+            refused(&[("signal = \"DO3\"", "signal = \"DO3\"\nsafe = \"on\"")]),
+            refused(&[(
+                "[[axis]]\nname = \"X\"",
+                &format!("{CHAIN_AGAIN}\n[[axis]]\nname = \"X\"")
+            )]),
         ]
         .join("\n\n")
     );

@@ -35,6 +35,9 @@ pub trait SimulatedDevice: Node + Any + Send {
     /// revolutions.
     fn touch(&mut self, input: u8, on: bool, place: f64);
 
+    /// The levels of its digital outputs that something in the world hangs on, one bit each from the first one on.
+    fn outputs(&self) -> u16;
+
     /// The shaft that its motor turns, if it has a motor.
     fn shaft_mut(&mut self) -> Option<&mut Shaft>;
 

@@ -8,7 +8,7 @@ use syncline_controller::control::fault::DeviceCause;
 use syncline_controller::control::{End, Event, Fault, Phase, State as MachineState};
 use syncline_controller::session::{self, Command, Jog};
 use syncline_drives::twin::cia401::Twin;
-use syncline_drives::twin::{Disturbance, ErrorClass};
+use syncline_drives::twin::{Disturbance, ErrorClass, SimulatedDevice};
 use syncline_gcode::{Axis, Turning};
 use syncline_tests::rig::Rig;
 

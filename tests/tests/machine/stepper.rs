@@ -1,10 +1,14 @@
 //! An axis on a stepper that takes no part in SYNC: Z of the portal on a TSP10-CBE, sent velocities, with a
 //! TWK CRN on its screw that closes the loop.
 
+use super::day::{go, settle};
 use proptest::prelude::*;
+use syncline_canopen::time::Duration;
+use syncline_canopen::{CobId, NodeId};
 use syncline_controller::control::fault::AxisCause;
-use syncline_controller::control::{End, Fault, Row};
+use syncline_controller::control::{End, Fault, Phase, Row, State};
 use syncline_controller::machine::COORDINATES;
+use syncline_controller::session::Command;
 use syncline_drives::twin::tsp10::Twin;
 use syncline_drives::twin::{Config, Disturbance, ErrorClass};
 use syncline_tests::rig::Rig;
@@ -12,11 +16,14 @@ use syncline_tests::rig::Rig;
 /// Places of the drive and of the encoder among the devices.
 const DRIVE: usize = 3;
 const SCREW: usize = 4;
+const CABINET: usize = 5;
 
 const Z: usize = 2;
 
 const LXM32M: &str = "bus = \"portal\"\nnode = 4\nmodel = \"lxm32m\"\nzero = 5_000_000";
-const TSP10: &str = "bus = \"portal\"\nnode = 4\nmodel = \"tsp10\"\nsdo = [[\"6075:0\", 5000]]";
+const TSP10: &str = "bus = \"portal\"\nnode = 4\nmodel = \"tsp10\"\nsdo = [[\"6075:0\", 5000]]\n\n\
+    [[io]]\nname = \"cabinet\"\nbus = \"portal\"\nnode = 9\nmodel = \"cia401\"\n\n\
+    [[output]]\nname = \"drives on\"\nio = \"cabinet\"\nsignal = \"DO3\"\nfunction = \"enable_chain\"";
 
 const ENCODER: &str = "[[encoder]]\nname = \"screw\"\nbus = \"portal\"\nnode = 5\n\
     model = \"twk_crn\"\npitch = 10.0\nzero = 10_000\n\n[[axis]]\nname = \"X\"";
@@ -32,7 +39,7 @@ const SUPERVISED: &str = "soft_limits = [-300.0, 0.0]\nfollowing_error_limit = 1
 const UNSUPERVISED: &str = "soft_limits = [-300.0, 0.0]\nfollowing_error_limit = 1.0\n\
     standstill_window = 0.05";
 
-/// Z of the portal on the stepper, with the encoder.
+/// Z of the portal on the stepper, with the encoder, and an I/O node that opens the enable chain.
 pub(super) const CHANGES: [(&str, &str); 4] = [
     (LXM32M, TSP10),
     ("[[axis]]\nname = \"X\"", ENCODER),
@@ -109,6 +116,83 @@ fn each_loss_has_its_own_message() {
         let fault = rig.finish_with_fault().describe(&*rig.layout);
         assert!(fault.contains(text), "{disturbance:?}: {fault}");
     }
+}
+
+// --- the enable chain ---
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 8, ..ProptestConfig::default() })]
+
+    /// The controller is gone at any time: the drive goes on with the velocity that it was told last, and has its power
+    /// until the I/O node misses the controller's heartbeat.
+    #[test]
+    fn without_the_controller_the_enable_chain_stops_it(row in 1..500usize) {
+        let mut rig = portal(PROGRAM);
+        rig.run_to_row(row);
+        let heartbeats = rig.sent(CobId::error_control(NodeId::new(127).unwrap()));
+        let heard = heartbeats.last().expect("a heartbeat").start;
+        let timeout = rig.machine.controller.heartbeat_timeout;
+        let ms = Duration::from_millis(1);
+        let mut now = rig.session.timeline().now();
+        let mut let_pass = |rig: &mut Rig, since_heard: Duration| {
+            while now + ms < heard + since_heard {
+                now += ms;
+                rig.session.timeline().world().advance_to(now);
+            }
+            rig.twin(DRIVE).observe()
+        };
+        let before = let_pass(&mut rig, timeout - 10 * ms);
+        let on = let_pass(&mut rig, timeout - ms);
+        prop_assert!(before.is_powered && on.is_powered);
+        // The rotor swings a little about its field.
+        prop_assert!((on.velocity - before.velocity).abs() < 0.5, "{before:?}, {on:?}");
+        prop_assert!(!let_pass(&mut rig, timeout + 4 * ms).is_powered);
+        let rest = let_pass(&mut rig, timeout + 500 * ms);
+        prop_assert!(rest.velocity.abs() < 1e-6, "{rest:?}");
+    }
+}
+
+/// It is closed while drives are to have power, and open before, between and behind.
+#[test]
+fn the_enable_chain_is_closed_while_drives_are_enabled() {
+    let changes = [&[("cycle_us = 2000", "cycle_us = 4000")], &CHANGES[..]].concat();
+    let mut rig = Rig::staying_on("portal", &changes, |_, _| ());
+    let closed = |rig: &mut Rig| rig.twin(CABINET).outputs() == 0x0008;
+    rig.run_to(Phase::ReadyToSwitchOn);
+    assert!(!closed(&mut rig), "before its first R_PDO");
+    rig.run_to(Phase::OperationEnabled);
+    assert!(closed(&mut rig));
+    settle(&mut rig);
+    assert!(closed(&mut rig));
+    let by_hand = Command::Output {
+        name: "drives on".into(),
+        on: false,
+    };
+    go(&mut rig, by_hand);
+    assert!(closed(&mut rig), "nobody opens it by hand");
+    for (command, state, on) in [
+        (Command::Disable, State::Disabled, false),
+        (Command::Enable, State::Ready, true),
+        (Command::SwitchOff, State::Off, false),
+    ] {
+        go(&mut rig, command);
+        assert_eq!(rig.session.status().state, state);
+        assert_eq!(closed(&mut rig), on, "{state}");
+    }
+}
+
+/// A fault opens it once the drives are at rest.
+#[test]
+fn a_fault_opens_the_enable_chain_once_the_drives_rest() {
+    let mut rig = portal(PROGRAM);
+    rig.run_to_row(200);
+    rig.twin(SCREW).disturb(Disturbance::Mute(true));
+    let open = |rig: &mut Rig| rig.twin(CABINET).outputs() == 0;
+    rig.run_until(open);
+    let speeds = [0, 1, 2].map(|drive| rig.twin(drive).observe().velocity.abs());
+    assert!(speeds.iter().all(|it| *it < 0.01), "{speeds:?}");
+    let fault = rig.finish_with_fault();
+    assert!(matches!(fault, Fault::Device(SCREW, _)), "{fault:?}");
 }
 
 // --- it loses steps ---

@@ -107,6 +107,7 @@ impl What {
                     OutputSwitch::SpindleReverse => switched.turns == Some(true),
                     OutputSwitch::Mist => switched.coolant[0],
                     OutputSwitch::Flood => switched.coolant[1],
+                    OutputSwitch::EnableChain => false,
                 };
                 (on != *active_low).into()
             }
@@ -210,7 +211,9 @@ impl Outputs {
                         OutputSwitch::Program(number) => left.put(number, on),
                         OutputSwitch::Mist => left.coolant[0] = on,
                         OutputSwitch::Flood => left.coolant[1] = on,
-                        OutputSwitch::Spindle | OutputSwitch::SpindleReverse => {}
+                        OutputSwitch::Spindle
+                        | OutputSwitch::SpindleReverse
+                        | OutputSwitch::EnableChain => {}
                     },
                     What::Analog { .. } => {}
                 }
@@ -477,7 +480,10 @@ fn wired(machine: &Machine) -> (Vec<Output>, Vec<(usize, usize)>) {
         by_hand: None,
         is_by_hand: None,
     };
-    let digital = machine.outputs.iter().map(|it| {
+    // No program switches an enable chain.
+    let digital = machine.outputs.iter();
+    let digital = digital.filter(|it| it.switch != OutputSwitch::EnableChain);
+    let digital = digital.map(|it| {
         let what = What::Digital {
             active_low: it.active_low,
             switch: it.switch,

@@ -82,6 +82,10 @@ impl Application for Module {
 impl Firmware for Module {
     fn run_until(&mut self, _: Instant) {}
 
+    fn outputs(&self) -> u16 {
+        self.outputs
+    }
+
     fn power_off(&mut self) {
         Module::power_off(self);
     }

@@ -104,12 +104,6 @@ impl Device<Module> {
         Self::switched_on(config.node, module, options, config.delays, random)
     }
 
-    /// The levels of its digital outputs, one bit each from the first one on.
-    #[must_use]
-    pub fn outputs(&self) -> u16 {
-        self.firmware.outputs()
-    }
-
     /// What its analog outputs put out.
     #[must_use]
     pub fn analog_outputs(&self) -> [i16; module::ANALOG] {

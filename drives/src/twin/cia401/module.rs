@@ -58,7 +58,7 @@ pub struct Module {
     events: Events,
     /// The analog inputs of which events were told, one bit each.
     sources: u8,
-    outputs: u16,
+    pub(super) outputs: u16,
     analog_outputs: [i16; ANALOG],
     /// The device has an error.
     failed: bool,
@@ -106,10 +106,6 @@ impl Module {
         if let Some(own) = self.analog_inputs.get_mut(usize::from(input)) {
             *own = value;
         }
-    }
-
-    pub(super) fn outputs(&self) -> u16 {
-        self.outputs
     }
 
     pub(super) fn analog_outputs(&self) -> [i16; ANALOG] {

@@ -65,6 +65,12 @@ pub trait Firmware: Application {
         self.disturb(Disturbance::Input(input, on));
     }
 
+    /// The levels of its digital outputs, one bit each from the first one on; 0 without any, and of a drive, on whose outputs
+    /// nothing in the world hangs.
+    fn outputs(&self) -> u16 {
+        0
+    }
+
     /// Whether the node takes a frame from the bus.
     fn hears(&self, _: &Frame) -> bool {
         true
@@ -255,6 +261,10 @@ impl<F: Firmware + Send + 'static> SimulatedDevice for Device<F> {
 
     fn touch(&mut self, input: u8, on: bool, place: f64) {
         self.firmware.touch(input, on, place);
+    }
+
+    fn outputs(&self) -> u16 {
+        self.firmware.outputs()
     }
 
     fn shaft_mut(&mut self) -> Option<&mut Shaft> {
