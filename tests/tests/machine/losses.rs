@@ -349,8 +349,7 @@ fn without_the_controller_each_drive_does_what_start_up_tells() {
     let timeout = rig.machine.controller.heartbeat_timeout.as_millis();
     let stops = format!("it stops by itself {timeout} ms after");
     assert!(told(&rig, Y).contains(&stops), "{}", told(&rig, Y));
-    let opens =
-        format!("the enable chain opens: by node 9 (cabinet, I/O node by CiA 401), {timeout} ms");
+    let opens = format!("the enable chain opens: by node 9 (cabinet, CiA 401), {timeout} ms");
     assert!(told(&rig, Z).contains(&opens), "{}", told(&rig, Z));
 
     let mut rig = machine_with("G21 G90\nG0 W50\nM2\n", |_, _| ());
