@@ -274,6 +274,11 @@ impl Layout {
         self
     }
 
+    /// The axes that follow a path: all but those that go point to point.
+    pub(super) fn path_axes(&self) -> impl Iterator<Item = &AxisSpec> {
+        self.axes.iter().filter(|axis| !axis.point_to_point)
+    }
+
     /// The R_PDOs of a bus by their identifiers, each as device and place among its R_PDOs: the
     /// order in which a burst leaves.
     pub(super) fn burst(&self, bus: &BusSpec) -> Vec<(DeviceIndex, usize)> {

@@ -289,6 +289,9 @@ texts! {
     Fault::Probing { failure: ProbeFailure::OtherEdge { .. }, .. }, Fault::Probing { line: 7, failure: ProbeFailure::OtherEdge { axis: 1 } },
     "line 7: a drive of axis Y captured another place than the one where the contact came: check whether the probe bounces, and which input it is wired to, or set `latch = false` in [probing]";
 
+    Fault::Probing { failure: ProbeFailure::NotSettled { .. }, .. }, Fault::Probing { line: 7, failure: ProbeFailure::NotSettled { axis: 1 } },
+    "line 7: axis Y does not settle within its `standstill_window` behind the motion: check what holds it back, and whether the window is wide enough for it";
+
     Fault::Probing { failure: ProbeFailure::Refused(_), .. }, Fault::Probing { line: 7, failure: ProbeFailure::Refused(JogError::NoSpeed) },
     "line 7: the speed or the rapid override is 0: raise it, or correct where the probing leads";
 

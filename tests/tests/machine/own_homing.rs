@@ -53,6 +53,15 @@ fn usual() -> Vec<(String, String)> {
     )
 }
 
+/// The same with a probe at the drive of X.
+fn probing() -> Vec<(String, String)> {
+    let probe =
+        "[[input]]\nname = \"probe\"\ndrive = \"X1\"\nsignal = \"DI3\"\nfunction = \"probe\"\n";
+    let mut replacements = usual();
+    replacements[0].1 = probe.to_owned();
+    replacements
+}
+
 /// Goes on until the drive of Y moves on its way home.
 fn on_its_way(rig: &mut Rig) {
     rig.run_until(|rig| rig.twin(Y).observe().velocity.abs() > 1.0);
@@ -211,18 +220,21 @@ fn cut() -> impl Strategy<Value = Cut> {
         Cut::Disturb(Y, Disturbance::Reset),
         Cut::Disturb(0, Disturbance::Mute(true)),
         Cut::Disturb(3, Disturbance::LoseTorque(true)),
+        // Something touches the probe.
+        Cut::Disturb(0, Disturbance::Input(3, true)),
     ];
     prop::sample::select([&commands[..], &disturbances[..]].concat())
 }
 
 /// Cuts a homing off, and has the machine begin it again.
 fn cut_off(cut: &Cut, wake_ups: usize, seed: u64) -> Result<(), TestCaseError> {
-    let mut rig = rig(&usual(), seed);
+    let mut rig = rig(&probing(), seed);
     rig.command(home(Axis::Y));
     for _ in 0..wake_ups {
         rig.step();
     }
     let was_homing = state(&rig) == State::Homing;
+    let moved = rig.twin(Y).observe().velocity.abs() > 0.5;
     match cut {
         Cut::Command(command) => rig.command(command.clone()),
         Cut::Disturb(drive, disturbance) => rig.twin(*drive).disturb(*disturbance),
@@ -230,6 +242,9 @@ fn cut_off(cut: &Cut, wake_ups: usize, seed: u64) -> Result<(), TestCaseError> {
     settle(&mut rig);
     for _ in 0..50 {
         rig.step();
+    }
+    if moved && was_homing && matches!(cut, Cut::Disturb(_, Disturbance::Input(..))) {
+        prop_assert!(rig.events.contains(&Event::Touched));
     }
     // It rests, and does not move by itself again.
     let stands = rig.twin(Y).observe();
@@ -254,6 +269,7 @@ fn cut_off(cut: &Cut, wake_ups: usize, seed: u64) -> Result<(), TestCaseError> {
         (Y, Disturbance::Mute(false)),
         (0, Disturbance::Mute(false)),
         (3, Disturbance::LoseTorque(false)),
+        (0, Disturbance::Input(3, false)),
     ] {
         rig.twin(drive).disturb(disturbance);
     }

@@ -3,8 +3,8 @@
 use super::replayed::again;
 use proptest::prelude::*;
 use std::process::Stdio;
-use syncline_controller::control::{End, Event, Fault, KnownBy, ProbeFailure, State};
-use syncline_controller::machine::Position;
+use syncline_controller::control::{End, Event, Fault, KnownBy, ProbeFailure, Row, State};
+use syncline_controller::machine::{COORDINATES, Position};
 use syncline_controller::session::{Command, Jog, Override};
 use syncline_drives::mechanics::touch_probe::{Place, TouchProbe};
 use syncline_drives::twin::Disturbance;
@@ -280,6 +280,156 @@ fn what_fails_is_told_by_name() {
     let mut rig = rig(&goes_on);
     assert_eq!(rig.finish(), End::Finished);
     assert_eq!(rig.messages, [(5, "0 -5".to_owned())]);
+}
+
+// --- beside axes that go point to point ---
+
+const BUS: (&str, &str) = ("bitrate = 500_000", "bitrate = 1_000_000");
+
+/// U on a TLC53x.
+const BESIDE: (&str, &str) = (
+    "[[axis]]\nname = \"Z\"",
+    r#"[[drive]]
+name = "feeder"
+bus = "main"
+node = 5
+model = "tlc5xx"
+
+[[axis]]
+name = "U"
+drives = ["feeder"]
+motion = "point_to_point"
+pitch = 20.0
+max_velocity = 300.0
+max_acceleration = 3000.0
+max_jerk = 1e6
+soft_limits = [-300.0, 300.0]
+following_error_limit = 1.0
+standstill_window = 0.05
+
+[[axis]]
+name = "Z""#,
+);
+const FEEDER: usize = 3;
+const U: usize = 6;
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 8, ..ProptestConfig::default() })]
+
+    /// Wherever one stands, it stays there, and the contact is where it is without it.
+    #[test]
+    fn an_axis_that_goes_point_to_point_stays_while_others_probe(
+        place in -200.0..200.0_f64, feed in 60.0..600.0_f64, held in prop::option::of(0..300usize),
+    ) {
+        let program = format!(
+            "G21 G90\nG0 X-10 Y15 Z-15\nG0 Z-30\nG0 U{place:.3}\nG38.2 X5 F{feed:.0}\nG0 X-10\nG38.3 X-2.5\n\
+             G0 X-20\nM2\n"
+        );
+        let machine = with(&wired(&ALL));
+        let mut rig = Rig::new("xyz", &[BUS, BESIDE, (HERE, &machine)], &program, |_, _| ());
+        let probes = |row: &Row<COORDINATES>| row.axes[0].act > -9.9 && row.axes[2].act < -29.9;
+        rig.run_until(|rig| rig.rows.last().is_some_and(probes));
+        if let Some(wake_ups) = held {
+            for _ in 0..wake_ups {
+                rig.step();
+            }
+            rig.command(Command::FeedHold);
+            for _ in 0..200 {
+                rig.step();
+            }
+            rig.command(Command::Resume);
+        }
+        let found = contacts(&mut rig);
+        prop_assert_eq!(rig.end(), Some(End::Finished), "{:?}", rig.events);
+        // The ball has a radius of 2 mm.
+        prop_assert_eq!(found.len(), 1);
+        prop_assert!((found[0].at[0] + 2.0).abs() <= 2.0 * INCREMENT + found[0].uncertainty, "{:?}", found[0]);
+        let probing = rig.rows.iter().filter(|row| probes(row));
+        let beside: Vec<f64> = probing.map(|row| row.axes[U].act).collect();
+        prop_assert!(beside.iter().all(|at| (at - place).abs() < 0.05), "{:?}", beside);
+    }
+
+    /// Contact that comes while it goes to its target stops it.
+    #[test]
+    fn contact_stops_one_that_goes_point_to_point(wake_ups in 0..900usize, stays_on: bool) {
+        let machine = with(&wired(&ALL));
+        let changes = [BUS, BESIDE, (HERE, &machine)];
+        let mut rig = match stays_on {
+            true => Rig::staying_on("xyz", &changes, |_, _| ()),
+            false => Rig::new("xyz", &changes, "G21 G90\nG0 U200\nG4 P1\nM2\n", |_, _| ()),
+        };
+        if stays_on {
+            settle(&mut rig);
+            rig.command(Command::Mdi("G0 U200".into()));
+        }
+        rig.run_until(|rig| rig.twin(FEEDER).observe().velocity.abs() > 1.0);
+        for _ in 0..wake_ups {
+            rig.step();
+        }
+        let moves = rig.twin(FEEDER).observe().velocity.abs() > 1.0;
+        rig.twin(0).disturb(Disturbance::Input(0, true));
+        let before = rig.twin(FEEDER).observe().position;
+        for _ in 0..400 {
+            rig.step();
+        }
+        let after = rig.twin(FEEDER).observe();
+        if moves {
+            prop_assert!(rig.events.contains(&Event::Touched), "{:?}", rig.events);
+            // 300 mm/s and 3000 mm/s² on 20 mm a revolution, and the cycles of the reaction.
+            prop_assert!((after.position - before).abs() < 1.2, "{} {:?}", before, after);
+            prop_assert!(after.velocity.abs() < 0.05, "{:?}", after);
+        }
+        match rig.end() {
+            Some(end) if moves => prop_assert_eq!(end, End::Fault(Fault::Touched)),
+            // Before that it creeps up to its target.
+            Some(end) if wake_ups > 600 => prop_assert_eq!(end, End::Finished),
+            Some(_) => {}
+            None => prop_assert!(!stays_on || state(&rig) == State::Ready, "{}", state(&rig)),
+        }
+    }
+}
+
+/// Behind the contact an axis is held back, outside of its window.
+#[test]
+fn one_that_does_not_settle_ends_it() {
+    for stays_on in [false, true] {
+        let lines = "G21 G90\nG0 X-10 Y15 Z-15\nG0 Z-30\nG38.2 X5 F300\nG4 P5\n";
+        let machine = with(&wired(&ALL)).replace(
+            "[model.lxm32m]",
+            "[probing]\novertravel = 5.0\n\n[model.lxm32m]",
+        );
+        let tight = (
+            "soft_limits = [-250.0, 250.0]",
+            "soft_limits = [-250.0, 250.0]\nstandstill_window = 0.02",
+        );
+        let changes = [tight, (HERE, &*machine)];
+        let mut rig = match stays_on {
+            true => Rig::staying_on("xyz", &changes, |_, _| ()),
+            false => Rig::new("xyz", &changes, &format!("{lines}M2\n"), |_, _| ()),
+        };
+        if stays_on {
+            settle(&mut rig);
+            rig.command(Command::Mdi(lines.into()));
+        }
+        rig.run_until(|rig| {
+            let actual = rig.session.status().actual;
+            actual[2] < -29.9 && actual[0] > -1.99
+        });
+        rig.twin(0).disturb(Disturbance::Block(true));
+        let failure = match stays_on {
+            false => failure(&mut rig),
+            true => {
+                settle(&mut rig);
+                assert_eq!(state(&rig), State::Ready);
+                let failed = |event: &Event| match event {
+                    Event::ProbingFailed { failure, .. } => Some(*failure),
+                    _ => None,
+                };
+                rig.events.iter().find_map(failed).expect("it failed")
+            }
+        };
+        assert_eq!(failure, ProbeFailure::NotSettled { axis: 1 });
+    }
 }
 
 #[test]

@@ -27,12 +27,17 @@ pub enum ProbeFailure {
         /// Its axis.
         axis: usize,
     },
+    /// The axes do not stay within their standstill windows behind the motion.
+    NotSettled {
+        /// The first that does not.
+        axis: usize,
+    },
     /// The motion is refused.
     Refused(JogError),
 }
 
 impl ProbeFailure {
-    /// What happened, and what to do next; `axis` names the one of [`ProbeFailure::OtherEdge`].
+    /// What happened, and what to do next; `axis` names the one that it is about.
     pub(in crate::control) fn describe(self, axis: impl Fn(usize) -> String) -> String {
         match self {
             Self::Closed => "there is contact before the probing: move away first, and check \
@@ -62,6 +67,11 @@ impl ProbeFailure {
             Self::OtherEdge { axis: of } => format!(
                 "a drive of axis {} captured another place than the one where the contact came: check \
                  whether the probe bounces, and which input it is wired to, or set `latch = false` in [probing]",
+                axis(of)
+            ),
+            Self::NotSettled { axis: of } => format!(
+                "axis {} does not settle within its `standstill_window` behind the motion: check what holds it back, \
+                 and whether the window is wide enough for it",
                 axis(of)
             ),
             Self::Refused(why) => format!("{why}: raise it, or correct where the probing leads"),

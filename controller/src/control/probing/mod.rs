@@ -28,6 +28,7 @@ mod failure;
 pub use contact::KnownBy;
 pub use failure::ProbeFailure;
 
+use super::axis::AxisControl;
 use super::node::DeviceNode;
 use super::{Controller, Event, Fault, Phase};
 use crate::machine::{InputMeaning, stopping_distance};
@@ -94,6 +95,8 @@ pub(super) struct Probing<const N: usize> {
     /// Where it begins, mm.
     from: [f64; N],
     samples: Samples<N>,
+    /// Cycles that the axes had to settle, where the motion is over.
+    settling: u64,
     probed: Option<Probed<N>>,
 }
 
@@ -106,6 +109,7 @@ impl<const N: usize> Probing<N> {
             paused: false,
             from: [0.0; N],
             samples: Samples::none(),
+            settling: 0,
             probed: None,
         }
     }
@@ -163,11 +167,8 @@ impl<const N: usize> Controller<N> {
 
     /// Something touched the probe while the axes moved, and nobody was probing.
     pub(super) fn touched(&mut self) {
-        let moves = self
-            .planned
-            .velocity
-            .iter()
-            .any(|velocity| *velocity != 0.0);
+        let mut velocities = self.planned.velocity.iter();
+        let moves = velocities.any(|velocity| *velocity != 0.0) || !self.goers_rest();
         if self.probing.is_active() || !moves || self.phase != Phase::Program {
             return;
         }
@@ -202,6 +203,7 @@ impl<const N: usize> Controller<N> {
         self.probing.paused = false;
         self.probing.from = self.planned.position;
         self.probing.samples = Samples::none();
+        self.probing.settling = 0;
         self.probing.stage = Stage::Arming;
     }
 
@@ -217,9 +219,10 @@ impl<const N: usize> Controller<N> {
     /// Whether the axes come to rest near enough behind the contact.
     fn check_overtravel(&self, next: &ProbeMove<N>) -> Result<(), ProbeFailure> {
         let way: [f64; N] = std::array::from_fn(|at| next.to[at] - self.planned.position[at]);
-        let length = way.iter().map(|by| by * by).sum::<f64>().sqrt();
+        let along = self.layout.path_axes().map(|axis| way[axis.coordinate]);
+        let length = along.map(|by| by * by).sum::<f64>().sqrt();
         let (mut speed, mut acceleration, mut jerk) = (next.speed, f64::INFINITY, f64::INFINITY);
-        for axis in &self.layout.axes {
+        for axis in self.layout.path_axes() {
             let share = way[axis.coordinate].abs() / length;
             speed = speed.min(axis.limits.velocity / share);
             acceleration = acceleration.min(axis.limits.acceleration / share);
@@ -253,10 +256,14 @@ impl<const N: usize> Controller<N> {
             }
             Stage::Arming => {}
             Stage::Moving => self.look_for_contact(&next, rests),
-            Stage::Stopping if rests && self.is_settled() => {
-                self.probing.stage = Stage::Reading;
-                self.tell_captures(next.probe, DeviceNode::ask_captured);
-            }
+            Stage::Stopping if rests => match self.settle() {
+                Ok(true) => {
+                    self.probing.stage = Stage::Reading;
+                    self.tell_captures(next.probe, DeviceNode::ask_captured);
+                }
+                Ok(false) => {}
+                Err(failure) => self.probing_failed(failure),
+            },
             Stage::Reading if answered => match self.contact(&next) {
                 Ok(contact) => self.end_probing(&next, Some(contact)),
                 Err(failure) => self.probing_failed(failure),
@@ -265,8 +272,20 @@ impl<const N: usize> Controller<N> {
         }
     }
 
-    fn is_settled(&self) -> bool {
-        (self.axes.iter()).all(|axis| axis.is_in_position(&axis.sample(self.cycle, &self.nodes)))
+    /// Whether all axes are where the motion ended.
+    ///
+    /// # Errors
+    /// One was not there in as long as a drive may take for a change of its state.
+    fn settle(&mut self) -> Result<bool, ProbeFailure> {
+        let away = |axis: &AxisControl| !axis.is_in_position(&axis.sample(self.cycle, &self.nodes));
+        let Some(axis) = self.axes.iter().position(away) else {
+            return Ok(true);
+        };
+        self.probing.settling += 1;
+        match self.probing.settling > self.cycles(self.layout.state_timeout) {
+            true => Err(ProbeFailure::NotSettled { axis }),
+            false => Ok(false),
+        }
     }
 
     /// Lets the axes go on, as fast as the program and the feed override have it, but no faster than
@@ -278,7 +297,7 @@ impl<const N: usize> Controller<N> {
             return self.executor.feed_hold();
         }
         let mut to = [None; N];
-        for axis in &self.layout.axes {
+        for axis in self.layout.path_axes() {
             to[axis.coordinate] = Some(next.to[axis.coordinate]);
         }
         let travel = self.travel();
@@ -308,11 +327,15 @@ impl<const N: usize> Controller<N> {
             return;
         }
         let at = &self.planned.position;
-        let missing = self.layout.axes.iter().map(|axis| axis.coordinate);
+        let missing = self.layout.path_axes().map(|axis| axis.coordinate);
         let far = missing.map(|of| (next.to[of] - at[of]).abs());
         let there = far.fold(0.0, f64::max) < REACHED;
-        if rests && there && self.is_settled() {
-            self.end_probing(next, None);
+        if rests && there {
+            match self.settle() {
+                Ok(true) => self.end_probing(next, None),
+                Ok(false) => {}
+                Err(failure) => self.probing_failed(failure),
+            }
         } else if rests && self.probing.paused && !std::mem::replace(&mut self.held, true) {
             self.tell(Event::Held);
         }
