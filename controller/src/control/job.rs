@@ -246,9 +246,19 @@ impl<const N: usize> Controller<N> {
         if !self.stays_on {
             self.fail(Fault::Program);
         } else if self.job.is_some() && self.phase == Phase::Program {
+            if self.has_not_moved() {
+                return self.rest_after(Outcome::Broken);
+            }
             self.end_job(Outcome::Broken);
             self.enter(Phase::Stop, &mut []);
         }
+    }
+
+    /// Whether all rests and nothing is on its way: as where the job's first line is wrong.
+    fn has_not_moved(&self) -> bool {
+        let rests = self.executor.is_at_rest() && self.shaping.is_settled();
+        let on_path = !self.executor.is_off_path() && !self.has_goers();
+        rests && on_path && self.reached().is_none()
     }
 
     /// The job has ended.

@@ -402,7 +402,7 @@ impl<const N: usize> Controller<N> {
     }
 
     /// The job is over, and the machine stays ready.
-    fn rest_after(&mut self, outcome: Outcome) {
+    pub(super) fn rest_after(&mut self, outcome: Outcome) {
         self.end_job(outcome);
         self.rest_here();
     }

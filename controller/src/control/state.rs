@@ -158,18 +158,18 @@ impl fmt::Display for State {
 impl fmt::Display for Request {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
-            Self::Begin => "begin a job",
-            Self::Home => "home",
+            Self::Begin => "new job",
+            Self::Home => "homing",
             Self::Jog => "jog",
             Self::FeedHold => "feed hold",
-            Self::GoOn => "go on",
+            Self::GoOn => "going on",
             Self::Stop => "stop",
-            Self::Enable => "enable",
-            Self::Disable => "disable",
+            Self::Enable => "enabling",
+            Self::Disable => "disabling",
             Self::Reset => "reset",
-            Self::SwitchOff => "switch off",
-            Self::Switch => "switch outputs by hand",
-            Self::Set => "set",
+            Self::SwitchOff => "switching off",
+            Self::Switch => "switching of outputs by hand",
+            Self::Set => "setting",
         })
     }
 }

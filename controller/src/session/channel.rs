@@ -25,11 +25,15 @@ pub struct Operator {
 }
 
 /// The ways to the session. A stop has one of its own, so that no crowd of other commands keeps it
-/// out, and it goes first.
+/// out, and it goes first. What it overtakes is known by the order in which all were given.
 #[derive(Clone, Debug)]
 struct Lanes {
     stops: Sender<Issued>,
-    commands: Sender<Issued>,
+    commands: Sender<Given>,
+    /// How many commands were given.
+    count: Arc<AtomicU64>,
+    /// Which of them was the last stop.
+    last_stop: Arc<AtomicU64>,
 }
 
 /// A command on its way.
@@ -37,6 +41,13 @@ struct Lanes {
 pub(super) struct Issued {
     pub(super) source: Arc<str>,
     pub(super) command: Command,
+}
+
+/// A command with its number among all that were given.
+#[derive(Clone, Debug)]
+struct Given {
+    number: u64,
+    issued: Issued,
 }
 
 /// Why a command is not taken.
@@ -52,7 +63,8 @@ pub enum NotTaken {
 
 impl Operator {
     /// Commands something; commands take effect in the order in which they are taken, but for
-    /// [`Command::Stop`], which overtakes what waits and is never refused for want of room.
+    /// [`Command::Stop`], which overtakes what waits and is never refused for want of room. What it overtakes and would
+    /// set something going is refused.
     ///
     /// # Errors
     /// It is not taken.
@@ -62,16 +74,19 @@ impl Operator {
             source: Arc::clone(&self.name),
             command,
         };
-        let Lanes {
-            stops: first,
-            commands,
-        } = &self.lanes;
-        let lane = if stops { first } else { commands };
-        match lane.try_send(issued) {
+        let lanes = &self.lanes;
+        let number = lanes.count.fetch_add(1, Ordering::SeqCst) + 1;
+        if stops {
+            lanes.last_stop.fetch_max(number, Ordering::SeqCst);
+            return match lanes.stops.try_send(issued) {
+                Err(TrySendError::Disconnected(_)) => Err(NotTaken::Over),
+                // The stop that waits is as good.
+                Ok(()) | Err(TrySendError::Full(_)) => Ok(()),
+            };
+        }
+        match lanes.commands.try_send(Given { number, issued }) {
             Ok(()) => Ok(()),
             Err(TrySendError::Disconnected(_)) => Err(NotTaken::Over),
-            // The stop that waits is as good.
-            Err(TrySendError::Full(_)) if stops => Ok(()),
             Err(TrySendError::Full(_)) => Err(NotTaken::Busy),
         }
     }
@@ -80,7 +95,7 @@ impl Operator {
 /// The session's end of its operators.
 pub(super) struct Inlet {
     stops: Receiver<Issued>,
-    commands: Receiver<Issued>,
+    commands: Receiver<Given>,
     given: Lanes,
 }
 
@@ -91,6 +106,8 @@ impl Default for Inlet {
         let given = Lanes {
             stops: first,
             commands: others,
+            count: Arc::default(),
+            last_stop: Arc::default(),
         };
         Self {
             stops,
@@ -109,9 +126,17 @@ impl Inlet {
         }
     }
 
-    /// What has come, a stop first.
-    pub(super) fn commands(&self) -> impl Iterator<Item = Issued> {
-        self.stops.try_iter().chain(self.commands.try_iter())
+    /// What has come, a stop first; and why what a stop has overtaken is not to be done.
+    pub(super) fn commands(&self) -> impl Iterator<Item = (Issued, Result<(), Refusal>)> {
+        let stops = self.stops.try_iter().map(|issued| (issued, Ok(())));
+        let others = self.commands.try_iter().map(|Given { number, issued }| {
+            let overtaken = number < self.given.last_stop.load(Ordering::SeqCst);
+            match overtaken && issued.command.sets_going() {
+                true => (issued, Err(Refusal::Stopped)),
+                false => (issued, Ok(())),
+            }
+        });
+        stops.chain(others)
     }
 }
 
@@ -239,7 +264,7 @@ mod tests {
             assert_eq!(person.command(Command::Stop), Ok(()));
         }
         let mut taken = inlet.commands();
-        let first = taken.next().unwrap();
+        let (first, _) = taken.next().unwrap();
         assert_eq!((&*first.source, first.command), ("person", Command::Stop));
         assert_eq!(taken.count(), COMMANDS);
         drop(inlet);

@@ -89,12 +89,50 @@ pub enum Command {
     SwitchOff,
 }
 
+impl Command {
+    /// Whether it begins something, or has it go on, that a stop which comes behind it was to stop.
+    pub(super) fn sets_going(&self) -> bool {
+        match self {
+            Self::CycleStart
+            | Self::Resume
+            | Self::ToggleFeedHold
+            | Self::Retrace
+            | Self::Jog(_)
+            | Self::GoTo(_)
+            | Self::Run { .. }
+            | Self::Mdi(_)
+            | Self::SetWorkOffset(_)
+            | Self::SetToolLength(_)
+            | Self::Home(_)
+            | Self::Output { .. } => true,
+            Self::FeedHold
+            | Self::SingleBlock(_)
+            | Self::OptionalStop(_)
+            | Self::FeedOverride(_)
+            | Self::RapidOverride(_)
+            | Self::RenewJog(_)
+            | Self::EndJog(_)
+            | Self::JogStep(_)
+            | Self::Load(_)
+            | Self::Stop
+            | Self::Enable
+            | Self::Disable
+            | Self::Reset
+            | Self::UserCodeEnded { .. }
+            | Self::SwitchOff => false,
+        }
+    }
+}
+
 /// Why a command is refused, and what to do.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum Refusal {
     /// The machine would not.
     #[error(transparent)]
     Machine(#[from] control::Refusal),
+    /// It was to set something going, and a stop came behind it before it was looked at.
+    #[error("a stop came behind it: command it again if it is still wanted")]
+    Stopped,
     /// There is nothing to run.
     #[error("no program is loaded: load one first")]
     NoProgram,

@@ -207,8 +207,11 @@ impl<T: Timeline> Session<T> {
             inlet,
             desk,
         } = self;
-        for issued in inlet.commands() {
-            desk.hand_over(issued, timeline);
+        for (issued, wanted) in inlet.commands() {
+            match wanted {
+                Ok(()) => desk.hand_over(issued, timeline),
+                Err(reason) => desk.refuse(issued, reason),
+            }
         }
         if let Some(number) = desk.user_call.take() {
             let source = "simulation".into();

@@ -1,10 +1,11 @@
 //! Several consoles on one session: whoever commands, all see the same; and what was commanded, with
 //! its cycles, makes the same run again.
 
-use syncline_controller::control::{self, End};
+use proptest::prelude::*;
+use syncline_controller::control::{self, End, State};
 use syncline_controller::session::{
-    Accepted, Command, Direction, Event, Jog, Operator, Override, StepChange, Subscription,
-    SwitchChange,
+    Accepted, Command, Direction, Event, Jog, Operator, Override, Refusal, StepChange,
+    Subscription, SwitchChange,
 };
 use syncline_gcode::Axis;
 use syncline_tests::rig::Rig;
@@ -55,6 +56,77 @@ impl Console {
         let stops = self.shown.iter().filter(|it| it.contains("Paused"));
         stops.count()
     }
+}
+
+/// What sets something going.
+fn goings() -> impl Strategy<Value = Command> {
+    let jog = Command::Jog(Jog::By {
+        axis: Axis::X,
+        distance: 5.0,
+        speed: None,
+    });
+    let mut there = [None; 9];
+    there[0] = Some(20.0);
+    prop::sample::select(vec![
+        Command::Run { from_line: None },
+        Command::CycleStart,
+        Command::Resume,
+        Command::Mdi("G0 X50".to_owned()),
+        Command::GoTo(there),
+        jog,
+    ])
+}
+
+/// What does not.
+fn settings() -> impl Strategy<Value = Command> {
+    prop::sample::select(vec![
+        Command::FeedOverride(Override::By(10.0)),
+        Command::SingleBlock(SwitchChange::To(false)),
+        Command::FeedHold,
+    ])
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 24, ..ProptestConfig::default() })]
+
+    /// Whoever gave what before a stop, nothing of it begins behind it; what sets nothing going is done, and so is what
+    /// comes behind the stop.
+    #[test]
+    fn nothing_that_was_given_before_a_stop_begins_behind_it(
+        before in prop::collection::vec((any::<bool>(), prop_oneof![goings(), settings()]), 1..6),
+        stops in prop::collection::vec(any::<bool>(), 1..3), again: bool,
+    ) {
+        let mut rig = Rig::staying_on("portal", &[], |_, _| ());
+        rig.run_until(|rig| rig.session.status().state == State::Ready);
+        let file = rig.folder.file("part.ngc", PROGRAM);
+        rig.command(Command::Load(file));
+        (0..6).for_each(|_| assert!(rig.step()));
+        let keys = ["keys", "panel"].map(|name| rig.session.operator(name));
+        let mut given = 0;
+        for (place, of) in stops.iter().enumerate() {
+            for (of, command) in &before[..before.len() / (place + 1)] {
+                keys[usize::from(*of)].command(command.clone()).unwrap();
+                given += usize::from(goes(command));
+            }
+            keys[usize::from(*of)].command(Command::Stop).unwrap();
+        }
+        if again {
+            keys[0].command(Command::Mdi("G0 X50".to_owned())).unwrap();
+        }
+        let from = rig.rows.len();
+        (0..60).for_each(|_| assert!(rig.step()));
+        let stopped = rig.refused.iter().filter(|it| it.reason == Refusal::Stopped).count();
+        prop_assert_eq!(stopped, given);
+        let moved = rig.rows[from..].iter().any(|row| row.plan.speed > 0.0);
+        prop_assert_eq!(moved, again);
+    }
+}
+
+fn goes(command: &Command) -> bool {
+    !matches!(
+        command,
+        Command::FeedOverride(_) | Command::SingleBlock(_) | Command::FeedHold
+    )
 }
 
 fn go_on(rig: &mut Rig, consoles: &mut [Console; 2], rows: usize) {

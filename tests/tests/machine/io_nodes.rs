@@ -6,7 +6,7 @@ use std::time::Duration;
 use syncline_canopen::{CobId, Instant, NodeId};
 use syncline_controller::control::fault::DeviceCause;
 use syncline_controller::control::{End, Event, Fault, Phase, State as MachineState};
-use syncline_controller::session::{self, Command, Jog};
+use syncline_controller::session::{self, Command, Jog, Override, SwitchChange};
 use syncline_drives::twin::cia401::Twin;
 use syncline_drives::twin::{Disturbance, ErrorClass, SimulatedDevice};
 use syncline_gcode::{Axis, Turning};
@@ -495,7 +495,7 @@ fn outputs_are_switched_by_hand_where_the_machine_rests() {
     );
     let refused = rig.refused.pop().unwrap().reason.to_string();
     assert!(
-        refused.starts_with("no switch outputs by hand while the machine is running"),
+        refused.starts_with("no switching of outputs by hand while the machine is running"),
         "{refused}"
     );
     rig.command(Command::FeedHold);
@@ -525,6 +525,44 @@ fn outputs_are_switched_by_hand_where_the_machine_rests() {
         assert_eq!(digital_after(&mut rig, output(name, true)), SAFE.0);
         let refused = rig.refused.pop().unwrap().reason.to_string();
         assert!(refused.contains(why), "{refused}");
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 24, ..ProptestConfig::default() })]
+
+    /// A typed line that is wrong switches nothing, whatever overrides and single block are.
+    #[test]
+    fn a_wrong_line_switches_nothing(
+        feed in select(vec![20.0, 100.0, 130.0]), rapid in select(vec![50.0, 100.0]), single: bool,
+        before in select(vec!["M64 P1", "M8 M64 P2", "M3 S500\nM64 P1", "M65 P1"]),
+        wrong in select(vec!["G1 X", "G999", "G1 X1e9 F100", "o<x> call", "M64 P99", "G2 X1", "G41 D99"]),
+        waits in 0..40usize,
+    ) {
+        let mut rig = staying_on();
+        go(&mut rig, Command::FeedOverride(Override::To(feed)));
+        go(&mut rig, Command::RapidOverride(Override::To(rapid)));
+        go(&mut rig, Command::SingleBlock(SwitchChange::To(single)));
+        go(&mut rig, Command::Mdi(before.to_owned()));
+        for _ in 0..20 {
+            if state(&rig) == MachineState::Held {
+                go(&mut rig, Command::Resume);
+            }
+        }
+        prop_assert_eq!(state(&rig), MachineState::Ready, "{:?}", rig.events);
+        let on = outputs(&mut rig);
+        let told = rig.events.len();
+        rig.command(Command::Mdi(wrong.to_owned()));
+        for _ in 0..waits + 10 {
+            rig.step();
+            prop_assert_eq!(outputs(&mut rig), on, "{}", wrong);
+        }
+        settle(&mut rig);
+        prop_assert!(!rig.problems.is_empty(), "{} is right", wrong);
+        prop_assert_eq!(outputs(&mut rig), on, "{}", wrong);
+        prop_assert_eq!(state(&rig), MachineState::Ready);
+        let switched = |event: &Event| matches!(event, Event::Output { .. } | Event::AnalogOutput { .. });
+        prop_assert!(!rig.events[told..].iter().any(switched), "{:?}", &rig.events[told..]);
     }
 }
 
