@@ -91,6 +91,15 @@ fn more_tolerance_takes_the_sooner_of_two_shapes() {
     }
 }
 
+/// What is too long for one window is compared, too: by up to 3.1 % longer when such a stretch counted as not planned.
+#[test]
+fn a_stretch_of_several_windows_is_compared() {
+    for seed in [38, 39, 130] {
+        let growth = growth_of_anything(seed);
+        assert!(growth <= TOLERANCE, "seed {seed}: {growth} longer");
+    }
+}
+
 /// How much longer programs take with more tolerance, and how many do not.
 fn tell(growth: fn(u64) -> f64) {
     let mut growths: Vec<f64> = campaign().map(growth).collect();

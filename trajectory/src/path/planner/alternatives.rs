@@ -4,8 +4,8 @@
 //! passed sooner, and a rounding beside an arc bends more the larger it is, as it takes over the arc's curvature. No
 //! rule tells beforehand, so both are tried: from where what is laid so far ends in the same way, moves are joined
 //! within lesser tolerances as well, up to where all end in the same way again: in the midst of one move that nothing
-//! was fitted to, or at rest. All of these stretches are planned, from rest to rest with the whole moves at their ends,
-//! and the one that takes the least time is laid.
+//! was fitted to, or at rest. All of these stretches are planned by a planner of their own, from rest to rest with the
+//! whole moves at their ends, and the one that takes the least time is laid.
 //!
 //! # What it costs
 //!
@@ -16,13 +16,14 @@
 //!
 //! # What was tried
 //!
-//! To look at a lesser tolerance only where the next greater one saves time is a fifth quicker, and misses some.
+//! To look at a lesser tolerance only where the next greater one saves time is a fifth quicker, and misses some. To plan a
+//! stretch in one window leaves those without a time that need more cells than one has, and those that have a solution only in
+//! shorter ones.
 
 use super::joining::{Joiner, Laid, LaidCurve};
-use super::{Effort, NOTHING, Planner};
+use super::{Effort, Planner};
 use crate::path::segment_fitting::ShortSegments;
-use crate::path::window::Window;
-use crate::path::{Limits, Move, PathControlMode, PathSegment, PathState};
+use crate::path::{Command, Move, PathControlMode};
 
 /// Lesser tolerances, in mm, that are tried.
 const LESSER: [f64; 7] = [1.0, 0.3, 0.1, 0.03, 0.01, 0.003, 0.001];
@@ -44,18 +45,19 @@ pub(super) struct Alternatives<const N: usize> {
     asked: Option<PathControlMode>,
     /// Moves since they differ.
     moves: usize,
-    /// In which stretches are planned.
-    window: Window<N>,
+    /// What choosing took so far.
+    effort: Effort,
 }
 
 impl<const N: usize> Alternatives<N> {
     pub(super) fn effort(&self) -> Effort {
-        self.window.effort()
+        self.effort
     }
 
     /// The joiner whose stretch takes the least time, if that is one of these.
     fn take_soonest(&mut self, joiner: &Joiner<N>) -> Option<Joiner<N>> {
         let (mut soonest, mut least) = (None, None);
+        let most = self.effort.work + WORK;
         for (number, other) in self.joiners.iter().enumerate() {
             let mut before = self.joiners[..number].iter().chain([joiner]);
             if before.any(|it| it.laid == other.laid) {
@@ -63,9 +65,9 @@ impl<const N: usize> Alternatives<N> {
             }
             let to_beat = match least {
                 Some(least) => least,
-                None => stretch_time(joiner, &mut self.window)?,
+                None => stretch_time(joiner, most, &mut self.effort)?,
             };
-            let time = stretch_time(other, &mut self.window);
+            let time = stretch_time(other, most, &mut self.effort);
             let time = time.filter(|time| *time < to_beat * (1.0 - SOONER));
             soonest = time.map(|_| number).or(soonest);
             least = Some(time.unwrap_or(to_beat));
@@ -126,15 +128,12 @@ impl<const N: usize> Planner<N> {
         if !alternatives.joiners.is_empty() && !at_an_end && alternatives.moves < MOST_MOVES {
             return;
         }
-        if at_an_end {
-            alternatives.window.grant(WORK);
-            if let Some(mut soonest) = alternatives.take_soonest(&self.joiner) {
-                let asked = self.joiner.pending.as_ref().map(|it| it.motion.mode);
-                if let (Some(pending), Some(asked)) = (&mut soonest.pending, asked) {
-                    pending.motion.mode = asked;
-                }
-                self.joiner = soonest;
+        if at_an_end && let Some(mut soonest) = alternatives.take_soonest(&self.joiner) {
+            let asked = self.joiner.pending.as_ref().map(|it| it.motion.mode);
+            if let (Some(pending), Some(asked)) = (&mut soonest.pending, asked) {
+                pending.motion.mode = asked;
             }
+            self.joiner = soonest;
         }
         alternatives.joiners.clear();
         for laid in std::mem::take(&mut self.joiner.laid) {
@@ -163,11 +162,14 @@ fn ends_alike<const N: usize>(joiner: &Joiner<N>, others: &[Joiner<N>]) -> bool 
     ended(joiner) && (others.iter()).all(|it| ended(it) && end(it) == end(joiner))
 }
 
-/// How long it takes along what was laid and what is left of the last move, from rest to rest, s. None if no plan
-/// was found.
-fn stretch_time<const N: usize>(joiner: &Joiner<N>, window: &mut Window<N>) -> Option<f64> {
-    let mut time = 0.0;
-    let mut path_segments: Vec<PathSegment<N>> = Vec::new();
+/// How long it takes along what was laid and what is left of the last move, from rest to rest, s. None if planning
+/// that makes the work of all more than `most`.
+fn stretch_time<const N: usize>(
+    joiner: &Joiner<N>,
+    most: usize,
+    effort: &mut Effort,
+) -> Option<f64> {
+    let mut planner = Planner::new(joiner.limits, [0.0; N]);
     let last = joiner.pending.as_ref().map(|pending| {
         let Move {
             curve, feed, tag, ..
@@ -184,39 +186,32 @@ fn stretch_time<const N: usize>(joiner: &Joiner<N>, window: &mut Window<N>) -> O
         })
     });
     for laid in joiner.laid.iter().chain(&last).chain([&Laid::Rest]) {
-        match laid {
-            Laid::Curve(curve) => {
-                let start = path_segments.last().map_or(0.0, PathSegment::end);
-                path_segments.push(PathSegment {
-                    start,
-                    ..curve.into()
-                });
+        planner.lay(laid.clone());
+    }
+    let time = planner.time_of_all(most.checked_sub(effort.work)?);
+    *effort = *effort + planner.effort();
+    time
+}
+
+impl<const N: usize> Planner<N> {
+    /// How long all that was laid takes, s. None if planning it takes more work than that.
+    fn time_of_all(&mut self, work: usize) -> Option<f64> {
+        let mut steps = Vec::new();
+        loop {
+            let left = work.checked_sub(self.window.effort().work)?;
+            self.window.grant(left);
+            self.plan_on();
+            if self.out.is_empty() {
+                return Some(steps.iter().sum());
             }
-            Laid::Ends(..) => {}
-            Laid::Rest => {
-                time += time_at_once(&path_segments, &joiner.limits, window)?;
-                path_segments.clear();
+            for command in self.out.drain(..) {
+                match command {
+                    Command::Section { .. } => steps.push(0.0),
+                    Command::ReplaceTail(step) => steps.truncate(step as usize),
+                    Command::JerkSegment(segment) => steps.push(segment.duration),
+                    _ => {}
+                }
             }
         }
     }
-    Some(time)
-}
-
-/// How long it takes along path segments from rest to rest without a stop, s.
-fn time_at_once<const N: usize>(
-    path_segments: &[PathSegment<N>],
-    limits: &Limits<N>,
-    window: &mut Window<N>,
-) -> Option<f64> {
-    let Some(end) = path_segments.last().map(PathSegment::end) else {
-        return Some(0.0);
-    };
-    window.recall(&[]);
-    window
-        .plan(path_segments, limits, PathState::default(), end, 0)
-        .ok()?;
-    let segments = window.segments();
-    let reached = segments.last().map_or(0.0, |segment| segment.end());
-    let time = segments.iter().map(|segment| segment.duration).sum();
-    (reached >= end - NOTHING).then_some(time)
 }
