@@ -245,7 +245,10 @@ impl MixedPlan {
                         targets,
                         speed: None,
                     };
-                    let stop = StopPoint::PointToPoint(feeds);
+                    let stop = StopPoint::PointToPoint {
+                        motion: feeds,
+                        line: 0,
+                    };
                     return Instruction::Mark { item, mark, stop };
                 }
                 Some(command) => return Instruction::Plan(command),

@@ -176,7 +176,12 @@ pub enum StopPoint {
         line: u32,
     },
     /// The path goes on once axes beside it are where they go.
-    PointToPoint(PointToPoint),
+    PointToPoint {
+        /// Where they go.
+        motion: PointToPoint,
+        /// Program line.
+        line: u32,
+    },
     /// The path goes on once the command of an M-code of the user's has ended.
     UserCode {
         /// The code.
@@ -195,6 +200,19 @@ pub enum StopPoint {
     Broken,
 }
 
+impl StopPoint {
+    /// The line of the block that is at work while the path rests there.
+    fn works_on(&self) -> Option<u32> {
+        match *self {
+            Self::AwaitInput { line, .. }
+            | Self::PointToPoint { line, .. }
+            | Self::UserCode { line, .. }
+            | Self::Probe { line } => Some(line),
+            Self::Pause { .. } | Self::End | Self::Rest | Self::Broken => None,
+        }
+    }
+}
+
 /// What happened at one SYNC of the program: a row of the trace.
 #[derive(Clone, Copy, Debug)]
 pub struct Row<const N: usize> {
@@ -210,6 +228,8 @@ pub struct Row<const N: usize> {
     pub axes: [AxisSample; N],
     /// What the program has switched by then.
     pub functions: MachineFunctions,
+    /// Program line of the block that is at work while the path rests for it.
+    pub rests_for: Option<u32>,
 }
 
 /// How a run ended.

@@ -356,7 +356,7 @@ impl<const N: usize> Controller<N> {
         }
         // The path may be held, or on its way back from where it was retraced or jogged to.
         let waits_here = self.path_rests() && !self.executor.is_off_path();
-        let is_theirs = matches!(self.reached(), Some(StopPoint::PointToPoint(_)));
+        let is_theirs = matches!(self.reached(), Some(StopPoint::PointToPoint { .. }));
         self.let_go(waits_here && is_theirs && !self.executor.is_held());
         if !matches!(self.reached(), Some(StopPoint::AwaitInput { .. })) {
             self.awaited = None;
@@ -383,7 +383,7 @@ impl<const N: usize> Controller<N> {
                 self.await_user_code(call, within, line);
             }
             Some(StopPoint::AwaitInput { .. } | StopPoint::UserCode { .. }) => {}
-            Some(StopPoint::PointToPoint(motion)) => {
+            Some(StopPoint::PointToPoint { motion, .. }) => {
                 if let Err(fault) = self.step_point_to_point(&motion) {
                     self.fail(fault);
                 }

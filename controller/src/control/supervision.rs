@@ -101,6 +101,10 @@ impl<const N: usize> Controller<N> {
             plan: self.planned,
             axes: samples,
             functions: self.switches.functions,
+            rests_for: match self.probing.line() {
+                None => self.reached().and_then(|stop| stop.works_on()),
+                probing => probing,
+            },
         });
     }
 

@@ -237,9 +237,9 @@ impl Feeder {
         if !curves.is_empty() {
             self.take_curves(curves, command)?;
         }
-        if let Some(beside) = beside {
+        if let Some(motion) = beside {
             self.switch_with_motion();
-            self.stop_then(StopPoint::PointToPoint(beside));
+            self.stop_then(StopPoint::PointToPoint { motion, line });
         }
         match &command.action {
             Action::Dwell { seconds } => self.rest(*seconds + self.settling, command.span)?,

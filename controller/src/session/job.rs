@@ -22,6 +22,8 @@ pub(super) struct Job {
     pub(super) tags: Option<RangeInclusive<u32>>,
     /// Of the moves at the last rows, the newest first.
     last: [u32; ROWS_BEHIND],
+    /// The path has rested for a block since it moved.
+    rested: bool,
     /// It is over, and may still come to rest.
     over: bool,
 }
@@ -34,6 +36,7 @@ impl Job {
             line: 0,
             tags: None,
             last: [0; ROWS_BEHIND],
+            rested: false,
             over: false,
         }
     }
@@ -56,6 +59,9 @@ impl Job {
         if self.over && row.plan.speed == 0.0 {
             self.moves = Moves::new().1;
         }
+        if let Some(line) = row.rests_for {
+            (self.line, self.rested) = (line, true);
+        }
         if row.plan.off_path {
             return;
         }
@@ -63,8 +69,12 @@ impl Job {
         self.last.rotate_right(1);
         self.last[0] = tag;
         self.moves.passed(tag.saturating_sub(KEPT));
+        // Until it moves on, what it rested for was the last block.
+        self.rested &= row.plan.speed == 0.0 && self.last[1] == tag;
         if let Some(motion) = self.moves.motion(tag) {
-            self.line = motion.line;
+            if !self.rested {
+                self.line = motion.line;
+            }
             let (first, last) = self.last.iter().fold((tag, tag), |(first, last), &of| {
                 (first.min(of), last.max(of))
             });

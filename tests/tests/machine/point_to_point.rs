@@ -141,6 +141,49 @@ fn the_path_waits_while_they_go() {
     }
 }
 
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 8, ..ProptestConfig::default() })]
+
+    /// The line told is that of the block at work, along the path or beside it; at a fault, too.
+    #[test]
+    fn the_line_is_that_of_the_block_at_work(
+        places in prop::collection::vec(5.0..60.0_f64, 2..5), fault_at in prop::option::of(0..1500usize),
+    ) {
+        let mut program = "G21 G90 G94 G61\n".to_owned();
+        for (number, place) in places.iter().enumerate() {
+            let side = [*place, -place][number % 2];
+            program += &format!("G1 X{} F6000\nG0 U{side:.3}\n", 20 * (number + 1));
+        }
+        program += "M2\n";
+        let mut rig = portal(&program);
+        let mut looked = 0;
+        let mut line = 0;
+        while rig.step() {
+            let status = rig.session.status();
+            let Some(row) = rig.rows.last() else { continue };
+            let x = row.plan.position[X];
+            if row.axes[U].by_itself && (x / 20.0).fract() == 0.0 && x > 0.0 {
+                line = 1 + 2 * (x / 20.0) as u32;
+                prop_assert_eq!(status.line, line, "{} at X{}", program, x);
+                looked += 1;
+            } else if row.plan.speed > 10.0 {
+                line = 2 * (x / 20.0).ceil() as u32;
+                prop_assert_eq!(status.line, line, "{} at X{}", program, x);
+            }
+            if fault_at == Some(looked) && looked > 0 {
+                rig.twin(DRIVE).disturb(Disturbance::Mute(true));
+                break;
+            }
+        }
+        if fault_at.is_some_and(|at| at == looked && at > 0) {
+            rig.run_until(|rig| rig.session.status().stopped.is_some());
+            let told = rig.session.status().stopped.clone().and_then(|stopped| stopped.line);
+            // Between two looks another block may have begun.
+            prop_assert!(told.is_some_and(|told| (line..=line + 1).contains(&told)), "{:?}, {}", told, line);
+        }
+    }
+}
+
 #[test]
 fn what_they_do_passes_validation() {
     let rig = portal("G21 G90 G94 G64\nG1 X50 F6000\nG0 U60 V-20 W5\nG1 X0\nG1 W0 F600\nM2\n");

@@ -329,6 +329,7 @@ proptest! {
         let mut rig = Rig::new("xyz", &[BUS, BESIDE, (HERE, &machine)], &program, |_, _| ());
         let probes = |row: &Row<COORDINATES>| row.axes[0].act > -9.9 && row.axes[2].act < -29.9;
         rig.run_until(|rig| rig.rows.last().is_some_and(probes));
+        prop_assert_eq!(rig.session.status().line, 5);
         if let Some(wake_ups) = held {
             for _ in 0..wake_ups {
                 rig.step();

@@ -119,6 +119,11 @@ impl<const N: usize> Probing<N> {
         !matches!(self.stage, Stage::Idle | Stage::Replanning)
     }
 
+    /// Its program line, while it is under way.
+    pub(super) fn line(&self) -> Option<u32> {
+        self.is_active().then_some(self.line)
+    }
+
     /// Whether what comes of the plan is from before it.
     pub(super) fn awaits_plan(&self) -> bool {
         self.stage == Stage::Replanning
