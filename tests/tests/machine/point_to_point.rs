@@ -4,7 +4,9 @@ use super::day::{go, settle, state};
 use proptest::prelude::*;
 use syncline_canopen::CobId;
 use syncline_controller::control::fault::AxisCause;
-use syncline_controller::control::{End, Event, Fault, Refusal as OrderRefusal, Row, State};
+use syncline_controller::control::{
+    End, Event, Fault, KnownBy, Refusal as OrderRefusal, Row, State,
+};
 use syncline_controller::machine::COORDINATES;
 use syncline_controller::session::{Command, Direction, Jog, Override, Refusal};
 use syncline_drives::twin::Disturbance;
@@ -13,6 +15,7 @@ use syncline_gcode::Axis;
 use syncline_tests::rig::Rig;
 
 const X: usize = 0;
+const Z: usize = 2;
 const U: usize = 6;
 const V: usize = 7;
 const W: usize = 8;
@@ -88,6 +91,25 @@ name = "X"
 
 const WINDOW: f64 = 0.05;
 
+/// A probe on Z, and a table that it touches 30.5 mm below.
+const PROBE: &str = r#"
+[[input]]
+name = "probe"
+drive = "Z"
+signal = "DI0"
+function = "probe"
+
+[simulation]
+ball = 4.0
+
+[[simulation.workpiece]]
+name = "table"
+shape = "plane"
+facing = "+Z"
+at = -32.5
+
+[machine]"#;
+
 /// The portal with them.
 pub(super) const CHANGES: [(&str, &str); 2] = [
     ("cycle_us = 2000", "cycle_us = 4000"),
@@ -101,6 +123,16 @@ fn portal(program: &str) -> Rig {
 /// A machine that stays on, with these lines at work.
 fn at_work(lines: &str) -> Rig {
     let mut rig = Rig::staying_on("portal", &CHANGES, |_, _| ());
+    settle(&mut rig);
+    assert_eq!(state(&rig), State::Ready, "{:?}", rig.events);
+    rig.command(Command::Mdi(lines.to_owned()));
+    rig
+}
+
+/// The same with a probe.
+fn at_work_with_probe(lines: &str) -> Rig {
+    let changes = [CHANGES[0], CHANGES[1], ("[machine]", PROBE)];
+    let mut rig = Rig::staying_on("portal", &changes, |_, _| ());
     settle(&mut rig);
     assert_eq!(state(&rig), State::Ready, "{:?}", rig.events);
     rig.command(Command::Mdi(lines.to_owned()));
@@ -566,6 +598,39 @@ proptest! {
         let back = rig.rows[begins..].iter().position(|row| (act(row, X) - 50.0).abs() <= WINDOW);
         let back = begins + back.expect("it comes back");
         prop_assert!(travel(&rig.rows[begins..back], U) < 0.03, "{}", travel(&rig.rows[begins..back], U));
+    }
+
+    /// A probing goes where the path leads, with or without contact, and leaves those where they are that went before.
+    #[test]
+    fn they_stay_while_the_path_probes(
+        u in -120..120i32, v in -120..120i32, w in -20..20i32, to in 10..60i32, inches: bool,
+        across in prop_oneof![Just(0), 1..30i32],
+    ) {
+        let unit = if inches { 25.4 } else { 1.0 };
+        let of = |mm: i32| f64::from(mm) / unit;
+        let mut rig = at_work_with_probe(&format!(
+            "{} G90 G94\nG0 U{:.4} V{:.4} W{:.4}\nG38.3 X{:.4} Z{:.4} F{}\nG1 Z0 F{}\nG0 U0",
+            if inches { "G20" } else { "G21" }, of(u), of(v), of(w), of(across), of(-to), 300.0 / unit, 3000.0 / unit,
+        ));
+        settle(&mut rig);
+        prop_assert_eq!(state(&rig), State::Ready, "{:?}", rig.events);
+        let found = rig.events.iter().find_map(|event| match event {
+            Event::Probed { found, .. } => Some(found.map(|(_, by)| by)),
+            _ => None,
+        });
+        // X captures nothing.
+        let by = if across == 0 { KnownBy::Captured } else { KnownBy::Inferred };
+        prop_assert_eq!(found, Some((to > 30).then_some(by)), "{:?}", rig.events);
+        let depth = rig.rows.iter().map(|row| act(row, Z)).fold(0.0, f64::min);
+        let expected = -f64::from(to).min(30.5);
+        prop_assert!((depth - expected).abs() < 0.1, "{} for {}", depth, expected);
+        let probes = rig.rows.iter().filter(|row| row.plan.off_path);
+        for row in probes {
+            for (axis, to) in [(U, u), (V, v), (W, w)] {
+                prop_assert!((act(row, axis) - f64::from(to)).abs() <= WINDOW, "{}", act(row, axis));
+            }
+        }
+        prop_assert!(ends(&rig, U).abs() <= WINDOW && ends(&rig, Z).abs() <= WINDOW);
     }
 
     /// A stop at any time: from then on nothing moves until something is commanded.

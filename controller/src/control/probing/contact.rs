@@ -219,7 +219,8 @@ impl<const N: usize> Controller<N> {
         for (index, axis) in self.axes.iter().enumerate() {
             let at = axis.coordinate();
             let resolution = self.resolution(index);
-            let moves = (probing.to[at] - self.probing.from[at]).abs() > REACHED;
+            let leads = (probing.to[at] - self.probing.from[at]).abs() > REACHED;
+            let moves = leads && axis.beside().is_none();
             let (place, by) = match (self.captured(index, probing.speed), moment) {
                 (Some(captured), _) => (captured, KnownBy::Captured),
                 (None, Some(moment)) => {
