@@ -82,7 +82,7 @@ impl<const N: usize> Controller<N> {
             None => match self.time_law(motion) {
                 Some(law) if law.velocity > 0.0 => self.tell_profiles(motion, law),
                 Some(_) => {}
-                None => self.executor.pass(),
+                None => self.pass_block(),
             },
             Some(Progress::Telling { .. }) if !self.sequences_done() => {}
             Some(Progress::Telling { most, halts_in }) => {
@@ -168,7 +168,15 @@ impl<const N: usize> Controller<N> {
             }
         }
         self.positioning = None;
+        self.pass_block();
+    }
+
+    /// The path goes on behind a block that it waited for; a single block rests there.
+    fn pass_block(&mut self) {
         self.executor.pass();
+        if self.executor.is_single_block() {
+            self.executor.feed_hold();
+        }
     }
 
     /// The path knows nothing of axes that go point to point, or home by themselves: in the plan they are where they are.

@@ -8,7 +8,7 @@ use syncline_controller::control::{
     End, Event, Fault, KnownBy, Refusal as OrderRefusal, Row, State,
 };
 use syncline_controller::machine::COORDINATES;
-use syncline_controller::session::{Command, Direction, Jog, Override, Refusal};
+use syncline_controller::session::{Command, Direction, Jog, Override, Refusal, SwitchChange};
 use syncline_drives::twin::Disturbance;
 use syncline_drives::twin::tsp10::Twin as Stepper;
 use syncline_gcode::Axis;
@@ -631,6 +631,36 @@ proptest! {
             }
         }
         prop_assert!(ends(&rig, U).abs() <= WINDOW && ends(&rig, Z).abs() <= WINDOW);
+    }
+
+    /// Single block rests behind every block: of the path, of each axis that goes point to point, of a probing.
+    #[test]
+    fn single_block_rests_behind_each(blocks in prop::collection::vec(0..5usize, 1..6), rapid: bool) {
+        let mut program = format!("G21 G90 G94 F6000 G{}", u32::from(!rapid));
+        let mut axes = Vec::new();
+        for (index, kind) in blocks.iter().enumerate() {
+            let (axis, to) = ([X, U, V, W, Z][*kind], f64::from(index as u32 + 1));
+            let (letter, to) = (["X", "U", "V", "W", "Z"][*kind], if axis == Z { -to } else { to });
+            program += &match axis {
+                Z => format!("\nG38.3 Z{to} F300\nF6000 G{}", u32::from(!rapid)),
+                _ => format!("\n{letter}{to}"),
+            };
+            axes.push((axis, to));
+        }
+        let mut rig = at_work_with_probe("G4 P0");
+        settle(&mut rig);
+        go(&mut rig, Command::SingleBlock(SwitchChange::To(true)));
+        go(&mut rig, Command::Mdi(program));
+        let mut there = [0.0; COORDINATES];
+        for (axis, to) in axes {
+            there[axis] = to;
+            prop_assert_eq!(state(&rig), State::Held, "{:?}", rig.events);
+            for axis in [X, Z, U, V, W] {
+                prop_assert!((ends(&rig, axis) - there[axis]).abs() <= WINDOW, "{}: {}", axis, ends(&rig, axis));
+            }
+            go(&mut rig, Command::Resume);
+        }
+        prop_assert_eq!(state(&rig), State::Ready, "{:?}", rig.events);
     }
 
     /// A stop at any time: from then on nothing moves until something is commanded.

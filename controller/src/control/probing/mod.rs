@@ -392,7 +392,7 @@ impl<const N: usize> Controller<N> {
             line: self.probing.line,
             found: contact.map(|contact| (contact.uncertainty, contact.by)),
         });
-        let paused = self.probing.paused;
+        let rests = self.probing.paused || self.executor.is_single_block();
         self.probing.abort();
         self.probing.probed = Some(Probed {
             number: next.number,
@@ -402,7 +402,7 @@ impl<const N: usize> Controller<N> {
         self.probing.stage = Stage::Replanning;
         self.stop_point = None;
         self.rest_here();
-        if paused {
+        if rests {
             self.executor.feed_hold();
         }
     }

@@ -166,6 +166,11 @@ impl<const N: usize> Executor<N> {
         }
     }
 
+    /// Whether [`set_single_block`](Self::set_single_block) is on.
+    pub fn is_single_block(&self) -> bool {
+        self.single_block
+    }
+
     /// Rests, or is coming to rest, until [`resume`](Self::resume).
     pub fn is_held(&self) -> bool {
         !self.activity.returns() && (self.activity.holds() || self.rests_at_hold())
