@@ -2,7 +2,8 @@
 //!
 //! A thread of its own does, so that nothing waits for a program that somebody else wrote. A command has standard input
 //! and output of its own, which are nothing, and a process group of its own: Ctrl-C at the terminal is not for it. It is
-//! killed with all that it has started when its time is over, or the job ends before it does.
+//! killed with all that it has started when it fails, when its time is over, or when the job ends before it does. What one that
+//! ended well has left running is the user's.
 
 use crate::control::{Event as MachineEvent, UserCall};
 use crate::machine::{Machine, UserCode};
@@ -38,7 +39,7 @@ impl UserCodes {
         Ok(Self(Some(thread)))
     }
 
-    /// Once the session is over: nothing that it ran is left.
+    /// Once the session is over: no command is left at work.
     pub(super) fn finish(self) {
         // Where it panicked, that is written.
         let _ = self.0.map(JoinHandle::join);
@@ -91,12 +92,13 @@ impl UserCode {
     }
 }
 
-/// A command that runs. Dropped, it is killed with all that it has started.
+/// A command that runs. Dropped, it is killed with all that it has started, unless it has ended well.
 struct Running<'a> {
     number: u32,
     code: &'a UserCode,
     child: Child,
     until: Instant,
+    ended_well: bool,
 }
 
 impl<'a> Running<'a> {
@@ -116,13 +118,17 @@ impl<'a> Running<'a> {
             code,
             child,
             until,
+            ended_well: false,
         })
     }
 
     /// Once it has ended, or its time is over: what was wrong with it, if anything was.
     fn ended(&mut self) -> Option<Option<String>> {
         match self.child.try_wait() {
-            Ok(Some(status)) if status.success() => Some(None),
+            Ok(Some(status)) if status.success() => {
+                self.ended_well = true;
+                Some(None)
+            }
             Ok(Some(status)) => Some(Some(self.code.failed(&format!("has ended with {status}")))),
             Ok(None) if Instant::now() < self.until => None,
             Ok(None) => {
@@ -138,7 +144,10 @@ impl<'a> Running<'a> {
 
 impl Drop for Running<'_> {
     fn drop(&mut self) {
-        // What has ended cannot be killed, and is waited for all the same.
+        if self.ended_well {
+            return;
+        }
+        // Of its group there may be nothing left to be killed.
         let _ = kill_process_group(Pid::from_child(&self.child), Signal::KILL);
         let _ = self.child.wait();
     }

@@ -4,7 +4,7 @@ use proptest::prelude::*;
 use std::fs;
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
-use std::process::Stdio;
+use std::process::{Command as Process, Stdio};
 use syncline_controller::control::{End, Event, Pause, Switch};
 use syncline_controller::session::Command;
 use syncline_gcode::Output;
@@ -296,6 +296,25 @@ fn a_command_is_run_with_its_words_at_its_place() {
     assert_eq!(folder.read("out"), "first|2.5|\nfirst|1|-3\nfirst||\n");
 }
 
+/// Whether a process runs: killed, it may not have been waited for yet by whoever inherited it.
+fn runs(process: &str) -> bool {
+    let stat = fs::read_to_string(Path::new("/proc").join(process).join("stat"));
+    stat.is_ok_and(|stat| !stat.contains(") Z "))
+}
+
+#[test]
+fn what_one_that_ends_well_has_started_goes_on() {
+    let folder = Folder::new();
+    let ran = folder.path("ran").display().to_string();
+    let text = format!("sleep 30 & echo $! > {ran}");
+    let (exit, log) = run(&folder, &text, 5000, "G21 G90 F6000\nM101\nG1 X5\nM2\n");
+    assert_eq!(exit, 0, "{log}");
+    let ran = folder.read("ran");
+    let goes_on = runs(ran.trim());
+    let killed = Process::new("kill").arg(ran.trim()).status().unwrap();
+    assert!(goes_on && killed.success());
+}
+
 #[test]
 fn one_that_fails_or_does_not_end_stops_the_program_with_its_reason() {
     for (text, told) in [
@@ -321,10 +340,7 @@ fn one_that_fails_or_does_not_end_stops_the_program_with_its_reason() {
         // Nothing of it is left.
         let ran = fs::read_to_string(&ran).unwrap_or_default();
         for process in ran.split_whitespace() {
-            let stat = fs::read_to_string(Path::new("/proc").join(process).join("stat"));
-            // Killed, it may not have been waited for yet by whoever inherited it.
-            let is_left = stat.is_ok_and(|stat| !stat.contains(") Z "));
-            assert!(!is_left, "{process}");
+            assert!(!runs(process), "{process}");
         }
         assert_eq!(ran.is_empty(), told.starts_with("has ended"));
     }
