@@ -267,6 +267,8 @@ pub enum Event {
     },
     /// An operator has the program go back along the path.
     Retracing,
+    /// The path leads no further back: it begins there, or is behind a probing or a move point to point.
+    NoWayBack,
     /// A job is over.
     JobOver {
         /// Its number.
@@ -534,6 +536,9 @@ impl Event {
                 format!("feed hold ended, still at rest in line {line}: {reason}")
             }
             Self::Retracing => "retracing: going back along the path".to_owned(),
+            Self::NoWayBack => "no way back from here: the program begins here, or goes on behind a probing or a move \
+                                point to point"
+                .to_owned(),
             Self::JobOver { .. } | Self::State(_) | Self::Kept { .. } => return None,
             Self::Interrupted => "interrupted: stopping on the path".to_owned(),
             Self::Fault(fault) => format!("FAULT: {}", fault.describe(names)),

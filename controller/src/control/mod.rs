@@ -348,6 +348,8 @@ pub struct Controller<const N: usize> {
     told_state: State,
     /// As told.
     late_plans: u64,
+    /// Where the path rested as it was to go back, if it did: as [`Setpoint::distance`].
+    retraced_from: Option<f64>,
 }
 
 impl<const N: usize> Controller<N> {
@@ -414,6 +416,7 @@ impl<const N: usize> Controller<N> {
             told_leg: None,
             told_state: State::Starting,
             late_plans: 0,
+            retraced_from: None,
             layout,
         }
     }

@@ -1,7 +1,7 @@
 //! What the session, or the program's feeder, orders.
 
 use super::state::{NotNow, Request};
-use super::{Controller, Event, Goal, Job};
+use super::{Controller, Event, Goal, Job, StopPoint};
 use crate::machine::COORDINATES;
 use std::mem::take;
 use syncline_gcode::Axis as Letter;
@@ -97,6 +97,9 @@ pub enum Refusal {
     /// It would lead away from a probing.
     #[error("not while the program probes: resume, or stop")]
     Probing,
+    /// Axes go point to point, and the path waits for them.
+    #[error("axes go point to point, which nothing takes back: feed hold and resume, or stop")]
+    NoWayBack,
     /// No axis is homed unless it is named.
     #[error("nothing is to be homed but what an operator homes by hand: name the axes")]
     NothingToHome,
@@ -161,7 +164,11 @@ impl<const N: usize> Controller<N> {
             Order::SingleBlock(on) => self.executor.set_single_block(on),
             Order::OptionalStop(on) => self.optional_stop = on,
             Order::Retrace if self.probing.is_active() => return Err(Refusal::Probing),
+            Order::Retrace if matches!(self.reached(), Some(StopPoint::PointToPoint { .. })) => {
+                return Err(Refusal::NoWayBack);
+            }
             Order::Retrace => {
+                self.retraced_from = (self.planned.speed == 0.0).then_some(self.planned.distance);
                 // A pause that is told comes again when the path has come back to it.
                 if take(&mut self.pause_told) {
                     self.tell(Event::Retracing);

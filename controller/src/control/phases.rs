@@ -344,6 +344,10 @@ impl<const N: usize> Controller<N> {
                 }));
             }
         }
+        let came_from = self.retraced_from.take_if(|_| rests);
+        if self.executor.retraces() && came_from == Some(self.planned.distance) {
+            self.tell(Event::NoWayBack);
+        }
         if rests != self.held {
             self.held = rests;
             let pause = self.reached().filter(|_| self.pause_told);
@@ -383,6 +387,11 @@ impl<const N: usize> Controller<N> {
                 self.await_user_code(call, within, line);
             }
             Some(StopPoint::AwaitInput { .. } | StopPoint::UserCode { .. }) => {}
+            Some(StopPoint::PointToPoint { .. }) if self.executor.retraces() => {
+                // It was to go back, and could not come to rest before; nothing leads back over the move.
+                self.tell(Event::NoWayBack);
+                self.executor.feed_hold();
+            }
             Some(StopPoint::PointToPoint { motion, .. }) => {
                 if let Err(fault) = self.step_point_to_point(&motion) {
                     self.fail(fault);

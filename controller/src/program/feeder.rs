@@ -516,7 +516,11 @@ impl Feeder {
             self.first_mark += 1;
         }
         self.marks.push_back(stop);
-        (self.planner).mark(self.first_mark + self.marks.len() as u32 - 1);
+        let mark = self.first_mark + self.marks.len() as u32 - 1;
+        match stop {
+            StopPoint::PointToPoint { .. } => self.planner.one_way_mark(mark),
+            _ => self.planner.mark(mark),
+        }
     }
 
     /// Plans the rest of the program anew where the executor wants that; the instructions of the

@@ -360,6 +360,29 @@ fn one_that_does_not_get_there_is_told() {
     );
 }
 
+/// There is no way back over such a move, begun or done, and the operator is told so.
+#[test]
+fn no_retrace_takes_one_back() {
+    let mut rig = at_work("G21 G90 G94\nG1 X50 F6000\nG0 U100\nG1 X100");
+    rig.run_until(|rig| ends(rig, U) > 20.0);
+    go(&mut rig, Command::Retrace);
+    let refused: Vec<_> = rig.refused.iter().map(|it| it.reason.clone()).collect();
+    assert_eq!(refused, [Refusal::Machine(OrderRefusal::NoWayBack)]);
+    assert_eq!(state(&rig), State::Ready, "{:?}", rig.events);
+    rig.command(Command::Mdi("G1 X50\nG0 U0\nG1 X20".to_owned()));
+    rig.run_until(|rig| ends(rig, U).abs() < 1.0 && ends(rig, X) < 40.0);
+    for told in [0, 1] {
+        go(&mut rig, Command::Retrace);
+        assert_eq!(state(&rig), State::Held);
+        assert!((ends(&rig, X) - 50.0).abs() <= WINDOW, "{}", ends(&rig, X));
+        let no_way = rig.events.iter().filter(|it| **it == Event::NoWayBack);
+        assert_eq!(no_way.count(), told);
+    }
+    go(&mut rig, Command::Resume);
+    assert_eq!(state(&rig), State::Ready);
+    assert!((ends(&rig, X) - 20.0).abs() <= WINDOW && ends(&rig, U).abs() <= WINDOW);
+}
+
 /// How long it takes from now until there is a fault, s, and which.
 fn until_fault(rig: &mut Rig) -> (f64, String) {
     let from = rig.controller().cycle();
@@ -562,11 +585,57 @@ proptest! {
         prop_assert!(told || rests, "{:?}", rig.events);
     }
 
-    /// Gone back along the path, or jogged off it, while it goes: it waits until the path is back where it began.
+    /// Retraced, held and resumed at any times: every axis is where the program has it at each place of the path, and
+    /// the program comes to its end.
     #[test]
-    fn none_goes_on_before_the_path_is_back(
-        wait in 1..140usize, jogs: bool, retraction: bool, to in 20..250i32,
+    fn a_retrace_leads_back_over_no_move(
+        acts in prop::collection::vec((1..500u32, 0..4u8), 1..7), single: bool, mixed: bool, u in 10..200i32, w in 2..20i32,
     ) {
+        let mut rig = at_work("G4 P0");
+        settle(&mut rig);
+        let go_there = if mixed { format!("G0 X100 U{u}") } else { format!("X100\nG0 U{u}") };
+        let start = rig.rows.len();
+        rig.command(Command::Mdi(format!(
+            "G21 G90 G94 G64\nG1 F9000 X50\n{go_there}\nG1 X150\nX200\nM0\nG0 W{w}\nG1 X300"
+        )));
+        if single {
+            rig.command(Command::SingleBlock(SwitchChange::To(true)));
+        }
+        for (wait, act) in acts {
+            for _ in 0..wait {
+                rig.step();
+            }
+            rig.command(match act {
+                0 | 1 => Command::Retrace,
+                2 => Command::Resume,
+                _ => Command::FeedHold,
+            });
+        }
+        for _ in 0..12 {
+            settle(&mut rig);
+            rig.command(Command::Resume);
+            settle(&mut rig);
+            rig.command(Command::CycleStart);
+        }
+        settle(&mut rig);
+        prop_assert_eq!(state(&rig), State::Ready, "{:?}", rig.events);
+        let there = [(X, 300.0), (U, f64::from(u)), (W, f64::from(w))];
+        for (axis, to) in there {
+            prop_assert!((ends(&rig, axis) - to).abs() <= WINDOW, "{}: {}", axis, ends(&rig, axis));
+        }
+        for row in &rig.rows[start..] {
+            for (axis, to, from) in [(U, f64::from(u), 100.0), (W, f64::from(w), 200.0)] {
+                let along = act(row, X) - from;
+                let expected = if along < 0.0 { 0.0 } else { to };
+                let off = (act(row, axis) - expected).abs();
+                prop_assert!(along.abs() < 1.0 || off <= WINDOW, "{} at {} with X {}", axis, act(row, axis), along);
+            }
+        }
+    }
+
+    /// Jogged off the path while it goes: it waits until the path is back where it began.
+    #[test]
+    fn none_goes_on_before_the_path_is_back(wait in 1..140usize, retraction: bool, to in 20..250i32) {
         let with = ("[machine]", "[retraction]\naxis = \"Z\"\nclearance = -20.0\napproach_speed = 10.0\n\n[machine]");
         let changes = [&CHANGES[..], &[with][..usize::from(retraction)]].concat();
         let mut rig = Rig::staying_on("portal", &changes, |_, _| ());
@@ -579,15 +648,13 @@ proptest! {
         }
         // As long as its drive brakes.
         let begins = rig.rows.len() + 60;
-        if jogs {
-            rig.command(Command::FeedHold);
-            settle(&mut rig);
-            prop_assume!(state(&rig) == State::Held && !away(&rig));
-            rig.command(Command::Jog(Jog::By { axis: Axis::X, distance: 20.0, speed: None }));
-        } else {
-            rig.command(Command::Retrace);
-        }
+        rig.command(Command::FeedHold);
         settle(&mut rig);
+        prop_assume!(state(&rig) == State::Held && !away(&rig));
+        rig.command(Command::Jog(Jog::By { axis: Axis::X, distance: 20.0, speed: None }));
+        for _ in 0..1200 {
+            rig.step();
+        }
         prop_assume!(state(&rig) == State::Held && away(&rig));
         for _ in 0..6 {
             rig.command(Command::Resume);

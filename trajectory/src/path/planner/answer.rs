@@ -8,7 +8,8 @@
 use std::collections::VecDeque;
 
 use super::{
-    ANSWER_HALVINGS, Account, Cursor, MOST_FOLLOWED, NOTHING, Planner, RETRACE, Retrace, Section,
+    ANSWER_HALVINGS, Account, Cursor, MOST_FOLLOWED, NOTHING, PlanItem, Planner, RETRACE, Retrace,
+    Section,
 };
 use crate::path::brake::brake;
 use crate::path::override_transition::{attempts, minima};
@@ -230,6 +231,9 @@ impl<const N: usize> Planner<N> {
         };
         // From the beginning of a section, or a rest between two, into the one before.
         while self.section(item).is_none() || from <= NOTHING {
+            if matches!(self.item(item), Some(PlanItem::Mark { one_way: true, .. })) {
+                return nowhere;
+            }
             let items = self.first..self.first + self.items.len() as u64;
             let Some(before) = item.checked_sub(1).filter(|before| items.contains(before)) else {
                 return nowhere;

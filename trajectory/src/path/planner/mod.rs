@@ -121,7 +121,11 @@ enum PlanItem<const N: usize> {
         duration: f64,
         tag: u32,
     },
-    Mark(u32),
+    Mark {
+        mark: u32,
+        /// No retrace leads back over it.
+        one_way: bool,
+    },
     /// At rest; how many waypoints there are up to here.
     Waypoint(u32),
 }
@@ -276,7 +280,16 @@ impl<const N: usize> Planner<N> {
     /// The path rests here until [`mark`](super::Executor::mark) is [passed](super::Executor::pass).
     pub fn mark(&mut self, mark: u32) {
         self.close();
-        self.items.push_back(PlanItem::Mark(mark));
+        let one_way = false;
+        self.items.push_back(PlanItem::Mark { mark, one_way });
+    }
+
+    /// As [`mark`](Self::mark), and no [retrace](super::Executor::retrace) leads back over it. While the path rests at
+    /// it none may be asked for.
+    pub fn one_way_mark(&mut self, mark: u32) {
+        self.close();
+        let one_way = true;
+        self.items.push_back(PlanItem::Mark { mark, one_way });
     }
 
     /// A place that the path passes without a stop, between the items before and those to come: it
@@ -460,7 +473,7 @@ impl<const N: usize> Planner<N> {
                     self.cursor.step += 1;
                     self.begin_item(number + 1);
                 }
-                Some(&PlanItem::Mark(mark)) => {
+                Some(&PlanItem::Mark { mark, .. }) => {
                     self.out
                         .extend([Command::Mark { item: number, mark }, Command::Commit]);
                     self.cursor.step += 1;
