@@ -21,6 +21,7 @@
 //! - `node`, `sdo_sequence`: a drive over its bus; what it is asked by SDO
 //! - [`state`]: what operators may ask for, and when
 //! - [`job`]: what the machine works on, one after the other
+//! - `instruction`: what the program feeds to the cycle, and where the path rests for it
 //! - `point_to_point`: axes that go to targets beside the path
 //! - `axis`: planned position to increments, following error
 //! - [`reaction`], `supervision`: what is done about what happens, the table and its execution
@@ -32,6 +33,7 @@ pub mod fault;
 pub mod functions;
 mod homing;
 mod inputs;
+mod instruction;
 pub mod job;
 mod jogs;
 pub mod layout;
@@ -58,6 +60,7 @@ pub use fault::Fault;
 pub use functions::{MachineFunctions, Switch};
 pub use homing::{HomingFailure, LostReference, NotRecalled};
 pub use inputs::{InputIndex, InputWait};
+pub use instruction::{Instruction, StopPoint};
 pub use job::{Job, JobKind, Outcome};
 pub use jogs::HOLD_TO_RUN;
 pub use layout::Layout;
@@ -86,7 +89,7 @@ use std::sync::Arc;
 use syncline_canopen::response_time::{bit_time, worst_case_bits};
 use syncline_canopen::time::Duration;
 use syncline_canopen::{CobId, Frame, Instant, Transmit, nmt};
-use syncline_trajectory::path::{Command as PathCommand, Executor, Leg, Setpoint, Shaping};
+use syncline_trajectory::path::{Executor, Leg, Setpoint, Shaping};
 use user_codes::UserCalls;
 
 /// Events that wait to be fetched at most; more are dropped, newest first.
@@ -121,94 +124,6 @@ impl Wake {
     pub fn at(self) -> Instant {
         match self {
             Self::Sync(at) | Self::Setpoint(at) => at,
-        }
-    }
-}
-
-/// What the program feeds to the cycle.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Instruction<const N: usize> {
-    /// The next command of the plan, but for its marks.
-    Plan(PathCommand<N>),
-    /// The next mark of the plan, and what it stands for.
-    Mark {
-        /// As in [`PathCommand::Mark`].
-        item: u64,
-        /// As in [`PathCommand::Mark`].
-        mark: u32,
-        /// What happens once the path rests there.
-        stop: StopPoint,
-    },
-    /// What the next [`StopPoint::Probe`] asks for; it comes before the plan leads there.
-    Probe(ProbeMove<N>),
-    /// The plan behind the probing with this number begins; what came before it is of no use any more.
-    Probed(u32),
-    /// What is switched at the next waypoint of the plan; it comes before the plan leads there.
-    Switch {
-        /// Its line.
-        line: u32,
-        /// What.
-        switch: Switch,
-    },
-}
-
-/// What happens at a mark of the plan. The path rests there until that is done, so that no
-/// replacement of the plan, whenever it comes, leaves it out.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum StopPoint {
-    /// Rest with drives enabled until an operator goes on.
-    Pause {
-        /// Why.
-        reason: Pause,
-        /// Program line.
-        line: u32,
-    },
-    /// The job is complete.
-    End,
-    /// The path goes on at once: so many M-codes have come without a stop that there is no room for more
-    /// of them.
-    Rest,
-    /// The path goes on once an input is there.
-    AwaitInput {
-        /// Which one, and what it has to do.
-        wait: InputWait,
-        /// Program line.
-        line: u32,
-    },
-    /// The path goes on once axes beside it are where they go.
-    PointToPoint {
-        /// Where they go.
-        motion: PointToPoint,
-        /// Program line.
-        line: u32,
-    },
-    /// The path goes on once the command of an M-code of the user's has ended.
-    UserCode {
-        /// The code.
-        call: UserCall,
-        /// How long its command may take.
-        within: Duration,
-        /// Program line.
-        line: u32,
-    },
-    /// The program probes, and goes on with what is found.
-    Probe {
-        /// Program line.
-        line: u32,
-    },
-    /// What comes next in the program cannot be run: a fault.
-    Broken,
-}
-
-impl StopPoint {
-    /// The line of the block that is at work while the path rests there.
-    fn works_on(&self) -> Option<u32> {
-        match *self {
-            Self::AwaitInput { line, .. }
-            | Self::PointToPoint { line, .. }
-            | Self::UserCode { line, .. }
-            | Self::Probe { line } => Some(line),
-            Self::Pause { .. } | Self::End | Self::Rest | Self::Broken => None,
         }
     }
 }

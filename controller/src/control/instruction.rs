@@ -1,0 +1,93 @@
+//! What the program feeds to the cycle, and what happens where the path rests for it.
+
+use super::{InputWait, Pause, PointToPoint, ProbeMove, Switch, UserCall};
+use syncline_canopen::time::Duration;
+use syncline_trajectory::path::Command as PathCommand;
+
+/// What the program feeds to the cycle.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Instruction<const N: usize> {
+    /// The next command of the plan, but for its marks.
+    Plan(PathCommand<N>),
+    /// The next mark of the plan, and what it stands for.
+    Mark {
+        /// As in [`PathCommand::Mark`].
+        item: u64,
+        /// As in [`PathCommand::Mark`].
+        mark: u32,
+        /// What happens once the path rests there.
+        stop: StopPoint,
+    },
+    /// What the next [`StopPoint::Probe`] asks for; it comes before the plan leads there.
+    Probe(ProbeMove<N>),
+    /// The plan behind the probing with this number begins; what came before it is of no use any more.
+    Probed(u32),
+    /// What is switched at the next waypoint of the plan; it comes before the plan leads there.
+    Switch {
+        /// Its line.
+        line: u32,
+        /// What.
+        switch: Switch,
+    },
+}
+
+/// What happens at a mark of the plan. The path rests there until that is done, so that no
+/// replacement of the plan, whenever it comes, leaves it out.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum StopPoint {
+    /// Rest with drives enabled until an operator goes on.
+    Pause {
+        /// Why.
+        reason: Pause,
+        /// Program line.
+        line: u32,
+    },
+    /// The job is complete.
+    End,
+    /// The path goes on at once: so many M-codes have come without a stop that there is no room for more
+    /// of them.
+    Rest,
+    /// The path goes on once an input is there.
+    AwaitInput {
+        /// Which one, and what it has to do.
+        wait: InputWait,
+        /// Program line.
+        line: u32,
+    },
+    /// The path goes on once axes beside it are where they go.
+    PointToPoint {
+        /// Where they go.
+        motion: PointToPoint,
+        /// Program line.
+        line: u32,
+    },
+    /// The path goes on once the command of an M-code of the user's has ended.
+    UserCode {
+        /// The code.
+        call: UserCall,
+        /// How long its command may take.
+        within: Duration,
+        /// Program line.
+        line: u32,
+    },
+    /// The program probes, and goes on with what is found.
+    Probe {
+        /// Program line.
+        line: u32,
+    },
+    /// What comes next in the program cannot be run: a fault.
+    Broken,
+}
+
+impl StopPoint {
+    /// The line of the block that is at work while the path rests there.
+    pub(super) fn works_on(&self) -> Option<u32> {
+        match *self {
+            Self::AwaitInput { line, .. }
+            | Self::PointToPoint { line, .. }
+            | Self::UserCode { line, .. }
+            | Self::Probe { line } => Some(line),
+            Self::Pause { .. } | Self::End | Self::Rest | Self::Broken => None,
+        }
+    }
+}
