@@ -191,8 +191,10 @@ impl Targets {
         self.blocked = runs && new && self.taken;
         if runs && new && !self.asks && !self.taken {
             (self.asks, self.halted) = (true, false);
-            self.last = Some([target, last]);
-            return (Controlword::MODE_4, [target, last]);
+            // Sent once more, it is on the way from where it set off.
+            let from = if target == last { from } else { last };
+            self.last = Some([target, from]);
+            return (Controlword::MODE_4, [target, from]);
         }
         let bits = match (self.asks, runs) {
             (true, _) => Controlword::MODE_4,
@@ -346,7 +348,12 @@ mod tests {
         // Anew, once bit 12 has fallen.
         assert_eq!(send(&mut targets, Run, 9), (0, 9, 5));
         targets.status(Statusword(0));
-        assert_eq!(send(&mut targets, Run, 9), (Controlword::MODE_4, 9, 9));
+        assert_eq!(send(&mut targets, Run, 9), (Controlword::MODE_4, 9, 5));
+        // And again after each halt.
+        targets.status(taken);
+        assert_eq!(send(&mut targets, Enable, 9), (Controlword::HALT, 9, 5));
+        targets.status(Statusword(0));
+        assert_eq!(send(&mut targets, Run, 9), (Controlword::MODE_4, 9, 5));
         assert_eq!(send(&mut targets, Disable, 9), (0, 9, 9));
         assert_eq!(send(&mut targets, Run, 2), (0, 2, 2));
     }
