@@ -344,15 +344,11 @@ impl Desk {
         {
             return Err(control::Refusal::from(NotNow { request, state }).into());
         }
-        match command {
-            Command::Jog(Jog::Continuous { axis, .. }) => {
-                self.joggers[axis.index()] = Some(Arc::clone(source));
-            }
-            // It would prolong what somebody else, who may be lost, began.
-            Command::RenewJog(axis) if self.joggers[axis.index()].as_ref() != Some(source) => {
-                return Ok(Asked::Own);
-            }
-            _ => {}
+        // It would prolong what somebody else, who may be lost, began.
+        if let Command::RenewJog(axis) = command
+            && self.joggers[axis.index()].as_ref() != Some(source)
+        {
+            return Ok(Asked::Own);
         }
         if let Command::Output { name, on } = command {
             let (output, on) = (self.output(name)?, *on);
@@ -437,6 +433,9 @@ impl Desk {
             (Command::Reset, _) => {
                 self.faults.clear();
                 self.status.stopped = None;
+            }
+            (Command::Jog(Jog::Continuous { axis, .. }), _) => {
+                self.joggers[axis.index()] = Some(Arc::clone(&issued.source));
             }
             _ => {}
         }

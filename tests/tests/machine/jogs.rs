@@ -326,6 +326,27 @@ fn nobody_renews_what_somebody_else_began() {
     assert_eq!(jogs.count(), 1);
 }
 
+/// What is refused takes nothing over.
+#[test]
+fn a_jog_that_is_refused_is_nobodys() {
+    let mut rig = ready_with(&[]);
+    let [keys, panel] = ["keys", "panel"].map(|name| rig.session.operator(name));
+    keys.command(on(Axis::X, Direction::Positive)).unwrap();
+    wait(&mut rig, 10);
+    let nowhere = Command::Jog(SessionJog::Continuous {
+        axis: Axis::X,
+        direction: Direction::Positive,
+        speed: Some(f64::NAN),
+    });
+    panel.command(nowhere).unwrap();
+    for _ in 0..6 {
+        wait(&mut rig, 75);
+        assert_eq!(state(&rig), State::Jogging, "{:?}", rig.events);
+        keys.command(Command::RenewJog(Axis::X)).unwrap();
+    }
+    assert_eq!(rig.refused.len(), 1, "{:?}", rig.refused);
+}
+
 /// What two operators do who jog on and on, and nothing else that moves an axis.
 fn jogging() -> impl Strategy<Value = (usize, Command)> {
     let axis = || select(&[Axis::X, Axis::Y, Axis::Z][..]);

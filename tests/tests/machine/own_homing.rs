@@ -299,6 +299,30 @@ proptest! {
     }
 }
 
+/// Wake-ups until Y is referenced, of itself or with all others; `None` if it fails.
+fn takes(max_time_ms: usize, homed: Command) -> Option<usize> {
+    let more = format!("position = -4.0\nfinal_position = 0.0\nmax_time_ms = {max_time_ms}");
+    let mut replacements = by_drive(REF_NEGATIVE, &more, SIMULATED);
+    replacements.push(("start = 180.0".to_owned(), "start = 790.0".to_owned()));
+    let mut rig = rig(&replacements, 0);
+    rig.command(homed);
+    let wake_ups = (0..40_000).find(|_| {
+        rig.step();
+        is_referenced(&rig, Axis::Y) || failure(&rig).is_some()
+    });
+    wake_ups.filter(|_| is_referenced(&rig, Axis::Y))
+}
+
+/// It waits until no axis of its group moves: X, which is searched for ten seconds.
+#[test]
+fn the_time_that_it_waits_for_others_is_not_its_own() {
+    let alone = takes(120_000, home(Axis::Y)).expect("it is homed");
+    let ms = alone; // Two wake-ups are a cycle of 2 ms.
+    let together = takes(ms + 200, ALL).expect("it is homed");
+    assert!(together > 2 * alone, "{together}, {alone}");
+    assert_eq!(takes(ms / 2, home(Axis::Y)), None);
+}
+
 #[test]
 fn one_that_goes_too_far_is_halted() {
     let homing = "position = -4.0\nfinal_position = 0.0\nmax_distance = 60.0";

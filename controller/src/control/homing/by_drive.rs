@@ -52,6 +52,8 @@ pub(super) struct ByDrive {
     step: Step,
     /// Cycles since the step began.
     since: u64,
+    /// Cycles that it has taken so far, without those that it waited for others.
+    worked: u64,
     /// Where the drive stood as it set off.
     from: Increments,
     /// Samples in a row further away from there than it may go.
@@ -62,6 +64,11 @@ impl ByDrive {
     /// Whether it rests until no axis of the group moves.
     pub(super) fn waits(&self) -> bool {
         matches!(self.step, Step::Left | Step::Home)
+    }
+
+    /// Cycles that it has taken so far, without those that it waited for others.
+    pub(super) fn worked(&self) -> u64 {
+        self.worked
     }
 
     /// Whether the drive moves, or may.
@@ -105,6 +112,7 @@ impl<const N: usize> Controller<N> {
         let node = &mut self.nodes[axis.drive()];
         let by_drive = &mut self.homing.by_drive[index];
         by_drive.since += 1;
+        by_drive.worked += u64::from(!by_drive.waits());
         let seen = by_drive.since > COMMAND_CYCLES;
         let is_home = by_drive.moves() && by_drive.watch(how, node)?;
         match by_drive.step {

@@ -394,7 +394,9 @@ impl<const N: usize> Controller<N> {
                     let over = self.home_by_drive(index, how, (quiet, answered));
                     if over.map_err(failed)? {
                         self.homing.found |= 1 << index;
-                    } else if elapsed > how.max_time && !self.homing.is_quiet(index) {
+                    }
+                    let worked = self.homing.by_drive[index].worked();
+                    if layout.cycle * worked as u32 > how.max_time {
                         return Err(failed(HomingFailure::TooLong));
                     }
                     continue;
