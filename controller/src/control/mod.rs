@@ -236,6 +236,8 @@ pub struct Controller<const N: usize> {
     /// A SYNC was left out: its setpoint is skipped.
     left_out: bool,
     row: Option<Row<N>>,
+    /// The last cycle in which setpoints moved.
+    moved: u64,
     in_position: u32,
     /// The last mark of the plan; there is never another one behind it before it is passed.
     stop_point: Option<(u32, StopPoint)>,
@@ -314,6 +316,7 @@ impl<const N: usize> Controller<N> {
             frozen: false,
             left_out: false,
             row: None,
+            moved: 0,
             in_position: 0,
             stop_point: None,
             homing: Homing::new(layout.axes.iter().map(|axis| axis.drives.len())),

@@ -84,6 +84,10 @@ impl<const N: usize> Controller<N> {
             axis.follow(self.cycle, &self.nodes);
         }
         self.place_beside();
+        let squares = self.axes.iter().any(|axis| axis.squares(self.cycle));
+        if squares || self.planned.velocity.iter().any(|by| *by != 0.0) {
+            self.moved = self.cycle;
+        }
         let mut samples = [AxisSample::default(); N];
         let mut in_position = self.path_rests();
         for axis in &self.axes {

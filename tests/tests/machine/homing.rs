@@ -657,6 +657,33 @@ fn a_gantry_is_taken_square_by_captured_edges_at_any_speed() {
     }
 }
 
+/// Contact while the sides of a gantry go where they belong has them rest.
+#[test]
+fn contact_interrupts_squaring() {
+    let probe = "[[input]]\nname = \"probe\"\ndrive = \"X1\"\nsignal = \"DI1\"\nfunction = \"probe\"\n\n[[input]]\nname = \"home Y\"";
+    let replacements = [
+        ("start = 180.0", "start = 180.0\nstart_skew = 3.0"),
+        ("[[input]]\nname = \"home Y\"", probe),
+    ];
+    let mut rig = switched_on(&replacements);
+    let x = Axis::X.index();
+    rig.command(home(Axis::X));
+    let planned = |rig: &mut Rig| rig.session.timeline().row().map(|row| row.axes[x].apart);
+    rig.run_until(|rig| {
+        let apart = planned(rig);
+        is_referenced(rig, Axis::X) && apart.is_some_and(|apart| (0.5..2.0).contains(&apart.abs()))
+    });
+    rig.twin(X1).disturb(Disturbance::Input(1, true));
+    settle(&mut rig);
+    assert!(rig.events.contains(&Event::Touched), "{:?}", rig.events);
+    assert_eq!(state(&rig), State::Ready);
+    let left = apart(&mut rig);
+    assert!(left.abs() > 0.3, "{left}");
+    // It is left off, and done again when asked.
+    rig.twin(X1).disturb(Disturbance::Input(1, false));
+    assert!(squared(&mut rig, 0.5).abs() < 2.0 * INCREMENT);
+}
+
 /// What the last homing told: by how much the gantry was out of square, and by how much the place may be off, mm.
 fn told(rig: &Rig) -> (f64, f64) {
     let told = rig.events.iter().rev().find_map(|event| match event {

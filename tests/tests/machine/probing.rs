@@ -433,6 +433,26 @@ fn one_that_does_not_settle_ends_it() {
     }
 }
 
+/// Where the path rests for a few cycles its axes, which lag behind, do not.
+#[test]
+fn contact_at_a_turn_of_the_path_stops() {
+    for wake_ups in 0..30 {
+        let mut rig = rig("G21 G90\nG0 X20\nG4 P0.01\nG0 X0\nM2\n");
+        rig.run_until(|rig| {
+            rig.rows
+                .last()
+                .is_some_and(|row| row.plan.position[0] > 19.9)
+        });
+        for _ in 0..wake_ups {
+            rig.step();
+        }
+        rig.twin(0).disturb(Disturbance::Input(0, true));
+        assert_eq!(rig.finish_with_fault(), Fault::Touched, "{wake_ups}");
+        let x = rig.rows.last().expect("it moved").plan.position[0];
+        assert!(x > 15.0, "{wake_ups}: {x}");
+    }
+}
+
 #[test]
 fn contact_that_nobody_looks_for_stops() {
     let into = "G21 G90\nG0 X-10 Y15 Z-15\nG0 Z-30\nG0 X20\nM2\n";

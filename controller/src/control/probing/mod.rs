@@ -170,11 +170,12 @@ impl<const N: usize> Controller<N> {
         self.probing.probed.as_ref()
     }
 
-    /// Something touched the probe while the axes moved, and nobody was probing.
+    /// Something touched the probe while the axes moved, and nobody was probing. An axis may still move for a while after
+    /// its setpoints.
     pub(super) fn touched(&mut self) {
-        let mut velocities = self.planned.velocity.iter();
-        let moves = velocities.any(|velocity| *velocity != 0.0) || !self.goers_rest();
-        if self.probing.is_active() || !moves || self.phase != Phase::Program {
+        let rests = self.cycle - self.moved > self.still_cycles().into() && self.goers_rest();
+        let probing = self.probing.stage != Stage::Idle;
+        if probing || rests || self.phase != Phase::Program {
             return;
         }
         self.tell(Event::Touched);
