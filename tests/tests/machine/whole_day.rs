@@ -8,6 +8,8 @@ use super::day::{
 };
 use super::homing::truth;
 use super::replayed;
+use std::thread;
+use std::time::Duration;
 use syncline_controller::control::{Event, State};
 use syncline_controller::session::{
     self, Accepted, Command, Direction, Jog, Override, Refusal, Status, Subscription,
@@ -503,6 +505,11 @@ fn await_rest(terminal: &mut Terminal, state: &str, axis: &str, place: f64) -> S
     })
 }
 
+/// As a person does: an Enter right behind another one may be its repetition.
+fn take_time() {
+    thread::sleep(Duration::from_secs(1));
+}
+
 /// The same in real time, by keys on a terminal, on the bus that is built in; and `replay` goes through it once
 /// more. X meets a clamp, so that the work is moved away from it.
 #[test]
@@ -553,6 +560,7 @@ fn by_keys_on_a_terminal() {
     // Run, hold, jog, resume: up, over and down; then the clamp.
     keys.press(format!(":load {}\r", part.display()).as_bytes());
     keys.wait_until(|screen| screen.contains("part.ngc"));
+    take_time();
     keys.press(b"\r");
     keys.wait_until(|screen| shown(screen, "X").is_some_and(|x| x > 5.0));
     keys.press(b" ");
@@ -585,6 +593,7 @@ fn by_keys_on_a_terminal() {
     // Another program, and off.
     keys.press(format!(":load {}\r", other.display()).as_bytes());
     keys.wait_until(|screen| screen.contains("other.ngc"));
+    take_time();
     keys.press(b"\r");
     await_rest(&mut keys, "READY", "X", 20.0);
     keys.press(b":switch_off\r");

@@ -9,6 +9,9 @@
 //! does: this side of a connection that hangs cannot know that the key is still held. A terminal that is lost
 //! thus stops the axis by [`HOLD_TO_RUN`](crate::control::HOLD_TO_RUN). Any other terminal has steps only.
 //!
+//! Enter that is held repeats itself too, and a terminal need not tell that. At the last stop of a program it would begin the
+//! program again as soon as that has ended: an Enter begins none so soon after another one.
+//!
 //! # A terminal that is lost
 //!
 //! Nobody is there any more: the machine comes to rest and is switched off, in whatever state it is.
@@ -16,7 +19,7 @@
 use super::super::{events, keys};
 use super::model::Model;
 use super::view;
-use crate::control::Layout;
+use crate::control::{Layout, State};
 use crate::machine::{COORDINATES, Machine};
 use crate::run::Timeline;
 use crate::session::{Command, Jog, NotTaken, Operator, Session, StatusView, Subscription};
@@ -32,13 +35,16 @@ use rustix::io::Errno;
 use std::io;
 use std::sync::Arc;
 use std::thread::{self, JoinHandle};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// How often the screen is drawn.
 const REDRAW: Duration = Duration::from_millis(50);
 
 /// How often it is looked whether the terminal is still there.
 const LOOK: Duration = Duration::from_millis(50);
+
+/// The longest time from an Enter to its repetition: terminals wait for up to half a second before the first one.
+const REPEATS: Duration = Duration::from_millis(700);
 
 /// What a key does to the screen.
 enum Screen {
@@ -67,6 +73,7 @@ pub(super) fn listen(
         tell,
         prompt: None,
         held: Vec::new(),
+        entered: None,
     };
     let model = Model::new(machine, verbose);
     let (events, view) = (session.subscribe(), session.view());
@@ -139,6 +146,8 @@ struct Keyboard {
     prompt: Option<String>,
     /// Keys that jog for as long as they are held.
     held: Vec<KeyCode>,
+    /// When Enter was pressed last, or repeated itself.
+    entered: Option<Instant>,
 }
 
 impl Keyboard {
@@ -203,8 +212,15 @@ impl Keyboard {
                 _ => Ok(()),
             };
         }
+        let begins = key.code == KeyCode::Enter && self.view.get().state == State::Ready;
+        let repeats = key.code == KeyCode::Enter && self.is_repeated();
         if let Some(text) = self.prompt.take() {
             return self.edit(text, key.code);
+        }
+        if begins && repeats {
+            let why = "Enter may only have repeated itself: press it again to begin the program";
+            self.show(Screen::Tell(why.to_owned()));
+            return Ok(());
         }
         match key.code {
             KeyCode::Char(':') => self.type_on(String::new()),
@@ -216,6 +232,12 @@ impl Keyboard {
             }
         }
         Ok(())
+    }
+
+    /// Whether an Enter may be the repetition of another one.
+    fn is_repeated(&mut self) -> bool {
+        let before = self.entered.replace(Instant::now());
+        before.is_some_and(|before| before.elapsed() < REPEATS)
     }
 
     /// Goes on with what is typed.
