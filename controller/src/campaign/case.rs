@@ -79,6 +79,7 @@ impl Case {
         machine.wire(&mut Dice::new(seed, 5));
         machine.equip(&mut Dice::new(seed, 9));
         machine.home(&mut Dice::new(seed, 10));
+        machine.watch(&mut Dice::new(seed, 11));
         let dice = &mut Dice::new(seed, 1);
         let programs = (0..dice.whole(1..=3)).map(|_| program::draw(dice, &machine));
         let programs = programs.chain(program::special(&mut Dice::new(seed, 6), &machine));
@@ -91,6 +92,7 @@ impl Case {
         let mut troubles = interference::draw(&mut Dice::new(seed, 4), &machine, cycles);
         interference::answer_wrongly(&mut Dice::new(seed, 7), &machine, &mut troubles);
         interference::switch_inputs(&mut Dice::new(seed, 8), &machine, cycles, &mut troubles);
+        interference::slip(&mut Dice::new(seed, 12), &machine, cycles, &mut troubles);
         Self {
             seed,
             machine,

@@ -2,7 +2,7 @@
 //! together; and the port through which buses are interfered with.
 
 use super::When;
-use super::dice::Dice;
+use super::dice::{Dice, rounded};
 use super::machine::MachineSpec;
 use crate::bus::{Burst, BusFault, Received, Severity};
 use crate::port::sim::SimPort;
@@ -23,12 +23,15 @@ pub struct Trouble {
     pub what: Interference,
 }
 
-/// What happens. Buses by their places in the machine file, and so drives and behind them I/O nodes.
+/// What happens. Buses by their places in the machine file, and so drives, behind them encoders and behind those I/O
+/// nodes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Interference {
-    /// A drive or an I/O node.
+    /// A drive or another device.
     Drive(usize, ToDrive),
+    /// The coupling of an encoder slips by so many revolutions.
+    Slip(usize, f64),
     /// A bus.
     Bus(usize, ToBus),
     /// The cycle's next wake-up comes so many µs late.
@@ -230,6 +233,7 @@ impl Interference {
                 },
                 ToBus::Intruder(..) => "frames of a stranger",
             },
+            Self::Slip(..) => "coupling of an encoder slips",
             Self::Late(_) => "wake-up late",
             Self::StarvePlanner(_) => "planner starved",
         }
@@ -404,6 +408,26 @@ pub(super) fn switch_inputs(
                 let what = Interference::Drive(drive, ToDrive::Input(wire.place, on));
                 troubles.push(Trouble { at, what });
             }
+        }
+    }
+    troubles.sort_by_key(|trouble| trouble.at);
+}
+
+/// Couplings of encoders slip: by less than what the machine takes, and by more.
+pub(super) fn slip(
+    dice: &mut Dice,
+    machine: &MachineSpec,
+    cycles: u32,
+    troubles: &mut Vec<Trouble>,
+) {
+    for (place, encoder) in machine.encoders().enumerate() {
+        if dice.chance(0.3) {
+            let allowed = encoder.difference / encoder.pitch;
+            let by = rounded(allowed * dice.between(-3.0, 3.0), 4);
+            troubles.push(Trouble {
+                at: When::draw(dice, cycles),
+                what: Interference::Slip(machine.drives() + place, by),
+            });
         }
     }
     troubles.sort_by_key(|trouble| trouble.at);

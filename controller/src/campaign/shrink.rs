@@ -98,21 +98,19 @@ impl Shrinking<'_> {
 
 /// Takes an axis out of a case.
 fn without_axis(case: &mut Case, axis: usize) {
-    let before: usize = (case.machine.axes[..axis].iter())
-        .map(|axis| axis.drives.len())
-        .sum();
-    let gone = case.machine.axes.remove(axis);
-    let (letter, drives) = (gone.letter, gone.drives.len());
+    let before: Vec<_> = case.machine.nodes().collect();
+    let letter = case.machine.axes.remove(axis).letter;
+    let left: Vec<_> = case.machine.nodes().collect();
     for program in &mut case.programs {
         program.retain(|line| !line.contains(letter));
     }
     case.deeds.retain(|deed| !names(deed, letter));
     case.troubles.retain_mut(|Trouble { what, .. }| match what {
-        Interference::Drive(drive, _) if *drive >= before + drives => {
-            *drive -= drives;
-            true
+        Interference::Drive(device, _) | Interference::Slip(device, _) => {
+            let place = left.iter().position(|it| Some(it) == before.get(*device));
+            *device = place.unwrap_or_default();
+            place.is_some()
         }
-        Interference::Drive(drive, _) => *drive < before,
         _ => true,
     });
     let buses = case.machine.buses.len();

@@ -357,6 +357,11 @@ impl<'a> Stage<'a> {
                             .disturb(what.disturbance());
                     }
                 }
+                Interference::Slip(device, by) => {
+                    if let Some(twin) = self.twins.get(*device) {
+                        timeline.world().slip(*twin, *by);
+                    }
+                }
                 Interference::Bus(bus, what) => {
                     if *bus < self.case.machine.buses.len() {
                         timeline.bus(*bus).trouble(*what);

@@ -6,7 +6,7 @@ use std::time::Duration;
 use syncline_canopen::cia402::{self, Statusword};
 use syncline_canopen::{CanId, CobId, Frame, Instant};
 use syncline_controller::campaign::stage::{self, Played};
-use syncline_controller::campaign::{self, Case, Checkers, Seen, Wanted};
+use syncline_controller::campaign::{self, Case, Checkers, Interference, Seen, Wanted};
 use syncline_controller::control::fault::{AxisCause, BusCause, DeviceCause, Fault};
 use syncline_controller::control::{self, State};
 use syncline_controller::machine::Machine;
@@ -39,20 +39,13 @@ static RECORDED: LazyLock<Vec<Recorded>> = LazyLock::new(|| {
             }
             break;
         }
-        let machine = case.machine.machine().unwrap();
-        let mut seen = Vec::new();
-        let mut record = |it| seen.push(it);
-        let played = stage::play(&case, &machine, Wanted::default(), &mut record).unwrap();
-        if played.summary.times.motion_s > 1.5 {
-            recorded.push(Recorded {
-                case,
-                machine,
-                seen,
-                played,
-            });
+        let quiet = record(case);
+        if quiet.played.summary.times.motion_s > 1.5 {
+            recorded.push(quiet);
         }
     }
     recorded.push(switching());
+    recorded.push(watched());
     recorded
 });
 
@@ -97,6 +90,21 @@ fn switching() -> Recorded {
     case.troubles.clear();
     case.patience = Some(10);
     case.cycles = 4_000_000 / case.machine.cycle_us;
+    record(case)
+}
+
+/// A quiet case in which a program runs while an encoder watches an axis.
+fn watched() -> Recorded {
+    let quiet = (0..).map(Case::of).filter(|case| {
+        let mut axes = case.machine.axes.iter();
+        case.is_untroubled() && case.patience.is_some() && axes.any(|axis| axis.encoder.is_some())
+    });
+    let mut recorded = quiet.map(record);
+    let moves = recorded.find(|it| it.played.summary.times.motion_s > 1.5);
+    moves.unwrap()
+}
+
+fn record(case: Case) -> Recorded {
     let machine = case.machine.machine().unwrap();
     let mut seen = Vec::new();
     let mut record = |it| seen.push(it);
@@ -294,6 +302,15 @@ fn accepted(command: Command) -> Seen {
     }))
 }
 
+/// The coupling of the first encoder slips, by so much of what it and the drives may differ.
+fn slip(recorded: &Recorded, part: f64) -> Seen {
+    let mut encoders = recorded.case.machine.axes.iter();
+    let encoder = encoders.find_map(|axis| axis.encoder.as_ref()).unwrap();
+    let turns = part * encoder.difference / encoder.pitch;
+    let device = recorded.machine.drives.len();
+    Seen::Interfered(Interference::Slip(device, turns))
+}
+
 fn is_sync(seen: &Seen) -> bool {
     matches!(seen, Seen::Frame { sent, .. } if sent.frame.id() == CanId::from(CobId::SYNC))
 }
@@ -310,7 +327,7 @@ fn commanded(seen: &Seen, data: [u8; 2]) -> Vec<Seen> {
 }
 
 /// Defects by the checker that has to find each.
-const DEFECTS: [(&str, &str, Change); 57] = [
+const DEFECTS: [(&str, &str, Change); 60] = [
     (
         "setpoints",
         "one setpoint a tenth of a revolution off",
@@ -908,6 +925,46 @@ const DEFECTS: [(&str, &str, Change); 57] = [
             if is_sync(seen) && planting.running > 100 && planting.state == Some(State::Running) {
                 let request = CanId::Standard(0x600 + u16::from(it.machine.drives[0].node.get()));
                 all.push(framed(*bus, sent, Frame::new(request, &[0x40; 8])));
+            }
+            all
+        },
+    ),
+    (
+        "encoders",
+        "an encoder that falls silent",
+        |it, planting, seen| match (seen, it.machine.encoders.first()) {
+            (Seen::Frame { bus, sent }, Some(encoder))
+                if planting.running > 100
+                    && *bus == encoder.bus
+                    && sent.frame.id() == CanId::from(CobId::t_pdo(2, encoder.node)) =>
+            {
+                Vec::new()
+            }
+            _ => vec![seen.clone()],
+        },
+    ),
+    (
+        "encoders",
+        "a coupling that slips while nobody looks",
+        |it, planting, seen| {
+            let mut all = vec![seen.clone()];
+            if !it.machine.encoders.is_empty() && planting.once() {
+                all.push(slip(it, 2.0));
+            }
+            all
+        },
+    ),
+    (
+        "encoders",
+        "an encoder that is told to disagree and does not",
+        |it, planting, seen| {
+            let mut all = vec![seen.clone()];
+            if let Some(encoder) = it.machine.encoders.first()
+                && planting.once()
+            {
+                let cause = AxisCause::FeedbackDifference { difference: 1.0 };
+                let fault = Fault::Axis(encoder.axis, cause);
+                all.extend([slip(it, 0.1), event(control::Event::Fault(fault))]);
             }
             all
         },

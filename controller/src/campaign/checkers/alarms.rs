@@ -22,20 +22,31 @@ pub(super) struct Alarms {
     emergency: Option<(usize, Instant)>,
 }
 
-/// Which drives may be to blame for what happened: `None`, anything may.
+/// A device may be to blame, and what it has a part in.
+fn suspect(scene: &Scene<'_>, device: usize, suspects: &mut Vec<usize>) {
+    let machine = scene.machine;
+    suspects.push(device);
+    // What moves one side of a gantry moves the other, and an encoder speaks for its axis.
+    let axis = match machine.drives.get(device) {
+        Some(drive) => Some(drive.axis),
+        None => (machine.encoders.get(device - machine.drives.len())).map(|it| it.axis),
+    };
+    suspects.extend(axis.iter().flat_map(|axis| &machine.axes[*axis].drives));
+}
+
+/// Which devices may be to blame for what happened: `None`, anything may.
 fn suspects(scene: &Scene<'_>) -> Option<Vec<usize>> {
     let mut suspects = Vec::new();
     for (_, what) in &scene.interferences {
         match *what {
-            Interference::Drive(device, _) => match scene.machine.drives.get(device) {
-                // What moves one side of a gantry moves the other.
-                Some(drive) => suspects.extend(&scene.machine.axes[drive.axis].drives),
-                None => suspects.push(device),
-            },
+            Interference::Drive(device, _) | Interference::Slip(device, _) => {
+                suspect(scene, device, &mut suspects)
+            }
             Interference::Bus(bus, _) => {
                 let nodes = scene.machine.nodes().enumerate();
-                let own = nodes.filter(|(_, node)| node.bus == bus);
-                suspects.extend(own.map(|(device, _)| device));
+                for (device, _) in nodes.filter(|(_, node)| node.bus == bus) {
+                    suspect(scene, device, &mut suspects);
+                }
             }
             Interference::StarvePlanner(_) => {}
             // All drives miss a SYNC that comes late.

@@ -18,6 +18,7 @@
 mod alarms;
 mod answers;
 mod bus;
+mod encoders;
 mod ending;
 mod motion;
 mod outputs;
@@ -132,6 +133,7 @@ pub struct Checkers<'a> {
     answers: answers::Answers,
     outputs: outputs::Outputs,
     bus: bus::Bus,
+    encoders: encoders::Encoders,
     ending: ending::Ending,
     /// What they found.
     pub found: Found,
@@ -152,6 +154,7 @@ impl<'a> Checkers<'a> {
             answers: answers::Answers::default(),
             outputs: outputs::Outputs::new(&scene),
             bus: bus::Bus::new(machine),
+            encoders: encoders::Encoders::new(machine),
             ending: ending::Ending::default(),
             found: Found::default(),
             scene,
@@ -215,10 +218,11 @@ impl<'a> Checkers<'a> {
             answers,
             outputs,
             bus,
+            encoders,
             ending,
             found,
         } = self;
-        let all: [&mut dyn Checker; 10] = [
+        let all: [&mut dyn Checker; 11] = [
             setpoints,
             motion,
             stops,
@@ -228,6 +232,7 @@ impl<'a> Checkers<'a> {
             answers,
             outputs,
             bus,
+            encoders,
             ending,
         ];
         for checker in all {

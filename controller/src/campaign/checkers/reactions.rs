@@ -23,7 +23,7 @@ const QUICK_STOP: u16 = 0x0B;
 /// R_PDOs from where a cause shows, or is told, until its reaction is commanded.
 const IN_TIME: u32 = 2;
 /// SYNCs without an answer beyond those that are allowed until something is done.
-const SILENT: u32 = 3;
+pub(super) const SILENT: u32 = 3;
 
 /// A column of the table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -138,18 +138,18 @@ struct Watched {
 }
 
 /// Axes may move, and every drive follows its setpoints.
-fn is_up(state: State) -> bool {
+pub(super) fn is_up(state: State) -> bool {
     use State::{Held, Homing, Jogging, Mdi, Ready, Running};
     matches!(state, Ready | Homing | Jogging | Mdi | Running | Held)
 }
 
 /// Nothing has happened to buses or to the host.
-fn is_calm(scene: &Scene<'_>) -> bool {
+pub(super) fn is_calm(scene: &Scene<'_>) -> bool {
     let mut all = scene.interferences.iter();
     all.all(|(_, what)| {
         matches!(
             what,
-            Interference::Drive(..) | Interference::StarvePlanner(_)
+            Interference::Drive(..) | Interference::Slip(..) | Interference::StarvePlanner(_)
         )
     })
 }

@@ -259,7 +259,9 @@ impl<'a> Scene<'a> {
                 !matches!(what, ToDrive::LoseTPdos(_) | ToDrive::Input(..))
             }
             Interference::Bus(_, what) => matches!(what, ToBus::Incoming(_) | ToBus::Unplug(_)),
-            Interference::Late(_) | Interference::StarvePlanner(_) => false,
+            Interference::Slip(..) | Interference::Late(_) | Interference::StarvePlanner(_) => {
+                false
+            }
         };
         let mut all = self.interferences.iter();
         all.any(|(at, what)| lasts(what) || self.since(*at) < seconds)

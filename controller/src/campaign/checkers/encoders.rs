@@ -1,0 +1,131 @@
+//! An encoder beside an axis is listened to: where it falls silent, or says something else than the drives, the machine
+//! stops; where it agrees with them nobody says that it does not.
+//!
+//! By how much an encoder is off is known from what happened to its coupling.
+
+use super::super::interference::Interference;
+use super::reactions::{SILENT, is_calm, is_up};
+use super::{Checker, Found, Scene};
+use crate::control::{self, Fault, fault::AxisCause};
+use crate::machine::Machine;
+use crate::session::Event;
+use syncline_canopen::{CanId, CobId, Instant};
+use syncline_drives::bus::Transmission;
+
+const NAME: &str = "encoders";
+
+/// Cycles, beyond those for which a T_PDO may be missing, until a difference is told.
+const IN_TIME: u32 = 4;
+/// So many revolutions of the motor, and increments of an encoder that counts 4,096 a revolution, may be between what
+/// encoder and drives say at one SYNC.
+const MARGIN: (f64, f64) = (0.1, 2.0 / 4096.0);
+
+/// See the module.
+pub(super) struct Encoders(Vec<Watched>);
+
+/// An encoder.
+#[derive(Clone, Debug, Default)]
+struct Watched {
+    /// SYNCs without a T_PDO.
+    silent: u32,
+    /// How far its coupling has slipped, mm.
+    slipped: f64,
+    /// Since when that is more than allowed while axes may move.
+    since: Option<Instant>,
+}
+
+impl Encoders {
+    pub(super) fn new(machine: &Machine) -> Self {
+        Self(vec![Watched::default(); machine.encoders.len()])
+    }
+}
+
+/// By how much an encoder and its drives may differ, and by how much they seem to without a slip, mm.
+fn allowed(scene: &Scene<'_>, encoder: usize) -> (f64, f64) {
+    let machine = scene.machine;
+    let axis = machine.encoders[encoder].axis;
+    let limit = machine.axes[axis].feedback.map(|it| it.difference);
+    let specs = scene.case.machine.axes[axis].encoder.as_ref();
+    let pitch = specs.map_or(0.0, |it| it.pitch);
+    let margin = MARGIN.0 * scene.case.machine.axes[axis].travel + MARGIN.1 * pitch;
+    (limit.unwrap_or(f64::INFINITY), margin)
+}
+
+impl Checker for Encoders {
+    fn sync(&mut self, scene: &Scene<'_>, bus: usize, found: &mut Found) {
+        for (spec, watched) in scene.machine.encoders.iter().zip(&mut self.0) {
+            if spec.bus != bus {
+                continue;
+            }
+            watched.silent += 1;
+            if !is_up(scene.state) || scene.faulted {
+                watched.silent = 0;
+            } else if watched.silent > scene.case.machine.t_pdo_misses + SILENT && is_calm(scene) {
+                watched.silent = 0;
+                let what = "nothing is done about a silent encoder";
+                found.violate(NAME, scene, what, || spec.name.clone());
+            }
+        }
+    }
+
+    fn frame(&mut self, scene: &Scene<'_>, bus: usize, sent: &Transmission, _: &mut Found) {
+        for (spec, watched) in scene.machine.encoders.iter().zip(&mut self.0) {
+            let t_pdos = (1..=4).map(|number| CobId::t_pdo(number, spec.node));
+            let mut own = t_pdos.filter(|it| CanId::from(*it) == sent.frame.id());
+            if spec.bus == bus && own.next().is_some() {
+                watched.silent = 0;
+            }
+        }
+    }
+
+    fn interfered(&mut self, scene: &Scene<'_>, what: &Interference, _: &mut Found) {
+        if let Interference::Slip(device, by) = what {
+            let encoder = device - scene.machine.drives.len();
+            let axis = scene.machine.encoders[encoder].axis;
+            let spec = scene.case.machine.axes[axis].encoder.as_ref();
+            self.0[encoder].slipped += by * spec.map_or(0.0, |it| it.pitch);
+        }
+    }
+
+    fn told(&mut self, scene: &Scene<'_>, event: &Event, found: &mut Found) {
+        let Event::Machine(control::Event::Fault(Fault::Axis(
+            axis,
+            AxisCause::FeedbackDifference { .. },
+        ))) = event
+        else {
+            return;
+        };
+        let mut encoders = scene.machine.encoders.iter();
+        let Some(encoder) = encoders.position(|it| it.axis == *axis) else {
+            return;
+        };
+        let (limit, margin) = allowed(scene, encoder);
+        let slipped = self.0[encoder].slipped;
+        if slipped.abs() + margin < limit && is_calm(scene) {
+            let what = "an encoder is said to disagree that does not";
+            found.violate(NAME, scene, what, || {
+                format!("it has slipped by {slipped} mm: {event:?}")
+            });
+        }
+    }
+
+    fn woken(&mut self, scene: &Scene<'_>, found: &mut Found) {
+        let cycles = scene.case.machine.t_pdo_misses + IN_TIME;
+        let in_time = f64::from(cycles) * scene.period();
+        for (encoder, watched) in self.0.iter_mut().enumerate() {
+            let (limit, margin) = allowed(scene, encoder);
+            let is_over = watched.slipped.abs() > limit + margin;
+            if !is_over || !is_up(scene.state) || scene.faulted {
+                watched.since = None;
+            } else if scene.since(*watched.since.get_or_insert(scene.now)) > in_time
+                && is_calm(scene)
+            {
+                let what = "nothing is done about an encoder that disagrees";
+                found.violate(NAME, scene, what, || {
+                    let name = &scene.machine.encoders[encoder].name;
+                    format!("{name} has slipped by {} mm", watched.slipped)
+                });
+            }
+        }
+    }
+}

@@ -1,0 +1,336 @@
+//! Axes of a random machine, with their drives and encoders.
+
+use super::super::dice::{Dice, rounded};
+use super::wires::{HOME, Wire};
+use serde::{Deserialize, Serialize};
+use std::fmt::Write as _;
+use syncline_drives::model::{Address, Assumed, MODELS, Model};
+
+/// CiA 402's quick stop ramp, increments/s². As a drive leaves the factory it may be steeper than many a motor
+/// can follow, so who sets up a machine writes what the axis takes, where the controller does not.
+const QUICK_STOP_RAMP: Address = Address::new(0x6085, 0);
+
+/// An axis of one drive, or a gantry of two.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct AxisSpec {
+    /// Its letter.
+    pub letter: char,
+    /// Travel for one revolution of the motor, mm or degrees.
+    pub travel: f64,
+    /// mm/s.
+    pub velocity: f64,
+    /// mm/s².
+    pub acceleration: f64,
+    /// mm/s³.
+    pub jerk: f64,
+    /// Least and greatest position, mm.
+    pub soft_limits: [f64; 2],
+    /// Whether the drives supervise following error and soft limits too.
+    pub supervised: bool,
+    /// One, or two.
+    pub drives: Vec<DeviceSpec>,
+    /// What the file says of what its drives move: the inside of `simulation`.
+    pub simulation: Option<String>,
+    /// How it is homed: the inside of `homing`. Its encoders are absolute if there is none.
+    #[serde(default)]
+    pub homing: Option<String>,
+    /// What says where it is, beside its drives.
+    #[serde(default)]
+    pub encoder: Option<EncoderSpec>,
+}
+
+/// An encoder of an axis, by CiA 406.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct EncoderSpec {
+    /// Its place among the buses.
+    pub bus: usize,
+    /// Its node id.
+    pub node: u8,
+    /// How far the axis moves for a revolution of its shaft, mm or degrees.
+    pub pitch: f64,
+    /// It counts the other way.
+    pub negative: bool,
+    /// What it counts at machine position 0.
+    pub zero: u32,
+    /// How far it and the drives may be apart, mm or degrees.
+    pub difference: f64,
+}
+
+/// A drive.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct DeviceSpec {
+    /// Its place among the buses.
+    pub bus: usize,
+    /// Its node id.
+    pub node: u8,
+    /// The name of its model.
+    pub model: String,
+    /// Its encoder counts the other way.
+    pub negative: bool,
+    /// What its encoder counts at machine position 0.
+    pub zero: i32,
+    /// What is wired to its inputs and outputs.
+    #[serde(default)]
+    pub wires: Vec<Wire>,
+}
+
+impl EncoderSpec {
+    /// One on an axis with that travel for a revolution of its motor, on one of so many buses.
+    pub(super) fn draw(dice: &mut Dice, buses: usize, travel: f64) -> Self {
+        Self {
+            bus: dice.below(buses),
+            node: dice.whole(1..=126) as u8,
+            pitch: digits(travel * dice.between(0.3, 4.0)),
+            negative: dice.chance(0.5),
+            zero: dice.whole(0..=100_000),
+            difference: digits(travel * dice.between(0.15, 1.0)),
+        }
+    }
+
+    fn write(&self, name: &str, text: &mut String) {
+        let Self {
+            bus,
+            node,
+            pitch,
+            zero,
+            ..
+        } = self;
+        let direction = direction(self.negative);
+        let _ = write!(
+            text,
+            "\n[[encoder]]\nname = \"{name}\"\nbus = \"bus{bus}\"\nnode = {node}\nmodel = \"twk_crn\"\n\
+             pitch = {pitch}\ndirection = \"{direction}\"\nzero = {zero}\n"
+        );
+    }
+}
+
+impl DeviceSpec {
+    pub(super) fn model(&self) -> Option<&'static Model> {
+        MODELS
+            .iter()
+            .find(|model| model.name == self.model)
+            .copied()
+    }
+
+    /// What it counts in a revolution, if it has a quick stop ramp for a user to set.
+    fn ramped(&self) -> Option<f64> {
+        let model = self.model()?;
+        let mut entries = model.dictionary.iter();
+        let has_ramp = entries.any(|entry| entry.address == QUICK_STOP_RAMP);
+        let is_users = has_ramp && !(model.reserved)(QUICK_STOP_RAMP);
+        is_users.then(|| (model.increments_per_revolution)(&Assumed::default()).into())
+    }
+}
+
+impl AxisSpec {
+    /// An axis whose drives have these buses and models.
+    ///
+    /// Limits are drawn at the motor, where a drive can follow them, and carried over to the axis by
+    /// a travel per revolution between micrometres and metres, so that axes of one machine differ by
+    /// decades.
+    pub(super) fn draw(
+        dice: &mut Dice,
+        letter: char,
+        cycle_us: u32,
+        places: &mut Vec<(usize, &str)>,
+    ) -> Self {
+        let period = f64::from(cycle_us) * 1e-6;
+        let travel = if dice.chance(0.6) {
+            f64::from(dice.whole(1..=40))
+        } else {
+            dice.decades(-2, 3)
+        };
+        // Between two setpoints a drive interpolates: what changes much within a cycle it cannot follow.
+        let velocity = dice.between(3.0, 45.0);
+        let acceleration = dice.between(10.0, 400.0).min(0.6 / period);
+        let jerk = acceleration * dice.between(2.0, 40.0).min(0.2 / period);
+        let span = dice.between(5.0, 200.0);
+        let least = match dice.weighted(&[3, 3, 1]) {
+            0 => 0.0,
+            1 => -span * dice.between(0.0, 1.0),
+            _ => dice.between(-500.0, 500.0),
+        };
+        let drives = places.drain(..).enumerate().map(|(side, (bus, model))| {
+            let revolutions = dice.between(-600.0, 600.0);
+            DeviceSpec {
+                bus,
+                node: dice.whole(1..=126) as u8,
+                model: model.to_owned(),
+                negative: side == 1 || dice.chance(0.3),
+                zero: (revolutions * 131_072.0) as i32,
+                wires: Vec::new(),
+            }
+        });
+        Self {
+            letter,
+            travel,
+            velocity: digits(velocity * travel),
+            acceleration: digits(acceleration * travel),
+            jerk: digits(jerk * travel),
+            drives: drives.collect(),
+            soft_limits: [digits(least * travel), digits((least + span) * travel)],
+            supervised: dice.chance(0.5),
+            simulation: dice.chance(0.15).then(|| Self::simulation(dice)),
+            homing: None,
+            encoder: None,
+        }
+    }
+
+    /// A feed axis that a motor is at ease with.
+    fn simulation(dice: &mut Dice) -> String {
+        let motor = dice.pick(&["generic-3", "generic-6", "generic-12"]);
+        format!("motor = \"{motor}\"")
+    }
+
+    /// Has it be homed: where it is set, or, if its drive has an input to spare, by a switch.
+    pub(super) fn home(&mut self, dice: &mut Dice) {
+        let [least, most] = self.soft_limits;
+        let inside = digits(dice.between(least, most)).clamp(least, most);
+        // Two revolutions: ten millimetres are a thousand of some motors.
+        let order = dice.whole(1..=2);
+        let jogs = format!(
+            "order = {order}\njog_distance = {}",
+            digits(2.0 * self.travel)
+        );
+        let name = self.drive_name(0);
+        let drive = &mut self.drives[0];
+        let inputs = drive.model().map_or(&[][..], |model| model.inputs);
+        let used = |place: usize| {
+            let mut inputs = drive.wires.iter().filter(|wire| wire.table == "input");
+            inputs.any(|wire| usize::from(wire.place) == place)
+        };
+        let spare: Vec<usize> = (0..inputs.len()).filter(|place| !used(*place)).collect();
+        if spare.is_empty() || dice.chance(0.3) {
+            self.homing = Some(format!("kind = \"set_here\"\nposition = {inside}\n{jogs}"));
+            return;
+        }
+        let place = *dice.pick(&spare);
+        let (direction, end, away) = match dice.chance(0.5) {
+            true => ("positive", most, -1.0),
+            false => ("negative", least, 1.0),
+        };
+        let edge = digits(end - away * self.travel * dice.between(-0.5, 2.0));
+        let start = digits(edge + away * self.travel * dice.between(-1.0, 8.0));
+        let active_low = ["", "\nactive_low = true"][usize::from(dice.chance(0.3))];
+        // On to the end of the travel.
+        let beyond = digits(edge - away * 1000.0 * self.travel);
+        let [from, to] = [edge.min(beyond), edge.max(beyond)];
+        drive.wires.push(Wire {
+            table: "input".to_owned(),
+            place: place as u8,
+            signal: inputs[place].to_owned(),
+            meaning: format!("{HOME}{active_low}\nsimulated = [{from}, {to}]"),
+        });
+        let speed = digits(self.velocity * dice.between(0.1, 0.9));
+        let slow_speed = digits(speed * dice.between(0.02, 0.3));
+        let latch = ["", "\nlatch = false"][usize::from(dice.chance(0.3))];
+        self.homing = Some(format!(
+            "kind = \"switch\"\nswitches = [\"{name} {}\"]\ndirection = \"{direction}\"\n\
+             speed = {speed}\nslow_speed = {slow_speed}\nback_off = {}\nposition = {edge}\n\
+             final_position = {inside}\n{jogs}{latch}",
+            inputs[place],
+            digits(self.travel * dice.between(0.05, 1.0)),
+        ));
+        let before = self.simulation.take().map_or(String::new(), |it| it + ", ");
+        self.simulation = Some(format!("{before}start = {start}"));
+    }
+
+    /// Following error that is a fault, mm.
+    #[must_use]
+    pub fn following_error(&self) -> f64 {
+        digits(0.25 * self.travel)
+    }
+
+    /// What the machine file calls one of its drives.
+    pub(super) fn drive_name(&self, side: usize) -> String {
+        format!("{}{}", self.letter, side + 1)
+    }
+
+    /// What it calls its encoder.
+    fn encoder_name(&self) -> String {
+        format!("beside {}", self.letter)
+    }
+
+    pub(super) fn write(&self, text: &mut String) {
+        let name = |side: usize| self.drive_name(side);
+        for (side, drive) in self.drives.iter().enumerate() {
+            let direction = direction(drive.negative);
+            let _ = write!(
+                text,
+                "\n[[drive]]\nname = \"{}\"\nbus = \"bus{}\"\nnode = {}\nmodel = \"{}\"\n\
+                 direction = \"{direction}\"\nzero = {}\n",
+                name(side),
+                drive.bus,
+                drive.node,
+                drive.model,
+                drive.zero
+            );
+            if let Some(increments) = drive.ramped() {
+                let ramp = self.acceleration / self.travel * increments;
+                let _ = writeln!(text, "sdo = [[\"6085:0\", {}]]", ramp.ceil());
+            }
+            for wire in &drive.wires {
+                wire.write("drive", &name(side), text);
+            }
+        }
+        if let Some(encoder) = &self.encoder {
+            encoder.write(&self.encoder_name(), text);
+        }
+        let names: Vec<String> = (0..self.drives.len())
+            .map(|side| format!("\"{}\"", name(side)))
+            .collect();
+        let rotary = matches!(self.letter, 'A' | 'B' | 'C');
+        let gear = if rotary { 360.0 / self.travel } else { 1.0 };
+        let pitch = if rotary { 360.0 } else { self.travel };
+        let [least, most] = self.soft_limits;
+        let following_error = self.following_error();
+        let _ = write!(
+            text,
+            "\n[[axis]]\nname = \"{}\"\ndrives = [{}]\npitch = {pitch}\ngear = {gear}\n\
+             max_velocity = {}\nmax_acceleration = {}\nmax_jerk = {}\nsoft_limits = [{least}, {most}]\n\
+             following_error_limit = {following_error}\nstandstill_window = {}\n\
+             drive_following_error = {supervised}\n",
+            self.letter,
+            names.join(", "),
+            self.velocity,
+            self.acceleration,
+            self.jerk,
+            digits(0.02 * self.travel),
+            supervised = self.supervised,
+        );
+        if let Some(encoder) = &self.encoder {
+            let _ = writeln!(
+                text,
+                "feedback = \"{}\"\ndifference_limit = {}",
+                self.encoder_name(),
+                encoder.difference
+            );
+        }
+        // The drives of an axis that is homed do not know its machine positions.
+        if self.homing.is_none() {
+            let _ = writeln!(text, "drive_soft_limits = {}", self.supervised);
+        }
+        if self.drives.len() == 2 {
+            let _ = writeln!(text, "skew_limit = {}", digits(0.1 * self.travel));
+        }
+        if let Some(inside) = &self.simulation {
+            let _ = writeln!(text, "simulation = {{ {inside} }}");
+        }
+        if let Some(inside) = &self.homing {
+            let _ = writeln!(text, "\n[axis.homing]\n{inside}");
+        }
+    }
+}
+
+/// Which way an encoder counts, as a machine file says it.
+fn direction(negative: bool) -> &'static str {
+    if negative { "negative" } else { "positive" }
+}
+
+/// A number as people write it: to four digits or so.
+fn digits(value: f64) -> f64 {
+    let magnitude = value.abs();
+    let decimals = [1000.0, 100.0, 10.0, 1.0, 0.1, 0.01];
+    let decimals = decimals.iter().filter(|it| magnitude < **it).count();
+    rounded(value, decimals)
+}

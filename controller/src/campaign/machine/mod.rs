@@ -1,0 +1,410 @@
+//! Random machines, as data: what a shrinking case leaves out, and what becomes a machine file.
+
+mod axis;
+mod wires;
+
+pub use axis::{AxisSpec, DeviceSpec, EncoderSpec};
+pub use wires::{IoSpec, Wire};
+
+use super::dice::Dice;
+use crate::budget::MachineBudget;
+use crate::machine::Machine;
+use serde::{Deserialize, Serialize};
+use std::fmt::Write as _;
+use std::path::Path;
+use std::time::Duration;
+use syncline_drives::model::{MODELS, Setpoints};
+use wires::{INPUTS, Meanings, NUMBER, OUTPUTS};
+
+/// Letters of axes, in the order in which a small machine has them.
+const LETTERS: [char; 9] = ['X', 'Y', 'Z', 'A', 'B', 'C', 'U', 'V', 'W'];
+
+/// Cycles that are drawn, µs.
+const CYCLES: [u32; 8] = [1000, 2000, 2000, 3000, 4000, 5000, 10_000, 20_000];
+
+/// Bit rates that are drawn, bit/s: slower buses hold no cycle of two drives.
+const BIT_RATES: [u32; 3] = [1_000_000, 500_000, 250_000];
+
+/// Draws of a machine until one fits its buses; then the simplest one is taken.
+const DRAWS: usize = 40;
+
+/// A machine.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct MachineSpec {
+    /// Base cycle, µs.
+    pub cycle_us: u32,
+    /// T_PDOs missing in a row that are a fault.
+    pub t_pdo_misses: u32,
+    /// How far a path may leave what is programmed under G61, and under G64, mm.
+    pub tolerances: [f64; 2],
+    /// Bit rate of each bus, bit/s.
+    pub buses: Vec<u32>,
+    /// The axes.
+    pub axes: Vec<AxisSpec>,
+    /// I/O nodes.
+    #[serde(default)]
+    pub io_nodes: Vec<IoSpec>,
+}
+
+impl MachineSpec {
+    /// What its outputs are called.
+    pub(super) fn outputs(&self) -> Vec<String> {
+        let drives = self.axes.iter().flat_map(|axis| {
+            let drives = axis.drives.iter().enumerate();
+            drives.map(|(side, drive)| (axis.drive_name(side), drive))
+        });
+        let drives = drives.map(|(name, drive)| (name, &drive.wires));
+        let io_nodes = self.io_nodes.iter().enumerate();
+        let io_nodes = io_nodes.map(|(place, io)| (IoSpec::name(place), &io.wires));
+        let outputs = drives.chain(io_nodes).flat_map(|(name, wires)| {
+            let outputs = wires.iter().filter(|wire| wire.table == "output");
+            outputs.map(move |wire| format!("{name} {}", wire.signal))
+        });
+        outputs.collect()
+    }
+
+    /// A random machine that fits its buses.
+    pub(super) fn draw(dice: &mut Dice) -> Self {
+        for _ in 0..DRAWS {
+            let spec = Self::any(dice);
+            if spec.fits() {
+                return spec;
+            }
+        }
+        Self {
+            cycle_us: 4000,
+            t_pdo_misses: 2,
+            tolerances: [0.001, 0.01],
+            buses: vec![1_000_000],
+            axes: vec![AxisSpec::draw(
+                dice,
+                'X',
+                4000,
+                &mut vec![(0, MODELS[0].name)],
+            )],
+            io_nodes: Vec::new(),
+        }
+    }
+
+    /// A random one, whether it fits or not.
+    fn any(dice: &mut Dice) -> Self {
+        let cycle_us = *dice.pick(&CYCLES);
+        // Small machines are most: they are quick, and most of what goes wrong needs no more.
+        let count = match dice.weighted(&[4, 4, 2]) {
+            0 => dice.whole(1..=3),
+            1 => dice.whole(3..=5),
+            _ => dice.whole(6..=9),
+        };
+        let buses = 1 + dice.weighted(&[6, 3, 1]).min(count as usize - 1);
+        let buses: Vec<u32> = (0..buses)
+            .map(|_| BIT_RATES[dice.weighted(&[6, 2, 1])])
+            .collect();
+        let mut letters = LETTERS.to_vec();
+        if dice.chance(0.3) {
+            for place in (1..letters.len()).rev() {
+                letters.swap(place, dice.below(place + 1));
+            }
+        }
+        // Most machines have one maker's drives, and those of all are sent positions.
+        let period = Duration::from_micros(cycle_us.into());
+        let models: Vec<&str> = MODELS
+            .iter()
+            .filter(|model| model.is_sent(Setpoints::Positions) && model.takes_cycle(period))
+            .map(|model| model.name)
+            .collect();
+        let mixed = dice.chance(0.4);
+        let main = MODELS[0].name;
+        let axes = letters[..count as usize].iter().map(|&letter| {
+            let gantry = dice.chance(0.15);
+            let model = if mixed { *dice.pick(&models) } else { main };
+            let drives = if gantry { 2 } else { 1 };
+            let mut places: Vec<_> = (0..drives)
+                .map(|_| (dice.below(buses.len()), model))
+                .collect();
+            AxisSpec::draw(dice, letter, cycle_us, &mut places)
+        });
+        let axes = axes.collect();
+        let mut spec = Self {
+            cycle_us,
+            t_pdo_misses: *dice.pick(&[2, 2, 2, 1, 3]),
+            tolerances: [dice.decades(-4, -1), dice.decades(-3, 0)],
+            buses,
+            axes,
+            io_nodes: Vec::new(),
+        };
+        spec.number(dice);
+        spec
+    }
+
+    /// Gives the drives node ids of their own, and leaves out buses without any.
+    fn number(&mut self, dice: &mut Dice) {
+        let mut used = Vec::new();
+        for drive in self.axes.iter_mut().flat_map(|axis| &mut axis.drives) {
+            while used.contains(&(drive.bus, drive.node)) {
+                drive.node = dice.whole(1..=126) as u8;
+            }
+            used.push((drive.bus, drive.node));
+        }
+        self.leave_out_unused_buses();
+    }
+
+    /// Leaves out buses without drives.
+    pub(super) fn leave_out_unused_buses(&mut self) {
+        for bus in (0..self.buses.len()).rev() {
+            let drives = || self.axes.iter().flat_map(|axis| &axis.drives);
+            if self.buses.len() > 1 && !drives().any(|drive| drive.bus == bus) {
+                self.buses.remove(bus);
+                for io in self.io_nodes.iter_mut().filter(|io| io.bus >= bus) {
+                    io.bus = io.bus.saturating_sub(1);
+                }
+                let encoders = self.axes.iter_mut().filter_map(|it| it.encoder.as_mut());
+                for encoder in encoders.filter(|encoder| encoder.bus >= bus) {
+                    encoder.bus = encoder.bus.saturating_sub(1);
+                }
+                let drives = self.axes.iter_mut().flat_map(|axis| &mut axis.drives);
+                for drive in drives.filter(|drive| drive.bus > bus) {
+                    drive.bus -= 1;
+                }
+            }
+        }
+    }
+
+    /// Wires some of its drives' inputs and outputs, where the buses have room for what they carry then.
+    pub(super) fn wire(&mut self, dice: &mut Dice) {
+        if !dice.chance(0.35) {
+            return;
+        }
+        let mut wired = self.clone();
+        let (mut inputs, mut outputs) = (Meanings::of(INPUTS), Meanings::of(OUTPUTS));
+        for drive in wired.axes.iter_mut().flat_map(|axis| &mut axis.drives) {
+            let Some(model) = drive.model() else { continue };
+            for (table, signals, meanings) in [
+                ("input", model.inputs, &mut inputs),
+                ("output", model.outputs, &mut outputs),
+            ] {
+                for (place, signal) in signals.iter().enumerate() {
+                    if dice.chance(0.25) {
+                        drive.wires.push(Wire {
+                            table: table.to_owned(),
+                            place: place as u8,
+                            signal: (*signal).to_owned(),
+                            meaning: meanings.draw(dice),
+                        });
+                    }
+                }
+            }
+        }
+        if wired.fits() {
+            *self = wired;
+        }
+    }
+
+    /// Gives some machines an I/O node or two, where the buses have room for what they carry then.
+    pub(super) fn equip(&mut self, dice: &mut Dice) {
+        if !dice.chance(0.3) {
+            return;
+        }
+        let mut equipped = self.clone();
+        let words = dice.chance(0.3);
+        for place in 0..dice.whole(1..=2) {
+            let bus = dice.below(self.buses.len());
+            let io = IoSpec::draw(dice, bus, words, place as u8);
+            equipped.io_nodes.push(io);
+        }
+        let mut used: Vec<_> = self.nodes().collect();
+        for io in &mut equipped.io_nodes {
+            while used.contains(&(io.bus, io.node)) {
+                io.node = dice.whole(1..=126) as u8;
+            }
+            used.push((io.bus, io.node));
+        }
+        if equipped.fits() {
+            *self = equipped;
+        }
+    }
+
+    /// Has some machines home axes of one drive: where they are set, or by a switch that is searched.
+    pub(super) fn home(&mut self, dice: &mut Dice) {
+        if !dice.chance(0.25) {
+            return;
+        }
+        let mut homed = self.clone();
+        for axis in homed.axes.iter_mut().filter(|axis| axis.drives.len() == 1) {
+            if dice.chance(0.6) {
+                axis.home(dice);
+            }
+        }
+        if homed.fits() {
+            *self = homed;
+        }
+    }
+
+    /// Has encoders watch some axes that are not homed, where the buses have room for what they tell.
+    pub(super) fn watch(&mut self, dice: &mut Dice) {
+        if !dice.chance(0.2) {
+            return;
+        }
+        let mut watched = self.clone();
+        let mut used: Vec<_> = self.nodes().collect();
+        for axis in watched.axes.iter_mut().filter(|it| it.homing.is_none()) {
+            if !dice.chance(0.5) {
+                continue;
+            }
+            let mut encoder = EncoderSpec::draw(dice, self.buses.len(), axis.travel);
+            while used.contains(&(encoder.bus, encoder.node)) {
+                encoder.node = dice.whole(1..=126) as u8;
+            }
+            used.push((encoder.bus, encoder.node));
+            axis.encoder = Some(encoder);
+        }
+        if watched.fits() {
+            *self = watched;
+        }
+    }
+
+    /// The bus and the node id of every device, in the order of the machine.
+    pub(super) fn nodes(&self) -> impl Iterator<Item = (usize, u8)> {
+        let drives = self.axes.iter().flat_map(|axis| &axis.drives);
+        let drives = drives.map(|drive| (drive.bus, drive.node));
+        let encoders = self.encoders().map(|encoder| (encoder.bus, encoder.node));
+        drives
+            .chain(encoders)
+            .chain(self.io_nodes.iter().map(|io| (io.bus, io.node)))
+    }
+
+    /// What watches axes, in the order of the machine.
+    pub(super) fn encoders(&self) -> impl Iterator<Item = &EncoderSpec> {
+        self.axes.iter().filter_map(|axis| axis.encoder.as_ref())
+    }
+
+    /// What is wired, and to which device.
+    pub(super) fn wires(&self) -> impl Iterator<Item = (usize, &Wire)> {
+        let drives = self.axes.iter().flat_map(|axis| &axis.drives);
+        let wires = drives.map(|drive| &drive.wires[..]);
+        let wires = wires.chain(self.encoders().map(|_| &[][..]));
+        let wires = wires.chain(self.io_nodes.iter().map(|io| &io.wires[..]));
+        (wires.enumerate()).flat_map(|(place, wires)| wires.iter().map(move |wire| (place, wire)))
+    }
+
+    /// The numbers by which programs know what is wired in a table.
+    pub(super) fn numbers(&self, table: &str) -> Vec<u8> {
+        let wires = self.wires().filter(|(_, wire)| wire.table == table);
+        let wires = wires.filter(|(_, wire)| !wire.signal.starts_with("AO"));
+        let number = |(_, wire): (usize, &Wire)| {
+            let number = wire.meaning.strip_prefix(NUMBER)?;
+            number.lines().next()?.parse().ok()
+        };
+        wires.filter_map(number).collect()
+    }
+
+    /// How many drives it has.
+    #[must_use]
+    pub fn drives(&self) -> usize {
+        self.axes.iter().map(|axis| axis.drives.len()).sum()
+    }
+
+    /// What the machine file says of it.
+    ///
+    /// # Errors
+    /// What is wrong in it, in words.
+    pub fn machine(&self) -> Result<Machine, String> {
+        Machine::parse(Path::new("machine.toml"), &self.toml()).map_err(|wrong| wrong.to_string())
+    }
+
+    /// Whether it is good, and its frames fit its cycle.
+    fn fits(&self) -> bool {
+        let machine = self.machine();
+        machine.is_ok_and(|machine| MachineBudget::of(&machine).check().is_ok())
+    }
+
+    /// The machine file.
+    #[must_use]
+    pub fn toml(&self) -> String {
+        let [exact, blend] = self.tolerances;
+        let mut text = format!(
+            "[machine]\nname = \"campaign\"\ncycle_us = {}\n\n[controller]\nt_pdo_misses = {}\n\n\
+             [path]\nexact_tolerance = {exact}\nblend_tolerance = {blend}\n",
+            self.cycle_us, self.t_pdo_misses,
+        );
+        for (bus, bitrate) in self.buses.iter().enumerate() {
+            let _ = write!(
+                text,
+                "\n[[bus]]\nname = \"bus{bus}\"\nbitrate = {bitrate}\nport = \"sim\"\n"
+            );
+        }
+        for axis in &self.axes {
+            axis.write(&mut text);
+        }
+        for (place, io) in self.io_nodes.iter().enumerate() {
+            io.write(place, &mut text);
+        }
+        if self.io_nodes.iter().any(|io| io.words) {
+            text.push_str("\n[model.cia401]\ndigital_words = 1\n");
+        }
+        text
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::control::Layout;
+
+    #[test]
+    fn every_machine_that_is_drawn_is_a_good_one() {
+        let (mut gantries, mut buses, mut most) = (0, 0, 0);
+        for seed in 0..300 {
+            let spec = MachineSpec::draw(&mut Dice::new(seed, 0));
+            let machine = spec
+                .machine()
+                .unwrap_or_else(|wrong| panic!("{seed}: {wrong}"));
+            Layout::new(&machine).unwrap();
+            gantries += usize::from(spec.drives() > spec.axes.len());
+            buses += usize::from(spec.buses.len() > 1);
+            most = most.max(spec.axes.len());
+        }
+        assert!(
+            gantries > 30 && buses > 30 && most == 9,
+            "{gantries} {buses} {most}"
+        );
+    }
+
+    #[test]
+    fn whatever_is_wired_is_good() {
+        let (mut wires, mut homed, mut switches, mut encoders) = (0, 0, 0, 0);
+        for seed in 0..300 {
+            let mut spec = MachineSpec::draw(&mut Dice::new(seed, 0));
+            spec.wire(&mut Dice::new(seed, 5));
+            spec.equip(&mut Dice::new(seed, 9));
+            spec.home(&mut Dice::new(seed, 10));
+            spec.watch(&mut Dice::new(seed, 11));
+            encoders += spec.encoders().count();
+            wires += spec.wires().count();
+            homed += spec.axes.iter().filter(|it| it.homing.is_some()).count();
+            switches += spec.wires().filter(|(_, wire)| wire.is_home()).count();
+            spec.machine()
+                .unwrap_or_else(|wrong| panic!("{seed}: {wrong}"));
+        }
+        assert!(
+            wires > 300 && homed > 100 && switches > 50 && encoders > 50,
+            "{wires} {homed} {switches} {encoders}"
+        );
+    }
+
+    #[test]
+    fn a_machine_without_an_axis_is_still_good() {
+        for seed in 0..60 {
+            let mut spec = MachineSpec::draw(&mut Dice::new(seed, 0));
+            spec.wire(&mut Dice::new(seed, 5));
+            spec.equip(&mut Dice::new(seed, 9));
+            spec.home(&mut Dice::new(seed, 10));
+            spec.watch(&mut Dice::new(seed, 11));
+            while spec.axes.len() > 1 {
+                spec.axes.remove(seed as usize % spec.axes.len());
+                spec.leave_out_unused_buses();
+                spec.machine()
+                    .unwrap_or_else(|wrong| panic!("{seed}: {wrong}"));
+            }
+        }
+    }
+}
