@@ -323,6 +323,12 @@ impl<'a, 'i> Table<'a, 'i> {
         }
     }
 
+    /// Whether the key is there and has a text that `is` it.
+    pub fn has_text(&self, key: &str, is: impl Fn(&str) -> bool) -> bool {
+        let value = self.entries.get(key);
+        value.is_some_and(|value| value.get_ref().as_str().is_some_and(is))
+    }
+
     /// Where the value of a key stands, if it is there.
     pub fn span_of(&self, key: &str) -> Option<Range<usize>> {
         self.entries.get(key).map(Spanned::span)

@@ -4,7 +4,7 @@
 use super::node::NodeTable;
 use super::read::unknown;
 use super::{Axis, Machine};
-use std::ops::Range;
+use std::{ops::Range, path::Path};
 use syncline_canopen::NodeId;
 use syncline_drives::model::{Assumed, Direction, Increments, Model, Scaling, Setpoints, Write};
 use syncline_strict_toml::{Log, Table};
@@ -50,8 +50,8 @@ pub(super) struct EncoderTable {
 }
 
 impl EncoderTable {
-    pub(super) fn read(log: &mut Log<'_>, mut table: Table<'_, '_>) -> Option<Self> {
-        let node = NodeTable::read(log, &mut table, "encoder", Model::is_encoder);
+    pub(super) fn read(log: &mut Log<'_>, folder: &Path, mut table: Table<'_, '_>) -> Option<Self> {
+        let node = NodeTable::read(log, folder, &mut table, "encoder", Model::is_encoder);
         let unit = "(mm or degrees that the axis moves for one turn of the encoder's shaft)";
         let pitch = table.positive(log, "pitch", unit);
         let direction = super::read::direction(log, &mut table);

@@ -3,6 +3,7 @@
 //! Reading is strict, see [`syncline_strict_toml`]. `docs/machine-file.md` is the reference of
 //! all keys.
 
+mod described;
 mod encoder;
 mod fits;
 mod homing;
@@ -378,12 +379,14 @@ impl Machine {
         Ok(Self::parse(file, &source)?)
     }
 
-    /// Checks a machine file's text; `file` only names it in messages.
+    /// Checks a machine file's text; `file` names it in messages, and descriptions of devices are read from its
+    /// folder.
     ///
     /// # Errors
     /// Everything that is wrong in it.
     pub fn parse(file: &Path, source: &str) -> Result<Self, Invalid> {
-        read::machine(source).map_err(|diagnostics| Invalid {
+        let folder = file.parent().unwrap_or(Path::new(""));
+        read::machine(folder, source).map_err(|diagnostics| Invalid {
             file: file.into(),
             diagnostics,
         })

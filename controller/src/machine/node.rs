@@ -1,10 +1,11 @@
 //! What stands in the tables of all devices: a name, a place on a bus, a model, objects to write.
 
+use super::described;
 use super::read::{BusTable, name, unknown};
 use super::{Drive, Encoder, IoNode};
-use std::{collections::BTreeMap, ops::Range, time::Duration};
+use std::{collections::BTreeMap, ops::Range, path::Path, time::Duration};
 use syncline_canopen::{Address, NodeId};
-use syncline_drives::model::{Data, MODELS, Model, Scaling, Write};
+use syncline_drives::model::{Assumed, Data, MODELS, Model, Scaling, Write};
 use syncline_strict_toml::{Log, Table, integer};
 use toml::{Spanned, de::DeValue};
 
@@ -87,13 +88,17 @@ pub(super) struct NodeTable {
     pub(super) bus: Spanned<String>,
     pub(super) node: Spanned<NodeId>,
     pub(super) model: &'static Model,
+    /// What a file says of the model, if one describes it, and where it is named.
+    pub(super) described: Option<Spanned<Assumed>>,
     pub(super) objects: Vec<Write>,
 }
 
 impl NodeTable {
-    /// Reads the keys that every `kind` of device has; its models are those `of_kind`.
+    /// Reads the keys that every `kind` of device has; its models are those `of_kind`, and what files in `folder`
+    /// describe.
     pub(super) fn read(
         log: &mut Log<'_>,
+        folder: &Path,
         table: &mut Table<'_, '_>,
         kind: &'static str,
         of_kind: fn(&Model) -> bool,
@@ -101,10 +106,15 @@ impl NodeTable {
         let name = name(log, table);
         let bus = table.text(log, "bus", "the `name` of a [[bus]]", |_| true);
         let node = table.integer(log, "node", 1..=127, "");
-        let models = MODELS.iter().filter(|model| of_kind(model));
-        let models = models.map(|model| model.name);
-        let model = table.choice(log, "model", models);
-        let model = model.and_then(|name| Model::by_name(name.get_ref()));
+        let (model, described) = if table.has_text("model", described::is_file) {
+            let described = described::read(log, folder, table, of_kind);
+            described.map_or((None, None), |(model, of)| (Some(model), Some(of)))
+        } else {
+            let models = MODELS.iter().filter(|model| of_kind(model));
+            let models = models.map(|model| model.name);
+            let model = table.choice(log, "model", models);
+            (model.and_then(|name| Model::by_name(name.get_ref())), None)
+        };
         let entries = table.items(log, "sdo", SDO);
         let objects: Vec<_> = match model {
             Some(model) => entries
@@ -120,6 +130,7 @@ impl NodeTable {
             bus: bus?,
             node: Spanned::new(node.span(), node_id(*node.get_ref())?),
             model: model?,
+            described,
             objects: objects.into_iter().collect::<Option<_>>()?,
         })
     }

@@ -2,6 +2,7 @@
 //! they fit together. Each stage reports all it finds, and the next starts only on what is clean,
 //! so that one mistake does not cause complaints about another thing.
 
+use super::described;
 use super::encoder::{self, EncoderTable, FeedbackTable};
 use super::fits::{self, Asked, Pairing};
 use super::homing::{self, HomingTable};
@@ -17,7 +18,7 @@ use super::{
     Axis, AxisLimits, Bus, Controller, Drive, Feedback, Homing, HomingPolicy, Machine, Motion,
     PathTolerances, Probing, Spindle, Validation, assumed, spindle, validation,
 };
-use std::{collections::BTreeMap, ops::Range, time::Duration};
+use std::{collections::BTreeMap, ops::Range, path::Path, time::Duration};
 use syncline_drives::mechanics::touch_probe::TouchProbe;
 use syncline_drives::model::{Ability, Assumed, Direction, Increments, MODELS, Model, Scaling};
 use syncline_gcode as gcode;
@@ -33,12 +34,12 @@ const BITRATES: [i64; 8] = [
     10_000, 20_000, 50_000, 125_000, 250_000, 500_000, 800_000, 1_000_000,
 ];
 
-pub(super) fn machine(source: &str) -> Result<Machine, Vec<Diagnostic>> {
+pub(super) fn machine(folder: &Path, source: &str) -> Result<Machine, Vec<Diagnostic>> {
     let mut log = Log::new(source);
     let document = syncline_strict_toml::parse(&mut log, source);
     let machine = log
         .is_empty()
-        .then(|| Tables::read(&mut log, document.get_ref()))
+        .then(|| Tables::read(&mut log, folder, document.get_ref()))
         .flatten()
         .filter(|_| log.is_empty())
         .and_then(|tables| tables.join(&mut log));
@@ -73,7 +74,7 @@ struct Tables {
 }
 
 impl Tables {
-    fn read(log: &mut Log<'_>, document: &DeTable<'_>) -> Option<Self> {
+    fn read(log: &mut Log<'_>, folder: &Path, document: &DeTable<'_>) -> Option<Self> {
         let mut file = Table::new("machine file", 0..0, document);
         let machine = file.table(log, "machine", true);
         let controller = file.table(log, "controller", false);
@@ -109,13 +110,14 @@ impl Tables {
         let buses: Vec<_> = buses.into_iter().map(|t| BusTable::read(log, t)).collect();
         let drives: Vec<_> = drives
             .into_iter()
-            .map(|t| DriveTable::read(log, t))
+            .map(|t| DriveTable::read(log, folder, t))
             .collect();
         let encoders: Vec<_> = encoders
             .into_iter()
-            .map(|t| EncoderTable::read(log, t))
+            .map(|t| EncoderTable::read(log, folder, t))
             .collect();
-        let io_nodes: Vec<_> = (io_nodes.into_iter().map(|t| IoTable::read(log, t))).collect();
+        let io_nodes: Vec<_> =
+            (io_nodes.into_iter().map(|t| IoTable::read(log, folder, t))).collect();
         let axes: Vec<_> = axes.into_iter().map(|t| AxisTable::read(log, t)).collect();
         let spindle = spindle.and_then(|table| spindle::read(log, table));
         let homing = homing.unwrap_or_else(|| Table::new("homing", 0..0, &empty));
@@ -154,7 +156,7 @@ impl Tables {
     }
 
     /// Checks what concerns several tables, and resolves names.
-    fn join(self, log: &mut Log<'_>) -> Option<Machine> {
+    fn join(mut self, log: &mut Log<'_>) -> Option<Machine> {
         unique(log, "bus", self.buses.iter().map(|bus| &bus.name));
         let drives = self.drives.iter().map(|drive| &drive.node);
         let encoders = self.encoders.iter().map(|encoder| &encoder.node);
@@ -169,8 +171,10 @@ impl Tables {
         let shaper = self.shaper.as_ref().map(|table| table.join(log, cycle));
 
         let devices: Vec<_> = drives.chain(encoders).chain(io_nodes).collect();
+        let described = described::models(log, &devices);
         let bus_of = node::places(log, &devices, &self.buses, &self.cycle, controller.node);
 
+        self.assumptions.extend(described);
         let mut axis_of = self.assign(log);
         let feedbacks = self.axes.iter();
         let feedbacks = feedbacks.map(|axis| (axis.title(), axis.feedback.as_ref()));
@@ -447,8 +451,8 @@ struct DriveTable {
 }
 
 impl DriveTable {
-    fn read(log: &mut Log<'_>, mut table: Table<'_, '_>) -> Option<Self> {
-        let node = NodeTable::read(log, &mut table, "drive", Model::is_drive);
+    fn read(log: &mut Log<'_>, folder: &Path, mut table: Table<'_, '_>) -> Option<Self> {
+        let node = NodeTable::read(log, folder, &mut table, "drive", Model::is_drive);
         let direction = direction(log, &mut table);
         let (least, most) = (i64::from(i32::MIN), i64::from(i32::MAX));
         let zero = table.integer_or(log, "zero", 0, least..=most, " (increments)");
@@ -716,19 +720,25 @@ fn assumptions(log: &mut Log<'_>, mut tables: Table<'_, '_>) -> Vec<(&'static Mo
         let Some(mut table) = tables.table(log, model.name, false) else {
             continue;
         };
-        let mut values = Vec::new();
-        for assumption in model.assumptions {
-            let (least, most) = assumption.allowed.clone().into_inner();
-            let range = i64::from(least)..=i64::from(most);
-            if let Some(value) = table.integer_if(log, assumption.name, range, "") {
-                values.push((assumption.name, *value.get_ref() as u32));
-            }
-        }
+        let assumed = assumed_of(log, &mut table, model);
         table.finish(log);
-        stated.push((model, Assumed(values)));
+        stated.push((model, assumed));
     }
     tables.finish(log);
     stated
+}
+
+/// What a table says of a model's assumptions.
+pub(super) fn assumed_of(log: &mut Log<'_>, table: &mut Table<'_, '_>, model: &Model) -> Assumed {
+    let mut values = Vec::new();
+    for assumption in model.assumptions {
+        let (least, most) = assumption.allowed.clone().into_inner();
+        let range = i64::from(least)..=i64::from(most);
+        if let Some(value) = table.integer_if(log, assumption.name, range, "") {
+            values.push((assumption.name, *value.get_ref() as u32));
+        }
+    }
+    Assumed(values)
 }
 
 pub(super) fn name(log: &mut Log<'_>, table: &mut Table<'_, '_>) -> Option<Spanned<String>> {

@@ -223,6 +223,7 @@ pub fn config(machine: &Machine, index: usize, seed: u64) -> Config {
     let config = Config {
         bit_rate: BitRate::from_kbit(machine.buses[node.bus].bitrate / 1000),
         assumed: machine.assumed(node.model).0,
+        dictionary: node.model.generic.map(|_| node.model.dictionary),
         ..single(node.id, index, seed)
     };
     let Some(Seat { axis, scaling }) = node.seat else {
@@ -366,7 +367,7 @@ pub fn single(node: NodeId, index: usize, seed: u64) -> Config {
 /// Never: every model has one, as a test holds.
 #[must_use]
 pub fn twin(model: &Model, config: &Config) -> Box<dyn SimulatedDevice> {
-    let kind = Kind::by_name(model.name).expect("every model has a twin");
+    let kind = Kind::by_name(model.generic.unwrap_or(model).name).expect("every model has a twin");
     (kind.make)(config)
 }
 

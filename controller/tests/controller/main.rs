@@ -5,6 +5,7 @@ mod bench;
 mod campaign;
 mod check;
 mod compare;
+mod described;
 mod eds;
 mod examples;
 mod fault_texts;

@@ -31,6 +31,7 @@ pub(super) static CIA401: Model = Model {
     increments_per_revolution: |_| 1,
     positions: Increments::MIN..=Increments::MAX,
     abilities: &[],
+    generic: None,
     assumptions: &[
         DIGITAL_WORDS,
         ANALOG_ERROR_SHIFT,

@@ -1,5 +1,5 @@
 //! A servo drive as the profile has it: CiA 402 (IEC 61800-7-201) in Cyclic Synchronous Position,
-//! by the profile's own objects.
+//! by the profile's own objects. Drives that a file describes are instances of it.
 //!
 //! The mode has no start: an enabled drive runs to 607Ah within the cycle after each SYNC, and
 //! statusword bit 12 says so. Nothing that a maker adds is used, no clock that follows SYNC
@@ -7,14 +7,15 @@
 //!
 //! Positions are encoder increments at the motor's shaft. What a revolution counts (608Fh) and that
 //! the drive reckons with no gear of its own (6091h) is read before anything is written: the travel
-//! per motor revolution stands in the machine file.
+//! per motor revolution stands in the machine file. What a drive does not have of this, or does in another way, is an
+//! assumption as well.
 
 use super::profile::cia402::{self, INTERPOLATION_DELAY};
 use super::profile::communication::{self, SDO_RESPONSE, T_PDO_RESPONSE};
 use super::{
     Ability, Address, Assumed, Assumption, Data, Drive, DriveStatus, Feedback, Identity,
-    Increments, Make, ModeDisplay, Model, NodeSpec, PowerCommand, RemoteNode, Sample, Setpoint,
-    Setpoints, Settings, Survey, Write,
+    Increments, Make, ModeDisplay, Model, NodeSpec, PowerCommand, PowerState, RemoteNode, Sample,
+    Setpoint, Setpoints, Settings, Survey, Write,
 };
 use crate::dictionary;
 use core::time::Duration;
@@ -35,8 +36,14 @@ pub(super) static CIA402_CSP: Model = Model {
     increments_per_revolution: |assumed| assumed.value(&ENCODER_INCREMENTS),
     positions: Increments::MIN..=Increments::MAX,
     abilities: &[Ability::FollowingErrorLimit, Ability::SoftLimits],
+    generic: None,
     assumptions: &[
         ENCODER_INCREMENTS,
+        HAS_RESOLUTION,
+        HAS_PERIOD,
+        TELLS_FOLLOWING,
+        VENDOR_ID,
+        PRODUCT_CODE,
         PDOS,
         R_PDO,
         T_PDO,
@@ -51,8 +58,8 @@ pub(super) static CIA402_CSP: Model = Model {
     analog_outputs: &[],
     captures: &[],
     homing_methods: &[],
-    make: Make::Drive(Setpoints::Positions, |settings| {
-        Box::new(Cia402Csp::new(settings))
+    make: Make::Drive(Setpoints::Positions, |model, settings| {
+        Box::new(Cia402Csp::new(model, settings))
     }),
 };
 
@@ -61,6 +68,41 @@ const ENCODER_INCREMENTS: Assumption = Assumption {
     default: 1_048_576,
     allowed: 1..=1 << 30,
     meaning: "increments for each motor revolution: what 608Fh:1 has to read, with 608Fh:2 = 1",
+};
+
+const HAS_RESOLUTION: Assumption = Assumption {
+    name: "has_resolution",
+    default: 1,
+    allowed: 0..=1,
+    meaning: "1: it has 608Fh and 6091h, which are read; 0: it has neither, and counts as encoder_increments says",
+};
+
+const HAS_PERIOD: Assumption = Assumption {
+    name: "has_period",
+    default: 1,
+    allowed: 0..=1,
+    meaning: "1: 60C2h is set to the cycle; 0: it has no such object, and goes by the time between two SYNCs",
+};
+
+const TELLS_FOLLOWING: Assumption = Assumption {
+    name: "tells_following",
+    default: 1,
+    allowed: 0..=1,
+    meaning: "1: statusword bit 12 says that it follows; 0: it leaves the bit off, and follows while it is enabled",
+};
+
+const VENDOR_ID: Assumption = Assumption {
+    name: "vendor_id",
+    default: 0,
+    allowed: 0..=u32::MAX,
+    meaning: "what 1018h:1 has to read; 0: whatever it reads",
+};
+
+const PRODUCT_CODE: Assumption = Assumption {
+    name: "product_code",
+    default: 0,
+    allowed: 0..=u32::MAX,
+    meaning: "what 1018h:2 has to read; 0: whatever it reads",
 };
 
 const PDOS: Assumption = Assumption {
@@ -93,18 +135,29 @@ const SUPPORTS_THE_MODE: u32 = 1 << 7;
 const FOLLOWING_ERROR: u16 = Statusword::BIT_13;
 
 /// What tells a drive that does as this file says.
-fn identity(encoder_increments: u32) -> Vec<Identity> {
+fn identity(assumed: &Assumed) -> Vec<Identity> {
     let reads = Identity::new;
     let mode = SUPPORTS_THE_MODE;
-    vec![
-        // What stands above CiA 402 tells a servo from other drives.
-        reads(0x1000, 0, "device type", 402).in_bits(0xFFFF),
-        reads(0x6502, 0, "supported drive modes", mode).in_bits(mode),
-        reads(0x608F, 1, "encoder increments", encoder_increments),
-        reads(0x608F, 2, "motor revolutions", 1),
-        reads(0x6091, 1, "gear ratio, motor shaft", 1),
-        reads(0x6091, 2, "gear ratio, driving shaft", 1),
-    ]
+    // What stands above CiA 402 tells a servo from other drives.
+    let mut identity = vec![reads(0x1000, 0, "device type", 402).in_bits(0xFFFF)];
+    for (sub, name, assumption) in [
+        (1, "vendor ID", &VENDOR_ID),
+        (2, "product code", &PRODUCT_CODE),
+    ] {
+        let value = assumed.value(assumption);
+        identity.extend((value != 0).then(|| reads(0x1018, sub, name, value)));
+    }
+    identity.push(reads(0x6502, 0, "supported drive modes", mode).in_bits(mode));
+    if assumed.value(&HAS_RESOLUTION) != 0 {
+        let encoder_increments = assumed.value(&ENCODER_INCREMENTS);
+        identity.extend([
+            reads(0x608F, 1, "encoder increments", encoder_increments),
+            reads(0x608F, 2, "motor revolutions", 1),
+            reads(0x6091, 1, "gear ratio, motor shaft", 1),
+            reads(0x6091, 2, "gear ratio, driving shaft", 1),
+        ]);
+    }
+    identity
 }
 
 /// One drive.
@@ -112,6 +165,7 @@ fn identity(encoder_increments: u32) -> Vec<Identity> {
 struct Cia402Csp {
     spec: NodeSpec,
     interpolation_delay: u32,
+    tells_following: bool,
 }
 
 /// The number of a PDO, 1…4.
@@ -120,21 +174,22 @@ fn number(assumed: &Assumed, assumption: &Assumption) -> u8 {
 }
 
 impl Cia402Csp {
-    fn new(settings: &Settings) -> Self {
+    fn new(model: &'static Model, settings: &Settings) -> Self {
         let (node, assumed) = (settings.node, &settings.assumed);
         let (r_pdo, t_pdo) = (number(assumed, &R_PDO), number(assumed, &T_PDO));
         let setup = setup(settings, r_pdo, t_pdo);
         Self {
             spec: NodeSpec {
-                identity: identity(assumed.value(&ENCODER_INCREMENTS)),
+                identity: identity(assumed),
                 history: cia402::HISTORY.to_vec(),
                 // Statusword and actual position.
                 t_pdos: vec![communication::t_pdo(t_pdo, node, 6)],
                 // Controlword and target position.
                 r_pdos: vec![communication::r_pdo(r_pdo, node, 6)],
-                ..NodeSpec::new(&CIA402_CSP, settings, setup, cia402::is_command)
+                ..NodeSpec::new(model, settings, setup, cia402::is_command)
             },
             interpolation_delay: assumed.value(&INTERPOLATION_DELAY),
+            tells_following: assumed.value(&TELLS_FOLLOWING) != 0,
         }
     }
 }
@@ -164,9 +219,11 @@ fn setup(settings: &Settings, r_pdo: u8, t_pdo: u8) -> Vec<Write> {
     setup.push(w(0x6040, 0, Data::u16(0)));
     setup.push(w(0x6040, 0, Data::u16(0x80))); // Fault Reset
     setup.push(w(0x6060, 0, Data::u8(CYCLIC_SYNCHRONOUS_POSITION as u8)));
-    let (mantissa, exponent) = interpolation_period(*cycle);
-    setup.push(w(0x60C2, 1, Data::u8(mantissa)));
-    setup.push(w(0x60C2, 2, Data::u8(exponent as u8)));
+    if assumed.value(&HAS_PERIOD) != 0 {
+        let (mantissa, exponent) = interpolation_period(*cycle);
+        setup.push(w(0x60C2, 1, Data::u8(mantissa)));
+        setup.push(w(0x60C2, 2, Data::u8(exponent as u8)));
+    }
     setup.extend(cia402::limits(settings));
     setup.extend(&settings.objects);
     for (from, n, mapped) in [
@@ -253,7 +310,12 @@ impl Drive for Cia402Csp {
     }
 
     fn status(&mut self, _: usize, data: &[u8]) -> Option<DriveStatus> {
-        cia402::status(data, Some(FOLLOWING_ERROR))
+        let status = cia402::status(data, Some(FOLLOWING_ERROR))?;
+        let enabled = status.power == PowerState::Enabled;
+        Some(DriveStatus {
+            mode_runs: status.mode_runs || enabled && !self.tells_following,
+            ..status
+        })
     }
 
     fn encode(&mut self, command: PowerCommand, setpoint: Setpoint, frames: &mut [Frame]) {
@@ -267,6 +329,10 @@ mod tests {
     use super::super::{NotFollowing, OutOfRange};
     use super::*;
     use syncline_canopen::NodeId;
+
+    fn csp(settings: &Settings) -> Cia402Csp {
+        Cia402Csp::new(&CIA402_CSP, settings)
+    }
 
     fn settings(cycle_us: u64, assumed: &[(&'static str, u32)]) -> Settings {
         let (node, cycle) = (NodeId::new(3).unwrap(), Duration::from_micros(cycle_us));
@@ -288,7 +354,7 @@ mod tests {
 
     #[test]
     fn the_set_up_write_for_write() {
-        let drive = Cia402Csp::new(&settings(2000, &[]));
+        let drive = csp(&settings(2000, &[]));
         let expected = "
             1400:1 4 80000203, 1401:1 4 80000303, 1402:1 4 80000403, 1403:1 4 80000503,
             1800:1 4 C0000183, 1801:1 4 C0000283, 1802:1 4 C0000383, 1803:1 4 C0000483,
@@ -304,7 +370,7 @@ mod tests {
     #[test]
     fn limits_and_own_objects_come_while_the_pdos_are_off() {
         let own = Write::new(0x6085, 0, Data::u32(5));
-        let drive = Cia402Csp::new(&Settings {
+        let drive = csp(&Settings {
             following_error_limit: Some(Increments::new(26_214)),
             soft_limits: Some((Increments::new(-10), Increments::new(5_000_000_000))),
             objects: vec![own],
@@ -323,7 +389,7 @@ mod tests {
 
     #[test]
     fn pdos_have_the_numbers_that_the_machine_file_says() {
-        let drive = Cia402Csp::new(&settings(2000, &[("r_pdo", 4), ("t_pdo", 2), ("pdos", 1)]));
+        let drive = csp(&settings(2000, &[("r_pdo", 4), ("t_pdo", 2), ("pdos", 1)]));
         assert_eq!(drive.spec().r_pdos[0].cob_id.get(), 0x503);
         assert_eq!(drive.spec().t_pdos[0].cob_id.get(), 0x283);
         let writes = writes(&drive);
@@ -360,7 +426,7 @@ mod tests {
     #[test]
     fn what_a_revolution_counts_is_the_machine_files() {
         let assumed = [("encoder_increments", 10_000)];
-        let drive = Cia402Csp::new(&settings(2000, &assumed));
+        let drive = csp(&settings(2000, &assumed));
         let expects = |index, sub| {
             let mut identity = drive.spec().identity.iter();
             let found = identity.find(|it| it.address == Address::new(index, sub));
@@ -374,8 +440,33 @@ mod tests {
     }
 
     #[test]
+    fn what_a_drive_does_not_have_is_left_alone() {
+        let drive = csp(&settings(
+            2000,
+            &[("has_resolution", 0), ("has_period", 0), ("vendor_id", 7)],
+        ));
+        let identity = drive.spec().identity.iter();
+        let read: Vec<_> = identity.map(|it| it.address.to_string()).collect();
+        assert_eq!(read, ["1000h:0", "1018h:1", "6502h:0"]);
+        assert!(!writes(&drive).iter().any(|row| row.starts_with("60C2")));
+    }
+
+    #[test]
+    fn a_drive_that_leaves_bit_12_off_follows_while_it_is_enabled() {
+        let mut drive = csp(&settings(2000, &[("tells_following", 0)]));
+        let mut runs = |word: u16| {
+            let status = drive.status(0, &word.to_le_bytes()).unwrap();
+            status.mode_runs
+        };
+        assert_eq!(
+            [0x0237, 0x0231, 0x0218].map(&mut runs),
+            [true, false, false]
+        );
+    }
+
+    #[test]
     fn process_image() {
-        let mut drive = Cia402Csp::new(&settings(2000, &[]));
+        let mut drive = csp(&settings(2000, &[]));
         let mut frames = [Frame::new(CobId::SYNC, &[])];
         for (command, position, expected) in [
             (PowerCommand::Disable, 0, "203#000000000000"),
@@ -401,7 +492,7 @@ mod tests {
     #[test]
     fn statuswords() {
         use NotFollowing as N;
-        let mut drive = Cia402Csp::new(&settings(2000, &[]));
+        let mut drive = csp(&settings(2000, &[]));
         for (word, in_mode, expected) in [
             (0x1237, true, Ok(())),
             (0x0237, false, Ok(())),

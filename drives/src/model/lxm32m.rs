@@ -31,6 +31,7 @@ pub(super) static LXM32M: Model = Model {
     increments_per_revolution: |_| REVOLUTION,
     positions: Increments::MIN..=Increments::MAX,
     abilities: &[Ability::FollowingErrorLimit, Ability::SoftLimits],
+    generic: None,
     assumptions: &[
         INTERPOLATION_DELAY,
         SYNC_LOCKED,
@@ -46,7 +47,7 @@ pub(super) static LXM32M: Model = Model {
     analog_outputs: &[],
     captures: &CAPTURES,
     homing_methods: &HOMING_METHODS,
-    make: Make::Drive(Setpoints::Positions, |settings| {
+    make: Make::Drive(Setpoints::Positions, |_, settings| {
         Box::new(Lxm32m::new(settings))
     }),
 };

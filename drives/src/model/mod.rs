@@ -12,11 +12,13 @@
 //! a model's own words, a controlword or a maker's EMCY bytes, is said and read in its file, or in
 //! `profile` where models share it.
 //!
-//! A new model is a file here with a [`Model`], and a line in [`MODELS`].
+//! A new model is a file here with a [`Model`], and a line in [`MODELS`]. One that differs from a generic model in
+//! its data sheet and its numbers alone needs neither: it is [described](Model::described).
 
 mod capture;
 mod cia401;
 mod cia402_csp;
+mod described;
 mod drive;
 mod feedback;
 mod io;
@@ -30,6 +32,7 @@ mod tsp10;
 mod twk_crn;
 
 pub use capture::{Capture, CaptureInput};
+pub use described::{Description, Lack};
 pub use drive::{
     Drive, DriveStatus, Dynamics, ModeDisplay, NotFollowing, OwnHoming, PowerCommand, PowerState,
     Setpoint, StatusWord, Survey,
@@ -80,6 +83,8 @@ pub struct Model {
     pub positions: RangeInclusive<Increments>,
     /// What it can do besides.
     pub abilities: &'static [Ability],
+    /// The model that it is an instance of, if a [`Description`] states it.
+    pub generic: Option<&'static Self>,
     /// What the manual leaves open, with the value taken unless the machine file says otherwise.
     pub assumptions: &'static [Assumption],
     /// Its object dictionary.
@@ -104,8 +109,8 @@ pub struct Model {
 /// How a device of a model is made, by what it does for a machine.
 #[derive(Clone, Copy, Debug)]
 pub enum Make {
-    /// It moves an axis, and is sent this in every cycle.
-    Drive(Setpoints, fn(&Settings) -> Box<dyn Drive>),
+    /// It moves an axis, and is sent this in every cycle. The model is the one whose device is made.
+    Drive(Setpoints, fn(&'static Model, &Settings) -> Box<dyn Drive>),
     /// It tells where something is, and no more.
     Encoder(fn(&Settings) -> Arc<dyn Feedback>),
     /// It has inputs and outputs, and no more.
@@ -216,9 +221,9 @@ impl Model {
 
     /// A device of this model.
     #[must_use]
-    pub fn device(&self, settings: &Settings) -> Device {
+    pub fn device(&'static self, settings: &Settings) -> Device {
         match self.make {
-            Make::Drive(_, make) => Device::Drive(make(settings)),
+            Make::Drive(_, make) => Device::Drive(make(self, settings)),
             Make::Encoder(make) => Device::Encoder(make(settings)),
             Make::Io(make) => Device::Io(make(settings)),
         }
@@ -345,7 +350,7 @@ impl Settings {
 }
 
 /// Values of a model's [`Assumption`]s that differ from the default, by name.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Assumed(pub Vec<(&'static str, u32)>);
 
 impl Assumed {

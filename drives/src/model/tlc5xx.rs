@@ -38,6 +38,7 @@ pub(super) static TLC5XX: Model = Model {
     increments_per_revolution: |_| INCREMENTS,
     positions: Increments::MIN..=Increments::MAX,
     abilities: &[Ability::PointToPoint],
+    generic: None,
     assumptions: &[
         UNITS_PER_RPM,
         VELOCITY_DELAY,
@@ -54,7 +55,7 @@ pub(super) static TLC5XX: Model = Model {
     analog_outputs: &[],
     captures: &[],
     homing_methods: &[],
-    make: Make::Drive(Setpoints::Velocities, |settings| {
+    make: Make::Drive(Setpoints::Velocities, |_, settings| {
         Box::new(Tlc5xx::new(settings))
     }),
 };

@@ -35,6 +35,7 @@ pub(super) static TSP10: Model = Model {
     increments_per_revolution: |assumed| assumed.value(&STEPS),
     positions: Increments::MIN..=Increments::MAX,
     abilities: &[Ability::PointToPoint],
+    generic: None,
     assumptions: &[STEPS, VELOCITY_DELAY, T_PDO_RESPONSE, SDO_RESPONSE],
     dictionary: dictionary::TSP10,
     reserved,
@@ -43,7 +44,7 @@ pub(super) static TSP10: Model = Model {
     analog_outputs: &[],
     captures: &[],
     homing_methods: &[],
-    make: Make::Drive(Setpoints::Velocities, |settings| {
+    make: Make::Drive(Setpoints::Velocities, |_, settings| {
         Box::new(Tsp10::new(settings))
     }),
 };

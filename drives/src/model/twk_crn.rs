@@ -31,6 +31,7 @@ pub(super) static TWK_CRN: Model = Model {
     cycle_step: Duration::from_micros(1),
     cycles: Duration::from_micros(500)..=Duration::from_secs(1),
     increments_per_revolution: |assumed| Measure::of(assumed).per_turn,
+    generic: None,
     assumptions: &[
         STEPS_PER_TURN,
         UNITS_PER_TURN,

@@ -170,6 +170,8 @@ pub struct Config {
     /// What is known of the real device where its manual is silent, by the names that its model has
     /// for it, such as a resolution; a twin takes what it is made of.
     pub assumed: Vec<(&'static str, u32)>,
+    /// The objects of a drive that a file describes; `None`: its kind's own.
+    pub dictionary: Option<&'static [Entry]>,
 }
 
 impl Config {
@@ -190,6 +192,7 @@ impl Config {
             reference_switch: None,
             limit_switches: None,
             assumed: Vec::new(),
+            dictionary: None,
         }
     }
 

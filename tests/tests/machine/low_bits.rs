@@ -102,7 +102,10 @@ fn lxm32m() -> &'static Model {
     models.find(|it| it.name == "lxm32m").expect("it is there")
 }
 
-fn make<const RANGE: i64, const OFF: i64>(settings: &Settings) -> Box<dyn Drive> {
+fn make<const RANGE: i64, const OFF: i64>(
+    _: &'static Model,
+    settings: &Settings,
+) -> Box<dyn Drive> {
     let io = IoSettings {
         outputs: 1,
         ..settings.io.clone()
@@ -117,7 +120,7 @@ fn make<const RANGE: i64, const OFF: i64>(settings: &Settings) -> Box<dyn Drive>
     }
 }
 
-type MakeDrive = fn(&Settings) -> Box<dyn Drive>;
+type MakeDrive = fn(&'static Model, &Settings) -> Box<dyn Drive>;
 
 /// The verdict on the portal whose drives are made so. Z, which counts most for its speed, moves by no more than a
 /// machine file may ask for with setpoints of `range` values; Y and Z count from `zeros`.

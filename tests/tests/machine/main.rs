@@ -11,6 +11,7 @@ mod compare;
 mod consoles;
 mod corpus;
 mod day;
+mod described;
 mod faults;
 mod feed_axes;
 mod feedback;

@@ -31,7 +31,7 @@ pub(super) enum Motion {
 }
 
 /// From where the reference was at a SYNC to the setpoint, in a straight line within the period
-/// of 60C2h; there it rests.
+/// of 60C2h, or within that of SYNC; there it rests.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Segment {
     from: f64,
@@ -79,6 +79,7 @@ pub struct Drive {
 
     pub(super) reference: Ramp,
     pub(super) motion: Motion,
+    last_sync: Option<Instant>,
     too_far: Lasting,
     in_window: Lasting,
     following_error: bool,
@@ -111,13 +112,22 @@ impl Drive {
             is_operational: false,
             reference: Ramp::at(encoder as f64),
             motion: Motion::Hold,
+            last_sync: None,
             too_far: Lasting::default(),
             in_window: Lasting::default(),
             following_error: false,
             target_reached: false,
         };
-        let resolution = Address::new(0x608F, 1);
-        drive.preset(resolution, config.encoder_increments.into());
+        let [vendor_id, product_code] = config.identity;
+        for (address, value) in [
+            (Address::new(0x1018, 1), vendor_id),
+            (Address::new(0x1018, 2), product_code),
+            (Address::new(0x608F, 1), Some(config.encoder_increments)),
+        ] {
+            if let Some(value) = value {
+                drive.preset(address, value.into());
+            }
+        }
         drive
     }
 
@@ -137,6 +147,8 @@ impl Drive {
 
     /// A SYNC, after the synchronous R_PDOs have been put into effect.
     pub(super) fn on_sync(&mut self, now: Instant) {
+        let since_last = self.last_sync.replace(now);
+        let since_last = since_last.map_or(0.0, |last| seconds(now.saturating_since(last)));
         let follows = self.servo.state == State::OperationEnabled && self.settings.mode == MODE;
         if !follows {
             return;
@@ -149,7 +161,11 @@ impl Drive {
             from,
             to: self.settings.target,
             since: now,
-            period: self.settings.period.max(POSITION_STEP),
+            period: self
+                .settings
+                .period
+                .unwrap_or(since_last)
+                .max(POSITION_STEP),
             acceleration: 0.0,
         };
         segment.acceleration = (segment.velocity() - velocity) / segment.period;
@@ -253,7 +269,10 @@ impl Drive {
                 follows && self.settings.target_is_limited,
                 Statusword::INTERNAL_LIMIT,
             ),
-            (follows, Statusword::MODE_12),
+            (
+                follows && self.policies.tells_following,
+                Statusword::MODE_12,
+            ),
             (
                 self.following_error && self.is_powered(),
                 Statusword::BIT_13,

@@ -6,6 +6,8 @@
 //! run on the drive's own oscillator: nothing is locked to SYNC. Statusword bit 12 is set from the
 //! first SYNC in Operation Enabled on.
 //!
+//! A drive that has no 60C2h takes the time between two SYNCs for it.
+//!
 //! Positions are encoder increments at the motor's shaft (608Fh), without a gear (6091h is 1 : 1).
 //! What the profile leaves to a maker is an option in [`Policies`] or [`TwinConfig`], with a default
 //! that is an assumption.
@@ -37,7 +39,7 @@ use super::servo::shaft::Plant;
 use crate::dictionary::CIA402_CSP;
 use drive::Drive;
 use syncline_canopen::cia402::{State, Statusword};
-use syncline_canopen::dictionary::Dictionary;
+use syncline_canopen::dictionary::{Dictionary, Entry};
 use syncline_canopen::node::Options;
 use syncline_canopen::time::Duration;
 use syncline_canopen::{Address, NodeId};
@@ -65,6 +67,10 @@ pub struct TwinConfig {
     pub seed: u64,
     /// Where the shaft stands, revolutions from the encoder's zero.
     pub position: f64,
+    /// Its object dictionary. What the loops go by and it does not have is as in [`CIA402_CSP`].
+    pub dictionary: &'static [Entry],
+    /// 1018h:1 and :2, where they are not the dictionary's.
+    pub identity: [Option<u32>; 2],
     /// Encoder increments per motor revolution: 608Fh:1.
     pub encoder_increments: u32,
     /// What makes the encoder's reading wrong.
@@ -94,6 +100,8 @@ impl TwinConfig {
             node,
             seed: 0,
             position: 0.0,
+            dictionary: CIA402_CSP,
+            identity: [None; 2],
             encoder_increments: 1_048_576,
             encoder: EncoderErrors {
                 noise: 2.0,
@@ -131,9 +139,14 @@ impl From<&Config> for TwinConfig {
             encoder_increments: config
                 .assumed("encoder_increments")
                 .unwrap_or(own.encoder_increments),
-            policies: match config.tolerant {
-                true => Policies::tolerant(),
-                false => own.policies,
+            dictionary: config.dictionary.unwrap_or(own.dictionary),
+            identity: ["vendor_id", "product_code"].map(|name| config.assumed(name)),
+            policies: Policies {
+                tells_following: config.assumed("tells_following") != Some(0),
+                ..match config.tolerant {
+                    true => Policies::tolerant(),
+                    false => own.policies,
+                }
             },
             delays: config.delays_or(own.delays),
             boot_time: config.boot_time.unwrap_or(own.boot_time),
@@ -150,7 +163,7 @@ impl Device<Drive> {
     #[must_use]
     pub fn new(config: TwinConfig) -> Self {
         let stream = |purpose| Random::of_node(config.seed, config.node, purpose);
-        let objects = Dictionary::new(CIA402_CSP, config.node);
+        let objects = Dictionary::new(config.dictionary, config.node);
         let options = Options {
             boot_time: config.boot_time,
             ..Options::default()

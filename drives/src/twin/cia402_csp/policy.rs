@@ -17,6 +17,8 @@ pub struct Policies {
     /// Whether a following error beyond 6065h for longer than 6066h is an error, EMCY 8611h; if
     /// not, statusword bit 13 alone tells it.
     pub following_error_is_fault: bool,
+    /// Whether statusword bit 12 says that setpoints are followed; if not, it stays off.
+    pub tells_following: bool,
     /// Whether EMCY 0000h announces a fault reset.
     pub emcy_on_reset: bool,
 }
@@ -28,6 +30,7 @@ impl Default for Policies {
             period_before_operational: true,
             missing_syncs: Some(2),
             following_error_is_fault: true,
+            tells_following: true,
             emcy_on_reset: true,
         }
     }

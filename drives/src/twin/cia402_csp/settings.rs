@@ -1,6 +1,8 @@
 //! What the objects say that the loops and the state machine go by.
 
-use syncline_canopen::dictionary::Dictionary;
+use crate::dictionary::CIA402_CSP;
+use syncline_canopen::Address;
+use syncline_canopen::dictionary::{Dictionary, Preset};
 use syncline_canopen::time::Duration;
 
 /// 605Ah and 605Eh: off at once.
@@ -17,8 +19,8 @@ pub(super) struct Settings {
     pub(super) target: f64,
     /// 607Ah is outside of 607Dh.
     pub(super) target_is_limited: bool,
-    /// 60C2h, seconds.
-    pub(super) period: f64,
+    /// 60C2h, seconds; `None`: there is no such object.
+    pub(super) period: Option<f64>,
     /// 6065h, increments; `None`: not watched.
     pub(super) following_error: Option<f64>,
     /// 6066h.
@@ -39,7 +41,11 @@ pub(super) struct Settings {
 
 impl Settings {
     pub(super) fn of(objects: &Dictionary) -> Self {
-        let value = |index, sub| objects.value(index, sub).unwrap_or(0);
+        // What it does not have is as the profile's table says.
+        let value = |index, sub| {
+            let own = objects.value(index, sub);
+            own.unwrap_or_else(|| usual(Address::new(index, sub)))
+        };
         // FFFF FFFFh switches a window off (CiA 402).
         let window = |index| {
             let increments = value(index, 0);
@@ -53,7 +59,8 @@ impl Settings {
             mode: value(0x6060, 0),
             target: limited as f64,
             target_is_limited: limited != target,
-            period: value(0x60C2, 1) as f64 * power_of_ten(value(0x60C2, 2)),
+            period: (objects.row(0x60C2, 1))
+                .map(|_| value(0x60C2, 1) as f64 * power_of_ten(value(0x60C2, 2))),
             following_error: window(0x6065),
             following_error_time: millis(0x6066),
             window: window(0x6067),
@@ -63,6 +70,18 @@ impl Settings {
             fault_reaction: value(0x605E, 0),
             abort_connection: value(0x6007, 0),
         }
+    }
+}
+
+/// What an object of the profile's table has after power-on.
+fn usual(address: Address) -> i64 {
+    let mut entries = CIA402_CSP.iter();
+    match entries.find(|entry| entry.address == address) {
+        Some(entry) => match entry.preset {
+            Preset::Number(value) | Preset::Assumed(value) => value,
+            _ => 0,
+        },
+        None => 0,
     }
 }
 

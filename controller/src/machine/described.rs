@@ -1,0 +1,195 @@
+//! A device that a file describes: a name, a data sheet (EDS) and the numbers of a generic model.
+//!
+//! What is wrong in the file or its data sheet is told where the machine file names it, with the place there.
+
+use super::node::NodeTable;
+use super::read::assumed_of;
+use std::{fs::File, io, io::Read, path::Path, time::Duration};
+use syncline_canopen::NodeId;
+use syncline_canopen::eds::Eds;
+use syncline_drives::model::{Assumed, Description, MODELS, Model, Settings};
+use syncline_strict_toml::{Log, Table};
+use toml::Spanned;
+
+/// Rows that a dictionary holds.
+const MOST_OBJECTS: usize = 1 << 16;
+/// Bytes that a data sheet may have; the largest have some hundred kilobytes.
+const LONGEST: u64 = 1 << 22;
+
+/// What is wrong, and what to do.
+type Wrong = (String, String);
+
+/// Whether a `model` names a file, not a model that is built in.
+pub(super) fn is_file(model: &str) -> bool {
+    model.ends_with(".toml")
+}
+
+/// The model that the file describes that is the `model` of a table, and what it says of it.
+pub(super) fn read(
+    log: &mut Log<'_>,
+    folder: &Path,
+    table: &mut Table<'_, '_>,
+    of_kind: fn(&Model) -> bool,
+) -> Option<(&'static Model, Spanned<Assumed>)> {
+    let name = table.text(log, "model", "a file", is_file)?;
+    let file = folder.join(name.get_ref());
+    let wrong = match described(&file) {
+        Ok((model, assumed)) if of_kind(model) => {
+            return Some((model, Spanned::new(name.span(), assumed)));
+        }
+        Ok((model, _)) => vec![(
+            format!("{} describes a {}", name.get_ref(), kind(model)),
+            "allowed: devices of the table's own kind".to_owned(),
+        )],
+        Err(wrong) => wrong,
+    };
+    for (problem, help) in wrong {
+        log.report(
+            name.span(),
+            format!("{}: `model`: {problem}", table.title),
+            help,
+        );
+    }
+    None
+}
+
+fn kind(model: &Model) -> &'static str {
+    if model.is_drive() {
+        "drive"
+    } else if model.is_encoder() {
+        "encoder"
+    } else {
+        "I/O node"
+    }
+}
+
+/// The models that files describe, each with what its file says. A name belongs to one of them.
+pub(super) fn models(log: &mut Log<'_>, devices: &[&NodeTable]) -> Vec<(&'static Model, Assumed)> {
+    let mut models: Vec<(&'static Model, Assumed)> = Vec::new();
+    for device in devices {
+        let Some(assumed) = &device.described else {
+            continue;
+        };
+        let (model, of) = (device.model, assumed.get_ref());
+        match models.iter().find(|(other, _)| other.name == model.name) {
+            Some((same, assumed)) if std::ptr::eq(*same, model) && assumed == of => {}
+            Some(_) => log.report(
+                assumed.span(),
+                format!(
+                    "{}: `model`: another file describes another \"{}\"",
+                    device.title(),
+                    model.name
+                ),
+                "allowed: a `name` of its own in each description",
+            ),
+            None => models.push((model, of.clone())),
+        }
+    }
+    models
+}
+
+/// Reads a description.
+fn described(file: &Path) -> Result<(&'static Model, Assumed), Vec<Wrong>> {
+    let source = syncline_strict_toml::read(file);
+    let source = source.map_err(|error| vec![unreadable(file, &error)])?;
+    let mut log = Log::new(&source);
+    let document = syncline_strict_toml::parse(&mut log, &source);
+    let read = log.is_empty().then(|| {
+        let folder = file.parent().unwrap_or(Path::new(""));
+        model(
+            &mut log,
+            folder,
+            Table::new("description", 0..0, document.get_ref()),
+        )
+    });
+    match read.flatten() {
+        Some(model) if log.is_empty() => Ok(model),
+        _ => {
+            let found = log.into_diagnostics().into_iter();
+            let told = found.map(|it| {
+                let (line, column) = (it.line, it.column);
+                let place = format!("{}:{line}:{column}", file.display());
+                (format!("{place}: {}", it.problem), it.help)
+            });
+            Err(told.collect())
+        }
+    }
+}
+
+fn unreadable(file: &Path, error: &io::Error) -> Wrong {
+    let problem = format!("cannot read {}: {error}", file.display());
+    (
+        problem,
+        "allowed: a file beside the one that names it".into(),
+    )
+}
+
+fn model(
+    log: &mut Log<'_>,
+    folder: &Path,
+    mut table: Table<'_, '_>,
+) -> Option<(&'static Model, Assumed)> {
+    let free = "a text that is not empty and no built-in model's name";
+    let name = table.text(log, "name", free, |name| {
+        !name.trim().is_empty() && Model::by_name(name).is_none()
+    });
+    let maker = table.text_if(log, "maker", "a text", |_| true);
+    let generic = MODELS.iter().filter(|model| model.is_generic());
+    let generic = generic.map(|model| model.name);
+    let generic = table.choice(log, "generic", generic);
+    let generic = generic.and_then(|name| Model::by_name(name.get_ref()));
+    let sheet = table.text(log, "eds", "a file", |_| true);
+    let assumed = generic.map(|generic| assumed_of(log, &mut table, generic));
+    let title = table.title.clone();
+    if generic.is_some() {
+        table.finish(log);
+    }
+    let (name, generic, sheet, assumed) = (name?, generic?, sheet?, assumed?);
+    let eds = match data_sheet(&folder.join(sheet.get_ref())) {
+        Ok(eds) => eds,
+        Err((problem, help)) => {
+            log.report(sheet.span(), format!("{title}: `eds`: {problem}"), help);
+            return None;
+        }
+    };
+    let model = generic.described(Description {
+        name: name.into_inner(),
+        maker: maker.map(Spanned::into_inner),
+        eds,
+    });
+    // Which objects a device has to have depends neither on its node id nor on the cycle.
+    let settings = Settings {
+        assumed: assumed.clone(),
+        ..Settings::new(NodeId::new(1)?, Duration::from_millis(1))
+    };
+    for lack in model.lacks(&settings) {
+        log.report(
+            sheet.span(),
+            format!("{title}: `eds`: {lack}"),
+            format!("{} goes by this object", generic.title),
+        );
+    }
+    Some((model, assumed))
+}
+
+/// Reads a data sheet. Those of older tools are in some 8-bit code; names do not matter here.
+fn data_sheet(file: &Path) -> Result<Eds, Wrong> {
+    let mut bytes = Vec::new();
+    let read = File::open(file).and_then(|it| it.take(LONGEST + 1).read_to_end(&mut bytes));
+    let place = file.display();
+    let help = "allowed: a data sheet as CiA 306 has it";
+    match read {
+        Err(error) => return Err(unreadable(file, &error)),
+        Ok(_) if bytes.len() as u64 > LONGEST => {
+            let problem = format!("{place} has more than {LONGEST} bytes");
+            return Err((problem, help.into()));
+        }
+        Ok(_) => {}
+    }
+    let eds = Eds::parse(&String::from_utf8_lossy(&bytes));
+    let eds = eds.map_err(|error| (format!("{place}: {error}"), help.into()))?;
+    match eds.parameters().count() {
+        0..=MOST_OBJECTS => Ok(eds),
+        count => Err((format!("{place} has {count} objects"), help.into())),
+    }
+}

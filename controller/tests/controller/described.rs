@@ -1,0 +1,304 @@
+//! Descriptions of devices, good and with one thing wrong.
+
+use proptest::prelude::*;
+use std::fs;
+use syncline_canopen::eds::{Access, Eds, Value};
+use syncline_controller::machine::{Machine, MachineError};
+use syncline_drives::dictionary::CIA402_CSP;
+use tempfile::TempDir;
+
+const MACHINE: &str = include_str!("../../../examples/described/machine.toml");
+const SERVO: &str = include_str!("../../../examples/described/servo.toml");
+const SHEET: &str = include_str!("../../../examples/described/servo.eds");
+
+/// The example with this description and this data sheet.
+fn load(servo: &str, sheet: &str) -> Result<Machine, MachineError> {
+    let folder = TempDir::new().unwrap();
+    let write = |name, text| fs::write(folder.path().join(name), text).unwrap();
+    write("machine.toml", MACHINE);
+    write("servo.toml", servo);
+    write("servo.eds", sheet);
+    Machine::load(&folder.path().join("machine.toml"))
+}
+
+fn refused(servo: &str, sheet: &str) -> String {
+    load(servo, sheet).unwrap_err().to_string()
+}
+
+/// The example's description with a part replaced.
+fn servo(from: &str, to: &str) -> String {
+    assert!(SERVO.contains(from), "{from}");
+    SERVO.replacen(from, to, 1)
+}
+
+#[test]
+fn a_model_is_what_its_files_say() {
+    let machine = load(SERVO, SHEET).unwrap();
+    let [x, y] = [0, 1].map(|drive| machine.drives[drive].model);
+    assert!(std::ptr::eq(x, y));
+    assert_eq!((x.title, x.maker), ("Servo 20", None));
+    assert_eq!(x.bitrates, [125_000, 250_000, 500_000, 1_000_000]);
+    assert_eq!(machine.drives[0].scaling.to_revolutions(65_536.into()), 1.0);
+    // Read again it is the same one, not another.
+    let again = load(SERVO, SHEET).unwrap();
+    assert!(std::ptr::eq(x, again.drives[0].model));
+}
+
+#[test]
+fn what_only_its_own_data_sheet_has_can_be_written() {
+    let gain = "\n[2001]\nParameterName=Position gain\nObjectType=7\nDataType=6\nAccessType=rw\nLowLimit=1\nHighLimit=99\n";
+    let folder = TempDir::new().unwrap();
+    let parse = |sheet: &str, sdo: &str| {
+        fs::write(folder.path().join("servo.toml"), SERVO).unwrap();
+        fs::write(folder.path().join("servo.eds"), sheet).unwrap();
+        let text = MACHINE.replacen("node = 1\n", &format!("node = 1\nsdo = [{sdo}]\n"), 1);
+        let file = folder.path().join("machine.toml");
+        Machine::parse(&file, &text).map_err(|wrong| wrong.to_string())
+    };
+    let sheet = SHEET.to_owned() + gain;
+    let machine = parse(&sheet, "[\"2001:0\", 12]").unwrap();
+    assert_eq!(machine.drives[0].objects[0].data.bits(), 12);
+    for (sheet, sdo, told) in [
+        (
+            &*sheet,
+            "[\"2001:0\", 100]",
+            "no value for 2001h:0 (Position gain)",
+        ),
+        (
+            SHEET,
+            "[\"2001:0\", 12]",
+            "the Servo 20 has no object 2001h:0",
+        ),
+        (SHEET, "[\"607A:0\", 12]", "607Ah:0 is the controller's own"),
+    ] {
+        let wrong = parse(sheet, sdo).unwrap_err();
+        assert!(wrong.contains(told), "{wrong}");
+    }
+}
+
+#[test]
+fn what_is_wrong_in_a_description_is_told_with_its_place() {
+    for (text, told) in [
+        (
+            servo("name = \"Servo 20\"", "name = \"lxm32m\""),
+            "servo.toml:5:8: description: `name` is \"lxm32m\"",
+        ),
+        (
+            servo("name = \"Servo 20\"\n", ""),
+            "servo.toml:1:1: description: missing key `name`",
+        ),
+        (
+            servo("\"cia402_csp\"", "\"lxm32m\""),
+            "servo.toml:6:11: description: `generic` is \"lxm32m\"",
+        ),
+        (
+            servo("eds = \"servo.eds\"\n", ""),
+            "description: missing key `eds`",
+        ),
+        (
+            servo("\"servo.eds\"", "\"other.eds\""),
+            "servo.toml:7:7: description: `eds`: cannot read ",
+        ),
+        (
+            servo("r_pdo = 2", "r_pdo = 5"),
+            "servo.toml:12:9: description: `r_pdo` is 5",
+        ),
+        (
+            servo("r_pdo = 2", "rpdo = 2"),
+            "servo.toml:12:1: description: unknown key `rpdo`",
+        ),
+        (
+            servo("has_period = 0", "has_period = 2"),
+            "description: `has_period` is 2",
+        ),
+        (
+            servo("has_period = 0", "has_period = "),
+            "servo.toml:15:14: not TOML",
+        ),
+        // What the data sheet does not have.
+        (
+            servo("has_period = 0\n", ""),
+            "`eds`: 60C2h:1 (Interpolation time period value) is not there",
+        ),
+        (
+            servo("has_resolution = 0\n", ""),
+            "`eds`: 6091h:2 (Driving shaft revolutions) is not there",
+        ),
+        (
+            servo("r_pdo = 2", "r_pdo = 3"),
+            "`eds`: 1402h:1 (COB-ID R_PDO3) is not there",
+        ),
+        (
+            servo("pdos = 2", "pdos = 4"),
+            "`eds`: 1803h:1 (COB-ID T_PDO4) is not there",
+        ),
+        (
+            servo("0x14", "0x15"),
+            "`eds`: 1018h:2 (Product code) is 14h, not 15h",
+        ),
+    ] {
+        let wrong = refused(&text, SHEET);
+        assert!(wrong.contains(told), "{told}\n{wrong}");
+        assert!(
+            wrong.contains("machine.toml:16:9: drive \"X\": `model`: "),
+            "{wrong}"
+        );
+    }
+    let wrong = refused(SERVO, &SHEET.replacen("[1000]", "[1000", 1));
+    assert!(
+        wrong.contains("servo.eds") && wrong.contains("neither [section] nor key=value"),
+        "{wrong}"
+    );
+}
+
+#[test]
+fn a_name_is_one_descriptions_and_a_file_is_of_the_tables_kind() {
+    let folder = TempDir::new().unwrap();
+    let write = |name: &str, text: &str| fs::write(folder.path().join(name), text).unwrap();
+    write("servo.toml", SERVO);
+    write("servo.eds", SHEET);
+    write("other.toml", &servo("65_536", "4096"));
+    let parse = |text: &str| {
+        let wrong = Machine::parse(&folder.path().join("machine.toml"), text).unwrap_err();
+        wrong.to_string()
+    };
+    let second = "node = 2\nmodel = \"servo.toml\"";
+    let two = MACHINE.replacen(second, "node = 2\nmodel = \"other.toml\"", 1);
+    let wrong = parse(&two);
+    let told = "drive \"Y\": `model`: another file describes another \"Servo 20\"";
+    assert!(wrong.contains(told), "{wrong}");
+    let encoder = "[[encoder]]\nname = \"scale\"\nbus = \"table\"\nnode = 9\nmodel = \"servo.toml\"\npitch = 1.0\n";
+    let wrong = parse(&(MACHINE.to_owned() + encoder));
+    assert!(wrong.contains("servo.toml describes a drive"), "{wrong}");
+    let missing = MACHINE.replace("servo.toml", "none.toml");
+    let wrong = parse(&missing);
+    assert!(wrong.contains("none.toml"), "{wrong}");
+}
+
+/// What the controller does with the objects of a drive with all of them, PDO 1 in use: w writes, r reads, R and T
+/// are mapped; by the tables of the profile, not by the model.
+const USED: &[(u16, u8, &str)] = &[
+    (0x1000, 0, "r"),
+    (0x1016, 1, "rw"),
+    (0x1017, 0, "rw"),
+    (0x1400, 1, "rw"),
+    (0x1400, 2, "rw"),
+    (0x1403, 1, "rw"),
+    (0x1600, 0, "rw"),
+    (0x1600, 1, "rw"),
+    (0x1600, 2, "rw"),
+    (0x1800, 1, "rw"),
+    (0x1800, 2, "rw"),
+    (0x1803, 1, "rw"),
+    (0x1A00, 0, "rw"),
+    (0x1A00, 1, "rw"),
+    (0x1A00, 2, "rw"),
+    (0x6040, 0, "wR"),
+    (0x6041, 0, "rT"),
+    (0x6060, 0, "rw"),
+    (0x6061, 0, "r"),
+    (0x6064, 0, "T"),
+    (0x6065, 0, "rw"),
+    (0x607A, 0, "R"),
+    (0x607D, 1, "rw"),
+    (0x607D, 2, "rw"),
+    (0x608F, 1, "r"),
+    (0x608F, 2, "r"),
+    (0x6091, 1, "r"),
+    (0x6091, 2, "r"),
+    (0x60C2, 1, "rw"),
+    (0x60C2, 2, "rw"),
+    (0x6502, 0, "r"),
+];
+
+/// Objects without which a drive has one ability less, which nobody has to ask of it.
+const OPTIONAL: [u16; 2] = [0x6065, 0x607D];
+
+const WHOLE: &str = "name = \"whole\"\ngeneric = \"cia402_csp\"\neds = \"servo.eds\"\n";
+
+#[test]
+fn a_drive_with_every_object_of_the_profile_is_taken() {
+    load_machine(&Eds::of(CIA402_CSP)).unwrap();
+}
+
+fn load_machine(eds: &Eds) -> Result<Machine, String> {
+    load(WHOLE, &eds.to_string()).map_err(|error| error.to_string())
+}
+
+proptest! {
+    /// A data sheet in which one object that is used is not as it has to be: refused, and the object is named.
+    #[test]
+    fn a_data_sheet_that_lacks_one_thing_is_refused_by_the_objects_name(
+        (index, sub, uses) in prop::sample::select(USED),
+        breach in 0..5u8,
+        other_type in prop::sample::select(vec![0x01u16, 0x08, 0x10, 0x15, 0x1B]),
+    ) {
+        let mut eds = Eds::of(CIA402_CSP);
+        let object = eds.objects.get_mut(&index).unwrap();
+        let parameter = object.subs.get_mut(&sub).unwrap();
+        let does = |what| uses.contains(what);
+        let told = match breach {
+            0 => "is not there",
+            1 => {
+                parameter.data_type = other_type;
+                parameter.default = None;
+                (parameter.low, parameter.high) = (None, None);
+                "is of type"
+            }
+            2 if does('w') => {
+                parameter.access = Access::Ro;
+                "cannot be written"
+            }
+            3 if does('r') => {
+                parameter.access = Access::Wo;
+                "cannot be read"
+            }
+            4 if does('R') || does('T') => {
+                parameter.pdo_mapping = false;
+                "cannot be mapped into"
+            }
+            _ => return Ok(()),
+        };
+        if breach == 0 {
+            object.subs.remove(&sub);
+            if object.subs.is_empty() {
+                eds.objects.remove(&index);
+            }
+        }
+        let loaded = load_machine(&eds);
+        let name = format!("{index:04X}h:{sub:X}");
+        match loaded {
+            // It is asked for by the axis then.
+            Err(wrong) if breach == 0 && OPTIONAL.contains(&index) => {
+                prop_assert!(wrong.contains("drive_"), "{wrong}");
+            }
+            Err(wrong) => prop_assert!(wrong.contains(&name) && wrong.contains(told), "{name} {told}\n{wrong}"),
+            Ok(_) => prop_assert!(false, "{name} {told}: taken"),
+        }
+    }
+
+    /// Whatever stands in a data sheet, nothing panics.
+    #[test]
+    fn any_data_sheet_is_taken_or_refused(
+        values in prop::collection::vec((any::<prop::sample::Index>(), any::<u16>(), any::<i64>(), 0..4u8), 0..20),
+    ) {
+        let mut eds = Eds::of(CIA402_CSP);
+        for (which, data_type, value, kind) in values {
+            let mut all: Vec<_> = eds.objects.values_mut().flat_map(|object| object.subs.values_mut()).collect();
+            let parameter = &mut all[which.index(CIA402_CSP.len())];
+            match kind {
+                0 => parameter.data_type = data_type % 0x20,
+                1 => parameter.default = Some(Value::Number(value)),
+                2 => parameter.default = Some(Value::PlusNode(value)),
+                _ => parameter.low = Some(Value::Number(value)),
+            }
+        }
+        let folder = TempDir::new().unwrap();
+        fs::write(folder.path().join("servo.toml"), WHOLE).unwrap();
+        fs::write(folder.path().join("servo.eds"), eds.to_string()).unwrap();
+        if let Ok(machine) = Machine::parse(&folder.path().join("machine.toml"), MACHINE) {
+            let simulated = syncline_controller::port::sim::Simulated::new(&machine, 0, [None], |_, _| ());
+            prop_assert!(simulated.is_ok());
+        }
+    }
+}

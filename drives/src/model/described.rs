@@ -1,0 +1,300 @@
+//! Models that a description states: a generic model with another name, another data sheet and other numbers.
+//!
+//! A device is made, set up and followed by the generic model's own code. Which objects that needs is asked of
+//! the device that it makes: what it writes, reads and maps has to be in the data sheet.
+
+use super::{Ability, Address, Data, Device, Increments, Model, Settings};
+use core::fmt;
+use std::collections::BTreeMap;
+use std::sync::{Mutex, PoisonError};
+use syncline_canopen::dictionary::{self, DataType, Entry, Mappable, Preset};
+use syncline_canopen::eds::{Access, Eds, Parameter, Value};
+
+/// What a file says of a kind of device, beside its numbers.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Description {
+    /// Its name, as messages have it.
+    pub name: String,
+    /// Who makes it, if that is said.
+    pub maker: Option<String>,
+    /// Its data sheet.
+    pub eds: Eds,
+}
+
+/// A description, the name of its generic model, and what was made of them.
+type Known = (Description, &'static str, &'static Model);
+
+/// Models live as long as the program, as the built-in ones do: each description becomes one once, however often
+/// its file is read.
+static KNOWN: Mutex<Vec<Known>> = Mutex::new(Vec::new());
+
+impl Model {
+    /// Whether a description may have this model behind it: a drive of whoever follows the profile.
+    #[must_use]
+    pub fn is_generic(&self) -> bool {
+        self.is_drive() && self.maker.is_none() && self.generic.is_none()
+    }
+
+    /// The model that a description states, with this generic one behind it.
+    ///
+    /// Bit rates are those of `[DeviceInfo]` that this model takes, or all of them where the data sheet says of none
+    /// that the device has it. What the data sheet gives no value after power-on has this model's.
+    #[must_use]
+    pub fn described(&'static self, description: Description) -> &'static Self {
+        let mut known = KNOWN.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut before = known.iter();
+        if let Some((.., model)) =
+            before.find(|(said, generic, _)| *said == description && *generic == self.name)
+        {
+            return model;
+        }
+        let leaked = |text: &str| -> &'static str { text.to_owned().leak() };
+        let name = leaked(&description.name);
+        let eds = &description.eds;
+        let dictionary = eds.parameters().map(|(address, parameter)| {
+            let mut usual = self.dictionary.iter();
+            let usual = usual.find(|entry| entry.address == address);
+            entry(address, parameter, usual, leaked)
+        });
+        let dictionary: &'static [Entry] = Vec::leak(dictionary.collect());
+        let has = |address| dictionary.iter().any(|entry| entry.address == address);
+        let abilities = self.abilities.iter().copied();
+        let abilities = abilities.filter(|ability| objects_of(*ability).iter().copied().all(has));
+        let model: &'static Self = Box::leak(Box::new(Self {
+            name,
+            title: name,
+            maker: description.maker.as_deref().map(leaked),
+            bitrates: Vec::leak(bitrates(eds, self.bitrates)),
+            abilities: Vec::leak(abilities.collect()),
+            generic: Some(self),
+            dictionary,
+            ..self.clone()
+        }));
+        known.push((description, self.name, model));
+        model
+    }
+
+    /// What a device with these settings needs and the dictionary of this model does not have, in the order of the
+    /// objects; nothing of a built-in model.
+    #[must_use]
+    pub fn lacks(&'static self, settings: &Settings) -> Vec<Lack> {
+        let able = |ability| self.abilities.contains(&ability);
+        let device = self.device(&Settings {
+            following_error_limit: able(Ability::FollowingErrorLimit).then_some(Increments::MAX),
+            soft_limits: able(Ability::SoftLimits).then_some((Increments::MIN, Increments::MAX)),
+            ..settings.clone()
+        });
+        let lacks = uses(&device).into_iter().filter_map(|(address, uses)| {
+            let problem = self.problem(address, &uses)?;
+            let generic = self.generic.unwrap_or(self);
+            let mut usual = generic.dictionary.iter();
+            let usual = usual.find(|entry| entry.address == address);
+            let name = usual.map_or("", |entry| entry.name);
+            Some(Lack {
+                address,
+                name,
+                problem,
+            })
+        });
+        lacks.collect()
+    }
+
+    /// Why an object cannot be used so.
+    fn problem(&self, address: Address, uses: &Uses) -> Option<String> {
+        let mut rows = self.dictionary.iter();
+        let Some(row) = rows.find(|row| row.address == address) else {
+            return Some("is not there".into());
+        };
+        let generic = self.generic.unwrap_or(self);
+        let mut usual = generic.dictionary.iter();
+        let usual = usual.find(|entry| entry.address == address);
+        if let Some(usual) = usual.filter(|usual| usual.data_type != row.data_type) {
+            let (is, wanted) = (row.data_type, usual.data_type);
+            return Some(format!("is of type {is:?}, not {wanted:?}"));
+        }
+        if uses.read && !row.access.readable() {
+            return Some("cannot be read".into());
+        }
+        if uses.written && !row.access.writable() {
+            return Some("cannot be written".into());
+        }
+        if uses.received && !row.mappable.r_pdo {
+            return Some("cannot be mapped into an R_PDO".into());
+        }
+        if uses.transmitted && !row.mappable.t_pdo {
+            return Some("cannot be mapped into a T_PDO".into());
+        }
+        match (uses.reads_as, row.preset) {
+            (Some((mask, value)), Preset::Number(number)) if number as u32 & mask != value => {
+                let number = number as u32 & mask;
+                Some(format!("is {number:X}h, not {value:X}h"))
+            }
+            _ => None,
+        }
+    }
+}
+
+/// An object that a device of a described model needs and its data sheet does not have as it has to be.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Lack {
+    /// The object.
+    pub address: Address,
+    /// Its name in the profile.
+    pub name: &'static str,
+    /// `cannot be written`
+    pub problem: String,
+}
+
+impl fmt::Display for Lack {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} ({}) {}", self.address, self.name, self.problem)
+    }
+}
+
+/// What an object is used for.
+#[derive(Default)]
+struct Uses {
+    read: bool,
+    written: bool,
+    received: bool,
+    transmitted: bool,
+    /// What it reads in these bits in every device of the kind.
+    reads_as: Option<(u32, u32)>,
+}
+
+/// What a device goes by of its dictionary.
+fn uses(device: &Device) -> BTreeMap<Address, Uses> {
+    let mut uses: BTreeMap<Address, Uses> = BTreeMap::new();
+    let spec = device.spec();
+    for write in &spec.setup {
+        let Address { index, sub } = write.address;
+        uses.entry(write.address).or_default().written = true;
+        let word = write.data.bits();
+        let mapped = Address::new((word >> 16) as u16, (word >> 8) as u8);
+        match index {
+            0x1600..0x1800 if sub > 0 => uses.entry(mapped).or_default().received = true,
+            0x1A00..0x1C00 if sub > 0 => uses.entry(mapped).or_default().transmitted = true,
+            _ => {}
+        }
+    }
+    for write in &spec.read_back {
+        uses.entry(write.address).or_default().read = true;
+    }
+    for identity in &spec.identity {
+        let used = uses.entry(identity.address).or_default();
+        used.read = true;
+        // A resolution is what a device was ordered or set with.
+        if matches!(identity.address.index, 0x1000 | 0x1018 | 0x6502) {
+            used.reads_as = Some((identity.mask, identity.value));
+        }
+    }
+    let drive = device.drive();
+    let survey = drive.and_then(|drive| drive.survey()).map(|it| it.address);
+    let mode = drive.and_then(|drive| drive.mode()).map(|it| it.address);
+    for address in survey.into_iter().chain(mode) {
+        uses.entry(address).or_default().read = true;
+    }
+    uses
+}
+
+/// The objects by which a drive of CiA 402 has an ability.
+fn objects_of(ability: Ability) -> &'static [Address] {
+    match ability {
+        Ability::FollowingErrorLimit => const { &[Address::new(0x6065, 0)] },
+        Ability::SoftLimits => const { &[Address::new(0x607D, 1), Address::new(0x607D, 2)] },
+        Ability::PointToPoint => &[],
+    }
+}
+
+fn bitrates(eds: &Eds, taken: &[u32]) -> Vec<u32> {
+    let says = |rate: &u32| {
+        let said = eds.device_info(&format!("BaudRate_{}", rate / 1000));
+        said.is_some_and(|said| said != "0")
+    };
+    let said: Vec<u32> = taken.iter().copied().filter(says).collect();
+    if said.is_empty() {
+        taken.to_vec()
+    } else {
+        said
+    }
+}
+
+/// A row of a data sheet. Types that a dictionary does not have are strings of bytes.
+fn entry(
+    address: Address,
+    parameter: &Parameter,
+    usual: Option<&Entry>,
+    leaked: impl Fn(&str) -> &'static str,
+) -> Entry {
+    let (readable, writable) = parameter.access.by_sdo();
+    let data_type = data_type(parameter);
+    let number = |value: &Option<Value>| match value {
+        Some(Value::Number(number)) => Some(*number),
+        _ => None,
+    };
+    let (least, most) = Data::range(data_type).unwrap_or((i64::MIN, i64::MAX));
+    let range = match (number(&parameter.low), number(&parameter.high)) {
+        (None, None) => None,
+        (low, high) => Some((low.unwrap_or(least), high.unwrap_or(most))),
+    };
+    let preset = match &parameter.default {
+        Some(Value::Number(value)) if data_type.is_number() => Preset::Number(*value),
+        Some(Value::PlusNode(value)) if Data::encode(DataType::U32, *value).is_some() => {
+            Preset::PlusNode(*value)
+        }
+        Some(Value::Text(text)) if !data_type.is_number() => Preset::Bytes(leaked(text).as_bytes()),
+        _ => match usual.filter(|usual| usual.data_type == data_type) {
+            Some(usual) => match usual.preset {
+                Preset::Number(value) => Preset::Assumed(value),
+                other => other,
+            },
+            None => Preset::Unknown,
+        },
+    };
+    Entry {
+        address,
+        name: leaked(&parameter.name),
+        data_type,
+        access: match (parameter.access, readable, writable) {
+            (Access::Const, ..) => dictionary::Access::Const,
+            (_, true, false) => dictionary::Access::Ro,
+            (_, false, _) => dictionary::Access::Wo,
+            (_, true, true) => dictionary::Access::Rw,
+        },
+        inferred: false,
+        mappable: Mappable {
+            r_pdo: parameter.pdo_mapping && writable && parameter.access != Access::Rwr,
+            t_pdo: parameter.pdo_mapping && readable && parameter.access != Access::Rww,
+        },
+        range,
+        preset,
+        unit: usual.map_or("", |usual| usual.unit),
+        persistent: false,
+    }
+}
+
+/// Bytes that a string or a domain may have where only its type is known.
+const STRING: u16 = 64;
+
+fn data_type(parameter: &Parameter) -> DataType {
+    use DataType::{Bool, Domain, I8, I16, I32, I64, Octets, Text, U8, U16, U32, U64};
+    match parameter.data_type {
+        0x09 | 0x0B => Text(STRING),
+        0x0A => Octets(STRING),
+        0x0F => Domain(STRING),
+        // INTEGER24 to UNSIGNED56, REAL and the times by their size.
+        0x10 | 0x16 => Octets(3),
+        0x08 => Octets(4),
+        0x12 | 0x18 => Octets(5),
+        0x13 | 0x19 | 0x0C | 0x0D => Octets(6),
+        0x14 | 0x1A => Octets(7),
+        0x11 => Octets(8),
+        code => {
+            let numbers = [Bool, I8, I16, I32, I64, U8, U16, U32, U64];
+            let mut numbers = numbers.into_iter();
+            numbers
+                .find(|it| it.code() == code)
+                .unwrap_or(Octets(STRING))
+        }
+    }
+}
