@@ -80,6 +80,7 @@ impl Case {
         machine.equip(&mut Dice::new(seed, 9));
         machine.home(&mut Dice::new(seed, 10));
         machine.watch(&mut Dice::new(seed, 11));
+        machine.shape(&mut Dice::new(seed, 13));
         let dice = &mut Dice::new(seed, 1);
         let programs = (0..dice.whole(1..=3)).map(|_| program::draw(dice, &machine));
         let programs = programs.chain(program::special(&mut Dice::new(seed, 6), &machine));

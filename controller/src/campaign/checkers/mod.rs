@@ -147,7 +147,7 @@ impl<'a> Checkers<'a> {
         Self {
             setpoints: setpoints::Setpoints::new(machine),
             motion: motion::Motion::new(machine),
-            stops: stops::Stops::new(machine),
+            stops: stops::Stops::new(case, machine),
             transitions: transitions::Transitions::default(),
             alarms: alarms::Alarms::default(),
             reactions: reactions::Reactions::new(machine),

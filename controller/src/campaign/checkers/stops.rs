@@ -5,6 +5,7 @@
 //! of an acceleration for the bend, so that [`CURVED`] times that is allowed. Where the planner has to
 //! answer first, or does nothing because it is starved, the path goes on meanwhile.
 
+use super::super::case::Case;
 use super::super::interference::{Interference, ToDrive};
 use super::super::stage::Played;
 use super::{Checker, Found, Scene};
@@ -18,6 +19,8 @@ const NAME: &str = "stops";
 
 /// Times of a stop on a line that one on a curve may take.
 const CURVED: f64 = 3.0;
+/// Periods of a mode that the longest shaper takes, with damping: one and a half without.
+const PERIODS: f64 = 1.7;
 /// What a stop may take besides, s: until the planner has answered, and cycles of many milliseconds.
 const ANSWER: f64 = 0.3;
 /// The same, cycles.
@@ -30,6 +33,8 @@ const RESTS: f64 = 3.0;
 pub(super) struct Stops {
     /// v/a + a/j of the worst axes, s.
     line: f64,
+    /// The longest that a shaper of these modes goes on, s.
+    shaped: f64,
     stop: Option<Stop>,
     /// How long they took.
     pub(super) times: StopTimes,
@@ -51,7 +56,8 @@ struct Stop {
 }
 
 impl Stops {
-    pub(super) fn new(machine: &Machine) -> Self {
+    pub(super) fn new(case: &Case, machine: &Machine) -> Self {
+        let modes = case.machine.shaper.iter().flat_map(|it| &it.modes);
         let worst = |of: fn(&crate::machine::AxisLimits) -> f64| {
             let axes = machine.axes.iter().map(|axis| of(&axis.limits));
             axes.fold(0.0, f64::max)
@@ -59,6 +65,7 @@ impl Stops {
         Self {
             line: worst(|limits| limits.velocity / limits.acceleration)
                 + worst(|limits| limits.acceleration / limits.jerk),
+            shaped: modes.map(|(frequency, _)| PERIODS / frequency).sum(),
             stop: None,
             times: StopTimes::default(),
             latched: vec![None; machine.drives.len()],
@@ -102,7 +109,7 @@ impl Stops {
     }
 
     fn bound(&self, scene: &Scene<'_>, stop: &Stop) -> f64 {
-        CURVED * self.line + ANSWER + CYCLES * scene.period() + stop.longer
+        CURVED * self.line + self.shaped + ANSWER + CYCLES * scene.period() + stop.longer
     }
 }
 

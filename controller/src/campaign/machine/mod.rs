@@ -6,7 +6,7 @@ mod wires;
 pub use axis::{AxisSpec, DeviceSpec, EncoderSpec};
 pub use wires::{IoSpec, Wire};
 
-use super::dice::Dice;
+use super::dice::{Dice, rounded};
 use crate::budget::MachineBudget;
 use crate::machine::Machine;
 use serde::{Deserialize, Serialize};
@@ -44,6 +44,18 @@ pub struct MachineSpec {
     /// I/O nodes.
     #[serde(default)]
     pub io_nodes: Vec<IoSpec>,
+    /// What its setpoints are not to excite.
+    #[serde(default)]
+    pub shaper: Option<ShaperSpec>,
+}
+
+/// A shaper of a machine's setpoints.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ShaperSpec {
+    /// What the machine file calls it.
+    pub kind: String,
+    /// Natural frequencies, Hz, and damping ratios.
+    pub modes: Vec<(f64, f64)>,
 }
 
 impl MachineSpec {
@@ -83,6 +95,7 @@ impl MachineSpec {
                 &mut vec![(0, MODELS[0].name)],
             )],
             io_nodes: Vec::new(),
+            shaper: None,
         }
     }
 
@@ -131,6 +144,7 @@ impl MachineSpec {
             buses,
             axes,
             io_nodes: Vec::new(),
+            shaper: None,
         };
         spec.number(dice);
         spec
@@ -262,6 +276,33 @@ impl MachineSpec {
         }
     }
 
+    /// Has some machines shape their setpoints.
+    pub(super) fn shape(&mut self, dice: &mut Dice) {
+        if !dice.chance(0.12) {
+            return;
+        }
+        // A tenth of SYNC's frequency is the highest that a machine file takes.
+        let most = (1e5 / f64::from(self.cycle_us)).min(30.0);
+        let modes = (0..dice.whole(1..=2)).map(|_| {
+            let frequency = rounded(dice.between(2.0, most), 2);
+            (frequency, rounded(dice.between(0.0, 0.3), 3))
+        });
+        let mut modes: Vec<_> = modes.collect();
+        modes.sort_by(|one, other| one.0.total_cmp(&other.0));
+        let kind = *dice.pick(&["zv", "zvd", "ei", "two_hump_ei"]);
+        let shaper = Some(ShaperSpec {
+            kind: kind.to_owned(),
+            modes,
+        });
+        let shaped = Self {
+            shaper,
+            ..self.clone()
+        };
+        if shaped.fits() {
+            *self = shaped;
+        }
+    }
+
     /// The bus and the node id of every device, in the order of the machine.
     pub(super) fn nodes(&self) -> impl Iterator<Item = (usize, u8)> {
         let drives = self.axes.iter().flat_map(|axis| &axis.drives);
@@ -338,6 +379,14 @@ impl MachineSpec {
         for (place, io) in self.io_nodes.iter().enumerate() {
             io.write(place, &mut text);
         }
+        if let Some(ShaperSpec { kind, modes }) = &self.shaper {
+            let modes = modes
+                .iter()
+                .map(|(at, damping)| format!("[{at:?}, {damping:?}]"));
+            let modes: Vec<_> = modes.collect();
+            let modes = modes.join(", ");
+            let _ = write!(text, "\n[shaper]\nkind = \"{kind}\"\nmodes = [{modes}]\n");
+        }
         if self.io_nodes.iter().any(|io| io.words) {
             text.push_str("\n[model.cia401]\ndigital_words = 1\n");
         }
@@ -371,14 +420,16 @@ mod tests {
 
     #[test]
     fn whatever_is_wired_is_good() {
-        let (mut wires, mut homed, mut switches, mut encoders) = (0, 0, 0, 0);
+        let (mut wires, mut homed, mut switches, mut encoders, mut shapers) = (0, 0, 0, 0, 0);
         for seed in 0..300 {
             let mut spec = MachineSpec::draw(&mut Dice::new(seed, 0));
             spec.wire(&mut Dice::new(seed, 5));
             spec.equip(&mut Dice::new(seed, 9));
             spec.home(&mut Dice::new(seed, 10));
             spec.watch(&mut Dice::new(seed, 11));
+            spec.shape(&mut Dice::new(seed, 13));
             encoders += spec.encoders().count();
+            shapers += usize::from(spec.shaper.is_some());
             wires += spec.wires().count();
             homed += spec.axes.iter().filter(|it| it.homing.is_some()).count();
             switches += spec.wires().filter(|(_, wire)| wire.is_home()).count();
@@ -386,8 +437,8 @@ mod tests {
                 .unwrap_or_else(|wrong| panic!("{seed}: {wrong}"));
         }
         assert!(
-            wires > 300 && homed > 100 && switches > 50 && encoders > 50,
-            "{wires} {homed} {switches} {encoders}"
+            wires > 300 && homed > 100 && switches > 50 && encoders > 50 && shapers > 20,
+            "{wires} {homed} {switches} {encoders} {shapers}"
         );
     }
 
@@ -399,6 +450,7 @@ mod tests {
             spec.equip(&mut Dice::new(seed, 9));
             spec.home(&mut Dice::new(seed, 10));
             spec.watch(&mut Dice::new(seed, 11));
+            spec.shape(&mut Dice::new(seed, 13));
             while spec.axes.len() > 1 {
                 spec.axes.remove(seed as usize % spec.axes.len());
                 spec.leave_out_unused_buses();
