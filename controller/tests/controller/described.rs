@@ -133,6 +133,10 @@ fn what_is_wrong_in_a_description_is_told_with_its_place() {
             "`eds`: 1803h:1 (COB-ID T_PDO4) is not there",
         ),
         (
+            servo("pdos = 2", "mode = 7"),
+            "`eds`: 60C1h:1 (Interpolation data record 1) is not there",
+        ),
+        (
             servo("0x14", "0x15"),
             "`eds`: 1018h:2 (Product code) is 14h, not 15h",
         ),

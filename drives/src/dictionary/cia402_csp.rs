@@ -1,5 +1,5 @@
 //! The object dictionary of a drive as the profile has it: CiA 402 (IEC 61800-7-201), with Cyclic
-//! Synchronous Position as its only operating mode, on CANopen (CiA 301).
+//! Synchronous Position or Interpolated Position as its only operating mode, on CANopen (CiA 301).
 //!
 //! `default` is a value that a profile gives; `assumed` one that it leaves to the maker. Positions
 //! count encoder increments at the motor's shaft.
@@ -166,6 +166,8 @@ pub static CIA402_CSP: &[Entry] = &table([
     ro(0x6091, 0, "Gear ratio: number", U8).default(2),
     ro(0x6091, 1, "Motor shaft revolutions", U32).default(1),
     ro(0x6091, 2, "Driving shaft revolutions", U32).default(1),
+    ro(0x60C1, 0, "Interpolation data record: number", U8).default(1),
+    rw(0x60C1, 1, "Interpolation data record 1", I32).default(0).unit("increments").r_pdo(),
     ro(0x60C2, 0, "Interpolation time period: number", U8).default(2),
     rw(0x60C2, 1, "Interpolation time period value", U8).range(1, 255).default(1),
     rw(0x60C2, 2, "Interpolation time index", I8).range(-6, 0).default(-3),

@@ -1,8 +1,8 @@
-//! A servo drive as the profile has it: CiA 402 (IEC 61800-7-201) in Cyclic Synchronous Position,
-//! by the profile's own objects. Drives that a file describes are instances of it.
+//! A servo drive as the profile has it: CiA 402 (IEC 61800-7-201) in Cyclic Synchronous Position, or in Interpolated
+//! Position, by the profile's own objects. Drives that a file describes are instances of it.
 //!
-//! The mode has no start: an enabled drive runs to 607Ah within the cycle after each SYNC, and
-//! statusword bit 12 says so. Nothing that a maker adds is used, no clock that follows SYNC
+//! Cyclic Synchronous Position has no start: an enabled drive runs to 607Ah within the cycle after each SYNC, and
+//! statusword bit 12 says so. Interpolated Position runs to 60C1h:1, from controlword bit 4 on. Nothing that a maker adds is used, no clock that follows SYNC
 //! either; what the profile leaves to the maker is an [`Assumption`].
 //!
 //! Positions are encoder increments at the motor's shaft. What a revolution counts (608Fh) and that
@@ -19,7 +19,11 @@ use super::{
 };
 use crate::dictionary;
 use core::time::Duration;
-use syncline_canopen::{CobId, Frame, cia402::Statusword, pdo::CobIdWord};
+use syncline_canopen::{
+    CobId, Frame,
+    cia402::{Controlword, Statusword},
+    pdo::CobIdWord,
+};
 
 /// The drive.
 ///
@@ -38,6 +42,7 @@ pub(super) static CIA402_CSP: Model = Model {
     abilities: &[Ability::FollowingErrorLimit, Ability::SoftLimits],
     generic: None,
     assumptions: &[
+        MODE,
         ENCODER_INCREMENTS,
         HAS_RESOLUTION,
         HAS_PERIOD,
@@ -61,6 +66,13 @@ pub(super) static CIA402_CSP: Model = Model {
     make: Make::Drive(Setpoints::Positions, |model, settings| {
         Box::new(Cia402Csp::new(model, settings))
     }),
+};
+
+const MODE: Assumption = Assumption {
+    name: "mode",
+    default: CYCLIC_SYNCHRONOUS_POSITION,
+    allowed: INTERPOLATED_POSITION..=CYCLIC_SYNCHRONOUS_POSITION,
+    meaning: "6060h, the operating mode: 8, Cyclic Synchronous Position, or 7, Interpolated Position",
 };
 
 const ENCODER_INCREMENTS: Assumption = Assumption {
@@ -126,18 +138,17 @@ const T_PDO: Assumption = Assumption {
     meaning: "number of the T_PDO that brings statusword and actual position",
 };
 
-const CYCLIC_SYNCHRONOUS_POSITION: i8 = 8;
+const INTERPOLATED_POSITION: u32 = 7;
+const CYCLIC_SYNCHRONOUS_POSITION: u32 = 8;
 
-/// Bit of 6502h for [`CYCLIC_SYNCHRONOUS_POSITION`].
-const SUPPORTS_THE_MODE: u32 = 1 << 7;
-
-/// Statusword bit 13 in this mode: the following error is beyond 6065h.
+/// Statusword bit 13 in Cyclic Synchronous Position: the following error is beyond 6065h.
 const FOLLOWING_ERROR: u16 = Statusword::BIT_13;
 
 /// What tells a drive that does as this file says.
 fn identity(assumed: &Assumed) -> Vec<Identity> {
     let reads = Identity::new;
-    let mode = SUPPORTS_THE_MODE;
+    // Bit 0 of 6502h is mode 1.
+    let mode = 1 << (assumed.value(&MODE) - 1);
     // What stands above CiA 402 tells a servo from other drives.
     let mut identity = vec![reads(0x1000, 0, "device type", 402).in_bits(0xFFFF)];
     for (sub, name, assumption) in [
@@ -165,6 +176,7 @@ fn identity(assumed: &Assumed) -> Vec<Identity> {
 struct Cia402Csp {
     spec: NodeSpec,
     interpolation_delay: u32,
+    is_interpolated: bool,
     tells_following: bool,
 }
 
@@ -189,6 +201,7 @@ impl Cia402Csp {
                 ..NodeSpec::new(model, settings, setup, cia402::is_command)
             },
             interpolation_delay: assumed.value(&INTERPOLATION_DELAY),
+            is_interpolated: assumed.value(&MODE) == INTERPOLATED_POSITION,
             tells_following: assumed.value(&TELLS_FOLLOWING) != 0,
         }
     }
@@ -218,7 +231,7 @@ fn setup(settings: &Settings, r_pdo: u8, t_pdo: u8) -> Vec<Write> {
     }
     setup.push(w(0x6040, 0, Data::u16(0)));
     setup.push(w(0x6040, 0, Data::u16(0x80))); // Fault Reset
-    setup.push(w(0x6060, 0, Data::u8(CYCLIC_SYNCHRONOUS_POSITION as u8)));
+    setup.push(w(0x6060, 0, Data::u8(assumed.value(&MODE) as u8)));
     if assumed.value(&HAS_PERIOD) != 0 {
         let (mantissa, exponent) = interpolation_period(*cycle);
         setup.push(w(0x60C2, 1, Data::u8(mantissa)));
@@ -226,8 +239,12 @@ fn setup(settings: &Settings, r_pdo: u8, t_pdo: u8) -> Vec<Write> {
     }
     setup.extend(cia402::limits(settings));
     setup.extend(&settings.objects);
+    let target = match assumed.value(&MODE) {
+        INTERPOLATED_POSITION => 0x60C1_0120,
+        _ => 0x607A_0020,
+    };
     for (from, n, mapped) in [
-        (0x1600, r_pdo, [0x6040_0010, 0x607A_0020]),
+        (0x1600, r_pdo, [0x6040_0010, target]),
         (0x1A00, t_pdo, [0x6041_0010, 0x6064_0020]),
     ] {
         let index = parameter(from, n);
@@ -266,7 +283,17 @@ fn interpolation_period(cycle: Duration) -> (u8, i8) {
 fn reserved(Address { index, .. }: Address) -> bool {
     matches!(
         index,
-        0x1000..=0x1FFF | 0x6040 | 0x6060 | 0x6065 | 0x607A | 0x607D | 0x608F | 0x6091 | 0x60C2
+        0x1000
+            ..=0x1FFF
+                | 0x6040
+                | 0x6060
+                | 0x6065
+                | 0x607A
+                | 0x607D
+                | 0x608F
+                | 0x6091
+                | 0x60C1
+                | 0x60C2
     )
 }
 
@@ -298,11 +325,14 @@ impl Drive for Cia402Csp {
     }
 
     fn mode(&self) -> Option<ModeDisplay> {
-        Some(cia402::shows(CYCLIC_SYNCHRONOUS_POSITION))
+        Some(cia402::shows(match self.is_interpolated {
+            true => INTERPOLATED_POSITION as i8,
+            false => CYCLIC_SYNCHRONOUS_POSITION as i8,
+        }))
     }
 
     fn ends_mode(&self) -> bool {
-        false
+        self.is_interpolated && self.tells_following
     }
 
     fn latency(&self) -> f64 {
@@ -310,7 +340,8 @@ impl Drive for Cia402Csp {
     }
 
     fn status(&mut self, _: usize, data: &[u8]) -> Option<DriveStatus> {
-        let status = cia402::status(data, Some(FOLLOWING_ERROR))?;
+        let error = (!self.is_interpolated).then_some(FOLLOWING_ERROR);
+        let status = cia402::status(data, error)?;
         let enabled = status.power == PowerState::Enabled;
         Some(DriveStatus {
             mode_runs: status.mode_runs || enabled && !self.tells_following,
@@ -319,7 +350,11 @@ impl Drive for Cia402Csp {
     }
 
     fn encode(&mut self, command: PowerCommand, setpoint: Setpoint, frames: &mut [Frame]) {
-        let data = cia402::to_position(cia402::controlword(command, 0), setpoint.position);
+        let start = match self.is_interpolated {
+            true => Controlword::MODE_4,
+            false => 0,
+        };
+        let data = cia402::to_position(cia402::controlword(command, start), setpoint.position);
         frames[0] = Frame::new(self.spec.r_pdos[0].cob_id, &data);
     }
 }
@@ -462,6 +497,32 @@ mod tests {
             [0x0237, 0x0231, 0x0218].map(&mut runs),
             [true, false, false]
         );
+    }
+
+    #[test]
+    fn in_interpolated_position_it_is_started_and_ends() {
+        let mut drive = csp(&settings(2000, &[("mode", 7)]));
+        let writes = writes(&drive);
+        for row in ["6060:0 1 7", "1600:2 4 60C10120"] {
+            assert!(writes.contains(&row.into()), "{row}");
+        }
+        let mut modes = drive.spec().identity.iter();
+        let modes = modes.find(|it| it.address.index == 0x6502).unwrap();
+        assert_eq!((modes.mask, modes.value), (0x40, 0x40));
+        assert_eq!(drive.mode().unwrap().mode, 7);
+        assert!(drive.ends_mode());
+        let mut frames = [Frame::new(CobId::SYNC, &[])];
+        for (command, expected) in [
+            (PowerCommand::Enable, "203#0F00FEFFFFFF"),
+            (PowerCommand::Run, "203#1F00FEFFFFFF"),
+            (PowerCommand::QuickStop, "203#0B00FEFFFFFF"),
+        ] {
+            drive.encode(command, Setpoint::at(Increments::new(-2)), &mut frames);
+            assert_eq!(format!("{:?}", frames[0]), expected);
+        }
+        // Bit 13 says nothing in this mode.
+        let status = drive.status(0, &0x3237u16.to_le_bytes()).unwrap();
+        assert!(status.mode_runs && !status.error);
     }
 
     #[test]

@@ -3,6 +3,7 @@
 use proptest::prelude::*;
 use serde_json::Value;
 use syncline_canopen::eds::Eds;
+use syncline_canopen::eds::Value::Number;
 use syncline_canopen::{CanId, CobId, NodeId};
 use syncline_controller::control::fault::DeviceCause;
 use syncline_controller::control::{End, Fault};
@@ -17,6 +18,7 @@ const MODEL: &str = "model = \"servo.toml\"";
 /// A description of X; Y stays the example's.
 #[derive(Clone, Debug)]
 struct Description {
+    mode: u8,
     r_pdo: u8,
     t_pdo: u8,
     pdos: u8,
@@ -32,7 +34,7 @@ impl Description {
     fn any() -> impl Strategy<Value = Self> {
         (
             (1..=4u8, 1..=4u8, 1..=4u8),
-            (8192..=1u32 << 24, any::<[bool; 3]>(), any::<u32>()),
+            (8192..=1u32 << 24, any::<[bool; 4]>(), any::<u32>()),
         )
             .prop_map(
                 |((r_pdo, t_pdo, pdos), (encoder_increments, has, vendor_id))| Self {
@@ -40,6 +42,7 @@ impl Description {
                     t_pdo,
                     pdos,
                     encoder_increments,
+                    mode: if has[3] { 8 } else { 7 },
                     has_resolution: has[0],
                     has_period: has[1],
                     tells_following: has[2],
@@ -58,13 +61,19 @@ impl Description {
         if !self.has_period {
             eds.objects.remove(&0x60C2);
         }
+        // It tells the modes that it has.
+        let modes = eds.objects.get_mut(&0x6502).unwrap();
+        modes.subs.get_mut(&0).unwrap().default = Some(Number(1 << (self.mode - 1)));
+        eds.objects
+            .remove(if self.mode == 7 { &0x607A } else { &0x60C1 });
         let identity = eds.objects.get_mut(&0x1018).unwrap();
         identity.subs.get_mut(&1).unwrap().default = None;
         let _sheet = folder.file("drive.eds", &eds.to_string());
         let flag = u8::from;
         let text = format!(
-            "name = \"drawn\"\ngeneric = \"cia402_csp\"\neds = \"drive.eds\"\nr_pdo = {}\nt_pdo = {}\npdos = {}\n\
+            "name = \"drawn\"\ngeneric = \"cia402_csp\"\neds = \"drive.eds\"\nmode = {}\nr_pdo = {}\nt_pdo = {}\npdos = {}\n\
              encoder_increments = {}\nhas_resolution = {}\nhas_period = {}\ntells_following = {}\nvendor_id = {}\n",
+            self.mode,
             self.r_pdo,
             self.t_pdo,
             self.pdos,
@@ -137,7 +146,7 @@ fn a_description_that_says_nothing_is_the_generic_drive() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(ProptestConfig::default().cases.min(6)))]
+    #![proptest_config(ProptestConfig::with_cases(ProptestConfig::default().cases.min(8)))]
 
     /// Whatever a valid description says, the axis follows its setpoints, by the PDOs that it names and no other.
     #[test]
@@ -174,6 +183,7 @@ proptest! {
 fn another_makers_drive_is_refused() {
     let folder = Folder::new();
     let description = Description {
+        mode: 8,
         r_pdo: 1,
         t_pdo: 1,
         pdos: 4,

@@ -1,6 +1,5 @@
 //! What the CANopen node asks of the drive behind it.
 
-use super::MODE;
 use super::drive::Drive;
 use super::settings::Settings;
 use crate::twin::node::Firmware;
@@ -34,7 +33,7 @@ impl Application for Drive {
         self.servo.tampering.check_write(address, origin)?;
         match address.index {
             0x6040 if !self.servo.remote => Err(AbortCode::LocalControl),
-            0x6060 if value != 0 && value != MODE => Err(AbortCode::InvalidValue),
+            0x6060 if value != 0 && value != self.mode => Err(AbortCode::InvalidValue),
             0x60C2 if self.is_operational && self.policies.period_before_operational => {
                 Err(AbortCode::DeviceState)
             }

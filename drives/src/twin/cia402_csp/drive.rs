@@ -3,7 +3,7 @@
 use super::fault::DriveError;
 use super::policy::Policies;
 use super::settings::{SWITCH_OFF, Settings};
-use super::{MODE, TwinConfig};
+use super::{CYCLIC_SYNCHRONOUS_POSITION, INTERPOLATED_POSITION, TwinConfig};
 use crate::twin::device::{Disturbance, ErrorClass};
 use crate::twin::node::Firmware;
 use crate::twin::servo::cascade::{POSITION_STEP, Reference};
@@ -14,7 +14,7 @@ use crate::twin::servo::lasting::Lasting;
 use crate::twin::servo::loops::Loops;
 use crate::twin::servo::ramp::Ramp;
 use crate::twin::servo::shaft::Shaft;
-use syncline_canopen::cia402::{State, Statusword};
+use syncline_canopen::cia402::{Controlword, State, Statusword};
 use syncline_canopen::dictionary::Dictionary;
 use syncline_canopen::time::Duration;
 use syncline_canopen::{Address, Instant};
@@ -70,6 +70,8 @@ fn seconds(time: Duration) -> f64 {
 pub struct Drive {
     pub(super) objects: Dictionary,
     pub(super) settings: Settings,
+    /// The one value of 6060h with which it follows setpoints.
+    pub(super) mode: i64,
     pub(super) policies: Policies,
     pub(super) warning: bool,
     pub(super) servo: Servo<DriveError>,
@@ -100,6 +102,7 @@ impl Drive {
         let encoder = loops.encoder;
         let mut drive = Self {
             settings: Settings::of(&objects),
+            mode: config.mode.into(),
             objects,
             servo: Servo::new(
                 loops,
@@ -119,9 +122,15 @@ impl Drive {
             target_reached: false,
         };
         let [vendor_id, product_code] = config.identity;
+        let modes = drive.objects.value(0x6502, 0).unwrap_or(0);
         for (address, value) in [
             (Address::new(0x1018, 1), vendor_id),
             (Address::new(0x1018, 2), product_code),
+            // Bit 0 is mode 1.
+            (
+                Address::new(0x6502, 0),
+                Some(modes as u32 | 1 << (config.mode - 1)),
+            ),
             (Address::new(0x608F, 1), Some(config.encoder_increments)),
         ] {
             if let Some(value) = value {
@@ -149,8 +158,12 @@ impl Drive {
     pub(super) fn on_sync(&mut self, now: Instant) {
         let since_last = self.last_sync.replace(now);
         let since_last = since_last.map_or(0.0, |last| seconds(now.saturating_since(last)));
-        let follows = self.servo.state == State::OperationEnabled && self.settings.mode == MODE;
-        if !follows {
+        if self.servo.state != State::OperationEnabled || self.settings.mode != self.mode {
+            return;
+        }
+        let started = self.servo.controlword.has(Controlword::MODE_4);
+        if self.mode == INTERPOLATED_POSITION && !started {
+            self.brake();
             return;
         }
         let (from, velocity) = match self.motion {
@@ -274,7 +287,9 @@ impl Drive {
                 Statusword::MODE_12,
             ),
             (
-                self.following_error && self.is_powered(),
+                self.following_error
+                    && self.is_powered()
+                    && self.mode == CYCLIC_SYNCHRONOUS_POSITION,
                 Statusword::BIT_13,
             ),
         ];

@@ -1,8 +1,9 @@
-//! A simulated servo drive as the profile has it: CiA 402 in Cyclic Synchronous Position.
+//! A simulated servo drive as the profile has it: CiA 402 in Cyclic Synchronous Position, or in Interpolated Position.
 //!
 //! A CANopen device by CiA 301's strict rules: PDOs are mapped while they are switched off. Its one
-//! operating mode is 8. While it is enabled, each SYNC sends its reference in a straight line from
-//! where it is to 607Ah, within the period of 60C2h; there it rests until the next one. The loops
+//! operating mode is 8, or 7 as [`TwinConfig::mode`] says. While it is enabled, and in mode 7 while controlword bit 4 is
+//! set, each SYNC sends its reference in a straight line from where it is to 607Ah, in mode 7 to 60C1h:1, within the
+//! period of 60C2h; there it rests until the next one. The loops
 //! run on the drive's own oscillator: nothing is locked to SYNC. Statusword bit 12 is set from the
 //! first SYNC in Operation Enabled on.
 //!
@@ -55,8 +56,10 @@ pub(super) static KIND: Kind = Kind {
     make: |config| Box::new(Twin::new(config.into())),
 };
 
+/// 6060h: Interpolated Position.
+const INTERPOLATED_POSITION: i64 = 7;
 /// 6060h: Cyclic Synchronous Position.
-const MODE: i64 = 8;
+const CYCLIC_SYNCHRONOUS_POSITION: i64 = 8;
 
 /// What a twin is made of.
 #[derive(Clone, Debug)]
@@ -71,6 +74,8 @@ pub struct TwinConfig {
     pub dictionary: &'static [Entry],
     /// 1018h:1 and :2, where they are not the dictionary's.
     pub identity: [Option<u32>; 2],
+    /// Its operating mode, 7 or 8.
+    pub mode: u32,
     /// Encoder increments per motor revolution: 608Fh:1.
     pub encoder_increments: u32,
     /// What makes the encoder's reading wrong.
@@ -102,6 +107,7 @@ impl TwinConfig {
             position: 0.0,
             dictionary: CIA402_CSP,
             identity: [None; 2],
+            mode: CYCLIC_SYNCHRONOUS_POSITION as u32,
             encoder_increments: 1_048_576,
             encoder: EncoderErrors {
                 noise: 2.0,
@@ -141,6 +147,7 @@ impl From<&Config> for TwinConfig {
                 .unwrap_or(own.encoder_increments),
             dictionary: config.dictionary.unwrap_or(own.dictionary),
             identity: ["vendor_id", "product_code"].map(|name| config.assumed(name)),
+            mode: config.assumed("mode").unwrap_or(own.mode),
             policies: Policies {
                 tells_following: config.assumed("tells_following") != Some(0),
                 ..match config.tolerant {

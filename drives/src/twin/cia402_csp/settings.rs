@@ -1,5 +1,6 @@
 //! What the objects say that the loops and the state machine go by.
 
+use super::INTERPOLATED_POSITION;
 use crate::dictionary::CIA402_CSP;
 use syncline_canopen::Address;
 use syncline_canopen::dictionary::{Dictionary, Preset};
@@ -15,9 +16,9 @@ pub(super) const BRAKE_AND_STAY: i64 = 6;
 pub(super) struct Settings {
     /// 6060h.
     pub(super) mode: i64,
-    /// 607Ah, within 607Dh: increments.
+    /// 607Ah, or 60C1h:1 in Interpolated Position, within 607Dh: increments.
     pub(super) target: f64,
-    /// 607Ah is outside of 607Dh.
+    /// It is outside of 607Dh.
     pub(super) target_is_limited: bool,
     /// 60C2h, seconds; `None`: there is no such object.
     pub(super) period: Option<f64>,
@@ -53,10 +54,14 @@ impl Settings {
         };
         let millis = |index| Duration::from_millis(value(index, 0) as u64);
         let (least, most) = (value(0x607D, 1), value(0x607D, 2));
-        let target = value(0x607A, 0);
+        let mode = value(0x6060, 0);
+        let target = match mode {
+            INTERPOLATED_POSITION => value(0x60C1, 1),
+            _ => value(0x607A, 0),
+        };
         let limited = target.max(least).min(most);
         Self {
-            mode: value(0x6060, 0),
+            mode,
             target: limited as f64,
             target_is_limited: limited != target,
             period: (objects.row(0x60C2, 1))

@@ -1,7 +1,6 @@
 //! The state machine of CiA 402, as far as the profile lets its objects say how. Transitions bear the profile's
 //! numbers.
 
-use super::MODE;
 use super::drive::Drive;
 use super::fault::DriveError;
 use super::settings::{BRAKE_AND_STAY, SWITCH_OFF};
@@ -68,7 +67,7 @@ impl Drive {
 
     /// Another mode than the one that follows setpoints: what moves comes to rest.
     pub(super) fn mode_changed(&mut self) {
-        if self.settings.mode != MODE {
+        if self.settings.mode != self.mode {
             self.brake();
         }
     }
