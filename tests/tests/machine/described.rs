@@ -61,6 +61,16 @@ impl Description {
         if !self.has_period {
             eds.objects.remove(&0x60C2);
         }
+        // It has no other PDOs than are said.
+        for (first, most) in [
+            (0x1400, self.pdos.max(self.r_pdo)),
+            (0x1800, self.pdos.max(self.t_pdo)),
+        ] {
+            eds.objects.retain(|&index, _| {
+                let of = matches!(index & !0x3, it if it == first || it == first + 0x200);
+                !of || index % 4 < u16::from(most)
+            });
+        }
         // It tells the modes that it has.
         let modes = eds.objects.get_mut(&0x6502).unwrap();
         modes.subs.get_mut(&0).unwrap().default = Some(Number(1 << (self.mode - 1)));
