@@ -584,6 +584,10 @@ impl<const N: usize> Line<N> {
     /// What every axis does by the motion along the line.
     fn motions(&self) -> [Motion; N] {
         std::array::from_fn(|i| {
+            // What it does not move rests at once, whatever becomes of the others.
+            if self.direction[i] == 0.0 {
+                return Motion::resting(self.from[i]);
+            }
             let (leads_there, aim) = match self.motion.aim {
                 Aim::At(_) if self.motion.due == Due::No => (true, Aim::At(self.to[i])),
                 _ => (false, Aim::Anywhere),

@@ -24,6 +24,9 @@ fn machine() -> [Option<Travel>; N] {
     ]
 }
 
+/// Cycles in which all axes come to rest from anything: twice v/a + a/j of the worst.
+const STOP: u32 = 250;
+
 #[derive(Debug, Clone, Copy)]
 enum Act {
     Order(Jog<N>),
@@ -149,6 +152,12 @@ proptest! {
                 advance(&mut axes, rapid)?;
             }
         }
+        let mut held = axes;
+        held.hold();
+        for _ in 0..STOP {
+            advance(&mut held, rapid)?;
+        }
+        prop_assert!(held.rests(), "held for {STOP} cycles");
         if rapid == 0.0 {
             rapid = 1.0;
             axes.change_speed();
