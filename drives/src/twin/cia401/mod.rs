@@ -4,6 +4,7 @@
 //! ```
 //! use syncline_canopen::NodeId;
 //! use syncline_drives::bus::{BitRate, SimBus};
+//! use syncline_drives::twin::SimulatedDevice;
 //! use syncline_drives::twin::cia401::{Twin, TwinConfig};
 //!
 //! let mut bus = SimBus::new(BitRate::from_kbit(1000).ok_or("bit rate")?);
