@@ -163,11 +163,8 @@ fn model(
         ..Settings::new(NodeId::new(1)?, Duration::from_millis(1))
     };
     for lack in model.lacks(&settings) {
-        log.report(
-            sheet.span(),
-            format!("{title}: `eds`: {lack}"),
-            format!("{} goes by this object", generic.title),
-        );
+        let problem = format!("{title}: `eds`: {lack}");
+        log.report(sheet.span(), problem, lack.help);
     }
     Some((model, assumed))
 }

@@ -281,6 +281,39 @@ proptest! {
         }
     }
 
+    /// A T_PDO that is on after power-on and that the set-up does not reach is refused, and no other. `states` are
+    /// those of T_PDOs 1 to 5: on, off, or not said, which is as the generic drive has it: the first two are on.
+    #[test]
+    fn a_t_pdo_that_nobody_switches_off_is_refused(
+        pdos in 1..=4u16,
+        t_pdo in 1..=4u16,
+        states in prop::collection::vec(prop::option::of(any::<bool>()), 5),
+    ) {
+        let mut eds = Eds::of(CIA402_CSP);
+        let fifth = eds.objects[&0x1803].clone();
+        eds.objects.insert(0x1804, fifth);
+        let mut refused = Vec::new();
+        for (n, state) in (1..).zip(states) {
+            let index = 0x17FF + n;
+            let word = |is_on| if is_on { 0x4000_0180 } else { 0xC000_0180 };
+            let parameter = eds.objects.get_mut(&index).unwrap().subs.get_mut(&1).unwrap();
+            parameter.default = state.map(|is_on| Value::PlusNode(word(is_on)));
+            if n > pdos.max(t_pdo) && state.unwrap_or(n <= 2) {
+                refused.push(format!("{index:04X}h:1"));
+            }
+        }
+        let text = format!("{WHOLE}pdos = {pdos}\nt_pdo = {t_pdo}\n");
+        let told = match load(&text, &eds.to_string()) {
+            Ok(_) => String::new(),
+            Err(wrong) => wrong.to_string(),
+        };
+        prop_assert_eq!(told.is_empty(), refused.is_empty(), "{}", told);
+        for index in 0x1800..=0x1804 {
+            let name = format!("{index:04X}h:1");
+            prop_assert_eq!(told.contains(&name), refused.contains(&name), "{}", told);
+        }
+    }
+
     /// Whatever stands in a data sheet, nothing panics.
     #[test]
     fn any_data_sheet_is_taken_or_refused(

@@ -9,6 +9,7 @@ use std::collections::BTreeMap;
 use std::sync::{Mutex, PoisonError};
 use syncline_canopen::dictionary::{self, DataType, Entry, Mappable, Preset};
 use syncline_canopen::eds::{Access, Eds, Parameter, Value};
+use syncline_canopen::pdo::CobIdWord;
 
 /// What a file says of a kind of device, beside its numbers.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -75,7 +76,7 @@ impl Model {
     }
 
     /// What a device with these settings needs and the dictionary of this model does not have, in the order of the
-    /// objects; nothing of a built-in model.
+    /// objects, and which of its T_PDOs nobody would switch off; nothing of a built-in model.
     #[must_use]
     pub fn lacks(&'static self, settings: &Settings) -> Vec<Lack> {
         let able = |ability| self.abilities.contains(&ability);
@@ -84,19 +85,30 @@ impl Model {
             soft_limits: able(Ability::SoftLimits).then_some((Increments::MIN, Increments::MAX)),
             ..settings.clone()
         });
-        let lacks = uses(&device).into_iter().filter_map(|(address, uses)| {
-            let problem = self.problem(address, &uses)?;
-            let generic = self.generic.unwrap_or(self);
+        let uses = uses(&device);
+        let generic = self.generic.unwrap_or(self);
+        let lacks = uses.iter().filter_map(|(&address, uses)| {
+            let problem = self.problem(address, uses)?;
             let mut usual = generic.dictionary.iter();
             let usual = usual.find(|entry| entry.address == address);
-            let name = usual.map_or("", |entry| entry.name);
             Some(Lack {
                 address,
-                name,
+                name: usual.map_or("", |entry| entry.name),
                 problem,
+                help: format!("{} goes by this object", generic.title),
             })
         });
-        lacks.collect()
+        let unasked = self
+            .dictionary
+            .iter()
+            .filter(|row| is_t_pdo_on(row) && !uses.get(&row.address).is_some_and(|it| it.written));
+        let unasked = unasked.map(|row| Lack {
+            address: row.address,
+            name: row.name,
+            problem: "is of a T_PDO that is on after power-on, and that nobody asks for".into(),
+            help: "allowed: `pdos` that reach it, so that it is switched off".into(),
+        });
+        lacks.chain(unasked).collect()
     }
 
     /// Why an object cannot be used so.
@@ -134,7 +146,7 @@ impl Model {
     }
 }
 
-/// An object that a device of a described model needs and its data sheet does not have as it has to be.
+/// An object that is not in a data sheet as a device of the described model has to have it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Lack {
     /// The object.
@@ -143,6 +155,8 @@ pub struct Lack {
     pub name: &'static str,
     /// `cannot be written`
     pub problem: String,
+    /// Why it matters, or what to do.
+    pub help: String,
 }
 
 impl fmt::Display for Lack {
@@ -195,6 +209,18 @@ fn uses(device: &Device) -> BTreeMap<Address, Uses> {
         uses.entry(address).or_default().read = true;
     }
     uses
+}
+
+/// Whether a row is the COB-ID of a T_PDO (CiA 301, 1800h to 19FFh, sub-index 1) that is sent after power-on.
+fn is_t_pdo_on(row: &Entry) -> bool {
+    let Address { index, sub } = row.address;
+    let is_on = match row.preset {
+        Preset::Number(word) | Preset::Assumed(word) | Preset::PlusNode(word) => {
+            CobIdWord(word as u32).is_valid()
+        }
+        Preset::Bytes(_) | Preset::Unknown => false,
+    };
+    matches!(index, 0x1800..0x1A00) && sub == 1 && is_on
 }
 
 /// The objects by which a drive of CiA 402 has an ability.
