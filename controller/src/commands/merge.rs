@@ -30,7 +30,8 @@ impl Args {
     fn merge(&self) -> Result<(), Box<dyn Error>> {
         let folders: Result<Vec<_>, _> = self.folders.iter().map(|it| Folder::open(it)).collect();
         let folders = folders?;
-        let mut claims = Claims::default();
+        let files = folders.iter().flat_map(Folder::files);
+        let mut claims = Claims::default().keeps_sweep(files);
         let csv = claims.open("--csv", &self.csv)?;
         conclude(&folders, csv, &claims)
     }

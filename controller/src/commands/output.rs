@@ -116,6 +116,13 @@ impl Claims {
         })
     }
 
+    /// For a sweep: its own files are not to be written over.
+    pub(super) fn keeps_sweep(self, files: impl Iterator<Item = PathBuf>) -> Self {
+        files.fold(self, |claims, file| {
+            claims.reads("a file of the sweep", &file)
+        })
+    }
+
     /// Something that is read, and so is not to be written over.
     pub(super) fn reads(mut self, what: &'static str, file: &Path) -> Self {
         let place = match file.metadata() {

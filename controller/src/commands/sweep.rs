@@ -75,9 +75,11 @@ impl Args {
         let vary = syncline_strict_toml::read(&self.vary);
         let text = vary.map_err(|why| format!("cannot read {}: {why}", self.vary.display()))?;
         let plan = Plan::new(Vary::parse(&self.vary, &text)?, self.runs, self.seed)?;
-        let mut claims = Claims::of_run(&self.machine, &self.program).reads("--vary", &self.vary);
-        let csv = claims.open("--csv", &self.csv)?;
         let manifest = self.manifest(plan.runs(), sha256([text.into_bytes()]))?;
+        let mut claims = Claims::of_run(&self.machine, &self.program)
+            .reads("--vary", &self.vary)
+            .keeps_sweep(manifest.files(&self.out));
+        let csv = claims.open("--csv", &self.csv)?;
         let runs = Runs::new(self.machine.clone(), self.program.clone(), plan)?;
         let folder = Folder::make(&self.out, manifest)?;
         Ok(Prepared {

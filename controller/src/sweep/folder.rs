@@ -105,6 +105,12 @@ impl Manifest {
             .find_map(|(differs, what)| differs.then_some(*what))
     }
 
+    /// The files that a sweep has in a folder, be they there or to be made.
+    pub fn files(&self, folder: &Path) -> impl Iterator<Item = PathBuf> {
+        let parts = (0..self.parts()).map(move |part| part_in(folder, part));
+        std::iter::once(manifest_in(folder)).chain(parts)
+    }
+
     /// How many parts there are.
     #[must_use]
     pub fn parts(&self) -> u64 {
@@ -116,6 +122,14 @@ impl Manifest {
     pub fn runs_of(&self, part: u64) -> Range<u64> {
         part * self.part..((part + 1) * self.part).min(self.runs)
     }
+}
+
+fn manifest_in(folder: &Path) -> PathBuf {
+    folder.join("sweep.json")
+}
+
+fn part_in(folder: &Path, part: u64) -> PathBuf {
+    folder.join(format!("part-{part:06}.csv"))
 }
 
 /// The SHA-256 of some files' texts, one after the other, each with its length before it.
@@ -146,7 +160,7 @@ impl Folder {
             file: path.to_owned(),
             source,
         })?;
-        let file = path.join("sweep.json");
+        let file = manifest_in(path);
         if !file.exists() {
             let text =
                 serde_json::to_string_pretty(&manifest).map_err(|error| SweepError::Form {
@@ -179,7 +193,7 @@ impl Folder {
     /// # Errors
     /// It cannot be read or is none.
     pub fn open(path: &Path) -> Result<Self, SweepError> {
-        let file = path.join("sweep.json");
+        let file = manifest_in(path);
         let text = fs::read(&file).map_err(|source| SweepError::Read {
             file: file.clone(),
             source,
@@ -200,8 +214,13 @@ impl Folder {
         &self.manifest
     }
 
+    /// The files that it has, or will have.
+    pub fn files(&self) -> impl Iterator<Item = PathBuf> {
+        self.manifest.files(&self.path)
+    }
+
     fn file(&self, part: u64) -> PathBuf {
-        self.path.join(format!("part-{part:06}.csv"))
+        part_in(&self.path, part)
     }
 
     /// Whether a part is there.

@@ -160,6 +160,42 @@ fn shards_come_to_what_one_process_comes_to() {
     assert_eq!(files.merge(&["one", "other"]).1, whole);
 }
 
+/// A table in place of a part would be a sweep that is damaged: neither command writes it, be the part there or not.
+#[test]
+fn no_table_is_written_over_a_sweeps_own_files() {
+    let files = Files::new(VARY);
+    let common = ["--runs", "3", "--part", "2"];
+    let output = files.sweep("parts", &common).output().unwrap();
+    assert_eq!(ended(&output).0, 0, "{output:?}");
+    let later = files.folder.path("parts/part-000001.csv");
+    let whole = files.merge(&["parts"]);
+    for (file, is_there) in [
+        ("sweep.json", true),
+        ("part-000000.csv", true),
+        ("part-000001.csv", false),
+    ] {
+        if !is_there {
+            fs::remove_file(&later).unwrap();
+        }
+        let file = files.folder.path("parts").join(file);
+        let before = fs::read(&file).ok();
+        let mut sweep = files.sweep("parts", &common);
+        let mut merge = syncline();
+        merge.arg("merge").arg(files.folder.path("parts"));
+        for command in [&mut sweep, &mut merge] {
+            let output = command.arg("--csv").arg(&file).output().unwrap();
+            let (code, _, errors) = ended(&output);
+            assert_eq!(code, 2, "{errors}");
+            let told = "a file of the sweep and --csv are both ";
+            assert!(errors.contains(told), "{errors}");
+            assert_eq!(fs::read(&file).ok(), before);
+        }
+    }
+    let output = files.sweep("parts", &common).output().unwrap();
+    assert_eq!(ended(&output).0, 0, "{output:?}");
+    assert_eq!(files.merge(&["parts"]), whole);
+}
+
 /// A sweep that was killed goes on with what is missing, and parts of another sweep are none of its own.
 #[test]
 fn an_interrupted_sweep_goes_on() {
