@@ -2,6 +2,7 @@
 
 use proptest::prelude::*;
 use std::fs;
+use syncline_canopen::Address;
 use syncline_canopen::eds::{Access, Eds, Value};
 use syncline_controller::machine::{Machine, MachineError};
 use syncline_drives::dictionary::CIA402_CSP;
@@ -13,9 +14,13 @@ const SHEET: &str = include_str!("../../../examples/described/servo.eds");
 
 /// The example with this description and this data sheet.
 fn load(servo: &str, sheet: &str) -> Result<Machine, MachineError> {
+    load_as(MACHINE, servo, sheet)
+}
+
+fn load_as(machine: &str, servo: &str, sheet: &str) -> Result<Machine, MachineError> {
     let folder = TempDir::new().unwrap();
     let write = |name, text| fs::write(folder.path().join(name), text).unwrap();
-    write("machine.toml", MACHINE);
+    write("machine.toml", machine);
     write("servo.toml", servo);
     write("servo.eds", sheet);
     Machine::load(&folder.path().join("machine.toml"))
@@ -180,64 +185,110 @@ fn a_name_is_one_descriptions_and_a_file_is_of_the_tables_kind() {
 }
 
 /// What the controller does with the objects of a drive with all of them, PDO 1 in use: w writes, r reads, R and T
-/// are mapped; by the tables of the profile, not by the model.
-const USED: &[(u16, u8, &str)] = &[
-    (0x1000, 0, "r"),
-    (0x1016, 1, "rw"),
-    (0x1017, 0, "rw"),
-    (0x1400, 1, "rw"),
-    (0x1400, 2, "rw"),
-    (0x1403, 1, "rw"),
-    (0x1600, 0, "rw"),
-    (0x1600, 1, "rw"),
-    (0x1600, 2, "rw"),
-    (0x1800, 1, "rw"),
-    (0x1800, 2, "rw"),
-    (0x1803, 1, "rw"),
-    (0x1A00, 0, "rw"),
-    (0x1A00, 1, "rw"),
-    (0x1A00, 2, "rw"),
-    (0x6040, 0, "wR"),
-    (0x6041, 0, "rT"),
-    (0x6060, 0, "rw"),
-    (0x6061, 0, "r"),
-    (0x6064, 0, "T"),
-    (0x6065, 0, "rw"),
-    (0x607A, 0, "R"),
-    (0x607D, 1, "rw"),
-    (0x607D, 2, "rw"),
-    (0x608F, 1, "r"),
-    (0x608F, 2, "r"),
-    (0x6091, 1, "r"),
-    (0x6091, 2, "r"),
-    (0x60C2, 1, "rw"),
-    (0x60C2, 2, "rw"),
-    (0x6502, 0, "r"),
+/// are mapped; by the tables of the profile, not by the model. The drives that are meant are sent positions,
+/// velocities, or those in Profile Velocity.
+const USED: &[(u16, u8, &str, [bool; 3])] = &[
+    (0x1000, 0, "r", ALL),
+    (0x1016, 1, "rw", ALL),
+    (0x1017, 0, "rw", ALL),
+    (0x1400, 1, "rw", ALL),
+    (0x1400, 2, "rw", ALL),
+    (0x1403, 1, "rw", ALL),
+    (0x1600, 0, "rw", ALL),
+    (0x1600, 1, "rw", ALL),
+    (0x1600, 2, "rw", ALL),
+    (0x1800, 1, "rw", ALL),
+    (0x1800, 2, "rw", ALL),
+    (0x1803, 1, "rw", ALL),
+    (0x1A00, 0, "rw", ALL),
+    (0x1A00, 1, "rw", ALL),
+    (0x1A00, 2, "rw", ALL),
+    (0x6007, 0, "rw", VELOCITIES),
+    (0x6040, 0, "wR", ALL),
+    (0x6041, 0, "rT", ALL),
+    (0x6060, 0, "rw", ALL),
+    (0x6061, 0, "r", ALL),
+    (0x6064, 0, "T", ALL),
+    (0x6065, 0, "rw", POSITIONS),
+    (0x607A, 0, "R", POSITIONS),
+    (0x607D, 1, "rw", POSITIONS),
+    (0x607D, 2, "rw", POSITIONS),
+    (0x6083, 0, "rw", [false, false, true]),
+    (0x6084, 0, "rw", [false, false, true]),
+    (0x608F, 1, "r", ALL),
+    (0x608F, 2, "r", ALL),
+    (0x6091, 1, "r", ALL),
+    (0x6091, 2, "r", ALL),
+    (0x60C2, 1, "rw", CYCLIC),
+    (0x60C2, 2, "rw", CYCLIC),
+    (0x60FF, 0, "R", VELOCITIES),
+    (0x6502, 0, "r", ALL),
 ];
+
+const ALL: [bool; 3] = [true; 3];
+const POSITIONS: [bool; 3] = [true, false, false];
+const VELOCITIES: [bool; 3] = [false, true, true];
+const CYCLIC: [bool; 3] = [true, true, false];
 
 /// Objects without which a drive has one ability less, which nobody has to ask of it.
 const OPTIONAL: [u16; 2] = [0x6065, 0x607D];
 
-const WHOLE: &str = "name = \"whole\"\ngeneric = \"cia402_csp\"\neds = \"servo.eds\"\n";
+/// Drives with every object of the profile, one a generic model, and the mode that each has to have (6502h).
+const WHOLE: [(&str, u8); 3] = [
+    (
+        "name = \"whole\"\neds = \"servo.eds\"\ngeneric = \"cia402_csp\"\n",
+        8,
+    ),
+    (
+        "name = \"whole\"\neds = \"servo.eds\"\ngeneric = \"cia402_csv\"\n",
+        9,
+    ),
+    (
+        "name = \"whole\"\neds = \"servo.eds\"\ngeneric = \"cia402_pv\"\nramp = 1000\n",
+        3,
+    ),
+];
 
 #[test]
 fn a_drive_with_every_object_of_the_profile_is_taken() {
-    load_machine(&Eds::of(CIA402_CSP)).unwrap();
+    for which in 0..WHOLE.len() {
+        load_whole(which, &whole(which)).unwrap();
+    }
 }
 
-fn load_machine(eds: &Eds) -> Result<Machine, String> {
-    load(WHOLE, &eds.to_string()).map_err(|error| error.to_string())
+/// The data sheet of a drive with everything.
+fn whole(which: usize) -> Eds {
+    let mut eds = Eds::of(CIA402_CSP);
+    let modes = eds.objects.get_mut(&0x6502).unwrap();
+    let mode = 1 << (WHOLE[which].1 - 1);
+    modes.subs.get_mut(&0).unwrap().default = Some(Value::Number(mode));
+    eds
+}
+
+/// The example with such drives, of which nothing is asked that those that are sent velocities do not have.
+fn load_whole(which: usize, eds: &Eds) -> Result<Machine, String> {
+    let machine = match which {
+        0 => MACHINE.to_owned(),
+        _ => MACHINE.replace(
+            "drive_following_error = true\ndrive_soft_limits = true\n",
+            "",
+        ),
+    };
+    let loaded = load_as(&machine, WHOLE[which].0, &eds.to_string());
+    loaded.map_err(|error| error.to_string())
 }
 
 proptest! {
     /// A data sheet in which one object that is used is not as it has to be: refused, and the object is named.
     #[test]
     fn a_data_sheet_that_lacks_one_thing_is_refused_by_the_objects_name(
-        (index, sub, uses) in prop::sample::select(USED),
+        (index, sub, uses, drives) in prop::sample::select(USED),
+        which in 0..3usize,
         breach in 0..5u8,
         other_type in prop::sample::select(vec![0x01u16, 0x08, 0x10, 0x15, 0x1B]),
     ) {
-        let mut eds = Eds::of(CIA402_CSP);
+        prop_assume!(drives[which]);
+        let mut eds = whole(which);
         let object = eds.objects.get_mut(&index).unwrap();
         let parameter = object.subs.get_mut(&sub).unwrap();
         let does = |what| uses.contains(what);
@@ -269,7 +320,7 @@ proptest! {
                 eds.objects.remove(&index);
             }
         }
-        let loaded = load_machine(&eds);
+        let loaded = load_whole(which, &eds);
         let name = format!("{index:04X}h:{sub:X}");
         match loaded {
             // It is asked for by the axis then.
@@ -281,36 +332,97 @@ proptest! {
         }
     }
 
-    /// A T_PDO that is on after power-on and that the set-up does not reach is refused, and no other. `states` are
-    /// those of T_PDOs 1 to 5: on, off, or not said, which is as the generic drive has it: the first two are on.
+    /// A PDO that is on after power-on is switched off, wherever it is, and one that cannot be is refused. `states` are
+    /// those of PDOs 1 to 5: on, off, or not said, which is as the generic drive has it: the first two are on.
     #[test]
-    fn a_t_pdo_that_nobody_switches_off_is_refused(
+    fn a_pdo_that_is_on_is_switched_off(
+        transmits: bool,
         pdos in 1..=4u16,
-        t_pdo in 1..=4u16,
+        pdo in 1..=4u16,
         states in prop::collection::vec(prop::option::of(any::<bool>()), 5),
+        fixed in prop::option::of(1..=5u16),
     ) {
+        let (block, key) = if transmits { (0x1800, "t_pdo") } else { (0x1400, "r_pdo") };
         let mut eds = Eds::of(CIA402_CSP);
-        let fifth = eds.objects[&0x1803].clone();
-        eds.objects.insert(0x1804, fifth);
-        let mut refused = Vec::new();
+        let fifth = eds.objects[&(block + 3)].clone();
+        eds.objects.insert(block + 4, fifth);
+        let reached = pdos.max(pdo);
+        let (mut off, mut refused) = (Vec::new(), None);
         for (n, state) in (1..).zip(states) {
-            let index = 0x17FF + n;
-            let word = |is_on| if is_on { 0x4000_0180 } else { 0xC000_0180 };
-            let parameter = eds.objects.get_mut(&index).unwrap().subs.get_mut(&1).unwrap();
+            let parameter = eds.objects.get_mut(&(block - 1 + n)).unwrap().subs.get_mut(&1).unwrap();
+            // The fifth one anywhere.
+            let place = if n == 5 { 0x2A0 } else { 0x180 };
+            let word = |is_on| place + if is_on { 0x4000_0000 } else { 0xC000_0000 };
             parameter.default = state.map(|is_on| Value::PlusNode(word(is_on)));
-            if n > pdos.max(t_pdo) && state.unwrap_or(n <= 2) {
-                refused.push(format!("{index:04X}h:1"));
+            let is_on = n > reached && state.unwrap_or(n <= 2);
+            off.extend(is_on.then_some((block - 1 + n, state.is_some().then_some(place as u32 + 1))));
+            if fixed == Some(n) {
+                parameter.access = Access::Ro;
+                refused = (is_on || n <= reached).then(|| format!("{:04X}h:1", block - 1 + n));
             }
         }
-        let text = format!("{WHOLE}pdos = {pdos}\nt_pdo = {t_pdo}\n");
-        let told = match load(&text, &eds.to_string()) {
-            Ok(_) => String::new(),
-            Err(wrong) => wrong.to_string(),
+        let text = format!("{}pdos = {pdos}\n{key} = {pdo}\n", WHOLE[0].0);
+        let machine = match (load(&text, &eds.to_string()), refused) {
+            (Ok(machine), None) => machine,
+            (Err(wrong), Some(object)) => {
+                let told = wrong.to_string();
+                prop_assert!(told.contains(&object) && told.contains("cannot be written"), "{}", told);
+                return Ok(());
+            }
+            (loaded, refused) => panic!("{:?}, {refused:?}", loaded.map(|_| ())),
         };
-        prop_assert_eq!(told.is_empty(), refused.is_empty(), "{}", told);
-        for index in 0x1800..=0x1804 {
-            let name = format!("{index:04X}h:1");
-            prop_assert_eq!(told.contains(&name), refused.contains(&name), "{}", told);
+        let device = machine.device(0);
+        let setup = &device.spec().setup;
+        for (index, cob_id) in off {
+            let mut writes = setup.iter().filter(|it| it.address == Address::new(index, 1));
+            let word = writes.next().expect("it is written").data.bits();
+            prop_assert!(word >> 31 == 1 && writes.next().is_none());
+            prop_assert!(cob_id.is_none_or(|it| it == word & 0x7FF), "{:X}", word);
+        }
+    }
+
+    /// PDOs that the maker has mapped are read, and nothing is written there; one that is mapped otherwise is refused.
+    #[test]
+    fn a_mapping_that_is_the_makers_has_to_be_the_right_one(
+        which in 0..3usize,
+        pdo in 1..=4u16,
+        wrong in prop::option::of((any::<bool>(), 0..=2u8, 1..=8i64)),
+        says: bool,
+    ) {
+        let mut eds = whole(which);
+        let setpoint = if which == 0 { 0x607A_0020 } else { 0x60FF_0020 };
+        for (index, mapped) in [(0x15FF + pdo, [0x6040_0010, setpoint]), (0x19FF + pdo, [0x6041_0010, 0x6064_0020])] {
+            let subs = &mut eds.objects.get_mut(&index).unwrap().subs;
+            for (sub, value) in (0..).zip([2, mapped[0], mapped[1]]) {
+                let parameter = subs.get_mut(&sub).unwrap();
+                parameter.access = Access::Ro;
+                parameter.default = Some(Value::Number(value));
+            }
+        }
+        let mut place = None;
+        if let Some((transmits, sub, by)) = wrong {
+            let index = pdo + if transmits { 0x19FF } else { 0x15FF };
+            let parameter = eds.objects.get_mut(&index).unwrap().subs.get_mut(&sub).unwrap();
+            let Some(Value::Number(value)) = &mut parameter.default else { unreachable!() };
+            *value += by;
+            place = Some(format!("{index:04X}h:{sub}"));
+        }
+        let (text, _) = WHOLE[which];
+        let fixed = if says { "fixed_mapping = 1\n" } else { "" };
+        let text = format!("{text}{fixed}r_pdo = {pdo}\nt_pdo = {pdo}\n");
+        let machine = MACHINE.replace("drive_following_error = true\ndrive_soft_limits = true\n", "");
+        let loaded = load_as(&machine, &text, &eds.to_string()).map_err(|wrong| wrong.to_string());
+        match (loaded, place) {
+            (Ok(machine), None) => {
+                prop_assert!(says);
+                let device = machine.device(0);
+                let is_mapping = |address: &Address| matches!(address.index, 0x1600..0x1800 | 0x1A00..0x1C00);
+                prop_assert!(!device.spec().setup.iter().any(|it| is_mapping(&it.address)));
+                prop_assert_eq!(device.spec().identity.iter().filter(|it| is_mapping(&it.address)).count(), 6);
+            }
+            (Err(told), _) if !says => prop_assert!(told.contains("cannot be written"), "{}", told),
+            (Err(told), Some(place)) => prop_assert!(told.contains(&place), "{}: {}", place, told),
+            (loaded, place) => panic!("{:?}, {place:?}", loaded.map(|_| ())),
         }
     }
 
@@ -331,7 +443,7 @@ proptest! {
             }
         }
         let folder = TempDir::new().unwrap();
-        fs::write(folder.path().join("servo.toml"), WHOLE).unwrap();
+        fs::write(folder.path().join("servo.toml"), WHOLE[0].0).unwrap();
         fs::write(folder.path().join("servo.eds"), eds.to_string()).unwrap();
         if let Ok(machine) = Machine::parse(&folder.path().join("machine.toml"), MACHINE) {
             let simulated = syncline_controller::port::sim::Simulated::new(&machine, 0, [None], |_, _| ());

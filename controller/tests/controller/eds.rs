@@ -105,6 +105,7 @@ fn data_sheets_name_the_maker() {
         ("twk_crn", Some("TWK Elektronik")),
         ("cia401", None),
         ("cia402_csp", None),
+        ("cia402_csv", None),
     ] {
         let mut command = Command::new(env!("CARGO_BIN_EXE_syncline"));
         let output = command

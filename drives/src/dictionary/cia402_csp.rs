@@ -1,8 +1,9 @@
 //! The object dictionary of a drive as the profile has it: CiA 402 (IEC 61800-7-201), with Cyclic
-//! Synchronous Position or Interpolated Position as its only operating mode, on CANopen (CiA 301).
+//! Synchronous Position, Interpolated Position, Cyclic Synchronous Velocity or Profile Velocity as its only operating
+//! mode, on CANopen (CiA 301).
 //!
 //! `default` is a value that a profile gives; `assumed` one that it leaves to the maker. Positions
-//! count encoder increments at the motor's shaft.
+//! count encoder increments at the motor's shaft, velocities increments/s unless a machine says otherwise.
 
 use syncline_canopen::dictionary::DataType::{I8, I16, I32, Text, U8, U16, U32};
 use syncline_canopen::dictionary::{Entry, ro, rw, table};
@@ -159,6 +160,8 @@ pub static CIA402_CSP: &[Entry] = &table([
     ro(0x607D, 0, "Software position limit: number", U8).default(2),
     rw(0x607D, 1, "Min position limit", I32).assumed(-2_147_483_648).unit("increments"),
     rw(0x607D, 2, "Max position limit", I32).assumed(2_147_483_647).unit("increments"),
+    rw(0x6083, 0, "Profile acceleration", U32).range(1, 0xFFFF_FFFF).assumed(1_048_576_000).unit("increments/s^2").r_pdo(),
+    rw(0x6084, 0, "Profile deceleration", U32).range(1, 0xFFFF_FFFF).assumed(1_048_576_000).unit("increments/s^2").r_pdo(),
     rw(0x6085, 0, "Quick stop deceleration", U32).range(1, 0xFFFF_FFFF).assumed(1_048_576_000).unit("increments/s^2"),
     ro(0x608F, 0, "Position encoder resolution: number", U8).default(2),
     ro(0x608F, 1, "Encoder increments", U32).assumed(1_048_576),
@@ -172,5 +175,6 @@ pub static CIA402_CSP: &[Entry] = &table([
     rw(0x60C2, 1, "Interpolation time period value", U8).range(1, 255).default(1),
     rw(0x60C2, 2, "Interpolation time index", I8).range(-6, 0).default(-3),
     ro(0x60F4, 0, "Following error actual value", I32).unit("increments").t_pdo(),
+    rw(0x60FF, 0, "Target velocity", I32).default(0).unit("increments/s").r_pdo(),
     ro(0x6502, 0, "Supported drive modes", U32).default(0x80).t_pdo(),
 ]);

@@ -11,19 +11,20 @@
 //! assumption as well.
 
 use super::profile::cia402::{self, INTERPOLATION_DELAY};
-use super::profile::communication::{self, SDO_RESPONSE, T_PDO_RESPONSE};
+use super::profile::communication::{SDO_RESPONSE, T_PDO_RESPONSE};
+use super::profile::generic::{
+    self, BIT_RATES, ENCODER_INCREMENTS, FIXED_MAPPING, HAS_PERIOD, HAS_RESOLUTION, Kind, PDOS,
+    PRODUCT_CODE, R_PDO, T_PDO, TELLS_FOLLOWING, VENDOR_ID,
+};
 use super::{
-    Ability, Address, Assumed, Assumption, Data, Drive, DriveStatus, Feedback, Identity,
-    Increments, Make, ModeDisplay, Model, NodeSpec, PowerCommand, PowerState, RemoteNode, Sample,
-    Setpoint, Setpoints, Settings, Survey, Write,
+    Ability, Address, Assumption, Drive, DriveStatus, Feedback, Increments, Make, ModeDisplay,
+    Model, NodeSpec, PowerCommand, PowerState, RemoteNode, Sample, Setpoint, Setpoints, Settings,
+    Survey,
 };
 use crate::dictionary;
 use core::time::Duration;
-use syncline_canopen::{
-    CobId, Frame,
-    cia402::{Controlword, Statusword},
-    pdo::CobIdWord,
-};
+use syncline_canopen::Frame;
+use syncline_canopen::cia402::{Controlword, Statusword};
 
 /// The drive.
 ///
@@ -32,9 +33,7 @@ pub(super) static CIA402_CSP: Model = Model {
     name: "cia402_csp",
     title: "CiA 402 CSP",
     maker: None,
-    bitrates: &[
-        10_000, 20_000, 50_000, 125_000, 250_000, 500_000, 800_000, 1_000_000,
-    ],
+    bitrates: BIT_RATES,
     cycle_step: Duration::from_micros(500),
     cycles: Duration::from_micros(500)..=Duration::from_millis(20),
     increments_per_revolution: |assumed| assumed.value(&ENCODER_INCREMENTS),
@@ -52,6 +51,7 @@ pub(super) static CIA402_CSP: Model = Model {
         PDOS,
         R_PDO,
         T_PDO,
+        FIXED_MAPPING,
         INTERPOLATION_DELAY,
         T_PDO_RESPONSE,
         SDO_RESPONSE,
@@ -75,101 +75,11 @@ const MODE: Assumption = Assumption {
     meaning: "6060h, the operating mode: 8, Cyclic Synchronous Position, or 7, Interpolated Position",
 };
 
-const ENCODER_INCREMENTS: Assumption = Assumption {
-    name: "encoder_increments",
-    default: 1_048_576,
-    allowed: 1..=1 << 30,
-    meaning: "increments for each motor revolution: what 608Fh:1 has to read, with 608Fh:2 = 1",
-};
-
-const HAS_RESOLUTION: Assumption = Assumption {
-    name: "has_resolution",
-    default: 1,
-    allowed: 0..=1,
-    meaning: "1: it has 608Fh and 6091h, which are read; 0: it has neither, and counts as encoder_increments says",
-};
-
-const HAS_PERIOD: Assumption = Assumption {
-    name: "has_period",
-    default: 1,
-    allowed: 0..=1,
-    meaning: "1: 60C2h is set to the cycle; 0: it has no such object, and goes by the time between two SYNCs",
-};
-
-const TELLS_FOLLOWING: Assumption = Assumption {
-    name: "tells_following",
-    default: 1,
-    allowed: 0..=1,
-    meaning: "1: statusword bit 12 says that it follows; 0: it leaves the bit off, and follows while it is enabled",
-};
-
-const VENDOR_ID: Assumption = Assumption {
-    name: "vendor_id",
-    default: 0,
-    allowed: 0..=u32::MAX,
-    meaning: "what 1018h:1 has to read; 0: whatever it reads",
-};
-
-const PRODUCT_CODE: Assumption = Assumption {
-    name: "product_code",
-    default: 0,
-    allowed: 0..=u32::MAX,
-    meaning: "what 1018h:2 has to read; 0: whatever it reads",
-};
-
-const PDOS: Assumption = Assumption {
-    name: "pdos",
-    default: 4,
-    allowed: 1..=4,
-    meaning: "PDOs that the drive has in each direction; those without use are switched off",
-};
-
-const R_PDO: Assumption = Assumption {
-    name: "r_pdo",
-    default: 1,
-    allowed: 1..=4,
-    meaning: "number of the R_PDO that brings controlword and target position",
-};
-
-const T_PDO: Assumption = Assumption {
-    name: "t_pdo",
-    default: 1,
-    allowed: 1..=4,
-    meaning: "number of the T_PDO that brings statusword and actual position",
-};
-
 const INTERPOLATED_POSITION: u32 = 7;
 const CYCLIC_SYNCHRONOUS_POSITION: u32 = 8;
 
 /// Statusword bit 13 in Cyclic Synchronous Position: the following error is beyond 6065h.
 const FOLLOWING_ERROR: u16 = Statusword::BIT_13;
-
-/// What tells a drive that does as this file says.
-fn identity(assumed: &Assumed) -> Vec<Identity> {
-    let reads = Identity::new;
-    // Bit 0 of 6502h is mode 1.
-    let mode = 1 << (assumed.value(&MODE) - 1);
-    // What stands above CiA 402 tells a servo from other drives.
-    let mut identity = vec![reads(0x1000, 0, "device type", 402).in_bits(0xFFFF)];
-    for (sub, name, assumption) in [
-        (1, "vendor ID", &VENDOR_ID),
-        (2, "product code", &PRODUCT_CODE),
-    ] {
-        let value = assumed.value(assumption);
-        identity.extend((value != 0).then(|| reads(0x1018, sub, name, value)));
-    }
-    identity.push(reads(0x6502, 0, "supported drive modes", mode).in_bits(mode));
-    if assumed.value(&HAS_RESOLUTION) != 0 {
-        let encoder_increments = assumed.value(&ENCODER_INCREMENTS);
-        identity.extend([
-            reads(0x608F, 1, "encoder increments", encoder_increments),
-            reads(0x608F, 2, "motor revolutions", 1),
-            reads(0x6091, 1, "gear ratio, motor shaft", 1),
-            reads(0x6091, 2, "gear ratio, driving shaft", 1),
-        ]);
-    }
-    identity
-}
 
 /// One drive.
 #[derive(Clone, Debug)]
@@ -180,101 +90,24 @@ struct Cia402Csp {
     tells_following: bool,
 }
 
-/// The number of a PDO, 1…4.
-fn number(assumed: &Assumed, assumption: &Assumption) -> u8 {
-    assumed.value(assumption) as u8
-}
-
 impl Cia402Csp {
     fn new(model: &'static Model, settings: &Settings) -> Self {
-        let (node, assumed) = (settings.node, &settings.assumed);
-        let (r_pdo, t_pdo) = (number(assumed, &R_PDO), number(assumed, &T_PDO));
-        let setup = setup(settings, r_pdo, t_pdo);
-        Self {
-            spec: NodeSpec {
-                identity: identity(assumed),
-                history: cia402::HISTORY.to_vec(),
-                // Statusword and actual position.
-                t_pdos: vec![communication::t_pdo(t_pdo, node, 6)],
-                // Controlword and target position.
-                r_pdos: vec![communication::r_pdo(r_pdo, node, 6)],
-                ..NodeSpec::new(model, settings, setup, cia402::is_command)
+        let assumed = &settings.assumed;
+        let mode = assumed.value(&MODE);
+        let kind = Kind {
+            mode: mode as u8,
+            setpoint: match mode {
+                INTERPOLATED_POSITION => 0x60C1_0120,
+                _ => 0x607A_0020,
             },
+        };
+        let own = [generic::period(settings), cia402::limits(settings)].concat();
+        Self {
+            spec: generic::spec(model, settings, kind, own),
             interpolation_delay: assumed.value(&INTERPOLATION_DELAY),
-            is_interpolated: assumed.value(&MODE) == INTERPOLATED_POSITION,
+            is_interpolated: mode == INTERPOLATED_POSITION,
             tells_following: assumed.value(&TELLS_FOLLOWING) != 0,
         }
-    }
-}
-
-/// Every PDO off; mode, cycle and limits; the two that are used mapped, and on.
-fn setup(settings: &Settings, r_pdo: u8, t_pdo: u8) -> Vec<Write> {
-    let Settings {
-        node,
-        cycle,
-        assumed,
-        ..
-    } = settings;
-    let w = Write::new;
-    let pdos = number(assumed, &PDOS);
-    let r_pdo_word = |n| CobIdWord::valid(CobId::r_pdo(n, *node)).0;
-    // Not to be asked for by remote requests, which many devices do not know.
-    let t_pdo_word = |n| CobIdWord::valid(CobId::t_pdo(n, *node)).0 | CobIdWord::NO_RTR;
-    let off = |word| Data::u32(word | CobIdWord::INVALID);
-
-    let mut setup = Vec::new();
-    for n in 1..=pdos.max(r_pdo) {
-        setup.push(w(parameter(0x1400, n), 1, off(r_pdo_word(n))));
-    }
-    for n in 1..=pdos.max(t_pdo) {
-        setup.push(w(parameter(0x1800, n), 1, off(t_pdo_word(n))));
-    }
-    setup.push(w(0x6040, 0, Data::u16(0)));
-    setup.push(w(0x6040, 0, Data::u16(0x80))); // Fault Reset
-    setup.push(w(0x6060, 0, Data::u8(assumed.value(&MODE) as u8)));
-    if assumed.value(&HAS_PERIOD) != 0 {
-        let (mantissa, exponent) = interpolation_period(*cycle);
-        setup.push(w(0x60C2, 1, Data::u8(mantissa)));
-        setup.push(w(0x60C2, 2, Data::u8(exponent as u8)));
-    }
-    setup.extend(cia402::limits(settings));
-    setup.extend(&settings.objects);
-    let target = match assumed.value(&MODE) {
-        INTERPOLATED_POSITION => 0x60C1_0120,
-        _ => 0x607A_0020,
-    };
-    for (from, n, mapped) in [
-        (0x1600, r_pdo, [0x6040_0010, target]),
-        (0x1A00, t_pdo, [0x6041_0010, 0x6064_0020]),
-    ] {
-        let index = parameter(from, n);
-        setup.push(w(index, 0, Data::u8(0)));
-        setup.push(w(index, 1, Data::u32(mapped[0])));
-        setup.push(w(index, 2, Data::u32(mapped[1])));
-        setup.push(w(index, 0, Data::u8(2)));
-    }
-    let (receive, transmit) = (parameter(0x1400, r_pdo), parameter(0x1800, t_pdo));
-    setup.push(w(receive, 2, Data::u8(1))); // at every SYNC
-    setup.push(w(transmit, 2, Data::u8(1)));
-    setup.push(w(receive, 1, Data::u32(r_pdo_word(r_pdo))));
-    setup.push(w(transmit, 1, Data::u32(t_pdo_word(t_pdo))));
-    setup.extend(communication::heartbeats(&settings.heartbeat));
-    setup
-}
-
-/// The index of PDO `n`'s object in the block that begins with PDO 1's.
-const fn parameter(first: u16, n: u8) -> u16 {
-    first + n as u16 - 1
-}
-
-/// 60C2h, mantissa and power of ten in seconds: of a whole millisecond -3, which every drive knows,
-/// otherwise -4. A cycle that [`Model::takes_cycle`] takes fits.
-fn interpolation_period(cycle: Duration) -> (u8, i8) {
-    let tenths = cycle.as_micros() / 100;
-    if tenths.is_multiple_of(10) {
-        ((tenths / 10) as u8, -3)
-    } else {
-        (tenths as u8, -4)
     }
 }
 
@@ -361,9 +194,9 @@ impl Drive for Cia402Csp {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{NotFollowing, OutOfRange};
+    use super::super::{Assumed, Data, NotFollowing, OutOfRange, Write};
     use super::*;
-    use syncline_canopen::NodeId;
+    use syncline_canopen::{CobId, NodeId};
 
     fn csp(settings: &Settings) -> Cia402Csp {
         Cia402Csp::new(&CIA402_CSP, settings)
@@ -439,19 +272,9 @@ mod tests {
     }
 
     #[test]
-    fn the_period_is_a_mantissa_and_a_power_of_ten() {
-        for (micros, expected) in [
-            (500, (5, -4)),
-            (1000, (1, -3)),
-            (1500, (15, -4)),
-            (2000, (2, -3)),
-            (10_000, (10, -3)),
-            (19_500, (195, -4)),
-            (20_000, (20, -3)),
-        ] {
-            let cycle = Duration::from_micros(micros);
-            assert!(CIA402_CSP.takes_cycle(cycle));
-            assert_eq!(interpolation_period(cycle), expected, "{micros} µs");
+    fn cycles_are_half_milliseconds() {
+        for micros in [500, 1000, 1500, 19_500, 20_000] {
+            assert!(CIA402_CSP.takes_cycle(Duration::from_micros(micros)));
         }
         for micros in [250, 750, 20_500] {
             assert!(!CIA402_CSP.takes_cycle(Duration::from_micros(micros)));

@@ -9,7 +9,6 @@ use std::collections::BTreeMap;
 use std::sync::{Mutex, PoisonError};
 use syncline_canopen::dictionary::{self, DataType, Entry, Mappable, Preset};
 use syncline_canopen::eds::{Access, Eds, Parameter, Value};
-use syncline_canopen::pdo::CobIdWord;
 
 /// What a file says of a kind of device, beside its numbers.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -76,7 +75,7 @@ impl Model {
     }
 
     /// What a device with these settings needs and the dictionary of this model does not have, in the order of the
-    /// objects, and which of its T_PDOs nobody would switch off; nothing of a built-in model.
+    /// objects; nothing of a built-in model.
     #[must_use]
     pub fn lacks(&'static self, settings: &Settings) -> Vec<Lack> {
         let able = |ability| self.abilities.contains(&ability);
@@ -89,7 +88,8 @@ impl Model {
         let generic = self.generic.unwrap_or(self);
         let lacks = uses.iter().filter_map(|(&address, uses)| {
             let problem = self.problem(address, uses)?;
-            let mut usual = generic.dictionary.iter();
+            // What the profile does not have is as the data sheet calls it.
+            let mut usual = generic.dictionary.iter().chain(self.dictionary);
             let usual = usual.find(|entry| entry.address == address);
             Some(Lack {
                 address,
@@ -98,17 +98,7 @@ impl Model {
                 help: format!("{} goes by this object", generic.title),
             })
         });
-        let unasked = self
-            .dictionary
-            .iter()
-            .filter(|row| is_t_pdo_on(row) && !uses.get(&row.address).is_some_and(|it| it.written));
-        let unasked = unasked.map(|row| Lack {
-            address: row.address,
-            name: row.name,
-            problem: "is of a T_PDO that is on after power-on, and that nobody asks for".into(),
-            help: "allowed: `pdos` that reach it, so that it is switched off".into(),
-        });
-        lacks.chain(unasked).collect()
+        lacks.collect()
     }
 
     /// Why an object cannot be used so.
@@ -151,7 +141,7 @@ impl Model {
 pub struct Lack {
     /// The object.
     pub address: Address,
-    /// Its name in the profile.
+    /// Its name in the profile, or in the data sheet.
     pub name: &'static str,
     /// `cannot be written`
     pub problem: String,
@@ -180,16 +170,18 @@ struct Uses {
 fn uses(device: &Device) -> BTreeMap<Address, Uses> {
     let mut uses: BTreeMap<Address, Uses> = BTreeMap::new();
     let spec = device.spec();
-    for write in &spec.setup {
-        let Address { index, sub } = write.address;
-        uses.entry(write.address).or_default().written = true;
-        let word = write.data.bits();
+    let written = spec.setup.iter().map(|it| (it.address, it.data.bits()));
+    let expected = spec.identity.iter().map(|it| (it.address, it.value));
+    for (Address { index, sub }, word) in written.clone().chain(expected) {
         let mapped = Address::new((word >> 16) as u16, (word >> 8) as u8);
         match index {
             0x1600..0x1800 if sub > 0 => uses.entry(mapped).or_default().received = true,
             0x1A00..0x1C00 if sub > 0 => uses.entry(mapped).or_default().transmitted = true,
             _ => {}
         }
+    }
+    for (address, _) in written {
+        uses.entry(address).or_default().written = true;
     }
     for write in &spec.read_back {
         uses.entry(write.address).or_default().read = true;
@@ -198,7 +190,7 @@ fn uses(device: &Device) -> BTreeMap<Address, Uses> {
         let used = uses.entry(identity.address).or_default();
         used.read = true;
         // A resolution is what a device was ordered or set with.
-        if matches!(identity.address.index, 0x1000 | 0x1018 | 0x6502) {
+        if matches!(identity.address.index, 0x1000..0x2000 | 0x6502) {
             used.reads_as = Some((identity.mask, identity.value));
         }
     }
@@ -209,18 +201,6 @@ fn uses(device: &Device) -> BTreeMap<Address, Uses> {
         uses.entry(address).or_default().read = true;
     }
     uses
-}
-
-/// Whether a row is the COB-ID of a T_PDO (CiA 301, 1800h to 19FFh, sub-index 1) that is sent after power-on.
-fn is_t_pdo_on(row: &Entry) -> bool {
-    let Address { index, sub } = row.address;
-    let is_on = match row.preset {
-        Preset::Number(word) | Preset::Assumed(word) | Preset::PlusNode(word) => {
-            CobIdWord(word as u32).is_valid()
-        }
-        Preset::Bytes(_) | Preset::Unknown => false,
-    };
-    matches!(index, 0x1800..0x1A00) && sub == 1 && is_on
 }
 
 /// The objects by which a drive of CiA 402 has an ability.

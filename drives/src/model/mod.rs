@@ -18,6 +18,7 @@
 mod capture;
 mod cia401;
 mod cia402_csp;
+mod cia402_csv;
 mod described;
 mod drive;
 mod feedback;
@@ -55,6 +56,8 @@ use syncline_canopen::{NodeId, dictionary::Entry};
 pub static MODELS: &[&Model] = &[
     &lxm32m::LXM32M,
     &cia402_csp::CIA402_CSP,
+    &cia402_csv::CIA402_CSV,
+    &cia402_csv::CIA402_PV,
     &twk_crn::TWK_CRN,
     &tlc5xx::TLC5XX,
     &cia401::CIA401,

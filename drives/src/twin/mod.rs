@@ -3,7 +3,7 @@
 //! - [`device`]: what every twin is to a bus, to mechanics, to observers and to tests
 //! - [`TWINS`]: all of them, by the name of the model that each stands for
 //! - [`lxm32m`]: the Lexium 32M
-//! - [`cia402_csp`]: a drive by the profile alone, in Cyclic Synchronous Position
+//! - [`cia402_csp`]: a drive by the profile alone, sent positions or velocities
 //! - [`twk_crn`]: the absolute encoder TWK CRN
 //! - [`tlc5xx`]: the positioning controller Twin Line TLC53x
 //! - [`tsp10`]: the stepper controller TSP10-CBE
@@ -40,6 +40,8 @@ pub use device::{
 pub static TWINS: &[&Kind] = &[
     &lxm32m::KIND,
     &cia402_csp::KIND,
+    &cia402_csp::CSV_KIND,
+    &cia402_csp::PV_KIND,
     &twk_crn::KIND,
     &tlc5xx::KIND,
     &tsp10::KIND,

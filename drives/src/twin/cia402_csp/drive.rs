@@ -3,7 +3,10 @@
 use super::fault::DriveError;
 use super::policy::Policies;
 use super::settings::{SWITCH_OFF, Settings};
-use super::{CYCLIC_SYNCHRONOUS_POSITION, INTERPOLATED_POSITION, TwinConfig};
+use super::{
+    CYCLIC_SYNCHRONOUS_POSITION, CYCLIC_SYNCHRONOUS_VELOCITY, INTERPOLATED_POSITION,
+    PROFILE_VELOCITY, TwinConfig,
+};
 use crate::twin::device::{Disturbance, ErrorClass};
 use crate::twin::node::Firmware;
 use crate::twin::servo::cascade::{POSITION_STEP, Reference};
@@ -12,7 +15,7 @@ use crate::twin::servo::encoder::Encoder;
 use crate::twin::servo::firmware::{Servo, ServoFirmware};
 use crate::twin::servo::lasting::Lasting;
 use crate::twin::servo::loops::Loops;
-use crate::twin::servo::ramp::Ramp;
+use crate::twin::servo::ramp::{Limits, Ramp};
 use crate::twin::servo::shaft::Shaft;
 use syncline_canopen::cia402::{Controlword, State, Statusword};
 use syncline_canopen::dictionary::Dictionary;
@@ -28,9 +31,13 @@ pub(super) enum Motion {
     Stop(f64),
     /// It runs to the setpoint that the last SYNC brought.
     Follow(Segment),
+    /// Its velocity goes to the one that the last SYNC brought, and stays there.
+    Turn(Segment),
+    /// Its velocity goes to 60FFh with the profile's ramps.
+    Profile,
 }
 
-/// From where the reference was at a SYNC to the setpoint, in a straight line within the period
+/// From where the reference was at a SYNC, or from its velocity then, to the setpoint, in a straight line within the period
 /// of 60C2h, or within that of SYNC; there it rests.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Segment {
@@ -39,7 +46,7 @@ pub(super) struct Segment {
     since: Instant,
     /// Seconds.
     period: f64,
-    /// Mean change of velocity since the setpoint before, increments/s².
+    /// Of positions: mean change of velocity since the setpoint before, increments/s².
     acceleration: f64,
 }
 
@@ -72,6 +79,8 @@ pub struct Drive {
     pub(super) settings: Settings,
     /// The one value of 6060h with which it follows setpoints.
     pub(super) mode: i64,
+    /// Increments/s of a unit of velocity.
+    velocity_unit: f64,
     pub(super) policies: Policies,
     pub(super) warning: bool,
     pub(super) servo: Servo<DriveError>,
@@ -103,6 +112,9 @@ impl Drive {
         let mut drive = Self {
             settings: Settings::of(&objects),
             mode: config.mode.into(),
+            velocity_unit: config.velocity_unit.map_or(1.0, |[units, rpm]| {
+                f64::from(rpm) / 60.0 * counts / f64::from(units)
+            }),
             objects,
             servo: Servo::new(
                 loops,
@@ -151,6 +163,44 @@ impl Drive {
                 }
             }
             Motion::Follow(segment) => self.reference = segment.at(self.servo.now),
+            Motion::Turn(segment) => {
+                let velocity = segment.at(self.servo.now).position;
+                self.reference.position +=
+                    0.5 * (self.reference.velocity + velocity) * POSITION_STEP;
+                self.reference.velocity = velocity;
+            }
+            Motion::Profile => {
+                let [acceleration, deceleration] = self
+                    .settings
+                    .ramps
+                    .map(|ramp| ramp as f64 * self.velocity_unit);
+                let limits = Limits {
+                    velocity: f64::INFINITY,
+                    acceleration,
+                    deceleration,
+                };
+                let target = self.target_velocity();
+                self.reference
+                    .towards_velocity(target, &limits, POSITION_STEP);
+            }
+        }
+    }
+
+    /// 60FFh, increments/s.
+    fn target_velocity(&self) -> f64 {
+        self.settings.target_velocity as f64 * self.velocity_unit
+    }
+
+    /// Whether its loops control a velocity, and no position.
+    fn is_sent_velocities(&self) -> bool {
+        matches!(self.mode, PROFILE_VELOCITY | CYCLIC_SYNCHRONOUS_VELOCITY)
+    }
+
+    /// By how much the motor is away from the position reference, increments; 0 without one.
+    fn deviation(&self, position: i64) -> f64 {
+        match self.is_sent_velocities() {
+            true => 0.0,
+            false => self.reference.position - position as f64,
         }
     }
 
@@ -166,6 +216,31 @@ impl Drive {
             self.brake();
             return;
         }
+        let period = self.settings.period.unwrap_or(since_last);
+        let period = period.max(POSITION_STEP);
+        match self.mode {
+            PROFILE_VELOCITY => {
+                self.motion = Motion::Profile;
+                return;
+            }
+            CYCLIC_SYNCHRONOUS_VELOCITY => {
+                let to = self.target_velocity();
+                let from = match self.motion {
+                    _ if !self.policies.interpolates => to,
+                    Motion::Turn(segment) => segment.at(now).position,
+                    _ => self.reference.velocity,
+                };
+                self.motion = Motion::Turn(Segment {
+                    from,
+                    to,
+                    since: now,
+                    period,
+                    acceleration: 0.0,
+                });
+                return;
+            }
+            _ => {}
+        }
         let (from, velocity) = match self.motion {
             Motion::Follow(segment) => (segment.at(now).position, segment.velocity()),
             _ => (self.reference.position, 0.0),
@@ -174,11 +249,7 @@ impl Drive {
             from,
             to: self.settings.target,
             since: now,
-            period: self
-                .settings
-                .period
-                .unwrap_or(since_last)
-                .max(POSITION_STEP),
+            period,
             acceleration: 0.0,
         };
         segment.acceleration = (segment.velocity() - velocity) / segment.period;
@@ -200,7 +271,7 @@ impl Drive {
             window_time,
             ..
         } = self.settings;
-        let deviation = (self.reference.position - self.servo.loops.encoder as f64).abs();
+        let deviation = self.deviation(self.servo.loops.encoder).abs();
         let too_far = following_error.is_some_and(|limit| deviation > limit);
         let now = self.servo.now;
         self.following_error = self.too_far.for_time(following_error_time, now, too_far);
@@ -208,13 +279,16 @@ impl Drive {
             self.raise(DriveError::FOLLOWING_ERROR);
         }
         let is_in = window.is_some_and(|window| deviation <= window);
-        self.target_reached = self.in_window.for_time(window_time, now, is_in);
+        self.target_reached = match self.mode {
+            PROFILE_VELOCITY => self.reference.velocity == self.target_velocity(),
+            _ => self.in_window.for_time(window_time, now, is_in),
+        };
     }
 
     /// Whether more SYNCs are overdue than may be missing: each by half a period.
     fn misses_sync(&self) -> bool {
         match (self.motion, self.policies.missing_syncs) {
-            (Motion::Follow(segment), Some(most)) => {
+            (Motion::Follow(segment) | Motion::Turn(segment), Some(most)) => {
                 let periods = f64::from(most) + 1.5;
                 seconds(self.servo.now.saturating_since(segment.since)) > segment.period * periods
             }
@@ -243,7 +317,11 @@ impl Drive {
             Motion::Follow(segment) => segment.at(now).position,
             _ => self.reference.position,
         };
-        let deviation = libm::round(reference) as i64 - position;
+        let deviation = match self.is_sent_velocities() {
+            true => 0,
+            false => libm::round(reference) as i64 - position,
+        };
+        let velocity = self.servo.velocity.velocity() / self.velocity_unit;
         let torque =
             self.servo.loops.torque() / self.servo.loops.cascade.gains().continuous_torque * 1000.0;
         for (index, value) in [
@@ -259,7 +337,7 @@ impl Drive {
             (0x6041, self.statusword().0.into()),
             (0x6061, self.settings.mode),
             (0x6064, position),
-            (0x606C, libm::round(self.servo.velocity.velocity()) as i64),
+            (0x606C, libm::round(velocity) as i64),
             (0x6077, libm::round(torque) as i64),
             (0x60F4, deviation),
         ] {
@@ -269,7 +347,8 @@ impl Drive {
 
     /// 6041h.
     pub(super) fn statusword(&self) -> Statusword {
-        let follows = matches!(self.motion, Motion::Follow(_));
+        let follows = matches!(self.motion, Motion::Follow(_) | Motion::Turn(_));
+        let stands = self.mode == PROFILE_VELOCITY && self.reference.velocity == 0.0;
         let flags = [
             (self.servo.has_mains, Statusword::VOLTAGE_ENABLED),
             (self.warning, Statusword::WARNING),
@@ -283,7 +362,7 @@ impl Drive {
                 Statusword::INTERNAL_LIMIT,
             ),
             (
-                follows && self.policies.tells_following,
+                follows && self.policies.tells_following || stands && self.is_powered(),
                 Statusword::MODE_12,
             ),
             (
@@ -312,11 +391,15 @@ impl ServoFirmware for Drive {
         if !self.is_powered() {
             return Reference::Off;
         }
+        if self.is_sent_velocities() {
+            let counts = self.servo.loops.increments_per_revolution;
+            return Reference::Velocity(self.reference.velocity / counts);
+        }
         Reference::Position {
             position: self.reference.position,
             velocity: self.reference.velocity,
             acceleration: match self.motion {
-                Motion::Hold => 0.0,
+                Motion::Hold | Motion::Turn(_) | Motion::Profile => 0.0,
                 Motion::Stop(deceleration) => -deceleration * self.reference.velocity.signum(),
                 Motion::Follow(segment) => segment.acceleration,
             },

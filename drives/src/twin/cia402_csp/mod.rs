@@ -1,15 +1,20 @@
-//! A simulated servo drive as the profile has it: CiA 402 in Cyclic Synchronous Position, or in Interpolated Position.
+//! A simulated servo drive as the profile has it: CiA 402 in Cyclic Synchronous Position or Velocity, in Interpolated
+//! Position or in Profile Velocity.
 //!
 //! A CANopen device by CiA 301's strict rules: PDOs are mapped while they are switched off. Its one
-//! operating mode is 8, or 7 as [`TwinConfig::mode`] says. While it is enabled, and in mode 7 while controlword bit 4 is
+//! operating mode is 8, or 3, 7 or 9 as [`TwinConfig::mode`] says. While it is enabled, and in mode 7 while controlword bit 4 is
 //! set, each SYNC sends its reference in a straight line from where it is to 607Ah, in mode 7 to 60C1h:1, within the
 //! period of 60C2h; there it rests until the next one. The loops
 //! run on the drive's own oscillator: nothing is locked to SYNC. Statusword bit 12 is set from the
 //! first SYNC in Operation Enabled on.
 //!
+//! In mode 9 each SYNC sends the velocity of the reference so to 60FFh, where it stays; nothing controls the position. In
+//! mode 3 its velocity goes to 60FFh with the ramps of 6083h and 6084h, whenever it is written.
+//!
 //! A drive that has no 60C2h takes the time between two SYNCs for it.
 //!
-//! Positions are encoder increments at the motor's shaft (608Fh), without a gear (6091h is 1 : 1).
+//! Positions are encoder increments at the motor's shaft (608Fh), without a gear (6091h is 1 : 1). What velocities count
+//! [`TwinConfig::velocity_unit`] says.
 //! What the profile leaves to a maker is an option in [`Policies`] or [`TwinConfig`], with a default
 //! that is an assumption.
 //!
@@ -53,13 +58,44 @@ pub(super) static KIND: Kind = Kind {
         10_000, 20_000, 50_000, 125_000, 250_000, 500_000, 800_000, 1_000_000,
     ],
     dictionary: CIA402_CSP,
-    make: |config| Box::new(Twin::new(config.into())),
+    make: |config| {
+        Box::new(Twin::new(TwinConfig::in_mode(
+            CYCLIC_SYNCHRONOUS_POSITION,
+            config,
+        )))
+    },
 };
+
+/// The same in Cyclic Synchronous Velocity.
+pub(super) static CSV_KIND: Kind = Kind {
+    name: "cia402_csv",
+    title: "CiA 402 CSV",
+    make: |config| {
+        Box::new(Twin::new(TwinConfig::in_mode(
+            CYCLIC_SYNCHRONOUS_VELOCITY,
+            config,
+        )))
+    },
+    ..KIND
+};
+
+/// The same in Profile Velocity.
+pub(super) static PV_KIND: Kind = Kind {
+    name: "cia402_pv",
+    title: "CiA 402 PV",
+    make: |config| Box::new(Twin::new(TwinConfig::in_mode(PROFILE_VELOCITY, config))),
+    ..KIND
+};
+
+/// 6060h: Profile Velocity.
+const PROFILE_VELOCITY: i64 = 3;
 
 /// 6060h: Interpolated Position.
 const INTERPOLATED_POSITION: i64 = 7;
 /// 6060h: Cyclic Synchronous Position.
 const CYCLIC_SYNCHRONOUS_POSITION: i64 = 8;
+/// 6060h: Cyclic Synchronous Velocity.
+const CYCLIC_SYNCHRONOUS_VELOCITY: i64 = 9;
 
 /// What a twin is made of.
 #[derive(Clone, Debug)]
@@ -74,8 +110,11 @@ pub struct TwinConfig {
     pub dictionary: &'static [Entry],
     /// 1018h:1 and :2, where they are not the dictionary's.
     pub identity: [Option<u32>; 2],
-    /// Its operating mode, 7 or 8.
+    /// Its operating mode: 3, 7, 8 or 9.
     pub mode: u32,
+    /// What 60FFh and 606Ch count, and 6083h and 6084h in a second: so many units at so many revolutions a minute.
+    /// `None`: increments/s.
+    pub velocity_unit: Option<[u32; 2]>,
     /// Encoder increments per motor revolution: 608Fh:1.
     pub encoder_increments: u32,
     /// What makes the encoder's reading wrong.
@@ -108,6 +147,7 @@ impl TwinConfig {
             dictionary: CIA402_CSP,
             identity: [None; 2],
             mode: CYCLIC_SYNCHRONOUS_POSITION as u32,
+            velocity_unit: None,
             encoder_increments: 1_048_576,
             encoder: EncoderErrors {
                 noise: 2.0,
@@ -130,8 +170,9 @@ impl TwinConfig {
     }
 }
 
-impl From<&Config> for TwinConfig {
-    fn from(config: &Config) -> Self {
+impl TwinConfig {
+    /// As it was asked for, in that mode unless another one was.
+    fn in_mode(mode: i64, config: &Config) -> Self {
         let own = Self::new(config.node);
         let (mechanics, torque_source, gains) =
             config.axis_or((own.mechanics, own.torque_source, own.gains));
@@ -147,9 +188,14 @@ impl From<&Config> for TwinConfig {
                 .unwrap_or(own.encoder_increments),
             dictionary: config.dictionary.unwrap_or(own.dictionary),
             identity: ["vendor_id", "product_code"].map(|name| config.assumed(name)),
-            mode: config.assumed("mode").unwrap_or(own.mode),
+            mode: config.assumed("mode").unwrap_or(mode as u32),
+            velocity_unit: config
+                .assumed("velocity_units")
+                .filter(|units| *units != 0)
+                .map(|units| [units, config.assumed("velocity_rpm").unwrap_or(1)]),
             policies: Policies {
                 tells_following: config.assumed("tells_following") != Some(0),
+                interpolates: config.assumed("interpolates") != Some(0),
                 ..match config.tolerant {
                     true => Policies::tolerant(),
                     false => own.policies,

@@ -19,6 +19,8 @@ pub struct Policies {
     pub following_error_is_fault: bool,
     /// Whether statusword bit 12 says that setpoints are followed; if not, it stays off.
     pub tells_following: bool,
+    /// Whether the velocity goes to 60FFh in a straight line within the period of SYNC in mode 9; otherwise at once.
+    pub interpolates: bool,
     /// Whether EMCY 0000h announces a fault reset.
     pub emcy_on_reset: bool,
 }
@@ -31,6 +33,7 @@ impl Default for Policies {
             missing_syncs: Some(2),
             following_error_is_fault: true,
             tells_following: true,
+            interpolates: true,
             emcy_on_reset: true,
         }
     }

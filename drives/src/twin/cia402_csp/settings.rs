@@ -20,6 +20,9 @@ pub(super) struct Settings {
     pub(super) target: f64,
     /// It is outside of 607Dh.
     pub(super) target_is_limited: bool,
+    /// 60FFh, 6083h and 6084h, in units of velocity, and of them in a second.
+    pub(super) target_velocity: i64,
+    pub(super) ramps: [i64; 2],
     /// 60C2h, seconds; `None`: there is no such object.
     pub(super) period: Option<f64>,
     /// 6065h, increments; `None`: not watched.
@@ -64,6 +67,8 @@ impl Settings {
             mode,
             target: limited as f64,
             target_is_limited: limited != target,
+            target_velocity: value(0x60FF, 0),
+            ramps: [value(0x6083, 0), value(0x6084, 0)],
             period: (objects.row(0x60C2, 1))
                 .map(|_| value(0x60C2, 1) as f64 * power_of_ten(value(0x60C2, 2))),
             following_error: window(0x6065),

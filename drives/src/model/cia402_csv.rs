@@ -1,0 +1,434 @@
+//! A servo drive as the profile has it that is sent velocities: CiA 402 (IEC 61800-7-201) in Cyclic Synchronous
+//! Velocity, or in Profile Velocity, by the profile's own objects. Drives that a file describes are instances of these two.
+//!
+//! R_PDO and T_PDO bring controlword and velocity (60FFh), statusword and position (6064h), both at every SYNC, and the
+//! controller closes the position loop about the drive. In Cyclic Synchronous Velocity the drive goes from one velocity
+//! to the next within the cycle, or at once, and statusword bit 12 says that it follows. In Profile Velocity its own ramps
+//! (6083h, 6084h) are in between, which have to be so steep that they add nothing; bit 12 says that it stands.
+//!
+//! Positions are encoder increments at the motor's shaft, as in Cyclic Synchronous Position. What velocities count the
+//! profile leaves to the maker: it is an [`Assumption`], by default increments/s.
+//!
+//! A drive that is sent velocities and has lost its master would go on with the last one. What it does then (6007h)
+//! is therefore set: it is a fault.
+
+use super::profile::cia402;
+use super::profile::communication::{SDO_RESPONSE, T_PDO_RESPONSE};
+use super::profile::generic::{
+    self, BIT_RATES, ENCODER_INCREMENTS, FIXED_MAPPING, HAS_PERIOD, HAS_RESOLUTION, Kind, PDOS,
+    PRODUCT_CODE, R_PDO, T_PDO, TELLS_FOLLOWING, VENDOR_ID,
+};
+use super::{
+    Address, Assumption, Data, Drive, DriveStatus, Dynamics, Feedback, Increments, Make,
+    ModeDisplay, Model, NodeSpec, PowerCommand, PowerState, RemoteNode, Sample, Setpoint,
+    Setpoints, Settings, Survey, Write,
+};
+use crate::dictionary;
+use core::time::Duration;
+use syncline_canopen::Frame;
+
+/// The drive in Cyclic Synchronous Velocity.
+pub(super) static CIA402_CSV: Model = Model {
+    name: "cia402_csv",
+    title: "CiA 402 CSV",
+    maker: None,
+    bitrates: BIT_RATES,
+    cycle_step: Duration::from_micros(500),
+    cycles: Duration::from_micros(500)..=Duration::from_millis(20),
+    increments_per_revolution: |assumed| assumed.value(&ENCODER_INCREMENTS),
+    positions: Increments::MIN..=Increments::MAX,
+    abilities: &[],
+    generic: None,
+    assumptions: &[
+        VELOCITY_UNITS,
+        VELOCITY_RPM,
+        INTERPOLATES,
+        VELOCITY_DELAY,
+        VELOCITY_LAG,
+        ENCODER_INCREMENTS,
+        HAS_RESOLUTION,
+        HAS_PERIOD,
+        TELLS_FOLLOWING,
+        VENDOR_ID,
+        PRODUCT_CODE,
+        PDOS,
+        R_PDO,
+        T_PDO,
+        FIXED_MAPPING,
+        T_PDO_RESPONSE,
+        SDO_RESPONSE,
+    ],
+    dictionary: dictionary::CIA402_CSP,
+    reserved,
+    inputs: &[],
+    outputs: &[],
+    analog_outputs: &[],
+    captures: &[],
+    homing_methods: &[],
+    make: Make::Drive(Setpoints::Velocities, |model, settings| {
+        Box::new(Cia402Velocity::new(model, settings, Mode::Synchronous))
+    }),
+};
+
+/// The drive in Profile Velocity.
+pub(super) static CIA402_PV: Model = Model {
+    name: "cia402_pv",
+    title: "CiA 402 PV",
+    maker: None,
+    bitrates: BIT_RATES,
+    cycle_step: Duration::from_micros(500),
+    cycles: Duration::from_micros(500)..=Duration::from_millis(20),
+    increments_per_revolution: |assumed| assumed.value(&ENCODER_INCREMENTS),
+    positions: Increments::MIN..=Increments::MAX,
+    abilities: &[],
+    generic: None,
+    assumptions: &[
+        VELOCITY_UNITS,
+        VELOCITY_RPM,
+        RAMP,
+        VELOCITY_DELAY,
+        VELOCITY_LAG,
+        ENCODER_INCREMENTS,
+        HAS_RESOLUTION,
+        VENDOR_ID,
+        PRODUCT_CODE,
+        PDOS,
+        R_PDO,
+        T_PDO,
+        FIXED_MAPPING,
+        T_PDO_RESPONSE,
+        SDO_RESPONSE,
+    ],
+    dictionary: dictionary::CIA402_CSP,
+    reserved,
+    inputs: &[],
+    outputs: &[],
+    analog_outputs: &[],
+    captures: &[],
+    homing_methods: &[],
+    make: Make::Drive(Setpoints::Velocities, |model, settings| {
+        Box::new(Cia402Velocity::new(model, settings, Mode::Profile))
+    }),
+};
+
+const VELOCITY_UNITS: Assumption = Assumption {
+    name: "velocity_units",
+    default: 0,
+    allowed: 0..=u32::MAX,
+    meaning: "what 60FFh counts at velocity_rpm revolutions a minute; 0: 60FFh counts increments/s",
+};
+
+const VELOCITY_RPM: Assumption = Assumption {
+    name: "velocity_rpm",
+    default: 1,
+    allowed: 1..=1_000_000,
+    meaning: "revolutions a minute at which 60FFh counts velocity_units",
+};
+
+const INTERPOLATES: Assumption = Assumption {
+    name: "interpolates",
+    default: 1,
+    allowed: 0..=1,
+    meaning: "1: it goes from one velocity to the next in a straight line within the cycle; 0: at once",
+};
+
+const RAMP: Assumption = Assumption {
+    name: "ramp",
+    default: 0,
+    allowed: 0..=u32::MAX,
+    meaning: "6083h and 6084h, as the drive counts them: so steep that they add nothing; 0: left as they are",
+};
+
+const VELOCITY_DELAY: Assumption = Assumption {
+    name: "velocity_delay_us",
+    default: 0,
+    allowed: 0..=20_000,
+    meaning: "time in µs from the SYNC that latches a velocity until the drive begins to go there",
+};
+
+const VELOCITY_LAG: Assumption = Assumption {
+    name: "velocity_lag_us",
+    default: 250,
+    allowed: 0..=100_000,
+    meaning: "time constant in µs with which the motor follows the drive's velocity reference",
+};
+
+/// 6007h, what a lost connection does: it is a fault.
+const CONNECTION_LOST_IS_FAULT: i16 = 1;
+
+/// The operating mode.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Mode {
+    Profile = 3,
+    Synchronous = 9,
+}
+
+/// One drive.
+#[derive(Clone, Debug)]
+struct Cia402Velocity {
+    spec: NodeSpec,
+    mode: Mode,
+    /// Units of 60FFh for an increment/s.
+    units: f64,
+    latency: f64,
+    dynamics: Dynamics,
+    tells_following: bool,
+}
+
+impl Cia402Velocity {
+    fn new(model: &'static Model, settings: &Settings, mode: Mode) -> Self {
+        let assumed = &settings.assumed;
+        let kind = Kind {
+            mode: mode as u8,
+            setpoint: 0x60FF_0020,
+        };
+        let increments = f64::from(assumed.value(&ENCODER_INCREMENTS));
+        let units = match assumed.value(&VELOCITY_UNITS) {
+            0 => 1.0,
+            units => {
+                let revolutions = f64::from(assumed.value(&VELOCITY_RPM)) / 60.0;
+                f64::from(units) / (revolutions * increments)
+            }
+        };
+        let cycle = settings.cycle.as_secs_f64();
+        let delay = assumed.time(&VELOCITY_DELAY).as_secs_f64();
+        let lag = assumed.time(&VELOCITY_LAG).as_secs_f64();
+        // On a straight line from the velocity before it is half a cycle behind.
+        let line = match mode {
+            Mode::Synchronous if assumed.value(&INTERPOLATES) != 0 => 0.5,
+            Mode::Synchronous | Mode::Profile => 0.0,
+        };
+        Self {
+            spec: generic::spec(model, settings, kind, own(settings, mode)),
+            mode,
+            units,
+            latency: 1.0 + line + delay / cycle,
+            dynamics: Dynamics {
+                lag,
+                // From a sample to the middle of the cycle in which it takes effect are one and a half.
+                gain: Dynamics::gain(lag + delay + (1.5 + line) * cycle),
+            },
+            tells_following: mode == Mode::Synchronous && assumed.value(&TELLS_FOLLOWING) != 0,
+        }
+    }
+}
+
+/// The part of the set-up that is the mode's.
+fn own(settings: &Settings, mode: Mode) -> Vec<Write> {
+    let abort_connection = Data::u16(CONNECTION_LOST_IS_FAULT as u16);
+    let mut own = vec![Write::new(0x6007, 0, abort_connection)];
+    match mode {
+        Mode::Synchronous => own.extend(generic::period(settings)),
+        Mode::Profile => match settings.assumed.value(&RAMP) {
+            0 => {}
+            ramp => own.extend([0x6083, 0x6084].map(|it| Write::new(it, 0, Data::u32(ramp)))),
+        },
+    }
+    own
+}
+
+/// The communication profile, the words of the state machine, mode, cycle, ramps, scaling and what a lost connection
+/// does are the controller's; tuning is the user's.
+fn reserved(Address { index, .. }: Address) -> bool {
+    matches!(
+        index,
+        0x1000
+            ..=0x1FFF
+                | 0x6007
+                | 0x6040
+                | 0x6060
+                | 0x6083
+                | 0x6084
+                | 0x608F
+                | 0x6091
+                | 0x60C2
+                | 0x60FF
+    )
+}
+
+/// What the bytes of its EMCY mean is the maker's affair, and nobody knows who that is.
+impl RemoteNode for Cia402Velocity {
+    fn spec(&self) -> &NodeSpec {
+        &self.spec
+    }
+}
+
+impl Feedback for Cia402Velocity {
+    fn sample(&self, _: usize, data: &[u8]) -> Option<Sample> {
+        cia402::sample(data)
+    }
+
+    fn in_motion(&self, position: Increments) -> Vec<Frame> {
+        let data = cia402::in_motion(position);
+        vec![Frame::new(self.spec.t_pdos[0].cob_id, &data)]
+    }
+}
+
+impl Drive for Cia402Velocity {
+    fn clone_box(&self) -> Box<dyn Drive> {
+        Box::new(self.clone())
+    }
+
+    fn survey(&self) -> Option<Survey> {
+        Some(cia402::SURVEY)
+    }
+
+    fn mode(&self) -> Option<ModeDisplay> {
+        Some(cia402::shows(self.mode as i8))
+    }
+
+    /// It does as it is told as soon as it is enabled.
+    fn ends_mode(&self) -> bool {
+        false
+    }
+
+    fn latency(&self) -> f64 {
+        self.latency
+    }
+
+    fn dynamics(&self) -> Option<Dynamics> {
+        Some(self.dynamics)
+    }
+
+    /// In neither mode the profile has a bit for an error in Operation Enabled.
+    fn status(&mut self, _: usize, data: &[u8]) -> Option<DriveStatus> {
+        let status = cia402::status(data, None)?;
+        let enabled = status.power == PowerState::Enabled;
+        Some(DriveStatus {
+            mode_runs: match self.tells_following {
+                true => status.mode_runs,
+                false => enabled,
+            },
+            ..status
+        })
+    }
+
+    fn encode(&mut self, command: PowerCommand, setpoint: Setpoint, frames: &mut [Frame]) {
+        let controlword = cia402::controlword(command, 0);
+        let velocity = setpoint.velocity * self.units;
+        let data = cia402::at_velocity(controlword, command, velocity);
+        frames[0] = Frame::new(self.spec.r_pdos[0].cob_id, &data);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{Assumed, NotFollowing};
+    use super::*;
+    use proptest::prelude::*;
+    use syncline_canopen::{CobId, NodeId};
+
+    fn drive(mode: Mode, cycle_us: u64, assumed: &[(&'static str, u32)]) -> Cia402Velocity {
+        let (node, cycle) = (NodeId::new(3).unwrap(), Duration::from_micros(cycle_us));
+        let settings = Settings {
+            assumed: Assumed(assumed.to_vec()),
+            ..Settings::new(node, cycle)
+        };
+        let model = match mode {
+            Mode::Synchronous => &CIA402_CSV,
+            Mode::Profile => &CIA402_PV,
+        };
+        Cia402Velocity::new(model, &settings, mode)
+    }
+
+    /// From the mode to the mapping.
+    fn own_writes(drive: &Cia402Velocity) -> Vec<String> {
+        let writes = drive.spec.setup.iter();
+        let writes = writes.map(|it| format!("{} = {}", it.address, it.data));
+        let own = writes.skip_while(|it| !it.starts_with("6060h"));
+        own.take_while(|it| !it.starts_with("1A00h")).collect()
+    }
+
+    #[test]
+    fn each_mode_has_its_own_set_up() {
+        assert_eq!(
+            own_writes(&drive(Mode::Synchronous, 2000, &[])),
+            [
+                "6060h:0 = 09h",
+                "6007h:0 = 0001h",
+                "60C2h:1 = 02h",
+                "60C2h:2 = FDh",
+                "1600h:0 = 00h",
+                "1600h:1 = 60400010h",
+                "1600h:2 = 60FF0020h",
+                "1600h:0 = 02h",
+            ]
+        );
+        assert_eq!(
+            own_writes(&drive(Mode::Profile, 2000, &[("ramp", 500)]))[..4],
+            [
+                "6060h:0 = 03h",
+                "6007h:0 = 0001h",
+                "6083h:0 = 000001F4h",
+                "6084h:0 = 000001F4h",
+            ]
+        );
+        assert_eq!(own_writes(&drive(Mode::Profile, 2000, &[])).len(), 6);
+    }
+
+    #[test]
+    fn bit_12_says_in_one_mode_that_it_follows_and_in_the_other_that_it_stands() {
+        use NotFollowing::ModeEnded;
+        for (mode, assumed, word, expected) in [
+            (Mode::Synchronous, &[][..], 0x1237u16, Ok(())),
+            (Mode::Synchronous, &[], 0x0237, Err(ModeEnded)),
+            (Mode::Synchronous, &[("tells_following", 0)], 0x0237, Ok(())),
+            (Mode::Profile, &[], 0x0237, Ok(())),
+            (Mode::Profile, &[], 0x1237, Ok(())),
+            // Neither is an error: reserved, and slippage.
+            (Mode::Synchronous, &[], 0x3237, Ok(())),
+            (Mode::Profile, &[], 0x2237, Ok(())),
+        ] {
+            let status = drive(mode, 2000, assumed).status(0, &word.to_le_bytes());
+            assert_eq!(
+                status.unwrap().follows(true),
+                expected,
+                "{mode:?} {word:04X}"
+            );
+        }
+    }
+
+    #[test]
+    fn what_is_late_by_a_part_of_a_cycle_leads_the_loop_by_it() {
+        let late = drive(
+            Mode::Synchronous,
+            2000,
+            &[("velocity_delay_us", 500), ("velocity_lag_us", 1000)],
+        );
+        assert_eq!(late.latency(), 1.75);
+        assert_eq!(late.dynamics().unwrap().lag, 1e-3);
+        assert_eq!(
+            drive(Mode::Synchronous, 2000, &[("interpolates", 0)]).latency(),
+            1.0
+        );
+        assert_eq!(drive(Mode::Profile, 2000, &[]).latency(), 1.0);
+    }
+
+    proptest! {
+        /// Whatever a unit is, what is sent is the velocity to half of it, and none unless the drive is to run.
+        #[test]
+        fn a_velocity_is_sent_in_the_drives_unit(
+            units in 1..1_000_000u32,
+            rpm in 1..10_000u32,
+            increments in 1000..1u32 << 24,
+            share in -1.0..1.0f64,
+            runs: bool,
+        ) {
+            let most = (f64::from(i32::MAX) / f64::from(units)).min(20_000.0 / f64::from(rpm));
+            let of_rpm = share * most * f64::from(rpm);
+            let assumed = [("velocity_units", units), ("velocity_rpm", rpm), ("encoder_increments", increments)];
+            let mut drive = drive(Mode::Synchronous, 2000, &assumed);
+            let command = if runs { PowerCommand::Run } else { PowerCommand::Enable };
+            let mut frames = [Frame::new(CobId::SYNC, &[])];
+            let setpoint = Setpoint {
+                velocity: of_rpm / 60.0 * f64::from(increments),
+                ..Setpoint::default()
+            };
+            drive.encode(command, setpoint, &mut frames);
+            let [_, _, bytes @ ..] = frames[0].data() else { unreachable!() };
+            let sent = i32::from_le_bytes(bytes.try_into().unwrap());
+            let expected = if runs { of_rpm * f64::from(units) / f64::from(rpm) } else { 0.0 };
+            prop_assert!((f64::from(sent) - expected).abs() <= 0.5 + 1e-9 * expected.abs(), "{sent} of {expected}");
+        }
+    }
+}

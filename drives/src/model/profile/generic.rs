@@ -1,0 +1,282 @@
+//! What generic drives of CiA 402 have in common, whatever they are sent: who they are, and a set-up of one PDO each way.
+//!
+//! Positions are encoder increments at the motor's shaft. What a drive does not have of the profile, or does in another
+//! way, is an [`Assumption`].
+
+use super::cia402;
+use super::communication;
+use crate::model::{
+    Address, Assumed, Assumption, Data, Identity, Model, NodeSpec, Settings, Write,
+};
+use core::time::Duration;
+use syncline_canopen::dictionary::Preset;
+use syncline_canopen::{CobId, NodeId, pdo::CobIdWord};
+
+pub(in crate::model) const ENCODER_INCREMENTS: Assumption = Assumption {
+    name: "encoder_increments",
+    default: 1_048_576,
+    allowed: 1..=1 << 30,
+    meaning: "increments for each motor revolution: what 608Fh:1 has to read, with 608Fh:2 = 1",
+};
+
+pub(in crate::model) const HAS_RESOLUTION: Assumption = Assumption {
+    name: "has_resolution",
+    default: 1,
+    allowed: 0..=1,
+    meaning: "1: it has 608Fh and 6091h, which are read; 0: it has neither, and counts as encoder_increments says",
+};
+
+pub(in crate::model) const HAS_PERIOD: Assumption = Assumption {
+    name: "has_period",
+    default: 1,
+    allowed: 0..=1,
+    meaning: "1: 60C2h is set to the cycle; 0: it has no such object, and goes by the time between two SYNCs",
+};
+
+pub(in crate::model) const TELLS_FOLLOWING: Assumption = Assumption {
+    name: "tells_following",
+    default: 1,
+    allowed: 0..=1,
+    meaning: "1: statusword bit 12 says that it follows; 0: it leaves the bit off, and follows while it is enabled",
+};
+
+pub(in crate::model) const VENDOR_ID: Assumption = Assumption {
+    name: "vendor_id",
+    default: 0,
+    allowed: 0..=u32::MAX,
+    meaning: "what 1018h:1 has to read; 0: whatever it reads",
+};
+
+pub(in crate::model) const PRODUCT_CODE: Assumption = Assumption {
+    name: "product_code",
+    default: 0,
+    allowed: 0..=u32::MAX,
+    meaning: "what 1018h:2 has to read; 0: whatever it reads",
+};
+
+pub(in crate::model) const PDOS: Assumption = Assumption {
+    name: "pdos",
+    default: 4,
+    allowed: 1..=4,
+    meaning: "PDOs that the drive has in each direction; those without use are switched off",
+};
+
+pub(in crate::model) const R_PDO: Assumption = Assumption {
+    name: "r_pdo",
+    default: 1,
+    allowed: 1..=4,
+    meaning: "number of the R_PDO that brings controlword and target position",
+};
+
+pub(in crate::model) const T_PDO: Assumption = Assumption {
+    name: "t_pdo",
+    default: 1,
+    allowed: 1..=4,
+    meaning: "number of the T_PDO that brings statusword and actual position",
+};
+
+pub(in crate::model) const FIXED_MAPPING: Assumption = Assumption {
+    name: "fixed_mapping",
+    default: 0,
+    allowed: 0..=1,
+    meaning: "1: the two PDOs are mapped by the maker as they have to be, which is read; 0: they are mapped by the set-up",
+};
+
+/// What generic drives differ in.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::model) struct Kind {
+    /// 6060h.
+    pub(in crate::model) mode: u8,
+    /// What the R_PDO brings behind the controlword, as it is mapped.
+    pub(in crate::model) setpoint: u32,
+}
+
+/// Its bit rates, in bit/s: those that CiA 301 recommends.
+pub(in crate::model) const BIT_RATES: &[u32] = &[
+    10_000, 20_000, 50_000, 125_000, 250_000, 500_000, 800_000, 1_000_000,
+];
+
+/// A drive that runs in the mode of `kind`. Behind it its set-up has `own` of the kind, before the user's objects.
+pub(in crate::model) fn spec(
+    model: &'static Model,
+    settings: &Settings,
+    kind: Kind,
+    own: Vec<Write>,
+) -> NodeSpec {
+    let (node, assumed) = (settings.node, &settings.assumed);
+    let [r_pdo, t_pdo] = [&R_PDO, &T_PDO].map(|pdo| number(assumed, pdo));
+    let setup = setup(model, settings, kind, own);
+    NodeSpec {
+        identity: identity(assumed, kind),
+        history: cia402::HISTORY.to_vec(),
+        // Statusword and actual position.
+        t_pdos: vec![communication::t_pdo(t_pdo, node, 6)],
+        // Controlword and setpoint.
+        r_pdos: vec![communication::r_pdo(r_pdo, node, 6)],
+        ..NodeSpec::new(model, settings, setup, cia402::is_command)
+    }
+}
+
+/// What tells a drive that does as is assumed.
+fn identity(assumed: &Assumed, kind: Kind) -> Vec<Identity> {
+    let reads = Identity::new;
+    // Bit 0 of 6502h is mode 1.
+    let mode = 1 << (kind.mode - 1);
+    // What stands above CiA 402 tells a servo from other drives.
+    let mut identity = vec![reads(0x1000, 0, "device type", 402).in_bits(0xFFFF)];
+    for (sub, name, assumption) in [
+        (1, "vendor ID", &VENDOR_ID),
+        (2, "product code", &PRODUCT_CODE),
+    ] {
+        let value = assumed.value(assumption);
+        identity.extend((value != 0).then(|| reads(0x1018, sub, name, value)));
+    }
+    identity.push(reads(0x6502, 0, "supported drive modes", mode).in_bits(mode));
+    if assumed.value(&HAS_RESOLUTION) != 0 {
+        let encoder_increments = assumed.value(&ENCODER_INCREMENTS);
+        identity.extend([
+            reads(0x608F, 1, "encoder increments", encoder_increments),
+            reads(0x608F, 2, "motor revolutions", 1),
+            reads(0x6091, 1, "gear ratio, motor shaft", 1),
+            reads(0x6091, 2, "gear ratio, driving shaft", 1),
+        ]);
+    }
+    if is_mapped_by_the_maker(assumed) {
+        for (index, mapped) in mapping(assumed, kind) {
+            identity.push(reads(index, 0, "mapped objects", 2));
+            for (sub, object) in (1..).zip(mapped) {
+                identity.push(reads(index, sub, "mapped object", object));
+            }
+        }
+    }
+    identity
+}
+
+fn is_mapped_by_the_maker(assumed: &Assumed) -> bool {
+    assumed.value(&FIXED_MAPPING) != 0
+}
+
+/// The mapping parameters of the two PDOs that are used, and what they have to say.
+fn mapping(assumed: &Assumed, kind: Kind) -> [(u16, [u32; 2]); 2] {
+    let [r_pdo, t_pdo] = [&R_PDO, &T_PDO].map(|pdo| number(assumed, pdo));
+    [
+        (parameter(0x1600, r_pdo), [0x6040_0010, kind.setpoint]),
+        (parameter(0x1A00, t_pdo), [0x6041_0010, 0x6064_0020]),
+    ]
+}
+
+/// The COB-IDs of the PDOs behind the first `reached` in the block from `first` on that a data sheet has on after power-on.
+fn others_on(
+    model: &'static Model,
+    node: NodeId,
+    first: u16,
+    reached: u8,
+) -> impl Iterator<Item = (Address, u32)> {
+    let rows = model.generic.map_or(&[][..], |_| model.dictionary);
+    let behind = first + u16::from(reached)..first + 0x200;
+    rows.iter()
+        .filter(move |row| behind.contains(&row.address.index) && row.address.sub == 1)
+        .filter_map(move |row| {
+            let word = match row.preset {
+                Preset::Number(word) | Preset::Assumed(word) => word as u32,
+                Preset::PlusNode(word) => word as u32 + u32::from(node.get()),
+                Preset::Bytes(_) | Preset::Unknown => return None,
+            };
+            CobIdWord(word).is_valid().then_some((row.address, word))
+        })
+}
+
+/// The number of a PDO, 1…4.
+fn number(assumed: &Assumed, assumption: &Assumption) -> u8 {
+    assumed.value(assumption) as u8
+}
+
+/// Every PDO off, of a drive with a data sheet also those that it alone knows; the mode and what is the kind's own; the two that are used mapped, and on.
+fn setup(model: &'static Model, settings: &Settings, kind: Kind, own: Vec<Write>) -> Vec<Write> {
+    let (node, assumed) = (settings.node, &settings.assumed);
+    let w = Write::new;
+    let [r_pdo, t_pdo, pdos] = [&R_PDO, &T_PDO, &PDOS].map(|pdo| number(assumed, pdo));
+    let r_pdo_word = |n| CobIdWord::valid(CobId::r_pdo(n, node)).0;
+    // Not to be asked for by remote requests, which many devices do not know.
+    let t_pdo_word = |n| CobIdWord::valid(CobId::t_pdo(n, node)).0 | CobIdWord::NO_RTR;
+    let off = |word| Data::u32(word | CobIdWord::INVALID);
+
+    let mut setup = Vec::new();
+    for n in 1..=pdos.max(r_pdo) {
+        setup.push(w(parameter(0x1400, n), 1, off(r_pdo_word(n))));
+    }
+    for n in 1..=pdos.max(t_pdo) {
+        setup.push(w(parameter(0x1800, n), 1, off(t_pdo_word(n))));
+    }
+    for (first, reached) in [(0x1400, pdos.max(r_pdo)), (0x1800, pdos.max(t_pdo))] {
+        let others = others_on(model, node, first, reached);
+        setup.extend(others.map(|(it, word)| w(it.index, it.sub, off(word))));
+    }
+    setup.push(w(0x6040, 0, Data::u16(0)));
+    setup.push(w(0x6040, 0, Data::u16(0x80))); // Fault Reset
+    setup.push(w(0x6060, 0, Data::u8(kind.mode)));
+    setup.extend(own);
+    setup.extend(&settings.objects);
+    let mapping = mapping(assumed, kind).into_iter();
+    for (index, mapped) in mapping.filter(|_| !is_mapped_by_the_maker(assumed)) {
+        setup.push(w(index, 0, Data::u8(0)));
+        setup.push(w(index, 1, Data::u32(mapped[0])));
+        setup.push(w(index, 2, Data::u32(mapped[1])));
+        setup.push(w(index, 0, Data::u8(2)));
+    }
+    let (receive, transmit) = (parameter(0x1400, r_pdo), parameter(0x1800, t_pdo));
+    setup.push(w(receive, 2, Data::u8(1))); // at every SYNC
+    setup.push(w(transmit, 2, Data::u8(1)));
+    setup.push(w(receive, 1, Data::u32(r_pdo_word(r_pdo))));
+    setup.push(w(transmit, 1, Data::u32(t_pdo_word(t_pdo))));
+    setup.extend(communication::heartbeats(&settings.heartbeat));
+    setup
+}
+
+/// The index of PDO `n`'s object in the block that begins with PDO 1's.
+const fn parameter(first: u16, n: u8) -> u16 {
+    first + n as u16 - 1
+}
+
+/// The cycle, where the drive has an object for it.
+pub(in crate::model) fn period(settings: &Settings) -> Vec<Write> {
+    let has_period = settings.assumed.value(&HAS_PERIOD) != 0;
+    let (mantissa, exponent) = interpolation_period(settings.cycle);
+    let period = [
+        Write::new(0x60C2, 1, Data::u8(mantissa)),
+        Write::new(0x60C2, 2, Data::u8(exponent as u8)),
+    ];
+    period.into_iter().filter(|_| has_period).collect()
+}
+
+/// 60C2h, mantissa and power of ten in seconds: of a whole millisecond -3, which every drive knows,
+/// otherwise -4. A cycle of tenths of milliseconds, 25.5 ms at most, fits.
+fn interpolation_period(cycle: Duration) -> (u8, i8) {
+    let tenths = cycle.as_micros() / 100;
+    if tenths.is_multiple_of(10) {
+        ((tenths / 10) as u8, -3)
+    } else {
+        (tenths as u8, -4)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_period_is_a_mantissa_and_a_power_of_ten() {
+        for (micros, expected) in [
+            (500, (5, -4)),
+            (1000, (1, -3)),
+            (1500, (15, -4)),
+            (2000, (2, -3)),
+            (10_000, (10, -3)),
+            (19_500, (195, -4)),
+            (20_000, (20, -3)),
+        ] {
+            let cycle = Duration::from_micros(micros);
+            assert_eq!(interpolation_period(cycle), expected, "{micros} µs");
+        }
+    }
+}
