@@ -250,6 +250,7 @@ impl AxisControl {
             HomingMethod::Encoder => 0.0,
             HomingMethod::SetHere { position } => *position,
             HomingMethod::Switch(search) => search.position,
+            HomingMethod::HardStop(search) => search.position,
             HomingMethod::Drive(homing) => homing.position,
         };
         let mut uncertainty = 0.0_f64;

@@ -160,6 +160,11 @@ pub enum Event {
         /// Why.
         failure: HomingFailure,
     },
+    /// An axis presses against what it met as it searched a hard stop: the drives go off before its torque is what it was.
+    Presses {
+        /// Which axis.
+        axis: AxisIndex,
+    },
     /// A probing has ended.
     Probed {
         /// Program line.
@@ -492,6 +497,7 @@ impl Event {
             | Self::Recalled { axis, .. }
             | Self::NotRecalled { axis, .. }
             | Self::JogNotRenewed { axis }
+            | Self::Presses { axis }
             | Self::HomingFailed { axis, .. } => return self.describe_axis(names.axis(axis)),
             Self::Probed { .. } | Self::ProbingFailed { .. } | Self::Touched => {
                 return self.describe_probing(names);
@@ -613,6 +619,10 @@ impl Event {
                 HOLD_TO_RUN.as_millis()
             ),
             Self::HomingFailed { failure, .. } => failure.describe(axis),
+            Self::Presses { .. } => format!(
+                "axis {name} presses against what it met: its drive goes off before its torque is as it was; look what it \
+                 stands against, then enable"
+            ),
             _ => return None,
         })
     }

@@ -77,6 +77,7 @@ pub(super) struct DeviceNode {
     homes: bool,
     /// Cycles in a row that it was told to halt on its way home, and moved.
     unhalted: u64,
+    torque: Torque,
     pub(super) setpoint: Setpoint,
     /// Its R_PDOs, as last encoded.
     r_pdos: Vec<Frame>,
@@ -119,6 +120,7 @@ impl DeviceNode {
             quick_stopped: false,
             homes: false,
             unhalted: 0,
+            torque: Torque::Own,
             setpoint: Setpoint::default(),
             r_pdos: (spec.r_pdos.iter())
                 .map(|pdo| Frame::new(pdo.cob_id, &[]))
@@ -365,6 +367,7 @@ impl DeviceNode {
     /// Knows nothing of the drive any more, as after power-up; its device's own state stays.
     pub(super) fn forget(&mut self) {
         self.sequence.clear();
+        self.torque.forget_steps();
         self.replies.clear();
         self.expect_boot();
         self.resetting = false;
@@ -774,7 +777,9 @@ impl DeviceNode {
     pub(super) fn ask_release(&mut self) {
         self.polls = Polls::NONE;
         self.sequence.clear();
+        self.torque.forget_steps();
         if self.sequence.has_identified() {
+            self.release_torque();
             let release = self
                 .device
                 .spec()
@@ -790,3 +795,6 @@ impl DeviceNode {
 mod homing;
 #[cfg(test)]
 mod tests;
+mod torque;
+
+use torque::Torque;

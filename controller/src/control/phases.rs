@@ -77,7 +77,10 @@ impl<const N: usize> Controller<N> {
             }
             Phase::Disabled => {}
             Phase::ReadyToSwitchOn if self.sequences_done() => {
-                self.await_all(AwaitedState::Ready, Phase::OperationEnabled, out)?;
+                let has_torque = self.torque_returns();
+                if has_torque {
+                    self.await_all(AwaitedState::Ready, Phase::OperationEnabled, out)?;
+                }
             }
             Phase::OperationEnabled => {
                 self.watch_sides()?;
@@ -110,6 +113,9 @@ impl<const N: usize> Controller<N> {
                 // One that never rests is a fault in time, and quick-stopped by that.
                 let rests = self.path_rests() && !squares && stopped && self.goers_rest();
                 let over = rests && (settled || waited || self.is_faulty());
+                if over && self.goal == Goal::Ready && !self.let_go_of_stops(settled) {
+                    return;
+                }
                 // What is left of a target goes with the power.
                 if over && self.goal == Goal::Ready && !self.has_goers() {
                     self.rest_after(Outcome::Stopped);
@@ -179,6 +185,7 @@ impl<const N: usize> Controller<N> {
             Phase::Disabled => {
                 self.frozen = false;
                 self.set_power(PowerCommand::Disable);
+                self.ask(DeviceNode::release_torque);
                 self.keep_references();
             }
             Phase::Disable => self.set_power(PowerCommand::Disable),

@@ -67,6 +67,8 @@ pub(super) enum Step {
     Captured(&'static Capture),
     /// Reads where an edge was captured.
     CapturedAt(&'static Capture),
+    /// Reads an object, and notes at this place what it says.
+    Note(usize, Address),
     /// Reads an object of a device that is asked all the time; whoever waits for an answer knows how long.
     Poll(Address),
 }
@@ -75,7 +77,10 @@ impl Step {
     fn address(&self) -> Address {
         match self {
             Self::Survey(survey) | Self::AwaitDisabled(survey) => survey.address,
-            Self::History(address) | Self::AwaitAnswer(address) | Self::Poll(address) => *address,
+            Self::History(address)
+            | Self::AwaitAnswer(address)
+            | Self::Note(_, address)
+            | Self::Poll(address) => *address,
             Self::Identity(identity) => identity.address,
             Self::Write(write)
             | Self::Ensure(write)
@@ -118,9 +123,14 @@ pub(super) struct SdoSequence {
     stale: bool,
     /// Where the edge was that was asked for last, if one was captured.
     captured: Option<Increments>,
+    /// What the last [`Step::Note`]s read, by their places.
+    noted: [u32; NOTES],
     /// What the last [`Step::Poll`] read, and where.
     polled: Option<(Address, u32)>,
 }
+
+/// Places for what is noted.
+const NOTES: usize = 2;
 
 /// The longest object that a sequence reads, in bytes.
 const LONGEST: usize = 8;
@@ -138,6 +148,7 @@ impl SdoSequence {
             identified: false,
             stale: false,
             captured: None,
+            noted: [0; NOTES],
             polled: None,
         }
     }
@@ -145,6 +156,11 @@ impl SdoSequence {
     /// Where the edge was that was asked for last, if one was captured.
     pub(super) fn captured(&self) -> Option<Increments> {
         self.captured
+    }
+
+    /// What was noted last, by its places.
+    pub(super) fn noted(&self) -> [u32; NOTES] {
+        self.noted
     }
 
     /// Whether the device has shown to be the configured model.
@@ -373,6 +389,10 @@ impl SdoSequence {
             Step::Identity(_) => {
                 self.next();
                 self.identified = !matches!(self.steps.front(), Some(Step::Identity(_)));
+            }
+            Step::Note(place, _) => {
+                self.noted[place] = value;
+                self.next();
             }
             Step::Poll(_) => {
                 self.polled = Some((object, value));

@@ -264,9 +264,10 @@ pub(super) fn check_counts(log: &mut Log<'_>, machine: &Machine, places: &[Range
         let counts_on = feedback.is_none_or(model::Feedback::counts_without_power);
         let is_told = match axis.homing.method {
             HomingMethod::Encoder => axis.feedback.is_some(),
-            HomingMethod::SetHere { .. } | HomingMethod::Switch(_) | HomingMethod::Drive(_) => {
-                axis.homing.moved_limit.is_none()
-            }
+            HomingMethod::SetHere { .. }
+            | HomingMethod::Switch(_)
+            | HomingMethod::HardStop(_)
+            | HomingMethod::Drive(_) => axis.homing.moved_limit.is_none(),
         };
         if counts_on || is_told || axis.motion == Motion::Path {
             continue;

@@ -3,10 +3,15 @@
 //! An absolute encoder knows it from the beginning. Any other axis counts from where it was switched on
 //! until it is homed: then it is *referenced*, and its positions are machine positions.
 
+mod hard_stop;
+
+pub use hard_stop::HardStopSearch;
+
 use super::signals::{Input, InputMeaning};
 
 use super::simulation::{number, number_or};
 use super::{Axis, AxisLimits, Drive};
+use hard_stop::HardStopTable;
 use std::ops::Range;
 use std::time::Duration;
 use syncline_drives::model::Capture;
@@ -64,6 +69,8 @@ pub enum HomingMethod {
     },
     /// The controller searches a switch.
     Switch(SwitchSearch),
+    /// The controller searches a hard stop.
+    HardStop(HardStopSearch),
     /// Its drive homes by itself.
     Drive(DriveHoming),
 }
@@ -145,7 +152,7 @@ impl Homing {
         match &self.method {
             HomingMethod::SetHere { .. } => true,
             HomingMethod::Drive(own) => own.method == SET_HERE,
-            HomingMethod::Encoder | HomingMethod::Switch(_) => false,
+            HomingMethod::Encoder | HomingMethod::Switch(_) | HomingMethod::HardStop(_) => false,
         }
     }
 
@@ -155,6 +162,7 @@ impl Homing {
         match &self.method {
             HomingMethod::Encoder | HomingMethod::SetHere { .. } => None,
             HomingMethod::Switch(search) => Some((search.final_position, search.speed)),
+            HomingMethod::HardStop(search) => Some((search.final_position, search.speed)),
             HomingMethod::Drive(own) => Some((own.final_position, own.speed)),
         }
     }
@@ -198,11 +206,13 @@ pub(super) struct HomingTable {
     latch: Option<Spanned<bool>>,
     /// Where the file says by which method its drive homes by itself.
     own: Option<Range<usize>>,
+    /// Where it has it search a hard stop.
+    stop: Option<HardStopTable>,
 }
 
 /// What a `homing` looks like.
 const ALLOWED: &str = "a table [axis.homing]; see docs/homing.md";
-const KINDS: [&str; 4] = ["encoder", "set_here", "switch", "drive"];
+const KINDS: [&str; 5] = ["encoder", "set_here", "switch", "hard_stop", "drive"];
 /// Of a jog without a reference, mm or degrees.
 const JOG_DISTANCE: f64 = 10.0;
 /// How far an axis may move without power, mm or degrees.
@@ -226,6 +236,7 @@ pub(super) fn read(
     let mut switches = None;
     let mut latch = None;
     let mut own = None;
+    let mut stop = None;
     let mut jog_speed = limits.velocity / 10.0;
     let method = match kind.as_ref().map(|kind| kind.get_ref().as_str()) {
         Some("set_here") => Some(HomingMethod::SetHere {
@@ -240,6 +251,13 @@ pub(super) fn read(
             let search = search(log, &mut table, limits, [position, speed]);
             jog_speed = search.as_ref().map_or(jog_speed, |search| search.speed);
             search.map(HomingMethod::Switch)
+        }
+        Some("hard_stop") => {
+            let place = kind.as_ref().map(Spanned::span).unwrap_or_default();
+            stop = hard_stop::read(log, &mut table, (limits, place), [position, speed]);
+            let search = stop.as_ref().map(|stop| stop.search.clone());
+            jog_speed = search.as_ref().map_or(jog_speed, |search| search.speed);
+            search.map(HomingMethod::HardStop)
         }
         Some("drive") => {
             own = table.span_of("method");
@@ -288,6 +306,7 @@ pub(super) fn read(
         switches,
         latch,
         own,
+        stop,
     })
 }
 
@@ -341,6 +360,16 @@ fn refuse_drive_limits(log: &mut Log<'_>, axis: &mut Table<'_, '_>) {
     }
 }
 
+/// To which side an axis searches.
+fn direction(log: &mut Log<'_>, table: &mut Table<'_, '_>) -> Option<Spanned<String>> {
+    table.choice(log, "direction", ["positive", "negative"].into_iter())
+}
+
+/// That side as a number.
+fn sign(direction: &str) -> f64 {
+    if direction == "negative" { -1.0 } else { 1.0 }
+}
+
 /// The keys of a search for a switch.
 fn search(
     log: &mut Log<'_>,
@@ -348,9 +377,9 @@ fn search(
     limits: &AxisLimits,
     [position, speed]: [&str; 2],
 ) -> Option<SwitchSearch> {
-    let direction = table.choice(log, "direction", ["positive", "negative"].into_iter());
+    let direction = direction(log, table);
     let back_off = number(log, table, "back_off", 0.001..=1e6, position);
-    let bounds = bounds(log, table, limits, [position, speed]);
+    let bounds = bounds(log, table, limits, ([position, speed], true));
     let Bounds {
         speed,
         slow_speed,
@@ -363,10 +392,7 @@ fn search(
         inputs: Vec::new(),
         captures: Vec::new(),
         is_shared: false,
-        direction: match direction?.get_ref().as_str() {
-            "negative" => -1.0,
-            _ => 1.0,
-        },
+        direction: sign(direction?.get_ref()),
         speed,
         slow_speed,
         back_off: back_off?,
@@ -392,7 +418,7 @@ fn drive_homing(
         max_time,
         position,
         final_position,
-    } = bounds(log, table, limits, units)?;
+    } = bounds(log, table, limits, (units, true))?;
     Some(DriveHoming {
         method: *method?.get_ref() as u8,
         speed,
@@ -414,17 +440,21 @@ struct Bounds {
     final_position: f64,
 }
 
+/// The keys that bound a search, which may have a slow approach.
 fn bounds(
     log: &mut Log<'_>,
     table: &mut Table<'_, '_>,
     limits: &AxisLimits,
-    [position, speed]: [&str; 2],
+    ([position, speed], approaches): ([&str; 2], bool),
 ) -> Option<Bounds> {
     let (least, most) = limits.position;
     let fast = 0.001..=limits.velocity;
     let search_speed = number(log, table, "speed", fast, speed);
     let slow = 0.001..=search_speed.unwrap_or(limits.velocity);
-    let slow_speed = number(log, table, "slow_speed", slow, speed);
+    let slow_speed = match approaches {
+        true => number(log, table, "slow_speed", slow, speed),
+        false => search_speed,
+    };
     let travel = most - least;
     let max_distance = number_or(
         log,
@@ -471,7 +501,7 @@ fn place(
 /// Gives each axis of these drives the homing of its table: the names of its switches are inputs of the machine.
 pub(super) fn join(
     log: &mut Log<'_>,
-    (axes, drives): (&mut [Axis], &[Drive]),
+    (axes, drives, cycle): (&mut [Axis], &[Drive], Duration),
     tables: Vec<Option<HomingTable>>,
     (inputs, places): (&[Input], &[Range<usize>]),
     policy: &Spanned<HomingPolicy>,
@@ -484,11 +514,15 @@ pub(super) fn join(
             switches,
             latch,
             own,
+            stop,
         }) = table
         else {
             continue;
         };
         let name = axes[index].name();
+        if let Some(stop) = stop {
+            stop.check(log, &axes[index], drives, cycle);
+        }
         if let (HomingMethod::Drive(homing), Some(place)) = (&homing.method, own) {
             check_method(log, &axes[index], drives, homing.method, place);
         }

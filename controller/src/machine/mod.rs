@@ -21,7 +21,9 @@ mod user_code;
 mod validation;
 
 pub use encoder::{Encoder, Feedback};
-pub use homing::{DriveHoming, Homing, HomingMethod, HomingPolicy, Square, SwitchSearch};
+pub use homing::{
+    DriveHoming, HardStopSearch, Homing, HomingMethod, HomingPolicy, Square, SwitchSearch,
+};
 pub use io_node::IoNode;
 pub use node::{Node, Seat};
 pub use probing::{ProbeCaptures, Probing};

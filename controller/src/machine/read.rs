@@ -242,7 +242,8 @@ impl Tables {
             analog_outputs,
         } = signals;
         let wired = (&inputs[..], &places[..]);
-        homing::join(log, (&mut axes, &drives), homings, wired, &self.homing);
+        let joined = (&mut axes[..], &drives[..], cycle);
+        homing::join(log, joined, homings, wired, &self.homing);
         let mut machine = Machine {
             name: self.name,
             cycle,

@@ -378,3 +378,48 @@ fn every_failure_of_a_homing_has_its_text() {
         assert_eq!(told, format!("axis X is not homed: {text}"));
     }
 }
+
+#[test]
+fn every_failure_on_a_hard_stop_has_its_text() {
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples/router/machine.toml");
+    let text = std::fs::read_to_string(&file).unwrap();
+    let switch = "kind = \"switch\"\norder = 2\nswitches = [\"home Y\"]\ndirection = \"negative\"\nspeed = 80.0\nslow_speed = 2.0\n";
+    let stop = "kind = \"hard_stop\"\nweight = \"none\"\ndirection = \"negative\"\ntorque = 30.0\nspeed = 10.0\nmin_distance = 20.0\n";
+    let input = "[[input]]\nname = \"home Y\"\ndrive = \"Y\"\nsignal = \"DI0\"\nfunction = \"home\"\nsimulated = [-60.0, -4.0]\n";
+    assert!(text.contains(switch) && text.contains(input));
+    let text = text.replacen(switch, stop, 1).replacen(input, "", 1);
+    let router = Layout::new(&Machine::parse(&file, &text).unwrap()).unwrap();
+    for (failure, text) in [
+        (
+            HomingFailure::NoStop,
+            "nothing stopped it within 1200 mm in negative direction: check the stop, `direction`, the drive's \
+             `direction`, and `max_distance`",
+        ),
+        (
+            HomingFailure::TooEarly,
+            "something stopped it less than 20 mm from where it began, and it went back there: check what is in its \
+             way, whether 30 % of its torque moves it, and `min_distance`",
+        ),
+        (
+            HomingFailure::GaveWay,
+            "what stopped it gave way: check what is in its way, whether 30 % of its torque moves it, and `contact_ms`",
+        ),
+        (
+            HomingFailure::Weak,
+            "with 30 % of its torque it did not follow in negative direction, and did not stand either: check what \
+             brakes it, `torque`, and `speed`",
+        ),
+        (
+            HomingFailure::Holds,
+            "with 30 % of its torque it did not come off what it had met: check what holds it, and `torque`",
+        ),
+        (
+            HomingFailure::WeakAlready,
+            "its torque was limited to no more than 30 % before: switch the drive's supply off and on if a search was \
+             cut off with the controller, or lower `torque`",
+        ),
+    ] {
+        let told = Fault::Homing(1, failure).describe(&router);
+        assert_eq!(told, format!("axis Y is not homed: {text}"));
+    }
+}

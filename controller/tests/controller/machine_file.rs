@@ -742,8 +742,11 @@ fn the_reference_is_complete() {
         let (_, allowed) = error.diagnostics[0].help.split_once("allowed: ").unwrap();
         let mut allowed: Vec<_> = allowed.split(", ").map(str::to_owned).collect();
         if table == "axis.homing" {
-            // Of another kind than the router's.
+            // Of other kinds than the router's.
             allowed.insert(1, "method".to_owned());
+            let back_off = allowed.iter().position(|key| key == "back_off").unwrap();
+            let of_stop = ["weight", "torque", "contact_ms", "min_distance"];
+            allowed.splice(back_off..back_off, of_stop.map(str::to_owned));
         }
         assert_eq!(documented(table), allowed, "[{table}]");
     }
@@ -1118,7 +1121,12 @@ const ROUTER: &str = include_str!("../../../examples/router/machine.toml");
 /// What is wrong with the router's file with `from` replaced.
 fn router_with(from: &str, to: &str) -> String {
     assert!(ROUTER.contains(from), "{from}");
-    let read = parse(&ROUTER.replacen(from, to, 1));
+    errors(&ROUTER.replacen(from, to, 1))
+}
+
+/// What is wrong with a file.
+fn errors(text: &str) -> String {
+    let read = parse(text);
     read.err()
         .map_or_else(String::new, |error| error.to_string())
 }
@@ -1150,6 +1158,60 @@ fn homing_is_read() {
 
 /// What the router's Z says of its switch.
 const BY_SWITCH: &str = "kind = \"switch\"\norder = 1\nswitches = [\"home Z\"]\ndirection = \"positive\"\nspeed = 30.0\nslow_speed = 1.0\nback_off = 3.0";
+
+/// What it says with a hard stop instead, against which it is searched upwards.
+const ON_STOP: &str = "kind = \"hard_stop\"\ndirection = \"positive\"\nweight = \"negative\"\ntorque = 40.0\nspeed = 8.0\nback_off = 3.0";
+
+#[test]
+fn a_search_for_a_hard_stop_is_read_and_its_mistakes_are_told() {
+    let switch = "# It opens at the top, as a broken wire does.\n[[input]]\nname = \"home Z\"\ndrive = \"Z\"\nsignal = \"DI4\"\nfunction = \"home\"\nactive_low = true\nsimulated = [3.0, 40.0]\n";
+    let without = ROUTER.replacen(switch, "", 1);
+    let with = |keys: &str| without.replacen(BY_SWITCH, keys, 1);
+    let machine = parse(&with(ON_STOP)).unwrap();
+    let HomingMethod::HardStop(search) = &machine.axes[2].homing.method else {
+        panic!("{:?}", machine.axes[2].homing);
+    };
+    assert_eq!((search.direction, search.torque), (1.0, 0.4));
+    assert_eq!(search.contact, Duration::from_millis(50));
+    assert_eq!(search.ramps, [300.0, 6000.0]);
+    for (from, to, told) in [
+        (
+            "weight = \"negative\"",
+            "weight = \"positive\"",
+            "axis \"Z\": homing: a hard stop in positive direction, to which its weight pulls it",
+        ),
+        ("weight = \"negative\"\n", "", "`weight`"),
+        ("torque = 40.0", "torque = 101.0", "a number from 1 to 100"),
+        (
+            "back_off = 3.0",
+            "back_off = 3.0\nslow_speed = 1.0",
+            "`slow_speed`",
+        ),
+        (
+            "speed = 8.0",
+            "speed = 20.0",
+            "axis \"Z\": homing: its setpoints would go 1.925 mm beyond the stop, more than the 1 mm of its following error",
+        ),
+        (
+            "back_off = 3.0",
+            "back_off = 3.0\nmax_distance = 30.0\nmin_distance = 40.0",
+            "a number from 0 to 30",
+        ),
+    ] {
+        assert!(ON_STOP.contains(from), "{from}");
+        let errors = errors(&with(&ON_STOP.replacen(from, to, 1)));
+        assert!(errors.contains(told), "{told}: {errors}");
+    }
+    // Of a drive without such an object, and of a gantry.
+    let drive = "name = \"Z\"\nbus = \"main\"\nnode = 4\nmodel = \"lxm32m\"";
+    let other = with(ON_STOP).replacen(drive, &drive.replace("lxm32m", "cia402_csp"), 1);
+    let told = "axis \"Z\": homing: drive \"Z\" (CiA 402 CSP) has no object that limits its torque";
+    assert!(errors(&other).contains(told), "{}", errors(&other));
+    let x = "kind = \"switch\"\norder = 2                   # once Z is up\nswitches = [\"home X1\", \"home X2\"]\ndirection = \"negative\"\nspeed = 80.0                # mm/s, of the search\nslow_speed = 2.0            # mm/s, of the approach by which the edge is measured\nback_off = 5.0              # mm";
+    let gantry = ROUTER.replacen(x, &ON_STOP.replace("\"negative\"", "\"none\""), 1);
+    let told = "axis \"X\": homing: the sides of a gantry are not homed against hard stops";
+    assert!(errors(&gantry).contains(told), "{}", errors(&gantry));
+}
 
 #[test]
 fn mistakes_of_homing_are_told() {

@@ -45,6 +45,7 @@ pub(super) static CIA401: Model = Model {
     analog_outputs: &["AO0", "AO1", "AO2", "AO3"],
     captures: &[],
     homing_methods: &[],
+    torque_limit: None,
     make: Make::Io(|settings| Box::new(Cia401::new(settings))),
 };
 

@@ -63,6 +63,7 @@ pub(super) static CIA402_CSP: Model = Model {
     analog_outputs: &[],
     captures: &[],
     homing_methods: &[],
+    torque_limit: None,
     make: Make::Drive(Setpoints::Positions, |model, settings| {
         Box::new(Cia402Csp::new(model, settings))
     }),

@@ -65,6 +65,7 @@ pub(super) static CIA402_CSV: Model = Model {
     analog_outputs: &[],
     captures: &[],
     homing_methods: &[],
+    torque_limit: None,
     make: Make::Drive(Setpoints::Velocities, |model, settings| {
         Box::new(Cia402Velocity::new(model, settings, Mode::Synchronous))
     }),
@@ -106,6 +107,7 @@ pub(super) static CIA402_PV: Model = Model {
     analog_outputs: &[],
     captures: &[],
     homing_methods: &[],
+    torque_limit: None,
     make: Make::Drive(Setpoints::Velocities, |model, settings| {
         Box::new(Cia402Velocity::new(model, settings, Mode::Profile))
     }),

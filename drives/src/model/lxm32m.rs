@@ -8,7 +8,7 @@ use super::profile::communication::{self, SDO_RESPONSE, T_PDO_RESPONSE};
 use super::{
     Ability, Address, Assumption, CaptureInput, ClockLock, Data, Drive, DriveStatus, Feedback,
     Identity, Increments, Io, Make, ModeDisplay, Model, NodeSpec, OwnHoming, PowerCommand,
-    RemoteNode, Sample, Setpoint, Setpoints, Settings, Survey, Write,
+    RemoteNode, Sample, Setpoint, Setpoints, Settings, Survey, TorqueLimit, Write,
 };
 use crate::dictionary;
 use core::time::Duration;
@@ -47,6 +47,7 @@ pub(super) static LXM32M: Model = Model {
     analog_outputs: &[],
     captures: &CAPTURES,
     homing_methods: &HOMING_METHODS,
+    torque_limit: Some(TORQUE_LIMIT),
     make: Make::Drive(Setpoints::Positions, |_, settings| {
         Box::new(Lxm32m::new(settings))
     }),
@@ -91,6 +92,13 @@ const INPUTS: [&str; 6] = ["DI0", "DI1", "DI2", "DI3", "DI4", "DI5"];
 /// `TouchProbeFct` and what belongs to it (2931-2936) as CiA 402 has it. Which inputs the captures see the manual does
 /// not say. Assumed: from the first one on.
 static CAPTURES: [CaptureInput; 2] = [cia402::touch_probe(0, 0), cia402::touch_probe(1, 1)];
+
+/// `CTRL_I_max` (2416) limits the current, of which `_M_I_0` (2390) brings the continuous stall torque. The manual at hand
+/// has units of neither. Assumed: that both count alike, and that 0 leaves the drive's own limit.
+const TORQUE_LIMIT: TorqueLimit = TorqueLimit {
+    limit: Address::new(0x3011, 0x0C),
+    continuous: Address::new(0x300D, 0x13),
+};
 
 /// `IO_DQ_set` (3008h:11) sets outputs directly (2310), those whose function `IOfunc_DQn` (3007h:9…B,
 /// 2300-2302) is [`FREE`]; which bit is which the manual does not say. Assumed: from the first one on.

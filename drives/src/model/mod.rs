@@ -29,6 +29,7 @@ mod object;
 mod profile;
 mod scaling;
 mod tlc5xx;
+mod torque;
 mod tsp10;
 mod twk_crn;
 
@@ -44,6 +45,7 @@ pub use node::{ClockLock, Identity, Monitoring, NodeSpec, RemoteNode};
 pub use object::{Data, Write};
 pub use scaling::{Direction, Increments, OutOfRange, Scaling};
 pub use syncline_canopen::Address;
+pub use torque::TorqueLimit;
 
 use core::{
     ops::{Deref, RangeInclusive},
@@ -105,6 +107,8 @@ pub struct Model {
     pub captures: &'static [CaptureInput],
     /// The methods by which it homes by itself, see [`Drive::homing`], as its manual numbers them.
     pub homing_methods: &'static [u8],
+    /// How its torque is limited; `None` if it cannot be.
+    pub torque_limit: Option<TorqueLimit>,
     /// Makes the device.
     pub make: Make,
 }

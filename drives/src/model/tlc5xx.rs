@@ -55,6 +55,7 @@ pub(super) static TLC5XX: Model = Model {
     analog_outputs: &[],
     captures: &[],
     homing_methods: &[],
+    torque_limit: None,
     make: Make::Drive(Setpoints::Velocities, |_, settings| {
         Box::new(Tlc5xx::new(settings))
     }),

@@ -44,6 +44,7 @@ pub(super) static TSP10: Model = Model {
     analog_outputs: &[],
     captures: &[],
     homing_methods: &[],
+    torque_limit: None,
     make: Make::Drive(Setpoints::Velocities, |_, settings| {
         Box::new(Tsp10::new(settings))
     }),

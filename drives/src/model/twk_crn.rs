@@ -48,6 +48,7 @@ pub(super) static TWK_CRN: Model = Model {
     analog_outputs: &[],
     captures: &[],
     homing_methods: &[],
+    torque_limit: None,
     make: Make::Encoder(|settings| Arc::new(TwkCrn::new(settings))),
 };
 

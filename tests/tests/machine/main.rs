@@ -16,6 +16,7 @@ mod faults;
 mod feed_axes;
 mod feedback;
 mod fits;
+mod hard_stops;
 mod heard;
 mod homing;
 mod io_nodes;

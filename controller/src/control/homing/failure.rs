@@ -54,6 +54,18 @@ pub enum HomingFailure {
     NotHome,
     /// The drive, which homes by itself, went further than it may.
     TooFar,
+    /// No hard stop stopped the axis within the distance.
+    NoStop,
+    /// Something stopped the axis nearer to where it began than a hard stop can be.
+    TooEarly,
+    /// What stopped the axis gave way.
+    GaveWay,
+    /// The axis, with its torque limited, did not follow on its way to the hard stop.
+    Weak,
+    /// The axis, with its torque limited, did not come off its hard stop.
+    Holds,
+    /// Its torque was limited to no more before the search.
+    WeakAlready,
 }
 
 /// Why an axis is not referenced any more.
@@ -102,6 +114,7 @@ impl HomingFailure {
         let AxisSpec { name, unit, .. } = axis;
         let (direction, far, back_off, most) = match &axis.homing.method {
             HomingMethod::Switch(it) => (it.direction, it.max_distance, it.back_off, it.max_time),
+            HomingMethod::HardStop(it) => (it.direction, it.max_distance, it.back_off, it.max_time),
             HomingMethod::Drive(it) => (0.0, it.max_distance, 0.0, it.max_time),
             HomingMethod::Encoder | HomingMethod::SetHere { .. } => {
                 return format!("axis {name} is not homed");
@@ -178,7 +191,48 @@ impl HomingFailure {
                 "its drive went more than {far} {unit} from where it began: check the switches wired to the drive, \
                  `method` and `max_distance`"
             ),
+            Self::NoStop
+            | Self::TooEarly
+            | Self::GaveWay
+            | Self::Weak
+            | Self::Holds
+            | Self::WeakAlready => self.of_stop(axis, side),
         };
         format!("axis {name} is not homed: {why}")
+    }
+
+    /// The same of a search for a hard stop to that side.
+    fn of_stop(self, axis: &AxisSpec, side: &str) -> String {
+        let HomingMethod::HardStop(how) = &axis.homing.method else {
+            return String::new();
+        };
+        let (unit, torque) = (axis.unit, 100.0 * how.torque);
+        match self {
+            Self::NoStop => format!(
+                "nothing stopped it within {} {unit} in {side} direction: check the stop, `direction`, the drive's \
+                 `direction`, and `max_distance`",
+                how.max_distance
+            ),
+            Self::TooEarly => format!(
+                "something stopped it less than {} {unit} from where it began, and it went back there: check what is in \
+                 its way, whether {torque} % of its torque moves it, and `min_distance`",
+                how.min_distance
+            ),
+            Self::GaveWay => format!(
+                "what stopped it gave way: check what is in its way, whether {torque} % of its torque moves it, and \
+                 `contact_ms`"
+            ),
+            Self::Weak => format!(
+                "with {torque} % of its torque it did not follow in {side} direction, and did not stand either: check what \
+                 brakes it, `torque`, and `speed`"
+            ),
+            Self::Holds => format!(
+                "with {torque} % of its torque it did not come off what it had met: check what holds it, and `torque`"
+            ),
+            _ => format!(
+                "its torque was limited to no more than {torque} % before: switch the drive's supply off and on if a \
+                 search was cut off with the controller, or lower `torque`"
+            ),
+        }
     }
 }

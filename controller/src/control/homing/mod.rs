@@ -19,6 +19,7 @@
 
 mod by_drive;
 mod failure;
+mod hard_stop;
 mod switch;
 
 pub use failure::{HomingFailure, LostReference, NotRecalled};
@@ -28,6 +29,7 @@ use super::fault::{AxisCause, AxisIndex, DeviceCause, Fault};
 use super::{Controller, Event, Phase, Refusal, event_sink};
 use crate::machine::HomingMethod;
 use by_drive::ByDrive;
+use hard_stop::HardStop;
 use std::sync::Arc;
 use switch::{Motion, Progress, Search, Seen};
 use syncline_trajectory::limits::{Limits, PositionLimits};
@@ -74,6 +76,8 @@ pub(super) struct Homing {
     searches: Vec<Search>,
     /// By axis, where its drive does that by itself.
     by_drive: Vec<ByDrive>,
+    /// By axis, where it searches a hard stop.
+    hard_stops: Vec<HardStop>,
     /// Axes of the group that have been found.
     found: AxisSet,
 }
@@ -88,6 +92,7 @@ impl Homing {
             group: 0,
             began: 0,
             by_drive: vec![ByDrive::default(); searches.len()],
+            hard_stops: vec![HardStop::default(); searches.len()],
             searches,
             found: 0,
         }
@@ -100,7 +105,10 @@ impl Homing {
 
     /// Whether an axis of the group does not move, and waits until no other one does.
     fn is_quiet(&self, axis: AxisIndex) -> bool {
-        has(self.found, axis) || self.searches[axis].waits() || self.by_drive[axis].waits()
+        has(self.found, axis)
+            || self.searches[axis].waits()
+            || self.by_drive[axis].waits()
+            || self.hard_stops[axis].waits()
     }
 
     fn begin(&mut self, axes: AxisSet) {
@@ -269,7 +277,11 @@ impl<const N: usize> Controller<N> {
         };
         let failure = match jammed {
             Some([side, _]) => Some(HomingFailure::SideJammed { side }),
-            None => self.homing.searches[axis].blocked(),
+            None => {
+                let homing = &self.homing;
+                let on_stop = homing.hard_stops[axis].blocked();
+                on_stop.or(homing.searches[axis].blocked())
+            }
         };
         if let Some(failure) = failure {
             self.tell(Event::HomingFailed { axis, failure });
@@ -296,7 +308,10 @@ impl<const N: usize> Controller<N> {
         for index in 0..self.axes.len() {
             let axis = &mut self.axes[index];
             let method = &self.layout.axes[index].homing.method;
-            let searches = matches!(method, HomingMethod::Switch(_) | HomingMethod::Drive(_));
+            let searches = matches!(
+                method,
+                HomingMethod::Switch(_) | HomingMethod::HardStop(_) | HomingMethod::Drive(_)
+            );
             if under_way && searches && has(self.homing.group, index) && axis.is_referenced() {
                 axis.forget_reference();
                 let why = LostReference::CutOff;
@@ -344,6 +359,10 @@ impl<const N: usize> Controller<N> {
         for axis in (0..layout.axes.len()).filter(|&axis| has(group, axis)) {
             self.homing.searches[axis] = Search::new(layout.axes[axis].drives.len());
             self.homing.by_drive[axis] = ByDrive::default();
+            self.homing.hard_stops[axis] = match layout.axes[axis].homing.method {
+                HomingMethod::HardStop(_) => HardStop::new(),
+                _ => HardStop::default(),
+            };
             self.check_switches(axis)
                 .map_err(|failure| (axis, failure))?;
         }
@@ -390,14 +409,10 @@ impl<const N: usize> Controller<N> {
             let failed = |failure| (index, failure);
             let how = match &axis.homing.method {
                 HomingMethod::Switch(how) => how,
-                HomingMethod::Drive(how) => {
-                    let over = self.home_by_drive(index, how, (quiet, answered));
+                HomingMethod::Drive(_) | HomingMethod::HardStop(_) => {
+                    let over = self.home_apart(index, (quiet, answered));
                     if over.map_err(failed)? {
                         self.homing.found |= 1 << index;
-                    }
-                    let worked = self.homing.by_drive[index].worked();
-                    if layout.cycle * worked as u32 > how.max_time {
-                        return Err(failed(HomingFailure::TooLong));
                     }
                     continue;
                 }
@@ -437,6 +452,27 @@ impl<const N: usize> Controller<N> {
             self.homing.stage = Stage::Found;
         }
         Ok(())
+    }
+
+    /// Goes on with a homing that has a state of its own, and whose time counts without that which it waits for others;
+    /// whether it is over. `quiet` and `answered`, as in [`Seen`], are of all axes of the group.
+    fn home_apart(&mut self, index: AxisIndex, group: (bool, bool)) -> Result<bool, HomingFailure> {
+        let layout = Arc::clone(&self.layout);
+        let (over, worked, most) = match &layout.axes[index].homing.method {
+            HomingMethod::Drive(how) => {
+                let over = self.home_by_drive(index, how, group)?;
+                (over, self.homing.by_drive[index].worked(), how.max_time)
+            }
+            HomingMethod::HardStop(how) => {
+                let over = self.home_on_stop(index, how, group)?;
+                (over, self.homing.hard_stops[index].worked(), how.max_time)
+            }
+            _ => return Ok(true),
+        };
+        match layout.cycle * worked as u32 > most {
+            true => Err(HomingFailure::TooLong),
+            false => Ok(over),
+        }
     }
 
     /// What an axis shows in this cycle that passes its edges at that speed, mm/s.
@@ -484,7 +520,7 @@ impl<const N: usize> Controller<N> {
                 speed,
             },
         };
-        let travel = self.homing_travel();
+        let travel = self.homing_travel(motion);
         if !self.executor.is_off_path() {
             // There is no path to leave: it is held where it stands.
             self.executor.feed_hold();
@@ -495,24 +531,33 @@ impl<const N: usize> Controller<N> {
 
     /// How far the axes of the group may go: while they search inside the distance that the machine file
     /// allows, from where the search began; then inside their soft limits.
-    fn homing_travel(&self) -> [Option<Travel>; N] {
+    fn homing_travel(&self, motion: Motion) -> [Option<Travel>; N] {
         let mut travel = [None; N];
         for (index, axis) in self.layout.axes.iter().enumerate() {
             if !has(self.homing.group, index) {
                 continue;
             }
             let limits = &axis.limits;
+            let [mut acceleration, mut jerk] = [limits.acceleration, limits.jerk];
             let here = self.planned.position[axis.coordinate];
+            let around = |distance: f64| (here - distance, here + distance);
             let (min, max) = match &axis.homing.method {
                 HomingMethod::Switch(how) if self.homing.stage == Stage::Searching => {
-                    (here - how.max_distance, here + how.max_distance)
+                    around(how.max_distance)
+                }
+                HomingMethod::HardStop(how) if self.homing.stage == Stage::Searching => {
+                    // Where it is to rest at once it stands against something.
+                    if motion != Motion::Stop {
+                        [acceleration, jerk] = how.ramps;
+                    }
+                    around(how.max_distance)
                 }
                 // It moves by itself.
                 HomingMethod::Drive(_) if self.homing.stage == Stage::Searching => continue,
                 _ => limits.position,
             };
             travel[axis.coordinate] = Some(Travel {
-                limits: Limits::symmetric(limits.velocity, limits.acceleration, limits.jerk),
+                limits: Limits::symmetric(limits.velocity, acceleration, jerk),
                 bounds: PositionLimits { min, max },
             });
         }
@@ -542,6 +587,10 @@ impl<const N: usize> Controller<N> {
                     axis.forget_motion();
                     self.nodes[axis.drive()].end_homing();
                     None
+                }
+                HomingMethod::HardStop(_) => {
+                    let edge = self.homing.hard_stops[index].edge();
+                    Some(axis.reference([edge, None], &mut self.nodes)?)
                 }
                 HomingMethod::SetHere { .. } | HomingMethod::Switch(_) => {
                     let edges = self.homing.searches[index].edges();
