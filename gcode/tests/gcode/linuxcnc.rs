@@ -1,9 +1,8 @@
 //! Compensated contours, polar coordinates and saved modes against LinuxCNC's stand-alone interpreter, `rs274`, where it
 //! is installed.
 
-use std::fs;
+use std::fs::{self, File};
 use std::process::Command;
-use std::sync::Mutex;
 
 use syncline_gcode::{Action, Axis};
 
@@ -24,9 +23,9 @@ fn available() -> bool {
 /// Ends of moves and centres of arcs in the plane X Y, mm, by the other interpreter; `None` where it
 /// refuses the program.
 fn theirs(program: &str) -> Option<Vec<Vec<f64>>> {
-    // Two of it at a time disturb each other.
-    static ONE: Mutex<()> = Mutex::new(());
-    let _one = ONE.lock();
+    // Two of it at a time disturb each other, those of other processes too.
+    let one = File::create(std::env::temp_dir().join("syncline-rs274.lock")).unwrap();
+    one.lock().unwrap();
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("part.ngc");
     fs::write(&file, program).unwrap();
