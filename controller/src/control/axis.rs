@@ -1,6 +1,9 @@
 //! One axis in the cycle: planned position to increments, actual position back, following error.
 
+mod sample;
 mod squaring;
+
+pub use sample::AxisSample;
 
 use super::fault::{AwaitedState, AxisCause, AxisIndex, DeviceIndex, Fault};
 use super::homing::{Edge, NotRecalled};
@@ -101,23 +104,6 @@ struct Place {
     unacknowledged: u64,
     /// Cycles in a row in which it has gone on although it was told to halt.
     unhalted: u64,
-}
-
-/// What an axis did at one SYNC.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct AxisSample {
-    /// The setpoint that the drives latched, before quantisation, mm.
-    pub set: f64,
-    /// Actual position in the plan's frame, mm; of a gantry the side that is worse off.
-    pub act: f64,
-    /// Setpoint minus actual position after removing the interpolation delay, mm.
-    pub following_error: f64,
-    /// Of a gantry: how far the second side was planned beyond the first, where that is being taken
-    /// out, mm.
-    pub apart: f64,
-    /// Its drives were quick-stopped and come to rest by themselves, or go to a target by themselves: they follow no
-    /// setpoint; the one here is the actual position.
-    pub by_itself: bool,
 }
 
 impl AxisControl {
@@ -653,6 +639,10 @@ impl AxisControl {
     pub(super) fn sample(&self, cycle: u64, nodes: &[DeviceNode]) -> AxisSample {
         let mut worst = AxisSample {
             apart: self.apart(cycle),
+            torque: match self.spec.drives[..] {
+                [drive] => nodes[drive].told_torque(),
+                _ => None,
+            },
             by_itself: self.is_quick_stopped(nodes) || self.goes() || self.homes(nodes),
             ..AxisSample::default()
         };

@@ -11,7 +11,6 @@ use super::layout::{self, Layout};
 use super::polls::Polls;
 use super::sdo_sequence::{SdoSequence, Step};
 use crate::bus::FrameBuf;
-use crate::machine::Kept;
 use std::sync::Arc;
 use syncline_canopen::emcy::{self, Emergency};
 use syncline_canopen::{CanId, CobId, Frame, Instant, Transmit, heartbeat, nmt};
@@ -46,6 +45,8 @@ pub(super) struct DeviceNode {
     arrived: u32,
     status: DriveStatus,
     actual: Increments,
+    /// The torque that its last T_PDOs told, if they tell one, as its positions grow.
+    told_torque: Option<i16>,
     /// Its count at machine position 0, beyond the `zero` of the machine file.
     pub(super) origin: Increments,
     /// It has begun anew without having been told to, or was out of reach: it may count otherwise.
@@ -104,6 +105,7 @@ impl DeviceNode {
             arrived: 0,
             status: DriveStatus::default(),
             actual: drive.middle,
+            told_torque: None,
             origin: Increments::ZERO,
             lost_count: false,
             resetting: false,
@@ -243,6 +245,10 @@ impl DeviceNode {
             self.see_power(status.power, events);
             self.status = status;
         }
+        let drive = self.device.drive();
+        if let Some(torque) = drive.and_then(|drive| drive.torque(t_pdo, data)) {
+            self.told_torque = Some(torque);
+        }
         if let Some(feedback) = self.device.feedback()
             && let Some(sample) = feedback.sample(t_pdo, data)
         {
@@ -305,37 +311,6 @@ impl DeviceNode {
     /// The machine position of its setpoint, mm.
     pub(super) fn setpoint_mm(&self) -> f64 {
         self.scaling().to_mm(self.setpoint.position - self.origin)
-    }
-
-    /// Takes up where it counted when the machine was on last: how far it has moved since, increments.
-    pub(super) fn recall(&mut self, kept: &Kept) -> Increments {
-        let range = self.device.feedback().and_then(|feedback| feedback.range());
-        self.actual = unwrapped(self.actual, range, kept.position);
-        self.origin = kept.origin;
-        self.actual - kept.position
-    }
-
-    /// What is to be kept of it.
-    pub(super) fn kept(&self) -> Kept {
-        Kept {
-            origin: self.origin,
-            position: self.actual,
-        }
-    }
-
-    /// Whether it may count otherwise than when its count was last known.
-    pub(super) fn has_lost_count(&self) -> bool {
-        self.lost_count
-    }
-
-    /// It may count otherwise from now on.
-    pub(super) fn lose_count(&mut self) {
-        self.lost_count = true;
-    }
-
-    /// Its count is known from now on.
-    pub(super) fn keep_count(&mut self) {
-        self.lost_count = false;
     }
 
     pub(super) fn actual(&self) -> Increments {
@@ -792,6 +767,7 @@ impl DeviceNode {
     }
 }
 
+mod count;
 mod homing;
 #[cfg(test)]
 mod tests;

@@ -42,7 +42,8 @@ use std::{
 use syncline_canopen::NodeId;
 use syncline_drives::mechanics::touch_probe::TouchProbe;
 use syncline_drives::model::{
-    Assumed, Device, Direction, Heartbeat, Increments, IoSettings, Model, Scaling, Settings, Write,
+    Ability, Assumed, Device, Direction, Heartbeat, Increments, IoSettings, Model, Scaling,
+    Settings, Write,
 };
 use syncline_gcode as gcode;
 use syncline_strict_toml::{Invalid, SetError};
@@ -164,6 +165,8 @@ pub struct Drive {
     pub scaling: Scaling,
     /// Whether its digital inputs and outputs come with its position, and changes are told.
     pub signals: bool,
+    /// Its T_PDOs tell its torque too, as no machine file asks: see [`Machine::tell_torque`].
+    pub(crate) torque: bool,
     /// Written after the standard set-up, in this order.
     pub objects: Vec<Write>,
 }
@@ -413,6 +416,17 @@ impl Machine {
         self.nodes().nth(index).expect("an index of a device")
     }
 
+    /// Has the drives of an axis tell their torque with their positions, which makes room for it in every cycle;
+    /// whether all of them can.
+    pub fn tell_torque(&mut self, axis: usize) -> bool {
+        for &drive in &self.axes[axis].drives {
+            let drive = &mut self.drives[drive];
+            drive.torque = drive.model.abilities.contains(&Ability::Torque);
+        }
+        let mut drives = self.axes[axis].drives.iter();
+        drives.all(|&drive| self.device(drive).tells_torque())
+    }
+
     /// The output that closes the enable chain.
     #[must_use]
     pub fn enable_chain(&self) -> Option<&Output> {
@@ -437,6 +451,7 @@ impl Machine {
             following_error_limit: None,
             soft_limits: None,
             point_to_point: false,
+            torque: false,
             io: self.io_settings(index),
             objects: node.objects.to_vec(),
             assumed: self.assumed(node.model),
@@ -485,6 +500,7 @@ impl Machine {
                 .drive_soft_limits
                 .then(|| drive_soft_limits(&axis.limits, scaling)),
             point_to_point: axis.motion == Motion::PointToPoint,
+            torque: drive.torque,
             ..common
         }
     }

@@ -513,6 +513,7 @@ impl DriveTable {
             axis,
             scaling,
             signals: self.signals,
+            torque: false,
             objects: self.node.objects,
         }
     }

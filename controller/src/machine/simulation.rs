@@ -199,6 +199,12 @@ impl FeedAxis {
         self.motor
     }
 
+    /// Inertia of its rotor and of what is fixed to that, kg·m².
+    #[must_use]
+    pub fn rotor_inertia(&self) -> f64 {
+        self.motor.rotor_inertia + self.transmission_inertia
+    }
+
     /// What it moves, kg, where the file says so.
     #[must_use]
     pub fn load(&self) -> Option<f64> {
@@ -226,7 +232,7 @@ impl FeedAxis {
         let unit = if rotary { TAU / 360.0 } else { 1e-3 };
         let travel = unit * mm_per_revolution / TAU;
         let sign = direction(scaling);
-        let rotor_inertia = self.motor.rotor_inertia + self.transmission_inertia;
+        let rotor_inertia = self.rotor_inertia();
         let load = self.load.map(|load| load * travel * travel);
         let load_inertia = load.unwrap_or(DEFAULT_RATIO * self.motor.rotor_inertia);
         let reduced = rotor_inertia * load_inertia / (rotor_inertia + load_inertia);

@@ -38,7 +38,11 @@ pub(super) static CIA402_CSP: Model = Model {
     cycles: Duration::from_micros(500)..=Duration::from_millis(20),
     increments_per_revolution: |assumed| assumed.value(&ENCODER_INCREMENTS),
     positions: Increments::MIN..=Increments::MAX,
-    abilities: &[Ability::FollowingErrorLimit, Ability::SoftLimits],
+    abilities: &[
+        Ability::FollowingErrorLimit,
+        Ability::SoftLimits,
+        Ability::Torque,
+    ],
     generic: None,
     assumptions: &[
         MODE,
@@ -144,8 +148,10 @@ impl Feedback for Cia402Csp {
     }
 
     fn in_motion(&self, position: Increments) -> Vec<Frame> {
-        let data = cia402::in_motion(position);
-        vec![Frame::new(self.spec.t_pdos[0].cob_id, &data)]
+        let mut data = cia402::in_motion(position).to_vec();
+        let t_pdo = &self.spec.t_pdos[0];
+        data.resize(t_pdo.bytes.into(), 0);
+        vec![Frame::new(t_pdo.cob_id, &data)]
     }
 }
 
@@ -181,6 +187,10 @@ impl Drive for Cia402Csp {
             mode_runs: status.mode_runs || enabled && !self.tells_following,
             ..status
         })
+    }
+
+    fn torque(&self, _: usize, data: &[u8]) -> Option<i16> {
+        generic::torque(data)
     }
 
     fn encode(&mut self, command: PowerCommand, setpoint: Setpoint, frames: &mut [Frame]) {
@@ -280,6 +290,38 @@ mod tests {
         for micros in [250, 750, 20_500] {
             assert!(!CIA402_CSP.takes_cycle(Duration::from_micros(micros)));
         }
+    }
+
+    #[test]
+    fn torque_comes_behind_the_position_where_it_is_asked_for() {
+        let drive = csp(&Settings {
+            torque: true,
+            ..settings(2000, &[])
+        });
+        let writes = writes(&drive);
+        let mapped: Vec<_> = writes
+            .iter()
+            .filter(|row| row.starts_with("1A00"))
+            .collect();
+        let expected = [
+            "1A00:0 1 0",
+            "1A00:1 4 60410010",
+            "1A00:2 4 60640020",
+            "1A00:3 4 60770010",
+            "1A00:0 1 3",
+        ];
+        assert_eq!(mapped, expected);
+        assert_eq!(drive.spec().t_pdos[0].bytes, 8);
+        let data = [0x37, 0x12, 0, 0, 2, 0, 0x9C, 0xFF];
+        assert_eq!(drive.torque(0, &data), Some(-100));
+        let silent = csp(&settings(2000, &[]));
+        assert_eq!(silent.torque(0, &data[..6]), None);
+        // The maker's mapping has no torque.
+        let fixed = csp(&Settings {
+            torque: true,
+            ..settings(2000, &[("fixed_mapping", 1)])
+        });
+        assert_eq!(fixed.spec().t_pdos[0].bytes, 6);
     }
 
     #[test]

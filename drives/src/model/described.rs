@@ -60,6 +60,8 @@ impl Model {
         let has = |address| dictionary.iter().any(|entry| entry.address == address);
         let abilities = self.abilities.iter().copied();
         let abilities = abilities.filter(|ability| objects_of(*ability).iter().copied().all(has));
+        let tells = |ability: &Ability| *ability != Ability::Torque || is_told(dictionary, TORQUE);
+        let abilities = abilities.filter(tells);
         let model: &'static Self = Box::leak(Box::new(Self {
             name,
             title: name,
@@ -204,11 +206,21 @@ fn uses(device: &Device) -> BTreeMap<Address, Uses> {
 }
 
 /// The objects by which a drive of CiA 402 has an ability.
+const TORQUE: Address = Address::new(0x6077, 0);
+
+/// Whether T_PDOs can carry an object as the profile has it, 16 bits signed.
+fn is_told(dictionary: &[Entry], address: Address) -> bool {
+    let mut rows = dictionary.iter();
+    let row = rows.find(|row| row.address == address);
+    row.is_some_and(|row| row.mappable.t_pdo && row.data_type == DataType::I16)
+}
+
 fn objects_of(ability: Ability) -> &'static [Address] {
     match ability {
         Ability::FollowingErrorLimit => const { &[Address::new(0x6065, 0)] },
         Ability::SoftLimits => const { &[Address::new(0x607D, 1), Address::new(0x607D, 2)] },
         Ability::PointToPoint => &[],
+        Ability::Torque => const { &[TORQUE] },
     }
 }
 

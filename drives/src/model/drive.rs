@@ -74,6 +74,14 @@ pub trait Drive: Feedback {
     /// nothing of it. What a handshake goes on with, the model keeps.
     fn status(&mut self, t_pdo: usize, data: &[u8]) -> Option<DriveStatus>;
 
+    /// What the data of a T_PDO, all its mapped bytes, say of the actual torque, in thousandths of the motor's rated
+    /// torque, in the direction in which its positions grow; `None` if that PDO carries none, as none does unless
+    /// [`Settings::torque`](super::Settings::torque) asks for it.
+    fn torque(&self, t_pdo: usize, data: &[u8]) -> Option<i16> {
+        let _ = (t_pdo, data);
+        None
+    }
+
     /// Whether the drive can be sent to `setpoint`: a matter of range, not of state.
     ///
     /// # Errors

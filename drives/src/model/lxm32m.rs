@@ -30,7 +30,11 @@ pub(super) static LXM32M: Model = Model {
     cycles: Duration::from_millis(1)..=Duration::from_millis(20),
     increments_per_revolution: |_| REVOLUTION,
     positions: Increments::MIN..=Increments::MAX,
-    abilities: &[Ability::FollowingErrorLimit, Ability::SoftLimits],
+    abilities: &[
+        Ability::FollowingErrorLimit,
+        Ability::SoftLimits,
+        Ability::Torque,
+    ],
     generic: None,
     assumptions: &[
         INTERPOLATION_DELAY,
@@ -124,6 +128,10 @@ const X_END: u16 = Statusword::BIT_14;
 /// The zero point is valid (1351).
 const REF_OK: u16 = Statusword::BIT_15;
 
+/// The number of the T_PDO that tells the torque, where that is asked for, and its place behind the other one.
+const TORQUE_PDO: u8 = 3;
+const TORQUE_PLACE: usize = 1;
+
 /// Bytes of a PDO that carries signals behind word and position.
 const WITH_SIGNALS: u8 = 8;
 
@@ -145,6 +153,9 @@ impl Lxm32m {
         }
         if settings.io.outputs != 0 {
             map_third(&mut setup, 0x1601, 0x3008_1110);
+        }
+        if settings.torque {
+            setup.extend(torque_setup(node));
         }
         // MON_p_dif_load (2909), in position units as CiA 402 has it; MON_swLimN, MON_swLimP (2919, 2920).
         setup.extend(cia402::limits(settings));
@@ -168,8 +179,14 @@ impl Lxm32m {
                 capture_jitter: settings.assumed.time(&CAPTURE_JITTER),
                 // SyncMechStart = 0: the synchronisation mechanism is off (1636, 2580).
                 release: vec![Write::new(0x3022, 5, Data::u16(0))],
-                // Statusword and position (1620-1625), and signals.
-                t_pdos: vec![communication::t_pdo(2, node, bytes(settings.io.tells()))],
+                // Statusword and position (1620-1625), and signals; and the torque.
+                t_pdos: [
+                    Some(communication::t_pdo(2, node, bytes(settings.io.tells()))),
+                    (settings.torque).then(|| communication::t_pdo(TORQUE_PDO, node, 2)),
+                ]
+                .into_iter()
+                .flatten()
+                .collect(),
                 // Controlword and setpoint, and outputs.
                 r_pdos: vec![communication::r_pdo(
                     2,
@@ -242,6 +259,19 @@ fn standard_setup(node: NodeId, cycle: Duration) -> [Write; 30] {
     ]
 }
 
+/// Has a T_PDO of its own tell the torque at every SYNC: in the one with the position there may be no room.
+fn torque_setup(node: NodeId) -> [Write; 5] {
+    let w = Write::new;
+    let cob_id = CobIdWord::valid(CobId::t_pdo(TORQUE_PDO, node)).0;
+    [
+        w(0x1A02, 0, Data::u8(0)),
+        w(0x1A02, 1, Data::u32(0x6077_0010)), // _tq_act (2917)
+        w(0x1A02, 0, Data::u8(1)),
+        w(0x1802, 2, Data::u8(1)), // at every SYNC
+        w(0x1802, 1, Data::u32(cob_id)),
+    ]
+}
+
 /// Maps an object behind the two that a PDO has.
 fn map_third(setup: &mut Vec<Write>, mapping: u16, object: u32) {
     let two_mapped = Write::new(mapping, 0, Data::u8(2));
@@ -299,6 +329,7 @@ impl Io for Lxm32m {
 
 impl Feedback for Lxm32m {
     fn sample(&self, _: usize, data: &[u8]) -> Option<Sample> {
+        // The torque's is too short for a position.
         cia402::sample(data)
     }
 
@@ -306,7 +337,12 @@ impl Feedback for Lxm32m {
         let mut data = cia402::in_motion(position).to_vec();
         let t_pdo = &self.spec.t_pdos[0];
         data.resize(t_pdo.bytes.into(), 0);
-        vec![Frame::new(t_pdo.cob_id, &data)]
+        let torque = self.spec.t_pdos.get(TORQUE_PLACE);
+        let torque = torque.map(|t_pdo| Frame::new(t_pdo.cob_id, &[0; 2]));
+        [Some(Frame::new(t_pdo.cob_id, &data)), torque]
+            .into_iter()
+            .flatten()
+            .collect()
     }
 }
 
@@ -362,8 +398,8 @@ impl Drive for Lxm32m {
         self.sets_outputs().then_some(self)
     }
 
-    fn status(&mut self, _: usize, data: &[u8]) -> Option<DriveStatus> {
-        let &[s0, s1, ..] = data else {
+    fn status(&mut self, t_pdo: usize, data: &[u8]) -> Option<DriveStatus> {
+        let (&[s0, s1, ..], true) = (data, t_pdo != TORQUE_PLACE) else {
             return None;
         };
         let statusword = Statusword(u16::from_le_bytes([s0, s1]));
@@ -372,6 +408,14 @@ impl Drive for Lxm32m {
             is_homed: statusword.has(REF_OK),
             ..cia402::status(data, Some(X_ERR))?
         })
+    }
+
+    /// In 0.1 % of the stall torque `_M_M_0`. That is said of 6071h (1492); assumed of 6077h likewise.
+    fn torque(&self, t_pdo: usize, data: &[u8]) -> Option<i16> {
+        let (&[low, high], TORQUE_PLACE) = (data, t_pdo) else {
+            return None;
+        };
+        Some(i16::from_le_bytes([low, high]))
     }
 
     fn encode(&mut self, command: PowerCommand, setpoint: Setpoint, frames: &mut [Frame]) {
@@ -606,6 +650,32 @@ mod tests {
             .collect();
         assert_eq!(on, ["DI0", "DI5", "DQ1"]);
         assert!(Lxm32m::new(&settings(1, 2)).io().is_none());
+    }
+
+    #[test]
+    fn torque_comes_in_a_pdo_of_its_own_where_it_is_asked_for() {
+        let mut drive = Lxm32m::new(&Settings {
+            torque: true,
+            ..settings(1, 2)
+        });
+        let requests: Vec<_> = drive.spec().setup[30..35].iter().map(request).collect();
+        let expected = [
+            [0x2F, 0x02, 0x1A, 0, 0, 0, 0, 0],
+            [0x23, 0x02, 0x1A, 1, 0x10, 0, 0x77, 0x60],
+            [0x2F, 0x02, 0x1A, 0, 1, 0, 0, 0],
+            [0x2F, 0x02, 0x18, 2, 1, 0, 0, 0],
+            [0x23, 0x02, 0x18, 1, 0x81, 0x03, 0, 0],
+        ];
+        assert_eq!(requests, expected);
+        let t_pdos = &drive.spec().t_pdos;
+        let told = t_pdos.iter().map(|pdo| (pdo.cob_id.get(), pdo.bytes));
+        assert_eq!(told.collect::<Vec<_>>(), [(0x281, 6), (0x381, 2)]);
+        assert_eq!(drive.in_motion(Increments::ZERO).len(), 2);
+        assert_eq!(drive.torque(1, &[0x9C, 0xFF]), Some(-100));
+        assert_eq!(drive.torque(0, &[0x37, 0x12, 0, 0, 2, 0]), None);
+        // Which is no statusword.
+        assert_eq!(drive.status(1, &[0x37, 0x12]), None);
+        assert_eq!(drive.sample(1, &[0x37, 0x12]), None);
     }
 
     #[test]

@@ -163,6 +163,16 @@ impl Device {
         }
     }
 
+    /// Whether its T_PDOs tell its torque, as they do where [`Settings::torque`] asks for it and they can.
+    #[must_use]
+    pub fn tells_torque(&self) -> bool {
+        let Some(drive) = self.drive() else {
+            return false;
+        };
+        let mut t_pdos = drive.spec().t_pdos.iter().enumerate();
+        t_pdos.any(|(at, pdo)| drive.torque(at, &vec![0; pdo.bytes.into()]).is_some())
+    }
+
     /// Its inputs and outputs, if its PDOs carry them.
     #[must_use]
     pub fn io(&self) -> Option<&dyn Io> {
@@ -214,6 +224,8 @@ pub enum Ability {
     SoftLimits,
     /// It goes to targets by a profile of its own, [`Settings::point_to_point`].
     PointToPoint,
+    /// Its T_PDOs can tell its torque, [`Settings::torque`].
+    Torque,
 }
 
 /// The model that measurements are made with where none is named, so that they can be compared.
@@ -320,6 +332,8 @@ pub struct Settings {
     /// Its axis goes point to point: the drive is sent targets, to which it goes by a profile of its own
     /// ([`Drive::profile`]). Asked of those with [`Ability::PointToPoint`] only.
     pub point_to_point: bool,
+    /// Its T_PDOs tell its actual torque too ([`Drive::torque`]). Asked of those with [`Ability::Torque`] only.
+    pub torque: bool,
     /// What is used of its inputs and outputs.
     pub io: IoSettings,
     /// Written after the standard set-up, in this order.
@@ -349,6 +363,7 @@ impl Settings {
             following_error_limit: None,
             soft_limits: None,
             point_to_point: false,
+            torque: false,
             io: IoSettings::default(),
             objects: Vec::new(),
             assumed: Assumed::default(),

@@ -1,10 +1,10 @@
-//! A drive whose torque is limited while its axis presses against a hard stop.
+//! The torque that a drive tells, and a drive whose torque is limited while its axis presses against a hard stop.
 //!
 //! What limited it before is read first, and comes back in every case: behind the search; where that was cut off, once
 //! the axes rest; and at the latest before the drive is enabled again, or as the machine goes off.
 
 use super::{DeviceNode, Step};
-use syncline_drives::model::{Data, TorqueLimit, Write};
+use syncline_drives::model::{Data, Direction, TorqueLimit, Write};
 
 /// What limits a drive's torque.
 #[derive(Clone, Copy, Debug)]
@@ -27,6 +27,15 @@ impl Torque {
 }
 
 impl DeviceNode {
+    /// The torque that it told at the last SYNC, in the positive direction of its axis, if it tells one.
+    pub(in crate::control) fn told_torque(&self) -> Option<i16> {
+        let torque = self.told_torque.filter(|_| self.age == 0)?;
+        Some(match self.scaling().direction() {
+            Direction::Positive => torque,
+            Direction::Negative => torque.saturating_neg(),
+        })
+    }
+
     fn torque_limit(&self) -> Option<TorqueLimit> {
         self.device.spec().model.torque_limit
     }

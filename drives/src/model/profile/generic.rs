@@ -109,8 +109,12 @@ pub(in crate::model) fn spec(
     NodeSpec {
         identity: identity(assumed, kind),
         history: cia402::HISTORY.to_vec(),
-        // Statusword and actual position.
-        t_pdos: vec![communication::t_pdo(t_pdo, node, 6)],
+        // Statusword and actual position, and the torque.
+        t_pdos: vec![communication::t_pdo(
+            t_pdo,
+            node,
+            if tells_torque(settings) { 8 } else { 6 },
+        )],
         // Controlword and setpoint.
         r_pdos: vec![communication::r_pdo(r_pdo, node, 6)],
         ..NodeSpec::new(model, settings, setup, cia402::is_command)
@@ -154,6 +158,19 @@ fn identity(assumed: &Assumed, kind: Kind) -> Vec<Identity> {
 
 fn is_mapped_by_the_maker(assumed: &Assumed) -> bool {
     assumed.value(&FIXED_MAPPING) != 0
+}
+
+/// Whether the T_PDO has the torque behind the position. What the maker has mapped stays as it is.
+fn tells_torque(settings: &Settings) -> bool {
+    settings.torque && !is_mapped_by_the_maker(&settings.assumed)
+}
+
+/// What the T_PDO of a drive that tells its torque says of that.
+pub(in crate::model) fn torque(data: &[u8]) -> Option<i16> {
+    let &[_, _, _, _, _, _, low, high] = data else {
+        return None;
+    };
+    Some(i16::from_le_bytes([low, high]))
 }
 
 /// The mapping parameters of the two PDOs that are used, and what they have to say.
@@ -219,10 +236,12 @@ fn setup(model: &'static Model, settings: &Settings, kind: Kind, own: Vec<Write>
     setup.extend(&settings.objects);
     let mapping = mapping(assumed, kind).into_iter();
     for (index, mapped) in mapping.filter(|_| !is_mapped_by_the_maker(assumed)) {
+        let torque = index == parameter(0x1A00, t_pdo) && tells_torque(settings);
+        let objects = mapped.into_iter().chain(torque.then_some(0x6077_0010));
+        let objects = (1..).zip(objects);
         setup.push(w(index, 0, Data::u8(0)));
-        setup.push(w(index, 1, Data::u32(mapped[0])));
-        setup.push(w(index, 2, Data::u32(mapped[1])));
-        setup.push(w(index, 0, Data::u8(2)));
+        setup.extend(objects.map(|(sub, object)| w(index, sub, Data::u32(object))));
+        setup.push(w(index, 0, Data::u8(if torque { 3 } else { 2 })));
     }
     let (receive, transmit) = (parameter(0x1400, r_pdo), parameter(0x1800, t_pdo));
     setup.push(w(receive, 2, Data::u8(1))); // at every SYNC

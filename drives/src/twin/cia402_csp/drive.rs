@@ -206,6 +206,7 @@ impl Drive {
 
     /// A SYNC, after the synchronous R_PDOs have been put into effect.
     pub(super) fn on_sync(&mut self, now: Instant) {
+        self.servo.loops.begin_cycle();
         let since_last = self.last_sync.replace(now);
         let since_last = since_last.map_or(0.0, |last| seconds(now.saturating_since(last)));
         if self.servo.state != State::OperationEnabled || self.settings.mode != self.mode {
@@ -322,8 +323,9 @@ impl Drive {
             false => libm::round(reference) as i64 - position,
         };
         let velocity = self.servo.velocity.velocity() / self.velocity_unit;
-        let torque =
-            self.servo.loops.torque() / self.servo.loops.cascade.gains().continuous_torque * 1000.0;
+        let torque = self.servo.loops.mean_torque()
+            / self.servo.loops.cascade.gains().continuous_torque
+            * 1000.0;
         for (index, value) in [
             (0x1001, self.servo.errors.register().into()),
             (

@@ -347,8 +347,8 @@ impl Drive {
         let reference = (self.ramp.position as i64).saturating_sub(self.zero);
         let velocity = self.actual_velocity();
         let rpm = velocity * 60.0 / INCREMENTS_PER_REVOLUTION;
-        let torque =
-            self.torque_of_motor() / self.servo.loops.cascade.gains().continuous_torque * 1000.0;
+        let torque = self.servo.loops.mean_torque() * self.servo.loops.direction();
+        let torque = torque / self.servo.loops.cascade.gains().continuous_torque * 1000.0;
         let position = self.user_position(encoder);
         let user_reference = self.user_position(reference);
         let deviation = user_reference.saturating_sub(position);

@@ -9,6 +9,9 @@ use super::shaft::Shaft;
 /// Nominal seconds per step of the speed loop.
 const SPEED_STEP: f64 = SPEED_STEP_NS as f64 * 1e-9;
 
+/// Steps without SYNC after which it has stayed away: 50 ms.
+const SYNC_LOST: u32 = 800;
+
 /// Loops in motion. Positions are increments of the encoder, as the loops see it.
 pub struct Loops {
     /// What paces them.
@@ -27,6 +30,13 @@ pub struct Loops {
     /// 1, or -1 where the loops see the motor turn the other way.
     direction: f64,
     torque: f64,
+    /// Torques of the steps since the clock's cycle began, or since SYNC, and how many these are.
+    impulse: f64,
+    steps: u32,
+    /// Their mean over the last whole cycle.
+    mean_torque: f64,
+    /// SYNC says when a cycle begins, not the clock.
+    is_synced: bool,
 }
 
 impl Loops {
@@ -51,6 +61,10 @@ impl Loops {
             increments_per_revolution,
             direction: 1.0,
             torque: 0.0,
+            impulse: 0.0,
+            steps: 0,
+            mean_torque: 0.0,
+            is_synced: false,
         }
     }
 
@@ -58,6 +72,30 @@ impl Loops {
     #[must_use]
     pub fn torque(&self) -> f64 {
         self.torque
+    }
+
+    /// Torque of the motor as a drive shows it: its mean over the last whole cycle of its clock, N·m, or since SYNC, where
+    /// [`begin_cycle`](Self::begin_cycle) says when that was. Within a cycle it goes up and down with the steps of the
+    /// reference, of which samples at SYNC would see always the same part.
+    #[must_use]
+    pub fn mean_torque(&self) -> f64 {
+        match self.steps {
+            1.. if self.is_synced => self.impulse / f64::from(self.steps),
+            _ => self.mean_torque,
+        }
+    }
+
+    /// SYNC begins a cycle, of a drive whose clock is free.
+    pub fn begin_cycle(&mut self) {
+        self.is_synced = true;
+        self.latch_torque();
+    }
+
+    fn latch_torque(&mut self) {
+        if self.steps > 0 {
+            self.mean_torque = self.impulse / f64::from(self.steps);
+        }
+        (self.impulse, self.steps) = (0.0, 0);
     }
 
     /// 1, or -1 where the loops see the motor turn the other way.
@@ -103,6 +141,14 @@ impl Loops {
         self.torque = (self.torque_source).step(wanted, is_on, &self.shaft, SPEED_STEP);
         self.shaft.step(end, dt, self.torque, is_on);
         self.encoder = self.read(0.0);
-        self.clock.next_step()
+        self.impulse += self.torque;
+        self.steps += 1;
+        let ends = self.clock.next_step();
+        // A SYNC that stays away paces nothing any more.
+        self.is_synced &= self.steps < SYNC_LOST;
+        if ends && !self.is_synced {
+            self.latch_torque();
+        }
+        ends
     }
 }

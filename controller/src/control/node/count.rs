@@ -1,0 +1,38 @@
+//! What the count of a device means: from which position it counts, and whether that still holds.
+
+use super::DeviceNode;
+use crate::machine::Kept;
+use syncline_drives::model::{Increments, unwrapped};
+
+impl DeviceNode {
+    /// Takes up where it counted when the machine was on last: how far it has moved since, increments.
+    pub(in crate::control) fn recall(&mut self, kept: &Kept) -> Increments {
+        let range = self.device.feedback().and_then(|feedback| feedback.range());
+        self.actual = unwrapped(self.actual, range, kept.position);
+        self.origin = kept.origin;
+        self.actual - kept.position
+    }
+
+    /// What is to be kept of it.
+    pub(in crate::control) fn kept(&self) -> Kept {
+        Kept {
+            origin: self.origin,
+            position: self.actual,
+        }
+    }
+
+    /// Whether it may count otherwise than when its count was last known.
+    pub(in crate::control) fn has_lost_count(&self) -> bool {
+        self.lost_count
+    }
+
+    /// It may count otherwise from now on.
+    pub(in crate::control) fn lose_count(&mut self) {
+        self.lost_count = true;
+    }
+
+    /// Its count is known from now on.
+    pub(in crate::control) fn keep_count(&mut self) {
+        self.lost_count = false;
+    }
+}
