@@ -13,6 +13,7 @@
 //! - [`session`]: the machine as an operator has it: commands in, status and events out
 //! - [`run`]: the controller in virtual and in real time
 //! - [`validate`](mod@validate): a program on simulated drives, judged
+//! - [`identify`]: what an axis is, from how it moves
 //! - [`compare`]: two motions side by side
 //! - [`recording`]: numbers over time from a file
 //! - [`observe`]: what only watches: limits, deviation, statistics, trace
@@ -37,6 +38,7 @@ pub mod compare;
 pub mod control;
 pub mod doctor;
 pub mod drive_host;
+pub mod identify;
 pub mod machine;
 pub mod observe;
 pub mod port;

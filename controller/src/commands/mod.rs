@@ -34,6 +34,7 @@ mod doctor;
 mod drives;
 mod eds;
 mod events;
+mod identify;
 mod input;
 mod keys;
 mod log_files;
@@ -103,6 +104,7 @@ enum Command {
     Plan(plan::Args),
     Record(record::Args),
     Replay(replay::Args),
+    Identify(identify::Args),
     Scan(scan::Args),
     Sdo(sdo::Args),
 }
@@ -144,6 +146,7 @@ impl Command {
             Command::Plan(args) => args.execute(),
             Command::Record(args) => args.execute(),
             Command::Replay(args) => args.execute(),
+            Command::Identify(args) => args.execute(),
             Command::Scan(args) => args.execute(),
             Command::Sdo(args) => args.execute(),
         }

@@ -30,7 +30,7 @@ const POLL: Duration = Duration::from_millis(1);
 pub(super) struct RealTimeArgs {
     /// Varies encoder noise, response delays and oscillator errors of simulated drives.
     #[arg(long, default_value_t = 0)]
-    seed: u64,
+    pub(super) seed: u64,
     /// Make a late wake-up a fault on simulated buses too.
     #[arg(long)]
     strict: bool,

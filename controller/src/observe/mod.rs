@@ -5,6 +5,7 @@
 //! - [`sent`]: what the drives were sent, from the frames on the buses
 //! - `mapping`: which bytes of their PDOs are what
 //! - `differences`: what positions at the SYNCs say of the motion between them
+//! - [`axis_log`]: setpoint, position and torque of one axis, for who identifies it
 //! - [`deviation`]: setpoint and tool against the programmed geometry
 //! - `trail`: the path of the setpoints, which the drives are to follow
 //! - `drives`: torque and speed of simulated drives, skew and torque fight of gantries
@@ -19,6 +20,7 @@
 //! - [`flight_recorder`]: the last seconds before a fault
 //! - [`timing`]: how punctual a cycle was
 
+pub mod axis_log;
 pub mod deviation;
 mod differences;
 mod drives;
@@ -43,6 +45,7 @@ use crate::control::{Controller, End, Event, LostReference, Row};
 use crate::machine::{Axis, COORDINATES, Machine, Position};
 use crate::program::bounds::TimeBounds;
 use crate::program::{Extent, Moves, counted_speed};
+use axis_log::AxisLog;
 use deviation::Deviation;
 use drives::Drives;
 use limits::AxisWatches;
@@ -100,6 +103,7 @@ pub struct Observers {
     switched: Switched,
     violations: Vec<Violation>,
     trace: Option<Trace>,
+    axis_log: Option<AxisLog>,
     report: Option<Report>,
 }
 
@@ -136,6 +140,7 @@ impl Observers {
             switched: Switched::default(),
             violations: Vec::new(),
             trace: trace.map(|file| Trace::begin(file, machine)),
+            axis_log: None,
             report: report.then(|| Report::of(machine)),
         }
     }
@@ -145,6 +150,13 @@ impl Observers {
     #[must_use]
     pub fn of_program(mut self, extent: Option<Extent>) -> Self {
         self.extent = extent;
+        self
+    }
+
+    /// Hands on what one axis did in every cycle.
+    #[must_use]
+    pub fn logging(mut self, axis_log: AxisLog) -> Self {
+        self.axis_log = Some(axis_log);
         self
     }
 
@@ -208,6 +220,9 @@ impl Observers {
         }
         if let Some(trace) = &mut self.trace {
             trace.push(time, observed);
+        }
+        if let Some(axis_log) = &self.axis_log {
+            axis_log.push(time, row);
         }
         time
     }

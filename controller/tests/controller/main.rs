@@ -9,6 +9,7 @@ mod described;
 mod eds;
 mod examples;
 mod fault_texts;
+mod identify;
 mod killed;
 mod lost_bus;
 mod machine_file;

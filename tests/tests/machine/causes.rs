@@ -51,10 +51,10 @@ impl Wrong {
 }
 
 /// Numbers of a seed (SplitMix64).
-struct Dice(u64);
+pub(super) struct Dice(pub(super) u64);
 
 impl Dice {
-    fn between(&mut self, [least, most]: [f64; 2]) -> f64 {
+    pub(super) fn between(&mut self, [least, most]: [f64; 2]) -> f64 {
         self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
         let mut z = self.0;
         z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
@@ -63,7 +63,7 @@ impl Dice {
         least + (most - least) * part
     }
 
-    fn below(&mut self, count: usize) -> usize {
+    pub(super) fn below(&mut self, count: usize) -> usize {
         self.between([0.0, count as f64]) as usize
     }
 }

@@ -19,6 +19,7 @@ mod fits;
 mod hard_stops;
 mod heard;
 mod homing;
+mod identify;
 mod io_nodes;
 mod jogs;
 mod judge;

@@ -1,0 +1,314 @@
+//! What an axis is, from how it moves: inertia, friction and gravity, for `syncline identify`.
+//!
+//! - [`excitation`]: a program that shows it
+//! - [`log`]: what was seen of it
+//! - [`estimate`](mod@estimate): what that says; it gets the log and what is public of the axis ([`estimate::Shaft`]), and
+//!   nothing of what a simulation has behind it
+//! - `windows`: how the equation of motion is solved without differentiating
+
+pub mod estimate;
+pub mod excitation;
+pub mod log;
+mod windows;
+
+pub use crate::observe::axis_log::AxisSample;
+
+use crate::machine::{Axis, Machine, Motion};
+use estimate::{Estimate, Figure, Shaft};
+use serde::Serialize;
+use std::f64::consts::TAU;
+use std::fmt;
+
+/// An axis that can be identified, and what is known of it: what stands on the name plates of motor and drive.
+#[derive(Clone, Debug)]
+pub struct Subject {
+    /// Its index in [`Machine::axes`].
+    pub axis: usize,
+    /// What the estimator is told.
+    pub shaft: Shaft,
+    /// m or rad that the load goes for each radian of the shaft.
+    travel: f64,
+    /// What the machine file says of its motor.
+    motor: Option<Known>,
+}
+
+/// What is known of a motor.
+#[derive(Clone, Copy, Debug)]
+struct Known {
+    /// Of its rotor and what is fixed to it, kg·m².
+    inertia: f64,
+    /// N·m.
+    friction: f64,
+    /// N·m·s/rad.
+    viscous_friction: f64,
+}
+
+/// Why an axis cannot be identified, and what to do.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum Unfit {
+    /// There is no such axis.
+    #[error("--axis {axis}: the machine has no such axis; allowed: {}", has.join(", "))]
+    NoAxis {
+        /// As it was named.
+        axis: String,
+        /// Those that there are.
+        has: Vec<&'static str>,
+    },
+    /// Two drives share what it moves.
+    #[error("axis {0} is a gantry of two drives: only axes of one drive can be identified")]
+    Gantry(&'static str),
+    /// It does not follow setpoints.
+    #[error("axis {0} goes point to point: only axes that follow setpoints can be identified")]
+    PointToPoint(&'static str),
+    /// Nobody tells the torque.
+    #[error(
+        "axis {axis}: the PDOs of drive \"{drive}\" ({model}) do not tell its torque, which is needed to identify it"
+    )]
+    NoTorque {
+        /// The axis.
+        axis: &'static str,
+        /// Its drive.
+        drive: String,
+        /// What that is.
+        model: &'static str,
+    },
+    /// A drive tells torque in parts of it.
+    #[error(
+        "axis {0}: the rated torque of its motor is not known: name the motor in its [axis.simulation], or give \
+         --rated-torque N·m"
+    )]
+    RatedTorque(&'static str),
+}
+
+impl Subject {
+    /// The axis of that name, made ready to tell its torque; `rated_torque`, N·m, where the machine file names no motor or
+    /// another one.
+    ///
+    /// # Errors
+    /// It cannot be identified.
+    pub fn of(machine: &mut Machine, name: &str, rated_torque: Option<f64>) -> Result<Self, Unfit> {
+        let found = machine.axes.iter().position(|axis| axis.name() == name);
+        let index = found.ok_or_else(|| Unfit::NoAxis {
+            axis: name.to_owned(),
+            has: machine.axes.iter().map(Axis::name).collect(),
+        })?;
+        let name = machine.axes[index].name();
+        let [drive] = machine.axes[index].drives[..] else {
+            return Err(Unfit::Gantry(name));
+        };
+        if machine.axes[index].motion == Motion::PointToPoint {
+            return Err(Unfit::PointToPoint(name));
+        }
+        let tells = machine.tell_torque(index);
+        let (axis, drive) = (&machine.axes[index], &machine.drives[drive]);
+        if !tells {
+            return Err(Unfit::NoTorque {
+                axis: name,
+                drive: drive.name.clone(),
+                model: drive.model.title,
+            });
+        }
+        let moved = axis.simulation.as_ref().map(|simulation| &simulation.axis);
+        let rated = moved.map(|moved| moved.motor().continuous_torque);
+        let unit = match axis.letter.is_linear() {
+            true => 1e-3,
+            false => TAU / 360.0,
+        };
+        Ok(Self {
+            axis: index,
+            shaft: Shaft {
+                cycle: machine.cycle.as_secs_f64(),
+                radians: TAU / axis.mm_per_revolution,
+                resolution: drive.scaling.resolution(),
+                rated_torque: rated_torque.or(rated).ok_or(Unfit::RatedTorque(name))?,
+            },
+            travel: unit * axis.mm_per_revolution / TAU,
+            motor: moved.map(|moved| Known {
+                inertia: moved.rotor_inertia(),
+                friction: moved.motor().friction,
+                viscous_friction: moved.motor().viscous_friction,
+            }),
+        })
+    }
+}
+
+/// What was found of an axis.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Identified {
+    /// The axis.
+    pub axis: &'static str,
+    /// Of its motor, N·m: what the torque in the log is a part of.
+    pub rated_torque: f64,
+    /// What the log says.
+    pub estimate: Estimate,
+    /// Keys of `[axis.simulation]` that make a simulated axis of it; none where the machine file names no motor.
+    pub simulation: Vec<Key>,
+    #[serde(skip)]
+    rotary: bool,
+}
+
+/// A key of `[axis.simulation]` with what was found.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Key {
+    /// Its name.
+    pub key: &'static str,
+    /// In the file's own units.
+    #[serde(flatten)]
+    pub figure: Figure,
+}
+
+impl Identified {
+    /// Of an axis of a machine, from what its log says.
+    #[must_use]
+    pub fn new(machine: &Machine, subject: &Subject, estimate: Estimate) -> Self {
+        let axis = &machine.axes[subject.axis];
+        Self {
+            axis: axis.name(),
+            rated_torque: subject.shaft.rated_torque,
+            simulation: subject
+                .motor
+                .map_or_else(Vec::new, |motor| keys(&estimate, &motor, subject.travel)),
+            estimate,
+            rotary: !axis.letter.is_linear(),
+        }
+    }
+
+    /// What [`Machine::load_with`] takes to have a simulated axis like this one, key by key.
+    pub fn settings(&self) -> impl Iterator<Item = String> {
+        let keys = self.simulation.iter();
+        keys.map(|Key { key, figure }| {
+            format!("axis.{}.simulation.{key}={}", self.axis, rounded(figure))
+        })
+    }
+}
+
+/// What a simulated axis has behind a motor that is known.
+fn keys(estimate: &Estimate, motor: &Known, travel: f64) -> Vec<Key> {
+    let behind = |figure: Figure, own: f64, scale: f64| Figure {
+        value: (figure.value - own) / scale,
+        uncertainty: figure.uncertainty / scale,
+    };
+    let mut keys = Vec::new();
+    let mut add = |key, figure: Figure| keys.push(Key { key, figure });
+    let load = behind(estimate.inertia, motor.inertia, travel * travel);
+    if load.value > 0.0 {
+        add("load", load);
+    }
+    // A motor that has less friction than its kind has none left for the guide.
+    for (found, own, scale, [at_load, at_motor]) in [
+        (
+            estimate.friction,
+            motor.friction,
+            travel,
+            ["friction", "motor_friction"],
+        ),
+        (
+            estimate.viscous_friction,
+            motor.viscous_friction,
+            travel * travel,
+            ["viscous_friction", "motor_viscous_friction"],
+        ),
+    ] {
+        let rest = behind(found, own, scale);
+        if rest.value >= 0.0 {
+            add(at_load, rest);
+        } else {
+            let value = found.value.max(0.0);
+            add(at_motor, Figure { value, ..found });
+            add(at_load, Figure { value: 0.0, ..rest });
+        }
+    }
+    let Figure { value, uncertainty } = behind(estimate.holding_torque, 0.0, travel);
+    add(
+        "gravity",
+        Figure {
+            value: -value,
+            uncertainty,
+        },
+    );
+    keys
+}
+
+/// A number with as many digits as it is worth, one more than its uncertainty has.
+fn rounded(figure: &Figure) -> String {
+    let step = figure.uncertainty.max(1e-6 * figure.value.abs()).max(1e-12) / 10.0;
+    let digits = -step.log10().floor() as i32;
+    let scale = 10_f64.powi(digits);
+    let value = (figure.value * scale).round() / scale;
+    // TOML's floats have a point.
+    format!("{:.*}", digits.clamp(1, 15) as usize, value + 0.0)
+}
+
+impl fmt::Display for Identified {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Estimate {
+            inertia,
+            friction,
+            viscous_friction,
+            holding_torque,
+            torque_delay_s,
+            moving_s,
+        } = &self.estimate;
+        writeln!(
+            f,
+            "axis {}: {moving_s:.1} s of motion without rests and reversals; torque told {:.2} ms later than position",
+            self.axis,
+            1e3 * torque_delay_s
+        )?;
+        writeln!(f, "\nat the motor's shaft, with 95 %")?;
+        for (name, figure, unit) in [
+            ("inertia", inertia, "kg·m²"),
+            ("Coulomb friction", friction, "N·m"),
+            ("viscous friction", viscous_friction, "N·m·s/rad"),
+            ("torque to hold it", holding_torque, "N·m"),
+        ] {
+            row(f, name, figure, unit)?;
+        }
+        if self.simulation.is_empty() {
+            return writeln!(
+                f,
+                "\nwith a `motor` in its [axis.simulation] there would be values for that table"
+            );
+        }
+        let units = match self.rotary {
+            false => ["kg", "N", "N·s/m"],
+            true => ["kg·m²", "N·m", "N·m·s/rad"],
+        };
+        writeln!(f, "\nof the axis, as [axis.simulation] has it")?;
+        for Key { key, figure } in &self.simulation {
+            let unit = match *key {
+                "load" => units[0],
+                "friction" | "gravity" => units[1],
+                "viscous_friction" => units[2],
+                "motor_friction" => "N·m",
+                _ => "N·m·s/rad",
+            };
+            row(f, key, figure, unit)?;
+        }
+        writeln!(f, "\n[axis.simulation]  # of axis {}", self.axis)?;
+        let mut keys = self.simulation.iter();
+        keys.try_for_each(|Key { key, figure }| writeln!(f, "{key} = {}", rounded(figure)))
+    }
+}
+
+/// A number with its uncertainty.
+fn row(f: &mut fmt::Formatter<'_>, name: &str, figure: &Figure, unit: &str) -> fmt::Result {
+    let Figure { value, uncertainty } = figure;
+    let number = |value: f64| match value.abs() {
+        0.01..10000.0 => format!("{value:.4}"),
+        0.0 => "0".to_owned(),
+        _ => format!("{value:.3e}"),
+    };
+    let (value, wide) = (*value, uncertainty / value.abs());
+    let mark = if wide > UNCERTAIN { "  uncertain" } else { "" };
+    writeln!(
+        f,
+        "  {name:<22} {:>11} ± {:<10} {unit:<10} {:>9.2} %{mark}",
+        number(value),
+        number(*uncertainty),
+        100.0 * wide
+    )
+}
+
+/// From this part of its value on, an uncertainty is told as one.
+const UNCERTAIN: f64 = 0.1;

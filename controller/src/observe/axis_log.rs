@@ -1,0 +1,49 @@
+//! One axis in every cycle: setpoint, actual position and torque, handed on as they come.
+
+use crate::control::Row;
+use crate::machine::COORDINATES;
+use crossbeam::channel::{self, Receiver, Sender};
+use syncline_gcode::Axis;
+
+/// What an axis did at one SYNC.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AxisSample {
+    /// Since the program could begin, s.
+    pub time: f64,
+    /// Setpoint, mm or degrees.
+    pub set: f64,
+    /// Actual position, mm or degrees.
+    pub act: f64,
+    /// Actual torque in the axis's positive direction, in thousandths of the motor's rated torque; `None` where it is
+    /// not known.
+    pub torque: Option<i16>,
+}
+
+/// Hands on what one axis does.
+#[derive(Debug)]
+pub struct AxisLog {
+    coordinate: usize,
+    to: Sender<AxisSample>,
+}
+
+impl AxisLog {
+    /// Of the axis with that letter, and where its samples come out. They wait there for who takes them, however many
+    /// they are.
+    #[must_use]
+    pub fn new(letter: Axis) -> (Self, Receiver<AxisSample>) {
+        let (to, samples) = channel::unbounded();
+        let coordinate = letter.index();
+        (Self { coordinate, to }, samples)
+    }
+
+    /// Hands on a row. Where nobody takes it any more it is lost.
+    pub(super) fn push(&self, time: f64, row: &Row<COORDINATES>) {
+        let axis = &row.axes[self.coordinate];
+        let _ = self.to.send(AxisSample {
+            time,
+            set: axis.set,
+            act: axis.act,
+            torque: axis.torque,
+        });
+    }
+}

@@ -1,0 +1,222 @@
+//! Identification without a machine: the excitation's bounds, logs, and what is made of synthetic ones.
+
+use proptest::prelude::*;
+use std::f64::consts::TAU;
+use std::path::Path;
+use syncline_controller::budget::MachineBudget;
+use syncline_controller::identify::estimate::{NotEstimated, Shaft, estimate};
+use syncline_controller::identify::excitation::{Bounds, program};
+use syncline_controller::identify::log::Log;
+use syncline_controller::identify::{AxisSample, Subject, Unfit};
+use syncline_controller::machine::Machine;
+use syncline_controller::program::Programs;
+use syncline_gcode::Tables;
+
+/// A machine of one axis with these limits: velocity, acceleration, jerk, and half of its travel.
+fn machine(name: &str, [velocity, acceleration, jerk, travel]: [f64; 4]) -> Machine {
+    let text = format!(
+        "[machine]\nname = \"one\"\ncycle_us = 2000\n[[bus]]\nname = \"main\"\nbitrate = 1_000_000\n\
+         [[drive]]\nname = \"D\"\nbus = \"main\"\nnode = 1\nmodel = \"lxm32m\"\nzero = 0\n\
+         [[axis]]\nname = \"{name}\"\ndrives = [\"D\"]\npitch = 10.0\ngear = 1.0\nmax_velocity = {velocity:e}\n\
+         max_acceleration = {acceleration:e}\nmax_jerk = {jerk:e}\nsoft_limits = [-{travel:e}, {travel:e}]\n\
+         following_error_limit = 10.0\n[axis.simulation]\nmotor = \"generic-3\"\n"
+    );
+    Machine::parse(Path::new("one.toml"), &text).unwrap_or_else(|error| panic!("{error}"))
+}
+
+/// Numbers as machines have them, of each order of magnitude as often.
+fn limits() -> impl Strategy<Value = [f64; 4]> {
+    let power = |range: std::ops::Range<f64>| range.prop_map(|power: f64| 10_f64.powf(power));
+    [
+        power(0.5..3.0),
+        power(1.5..4.3),
+        power(2.5..6.0),
+        power(0.3..3.3),
+    ]
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(48))]
+
+    /// Whatever the limits of an axis and the bounds of its user are: what is to be moved stays in both.
+    #[test]
+    fn the_excitation_stays_in_its_bounds(
+        limits in limits(),
+        ends in prop::option::of([-1.0..1.0f64, -1.0..1.0]),
+        speed in prop::option::of(0.01..1.0f64),
+        rotary in any::<bool>(),
+    ) {
+        let machine = machine(if rotary { "B" } else { "Y" }, limits);
+        let (axis, [velocity, .., half]) = (&machine.axes[0], limits);
+        let travel = ends.map(|[one, other]| (half * one.min(other), half * one.max(other)));
+        let speed = speed.map(|part| part * velocity);
+        let Ok(bounds) = Bounds::of(axis, travel, speed) else {
+            return Ok(());
+        };
+        let room = travel.unwrap_or((-half, half));
+        prop_assert!(room.0 <= bounds.travel.0 && bounds.travel.0 < bounds.travel.1);
+        prop_assert!(bounds.travel.1 <= room.1 + 1e-9 && bounds.speed <= speed.unwrap_or(velocity));
+        let text = program(axis, &bounds, 0.002);
+        for line in text.lines().filter(|line| line.starts_with("G1")) {
+            let words: Vec<&str> = line.split(' ').collect();
+            let [position, feed] = [1, 2].map(|at| words[at][1..].parse::<f64>().unwrap());
+            // As many digits as the program is written with.
+            prop_assert!(bounds.travel.0 - 1e-6 <= position && position <= bounds.travel.1 + 1e-6);
+            prop_assert!(feed / 60.0 <= bounds.speed + 1e-5, "{line}");
+        }
+        let programs = Programs::with_tables(&machine, Tables::default());
+        let checked = programs.text("excitation", text.as_bytes()).check(machine.rest());
+        prop_assert!(checked.is_ok(), "{:?}", checked.err().map(|error| error.to_string()));
+    }
+
+    #[test]
+    fn a_log_is_read_as_it_was_written(
+        values in prop::collection::vec((-1e4..1e4f64, -1e4..1e4f64, any::<i16>()), 1..50),
+    ) {
+        let machine = machine("Y", [100.0, 1000.0, 1e4, 100.0]);
+        let samples = values.into_iter().enumerate().map(|(at, (set, act, torque))| AxisSample {
+            time: at as f64 * 0.002,
+            set,
+            act,
+            torque: Some(torque),
+        });
+        let log = Log { samples: samples.collect() };
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("log.csv");
+        let mut bytes = Vec::new();
+        log.write(&machine.axes[0], &mut bytes).unwrap();
+        std::fs::write(&file, bytes).unwrap();
+        prop_assert_eq!(Log::read(&machine.axes[0], &file).unwrap(), log);
+    }
+
+    /// Of an axis that is what the estimator takes it for, the numbers come out, with cycles that are missing, and with a
+    /// torque that is told late.
+    #[test]
+    fn an_axis_is_found(
+        inertia in 1e-4..1e-2f64,
+        friction in 0.03..0.2f64,
+        viscous in 1e-4..2e-3f64,
+        held in -0.1..0.1f64,
+        late in 0.0..1e-3f64,
+        seed in any::<u64>(),
+    ) {
+        let truth = [inertia, 10.0 * friction, viscous, 10.0 * held];
+        let samples = moved(truth, late, seed, |_| true);
+        let found = estimate(&samples, &SHAFT).unwrap();
+        let figures = [found.inertia, found.friction, found.viscous_friction, found.holding_torque];
+        let whole = [inertia, truth[1], 0.1 * truth[1] / SPEED, truth[1]];
+        for (at, figure) in figures.iter().enumerate() {
+            let error = (figure.value - truth[at]).abs();
+            prop_assert!(error < 0.03 * truth[at].abs() || error < 0.02 * whole[at], "{at}: {found:?}, {truth:?}");
+        }
+        prop_assert!((found.torque_delay_s - late).abs() < 2e-4, "{found:?}");
+    }
+}
+
+/// A motor of 10 N·m rated torque on 10 mm a revolution.
+const SHAFT: Shaft = Shaft {
+    cycle: 1e-3,
+    radians: TAU / 10.0,
+    resolution: 10.0 / 131_072.0,
+    rated_torque: 10.0,
+};
+
+/// Mean speed of the synthetic motion, rad/s.
+const SPEED: f64 = 60.0;
+
+/// Strokes both ways whose speed swings, seen by an axis of that inertia, friction, viscous friction and held torque, with one
+/// of some fifty samples missing; those rows whose direction `keeps`.
+fn moved(
+    [inertia, friction, viscous, held]: [f64; 4],
+    late: f64,
+    seed: u64,
+    keeps: impl Fn(f64) -> bool,
+) -> Vec<AxisSample> {
+    let (mut samples, mut state) = (Vec::new(), seed);
+    let mut time = 0.0;
+    for stroke in 0..12 {
+        let way = if stroke % 2 == 0 { 1.0 } else { -1.0 };
+        let mean = SPEED * (0.4 + 0.1 * f64::from(stroke));
+        let swing = 15.0 + 3.0 * f64::from(stroke);
+        for at in 0..1000 {
+            state = state
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1);
+            let at = SHAFT.cycle * f64::from(at);
+            time += SHAFT.cycle;
+            if !keeps(way) || (state >> 33) % 50 == 0 {
+                continue;
+            }
+            let motion = |t: f64| {
+                let (sine, cosine) = (swing * t).sin_cos();
+                let angle = mean * t + 0.3 * mean * (1.0 - cosine) / swing;
+                let speed = mean + 0.3 * mean * sine;
+                [angle, speed, 0.3 * mean * swing * cosine].map(|it| way * it)
+            };
+            let [angle, ..] = motion(at);
+            let [_, speed, acceleration] = motion(at - late);
+            let torque = inertia * acceleration + friction * way + viscous * speed + held;
+            let act = angle / SHAFT.radians;
+            let counted = (act / SHAFT.resolution).round() * SHAFT.resolution;
+            samples.push(AxisSample {
+                time,
+                set: act,
+                act: counted,
+                torque: Some((torque / SHAFT.rated_torque * 1e3).round() as i16),
+            });
+        }
+    }
+    samples
+}
+
+#[test]
+fn a_log_that_says_nothing_is_refused() {
+    let truth = [1e-3, 1.0, 1e-3, 0.3];
+    let samples = moved(truth, 0.0, 1, |_| true);
+    let rests = estimate(&samples[..500], &SHAFT);
+    assert!(
+        matches!(rests, Err(NotEstimated::Rests { .. })),
+        "{rests:?}"
+    );
+    let one_way = estimate(&moved(truth, 0.0, 1, |way| way > 0.0), &SHAFT);
+    // Friction and gravity are one then.
+    assert_eq!(one_way, Err(NotEstimated::Alike));
+    let other_cycle = Shaft {
+        cycle: 1.5e-3,
+        ..SHAFT
+    };
+    let uneven = estimate(&samples, &other_cycle);
+    assert!(
+        matches!(uneven, Err(NotEstimated::Times { .. })),
+        "{uneven:?}"
+    );
+    assert!(estimate(&[], &SHAFT).is_err());
+    let never = AxisSample {
+        time: f64::NAN,
+        ..samples[1]
+    };
+    assert!(estimate(&[samples[0], never], &SHAFT).is_err());
+}
+
+#[test]
+fn the_torque_is_in_the_budget_and_a_drive_without_is_named() {
+    let limits = [100.0, 1000.0, 1e4, 100.0];
+    let mut one = machine("Y", limits);
+    let bits = |machine: &Machine| MachineBudget::of(machine).buses[0].budget.t_pdo_bits;
+    let before = bits(&one);
+    Subject::of(&mut one, "Y", None).unwrap();
+    assert!(
+        bits(&one) > before + 60,
+        "{before} bits, then {}",
+        bits(&one)
+    );
+    let file = Path::new("../examples/mixed/machine.toml");
+    let mut mixed = Machine::load(file).unwrap();
+    let names: Vec<_> = mixed.axes.iter().map(|axis| axis.name()).collect();
+    let refusals = names
+        .iter()
+        .map(|name| Subject::of(&mut mixed, name, Some(1.0)));
+    let refusals: Vec<_> = refusals.filter_map(Result::err).collect();
+    let is_named = |it: &&Unfit| matches!(it, Unfit::NoTorque { .. });
+    assert!(refusals.iter().any(|it| is_named(&it)), "{refusals:?}");
+}

@@ -1,0 +1,351 @@
+//! What `syncline identify` finds of axes whose plants are drawn, and what it refuses.
+
+use super::causes::Dice;
+use serde_json::Value;
+use std::f64::consts::TAU;
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Stdio};
+use std::thread;
+use std::time::Duration;
+use syncline_tests::command::{Folder, ended, machine_file, syncline};
+
+/// Rated torque, N·m, rotor inertia, kg·m², Coulomb and viscous friction, N·m and N·m·s/rad, of the generic motors.
+const MOTORS: [(&str, [f64; 4]); 6] = [
+    ("generic-0.4", [0.4, 1.3e-5, 0.02, 1.0e-4]),
+    ("generic-1.4", [1.4, 1.1e-4, 0.08, 5.0e-4]),
+    ("generic-3", [3.0, 2.8e-4, 0.1, 8.0e-4]),
+    ("generic-6", [6.0, 7.5e-4, 0.15, 1.5e-3]),
+    ("generic-12", [12.0, 2.2e-3, 0.25, 3.0e-3]),
+    ("generic-25", [25.0, 8.0e-3, 0.4, 6.0e-3]),
+];
+
+/// The speed loop that simulated drives are commissioned with, rad/s, and the position loop's gain for each of it.
+const LOOPS: [f64; 2] = [499.0, 80.0 / 499.0];
+
+/// What is found, as the JSON names it.
+const FIGURES: [&str; 4] = ["inertia", "friction", "viscous_friction", "holding_torque"];
+
+/// An axis and what is true of it.
+#[derive(Clone, Debug)]
+struct Plant {
+    model: &'static str,
+    direction: &'static str,
+    cycle_us: u32,
+    /// mm.
+    pitch: f64,
+    /// mm/s, mm/s², mm/s³.
+    limits: [f64; 3],
+    /// From the middle, mm.
+    travel: f64,
+    motor: &'static str,
+    /// All that `[axis.simulation]` has but the motor.
+    simulation: String,
+    /// Antiresonance, Hz, if something gives way.
+    antiresonance: Option<f64>,
+    rated_torque: f64,
+    /// At the motor's shaft: inertia, Coulomb and viscous friction, torque to hold it.
+    truth: [f64; 4],
+}
+
+impl Plant {
+    /// Friction of 3 to 20 % of the rated torque; every second one with a transmission that gives way, whose antiresonance
+    /// is from 5 Hz to a fifth of the sampling rate, with a damping of 0.01 to 0.1.
+    fn drawn(dice: &mut Dice) -> Self {
+        let (motor, [rated, rotor, own_friction, own_viscous]) = MOTORS[dice.below(MOTORS.len())];
+        let pitch = dice.between([5.0, 40.0]);
+        let radius = pitch * 1e-3 / TAU;
+        let load_inertia = rotor * dice.between([0.5, 6.0]);
+        let cycle_us = [1000, 2000][dice.below(2)];
+        let highest = 0.2e6 / f64::from(cycle_us);
+        let antiresonance = 5.0 * (highest / 5.0).powf(dice.between([0.0, 1.0]));
+        let damping = 0.01 * 10_f64.powf(dice.between([0.0, 1.0]));
+        let antiresonance = (dice.below(2) == 0).then_some(antiresonance);
+        let inertia = rotor + load_inertia;
+        let friction = (rated * dice.between([0.03, 0.2])).max(own_friction);
+        let held = rated * dice.between([-0.1, 0.1]);
+        // Limits as an engineer sets them whose loops are that fast.
+        let swings = antiresonance.map_or(f64::INFINITY, |hertz| TAU * hertz);
+        let bandwidth = LOOPS[0].min(0.6 * swings);
+        let lag = 0.4 * pitch * LOOPS[1] * bandwidth * bandwidth;
+        let torque = rated * dice.between([0.5, 1.2]);
+        let acceleration = (torque / inertia * radius * 1e3).min(lag);
+        let ramp = (0.5 * TAU / swings).max(0.03) * dice.between([1.0, 2.0]);
+        let speed = dice.between([100.0, 500.0]).min(35.0 * pitch);
+        let speed = speed.min(acceleration * dice.between([0.15, 0.4]));
+        let viscous = rated * dice.between([0.01, 0.1]) / (speed * 1e-3 / radius);
+        let viscous = viscous.max(own_viscous);
+        let ways = 0.6 * speed + speed * (speed / acceleration + ramp);
+        let mut simulation = format!(
+            "load = {:e}\nfriction = {:e}\nviscous_friction = {:e}\ngravity = {:e}\n",
+            load_inertia / radius.powi(2),
+            (friction - own_friction) / radius,
+            (viscous - own_viscous) / radius.powi(2),
+            -held / radius
+        );
+        if let Some(hertz) = antiresonance {
+            let stiffness = load_inertia * (TAU * hertz / radius).powi(2) * 1e-6;
+            simulation += &format!(
+                "transmission = \"screw\"\nstiffness = {:e}\ndamping = {damping}\n",
+                stiffness.max(1e-3)
+            );
+        }
+        Self {
+            model: ["lxm32m", "cia402_csp"][dice.below(2)],
+            direction: ["positive", "negative"][dice.below(2)],
+            cycle_us,
+            pitch,
+            limits: [speed, acceleration, acceleration / ramp],
+            travel: 0.6 * ways,
+            motor,
+            simulation,
+            antiresonance,
+            rated_torque: rated,
+            truth: [inertia, friction, viscous, held],
+        }
+    }
+
+    /// Its machine file; what the plant is, or what is public of it alone.
+    fn machine(&self, is_public: bool) -> String {
+        let [speed, acceleration, jerk] = self.limits;
+        format!(
+            "[machine]\nname = \"one\"\ncycle_us = {}\n\n\
+             [[bus]]\nname = \"main\"\nbitrate = 1_000_000\nport = \"sim\"\n\n\
+             [[drive]]\nname = \"Y1\"\nbus = \"main\"\nnode = 1\nmodel = \"{}\"\ndirection = \"{}\"\nzero = 0\n\n\
+             [[axis]]\nname = \"Y\"\ndrives = [\"Y1\"]\npitch = {:e}\ngear = 1.0\nmax_velocity = {speed:e}\n\
+             max_acceleration = {acceleration:e}\nmax_jerk = {jerk:e}\nsoft_limits = [-{travel:e}, {travel:e}]\n\
+             following_error_limit = 1000.0\nfollowing_error_limit_at_rest = 1000.0\nstandstill_window = 5.0\n\
+             drive_following_error = true\n\n\
+             [axis.simulation]\nmotor = \"{}\"\n{}",
+            self.cycle_us,
+            self.model,
+            self.direction,
+            self.pitch,
+            self.motor,
+            if is_public { "" } else { &self.simulation },
+            travel = self.travel,
+        )
+    }
+
+    /// What `identify` says of it with these options.
+    fn identified(&self, folder: &Folder, options: &[&str]) -> Value {
+        let machine = folder.file("one.toml", &self.machine(false));
+        let mut command = syncline();
+        command.args(["identify", "--axis", "Y", "--json", "-"]);
+        let output = command.args(options).arg(&machine).output().unwrap();
+        let (code, json, errors) = ended(&output);
+        assert_eq!(code, 0, "{errors}\n{self:?}");
+        serde_json::from_str(json).unwrap_or_else(|error| panic!("{error}: {errors}"))
+    }
+
+    /// By figure: how far it is from the truth, and how far it says that it may be, in parts of the truth. What holds the
+    /// axis may be nothing: that in parts of the rated torque, of which a tenth is the most that is drawn.
+    fn errors(&self, found: &Value) -> [[f64; 2]; 4] {
+        std::array::from_fn(|at| {
+            let figure = &found["estimate"][FIGURES[at]];
+            let number = |key: &str| figure[key].as_f64().unwrap();
+            let whole = match at {
+                3 => 0.1 * self.rated_torque,
+                _ => self.truth[at],
+            };
+            let error = (number("value") - self.truth[at]).abs();
+            [error / whole, number("uncertainty") / whole]
+        })
+    }
+}
+
+/// How far a figure may be off without saying so.
+const WITHIN: f64 = 0.03;
+
+/// What came of so many plants.
+#[derive(Debug, Default)]
+struct Tally {
+    plants: usize,
+    /// All of whose figures are within 3 %.
+    right: usize,
+    /// Which have a figure that is not, and no interval that is wider than that.
+    unflagged: usize,
+    /// Figures that are not, though their own interval is narrower than that.
+    narrow: usize,
+    /// By figure: whose interval holds the truth.
+    held: [usize; 4],
+    /// By figure: the greatest error of those that say to be within 3 %.
+    worst: [f64; 4],
+}
+
+fn tally(count: usize, dice: &mut Dice) -> Tally {
+    let folder = Folder::new();
+    let mut tally = Tally::default();
+    for _ in 0..count {
+        let plant = Plant::drawn(dice);
+        let errors = plant.errors(&plant.identified(&folder, &[]));
+        tally.plants += 1;
+        tally.right += usize::from(errors.iter().all(|[error, _]| *error <= WITHIN));
+        let is_narrow = |[error, said]: &&[f64; 2]| *error > WITHIN && *said <= WITHIN;
+        tally.narrow += errors.iter().filter(is_narrow).count();
+        if errors.iter().any(|[error, _]| *error > WITHIN) {
+            tally.unflagged += usize::from(errors.iter().all(|[_, said]| *said <= WITHIN));
+            let hertz = plant.antiresonance;
+            eprintln!(
+                "off: {errors:.4?}, antiresonance {hertz:?} Hz, {} µs",
+                plant.cycle_us
+            );
+        }
+        for (at, [error, said]) in errors.into_iter().enumerate() {
+            tally.held[at] += usize::from(error <= said);
+            if said <= WITHIN {
+                tally.worst[at] = tally.worst[at].max(error);
+            }
+        }
+    }
+    tally
+}
+
+#[test]
+fn drawn_plants_are_found_or_said_to_be_uncertain() {
+    let tally = tally(3, &mut Dice(3));
+    assert_eq!(tally.unflagged, 0, "{tally:?}");
+    assert!(tally.right >= 2, "{tally:?}");
+}
+
+/// As many as the numbers in docs/measured.md are of.
+#[test]
+#[ignore = "long: 100 plants"]
+fn of_a_hundred_drawn_plants_those_that_are_off_say_so() {
+    let tally = tally(100, &mut Dice(2026));
+    println!("{tally:?}");
+    assert_eq!(tally.unflagged, 0, "{tally:?}");
+    assert!(tally.narrow <= 4, "{tally:?}");
+    assert!(tally.right >= 80, "{tally:?}");
+    assert!(tally.held.iter().all(|held| *held >= 90), "{tally:?}");
+}
+
+/// Nothing but the log and what is public of the machine is known to the estimator: without the plant in the machine file
+/// the log says the same.
+#[test]
+fn a_log_says_the_same_without_the_plant() {
+    let folder = Folder::new();
+    let plant = Plant::drawn(&mut Dice(5));
+    let log = folder.path("log.csv");
+    let log = log.to_str().unwrap();
+    let first = plant.identified(&folder, &["--write-log", log]);
+    let header = folder.read("log.csv");
+    let header = header.lines().next().unwrap();
+    assert_eq!(header, "t_s,Y_set_mm,Y_act_mm,Y_torque_permille");
+    let public = folder.file("public.toml", &plant.machine(true));
+    let mut command = syncline();
+    command.args(["identify", "--axis", "Y", "--json", "-", "--log", log]);
+    let output = command.arg(&public).output().unwrap();
+    let (code, json, errors) = ended(&output);
+    assert_eq!(code, 0, "{errors}");
+    let again: Value = serde_json::from_str(json).unwrap();
+    assert_eq!(again, first);
+}
+
+/// What is written into the machine file is what the plant is, in the file's own units.
+#[test]
+fn a_machine_file_that_is_updated_has_the_plant_that_was_found() {
+    let folder = Folder::new();
+    let plant = Plant {
+        antiresonance: None,
+        direction: "negative",
+        ..Plant::drawn(&mut Dice(11))
+    };
+    plant.identified(&folder, &["--update"]);
+    let (written, truth) = (folder.read("one.toml"), plant.machine(false));
+    let number = |text: &str, key: &str| -> f64 {
+        let mut lines = text.lines().filter_map(|line| line.split_once(" = "));
+        let (_, value) = lines.find(|(name, _)| *name == key).unwrap();
+        value.parse().unwrap()
+    };
+    for key in ["load", "friction", "viscous_friction", "gravity"] {
+        let [found, is] = [&written, &truth].map(|text| number(text, key));
+        assert!((found / is - 1.0).abs() < 0.05, "{key}: {found}, not {is}");
+    }
+}
+
+/// What `identify` says of a machine, and its exit code.
+fn told(machine: &Path, options: &[&str]) -> (i32, String) {
+    let mut command = syncline();
+    let output = command.arg("identify").args(options).arg(machine).output();
+    let output = output.unwrap();
+    let (code, _, errors) = ended(&output);
+    (code, errors.to_owned())
+}
+
+#[test]
+fn what_cannot_be_identified_is_refused_by_name() {
+    let folder = Folder::new();
+    let plant = Plant::drawn(&mut Dice(1));
+    let one = folder.file("one.toml", &plant.machine(false));
+    let nameless = plant.machine(false);
+    let nameless = nameless.split("[axis.simulation]").next().unwrap();
+    let nameless = folder.file("nameless.toml", nameless);
+    let text = folder.file("text.csv", "t_s,Y_set_mm\n0,0\n");
+    let text = text.to_str().unwrap();
+    for (machine, options, says) in [
+        (&one, &["--axis", "Q"][..], "no such axis; allowed: Y"),
+        (&machine_file("portal"), &["--axis", "X"], "a gantry"),
+        (&nameless, &["--axis", "Y"], "--rated-torque"),
+        (
+            &one,
+            &["--axis", "Y", "--travel", "-1", "1e6"],
+            "soft limits",
+        ),
+        (
+            &one,
+            &["--axis", "Y", "--travel", "0", "1e-3", "--speed", "50"],
+            "no room",
+        ),
+        (&one, &["--axis", "Y", "--speed", "1e6"], "--speed"),
+        (
+            &one,
+            &["--axis", "Y", "--log", text],
+            "no column `Y_act_mm`",
+        ),
+    ] {
+        let (code, errors) = told(machine, options);
+        assert_eq!(code, 2, "{options:?}: {errors}");
+        assert!(errors.contains(says), "{options:?}: {errors}");
+    }
+}
+
+#[test]
+fn beyond_the_torque_that_is_allowed_it_is_stopped() {
+    let folder = Folder::new();
+    let plant = Plant::drawn(&mut Dice(5));
+    let machine = folder.file("one.toml", &plant.machine(false));
+    let log = folder.path("log.csv");
+    let options = ["--axis", "Y", "--torque", "20", "--write-log"];
+    let (code, errors) = told(&machine, &[&options[..], &[log.to_str().unwrap()]].concat());
+    assert_eq!(code, 1, "{errors}");
+    assert!(errors.contains("beyond --torque 20"), "{errors}");
+    // It comes to rest by its own ramp, and stays there.
+    let seen = folder.read("log.csv");
+    let mut set = seen.lines().rev().map(|row| row.split(',').nth(1).unwrap());
+    let last = set.next().unwrap();
+    assert_eq!(set.next(), Some(last), "it rests");
+    assert!(seen.lines().count() < 3000, "soon");
+}
+
+/// In real time, and stopped as a program is.
+#[test]
+fn an_operator_stops_it() {
+    let folder = Folder::new();
+    let plant = Plant::drawn(&mut Dice(1));
+    let machine = folder.file("one.toml", &plant.machine(false));
+    let mut command = syncline();
+    command.args(["identify", "--axis", "Y", "--real-time", "-v"]);
+    let running = command.arg(&machine).stdout(Stdio::null());
+    let running = running.stderr(Stdio::piped()).spawn().unwrap();
+    thread::sleep(Duration::from_millis(1200));
+    let pid = running.id().to_string();
+    let killed = Command::new("kill").args(["-INT", &pid]).status();
+    assert!(killed.unwrap().success());
+    let output = running.wait_with_output().unwrap();
+    let (code, _, errors) = ended(&output);
+    assert_eq!(code, 130, "{errors}");
+    assert!(errors.contains("stopped by the operator"), "{errors}");
+    assert!(errors.contains("power stages off"), "{errors}");
+    assert!(fs::read(&machine).is_ok());
+}
