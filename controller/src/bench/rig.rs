@@ -223,6 +223,7 @@ impl Shape {
             state_timeout: Duration::from_secs(5),
             t_pdo_misses: 2,
             stop_together: false,
+            spindle: None,
             shaper: Shaper::none(),
             retraction: None,
             probing: Probing::default(),

@@ -419,10 +419,22 @@ pub trait Names {
     /// What the bytes that its maker adds to a device's EMCY say, if anything.
     fn vendor_error(&self, device: DeviceIndex, bytes: [u8; 5]) -> Option<String>;
 
+    /// Whether it is the drive of the spindle.
+    fn turns_spindle(&self, device: DeviceIndex) -> bool;
+
     /// A device as messages call it: `node 3 (Y, LXM32M)`.
     fn who(&self, device: DeviceIndex) -> String {
         let (node, name, model) = self.device(device);
         format!("node {node} ({name}, {model})")
+    }
+
+    /// The same, and what it does besides moving an axis: `the spindle's drive, node 20 (spindle, …)`.
+    fn subject(&self, device: DeviceIndex) -> String {
+        let who = self.who(device);
+        match self.turns_spindle(device) {
+            true => format!("the spindle's drive, {who}"),
+            false => who,
+        }
     }
 
     /// `, vendor error B404h: its meaning`, or nothing.
@@ -468,10 +480,10 @@ impl Fault {
         match *self {
             Self::Device(device, cause @ DeviceCause::Emergency { emergency }) => format!(
                 "{}: {cause}{}: clear its cause, start again",
-                names.who(device),
+                names.subject(device),
                 names.vendor_part(device, &emergency)
             ),
-            Self::Device(device, cause) => format!("{}: {cause}", names.who(device)),
+            Self::Device(device, cause) => format!("{}: {cause}", names.subject(device)),
             Self::Axis(axis, cause @ AxisCause::SetpointGuard { drive, .. }) => {
                 format!("{}, {}", names.who(drive), cause.describe(names.axis(axis)))
             }

@@ -17,6 +17,7 @@
 //! the path goes on; without a job what was switched by hand is what the next job begins with.
 
 use super::Layout;
+use super::spindle::turning;
 use super::{Controller, Event, Phase, Request, event_sink};
 use crate::machine::{AnalogSource, OutputSwitch};
 use std::collections::VecDeque;
@@ -281,6 +282,10 @@ impl<const N: usize> Controller<N> {
                 self.tell(Event::Output { output: index, on });
             }
         }
+        self.turn_spindle(match is_safe {
+            true => 0.0,
+            false => turning(switched.spindle),
+        });
         for (index, output) in layout.analog_outputs.iter().enumerate() {
             let value = match is_safe {
                 true => output.safe,

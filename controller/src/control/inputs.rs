@@ -165,6 +165,10 @@ impl<const N: usize> Controller<N> {
         let mut inputs = self.layout.inputs.iter().enumerate();
         let on =
             inputs.any(|(index, input)| input.meaning == wait.input && self.inputs.is_on(index));
+        let at_speed = wait.input == InputMeaning::AtSpeed;
+        // What its drive measures is no older than what it was told.
+        let is_measured = at_speed && self.layout.spindle.is_some();
+        let on = on || is_measured && self.is_spindle_at_speed();
         let begun = Awaited {
             since: self.cycle,
             was: on,
@@ -178,7 +182,7 @@ impl<const N: usize> Controller<N> {
         };
         self.awaited = Some(Awaited { since, was: on });
         let waited = self.layout.cycle * (self.cycle - since) as u32;
-        let lags = wait.input == InputMeaning::AtSpeed && waited < AT_SPEED_BEFORE;
+        let lags = at_speed && !is_measured && waited < AT_SPEED_BEFORE;
         match came && !lags {
             true => Some(true),
             false => (waited >= wait.within).then_some(false),

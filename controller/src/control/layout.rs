@@ -13,6 +13,9 @@ use syncline_drives::model::{Device, Direction, Increments, Scaling};
 use syncline_trajectory::path::Retraction;
 use syncline_trajectory::shaper::Shaper;
 
+/// A spindle stands that turns by less, degrees.
+const SPINDLE_STANDS: f64 = 0.5;
+
 /// Buses, devices, axes and times.
 #[derive(Debug)]
 pub struct Layout {
@@ -46,10 +49,13 @@ pub struct Layout {
     pub lag: f64,
     /// Buses, in the order of the machine file.
     pub buses: Vec<BusSpec>,
-    /// Drives, in the order of the machine file, behind them encoders in theirs, and I/O nodes in theirs.
+    /// Drives of axes, in the order of the machine file, behind them encoders in theirs, and I/O nodes in theirs, and
+    /// the drive of the spindle.
     pub devices: Vec<DeviceSpec>,
     /// Axes, in the order of the machine file.
     pub axes: Vec<AxisSpec>,
+    /// The spindle, where a drive turns it.
+    pub spindle: Option<SpindleSpec>,
     /// What setpoints go through on their way from the path to the drives.
     pub shaper: Shaper,
     /// How the axes go back to a path that they were jogged off; `None`: on a straight line.
@@ -138,6 +144,39 @@ pub struct AxisSpec {
     pub kept: Result<Vec<Kept>, NotKept>,
 }
 
+/// A spindle that a drive turns.
+#[derive(Clone, Copy, Debug)]
+pub struct SpindleSpec {
+    /// Its drive, whose scaling is in degrees.
+    pub drive: DeviceIndex,
+    /// The greatest S, 1/min.
+    pub fastest: f64,
+    /// It has its speed within this part of it.
+    pub tolerance: f64,
+    /// Within this time it turns as it was told last.
+    pub reversal: Duration,
+}
+
+/// What a device counts by, and by how much it may move where it stands: at its axis, or turning the spindle.
+fn scale(machine: &Machine, index: usize, seat: Option<Seat<'_>>) -> Option<(Scaling, f64)> {
+    let seat = seat.map(|it| (*it.scaling, machine.axes[it.axis].limits.standstill));
+    let spindle = (machine.spindle_drive()).filter(|(place, _)| *place == index);
+    seat.or(spindle.map(|(_, drive)| (drive.scaling, SPINDLE_STANDS)))
+}
+
+impl SpindleSpec {
+    fn of(machine: &Machine) -> Option<Self> {
+        let (place, drive) = machine.spindle_drive()?;
+        let spindle = machine.spindle.as_ref()?;
+        Some(Self {
+            drive: place,
+            fastest: spindle.speeds.1,
+            tolerance: drive.tolerance,
+            reversal: spindle.reversal(),
+        })
+    }
+}
+
 /// What says where an axis is, beside its drives.
 #[derive(Clone, Copy, Debug)]
 pub struct AxisFeedback {
@@ -190,13 +229,13 @@ impl Layout {
         let lag = latencies.iter().flatten().copied().fold(0.0, f64::max);
         let nowhere = Scaling::new(1, 1.0, Direction::Positive, Increments::ZERO);
         let devices: Vec<DeviceSpec> = (machine.nodes().zip(devices).zip(latencies))
-            .map(|((node, device), latency)| {
-                let seat = node
-                    .seat
-                    .map(|Seat { axis, scaling }| (&machine.axes[axis], *scaling));
-                let scaling = seat.map_or(nowhere, |(_, scaling)| scaling);
-                let standstill = seat.map(|(axis, _)| scaling.magnitude(axis.limits.standstill));
-                let middle = seat.and_then(|(axis, _)| scaling.to_increments(axis.middle()).ok());
+            .enumerate()
+            .map(|(index, ((node, device), latency))| {
+                let scale = scale(machine, index, node.seat);
+                let scaling = scale.map_or(nowhere, |(scaling, _)| scaling);
+                let standstill = scale.map(|(scaling, window)| scaling.magnitude(window));
+                let middle = node.seat.map(|seat| machine.axes[seat.axis].middle());
+                let middle = middle.and_then(|mm| scaling.to_increments(mm).ok());
                 DeviceSpec {
                     name: node.name.to_owned(),
                     bus: node.bus,
@@ -247,6 +286,7 @@ impl Layout {
                 .collect(),
             buses,
             devices,
+            spindle: SpindleSpec::of(machine),
             shaper: machine.shaper.clone(),
             retraction: machine.retraction,
             homing: machine.homing,
@@ -272,6 +312,13 @@ impl Layout {
             spec.kept = state.of_axis(machine, axis);
         }
         self
+    }
+
+    /// The drives among the devices: those of axes, and that of the spindle.
+    pub fn drives(&self) -> impl Iterator<Item = DeviceIndex> {
+        let devices = self.devices.iter().enumerate();
+        let drives = devices.filter(|(_, device)| device.device.drive().is_some());
+        drives.map(|(index, _)| index)
     }
 
     /// The axes that follow a path: all but those that go point to point.
@@ -320,6 +367,10 @@ impl Names for Layout {
 
     fn axis(&self, axis: AxisIndex) -> &AxisSpec {
         &self.axes[axis]
+    }
+
+    fn turns_spindle(&self, device: DeviceIndex) -> bool {
+        self.spindle.is_some_and(|spindle| spindle.drive == device)
     }
 
     fn bus(&self, bus: BusIndex) -> &str {

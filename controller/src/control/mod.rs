@@ -23,6 +23,7 @@
 //! - [`job`]: what the machine works on, one after the other
 //! - `instruction`: what the program feeds to the cycle, and where the path rests for it
 //! - `point_to_point`: axes that go to targets beside the path
+//! - [`spindle`]: a spindle that a drive turns
 //! - `axis`: planned position to increments, following error
 //! - [`reaction`], `supervision`: what is done about what happens, the table and its execution
 //! - `setpoint_guard`: the last look at a setpoint before it is sent
@@ -48,6 +49,7 @@ pub mod reaction;
 mod sdo_sequence;
 mod setpoint_guard;
 mod setpoint_misses;
+pub mod spindle;
 pub mod state;
 mod supervision;
 #[cfg(test)]
@@ -69,6 +71,7 @@ pub use point_to_point::PointToPoint;
 pub use probing::{KnownBy, ProbeFailure, ProbeMove, Probed};
 pub use reaction::{Cause, Clearing, Reaction};
 pub use setpoint_guard::Quantity;
+pub use spindle::SpindleSample;
 pub use state::{NotNow, Request, State};
 pub use user_codes::UserCall;
 
@@ -82,6 +85,7 @@ use inputs::{Awaited, Inputs};
 use node::DeviceNode;
 use probing::Probing;
 use setpoint_misses::SetpointMisses;
+use spindle::SpindleWatch;
 use std::collections::VecDeque;
 use std::hint::black_box;
 use std::mem::{replace, take};
@@ -94,8 +98,8 @@ use user_codes::UserCalls;
 
 /// Events that wait to be fetched at most; more are dropped, newest first.
 const EVENT_CAPACITY: usize = 1024;
-/// How long a drive has to stand still before its setpoint is frozen, and an axis has to be in
-/// position before its mode ends; at least [`STILL_CYCLES`].
+/// How long a drive has to stand still before its setpoint is frozen, an axis has to be in
+/// position before its mode ends, and a spindle has to turn at its speed before a cut; at least [`STILL_CYCLES`].
 const STILL: Duration = Duration::from_millis(50);
 /// See [`STILL`].
 const STILL_CYCLES: u32 = 5;
@@ -143,6 +147,8 @@ pub struct Row<const N: usize> {
     pub axes: [AxisSample; N],
     /// What the program has switched by then.
     pub functions: MachineFunctions,
+    /// What the drive of the spindle measures, if one turns it.
+    pub spindle: Option<SpindleSample>,
     /// Program line of the block that is at work while the path rests for it.
     pub rests_for: Option<u32>,
 }
@@ -246,6 +252,7 @@ pub struct Controller<const N: usize> {
     positioning: Option<point_to_point::Progress>,
     probing: Probing<N>,
     switches: Switches,
+    spindle: SpindleWatch,
     inputs: Inputs,
     /// While the path rests at an M66.
     awaited: Option<Awaited>,
@@ -323,6 +330,7 @@ impl<const N: usize> Controller<N> {
             positioning: None,
             probing: Probing::new(),
             switches: Switches::new(&layout),
+            spindle: SpindleWatch::new(&layout),
             inputs: Inputs::new(&layout.inputs, layout.cycle),
             awaited: None,
             calls: UserCalls::default(),

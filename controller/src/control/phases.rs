@@ -113,6 +113,7 @@ impl<const N: usize> Controller<N> {
                 // One that never rests is a fault in time, and quick-stopped by that.
                 let rests = self.path_rests() && !squares && stopped && self.goers_rest();
                 let over = rests && (settled || waited || self.is_faulty());
+                let over = over && (self.goal == Goal::Ready || self.spindle_rests());
                 if over && self.goal == Goal::Ready && !self.let_go_of_stops(settled) {
                     return;
                 }
@@ -131,7 +132,7 @@ impl<const N: usize> Controller<N> {
             Phase::QuickStop => {
                 let seen = self.cycle >= self.phase_cycle + COMMAND_CYCLES;
                 let waited = self.timed_out(self.layout.state_timeout);
-                if seen && (waited || self.quick_stops_rest()) {
+                if seen && (waited && self.spindle_rests() || self.quick_stops_rest()) {
                     self.end_job(Outcome::Stopped);
                     self.enter(Phase::Disable, out);
                 }
@@ -576,7 +577,7 @@ impl<const N: usize> Controller<N> {
         time.as_nanos().div_ceil(self.layout.cycle.as_nanos()) as u64
     }
 
-    fn timed_out(&self, limit: Duration) -> bool {
+    pub(super) fn timed_out(&self, limit: Duration) -> bool {
         self.layout.cycle * (self.cycle - self.phase_cycle) as u32 >= limit
     }
 

@@ -16,6 +16,7 @@ impl<const N: usize> Controller<N> {
     /// Looks at drives and axes.
     pub(super) fn supervise(&mut self, now: Instant) {
         self.nodes.iter_mut().for_each(DeviceNode::watch_standstill);
+        self.watch_spindle();
         let phase = self.phase;
         if (Phase::Program..=Phase::QuickStop).contains(&phase) {
             self.sample_axes();
@@ -105,6 +106,7 @@ impl<const N: usize> Controller<N> {
             plan: self.planned,
             axes: samples,
             functions: self.switches.functions,
+            spindle: self.sample_spindle(),
             rests_for: match self.probing.line() {
                 None => self.reached().and_then(|stop| stop.works_on()),
                 probing => probing,

@@ -27,9 +27,11 @@ pub use homing::{
 pub use io_node::IoNode;
 pub use node::{Node, Seat};
 pub use probing::{ProbeCaptures, Probing};
+pub(crate) use read::TURN;
 pub use signals::{AnalogOutput, AnalogSource, Input, InputMeaning, Output, OutputSwitch};
 pub use simulation::{Carriage, FeedAxis, Gantry, HomeSwitches, Simulation};
-pub use spindle::{SpinUp, Spindle};
+pub(crate) use spindle::degrees_per_second;
+pub use spindle::{SpinUp, Spindle, SpindleDrive};
 pub use state_file::{Kept, MachineState, NotKept, StateError};
 pub use user_code::UserCode;
 pub use validation::Validation;
@@ -397,14 +399,23 @@ impl Machine {
         })
     }
 
-    /// All devices: the drives, behind them the encoders, behind those the I/O nodes. Where all are alike, an index
-    /// means a place in this list.
+    /// All devices: the drives of axes, behind them the encoders, behind those the I/O nodes, behind all the drive of
+    /// the spindle. Where all are alike, an index means a place in this list.
     pub fn nodes(&self) -> impl Iterator<Item = Node<'_>> {
         let drives = self.drives.iter().map(Node::from);
         let encoders = self.encoders.iter().map(Node::from);
         drives
             .chain(encoders)
             .chain(self.io_nodes.iter().map(Node::from))
+            .chain(self.spindle_drive().map(|(_, drive)| Node::from(drive)))
+    }
+
+    /// The drive of the spindle, and its place among the [devices](Self::nodes).
+    #[must_use]
+    pub fn spindle_drive(&self) -> Option<(usize, &SpindleDrive)> {
+        let place = self.drives.len() + self.encoders.len() + self.io_nodes.len();
+        let drive = self.spindle.as_ref()?.drive.as_ref()?;
+        Some((place, drive))
     }
 
     /// The [device](Self::nodes) with that index.
@@ -452,14 +463,21 @@ impl Machine {
             soft_limits: None,
             point_to_point: false,
             torque: false,
+            profile_velocity: false,
             io: self.io_settings(index),
             objects: node.objects.to_vec(),
             assumed: self.assumed(node.model),
         };
-        node.model.device(&match self.drives.get(index) {
-            Some(drive) => self.drive_settings(drive, common),
-            None => common,
-        })
+        node.model
+            .device(&match (self.drives.get(index), &self.spindle) {
+                (Some(drive), _) => self.drive_settings(drive, common),
+                (None, Some(spindle))
+                    if self.spindle_drive().is_some_and(|(at, _)| at == index) =>
+                {
+                    spindle.settings(common)
+                }
+                (None, _) => common,
+            })
     }
 
     /// What is used of a device's inputs and outputs.
@@ -481,7 +499,7 @@ impl Machine {
             analog_outputs: analog
                 .map(|output| (output.place, output.scaled(output.safe)))
                 .collect(),
-            by_event: io_node.is_some_and(|io| self.io_nodes[io].by_event),
+            by_event: (io_node.and_then(|io| self.io_nodes.get(io))).is_some_and(|io| io.by_event),
         }
     }
 

@@ -2,7 +2,7 @@
 
 use super::described;
 use super::read::{BusTable, name, unknown};
-use super::{Drive, Encoder, IoNode};
+use super::{Drive, Encoder, IoNode, SpindleDrive};
 use std::{collections::BTreeMap, ops::Range, path::Path, time::Duration};
 use syncline_canopen::{Address, NodeId};
 use syncline_drives::model::{Assumed, Data, MODELS, Model, Scaling, Write};
@@ -76,6 +76,20 @@ impl<'m> From<&'m IoNode> for Node<'m> {
             model: io.model,
             seat: None,
             objects: &io.objects,
+        }
+    }
+}
+
+/// It is not on the path, and so at no place of an axis.
+impl<'m> From<&'m SpindleDrive> for Node<'m> {
+    fn from(drive: &'m SpindleDrive) -> Self {
+        Self {
+            name: &drive.name,
+            bus: drive.bus,
+            id: drive.node,
+            model: drive.model,
+            seat: None,
+            objects: &drive.objects,
         }
     }
 }

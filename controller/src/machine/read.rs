@@ -13,10 +13,11 @@ use super::retraction::RetractionTable;
 use super::shaper::ShaperTable;
 use super::signals::{SignalTables, Signals, Wiring};
 use super::simulation::{self, Simulation};
+use super::spindle::SpindleTable;
 use super::user_code::UserCodeTable;
 use super::{
     Axis, AxisLimits, Bus, Controller, Drive, Feedback, Homing, HomingPolicy, Machine, Motion,
-    PathTolerances, Probing, Spindle, Validation, assumed, spindle, validation,
+    PathTolerances, Probing, Validation, assumed, spindle, validation,
 };
 use std::{collections::BTreeMap, ops::Range, path::Path, time::Duration};
 use syncline_drives::mechanics::touch_probe::TouchProbe;
@@ -27,7 +28,7 @@ use syncline_trajectory::shaper::Shaper;
 use toml::{Spanned, de::DeTable};
 
 /// Degrees for one turn of a rotary axis.
-const TURN: f64 = 360.0;
+pub(crate) const TURN: f64 = 360.0;
 
 /// CAN bit rates that CANopen uses (CiA 301), in bit/s.
 const BITRATES: [i64; 8] = [
@@ -61,7 +62,7 @@ struct Tables {
     encoders: Vec<EncoderTable>,
     io_nodes: Vec<IoTable>,
     axes: Vec<AxisTable>,
-    spindle: Option<Spindle>,
+    spindle: Option<SpindleTable>,
     homing: Spanned<HomingPolicy>,
     probing: Probing,
     workpieces: Option<TouchProbe>,
@@ -170,7 +171,12 @@ impl Tables {
 
         let shaper = self.shaper.as_ref().map(|table| table.join(log, cycle));
 
-        let devices: Vec<_> = drives.chain(encoders).chain(io_nodes).collect();
+        let turning = self.take_spindle_drive(log);
+        let drives = self.drives.iter().map(|drive| &drive.node);
+        let encoders = self.encoders.iter().map(|encoder| &encoder.node);
+        let io_nodes = self.io_nodes.iter().map(|io| &io.node);
+        let devices = drives.chain(encoders).chain(io_nodes);
+        let devices: Vec<_> = devices.chain(turning.iter().map(|it| &it.node)).collect();
         let described = described::models(log, &devices);
         let bus_of = node::places(log, &devices, &self.buses, &self.cycle, controller.node);
 
@@ -182,6 +188,7 @@ impl Tables {
         let bus_of: Option<Vec<usize>> = bus_of.into_iter().collect();
         let axis_of: Option<Vec<usize>> = axis_of.into_iter().collect();
         let mut bus_of = bus_of?;
+        let turning = turning.and_then(|drive| Some((drive, bus_of.pop()?)));
         let io_buses = bus_of.split_off(bus_of.len() - self.io_nodes.len());
         let mut places = bus_of.into_iter().zip(axis_of?);
         let named: Vec<_> = (self.drives.iter().map(|it| it.node.name.span())).collect();
@@ -235,7 +242,9 @@ impl Tables {
             encoders: encoders.len(),
             io_nodes: &io_nodes,
         };
-        let signals = self.signals.join(log, wiring, self.spindle.as_ref());
+        let spindle = (self.spindle)
+            .map(|table| table.join(log, turning, |model| assumed(&self.assumptions, model)));
+        let signals = self.signals.join(log, wiring, spindle.as_ref());
         let Signals {
             inputs,
             outputs,
@@ -255,7 +264,7 @@ impl Tables {
             encoders,
             io_nodes,
             axes,
-            spindle: self.spindle,
+            spindle,
             homing: self.homing.into_inner(),
             probing: self.probing,
             workpieces: self.workpieces,
@@ -274,6 +283,17 @@ impl Tables {
         fits::check_counts(log, &machine, &named);
         fits::check_setpoints(log, &machine, &named);
         Some(machine)
+    }
+
+    /// Takes the drive of the spindle out of those of axes.
+    fn take_spindle_drive(&mut self, log: &mut Log<'_>) -> Option<DriveTable> {
+        let axes = &self.axes;
+        let moved = |drive: &str| {
+            let names =
+                |axis: &&AxisTable| axis.drives.get_ref().iter().any(|it| it.get_ref() == drive);
+            axes.iter().find(names).map(AxisTable::title)
+        };
+        (self.spindle.as_ref()).and_then(|it| it.take_drive(log, &mut self.drives, moved))
     }
 
     /// The axis of each drive: exactly one.
@@ -311,7 +331,7 @@ impl Tables {
                 log.report(
                     drive.node.name.span(),
                     format!("{}: no axis names it", drive.node.title()),
-                    "name it in the `drives` of an [[axis]], or remove it",
+                    "name it in the `drives` of an [[axis]] or as the `drive` of [spindle], or remove it",
                 );
             }
         }
@@ -444,10 +464,10 @@ impl BusTable {
     }
 }
 
-struct DriveTable {
-    node: NodeTable,
-    direction: Direction,
-    zero: Increments,
+pub(super) struct DriveTable {
+    pub(super) node: NodeTable,
+    pub(super) direction: Direction,
+    pub(super) zero: Increments,
     signals: bool,
 }
 

@@ -483,6 +483,19 @@ impl SignalTables {
                 "add [spindle] with `max_speed` and `ramp_ms`, within which it comes",
             );
         }
+        let mut inputs = self.inputs.iter();
+        if let Some(input) = inputs.find(|it| it.meaning == InputMeaning::AtSpeed)
+            && spindle.is_some_and(|spindle| spindle.drive.is_some())
+        {
+            log.report(
+                input.wire.name.span(),
+                format!(
+                    "{}: at speed of a spindle whose drive tells its speed",
+                    input.wire.title
+                ),
+                "leave the input out: cuts wait for the speed that the drive measures",
+            );
+        }
         unique(log, "output", self.outputs.iter().map(|it| &it.wire.name));
         check_enable_chain(log, &self.outputs);
         let inputs = join_inputs(log, self.inputs, wiring);

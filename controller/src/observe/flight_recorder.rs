@@ -15,7 +15,7 @@
 
 use super::trace;
 use crate::bus_log::{BusLog, LogFile};
-use crate::control::{Event, Layout, MachineFunctions, Row, State};
+use crate::control::{Event, Layout, MachineFunctions, Row, SpindleSample, State};
 use crate::machine::{COORDINATES, Machine, Position};
 use std::collections::VecDeque;
 use std::fmt::{self, Write as _};
@@ -52,6 +52,7 @@ struct Moment {
     setpoint: Position,
     actual: Position,
     functions: MachineFunctions,
+    spindle: Option<SpindleSample>,
     /// Bit by bit, by the place in the machine file.
     inputs: u64,
 }
@@ -113,6 +114,8 @@ struct Legend {
     buses: Vec<String>,
     inputs: Vec<String>,
     axes: Vec<(&'static str, usize)>,
+    /// A drive turns the spindle.
+    has_spindle: bool,
 }
 
 /// See the module.
@@ -199,6 +202,7 @@ impl FlightRecorder {
                 axes: (machine.axes.iter())
                     .map(|axis| (axis.name(), axis.letter.index()))
                     .collect(),
+                has_spindle: machine.spindle_drive().is_some(),
             }),
             folder,
             origin,
@@ -245,6 +249,7 @@ impl FlightRecorder {
             setpoint: row.axes.map(|axis| axis.set),
             actual: row.axes.map(|axis| axis.act),
             functions: row.functions,
+            spindle: row.spindle,
             inputs: self.inputs,
         };
         self.moments.push(row.at, moment);
@@ -331,13 +336,21 @@ impl Recording {
         {
             writeln!(file, "# {role}: {fault}")?;
         }
-        let Legend { inputs, axes, .. } = &*self.legend;
+        let Legend {
+            inputs,
+            axes,
+            has_spindle,
+            ..
+        } = &*self.legend;
         let mut row = "t_s,state,line".to_owned();
         for (name, _) in axes {
             // Writing to a string does not fail.
             let _ = write!(row, ",{name}_set,{name}_act");
         }
         row += &trace::switched_columns();
+        if *has_spindle {
+            row += trace::SPINDLE_COLUMNS;
+        }
         for name in inputs {
             let _ = write!(row, ",input_{name}");
         }
@@ -351,6 +364,9 @@ impl Recording {
                 let _ = write!(row, ",{},{}", moment.setpoint[axis], moment.actual[axis]);
             }
             trace::write_switched(&mut row, &moment.functions);
+            if *has_spindle {
+                trace::write_spindle(&mut row, moment.spindle);
+            }
             for input in 0..inputs.len() {
                 let on = moment.inputs.checked_shr(input as u32).unwrap_or_default() & 1;
                 let _ = write!(row, ",{on}");

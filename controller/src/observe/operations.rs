@@ -3,8 +3,8 @@
 //! An operation is what the program does with one tool at one speed and direction of the spindle: it begins where
 //! either of them is changed. Every cycle of motion belongs to one, so that they add up to the time of motion.
 
-use super::switched::turning;
 use crate::control::Row;
+use crate::control::spindle::turning;
 use crate::machine::COORDINATES;
 use serde::Serialize;
 use std::collections::BTreeMap;

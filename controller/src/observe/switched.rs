@@ -1,9 +1,10 @@
 //! What the program's M-codes switched, and when.
 
+use crate::control::spindle::turning;
 use crate::control::{MachineFunctions, Row};
 use crate::machine::COORDINATES;
 use serde::Serialize;
-use syncline_gcode::{ANALOG_OUTPUTS, Coolant, DIGITAL_OUTPUTS, Spindle, Turning};
+use syncline_gcode::{ANALOG_OUTPUTS, Coolant, DIGITAL_OUTPUTS};
 
 /// The state from an instant on.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -51,15 +52,6 @@ impl Switched {
                 .collect(),
             analog_outputs: functions.analog,
         });
-    }
-}
-
-/// How fast the spindle turns, 1/min, negative for M4.
-pub(super) fn turning(spindle: Spindle) -> f64 {
-    match spindle.turning {
-        Turning::Clockwise => spindle.speed,
-        Turning::Counterclockwise => -spindle.speed,
-        Turning::Off => 0.0,
     }
 }
 

@@ -1,8 +1,9 @@
 //! Every row as CSV: time, line, setpoint and actual position of every axis, what is switched.
 
 use super::Observed;
-use super::switched::{running, turning};
-use crate::control::MachineFunctions;
+use super::switched::running;
+use crate::control::spindle::turning;
+use crate::control::{MachineFunctions, SpindleSample};
 use crate::machine::Machine;
 use std::fmt::Write as _;
 use std::io::{self, Write};
@@ -16,6 +17,8 @@ pub(super) struct Trace {
     file: Sink,
     /// Of the axes, in the machine's order.
     coordinates: Vec<usize>,
+    /// A drive turns the spindle.
+    has_spindle: bool,
     row: String,
     /// Nothing is written behind the first failure.
     written: io::Result<()>,
@@ -30,6 +33,10 @@ impl Trace {
             let _ = write!(header, ",{0}_set,{0}_act", axis.name());
         }
         header += &switched_columns();
+        let has_spindle = machine.spindle_drive().is_some();
+        if has_spindle {
+            header += SPINDLE_COLUMNS;
+        }
         header.push('\n');
         Self {
             written: file.write_all(header.as_bytes()),
@@ -37,6 +44,7 @@ impl Trace {
             coordinates: (machine.axes.iter())
                 .map(|axis| axis.letter.index())
                 .collect(),
+            has_spindle,
             row: header,
         }
     }
@@ -51,6 +59,9 @@ impl Trace {
             let _ = write!(text, ",{},{}", sample.set, sample.act);
         }
         write_switched(text, &observed.row.functions);
+        if self.has_spindle {
+            write_spindle(text, observed.row.spindle);
+        }
         text.push('\n');
         if self.written.is_ok() {
             self.written = self.file.write_all(text.as_bytes());
@@ -71,6 +82,15 @@ pub(super) fn switched_columns() -> String {
         let _ = write!(columns, ",analog_output_{number}");
     }
     columns
+}
+
+/// The names of the columns of [`write_spindle`], each behind a comma.
+pub(super) const SPINDLE_COLUMNS: &str = ",spindle_act,spindle_turns";
+
+/// Appends what the drive of a spindle measured, each value behind a comma.
+pub(super) fn write_spindle(text: &mut String, sample: Option<SpindleSample>) {
+    let SpindleSample { speed, turns, .. } = sample.unwrap_or_default();
+    let _ = write!(text, ",{speed},{turns}");
 }
 
 /// Appends what programs have switched, each value behind a comma.

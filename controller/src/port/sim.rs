@@ -2,7 +2,9 @@
 
 use super::{Port, PortError};
 use crate::bus::{Burst, Received};
-use crate::machine::{Axis, FeedAxis, Gantry, InputMeaning, Machine, Seat, Simulation};
+use crate::machine::{
+    Axis, FeedAxis, Gantry, InputMeaning, Machine, Seat, Simulation, SpindleDrive,
+};
 use syncline_canopen::{Frame, NodeId};
 use syncline_drives::bus::{Band, BitRate};
 use syncline_drives::mechanics::rigid::Rigid;
@@ -227,7 +229,8 @@ pub fn config(machine: &Machine, index: usize, seed: u64) -> Config {
         ..single(node.id, index, seed)
     };
     let Some(Seat { axis, scaling }) = node.seat else {
-        return config;
+        let spindle = machine.spindle_drive().filter(|(place, _)| *place == index);
+        return spindle.map_or(config.clone(), |(_, drive)| turning(drive, config));
     };
     let axis = &machine.axes[axis];
     let side = axis.drives.iter().position(|it| *it == index);
@@ -254,6 +257,20 @@ pub fn config(machine: &Machine, index: usize, seed: u64) -> Config {
         sensors: sensors(machine, index, turns),
         reference_switch: simulation.and_then(|it| it.switches.reference.map(range)),
         limit_switches: simulation.and_then(|it| it.switches.limits.map(range)),
+        ..config
+    }
+}
+
+/// A drive that turns a spindle.
+fn turning(drive: &SpindleDrive, config: Config) -> Config {
+    let simulation = drive.simulation.as_ref();
+    let travel = drive.scaling.travel_per_revolution();
+    let start = simulation.and_then(|it| it.start).unwrap_or_default();
+    let start = drive.scaling.to_increments(start);
+    Config {
+        position: start.map_or(0.0, |count| drive.scaling.to_revolutions(count)),
+        axis: simulation.map(|it| it.axis.at_shaft(&drive.scaling, travel.abs(), true)),
+        encoder: simulation.and_then(|it| it.encoder),
         ..config
     }
 }

@@ -236,7 +236,7 @@ impl Programs {
         let mut setup = gcode::Setup::new(axes);
         setup.limits = soft_limits;
         setup.memory = gcode::Memory::in_path_mode(machine.path_mode);
-        setup.spindle_speeds = machine.spindle.map(|spindle| spindle.speeds);
+        setup.spindle_speeds = machine.spindle.as_ref().map(|spindle| spindle.speeds);
         for input in &machine.inputs {
             if let InputMeaning::Program(number) = input.meaning {
                 setup.inputs |= 1 << number;

@@ -143,9 +143,7 @@ impl<T: Timeline> Session<T> {
         for axis in &layout.axes {
             status.referenced[axis.coordinate] = axis.homing.is_absolute();
         }
-        // What is no drive comes behind them.
-        let drives = (layout.devices.iter()).filter(|device| device.device.drive().is_some());
-        status.drives = vec![PowerState::Unknown; drives.count()];
+        status.drives = vec![PowerState::Unknown; layout.drives().count()];
         status.inputs = vec![false; layout.inputs.len()];
         status.outputs = vec![false; layout.outputs.len()];
         status.analog_outputs = vec![0.0; layout.analog_outputs.len()];
@@ -540,7 +538,12 @@ impl Desk {
                     | control::Event::Recalled { axis, .. } => self.show_reference(axis, true),
                     control::Event::Unreferenced { axis, .. }
                     | control::Event::Askew { axis, .. } => self.show_reference(axis, false),
-                    control::Event::Power { device, power } => self.status.drives[device] = power,
+                    control::Event::Power { device, power } => {
+                        let drive = self.layout.drives().position(|it| it == device);
+                        if let Some(drive) = drive {
+                            self.status.drives[drive] = power;
+                        }
+                    }
                     control::Event::Input { input, on } => self.status.inputs[input] = on,
                     control::Event::Output { output, on } => self.status.outputs[output] = on,
                     control::Event::AnalogOutput { output, value } => {
@@ -609,6 +612,7 @@ impl Desk {
             time: Some(time),
             target,
             tool: row.functions.tool,
+            spindle_actual: row.spindle,
             feed: Some(row.plan.feed).filter(|feed| feed.is_finite()),
             line: self.job.line,
             setpoint: row.plan.position,

@@ -1,7 +1,7 @@
 //! How things are: one snapshot, replaced at most once a cycle.
 
 use super::Settings;
-use crate::control::{Phase, State};
+use crate::control::{Phase, SpindleSample, State};
 use crate::machine::COORDINATES;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
@@ -48,6 +48,8 @@ pub struct Status {
     pub tool_name: String,
     /// M3, M4, M5, S.
     pub spindle: Spindle,
+    /// What the drive of the spindle measures; `None` where none turns it.
+    pub spindle_actual: Option<SpindleSample>,
     /// M7, M8, M9.
     pub coolant: Coolant,
     /// What lies between work and machine coordinates where the next job begins, mm and degrees.
@@ -104,6 +106,7 @@ impl Default for Status {
             tool: 0,
             tool_name: String::new(),
             spindle: Spindle::default(),
+            spindle_actual: None,
             coolant: Coolant::default(),
             offset: [0.0; COORDINATES],
             rotation: 0.0,

@@ -728,14 +728,14 @@ fn the_reference_is_complete() {
     .map(|(table, header)| (table, header.to_owned()))
     .into();
     tables.extend((models.iter()).map(|model| (&model[..], format!("[{model}]"))));
-    for table in ["homing", "axis.homing"] {
+    for table in ["homing", "axis.homing", "spindle"] {
         tables.push((table, format!("[{table}]")));
     }
     for (table, header) in tables {
-        let text = if table.ends_with("homing") {
-            ROUTER
-        } else {
-            &text
+        let text = match table {
+            "homing" | "axis.homing" => ROUTER,
+            "spindle" => DRILL,
+            _ => &text,
         };
         let text = text.replacen(&header, &format!("{header}\nno_such_key = 1"), 1);
         let error = parse(&text).unwrap_err();
@@ -1458,4 +1458,72 @@ fn mistakes_of_io_nodes_are_told() {
         errors.contains("speed of a spindle that is not there"),
         "{errors}"
     );
+}
+
+const DRILL: &str = include_str!("../../../examples/drill/machine.toml");
+
+#[test]
+fn a_drive_turns_the_spindle_or_moves_an_axis() {
+    let machine = parse(DRILL).unwrap();
+    let (place, drive) = machine.spindle_drive().unwrap();
+    assert_eq!((place, machine.drives.len()), (3, 3));
+    assert_eq!((&*drive.name, drive.tolerance), ("spindle", 0.03));
+    let spindle = machine.node(place);
+    assert!(spindle.seat.is_none() && spindle.id.get() == 4);
+    // 3000 1/min in 0.3 s, in tenths of 1/min.
+    let device = machine.device(place);
+    let ramps = device.spec().setup.iter();
+    let ramps = ramps.filter(|write| matches!(write.address.index, 0x6083 | 0x6084));
+    assert!(ramps.map(|write| write.data.bits()).eq([100_000; 2]));
+
+    let input = "[[input]]\nname = \"at speed\"\ndrive = \"Z\"\nsignal = \"DI1\"\nfunction = \"at_speed\"\n\n";
+    let axes = "[[axis]]\nname = \"X\"";
+    for (from, to, told) in [
+        (
+            "drive = \"spindle\"",
+            "drive = \"spindel\"",
+            "spindle: there is no drive \"spindel\"",
+        ),
+        (
+            "drive = \"spindle\"",
+            "drive = \"Z\"",
+            "drive \"Z\" already moves axis \"Z\"",
+        ),
+        (
+            "drives = [\"X\"]",
+            "drives = [\"spindle\"]",
+            "already moves axis \"X\"",
+        ),
+        (
+            "model = \"cia402_pv\"",
+            "model = \"lxm32m\"",
+            "cannot turn at a velocity",
+        ),
+        ("ramp_ms = 300 ", "ramp_ms = 0 ", "`ramp_ms` is 0"),
+        ("ramp_ms = 300 ", "# ", "`ramp_ms` is 0"),
+        ("tolerance = 0.03", "tolerance = 0.6", "`tolerance`"),
+        ("tolerance = 0.03", "gear = 0", "`gear`"),
+        (
+            "max_speed = 3000",
+            "max_speed = 300_000_000",
+            "beyond what drive \"spindle\" can be sent",
+        ),
+        (
+            "velocity_units = 10",
+            "velocity_units = 2_000_000_000",
+            "beyond what drive \"spindle\" can be sent",
+        ),
+        ("node = 4", "node = 3", "node 3 is already Z"),
+        ("name = \"spindle\"", "name = \"Z\"", "`name` is taken"),
+        (
+            axes,
+            &format!("{input}{axes}"),
+            "whose drive tells its speed",
+        ),
+        ("motor = \"generic-6\"", "motor = \"large\"", "`motor`"),
+    ] {
+        assert!(DRILL.contains(from), "{from}");
+        let errors = parse(&DRILL.replacen(from, to, 1)).unwrap_err().to_string();
+        assert!(errors.contains(told), "{told}: {errors}");
+    }
 }

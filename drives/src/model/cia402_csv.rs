@@ -9,6 +9,9 @@
 //! Positions are encoder increments at the motor's shaft, as in Cyclic Synchronous Position. What velocities count the
 //! profile leaves to the maker: it is an [`Assumption`], by default increments/s.
 //!
+//! In Profile Velocity it turns a spindle, too: then its ramps are the spindle's, and nobody controls its position, which
+//! begins anew at the end of 6064h.
+//!
 //! A drive that is sent velocities and has lost its master would go on with the last one. What it does then (6007h)
 //! is therefore set: it is a fault.
 
@@ -19,9 +22,9 @@ use super::profile::generic::{
     PRODUCT_CODE, R_PDO, T_PDO, TELLS_FOLLOWING, VENDOR_ID,
 };
 use super::{
-    Address, Assumption, Data, Drive, DriveStatus, Dynamics, Feedback, Increments, Make,
-    ModeDisplay, Model, NodeSpec, PowerCommand, PowerState, RemoteNode, Sample, Setpoint,
-    Setpoints, Settings, Survey, Write,
+    Ability, Address, Assumption, Data, Drive, DriveStatus, Dynamics, Feedback, Increments, Make,
+    ModeDisplay, Model, NodeSpec, OutOfRange, PowerCommand, PowerState, RemoteNode, Sample,
+    Setpoint, Setpoints, Settings, Survey, Write,
 };
 use crate::dictionary;
 use core::time::Duration;
@@ -81,7 +84,7 @@ pub(super) static CIA402_PV: Model = Model {
     cycles: Duration::from_micros(500)..=Duration::from_millis(20),
     increments_per_revolution: |assumed| assumed.value(&ENCODER_INCREMENTS),
     positions: Increments::MIN..=Increments::MAX,
-    abilities: &[],
+    abilities: &[Ability::ProfileVelocity],
     generic: None,
     assumptions: &[
         VELOCITY_UNITS,
@@ -175,6 +178,7 @@ struct Cia402Velocity {
     latency: f64,
     dynamics: Dynamics,
     tells_following: bool,
+    turns_spindle: bool,
 }
 
 impl Cia402Velocity {
@@ -201,7 +205,7 @@ impl Cia402Velocity {
             Mode::Synchronous | Mode::Profile => 0.0,
         };
         Self {
-            spec: generic::spec(model, settings, kind, own(settings, mode)),
+            spec: generic::spec(model, settings, kind, own(settings, mode, units)),
             mode,
             units,
             latency: 1.0 + line + delay / cycle,
@@ -211,22 +215,31 @@ impl Cia402Velocity {
                 gain: Dynamics::gain(lag + delay + (1.5 + line) * cycle),
             },
             tells_following: mode == Mode::Synchronous && assumed.value(&TELLS_FOLLOWING) != 0,
+            turns_spindle: settings.profile_velocity,
         }
     }
 }
 
-/// The part of the set-up that is the mode's.
-fn own(settings: &Settings, mode: Mode) -> Vec<Write> {
+/// The part of the set-up that is the mode's, of a drive with so many `units` for an increment/s.
+fn own(settings: &Settings, mode: Mode, units: f64) -> Vec<Write> {
     let abort_connection = Data::u16(CONNECTION_LOST_IS_FAULT as u16);
     let mut own = vec![Write::new(0x6007, 0, abort_connection)];
     match mode {
         Mode::Synchronous => own.extend(generic::period(settings)),
-        Mode::Profile => match settings.assumed.value(&RAMP) {
+        Mode::Profile => match ramp(settings, units) {
             0 => {}
             ramp => own.extend([0x6083, 0x6084].map(|it| Write::new(it, 0, Data::u32(ramp)))),
         },
     }
     own
+}
+
+/// 6083h and 6084h; 0: they are left as they are. Those of a spindle are its own.
+fn ramp(settings: &Settings, units: f64) -> u32 {
+    match settings.profile_velocity {
+        true => ((settings.acceleration * units).round() as u32).max(1),
+        false => settings.assumed.value(&RAMP),
+    }
 }
 
 /// The communication profile, the words of the state machine, mode, cycle, ramps, scaling and what a lost connection
@@ -258,6 +271,11 @@ impl RemoteNode for Cia402Velocity {
 impl Feedback for Cia402Velocity {
     fn sample(&self, _: usize, data: &[u8]) -> Option<Sample> {
         cia402::sample(data)
+    }
+
+    /// What turns on and on comes to the end of 6064h.
+    fn range(&self) -> Option<Increments> {
+        self.turns_spindle.then_some(Increments::new(1 << 32))
     }
 
     fn in_motion(&self, position: Increments) -> Vec<Frame> {
@@ -303,6 +321,15 @@ impl Drive for Cia402Velocity {
             },
             ..status
         })
+    }
+
+    /// Of a spindle whether 60FFh can hold its velocity.
+    fn check(&self, setpoint: Setpoint) -> Result<(), OutOfRange> {
+        let inside = match self.turns_spindle {
+            true => (setpoint.velocity * self.units).abs() <= i32::MAX.into(),
+            false => self.spec.model.positions.contains(&setpoint.position),
+        };
+        inside.then_some(()).ok_or(OutOfRange)
     }
 
     fn encode(&mut self, command: PowerCommand, setpoint: Setpoint, frames: &mut [Frame]) {
@@ -366,6 +393,31 @@ mod tests {
             ]
         );
         assert_eq!(own_writes(&drive(Mode::Profile, 2000, &[])).len(), 6);
+    }
+
+    #[test]
+    fn a_spindles_ramps_are_its_own_and_it_counts_on() {
+        let (node, cycle) = (NodeId::new(3).unwrap(), Duration::from_millis(2));
+        let settings = |units| Settings {
+            profile_velocity: true,
+            // 25 rev/s².
+            acceleration: 26_214_400.0,
+            assumed: Assumed(vec![("velocity_units", units), ("ramp", 7)]),
+            ..Settings::new(node, cycle)
+        };
+        for (units, ramp) in [(0, "01900000h"), (1, "000005DCh"), (10, "00003A98h")] {
+            let drive = Cia402Velocity::new(&CIA402_PV, &settings(units), Mode::Profile);
+            let expected = [0x6083, 0x6084].map(|it| format!("{it:X}h:0 = {ramp}"));
+            assert_eq!(own_writes(&drive)[2..4], expected);
+            assert_eq!(drive.range(), Some(Increments::new(1 << 32)));
+        }
+        let drive = Cia402Velocity::new(&CIA402_PV, &settings(1), Mode::Profile);
+        let turning = |rpm: f64| Setpoint {
+            velocity: rpm / 60.0 * 1_048_576.0,
+            position: Increments::new(1 << 40),
+        };
+        assert_eq!(drive.check(turning(-2_147_483_647.0)), Ok(()));
+        assert_eq!(drive.check(turning(2_147_484_000.0)), Err(OutOfRange));
     }
 
     #[test]

@@ -226,6 +226,8 @@ pub enum Ability {
     PointToPoint,
     /// Its T_PDOs can tell its torque, [`Settings::torque`].
     Torque,
+    /// It turns at the velocities that it is sent, to which it goes by ramps of its own, [`Settings::profile_velocity`].
+    ProfileVelocity,
 }
 
 /// The model that measurements are made with where none is named, so that they can be compared.
@@ -317,7 +319,7 @@ pub struct Settings {
     pub node: NodeId,
     /// Time between two setpoints, one that [`Model::takes_cycle`] takes.
     pub cycle: Duration,
-    /// Greatest velocity that the plan has for its axis, increments/s.
+    /// Greatest velocity that the plan has for its axis, or a program for its spindle, increments/s.
     pub velocity: f64,
     /// Greatest acceleration that it has, increments/s².
     pub acceleration: f64,
@@ -334,6 +336,10 @@ pub struct Settings {
     pub point_to_point: bool,
     /// Its T_PDOs tell its actual torque too ([`Drive::torque`]). Asked of those with [`Ability::Torque`] only.
     pub torque: bool,
+    /// It turns a spindle: the drive goes to the velocities that it is sent by ramps of its own with
+    /// [`acceleration`](Self::acceleration), and counts on as long as it turns. Asked of those with
+    /// [`Ability::ProfileVelocity`] only.
+    pub profile_velocity: bool,
     /// What is used of its inputs and outputs.
     pub io: IoSettings,
     /// Written after the standard set-up, in this order.
@@ -364,6 +370,7 @@ impl Settings {
             soft_limits: None,
             point_to_point: false,
             torque: false,
+            profile_velocity: false,
             io: IoSettings::default(),
             objects: Vec::new(),
             assumed: Assumed::default(),

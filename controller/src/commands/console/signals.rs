@@ -31,7 +31,10 @@ impl Signals {
     pub(super) fn of(machine: &Machine) -> Self {
         let analog_outputs = &machine.analog_outputs;
         Self {
-            drives: machine.drives.iter().map(|it| it.name.clone()).collect(),
+            drives: (machine.nodes())
+                .filter(|node| node.model.is_drive())
+                .map(|node| node.name.to_owned())
+                .collect(),
             inputs: machine.inputs.iter().map(|it| it.name.clone()).collect(),
             outputs: machine.outputs.iter().map(|it| it.name.clone()).collect(),
             analog_outputs: analog_outputs.iter().map(|it| it.name.clone()).collect(),

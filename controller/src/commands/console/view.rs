@@ -185,6 +185,9 @@ fn value_rows(model: &Model) -> Vec<Line<'static>> {
         Turning::Clockwise => format!("M3 S{}", status.spindle.speed),
         Turning::Counterclockwise => format!("M4 S{}", status.spindle.speed),
     };
+    let turns = status.spindle_actual;
+    let turning =
+        turning + &turns.map_or(String::new(), |it| format!(", turns at {:.0}", it.speed));
     let coolant = match (status.coolant.mist, status.coolant.flood) {
         (false, false) => "off",
         (true, false) => "mist",

@@ -338,7 +338,8 @@ impl Drive {
             ),
             (0x6041, self.statusword().0.into()),
             (0x6061, self.settings.mode),
-            (0x6064, position),
+            // What turns on and on begins anew.
+            (0x6064, (position as i32).into()),
             (0x606C, libm::round(velocity) as i64),
             (0x6077, libm::round(torque) as i64),
             (0x60F4, deviation),

@@ -1,0 +1,159 @@
+//! A spindle that a drive on a bus turns: what it is told, how far and how fast it turns.
+//!
+//! Its drive is a device like the others: it goes up and down with them, is supervised with them, and what it does wrong
+//! is a fault by the same table. It has no place on the path. What the program says of the spindle is sent with the
+//! setpoints of the same SYNC, and the drive goes there by a ramp of its own. Where outputs have their safe values the
+//! spindle is told to stand; before power is taken off its drive it is given the time to.
+//!
+//! Its speed is that of its actual positions, which count increments, not what the drive says of its velocity: that
+//! counts in the unit in which it was sent, and so would agree where the unit is another one than the machine file says.
+
+use super::Controller;
+use super::layout::{Layout, SpindleSpec};
+use crate::machine::{TURN, degrees_per_second};
+use serde::{Deserialize, Serialize};
+use std::collections::VecDeque;
+use syncline_canopen::time::Duration;
+use syncline_drives::model::PowerState;
+use syncline_gcode::{Spindle, Turning};
+
+/// No speed is held more closely than to this part of the greatest.
+const LEAST_WINDOW: f64 = 0.001;
+
+/// A speed is the mean over this time, so that an encoder of some thousand increments tells it to 1/min.
+const AVERAGED: Duration = Duration::from_millis(20);
+
+/// What was measured of a spindle.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct SpindleSample {
+    /// How fast it turns, 1/min, negative counterclockwise: the mean of the last 20 ms.
+    pub speed: f64,
+    /// How far it has turned from the drive's `zero`, revolutions, whole ones too.
+    pub turns: f64,
+    /// SYNCs since the one at which it was there.
+    pub age: u32,
+}
+
+/// How fast a spindle is told to turn, 1/min, negative counterclockwise.
+#[must_use]
+pub fn turning(spindle: Spindle) -> f64 {
+    match spindle.turning {
+        Turning::Clockwise => spindle.speed,
+        Turning::Counterclockwise => -spindle.speed,
+        Turning::Off => 0.0,
+    }
+}
+
+/// How the spindle has turned lately.
+#[derive(Clone, Debug)]
+pub(super) struct SpindleWatch {
+    /// In which cycle it was how far, revolutions, the oldest first; never more than there was room for at first.
+    turns: VecDeque<(u64, f64)>,
+    most: usize,
+    /// Of a cycle, s.
+    period: f64,
+    /// Cycles in a row in which it has turned as it was told.
+    at_speed: u32,
+}
+
+impl SpindleWatch {
+    pub(super) fn new(layout: &Layout) -> Self {
+        let cycles = AVERAGED.as_nanos().div_ceil(layout.cycle.as_nanos());
+        let most = cycles as usize + 1;
+        Self {
+            turns: VecDeque::with_capacity(most),
+            most,
+            period: layout.cycle.as_secs_f64(),
+            at_speed: 0,
+        }
+    }
+
+    fn take(&mut self, cycle: u64, turns: f64) {
+        if self.turns.len() == self.most {
+            self.turns.pop_front();
+        }
+        self.turns.push_back((cycle, turns));
+    }
+
+    /// 1/min; 0 before there are two samples.
+    fn speed(&self) -> f64 {
+        match (self.turns.front(), self.turns.back()) {
+            (Some((from, before)), Some((to, now))) if to > from => {
+                (now - before) / ((to - from) as f64 * self.period) * 60.0
+            }
+            _ => 0.0,
+        }
+    }
+}
+
+impl<const N: usize> Controller<N> {
+    /// Tells its drive how fast the spindle is to turn from the next SYNC on, 1/min.
+    pub(super) fn turn_spindle(&mut self, speed: f64) {
+        if let Some(spindle) = self.layout.spindle {
+            let node = &mut self.nodes[spindle.drive];
+            let speed = degrees_per_second(speed);
+            node.setpoint.velocity = node.scaling().to_increments_per_second(speed);
+        }
+    }
+
+    /// What was measured of it last.
+    pub(super) fn sample_spindle(&self) -> Option<SpindleSample> {
+        let node = &self.nodes[self.layout.spindle?.drive];
+        Some(SpindleSample {
+            speed: self.spindle.speed(),
+            turns: node.actual_mm() / TURN,
+            age: node.age(),
+        })
+    }
+
+    /// Takes where it was at the last SYNC, and counts the cycles in which it has turned as the program has it.
+    pub(super) fn watch_spindle(&mut self) {
+        let Some(SpindleSpec { drive, .. }) = self.layout.spindle else {
+            return;
+        };
+        let node = &self.nodes[drive];
+        if !self.sync_on || !node.is_sampled() {
+            self.spindle.turns.clear();
+        } else if node.age() == 0 {
+            self.spindle.take(self.cycle, node.actual_mm() / TURN);
+        }
+        self.spindle.at_speed = match self.turns_as_told() {
+            true => self.spindle.at_speed.saturating_add(1),
+            false => 0,
+        };
+    }
+
+    /// Whether the spindle has its speed, and does not swing through it.
+    pub(super) fn is_spindle_at_speed(&self) -> bool {
+        self.spindle.at_speed >= self.still_cycles()
+    }
+
+    fn turns_as_told(&self) -> bool {
+        let Some((spindle, sample)) = self.layout.spindle.zip(self.sample_spindle()) else {
+            return false;
+        };
+        let SpindleSpec {
+            drive,
+            fastest,
+            tolerance,
+            ..
+        } = spindle;
+        let speed = turning(self.switches.functions.spindle);
+        let window = (tolerance * speed.abs()).max(LEAST_WINDOW * fastest);
+        self.nodes[drive].is_fresh() && (sample.speed - speed).abs() <= window
+    }
+
+    /// Whether the spindle stands, or nobody is to wait for it any longer.
+    pub(super) fn spindle_rests(&self) -> bool {
+        let Some(SpindleSpec {
+            drive, reversal, ..
+        }) = self.layout.spindle
+        else {
+            return true;
+        };
+        let node = &self.nodes[drive];
+        let is_told = node.status().power == PowerState::Enabled || node.is_quick_stopped();
+        let heard = self.is_in_reach(drive) && node.is_fresh();
+        !(is_told && heard) || node.still() >= self.still_cycles() || self.timed_out(reversal)
+    }
+}

@@ -1,0 +1,520 @@
+//! A spindle that a CiA 402 drive on the bus turns, in Profile Velocity: `examples/drill`.
+
+use proptest::prelude::*;
+use proptest::sample::select;
+use syncline_canopen::{CobId, NodeId};
+use syncline_controller::control::fault::DeviceCause;
+use syncline_controller::control::{End, Event, Fault, Pause, Phase, Row, State};
+use syncline_controller::machine::{COORDINATES, Machine};
+use syncline_controller::program::Programs;
+use syncline_controller::session::Command;
+use syncline_drives::twin::{Config, Disturbance, ErrorClass};
+use syncline_gcode::Turning;
+use syncline_tests::command::machine_file;
+use syncline_tests::rig::Rig;
+
+use super::day::{go, mdi, settle, state};
+
+/// Its place behind the drives of axes.
+const SPINDLE: usize = 3;
+/// What `tolerance` of the example lets a speed differ by, and the resolution of what the drive tells, 1/min.
+const TOLERANCE: f64 = 0.03;
+const RESOLUTION: f64 = 0.1;
+const FASTEST: f64 = 3000.0;
+
+fn drill(program: &str) -> Rig {
+    drill_with(&[], program, |_, _| ())
+}
+
+fn drill_with(
+    replacements: &[(&str, &str)],
+    program: &str,
+    configure: impl Fn(usize, &mut Config),
+) -> Rig {
+    let mut rig = Rig::new("drill", replacements, program, configure);
+    rig.goes_on = false;
+    rig
+}
+
+/// What the drive was sent: controlword and velocity, 1/min.
+fn sent(rig: &Rig) -> Vec<(u16, f64)> {
+    let frames = rig.sent(CobId::r_pdo(1, NodeId::new(4).unwrap()));
+    let told = frames.iter().map(|it| match *it.frame.data() {
+        [c0, c1, v0, v1, v2, v3] => (
+            u16::from_le_bytes([c0, c1]),
+            f64::from(i32::from_le_bytes([v0, v1, v2, v3])) / 10.0,
+        ),
+        ref data => panic!("{data:?}"),
+    });
+    told.collect()
+}
+
+/// The velocities that it was sent, one after the other.
+fn speeds(rig: &Rig) -> Vec<f64> {
+    let mut speeds: Vec<_> = sent(rig).into_iter().map(|it| it.1).collect();
+    speeds.dedup();
+    speeds
+}
+
+/// How fast the spindle truly turns, 1/min.
+fn turns_at(rig: &mut Rig) -> f64 {
+    rig.twin(SPINDLE).observe().velocity * 60.0
+}
+
+fn measured(row: &Row<COORDINATES>) -> f64 {
+    row.spindle.unwrap().speed
+}
+
+/// How fast the program has the spindle turn, 1/min.
+fn wanted(row: &Row<COORDINATES>) -> f64 {
+    match row.functions.spindle.turning {
+        Turning::Off => 0.0,
+        Turning::Clockwise => row.functions.spindle.speed,
+        Turning::Counterclockwise => -row.functions.spindle.speed,
+    }
+}
+
+/// Whenever the tool cuts, the spindle has its speed.
+fn assert_cuts_at_speed(rig: &Rig) {
+    let cuts = |row: &&Row<COORDINATES>| {
+        let feeds = row.plan.speed > 0.0 && row.plan.feed.is_finite();
+        feeds && row.functions.spindle.turning != Turning::Off
+    };
+    for row in rig.rows.iter().filter(cuts) {
+        let (wanted, measured) = (wanted(row), measured(row));
+        let window = (TOLERANCE * wanted.abs()).max(0.001 * FASTEST) + RESOLUTION;
+        assert!(
+            (measured - wanted).abs() <= window,
+            "{measured} for {wanted} 1/min"
+        );
+    }
+}
+
+/// The run is over, and neither axes nor spindle were let go in motion.
+fn assert_let_go_at_rest(rig: &mut Rig) {
+    let standing = turns_at(rig).abs();
+    assert!(standing < 1.0, "{standing} 1/min at the end");
+    for drive in 0..=SPINDLE {
+        assert!(!rig.twin(drive).observe().is_powered, "drive {drive}");
+    }
+    rig.trace().assert_within_limits();
+    assert!(rig.ends_at_rest());
+}
+
+// --- it turns as the program says ---
+
+const TWO_SPEEDS: &str =
+    "G21 G90 G61\nM3 S2000\nG0 X10\nG1 X20 F1200\nM4 S500\nG1 X30\nM5\nG0 X0\nM2\n";
+
+#[test]
+fn each_cut_waits_for_its_speed_and_power_for_the_standstill() {
+    let mut rig = drill(TWO_SPEEDS);
+    rig.run_until(|rig| {
+        rig.rows
+            .last()
+            .is_some_and(|row| row.plan.position[0] > 9.999)
+    });
+    // The rapid took less than the ramp.
+    let begun = rig.rows.len();
+    rig.run_until(|rig| {
+        rig.rows
+            .last()
+            .is_some_and(|row| row.plan.position[0] > 10.01)
+    });
+    assert!(rig.rows.len() > begun + 10, "it waits");
+    rig.run_to(Phase::ModeEnd);
+    let standing = turns_at(&mut rig).abs();
+    assert!(standing < 2.0, "{standing} 1/min");
+    assert_eq!(rig.finish(), End::Finished, "{:?}", rig.events);
+    assert_eq!(speeds(&rig), [0.0, 2000.0, -500.0, 0.0]);
+    assert_cuts_at_speed(&rig);
+    assert_let_go_at_rest(&mut rig);
+    let mut words: Vec<u16> = sent(&rig).into_iter().map(|it| it.0).collect();
+    words.dedup();
+    assert_eq!(words, [0x00, 0x06, 0x0F, 0x06, 0x00]);
+    // Nothing but a spindle that the program has on is sent a velocity.
+    assert!(
+        sent(&rig)
+            .iter()
+            .all(|(word, speed)| *word == 0x0F || *speed == 0.0)
+    );
+}
+
+/// Left on to the end, it is stopped by M2, and by an operator's stop in mid-cut.
+#[test]
+fn a_spindle_that_is_left_on_stands_before_power_is_taken_off() {
+    let program = "G21 G90 G61\nM3 S3000\nG1 X100 F3000\nM2\n";
+    for stops in [false, true] {
+        let mut rig = drill(program);
+        rig.run_until(|rig| {
+            rig.rows
+                .last()
+                .is_some_and(|row| row.plan.position[0] > 50.0)
+        });
+        if stops {
+            rig.command(Command::Stop);
+        }
+        rig.run_to(Phase::ModeEnd);
+        let standing = turns_at(&mut rig).abs();
+        assert!(standing < 2.0, "{standing} 1/min");
+        let end = if stops {
+            End::Interrupted
+        } else {
+            End::Finished
+        };
+        assert_eq!(rig.finish(), end);
+        assert_let_go_at_rest(&mut rig);
+    }
+}
+
+#[test]
+fn other_units_and_a_gear_turn_it_as_fast() {
+    let units = "encoder_increments = 1_048_576\nvelocity_units = 10";
+    for (model, ratio, counts) in [
+        ("encoder_increments = 65_536", 1.25, 65_536.0 / 60.0 * 1.25),
+        (
+            "encoder_increments = 1_048_576\nvelocity_units = 1",
+            0.5,
+            0.5,
+        ),
+    ] {
+        let gear = format!("drive = \"spindle\"\ngear = {ratio}");
+        let changes = [(units, model), ("drive = \"spindle\"", &*gear)];
+        let mut rig = drill_with(&changes, TWO_SPEEDS, |_, _| ());
+        rig.run_until(|rig| {
+            rig.rows
+                .last()
+                .is_some_and(|row| row.plan.position[0] > 15.0)
+        });
+        let motor = turns_at(&mut rig);
+        assert!(
+            (motor / ratio - 2000.0).abs() < 20.0,
+            "{motor} 1/min of the motor"
+        );
+        let row = rig.rows.last().unwrap();
+        assert!((measured(row) - 2000.0).abs() < 20.0, "{}", measured(row));
+        assert_eq!(rig.finish(), End::Finished, "{:?}", rig.events);
+        let told: Vec<f64> = speeds(&rig).iter().map(|speed| speed * 10.0).collect();
+        let expected = [0.0, 2000.0, -500.0, 0.0].map(|speed: f64| (speed * counts).round());
+        assert_eq!(told, expected);
+    }
+}
+
+#[test]
+fn a_speed_beyond_the_limits_is_refused_when_the_program_is_checked() {
+    let file = machine_file("drill");
+    let machine = Machine::load(&file).unwrap();
+    let programs = Programs::new(&machine, &file).unwrap();
+    let checked = |speed: &str| {
+        let text = format!("G21 G90\nM3 S{speed}\nG1 X1 F100\nM2\n");
+        let program = programs.text("fast.ngc", text.as_bytes());
+        program.check(machine.rest()).map(|_| ())
+    };
+    for speed in ["60", "3000", "0"] {
+        checked(speed).unwrap();
+    }
+    for speed in ["3000.1", "59"] {
+        let told = checked(speed).unwrap_err().to_string();
+        assert!(told.contains(&format!("S{speed}")), "{told}");
+    }
+}
+
+/// Whether the path rests because the spindle did not come to its speed.
+fn is_not_at_speed(rig: &mut Rig) -> bool {
+    let told = |event: &Event| {
+        let reason = Pause::NotAtSpeed;
+        matches!(event, Event::Paused { reason: told, .. } if *told == reason)
+    };
+    rig.events.iter().any(told)
+}
+
+/// A rotor that its motor takes up more slowly than the ramp, and one that it cannot turn at all.
+#[test]
+fn what_counts_is_how_fast_it_truly_turns() {
+    let heavy = [("load = 0.004", "load = 0.08")];
+    let mut rig = drill_with(&heavy, TWO_SPEEDS, |_, _| ());
+    rig.run_until(|rig| {
+        rig.rows
+            .last()
+            .is_some_and(|row| row.plan.position[0] > 10.01)
+    });
+    let waited = rig.rows.len() as f64 * rig.machine.cycle.as_secs_f64();
+    assert!(waited > 0.9, "{waited} s");
+    assert_cuts_at_speed(&rig);
+
+    let mut rig = drill(TWO_SPEEDS);
+    rig.twin(SPINDLE).disturb(Disturbance::Block(true));
+    rig.run_until(is_not_at_speed);
+    // Two ramps and a second.
+    let waited = rig.rows.len() as f64 * rig.machine.cycle.as_secs_f64();
+    assert!((1.6..2.0).contains(&waited), "{waited} s");
+    assert!(rig.rows.last().unwrap().plan.position[0] <= 10.0);
+    rig.twin(SPINDLE).disturb(Disturbance::Block(false));
+    let until = rig.rows.len() + 500;
+    rig.run_to_row(until);
+    rig.command(Command::CycleStart);
+    assert_eq!(rig.finish(), End::Finished);
+    assert_cuts_at_speed(&rig);
+}
+
+/// Where the drive counts velocities otherwise than the machine file says, no cut begins.
+#[test]
+fn another_unit_of_its_velocity_is_never_at_speed() {
+    let mut rig = drill_with(&[], TWO_SPEEDS, |drive, config| {
+        if drive == SPINDLE {
+            let units = config.assumed.iter_mut();
+            let units = units.filter(|(name, _)| *name == "velocity_units");
+            units.for_each(|(_, units)| *units = 60);
+        }
+    });
+    rig.run_until(is_not_at_speed);
+    assert!(rig.rows.last().unwrap().plan.position[0] <= 10.0);
+    let row = rig.rows.last().unwrap();
+    assert!(
+        (measured(row) - 2000.0 / 6.0).abs() < 1.0,
+        "{}",
+        measured(row)
+    );
+}
+
+/// On a machine that stays on it turns as typed lines leave it, and stands before power goes.
+#[test]
+fn typed_lines_leave_it_on_and_disabling_stops_it_first() {
+    let mut rig = Rig::staying_on("drill", &[], |_, _| ());
+    settle(&mut rig);
+    assert_eq!(state(&rig), State::Ready, "{:?}", rig.events);
+    mdi(&mut rig, "M4 S1500");
+    let until = rig.rows.len() + 300;
+    rig.run_to_row(until);
+    let speed = turns_at(&mut rig);
+    assert!((speed + 1500.0).abs() < 10.0, "{speed} 1/min");
+    let told = rig.session.status().spindle_actual.unwrap();
+    assert!((told.speed + 1500.0).abs() < 10.0, "{told:?}");
+    rig.command(Command::Disable);
+    rig.run_to(Phase::ModeEnd);
+    let standing = turns_at(&mut rig).abs();
+    assert!(standing < 2.0, "{standing} 1/min");
+    settle(&mut rig);
+    assert_eq!(state(&rig), State::Disabled);
+    // Enabling turns nothing on.
+    go(&mut rig, Command::Enable);
+    let until = rig.rows.len() + 300;
+    rig.run_to_row(until);
+    assert!(turns_at(&mut rig).abs() < 1.0);
+}
+
+// --- it is lost ---
+
+const CUT: &str = "G21 G90 G61\nM3 S2400\nG1 X150 F6000\nX-150\nX150\nM2\n";
+
+/// Each way in which it is lost, and what is told of it.
+const LOSSES: [(Disturbance, &str); 6] = [
+    (Disturbance::Fault(ErrorClass::StopAndSwitchOff), "EMCY"),
+    (Disturbance::Fault(ErrorClass::SwitchOff), "EMCY"),
+    (Disturbance::Mute(true), "no T_PDO in 2 cycles"),
+    (Disturbance::Reset, "no T_PDO in 2 cycles"),
+    (Disturbance::Mains(false), "EMCY"),
+    (Disturbance::Remote(false), "not under fieldbus control"),
+];
+
+/// Has it lost in a row of [`CUT`]; the axes stop on their path, and nothing stays on.
+fn lost(row: usize, (disturbance, told): (Disturbance, &str)) {
+    let mut rig = drill(CUT);
+    rig.run_to_row(row);
+    rig.twin(SPINDLE).disturb(disturbance);
+    let before = rig.rows.len();
+    let fault = rig.finish_with_fault();
+    assert!(matches!(fault, Fault::Device(SPINDLE, _)), "{fault:?}");
+    let text = fault.describe(&*rig.layout);
+    let who = "the spindle's drive, node 4 (spindle, CiA 402 PV): ";
+    assert!(text.starts_with(who) && text.contains(told), "{text}");
+    // No axis was quick-stopped: all came to rest on the line.
+    assert!(rig.rows[before..].iter().all(|row| !row.axes[0].by_itself));
+    let beside = |row: &Row<COORDINATES>| row.axes[1].set.abs().max(row.axes[2].set.abs());
+    assert!(rig.rows.iter().all(|row| beside(row) < 0.001));
+    rig.trace().assert_within_limits();
+    assert!(rig.ends_at_rest());
+    assert!(!rig.twin(0).observe().is_powered);
+}
+
+#[test]
+fn each_loss_of_it_stops_the_axes_on_their_path_with_its_own_message() {
+    for loss in LOSSES {
+        lost(400, loss);
+    }
+}
+
+/// What stops the machine for another reason stops the spindle by its ramp.
+#[test]
+fn a_fault_of_an_axis_stops_it() {
+    let mut rig = drill(CUT);
+    rig.run_to_row(400);
+    rig.twin(0)
+        .disturb(Disturbance::Fault(ErrorClass::QuickStop));
+    let fault = rig.finish_with_fault();
+    let cause = matches!(fault, Fault::Device(0, DeviceCause::Emergency { .. }));
+    assert!(cause, "{fault:?}");
+    assert!(turns_at(&mut rig).abs() < 1.0);
+    assert_eq!(speeds(&rig), [0.0, 2400.0, 0.0]);
+}
+
+// --- what it measures ---
+
+/// Position and speed of each SYNC are those of the rotor, across the end of 6064h, either way round.
+#[test]
+fn its_position_is_counted_on_beyond_what_6064h_holds() {
+    // Half a revolution before the end of 32 bits, of 20 for a revolution.
+    let end = f64::from(1 << 11);
+    for (code, start) in [("M3", end - 0.5), ("M4", 0.5 - end)] {
+        let program = format!("G21 G90 G61\n{code} S1200\nG4 P1\nM5\nG4 P0.5\nM2\n");
+        let mut rig = drill_with(&[], &program, |drive, config| {
+            if drive == SPINDLE {
+                config.position = start;
+            }
+        });
+        let mut most: f64 = 0.0;
+        let mut before: Option<f64> = None;
+        let offset = rig.layout.setpoint_offset.as_secs_f64();
+        while rig.step() {
+            let seen = rig.rows.len();
+            let Some(sample) = rig.rows.last().and_then(|row| row.spindle) else {
+                continue;
+            };
+            let twin = rig.twin(SPINDLE).observe();
+            assert_eq!(sample.age, 0);
+            if let Some(before) = before.replace(sample.turns) {
+                let step = (sample.turns - before).abs();
+                assert!(step < 0.05, "{step} revolutions in row {seen}");
+            }
+            // The rotor has gone on since SYNC, for up to a cycle.
+            let since = (twin.position - sample.turns).abs();
+            assert!(
+                since < 0.003 + twin.velocity.abs() * (offset + 1e-3),
+                "{since}"
+            );
+            most = most.max(sample.turns.abs());
+        }
+        assert_eq!(rig.end(), Some(End::Finished));
+        assert!(most > end + 10.0, "{most}");
+    }
+}
+
+/// One T_PDO that is lost stops nothing, and shows as the age of what was measured.
+#[test]
+fn a_lost_t_pdo_ages_what_is_measured() {
+    let mut rig = drill(CUT);
+    for row in [300, 400, 403, 700] {
+        rig.run_to_row(row);
+        let before = rig.rows.last().unwrap().spindle.unwrap();
+        rig.twin(SPINDLE).disturb(Disturbance::LoseTPdos(1));
+        rig.run_to_row(row + 1);
+        let old = rig.rows.last().unwrap().spindle.unwrap();
+        assert_eq!((old.age, old.turns), (1, before.turns), "row {row}");
+        rig.run_to_row(row + 2);
+        let now = rig.rows.last().unwrap().spindle.unwrap();
+        // Two cycles at 2400 1/min.
+        let gone = now.turns - before.turns;
+        assert!(
+            now.age == 0 && (gone - 0.16).abs() < 0.002,
+            "row {row}: {gone}"
+        );
+    }
+    assert_eq!(rig.finish(), End::Finished, "{:?}", rig.events);
+}
+
+// --- whatever the program ---
+
+#[derive(Clone, Copy, Debug)]
+enum Line {
+    Turn(bool, u32),
+    Speed(u32),
+    Off,
+    Cut(f64, u32),
+    Rapid(f64),
+    Dwell(f64),
+}
+
+fn line() -> impl Strategy<Value = Line> {
+    let speed = || select(vec![60u32, 100, 333, 1000, 2500, 3000]);
+    prop_oneof![
+        3 => (any::<bool>(), speed()).prop_map(|(reverse, speed)| Line::Turn(reverse, speed)),
+        2 => speed().prop_map(Line::Speed),
+        1 => Just(Line::Off),
+        3 => (1.0..20.0f64, 300..6000u32).prop_map(|(by, feed)| Line::Cut(by, feed)),
+        2 => (1.0..40.0f64).prop_map(Line::Rapid),
+        1 => (0.01..0.3f64).prop_map(Line::Dwell),
+    ]
+}
+
+/// The program's text, and the speeds that the spindle is told in turn: where nothing lies between two M-codes, the last
+/// one alone.
+fn program(lines: &[Line], mode: &str) -> (String, Vec<f64>) {
+    let mut text = format!("G21 G91 {mode}\n");
+    let (mut told, mut now) = (vec![0.0], 0.0);
+    let (mut last, mut sign, mut way) = (0.0, 0.0, 1.0);
+    for line in lines {
+        match *line {
+            Line::Turn(reverse, speed) => {
+                text += &format!("{} S{speed}\n", if reverse { "M4" } else { "M3" });
+                (last, sign) = (f64::from(speed), if reverse { -1.0 } else { 1.0 });
+            }
+            Line::Speed(speed) => {
+                text += &format!("S{speed}\n");
+                last = f64::from(speed);
+            }
+            Line::Off => {
+                text += "M5\n";
+                sign = 0.0;
+            }
+            Line::Cut(..) | Line::Rapid(_) | Line::Dwell(_) => {
+                match *line {
+                    Line::Cut(by, feed) => text += &format!("G1 X{:.3} F{feed}\n", way * by),
+                    Line::Rapid(by) => text += &format!("G0 X{:.3}\n", way * by),
+                    Line::Dwell(time) => text += &format!("G4 P{time:.3}\n"),
+                    _ => {}
+                }
+                told.push(now);
+                way = -way;
+            }
+        }
+        now = if sign == 0.0 { 0.0 } else { last * sign };
+    }
+    // The last ones are in force for no more than a cycle before M2 ends them.
+    told.push(0.0);
+    told.dedup();
+    (text + "M2\n", told)
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 8, ..ProptestConfig::default() })]
+
+    /// Speeds reach the drive in the program's order, each cut begins and goes on at its speed, the axes keep their
+    /// limits, everything stands in the end, and a second run sends the same frames.
+    #[test]
+    fn any_program_turns_it_in_order(
+        lines in prop::collection::vec(line(), 1..16),
+        mode in select(vec!["G61", "G61.1", "G64"]),
+        ramp in 150..1500u32,
+        load in 0.0005..0.03f64,
+    ) {
+        let (text, told) = program(&lines, mode);
+        let ramp = format!("ramp_ms = {ramp} ");
+        let load = format!("load = {load:.5} ");
+        let changes = [("ramp_ms = 300 ", &*ramp), ("load = 0.004 ", &*load)];
+        let drill = |text: &str| drill_with(&changes, text, |_, _| ());
+        let mut rig = drill(&text);
+        prop_assert_eq!(rig.finish(), End::Finished, "{}", text);
+        prop_assert_eq!(speeds(&rig), told, "{}", text);
+        assert_cuts_at_speed(&rig);
+        assert_let_go_at_rest(&mut rig);
+        let mut again = drill(&text);
+        again.finish();
+        prop_assert_eq!(rig.frames(), again.frames());
+    }
+
+    /// Whenever and however it is lost.
+    #[test]
+    fn no_loss_of_it_takes_an_axis_off_its_path(row in 1..2000usize, loss in select(LOSSES.to_vec())) {
+        lost(row, loss);
+    }
+}
