@@ -99,6 +99,8 @@ impl fmt::Display for Axis {
 pub struct AxisSet(u16);
 
 impl AxisSet {
+    /// No axis.
+    pub const NONE: AxisSet = AxisSet(0);
     /// X, Y and Z.
     pub const XYZ: AxisSet = AxisSet(0b111);
 

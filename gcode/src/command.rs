@@ -4,7 +4,7 @@ use std::fmt;
 use std::time::Duration;
 
 use super::arc::Arc;
-use super::axes::Point;
+use super::axes::{AxisSet, Point};
 use super::lexer::Columns;
 use super::spline::Spline;
 
@@ -66,6 +66,13 @@ pub enum Action {
         feed: Feed,
         /// What is looked for.
         probe: Probe,
+    },
+    /// Home axes (G28.2). The program goes on once it is known where they are.
+    Home {
+        /// Which.
+        axes: AxisSet,
+        /// Where the machine is expected to be then.
+        to: Point,
     },
     /// Rest for a time (G4), s.
     Dwell {

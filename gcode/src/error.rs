@@ -298,6 +298,19 @@ pub enum Fault {
         greatest: f64,
     },
 
+    // Homing.
+    #[error("{code} is not possible while G41 or G42 is on: write G40 and a line before")]
+    HomeCompensated { code: Code },
+    #[error(
+        "{code} does not home {axis}: it has no [axis.homing] in the machine file, and knows where it is"
+    )]
+    HomeAbsolute { code: Code, axis: Axis },
+    #[error(
+        "{code} homes no axis without its name: name those that an operator homes by hand, or remove it where all know \
+         where they are"
+    )]
+    HomeNothing { code: Code },
+
     // Probing.
     #[error("{code} needs a probe: give an [[input]] of the machine file `function = \"probe\"`")]
     NoProbe { code: Code },

@@ -25,8 +25,8 @@ use super::tables::Tables;
 /// Interprets a program block by block: an iterator of its commands, with memory for one block.
 ///
 /// The last command is [`Action::End`]; an error is the last item, and nothing of its block was
-/// handed out before it. Behind [`Action::Probe`] nothing comes before it is known what came of that
-/// ([`probed`](Self::probed)).
+/// handed out before it. Behind [`Action::Probe`] and [`Action::Home`] nothing comes before it is known what came of
+/// that ([`probed`](Self::probed), [`homed`](Self::homed)).
 pub struct Interpreter {
     /// The program, then the files of subroutines that it called.
     pub(super) files: Vec<ProgramFile>,
@@ -61,11 +61,18 @@ pub struct Interpreter {
     pub(super) words_seen: bool,
     /// Whether the program began with `%`.
     percent: bool,
-    /// A probing was handed out, and it is not known what came of it.
-    awaits_probe: bool,
+    /// What was handed out, while it is not known what came of it.
+    awaits: Option<Awaited>,
     /// M2, or what is as good.
     program_ended: bool,
     ended: bool,
+}
+
+/// What a program cannot go on behind before it is known what came of it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Awaited {
+    Probing,
+    Homing,
 }
 
 /// A file and its name.
@@ -133,7 +140,7 @@ impl Interpreter {
             started: false,
             words_seen: false,
             percent: false,
-            awaits_probe: false,
+            awaits: None,
             program_ended: false,
             ended: false,
         }
@@ -168,14 +175,26 @@ impl Interpreter {
         self.pending.iter().map(|command| &command.action)
     }
 
-    /// Whether a probing was handed out, and it is not known what came of it.
-    pub fn awaits_probe(&self) -> bool {
-        self.awaits_probe
+    /// Whether a probing or a homing was handed out, and it is not known what came of it.
+    pub fn awaits_machine(&self) -> bool {
+        self.awaits.is_some()
+    }
+
+    /// Whether that is a homing.
+    pub fn awaits_homing(&self) -> bool {
+        self.awaits == Some(Awaited::Homing)
+    }
+
+    /// Goes on behind a homing that was handed out, from where the machine rests.
+    pub fn homed(&mut self, at: Point) {
+        self.awaits = None;
+        self.state.homed(at);
+        (self.settled_at, self.idle_at) = (at, at);
     }
 
     /// Goes on behind a probing that was handed out.
     pub fn probed(&mut self, probed: Probed) {
-        self.awaits_probe = false;
+        self.awaits = None;
         self.state.probed(probed);
         (self.settled_at, self.idle_at) = (probed.at, probed.at);
     }
@@ -420,9 +439,10 @@ impl Interpreter {
         }
         for action in self.actions.drain(..) {
             match &action {
-                Action::Rapid { to } | Action::Feed { to, .. } | Action::Probe { to, .. } => {
-                    self.settled_at = *to;
-                }
+                Action::Rapid { to }
+                | Action::Feed { to, .. }
+                | Action::Probe { to, .. }
+                | Action::Home { to, .. } => self.settled_at = *to,
                 Action::Arc { arc, .. } => self.settled_at = arc.to,
                 Action::Spline { spline, .. } => self.settled_at = spline.to,
                 _ => {}
@@ -485,7 +505,7 @@ impl Iterator for Interpreter {
     type Item = Result<Command, Error>;
 
     fn next(&mut self) -> Option<Self::Item> {
-        if self.awaits_probe {
+        if self.awaits.is_some() {
             return None;
         }
         if let Err(refusal) = self.advance() {
@@ -497,7 +517,11 @@ impl Iterator for Interpreter {
             Action::Arc { arc, .. } => (arc.to, true),
             Action::Spline { spline, .. } => (spline.to, true),
             Action::Probe { .. } => {
-                self.awaits_probe = true;
+                self.awaits = Some(Awaited::Probing);
+                (self.idle_at, true)
+            }
+            Action::Home { .. } => {
+                self.awaits = Some(Awaited::Homing);
                 (self.idle_at, true)
             }
             Action::Dwell { .. } | Action::Stop(_) => (self.idle_at, true),

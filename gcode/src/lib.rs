@@ -7,7 +7,7 @@
 //! A line's bytes (`source`) become tokens (`lexer`), the tokens a block (`parser`, `block`).
 //! Its values are computed (`expression`, `parameters`, `system`), its words sorted into their
 //! modal groups (`words`, `modal`) and executed (`execute`, `saved`, `switches`, `offsets`, `coordinates`,
-//! `motion`, `arc`, `spline`, `rational`, `cycles`); O-words lead on to other blocks (`flow`). Under G41 and G42 the contour becomes the way
+//! `home`, `motion`, `arc`, `spline`, `rational`, `cycles`); O-words lead on to other blocks (`flow`). Under G41 and G42 the contour becomes the way
 //! of the tool's centre (`compensation`). Where a program begins in the middle, outputs are what its first
 //! part makes of them (`outputs`). [`Interpreter`] hands out the
 //! [`Command`]s that come of it, one block at a time. What a program may not do is refused with an
@@ -25,6 +25,7 @@ mod error;
 mod execute;
 mod expression;
 mod flow;
+mod home;
 mod interpreter;
 mod lexer;
 mod memory;
@@ -54,6 +55,7 @@ pub use command::{
 pub use coordinates::WorkCoordinates;
 pub use cycles::Cycle;
 pub use error::{Error, Fault};
+pub use home::Homed;
 pub use interpreter::Interpreter;
 pub use lexer::Columns;
 pub use memory::Memory;
@@ -90,6 +92,8 @@ pub struct Setup {
     pub inputs: u64,
     /// Whether there is a probe for G38.2 to G38.5.
     pub has_probe: bool,
+    /// By [`Axis::index`], what G28.2 does with the axis; `None`: it knows where it is.
+    pub homed: [Option<Homed>; 9],
     /// Least and greatest S beside 0, 1/min.
     pub spindle_speeds: Option<(f64, f64)>,
     /// Skip blocks that begin with `/`.
@@ -116,6 +120,7 @@ impl Setup {
             typed: false,
             inputs: 0,
             has_probe: false,
+            homed: [None; 9],
             spindle_speeds: None,
             block_delete: false,
             max_blocks: Some(MAX_BLOCKS),

@@ -136,7 +136,7 @@ impl Code {
                 870 | 880 => Refused("write the moves out"),
                 980 | 990 => Supported(Group::CycleReturn),
                 40 => Supported(Group::Dwell),
-                100 | 280 | 281 | 300 | 301 | 520 | 920..=923 => Supported(Group::Offsets),
+                100 | 280..=282 | 300 | 301 | 520 | 920..=923 => Supported(Group::Offsets),
                 70 => Refused(NO_LATHE),
                 80 => Supported(Group::Diameters),
                 120 | 130 => Refused(NO_CIRCLES),

@@ -68,7 +68,7 @@ impl State {
             && (words.code(Group::ToolLength) == Some(Code::G(431))
                 || matches!(
                     words.code(Group::Offsets),
-                    Some(Code::G(100 | 280 | 300 | 520 | 920))
+                    Some(Code::G(100 | 280 | 282 | 300 | 520 | 920))
                 ));
         let motion_columns = words
             .code_columns(Group::Motion)

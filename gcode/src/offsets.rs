@@ -91,6 +91,7 @@ impl State {
         match code {
             Code::G(100) => self.set_table(words, code),
             Code::G(280 | 300) => self.go_to_reference(words, code, commands),
+            Code::G(282) => self.home(words, code, commands),
             Code::G(281) => {
                 self.setup.tables.g28 = self.noted();
                 Ok(())

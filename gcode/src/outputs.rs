@@ -33,6 +33,10 @@ impl PassedOutputs {
             }
             Action::Output(output) => return keep_last(&mut self.switched, *output),
             Action::Rapid { to } | Action::Feed { to, .. } if *to != self.at => *to,
+            Action::Home { to, .. } => {
+                self.at = *to;
+                return;
+            }
             Action::Arc { arc, .. } => arc.to,
             Action::Spline { spline, .. } => spline.to,
             _ => return,

@@ -65,7 +65,10 @@ impl Plan {
             let command = match instruction {
                 Instruction::Plan(command) => command,
                 Instruction::Mark { item, mark, .. } => Command::Mark { item, mark },
-                Instruction::Switch { .. } | Instruction::Probe(_) | Instruction::Probed(_) => {
+                Instruction::Switch { .. }
+                | Instruction::Probe(_)
+                | Instruction::Home { .. }
+                | Instruction::Found(_) => {
                     continue;
                 }
             };

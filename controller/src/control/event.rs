@@ -172,6 +172,11 @@ pub enum Event {
         /// By how much the place of the contact may be off, mm, and by what it is known; `None`: there was none.
         found: Option<(f64, KnownBy)>,
     },
+    /// The axes that a program was to home have been: it goes on from where they are.
+    ProgramHomed {
+        /// Program line.
+        line: u32,
+    },
     /// A probing failed; the job is over.
     ProbingFailed {
         /// Program line.
@@ -499,7 +504,10 @@ impl Event {
             | Self::JogNotRenewed { axis }
             | Self::Presses { axis }
             | Self::HomingFailed { axis, .. } => return self.describe_axis(names.axis(axis)),
-            Self::Probed { .. } | Self::ProbingFailed { .. } | Self::Touched => {
+            Self::Probed { .. }
+            | Self::ProgramHomed { .. }
+            | Self::ProbingFailed { .. }
+            | Self::Touched => {
                 return self.describe_probing(names);
             }
             Self::MissedTPdo { device } => format!("{}: T_PDO missing in one cycle", who(device)),
@@ -535,6 +543,21 @@ impl Event {
             Self::UserCode { call, line, .. } => {
                 format!("line {line}: M{}: running its command", call.code)
             }
+            Self::Held
+            | Self::NextLeg(_)
+            | Self::Resumed
+            | Self::StillPaused { .. }
+            | Self::Retracing
+            | Self::NoWayBack => return self.describe_path(),
+            Self::JobOver { .. } | Self::State(_) | Self::Kept { .. } => return None,
+            Self::Interrupted => "interrupted: stopping on the path".to_owned(),
+            Self::Fault(fault) => format!("FAULT: {}", fault.describe(names)),
+        })
+    }
+
+    /// What the path does for an operator.
+    fn describe_path(&self) -> Option<String> {
+        Some(match *self {
             Self::Held => "feed hold: held on the path".to_owned(),
             Self::NextLeg(leg) => describe_leg(&leg),
             Self::Resumed => "going on".to_owned(),
@@ -545,19 +568,18 @@ impl Event {
             Self::NoWayBack => "no way back from here: the program begins here, or goes on behind a probing or a move \
                                 point to point"
                 .to_owned(),
-            Self::JobOver { .. } | Self::State(_) | Self::Kept { .. } => return None,
-            Self::Interrupted => "interrupted: stopping on the path".to_owned(),
-            Self::Fault(fault) => format!("FAULT: {}", fault.describe(names)),
+            _ => return None,
         })
     }
 
-    /// What came of a probing, or of none.
+    /// What came of a probing, of none, or of a program's homing.
     fn describe_probing(&self, names: &impl Names) -> Option<String> {
         Some(match *self {
             Self::Probed { line, found } => match found {
                 Some((off, by)) => format!("line {line}: contact, known to {off:.4} mm {by}"),
                 None => format!("line {line}: no contact"),
             },
+            Self::ProgramHomed { line } => format!("line {line}: homed, going on"),
             Self::ProbingFailed { line, failure } => {
                 Fault::Probing { line, failure }.describe(names)
             }

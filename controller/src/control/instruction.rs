@@ -20,8 +20,15 @@ pub enum Instruction<const N: usize> {
     },
     /// What the next [`StopPoint::Probe`] asks for; it comes before the plan leads there.
     Probe(ProbeMove<N>),
-    /// The plan behind the probing with this number begins; what came before it is of no use any more.
-    Probed(u32),
+    /// What the next [`StopPoint::Home`] homes; it comes before the plan leads there.
+    Home {
+        /// Counts homings and probings of a job, from 1.
+        number: u32,
+        /// By coordinate.
+        axes: [bool; N],
+    },
+    /// The plan behind the probing or homing with this number begins; what came before it is of no use any more.
+    Found(u32),
     /// What is switched at the next waypoint of the plan; it comes before the plan leads there.
     Switch {
         /// Its line.
@@ -75,6 +82,11 @@ pub enum StopPoint {
         /// Program line.
         line: u32,
     },
+    /// The program homes axes, and goes on from where they are then.
+    Home {
+        /// Program line.
+        line: u32,
+    },
     /// What comes next in the program cannot be run: a fault.
     Broken,
 }
@@ -86,7 +98,8 @@ impl StopPoint {
             Self::AwaitInput { line, .. }
             | Self::PointToPoint { line, .. }
             | Self::UserCode { line, .. }
-            | Self::Probe { line } => Some(line),
+            | Self::Probe { line }
+            | Self::Home { line } => Some(line),
             Self::Pause { .. } | Self::End | Self::Rest | Self::Broken => None,
         }
     }

@@ -5,6 +5,7 @@
 use super::state::State;
 use super::{Controller, End, Event, Fault, Goal, Instruction, Phase, StopPoint, event_sink};
 use std::mem::take;
+use syncline_gcode::AxisSet;
 use syncline_trajectory::path::{Command as PathCommand, ReplanRequest};
 
 /// What the machine works on.
@@ -17,6 +18,8 @@ pub struct Job {
     /// It is read as it comes, and may stand still for as long as it likes in real time: then it is
     /// no fault that no plan comes.
     pub waits_for_input: bool,
+    /// The axes that need not be referenced where it begins, as it homes them before it moves any.
+    pub homes_first: AxisSet,
 }
 
 /// What a job is.
@@ -45,6 +48,7 @@ impl Job {
         number: 0,
         kind: JobKind::Program,
         waits_for_input: false,
+        homes_first: AxisSet::NONE,
     };
 }
 
@@ -159,13 +163,20 @@ impl<const N: usize> Controller<N> {
         }
     }
 
+    /// As [`Job::homes_first`], for the one job that a machine is switched on for.
+    pub fn home_first(&mut self, axes: AxisSet) {
+        if let Some(job) = &mut self.job {
+            job.homes_first = axes;
+        }
+    }
+
     /// Takes the next instruction of the program; false if there is no room for it.
     pub fn accept(&mut self, instruction: Instruction<N>) -> bool {
         if self.room() == 0 {
             return false;
         }
         self.begun = true;
-        if let Instruction::Probed(number) = instruction {
+        if let Instruction::Found(number) = instruction {
             self.probing.begin_plan(number);
             return true;
         }
@@ -186,7 +197,11 @@ impl<const N: usize> Controller<N> {
                 self.probing.take(next);
                 true
             }
-            Instruction::Probed(_) => true,
+            Instruction::Home { number, axes } => {
+                self.probing.take_home(number, axes);
+                true
+            }
+            Instruction::Found(_) => true,
         }
     }
 

@@ -68,7 +68,7 @@ pub use jogs::HOLD_TO_RUN;
 pub use layout::Layout;
 pub use order::{Order, Refusal};
 pub use point_to_point::PointToPoint;
-pub use probing::{KnownBy, ProbeFailure, ProbeMove, Probed};
+pub use probing::{Found, KnownBy, ProbeFailure, ProbeMove};
 pub use reaction::{Cause, Clearing, Reaction};
 pub use setpoint_guard::Quantity;
 pub use spindle::SpindleSample;

@@ -208,13 +208,19 @@ impl<const N: usize> Controller<N> {
 
     /// Whether the axes that an order moves by machine positions have such positions.
     fn check_references(&self, order: &Order<N>) -> Result<(), Refusal> {
+        let homes = |at: usize| match order {
+            Order::Begin(job) => Letter::ALL
+                .get(at)
+                .is_some_and(|&it| job.homes_first.contains(it)),
+            _ => false,
+        };
         let needs = |at: usize| match order {
-            Order::Begin(_) => !self.layout.homing.unreferenced_jobs,
+            Order::Begin(_) => !self.layout.homing.unreferenced_jobs && !homes(at),
             Order::Jog(Jog::To(to) | Jog::Line { to, .. }) => to[at].is_some(),
             _ => false,
         };
         let moves = |at: usize| match order {
-            Order::Begin(_) => true,
+            Order::Begin(_) => !homes(at),
             Order::Jog(Jog::Continuous { axis, .. } | Jog::Step { axis, .. }) => *axis == at,
             _ => needs(at),
         };

@@ -406,6 +406,7 @@ impl<const N: usize> Controller<N> {
                 }
             }
             Some(StopPoint::Probe { line }) => self.begin_probing(line),
+            Some(StopPoint::Home { line }) => self.begin_program_homing(line),
             Some(StopPoint::End) if self.stays_on => self.rest_after(Outcome::Finished),
             Some(StopPoint::Broken) if self.stays_on => self.rest_after(Outcome::Broken),
             Some(StopPoint::End) => self.go_to(Goal::Off(End::Finished)),
@@ -442,7 +443,10 @@ impl<const N: usize> Controller<N> {
 
     /// Where the path could go on and no plan comes for long, none ever will.
     fn watch_plan(&mut self) -> Result<(), Fault> {
-        let waits = self.begun && self.phase == Phase::Program && self.executor.wants_plan();
+        let waits = self.begun
+            && self.phase == Phase::Program
+            && !self.homing.is_active()
+            && self.executor.wants_plan();
         self.unplanned = if waits { self.unplanned + 1 } else { 0 };
         if self.unplanned > self.cycles(NO_PLAN) && !self.job.is_some_and(|job| job.waits_for_input)
         {

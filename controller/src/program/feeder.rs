@@ -5,7 +5,7 @@ use super::moves::{MoveSource, ON_THE_PATH, ProgramMove, Step, Upcoming};
 use super::{Left, Program, ProgramError, Scale, UserCodes, place};
 use crate::control::functions::SWITCHES;
 use crate::control::{
-    InputWait, Instruction, Pause, ProbeMove, Probed, StopPoint, Switch, UserCall,
+    Found, InputWait, Instruction, Pause, ProbeMove, StopPoint, Switch, UserCall,
 };
 use crate::machine::{COORDINATES, InputMeaning, PathTolerances, Position, SpinUp};
 use std::collections::VecDeque;
@@ -39,10 +39,10 @@ pub struct Feeder {
     planner: Planner<COORDINATES>,
     limits: Limits<COORDINATES>,
     bounds: [PositionLimits; COORDINATES],
-    /// Probings so far.
-    probings: u32,
+    /// Probings and homings so far.
+    searches: u32,
     /// What tells the cycle of the next one, or that the plan goes on behind the last one.
-    probing: Option<Instruction<COORDINATES>>,
+    search: Option<Instruction<COORDINATES>>,
     path_control_mode: PathControlMode,
     tolerances: PathTolerances,
     scale: Scale,
@@ -123,8 +123,8 @@ impl Program {
             planner: planner(self.limits, bounds, start),
             limits: self.limits,
             bounds,
-            probings: 0,
-            probing: None,
+            searches: 0,
+            search: None,
             path_control_mode: path_control_mode(
                 self.setup.memory.modes().path_mode,
                 tolerances,
@@ -164,8 +164,8 @@ impl Program {
 }
 
 impl Feeder {
-    /// The next instruction; after [`StopPoint::End`] or [`StopPoint::Broken`] none, behind a probing none before
-    /// it is known what came of it ([`Feeder::probed`]), and none for now where enough lies before the machine.
+    /// The next instruction; after [`StopPoint::End`] or [`StopPoint::Broken`] none, behind a probing or a homing none
+    /// before it is known what came of it ([`Feeder::found`]), and none for now where enough lies before the machine.
     ///
     /// # Errors
     /// The block that cannot be run. What was programmed before it still comes, and then
@@ -176,8 +176,8 @@ impl Feeder {
             if let Some((line, switch)) = self.switches.pop_front() {
                 return Ok(Some(Instruction::Switch { line, switch }));
             }
-            if let Some(probing) = self.probing.take() {
-                return Ok(Some(probing));
+            if let Some(search) = self.search.take() {
+                return Ok(Some(search));
             }
             while let Some(end) = self.planner.move_end() {
                 self.upcoming.tell(Step::End(end));
@@ -186,7 +186,7 @@ impl Feeder {
                 self.count(&command);
                 return Ok(Some(self.instruction(command)));
             }
-            if self.ended || self.interpreter.awaits_probe() || self.is_far_ahead() {
+            if self.ended || self.interpreter.awaits_machine() || self.is_far_ahead() {
                 return Ok(None);
             }
             let Some(command) = self.interpreter.next() else {
@@ -270,6 +270,17 @@ impl Feeder {
             Action::Probe { to, feed, probe } => {
                 self.take_probe(to.0, *feed, *probe, command.span)?;
             }
+            Action::Home { axes, .. } => {
+                for (line, switch) in take(&mut self.with_motion) {
+                    self.switch(line, switch);
+                }
+                self.searches += 1;
+                self.search = Some(Instruction::Home {
+                    number: self.searches,
+                    axes: gcode::Axis::ALL.map(|axis| axes.contains(axis)),
+                });
+                self.stop_then(StopPoint::Home { line });
+            }
             Action::Message(text) => self.tell(line, text.clone()),
             Action::ToolLoaded(tool) => self.switch(line, Switch::Tool(*tool)),
             Action::Spindle(spindle) => {
@@ -325,9 +336,9 @@ impl Feeder {
             gcode::Feed::Rate(rate) => path_speed(&line_there, rate),
             gcode::Feed::Duration(seconds) => line_there.length() / seconds,
         };
-        self.probings += 1;
-        self.probing = Some(Instruction::Probe(ProbeMove {
-            number: self.probings,
+        self.searches += 1;
+        self.search = Some(Instruction::Probe(ProbeMove {
+            number: self.searches,
             to: line_there.end(),
             speed: self.scale.feed * speed,
             probe,
@@ -337,22 +348,27 @@ impl Feeder {
         Ok(())
     }
 
-    /// Goes on behind a probing from where the machine rests, once it is known what came of it; a result that was
-    /// taken, or is of another one, changes nothing.
-    pub fn probed(&mut self, probed: &Probed<COORDINATES>) {
-        if !self.interpreter.awaits_probe() || probed.number != self.probings {
+    /// Goes on behind a probing or a homing from where the machine rests, once it is known what came of it; a result
+    /// that was taken, or is of another one, changes nothing.
+    pub fn found(&mut self, found: &Found<COORDINATES>) {
+        if !self.interpreter.awaits_machine() || found.number != self.searches {
             return;
         }
-        let at = gcode::Point(self.source.go_on_from(probed.at));
-        let contact = probed.contact.map(gcode::Point);
-        self.interpreter.probed(gcode::Probed { contact, at });
-        self.planner = planner(self.limits, self.bounds, probed.at);
+        if self.interpreter.awaits_homing() {
+            self.source.homed(found.at);
+            self.interpreter.homed(gcode::Point(found.at));
+        } else {
+            let at = gcode::Point(self.source.go_on_from(found.at));
+            let contact = found.contact.map(gcode::Point);
+            self.interpreter.probed(gcode::Probed { contact, at });
+        }
+        self.planner = planner(self.limits, self.bounds, found.at);
         self.first_mark += self.marks.len() as u32;
         self.marks.clear();
         self.committed.clear();
         self.since_stop = 0;
         self.leaves = None;
-        self.probing = Some(Instruction::Probed(probed.number));
+        self.search = Some(Instruction::Found(found.number));
     }
 
     /// Goes along the curves of one motion, from each to the next without a stop.

@@ -242,6 +242,15 @@ impl Programs {
                 setup.inputs |= 1 << number;
             }
         }
+        for axis in &machine.axes {
+            let homing = &axis.homing;
+            // Of a gantry with absolute encoders the sides are brought together, and it stays where it is.
+            let is_homed = !homing.is_absolute() || homing.square.is_some();
+            setup.homed[axis.letter.index()] = is_homed.then(|| gcode::Homed {
+                at: homing.final_position(),
+                unnamed: !homing.is_absolute() && !homing.is_by_hand(),
+            });
+        }
         setup.has_probe = (machine.inputs.iter()).any(|it| it.meaning == InputMeaning::Probe);
         setup.tables = tables;
         Self {
@@ -434,6 +443,11 @@ impl Program {
                     break;
                 }
             };
+            // Where nothing moves, axes are homed at once.
+            if let Action::Home { to, .. } = command.action {
+                interpreter.homed(to);
+                source.homed(to.0);
+            }
             if !mistakes.is_empty() {
                 continue;
             }
@@ -465,8 +479,47 @@ impl Program {
         extent.blocks = interpreter.executed();
         // Behind a probing nothing is known before it has been there.
         let changed = *interpreter.tables() != self.setup.tables;
-        extent.sets_tables = changed || interpreter.awaits_probe();
+        extent.sets_tables = changed || interpreter.awaits_machine();
         Ok(extent)
+    }
+
+    /// The axes that need not be referenced where it begins: those that it homes before it moves any; all where it moves
+    /// none otherwise, and leaves the same tables wherever it begins. Of one that is read as it runs that is not known.
+    #[must_use]
+    pub fn homes_first(&self) -> AxisSet {
+        if self.stream {
+            return AxisSet::NONE;
+        }
+        let [here, there] = [0.0, 1.0].map(|at| self.homed_from([at; COORDINATES]));
+        match (here, there) {
+            (Some((homed, Some(one))), Some((_, Some(other)))) => match one == other {
+                true if !homed.is_empty() => self.setup.axes,
+                _ => homed,
+            },
+            (Some((homed, _)), _) => homed,
+            (None, _) => AxisSet::NONE,
+        }
+    }
+
+    /// Which axes it homes before it moves any, and with which tables it ends if it moves none.
+    fn homed_from(&self, start: Position) -> Option<(AxisSet, Option<Tables>)> {
+        let mut homed = AxisSet::NONE;
+        let mut interpreter = self.interpret(start).ok()?;
+        while let Some(Ok(command)) = interpreter.next() {
+            match command.action {
+                Action::Home { axes, to } => {
+                    axes.iter().for_each(|axis| homed.insert(axis));
+                    interpreter.homed(to);
+                }
+                Action::Rapid { .. }
+                | Action::Feed { .. }
+                | Action::Arc { .. }
+                | Action::Spline { .. }
+                | Action::Probe { .. } => return Some((homed, None)),
+                _ => {}
+            }
+        }
+        Some((homed, Some(interpreter.tables().clone())))
     }
 
     /// Whether somebody said that nobody wants the program any more.

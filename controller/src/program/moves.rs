@@ -155,6 +155,11 @@ impl MoveSource {
         std::array::from_fn(|of| if beside[of] { self.places[of] } else { at[of] })
     }
 
+    /// Axes were homed, and are there now.
+    pub(super) fn homed(&mut self, at: Position) {
+        (self.at, self.places) = (at, at);
+    }
+
     /// The curves that a command asks for: none, or none as it has no length, or the parts of a spline.
     pub(super) fn curves(
         &mut self,

@@ -92,7 +92,7 @@ impl Timetable {
         self.total.feed + self.total.rapid
     }
 
-    /// Whether it goes to the end of the program: behind a probing nothing is known before the machine has probed, and
+    /// Whether it goes to the end of the program: behind a probing or a homing nothing is known before the machine has been there, and
     /// some programs have none.
     #[must_use]
     pub fn is_whole(&self) -> bool {
@@ -230,7 +230,10 @@ impl Walk {
                 self.table.is_whole |= *stop == StopPoint::End;
                 self.step(Step::Rest(self.here(), 0.0));
             }
-            Instruction::Switch { .. } | Instruction::Probe(_) | Instruction::Probed(_) => {}
+            Instruction::Switch { .. }
+            | Instruction::Probe(_)
+            | Instruction::Home { .. }
+            | Instruction::Found(_) => {}
         }
     }
 

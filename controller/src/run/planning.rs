@@ -2,7 +2,7 @@
 //! the way of what an operator does and of what the cycle reports.
 
 use super::{RunError, Work};
-use crate::control::{Instruction, Outcome, Probed};
+use crate::control::{Found, Instruction, Outcome};
 use crate::machine::{COORDINATES, Position};
 use crate::program::{Feeder, Left, ProgramError};
 use crossbeam::channel::{self, Receiver, Sender};
@@ -20,8 +20,8 @@ const POLL: Duration = Duration::from_millis(1);
 pub enum PlanRequest {
     /// The job with this number begins, and the machine stands there.
     Begin(u64, Position),
-    /// This came of the program's probing.
-    Probed(Probed<COORDINATES>),
+    /// This came of the program's probing or homing.
+    Found(Found<COORDINATES>),
     /// The path has to be planned anew from there.
     Replan(ReplanRequest),
     /// The job with this number is over.
@@ -151,10 +151,10 @@ impl Planner {
                         latest = None;
                         planned = self.begin(number, start);
                     }
-                    PlanRequest::Probed(probed) => {
+                    PlanRequest::Found(found) => {
                         latest = None;
                         if let Some(planned) = &mut planned {
-                            planned.feeder.probed(&probed);
+                            planned.feeder.found(&found);
                         }
                     }
                     // Where one came while another was answered, that is out of date.

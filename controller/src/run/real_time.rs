@@ -160,8 +160,8 @@ pub struct Cycle {
     /// The last job that it was told to be over.
     told_over: Option<(u64, Outcome)>,
     asked: Option<ReplanRequest>,
-    /// The number of the last probing that it was told of.
-    told_probed: Option<u32>,
+    /// The number of the last probing or homing that it was told of.
+    told_found: Option<u32>,
     /// How much longer a simulated machine waits for the next instruction.
     plan_patience: Duration,
     /// How much longer it waits for its way to rest.
@@ -202,7 +202,7 @@ impl Cycle {
             asked_to_begin: None,
             told_over: None,
             asked: None,
-            told_probed: None,
+            told_found: None,
             plan_patience: PLAN_PATIENCE,
             patience: PATIENCE,
             report_patience: REPORT_PATIENCE,
@@ -399,14 +399,14 @@ impl Cycle {
             let begun = self.requests.push(PlanRequest::Begin(number, start));
             self.asked_to_begin = job.filter(|_| begun.is_ok()).or(self.asked_to_begin);
             self.asked = None;
-            self.told_probed = None;
+            self.told_found = None;
         }
-        let probed = self.driver.controller.probed();
-        if let Some(probed) = probed.filter(|it| Some(it.number) != self.told_probed) {
-            if self.requests.push(PlanRequest::Probed(*probed)).is_err() {
+        let found = self.driver.controller.found();
+        if let Some(found) = found.filter(|it| Some(it.number) != self.told_found) {
+            if self.requests.push(PlanRequest::Found(*found)).is_err() {
                 return;
             }
-            self.told_probed = Some(probed.number);
+            self.told_found = Some(found.number);
             self.asked = None;
         }
         let wanted = self.driver.controller.replan_request();
@@ -488,6 +488,7 @@ impl RealTime {
         if program.streams() {
             cycle.driver.controller.wait_for_input();
         }
+        (cycle.driver.controller).home_first(program.homes_first());
         let (upcoming, moves) = Moves::new();
         let mut machine = Self::of(handle, queues)?;
         machine.prepare(Work {

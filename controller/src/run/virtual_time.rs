@@ -72,6 +72,7 @@ impl<P: Port> VirtualMachine<P> {
     ) -> (Self, Moves) {
         let (upcoming, moves) = Moves::new();
         let mut machine = Self::with(world, ports, layout, frames);
+        machine.driver.controller.home_first(program.homes_first());
         machine.prepare(Work {
             number: 0,
             program,
@@ -148,8 +149,8 @@ impl<P: Port> VirtualMachine<P> {
         let Some(feeder) = self.planning.feeder() else {
             return Ok(());
         };
-        if let Some(probed) = controller.probed() {
-            feeder.probed(probed);
+        if let Some(found) = controller.found() {
+            feeder.found(found);
         }
         if let Some(request) = controller.replan_request() {
             feeder.replan(&request);

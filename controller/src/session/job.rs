@@ -47,7 +47,7 @@ impl Job {
         self.over = true;
     }
 
-    /// The program goes on behind a probing, from where that ended: on none of its moves so far.
+    /// The program goes on behind a probing or a homing, from where that ended: on none of its moves so far.
     pub(super) fn probed(&mut self) {
         self.moves.passed(self.last[0] + 1);
     }

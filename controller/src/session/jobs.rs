@@ -101,6 +101,7 @@ impl Jobs {
             number: self.count,
             kind,
             waits_for_input: program.streams(),
+            homes_first: program.homes_first(),
         };
         let (upcoming, moves) = Moves::new();
         self.at_work = Some(job);

@@ -530,7 +530,9 @@ impl Desk {
                         self.job.end();
                         self.forget_remaining();
                     }
-                    control::Event::Probed { .. } => self.job.probed(),
+                    control::Event::Probed { .. } | control::Event::ProgramHomed { .. } => {
+                        self.job.probed();
+                    }
                     control::Event::UserCode { number, .. } if self.passes_user_codes => {
                         self.user_call = Some(number);
                     }

@@ -4,6 +4,7 @@ mod arcs;
 mod compensation;
 mod cycles;
 mod flow;
+mod homing;
 mod linuxcnc;
 mod listing;
 mod memory;

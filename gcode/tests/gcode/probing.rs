@@ -17,7 +17,7 @@ fn next_probing(program: &mut Interpreter) -> (Option<(Point, Probe)>, Vec<Point
         match command.unwrap().action {
             Action::Probe { to, feed, probe } => {
                 assert_eq!(feed, Feed::Rate(2.0));
-                assert!(program.awaits_probe() && program.next().is_none());
+                assert!(program.awaits_machine() && program.next().is_none());
                 return (Some((to, probe)), rapids);
             }
             Action::Rapid { to } => rapids.push(to),

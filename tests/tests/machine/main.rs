@@ -35,6 +35,7 @@ mod own_homing;
 mod pages;
 mod point_to_point;
 mod probing;
+mod program_homing;
 mod programs;
 mod properties;
 mod reactions;

@@ -74,7 +74,7 @@ fn contacts(rig: &mut Rig) -> Vec<Contact> {
                 ..
             } = event
             {
-                let probed = *rig.controller().probed().expect("there was contact");
+                let probed = *rig.controller().found().expect("there was contact");
                 found.push(Contact {
                     at: probed.contact.expect("there was contact"),
                     uncertainty,

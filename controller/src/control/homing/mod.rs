@@ -32,6 +32,7 @@ use by_drive::ByDrive;
 use hard_stop::HardStop;
 use std::sync::Arc;
 use switch::{Motion, Progress, Search, Seen};
+use syncline_gcode::Axis as Letter;
 use syncline_trajectory::limits::{Limits, PositionLimits};
 use syncline_trajectory::path::{Jog, Travel};
 
@@ -165,7 +166,13 @@ impl<const N: usize> Controller<N> {
     /// An axis is not referenced, and it does not say so.
     pub(super) fn home_at_start(&mut self) -> Result<(), Fault> {
         let policy = self.layout.homing;
-        let missing = (0..self.axes.len()).filter(|&axis| self.needs_homing(axis));
+        let homed = self.job.map(|job| job.homes_first).unwrap_or_default();
+        let by_program = |axis: AxisIndex| {
+            let at = self.layout.axes[axis].coordinate;
+            Letter::ALL.get(at).is_some_and(|&it| homed.contains(it))
+        };
+        let missing =
+            (0..self.axes.len()).filter(|&axis| self.needs_homing(axis) && !by_program(axis));
         if policy.at_start {
             let by_hand = |axis: &AxisIndex| self.layout.axes[*axis].homing.is_by_hand();
             if let Some(axis) = missing.clone().find(by_hand) {
@@ -347,6 +354,7 @@ impl<const N: usize> Controller<N> {
         let Some(lowest) = left.clone().map(order).min() else {
             self.homing.stage = Stage::Idle;
             self.rest_here();
+            self.end_program_homing();
             return Ok(());
         };
         let group = left.filter(|&axis| order(axis) == lowest);

@@ -45,7 +45,7 @@ const REACTION: f64 = 3.0;
 /// A probing, as the program has it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ProbeMove<const N: usize> {
-    /// Counts those of a job, from 1.
+    /// Counts probings and homings of a job, from 1.
     pub number: u32,
     /// Where it ends at the latest, mm.
     pub to: [f64; N],
@@ -55,12 +55,12 @@ pub struct ProbeMove<const N: usize> {
     pub probe: Probe,
 }
 
-/// What came of a probing.
+/// What came of a probing, or of a homing that a program asked for.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Probed<const N: usize> {
-    /// That of its [`ProbeMove`].
+pub struct Found<const N: usize> {
+    /// That of its [`ProbeMove`], or of the homing.
     pub number: u32,
-    /// Where the contact came or went, mm; `None`: it did not.
+    /// Of a probing: where the contact came or went, mm; `None`: it did not.
     pub contact: Option<[f64; N]>,
     /// Where the plan goes on, mm.
     pub at: [f64; N],
@@ -80,7 +80,7 @@ enum Stage {
     Stopping,
     /// Until the drives have told what they captured.
     Reading,
-    /// Until the program goes on.
+    /// Until the program goes on, behind a homing too.
     Replanning,
 }
 
@@ -97,7 +97,11 @@ pub(super) struct Probing<const N: usize> {
     samples: Samples<N>,
     /// Cycles that the axes had to settle, where the motion is over.
     settling: u64,
-    probed: Option<Probed<N>>,
+    /// The next homing: its number, and which axes, by coordinate.
+    home: Option<(u32, [bool; N])>,
+    /// The number of the homing under way, and its program line.
+    homes: Option<(u32, u32)>,
+    found: Option<Found<N>>,
 }
 
 impl<const N: usize> Probing<N> {
@@ -110,7 +114,9 @@ impl<const N: usize> Probing<N> {
             from: [0.0; N],
             samples: Samples::none(),
             settling: 0,
-            probed: None,
+            home: None,
+            homes: None,
+            found: None,
         }
     }
 
@@ -119,9 +125,10 @@ impl<const N: usize> Probing<N> {
         !matches!(self.stage, Stage::Idle | Stage::Replanning)
     }
 
-    /// Its program line, while it is under way.
+    /// Its program line, while it is under way, or that of a homing.
     pub(super) fn line(&self) -> Option<u32> {
-        self.is_active().then_some(self.line)
+        let probes = self.is_active().then_some(self.line);
+        probes.or(self.homes.map(|(_, line)| line))
     }
 
     /// Whether what comes of the plan is from before it.
@@ -137,12 +144,18 @@ impl<const N: usize> Probing<N> {
     /// Takes what the program asks for at its next stop.
     pub(super) fn take(&mut self, next: ProbeMove<N>) {
         self.next = Some(next);
-        self.probed = None;
+        self.found = None;
     }
 
-    /// The plan behind a probing begins.
+    /// Takes which axes the program homes at its next stop.
+    pub(super) fn take_home(&mut self, number: u32, axes: [bool; N]) {
+        self.home = Some((number, axes));
+        self.found = None;
+    }
+
+    /// The plan behind a probing or a homing begins.
     pub(super) fn begin_plan(&mut self, number: u32) {
-        if self.awaits_plan() && self.probed.is_some_and(|probed| probed.number == number) {
+        if self.awaits_plan() && self.found.is_some_and(|found| found.number == number) {
             self.stage = Stage::Idle;
         }
     }
@@ -164,10 +177,10 @@ impl<const N: usize> Controller<N> {
         })
     }
 
-    /// What came of the last probing of the job.
+    /// What came of the last probing or homing of the job.
     #[must_use]
-    pub fn probed(&self) -> Option<&Probed<N>> {
-        self.probing.probed.as_ref()
+    pub fn found(&self) -> Option<&Found<N>> {
+        self.probing.found.as_ref()
     }
 
     /// Something touched the probe while the axes moved, and nobody was probing. An axis may still move for a while after
@@ -393,11 +406,17 @@ impl<const N: usize> Controller<N> {
             line: self.probing.line,
             found: contact.map(|contact| (contact.uncertainty, contact.by)),
         });
-        let rests = self.probing.paused || self.executor.is_single_block();
+        let rests = self.probing.paused;
+        self.replan_behind(next.number, contact.map(|contact| contact.at), rests);
+    }
+
+    /// The program goes on from where the axes rest, behind its search with that number; held if it `rests`.
+    fn replan_behind(&mut self, number: u32, contact: Option<[f64; N]>, rests: bool) {
+        let rests = rests || self.executor.is_single_block();
         self.probing.abort();
-        self.probing.probed = Some(Probed {
-            number: next.number,
-            contact: contact.map(|contact| contact.at),
+        self.probing.found = Some(Found {
+            number,
+            contact,
             at: self.planned.position,
         });
         self.probing.stage = Stage::Replanning;
@@ -405,6 +424,27 @@ impl<const N: usize> Controller<N> {
         self.rest_here();
         if rests {
             self.executor.feed_hold();
+        }
+    }
+
+    /// The path rests where the program homes axes.
+    pub(super) fn begin_program_homing(&mut self, line: u32) {
+        let held = self.executor.is_held();
+        let Some((number, axes)) = self.probing.home.take_if(|_| !held) else {
+            return;
+        };
+        self.probing.homes = Some((number, line));
+        // Which axes can be homed the program was held against as it was read.
+        if self.home(axes).is_err() {
+            self.fail(Fault::Program);
+        }
+    }
+
+    /// All axes that were to be homed have been: so the program goes on that asked for it.
+    pub(super) fn end_program_homing(&mut self) {
+        if let Some((number, line)) = self.probing.homes {
+            self.tell(Event::ProgramHomed { line });
+            self.replan_behind(number, None, false);
         }
     }
 

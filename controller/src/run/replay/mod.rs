@@ -169,6 +169,7 @@ impl Replay {
         if program.streams() {
             replay.state.controller.wait_for_input();
         }
+        replay.state.controller.home_first(program.homes_first());
         replay.prepare(Work {
             number: 0,
             program,

@@ -124,7 +124,7 @@ impl Recording {
             Waits::ForPlan(cycles) | Waits::ForOperator(cycles) => *cycles -= 1,
             Waits::No => {}
         }
-        self.tell_probed(state);
+        self.tell_found(state);
         if self.log.is_simulated() {
             self.replan(state);
         }
@@ -152,12 +152,12 @@ impl Recording {
         }
     }
 
-    /// Tells the program what came of its probing.
-    fn tell_probed(&mut self, state: &State) {
+    /// Tells the program what came of its probing or homing.
+    fn tell_found(&mut self, state: &State) {
         if let Some(feeder) = self.planning.feeder()
-            && let Some(probed) = state.controller.probed()
+            && let Some(found) = state.controller.found()
         {
-            feeder.probed(probed);
+            feeder.found(found);
         }
     }
 

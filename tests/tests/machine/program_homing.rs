@@ -1,0 +1,231 @@
+//! Axes that a program homes by G28.2: in a program and in typed lines, from nowhere known and from where they are.
+
+use super::homing::{ALL, Y, errors, failure, go, home, is_referenced, settle, state, switched_on};
+use proptest::prelude::*;
+use syncline_controller::control::{Event, Fault, HomingFailure, Refusal as OrderRefusal, State};
+use syncline_controller::session::{Command, Refusal, SwitchChange};
+use syncline_drives::twin::Disturbance;
+use syncline_gcode::Axis;
+use syncline_tests::rig::Rig;
+
+const NOT_AT_START: (&str, &str) = ("at_start = true", "at_start = false");
+
+/// Loads and runs a program on a machine that stays on.
+fn run(rig: &mut Rig, text: &str) {
+    let file = rig.folder.file("part.ngc", text);
+    go(rig, Command::Load(file));
+    go(rig, Command::Run { from_line: None });
+}
+
+fn positions(rig: &Rig) -> [f64; 3] {
+    let status = rig.session.status();
+    [0, 1, 2].map(|axis| status.setpoint[axis])
+}
+
+#[test]
+fn a_program_homes_before_it_moves() {
+    let mut rig = switched_on(&[]);
+    run(&mut rig, "G28.2\nG90 G0 X20 Y30 Z-5\nG1 X40 F6000\nM2\n");
+    assert_eq!(rig.refused, []);
+    assert_eq!(rig.problems, [""; 0]);
+    assert_eq!(state(&rig), State::Ready, "{:?}", rig.events);
+    assert_eq!(positions(&rig), [40.0, 30.0, -5.0]);
+    for axis in [Axis::X, Axis::Y, Axis::Z] {
+        assert!(is_referenced(&rig, axis));
+        for error in errors(&mut rig, axis) {
+            assert!(error.abs() < 0.004, "{axis}: {error}");
+        }
+    }
+    let told = rig
+        .events
+        .iter()
+        .filter(|it| matches!(it, Event::ProgramHomed { line: 1 }));
+    assert_eq!(told.count(), 1);
+}
+
+#[test]
+fn what_a_program_does_not_home_first_has_to_be_referenced() {
+    let mut rig = switched_on(&[]);
+    // Y is moved without, X before.
+    for text in ["G28.2 X0 Z0\nG0 Y1\nM2\n", "G0 X1\nG28.2\nM2\n"] {
+        let refused = rig.refused.len();
+        run(&mut rig, text);
+        assert_eq!(rig.refused.len(), refused + 1, "{text}");
+        let reason = &rig.refused[refused].reason;
+        let is_unreferenced = matches!(reason, Refusal::Machine(OrderRefusal::Unreferenced(_)));
+        assert!(is_unreferenced, "{reason}");
+        assert_eq!(state(&rig), State::Ready);
+    }
+    // Typed, one after the other: such lines move nothing else, and set nothing.
+    for (line, axis) in [("G28.2 Z0", Axis::Z), ("G28.2 X0", Axis::X)] {
+        go(&mut rig, Command::Mdi(line.to_owned()));
+        assert!(is_referenced(&rig, axis), "{:?}", rig.events);
+    }
+    let refused = rig.refused.len();
+    go(&mut rig, Command::Mdi("G28.2 X0\nG10 L20 P1 Y0".to_owned()));
+    go(&mut rig, Command::Mdi("G0 X10".to_owned()));
+    assert_eq!(rig.refused.len(), refused + 2);
+    go(&mut rig, Command::Mdi("G28.2 Y0\nG0 Y10".to_owned()));
+    assert_eq!(rig.refused.len(), refused + 2);
+    assert_eq!(positions(&rig), [0.0, 10.0, 0.0]);
+}
+
+#[test]
+fn a_run_homes_by_its_program() {
+    let program = "G28.2\nG0 X20 Y30 Z-5\nG1 X40 F3000\nM2\n";
+    let rig = Rig::new("router", &[NOT_AT_START], program, |_, _| ());
+    let summary = rig.judge();
+    assert_eq!(summary.verdict, "pass", "{:?}", summary.violations);
+    let twice = || {
+        let mut rig = Rig::new("router", &[], program, |_, _| ());
+        rig.finish();
+        rig.session.timeline().frames().result().0
+    };
+    assert_eq!(twice(), twice());
+    let mut rig = Rig::new(
+        "router",
+        &[NOT_AT_START],
+        "G28.2 X0 Y0\nG0 X1\nM2\n",
+        |_, _| (),
+    );
+    assert_eq!(rig.finish_with_fault(), Fault::Unreferenced(2));
+}
+
+#[test]
+fn a_program_homes_in_its_middle_and_goes_on_from_there() {
+    let mut rig = switched_on(&[]);
+    go(&mut rig, ALL);
+    // Work offsets stay, incremental moves count from where the axis is.
+    run(
+        &mut rig,
+        "G10 L2 P1 X5 Y0 Z0\nG90 G1 X100 Y30 F12000\nM64 P0\nG28.2 X0\nG91 G1 X10 F6000\nG90 G0 Y50\nM2\n",
+    );
+    assert_eq!(rig.refused, []);
+    assert_eq!(rig.problems, [""; 0], "{:?}", rig.events);
+    assert_eq!(positions(&rig), [10.0, 50.0, 0.0]);
+    for axis in [Axis::X, Axis::Y] {
+        assert!(
+            errors(&mut rig, axis)
+                .iter()
+                .all(|error| error.abs() < 0.004)
+        );
+    }
+}
+
+#[test]
+fn a_homing_of_a_program_that_fails_ends_it() {
+    let mut rig = switched_on(&[]);
+    let from = positions(&rig)[1];
+    rig.command(Command::Mdi("G28.2\nG0 X20 Y30".to_owned()));
+    rig.run_until(|rig| (positions(rig)[1] - from).abs() > 60.0);
+    // It stays on once it has come on.
+    rig.twin(Y).disturb(Disturbance::Input(0, true));
+    settle(&mut rig);
+    assert_eq!(failure(&rig), Some(HomingFailure::StaysOn));
+    assert_eq!(state(&rig), State::Ready);
+    assert!(!is_referenced(&rig, Axis::Y));
+    // Homed by hand afterwards, the machine belongs to nobody's program.
+    rig.twin(Y).disturb(Disturbance::Input(0, false));
+    for _ in 0..4 {
+        rig.step();
+    }
+    go(&mut rig, ALL);
+    assert!(is_referenced(&rig, Axis::Y));
+    go(&mut rig, Command::Mdi("G0 X20 Y30".to_owned()));
+    assert_eq!(positions(&rig)[..2], [20.0, 30.0]);
+}
+
+#[test]
+fn single_block_rests_behind_it() {
+    let mut rig = switched_on(&[]);
+    go(&mut rig, ALL);
+    rig.command(Command::SingleBlock(SwitchChange::To(true)));
+    run(&mut rig, "G28.2 Y0\nG0 Y30\nM2\n");
+    assert_eq!(state(&rig), State::Held);
+    assert_eq!(positions(&rig)[1], 0.0);
+    rig.command(Command::SingleBlock(SwitchChange::To(false)));
+    go(&mut rig, Command::Resume);
+    assert_eq!(positions(&rig)[1], 30.0);
+}
+
+/// A block of a program that homes, moves and switches.
+#[derive(Clone, Copy, Debug)]
+enum Block {
+    Home([bool; 3]),
+    Move([f64; 3]),
+    Dwell,
+}
+
+fn block() -> impl Strategy<Value = Block> {
+    let places = (1.0..300.0, 1.0..300.0, -60.0..-1.0_f64);
+    prop_oneof![
+        any::<[bool; 3]>().prop_map(Block::Home),
+        places.prop_map(|(x, y, z)| Block::Move([x, y, z])),
+        Just(Block::Dwell),
+    ]
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 8, ..ProptestConfig::default() })]
+
+    /// Wherever homings stand in a program that begins with one: it ends where its last moves and homings lead, with every
+    /// axis where it is shown, and whatever stops it on its way leaves a machine that is homed as ever.
+    #[test]
+    fn programs_with_homings_end_where_they_lead(
+        blocks in prop::collection::vec(block(), 1..5), stop in prop::option::of(0..9000usize),
+    ) {
+        let mut text = "G28.2\nG90\n".to_owned();
+        let mut at = [0.0; 3];
+        for block in &blocks {
+            match block {
+                Block::Home(axes) => {
+                    text += "G28.2";
+                    for (axis, name) in axes.iter().zip(["X0", "Y0", "Z0"]) {
+                        if *axis {
+                            text += &format!(" {name}");
+                        }
+                    }
+                    text += "\n";
+                    let all = *axes == [false; 3];
+                    for (at, axis) in at.iter_mut().zip(axes) {
+                        if *axis || all {
+                            *at = 0.0;
+                        }
+                    }
+                }
+                Block::Move([x, y, z]) => {
+                    at = [x, y, z].map(|it| (it * 1e3).round() / 1e3);
+                    text += &format!("G1 X{:.3} Y{:.3} Z{:.3} F20000\n", at[0], at[1], at[2]);
+                }
+                Block::Dwell => text += "G4 P0.05\n",
+            }
+        }
+        text += "M2\n";
+        let mut rig = switched_on(&[]);
+        if let Some(wake_ups) = stop {
+            let file = rig.folder.file("part.ngc", &text);
+            go(&mut rig, Command::Load(file));
+            rig.command(Command::Run { from_line: None });
+            for _ in 0..wake_ups {
+                rig.step();
+            }
+            go(&mut rig, Command::Stop);
+            prop_assert_eq!(state(&rig), State::Ready, "{:?}", rig.events);
+            go(&mut rig, home(Axis::Z));
+            go(&mut rig, ALL);
+            at = [0.0; 3];
+        } else {
+            run(&mut rig, &text);
+        }
+        prop_assert_eq!(rig.refused.len(), 0);
+        prop_assert_eq!(rig.problems.len(), 0, "{:?}", rig.problems);
+        prop_assert_eq!(rig.session.faults(), []);
+        prop_assert_eq!(state(&rig), State::Ready, "{:?}", rig.events);
+        for (axis, at) in [Axis::X, Axis::Y, Axis::Z].into_iter().zip(at) {
+            let shown = rig.session.status().setpoint[axis.index()];
+            prop_assert!((shown - at).abs() < 1e-6, "{}: {} {}", axis, shown, at);
+            let errors = errors(&mut rig, axis);
+            prop_assert!(errors.iter().all(|error| error.abs() < 0.01), "{:?}", errors);
+        }
+    }
+}
