@@ -160,6 +160,13 @@ pub enum Event {
         /// Why.
         failure: HomingFailure,
     },
+    /// The index pulse that a drive homed by is near to the edge of its switch.
+    IndexNear {
+        /// Which axis.
+        axis: AxisIndex,
+        /// How near, mm.
+        distance: f64,
+    },
     /// An axis presses against what it met as it searched a hard stop: the drives go off before its torque is what it was.
     Presses {
         /// Which axis.
@@ -503,6 +510,7 @@ impl Event {
             | Self::NotRecalled { axis, .. }
             | Self::JogNotRenewed { axis }
             | Self::Presses { axis }
+            | Self::IndexNear { axis, .. }
             | Self::HomingFailed { axis, .. } => return self.describe_axis(names.axis(axis)),
             Self::Probed { .. }
             | Self::ProgramHomed { .. }
@@ -641,6 +649,10 @@ impl Event {
                 HOLD_TO_RUN.as_millis()
             ),
             Self::HomingFailed { failure, .. } => failure.describe(axis),
+            Self::IndexNear { distance, .. } => format!(
+                "axis {name}: the index pulse is {distance:.3} {unit} from the edge of its switch, less than 10 % of a turn: \
+                 move the switch, lest it is another one some day"
+            ),
             Self::Presses { .. } => format!(
                 "axis {name} presses against what it met: its drive goes off before its torque is as it was; look what it \
                  stands against, then enable"

@@ -369,6 +369,11 @@ fn every_failure_of_a_homing_has_its_text() {
              inputs, and `method`",
         ),
         (
+            HomingFailure::IndexTooNear,
+            "the index pulse that its drive took is less than 2 % of a turn from the edge of its switch, and the next one \
+             may be another: move the switch by a quarter of a turn",
+        ),
+        (
             HomingFailure::TooFar,
             "its drive went more than 1800 mm from where it began: check the switches wired to the drive, `method` and \
              `max_distance`",

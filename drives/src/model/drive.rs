@@ -369,6 +369,17 @@ pub struct OwnHoming {
     pub mode: ModeDisplay,
     /// Selects the mode again in which it follows setpoints.
     pub end: Write,
+    /// Where it says how far from the edge of its switch the index pulse was, if it goes by both.
+    pub index: Option<IndexDistance>,
+}
+
+/// How far from the edge of a switch the index pulse was that a drive took.
+#[derive(Clone, Copy, Debug)]
+pub struct IndexDistance {
+    /// Reads it, in increments.
+    pub object: Address,
+    /// From one index pulse to the next.
+    pub turn: Increments,
 }
 
 /// The object that says which operating mode runs, and what it must say.

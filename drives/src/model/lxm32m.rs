@@ -7,8 +7,8 @@ use super::profile::cia402::{self, INTERPOLATION_DELAY};
 use super::profile::communication::{self, SDO_RESPONSE, T_PDO_RESPONSE};
 use super::{
     Ability, Address, Assumption, CaptureInput, ClockLock, Data, Drive, DriveStatus, Feedback,
-    Identity, Increments, Io, Make, ModeDisplay, Model, NodeSpec, OwnHoming, PowerCommand,
-    RemoteNode, Sample, Setpoint, Setpoints, Settings, Survey, TorqueLimit, Write,
+    Identity, Increments, IndexDistance, Io, Make, ModeDisplay, Model, NodeSpec, OwnHoming,
+    PowerCommand, RemoteNode, Sample, Setpoint, Setpoints, Settings, Survey, TorqueLimit, Write,
 };
 use crate::dictionary;
 use core::time::Duration;
@@ -387,6 +387,11 @@ impl Drive for Lxm32m {
             ],
             mode: cia402::shows(HOMING),
             end: Write::new(0x6060, 0, Data::u8(INTERPOLATED_POSITION as u8)),
+            // In usr_p (2618), which are increments.
+            index: matches!(method, 1..=14).then_some(IndexDistance {
+                object: Address::new(0x3028, 0x0F),
+                turn: Increments::new(REVOLUTION as i64),
+            }),
         })
     }
 

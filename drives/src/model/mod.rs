@@ -36,8 +36,8 @@ mod twk_crn;
 pub use capture::{Capture, CaptureInput};
 pub use described::{Description, Lack};
 pub use drive::{
-    Drive, DriveStatus, Dynamics, ModeDisplay, NotFollowing, OwnHoming, PowerCommand, PowerState,
-    Setpoint, StatusWord, Survey,
+    Drive, DriveStatus, Dynamics, IndexDistance, ModeDisplay, NotFollowing, OwnHoming,
+    PowerCommand, PowerState, Setpoint, StatusWord, Survey,
 };
 pub use feedback::{Feedback, Sample, unwrapped};
 pub use io::{Io, IoNode, IoSettings};

@@ -18,6 +18,12 @@ use syncline_drives::model::{Increments, PowerCommand};
 /// finds its place is told once before its statusword says so.
 const BEYOND: u32 = 3;
 
+/// By less than this part of a turn beside the edge of its switch an index pulse is refused: the next homing may take the
+/// one before it or behind it.
+const INDEX_LEAST: f64 = 0.02;
+/// By less than this part it is told.
+const INDEX_SAFE: f64 = 0.1;
+
 /// Where a drive that is home began to count.
 pub(super) const ZERO: Edge = Edge {
     at: Increments::ZERO,
@@ -107,7 +113,7 @@ impl<const N: usize> Controller<N> {
         how: &DriveHoming,
         (quiet, answered): (bool, bool),
     ) -> Result<bool, HomingFailure> {
-        let still = self.still_cycles();
+        let (still, at) = (self.still_cycles(), index);
         let axis = &mut self.axes[index];
         let node = &mut self.nodes[axis.drive()];
         let by_drive = &mut self.homing.by_drive[index];
@@ -140,12 +146,23 @@ impl<const N: usize> Controller<N> {
                 by_drive.enter(Step::Home);
             }
             Step::Home if quiet && seen && node.still() >= still => {
+                node.ask_index(how);
                 node.ask_mode_back(how);
                 by_drive.enter(Step::Returning);
             }
             Step::Returning if answered => {
+                let index = node.index_distance(how);
                 node.power = PowerCommand::Run;
                 by_drive.enter(Step::Starting);
+                match index {
+                    Some((_, part)) if part < INDEX_LEAST => {
+                        return Err(HomingFailure::IndexTooNear);
+                    }
+                    Some((distance, part)) if part < INDEX_SAFE => {
+                        self.tell(Event::IndexNear { axis: at, distance });
+                    }
+                    _ => {}
+                }
             }
             Step::Starting if seen && node.status().mode_runs => return Ok(true),
             _ => {}

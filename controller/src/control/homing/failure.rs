@@ -54,6 +54,8 @@ pub enum HomingFailure {
     NotHome,
     /// The drive, which homes by itself, went further than it may.
     TooFar,
+    /// The drive, which homes by itself, took an index pulse too near to the edge of its switch.
+    IndexTooNear,
     /// No hard stop stopped the axis within the distance.
     NoStop,
     /// Something stopped the axis nearer to where it began than a hard stop can be.
@@ -191,6 +193,9 @@ impl HomingFailure {
                 "its drive went more than {far} {unit} from where it began: check the switches wired to the drive, \
                  `method` and `max_distance`"
             ),
+            Self::IndexTooNear => "the index pulse that its drive took is less than 2 % of a turn from the edge of its \
+                 switch, and the next one may be another: move the switch by a quarter of a turn"
+                .into(),
             Self::NoStop
             | Self::TooEarly
             | Self::GaveWay

@@ -69,6 +69,24 @@ impl DeviceNode {
         }
     }
 
+    /// The step that asks how far its index pulse was from the edge of its switch, where it went by both.
+    pub(in crate::control) fn ask_index(&mut self, how: &DriveHoming) {
+        let index = self.own_homing(how).and_then(|homing| homing.index);
+        self.sequence
+            .extend(index.map(|index| Step::Note(0, index.object)));
+    }
+
+    /// How near to the edge the index pulse was that was asked for, or the one before or behind it: mm, and which part
+    /// of a turn that is.
+    pub(in crate::control) fn index_distance(&self, how: &DriveHoming) -> Option<(f64, f64)> {
+        let index = self.own_homing(how)?.index?;
+        let [noted, _] = self.sequence.noted();
+        let turn = index.turn.get();
+        let behind = i64::from(noted as i32).rem_euclid(turn);
+        let near = behind.min(turn - behind) as f64;
+        Some((near * self.scaling().resolution(), near / turn as f64))
+    }
+
     /// The steps back from there.
     pub(in crate::control) fn ask_mode_back(&mut self, how: &DriveHoming) {
         let homing = self.own_homing(how);
