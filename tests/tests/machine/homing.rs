@@ -586,7 +586,7 @@ fn apart(rig: &mut Rig) -> f64 {
 }
 
 /// Homes X, and holds its skew beside what is planned against a limit all the time; how square it ends.
-fn squared(rig: &mut Rig, limit: f64) -> f64 {
+pub(super) fn squared(rig: &mut Rig, limit: f64) -> f64 {
     let begin = apart(rig);
     let x = Axis::X.index();
     rig.command(home(Axis::X));
@@ -619,7 +619,7 @@ fn squared(rig: &mut Rig, limit: f64) -> f64 {
 }
 
 /// An increment of the router's X, mm: 20 mm a turn.
-const INCREMENT: f64 = 20.0 / 131_072.0;
+pub(super) const INCREMENT: f64 = 20.0 / 131_072.0;
 
 /// Friction and stiffness of the guides of a beam, as the seed has it.
 fn beam(seed: u64) -> String {

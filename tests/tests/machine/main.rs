@@ -19,6 +19,7 @@ mod feedback;
 mod fits;
 mod hard_stops;
 mod heard;
+mod homed_in_turn;
 mod homing;
 mod identify;
 mod io_nodes;
