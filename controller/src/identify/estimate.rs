@@ -6,7 +6,7 @@
 //! τ = J φ̈ + C sign φ̇ + B φ̇ + G
 //! ```
 //!
-//! which is linear in the four unknowns; [`windows`](super::windows) says how it is solved without differentiating
+//! which is linear in the four unknowns; the module `windows` says how it is solved without differentiating
 //! anything. An axis that rests does not obey it, as friction then is whatever holds, and for a while behind a
 //! reversal the load may not have turned round while the motor has: what is told of those times is left out.
 //!
