@@ -329,6 +329,11 @@ pub enum Fault {
          or before"
     )]
     BeginProbed { line: u32 },
+    #[error(
+        "the program does not come to line {line} as it did when it was interrupted: it was changed, or offsets and \
+         tools lead it elsewhere: begin at a line that you choose"
+    )]
+    ResumeElsewhere { line: u32 },
 
     // Splines.
     #[error("{code} is a curve in X and Y: write G17 before")]

@@ -11,6 +11,7 @@ use super::axes::Point;
 use super::block::Block;
 use super::command::{Action, Command, Span};
 use super::compensation::Compensation;
+use super::entry::{Entry, InEffect, Passed, Place};
 use super::error::{Error, Fault, Origin, Refusal};
 use super::execute::{Continuation, State};
 use super::flow::{At, Control};
@@ -48,6 +49,10 @@ pub struct Interpreter {
     /// Where `pending` leads the machine.
     settled_at: Point,
     executed: u64,
+    /// Commands of the program that were handed out, or passed on the way to where it is begun.
+    passed: u64,
+    /// Commands in `pending` that are none of the program's, but set up the line that it is begun at.
+    setting_up: u64,
     /// What those asked for: canned cycles ask for many moves each.
     asked: u64,
     /// Blocks since the machine moved or rested: a loop that does nothing is refused even while
@@ -135,6 +140,8 @@ impl Interpreter {
             compensation: None,
             pending: VecDeque::new(),
             executed: 0,
+            passed: 0,
+            setting_up: 0,
             asked: 0,
             idle: 0,
             started: false,
@@ -226,6 +233,11 @@ impl Interpreter {
         self.executed
     }
 
+    /// How many commands of the program were handed out so far, or passed where it is begun in its middle.
+    pub fn passed(&self) -> u64 {
+        self.passed
+    }
+
     /// After an error goes on behind its block, to find the program's other mistakes; what comes is
     /// not to be run. `false` if nothing can be said of what is behind: where a subroutine, a loop
     /// or a branch begins or ends, or where the program cannot be read.
@@ -255,11 +267,85 @@ impl Interpreter {
     /// # Errors
     /// A block before the line is refused, or the program ends before it.
     pub fn start_at_line(&mut self, line: u32) -> Result<(), Error> {
-        let result = self.skip_to(line);
-        result.map_err(|refusal| self.error(refusal))
+        let Entry {
+            set_up,
+            way,
+            with_motion,
+            ..
+        } = self.enter_at_line(line)?;
+        let outputs = with_motion.into_iter().map(Action::Output);
+        self.actions
+            .extend(set_up.into_iter().chain(way).chain(outputs));
+        self.setting_up = self.actions.len() as u64;
+        let span = Span {
+            file: 0,
+            line,
+            columns: Columns { start: 1, end: 2 },
+        };
+        let settled = self.settle(span);
+        settled.map_err(|refusal| self.error(refusal))
     }
 
-    fn skip_to(&mut self, line: u32) -> Result<(), Refusal> {
+    /// The same, but for what sets the line up: that is left to the caller, before the next command.
+    ///
+    /// # Errors
+    /// As [`start_at_line`](Self::start_at_line).
+    pub fn enter_at_line(&mut self, line: u32) -> Result<Entry, Error> {
+        let entry = self.skip_to(line);
+        entry.map_err(|refusal| self.error(refusal))
+    }
+
+    /// Begins at a place behind the program's first commands: the next command is the one that comes there.
+    /// [`Setup::start`] is where the program began; the machine is at `here` now, and this is in effect. What is to come
+    /// before the next command is left to the caller. The place may be in a loop, a subroutine, a cycle or a
+    /// compensated contour. If it is a homing, the axes that are homed there stay where they are up to that.
+    ///
+    /// # Errors
+    /// A block before the place is refused, a probing is passed, or the program does not come to the place any more.
+    pub fn enter_at(&mut self, place: &Place, here: Point, now: &InEffect) -> Result<Entry, Error> {
+        let passed = self.pass_to(place);
+        let passed = passed.map_err(|refusal| self.error(refusal))?;
+        let mut at = passed.at();
+        // What is homed next begins where it is, and maybe nobody knows where that is.
+        if let Some(Action::Home { axes, .. }) = self.pending().next() {
+            axes.iter().for_each(|axis| at[axis] = here[axis]);
+        }
+        let way = self.state.way(here, at);
+        Ok(passed.entry(now, at, way))
+    }
+
+    fn pass_to(&mut self, place: &Place) -> Result<Passed, Refusal> {
+        let mut passed = Passed::new(self.state.at, &self.state.setup.memory.modes);
+        let line = place.known.map_or(0, |(_, line)| line);
+        loop {
+            let at = self.passed;
+            let looks = place.known.is_some_and(|(number, _)| number == at);
+            if at == place.passed && !looks {
+                return Ok(passed);
+            }
+            self.idle = 0;
+            self.advance()?;
+            let refuse = |fault| Err(Refusal::new(self.block.columns(), fault));
+            let Some(command) = self.pending.front() else {
+                return refuse(Fault::ResumeElsewhere { line });
+            };
+            if looks && command.span.line != line {
+                return refuse(Fault::ResumeElsewhere { line });
+            }
+            if at == place.passed {
+                return Ok(passed);
+            }
+            match &command.action {
+                Action::Probe { .. } => return refuse(Fault::BeginProbed { line }),
+                Action::End => return refuse(Fault::ResumeElsewhere { line }),
+                action => passed.pass(action),
+            }
+            self.pending.pop_front();
+            self.passed += 1;
+        }
+    }
+
+    fn skip_to(&mut self, line: u32) -> Result<Entry, Refusal> {
         let start = self.state.at;
         let mut outputs = PassedOutputs::new(start);
         loop {
@@ -275,6 +361,7 @@ impl Interpreter {
                     Fault::BeginProbed { line },
                 ));
             }
+            self.passed += self.pending.len() as u64;
             for command in self.pending.drain(..) {
                 outputs.pass(&command.action);
             }
@@ -298,13 +385,9 @@ impl Interpreter {
                 Fault::BeginNurbs { line },
             ));
         }
-        self.state.resume(start, outputs, &mut self.actions)?;
-        let span = Span {
-            file: 0,
-            line,
-            columns: Columns { start: 1, end: 2 },
-        };
-        self.settle(span)
+        let entry = self.state.entry(start, outputs)?;
+        self.settled_at = entry.at;
+        Ok(entry)
     }
 
     /// Reads and executes blocks until there is a command.
@@ -512,6 +595,10 @@ impl Iterator for Interpreter {
             return Some(Err(self.error(refusal)));
         }
         let command = self.pending.pop_front()?;
+        match self.setting_up {
+            0 => self.passed += 1,
+            _ => self.setting_up -= 1,
+        }
         let (at, does) = match &command.action {
             Action::Rapid { to } | Action::Feed { to, .. } => (*to, *to != self.idle_at),
             Action::Arc { arc, .. } => (arc.to, true),

@@ -9,7 +9,7 @@
 //! modal groups (`words`, `modal`) and executed (`execute`, `saved`, `switches`, `offsets`, `coordinates`,
 //! `home`, `motion`, `arc`, `spline`, `rational`, `cycles`); O-words lead on to other blocks (`flow`). Under G41 and G42 the contour becomes the way
 //! of the tool's centre (`compensation`). Where a program begins in the middle, outputs are what its first
-//! part makes of them (`outputs`). [`Interpreter`] hands out the
+//! part makes of them (`outputs`, `entry`). [`Interpreter`] hands out the
 //! [`Command`]s that come of it, one block at a time. What a program may not do is refused with an
 //! [`Error`] that shows the place, the block, what is wrong and what to do.
 #![forbid(unsafe_code)]
@@ -21,6 +21,7 @@ mod command;
 mod compensation;
 mod coordinates;
 mod cycles;
+mod entry;
 mod error;
 mod execute;
 mod expression;
@@ -54,6 +55,7 @@ pub use command::{
 };
 pub use coordinates::WorkCoordinates;
 pub use cycles::Cycle;
+pub use entry::{Entry, InEffect, Place};
 pub use error::{Error, Fault};
 pub use home::Homed;
 pub use interpreter::Interpreter;

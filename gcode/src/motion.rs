@@ -8,6 +8,7 @@ use super::block::Block;
 use super::command::{Action, Feed, Probe, Stop};
 use super::coordinates::sum;
 use super::cycles::Cycle;
+use super::entry::Entry;
 use super::error::{Fault, Refusal};
 use super::execute::{Compensated, State};
 use super::lexer::Columns;
@@ -181,39 +182,56 @@ impl State {
         Ok(())
     }
 
-    /// Commands that bring a machine at `start` into this state, with its outputs.
-    pub(crate) fn resume(
-        &mut self,
-        start: Point,
-        outputs: PassedOutputs,
-        commands: &mut VecDeque<Action>,
-    ) -> Result<(), Refusal> {
+    /// What brings a machine at `start` into this state, with its outputs.
+    pub(crate) fn entry(&mut self, start: Point, outputs: PassedOutputs) -> Result<Entry, Refusal> {
         let initial = self.setup.memory.modes.clone();
         let modes = self.modes.clone();
+        let mut set_up = Vec::new();
         if modes.tool != initial.tool {
             let tool = modes.tool;
-            commands.push_back(Action::Stop(Stop::ToolChange { tool }));
+            set_up.push(Action::Stop(Stop::ToolChange { tool }));
         }
         if modes.selected_tool != initial.selected_tool {
-            commands.push_back(Action::SelectTool(modes.selected_tool));
+            set_up.push(Action::SelectTool(modes.selected_tool));
         }
         if modes.spindle != initial.spindle {
-            commands.push_back(Action::Spindle(modes.spindle));
+            set_up.push(Action::Spindle(modes.spindle));
         }
         if modes.coolant != initial.coolant {
-            commands.push_back(Action::Coolant(modes.coolant));
+            set_up.push(Action::Coolant(modes.coolant));
         }
-        commands.extend(outputs.switched.into_iter().map(Action::Output));
+        set_up.extend(outputs.switched.into_iter().map(Action::Output));
         if modes.path_mode != initial.path_mode {
-            commands.push_back(Action::PathMode(modes.path_mode));
+            set_up.push(Action::PathMode(modes.path_mode));
         }
-        let across = modes.plane.axes()[2];
-        let goal = std::mem::replace(&mut self.at, start);
+        let goal = self.at;
+        let way = self.way(start, goal);
+        let mut along = VecDeque::new();
+        self.at = start;
+        for action in way {
+            let columns = Columns { start: 1, end: 2 };
+            self.go(action, &Words::default(), columns, &mut along)?;
+        }
+        Ok(Entry {
+            at: goal,
+            set_up,
+            spindle: modes.spindle,
+            way: along.into(),
+            with_motion: outputs.await_motion,
+        })
+    }
+
+    /// The way from `start` to a place in the midst of a program, last along the axis across the plane when that goes
+    /// down.
+    pub(crate) fn way(&self, start: Point, goal: Point) -> Vec<Action> {
+        let across = self.modes.plane.axes()[2];
         let down = goal[across] < start[across];
         let mut over = if down { goal } else { start };
         over[across] = start[across].max(goal[across]);
+        let feed = self.modes.feed.filter(|feed| feed.number > 0.0);
+        let mut at = start;
+        let mut way = Vec::new();
         for to in [over, goal] {
-            let feed = self.modes.feed.filter(|feed| feed.number > 0.0);
             let action = match feed {
                 // What is below may not have been cut yet.
                 Some(rate) if down && to == goal => Action::Feed {
@@ -222,13 +240,11 @@ impl State {
                 },
                 _ => Action::Rapid { to },
             };
-            if to != self.at {
-                let columns = Columns { start: 1, end: 2 };
-                self.go(action, &Words::default(), columns, commands)?;
+            if to != std::mem::replace(&mut at, to) {
+                way.push(action);
             }
         }
-        commands.extend(outputs.await_motion.into_iter().map(Action::Output));
-        Ok(())
+        way
     }
 
     /// Where the axis words lead, machine coordinates.

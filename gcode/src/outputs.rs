@@ -23,6 +23,11 @@ impl PassedOutputs {
         }
     }
 
+    /// The position that the commands lead to.
+    pub(crate) fn at(&self) -> Point {
+        self.at
+    }
+
     /// Passes the next command.
     pub(crate) fn pass(&mut self, action: &Action) {
         let to = match action {

@@ -21,6 +21,13 @@ use syncline_drives::model::{Address, PowerState, StatusWord};
 use syncline_gcode::Axis as Letter;
 use syncline_trajectory::path::Leg;
 
+/// Why a path is not retraced any further.
+const NO_WAY_BACK: &str = "no way back from here: the program begins here, or goes on behind a probing or a move point to point";
+
+/// What a held program that was left for typed lines waits for.
+const SET_ASIDE: &str = "the program waits, and nothing goes on by itself: `resume` reads it anew from the block at work, \
+                         with the offsets and tools as they are then; `stop` gives it up";
+
 /// Something worth a line in the log.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Event {
@@ -286,6 +293,8 @@ pub enum Event {
     Retracing,
     /// The path leads no further back: it begins there, or is behind a probing or a move point to point.
     NoWayBack,
+    /// A program that was held is left for lines that are typed in, and waits to be resumed.
+    SetAside,
     /// A job is over.
     JobOver {
         /// Its number.
@@ -310,6 +319,8 @@ pub enum Pause {
     OptionalStop,
     /// It begins at this line, in the middle.
     Beginning,
+    /// It is begun in its middle, and the way there goes on with a leg that was told.
+    NextLeg,
     /// M6 with this tool.
     ToolChange(u32),
     /// M66: the input with this number did not come in time.
@@ -393,6 +404,7 @@ impl fmt::Display for Pause {
             Self::ProgramStop => f.write_str("program stop (M0)"),
             Self::OptionalStop => f.write_str("optional stop (M1)"),
             Self::Beginning => f.write_str("the program begins here once it is confirmed"),
+            Self::NextLeg => f.write_str("on the way back to the path, waits for cycle start"),
             Self::NoInput(number) => write!(f, "input P{number} did not come in time (M66)"),
             Self::NotAtSpeed => f.write_str("the spindle did not reach its speed in time"),
             Self::UserCode(code) => {
@@ -556,7 +568,8 @@ impl Event {
             | Self::Resumed
             | Self::StillPaused { .. }
             | Self::Retracing
-            | Self::NoWayBack => return self.describe_path(),
+            | Self::NoWayBack
+            | Self::SetAside => return self.describe_path(),
             Self::JobOver { .. } | Self::State(_) | Self::Kept { .. } => return None,
             Self::Interrupted => "interrupted: stopping on the path".to_owned(),
             Self::Fault(fault) => format!("FAULT: {}", fault.describe(names)),
@@ -573,9 +586,8 @@ impl Event {
                 format!("feed hold ended, still at rest in line {line}: {reason}")
             }
             Self::Retracing => "retracing: going back along the path".to_owned(),
-            Self::NoWayBack => "no way back from here: the program begins here, or goes on behind a probing or a move \
-                                point to point"
-                .to_owned(),
+            Self::NoWayBack => NO_WAY_BACK.to_owned(),
+            Self::SetAside => SET_ASIDE.to_owned(),
             _ => return None,
         })
     }
@@ -662,8 +674,9 @@ impl Event {
     }
 }
 
-/// Where the next leg of the way back leads, machine coordinates.
-fn describe_leg(leg: &Leg<COORDINATES>) -> String {
+/// Where the next leg of the way back leads, machine coordinates, and what an operator does for it.
+#[must_use]
+pub fn describe_leg(leg: &Leg<COORDINATES>) -> String {
     let to = (Letter::ALL.iter().zip(leg.to))
         .filter_map(|(axis, to)| Some(format!("{} to {:.3}", axis.letter(), to?)));
     let to = to.collect::<Vec<_>>().join(", ");

@@ -173,6 +173,13 @@ impl Switches {
         }
     }
 
+    /// The outputs of a program are as it has switched them before, whoever has switched them meanwhile.
+    pub(super) fn put_back(&mut self, program: &MachineFunctions) {
+        self.by_hand.fill(None);
+        self.functions.digital = program.digital;
+        self.functions.analog = program.analog;
+    }
+
     /// Switches an output by hand.
     pub(super) fn by_hand(&mut self, output: usize, on: bool) {
         self.by_hand[output] = Some(on);

@@ -139,6 +139,8 @@ impl<const N: usize> Controller<N> {
                 self.interrupt_homing(HomingFailure::DoorOpen);
             }
             InputMeaning::Probe => self.touched(),
+            // To read it anew takes an operator, who is told what it begins with.
+            InputMeaning::CycleStart if self.rests_aside() => self.tell(Event::SetAside),
             InputMeaning::CycleStart
                 if state.allows(Request::GoOn) && self.open_door().is_none() =>
             {

@@ -93,7 +93,8 @@ pub enum StopPoint {
 
 impl StopPoint {
     /// The line of the block that is at work while the path rests there.
-    pub(super) fn works_on(&self) -> Option<u32> {
+    #[must_use]
+    pub fn works_on(&self) -> Option<u32> {
         match *self {
             Self::AwaitInput { line, .. }
             | Self::PointToPoint { line, .. }

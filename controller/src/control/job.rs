@@ -2,8 +2,10 @@
 //!
 //! A job's plan comes from outside of the cycle, instruction by instruction, once it has begun.
 
-use super::state::State;
-use super::{Controller, End, Event, Fault, Goal, Instruction, Phase, StopPoint, event_sink};
+use super::state::{NotNow, Request, State};
+use super::{
+    Controller, End, Event, Fault, Goal, Instruction, Phase, Refusal, StopPoint, event_sink,
+};
 use std::mem::take;
 use syncline_gcode::AxisSet;
 use syncline_trajectory::path::{Command as PathCommand, ReplanRequest};
@@ -40,11 +42,13 @@ pub enum Outcome {
     Stopped,
     /// It could not begin, or a block of it could not be run.
     Broken,
+    /// It was held, and left for lines that are typed in; it may be taken up.
+    SetAside,
 }
 
 impl Job {
     /// The job that a machine is switched on for.
-    pub(super) const ONLY: Self = Self {
+    pub(crate) const ONLY: Self = Self {
         number: 0,
         kind: JobKind::Program,
         waits_for_input: false,
@@ -71,6 +75,7 @@ impl<const N: usize> Controller<N> {
             phase if phase < Phase::Program && self.goal == Goal::Ready => State::Starting,
             Phase::Program if self.homing.is_active() => State::Homing,
             Phase::Program => match self.job {
+                None if self.aside.is_some() => State::Held,
                 None if self.executor.is_off_path() => State::Jogging,
                 None => State::Ready,
                 Some(_) if self.held || self.pause_told => State::Held,
@@ -98,6 +103,65 @@ impl<const N: usize> Controller<N> {
         self.switches.begin(&self.layout, told);
         drop(events);
         self.rest_here();
+    }
+
+    /// Begins lines that are typed in where a program is held: that is set aside, with what it has switched.
+    ///
+    /// # Errors
+    /// The axes move, or are beside the path for something that cannot be left.
+    pub(super) fn begin_beside(&mut self, lines: Job) -> Result<(), Refusal> {
+        if self.job.is_some_and(|job| job.kind == JobKind::Mdi) {
+            return Err(Refusal::LinesHeld);
+        }
+        if self.probing.is_active() || matches!(self.reached(), Some(StopPoint::Probe { .. })) {
+            return Err(Refusal::Probing);
+        }
+        if self.has_goers() || matches!(self.reached(), Some(StopPoint::PointToPoint { .. })) {
+            return Err(Refusal::NoWayBack);
+        }
+        if !self.rests_held() {
+            return Err(Refusal::Moving);
+        }
+        if self.job.is_some() {
+            self.aside = Some(self.switches.functions);
+            self.end_job(Outcome::SetAside);
+            self.tell(Event::SetAside);
+        }
+        self.begin(lines);
+        Ok(())
+    }
+
+    /// Begins the rest of the program that was set aside: outputs are its own again, but for spindle and coolant, which
+    /// it switches itself.
+    ///
+    /// # Errors
+    /// None was, or the axes move.
+    pub(super) fn take_up(&mut self, job: Job) -> Result<(), Refusal> {
+        let Some(functions) = self.aside.filter(|_| self.job.is_none()) else {
+            let (request, state) = (Request::Begin, self.state());
+            return Err(NotNow { request, state }.into());
+        };
+        if !self.rests_held() {
+            return Err(Refusal::Moving);
+        }
+        self.aside = None;
+        self.switches.put_back(&functions);
+        self.begin(job);
+        Ok(())
+    }
+
+    /// Whether the axes of a machine that is held rest, and none is about to move: with the first of a motion the speed is
+    /// still 0.
+    fn rests_held(&self) -> bool {
+        let plan = &self.planned;
+        let rates = plan.velocity.iter().chain(&plan.acceleration);
+        let still = rates.chain(&plan.jerk).all(|rate| *rate == 0.0);
+        still && self.shaping.is_settled() && !self.executor.is_jogged()
+    }
+
+    /// Whether a program is set aside and nothing is at work.
+    pub(super) fn rests_aside(&self) -> bool {
+        self.aside.is_some() && self.job.is_none() && self.phase == Phase::Program
     }
 
     /// Forgets what is left of a plan: the machine rests where it is.
@@ -243,7 +307,10 @@ impl<const N: usize> Controller<N> {
 
     /// Stops what moves; the job is over. A machine that was switched on for one job goes off.
     pub fn interrupt(&mut self) {
-        let works = self.job.is_some() || self.homing.is_active() || self.executor.is_off_path();
+        let works = self.job.is_some()
+            || self.aside.is_some()
+            || self.homing.is_active()
+            || self.executor.is_off_path();
         let moves = self.phase == Phase::Program && works;
         if !self.stays_on && self.end().is_none() {
             self.tell(Event::Interrupted);
@@ -281,7 +348,7 @@ impl<const N: usize> Controller<N> {
         if let Some(job) = self.job.take() {
             // Typed lines that are wrong were not begun, and stop nothing.
             let ends = job.kind == JobKind::Program || outcome == Outcome::Stopped;
-            if ends && self.stays_on {
+            if ends && outcome != Outcome::SetAside && self.stays_on {
                 self.switch_off_outputs();
             }
             self.over = Some((job.number, outcome));

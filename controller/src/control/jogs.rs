@@ -5,7 +5,6 @@
 //! lost, with a key held or a button pressed, leaves an axis moving. Cycles count, which no source can
 //! hold up; a renewal only prolongs what still goes on, so that one that comes late sets nothing in motion.
 
-use super::state::State;
 use super::{Controller, Event, Phase};
 use syncline_canopen::time::Duration;
 use syncline_trajectory::limits::{Limits, PositionLimits};
@@ -36,7 +35,7 @@ impl<const N: usize> Controller<N> {
     }
 
     /// Moves axes inside their soft limits.
-    pub(super) fn jog(&mut self, jog: Jog<N>, state: State) -> Result<(), JogError> {
+    pub(super) fn jog(&mut self, jog: Jog<N>) -> Result<(), JogError> {
         if self.phase != Phase::Program {
             return Err(JogError::Moving);
         }
@@ -47,14 +46,15 @@ impl<const N: usize> Controller<N> {
                 limits.v_min = -limits.v_max;
             }
         }
-        if state == State::Ready {
+        let beside_nothing = self.job.is_none() && !self.executor.is_off_path();
+        if beside_nothing {
             // Without a job there is no path to leave: it is held where it ended.
             self.executor.feed_hold();
         }
         let taken = self.executor.jog(jog, &travel);
         match (taken, jog) {
             (Ok(()), Jog::Continuous { axis, .. }) => self.renew_jog(axis),
-            (Err(_), _) if state == State::Ready => self.rest_here(),
+            (Err(_), _) if beside_nothing => self.rest_here(),
             _ => {}
         }
         taken

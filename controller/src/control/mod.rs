@@ -228,6 +228,9 @@ pub struct Controller<const N: usize> {
     job: Option<Job>,
     /// The last job that is over.
     over: Option<(u64, Outcome)>,
+    /// What a program has switched that was held and left for lines that are typed in; until it is taken up or
+    /// given up.
+    aside: Option<MachineFunctions>,
 
     executor: Executor<N>,
     /// By coordinate: in which cycle its continuous jog ends unless it is renewed.
@@ -315,6 +318,7 @@ impl<const N: usize> Controller<N> {
             stays_on: false,
             job: Some(Job::ONLY),
             over: None,
+            aside: None,
             planned: executor.setpoint(),
             shaping: Shaping::new(&layout.shaper, period, executor.setpoint()),
             executor,

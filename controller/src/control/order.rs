@@ -1,7 +1,7 @@
 //! What the session, or the program's feeder, orders.
 
 use super::state::{NotNow, Request};
-use super::{Controller, Event, Goal, Job, StopPoint};
+use super::{Controller, Event, Goal, Job, JobKind, State, StopPoint};
 use crate::machine::COORDINATES;
 use std::mem::take;
 use syncline_gcode::Axis as Letter;
@@ -11,7 +11,10 @@ use syncline_trajectory::path::{Jog, JogError, Overrides};
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Order<const N: usize = COORDINATES> {
     /// Begins a job where the machine rests. Its plan is asked for then.
+    /// Lines that are typed in set aside a program that is held.
     Begin(Job),
+    /// Begins the rest of the program that was set aside, likewise.
+    TakeUp(Job),
     /// Ends a pause: program stop, tool change.
     CycleStart,
     /// Rests on the path.
@@ -100,6 +103,17 @@ pub enum Refusal {
     /// Axes go point to point, and the path waits for them.
     #[error("axes go point to point, which nothing takes back: feed hold and resume, or stop")]
     NoWayBack,
+    /// It needs the axes at rest.
+    #[error("axes move: feed hold, wait until they rest, then command it again")]
+    Moving,
+    /// What is held are typed lines themselves.
+    #[error("typed lines are held already: resume or stop them first")]
+    LinesHeld,
+    /// The program that was held is not the cycle's any more.
+    #[error(
+        "the program was left for typed lines, and nothing leads back from here: resume reads it anew, stop gives it up"
+    )]
+    SetAside,
     /// No axis is homed unless it is named.
     #[error("nothing is to be homed but what an operator homes by hand: name the axes")]
     NothingToHome,
@@ -110,8 +124,11 @@ impl<const N: usize> Order<N> {
     #[must_use]
     pub fn request(&self) -> Option<Request> {
         Some(match self {
-            Self::Begin(_) => Request::Begin,
-            Self::CycleStart | Self::Resume | Self::Retrace => Request::GoOn,
+            Self::Begin(job) => match job.kind {
+                JobKind::Program => Request::Begin,
+                JobKind::Mdi => Request::TypedLines,
+            },
+            Self::TakeUp(_) | Self::CycleStart | Self::Resume | Self::Retrace => Request::GoOn,
             Self::FeedHold | Self::ToggleFeedHold => Request::FeedHold,
             Self::Jog(_) => Request::Jog,
             Self::Home(_) => Request::Home,
@@ -147,8 +164,14 @@ impl<const N: usize> Controller<N> {
             return Err(Refusal::DoorOpen);
         }
         self.check_references(&order)?;
+        let leads_on = matches!(order, Order::CycleStart | Order::Resume | Order::Retrace);
+        if self.rests_aside() && leads_on {
+            return Err(Refusal::SetAside);
+        }
         match order {
+            Order::Begin(lines) if state == State::Held => self.begin_beside(lines)?,
             Order::Begin(job) => self.begin(job),
+            Order::TakeUp(job) => self.take_up(job)?,
             Order::CycleStart => self.go_on(),
             Order::FeedHold => self.hold_path(),
             Order::Resume => self.resume_path(),
@@ -176,7 +199,7 @@ impl<const N: usize> Controller<N> {
                 self.executor.retrace();
             }
             Order::Jog(_) if self.probing.is_active() => return Err(Refusal::Probing),
-            Order::Jog(jog) => self.jog(jog, state).map_err(Refusal::Jog)?,
+            Order::Jog(jog) => self.jog(jog).map_err(Refusal::Jog)?,
             Order::RenewJog(axis) => self.renew_jog(axis),
             Order::EndJog(axis) => self.executor.end_jog(axis),
             Order::FeedOverride(feed) => {
@@ -209,18 +232,20 @@ impl<const N: usize> Controller<N> {
     /// Whether the axes that an order moves by machine positions have such positions.
     fn check_references(&self, order: &Order<N>) -> Result<(), Refusal> {
         let homes = |at: usize| match order {
-            Order::Begin(job) => Letter::ALL
+            Order::Begin(job) | Order::TakeUp(job) => Letter::ALL
                 .get(at)
                 .is_some_and(|&it| job.homes_first.contains(it)),
             _ => false,
         };
         let needs = |at: usize| match order {
-            Order::Begin(_) => !self.layout.homing.unreferenced_jobs && !homes(at),
+            Order::Begin(_) | Order::TakeUp(_) => {
+                !self.layout.homing.unreferenced_jobs && !homes(at)
+            }
             Order::Jog(Jog::To(to) | Jog::Line { to, .. }) => to[at].is_some(),
             _ => false,
         };
         let moves = |at: usize| match order {
-            Order::Begin(_) => !homes(at),
+            Order::Begin(_) | Order::TakeUp(_) => !homes(at),
             Order::Jog(Jog::Continuous { axis, .. } | Jog::Step { axis, .. }) => *axis == at,
             _ => needs(at),
         };
@@ -246,6 +271,7 @@ impl<const N: usize> Controller<N> {
     fn moves(&self, order: Order<N>) -> bool {
         match order {
             Order::Begin(_)
+            | Order::TakeUp(_)
             | Order::CycleStart
             | Order::Resume
             | Order::Retrace

@@ -168,6 +168,7 @@ impl<const N: usize> Controller<N> {
     /// Enters a phase: what it sends or asks once.
     pub(super) fn enter(&mut self, phase: Phase, out: &mut [Outbox]) {
         self.phase = phase;
+        self.aside = None;
         self.phase_cycle = self.cycle;
         self.acted = false;
         self.tell(Event::Phase(phase));

@@ -38,8 +38,11 @@ pub enum State {
 /// What may be asked of a machine, as far as it matters to its state.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Request {
-    /// Begin a job: a program, lines that are typed in.
+    /// Begin a program.
     Begin,
+    /// Execute lines that are typed in, or set an offset or a tool's length here. Where a program is held it is left for
+    /// them.
+    TypedLines,
     /// Home axes.
     Home,
     /// Move axes by jogs, or to a position.
@@ -86,6 +89,7 @@ impl State {
         use State::{Disabled, Faulted, Held, Homing, Jogging, Mdi, Off, Ready, Running, Starting};
         match request {
             Request::Begin | Request::Home => matches!(self, Ready),
+            Request::TypedLines => matches!(self, Ready | Held),
             Request::Jog | Request::Switch => matches!(self, Ready | Jogging | Held),
             Request::FeedHold => matches!(self, Jogging | Mdi | Running | Held),
             Request::GoOn => matches!(self, Mdi | Running | Held),
@@ -121,8 +125,9 @@ impl State {
 
 impl Request {
     /// All of them.
-    pub const ALL: [Self; 12] = [
+    pub const ALL: [Self; 13] = [
         Self::Begin,
+        Self::TypedLines,
         Self::Home,
         Self::Jog,
         Self::FeedHold,
@@ -158,7 +163,8 @@ impl fmt::Display for State {
 impl fmt::Display for Request {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
-            Self::Begin => "new job",
+            Self::Begin => "new program",
+            Self::TypedLines => "typed lines",
             Self::Home => "homing",
             Self::Jog => "jog",
             Self::FeedHold => "feed hold",

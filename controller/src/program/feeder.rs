@@ -1,8 +1,9 @@
 //! A running program: its commands pushed into the planner, the planner's handed out as instructions.
 
 use super::feed::{feed, path_speed};
-use super::moves::{MoveSource, ON_THE_PATH, ProgramMove, Step, Upcoming};
-use super::{Left, Program, ProgramError, Scale, UserCodes, place};
+use super::moves::{MoveSource, ON_THE_PATH, ProgramMove, ProgramStop, Step, Upcoming};
+use super::{Entered, Left, Program, ProgramError, Scale, UserCodes, place};
+use crate::control::event::describe_leg;
 use crate::control::functions::SWITCHES;
 use crate::control::{
     Found, InputWait, Instruction, Pause, ProbeMove, StopPoint, Switch, UserCall,
@@ -33,6 +34,13 @@ const MOVES_AHEAD: u32 = 16_384;
 /// A running program: hands out one [`Instruction`] after the other.
 pub struct Feeder {
     interpreter: Interpreter,
+    /// What comes before the interpreter's commands.
+    opening: VecDeque<Opening>,
+    /// The line at which the program is begun in its middle.
+    entered: u32,
+    /// Where the command is that is taken, and where the next one is.
+    here: gcode::Place,
+    next: gcode::Place,
     /// The tables as they were at the start.
     tables: Tables,
     source: MoveSource,
@@ -73,6 +81,16 @@ pub struct Feeder {
     ended: bool,
 }
 
+/// What comes before the commands of a program that is begun in its middle.
+enum Opening {
+    /// The operator is told what comes next, and goes on.
+    Confirm(Pause, String),
+    /// What sets the machine up, or leads it there.
+    Act(Action),
+    /// The spindle has its speed before the axes move.
+    AtSpeed,
+}
+
 /// How moves are left in this mode.
 fn path_control_mode(mode: PathMode, tolerances: PathTolerances, scale: f64) -> PathControlMode {
     match mode {
@@ -87,6 +105,19 @@ fn path_control_mode(mode: PathMode, tolerances: PathTolerances, scale: f64) -> 
                 }
             })
         }
+    }
+}
+
+/// Whether the spindle turns where a program is begun in its middle.
+fn turns(entry: &gcode::Entry) -> bool {
+    entry.spindle.turning != gcode::Turning::Off
+}
+
+/// Behind so many commands, of which nothing else is known.
+fn nth(passed: u64) -> gcode::Place {
+    gcode::Place {
+        passed,
+        known: None,
     }
 }
 
@@ -116,9 +147,21 @@ impl Program {
             exact: self.tolerances.exact * self.scale.tolerance,
             blend: self.tolerances.blend * self.scale.tolerance,
         };
-        let mut feeder = Feeder {
+        let (interpreter, entry) = self.interpret(start)?;
+        // Maybe the spindle was still on its way to its speed.
+        let spins_up = entry.as_ref().is_some_and(turns);
+        let (begun, next) = match self.entered {
+            Some(Entered::At { start, place, .. }) => (start, place),
+            _ => (start, nth(interpreter.passed())),
+        };
+        upcoming.tell(Step::Begin(begun, next));
+        Ok(Feeder {
             tables: self.setup.tables.clone(),
-            interpreter: self.interpret(start)?,
+            here: next,
+            next,
+            opening: self.opening(start, &interpreter, entry.as_ref()),
+            entered: self.entered.map_or(0, |entered| entered.line().0),
+            interpreter,
             source: MoveSource::new(start, self.point_to_point),
             planner: planner(self.limits, bounds, start),
             limits: self.limits,
@@ -137,7 +180,7 @@ impl Program {
             first_mark: 0,
             switches: VecDeque::new(),
             since_stop: 0,
-            spins_up: false,
+            spins_up,
             spindle: self.spindle,
             user_codes: Arc::clone(&self.user_codes),
             settling: self.settling,
@@ -148,18 +191,51 @@ impl Program {
             handed_out: 0,
             committed: VecDeque::with_capacity(COMMITS_AHEAD + 1),
             ended: false,
+        })
+    }
+
+    /// What comes before the commands of an interpreter that stands where the program is entered: what it finds, and
+    /// what brings a machine at `here` there.
+    fn opening(
+        &self,
+        here: Position,
+        interpreter: &Interpreter,
+        entry: Option<&gcode::Entry>,
+    ) -> VecDeque<Opening> {
+        let mut opening = VecDeque::new();
+        let Some(entry) = entry else {
+            return opening;
         };
-        if self.waits
-            && let Some(found) = self.found(&feeder.interpreter)
-        {
-            let line = found.line;
-            feeder.tell(line, found.to_string());
-            feeder.stop_then(StopPoint::Pause {
-                reason: Pause::Beginning,
-                line,
-            });
+        let found = self.found(interpreter, entry).filter(|_| self.waits);
+        if let Some(found) = &found {
+            opening.push_back(Opening::Confirm(Pause::Beginning, found.to_string()));
         }
-        Ok(feeder)
+        opening.extend(entry.set_up.iter().cloned().map(Opening::Act));
+        match self.retraction.filter(|_| found.is_some()) {
+            Some(retraction) => {
+                if turns(entry) {
+                    opening.push_back(Opening::AtSpeed);
+                }
+                let mut at = here;
+                while let Some(leg) = retraction.leg(&at, &entry.at.0) {
+                    for (at, to) in at.iter_mut().zip(leg.to) {
+                        *at = to.unwrap_or(*at);
+                    }
+                    let to = gcode::Point(at);
+                    let feed = gcode::Feed::Rate(leg.speed);
+                    let act = match leg.speed.is_finite() {
+                        true => Action::Feed { to, feed },
+                        false => Action::Rapid { to },
+                    };
+                    opening.push_back(Opening::Confirm(Pause::NextLeg, describe_leg(&leg)));
+                    opening.push_back(Opening::Act(act));
+                }
+            }
+            None => opening.extend(entry.way.iter().cloned().map(Opening::Act)),
+        }
+        let with_motion = entry.with_motion.iter().copied().map(Action::Output);
+        opening.extend(with_motion.map(Opening::Act));
+        opening
     }
 }
 
@@ -189,13 +265,17 @@ impl Feeder {
             if self.ended || self.interpreter.awaits_machine() || self.is_far_ahead() {
                 return Ok(None);
             }
-            let Some(command) = self.interpreter.next() else {
+            let taken = if let Some(opening) = self.opening.pop_front() {
+                self.open(opening)
+            } else if let Some(command) = self.interpreter.next() {
+                let command = command.map_err(ProgramError::from);
+                command.and_then(|command| self.take_next(&command))
+            } else {
                 self.stop_then(StopPoint::End);
                 self.ended = true;
                 continue;
             };
-            let taken = command.map_err(ProgramError::from);
-            if let Err(error) = taken.and_then(|command| self.take(&command)) {
+            if let Err(error) = taken {
                 self.stop_then(StopPoint::Broken);
                 self.ended = true;
                 return Err(error);
@@ -223,6 +303,37 @@ impl Feeder {
             return false;
         };
         self.committed.len() == COMMITS_AHEAD && oldest > first + MOVES_AHEAD
+    }
+
+    /// Does what comes before the program's own commands.
+    fn open(&mut self, opening: Opening) -> Result<(), ProgramError> {
+        let line = self.entered;
+        let span = gcode::Span {
+            line,
+            ..gcode::Span::default()
+        };
+        match opening {
+            Opening::Confirm(reason, text) => {
+                self.tell(line, text);
+                self.stop_then(StopPoint::Pause { reason, line });
+                Ok(())
+            }
+            Opening::Act(action) => self.take(&gcode::Command { span, action }),
+            Opening::AtSpeed if take(&mut self.spins_up) => self.await_spindle(span),
+            Opening::AtSpeed => Ok(()),
+        }
+    }
+
+    /// Takes the program's next command.
+    fn take_next(&mut self, command: &gcode::Command) -> Result<(), ProgramError> {
+        let passed = self.interpreter.passed();
+        let known = Some((passed - 1, command.span.line));
+        self.here = gcode::Place {
+            passed: passed - 1,
+            known,
+        };
+        self.next = gcode::Place { passed, known };
+        self.take(command)
     }
 
     fn take(&mut self, command: &gcode::Command) -> Result<(), ProgramError> {
@@ -412,6 +523,7 @@ impl Feeder {
             let tolerance = mode.tolerance().max(ON_THE_PATH);
             (self.upcoming).tell(Step::Move(ProgramMove::new(
                 command.span.line,
+                self.here,
                 curve,
                 tolerance,
             )));
@@ -527,6 +639,14 @@ impl Feeder {
     fn stop_then(&mut self, stop: StopPoint) {
         self.since_stop = 0;
         self.leaves = None;
+        let rests = match stop {
+            StopPoint::Pause { line, .. } => Some((line, self.next)),
+            _ => stop.works_on().map(|line| (line, self.here)),
+        };
+        if let Some((line, place)) = rests {
+            let tag = self.tag;
+            (self.upcoming).tell(Step::Stop(ProgramStop { tag, line, place }));
+        }
         if self.marks.len() == MOST_MARKS {
             self.marks.pop_front();
             self.first_mark += 1;

@@ -12,12 +12,14 @@
 pub mod bounds;
 mod feed;
 mod feeder;
+mod interrupted;
 mod mistakes;
 mod moves;
 mod timetable;
 
 pub use feed::{counted_speed, moved};
 pub use feeder::Feeder;
+pub use interrupted::Interrupted;
 pub use mistakes::{Mistake, Mistakes};
 pub use moves::{Moves, ProgramMove, Upcoming};
 pub use timetable::Timetable;
@@ -32,7 +34,7 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::Duration;
 use syncline_gcode::{self as gcode, Action, AxisSet, Interpreter, Tables, TablesError};
-use syncline_trajectory::path::{CurveError, Limits, PathError};
+use syncline_trajectory::path::{CurveError, Limits, PathError, Retraction};
 
 /// What all programs of a machine have in common: axes, limits, tables, and what the programs before
 /// have left.
@@ -47,6 +49,8 @@ pub struct Programs {
     user_codes: UserCodes,
     /// By how much the axes come to rest later than the path, s.
     settling: f64,
+    /// How the axes go to a path where a straight line might meet what is being machined.
+    retraction: Option<Retraction>,
     /// Where what a program changes in the tables is written at its end.
     keeps: Option<PathBuf>,
 }
@@ -74,8 +78,49 @@ enum Source {
     File(PathBuf),
     /// Typed in.
     Lines(String),
+    /// What is set where the machine stands.
+    Setting(Setting),
     /// In memory, and its name.
     Text(String, Arc<[u8]>),
+}
+
+/// What an operator sets where the machine stands, as the lines that do so.
+#[derive(Clone, Copy, Debug)]
+pub enum Setting {
+    /// The work offset in effect, so that the position has these work coordinates, mm and degrees.
+    WorkOffset([Option<f64>; COORDINATES]),
+    /// The length of this tool, which is compensated from then on, for the same.
+    ToolLength(u32, [Option<f64>; COORDINATES]),
+}
+
+impl Setting {
+    /// The lines, in the units that are in effect.
+    fn lines(&self, memory: &gcode::Memory) -> String {
+        match self {
+            Self::WorkOffset(positions) => format!("G10 L20 P0{}", memory.words(positions)),
+            Self::ToolLength(tool, positions) => {
+                let words = memory.words(positions);
+                format!("G10 L10 P{tool}{words}\nG43 H{tool}")
+            }
+        }
+    }
+}
+
+/// Where a program is entered, if not at its beginning.
+#[derive(Clone, Copy, Debug)]
+enum Entered {
+    /// At a line, from where the machine stands.
+    AtLine(u32),
+    /// Where it was interrupted.
+    At {
+        /// Where the machine stood when it began.
+        start: Position,
+        place: gcode::Place,
+        /// The line that was at work.
+        line: u32,
+        /// What is in effect when it is entered.
+        now: gcode::InEffect,
+    },
 }
 
 /// Operator switches and the place a program starts from.
@@ -92,9 +137,12 @@ pub struct Program {
     user_codes: UserCodes,
     /// By how much the axes come to rest later than the path, s.
     settling: f64,
+    retraction: Option<Retraction>,
     scale: Scale,
     /// Begin there instead of at the beginning.
-    from_line: Option<u32>,
+    entered: Option<Entered>,
+    /// Lines that are typed in where this program rests: they begin in the modes that it has there.
+    beside: Option<Box<Interrupted>>,
     /// Where it begins in the middle it waits for cycle start first.
     waits: bool,
     /// Not interpreted as a whole before it runs.
@@ -261,6 +309,7 @@ impl Programs {
             spindle: SpinUp::of(machine),
             user_codes: user_codes(machine),
             settling: machine.shaper.settling(machine.cycle.as_secs_f64()),
+            retraction: machine.retraction,
             keeps: None,
         }
     }
@@ -287,7 +336,17 @@ impl Programs {
     /// Lines that were typed in: where they end the modal state goes on.
     #[must_use]
     pub fn lines(&self, text: &str) -> Program {
-        let mut program = self.program(Source::Lines(text.to_owned()));
+        self.typed(Source::Lines(text.to_owned()))
+    }
+
+    /// What is set where the machine stands, as lines that were typed in.
+    #[must_use]
+    pub fn setting(&self, setting: Setting) -> Program {
+        self.typed(Source::Setting(setting))
+    }
+
+    fn typed(&self, source: Source) -> Program {
+        let mut program = self.program(source);
         program.setup.typed = true;
         program
     }
@@ -305,8 +364,10 @@ impl Programs {
             spindle: self.spindle,
             user_codes: Arc::clone(&self.user_codes),
             settling: self.settling,
+            retraction: self.retraction,
             scale: Scale::default(),
-            from_line: None,
+            entered: None,
+            beside: None,
             waits: false,
             stream: false,
         }
@@ -324,6 +385,12 @@ impl Programs {
         self.setup.memory.coordinates(&self.setup.tables)
     }
 
+    /// Those in which lines begin that something of this memory is left to.
+    #[must_use]
+    pub fn coordinates_of(&self, memory: &gcode::Memory) -> gcode::WorkCoordinates {
+        memory.coordinates(&self.setup.tables)
+    }
+
     /// The tool with this number, if the tables have it.
     #[must_use]
     pub fn tool(&self, number: u32) -> Option<&gcode::Tool> {
@@ -334,6 +401,16 @@ impl Programs {
     pub fn take_over(&mut self, left: Left) {
         self.setup.memory = left.memory;
         self.setup.tables = left.tables;
+    }
+
+    /// Lines that were typed where a program rests have finished, and left this in the tables.
+    pub fn take_tables(&mut self, tables: Tables) {
+        self.setup.tables = tables;
+    }
+
+    /// This tool is in the spindle.
+    pub fn tool_is(&mut self, tool: u32) {
+        self.setup.memory.tool_is(tool);
     }
 
     /// Typed lines were stopped, which switches spindle and coolant off: what they set is forgotten, but
@@ -370,7 +447,21 @@ impl Program {
     /// The line to begin at.
     #[must_use]
     pub fn from_line(mut self, line: Option<u32>) -> Self {
-        self.from_line = line;
+        self.entered = line.map(Entered::AtLine);
+        self
+    }
+
+    /// Has typed lines begin with what these left, instead of with what the programs so far have.
+    #[must_use]
+    pub fn behind(mut self, memory: gcode::Memory) -> Self {
+        self.setup.memory = memory;
+        self
+    }
+
+    /// Has typed lines begin in the modes of a program where that rests.
+    #[must_use]
+    pub fn beside(mut self, interrupted: Interrupted) -> Self {
+        self.beside = Some(Box::new(interrupted));
         self
     }
 
@@ -402,18 +493,25 @@ impl Program {
     /// # Errors
     /// The first block that cannot be run, or no such line.
     pub fn beginning(&self, start: Position) -> Result<Option<Beginning>, ProgramError> {
-        let interpreter = self.from_line.map(|_| self.interpret(start)).transpose()?;
-        Ok(interpreter.and_then(|interpreter| self.found(&interpreter)))
+        if self.entered.is_none() {
+            return Ok(None);
+        }
+        let (interpreter, entry) = self.interpret(start)?;
+        Ok(entry.and_then(|entry| self.found(&interpreter, &entry)))
     }
 
-    /// What the line to begin at finds, of an interpreter that stands there.
-    fn found(&self, interpreter: &Interpreter) -> Option<Beginning> {
+    /// What the place finds that the program is entered at, of an interpreter that stands there.
+    fn found(&self, interpreter: &Interpreter, entry: &gcode::Entry) -> Option<Beginning> {
+        let (line, behind) = self.entered?.line();
+        let switched = entry.set_up.iter().filter_map(switched);
+        let with_motion = entry.with_motion.iter().map(ToString::to_string);
         Some(Beginning {
-            line: self.from_line?,
+            line,
+            behind,
             modes: interpreter.modes().clone(),
             axes: self.setup.axes,
-            position: interpreter.position(),
-            switched: interpreter.pending().filter_map(switched).collect(),
+            position: entry.at,
+            switched: switched.chain(with_motion).collect(),
         })
     }
 
@@ -422,14 +520,15 @@ impl Program {
     /// # Errors
     /// Every block that cannot be run.
     pub fn check(&self, start: Position) -> Result<Extent, ProgramError> {
-        let mut interpreter = self.interpret(start)?;
+        let (mut interpreter, entry) = self.interpret(start)?;
         if self.stream {
             return Ok(Extent {
                 sets_tables: true,
                 ..Extent::default()
             });
         }
-        let mut source = MoveSource::new(start, self.point_to_point);
+        let begins_at = entry.map_or(start, |entry| entry.at.0);
+        let mut source = MoveSource::new(begins_at, self.point_to_point);
         let mut extent = Extent::default();
         let mut mistakes = Mistakes::default();
         while let Some(command) = interpreter.next() {
@@ -491,24 +590,27 @@ impl Program {
             return AxisSet::NONE;
         }
         let [here, there] = [0.0, 1.0].map(|at| self.homed_from([at; COORDINATES]));
-        match (here, there) {
-            (Some((homed, Some(one))), Some((_, Some(other)))) => match one == other {
-                true if !homed.is_empty() => self.setup.axes,
-                _ => homed,
-            },
-            (Some((homed, _)), _) => homed,
-            (None, _) => AxisSet::NONE,
+        let (Some((homed, left)), Some((also, leaves))) = (here, there) else {
+            return AxisSet::NONE;
+        };
+        let homed: AxisSet = homed.iter().filter(|axis| also.contains(*axis)).collect();
+        match left.is_some() && left == leaves && !homed.is_empty() {
+            true => self.setup.axes,
+            false => homed,
         }
     }
 
-    /// Which axes it homes before it moves any, and with which tables it ends if it moves none.
+    /// Which axes it homes before it moves any, and with which tables it ends if it moves none. Where it is begun in its
+    /// middle, the way there comes first.
     fn homed_from(&self, start: Position) -> Option<(AxisSet, Option<Tables>)> {
+        let (mut interpreter, entry) = self.interpret(start).ok()?;
+        let begins_at = entry.map_or(start, |entry| entry.at.0);
+        let rests = |axis: &gcode::Axis| begins_at[axis.index()] == start[axis.index()];
         let mut homed = AxisSet::NONE;
-        let mut interpreter = self.interpret(start).ok()?;
         while let Some(Ok(command)) = interpreter.next() {
             match command.action {
                 Action::Home { axes, to } => {
-                    axes.iter().for_each(|axis| homed.insert(axis));
+                    axes.iter().filter(rests).for_each(|axis| homed.insert(axis));
                     interpreter.homed(to);
                 }
                 Action::Rapid { .. }
@@ -519,7 +621,8 @@ impl Program {
                 _ => {}
             }
         }
-        Some((homed, Some(interpreter.tables().clone())))
+        let rests = self.setup.axes.iter().all(|axis| rests(&axis));
+        Some((homed, rests.then(|| interpreter.tables().clone())))
     }
 
     /// Whether somebody said that nobody wants the program any more.
@@ -542,20 +645,50 @@ impl Program {
         self.setup.abandoned.store(true, Ordering::Relaxed);
     }
 
-    fn interpret(&self, start: Position) -> Result<Interpreter, ProgramError> {
+    /// Where the machine is brought to before the interpreter's first command, if not to the program's beginning.
+    fn interpret(
+        &self,
+        here: Position,
+    ) -> Result<(Interpreter, Option<gcode::Entry>), ProgramError> {
         let mut setup = self.setup.clone();
-        setup.start = gcode::Point(start);
+        setup.start = gcode::Point(match self.entered {
+            Some(Entered::At { start, .. }) => start,
+            _ => here,
+        });
+        if let Some(interrupted) = &self.beside {
+            setup.memory = interrupted.memory()?;
+        }
         let mut interpreter = match &self.source {
             Source::File(file) => Interpreter::open(file, setup)?,
             Source::Lines(text) => Interpreter::from_text("MDI", text.as_str(), setup),
+            Source::Setting(setting) => {
+                Interpreter::from_text("MDI", setting.lines(&setup.memory), setup)
+            }
             Source::Text(name, text) => {
                 Interpreter::new(name.as_str(), Cursor::new(Arc::clone(text)), setup)
             }
         };
-        if let Some(line) = self.from_line {
-            interpreter.start_at_line(line)?;
+        let entry = match self.entered {
+            None => None,
+            Some(Entered::AtLine(line)) => Some(interpreter.enter_at_line(line)?),
+            Some(Entered::At { place, now, .. }) => {
+                Some(interpreter.enter_at(&place, gcode::Point(here), &now)?)
+            }
+        };
+        Ok((interpreter, entry))
+    }
+}
+
+impl Entered {
+    /// The line at which the program is begun, and whether that is behind it.
+    fn line(&self) -> (u32, bool) {
+        match *self {
+            Self::AtLine(line) => (line, false),
+            Self::At { place, line, .. } => match place.known {
+                Some((number, line)) => (line, number < place.passed),
+                None => (line, false),
+            },
         }
-        Ok(interpreter)
     }
 }
 
@@ -563,6 +696,8 @@ impl Program {
 #[derive(Clone, Debug)]
 pub struct Beginning {
     line: u32,
+    /// The program goes on behind that line.
+    behind: bool,
     modes: gcode::Modes,
     axes: AxisSet,
     position: gcode::Point,
@@ -583,7 +718,11 @@ fn switched(action: &Action) -> Option<String> {
 
 impl fmt::Display for Beginning {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "line {} begins with {}, at", self.line, self.modes)?;
+        let Self { line, modes, .. } = self;
+        match self.behind {
+            true => write!(f, "behind line {line} the program goes on with {modes}, at")?,
+            false => write!(f, "line {line} begins with {modes}, at")?,
+        }
         for axis in self.axes.iter() {
             write!(f, " {axis}{:.3}", self.position[axis])?;
         }

@@ -7,7 +7,7 @@ use crossbeam::channel::{self, Receiver, Sender};
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, Weak};
-use syncline_gcode::{self as gcode, Action};
+use syncline_gcode::{self as gcode, Action, Place};
 use syncline_trajectory::path::curve::ArcDefinition;
 use syncline_trajectory::path::segment_fitting::MoveEnd;
 use syncline_trajectory::path::{Curve, CurveError, Line, Plane};
@@ -15,11 +15,18 @@ use syncline_trajectory::path::{Curve, CurveError, Line, Plane};
 /// Rounding of a setpoint on a curve, mm.
 pub(super) const ON_THE_PATH: f64 = 1e-9;
 
+/// So near to the end of a move the path rests at it, mm.
+const AT: f64 = 1e-6;
+
 /// One programmed move, as recorders and checkers need it.
 #[derive(Clone, Debug)]
 pub struct ProgramMove {
     /// Program line.
     pub line: u32,
+    /// A command in that line asks for it, and not the way to where the program is begun.
+    is_programmed: bool,
+    /// How many commands of the program come before it.
+    passed: u64,
     shape: Shape,
     /// How far the path may leave it, mm.
     pub tolerance: f64,
@@ -39,13 +46,17 @@ enum Shape {
 
 impl ProgramMove {
     /// Of a block in this line, along `curve`, which the path may leave by `tolerance` mm.
-    pub(super) fn new(line: u32, curve: Curve<COORDINATES>, tolerance: f64) -> Self {
+    pub(super) fn new(line: u32, place: Place, curve: Curve<COORDINATES>, tolerance: f64) -> Self {
         let shape = match curve {
             Curve::Line(line) => Shape::Line(line),
             Curve::Arc(_) | Curve::Poly(_) => Shape::Bent(Box::new(curve)),
         };
         Self {
             line,
+            is_programmed: place
+                .known
+                .is_some_and(|(number, _)| number == place.passed),
+            passed: place.passed,
             shape,
             tolerance,
             end: None,
@@ -216,9 +227,22 @@ pub struct Upcoming {
 /// What becomes known of a program.
 #[allow(clippy::large_enum_variant)] // most are moves
 pub(super) enum Step {
+    /// The program began where the machine stood there, and is begun at that place.
+    Begin(Position, Place),
     Move(ProgramMove),
     End(MoveEnd),
+    Stop(ProgramStop),
     Message(String),
+}
+
+/// Where the path rests for a block.
+pub(super) struct ProgramStop {
+    /// Of the next move behind it.
+    pub(super) tag: u32,
+    /// The block's line.
+    pub(super) line: u32,
+    /// Where the program goes on, or begins the block anew.
+    pub(super) place: Place,
 }
 
 impl Upcoming {
@@ -241,6 +265,9 @@ pub struct Moves {
     first: Arc<AtomicU32>,
     /// Those that were not told, in the program's order.
     messages: VecDeque<String>,
+    /// Those that are not passed.
+    stops: VecDeque<ProgramStop>,
+    begun: Option<(Position, Place)>,
 }
 
 impl Moves {
@@ -258,6 +285,8 @@ impl Moves {
             moves: VecDeque::new(),
             first,
             messages: VecDeque::new(),
+            stops: VecDeque::new(),
+            begun: None,
         };
         (upcoming, moves)
     }
@@ -271,6 +300,8 @@ impl Moves {
         let first = self.first();
         for step in self.coming.try_iter() {
             match step {
+                Step::Begin(start, place) => self.begun = Some((start, place)),
+                Step::Stop(stop) => self.stops.push_back(stop),
                 Step::Move(motion) => self.moves.push_back(motion),
                 Step::Message(text) => self.messages.push_back(text),
                 Step::End(MoveEnd { tag, at }) => {
@@ -311,8 +342,61 @@ impl Moves {
         self.moves.get(tag.checked_sub(self.first())? as usize)
     }
 
+    /// Where the machine stood when the program began, and where it was begun, as soon as that is known.
+    #[must_use]
+    pub fn begun(&self) -> Option<(Position, Place)> {
+        self.begun
+    }
+
+    /// Where the program is to be resumed that rests for a block in this line behind the move with this tag.
+    #[must_use]
+    pub fn resting(&self, tag: u32, line: u32) -> Option<Place> {
+        let of_line = |tag: u32| {
+            let mut stops = self.stops.iter();
+            stops.find(move |stop| stop.tag == tag && stop.line == line)
+        };
+        let stop = of_line(tag + 1).or_else(|| of_line(tag))?;
+        Some(stop.place)
+    }
+
+    /// A program goes on behind the probing or homing in this line that it rested for behind the move with this tag: where it
+    /// is to be resumed from then on.
+    pub fn found(&mut self, tag: u32, line: u32) -> Option<Place> {
+        let rests = |stop: &ProgramStop| stop.line == line && (tag..=tag + 1).contains(&stop.tag);
+        let at = self.stops.iter().position(rests)?;
+        let stop = self.stops.drain(..=at).next_back()?;
+        let passed = stop.place.passed + 1;
+        Some(Place {
+            passed,
+            ..stop.place
+        })
+    }
+
+    /// Where the program is to be resumed whose path has come to a place of the move with this tag: at the beginning of
+    /// the command that asks for that, or behind it if the path rests `at` its end.
+    #[must_use]
+    pub fn moving(&self, tag: u32, at: Option<&Position>) -> Option<Place> {
+        let motion = self.motion(tag)?;
+        let known = motion.is_programmed.then_some((motion.passed, motion.line));
+        let mut passed = motion.passed;
+        let end = motion.curve().end();
+        let ends = at.is_some_and(|at| at.iter().zip(end).all(|(at, end)| (at - end).abs() < AT));
+        // A spline may be a command of many curves.
+        let is_last = match self.motion(tag + 1) {
+            Some(next) => next.passed != motion.passed,
+            None => !matches!(motion.curve(), Curve::Poly(_)),
+        };
+        if ends && is_last && motion.is_programmed {
+            passed += 1;
+        }
+        Some(Place { passed, known })
+    }
+
     /// Forgets the moves before `tag`.
     pub fn passed(&mut self, tag: u32) {
+        while self.stops.front().is_some_and(|stop| stop.tag < tag) {
+            self.stops.pop_front();
+        }
         let mut first = self.first();
         while first < tag && self.moves.pop_front().is_some() {
             first += 1;
@@ -325,6 +409,11 @@ impl Moves {
 mod tests {
     use super::*;
 
+    const NOWHERE: Place = Place {
+        passed: 0,
+        known: None,
+    };
+
     fn line(number: u32) -> ProgramMove {
         let at = |x: u32| {
             let mut point = Position::default();
@@ -332,7 +421,7 @@ mod tests {
             point
         };
         let curve = Curve::line(at(number), at(number + 1));
-        ProgramMove::new(number, curve.unwrap(), ON_THE_PATH)
+        ProgramMove::new(number, NOWHERE, curve.unwrap(), ON_THE_PATH)
     }
 
     /// On its way and kept, a line takes hardly more room than its points and its direction do.
@@ -380,7 +469,10 @@ mod tests {
         let mut curves = vec![Curve::line(a, b).unwrap(), Curve::arc(arc).unwrap()];
         curves.extend(spline.unwrap());
         for curve in curves {
-            assert_eq!(ProgramMove::new(1, curve, ON_THE_PATH).curve(), curve);
+            assert_eq!(
+                ProgramMove::new(1, NOWHERE, curve, ON_THE_PATH).curve(),
+                curve
+            );
         }
     }
 }

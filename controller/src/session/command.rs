@@ -16,7 +16,9 @@ pub enum Command {
     CycleStart,
     /// Rests on the path.
     FeedHold,
-    /// Ends a feed hold, also one that a single block came to.
+    /// Ends a feed hold, also one that a single block came to. A program that a fault or a stop has interrupted, or lines
+    /// that were typed in where it was held, is read anew and goes on from the block that was at work, once cycle start
+    /// confirms what that begins with.
     Resume,
     /// [`Command::Resume`] while held, otherwise [`Command::FeedHold`].
     ToggleFeedHold,
@@ -51,7 +53,7 @@ pub enum Command {
         /// waits for cycle start.
         from_line: Option<u32>,
     },
-    /// Executes lines as they would stand in a program.
+    /// Executes lines as they would stand in a program. Where a program is held it is left for them, and to be resumed.
     Mdi(String),
     /// Makes the position here have these work coordinates, mm and degrees: sets the work offset that
     /// is in effect (`G10 L20 P0`).
@@ -144,6 +146,9 @@ pub enum Refusal {
         /// Why.
         why: String,
     },
+    /// There is but one program, and it was given.
+    #[error("the machine is on for one program: lines and offsets are for the console")]
+    OneProgram,
     /// Neither offset nor length is to be set.
     #[error("no axis is named: say which ones, as in X0 Y0")]
     NoAxis,

@@ -1,10 +1,11 @@
 //! The program that runs: where on its moves the setpoint is.
 
 use crate::control::Row;
-use crate::machine::COORDINATES;
+use crate::machine::{COORDINATES, Position};
 use crate::observe::deviation::AHEAD;
 use crate::program::Moves;
 use std::ops::RangeInclusive;
+use syncline_gcode::Place;
 
 /// The tool follows later than the setpoint: it may be on what that was on so many rows before …
 const ROWS_BEHIND: usize = 8;
@@ -15,6 +16,8 @@ const KEPT: u32 = 4096;
 
 /// A program that runs.
 pub(super) struct Job {
+    /// As the cycle knows it.
+    pub(super) number: u64,
     pub(super) moves: Moves,
     /// The line of the block at work.
     pub(super) line: u32,
@@ -24,19 +27,26 @@ pub(super) struct Job {
     last: [u32; ROWS_BEHIND],
     /// The path has rested for a block since it moved.
     rested: bool,
+    /// The line of the block that the path rests for.
+    rests_for: Option<u32>,
+    /// Behind the last probing or homing.
+    behind: Option<Place>,
     /// It is over, and may still come to rest.
     over: bool,
 }
 
 impl Job {
     /// The program whose moves come up there.
-    pub(super) fn new(moves: Moves) -> Self {
+    pub(super) fn new(number: u64, moves: Moves) -> Self {
         Self {
+            number,
             moves,
             line: 0,
             tags: None,
             last: [0; ROWS_BEHIND],
             rested: false,
+            rests_for: None,
+            behind: None,
             over: false,
         }
     }
@@ -45,11 +55,39 @@ impl Job {
     /// moves says where they are to be.
     pub(super) fn end(&mut self) {
         self.over = true;
+        self.rests_for = None;
     }
 
-    /// The program goes on behind a probing or a homing, from where that ended: on none of its moves so far.
-    pub(super) fn probed(&mut self) {
-        self.moves.passed(self.last[0] + 1);
+    /// The program goes on behind a probing or a homing in this line, from where that ended: on none of its moves so far.
+    pub(super) fn found(&mut self, line: u32) {
+        let tag = self.last[0];
+        self.behind = self.moves.found(tag, line).or(self.behind);
+        self.moves.passed(tag + 1);
+        self.rests_for = None;
+    }
+
+    /// The line of the block that the path rests for.
+    pub(super) fn rests_for(&self) -> Option<u32> {
+        self.rests_for
+    }
+
+    /// The program waits for an operator, for a block in this line.
+    pub(super) fn pauses(&mut self, line: u32) {
+        self.rests_for = Some(line);
+    }
+
+    /// Where the machine stood when the program began, and where to resume the program so that nothing of its path is
+    /// left out: where the path rests `at`, or, where axes may not have followed to there, from the first of the
+    /// moves at the last rows on.
+    pub(super) fn place(&self, at: Option<&Position>) -> Option<(Position, Place)> {
+        let (start, begun) = self.moves.begun()?;
+        let oldest = self.last.iter().min().copied();
+        let tag = oldest.filter(|_| at.is_none()).unwrap_or(self.last[0]);
+        let resting = self
+            .rests_for
+            .and_then(|line| self.moves.resting(tag, line));
+        let place = resting.or_else(|| self.moves.moving(tag, at));
+        Some((start, place.or(self.behind).unwrap_or(begun)))
     }
 
     /// Follows the setpoint along the program.
@@ -61,16 +99,20 @@ impl Job {
         }
         if let Some(line) = row.rests_for {
             (self.line, self.rested) = (line, true);
+            self.rests_for = Some(line);
         }
+        self.last.rotate_right(1);
         if row.plan.off_path {
+            self.last[0] = self.last[1];
             return;
         }
         let tag = self.moves.at(row.plan.tag, row.plan.distance);
-        self.last.rotate_right(1);
         self.last[0] = tag;
         self.moves.passed(tag.saturating_sub(KEPT));
         // Until it moves on, what it rested for was the last block.
-        self.rested &= row.plan.speed == 0.0 && self.last[1] == tag;
+        let rests = row.plan.speed == 0.0 && self.last[1] == tag;
+        self.rested &= rests;
+        self.rests_for = self.rests_for.filter(|_| rests);
         if let Some(motion) = self.moves.motion(tag) {
             if !self.rested {
                 self.line = motion.line;

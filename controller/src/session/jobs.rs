@@ -1,16 +1,20 @@
-//! The jobs of a machine that stays on: what they have in common, what is loaded, which is at work.
+//! The jobs of a machine that stays on: what they have in common, what is loaded, which is at work, which was
+//! interrupted.
 //!
 //! Offsets set at the machine and the length of a tool are lines that are typed in, `G10 L20` and
 //! `G10 L10` with `G43`: what a program can do and what an operator can do is done in one way.
+//!
+//! A program is interrupted by a fault, by a stop, and where it is held for lines that are typed in. It is resumed where it was
+//! interrupted, read anew with the offsets and tools as they are then ([`Interrupted`]).
 
-use super::{Command, Refusal};
+use super::{Command, Refusal, Status};
 use crate::control::{Job, JobKind, Order, Outcome, State};
 use crate::machine::{COORDINATES, Position};
-use crate::program::{Left, Moves, Program, Programs};
+use crate::program::{Interrupted, Left, Moves, Program, Programs, Setting};
 use crate::run::Work;
 use std::fs::File;
 use std::path::{Path, PathBuf};
-use syncline_gcode::Point;
+use syncline_gcode::{AxisSet, InEffect, Memory, Place, Point, WorkCoordinates};
 
 /// See the module.
 pub(super) struct Jobs {
@@ -19,7 +23,25 @@ pub(super) struct Jobs {
     /// How many there were.
     count: u64,
     /// The one that was handed to the timeline and is not over.
-    at_work: Option<Job>,
+    at_work: Option<AtWork>,
+    /// The program that can be resumed.
+    interrupted: Option<Interrupted>,
+    /// What lines have left that were typed in where that rests.
+    beside: Option<Memory>,
+}
+
+/// A job that was handed to the timeline.
+struct AtWork {
+    job: Job,
+    program: Program,
+    /// Lines that are typed in where a program rests.
+    is_beside: bool,
+    /// What it takes the place of, until it has begun.
+    before: Option<Box<AtWork>>,
+    /// What it resumes: if it cannot begin, that can be tried once more.
+    resumes: Option<Interrupted>,
+    /// It is over, and what it has left is not known yet.
+    is_over: bool,
 }
 
 /// A job that is to begin.
@@ -30,6 +52,9 @@ pub(super) struct Begin {
     pub(super) moves: Moves,
 }
 
+/// Where the machine stood when a job began, and where the job is to be resumed.
+pub(super) type Resumable = Option<(Position, Place)>;
+
 impl Jobs {
     pub(super) fn new(programs: Programs) -> Self {
         Self {
@@ -37,6 +62,8 @@ impl Jobs {
             loaded: None,
             count: 0,
             at_work: None,
+            interrupted: None,
+            beside: None,
         }
     }
 
@@ -45,17 +72,33 @@ impl Jobs {
         &self.programs
     }
 
+    /// What lines that are typed in now begin with, as far as it is known.
+    pub(super) fn memory(&self) -> &Memory {
+        self.beside.as_ref().unwrap_or(self.programs.memory())
+    }
+
+    /// The coordinates of such lines.
+    pub(super) fn coordinates(&self) -> WorkCoordinates {
+        self.programs.coordinates_of(self.memory())
+    }
+
     /// The program that is loaded.
     pub(super) fn loaded(&self) -> Option<&Path> {
         self.loaded.as_deref()
     }
 
+    /// The line of the block with which the program that was interrupted can be resumed.
+    pub(super) fn interrupted(&self) -> Option<u32> {
+        self.interrupted.as_ref().map(Interrupted::line)
+    }
+
     /// The state as operators have it, who are shown `shown`: until a job has left what the next one
     /// begins with it is at work, or being stopped, also where the machine rests already.
     pub(super) fn state(&self, machine: State, shown: State) -> State {
-        match self.at_work {
+        match &self.at_work {
             Some(_) if machine == State::Ready && shown == State::Stopping => shown,
-            Some(job) if machine == State::Ready => match job.kind {
+            Some(AtWork { is_over: true, .. }) if machine == State::Held => State::Mdi,
+            Some(AtWork { job, .. }) if machine == State::Ready => match job.kind {
                 JobKind::Program => State::Running,
                 JobKind::Mdi => State::Mdi,
             },
@@ -63,57 +106,118 @@ impl Jobs {
         }
     }
 
-    /// Loads a program; it is read when it runs.
+    /// Loads a program; it is read when it runs. One that was interrupted is given up.
     pub(super) fn load(&mut self, file: &Path) -> Result<(), Refusal> {
         File::open(file).map_err(|error| Refusal::Unreadable {
             file: file.to_owned(),
             why: error.to_string(),
         })?;
         self.loaded = Some(file.to_owned());
+        self.interrupted = None;
         Ok(())
     }
 
-    /// The job that a command begins, with `tool` in the spindle; `None` if it begins none.
-    pub(super) fn begin(&mut self, command: &Command, tool: u32) -> Result<Option<Begin>, Refusal> {
-        let (kind, program) = match command {
-            Command::CycleStart => (JobKind::Program, self.run(None)?),
-            Command::Run { from_line } => (JobKind::Program, self.run(*from_line)?),
-            Command::Mdi(lines) => (JobKind::Mdi, self.programs.lines(lines)),
-            Command::SetWorkOffset(positions) => {
-                let words = self.words(positions)?;
-                (
-                    JobKind::Mdi,
-                    self.programs.lines(&format!("G10 L20 P0{words}")),
-                )
+    /// Whether a command resumes the program that was interrupted, in the state that is shown.
+    pub(super) fn resumes(&self, command: &Command, state: State) -> bool {
+        self.interrupted.is_some()
+            && match command {
+                Command::Resume if state == State::Ready => true,
+                Command::Resume | Command::CycleStart | Command::ToggleFeedHold => {
+                    state == State::Held && self.at_work.is_none()
+                }
+                _ => false,
             }
-            Command::SetToolLength(positions) => {
+    }
+
+    /// The job that a command begins at a machine as it is shown; `None` if it begins none. What is held
+    /// would be resumed there.
+    pub(super) fn begin(
+        &mut self,
+        command: &Command,
+        status: &Status,
+        held: Resumable,
+    ) -> Result<Option<Begin>, Refusal> {
+        let tool = status.tool;
+        let (kind, program) = match (command, &self.interrupted) {
+            (_, Some(interrupted)) if self.resumes(command, status.state) => {
+                let now = InEffect {
+                    tool,
+                    spindle: status.spindle,
+                    coolant: status.coolant,
+                };
+                let program = interrupted.resume(&self.programs, now);
+                (JobKind::Program, program)
+            }
+            (Command::CycleStart, _) => (JobKind::Program, self.run(None)?),
+            (Command::Run { from_line }, _) => (JobKind::Program, self.run(*from_line)?),
+            (Command::Mdi(lines), _) => (JobKind::Mdi, self.programs.lines(lines)),
+            (Command::SetWorkOffset(positions), _) => {
+                let setting = Setting::WorkOffset(named(positions)?);
+                (JobKind::Mdi, self.programs.setting(setting))
+            }
+            (Command::SetToolLength(positions), _) => {
                 if tool == 0 {
                     return Err(Refusal::NoTool);
                 }
-                let words = self.words(positions)?;
-                let lines = format!("G10 L10 P{tool}{words}\nG43 H{tool}");
-                (JobKind::Mdi, self.programs.lines(&lines))
+                let setting = Setting::ToolLength(tool, named(positions)?);
+                (JobKind::Mdi, self.programs.setting(setting))
             }
             _ => return Ok(None),
+        };
+        let is_beside = kind == JobKind::Mdi && status.state == State::Held;
+        let program = match is_beside {
+            true => self.beside(program, held, status.line),
+            false => program,
         };
         self.count += 1;
         let job = Job {
             number: self.count,
             kind,
             waits_for_input: program.streams(),
-            homes_first: program.homes_first(),
+            homes_first: match status.referenced.iter().all(|it| *it) {
+                // No question of it, which would take to read a program up to where it is resumed.
+                true => AxisSet::NONE,
+                false => program.homes_first(),
+            },
+        };
+        let order = match kind {
+            JobKind::Program if status.state == State::Held => Order::TakeUp(job),
+            _ => Order::Begin(job),
         };
         let (upcoming, moves) = Moves::new();
-        self.at_work = Some(job);
+        let resumes = self.resumes(command, status.state);
+        self.at_work = Some(AtWork {
+            job,
+            program: program.clone(),
+            is_beside,
+            before: self.at_work.take().map(Box::new),
+            resumes: self.interrupted.clone().filter(|_| resumes),
+            is_over: false,
+        });
         Ok(Some(Begin {
             work: Work {
                 number: job.number,
                 program,
                 upcoming,
             },
-            order: Order::Begin(job),
+            order,
             moves,
         }))
+    }
+
+    /// Lines that are typed in where a program is held, or where it was for the lines before: in the modes that it has
+    /// there, or that those have left.
+    fn beside(&self, lines: Program, held: Resumable, line: u32) -> Program {
+        match (&self.at_work, &self.beside, held) {
+            (None, Some(memory), _) => lines.behind(memory.clone()),
+            (Some(AtWork { program, .. }), _, Some((start, place))) => {
+                lines.beside(Interrupted::new(program, start, place, line))
+            }
+            _ => match &self.interrupted {
+                Some(interrupted) => lines.beside(interrupted.clone()),
+                None => lines,
+            },
+        }
     }
 
     fn run(&self, from_line: Option<u32>) -> Result<Program, Refusal> {
@@ -122,42 +226,89 @@ impl Jobs {
         Ok(program.wait_at_the_line())
     }
 
-    fn words(&self, positions: &[Option<f64>; COORDINATES]) -> Result<String, Refusal> {
-        let mut given = positions.iter().flatten().peekable();
-        if given.peek().is_none() {
-            return Err(Refusal::NoAxis);
-        }
-        if given.any(|position| !position.is_finite()) {
-            return Err(Refusal::NotANumber);
-        }
-        Ok(self.programs.memory().words(positions))
-    }
-
     /// Of positions in work coordinates, those in machine coordinates, from `here`.
     pub(super) fn machine_coordinates(
         &self,
         positions: &[Option<f64>; COORDINATES],
         here: &Position,
     ) -> [Option<f64>; COORDINATES] {
-        self.programs.coordinates().place(positions, Point(*here))
+        self.coordinates().place(positions, Point(*here))
     }
 
-    /// The job did not begin.
+    /// The job did not begin: what it was to take the place of is at work as before.
     pub(super) fn refused(&mut self, number: u64) {
-        self.at_work.take_if(|job| job.number == number);
+        if let Some(it) = self.at_work.take_if(|it| it.job.number == number) {
+            self.at_work = it.before.map(|before| *before);
+        }
+    }
+
+    /// The job has begun. A program that was held for it is to be resumed there, in this line; one that begins is the one
+    /// that can be resumed.
+    pub(super) fn begun(&mut self, number: u64, held: Resumable, line: u32, tool: u32) {
+        let Some(it) = self.at_work.as_mut().filter(|it| it.job.number == number) else {
+            return;
+        };
+        let (kind, is_beside) = (it.job.kind, it.is_beside);
+        let before = it.before.take();
+        if kind == JobKind::Program {
+            self.interrupted = None;
+        } else if let Some(before) = before
+            && let Some((start, place)) = held
+        {
+            self.interrupted = Some(Interrupted::new(&before.program, start, place, line));
+            self.programs.forget(tool);
+        }
+        if !is_beside {
+            self.beside = None;
+        }
     }
 
     /// The job is over and has `left` something, if it finished, and this `tool` in the spindle.
     pub(super) fn over(&mut self, number: u64, outcome: Outcome, left: Option<Left>, tool: u32) {
-        let Some(job) = self.at_work.take_if(|job| job.number == number) else {
+        let Some(it) = self.at_work.take_if(|it| it.job.number == number) else {
             return;
         };
-        match (left, job.kind, outcome) {
+        match (left, it.job.kind, outcome) {
+            (Some(left), ..) if it.is_beside => {
+                self.programs.take_tables(left.tables);
+                self.programs.tool_is(tool);
+                self.beside = Some(left.memory);
+            }
             (Some(left), ..) => self.programs.take_over(left),
-            (None, JobKind::Program, _) => self.programs.forget(tool),
+            (None, JobKind::Program, _) => {
+                self.programs.forget(tool);
+                self.interrupted = self.interrupted.take().or(it.resumes);
+            }
             // Lines that are wrong were not begun.
             (None, JobKind::Mdi, Outcome::Broken) => {}
-            (None, JobKind::Mdi, _) => self.programs.stop(tool),
+            (None, JobKind::Mdi, _) => {
+                self.programs.stop(tool);
+                self.beside = None;
+            }
         }
     }
+
+    /// The job with this number is over in the cycle. A program that was stopped can be resumed there, in this line.
+    pub(super) fn ended(&mut self, number: u64, outcome: Outcome, at: Resumable, line: u32) {
+        let Some(it) = self.at_work.as_mut().filter(|it| it.job.number == number) else {
+            return;
+        };
+        it.is_over = true;
+        let resumable = outcome == Outcome::Stopped && it.job.kind == JobKind::Program;
+        if let Some((start, place)) = at.filter(|_| resumable) {
+            self.interrupted = Some(Interrupted::new(&it.program, start, place, line));
+        }
+    }
+}
+
+/// Positions of axes that an operator named.
+fn named(positions: &[Option<f64>; COORDINATES]) -> Result<[Option<f64>; COORDINATES], Refusal> {
+    let mut given = positions.iter().flatten().peekable();
+    if given.peek().is_none() {
+        return Err(Refusal::NoAxis);
+    }
+    if given.any(|position| !position.is_finite()) {
+        return Err(Refusal::NotANumber);
+    }
+    Ok(*positions)
 }

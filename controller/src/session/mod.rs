@@ -37,7 +37,7 @@ pub use recorded::Recorded;
 pub use settings::{LEAST, MOST_FEED, MOST_RAPID, Override, Settings, StepChange, SwitchChange};
 pub use status::{Status, StatusView, Stopped};
 
-use crate::control::{self, Fault, Layout, NotNow, Order, Request, Row, State, Switch};
+use crate::control::{self, Fault, Layout, NotNow, Order, Outcome, Request, Row, State, Switch};
 use crate::machine::{COORDINATES, OutputSwitch};
 use crate::observe::flight_recorder::FlightRecorder;
 use crate::observe::{Observed, Observers};
@@ -45,7 +45,7 @@ use crate::program::{Moves, Programs};
 use crate::run::{CycleReport, Progress, RunError, Timeline};
 use channel::{Inlet, Issued, Outlets};
 use job::Job;
-use jobs::{Begin, Jobs};
+use jobs::{Begin, Jobs, Resumable};
 use remaining::Remaining;
 use std::collections::VecDeque;
 use std::path::Path;
@@ -75,6 +75,8 @@ struct Desk {
     view: StatusView,
     /// The job that the setpoint follows.
     job: Job,
+    /// Where it is to be resumed since a fault stopped it.
+    left: Resumable,
     /// Those of a machine that stays on.
     jobs: Option<Jobs>,
     /// By letter: who began its last continuous jog.
@@ -107,7 +109,7 @@ enum What {
     /// An order is on its way.
     Order,
     /// The order to begin the job with that number, whose moves come up there.
-    Begin(u64, Moves),
+    Begin(u64, Box<Moves>),
 }
 
 impl<T: Timeline> Session<T> {
@@ -159,7 +161,8 @@ impl<T: Timeline> Session<T> {
                 state: status.state,
                 view: StatusView::new(status.clone()),
                 status,
-                job: Job::new(moves),
+                job: Job::new(control::Job::ONLY.number, moves),
+                left: None,
                 jobs,
                 joggers: Default::default(),
                 faults: Vec::new(),
@@ -304,7 +307,7 @@ impl Desk {
             }
             Ok(Asked::Begin(begin)) => {
                 let Begin { work, order, moves } = *begin;
-                let what = What::Begin(work.number, moves);
+                let what = What::Begin(work.number, Box::new(moves));
                 if let Some(remaining) = &mut self.remaining {
                     remaining.begin(&work.program, self.status.setpoint);
                 }
@@ -322,12 +325,15 @@ impl Desk {
         let Issued { command, source } = issued;
         let state = self.status.state;
         // The cycle asks the table about all others, as their orders take effect.
+        let resumes = (self.jobs.as_ref()).is_some_and(|jobs| jobs.resumes(command, state));
         let asks = match command {
+            _ if resumes && state == State::Held => Some(Request::GoOn),
+            _ if resumes => Some(Request::Begin),
             Command::CycleStart if state == State::Ready => Some(Request::Begin),
-            Command::Run { .. }
-            | Command::Mdi(_)
-            | Command::SetWorkOffset(_)
-            | Command::SetToolLength(_) => Some(Request::Begin),
+            Command::Run { .. } => Some(Request::Begin),
+            Command::Mdi(_) | Command::SetWorkOffset(_) | Command::SetToolLength(_) => {
+                Some(Request::TypedLines)
+            }
             Command::Load(_)
             | Command::JogStep(_)
             | Command::RenewJog(_)
@@ -360,12 +366,16 @@ impl Desk {
             let (line, text) = (self.job.line, text.clone());
             self.outlets.tell(&Event::Message { line, text });
         }
-        let begins = asks == Some(Request::Begin);
+        let begins = resumes || matches!(asks, Some(Request::Begin | Request::TypedLines));
         let Some(jobs) = &mut self.jobs else {
+            if asks == Some(Request::TypedLines) {
+                return Err(Refusal::OneProgram);
+            }
             let order = self.settings.order(command);
             return Ok(order.map_or(Asked::Own, Asked::Order));
         };
-        if begins && let Some(begin) = jobs.begin(command, self.status.tool)? {
+        let held = self.job.place(Some(&self.status.setpoint));
+        if begins && let Some(begin) = jobs.begin(command, &self.status, held)? {
             return Ok(Asked::Begin(Box::new(begin)));
         }
         match command {
@@ -427,7 +437,7 @@ impl Desk {
         };
         self.first += 1;
         match (&issued.command, what) {
-            (_, What::Begin(_, moves)) => self.job = Job::new(moves),
+            (_, What::Begin(number, moves)) => self.begun(number, *moves),
             (Command::Reset, _) => {
                 self.faults.clear();
                 self.status.stopped = None;
@@ -442,6 +452,36 @@ impl Desk {
             source: issued.source.to_string(),
             command: issued.command,
         }));
+    }
+
+    /// A job has begun, maybe in the place of one that is held.
+    fn begun(&mut self, number: u64, moves: Moves) {
+        let Status {
+            line,
+            tool,
+            setpoint,
+            ..
+        } = self.status;
+        let held = self.job.place(Some(&setpoint));
+        if let Some(jobs) = &mut self.jobs {
+            jobs.begun(number, held, line, tool);
+        }
+        self.job = Job::new(number, moves);
+        self.left = None;
+        self.show_programs();
+    }
+
+    /// A job is over.
+    fn ended(&mut self, number: u64, outcome: Outcome) {
+        if number != self.job.number {
+            return;
+        }
+        let left = self.left.take().or_else(|| self.job.place(None));
+        if let Some(jobs) = &mut self.jobs {
+            jobs.ended(number, outcome, left, self.status.line);
+        }
+        self.job.end();
+        self.forget_remaining();
     }
 
     fn refuse(&mut self, issued: Issued, reason: Refusal) {
@@ -526,12 +566,10 @@ impl Desk {
                 match event {
                     control::Event::Phase(phase) => self.status.phase = phase,
                     control::Event::Fault(fault) => self.stopped_by(fault),
-                    control::Event::JobOver { .. } => {
-                        self.job.end();
-                        self.forget_remaining();
-                    }
-                    control::Event::Probed { .. } | control::Event::ProgramHomed { .. } => {
-                        self.job.probed();
+                    control::Event::JobOver { job, outcome } => self.ended(job, outcome),
+                    control::Event::Paused { line, .. } => self.job.pauses(line),
+                    control::Event::Probed { line, .. } | control::Event::ProgramHomed { line } => {
+                        self.job.found(line);
                     }
                     control::Event::UserCode { number, .. } if self.passes_user_codes => {
                         self.user_call = Some(number);
@@ -566,9 +604,15 @@ impl Desk {
 
     /// Lists a fault behind those before.
     fn stopped_by(&mut self, fault: Fault) {
-        let works = matches!(self.state, State::Running | State::Mdi | State::Held);
+        let works = match self.state {
+            State::Running | State::Mdi | State::Held => true,
+            // By a program.
+            State::Homing => self.job.rests_for().is_some(),
+            _ => false,
+        };
         let line = works.then_some(self.status.line);
         let position = self.status.actual;
+        self.left = self.left.or_else(|| self.job.place(None));
         let stopped = self.status.stopped.get_or_insert_with(|| Stopped {
             line,
             position,
@@ -667,10 +711,11 @@ impl Desk {
     /// Shows what the programs so far have left.
     fn show_programs(&mut self) {
         if let Some(jobs) = &self.jobs {
-            let coordinates = jobs.programs().coordinates();
+            let coordinates = jobs.coordinates();
             self.status.offset = coordinates.origin.0;
+            self.status.interrupted = jobs.interrupted();
             self.status.rotation = coordinates.rotation;
-            self.status.modes = jobs.programs().memory().modes().to_string();
+            self.status.modes = jobs.memory().modes().to_string();
             self.status.program = jobs.loaded().map(Path::to_owned);
         }
     }

@@ -60,6 +60,8 @@ pub struct Status {
     pub modes: String,
     /// The program that is loaded.
     pub program: Option<PathBuf>,
+    /// The line at work of the program that was interrupted and can be resumed.
+    pub interrupted: Option<u32>,
     /// What the power stages of the drives do, as the drives told last, in the order of the machine file.
     pub drives: Vec<PowerState>,
     /// Which inputs of the machine are on, in the order of the machine file.
@@ -112,6 +114,7 @@ impl Default for Status {
             rotation: 0.0,
             modes: String::new(),
             program: None,
+            interrupted: None,
             drives: Vec::new(),
             inputs: Vec::new(),
             outputs: Vec::new(),

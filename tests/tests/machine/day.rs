@@ -294,7 +294,7 @@ fn lines_of_text_are_a_day_too() {
         "line 2: program stop (M0); cycle_start goes on",
         "held: work X",
         "disabled: enable the drives",
-        "refused: no new job while the machine is disabled: enable the drives",
+        "refused: no new program while the machine is disabled: enable the drives",
         "off: start the command again",
     ] {
         assert!(told.contains(part), "{part}: {told}{errors}");

@@ -6,11 +6,9 @@ use proptest::prelude::*;
 use proptest::sample::select;
 use serde_json::Value;
 use std::path::Path;
-use syncline_controller::control::{
-    End, Event, HOLD_TO_RUN, NotNow, Order, Refusal as OrderRefusal, Request, State,
-};
+use syncline_controller::control::{End, Event, HOLD_TO_RUN, NotNow, Order, Request, State};
 use syncline_controller::session::{
-    self, Accepted, Command, Direction, Jog as SessionJog, Override, Refusal, StepChange,
+    self, Accepted, Command, Direction, Jog as SessionJog, Override, StepChange,
 };
 use syncline_gcode::Axis;
 use syncline_tests::command::{Folder, ended, syncline};
@@ -445,52 +443,5 @@ proptest! {
             }
         }
         rig.trace().assert_within_limits();
-    }
-
-    /// Away from the path in a pause, offsets and typed lines are refused and move nothing; once the path is
-    /// resumed it is gone along as without them.
-    #[test]
-    fn what_is_jogged_in_a_pause_moves_by_nothing_else(
-        to in 10.0..200.0_f64,
-        commands in prop::collection::vec(0..4_usize, 1..6),
-    ) {
-        let mut rig = ready_with(&[]);
-        let file = rig.folder.file("part.ngc", PROGRAM);
-        rig.command(Command::Load(file));
-        rig.command(Command::Run { from_line: None });
-        rig.run_until(|rig| rig.session.status().setpoint[0] > to);
-        go(&mut rig, Command::FeedHold);
-        let held = rig.session.status().setpoint;
-        go(&mut rig, Command::Jog(SessionJog::By { axis: Axis::Z, distance: -30.0, speed: None }));
-        rig.command(on(Axis::Y, Direction::Positive));
-        wait(&mut rig, 300);
-        let away = rig.session.status().setpoint;
-        prop_assert!(away[1] > held[1] + 1.0 && (away[2] - held[2] + 30.0).abs() < 1e-6);
-        let here = [Some(0.0), Some(0.0), None, None, None, None, None, None, None];
-        let asked = commands.len();
-        for command in commands {
-            let command = [
-                Command::SetWorkOffset(here),
-                Command::Mdi("G0 X0 Y0".to_owned()),
-                Command::SetToolLength(here),
-                Command::Run { from_line: Some(3) },
-            ][command]
-                .clone();
-            rig.command(command);
-            wait(&mut rig, 50);
-            prop_assert_eq!(rig.session.status().setpoint, away);
-        }
-        prop_assert_eq!(rig.refused.len(), asked);
-        for refused in &rig.refused {
-            let refused = matches!(
-                refused.reason,
-                Refusal::Machine(OrderRefusal::NotNow(NotNow { request: Request::Begin, state: State::Held }))
-            );
-            prop_assert!(refused);
-        }
-        rig.command(Command::Resume);
-        rig.run_until(|rig| rig.session.status().setpoint == held);
-        settle(&mut rig);
-        prop_assert_eq!(state(&rig), State::Ready);
     }
 }

@@ -45,6 +45,7 @@ mod references;
 mod remaining;
 mod replayed;
 mod results;
+mod resumed;
 mod run;
 mod shaper;
 mod signals;

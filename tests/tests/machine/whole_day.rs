@@ -377,7 +377,7 @@ impl Day {
 
     /// The drives are brought back without a motion, and the program is taken up at the line that was not
     /// completed, with spindle and coolant, by cycle start alone.
-    fn reset_and_resume(&mut self) {
+    fn reset_and_resume(&mut self, scene: &Scene) {
         let before = self.plants();
         self.go(Command::Reset, State::Ready);
         for (drive, before) in before.into_iter().enumerate() {
@@ -389,12 +389,22 @@ impl Day {
         assert_eq!(self.status().stopped, None);
         assert_eq!(self.status().state_in_words(), "ready", "still referenced");
         let there = self.status().setpoint;
-        let from_line = Some(4);
-        self.go(Command::Run { from_line }, State::Held);
+        assert_eq!(self.status().interrupted, Some(4));
+        self.go(Command::Resume, State::Held);
         let (line, told) = self.rig.messages.last().expect("what it begins with");
         assert!(*line == 4 && told.contains("M3 M8"), "{line}: {told}");
         assert_eq!(self.status().setpoint, there);
         let begun = self.rig.rows.len();
+        // Up, over and down, each told before.
+        let legs = match scene.retracts {
+            true => &["takes Z to 10.000", "takes X to", "where the path goes on"][..],
+            false => &[],
+        };
+        for leg in legs {
+            self.go(Command::CycleStart, State::Held);
+            let (_, told) = self.rig.messages.last().expect("the leg");
+            assert!(told.contains(leg), "{told}");
+        }
         self.go(Command::CycleStart, State::Ready);
         let rows = &self.rig.rows[begun..];
         let cut = rows.iter().find(|row| row.plan.position[0] > 150.0);
@@ -461,7 +471,7 @@ fn lived(scene: &Scene) -> (Day, String) {
     day.type_lines();
     day.run_hold_jog_and_resume(scene);
     day.fail(scene);
-    day.reset_and_resume();
+    day.reset_and_resume(scene);
     day.run_another_and_go_off();
     assert_moves_within_limits(&mut day.rig);
     let frames = day.rig.session.timeline().frames().result().0;
@@ -585,9 +595,14 @@ fn by_keys_on_a_terminal() {
     keys.wait_until(starts(" READY "));
     keys.press(b":mdi G10 L2 P1 X60\r");
     keys.wait_until(|screen| shown(screen, "X").is_some_and(|x| x > 70.0));
-    keys.press(b":run 4\r");
+    keys.press(b":resume\r");
     keys.wait_until(|screen| screen.contains("line 4 begins with"));
     keys.wait_until(starts(" HELD"));
+    for leg in ["takes Z to 10.000", "takes X to", "where the path goes on"] {
+        keys.press(b"\r");
+        keys.wait_until(|screen| last_leg(screen).contains(leg));
+        keys.wait_until(starts(" HELD"));
+    }
     keys.press(b"\r");
     await_rest(&mut keys, "READY", "X", 0.0);
     // Another program, and off.

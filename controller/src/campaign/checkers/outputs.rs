@@ -43,6 +43,8 @@ pub(super) struct Outputs {
     /// Work offsets were set, or tool lengths.
     shifted: bool,
     job: Option<Job>,
+    /// A program is left for typed lines where it was held.
+    aside: bool,
     /// Outputs are to be safe.
     to_be_safe: bool,
     /// By axis: where its setpoints were at the last SYNCs, mm.
@@ -193,13 +195,20 @@ impl Outputs {
             left: Some(Switched::default()),
             shifted: false,
             job: None,
+            aside: false,
             to_be_safe: true,
             ways: vec![VecDeque::new(); machine.axes.len()],
         }
     }
 
+    /// Whether a program is held, or was left where it was held: what lines begin with there is not known.
+    fn is_held(&self) -> bool {
+        self.aside || self.job.is_some()
+    }
+
     /// A job begins.
     fn begin(&mut self, scene: &Scene<'_>, lines: Option<&[String]>, is_program: bool) {
+        self.aside = self.is_held() && !is_program;
         self.to_be_safe = false;
         if let Some(left) = &mut self.left {
             for output in &mut self.outputs {
@@ -251,16 +260,23 @@ impl Outputs {
             }
             Command::Run { from_line: None } => self.begin(scene, program(self.loaded), true),
             Command::Run { .. } => self.begin(scene, None, true),
+            // What was interrupted goes on from anywhere.
+            Command::Resume if self.job.is_none() => self.begin(scene, None, true),
+            Command::CycleStart | Command::ToggleFeedHold if self.job.is_none() && self.aside => {
+                self.begin(scene, None, true);
+            }
             Command::CycleStart if self.job.is_none() => {
                 self.begin(scene, program(self.loaded), true);
             }
+            Command::Mdi(_) if self.is_held() => self.begin(scene, None, false),
             Command::Mdi(text) => {
                 let lines: Vec<String> = text.lines().map(str::to_owned).collect();
                 self.begin(scene, Some(&lines), false);
             }
             Command::SetWorkOffset(_) | Command::SetToolLength(_) => {
                 self.shifted = true;
-                self.begin(scene, Some(&[]), false);
+                let lines: Option<&[String]> = (!self.is_held()).then_some(&[]);
+                self.begin(scene, lines, false);
             }
             Command::Output { name, on } => {
                 let mut outputs = self.outputs.iter_mut();
@@ -281,6 +297,7 @@ impl Outputs {
         }
         self.left = Some(Switched::default());
         self.job = None;
+        self.aside = false;
     }
 
     /// A job is over.
@@ -554,6 +571,10 @@ impl Checker for Outputs {
             Event::Accepted(it) => self.accepted(scene, it),
             Event::State(state) => self.state(scene, *state),
             Event::Machine(control::Event::Fault(_)) => self.stop(),
+            Event::Machine(control::Event::JobOver {
+                outcome: Outcome::SetAside,
+                ..
+            }) => {}
             Event::Machine(control::Event::JobOver { outcome, .. }) => {
                 let is_program = self.job.as_ref().is_some_and(|job| job.is_program);
                 self.over(scene, *outcome, found);

@@ -237,6 +237,9 @@ fn shown(status: &Status, machine: &Machine) -> String {
 /// The same with what the drives do and what is on.
 fn explained(status: &Status, machine: &Machine) -> String {
     let mut text = shown(status, machine);
+    if let Some(line) = status.interrupted {
+        text += &format!("\ninterrupted: line {line}; `resume` takes the program up there");
+    }
     for (name, what) in Signals::of(machine).rows(status) {
         text += &format!("\n{name}: {what}");
     }
@@ -254,8 +257,10 @@ fn listed(status: &Status, machine: &Machine) -> String {
     }
     text += &shown(status, machine);
     if let Some(line) = stopped.line {
-        text +=
-            &format!("\nnot completed: line {line}; once it is reset, `run {line}` begins there");
+        text += &format!("\nnot completed: line {line}");
+        if status.interrupted.is_some() {
+            text += "; once it is reset, `resume` takes the program up there";
+        }
     }
     format!("{text}\n{}", status.state.way_on())
 }

@@ -114,8 +114,11 @@ impl Model {
         let Some(stopped) = &self.status.stopped else {
             return Vec::new();
         };
-        let rest = stopped.line.map(|line| {
-            format!("line {line} is not completed; once it is reset, :run {line} begins there")
+        let rest = stopped.line.map(|line| match self.status.interrupted {
+            Some(_) => format!(
+                "line {line} is not completed; once it is reset, :resume takes the program up there"
+            ),
+            None => format!("line {line} is not completed"),
         });
         stopped.faults.iter().cloned().chain(rest).collect()
     }

@@ -73,6 +73,10 @@ pub(super) fn draw(frame: &mut Frame, model: &Model) {
     let modes = Paragraph::new(model.status.modes.as_str()).wrap(Wrap { trim: true });
     frame.render_widget(modes, codes);
     frame.render_widget(current_block(model), block);
+    if let Some(line) = resumable(model) {
+        let note = format!("resume takes up line {line} ");
+        frame.render_widget(Line::raw(note).right_aligned(), block);
+    }
     if rest.width >= WIDE {
         let halves = [Constraint::Percentage(50), Constraint::Percentage(50)];
         let [program, messages] = Layout::horizontal(halves).areas(rest);
@@ -257,6 +261,14 @@ fn current_block(model: &Model) -> Line<'static> {
     ])
 }
 
+/// The line of the program that was interrupted, where it can be resumed now.
+fn resumable(model: &Model) -> Option<u32> {
+    let Status {
+        state, interrupted, ..
+    } = &model.status;
+    interrupted.filter(|_| matches!(state, State::Ready | State::Held))
+}
+
 /// The program around its line.
 fn draw_program(frame: &mut Frame, model: &Model, area: Rect) {
     let block = Block::new().borders(Borders::TOP).title(" program ");
@@ -432,6 +444,17 @@ mod tests {
     }
 
     #[test]
+    fn a_program_that_can_be_resumed_is_shown() {
+        let mut model = model();
+        model.status.state = State::Ready;
+        model.status.interrupted = Some(4);
+        let screen = drawn(&model, 80, 24);
+        assert!(screen.contains("resume takes up line 4 \""), "{screen}");
+        model.status.state = State::Running;
+        assert!(!drawn(&model, 80, 24).contains("resume takes up"));
+    }
+
+    #[test]
     fn every_key_is_shown() {
         let mut model = model();
         model.help = true;
@@ -442,6 +465,7 @@ mod tests {
     fn the_first_cause_of_a_stop_is_on_top() {
         let mut model = model();
         model.status.state = State::Faulted;
+        model.status.interrupted = Some(3);
         model.status.stopped = Some(Stopped {
             faults: vec![
                 "drive Y: drive fault, statusword 0238h: read its error memory, clear the cause, \

@@ -283,6 +283,12 @@ impl<const N: usize> Executor<N> {
         self.activity.jogging().is_some()
     }
 
+    /// Axes off the path move, or are about to.
+    pub fn is_jogged(&self) -> bool {
+        let jogging = self.activity.jogging();
+        jogging.is_some_and(|axes| !axes.rests())
+    }
+
     /// From now on axes that were jogged go back to the path with that, leg by leg: they rest after each for
     /// [`resume`](Self::resume) or [`retrace`](Self::retrace), and behind the last the path goes on. `None`: on a
     /// straight line, at once.

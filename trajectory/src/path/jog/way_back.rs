@@ -33,7 +33,8 @@ pub struct Leg<const N: usize> {
 
 impl Retraction {
     /// The next leg of the way from a place off the path; `None` on it.
-    pub(super) fn leg<const N: usize>(&self, from: &[f64; N], home: &[f64; N]) -> Option<Leg<N>> {
+    #[must_use]
+    pub fn leg<const N: usize>(&self, from: &[f64; N], home: &[f64; N]) -> Option<Leg<N>> {
         let missing: [Option<f64>; N] =
             std::array::from_fn(|i| (from[i] != home[i]).then_some(home[i]));
         let (height, end) = (from[self.axis], home[self.axis]);

@@ -1,0 +1,117 @@
+//! Where a program is begun in its middle: at a line, or behind so many of its commands. What brings the machine
+//! into the state of that place is an [`Entry`].
+
+use super::axes::Point;
+use super::command::{Action, Coolant, Output, PathMode, Spindle, Stop};
+use super::modal::Modes;
+use super::outputs::PassedOutputs;
+
+/// What brings a machine to a place in the midst of a program, in this order.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Entry {
+    /// The position that the program has come to there, machine coordinates.
+    pub at: Point,
+    /// Tool, spindle, coolant, outputs and path mode, as far as they are not as the program has them there.
+    pub set_up: Vec<Action>,
+    /// What the program has switched the spindle to there.
+    pub spindle: Spindle,
+    /// The way to the position, last along the axis across the plane when that goes down.
+    pub way: Vec<Action>,
+    /// Outputs that wait for the program's next motion.
+    pub with_motion: Vec<Output>,
+}
+
+/// A place in a program: behind so many of its commands.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Place {
+    /// How many commands come before it.
+    pub passed: u64,
+    /// The number of one of its commands, from 0, and the line that asked for that: the last one before the place or
+    /// the first behind it. By that a program is told that does not lead there any more.
+    pub known: Option<(u64, u32)>,
+}
+
+/// What is in effect of a machine that is to be brought to a place in a program.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct InEffect {
+    /// The tool in the spindle.
+    pub tool: u32,
+    /// M3, M4, M5, S.
+    pub spindle: Spindle,
+    /// M7, M8, M9.
+    pub coolant: Coolant,
+}
+
+/// What the commands of a program have come to, one after the other.
+pub(crate) struct Passed {
+    initial: Modes,
+    outputs: PassedOutputs,
+    effect: InEffect,
+    selected_tool: u32,
+    path_mode: PathMode,
+}
+
+impl Passed {
+    /// None, of a program that begins at `start` in these modes.
+    pub(crate) fn new(start: Point, initial: &Modes) -> Self {
+        Self {
+            outputs: PassedOutputs::new(start),
+            effect: InEffect {
+                tool: initial.tool,
+                spindle: initial.spindle,
+                coolant: initial.coolant,
+            },
+            selected_tool: initial.selected_tool,
+            path_mode: initial.path_mode,
+            initial: initial.clone(),
+        }
+    }
+
+    /// Passes the next command.
+    pub(crate) fn pass(&mut self, action: &Action) {
+        self.outputs.pass(action);
+        match action {
+            Action::Stop(Stop::ToolChange { tool }) | Action::ToolLoaded(tool) => {
+                self.effect.tool = *tool;
+            }
+            Action::SelectTool(tool) => self.selected_tool = *tool,
+            Action::Spindle(spindle) => self.effect.spindle = *spindle,
+            Action::Coolant(coolant) => self.effect.coolant = *coolant,
+            Action::PathMode(mode) => self.path_mode = *mode,
+            _ => {}
+        }
+    }
+
+    /// The position that the commands lead to.
+    pub(crate) fn at(&self) -> Point {
+        self.outputs.at()
+    }
+
+    /// What brings a machine that goes that way to `at` in which that is in effect.
+    pub(crate) fn entry(self, now: &InEffect, at: Point, way: Vec<Action>) -> Entry {
+        let Self {
+            initial,
+            outputs,
+            effect,
+            selected_tool,
+            path_mode,
+        } = self;
+        let tool = effect.tool;
+        let tool_change = Action::Stop(Stop::ToolChange { tool });
+        let set_up = [
+            (tool != now.tool).then_some(tool_change),
+            (selected_tool != initial.selected_tool).then_some(Action::SelectTool(selected_tool)),
+            (effect.spindle != now.spindle).then_some(Action::Spindle(effect.spindle)),
+            (effect.coolant != now.coolant).then_some(Action::Coolant(effect.coolant)),
+            (path_mode != initial.path_mode).then_some(Action::PathMode(path_mode)),
+        ];
+        let outputs_first = outputs.switched.into_iter().map(Action::Output);
+        Entry {
+            at,
+            set_up: set_up.into_iter().flatten().chain(outputs_first).collect(),
+            spindle: effect.spindle,
+            way,
+            with_motion: outputs.await_motion,
+        }
+    }
+}
