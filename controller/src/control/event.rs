@@ -527,9 +527,7 @@ impl Event {
             Self::Probed { .. }
             | Self::ProgramHomed { .. }
             | Self::ProbingFailed { .. }
-            | Self::Touched => {
-                return self.describe_probing(names);
-            }
+            | Self::Touched => return self.describe_probing(names),
             Self::MissedTPdo { device } => format!("{}: T_PDO missing in one cycle", who(device)),
             Self::LateSetpoint { bus, cycle } => format!(
                 "bus {}: the setpoints of cycle {cycle} missed their SYNC",
@@ -569,9 +567,9 @@ impl Event {
             | Self::StillPaused { .. }
             | Self::Retracing
             | Self::NoWayBack
-            | Self::SetAside => return self.describe_path(),
+            | Self::SetAside
+            | Self::Interrupted => return self.describe_path(),
             Self::JobOver { .. } | Self::State(_) | Self::Kept { .. } => return None,
-            Self::Interrupted => "interrupted: stopping on the path".to_owned(),
             Self::Fault(fault) => format!("FAULT: {}", fault.describe(names)),
         })
     }
@@ -588,6 +586,7 @@ impl Event {
             Self::Retracing => "retracing: going back along the path".to_owned(),
             Self::NoWayBack => NO_WAY_BACK.to_owned(),
             Self::SetAside => SET_ASIDE.to_owned(),
+            Self::Interrupted => "interrupted: stopping on the path".to_owned(),
             _ => return None,
         })
     }

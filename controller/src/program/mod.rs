@@ -610,7 +610,9 @@ impl Program {
         while let Some(Ok(command)) = interpreter.next() {
             match command.action {
                 Action::Home { axes, to } => {
-                    axes.iter().filter(rests).for_each(|axis| homed.insert(axis));
+                    axes.iter()
+                        .filter(rests)
+                        .for_each(|axis| homed.insert(axis));
                     interpreter.homed(to);
                 }
                 Action::Rapid { .. }

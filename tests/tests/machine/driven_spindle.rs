@@ -13,7 +13,7 @@ use syncline_gcode::Turning;
 use syncline_tests::command::machine_file;
 use syncline_tests::rig::Rig;
 
-use super::day::{go, mdi, settle, state};
+use super::day::{assert_moves_within_limits, go, mdi, settle, state};
 
 /// Its place behind the drives of axes.
 const SPINDLE: usize = 3;
@@ -316,6 +316,64 @@ const LOSSES: [(Disturbance, &str); 6] = [
     (Disturbance::Mains(false), "EMCY"),
     (Disturbance::Remote(false), "not under fieldbus control"),
 ];
+
+/// The same machine, which stays on, and runs a program from its file.
+fn begun(program: &str) -> Rig {
+    let mut rig = Rig::staying_on("drill", &[], |_, _| ());
+    rig.goes_on = false;
+    settle(&mut rig);
+    let file = rig.folder.file("part.ngc", program);
+    rig.command(Command::Load(file));
+    rig.command(Command::Run { from_line: None });
+    rig
+}
+
+/// Resumes what was interrupted, to its end.
+fn resume(rig: &mut Rig) {
+    go(rig, Command::Resume);
+    assert_eq!(state(rig), State::Held, "{:?}", rig.refused);
+    go(rig, Command::CycleStart);
+    assert_eq!(state(rig), State::Ready, "{:?}", rig.events);
+    assert_eq!(rig.session.status().setpoint[0], 60.0);
+    assert_cuts_at_speed(rig);
+    assert_eq!(rig.problems, [""; 0]);
+    assert_moves_within_limits(rig);
+}
+
+const FROM_NEAR: &str = "G21 G90 G61\nM3 S2000\nG1 X40 F1200\nX60\nM2\n";
+
+/// After a fault, of an axis or of the spindle itself, it stands, and has its speed again before the cut goes on.
+#[test]
+fn a_cut_that_is_resumed_waits_for_its_speed() {
+    for failing in [0, SPINDLE] {
+        let mut rig = begun(FROM_NEAR);
+        rig.run_until(|rig| rig.session.status().setpoint[0] > 20.0);
+        let fault = Disturbance::Fault(ErrorClass::StopAndSwitchOff);
+        rig.twin(failing).disturb(fault);
+        settle(&mut rig);
+        assert_eq!(state(&rig), State::Faulted);
+        go(&mut rig, Command::Reset);
+        assert_eq!(state(&rig), State::Ready, "{:?}", rig.events);
+        assert_eq!(rig.session.status().interrupted, Some(3));
+        let standing = turns_at(&mut rig).abs();
+        assert!(standing < 1.0, "{standing} 1/min");
+        resume(&mut rig);
+    }
+}
+
+/// Left for typed lines where it did not come to its speed: what was awaited is awaited still.
+#[test]
+fn a_cut_that_waited_waits_behind_typed_lines_too() {
+    let mut rig = begun(FROM_NEAR);
+    rig.run_until(|rig| rig.session.status().spindle.turning == Turning::Clockwise);
+    rig.twin(SPINDLE).disturb(Disturbance::Block(true));
+    settle(&mut rig);
+    assert!(is_not_at_speed(&mut rig));
+    mdi(&mut rig, "G10 L2 P2 X5");
+    assert_eq!(state(&rig), State::Held);
+    rig.twin(SPINDLE).disturb(Disturbance::Block(false));
+    resume(&mut rig);
+}
 
 /// Has it lost in a row of [`CUT`]; the axes stop on their path, and nothing stays on.
 fn lost(row: usize, (disturbance, told): (Disturbance, &str)) {

@@ -2,9 +2,12 @@
 
 use super::homing::{ALL, Y, errors, failure, go, home, is_referenced, settle, state, switched_on};
 use proptest::prelude::*;
-use syncline_controller::control::{Event, Fault, HomingFailure, Refusal as OrderRefusal, State};
+use syncline_controller::control::{
+    Event, Fault, HomingFailure, Refusal as OrderRefusal, Row, State,
+};
+use syncline_controller::machine::COORDINATES;
 use syncline_controller::session::{Command, Refusal, SwitchChange};
-use syncline_drives::twin::Disturbance;
+use syncline_drives::twin::{Disturbance, ErrorClass};
 use syncline_gcode::Axis;
 use syncline_tests::rig::Rig;
 
@@ -146,6 +149,119 @@ fn single_block_rests_behind_it() {
     rig.command(Command::SingleBlock(SwitchChange::To(false)));
     go(&mut rig, Command::Resume);
     assert_eq!(positions(&rig)[1], 30.0);
+}
+
+/// Resumes the program that was interrupted, and goes on where it waits.
+fn resume(rig: &mut Rig) {
+    go(rig, Command::Resume);
+    while state(rig) == State::Held {
+        go(rig, Command::CycleStart);
+    }
+}
+
+/// After a stop and after a fault within it: the axes have no places to go to, and are homed from where they are.
+#[test]
+fn a_program_is_resumed_with_the_homing_that_was_stopped() {
+    let program = "G90 G28.2\nM64 P0\nG0 X20 Y30 Z-5\nG1 X40 F6000\nM2\n";
+    for fault in [false, true] {
+        let mut rig = switched_on(&[]);
+        rig.goes_on = false;
+        let from = positions(&rig)[1];
+        let file = rig.folder.file("part.ngc", program);
+        rig.command(Command::Load(file));
+        rig.command(Command::Run { from_line: None });
+        rig.run_until(|rig| (positions(rig)[1] - from).abs() > 30.0);
+        if fault {
+            rig.twin(Y)
+                .disturb(Disturbance::Fault(ErrorClass::StopAndSwitchOff));
+            settle(&mut rig);
+            assert_eq!(state(&rig), State::Faulted, "{:?}", rig.events);
+            let stopped = rig.session.status().stopped.clone();
+            assert_eq!(stopped.and_then(|it| it.line), Some(1));
+            go(&mut rig, Command::Reset);
+        } else {
+            go(&mut rig, Command::Stop);
+        }
+        assert_eq!(state(&rig), State::Ready, "{:?}", rig.events);
+        assert!(!is_referenced(&rig, Axis::Y));
+        assert_eq!(rig.session.status().interrupted, Some(1));
+        // Nothing else may move it before.
+        go(&mut rig, Command::Mdi("G0 Y1".to_owned()));
+        assert_eq!(rig.refused.len(), 1);
+        let rows = rig.rows.len();
+        go(&mut rig, Command::Resume);
+        assert_eq!(state(&rig), State::Held, "{:?}", rig.refused);
+        assert!(rig.rows[rows..].iter().all(|row| row.plan.speed == 0.0));
+        resume(&mut rig);
+        let moves = |row: &&Row<COORDINATES>| row.plan.velocity.iter().any(|it| *it != 0.0);
+        let first = rig.rows[rows..].iter().find(moves);
+        assert!(first.is_some_and(|row| row.plan.off_path), "a way before");
+        assert_eq!(rig.refused.len(), 1, "{:?}", rig.refused);
+        assert_eq!(state(&rig), State::Ready, "{:?}", rig.events);
+        assert_eq!(positions(&rig), [40.0, 30.0, -5.0]);
+        for axis in [Axis::X, Axis::Y, Axis::Z] {
+            let errors = errors(&mut rig, axis);
+            assert!(
+                errors.iter().all(|it| it.abs() < 0.004),
+                "{axis} {errors:?}"
+            );
+        }
+        assert_eq!(rig.session.status().interrupted, None);
+    }
+}
+
+/// A homing that is behind the program is not done again, neither in the pause behind it nor in a move.
+#[test]
+fn what_was_homed_before_a_stop_is_not_homed_again() {
+    let program = "G90 G28.2\nM0\nG1 Y30 F6000\nM2\n";
+    for moves in [false, true] {
+        let mut rig = switched_on(&[]);
+        rig.goes_on = false;
+        run(&mut rig, program);
+        assert_eq!(state(&rig), State::Held);
+        if moves {
+            rig.command(Command::CycleStart);
+            rig.run_until(|rig| positions(rig)[1] > 10.0);
+        }
+        go(&mut rig, Command::Stop);
+        assert_eq!(state(&rig), State::Ready);
+        let line = if moves { 3 } else { 2 };
+        assert_eq!(rig.session.status().interrupted, Some(line));
+        resume(&mut rig);
+        assert_eq!(positions(&rig)[1], 30.0, "{:?}", rig.refused);
+        let homed = |event: &&Event| matches!(event, Event::ProgramHomed { .. });
+        assert_eq!(rig.events.iter().filter(homed).count(), 1);
+        assert_eq!(rig.refused, []);
+    }
+    // Held directly behind it, typed lines find the program there.
+    let mut rig = switched_on(&[]);
+    rig.goes_on = false;
+    rig.command(Command::SingleBlock(SwitchChange::To(true)));
+    run(&mut rig, "G90 G28.2\nG1 Y30 F6000\nM2\n");
+    assert_eq!(state(&rig), State::Held);
+    rig.command(Command::SingleBlock(SwitchChange::To(false)));
+    go(&mut rig, Command::Mdi("G10 L20 P1 Y-10".to_owned()));
+    resume(&mut rig);
+    assert_eq!(rig.refused, []);
+    assert_eq!(positions(&rig)[1], 40.0, "{:?}", rig.events);
+    let homed = |event: &&Event| matches!(event, Event::ProgramHomed { .. });
+    assert_eq!(rig.events.iter().filter(homed).count(), 1);
+}
+
+/// Begun in its middle, a program goes to its line first: that takes references, whatever it homes from there on.
+#[test]
+fn the_way_to_a_line_takes_references() {
+    let mut rig = switched_on(&[]);
+    rig.goes_on = false;
+    let file = rig.folder.file("part.ngc", "G90 G0 X20\nG28.2\nM2\n");
+    go(&mut rig, Command::Load(file));
+    go(&mut rig, Command::Run { from_line: Some(2) });
+    assert_eq!(rig.refused.len(), 1, "{:?}", rig.events);
+    let reason = &rig.refused[0].reason;
+    assert!(
+        matches!(reason, Refusal::Machine(OrderRefusal::Unreferenced(_))),
+        "{reason}"
+    );
 }
 
 /// A block of a program that homes, moves and switches.
