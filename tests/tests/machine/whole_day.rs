@@ -1,5 +1,6 @@
-//! A whole working day through the session: cold start, homing, touching off, typed lines, a program that is held
-//! and jogged away from, a fault, the way back into the program, another program, off. Each step is held against what a
+//! A whole working day through the session: cold start, homing of a gantry that stands askew, touching off, typed lines, a
+//! program that is held and jogged away from, a fault, the way back into the program, an offset that is set in a pause,
+//! another program, off. Each step is held against what a
 //! person sees of it (status and events) and against what the plants behind the simulated drives did.
 
 use super::day::{
@@ -26,6 +27,8 @@ struct Homed {
     drives: &'static [&'static str],
     /// Where it stands when it is switched on.
     start: f64,
+    /// By how much its second drive stands further then.
+    skew: f64,
     /// Of the edge at which its switches come on, and to which side it is searched.
     edge: f64,
     direction: Direction,
@@ -47,18 +50,21 @@ const PORTAL: Scene = Scene {
         Homed {
             drives: &["X1", "X2"],
             start: 60.0,
+            skew: 2.0,
             edge: -4.0,
             direction: Direction::Negative,
         },
         Homed {
             drives: &["Y"],
             start: 30.0,
+            skew: 0.0,
             edge: -4.0,
             direction: Direction::Negative,
         },
         Homed {
             drives: &["Z"],
             start: -40.0,
+            skew: 0.0,
             edge: 3.0,
             direction: Direction::Positive,
         },
@@ -73,18 +79,21 @@ const XYZ: Scene = Scene {
         Homed {
             drives: &["left-right"],
             start: -200.0,
+            skew: 0.0,
             edge: -254.0,
             direction: Direction::Negative,
         },
         Homed {
             drives: &["front-back"],
             start: -190.0,
+            skew: 0.0,
             edge: -204.0,
             direction: Direction::Negative,
         },
         Homed {
             drives: &["up-down"],
             start: 5.0,
+            skew: 0.0,
             edge: 24.0,
             direction: Direction::Positive,
         },
@@ -115,10 +124,14 @@ impl Scene {
                 );
             }
             let drives = format!("drives = [{}]", drives.join(", "));
+            let skew = match axis.skew {
+                0.0 => String::new(),
+                skew => format!(", start_skew = {skew:?}"),
+            };
             let homing = format!(
                 "{drives}\nhoming = {{ kind = \"switch\", order = {order}, switches = [{}], \
                  direction = \"{side}\", speed = 60.0, slow_speed = 2.0, back_off = 3.0, \
-                 position = {}, final_position = 0.0 }}\nsimulation = {{ start = {} }}",
+                 position = {}, final_position = 0.0 }}\nsimulation = {{ start = {}{skew} }}",
                 switches.join(", "),
                 axis.edge,
                 axis.start
@@ -234,12 +247,22 @@ impl Day {
         assert_eq!(self.status().program, Some(file));
     }
 
-    /// Cold start: nothing but jogs before the axes know where they are; then they do.
-    fn switch_on_and_home(&mut self) {
+    /// By how much the second drive of X really stands further than the first.
+    fn skew(&mut self) -> f64 {
+        let x = &self.rig.machine.axes[0];
+        let (first, last) = (x.drives[0], x.drives[x.drives.len() - 1]);
+        truth(&mut self.rig, last) - truth(&mut self.rig, first)
+    }
+
+    /// Cold start: nothing but jogs before the axes know where they are; then they do, and a gantry that was askew is
+    /// square.
+    fn switch_on_and_home(&mut self, scene: &Scene) {
         assert_eq!(self.powered(), vec![false; self.drives]);
         settle(&mut self.rig);
         assert_eq!(self.status().state_in_words(), "ready (unreferenced)");
         assert_eq!(self.powered(), vec![true; self.drives]);
+        let skew = self.skew();
+        assert!((skew - scene.axes[0].skew).abs() < 0.006, "{skew}");
         self.go(Command::Mdi("G0 X1".to_owned()), State::Ready);
         let refused = self.rig.refused.pop().expect("no axis is referenced");
         assert!(matches!(refused.reason, Refusal::Machine(_)), "{refused:?}");
@@ -395,7 +418,18 @@ impl Day {
         assert!(*line == 4 && told.contains("M3 M8"), "{line}: {told}");
         assert_eq!(self.status().setpoint, there);
         let begun = self.rig.rows.len();
-        // Up, over and down, each told before.
+        self.confirm(scene);
+        let rows = &self.rig.rows[begun..];
+        let cut = rows.iter().find(|row| row.plan.position[0] > 150.0);
+        let functions = cut.expect("the line's way").functions;
+        assert_eq!(functions.spindle.turning, Turning::Clockwise);
+        assert!(functions.coolant.flood);
+        assert_near(work(&self.rig, Axis::X), 0.0);
+        self.assert_plants_are_there();
+    }
+
+    /// Goes on with a program that is resumed: up, over and down, each told before.
+    fn confirm(&mut self, scene: &Scene) {
         let legs = match scene.retracts {
             true => &["takes Z to 10.000", "takes X to", "where the path goes on"][..],
             false => &[],
@@ -406,11 +440,38 @@ impl Day {
             assert!(told.contains(leg), "{told}");
         }
         self.go(Command::CycleStart, State::Ready);
+    }
+
+    /// The work is set elsewhere while the program is held, by lines that move nothing: from there on it is cut there.
+    fn set_an_offset_in_a_pause(&mut self, scene: &Scene) {
+        self.rig.command(Command::Run { from_line: None });
+        self.runs_beyond(20.0);
+        self.go(Command::FeedHold, State::Held);
+        let there = self.status().setpoint;
+        self.go(Command::Mdi("G10 L2 P1 X106".to_owned()), State::Held);
+        self.go(
+            Command::Mdi("#1 = 49\nG10 L2 P1 Y#1".to_owned()),
+            State::Held,
+        );
+        assert_eq!(self.status().setpoint, there);
+        assert_eq!(self.status().spindle.turning, Turning::Clockwise);
+        assert_eq!(self.status().interrupted, Some(4));
+        self.go(Command::Resume, State::Held);
+        assert_eq!(self.status().setpoint, there);
+        let begun = self.rig.rows.len();
+        self.confirm(scene);
         let rows = &self.rig.rows[begun..];
-        let cut = rows.iter().find(|row| row.plan.position[0] > 150.0);
-        let functions = cut.expect("the line's way").functions;
-        assert_eq!(functions.spindle.turning, Turning::Clockwise);
-        assert!(functions.coolant.flood);
+        for (axis, furthest) in [166.0, 89.0].into_iter().enumerate() {
+            let places = rows.iter().map(|row| row.plan.position[axis]);
+            let reached = places.fold(0.0, f64::max);
+            // The corner there is rounded.
+            assert!(
+                (reached - furthest).abs() < 0.01,
+                "{reached}, not {furthest}"
+            );
+        }
+        assert_near(at(&self.rig, Axis::X), 106.0);
+        assert_near(at(&self.rig, Axis::Y), 49.0);
         assert_near(work(&self.rig, Axis::X), 0.0);
         self.assert_plants_are_there();
     }
@@ -464,7 +525,7 @@ fn moves(rig: &Rig) -> bool {
 /// A whole day, and what the bus has carried, by its digest.
 fn lived(scene: &Scene) -> (Day, String) {
     let mut day = Day::begin(scene);
-    day.switch_on_and_home();
+    day.switch_on_and_home(scene);
     // A homing makes other positions of those before.
     day.rig.rows.clear();
     day.touch_off();
@@ -472,6 +533,7 @@ fn lived(scene: &Scene) -> (Day, String) {
     day.run_hold_jog_and_resume(scene);
     day.fail(scene);
     day.reset_and_resume(scene);
+    day.set_an_offset_in_a_pause(scene);
     day.run_another_and_go_off();
     assert_moves_within_limits(&mut day.rig);
     let frames = day.rig.session.timeline().frames().result().0;
