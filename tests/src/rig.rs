@@ -25,7 +25,7 @@ use syncline_controller::run::virtual_time::VirtualMachine;
 use syncline_controller::session::{self, Command, Operator, Refused, Session, Subscription};
 use syncline_drives::bus::{Sender, Transmission};
 use syncline_drives::twin::{Config, SimulatedDevice};
-use syncline_drives::world::{DeviceId, Observer, World};
+use syncline_drives::world::{BusId, DeviceId, Observer, World};
 use syncline_gcode::Tables;
 
 /// Steps after which a run is taken for endless: 2 minutes of the portal's time.
@@ -235,16 +235,18 @@ impl Rig {
         let shared = SharedFrames::new(&machine);
         let sent = shared.listen(&machine);
         let frames = Arc::new(Mutex::new(Vec::new()));
-        assert_eq!(machine.buses.len(), 1, "the examples have one bus");
-        let mut digest = shared.observer(0);
-        let seen = Arc::clone(&frames);
-        let observer: Observer = Box::new(move |frame| {
-            digest(frame);
-            seen.lock()
-                .unwrap_or_else(PoisonError::into_inner)
-                .push(*frame);
+        let observers = (0..machine.buses.len()).map(|bus| {
+            let mut digest = shared.observer(bus);
+            let seen = Arc::clone(&frames);
+            let observer: Observer = Box::new(move |frame| {
+                digest(frame);
+                seen.lock()
+                    .unwrap_or_else(PoisonError::into_inner)
+                    .push(*frame);
+            });
+            Some(observer)
         });
-        let simulated = Simulated::new(&machine, 0, [Some(observer)], |drive, config| {
+        let simulated = Simulated::new(&machine, 0, observers, |drive, config| {
             config.seed = drive as u64 + 1;
             configure(drive, config);
         });
@@ -253,8 +255,8 @@ impl Rig {
             buses,
             devices,
         } = simulated.expect("a bit rate that can be simulated");
-        let port = TappedPort {
-            port: SimPort::new(buses[0].expect("it is simulated")),
+        let port = |bus: Option<BusId>| TappedPort {
+            port: SimPort::new(bus.expect("it is simulated")),
             drop_bursts: 0,
             delay_bursts: 0,
             tear_bursts: 0,
@@ -263,8 +265,9 @@ impl Rig {
             forger: None,
             late: Vec::new(),
         };
+        let ports: Vec<TappedPort> = buses.into_iter().map(port).collect();
         let observers = Observers::new(&machine, Some(sent), None, false);
-        let (ports, layouts) = (vec![port], Arc::clone(&layout));
+        let layouts = Arc::clone(&layout);
         let mut session = match program {
             Some(text) => {
                 let program = programs.file(&folder.file("program.ngc", text));
@@ -300,9 +303,14 @@ impl Rig {
         }
     }
 
-    /// The bus, to interfere with it.
+    /// The first bus, to interfere with it.
     pub fn bus(&mut self) -> &mut TappedPort {
-        self.session.timeline().bus(0)
+        self.bus_at(0)
+    }
+
+    /// A bus by its place in the machine file.
+    pub fn bus_at(&mut self, bus: usize) -> &mut TappedPort {
+        self.session.timeline().bus(bus)
     }
 
     /// The drive at that place in the machine file, behind all drives the encoder, to interfere with it.
@@ -493,7 +501,7 @@ impl Rig {
         last.is_none_or(|plan| plan.velocity == [0.0; COORDINATES])
     }
 
-    /// All frames so far, in bus order.
+    /// All frames so far, in the order in which the buses ended them.
     #[must_use]
     pub fn frames(&self) -> Vec<Transmission> {
         let frames = self.frames.lock().unwrap_or_else(PoisonError::into_inner);

@@ -7,7 +7,7 @@ use proptest::prelude::*;
 use std::ops::Range;
 use syncline_canopen::time::Duration;
 use syncline_canopen::{CanId, CobId};
-use syncline_controller::control::fault::{AxisCause, Names};
+use syncline_controller::control::fault::{AxisCause, BusCause, Names};
 use syncline_controller::control::loss::{Compared, Sign};
 use syncline_controller::control::{End, Fault};
 use syncline_drives::twin::{Config, Disturbance, ErrorClass};
@@ -322,6 +322,72 @@ proptest! {
         found_at_sync(row, wake_ups, mm);
         // More at once is a jump, and found at the next SYNC.
         found_at_rest(row, mm.clamp(-0.5, 0.5));
+    }
+}
+
+// --- a bus is lost ---
+
+/// The buses of the machine of several kinds, and its devices on each: gantry and Y; Z with its encoder, the feeder,
+/// and the I/O node that opens the enable chain.
+const BUSES: [(&str, &[usize]); 2] = [("fast", &[0, 1, 2]), ("slow", &[3, 4])];
+
+/// A bus is gone: that is told by its name, at once. Drives on it stop by themselves, the steppers by the enable chain; of the
+/// others those stop on the path, or by their quick stop where a gantry is among the lost ones.
+fn loses_a_bus(bus: usize, row: usize, wake_ups: usize) {
+    let mut rig = Rig::new("mixed", &[], MIXED, |_, _| ());
+    rig.run_to_row(row);
+    for _ in 0..wake_ups {
+        rig.step();
+    }
+    let before = rig.session.timeline().now();
+    rig.bus_at(bus).unplugged = true;
+    rig.run_until(|rig| !rig.controller().faults().is_empty());
+    let after = rig.session.timeline().now().saturating_since(before);
+    let fault = rig.controller().faults()[0];
+    let (name, lost) = BUSES[bus];
+    let case = format!("{name} at row {row}: {}", fault.describe(&*rig.layout));
+    assert_eq!(fault, Fault::Bus(bus, BusCause::Failed), "{case}");
+    let told = format!("bus {name}: the interface failed");
+    assert!(fault.describe(&*rig.layout).starts_with(&told), "{case}");
+    assert!(after <= rig.layout.cycle, "{case}: {after:?}");
+    assert_eq!(rig.finish(), End::Fault(fault), "{case}");
+    rig.trace().assert_within_limits();
+    // Whoever could be reached was switched off in order.
+    let drives = 0..rig.machine.drives.len();
+    for drive in drives.clone().filter(|drive| !lost.contains(drive)) {
+        assert!(!rig.twin(drive).observe().is_powered, "{case}: {drive}");
+    }
+    // And the others by their own supervision.
+    let end = rig.session.timeline().now() + Duration::from_secs(1);
+    rig.session.timeline().world().advance_to(end);
+    for drive in drives {
+        let seen = rig.twin(drive).observe();
+        let stands = seen.velocity.abs() < 0.01 && !seen.is_powered;
+        assert!(stands, "{case}: drive {drive} is left at {seen:?}");
+    }
+}
+
+/// Path and feeder by turns.
+const MIXED: &str = "G21 G90 G94 G61\nG0 X100 Y100 Z-5\nG1 X220 Z-20 F6000\nG3 X220 Y100 I-20\nG0 U60\nG1 X300 Y160 Z-40\n\
+    G1 Z-5 Y100\nM2\n";
+
+#[test]
+fn each_bus_of_the_mixed_machine_that_is_lost_has_its_own_message() {
+    for bus in 0..BUSES.len() {
+        for row in [150, 500] {
+            loses_a_bus(bus, row, 0);
+        }
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 6, ..ProptestConfig::default() })]
+
+    #[test]
+    fn a_bus_of_the_mixed_machine_is_lost_at_any_time(
+        bus in 0..BUSES.len(), row in 1..1000usize, wake_ups in 0..3usize,
+    ) {
+        loses_a_bus(bus, row, wake_ups);
     }
 }
 
